@@ -1,0 +1,54 @@
+"""Recording: what a flight record holds, whatever file or simulator it came from."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+FloatArray = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Recording:
+    """A flight as recorded: samples in time of position, velocity and attitude. Arrays are read-only.
+
+    Attributes
+    ----------
+    time : (n,) array
+        Recorder's own time, strictly increasing [s].
+    latitude, longitude : (n,) arrays
+        Geodetic position on WGS-84 [rad].
+    height : (n,) array
+        Height above the ellipsoid [m].
+    velocity_n : (n, 3) array
+        Velocity over the Earth, north, east, down [m/s].
+    euler : (n, 3) array
+        Roll, pitch, yaw (true heading) [rad].
+    airspeed, alpha, beta : (n,) arrays or None
+        True airspeed [m/s], angle of attack [rad], sideslip [rad], where recorded.
+    """
+
+    time: FloatArray
+    latitude: FloatArray
+    longitude: FloatArray
+    height: FloatArray
+    velocity_n: FloatArray
+    euler: FloatArray
+    airspeed: FloatArray | None = None
+    alpha: FloatArray | None = None
+    beta: FloatArray | None = None
+
+    def __post_init__(self) -> None:
+        for name in self.__dataclass_fields__:
+            value = getattr(self, name)
+            if value is not None:
+                value = np.ascontiguousarray(value, dtype=np.float64)
+                value.setflags(write=False)
+                object.__setattr__(self, name, value)
+
+    @property
+    def duration(self) -> float:
+        """Time from the first sample to the last [s]."""
+        return float(self.time[-1] - self.time[0])

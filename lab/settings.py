@@ -1,0 +1,376 @@
+"""Settings: parameters that carry label, unit, bounds, documentation and default in one place.
+
+Widgets, TOML files, ``--set path=value`` and the documentation are all derived from these declarations; nobody
+writes a bound twice. Values are in the units a datasheet uses; the code that consumes them converts once.
+"""
+
+from __future__ import annotations
+
+import difflib
+import math
+import tomllib
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from typing import Any, Self
+
+import numpy as np
+import param
+from numpy.typing import NDArray
+
+Bounds = tuple[float | None, float | None]
+
+
+class SettingError(ValueError):
+    """A setting that does not exist, or a value it does not accept; the message says what is accepted."""
+
+
+class Quantity(param.Number):
+    """One number with a unit, finite and within bounds.
+
+    Parameters
+    ----------
+    default
+        Default value, in `unit`.
+    unit
+        Unit as shown to a person, such as ``"s"`` or ``"°/s/√Hz"``; empty for pure numbers.
+    **kwargs
+        As for `param.Number`: ``bounds``, ``softbounds`` (what a slider shows), ``step``, ``label``, ``doc``.
+    """
+
+    __slots__ = ["unit"]
+
+    def __init__(self, default: float, *, unit: str = "", **kwargs: Any) -> None:
+        object.__setattr__(self, "unit", unit)
+        super().__init__(default=default, **kwargs)
+
+    def _validate(self, val: Any) -> None:
+        super()._validate(val)
+        if val is not None and not math.isfinite(val):
+            raise ValueError(f"{val} is not a finite number")
+
+
+class AxisQuantity(param.Parameter):
+    """Several numbers of one unit, one for each named axis; a single number sets all axes.
+
+    Parameters
+    ----------
+    default
+        One number for all axes, or one for each.
+    unit
+        Unit as shown to a person.
+    axes
+        Names of the components, in order.
+    bounds, softbounds
+        Hard limits, and the range a slider shows, for every component.
+    step
+        Step of the widget.
+    **kwargs
+        As for `param.Parameter`: ``label``, ``doc``.
+    """
+
+    __slots__ = ["axes", "bounds", "softbounds", "step", "unit"]
+
+    def __init__(
+        self,
+        default: float | Sequence[float],
+        *,
+        unit: str = "",
+        axes: Sequence[str] = ("x", "y", "z"),
+        bounds: Bounds = (None, None),
+        softbounds: Bounds | None = None,
+        step: float | None = None,
+        **kwargs: Any,
+    ) -> None:
+        for name, value in {
+            "axes": tuple(axes),
+            "bounds": bounds,
+            "softbounds": softbounds,
+            "step": step,
+            "unit": unit,
+        }.items():
+            object.__setattr__(self, name, value)
+        super().__init__(default=self._broadcast(default), **kwargs)
+
+    def __set__(self, obj: Any, value: Any) -> None:
+        super().__set__(obj, self._broadcast(value))
+
+    def _broadcast(self, value: Any) -> tuple[float, ...]:
+        count = len(self.axes)
+        numbers = (value,) * count if isinstance(value, int | float) else value
+        if isinstance(numbers, np.ndarray):
+            numbers = numbers.tolist()
+        if not isinstance(numbers, Sequence) or isinstance(numbers, str) or len(numbers) != count:
+            raise ValueError(f"needs one number, or {count} ({', '.join(self.axes)}); got {value!r}")
+        low, high = self.bounds
+        for axis, number in zip(self.axes, numbers, strict=True):
+            if isinstance(number, bool) or not isinstance(number, int | float) or not math.isfinite(number):
+                raise ValueError(f"{axis}: {number!r} is not a finite number")
+            if (low is not None and number < low) or (high is not None and number > high):
+                raise ValueError(f"{axis}: {number} is out of bounds")
+        return tuple(float(number) for number in numbers)
+
+
+class Intervals(param.List):
+    """A list of (start, end) times in seconds, each with end > start >= 0."""
+
+    def _validate(self, val: Any) -> None:
+        super()._validate(val)
+        for interval in val or []:
+            ok = isinstance(interval, Sequence) and not isinstance(interval, str) and len(interval) == 2
+            if not ok or not all(isinstance(t, int | float) and math.isfinite(t) for t in interval):
+                raise ValueError(f"{interval!r} is not a pair of times [start, end] in seconds")
+            if not 0 <= interval[0] < interval[1]:
+                raise ValueError(f"{interval!r}: the end must come after the start, and the start not before 0 s")
+
+
+class MatrixOrNone(param.Parameter):
+    """A covariance: unset (None), its diagonal, or the whole symmetric positive semidefinite matrix.
+
+    Parameters
+    ----------
+    size
+        Number of rows.
+    diagonal_only
+        True refuses off-diagonal elements.
+    **kwargs
+        As for `param.Parameter`: ``label``, ``doc``.
+    """
+
+    __slots__ = ["diagonal_only", "size"]
+
+    def __init__(self, *, size: int, diagonal_only: bool = False, **kwargs: Any) -> None:
+        object.__setattr__(self, "size", size)
+        object.__setattr__(self, "diagonal_only", diagonal_only)
+        super().__init__(default=None, allow_None=True, **kwargs)
+
+    def __set__(self, obj: Any, value: Any) -> None:
+        super().__set__(obj, None if value is None else self._covariance(value))
+
+    def _covariance(self, value: Any) -> tuple[Any, ...]:
+        try:
+            matrix = np.array(value, dtype=np.float64)
+        except (ValueError, TypeError) as error:
+            raise ValueError("has entries that are not numbers, or rows of different lengths") from error
+        self._check(matrix)
+        rows = matrix.tolist()
+        return tuple(rows) if matrix.ndim == 1 else tuple(tuple(row) for row in rows)
+
+    def _check(self, matrix: NDArray[np.float64]) -> None:
+        n = self.size
+        if matrix.shape not in {(n,), (n, n)}:
+            raise ValueError(f"has shape {matrix.shape}, expected ({n},) or ({n}, {n})")
+        if not np.all(np.isfinite(matrix)):
+            raise ValueError("has entries that are not finite")
+        full = np.diag(matrix) if matrix.ndim == 1 else matrix
+        if self.diagonal_only and np.count_nonzero(full - np.diag(np.diag(full))):
+            raise ValueError("has off-diagonal elements, and only the diagonal is used here")
+        if not np.allclose(full, full.T, rtol=1e-9, atol=0):
+            raise ValueError("is not symmetric")
+        # Scaled to unit diagonal, since entries in metres and in rad/s differ by many orders of magnitude.
+        scale = np.sqrt(np.clip(np.diag(full), 0, None))
+        if np.any(np.diag(full) < 0):
+            raise ValueError(f"has a negative variance at row {int(np.argmin(np.diag(full))) + 1}")
+        scale[scale == 0] = 1
+        smallest = float(np.linalg.eigvalsh(full / np.outer(scale, scale))[0])
+        if smallest < -1e-9:
+            raise ValueError(f"is not positive semidefinite: smallest eigenvalue (unit diagonal) {smallest:.3g}")
+
+
+class Settings(param.Parameterized):
+    """A group of settings, itself made of parameters and of further groups, addressed by dotted paths.
+
+    A subclass declares a group inside it with `group`. Every instance owns its groups.
+    """
+
+    def __init__(self, **values: Any) -> None:
+        groups = {
+            name: parameter.class_()
+            for name, parameter in self.param.objects("existing").items()
+            if isinstance(parameter, param.ClassSelector) and issubclass(parameter.class_, Settings)
+        }
+        super().__init__(**groups)
+        for name, value in values.items():
+            self.set(name, value)
+
+    def groups(self) -> dict[str, Settings]:
+        """Return the groups directly inside this one, by name."""
+        return {name: value for name, value in self.param.values().items() if isinstance(value, Settings)}
+
+    def leaves(self, prefix: str = "") -> Iterator[tuple[str, Settings, str]]:
+        """Iterate over every setting as (dotted path, owning group, name within the group)."""
+        groups = self.groups()
+        for name in _declared(type(self)):
+            path = f"{prefix}{name}"
+            if name in groups:
+                yield from groups[name].leaves(f"{path}.")
+            else:
+                yield path, self, name
+
+    def get(self, path: str) -> Any:
+        """Return the value at a dotted path.
+
+        Raises
+        ------
+        SettingError
+            If there is no such setting.
+        """
+        owner, name = self._find(path)
+        return getattr(owner, name)
+
+    def set(self, path: str, value: Any) -> None:
+        """Set the value at a dotted path; a mapping sets a whole group.
+
+        Raises
+        ------
+        SettingError
+            If there is no such setting, or it does not accept the value.
+        """
+        owner, name = self._find(path)
+        current = getattr(owner, name)
+        if isinstance(current, Settings):
+            if isinstance(value, Settings):
+                value = value.to_dict()
+            if not isinstance(value, Mapping):
+                raise SettingError(f"{path}: is a group of settings ({', '.join(_declared(type(current)))}), not a value")
+            for key, item in value.items():
+                self.set(f"{path}.{key}", item)
+            return
+        try:
+            setattr(owner, name, _accept(owner.param[name], value))
+        except (ValueError, TypeError) as error:
+            raise SettingError(
+                f"{path} = {_show(value)}: not accepted; accepted is {describe(owner.param[name])}. ({_reason(error)})"
+            ) from error
+
+    def set_text(self, assignment: str) -> None:
+        """Apply one ``path=value`` assignment, the value written as in TOML (strings need no quotes).
+
+        Raises
+        ------
+        SettingError
+            If it is not an assignment, the setting does not exist, or the value is not accepted.
+        """
+        path, sign, text = assignment.partition("=")
+        if not sign:
+            raise SettingError(f"{assignment!r}: expected path=value, such as sensors.gyro.noise_density=0.02")
+        try:
+            value = tomllib.loads(f"value = {text.strip()}")["value"]
+        except tomllib.TOMLDecodeError:
+            value = text.strip()
+        self.set(path.strip(), value)
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return all settings as nested plain dictionaries, ready for TOML; unset (None) values are left out."""
+        out: dict[str, Any] = {}
+        groups = self.groups()
+        for name in _declared(type(self)):
+            value = groups[name].to_dict() if name in groups else _plain(getattr(self, name))
+            if value is not None:
+                out[name] = value
+        return out
+
+    def update(self, values: Mapping[str, Any]) -> Self:
+        """Set everything in a nested mapping, all or nothing, and return self.
+
+        Raises
+        ------
+        SettingError
+            If a key does not exist or a value is not accepted; nothing is changed then.
+        """
+        trial = type(self)()
+        for name, value in self.to_dict().items():
+            trial.set(name, value)
+        for name, value in values.items():
+            trial.set(name, value)
+        for path, owner, name in trial.leaves():
+            self.set(path, getattr(owner, name))
+        return self
+
+    def copy(self) -> Self:
+        """Return an independent copy."""
+        return type(self)().update(self.to_dict())
+
+    def _find(self, path: str) -> tuple[Settings, str]:
+        owner: Settings = self
+        *heads, name = path.split(".")
+        walked = ""
+        for head in heads:
+            group = owner.groups().get(head)
+            if group is None:
+                raise SettingError(_unknown(path, head, walked, owner))
+            owner, walked = group, f"{walked}{head}."
+        if name not in _declared(type(owner)):
+            raise SettingError(_unknown(path, name, walked, owner))
+        return owner, name
+
+
+def group(settings: type[Settings], doc: str) -> Any:
+    """Declare a group of settings inside another; every instance of the owner gets its own."""
+    return param.ClassSelector(class_=settings, default=None, allow_None=True, doc=doc)
+
+
+def describe(parameter: param.Parameter) -> str:
+    """Say in words what a parameter accepts, such as ``"a number from 0 to 10 °/s"``."""
+    unit = f" {parameter.unit}" if getattr(parameter, "unit", "") else ""
+    for kind, words in _WORDS.items():
+        if isinstance(parameter, kind):
+            return words(parameter, unit)
+    return "text" if isinstance(parameter, param.String) else (parameter.doc or "another value")
+
+
+def _range(bounds: Bounds | None) -> str:
+    low, high = bounds or (None, None)
+    if low is None and high is None:
+        return ""
+    if high is None:
+        return f" from {low:g}"
+    return f" up to {high:g}" if low is None else f" from {low:g} to {high:g}"
+
+
+_WORDS: dict[type[param.Parameter], Callable[[Any, str], str]] = {
+    param.Boolean: lambda p, u: "true or false",
+    param.Selector: lambda p, u: "one of " + ", ".join(str(option) for option in p.objects),
+    Intervals: lambda p, u: "a list of [start, end] pairs in seconds, such as [[60, 75]]",
+    param.Integer: lambda p, u: f"a whole number{_range(p.bounds)}{u}",
+    param.Number: lambda p, u: f"a number{_range(p.bounds)}{u}",
+    MatrixOrNone: lambda p, u: f"{p.size} variances"
+    + ("" if p.diagonal_only else f", or a symmetric positive semidefinite {p.size} × {p.size} matrix"),
+    AxisQuantity: lambda p, u: f"one number, or {len(p.axes)} ({', '.join(p.axes)}), each{_range(p.bounds)}{u}",
+}
+
+
+def _declared(cls: type[Settings]) -> list[str]:
+    return [name for name in cls.param.objects("existing") if name != "name"]
+
+
+def _accept(parameter: param.Parameter, value: Any) -> Any:
+    if isinstance(parameter, param.Number) and isinstance(value, bool):
+        raise ValueError("true and false are not numbers")
+    if isinstance(parameter, param.Integer) and isinstance(value, float) and value.is_integer():
+        return int(value)
+    if isinstance(parameter, Intervals) and isinstance(value, Sequence) and not isinstance(value, str):
+        return [tuple(item) if isinstance(item, list) else item for item in value]
+    return value
+
+
+def _plain(value: Any) -> Any:
+    if isinstance(value, list | tuple):
+        return [_plain(item) for item in value]
+    return value
+
+
+def _show(value: Any) -> str:
+    text = repr(value)
+    return text if len(text) <= 60 else text[:57] + "..."
+
+
+def _reason(error: Exception) -> str:
+    text = str(error).splitlines()[0] if str(error) else type(error).__name__
+    return text.rstrip(".")
+
+
+def _unknown(path: str, key: str, walked: str, owner: Settings) -> str:
+    names = _declared(type(owner))
+    close = difflib.get_close_matches(key, names, n=1)
+    hint = f" Did you mean {walked}{close[0]}?" if close else ""
+    where = f"in {walked.rstrip('.')}" if walked else "at the top level"
+    return f"{path}: there is no setting {key!r} {where}.{hint} Accepted: {', '.join(names)}"
