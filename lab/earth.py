@@ -1,0 +1,61 @@
+"""Earth: the WGS-84 ellipsoid, its rotation and its gravity. The one gravity and the one Earth rate of the lab.
+
+The functions are plain arithmetic on the sine of the latitude: they take scalars or arrays, and the compiled
+navigator compiles these very functions, so the ideal IMU and the navigator cannot disagree.
+
+References
+----------
+NIMA TR8350.2, *Department of Defense World Geodetic System 1984*, 3rd ed.; P. D. Groves, *Principles of GNSS, Inertial
+and Multisensor Integrated Navigation Systems*, 2nd ed., eqs. 2.105, 2.106 (radii), 2.134, 2.139 (gravity).
+"""
+
+from __future__ import annotations
+
+from typing import TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+Value = TypeVar("Value", float, NDArray[np.float64])
+
+SEMI_MAJOR_AXIS = 6378137.0
+"""Equatorial radius [m]."""
+FLATTENING = 1 / 298.257223563
+"""Flattening of the ellipsoid."""
+ECCENTRICITY_SQUARED = FLATTENING * (2 - FLATTENING)
+"""First eccentricity squared."""
+RATE = 7.292115e-5
+"""Rotation rate of the Earth [rad/s]."""
+GRAVITATIONAL_CONSTANT = 3.986004418e14
+"""Geocentric gravitational constant GM [m³/s²]."""
+EQUATORIAL_GRAVITY = 9.7803253359
+"""Normal gravity at the equator [m/s²]."""
+SOMIGLIANA = 1.931852652458e-3
+"""Somigliana's constant k."""
+STANDARD_GRAVITY = 9.80665
+"""The unit g of datasheets [m/s²]."""
+CENTRIFUGAL_RATIO = RATE**2 * SEMI_MAJOR_AXIS**3 * (1 - FLATTENING) / GRAVITATIONAL_CONSTANT
+"""Centrifugal over gravitational acceleration at the equator, m = ω² a² b / GM."""
+
+
+def radii(sin_latitude: Value) -> tuple[Value, Value]:
+    """Return the meridian and the transverse radius of curvature [m] (Groves 2.105, 2.106)."""
+    denominator = 1 - ECCENTRICITY_SQUARED * sin_latitude * sin_latitude
+    transverse = SEMI_MAJOR_AXIS / denominator**0.5
+    return transverse * (1 - ECCENTRICITY_SQUARED) / denominator, transverse
+
+
+def gravity(sin_latitude: Value, height: Value) -> Value:
+    """Return normal gravity, positive down along the ellipsoid's normal [m/s²] (Groves 2.134, 2.139).
+
+    Parameters
+    ----------
+    sin_latitude
+        Sine of the geodetic latitude.
+    height
+        Height above the ellipsoid [m].
+    """
+    s2 = sin_latitude * sin_latitude
+    surface = EQUATORIAL_GRAVITY * (1 + SOMIGLIANA * s2) / (1 - ECCENTRICITY_SQUARED * s2) ** 0.5
+    ratio = height / SEMI_MAJOR_AXIS
+    return surface * (1 - 2 * ratio * (1 + FLATTENING * (1 - 2 * s2) + CENTRIFUGAL_RATIO) + 3 * ratio * ratio)
