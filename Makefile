@@ -1,0 +1,54 @@
+# Two commands: `make lab` shows the laboratory in a browser, `make test` passes every test.
+# Repeating either does nothing twice: what is installed is remembered in $(VENV) until pyproject.toml changes.
+
+PYTHON ?= python3
+PORT ?= 5006
+VENV := .venv
+BIN := $(VENV)/bin
+PIP_INSTALL := $(BIN)/python -m pip install --disable-pip-version-check
+
+.PHONY: help lab test bench browser clean
+.DEFAULT_GOAL := help
+
+help:
+	@echo 'make lab     install and open the dashboard on http://localhost:$(PORT) (another port: make lab PORT=8000)'
+	@echo 'make test    install and run every test'
+	@echo 'make bench   install and measure the speed'
+	@echo 'make clean   remove $(VENV) and all caches'
+	@echo 'Another Python than $(PYTHON): make lab PYTHON=python3.12'
+
+lab: $(VENV)/.lab
+	@$(BIN)/ins-lab serve --port $(PORT)
+
+test: $(VENV)/.test browser
+	$(BIN)/ruff check
+	$(BIN)/ruff format --check
+	$(BIN)/mypy
+	$(BIN)/pytest -m 'not benchmark' --durations=10
+
+bench: $(VENV)/.test browser
+	OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 MKL_NUM_THREADS=1 NUMBA_NUM_THREADS=1 \
+	$(BIN)/pytest -m benchmark --capture=no --timeout=1800
+
+browser:
+	@.ci/browser
+
+$(BIN)/pip:
+	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' 2>/dev/null || { \
+	  echo "INS Lab needs Python 3.11 or newer; $(PYTHON) is $$($(PYTHON) --version 2>/dev/null || echo missing)." >&2; \
+	  echo 'If a newer one is installed, name it: make lab PYTHON=python3.12' >&2; exit 1; }
+	@$(PYTHON) -m venv $(VENV) || { \
+	  echo 'No virtual environment could be made. On Debian and Ubuntu: sudo apt-get install python3-venv' >&2; exit 1; }
+
+$(VENV)/.lab: pyproject.toml | $(BIN)/pip
+	$(PIP_INSTALL) --editable '.[fly]'
+	@touch $@
+
+# The test extra contains all that the laboratory needs.
+$(VENV)/.test: pyproject.toml | $(BIN)/pip
+	$(PIP_INSTALL) --editable '.[test]'
+	@touch $@ $(VENV)/.lab
+
+clean:
+	rm -rf $(VENV) build dist *.egg-info .pytest_cache .mypy_cache .ruff_cache .hypothesis test-results
+	find . -name __pycache__ -type d -prune -exec rm -rf {} +
