@@ -1,0 +1,382 @@
+"""Trajectory: from a flight record to one twice-differentiable curve, its truth and its ideal IMU.
+
+The recorded velocity is splined, integrated over the ellipsoid and anchored on the position fixes by a slow
+correction: differentiating velocity once costs far less noise than differentiating rounded positions twice.
+One C2 curve with its knots on the IMU grid is then put through latitude, longitude, height and attitude.
+Truth and ideal IMU are exact derivatives of that curve, and the IMU's increments are integrals over intervals
+that contain no knot, so a navigator fed with them must return to the truth.
+
+References
+----------
+P. D. Groves, *Principles of GNSS, Inertial and Multisensor Integrated Navigation Systems*, 2nd ed., ch. 2 and
+5 (cited as Groves); P. G. Savage, *Strapdown Inertial Navigation Integration Algorithm Design*, JGCD 21
+(1998).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal, Protocol, get_args
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from scipy.interpolate import BSpline, CubicSpline, make_lsq_spline
+from scipy.spatial.transform import Rotation, RotationSpline
+
+from lab import earth, ideal_imu, rotation
+from lab.ideal_imu import IdealImu
+from lab.missions.recording import Recording
+
+FloatArray = NDArray[np.float64]
+AttitudeKind = Literal["rotation", "euler"]
+
+ATTITUDE_CURVES = get_args(AttitudeKind)
+MAX_LATITUDE = np.radians(89.9)
+"""Longitude and the north-slaved frame lose their meaning at the poles [rad]."""
+MIN_SAMPLES = 4
+"""A cubic needs four points."""
+ANCHOR_SPACING = 10.0
+"""Knot spacing of the correction that holds the integrated velocity to the position fixes [s]."""
+
+
+@dataclass(frozen=True)
+class Truth:
+    """What is true at given times.
+
+    Attributes
+    ----------
+    time : (n,) array
+        Time from the start of the flight [s].
+    latitude, longitude : (n,) arrays
+        Geodetic position on WGS-84 [rad], longitude within ±π.
+    height : (n,) array
+        Height above the ellipsoid [m].
+    velocity_n : (n, 3) array
+        Velocity over the Earth, north, east, down [m/s].
+    q_nb : (n, 4) array
+        Attitude quaternion, scalar first.
+    euler : (n, 3) array
+        Roll, pitch, yaw [rad].
+    """
+
+    time: FloatArray
+    latitude: FloatArray
+    longitude: FloatArray
+    height: FloatArray
+    velocity_n: FloatArray
+    q_nb: FloatArray
+    euler: FloatArray
+
+
+class AttitudeCurve(Protocol):
+    """A twice-differentiable curve of attitudes."""
+
+    def attitude(self, times: FloatArray) -> Rotation:
+        """Return C_nb at the times."""
+        ...
+
+    def rate(self, times: FloatArray) -> FloatArray:
+        """Return ω_nb,b (n, 3) at the times [rad/s]."""
+        ...
+
+
+class RotationCurve:
+    """SciPy's `RotationSpline` through the attitudes: no gimbal lock, nothing to unwrap.
+
+    Parameters
+    ----------
+    times : (n,) array
+        Knots [s].
+    attitudes
+        n rotations C_nb.
+    """
+
+    def __init__(self, times: FloatArray, attitudes: Rotation) -> None:
+        self._spline = RotationSpline(times, attitudes)
+
+    def attitude(self, times: FloatArray) -> Rotation:
+        """Return C_nb at the times."""
+        return self._spline(times)
+
+    def rate(self, times: FloatArray) -> FloatArray:
+        """Return ω_nb,b (n, 3) at the times [rad/s]."""
+        return self._spline(times, 1)
+
+    def resampled(self, times: FloatArray) -> RotationCurve:
+        """Return a curve through this one with knots at other times."""
+        return RotationCurve(times, self.attitude(times))
+
+
+class EulerCurve:
+    """Cubic spline through roll, pitch and yaw: the classic choice, for flights away from ±90° of pitch.
+
+    Parameters
+    ----------
+    times : (n,) array
+        Knots [s].
+    euler : (n, 3) array
+        Roll, pitch, yaw without jumps [rad].
+    """
+
+    def __init__(self, times: FloatArray, euler: FloatArray) -> None:
+        self._spline = CubicSpline(times, euler)
+
+    def attitude(self, times: FloatArray) -> Rotation:
+        """Return C_nb at the times."""
+        return Rotation.from_quat(rotation.quaternion_from_euler(self._spline(times)), scalar_first=True)
+
+    def rate(self, times: FloatArray) -> FloatArray:
+        """Return ω_nb,b (n, 3) at the times [rad/s]."""
+        return rotation.body_rate(self._spline(times), self._spline(times, 1))
+
+    def resampled(self, times: FloatArray) -> EulerCurve:
+        """Return a curve through this one with knots at other times."""
+        return EulerCurve(times, self._spline(times))
+
+
+class Trajectory:
+    """One twice-differentiable flight over the rotating Earth, from time 0 to `duration`.
+
+    Build it with `from_recording`; then ask for the truth (`at`), the instantaneous inputs of an IMU
+    (`rates`) or their integrals over the sample intervals (`increments`).
+
+    Parameters
+    ----------
+    time : (n,) array
+        Knots: the IMU grid, from 0 [s].
+    origin : (3,) array
+        Latitude, longitude [rad] and height [m] the offsets count from.
+    offsets : (n, 3) array
+        Latitude, longitude (without jumps) and height at the knots, minus the origin. The spline of small
+        offsets keeps the second derivative free of the roundoff of the coordinates themselves.
+    attitude
+        Curve of attitudes with the same knots.
+    imu_rate
+        Rate of the IMU grid [Hz].
+
+    Attributes
+    ----------
+    duration : float
+        Length of the flight, a whole number of IMU intervals [s].
+    imu_rate : float
+        Rate of the IMU grid [Hz].
+    position_residual, velocity_residual : (3,) arrays
+        Curve minus recording, rms, north, east, down [m], [m/s]; zero for a trajectory not made from a
+        recording.
+    """
+
+    def __init__(
+        self,
+        time: FloatArray,
+        origin: FloatArray,
+        offsets: FloatArray,
+        attitude: AttitudeCurve,
+        imu_rate: float,
+    ) -> None:
+        self.imu_rate = float(imu_rate)
+        self.duration = float(time[-1])
+        self.position_residual = np.zeros(3)
+        self.velocity_residual = np.zeros(3)
+        self._time = time
+        self._origin = origin
+        self._position = CubicSpline(time, offsets)
+        self._attitude = attitude
+
+    @classmethod
+    def from_recording(
+        cls, recording: Recording, imu_rate: float = 200.0, attitude_curve: AttitudeKind = "rotation"
+    ) -> Trajectory:
+        """Return the curve through a flight record.
+
+        Parameters
+        ----------
+        recording
+            At least four samples; regular or irregular in time, any rate.
+        imu_rate
+            Rate of the IMU, whose grid carries the knots of the curve [Hz].
+        attitude_curve
+            "rotation" for a rotation spline, "euler" for cubic splines on the Euler angles.
+
+        Raises
+        ------
+        ValueError
+            For a record that is too short or comes closer than 0.1° to a pole, and for an unknown setting.
+        """
+        _check(recording, imu_rate, attitude_curve)
+        time = recording.time - recording.time[0]
+        intervals = int(time[-1] * imu_rate + 1e-6)  # 1e-6: stamps are rounded
+        grid = np.arange(intervals + 1) / imu_rate
+        origin = np.array([recording.latitude[0], recording.longitude[0], recording.height[0]])
+        attitude = _attitude_curve(time, recording.euler, attitude_curve).resampled(grid)
+        trajectory = cls(grid, origin, _anchored_offsets(time, recording, grid), attitude, imu_rate)
+        trajectory._compare(time, recording)
+        return trajectory
+
+    @property
+    def time(self) -> FloatArray:
+        """The IMU grid: (n + 1,) times from 0 to `duration` [s]."""
+        return self._time
+
+    def at(self, times: ArrayLike) -> Truth:
+        """Return the truth at any times within the flight.
+
+        Parameters
+        ----------
+        times : (n,) array
+            Times from 0 to `duration`, in any order [s].
+
+        Raises
+        ------
+        ValueError
+            For times outside the flight.
+        """
+        times = self._within(times)
+        position = self._position(times) + self._origin
+        q_nb = self._attitude.attitude(times).as_quat(scalar_first=True)
+        return Truth(
+            time=times,
+            latitude=position[:, 0],
+            longitude=rotation.wrap(position[:, 1]),
+            height=position[:, 2],
+            velocity_n=ideal_imu.velocity(position, self._position(times, 1)),
+            q_nb=q_nb,
+            euler=rotation.euler_from_quaternion(q_nb),
+        )
+
+    def rates(self, times: ArrayLike) -> tuple[FloatArray, FloatArray]:
+        """Return the instantaneous inputs of an IMU at any times within the flight.
+
+        Parameters
+        ----------
+        times : (n,) array
+            Times from 0 to `duration` [s].
+
+        Returns
+        -------
+        omega_ib_b : (n, 3) array
+            Angular rate of the body in the inertial frame, resolved in the body frame [rad/s].
+        f_b : (n, 3) array
+            Specific force, resolved in the body frame [m/s²].
+
+        Raises
+        ------
+        ValueError
+            For times outside the flight.
+        """
+        times = self._within(times)
+        return ideal_imu.inputs(
+            self._position(times) + self._origin,
+            self._position(times, 1),
+            self._position(times, 2),
+            self._attitude.attitude(times),
+            self._attitude.rate(times),
+        )
+
+    def increments(self, rate: float | None = None) -> IdealImu:
+        """Return the integrals of angular rate and specific force over each sample interval.
+
+        Three-point Gauss-Legendre quadrature between the knots, where the curve is smooth.
+
+        Parameters
+        ----------
+        rate
+            Rate of the samples [Hz]; by default that of the grid. Others must divide it or be a multiple of
+            it, so that every knot falls on the end of an interval.
+
+        Raises
+        ------
+        ValueError
+            For a rate that does not fit the grid.
+        """
+        rate = self.imu_rate if rate is None else float(rate)
+        return ideal_imu.integrate(self.rates, len(self._time) - 1, self.imu_rate, rate)
+
+    def _within(self, times: ArrayLike) -> FloatArray:
+        """Return the times as an array, refusing any outside the flight."""
+        times = np.atleast_1d(np.asarray(times, dtype=np.float64))
+        slack = 1e-9 * max(self.duration, 1.0)
+        outside = ~((times >= -slack) & (times <= self.duration + slack))
+        if outside.any():
+            raise ValueError(
+                f"time {times[outside][0]:g} s is outside the flight; accepted: 0 to {self.duration:g} s"
+            )
+        return times
+
+    def _compare(self, time: FloatArray, recording: Recording) -> None:
+        """Set the residuals: curve minus recording."""
+        flown = time <= self.duration
+        truth = self.at(time[flown])
+        meridian, transverse = earth.radii(np.sin(truth.latitude))
+        north = (truth.latitude - recording.latitude[flown]) * (meridian + truth.height)
+        east = rotation.wrap(truth.longitude - recording.longitude[flown]) * np.cos(truth.latitude)
+        east *= transverse + truth.height
+        down = recording.height[flown] - truth.height
+        self.position_residual = _rms(np.stack((north, east, down), axis=-1))
+        self.velocity_residual = _rms(truth.velocity_n - recording.velocity_n[flown])
+
+
+def _rms(values: FloatArray) -> FloatArray:
+    """Return the root mean square over the first axis."""
+    return np.asarray(np.sqrt(np.mean(values**2, axis=0)))
+
+
+def _check(recording: Recording, imu_rate: float, attitude_curve: str) -> None:
+    """Refuse what no curve can be made of."""
+    if attitude_curve not in ATTITUDE_CURVES:
+        raise ValueError(
+            f"attitude curve {attitude_curve!r} is unknown; accepted: {', '.join(ATTITUDE_CURVES)}"
+        )
+    if not (np.isfinite(imu_rate) and imu_rate > 0):
+        raise ValueError(f"IMU rate {imu_rate:g} Hz is not accepted; it must be positive and finite")
+    if len(recording.time) < MIN_SAMPLES:
+        raise ValueError(f"recording has {len(recording.time)} samples; at least {MIN_SAMPLES} are needed")
+    if recording.duration * imu_rate < MIN_SAMPLES:
+        raise ValueError(
+            f"recording lasts {recording.duration:g} s; at least {MIN_SAMPLES} intervals of the IMU "
+            f"({MIN_SAMPLES / imu_rate:g} s at {imu_rate:g} Hz) are needed"
+        )
+    highest = float(np.degrees(np.abs(recording.latitude).max()))
+    if highest > np.degrees(MAX_LATITUDE):
+        raise ValueError(
+            f"recording reaches latitude {highest:.4f}° north or south; accepted: up to "
+            f"{np.degrees(MAX_LATITUDE):.1f}°, since longitude and north are undefined at the poles"
+        )
+
+
+def _attitude_curve(time: FloatArray, euler: FloatArray, kind: AttitudeKind) -> RotationCurve | EulerCurve:
+    """Return the curve through recorded Euler angles with knots at the recorded times."""
+    if kind == "rotation":
+        return RotationCurve(
+            time, Rotation.from_quat(rotation.quaternion_from_euler(euler), scalar_first=True)
+        )
+    return EulerCurve(time, np.unwrap(euler, axis=0))
+
+
+def _anchored_offsets(time: FloatArray, recording: Recording, grid: FloatArray) -> FloatArray:
+    """Return latitude, longitude and height (n, 3) on the grid, minus those of the first sample.
+
+    The integral of the recorded velocity over the ellipsoid, plus the slow least-squares spline through its
+    distance to the recorded positions. The curvature of the Earth is taken at the recorded positions: a metre
+    there changes it by a few parts in 10⁷.
+    """
+    fixes = np.stack((recording.latitude, np.unwrap(recording.longitude), recording.height), axis=-1)
+    meridian, transverse = earth.radii(np.sin(recording.latitude))
+    to_rate = np.stack(
+        (
+            1 / (meridian + recording.height),
+            1 / ((transverse + recording.height) * np.cos(recording.latitude)),
+            np.full_like(time, -1.0),
+        ),
+        axis=-1,
+    )
+    flown = CubicSpline(time, recording.velocity_n * to_rate).antiderivative()
+    correction = _slow_spline(time, fixes - fixes[0] - flown(time))
+    return np.asarray(flown(grid) + correction(grid))
+
+
+def _slow_spline(time: FloatArray, values: FloatArray) -> BSpline:
+    """Return the least-squares cubic spline with knots about `ANCHOR_SPACING` apart, samples between them."""
+    pieces = int(np.clip(time[-1] / ANCHOR_SPACING, 1, (len(time) - 1) // 3))
+    inner = time[np.linspace(0, len(time) - 1, pieces + 1).astype(int)[1:-1]]
+    knots = np.concatenate((np.full(4, time[0]), inner, np.full(4, time[-1])))
+    return make_lsq_spline(time, values, knots, k=3)
