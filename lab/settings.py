@@ -1,13 +1,15 @@
 """Settings: parameters that carry label, unit, bounds, documentation and default in one place.
 
-Widgets, TOML files, ``--set path=value`` and the documentation are all derived from these declarations; nobody
-writes a bound twice. Values are in the units a datasheet uses; the code that consumes them converts once.
+Widgets, TOML files, ``--set path=value`` and the documentation are all derived from these declarations;
+nobody writes a bound twice. Values are in the units a datasheet uses; the code that consumes them converts
+once.
 """
 
 from __future__ import annotations
 
 import difflib
 import math
+import numbers
 import tomllib
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import Any, Self
@@ -44,7 +46,7 @@ class Quantity(param.Number):
 
     def _validate(self, val: Any) -> None:
         super()._validate(val)
-        if val is not None and not math.isfinite(val):
+        if val is not None and not _is_finite(val):
             raise ValueError(f"{val} is not a finite number")
 
 
@@ -95,18 +97,18 @@ class AxisQuantity(param.Parameter):
 
     def _broadcast(self, value: Any) -> tuple[float, ...]:
         count = len(self.axes)
-        numbers = (value,) * count if isinstance(value, int | float) else value
-        if isinstance(numbers, np.ndarray):
-            numbers = numbers.tolist()
-        if not isinstance(numbers, Sequence) or isinstance(numbers, str) or len(numbers) != count:
+        components = (value,) * count if isinstance(value, numbers.Real) else value
+        if isinstance(components, np.ndarray):
+            components = components.tolist()
+        if not isinstance(components, Sequence) or isinstance(components, str) or len(components) != count:
             raise ValueError(f"needs one number, or {count} ({', '.join(self.axes)}); got {value!r}")
         low, high = self.bounds
-        for axis, number in zip(self.axes, numbers, strict=True):
-            if isinstance(number, bool) or not isinstance(number, int | float) or not math.isfinite(number):
+        for axis, number in zip(self.axes, components, strict=True):
+            if not _is_finite(number):
                 raise ValueError(f"{axis}: {number!r} is not a finite number")
             if (low is not None and number < low) or (high is not None and number > high):
-                raise ValueError(f"{axis}: {number} is out of bounds")
-        return tuple(float(number) for number in numbers)
+                raise ValueError(f"{axis}: {number:g} is not{_range(self.bounds)} {self.unit}".rstrip())
+        return tuple(float(number) for number in components)
 
 
 class Intervals(param.List):
@@ -116,10 +118,10 @@ class Intervals(param.List):
         super()._validate(val)
         for interval in val or []:
             ok = isinstance(interval, Sequence) and not isinstance(interval, str) and len(interval) == 2
-            if not ok or not all(isinstance(t, int | float) and math.isfinite(t) for t in interval):
+            if not ok or not all(_is_finite(t) for t in interval):
                 raise ValueError(f"{interval!r} is not a pair of times [start, end] in seconds")
             if not 0 <= interval[0] < interval[1]:
-                raise ValueError(f"{interval!r}: the end must come after the start, and the start not before 0 s")
+                raise ValueError(f"{interval!r}: must start at 0 s or later, and end after its start")
 
 
 class MatrixOrNone(param.Parameter):
@@ -147,9 +149,12 @@ class MatrixOrNone(param.Parameter):
 
     def _covariance(self, value: Any) -> tuple[Any, ...]:
         try:
-            matrix = np.array(value, dtype=np.float64)
-        except (ValueError, TypeError) as error:
-            raise ValueError("has entries that are not numbers, or rows of different lengths") from error
+            matrix = np.array(value)
+        except ValueError as error:
+            raise ValueError("has rows of different lengths") from error
+        if matrix.dtype.kind not in "iuf":
+            raise ValueError("has entries that are not numbers")
+        matrix = matrix.astype(np.float64)
         self._check(matrix)
         rows = matrix.tolist()
         return tuple(rows) if matrix.ndim == 1 else tuple(tuple(row) for row in rows)
@@ -172,7 +177,7 @@ class MatrixOrNone(param.Parameter):
         scale[scale == 0] = 1
         smallest = float(np.linalg.eigvalsh(full / np.outer(scale, scale))[0])
         if smallest < -1e-9:
-            raise ValueError(f"is not positive semidefinite: smallest eigenvalue (unit diagonal) {smallest:.3g}")
+            raise ValueError(f"is not positive semidefinite: smallest eigenvalue, scaled, {smallest:.3g}")
 
 
 class Settings(param.Parameterized):
@@ -182,18 +187,21 @@ class Settings(param.Parameterized):
     """
 
     def __init__(self, **values: Any) -> None:
-        groups = {
-            name: parameter.class_()
-            for name, parameter in self.param.objects("existing").items()
-            if isinstance(parameter, param.ClassSelector) and issubclass(parameter.class_, Settings)
-        }
+        cls = type(self)
+        groups = {name: self.param[name].class_() for name in _declared(cls) if _is_group(cls, name)}
         super().__init__(**groups)
         for name, value in values.items():
             self.set(name, value)
 
+    def __setattr__(self, name: str, value: Any) -> None:
+        # Without this a misspelt setting would be accepted as a new attribute and change nothing.
+        if not name.startswith("_") and not hasattr(type(self), name):
+            raise SettingError(_unknown(name, name, "", self))
+        super().__setattr__(name, value)
+
     def groups(self) -> dict[str, Settings]:
         """Return the groups directly inside this one, by name."""
-        return {name: value for name, value in self.param.values().items() if isinstance(value, Settings)}
+        return {name: getattr(self, name) for name in _declared(type(self)) if _is_group(type(self), name)}
 
     def leaves(self, prefix: str = "") -> Iterator[tuple[str, Settings, str]]:
         """Iterate over every setting as (dotted path, owning group, name within the group)."""
@@ -230,15 +238,17 @@ class Settings(param.Parameterized):
             if isinstance(value, Settings):
                 value = value.to_dict()
             if not isinstance(value, Mapping):
-                raise SettingError(f"{path}: is a group of settings ({', '.join(_declared(type(current)))}), not a value")
+                names = ", ".join(_declared(type(current)))
+                raise SettingError(f"{path}: is a group of settings ({names}), not a value")
             for key, item in value.items():
                 self.set(f"{path}.{key}", item)
             return
         try:
-            setattr(owner, name, _accept(owner.param[name], value))
-        except (ValueError, TypeError) as error:
+            setattr(owner, name, _accept(type(owner).param[name], value))
+        except (ValueError, TypeError, OverflowError) as error:
+            accepted = describe(owner.param[name])
             raise SettingError(
-                f"{path} = {_show(value)}: not accepted; accepted is {describe(owner.param[name])}. ({_reason(error)})"
+                f"{path} = {_show(value)}: not accepted; accepted is {accepted}. ({_reason(error)})"
             ) from error
 
     def set_text(self, assignment: str) -> None:
@@ -249,17 +259,20 @@ class Settings(param.Parameterized):
         SettingError
             If it is not an assignment, the setting does not exist, or the value is not accepted.
         """
-        path, sign, text = assignment.partition("=")
-        if not sign:
-            raise SettingError(f"{assignment!r}: expected path=value, such as sensors.gyro.noise_density=0.02")
+        path, sign, text = (part.strip() for part in assignment.partition("="))
+        if not sign or not path:
+            raise SettingError(f"{assignment!r}: expected path=value, such as sensors.gps.period=0.5")
         try:
-            value = tomllib.loads(f"value = {text.strip()}")["value"]
+            value = tomllib.loads(f"value = {text}")["value"]
         except tomllib.TOMLDecodeError:
-            value = text.strip()
-        self.set(path.strip(), value)
+            value = text
+        owner, name = self._find(path)
+        if isinstance(owner.param[name], param.String) and not isinstance(value, str):
+            value = text
+        self.set(path, value)
 
     def to_dict(self) -> dict[str, Any]:
-        """Return all settings as nested plain dictionaries, ready for TOML; unset (None) values are left out."""
+        """Return all settings as nested plain dictionaries, ready for TOML, without the unset (None) ones."""
         out: dict[str, Any] = {}
         groups = self.groups()
         for name in _declared(type(self)):
@@ -276,28 +289,35 @@ class Settings(param.Parameterized):
         SettingError
             If a key does not exist or a value is not accepted; nothing is changed then.
         """
-        trial = type(self)()
-        for name, value in self.to_dict().items():
-            trial.set(name, value)
+        trial = self.copy()
         for name, value in values.items():
             trial.set(name, value)
-        for path, owner, name in trial.leaves():
-            self.set(path, getattr(owner, name))
+        self._take(trial)
         return self
 
     def copy(self) -> Self:
         """Return an independent copy."""
-        return type(self)().update(self.to_dict())
+        twin = type(self)()
+        twin._take(self)
+        return twin
+
+    def _take(self, other: Self) -> None:
+        # Only what differs: setting a parameter costs far more than reading it, and tells every watcher.
+        for path, owner, name in other.leaves():
+            value = getattr(owner, name)
+            if value != self.get(path):
+                self.set(path, value)
 
     def _find(self, path: str) -> tuple[Settings, str]:
         owner: Settings = self
         *heads, name = path.split(".")
         walked = ""
         for head in heads:
-            group = owner.groups().get(head)
-            if group is None:
+            if head not in _declared(type(owner)):
                 raise SettingError(_unknown(path, head, walked, owner))
-            owner, walked = group, f"{walked}{head}."
+            if not _is_group(type(owner), head):
+                raise SettingError(f"{path}: {walked}{head} is a single setting, with nothing inside it")
+            owner, walked = getattr(owner, head), f"{walked}{head}."
         if name not in _declared(type(owner)):
             raise SettingError(_unknown(path, name, walked, owner))
         return owner, name
@@ -322,8 +342,8 @@ def _range(bounds: Bounds | None) -> str:
     if low is None and high is None:
         return ""
     if high is None:
-        return f" from {low:g}"
-    return f" up to {high:g}" if low is None else f" from {low:g} to {high:g}"
+        return f" from {low:.10g}"
+    return f" up to {high:.10g}" if low is None else f" from {low:.10g} to {high:.10g}"
 
 
 _WORDS: dict[type[param.Parameter], Callable[[Any, str], str]] = {
@@ -332,19 +352,37 @@ _WORDS: dict[type[param.Parameter], Callable[[Any, str], str]] = {
     Intervals: lambda p, u: "a list of [start, end] pairs in seconds, such as [[60, 75]]",
     param.Integer: lambda p, u: f"a whole number{_range(p.bounds)}{u}",
     param.Number: lambda p, u: f"a number{_range(p.bounds)}{u}",
-    MatrixOrNone: lambda p, u: f"{p.size} variances"
-    + ("" if p.diagonal_only else f", or a symmetric positive semidefinite {p.size} × {p.size} matrix"),
-    AxisQuantity: lambda p, u: f"one number, or {len(p.axes)} ({', '.join(p.axes)}), each{_range(p.bounds)}{u}",
+    MatrixOrNone: lambda p, u: (
+        f"{p.size} variances"
+        + ("" if p.diagonal_only else f", or a symmetric positive semidefinite {p.size} × {p.size} matrix")
+    ),
+    AxisQuantity: lambda p, u: (
+        f"one number, or {len(p.axes)} ({', '.join(p.axes)}), each{_range(p.bounds)}{u}"
+    ),
 }
 
 
-def _declared(cls: type[Settings]) -> list[str]:
-    return [name for name in cls.param.objects("existing") if name != "name"]
+def _declared(cls: type[Settings]) -> tuple[str, ...]:
+    return tuple(name for name in cls.param.objects("existing") if name != "name")
+
+
+def _is_group(cls: type[Settings], name: str) -> bool:
+    kind = getattr(cls.param[name], "class_", None)
+    return isinstance(kind, type) and issubclass(kind, Settings)
+
+
+def _is_finite(value: Any) -> bool:
+    if isinstance(value, bool) or not isinstance(value, numbers.Real):
+        return False
+    try:
+        return math.isfinite(value)
+    except OverflowError:  # an integer beyond the largest float
+        return False
 
 
 def _accept(parameter: param.Parameter, value: Any) -> Any:
     if isinstance(parameter, param.Number) and isinstance(value, bool):
-        raise ValueError("true and false are not numbers")
+        raise TypeError("true and false are not numbers")
     if isinstance(parameter, param.Integer) and isinstance(value, float) and value.is_integer():
         return int(value)
     if isinstance(parameter, Intervals) and isinstance(value, Sequence) and not isinstance(value, str):
@@ -355,7 +393,7 @@ def _accept(parameter: param.Parameter, value: Any) -> Any:
 def _plain(value: Any) -> Any:
     if isinstance(value, list | tuple):
         return [_plain(item) for item in value]
-    return value
+    return value.item() if isinstance(value, np.generic) else value
 
 
 def _show(value: Any) -> str:
@@ -364,13 +402,14 @@ def _show(value: Any) -> str:
 
 
 def _reason(error: Exception) -> str:
-    text = str(error).splitlines()[0] if str(error) else type(error).__name__
-    return text.rstrip(".")
+    return str(error).partition("\n")[0].rstrip(".")
 
 
 def _unknown(path: str, key: str, walked: str, owner: Settings) -> str:
     names = _declared(type(owner))
-    close = difflib.get_close_matches(key, names, n=1)
+    close = difflib.get_close_matches(key, names, n=1) or [name for name in names if key and key in name]
+    inside = [f"{walked}{leaf}" for leaf, _, name in owner.leaves() if name == key]
     hint = f" Did you mean {walked}{close[0]}?" if close else ""
+    hint = hint or (f" Did you mean {' or '.join(inside)}?" if inside else "")
     where = f"in {walked.rstrip('.')}" if walked else "at the top level"
     return f"{path}: there is no setting {key!r} {where}.{hint} Accepted: {', '.join(names)}"
