@@ -1,0 +1,28 @@
+"""What all tests share."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+import pytest
+from hypothesis import HealthCheck, settings
+
+# Build machines are slow and shared: what a property costs in time is no property of it.
+settings.register_profile("lab", deadline=None, suppress_health_check=[HealthCheck.too_slow])
+settings.load_profile("lab")
+
+
+ROOT = Path(__file__).parent.parent
+
+
+@pytest.fixture(scope="session")
+def recordings() -> Path:
+    """Return the folder of real sensor recordings, which are too large to ship."""
+    named = os.environ.get("INS_LAB_RECORDINGS")
+    folder = Path(named) if named else ROOT.parent / "shared" / "recordings"
+    if named and not folder.is_dir():
+        pytest.fail(f"INS_LAB_RECORDINGS names {named}, which is not a folder")
+    if not folder.is_dir():
+        pytest.skip("no real recordings here: name their folder in INS_LAB_RECORDINGS")
+    return folder
