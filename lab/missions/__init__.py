@@ -1,0 +1,32 @@
+"""Missions: where a flight comes from: recordings, the missions that ship, and the pilot who flies new ones.
+
+>>> from lab.missions import mission, missions
+>>> sorted(missions())[:2]
+['los_angeles', 'montreal']
+>>> mission("montreal").recording.time[1]
+np.float64(0.055)
+"""
+
+from lab.missions.catalogue import broken_missions, mission, missions, own_folder, shipped_folder
+from lab.missions.errors import MissionError
+from lab.missions.flight import fly, fly_mission
+from lab.missions.flight_csv import read_flight_csv, write_flight_csv
+from lab.missions.flight_plan import FlightPlan
+from lab.missions.mission import Mission
+from lab.missions.recording import Recording
+
+__all__ = [
+    "FlightPlan",
+    "Mission",
+    "MissionError",
+    "Recording",
+    "broken_missions",
+    "fly",
+    "fly_mission",
+    "mission",
+    "missions",
+    "own_folder",
+    "read_flight_csv",
+    "shipped_folder",
+    "write_flight_csv",
+]

@@ -1,0 +1,5 @@
+"""What is reported when a mission cannot be read, found, written or flown."""
+
+
+class MissionError(ValueError):
+    """A mission or its recording is not acceptable; the message says what, where, and what is accepted."""

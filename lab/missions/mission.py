@@ -1,0 +1,184 @@
+"""Mission: a flight with a name: what its TOML file says about it, and its recording."""
+
+from __future__ import annotations
+
+import difflib
+import hashlib
+import tomllib
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+from lab.missions.errors import MissionError
+from lab.missions.flight_csv import read_flight_csv
+from lab.missions.flight_plan import FlightPlan
+from lab.missions.mission_card import mission_html
+from lab.missions.recording import Recording
+
+MAX_TOML_BYTES = 2**20
+"""Largest TOML file accepted [bytes]."""
+
+_TEXTS = ("title", "description", "origin", "aircraft", "airport", "recording")
+_KEYS = (*_TEXTS, "tags", "flight")
+
+
+@dataclass(frozen=True)
+class Mission:
+    """A flight that can be navigated.
+
+    Attributes
+    ----------
+    name : str
+        What it is called in settings and on the command line.
+    recording_path : Path
+        The flight csv.
+    title, description : str
+        For people: a short title, and what the flight is.
+    origin : str
+        Where the recording comes from, and how it was made.
+    aircraft, airport : str
+        What flew, and where from.
+    tags : tuple of str
+        Words to find it by.
+    path : Path or None
+        The TOML file; None for a bare flight csv.
+    flight : mapping or None
+        The flight plan as the TOML file has it, for a flight that can be flown again; see `plan`.
+    """
+
+    name: str
+    recording_path: Path
+    title: str = ""
+    description: str = ""
+    origin: str = ""
+    aircraft: str = ""
+    airport: str = ""
+    tags: tuple[str, ...] = ()
+    path: Path | None = None
+    flight: Mapping[str, Any] | None = field(default=None, repr=False)
+
+    @classmethod
+    def from_toml(cls, path: Path, name: str | None = None) -> Mission:
+        """Return the mission a TOML file describes; the recording is not read yet.
+
+        Parameters
+        ----------
+        path
+            The TOML file; the recording it names is in the same folder.
+        name
+            Name of the mission; the file's name without ``.toml`` by default.
+
+        Raises
+        ------
+        MissionError
+            If the file cannot be read, has a key or value that is not accepted, or names a recording elsewhere.
+        """
+        values = _read_toml(path)
+        _check_keys(path, values)
+        texts = {key: values[key] for key in _TEXTS if key in values and key != "recording"}
+        recording = _inside(path, values["recording"])
+        tags, flight = tuple(values.get("tags", ())), values.get("flight")
+        return cls(
+            name=name or path.stem, recording_path=recording, tags=tags, path=path, flight=flight, **texts
+        )
+
+    @classmethod
+    def from_csv(cls, path: Path) -> Mission:
+        """Return the mission that is just a flight csv; the recording is not read yet."""
+        return cls(name=str(path), recording_path=path, title=path.name, origin="flight csv")
+
+    @cached_property
+    def recording(self) -> Recording:
+        """The flight as recorded; read when first asked for.
+
+        Raises
+        ------
+        MissionError
+            If the flight csv is not acceptable.
+        """
+        return read_flight_csv(self.recording_path)
+
+    @property
+    def duration(self) -> float:
+        """Time from the first sample of the recording to the last [s]."""
+        return self.recording.duration
+
+    @cached_property
+    def content_hash(self) -> str:
+        """SHA-256 of the recording's file, to cache by what was computed from it.
+
+        Raises
+        ------
+        MissionError
+            If the file cannot be read.
+        """
+        try:
+            with self.recording_path.open("rb") as file:
+                return hashlib.file_digest(file, "sha256").hexdigest()
+        except OSError as error:
+            raise MissionError(f"{self.recording_path}: cannot be read: {error.strerror or error}") from error
+
+    @property
+    def plan(self) -> FlightPlan:
+        """The flight plan.
+
+        Raises
+        ------
+        MissionError
+            If the mission has none, or it is not acceptable.
+        """
+        if self.flight is None:
+            raise MissionError(f"mission {self.name}: has no [flight] table, so it cannot be flown again")
+        return FlightPlan.from_dict(self.flight, f"{self.path}, flight")
+
+    def _repr_html_(self) -> str:
+        try:
+            return mission_html(self, self.recording)
+        except MissionError as error:
+            return mission_html(self, str(error))
+
+
+def _read_toml(path: Path) -> dict[str, Any]:
+    try:
+        if path.stat().st_size > MAX_TOML_BYTES:
+            raise MissionError(
+                f"{path}: too large; accepted are TOML files up to {MAX_TOML_BYTES // 2**20} MB"
+            )
+        return tomllib.loads(path.read_bytes().decode("utf-8-sig").replace("\r\n", "\n"))
+    except (OSError, ValueError, RecursionError) as error:
+        if isinstance(error, MissionError):
+            raise
+        raise MissionError(f"{path}: cannot be read: {getattr(error, 'strerror', None) or error}") from error
+
+
+def _check_keys(path: Path, values: Mapping[str, Any]) -> None:
+    for key in values:
+        if key not in _KEYS:
+            close = difflib.get_close_matches(key, _KEYS, n=1)
+            hint = f" Did you mean {close[0]}?" if close else ""
+            raise MissionError(f"{path}: there is no key {key!r}.{hint} Accepted: {', '.join(_KEYS)}")
+    for key in ("title", "recording"):
+        if not values.get(key):
+            raise MissionError(f"{path}: {key} is missing; a mission has at least a title and a recording")
+    for key in _TEXTS:
+        if not isinstance(values.get(key, ""), str):
+            raise MissionError(f"{path}: {key} = {values[key]!r}; accepted is text in quotes")
+    tags = values.get("tags", [])
+    if not isinstance(tags, list) or not all(isinstance(tag, str) for tag in tags):
+        raise MissionError(f'{path}: tags = {tags!r}; accepted is a list of texts, such as ["turns", "wind"]')
+    if not isinstance(values.get("flight", {}), dict):
+        raise MissionError(f"{path}: flight is not a table; accepted is a [flight] section")
+
+
+def _inside(path: Path, recording: str) -> Path:
+    """Return the path of a recording beside its TOML file, refusing names that lead elsewhere."""
+    where = path.parent / recording
+    plain = not set("/\\:\0") & set(recording) and recording not in {".", ".."}
+    if not plain or where.resolve().parent != path.parent.resolve():
+        raise MissionError(
+            f"{path}: recording = {recording!r}; accepted is the plain name of a file in the same folder, such as "
+            f'"{path.stem}.csv.gz"'
+        )
+    return where
