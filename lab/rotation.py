@@ -86,8 +86,8 @@ def euler_from_C_nb(C_nb: ArrayLike) -> FloatArray:  # noqa: N802
     Returns
     -------
     (..., 3) array
-        Roll and yaw within ±π, pitch within ±π/2 [rad]. At pitch ±90° only a combination of roll and yaw is
-        defined.
+        Roll and yaw within ±π, pitch within ±π/2 [rad]. Roll and yaw are undefined at pitch
+        ±90° exactly.
     """
     C = np.asarray(C_nb, dtype=np.float64)
     return _euler(C[..., 2, 1], C[..., 2, 2], -C[..., 2, 0], C[..., 1, 0], C[..., 0, 0])
@@ -104,8 +104,8 @@ def euler_from_quaternion(q_nb: ArrayLike) -> FloatArray:
     Returns
     -------
     (..., 3) array
-        Roll and yaw within ±π, pitch within ±π/2 [rad]. At pitch ±90° only a combination of roll and yaw is
-        defined.
+        Roll and yaw within ±π, pitch within ±π/2 [rad]. Roll and yaw are undefined at pitch
+        ±90° exactly.
     """
     w, x, y, z = np.moveaxis(np.asarray(q_nb, dtype=np.float64), -1, 0)
     return _euler(
