@@ -40,9 +40,10 @@ CENTRIFUGAL_RATIO = RATE**2 * SEMI_MAJOR_AXIS**3 * (1 - FLATTENING) / GRAVITATIO
 
 def radii(sin_latitude: Value) -> tuple[Value, Value]:
     """Return the meridian and the transverse radius of curvature [m] (Groves 2.105, 2.106)."""
-    denominator = 1 - ECCENTRICITY_SQUARED * sin_latitude * sin_latitude
-    transverse = SEMI_MAJOR_AXIS / denominator**0.5
-    return transverse * (1 - ECCENTRICITY_SQUARED) / denominator, transverse
+    s2 = sin_latitude * sin_latitude
+    curve = 1 - ECCENTRICITY_SQUARED * s2
+    root = 1 / curve**0.5
+    return SEMI_MAJOR_AXIS * (1 - ECCENTRICITY_SQUARED) * root / curve, SEMI_MAJOR_AXIS * root
 
 
 def gravity(sin_latitude: Value, height: Value) -> Value:
@@ -56,6 +57,30 @@ def gravity(sin_latitude: Value, height: Value) -> Value:
         Height above the ellipsoid [m].
     """
     s2 = sin_latitude * sin_latitude
-    surface = EQUATORIAL_GRAVITY * (1 + SOMIGLIANA * s2) / (1 - ECCENTRICITY_SQUARED * s2) ** 0.5
+    curve = 1 - ECCENTRICITY_SQUARED * s2
+    surface = EQUATORIAL_GRAVITY * (1 + SOMIGLIANA * s2) * (1 / curve**0.5)
     ratio = height / SEMI_MAJOR_AXIS
     return surface * (1 - 2 * ratio * (1 + FLATTENING * (1 - 2 * s2) + CENTRIFUGAL_RATIO) + 3 * ratio * ratio)
+
+
+def gravity_gradient(sin_latitude: Value, cos_latitude: Value, height: Value) -> tuple[Value, Value]:
+    """Return the derivatives of `gravity` with latitude [m/s² per rad] and with height [1/s²].
+
+    Parameters
+    ----------
+    sin_latitude, cos_latitude
+        Sine and cosine of the geodetic latitude.
+    height
+        Height above the ellipsoid [m].
+    """
+    s2 = sin_latitude * sin_latitude
+    sc = sin_latitude * cos_latitude
+    curve = 1 - ECCENTRICITY_SQUARED * s2
+    swell = 1 + SOMIGLIANA * s2
+    surface = EQUATORIAL_GRAVITY * swell * (1 / curve**0.5)
+    ratio = height / SEMI_MAJOR_AXIS
+    slope = 1 + FLATTENING * (1 - 2 * s2) + CENTRIFUGAL_RATIO
+    decrease = 1 - 2 * ratio * slope + 3 * ratio * ratio
+    surface_by_latitude = surface * sc * (2 * SOMIGLIANA / swell + ECCENTRICITY_SQUARED / curve)
+    by_latitude = surface_by_latitude * decrease + surface * 8 * ratio * FLATTENING * sc
+    return by_latitude, surface * (6 * ratio - 2 * slope) / SEMI_MAJOR_AXIS

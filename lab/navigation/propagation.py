@@ -1,0 +1,96 @@
+"""Propagation: P ← Φ P Φᵀ + Q and x ← Φ x, as straight-line code generated from an error model's pattern.
+
+F is sparse and its pattern is fixed, so the products are written out once per model: only the elements that can differ
+from zero are multiplied, and every multiplication runs over a whole row, which the compiler turns into vector
+instructions. Rows are 16 wide; column 15 of the workspace carries the error estimate x, which goes through Φ like a
+column of P. The bias rows of Φ are diagonal (first-order decay), so only the nine navigation rows are multiplied out.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lab.navigation.compilation import inline_kernel
+from lab.navigation.error_models import ErrorModel
+
+FloatArray = NDArray[np.float64]
+
+STATES = 15
+NAV = 9
+BIASES = 6
+WIDTH = 16
+X = 15  # the column of the error estimate
+
+PRODUCT = STATES * WIDTH  # offset of Φ P in the workspace; [P | x] is at its start
+WORKSPACE = PRODUCT + NAV * WIDTH
+
+
+def compile_propagation(model: ErrorModel) -> Callable[[FloatArray, float, FloatArray, FloatArray], None]:
+    """Return the compiled ``propagate(F, dt, decay, w)`` of an error model.
+
+    It replaces [P | x] in the workspace `w` by [Φ P Φᵀ | Φ x] with Φ = I + F dt in the navigation rows and the six
+    factors `decay` on the biases.
+    """
+    namespace: dict[str, Callable[[FloatArray, float, FloatArray, FloatArray], None]] = {}
+    exec(compile(propagation_source(model), f"<propagation of {model.name}>", "exec"), namespace)
+    return inline_kernel(namespace["propagate"])
+
+
+def propagation_source(model: ErrorModel) -> str:
+    """Return the source that `compile_propagation` compiles."""
+    terms = {row: [int(c) for c in np.flatnonzero(columns)] for row, columns in enumerate(model.pattern()[:NAV])}
+    lines = ["def propagate(F, dt, decay, w):"]
+    lines += [f"    f_{row}_{c} = dt * F[{row}, {c}]" for row, columns in terms.items() for c in columns]
+    lines += _navigation_rows(terms)
+    lines += _navigation_block(terms)
+    lines += _bias_columns()
+    return "\n".join(lines)
+
+
+def _navigation_rows(terms: dict[int, list[int]]) -> list[str]:
+    """Write the rows of Φ P, three in one loop over the columns."""
+    lines = []
+    for first in range(0, NAV, 3):
+        lines += [f"    for j in range({WIDTH}):"]
+        for row in range(first, first + 3):
+            total = f"w[{WIDTH * row} + j]"
+            for column in terms[row]:
+                total += f" + f_{row}_{column} * w[{WIDTH * column} + j]"
+            lines += [f"        w[{PRODUCT + WIDTH * row} + j] = {total}"]
+    return lines
+
+
+def _navigation_block(terms: dict[int, list[int]]) -> list[str]:
+    """Write the upper triangle of (Φ P) Φᵀ for the navigation states, and its mirror image."""
+    lines = []
+    for j, columns in terms.items():
+        total = f"w[{PRODUCT + j} + {WIDTH} * i]"
+        for column in columns:
+            total += f" + f_{j}_{column} * w[{PRODUCT + column} + {WIDTH} * i]"
+        lines += [
+            f"    for i in range({j + 1}):",
+            f"        p = {total}",
+            f"        w[{WIDTH} * i + {j}] = p",
+            f"        w[{WIDTH * j} + i] = p",
+        ]
+    return lines
+
+
+def _bias_columns() -> list[str]:
+    """Write what the bias states share with the navigation states, and among themselves, and the column of x."""
+    lines = [f"    d_{b} = decay[{b}]" for b in range(BIASES)]
+    for i in range(NAV):
+        for b in range(BIASES):
+            lines += [
+                f"    p = d_{b} * w[{PRODUCT + WIDTH * i + NAV + b}]",
+                f"    w[{WIDTH * i + NAV + b}] = p",
+                f"    w[{WIDTH * (NAV + b) + i}] = p",
+            ]
+        lines += [f"    w[{WIDTH * i + X}] = w[{PRODUCT + WIDTH * i + X}]"]
+    for b in range(BIASES):
+        lines += [f"    w[{WIDTH * (NAV + b) + NAV + c}] *= d_{b} * d_{c}" for c in range(BIASES)]
+        lines += [f"    w[{WIDTH * (NAV + b) + X}] *= d_{b}"]
+    return lines

@@ -1,0 +1,249 @@
+"""Strapdown: from angle and velocity increments to attitude, velocity and position over the rotating ellipsoid.
+
+The navigation frame is north-slaved. Two-sample coning and sculling compensation; gravity, Coriolis and transport rate
+at mid-interval. The whole state of a navigator is one vector, addressed by the named offsets below.
+
+References
+----------
+P. G. Savage, *Strapdown Inertial Navigation Integration Algorithm Design*, part 1 (attitude) and 2 (velocity and
+position), JGCD 21 (1998); P. D. Groves, *Principles of GNSS, Inertial and Multisensor Integrated Navigation Systems*,
+2nd ed., ch. 5.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lab import earth
+from lab.navigation.compilation import inline_kernel, kernel
+
+FloatArray = NDArray[np.float64]
+Vector = tuple[float, float, float]
+Matrix = tuple[Vector, Vector, Vector]
+Quaternion = tuple[float, float, float, float]
+
+LATITUDE = 0
+LONGITUDE = 1
+HEIGHT = 2
+VELOCITY = 3  # v_n
+Q_NB = 6  # scalar first
+GYRO_BIAS = 10
+ACCEL_BIAS = 13
+# What follows is derived from the above in each step, and kept for the next step and for the error model.
+SINE = 16  # of the latitude
+COSINE = 17
+PREVIOUS_DTHETA = 18
+PREVIOUS_DVELOCITY = 21
+PREVIOUS_VELOCITY = 24
+MERIDIAN = 27  # 1 / (R_M + h)
+TRANSVERSE = 28  # 1 / (R_N + h)
+PER_COSINE = 29  # 1 / cos L
+FORCE_N = 30  # mean specific force of the last step, in n
+C_NB = 33  # attitude at the start of the last step, row by row
+LENGTH = 42
+
+MAX_LATITUDE = math.radians(89.9)
+"""North-slaved navigation ends here: the transport rate about the vertical grows without bound towards the poles."""
+
+radii = inline_kernel(earth.radii)
+gravity = inline_kernel(earth.gravity)
+
+
+@inline_kernel
+def get(state: FloatArray, at: int) -> Vector:
+    """Read a vector from the state."""
+    return state[at], state[at + 1], state[at + 2]
+
+
+@inline_kernel
+def put(state: FloatArray, at: int, v: Vector) -> None:
+    """Write a vector into the state."""
+    state[at] = v[0]
+    state[at + 1] = v[1]
+    state[at + 2] = v[2]
+
+
+@inline_kernel
+def cross(a: Vector, b: Vector) -> Vector:
+    """Return a × b."""
+    return a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]
+
+
+@inline_kernel
+def plus(a: Vector, s: float, b: Vector) -> Vector:
+    """Return a + s b."""
+    return a[0] + s * b[0], a[1] + s * b[1], a[2] + s * b[2]
+
+
+@inline_kernel
+def rotate(C: Matrix, v: Vector) -> Vector:
+    """Return C v."""
+    return (
+        C[0][0] * v[0] + C[0][1] * v[1] + C[0][2] * v[2],
+        C[1][0] * v[0] + C[1][1] * v[1] + C[1][2] * v[2],
+        C[2][0] * v[0] + C[2][1] * v[1] + C[2][2] * v[2],
+    )
+
+
+@inline_kernel
+def matrix(q: Quaternion) -> Matrix:
+    """Return the rotation matrix of a unit quaternion (Groves 2.34)."""
+    w, x, y, z = q
+    return (
+        (w * w + x * x - y * y - z * z, 2 * (x * y - w * z), 2 * (x * z + w * y)),
+        (2 * (x * y + w * z), w * w - x * x + y * y - z * z, 2 * (y * z - w * x)),
+        (2 * (x * z - w * y), 2 * (y * z + w * x), w * w - x * x - y * y + z * z),
+    )
+
+
+@inline_kernel
+def product(p: Quaternion, q: Quaternion) -> Quaternion:
+    """Return the quaternion product p ⊗ q."""
+    return (
+        p[0] * q[0] - p[1] * q[1] - p[2] * q[2] - p[3] * q[3],
+        p[0] * q[1] + p[1] * q[0] + p[2] * q[3] - p[3] * q[2],
+        p[0] * q[2] - p[1] * q[3] + p[2] * q[0] + p[3] * q[1],
+        p[0] * q[3] + p[1] * q[2] - p[2] * q[1] + p[3] * q[0],
+    )
+
+
+@inline_kernel
+def small_rotation(v: Vector) -> Quaternion:
+    """Return the quaternion of a rotation vector below 0.5 rad, by series (error below 1e-13)."""
+    s = 0.25 * (v[0] * v[0] + v[1] * v[1] + v[2] * v[2])
+    c = 1 - s * (1 / 2 - s * (1 / 24 - s * (1 / 720 - s * (1 / 40320 - s / 3628800))))
+    f = 0.5 * (1 - s * (1 / 6 - s * (1 / 120 - s * (1 / 5040 - s * (1 / 362880 - s / 39916800)))))
+    return c, f * v[0], f * v[1], f * v[2]
+
+
+@inline_kernel
+def rotation(v: Vector) -> Quaternion:
+    """Return the quaternion of any rotation vector (Groves 2.31)."""
+    angle = math.sqrt(v[0] * v[0] + v[1] * v[1] + v[2] * v[2])
+    if angle < 0.5:
+        return small_rotation(v)
+    f = math.sin(0.5 * angle) / angle
+    return math.cos(0.5 * angle), f * v[0], f * v[1], f * v[2]
+
+
+@inline_kernel
+def unit(q: Quaternion) -> Quaternion:
+    """Return a nearly unit quaternion with its length put right (one Newton step)."""
+    f = 1.5 - 0.5 * (q[0] * q[0] + q[1] * q[1] + q[2] * q[2] + q[3] * q[3])
+    return f * q[0], f * q[1], f * q[2], f * q[3]
+
+
+@inline_kernel
+def earth_rate(sin_latitude: float, cos_latitude: float) -> Vector:
+    """Return ω_ie in n [rad/s]."""
+    return earth.RATE * cos_latitude, 0.0, -earth.RATE * sin_latitude
+
+
+@inline_kernel
+def transport_rate(velocity: Vector, per_meridian: float, per_transverse: float, tangent: float) -> Vector:
+    """Return ω_en in n [rad/s] for a north-slaved frame (Groves 5.44), given 1/(R_M + h), 1/(R_N + h) and tan L."""
+    east = velocity[1] * per_transverse
+    return east, -velocity[0] * per_meridian, -east * tangent
+
+
+@kernel
+def set_position(state: FloatArray, latitude: float, longitude: float, height: float) -> None:
+    """Write the position, the longitude wrapped to ±π."""
+    state[LATITUDE] = latitude
+    state[LONGITUDE] = longitude - 2 * math.pi * math.floor((longitude + math.pi) / (2 * math.pi))
+    state[HEIGHT] = height
+    state[SINE] = math.sin(latitude)
+    state[COSINE] = math.cos(latitude)
+    state[PER_COSINE] = 1 / state[COSINE]
+
+
+@inline_kernel
+def _move(state: FloatArray, velocity: Vector, dt: float) -> None:
+    """Move the position by a mean velocity; sine and cosine of the latitude follow by a tiny rotation."""
+    sine, cosine, per_cosine = state[SINE], state[COSINE], state[PER_COSINE]
+    turn = velocity[0] * state[MERIDIAN] * dt
+    half = 0.5 * turn * turn
+    state[LATITUDE] += turn
+    state[SINE] = sine + turn * cosine - half * sine
+    state[COSINE] = cosine - turn * sine - half * cosine
+    # 1 / cos L at mid-interval.
+    per_cosine *= 1 + 0.5 * turn * sine * per_cosine
+    longitude = state[LONGITUDE] + velocity[1] * state[TRANSVERSE] * dt * per_cosine
+    if longitude >= math.pi:
+        longitude -= 2 * math.pi
+    elif longitude < -math.pi:
+        longitude += 2 * math.pi
+    state[LONGITUDE] = longitude
+    state[HEIGHT] -= dt * velocity[2]
+
+
+@inline_kernel
+def step(state: FloatArray, dtheta_measured: Vector, dvelocity_measured: Vector, dt: float) -> None:
+    """Advance the navigator by one IMU sample.
+
+    Parameters
+    ----------
+    state
+        The navigator's state vector, changed in place.
+    dtheta_measured, dvelocity_measured
+        Integrals of angular rate [rad] and specific force [m/s] over the interval, in b.
+    dt
+        Length of the interval [s].
+    """
+    dtheta = plus(dtheta_measured, -dt, get(state, GYRO_BIAS))
+    dvelocity = plus(dvelocity_measured, -dt, get(state, ACCEL_BIAS))
+    dtheta_before = get(state, PREVIOUS_DTHETA)
+    dvelocity_before = get(state, PREVIOUS_DVELOCITY)
+    v = get(state, VELOCITY)
+    q = (state[Q_NB], state[Q_NB + 1], state[Q_NB + 2], state[Q_NB + 3])
+    C_nb = matrix(q)
+
+    # Savage part 1, eq. 60; part 2, eqs. 33 and 57: the previous sample stands in for the curvature of this one.
+    coned = plus(dtheta, 1 / 12, cross(dtheta_before, dtheta))
+    sculled = plus(dvelocity, 0.5, cross(dtheta, dvelocity))
+    sculled = plus(sculled, 1 / 12, cross(dtheta_before, dvelocity))
+    sculled = plus(sculled, 1 / 12, cross(dvelocity_before, dtheta))
+
+    sine, cosine = state[SINE], state[COSINE]
+    per_cosine = 1 / cosine
+    tangent = sine * per_cosine
+    height = state[HEIGHT] - 0.5 * dt * v[2]
+    radius_meridian, radius_transverse = radii(sine)
+    meridian = 1 / (radius_meridian + height)
+    transverse = 1 / (radius_transverse + height)
+    state[MERIDIAN], state[TRANSVERSE], state[PER_COSINE] = meridian, transverse, per_cosine
+    omega_ie = earth_rate(sine, cosine)
+    g = gravity(sine, height)
+
+    # Predict the velocity at mid-interval, then take every rate there.
+    omega_en = transport_rate(v, meridian, transverse, tangent)
+    push = rotate(C_nb, sculled)
+    coriolis = cross(plus(omega_en, 2.0, omega_ie), v)
+    v_mid = plus(plus(v, 0.5, push), -0.5 * dt, coriolis)
+    v_mid = (v_mid[0], v_mid[1], v_mid[2] + 0.5 * dt * g)
+    omega_en = transport_rate(v_mid, meridian, transverse, tangent)
+    omega_in = plus(omega_en, 1.0, omega_ie)
+    push = plus(push, -0.5 * dt, cross(omega_in, push))
+    coriolis = cross(plus(omega_en, 2.0, omega_ie), v_mid)
+    v_new = plus(plus(v, 1.0, push), -dt, coriolis)
+    v_new = (v_new[0], v_new[1], v_new[2] + dt * g)
+
+    v_mean = (0.5 * (v[0] + v_new[0]), 0.5 * (v[1] + v_new[1]), 0.5 * (v[2] + v_new[2]))
+    _move(state, v_mean, dt)
+    frame = small_rotation((-dt * omega_in[0], -dt * omega_in[1], -dt * omega_in[2]))
+    q = unit(product(frame, product(q, rotation(coned))))
+    put(state, Q_NB, (q[0], q[1], q[2]))
+    state[Q_NB + 3] = q[3]
+    put(state, VELOCITY, v_new)
+
+    put(state, PREVIOUS_VELOCITY, v)
+    put(state, PREVIOUS_DTHETA, dtheta)
+    put(state, PREVIOUS_DVELOCITY, dvelocity)
+    per_dt = 1 / dt
+    put(state, FORCE_N, (push[0] * per_dt, push[1] * per_dt, push[2] * per_dt))
+    put(state, C_NB, C_nb[0])
+    put(state, C_NB + 3, C_nb[1])
+    put(state, C_NB + 6, C_nb[2])
