@@ -1,0 +1,347 @@
+"""The command line, ``ins-lab``: list missions, run and fly them, serve the dashboard.
+
+Results go to standard output, everything else to standard error. What a person can put right is answered with
+one message and exit code 2. Commands import what they need when they run, so that help appears at once.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import math
+import os
+import socket
+import sys
+import tomllib
+import warnings
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from lab.missions import MissionError, broken_missions, fly_mission
+from lab.missions import mission as find_mission
+from lab.missions import missions as find_missions
+from lab.settings import SettingError
+from lab.terminal import Progress, spell_what_cannot_be_encoded, table
+
+if TYPE_CHECKING:
+    from lab.experiment import Experiment, Result
+    from lab.missions import Mission
+
+
+class CommandError(ValueError):
+    """A command that cannot be carried out as given; the message says what is accepted."""
+
+
+class Commands(typer.core.TyperGroup):
+    """The commands, answering whatever a person can put right with a message instead of a traceback."""
+
+    def get_command(self, ctx: Any, cmd_name: str) -> Any:
+        """Return a command by its name."""
+        command = super().get_command(ctx, cmd_name)
+        if command is None and not ctx.resilient_parsing:
+            raise CommandError(
+                f"there is no command {cmd_name!r}; accepted: {', '.join(self.list_commands(ctx))}"
+            )
+        return command
+
+    def invoke(self, ctx: Any) -> Any:
+        """Carry out the command."""
+        try:
+            return super().invoke(ctx)
+        except (CommandError, MissionError, SettingError) as error:
+            print(f"ins-lab: {error}", file=sys.stderr)
+            raise typer.Exit(2) from error
+
+
+app = typer.Typer(
+    name="ins-lab",
+    cls=Commands,
+    invoke_without_command=True,
+    rich_markup_mode=None,
+    pretty_exceptions_enable=False,
+    context_settings={"help_option_names": ["-h", "--help"]},
+    epilog="""\b
+Examples:
+  ins-lab missions
+  ins-lab run montreal
+  ins-lab run montreal --set sensors.gyro.noise_density=0.02 --seed 7
+  ins-lab serve""",
+)
+
+Seed = Annotated[
+    int | None, typer.Option("--seed", metavar="N", help="Seed of all random draws.", show_default=False)
+]
+Force = Annotated[bool, typer.Option("--force", "--overwrite", help="Replace what exists.")]
+AsJson = Annotated[bool, typer.Option("--json", help="JSON instead of a table.")]
+
+
+def main() -> None:
+    """Run the command line with the arguments of the process."""
+    spell_what_cannot_be_encoded()
+    app()
+
+
+@app.callback()
+def ins_lab(
+    ctx: typer.Context,
+    version: Annotated[bool, typer.Option("--version", help="Show the version.")] = False,
+) -> None:
+    """INS Lab: fly a mission, simulate the sensors, navigate, and see how good the solution is, and why."""
+    if version:
+        from importlib.metadata import version as installed  # noqa: PLC0415 - rarely needed
+
+        print(f"ins-lab {installed('ins-lab')}")
+    elif ctx.invoked_subcommand is None:
+        print(ctx.get_help())
+
+
+@app.command("missions")
+def list_missions(as_json: AsJson = False) -> None:
+    """List the missions there are: those that ship, and your own."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # those left out are listed below
+        found = find_missions()
+    readable = [entry for entry in found.values() if _readable(entry)]
+    for reason in broken_missions().values():
+        print(f"ins-lab: mission left out: {reason}", file=sys.stderr)
+    if as_json:
+        print(json.dumps([_mission_facts(entry) for entry in readable], indent=2))
+        return
+    rows = [(entry.name, entry.title, f"{entry.duration:.1f} s", entry.origin) for entry in readable]
+    print(table(("name", "title", "duration", "origin"), rows, right={2}))
+
+
+@app.command(
+    epilog="""\b
+Examples:
+  ins-lab run montreal
+  ins-lab run los_angeles --seed 3 --out run.nc
+  ins-lab run my_flight.csv --set navigator.r_scale=0.01 --json
+  ins-lab run montreal --set "sensors.gps.outages=[[60, 90]]"
+A FILE.toml holds the same settings in tables, such as
+  [sensors.gyro]
+  noise_density = 0.02"""
+)
+def run(
+    mission: Annotated[
+        str,
+        typer.Argument(
+            metavar="MISSION", help="Name of a mission, its .toml file, or a flight csv.", show_default=False
+        ),
+    ],
+    config: Annotated[
+        Path | None,
+        typer.Option(
+            "--config", metavar="FILE.toml", help="Settings, before those of --set.", show_default=False
+        ),
+    ] = None,
+    assignments: Annotated[
+        list[str] | None,
+        typer.Option("--set", metavar="PATH=VALUE", help="One setting; may be repeated.", show_default=False),
+    ] = None,
+    seed: Seed = None,
+    out: Annotated[
+        Path | None,
+        typer.Option(
+            "--out", metavar="FILE.nc", help="Write the whole result as netCDF.", show_default=False
+        ),
+    ] = None,
+    force: Force = False,
+    as_json: AsJson = False,
+) -> None:
+    """Navigate a mission and show how large the errors are."""
+    find_mission(mission)
+    _check_out(out, force)
+    experiment = _experiment(mission, config, assignments or [], seed)
+    # Only the answer goes to standard output, whatever a library prints.
+    with contextlib.redirect_stdout(sys.stderr), Progress(f"{mission}: navigating") as progress:
+        result = experiment.run(progress=progress)
+    if out is not None:
+        _write(result, out)
+    if as_json:
+        print(json.dumps(_answer(experiment, result, out), indent=2))
+    else:
+        print(_summary_table(result))
+
+
+@app.command(
+    epilog="""\b
+Examples:
+  ins-lab fly montreal
+  ins-lab fly montreal --seed 12 --out my_missions"""
+)
+def fly(
+    mission: Annotated[
+        str,
+        typer.Argument(
+            metavar="MISSION",
+            help="Name of a mission with a flight plan, or its .toml file.",
+            show_default=False,
+        ),
+    ],
+    seed: Annotated[
+        int | None,
+        typer.Option("--seed", metavar="N", help="Seed of the turbulence.", show_default="the plan's own"),
+    ] = None,
+    out: Annotated[
+        Path | None,
+        typer.Option(
+            "--out", metavar="FOLDER", help="Where the mission is written.", show_default="your own missions"
+        ),
+    ] = None,
+    force: Force = False,
+) -> None:
+    """Fly a mission's plan again in JSBSim and record it.
+
+    Needs JSBSim: pip install 'ins-lab[fly]'. The same plan and seed give the same flight, bit by bit.
+    """
+    with contextlib.redirect_stdout(sys.stderr), Progress(f"{mission}: flying") as progress:
+        flown = fly_mission(mission, seed=seed, folder=out, overwrite=force, progress=progress)
+    print(f"{flown.recording_path}: {flown.duration:.1f} s flown")
+
+
+@app.command(epilog="Everything stays on this computer unless you name another address.")
+def serve(
+    port: Annotated[
+        int, typer.Option("--port", min=1, max=65535, metavar="PORT", help="Port of the page.")
+    ] = 5006,
+    address: Annotated[
+        str, typer.Option("--address", metavar="ADDRESS", help="Address to listen on; 0.0.0.0 is all.")
+    ] = "127.0.0.1",
+    no_browser: Annotated[bool, typer.Option("--no-browser", help="Do not open the page.")] = False,
+) -> None:
+    """Serve the dashboard and open it where there is a screen."""
+    _check_port(address, port)
+    from dashboards import serve as serve_dashboard  # noqa: PLC0415 - takes a second
+
+    serve_dashboard(port=port, address=address, show=not no_browser and _has_screen())
+
+
+def _experiment(
+    mission: str, config: Path | None, assignments: Sequence[str], seed: int | None
+) -> Experiment:
+    from lab.experiment import Experiment  # noqa: PLC0415 - takes a second
+
+    experiment = Experiment()
+    if config is not None:
+        try:
+            experiment.update(tomllib.loads(config.read_text(encoding="utf-8-sig")))
+        except OSError as error:
+            raise CommandError(f"{config}: cannot be read: {error.strerror or error}") from error
+        except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+            raise CommandError(f"{config}: is not a TOML file: {error}") from error
+        except SettingError as error:
+            raise CommandError(f"{config}: {error}") from error
+    for assignment in assignments:
+        experiment.set_text(assignment)
+    experiment.set("mission", mission)
+    if seed is not None:
+        experiment.set("seed", seed)
+    return experiment
+
+
+def _check_out(out: Path | None, force: bool) -> None:
+    if out is None:
+        return
+    if out.suffix.lower() != ".nc":
+        raise CommandError(f"--out {out}: accepted is the name of a netCDF file, ending in .nc")
+    if out.is_dir() or (out.exists() and not force):
+        raise CommandError(f"--out {out}: exists already; name another file, or replace it with --force")
+    if not out.parent.is_dir():
+        raise CommandError(f"--out {out}: there is no folder {out.parent}")
+    if not os.access(out.parent, os.W_OK):
+        raise CommandError(f"--out {out}: the folder {out.parent} is not writable")
+
+
+def _write(result: Result, out: Path) -> None:
+    # Written beside and renamed, so that a failure leaves neither half a file nor the loss of the old one.
+    part = out.with_name(f".{out.name}.{os.getpid()}")
+    try:
+        result.to_netcdf(part)
+        part.replace(out)
+    except OSError as error:
+        part.unlink(missing_ok=True)
+        raise CommandError(f"--out {out}: cannot be written: {error.strerror or error}") from error
+
+
+def _answer(experiment: Experiment, result: Result, out: Path | None) -> dict[str, Any]:
+    rows = result.summary.to_dict("records")
+    return {
+        "mission": experiment.mission,
+        "seed": experiment.seed,
+        "settings": experiment.to_dict(),
+        "summary": [{str(key): _finite(value) for key, value in row.items()} for row in rows],
+        "out": None if out is None else str(out),
+    }
+
+
+def _finite(value: Any) -> Any:
+    """Return the value as JSON has it, which knows neither NaN nor NumPy's numbers."""
+    value = value.item() if hasattr(value, "item") else value
+    return None if isinstance(value, float) and not math.isfinite(value) else value
+
+
+def _summary_table(result: Result) -> str:
+    summary = result.summary
+    rows = [
+        tuple(f"{cell:.4g}" if isinstance(cell, float) else str(cell) for cell in row)
+        for row in summary.itertuples(index=False)
+    ]
+    numbers = {column for column, kind in enumerate(summary.dtypes) if kind.kind == "f"}
+    return table(tuple(summary.columns), rows, right=numbers)
+
+
+def _readable(entry: Mission) -> bool:
+    try:
+        return entry.duration > 0
+    except MissionError as error:
+        print(f"ins-lab: mission {entry.name} left out: {error}", file=sys.stderr)
+        return False
+
+
+def _mission_facts(entry: Mission) -> dict[str, Any]:
+    return {
+        "name": entry.name,
+        "title": entry.title,
+        "description": " ".join(entry.description.split()),
+        "duration_s": entry.duration,
+        "aircraft": entry.aircraft,
+        "airport": entry.airport,
+        "origin": entry.origin,
+        "tags": list(entry.tags),
+        "recording": str(entry.recording_path),
+        "can_fly": entry.flight is not None,
+    }
+
+
+def _check_port(address: str, port: int) -> None:
+    try:
+        family, kind, _, _, where = socket.getaddrinfo(address, port, type=socket.SOCK_STREAM)[0]
+        with socket.socket(family, kind) as probe:
+            if os.name == "posix":
+                probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+            probe.bind(where)
+    except socket.gaierror as error:
+        raise CommandError(
+            f"--address {address}: is not an address of this computer, such as 127.0.0.1"
+        ) from error
+    except OSError as error:
+        reason = (error.strerror or str(error)).lower()
+        raise CommandError(
+            f"--port {port}: {reason} at {address}; name another, such as --port {_free_port()}"
+        ) from error
+
+
+def _free_port() -> int:
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        return int(probe.getsockname()[1])
+
+
+def _has_screen() -> bool:
+    return sys.platform in {"darwin", "win32"} or bool(
+        os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")
+    )

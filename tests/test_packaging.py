@@ -1,0 +1,101 @@
+"""What is installed: the wheel, the source distribution, and how fast the package imports."""
+
+from __future__ import annotations
+
+import json
+import shutil
+import subprocess
+import sys
+import tarfile
+import zipfile
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parent.parent
+IMPORT_SECONDS = 1.5
+
+
+@pytest.fixture(scope="module")
+def distributions(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Build wheel and source distribution from what git would hand out, without asking the network."""
+    folder = tmp_path_factory.mktemp("distributions")
+    source = folder / "source"
+    leave = shutil.ignore_patterns(".git", ".venv", "__pycache__", ".*_cache", ".hypothesis", "test-results")
+    shutil.copytree(ROOT, source, ignore=leave)
+    build = [sys.executable, "-m", "hatchling", "build", "--directory", str(folder)]
+    done = subprocess.run(build, cwd=source, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+    return folder
+
+
+def _wheel_names(folder: Path) -> set[str]:
+    (wheel,) = folder.glob("*.whl")
+    with zipfile.ZipFile(wheel) as archive:
+        return set(archive.namelist())
+
+
+def test_the_wheel_holds_every_module_and_nothing_beside(distributions: Path) -> None:
+    names = _wheel_names(distributions)
+    modules = {
+        path.relative_to(ROOT).as_posix()
+        for top in ("lab", "dashboards")
+        for path in (ROOT / top).rglob("*.py")
+    }
+    assert modules <= names
+    assert "lab/py.typed" in names
+    assert {name.split("/")[0] for name in names} == {"lab", "dashboards", "ins_lab-0.1.0.dist-info"}
+
+
+def test_the_wheel_holds_the_missions_and_all_other_data(distributions: Path) -> None:
+    names = _wheel_names(distributions)
+    shipped = {f"lab/missions/shipped/{path.name}" for path in (ROOT / "missions").iterdir()}
+    assert any(name.endswith("montreal.csv.gz") for name in shipped)
+    assert shipped <= names
+    data = {
+        path.relative_to(ROOT).as_posix()
+        for top in ("lab", "dashboards")
+        for path in (ROOT / top).rglob("*")
+        if path.is_file() and path.suffix not in {".py", ".pyc", ".nbi", ".nbc"}
+    }
+    assert data <= names
+
+
+def test_the_source_distribution_builds_the_same_wheel(distributions: Path, tmp_path: Path) -> None:
+    (archive,) = distributions.glob("*.tar.gz")
+    with tarfile.open(archive) as tar:
+        tar.extractall(tmp_path, filter="data")
+    (source,) = tmp_path.glob("ins_lab-*")
+    for name in ("README.md", "LICENSE", "Makefile", "tests/conftest.py", "notebooks/01_tour.py"):
+        assert (source / name).is_file(), name
+    build = [sys.executable, "-m", "hatchling", "build", "--target", "wheel", "--directory", str(tmp_path)]
+    subprocess.run(build, cwd=source, check=True, capture_output=True)
+    assert _wheel_names(tmp_path) == _wheel_names(distributions)
+
+
+def test_the_package_imports_fast() -> None:
+    timing = "import time; t = time.perf_counter(); import lab; print(time.perf_counter() - t)"
+    seconds = [
+        float(
+            subprocess.run([sys.executable, "-c", timing], capture_output=True, text=True, check=True).stdout
+        )
+        for _ in range(3)
+    ]
+    print(f"import lab: {min(seconds):.2f} s (fresh interpreter, best of 3)")
+    assert min(seconds) <= IMPORT_SECONDS
+
+
+@pytest.mark.parametrize("arguments", [["--help"], ["--version"], ["missions"], ["run", "--help"]])
+def test_quick_commands_load_neither_compiler_nor_web_server(arguments: list[str]) -> None:
+    script = (
+        "import json, sys\n"
+        "from lab.cli import main\n"
+        f"sys.argv = ['ins-lab', *{arguments!r}]\n"
+        "try:\n    main()\n"
+        "except SystemExit as end:\n    code = end.code\n"
+        "print(json.dumps([code, sorted({name.split('.')[0] for name in sys.modules})]))\n"
+    )
+    done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True)
+    code, modules = json.loads(done.stdout.splitlines()[-1])
+    assert not code
+    assert not {"numba", "panel", "bokeh", "holoviews", "viser", "xarray", "pandas"} & set(modules)
