@@ -7,6 +7,7 @@ one message and exit code 2. Commands import what they need when they run, so th
 from __future__ import annotations
 
 import contextlib
+import errno
 import json
 import math
 import os
@@ -29,6 +30,9 @@ from lab.terminal import Progress, spell_what_cannot_be_encoded, table
 if TYPE_CHECKING:
     from lab.experiment import Experiment, Result
     from lab.missions import Mission
+
+
+_NO_ADDRESS = "--address {}: is not an address of this computer, such as 127.0.0.1 or localhost"
 
 
 class CommandError(ValueError):
@@ -153,6 +157,7 @@ def run(
     as_json: AsJson = False,
 ) -> None:
     """Navigate a mission and show how large the errors are."""
+    mission = _single(mission)
     find_mission(mission)
     _check_out(out, force)
     experiment = _experiment(mission, config, assignments or [], seed)
@@ -220,6 +225,18 @@ def serve(
     serve_dashboard(port=port, address=address, show=not no_browser and _has_screen())
 
 
+def _single(mission: str) -> str:
+    """Return the mission itself where its folder is named."""
+    if not Path(mission).is_dir() or mission in find_missions():
+        return mission
+    inside = [str(path) for path in sorted(Path(mission).glob("*.toml"))]
+    if len(inside) != 1:
+        raise CommandError(
+            f"{mission}: is a folder; accepted is one mission: {', '.join(inside) or 'but it holds none'}"
+        )
+    return inside[0]
+
+
 def _experiment(
     mission: str, config: Path | None, assignments: Sequence[str], seed: int | None
 ) -> Experiment:
@@ -231,7 +248,7 @@ def _experiment(
             experiment.update(tomllib.loads(config.read_text(encoding="utf-8-sig")))
         except OSError as error:
             raise CommandError(f"{config}: cannot be read: {error.strerror or error}") from error
-        except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+        except (tomllib.TOMLDecodeError, UnicodeDecodeError, RecursionError) as error:
             raise CommandError(f"{config}: is not a TOML file: {error}") from error
         except SettingError as error:
             raise CommandError(f"{config}: {error}") from error
@@ -325,10 +342,10 @@ def _check_port(address: str, port: int) -> None:
                 probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
             probe.bind(where)
     except socket.gaierror as error:
-        raise CommandError(
-            f"--address {address}: is not an address of this computer, such as 127.0.0.1"
-        ) from error
+        raise CommandError(_NO_ADDRESS.format(address)) from error
     except OSError as error:
+        if error.errno == errno.EADDRNOTAVAIL:
+            raise CommandError(_NO_ADDRESS.format(address)) from error
         reason = (error.strerror or str(error)).lower()
         raise CommandError(
             f"--port {port}: {reason} at {address}; name another, such as --port {_free_port()}"
