@@ -23,8 +23,8 @@ def shipped_folder() -> Path:
 def own_folder() -> Path:
     """Return the folder of the user's own missions, which need not exist.
 
-    It is what the environment variable ``INS_LAB_MISSIONS`` names, or else ``missions`` in the user's data folder of
-    ``ins-lab`` (on Linux ``~/.local/share/ins-lab/missions``).
+    It is what the environment variable ``INS_LAB_MISSIONS`` names, or else ``missions`` in the user's data
+    folder of ``ins-lab`` (on Linux ``~/.local/share/ins-lab/missions``).
     """
     named = os.environ.get(OWN_FOLDER_VARIABLE)
     if named:
@@ -37,9 +37,9 @@ def own_folder() -> Path:
 def missions() -> dict[str, Mission]:
     """Return all missions by name: the shipped ones, then the user's own.
 
-    A mission is a TOML file and the recording beside it; its name is the TOML file's. A user's mission that has the
-    name of a shipped one is called ``user:NAME``, so that neither hides the other. A mission that cannot be listed
-    is left out with a warning; see `broken_missions`.
+    A mission is a TOML file and the recording beside it; its name is the TOML file's. A user's mission that
+    has the name of a shipped one is called ``user:NAME``, so that neither hides the other. A mission that
+    cannot be listed is left out with a warning; see `broken_missions`.
     """
     found, broken = _find()
     for reason in broken.values():
@@ -66,10 +66,15 @@ def mission(name_or_path: str | os.PathLike[str]) -> Mission:
         If there is no such mission, listing those there are, or it cannot be read.
     """
     text = os.fspath(name_or_path)
-    if text.lower().endswith((".toml", ".csv", ".csv.gz")):
-        path = Path(text).expanduser()
-        return Mission.from_toml(path) if path.suffix.lower() == ".toml" else _from_csv(path)
     found, broken = _find()
+    if text.lower().endswith(".toml"):
+        path = Path(text).expanduser()
+        listed = [
+            one for one in found.values() if one.path is not None and one.path.resolve() == path.resolve()
+        ]
+        return listed[0] if listed else Mission.from_toml(path, name=str(path))
+    if text.lower().endswith((".csv", ".csv.gz")):
+        return _from_csv(Path(text).expanduser())
     if text in found:
         return found[text]
     if text in broken:
@@ -77,7 +82,8 @@ def mission(name_or_path: str | os.PathLike[str]) -> Mission:
     close = difflib.get_close_matches(text, found, n=1)
     hint = f" Did you mean {close[0]}?" if close else ""
     raise MissionError(
-        f"there is no mission {text!r}.{hint} Accepted: {', '.join(found)}, or the path of a .toml, .csv or .csv.gz file"
+        f"there is no mission {text!r}.{hint} Accepted: {', '.join(found)}, or the path of a .toml, .csv or "
+        ".csv.gz file"
     )
 
 
@@ -109,9 +115,11 @@ def _find() -> tuple[dict[str, Mission], dict[str, str]]:
             name = f"user:{path.stem}" if path.stem in found or path.stem in broken else path.stem
             try:
                 listed = Mission.from_toml(path, name)
-                if not listed.recording_path.is_file():
-                    raise MissionError(f"{path}: its recording {listed.recording_path.name} does not exist")
-                found[name] = listed
             except MissionError as error:
                 broken[name] = str(error)
+                continue
+            if listed.recording_path.is_file():
+                found[name] = listed
+            else:
+                broken[name] = f"{path}: its recording {listed.recording_path.name} does not exist"
     return found, broken

@@ -1,4 +1,4 @@
-"""Cessna: the aeroplane a pilot flies: instruments to read, controls to move, flown by JSBSim's equations of motion."""
+"""Cessna: the aeroplane a pilot flies: instruments to read, controls to move, flown by JSBSim."""
 
 from __future__ import annotations
 
@@ -147,8 +147,9 @@ class Cessna:
         Returns
         -------
         tuple of 12 floats
-            Latitude, longitude [rad], height above the ellipsoid [m], north, east, down velocity of the same point
-            (the centre of gravity) [m/s], roll, pitch, yaw [rad], true airspeed [m/s], alpha, beta [rad].
+            Latitude, longitude [rad], height above the ellipsoid [m], north, east, down velocity of the same
+            point (the centre of gravity) [m/s], roll, pitch, yaw [rad], true airspeed [m/s], alpha, beta
+            [rad].
         """
         fdm = self._fdm
         return (
@@ -168,7 +169,7 @@ class Cessna:
 
 
 def _executive(aircraft: str) -> Any:
-    # Read by JSBSim when it starts: without it a banner goes to standard output, where `--json` wants only JSON.
+    # JSBSim looks here when it starts; without it a banner goes to standard output, the caller's.
     os.environ["JSBSIM_DEBUG"] = "0"
     try:
         import jsbsim  # noqa: PLC0415

@@ -10,10 +10,11 @@ from pathlib import Path
 
 import numpy as np
 
+from lab.missions.atomic_file import atomic_file
 from lab.missions.catalogue import mission, own_folder, shipped_folder
 from lab.missions.cessna import STEP_MS, Cessna, Instruments
 from lab.missions.errors import MissionError
-from lab.missions.flight_csv import atomic_file, write_flight_csv
+from lab.missions.flight_csv import write_flight_csv
 from lab.missions.flight_plan import FlightPlan
 from lab.missions.mission import Mission
 from lab.missions.pilot import Pilot
@@ -33,8 +34,8 @@ def fly(
 ) -> Recording:
     """Fly a plan and return its record: one sample every 55 ms of simulator time, from rest.
 
-    The same plan and seed give the same bits on the same machine. The last sample is the first one not before the
-    plan's duration.
+    The same plan and seed give the same bits on the same machine. The last sample is the first one not before
+    the plan's duration.
 
     Parameters
     ----------
@@ -48,8 +49,8 @@ def fly(
     Raises
     ------
     MissionError
-        If JSBSim is missing, the aeroplane stalls, touches the ground or is lost, or the plan needs more time than it
-        has.
+        If JSBSim is missing, the aeroplane stalls, touches the ground or is lost, or the plan needs more time
+        than it has.
     """
     cessna = Cessna(plan, plan.seed if seed is None else seed)
     pilot = Pilot(plan, PILOT_MS / 1000)
@@ -94,7 +95,7 @@ def fly_mission(
     seed
         Seed of the turbulence, written into the new TOML file; the plan's own by default.
     folder
-        Where to write; by default the user's own folder for a shipped mission, or else the mission's own folder.
+        Where to write; by default the user's own folder for a shipped mission, or else the mission's folder.
     overwrite
         True replaces an existing recording and TOML file of that name.
     progress
@@ -135,7 +136,7 @@ def fly_mission(
                 file.write(content)
     except OSError as error:
         raise MissionError(f"{target}: cannot be written: {error.strerror or error}") from error
-    return Mission.from_toml(toml)
+    return mission(toml)
 
 
 def _target_folder(source: Path, folder: str | os.PathLike[str] | None) -> Path:

@@ -1,21 +1,18 @@
 """Flight csv: our own file of a flight, one named column per quantity, the unit in its name.
 
-One header line, then one row per sample, cells separated by commas, ``.csv`` or ``.csv.gz``. The columns may stand in
-any order; columns with other names are ignored. Lines starting with ``#`` may precede the header. UTF-8, with or
-without byte order mark; line ends LF or CRLF. Cells are not quoted.
+One header line, then one row per sample, cells separated by commas, ``.csv`` or ``.csv.gz``. The columns may
+stand in any order; columns with other names are ignored. Lines starting with ``#`` may precede the header.
+UTF-8, with or without byte order mark; line ends LF or CRLF. Cells are not quoted.
 """
 
 from __future__ import annotations
 
 import contextlib
+import csv
 import gzip
 import io
-import math
 import os
 import re
-import tempfile
-import zlib
-from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import BinaryIO, cast
@@ -23,8 +20,10 @@ from typing import BinaryIO, cast
 import numpy as np
 from numpy.typing import NDArray
 
+from lab.missions.atomic_file import atomic_file
 from lab.missions.errors import MissionError
 from lab.missions.recording import Recording
+from lab.missions.text_blocks import TextBlocks
 from lab.missions.units_check import check_units
 
 FloatArray = NDArray[np.float64]
@@ -36,7 +35,6 @@ MIN_SAMPLES = 4
 MAX_DURATION = 86_400.0
 """Longest flight accepted [s]."""
 
-_BLOCK = 8 * 2**20
 _NUMBER = re.compile(r"\s*[+-]?(\d+\.?\d*|\.\d+)(e[+-]?\d+)?\s*", re.IGNORECASE | re.ASCII)
 
 
@@ -65,13 +63,11 @@ class Column:
     @property
     def accepted(self) -> str:
         """What is accepted, in words."""
-        if math.isinf(self.high):
-            return "a decimal number"
-        return f"a number from {self.low:g} to {self.high:g}"
+        return f"a number from {self.low:.12g} to {self.high:.12g}"
 
 
 COLUMNS = (
-    Column("time_s", -math.inf, math.inf, 9),
+    Column("time_s", -1e10, 1e10, 9),
     Column("latitude_deg", -90, 90, 12),
     Column("longitude_deg", -360, 360, 12),
     Column("height_m", -1000, 100_000, 7),
@@ -81,7 +77,7 @@ COLUMNS = (
     Column("roll_deg", -360, 360, 9),
     Column("pitch_deg", -90, 90, 9),
     Column("yaw_deg", -360, 360, 9),
-    Column("airspeed_m_s", -1, 1000, 6, required=False),
+    Column("airspeed_m_s", -1000, 1000, 6, required=False),
     Column("alpha_deg", -180, 180, 7, required=False),
     Column("beta_deg", -180, 180, 7, required=False),
 )
@@ -104,30 +100,39 @@ def read_flight_csv(path: str | os.PathLike[str]) -> Recording:
     Raises
     ------
     MissionError
-        Naming file, row (the line number an editor shows) and column: if the file cannot be read or is too large, a
-        column is missing, a cell is not a finite number within its limits, time does not increase, or numbers look
-        like another unit (radians, knots).
+        Naming file, row (the line number an editor shows) and column: if the file cannot be read or is too
+        large, a column is missing, a cell is not a finite number within its limits, time does not increase,
+        or numbers look like another unit (radians, knots).
     """
     path = Path(path)
-    try:
-        size = _size(path)
-        if size > MAX_BYTES:
-            raise MissionError(
-                f"{path}: {size / 2**20:.0f} MB; accepted are files up to {MAX_BYTES / 2**20:.0f} MB"
-            )
-        with path.open("rb") as stored:
-            return _read(path, _Lines(path, stored))
-    except (OSError, EOFError, zlib.error, ValueError) as error:
-        if isinstance(error, MissionError):
-            raise
-        raise MissionError(f"{path}: cannot be read: {_reason(error)}") from error
+    with TextBlocks(path, MAX_BYTES) as text:
+        columns, indices, cells = _header(path, text)
+        first_line = text.next_line
+        parsed = [np.empty((0, len(columns)))]
+        blank_line = 0
+        for block in text.blocks():
+            rows = block.rstrip()
+            if rows:
+                if blank_line:
+                    raise MissionError(_blank(path, blank_line))
+                _check_cells(path, rows, text.next_line, cells)
+                values = _parse(path, text.decode(rows, text.next_line), text.next_line, columns, indices)
+                _check_values(path, values, text.next_line, columns)
+                parsed.append(values)
+            if block.count(b"\n", len(rows)) or not rows:
+                blank_line = blank_line or text.next_line + (rows.count(b"\n") + 1 if rows else 0)
+            text.next_line += block.count(b"\n") + 1
+    table = np.concatenate(parsed)
+    _check_time(path, table[:, 0], first_line)
+    check_units(str(path), table)
+    return _recording(columns, table)
 
 
 def write_flight_csv(path: str | os.PathLike[str], recording: Recording) -> None:
     """Write a flight csv, compressed if the name ends with ``.gz``; the file appears whole or not at all.
 
-    The same recording gives the same bytes. Precision: 1e-12° of position (0.1 µm), 0.1 µm of height, 10 nm/s,
-    1e-9° of attitude.
+    The same recording gives the same bytes. Precision: 1e-12° of position (0.1 µm), 0.1 µm of height,
+    10 nm/s of velocity, 1e-9° of attitude.
 
     Raises
     ------
@@ -140,7 +145,8 @@ def write_flight_csv(path: str | os.PathLike[str], recording: Recording) -> None
     if len(bad):
         row, column = bad[0]
         raise MissionError(
-            f"{path}: sample {row}: {columns[column].name} is {table[row, column]}; nothing written"
+            f"{path}: not written: {columns[column].name} of sample {row} is {table[row, column]}; accepted "
+            "are finite numbers"
         )
     try:
         with atomic_file(path) as file:
@@ -149,24 +155,10 @@ def write_flight_csv(path: str | os.PathLike[str], recording: Recording) -> None
             out = gzip.GzipFile("", "wb", 9, file, mtime=0) if compressed else contextlib.nullcontext(file)
             with out as stream:
                 _write_rows(cast(BinaryIO, stream), columns, table)
-    except OSError as error:
-        raise MissionError(f"{path}: cannot be written: {_reason(error)}") from error
-
-
-@contextlib.contextmanager
-def atomic_file(path: Path) -> Iterator[BinaryIO]:
-    """Open a file that takes its name only when everything has been written to it."""
-    handle, temporary = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.")
-    try:
-        with os.fdopen(handle, "wb") as file:
-            yield file
-        umask = os.umask(0)
-        os.umask(umask)
-        Path(temporary).chmod(0o666 & ~umask)
-        Path(temporary).replace(path)
-    except BaseException:
-        Path(temporary).unlink(missing_ok=True)
-        raise
+    except (OSError, ValueError) as error:
+        raise MissionError(
+            f"{path}: cannot be written: {getattr(error, 'strerror', None) or error}"
+        ) from error
 
 
 def _table(recording: Recording) -> tuple[list[Column], FloatArray]:
@@ -192,91 +184,13 @@ def _write_rows(out: BinaryIO, columns: list[Column], table: FloatArray) -> None
         out.write("".join(form % tuple(row) for row in table[start : start + 10_000].tolist()).encode())
 
 
-class _Lines:
-    """The lines of a file, in blocks of bytes that end with a line end, and the number of the next line."""
-
-    def __init__(self, path: Path, stored: BinaryIO) -> None:
-        self._path = path
-        self._stream = gzip.GzipFile(fileobj=stored) if path.suffix == ".gz" else stored
-        self._rest = b""
-        self._read = 0
-        self.next_line = 1
-
-    def header(self) -> list[str]:
-        """Read up to and including the header and return its cells.
-
-        Raises
-        ------
-        MissionError
-            If there is none.
-        """
-        self._fill()
-        self._rest = self._rest.removeprefix(b"\xef\xbb\xbf")
-        while self._rest:
-            line, _, self._rest = self._rest.partition(b"\n")
-            self.next_line += 1
-            if line.strip() and not line.startswith(b"#"):
-                return [cell.strip() for cell in self._text(line, self.next_line - 1).split(",")]
-        raise MissionError(
-            f"{self._path}: the file is empty; accepted is a header line and rows: {_columns()}"
-        )
-
-    def blocks(self) -> Iterator[str]:
-        """Iterate over what follows, without the last line end; the caller counts `next_line` on."""
-        while self._rest or self._fill():
-            block, self._rest = self._rest, b""
-            yield self._text(block.removesuffix(b"\n"), self.next_line)
-
-    def _fill(self) -> bool:
-        parts = []
-        while not parts or b"\n" not in parts[-1]:
-            parts.append(self._stream.read(_BLOCK))
-            self._read += len(parts[-1])
-            if self._read > MAX_BYTES:
-                raise MissionError(f"{self._path}: more than {MAX_BYTES / 2**20:.0f} MB when decompressed")
-            if not parts[-1]:
-                break
-        rest_of_line = b"" if not parts[-1] or parts[-1].endswith(b"\n") else self._stream.readline(MAX_BYTES)
-        self._read += len(rest_of_line)
-        text = b"".join([*parts, rest_of_line])
-        if b"\r" in text:
-            text = text.replace(b"\r\n", b"\n").replace(b"\r", b"\n")
-        self._rest = text
-        return bool(text)
-
-    def _text(self, block: bytes, first_line: int) -> str:
-        start = block.find(b"\0")
-        try:
-            if start < 0:
-                return block.decode()
-        except UnicodeDecodeError as error:
-            start = error.start
-        line = first_line + block.count(b"\n", 0, start)
-        raise MissionError(f"{self._path}, row {line}: this is not text; accepted is a csv file in UTF-8")
-
-
-def _read(path: Path, lines: _Lines) -> Recording:
-    header = lines.header()
-    columns, indices = _find_columns(path, header, lines.next_line - 1)
-    first_line = lines.next_line
-    parsed = [np.empty((0, len(columns)))]
-    blank_line = 0
-    for block in lines.blocks():
-        filled = block.rstrip()
-        if filled and blank_line:
-            raise MissionError(f"{path}, row {blank_line}: the row is empty; accepted is one sample per row")
-        if filled:
-            values = _parse(path, filled, lines.next_line, columns, indices, len(header))
-            _check_values(path, values, lines.next_line, columns)
-            parsed.append(values)
-        if len(filled) < len(block.rstrip(" \t")):
-            blank_line = blank_line or lines.next_line + (filled.count("\n") + 1 if filled else 0)
-        lines.next_line += block.count("\n") + 1
-    table = np.concatenate(parsed)
-    del parsed
-    _check_time(path, table[:, 0], first_line)
-    check_units(str(path), table)
-    return _recording(columns, table)
+def _header(path: Path, text: TextBlocks) -> tuple[list[Column], list[int], int]:
+    """Read up to the header; return our columns, their places in it, and how many cells it has."""
+    for line in text.lines():
+        if line.strip() and not line.startswith("#"):
+            header = [cell.strip() for cell in line.split(",")]
+            return *_find_columns(path, header, text.next_line - 1), len(header)
+    raise MissionError(f"{path}: the file is empty; accepted is a header line and rows. {_all_columns()}")
 
 
 def _find_columns(path: Path, header: list[str], line: int) -> tuple[list[Column], list[int]]:
@@ -285,7 +199,7 @@ def _find_columns(path: Path, header: list[str], line: int) -> tuple[list[Column
         hint = " Cells are separated by commas, not semicolons." if ";" in "".join(header) else ""
         noun = "column" if len(missing) == 1 else "columns"
         raise MissionError(
-            f"{path}, row {line}: {noun} {', '.join(missing)} missing in the header.{hint} {_columns()}"
+            f"{path}, row {line}: {noun} {', '.join(missing)} missing in the header.{hint} {_all_columns()}"
         )
     columns = [column for column in COLUMNS if column.name in header]
     for column in columns:
@@ -294,39 +208,48 @@ def _find_columns(path: Path, header: list[str], line: int) -> tuple[list[Column
     return columns, [header.index(column.name) for column in columns]
 
 
-def _parse(
-    path: Path, block: str, line: int, columns: list[Column], indices: list[int], cells: int
-) -> FloatArray:
-    _check_cells(path, block, line, cells)
-    try:
-        return np.loadtxt(io.StringIO(block), delimiter=",", usecols=indices, comments=None, ndmin=2)
-    except ValueError as error:
-        for number, row in enumerate(block.split("\n"), line):
-            texts = row.split(",")
-            for column, index in zip(columns, indices, strict=True):
-                if not _NUMBER.fullmatch(texts[index]):
-                    raise MissionError(_wrong(path, number, column, texts[index].strip())) from error
-        raise
-
-
-def _check_cells(path: Path, block: str, line: int, cells: int) -> None:
-    characters = np.frombuffer(block.encode(), dtype=np.uint8)
+def _check_cells(path: Path, rows: bytes, line: int, cells: int) -> None:
+    characters = np.frombuffer(rows, dtype=np.uint8)
     ends = np.append(np.flatnonzero(characters == ord("\n")), len(characters))
-    counts = np.diff(np.searchsorted(np.flatnonzero(characters == ord(",")), ends), prepend=0) + 1
+    commas = np.flatnonzero(characters == ord(","))
+    counts = np.diff(np.searchsorted(commas, ends), prepend=0) + 1
     wrong = np.flatnonzero(counts != cells)
     if len(wrong):
-        number, count = line + int(wrong[0]), int(counts[wrong[0]])
-        if not block.split("\n")[wrong[0]].strip():
-            raise MissionError(f"{path}, row {number}: the row is empty; accepted is one sample per row")
+        row, count = int(wrong[0]), int(counts[wrong[0]])
+        if not rows.split(b"\n", row + 1)[row].strip():
+            raise MissionError(_blank(path, line + row))
         raise MissionError(
-            f"{path}, row {number}: {count} cells; accepted are {cells}, as many as in the header"
+            f"{path}, row {line + row}: {count} cells; accepted are {cells}, as many as in the header"
         )
+
+
+def _parse(path: Path, rows: str, line: int, columns: list[Column], indices: list[int]) -> FloatArray:
+    import pandas as pd  # noqa: PLC0415 - slow to import, and only reading needs it
+
+    try:
+        frame = pd.read_csv(
+            io.StringIO(rows), header=None, index_col=False, usecols=indices, dtype=np.float64, engine="c",
+            na_filter=False, quoting=csv.QUOTE_NONE, skip_blank_lines=False, low_memory=False,
+        )  # fmt: skip
+    except (ValueError, OverflowError) as error:
+        raise MissionError(_culprit(path, rows, line, columns, indices)) from error
+    return np.ascontiguousarray(frame[indices].to_numpy())
+
+
+def _culprit(path: Path, rows: str, line: int, columns: list[Column], indices: list[int]) -> str:
+    """Return the message for the first cell that is not a number; only called when there is one."""
+    for number, row in enumerate(rows.split("\n"), line):
+        cells = row.split(",")
+        for column, index in zip(columns, indices, strict=True):
+            if not _NUMBER.fullmatch(cells[index]):
+                return _wrong(path, number, column, cells[index].strip())
+    return f"{path}, from row {line}: cells that are not numbers"
 
 
 def _check_values(path: Path, values: FloatArray, line: int, columns: list[Column]) -> None:
     low = np.array([column.low for column in columns])
     high = np.array([column.high for column in columns])
-    good = np.isfinite(values) & (values >= low) & (values <= high)
+    good = (values >= low) & (values <= high)
     if not good.all():
         row, index = np.argwhere(~good)[0]
         raise MissionError(_wrong(path, line + int(row), columns[index], f"{values[row, index]:.9g}"))
@@ -334,25 +257,28 @@ def _check_values(path: Path, values: FloatArray, line: int, columns: list[Colum
 
 def _check_time(path: Path, time: FloatArray, first_line: int) -> None:
     if len(time) < MIN_SAMPLES:
-        raise MissionError(f"{path}: {len(time)} rows of samples; accepted are at least {MIN_SAMPLES}")
+        raise MissionError(
+            f"{path}: the file ends after {len(time)} rows of samples; accepted are at least {MIN_SAMPLES}, "
+            "for a smooth curve through them"
+        )
     back = np.flatnonzero(np.diff(time) <= 0)
     if len(back):
         row = int(back[0]) + 1
         word = "repeats" if time[row] == time[row - 1] else "runs backwards"
         raise MissionError(
-            f"{path}, row {first_line + row}, column time_s: time {word}, from {time[row - 1]:.9g} to {time[row]:.9g}; "
-            "accepted is time that increases from row to row"
+            f"{path}, row {first_line + row}, column time_s: time {word}, from {time[row - 1]:.12g} to "
+            f"{time[row]:.12g}; accepted is time that increases from row to row"
         )
     if time[-1] - time[0] > MAX_DURATION:
         row = int(np.argmax(time - time[0] > MAX_DURATION))
         raise MissionError(
-            f"{path}, row {first_line + row}, column time_s: {time[row] - time[0]:.9g} s after the first sample; accepted are "
-            f"flights up to {MAX_DURATION:g} s, with time in seconds"
+            f"{path}, row {first_line + row}, column time_s: {time[row] - time[0]:.9g} s after the first "
+            f"sample; accepted are flights up to {MAX_DURATION:g} s, with time in seconds"
         )
 
 
 def _recording(columns: list[Column], table: FloatArray) -> Recording:
-    optional = {column.name: table[:, index] for index, column in enumerate(columns) if not column.required}
+    optional = {column.name: table[:, i] for i, column in enumerate(columns) if not column.required}
     airspeed, alpha, beta = (optional.get(name) for name in ("airspeed_m_s", "alpha_deg", "beta_deg"))
     return Recording(
         time=table[:, 0],
@@ -373,26 +299,11 @@ def _wrong(path: Path, line: int, column: Column, text: str) -> str:
     return f"{path}, row {line}, column {column.name}: {what}; accepted is {column.accepted}"
 
 
-def _columns() -> str:
+def _blank(path: Path, line: int) -> str:
+    return f"{path}, row {line}: the row is empty; accepted is one sample per row"
+
+
+def _all_columns() -> str:
     required = ", ".join(column.name for column in COLUMNS if column.required)
     optional = ", ".join(column.name for column in COLUMNS if not column.required)
     return f"Columns: {required}; optional: {optional}."
-
-
-def _size(path: Path) -> int:
-    if path.is_dir():
-        raise MissionError(f"{path}: is a folder; accepted is a csv file")
-    if not path.exists():
-        raise MissionError(f"{path}: there is no such file")
-    if not path.is_file():
-        raise MissionError(f"{path}: is not an ordinary file; accepted is a csv file")
-    return path.stat().st_size
-
-
-def _reason(error: BaseException) -> str:
-    text = getattr(error, "strerror", None) or str(error) or type(error).__name__
-    return (
-        f"not a complete gzip file ({text})"
-        if isinstance(error, EOFError | zlib.error | gzip.BadGzipFile)
-        else text
-    )

@@ -1,4 +1,4 @@
-"""FlightPlan: where a flight starts, in what air, and its manoeuvres, as plain data of a mission's TOML file."""
+"""FlightPlan: where a flight starts, in what air, and its manoeuvres: plain data of a mission's TOML file."""
 
 from __future__ import annotations
 

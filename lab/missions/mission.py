@@ -6,7 +6,7 @@ import difflib
 import hashlib
 import tomllib
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 from typing import Any
@@ -24,7 +24,7 @@ _TEXTS = ("title", "description", "origin", "aircraft", "airport", "recording")
 _KEYS = (*_TEXTS, "tags", "flight")
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False, repr=False)
 class Mission:
     """A flight that can be navigated.
 
@@ -57,7 +57,7 @@ class Mission:
     airport: str = ""
     tags: tuple[str, ...] = ()
     path: Path | None = None
-    flight: Mapping[str, Any] | None = field(default=None, repr=False)
+    flight: Mapping[str, Any] | None = None
 
     @classmethod
     def from_toml(cls, path: Path, name: str | None = None) -> Mission:
@@ -73,7 +73,7 @@ class Mission:
         Raises
         ------
         MissionError
-            If the file cannot be read, has a key or value that is not accepted, or names a recording elsewhere.
+            If the file cannot be read, or has a key or value that is not accepted.
         """
         values = _read_toml(path)
         _check_keys(path, values)
@@ -133,6 +133,10 @@ class Mission:
             raise MissionError(f"mission {self.name}: has no [flight] table, so it cannot be flown again")
         return FlightPlan.from_dict(self.flight, f"{self.path}, flight")
 
+    def __repr__(self) -> str:
+        facts = [text for text in (self.title, self.aircraft, self.airport) if text]
+        return f"<Mission {self.name}: {', '.join(facts)}>"
+
     def _repr_html_(self) -> str:
         try:
             return mission_html(self, self.recording)
@@ -178,7 +182,7 @@ def _inside(path: Path, recording: str) -> Path:
     plain = not set("/\\:\0") & set(recording) and recording not in {".", ".."}
     if not plain or where.resolve().parent != path.parent.resolve():
         raise MissionError(
-            f"{path}: recording = {recording!r}; accepted is the plain name of a file in the same folder, such as "
-            f'"{path.stem}.csv.gz"'
+            f"{path}: recording = {recording!r}; accepted is the plain name of a file in the same folder, "
+            f'such as "{path.stem}.csv.gz"'
         )
     return where

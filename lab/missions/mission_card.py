@@ -47,7 +47,7 @@ def mission_html(mission: Mission, recording: Recording | str) -> str:
     )
     return (
         f'<div>{title}{description}<div style="display:flex;flex-wrap:wrap;gap:16px;align-items:flex-start">'
-        f"<table>{rows}</table>{_track(recording)}{_profile(recording)}</div></div>"
+        f'<table style="max-width:440px">{rows}</table>{_track(recording)}{_profile(recording)}</div></div>'
     )
 
 
@@ -55,6 +55,7 @@ def _facts(recording: Recording) -> dict[str, str]:
     speed = np.linalg.norm(recording.velocity_n, axis=1)
     step = np.median(np.diff(recording.time))
     path = np.sum(np.diff(recording.time) * (speed[1:] + speed[:-1]) / 2)
+    roll = np.degrees(recording.euler[:, 0])
     start = np.degrees([recording.latitude[0], recording.longitude[0]])
     return {
         "Duration": f"{recording.duration:.2f} s, {len(recording.time)} samples every {1000 * step:.3g} ms",
@@ -62,7 +63,7 @@ def _facts(recording: Recording) -> dict[str, str]:
         "Height": f"{recording.height.min():.0f} to {recording.height.max():.0f} m above the ellipsoid",
         "Speed": f"up to {speed.max():.1f} m/s over the Earth",
         "Path": f"{path / 1000:.2f} km",
-        "Roll": f"{np.degrees(recording.euler[:, 0].min()):.0f}° to {np.degrees(recording.euler[:, 0].max()):.0f}°",
+        "Roll": f"{roll.min():.0f}° to {roll.max():.0f}°",
     }
 
 

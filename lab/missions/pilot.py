@@ -1,7 +1,8 @@
-"""Pilot: flies the manoeuvres of a plan by moving the controls, one loop inside the other as a textbook draws them.
+"""Pilot: flies the manoeuvres of a plan by moving the controls, one loop inside the other.
 
-Heading → bank → aileron; height → rate of climb → pitch → elevator; airspeed → throttle; sideslip and yaw rate →
-rudder; on the runway heading → nose wheel. B. L. Stevens, F. L. Lewis, *Aircraft Control and Simulation*, ch. 4.
+Heading → bank → aileron; height → rate of climb → pitch → elevator; airspeed → throttle; sideslip and yaw
+rate → rudder; on the runway heading → nose wheel. After B. L. Stevens and F. L. Lewis, *Aircraft Control and
+Simulation*, ch. 4.
 """
 
 from __future__ import annotations

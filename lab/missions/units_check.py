@@ -1,7 +1,7 @@
 """Units check: whether a flight's own numbers contradict the units they claim, such as radians for degrees.
 
-The position's change and the integral of the recorded velocity are the same path, and an aeroplane points roughly
-where it goes; a wrong unit breaks one of the two by a known factor.
+The position's change and the integral of the recorded velocity are the same path, and an aeroplane points
+roughly where it goes; a wrong unit breaks one of the two by a known factor.
 """
 
 from __future__ import annotations
@@ -29,8 +29,8 @@ def check_units(where: str, table: FloatArray) -> None:
     where
         Name of the file, for the message.
     table : (n, 10 or more) array
-        Time [s], latitude, longitude [°], height [m], velocity north, east, down [m/s], roll, pitch, yaw [°]; values
-        within their limits and time increasing.
+        Time [s], latitude, longitude [°], height [m], velocity north, east, down [m/s], roll, pitch, yaw [°];
+        values within their limits and time increasing.
 
     Raises
     ------
@@ -46,19 +46,20 @@ def check_units(where: str, table: FloatArray) -> None:
             as_radians = _path_ratio(time, latitude, longitude, velocity)
         if as_radians is not None and _near(as_radians, 1.0):
             raise MissionError(
-                f"{where}, every row, columns latitude_deg and longitude_deg: the numbers are radians (they then fit the "
-                f"velocity, as degrees the flight moves {1 / ratio:.0f} times too slowly); accepted are degrees"
+                f"{where}, every row, columns latitude_deg and longitude_deg: the numbers look like radians "
+                f"(as degrees the aircraft moves {1 / ratio:.0f} times more slowly than its velocity says); "
+                "accepted are degrees"
             )
         for factor, unit in _VELOCITY_UNITS.items():
             if _near(ratio, factor):
                 raise MissionError(
-                    f"{where}, every row, columns velocity_north_m_s and velocity_east_m_s: the numbers look like {unit} "
-                    f"(the position changes {ratio:.3g} times as fast); accepted are m/s"
+                    f"{where}, every row, columns velocity_north_m_s and velocity_east_m_s: the numbers look "
+                    f"like {unit} (the position changes {ratio:.3g} times as fast); accepted are m/s"
                 )
         if _near(ratio, 1e-3):
             raise MissionError(
-                f"{where}, every row, column time_s: the numbers look like milliseconds (the position changes 1000 times "
-                "more slowly than the velocity says); accepted are seconds"
+                f"{where}, every row, column time_s: the numbers look like milliseconds (the position "
+                "changes 1000 times more slowly than the velocity says); accepted are seconds"
             )
     _check_attitude(where, table)
 
@@ -66,7 +67,7 @@ def check_units(where: str, table: FloatArray) -> None:
 def _path_ratio(
     time: FloatArray, latitude: FloatArray, longitude: FloatArray, velocity: FloatArray
 ) -> float | None:
-    """Return the path by position over the path by velocity, in the sense of least squares over legs of the flight.
+    """Return the path by position over the path by velocity, by least squares over legs of the flight.
 
     None if the aircraft hardly moves, or the two paths have nothing to do with each other.
     """
@@ -101,8 +102,8 @@ def _check_attitude(where: str, table: FloatArray) -> None:
     off_as_radians = _rms_angle(yaw[moving] - course)
     if off_as_degrees > np.radians(20) and off_as_radians < off_as_degrees / 3:
         raise MissionError(
-            f"{where}, every row, columns roll_deg, pitch_deg and yaw_deg: the numbers are radians (no angle exceeds 2π, and "
-            "yaw follows the course only when read as radians); accepted are degrees"
+            f"{where}, every row, columns roll_deg, pitch_deg and yaw_deg: the numbers look like radians (no "
+            "angle exceeds 2π, and yaw follows the course only when read as radians); accepted are degrees"
         )
 
 

@@ -1,0 +1,149 @@
+"""TextBlocks: a text file, perhaps compressed, read in blocks of whole lines up to a limit of bytes."""
+
+from __future__ import annotations
+
+import gzip
+import zlib
+from collections.abc import Iterator
+from pathlib import Path
+from types import TracebackType
+from typing import BinaryIO, Self
+
+from lab.missions.errors import MissionError
+
+_BLOCK = 8 * 2**20
+
+
+class TextBlocks:
+    """An open text file in UTF-8, compressed if its name ends with ``.gz``; a context manager.
+
+    Every error, of the file system, of the compression or of the text, leaves the ``with`` block as a
+    `MissionError` that names the file.
+
+    Parameters
+    ----------
+    path : Path
+        The file.
+    limit : int
+        Most bytes accepted, stored as well as decompressed.
+
+    Attributes
+    ----------
+    next_line : int
+        Number of the line that is read next, counted from 1 as an editor does; whoever reads `blocks` counts
+        it on.
+    """
+
+    def __init__(self, path: Path, limit: int) -> None:
+        self._path = path
+        self._limit = limit
+        self._left = limit
+        self._rest = b""
+        self._file: BinaryIO | None = None
+        self._stream: BinaryIO | gzip.GzipFile | None = None
+        self.next_line = 1
+
+    def __enter__(self) -> Self:
+        try:
+            self._check_file()
+            self._file = self._path.open("rb")
+        except (OSError, ValueError) as error:
+            raise self._error(error) from error
+        self._stream = gzip.GzipFile(fileobj=self._file) if self._path.suffix == ".gz" else self._file
+        self._fill()
+        self._rest = self._rest.removeprefix(b"\xef\xbb\xbf")
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        if self._file is not None:
+            self._file.close()
+
+    def lines(self) -> Iterator[str]:
+        """Iterate over the lines, without their ends; stop when enough are read, and go on with `blocks`."""
+        while self._rest or self._fill():
+            line, _, self._rest = self._rest.partition(b"\n")
+            self.next_line += 1
+            yield self.decode(line, self.next_line - 1)
+
+    def blocks(self) -> Iterator[bytes]:
+        """Iterate over blocks of whole lines, without the last line's end."""
+        while self._rest or self._fill():
+            block, self._rest = self._rest, b""
+            yield block.removesuffix(b"\n")
+
+    def decode(self, block: bytes, first_line: int) -> str:
+        """Return bytes as text.
+
+        Parameters
+        ----------
+        block
+            Whole lines.
+        first_line
+            Number of the first of them.
+
+        Raises
+        ------
+        MissionError
+            Naming the line that is not text in UTF-8.
+        """
+        start = block.find(b"\0")
+        try:
+            if start < 0:
+                return block.decode()
+        except UnicodeDecodeError as error:
+            start = error.start
+        line = first_line + block.count(b"\n", 0, start)
+        raise MissionError(f"{self._path}, row {line}: this is not text; accepted is text in UTF-8")
+
+    def _check_file(self) -> None:
+        if self._path.is_dir():
+            raise MissionError(f"{self._path}: is a folder; accepted is a file")
+        if not self._path.exists():
+            raise MissionError(f"{self._path}: there is no such file")
+        # A pipe or a device could keep a reader waiting for ever.
+        if not self._path.is_file():
+            raise MissionError(f"{self._path}: is not an ordinary file")
+        size = self._path.stat().st_size
+        if size > self._limit:
+            raise MissionError(
+                f"{self._path}: {size / 2**20:.0f} MB; accepted are files up to {self._megabytes}"
+            )
+
+    def _fill(self) -> bool:
+        try:
+            self._rest = self._read_lines()
+        except (OSError, EOFError, zlib.error) as error:
+            raise self._error(error) from error
+        if b"\r" in self._rest:
+            self._rest = self._rest.replace(b"\r\n", b"\n").replace(b"\r", b"\n")
+        return bool(self._rest)
+
+    def _read_lines(self) -> bytes:
+        parts = [self._read(_BLOCK)]
+        while parts[-1] and b"\n" not in parts[-1]:
+            parts.append(self._read(_BLOCK))
+        if parts[-1] and not parts[-1].endswith(b"\n"):
+            parts.append(self._read(self._limit, line=True))
+        return b"".join(parts)
+
+    def _read(self, size: int, line: bool = False) -> bytes:
+        assert self._stream is not None
+        size = min(size, self._left + 1)
+        data = self._stream.readline(size) if line else self._stream.read(size)
+        self._left -= len(data)
+        if self._left < 0:
+            raise MissionError(f"{self._path}: accepted are files up to {self._megabytes} when decompressed")
+        return data
+
+    @property
+    def _megabytes(self) -> str:
+        return f"{self._limit / 2**20:.0f} MB"
+
+    def _error(self, error: Exception) -> MissionError:
+        if isinstance(error, MissionError):
+            return error
+        if isinstance(error, EOFError | zlib.error | gzip.BadGzipFile):
+            return MissionError(f"{self._path}: is not a complete gzip file ({error})")
+        return MissionError(f"{self._path}: cannot be read: {getattr(error, 'strerror', None) or error}")
