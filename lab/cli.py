@@ -58,6 +58,11 @@ class Commands(typer.core.TyperGroup):
         except (CommandError, MissionError, SettingError) as error:
             print(f"ins-lab: {error}", file=sys.stderr)
             raise typer.Exit(2) from error
+        except OSError as error:
+            if error.filename is None:  # such as a closed pipe
+                raise
+            print(f"ins-lab: {error.filename}: {error.strerror}", file=sys.stderr)
+            raise typer.Exit(2) from error
 
 
 app = typer.Typer(
@@ -231,9 +236,8 @@ def _single(mission: str) -> str:
         return mission
     inside = [str(path) for path in sorted(Path(mission).glob("*.toml"))]
     if len(inside) != 1:
-        raise CommandError(
-            f"{mission}: is a folder; accepted is one mission: {', '.join(inside) or 'but it holds none'}"
-        )
+        holds = ", ".join(inside) or "no mission"
+        raise CommandError(f"{mission}: is a folder; accepted is one mission's .toml file (it holds {holds})")
     return inside[0]
 
 

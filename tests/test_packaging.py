@@ -98,4 +98,4 @@ def test_quick_commands_load_neither_compiler_nor_web_server(arguments: list[str
     done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True)
     code, modules = json.loads(done.stdout.splitlines()[-1])
     assert not code
-    assert not {"numba", "panel", "bokeh", "holoviews", "viser", "xarray", "pandas"} & set(modules)
+    assert not {"numba", "panel", "bokeh", "holoviews", "viser", "xarray"} & set(modules)
