@@ -28,7 +28,7 @@ def own_folder() -> Path:
     """
     named = os.environ.get(OWN_FOLDER_VARIABLE)
     if named:
-        return Path(named).expanduser()
+        return _expanded(named)
     from platformdirs import user_data_path  # noqa: PLC0415 - only needed without the variable
 
     return user_data_path("ins-lab", appauthor=False) / "missions"
@@ -68,13 +68,13 @@ def mission(name_or_path: str | os.PathLike[str]) -> Mission:
     text = os.fspath(name_or_path)
     found, broken = _find()
     if text.lower().endswith(".toml"):
-        path = Path(text).expanduser()
+        path = _expanded(text)
         listed = [
-            one for one in found.values() if one.path is not None and one.path.resolve() == path.resolve()
+            one for one in found.values() if one.path is not None and one.path.absolute() == path.absolute()
         ]
         return listed[0] if listed else Mission.from_toml(path, name=str(path))
     if text.lower().endswith((".csv", ".csv.gz")):
-        return _from_csv(Path(text).expanduser())
+        return _from_csv(_expanded(text))
     if text in found:
         return found[text]
     if text in broken:
@@ -85,6 +85,13 @@ def mission(name_or_path: str | os.PathLike[str]) -> Mission:
         f"there is no mission {text!r}.{hint} Accepted: {', '.join(found)}, or the path of a .toml, .csv or "
         ".csv.gz file"
     )
+
+
+def _expanded(text: str) -> Path:
+    try:
+        return Path(text).expanduser()
+    except RuntimeError:  # "~somebody" with no such user
+        return Path(text)
 
 
 def _from_csv(path: Path) -> Mission:
@@ -103,7 +110,7 @@ def _find() -> tuple[dict[str, Mission], dict[str, str]]:
     found: dict[str, Mission] = {}
     broken: dict[str, str] = {}
     folders = [shipped_folder()]
-    if own_folder().resolve() != folders[0].resolve():
+    if own_folder().absolute() != folders[0].absolute():
         folders.append(own_folder())
     for folder in folders:
         try:
@@ -121,5 +128,6 @@ def _find() -> tuple[dict[str, Mission], dict[str, str]]:
             if listed.recording_path.is_file():
                 found[name] = listed
             else:
-                broken[name] = f"{path}: its recording {listed.recording_path.name} does not exist"
+                hint = "; fly it: ins-lab fly " + str(path) if listed.flight else ""
+                broken[name] = f"{path}: its recording {listed.recording_path.name} does not exist{hint}"
     return found, broken

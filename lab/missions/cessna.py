@@ -75,9 +75,7 @@ class Cessna:
     Parameters
     ----------
     plan : FlightPlan
-        Gives the runway and the air.
-    seed : int
-        Seed of the turbulence.
+        Gives the runway, the air and the seed of its turbulence.
 
     Raises
     ------
@@ -85,7 +83,7 @@ class Cessna:
         If JSBSim is not installed or refuses the aircraft.
     """
 
-    def __init__(self, plan: FlightPlan, seed: int) -> None:
+    def __init__(self, plan: FlightPlan) -> None:
         self._fdm = _executive(plan.aircraft)
         runway, fdm = plan.runway, self._fdm
         fdm["ic/lat-geod-deg"] = runway.latitude_deg
@@ -93,7 +91,7 @@ class Cessna:
         fdm["ic/terrain-elevation-ft"] = runway.height_m / _FOOT
         fdm["ic/h-agl-ft"] = 4.36
         fdm["ic/psi-true-deg"] = runway.heading_deg
-        fdm["simulation/randomseed"] = seed
+        fdm["simulation/randomseed"] = plan.seed
         if not fdm.run_ic():
             raise MissionError("JSBSim could not place the aircraft on the runway")
         fdm["simulation/integrator/position/rotational"] = 8
@@ -170,7 +168,7 @@ class Cessna:
 
 def _executive(aircraft: str) -> Any:
     # JSBSim looks here when it starts; without it a banner goes to standard output, the caller's.
-    os.environ["JSBSIM_DEBUG"] = "0"
+    os.environ.setdefault("JSBSIM_DEBUG", "0")
     try:
         import jsbsim  # noqa: PLC0415
     except ImportError as error:

@@ -52,7 +52,7 @@ def fly(
         If JSBSim is missing, the aeroplane stalls, touches the ground or is lost, or the plan needs more time
         than it has.
     """
-    cessna = Cessna(plan, plan.seed if seed is None else seed)
+    cessna = Cessna(plan if seed is None else plan.with_seed(seed))
     pilot = Pilot(plan, PILOT_MS / 1000)
     count = math.ceil(round(plan.duration_s * 1000) / SAMPLE_MS) + 1
     samples = np.empty((count, 12))
@@ -112,31 +112,31 @@ def fly_mission(
         If files exist already and may not be replaced, or as for `fly`; nothing is written then.
     """
     flown = mission(name_or_path)
-    plan = flown.plan
-    source = flown.path
+    plan, source = flown.plan, flown.path
     assert source is not None  # only a TOML file has a plan
     target = _target_folder(source, folder)
-    toml = target / source.name
-    content = _toml_with_seed(source, None if seed in {None, plan.seed} else seed)
-    recording_path = target / flown.recording_path.name
-    changed = [recording_path]
-    if not toml.is_file() or toml.read_bytes() != content:
-        changed.append(toml)
-    existing = [str(path) for path in changed if path.exists()]
-    if existing and not overwrite:
-        raise MissionError(
-            f"{' and '.join(existing)} would be replaced: say so (overwrite), or choose another folder"
-        )
-    recording = fly(plan, seed, progress)
+    toml, recording_path = target / source.name, target / flown.recording_path.name
     try:
+        content = _toml_with_seed(source, None if seed in {None, plan.seed} else seed)
+        same_toml = toml.is_file() and toml.read_bytes() == content
+        _check_free([recording_path] if same_toml else [recording_path, toml], overwrite)
+        recording = fly(plan, seed, progress)
         target.mkdir(parents=True, exist_ok=True)
         write_flight_csv(recording_path, recording)
-        if toml in changed:
+        if not same_toml:
             with atomic_file(toml) as file:
                 file.write(content)
     except OSError as error:
-        raise MissionError(f"{target}: cannot be written: {error.strerror or error}") from error
+        raise MissionError(f"{target}: {error.strerror or error}") from error
     return mission(toml)
+
+
+def _check_free(paths: list[Path], overwrite: bool) -> None:
+    existing = [str(path) for path in paths if path.exists()]
+    if existing and not overwrite:
+        raise MissionError(
+            f"{' and '.join(existing)} would be replaced: allow it with overwrite, or choose another folder"
+        )
 
 
 def _target_folder(source: Path, folder: str | os.PathLike[str] | None) -> Path:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import difflib
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import MISSING, dataclass, fields
+from dataclasses import MISSING, dataclass, fields, replace
 from typing import Any, ClassVar, TypeVar, get_type_hints
 
 from lab.missions.errors import MissionError
@@ -227,6 +227,16 @@ class FlightPlan:
             parts["manoeuvres"] = _manoeuvres(values.pop("manoeuvres"), f"{where}.manoeuvres")
         return _part(cls, values, where, parts)
 
+    def with_seed(self, seed: int) -> FlightPlan:
+        """Return the same plan with another seed.
+
+        Raises
+        ------
+        MissionError
+            If the seed is not accepted.
+        """
+        return replace(self, seed=_accept(FlightPlan, "seed", int, seed, "flight"))
+
 
 def _manoeuvres(entries: Any, where: str) -> tuple[Manoeuvre, ...]:
     if not isinstance(entries, Sequence) or isinstance(entries, str) or not entries:
@@ -235,12 +245,11 @@ def _manoeuvres(entries: Any, where: str) -> tuple[Manoeuvre, ...]:
     height = 0.0
     for number, entry in enumerate(entries, 1):
         here = f"{where}, number {number}"
-        if not isinstance(entry, Mapping) or entry.get("do") not in _MANOEUVRES:
-            given = entry.get("do") if isinstance(entry, Mapping) else entry
+        word = entry.get("do") if isinstance(entry, Mapping) else entry
+        if not isinstance(entry, Mapping) or not isinstance(word, str) or word not in _MANOEUVRES:
             raise MissionError(
-                f"{here}: do = {given!r} is not a manoeuvre; accepted: {', '.join(_MANOEUVRES)}"
+                f"{here}: do = {word!r} is not a manoeuvre; accepted: {', '.join(_MANOEUVRES)}"
             )
-        word = entry["do"]
         manoeuvre = _part(_MANOEUVRES[word], {k: v for k, v in entry.items() if k != "do"}, here)
         if (word == "take_off") != (number == 1):
             raise MissionError(f"{here}: {word}; a flight begins with take_off, and takes off once")

@@ -180,7 +180,8 @@ def _inside(path: Path, recording: str) -> Path:
     """Return the path of a recording beside its TOML file, refusing names that lead elsewhere."""
     where = path.parent / recording
     plain = not set("/\\:\0") & set(recording) and recording not in {".", ".."}
-    if not plain or where.resolve().parent != path.parent.resolve():
+    # A link of a plain name may still lead out of the folder.
+    if not plain or (where.is_symlink() and where.readlink().parent != Path()):
         raise MissionError(
             f"{path}: recording = {recording!r}; accepted is the plain name of a file in the same folder, "
             f'such as "{path.stem}.csv.gz"'
