@@ -9,6 +9,7 @@ P. D. Groves, *Principles of GNSS, Inertial and Multisensor Integrated Navigatio
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
@@ -156,16 +157,17 @@ class Filter(NamedTuple):
     state: FloatArray
     w: FloatArray
     F: FloatArray
-    counters: NDArray[np.int64]
+    F_sum: FloatArray  # of F dt since P was last propagated
+    counts: NDArray[np.int64]  # next fix; samples since P was last propagated
+    clock: FloatArray  # time of the last feedback correction; seconds since P was last propagated
     R: FloatArray
     R_root: FloatArray
     noise: FloatArray
     bias_decay: FloatArray
-    last_correction: FloatArray
 
     @classmethod
     def begin(cls, start: Start, belief: Belief, time: float) -> Filter:
-        """Return a navigator that starts at a time."""
+        """Return a navigator that starts at a time [s]."""
         state = np.zeros(strapdown.LENGTH)
         strapdown.set_position(state, *start.position)
         state[VELOCITY : VELOCITY + 3] = start.velocity_n
@@ -177,12 +179,13 @@ class Filter(NamedTuple):
             state,
             w,
             np.zeros((STATES, STATES)),
-            np.zeros(1, dtype=np.int64),
+            np.zeros((STATES, STATES)),
+            np.zeros(2, dtype=np.int64),
+            np.array([time, 0.0]),
             R,
             np.linalg.cholesky(R),
             np.ascontiguousarray(belief.noise),
             np.ascontiguousarray(belief.bias_decay),
-            np.array([time]),
         )
 
 
@@ -193,9 +196,26 @@ def _aligned_zeros(size: int) -> FloatArray:
     return buffer[offset : offset + size]
 
 
-def navigate(
-    imu: Imu, fixes: Fixes, start: Start, belief: Belief, *, feedback: bool = True, correction_period: float = 0.0
-) -> Solution:
+class Schedule(NamedTuple):
+    """When a filter does what.
+
+    Attributes
+    ----------
+    feedback : bool
+        True corrects the navigator with the estimated error and resets the estimate; False lets the navigator run free
+        and subtracts the estimate from what it puts out.
+    correction_period : float
+        Shortest time between two feedback corrections [s]; 0 corrects at each fix.
+    stride : int
+        P is propagated once in so many IMU samples, with the sum of F dt over them, and whenever a fix comes.
+    """
+
+    feedback: bool = True
+    correction_period: float = 0.0
+    stride: int = 1
+
+
+def navigate(imu: Imu, fixes: Fixes, start: Start, belief: Belief, schedule: Schedule = Schedule()) -> Solution:
     """Navigate a whole flight with the compiled filter.
 
     Parameters
@@ -206,11 +226,8 @@ def navigate(
         Initial position, velocity and attitude; initial biases are zero.
     belief
         What the filter assumes.
-    feedback
-        True corrects the navigator with the estimated error and resets the estimate; False lets the navigator run free
-        and subtracts the estimate from what it puts out.
-    correction_period
-        Shortest time between two feedback corrections [s]; 0 corrects at each fix.
+    schedule
+        When it propagates its covariance and corrects.
 
     Raises
     ------
@@ -221,7 +238,7 @@ def navigate(
     if abs(start.position[0]) > strapdown.MAX_LATITUDE:
         raise PolarError(_POLAR.format(time=imu.time[0]))
     run = Filter.begin(start, belief, imu.time[0])
-    stopped = advance(run, imu, fixes, solution, 0, feedback, correction_period)
+    stopped = advance(run, imu, fixes, solution, 0, schedule)
     if stopped < imu.time.size:
         raise PolarError(_POLAR.format(time=imu.time[stopped - 1]))
     return solution
@@ -252,6 +269,38 @@ def _add_noise(w: FloatArray, state: FloatArray, noise: FloatArray, dt: float) -
                     w[WIDTH * (at + j) + at + i] += q
     for b in range(BIASES):
         w[(WIDTH + 1) * (NAV + b)] += dt * noise[6 + b]
+
+
+@inline_kernel
+def _predict(run: Filter, dt: float, elapsed: float) -> None:
+    """Propagate [P | x] with F times dt, and with what drives the biases and the noise over the time elapsed."""
+    decay = (
+        1 - elapsed * run.bias_decay[0],
+        1 - elapsed * run.bias_decay[1],
+        1 - elapsed * run.bias_decay[2],
+        1 - elapsed * run.bias_decay[3],
+        1 - elapsed * run.bias_decay[4],
+        1 - elapsed * run.bias_decay[5],
+    )
+    _propagate_phi(run.F, dt, decay, run.w)
+    _add_noise(run.w, run.state, run.noise, elapsed)
+
+
+@inline_kernel
+def _predict_summed(run: Filter, dt: float, due: bool) -> None:
+    """Add the step to the sum of F dt; when due, propagate [P | x] over all steps since it last was."""
+    run.counts[1] += 1
+    run.clock[1] += dt
+    for i in range(NAV):
+        for j in range(STATES):
+            run.F_sum[i, j] += dt * run.F[i, j]
+            if due:
+                run.F[i, j] = run.F_sum[i, j]
+                run.F_sum[i, j] = 0.0
+    if due:
+        _predict(run, 1.0, run.clock[1])
+        run.counts[1] = 0
+        run.clock[1] = 0.0
 
 
 @kernel
@@ -311,6 +360,24 @@ def _store(out: Solution, k: int, state: FloatArray, w: FloatArray) -> None:
 
 
 @kernel
+def _store_fix(out: Solution, m: int, sample: int, w: FloatArray) -> None:
+    """Write what is kept of fix m."""
+    out.fix_sample[m] = sample
+    for i in range(STATES):
+        for j in range(STATES):
+            out.fix_covariance[m, i, j] = w[WIDTH * i + j]
+
+
+@kernel
+def _has_estimate(w: FloatArray) -> bool:
+    """Say whether an estimated error waits to be corrected."""
+    for i in range(STATES):
+        if w[WIDTH * i + X] != 0:
+            return True
+    return False
+
+
+@kernel
 def _store_corrected(out: Solution, k: int, state: FloatArray, w: FloatArray, x: FloatArray, spare: FloatArray) -> None:
     """Write sample k of the solution with the estimated error taken out, leaving the navigator as it is."""
     spare[:] = state
@@ -322,24 +389,21 @@ def _store_corrected(out: Solution, k: int, state: FloatArray, w: FloatArray, x:
     _store(out, k, spare, w)
 
 
-def _compile_advance(sources: str):  # type: ignore[no-untyped-def]
+def _compile_advance(sources: str, summed: bool) -> Callable[[Filter, Imu, Fixes, Solution, int, Schedule], int]:
+    """Compile the driver; `summed` for propagating P less often than at every sample."""
+
     @entry_kernel
-    def advance(
-        run: Filter, imu: Imu, fixes: Fixes, out: Solution, first: int, feedback: bool, correction_period: float
-    ) -> int:
+    def advance(run: Filter, imu: Imu, fixes: Fixes, out: Solution, first: int, schedule: Schedule) -> int:
         """Advance a navigator over the samples of `imu` from number `first` on, and return where it stopped.
 
         It stops early, at the number of samples written, if it comes too close to a pole.
         """
         _ = sources
-        state, w, F, next_fix = run.state, run.w, run.F, run.counters
-        decay = np.empty(BIASES)
+        state, w = run.state, run.w
         z = np.empty(MEASUREMENTS)
         x = np.empty(STATES)
         spare = np.empty(strapdown.LENGTH)
-        pending = False  # whether an estimated error waits to be corrected
-        for i in range(STATES):
-            pending |= w[WIDTH * i + X] != 0
+        pending = _has_estimate(w)
         if first == 0:
             _store(out, 0, state, w)
         for k in range(first, imu.dtheta.shape[0]):
@@ -348,28 +412,27 @@ def _compile_advance(sources: str):  # type: ignore[no-untyped-def]
             strapdown.step(state, get(imu.dtheta[k], 0), get(imu.dvelocity[k], 0), dt)
             if abs(state[LATITUDE]) > strapdown.MAX_LATITUDE:
                 return k + 1
-            _write_phi(state, F)
-            for b in range(BIASES):
-                decay[b] = 1 - dt * run.bias_decay[b]
-            _propagate_phi(F, dt, decay, w)
-            _add_noise(w, state, run.noise, dt)
-            while next_fix[0] < fixes.time.size and fixes.time[next_fix[0]] <= time + 1e-6 * dt:
-                m = next_fix[0]
-                next_fix[0] += 1
+            m = run.counts[0]
+            fix_due = m < fixes.time.size and fixes.time[m] <= time + 1e-6 * dt
+            _write_phi(state, run.F)
+            if summed:
+                _predict_summed(run, dt, fix_due or run.counts[1] + 1 >= schedule.stride)
+            else:
+                _predict(run, dt, dt)
+            while fix_due:
                 age = time - fixes.time[m]
-                if age > dt * (1 + 1e-6):
-                    continue
-                _difference(state, age, age / dt, fixes.position[m], fixes.velocity_n[m], z)
-                update(w, z, run.R, run.R_root, out.innovation[m], out.innovation_covariance[m])
-                pending = True
-                out.fix_sample[m] = k + 1
-                for i in range(STATES):
-                    for j in range(STATES):
-                        out.fix_covariance[m, i, j] = w[WIDTH * i + j]
-                if feedback and time - run.last_correction[0] >= correction_period - 1e-6 * dt:
-                    _correct(state, w)
-                    run.last_correction[0] = time
-                    pending = False
+                if age <= dt * (1 + 1e-6):
+                    _difference(state, age, age / dt, fixes.position[m], fixes.velocity_n[m], z)
+                    update(w, z, run.R, run.R_root, out.innovation[m], out.innovation_covariance[m])
+                    _store_fix(out, m, k + 1, w)
+                    pending = True
+                    if schedule.feedback and time - run.clock[0] >= schedule.correction_period - 1e-6 * dt:
+                        _correct(state, w)
+                        run.clock[0] = time
+                        pending = False
+                m += 1
+                run.counts[0] = m
+                fix_due = m < fixes.time.size and fixes.time[m] <= time + 1e-6 * dt
             if pending:
                 _store_corrected(out, k + 1, state, w, x, spare)
             else:
@@ -379,4 +442,15 @@ def _compile_advance(sources: str):  # type: ignore[no-untyped-def]
     return advance
 
 
-advance = _compile_advance(SOURCES)
+_advance_each = _compile_advance(SOURCES, summed=False)
+_advance_summed = _compile_advance(SOURCES, summed=True)
+
+
+def advance(run: Filter, imu: Imu, fixes: Fixes, out: Solution, first: int, schedule: Schedule) -> int:
+    """Advance a navigator over the samples of `imu` from number `first` on, and return the number of samples written.
+
+    That is fewer than there are times in `imu` if the navigator comes too close to a pole. The flight may be handed
+    over in one piece or piece by piece: the result is the same.
+    """
+    compiled = _advance_summed if schedule.stride > 1 else _advance_each
+    return compiled(run, imu, fixes, out, first, schedule)
