@@ -35,7 +35,7 @@ MIN_SAMPLES = 4
 MAX_DURATION = 86_400.0
 """Longest flight accepted [s]."""
 
-_NUMBER = re.compile(r"\s*[+-]?(\d+\.?\d*|\.\d+)(e[+-]?\d+)?\s*", re.IGNORECASE | re.ASCII)
+_NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)(e[+-]?\d+)?", re.IGNORECASE | re.ASCII)
 
 
 @dataclass(frozen=True)
@@ -115,9 +115,10 @@ def read_flight_csv(path: str | os.PathLike[str]) -> Recording:
             if rows:
                 if blank_line:
                     raise MissionError(_blank(path, blank_line))
-                _check_cells(path, rows, text.next_line, cells)
-                values = _parse(path, text.decode(rows, text.next_line), text.next_line, columns, indices)
-                _check_values(path, values, text.next_line, columns)
+                values = _parse(rows, cells, columns, indices)
+                if values is None:
+                    lines = text.decode(rows, text.next_line).split("\n")
+                    raise MissionError(_first_fault(path, lines, text.next_line, cells, columns, indices))
                 parsed.append(values)
             if block.count(b"\n", len(rows)) or not rows:
                 blank_line = blank_line or text.next_line + (rows.count(b"\n") + 1 if rows else 0)
@@ -208,51 +209,49 @@ def _find_columns(path: Path, header: list[str], line: int) -> tuple[list[Column
     return columns, [header.index(column.name) for column in columns]
 
 
-def _check_cells(path: Path, rows: bytes, line: int, cells: int) -> None:
-    characters = np.frombuffer(rows, dtype=np.uint8)
-    ends = np.append(np.flatnonzero(characters == ord("\n")), len(characters))
-    commas = np.flatnonzero(characters == ord(","))
-    counts = np.diff(np.searchsorted(commas, ends), prepend=0) + 1
-    wrong = np.flatnonzero(counts != cells)
-    if len(wrong):
-        row, count = int(wrong[0]), int(counts[wrong[0]])
-        if not rows.split(b"\n", row + 1)[row].strip():
-            raise MissionError(_blank(path, line + row))
-        raise MissionError(
-            f"{path}, row {line + row}: {count} cells; accepted are {cells}, as many as in the header"
-        )
-
-
-def _parse(path: Path, rows: str, line: int, columns: list[Column], indices: list[int]) -> FloatArray:
+def _parse(rows: bytes, cells: int, columns: list[Column], indices: list[int]) -> FloatArray | None:
+    """Return the values of whole rows, or None if there is anything wrong in them."""
     import pandas as pd  # noqa: PLC0415 - slow to import, and only reading needs it
 
+    if not _have_cells(rows, cells):
+        return None
     try:
         frame = pd.read_csv(
-            io.StringIO(rows), header=None, index_col=False, usecols=indices, dtype=np.float64, engine="c",
+            io.BytesIO(rows), header=None, index_col=False, usecols=indices, dtype=np.float64, engine="c",
             na_filter=False, quoting=csv.QUOTE_NONE, skip_blank_lines=False, low_memory=False,
         )  # fmt: skip
-    except (ValueError, OverflowError) as error:
-        raise MissionError(_culprit(path, rows, line, columns, indices)) from error
-    return np.ascontiguousarray(frame[indices].to_numpy())
+    except (ValueError, OverflowError):
+        return None
+    values = np.ascontiguousarray(frame[indices].to_numpy())
+    low, high = np.array([(column.low, column.high) for column in columns]).T
+    return values if ((values >= low) & (values <= high)).all() else None
 
 
-def _culprit(path: Path, rows: str, line: int, columns: list[Column], indices: list[int]) -> str:
-    """Return the message for the first cell that is not a number; only called when there is one."""
-    for number, row in enumerate(rows.split("\n"), line):
-        cells = row.split(",")
+def _have_cells(rows: bytes, cells: int) -> bool:
+    characters = np.frombuffer(rows, dtype=np.uint8)
+    ends = np.append(np.flatnonzero(characters == ord("\n")), len(characters))
+    commas = np.searchsorted(np.flatnonzero(characters == ord(",")), ends)
+    # A zero byte would end a number early.
+    return bool(characters.all() and (np.diff(commas, prepend=0) == cells - 1).all())
+
+
+def _first_fault(
+    path: Path, rows: list[str], line: int, cells: int, columns: list[Column], indices: list[int]
+) -> str:
+    """Return the message for the first row with something wrong; slow, and only called when there is one."""
+    for number, row in enumerate(rows, line):
+        texts = row.split(",")
+        if not row.strip():
+            return _blank(path, number)
+        if len(texts) != cells:
+            return f"{path}, row {number}: {len(texts)} cells; accepted are {cells}, as many as in the header"
         for column, index in zip(columns, indices, strict=True):
-            if not _NUMBER.fullmatch(cells[index]):
-                return _wrong(path, number, column, cells[index].strip())
-    return f"{path}, from row {line}: cells that are not numbers"
-
-
-def _check_values(path: Path, values: FloatArray, line: int, columns: list[Column]) -> None:
-    low = np.array([column.low for column in columns])
-    high = np.array([column.high for column in columns])
-    good = (values >= low) & (values <= high)
-    if not good.all():
-        row, index = np.argwhere(~good)[0]
-        raise MissionError(_wrong(path, line + int(row), columns[index], f"{values[row, index]:.9g}"))
+            text = texts[index].strip()
+            if not (_NUMBER.fullmatch(text) and column.low <= float(text) <= column.high):
+                shown = text if len(text) <= 40 else text[:37] + "..."
+                what = f"{shown!r} is not accepted" if shown else "the cell is empty"
+                return f"{path}, row {number}, column {column.name}: {what}; accepted is {column.accepted}"
+    return f"{path}, from row {line}: the rows cannot be read as numbers"
 
 
 def _check_time(path: Path, time: FloatArray, first_line: int) -> None:
@@ -291,12 +290,6 @@ def _recording(columns: list[Column], table: FloatArray) -> Recording:
         alpha=None if alpha is None else np.radians(alpha),
         beta=None if beta is None else np.radians(beta),
     )
-
-
-def _wrong(path: Path, line: int, column: Column, text: str) -> str:
-    shown = text if len(text) <= 40 else text[:37] + "..."
-    what = f"{shown!r} is not accepted" if shown else "the cell is empty"
-    return f"{path}, row {line}, column {column.name}: {what}; accepted is {column.accepted}"
 
 
 def _blank(path: Path, line: int) -> str:

@@ -180,10 +180,17 @@ def _inside(path: Path, recording: str) -> Path:
     """Return the path of a recording beside its TOML file, refusing names that lead elsewhere."""
     where = path.parent / recording
     plain = not set("/\\:\0") & set(recording) and recording not in {".", ".."}
-    # A link of a plain name may still lead out of the folder.
-    if not plain or (where.is_symlink() and where.readlink().parent != Path()):
+    if not plain or _leads_out(where):
         raise MissionError(
             f"{path}: recording = {recording!r}; accepted is the plain name of a file in the same folder, "
             f'such as "{path.stem}.csv.gz"'
         )
     return where
+
+
+def _leads_out(path: Path) -> bool:
+    """Return whether a plain name in a folder is a link to somewhere else."""
+    try:
+        return path.is_symlink() and path.resolve().parent != path.parent.resolve()
+    except (OSError, RuntimeError):  # a loop of links
+        return True
