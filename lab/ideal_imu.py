@@ -89,7 +89,7 @@ def acceleration(position: FloatArray, rate: FloatArray, second: FloatArray) -> 
 def inputs(
     position: FloatArray, rate: FloatArray, second: FloatArray, attitude: Rotation, omega_nb_b: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
-    """Return ω_ib,b [rad/s] and the specific force f_b [m/s²], (n, 3) each (Groves 2.48; 5.53 solved for f).
+    """Return ω_ib,b [rad/s] and the specific force f_b [m/s²], (n, 3) each (Groves 5.53, solved for f).
 
     Parameters
     ----------

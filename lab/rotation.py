@@ -130,7 +130,7 @@ def _euler(
 
 
 def body_rate(euler: FloatArray, euler_rate: FloatArray) -> FloatArray:
-    """Return ω_nb,b (..., 3) of Euler angles that change in time (Groves 2.58) [rad/s].
+    """Return ω_nb,b (..., 3) of Euler angles that change in time (Groves, ch. 2.3) [rad/s].
 
     Parameters
     ----------
