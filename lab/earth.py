@@ -6,7 +6,8 @@ navigator compiles these very functions, so the ideal IMU and the navigator cann
 References
 ----------
 NIMA TR8350.2, *Department of Defense World Geodetic System 1984*, 3rd ed.; P. D. Groves, *Principles of GNSS,
-Inertial and Multisensor Integrated Navigation Systems*, 2nd ed., eqs. 2.105, 2.106 (radii), 2.134, 2.139 (gravity).
+Inertial and Multisensor Integrated Navigation Systems*, 2nd ed., eqs. 2.105, 2.106 (radii) and 2.134, 2.139
+(gravity).
 """
 
 from __future__ import annotations
