@@ -54,7 +54,7 @@ class Truth:
     velocity_n : (n, 3) array
         Velocity over the Earth, north, east, down [m/s].
     q_nb : (n, 4) array
-        Attitude quaternion, scalar first.
+        Attitude quaternion, scalar first; its sign carries no meaning and may change between samples.
     euler : (n, 3) array
         Roll, pitch, yaw [rad].
     """
