@@ -1,41 +1,243 @@
-"""Experiment: all settings of one run, computed in cached stages into a `Result`."""
+"""Experiment: all settings of one run, computed in cached stages into a `Result`.
+
+Each stage is kept by the content of the settings it depends on: a change of R recomputes the navigation and nothing
+before it, a change of a gyro's noise does not touch the flight, the accelerometers or the fixes.
+"""
 
 from __future__ import annotations
 
-import param
+import tomllib
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Self
 
+import numpy as np
+import param
+import tomli_w
+from numpy.typing import NDArray
+
+from lab.cache import StageCache, digest
+from lab.ideal_imu import IdealImu
+from lab.missions import Mission, mission
+from lab.navigation import reference
+from lab.navigation.belief import belief
+from lab.navigation.navigator import Belief, Fixes, Imu, Schedule, Solution, Start, is_compiled, navigate
 from lab.navigation.settings import NavigatorSettings
-from lab.sensors.gps import GpsErrors
-from lab.sensors.imu import AccelerometerErrors, GyroErrors
-from lab.settings import Quantity, Settings, group
+from lab.result import Result
+from lab.sensors import gps, imu
+from lab.sensors.draws import unit_draws
+from lab.sensors.suite import SensorSuite
+from lab.settings import Quantity, SettingError, Settings, group
+from lab.trajectory import Trajectory, Truth
+from lab.units import si
+
+FloatArray = NDArray[np.float64]
+Progress = Callable[[str, float], None]
+
+CACHE = StageCache(limit=512 * 2**20)
+"""Results of the stages of all experiments of this process."""
 
 
 class TrajectorySettings(Settings):
     """How the recording becomes a smooth true trajectory."""
 
     imu_rate = Quantity(
-        200.0, unit="Hz", bounds=(10, 2000), softbounds=(50, 1000), step=10, label="IMU rate",
+        200.0,
+        unit="Hz",
+        bounds=(10, 2000),
+        softbounds=(50, 1000),
+        step=10,
+        label="IMU rate",
         doc="Rate of the IMU samples, and of the truth beside them.",
     )
     attitude_curve = param.Selector(
-        default="rotation", objects=["rotation", "euler"], label="Attitude curve",
+        default="rotation",
+        objects=["rotation", "euler"],
+        label="Attitude curve",
         doc="Rotation spline (no gimbal lock), or the classic cubic spline on the Euler angles.",
     )
 
 
-class SensorSettings(Settings):
-    """The errors of all sensors."""
+@dataclass(frozen=True)
+class Flight:
+    """The flight stage: the true trajectory, and truth and ideal IMU on the IMU's grid."""
 
-    gyro = group(GyroErrors, "Gyro errors.")
-    accelerometer = group(AccelerometerErrors, "Accelerometer errors.")
-    gps = group(GpsErrors, "GPS errors.")
+    trajectory: Trajectory
+    truth: Truth
+    ideal: IdealImu
 
 
 class Experiment(Settings):
-    """One run: a mission, a seed, and all settings."""
+    """One run: a mission, a seed, and all settings.
 
-    mission = param.String(default="montreal", label="Mission", doc="Name of a mission.")
+    >>> from lab import Experiment
+    >>> experiment = Experiment(mission="montreal", seed=3)
+    >>> experiment.set("sensors.gyro.noise_density", 0.02)
+    >>> result = experiment.run()
+    """
+
+    mission = param.String(default="montreal", label="Mission", doc="Name of a mission, or path of a flight csv.")
     seed = param.Integer(default=1, bounds=(0, 2**32 - 1), label="Seed", doc="Seed of all random draws.")
     trajectory = group(TrajectorySettings, "Trajectory.")
-    sensors = group(SensorSettings, "Sensors.")
+    sensors = group(SensorSuite, "Sensors.")
     navigator = group(NavigatorSettings, "Navigator.")
+
+    @classmethod
+    def from_toml(cls, source: str | Path) -> Self:
+        """Return an experiment from a TOML file (a path) or TOML text; settings it leaves out keep their defaults.
+
+        Raises
+        ------
+        SettingError
+            If the file cannot be read, is not TOML, or holds a setting that does not exist or is not accepted.
+        """
+        try:
+            text = source.read_text(encoding="utf-8") if isinstance(source, Path) else source
+            values = tomllib.loads(text)
+        except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
+            name = source if isinstance(source, Path) else "settings"
+            raise SettingError(f"{name}: cannot be read as TOML: {error}") from error
+        return cls().update(values)
+
+    def to_toml(self) -> str:
+        """Return all settings as TOML text."""
+        return tomli_w.dumps(self.to_dict())
+
+    def run(self, progress: Progress | None = None) -> Result:
+        """Compute this experiment, using every stage already computed for the same settings.
+
+        Parameters
+        ----------
+        progress
+            Called with a sentence about what is being done and the fraction done, from 0 to 1.
+
+        Raises
+        ------
+        MissionError
+            If the mission cannot be found or read.
+        ValueError
+            If its flight cannot be navigated, such as across a pole.
+        """
+        return _Run(self.copy(), progress or (lambda _stage, _fraction: None)).result()
+
+
+class _Run:
+    """One computation of an experiment: its stages, each with the key of all it depends on."""
+
+    def __init__(self, experiment: Experiment, progress: Progress) -> None:
+        self.experiment = experiment
+        self.progress = progress
+        self.mission: Mission = mission(experiment.mission)
+        self.sensors: SensorSuite = experiment.sensors
+        self.navigator: NavigatorSettings = experiment.navigator
+        self.flight_key = digest(self.mission.content_hash, experiment.trajectory.to_dict())
+
+    def result(self) -> Result:
+        """Compute the stages in order."""
+        self.progress("Reading the flight", 0.0)
+        flight = CACHE.get("flight", self.flight_key, self.flight)
+        self.progress("Simulating the sensors", 0.3)
+        gyro = self.triad("gyro", flight.ideal.dtheta, flight.ideal.dt)
+        accelerometer = self.triad("accelerometer", flight.ideal.dvelocity, flight.ideal.dt)
+        fixes = self.fixes(flight)
+        self.progress("Navigating" if is_compiled() else "Preparing the navigator (compiled once)", 0.4)
+        assumed = belief(self.sensors, self.navigator)
+        key = digest(
+            self.flight_key, self.experiment.seed, self.sensors.to_dict(), self.navigator.to_dict()
+        )
+        solution = CACHE.get(
+            "navigation", key, lambda: self.solution(flight, gyro.increments, accelerometer.increments, fixes, assumed)
+        )
+        self.progress("Done", 1.0)
+        return Result(
+            experiment=self.experiment,
+            mission=self.mission,
+            truth_arrays=flight.truth,
+            ideal=flight.ideal,
+            gyro=gyro,
+            accelerometer=accelerometer,
+            fixes=fixes,
+            belief=assumed,
+            solution_arrays=solution,
+        )
+
+    def flight(self) -> Flight:
+        """Make the trajectory, and truth and ideal IMU on its grid."""
+        settings = self.experiment.trajectory
+        trajectory = Trajectory.from_recording(
+            self.mission.recording, settings.imu_rate, settings.attitude_curve
+        )
+        ideal = trajectory.increments(settings.imu_rate)
+        return Flight(trajectory, trajectory.at(ideal.time), ideal)
+
+    def triad(self, sensor: str, ideal: FloatArray, dt: float) -> imu.Measured:
+        """Simulate the gyros or the accelerometers."""
+        errors = self.sensors.groups()[sensor]
+        assert isinstance(errors, imu.GyroErrors | imu.AccelerometerErrors)
+        seed, samples, instability = self.experiment.seed, ideal.shape[0], any(errors.instability)
+        draws = CACHE.get(
+            "draws",
+            digest(seed, sensor, samples, instability),
+            lambda: imu.ImuDraws.of(seed, sensor, samples, instability=instability),
+        )
+        return CACHE.get(
+            sensor,
+            digest(self.flight_key, seed, errors.to_dict()),
+            lambda: imu.measure(ideal, dt, errors, draws),
+        )
+
+    def fixes(self, flight: Flight) -> gps.GpsFixes:
+        """Simulate the GPS receiver."""
+        errors = self.sensors.gps
+        times = gps.fix_times(errors, flight.trajectory.duration)
+        truth = CACHE.get(
+            "truth at fixes", digest(self.flight_key, errors.period), lambda: flight.trajectory.at(times)
+        )
+        draws = gps.GpsDraws.of(self.experiment.seed, times.size)
+        return CACHE.get(
+            "gps",
+            digest(self.flight_key, self.experiment.seed, errors.to_dict()),
+            lambda: gps.measure(truth, errors, draws),
+        )
+
+    def solution(
+        self, flight: Flight, dtheta: FloatArray, dvelocity: FloatArray, fixes: gps.GpsFixes, assumed: Belief
+    ) -> Solution:
+        """Navigate."""
+        settings = self.navigator
+        rate = settings.filter_rate
+        schedule = Schedule(
+            feedback=settings.correction == "feedback",
+            correction_period=float(settings.correction_period),
+            stride=max(1, round(self.experiment.trajectory.imu_rate / rate)) if rate else 1,
+        )
+        arguments = (
+            Imu(flight.ideal.time, dtheta, dvelocity),
+            Fixes(fixes.time, fixes.position, fixes.velocity_n),
+            start(flight.truth, settings, self.experiment.seed),
+            assumed,
+            schedule,
+        )
+        if settings.engine == "filterpy":
+            return reference.navigate(*arguments, progress=lambda done: self.progress("Navigating", 0.4 + 0.6 * done))
+        return navigate(*arguments)
+
+
+def start(truth: Truth, settings: NavigatorSettings, seed: int) -> Start:
+    """Return where the navigator believes it starts: the truth with an error drawn from the initial σ.
+
+    Parameters
+    ----------
+    truth
+        The flight; its first sample is used.
+    settings
+        The initial standard deviations.
+    seed
+        Seed of the run.
+    """
+    draw = unit_draws(seed, "initial error", (9,))
+    position = si(settings, "position_sigma") * draw[:3]
+    velocity = si(settings, "velocity_sigma") * draw[3:6]
+    attitude = si(settings, "attitude_sigma") * draw[6:]
+    return Start.off(truth, position, velocity, attitude)

@@ -15,12 +15,14 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from lab import earth
 from lab.navigation import strapdown
 from lab.navigation.compilation import SOURCES, entry_kernel, inline_kernel, kernel
 from lab.navigation.error_models import PHI
 from lab.navigation.kalman import MEASUREMENTS, update
 from lab.navigation.propagation import BIASES, NAV, STATES, WIDTH, WORKSPACE, X, compile_propagation
 from lab.navigation.strapdown import ACCEL_BIAS, GYRO_BIAS, LATITUDE, VELOCITY, get, put
+from lab.trajectory import Truth
 
 FloatArray = NDArray[np.float64]
 
@@ -69,6 +71,26 @@ class Start(NamedTuple):
     position: FloatArray
     velocity_n: FloatArray
     q_nb: FloatArray
+
+    @classmethod
+    def off(cls, truth: Truth, position: FloatArray, velocity: FloatArray, attitude: FloatArray) -> Start:
+        """Return a start that misses the first sample of the truth by an error.
+
+        Parameters
+        ----------
+        truth
+            The flight.
+        position, velocity, attitude : (3,) arrays
+            Errors north, east, down [m], [m/s], and φ of Ĉ_nb = exp(−[φ×]) C_nb [rad].
+        """
+        meridian, transverse = earth.radii(float(np.sin(truth.latitude[0])))
+        height = truth.height[0]
+        latitude = truth.latitude[0] + position[0] / (meridian + height)
+        longitude = truth.longitude[0] + position[1] / ((transverse + height) * np.cos(truth.latitude[0]))
+        q = strapdown.product(strapdown.rotation(tuple(-attitude)), tuple(truth.q_nb[0]))
+        return cls(
+            np.array([latitude, longitude, height - position[2]]), truth.velocity_n[0] + velocity, np.array(q)
+        )
 
 
 class Belief(NamedTuple):
@@ -454,3 +476,8 @@ def advance(run: Filter, imu: Imu, fixes: Fixes, out: Solution, first: int, sche
     """
     compiled = _advance_summed if schedule.stride > 1 else _advance_each
     return compiled(run, imu, fixes, out, first, schedule)
+
+
+def is_compiled() -> bool:
+    """Say whether the driver is ready in this process: compiled, or loaded from the disk."""
+    return bool(_advance_each.signatures)  # type: ignore[attr-defined]

@@ -23,6 +23,10 @@ class NavigatorSettings(Settings):
         0.0, unit="s", bounds=(0, 600), softbounds=(0, 30), step=1, label="Correction period",
         doc="Shortest time between two feedback corrections; 0 corrects at each fix.",
     )
+    filter_rate = Quantity(
+        0.0, unit="Hz", bounds=(0, 2000), softbounds=(0, 200), step=10, label="Filter rate",
+        doc="Rate at which the covariance is propagated; 0 propagates it at every IMU sample.",
+    )
     position_sigma = AxisQuantity(
         1.0, unit="m", axes=("north", "east", "down"), bounds=(1e-6, 1e5), softbounds=(0.1, 100), step=0.1,
         label="Initial position, σ", doc="Standard deviation of the initial position error.",

@@ -1,8 +1,23 @@
-"""IMU: what a real inertial sensor makes of the true rates and specific forces (the truth side)."""
+"""IMU: what real inertial sensors make of the true rates and specific forces (the truth side).
+
+x_meas = (I + M) (x_true + b) + ν, then the range, applied to the increments of each sample; see Groves, *Principles of
+GNSS, Inertial and Multisensor Integrated Navigation Systems*, 2nd ed., ch. 4.4, eqs. 4.16-4.18. b is the turn-on bias
+plus a first-order Gauss-Markov process; ν is white with the given density.
+"""
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.signal import lfilter
+
+from lab.sensors.draws import unit_draws
 from lab.settings import AxisQuantity, Quantity, Settings
+from lab.units import si
+
+FloatArray = NDArray[np.float64]
 
 OFF_DIAGONAL = ("xy", "xz", "yx", "yz", "zx", "zy")
 
@@ -79,3 +94,93 @@ class AccelerometerErrors(Settings):
         10.0, unit="g", bounds=(1, 1000), softbounds=(2, 50), step=1, label="Range",
         doc="The output saturates beyond plus and minus this specific force.",
     )
+
+
+class Measured(NamedTuple):
+    """What a triad of sensors put out.
+
+    Attributes
+    ----------
+    increments : (n, 3) array
+        Integrals of the measured quantity over each sample interval [rad] or [m/s].
+    bias : (n, 3) array
+        True bias in each interval [rad/s] or [m/s²].
+    saturated : int
+        Number of values that met the end of the range.
+    """
+
+    increments: FloatArray
+    bias: FloatArray
+    saturated: int
+
+
+class ImuDraws(NamedTuple):
+    """The unit draws of a triad: turn-on bias (3,), start (3,) and drive (n, 3) of the instability, noise (n, 3)."""
+
+    bias: FloatArray
+    start: FloatArray
+    drive: FloatArray
+    noise: FloatArray
+
+    @classmethod
+    def of(cls, seed: int, sensor: str, samples: int, *, instability: bool) -> ImuDraws:
+        """Draw for one triad, named by `sensor`; the drive of the instability only where there is one."""
+        return cls(
+            unit_draws(seed, f"{sensor}.bias", (3,)),
+            unit_draws(seed, f"{sensor}.instability.start", (3,)),
+            unit_draws(seed, f"{sensor}.instability", (samples if instability else 0, 3)),
+            unit_draws(seed, f"{sensor}.noise", (samples, 3)),
+        )
+
+
+def measure(
+    ideal: FloatArray, dt: float, errors: GyroErrors | AccelerometerErrors, draws: ImuDraws
+) -> Measured:
+    """Return what a triad with the given errors puts out.
+
+    Parameters
+    ----------
+    ideal : (n, 3) array
+        True increments over each sample interval [rad] or [m/s].
+    dt
+        Length of the intervals [s].
+    errors
+        The errors of the triad.
+    draws
+        Unit draws for n samples.
+    """
+    bias = turn_on_bias(errors, draws) + instability(errors, draws, dt)
+    bias = np.broadcast_to(bias, ideal.shape)
+    M = cross_coupling(errors)
+    increments = (ideal + bias * dt) @ (np.eye(3) + M).T if M.any() else ideal + bias * dt
+    increments += si(errors, "noise_density") * np.sqrt(dt) * draws.noise
+    limit = float(si(errors, "range")) * dt
+    saturated = int(np.count_nonzero(np.abs(increments) > limit))
+    return Measured(np.clip(increments, -limit, limit, out=increments), bias, saturated)
+
+
+def turn_on_bias(errors: GyroErrors | AccelerometerErrors, draws: ImuDraws) -> FloatArray:
+    """Return the constant part of the bias (3,): given plus drawn [rad/s] or [m/s²]."""
+    return si(errors, "bias") + si(errors, "bias_sigma") * draws.bias
+
+
+def instability(errors: GyroErrors | AccelerometerErrors, draws: ImuDraws, dt: float) -> FloatArray:
+    """Return the first-order Gauss-Markov part of the bias, (n, 3), or (3,) zeros where there is none.
+
+    The exact discretisation, started in its stationary distribution (Groves 4.19).
+    """
+    sigma = si(errors, "instability")
+    if not sigma.any():
+        return np.zeros(3)
+    decay = float(np.exp(-dt / si(errors, "correlation_time")))
+    drive = np.sqrt(1 - decay**2) * draws.drive
+    drive[0] = draws.start
+    return sigma * lfilter([1.0], [1.0, -decay], drive, axis=0)
+
+
+def cross_coupling(errors: GyroErrors | AccelerometerErrors) -> FloatArray:
+    """Return M (3, 3): scale factor errors on the diagonal, misalignments [rad] off it."""
+    M = np.diag(si(errors, "scale_factor"))
+    for name, value in zip(OFF_DIAGONAL, si(errors, "misalignment"), strict=True):
+        M["xyz".index(name[0]), "xyz".index(name[1])] = value
+    return M

@@ -1,0 +1,72 @@
+"""Consistency: does the filter tell the truth about itself? NEES, NIS and the whiteness of the innovations.
+
+References
+----------
+Y. Bar-Shalom, X. R. Li, T. Kirubarajan, *Estimation with Applications to Tracking and Navigation*, ch. 5.4.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import stats
+
+FloatArray = NDArray[np.float64]
+
+MAX_LAG = 30
+"""Largest lag of the innovations' autocorrelation that is looked at."""
+
+
+def normalised_squares(vectors: FloatArray, covariances: FloatArray) -> FloatArray:
+    """Return vᵀ P⁻¹ v for each epoch (m,): NEES for errors and P, NIS for innovations and S (5.4.2-2, 5.4.2-11).
+
+    States without variance (certain, such as a bias nobody doubts) are left out of the sum.
+
+    Parameters
+    ----------
+    vectors : (m, n) array
+        Errors or innovations.
+    covariances : (m, n, n) array
+        Their covariances according to the filter.
+    """
+    if vectors.shape[0] == 0:
+        return np.zeros(0)
+    used = np.flatnonzero((np.diagonal(covariances, axis1=1, axis2=2) > 0).all(axis=0))
+    P = covariances[:, used[:, None], used]
+    v = vectors[:, used]
+    # Scaled to unit diagonal: metres beside rad/s would spoil the condition number.
+    sigma = np.sqrt(np.diagonal(P, axis1=1, axis2=2))
+    v = v / sigma
+    P = P / (sigma[:, :, None] * sigma[:, None, :])
+    return np.asarray(np.einsum("mi,mi->m", v, np.linalg.solve(P, v[..., None])[..., 0]))
+
+
+def chi_square_interval(degrees: int, runs: int = 1, probability: float = 0.95) -> tuple[float, float]:
+    """Return the two-sided interval of a χ² variable averaged over runs (5.4.2-5 to 5.4.2-9)."""
+    tail = (1 - probability) / 2
+    low, high = stats.chi2.ppf([tail, 1 - tail], degrees * runs) / runs
+    return float(low), float(high)
+
+
+def autocorrelation(innovations: FloatArray, max_lag: int = MAX_LAG) -> FloatArray:
+    """Return the normalised autocorrelation (lags + 1, channels) for lags from 0 on (5.4.2-15).
+
+    Parameters
+    ----------
+    innovations : (m, channels) array
+        Innovations, each divided by its σ.
+    max_lag
+        Largest lag; shorter records give fewer lags.
+    """
+    m = innovations.shape[0]
+    lags = min(max_lag, m - 1)
+    if lags < 0:
+        return np.zeros((0, innovations.shape[1]))
+    power = np.einsum("mc,mc->c", innovations, innovations)
+    sums = np.stack([np.einsum("mc,mc->c", innovations[lag:], innovations[: m - lag]) for lag in range(lags + 1)])
+    return np.divide(sums, power, out=np.zeros_like(sums), where=power > 0)
+
+
+def whiteness_band(count: int, probability: float = 0.95) -> float:
+    """Return the half-width of the band that holds the autocorrelation of `count` white values (5.4.2-16)."""
+    return float(stats.norm.ppf(0.5 + probability / 2) / np.sqrt(count)) if count else 0.0

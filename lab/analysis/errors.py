@@ -1,0 +1,109 @@
+"""Errors: what a navigation solution misses the truth by, and what the filter said it would.
+
+Errors are estimate minus truth. Position and velocity errors are given east, north, up; attitude errors are differences
+of roll, pitch and heading, with the filter's covariance of φ mapped to them by the Jacobian (`rotation.euler_jacobian`).
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lab import earth
+from lab.navigation.error_models import ACCEL_BIAS, ATT, GYRO_BIAS, POS, VEL
+from lab.navigation.navigator import Solution
+from lab.rotation import euler_jacobian, wrap
+from lab.trajectory import Truth
+
+FloatArray = NDArray[np.float64]
+
+NED_TO_ENU = np.array([[0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, -1.0]])
+
+
+def to_enu(vectors_ned: FloatArray) -> FloatArray:
+    """Return vectors (n, 3) east, north, up from north, east, down."""
+    return vectors_ned[:, [1, 0, 2]] * (1.0, 1.0, -1.0)
+
+
+def position_error(position: FloatArray, truth: Truth) -> FloatArray:
+    """Return the position error (n, 3), north, east, down [m].
+
+    Parameters
+    ----------
+    position : (n, 3) array
+        Latitude, longitude [rad], height [m].
+    truth
+        Truth at the same times.
+    """
+    meridian, transverse = earth.radii(np.sin(truth.latitude))
+    error = np.empty_like(position)
+    error[:, 0] = (position[:, 0] - truth.latitude) * (meridian + truth.height)
+    error[:, 1] = wrap(position[:, 1] - truth.longitude) * (transverse + truth.height) * np.cos(truth.latitude)
+    error[:, 2] = truth.height - position[:, 2]
+    return error
+
+
+def attitude_error(q_nb: FloatArray, truth_q_nb: FloatArray) -> FloatArray:
+    """Return φ (n, 3) of Ĉ_nb = exp(−[φ×]) C_nb [rad], from estimated and true quaternions (n, 4)."""
+    w, x, y, z = q_nb.T
+    a, b, c, d = truth_q_nb.T
+    # q̂ ⊗ q*, the rotation by −φ.
+    scalar = w * a + x * b + y * c + z * d
+    vector = np.stack(
+        (-w * b + x * a - y * d + z * c, -w * c + x * d + y * a - z * b, -w * d - x * c + y * b + z * a), axis=-1
+    )
+    length = np.linalg.norm(vector, axis=-1)
+    angle = 2 * np.arctan2(length, np.abs(scalar))
+    factor = np.divide(angle, length, out=np.full_like(length, 2.0), where=length > 1e-12)
+    return np.asarray(-vector * (factor * np.sign(scalar + (scalar == 0)))[:, None])
+
+
+def error_state(solution: Solution, samples: NDArray[np.int64], truth: Truth, bias: FloatArray) -> FloatArray:
+    """Return the error state (m, 15) at some samples, in the filter's order and units.
+
+    Parameters
+    ----------
+    solution
+        The solution.
+    samples : (m,) array
+        Which samples.
+    truth
+        Truth at all samples.
+    bias : (n, 6) array
+        True gyro and accelerometer biases at all samples [rad/s], [m/s²].
+    """
+    there = Truth(**{name: getattr(truth, name)[samples] for name in Truth.__dataclass_fields__})
+    x = np.empty((samples.size, 15))
+    x[:, POS] = position_error(solution.position[samples], there)
+    x[:, VEL] = solution.velocity_n[samples] - there.velocity_n
+    x[:, ATT] = attitude_error(solution.q_nb[samples], there.q_nb)
+    x[:, GYRO_BIAS.start : ACCEL_BIAS.stop] = solution.bias[samples] - bias[samples]
+    return x
+
+
+def block_matrices(variance: FloatArray, covariance: FloatArray) -> FloatArray:
+    """Return symmetric matrices (n, 3, 3) from their diagonals (n, 3) and elements (0, 1), (0, 2), (1, 2) (n, 3)."""
+    P = np.empty((variance.shape[0], 3, 3))
+    for i in range(3):
+        P[:, i, i] = variance[:, i]
+    for k, (i, j) in enumerate(((0, 1), (0, 2), (1, 2))):
+        P[:, i, j] = P[:, j, i] = covariance[:, k]
+    return P
+
+
+def euler_sigma(euler: FloatArray, variance: FloatArray, covariance: FloatArray) -> FloatArray:
+    """Return σ of roll, pitch and heading (n, 3) [rad] from the covariance of φ.
+
+    Parameters
+    ----------
+    euler : (n, 3) array
+        Estimated roll, pitch, heading [rad].
+    variance, covariance : (n, 3) arrays
+        Diagonal and off-diagonal elements of the covariance of φ, as in `block_matrices`.
+    """
+    J = euler_jacobian(euler)
+    a, b, c = J[:, :, 0], J[:, :, 1], J[:, :, 2]
+    v, k = variance[:, None, :], covariance[:, None, :]
+    squares = a * a * v[..., 0] + b * b * v[..., 1] + c * c * v[..., 2]
+    products = a * b * k[..., 0] + a * c * k[..., 1] + b * c * k[..., 2]
+    return np.asarray(np.sqrt(squares + 2 * products))

@@ -1,0 +1,77 @@
+"""Belief: what the filter assumes of its start and its sensors, matched to them unless the settings say otherwise."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lab.navigation.error_models import ACCEL_BIAS, ATT, GYRO_BIAS, POS, VEL
+from lab.navigation.navigator import Belief
+from lab.navigation.settings import NavigatorSettings
+from lab.sensors.imu import AccelerometerErrors, GyroErrors
+from lab.sensors.suite import SensorSuite
+from lab.units import si
+
+FloatArray = NDArray[np.float64]
+
+
+def belief(sensors: SensorSuite, navigator: NavigatorSettings) -> Belief:
+    """Return what the filter assumes: P0, Q and R matched, or as given, and scaled."""
+    gyro_drive, gyro_decay = bias_process(sensors.gyro)
+    accel_drive, accel_decay = bias_process(sensors.accelerometer)
+    noise = _given(navigator.q) if navigator.q is not None else matched_noise(sensors, gyro_drive, accel_drive)
+    return Belief(
+        P0=navigator.p0_scale * (_given(navigator.p0) if navigator.p0 is not None else matched_p0(sensors, navigator)),
+        R=navigator.r_scale * (_given(navigator.r) if navigator.r is not None else matched_r(sensors)),
+        noise=navigator.q_scale * np.diag(noise),
+        bias_decay=np.concatenate((gyro_decay, accel_decay)),
+    )
+
+
+def _given(value: Any) -> FloatArray:
+    """Return a matrix given whole or as its diagonal."""
+    array = np.asarray(value, dtype=np.float64)
+    return np.diag(array) if array.ndim == 1 else array
+
+
+def matched_p0(sensors: SensorSuite, navigator: NavigatorSettings) -> FloatArray:
+    """Return the covariance (15, 15) of the initial errors: as drawn, and the second moment of the biases."""
+    variance = np.empty(15)
+    variance[POS] = si(navigator, "position_sigma") ** 2
+    variance[VEL] = si(navigator, "velocity_sigma") ** 2
+    variance[ATT] = si(navigator, "attitude_sigma") ** 2
+    variance[GYRO_BIAS] = _turn_on_variance(sensors.gyro) + si(sensors.gyro, "instability") ** 2
+    variance[ACCEL_BIAS] = _turn_on_variance(sensors.accelerometer) + si(sensors.accelerometer, "instability") ** 2
+    return np.diag(variance)
+
+
+def matched_noise(sensors: SensorSuite, gyro_drive: FloatArray, accel_drive: FloatArray) -> FloatArray:
+    """Return the process noise densities of the sensors as a diagonal matrix (12, 12)."""
+    gyro = si(sensors.gyro, "noise_density") ** 2
+    accel = si(sensors.accelerometer, "noise_density") ** 2
+    return np.diag(np.concatenate((gyro, accel, gyro_drive, accel_drive)))
+
+
+def matched_r(sensors: SensorSuite) -> FloatArray:
+    """Return the covariance (6, 6) of a fix, north, east, down."""
+    east_north_up = (si(sensors.gps, "position_variance"), si(sensors.gps, "velocity_variance"))
+    return np.diag(np.concatenate([variance[[1, 0, 2]] for variance in east_north_up]))
+
+
+def bias_process(errors: GyroErrors | AccelerometerErrors) -> tuple[FloatArray, FloatArray]:
+    """Return drive density (3,) and decay rate (3,) of the filter's one bias state for each axis.
+
+    The true bias is a constant plus a Gauss-Markov process; the filter's single Gauss-Markov state has the variance of
+    both together and the short-term growth 2 σ² / τ of the second. It is exact where either part is absent.
+    """
+    drive = 2 * si(errors, "instability") ** 2 / si(errors, "correlation_time")
+    total = _turn_on_variance(errors) + si(errors, "instability") ** 2
+    decay = np.divide(drive, 2 * total, out=np.zeros(3), where=total > 0)
+    return drive, decay
+
+
+def _turn_on_variance(errors: GyroErrors | AccelerometerErrors) -> FloatArray:
+    """Return the second moment (3,) of the turn-on bias."""
+    return np.asarray(si(errors, "bias") ** 2 + si(errors, "bias_sigma") ** 2)

@@ -1,0 +1,161 @@
+"""Reference: the same filter in filterpy, written to be read rather than to be fast.
+
+It shares the strapdown step and the error model with the compiled navigator; covariance, update, correction and
+bookkeeping are written here a second time, with whole matrices.
+
+References
+----------
+R. R. Labbe, filterpy (https://filterpy.readthedocs.io); P. D. Groves, *Principles of GNSS, Inertial and Multisensor
+Integrated Navigation Systems*, 2nd ed., ch. 3 and 14.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+from filterpy.kalman import KalmanFilter
+from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
+
+from lab.navigation import strapdown
+from lab.navigation.error_models import ACCEL_BIAS, ATT, GYRO_BIAS, PHI, POS, STATES, VEL
+from lab.navigation.navigator import Belief, Fixes, Imu, Schedule, Solution, Start
+from lab.rotation import wrap
+
+FloatArray = NDArray[np.float64]
+
+H = np.eye(6, len(STATES))
+"""A fix sees the position and velocity errors directly."""
+
+
+def navigate(
+    imu: Imu,
+    fixes: Fixes,
+    start: Start,
+    belief: Belief,
+    schedule: Schedule = Schedule(),
+    *,
+    progress: Callable[[float], None] | None = None,
+) -> Solution:
+    """Navigate a whole flight; arguments and result as for `navigator.navigate`.
+
+    Parameters
+    ----------
+    imu, fixes, start, belief, schedule
+        As for `navigator.navigate`.
+    progress
+        Called with the fraction done, from 0 to 1.
+    """
+    state = np.zeros(strapdown.LENGTH)
+    strapdown.set_position(state, *start.position)
+    _put(state, strapdown.VELOCITY, start.velocity_n)
+    _put(state, strapdown.Q_NB, start.q_nb)
+    kalman = KalmanFilter(dim_x=len(STATES), dim_z=6)
+    kalman.x = np.zeros(len(STATES))
+    kalman.P, kalman.R, kalman.H = belief.P0.copy(), belief.R, H
+    out = Solution.empty(imu.time.size, fixes.time.size)
+    _store(out, 0, state, kalman)
+
+    F, F_sum = np.zeros((15, 15)), np.zeros((15, 15))
+    waited, elapsed, next_fix, corrected = 0, 0.0, 0, imu.time[0]
+    for k, (time, dt) in enumerate(zip(imu.time[1:], np.diff(imu.time), strict=True)):
+        strapdown.step(state, tuple(imu.dtheta[k]), tuple(imu.dvelocity[k]), dt)
+        PHI.write(state, F)
+        F_sum += F * dt
+        waited += 1
+        elapsed += dt
+        due = [m for m in range(next_fix, fixes.time.size) if fixes.time[m] <= time + 1e-6 * dt]
+        if due or waited >= schedule.stride:
+            _predict(kalman, F_sum, belief, _get(state, strapdown.C_NB, 9).reshape(3, 3), elapsed)
+            F_sum[:] = 0
+            waited, elapsed = 0, 0.0
+        for m in due:
+            next_fix = m + 1
+            age = time - fixes.time[m]
+            if age > dt * (1 + 1e-6):
+                continue
+            _update(kalman, _difference(state, fixes, m, age, dt))
+            out.innovation[m], out.innovation_covariance[m] = kalman.y, kalman.S
+            out.fix_covariance[m], out.fix_sample[m] = kalman.P, k + 1
+            if schedule.feedback and time - corrected >= schedule.correction_period - 1e-6 * dt:
+                _correct(state, kalman.x)
+                kalman.x = np.zeros(len(STATES))
+                corrected = time
+        _store(out, k + 1, state, kalman)
+        if progress and k % 1000 == 0:
+            progress(k / imu.dtheta.shape[0])
+    return out
+
+
+def _get(state: FloatArray, at: int, count: int = 3) -> FloatArray:
+    return state[at : at + count]
+
+
+def _put(state: FloatArray, at: int, values: FloatArray) -> None:
+    state[at : at + values.size] = values
+
+
+def _predict(kalman: KalmanFilter, F_dt: FloatArray, belief: Belief, C_nb: FloatArray, elapsed: float) -> None:
+    """Propagate over the time elapsed, given the sum of F dt."""
+    Phi = np.eye(15) + F_dt
+    biases = slice(GYRO_BIAS.start, ACCEL_BIAS.stop)
+    Phi[biases, biases] = np.diag(1 - elapsed * belief.bias_decay)
+    Q = np.zeros((15, 15))
+    Q[ATT, ATT] = C_nb @ np.diag(belief.noise[0:3]) @ C_nb.T
+    Q[VEL, VEL] = C_nb @ np.diag(belief.noise[3:6]) @ C_nb.T
+    Q[biases, biases] = np.diag(belief.noise[6:])
+    kalman.predict(F=Phi, Q=Q * elapsed)
+
+
+def _update(kalman: KalmanFilter, z: FloatArray) -> None:
+    kalman.update(z)
+    kalman.P = (kalman.P + kalman.P.T) / 2
+
+
+def _radii(state: FloatArray) -> tuple[float, float]:
+    """Return R_M + h and (R_N + h) cos L [m]: metres per radian of latitude and longitude."""
+    return 1 / state[strapdown.MERIDIAN], state[strapdown.COSINE] / state[strapdown.TRANSVERSE]
+
+
+def _difference(state: FloatArray, fixes: Fixes, m: int, age: float, dt: float) -> FloatArray:
+    """Return navigator minus fix (6,), the navigator interpolated to the time of the fix."""
+    v, before = _get(state, strapdown.VELOCITY), _get(state, strapdown.PREVIOUS_VELOCITY)
+    latitude, longitude, height = _get(state, strapdown.LATITUDE)
+    per_latitude, per_longitude = _radii(state)
+    position = np.array(
+        [
+            (latitude - fixes.position[m, 0]) * per_latitude,
+            float(wrap(longitude - fixes.position[m, 1])) * per_longitude,
+            fixes.position[m, 2] - height,
+        ]
+    )
+    position -= age * (v + before) / 2
+    velocity = v - (age / dt) * (v - before) - fixes.velocity_n[m]
+    return np.concatenate((position, velocity))
+
+
+def _correct(state: FloatArray, x: FloatArray) -> None:
+    """Take an estimated error out of the navigator."""
+    per_latitude, per_longitude = _radii(state)
+    latitude, longitude, height = _get(state, strapdown.LATITUDE)
+    strapdown.set_position(state, latitude - x[0] / per_latitude, longitude - x[1] / per_longitude, height + x[2])
+    _put(state, strapdown.VELOCITY, _get(state, strapdown.VELOCITY) - x[VEL])
+    q_nb = Rotation.from_rotvec(x[ATT]) * Rotation.from_quat(_get(state, strapdown.Q_NB, 4), scalar_first=True)
+    _put(state, strapdown.Q_NB, q_nb.as_quat(scalar_first=True))
+    _put(state, strapdown.GYRO_BIAS, _get(state, strapdown.GYRO_BIAS) - x[GYRO_BIAS])
+    _put(state, strapdown.ACCEL_BIAS, _get(state, strapdown.ACCEL_BIAS) - x[ACCEL_BIAS])
+
+
+def _store(out: Solution, k: int, state: FloatArray, kalman: KalmanFilter) -> None:
+    """Write sample k of the solution, with the estimated error taken out."""
+    corrected = state.copy()
+    if kalman.x.any():
+        _correct(corrected, kalman.x)
+    out.position[k] = _get(corrected, strapdown.LATITUDE)
+    out.velocity_n[k] = _get(corrected, strapdown.VELOCITY)
+    out.q_nb[k] = _get(corrected, strapdown.Q_NB, 4)
+    out.bias[k] = _get(corrected, strapdown.GYRO_BIAS, 6)
+    out.variance[k] = np.diag(kalman.P)
+    for block, at in enumerate((POS.start, ATT.start)):
+        out.covariance[k, block] = kalman.P[at, at + 1], kalman.P[at, at + 2], kalman.P[at + 1, at + 2]

@@ -1,0 +1,98 @@
+"""Report: a result as files and as a page of a notebook."""
+
+from __future__ import annotations
+
+import html as markup
+import tempfile
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import pandas as pd
+import xarray as xr
+
+if TYPE_CHECKING:
+    from lab.experiment import Experiment
+    from lab.result import Result
+
+
+def write_netcdf(result: Result, path: Path, *, overwrite: bool) -> None:
+    """Write a result as one netCDF file; see `Result.to_netcdf`."""
+    _refuse_existing([path], overwrite)
+    tree = xr.DataTree.from_dict({f"/{name}": dataset for name, dataset in result.datasets().items()})
+    tree.attrs = {"title": f"INS Lab: {result.mission.title}", "settings": result.experiment.to_toml()}
+    with tempfile.TemporaryDirectory(dir=path.parent, prefix=".") as folder:
+        whole = Path(folder) / path.name
+        tree.to_netcdf(whole, engine="netcdf4")
+        whole.replace(path)
+
+
+def write_csv(result: Result, folder: Path, *, overwrite: bool) -> None:
+    """Write a result as csv files in a folder; see `Result.to_csv`."""
+    tables = {folder / f"{name}.csv": table(dataset) for name, dataset in result.datasets().items()}
+    summary, settings = folder / "summary.csv", folder / "settings.toml"
+    _refuse_existing([*tables, summary, settings], overwrite)
+    folder.mkdir(parents=True, exist_ok=True)
+    for path, frame in tables.items():
+        frame.to_csv(path, float_format="%.10g")
+    result.summary.to_csv(summary, index=False, float_format="%.6g")
+    settings.write_text(result.experiment.to_toml(), encoding="utf-8")
+
+
+def table(dataset: xr.Dataset) -> pd.DataFrame:
+    """Return a dataset as a table: one row for each time (or lag), one column for each component, with its unit."""
+    rows = next(str(dim) for dim in dataset.dims if str(dim).startswith("time") or dim == "lag")
+    columns = {}
+    for name, array in dataset.data_vars.items():
+        others = [dim for dim in array.dims if dim != rows]
+        if not others:
+            columns[_heading(str(name), array.attrs["units"])] = array.values
+            continue
+        for component in array[others[0]].values:
+            part = array.sel({others[0]: component})
+            unit = str(part.unit.values) if "unit" in part.coords else array.attrs["units"]
+            columns[_heading(f"{name} {component}", unit)] = part.values
+    index = pd.Index(dataset[rows].values, name=_heading(rows, dataset[rows].attrs.get("units", "")))
+    return pd.DataFrame(columns, index=index)
+
+
+def _heading(name: str, unit: str) -> str:
+    return f"{name} [{unit}]" if unit else name
+
+
+def _refuse_existing(paths: list[Path], overwrite: bool) -> None:
+    existing = [str(path) for path in paths if path.exists()]
+    if existing and not overwrite:
+        raise FileExistsError(f"{existing[0]} exists already; nothing was written")
+
+
+def html(result: Result) -> str:
+    """Return a result for a notebook: what was run, the settings that differ from the defaults, and the errors."""
+    mission = result.mission
+    summary = result.summary.to_html(index=False, border=0, float_format=lambda value: f"{value:.4g}")
+    return (
+        f"<h4>{markup.escape(mission.title)}, {mission.duration:.0f} s, seed {result.experiment.seed}</h4>"
+        f"{settings_table(result.experiment, changed_only=True)}{summary}"
+        "<p>Errors are estimate minus truth, over the whole flight.</p>"
+    )
+
+
+def settings_table(experiment: Experiment, *, changed_only: bool = False) -> str:
+    """Return settings as an HTML table with their units; with `changed_only`, those that differ from the defaults."""
+    defaults = {path: getattr(owner, name) for path, owner, name in type(experiment)().leaves()}
+    rows = []
+    for path, owner, name in experiment.leaves():
+        value = getattr(owner, name)
+        if changed_only and value == defaults[path]:
+            continue
+        parameter = owner.param[name]
+        shown = ", ".join(f"{item:g}" for item in value) if _is_vector(value) else str(value)
+        cells = (path, f"{shown} {getattr(parameter, 'unit', '')}", parameter.doc or "")
+        rows.append("".join(f"<td style='text-align:left'>{markup.escape(cell)}</td>" for cell in cells))
+    if not rows:
+        return "<p>All settings at their defaults.</p>" if changed_only else ""
+    body = "".join(f"<tr>{row}</tr>" for row in rows)
+    return f"<table><tr><th>setting</th><th>value</th><th>meaning</th></tr>{body}</table>"
+
+
+def _is_vector(value: object) -> bool:
+    return isinstance(value, tuple) and all(isinstance(item, int | float) for item in value)

@@ -1,0 +1,326 @@
+"""Result: everything one run of an experiment gave, as labelled datasets with units.
+
+Inside, the arrays of the stages; what a person takes out is an `xarray.Dataset`, built when first asked for: degrees,
+datasheet units for the sensors, east-north-up.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import pandas as pd
+import xarray as xr
+from numpy.typing import NDArray
+
+from lab import report
+from lab.analysis import consistency, errors
+from lab.ideal_imu import IdealImu
+from lab.missions import Mission
+from lab.navigation.error_models import ATT, POS, STATES, VEL
+from lab.navigation.navigator import Belief, Solution
+from lab.projection import Projection
+from lab.rotation import euler_from_quaternion, wrap
+from lab.sensors.gps import GpsFixes
+from lab.sensors.imu import Measured
+from lab.trajectory import Truth
+from lab.units import TO_SI
+
+if TYPE_CHECKING:
+    from lab.experiment import Experiment
+
+FloatArray = NDArray[np.float64]
+
+EAST_NORTH_UP = ["east", "north", "up"]
+ANGLES = ["roll", "pitch", "heading"]
+BODY_AXES = ["x", "y", "z"]
+STATE_UNITS = ("m",) * 3 + ("m/s",) * 3 + ("°",) * 3 + ("°/s",) * 3 + ("mg",) * 3
+"""Units in which the σ of the error states are shown."""
+
+_COORDINATES: dict[str, list[str]] = {
+    "axis": EAST_NORTH_UP,
+    "angle": ANGLES,
+    "body_axis": BODY_AXES,
+    "state": list(STATES),
+}
+_DEGREE = 1 / TO_SI["°"]
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Result:
+    """What one run gave.
+
+    Attributes
+    ----------
+    experiment : Experiment
+        The settings it was computed with.
+    mission : Mission
+        The mission that was flown.
+    truth_arrays, ideal, gyro, accelerometer, fixes, belief, solution_arrays
+        What the stages computed, in SI units.
+    """
+
+    experiment: Experiment
+    mission: Mission
+    truth_arrays: Truth
+    ideal: IdealImu
+    gyro: Measured
+    accelerometer: Measured
+    fixes: GpsFixes
+    belief: Belief
+    solution_arrays: Solution
+
+    @property
+    def time(self) -> FloatArray:
+        """Times of the IMU samples (n + 1,) [s]."""
+        return self.truth_arrays.time
+
+    @cached_property
+    def euler(self) -> FloatArray:
+        """Estimated roll, pitch, heading (n + 1, 3) [rad]."""
+        return euler_from_quaternion(self.solution_arrays.q_nb)
+
+    @cached_property
+    def true_bias(self) -> FloatArray:
+        """True gyro and accelerometer biases (n + 1, 6) at the IMU times [rad/s], [m/s²]."""
+        bias = np.concatenate((self.gyro.bias, self.accelerometer.bias), axis=1)
+        return np.concatenate((bias[:1], bias))
+
+    @cached_property
+    def truth(self) -> xr.Dataset:
+        """The true flight."""
+        truth = self.truth_arrays
+        position = np.stack((truth.latitude, truth.longitude, truth.height), axis=-1)
+        return self._flight(position, truth.velocity_n, truth.euler, "true")
+
+    @cached_property
+    def solution(self) -> xr.Dataset:
+        """The flight as navigated."""
+        solution = self.solution_arrays
+        return self._flight(solution.position, solution.velocity_n, self.euler, "estimated")
+
+    @cached_property
+    def errors(self) -> xr.Dataset:
+        """Errors of the solution: estimate minus truth."""
+        position = errors.to_enu(errors.position_error(self.solution_arrays.position, self.truth_arrays))
+        velocity = errors.to_enu(self.solution_arrays.velocity_n - self.truth_arrays.velocity_n)
+        attitude = wrap(self.euler - self.truth_arrays.euler) * _DEGREE
+        return self._dataset(
+            position=(("time", "axis"), position, "m", "position error"),
+            velocity=(("time", "axis"), velocity, "m/s", "velocity error"),
+            attitude=(("time", "angle"), attitude, "°", "attitude error"),
+        )
+
+    @cached_property
+    def sigma(self) -> xr.Dataset:
+        """One standard deviation of the errors, according to the filter."""
+        variance, covariance = self.solution_arrays.variance, self.solution_arrays.covariance
+        attitude = errors.euler_sigma(self.euler, variance[:, ATT], covariance[:, 1]) * _DEGREE
+        return self._dataset(
+            position=(("time", "axis"), np.sqrt(variance[:, [1, 0, 2]]), "m", "σ of the position error"),
+            velocity=(("time", "axis"), np.sqrt(variance[:, [4, 3, 5]]), "m/s", "σ of the velocity error"),
+            attitude=(("time", "angle"), attitude, "°", "σ of the attitude error"),
+        )
+
+    @cached_property
+    def state_sigma(self) -> xr.Dataset:
+        """One standard deviation of all error states, according to the filter; each in its own unit."""
+        scale = np.array([1 / TO_SI[unit] for unit in STATE_UNITS])
+        sigma = np.sqrt(self.solution_arrays.variance) * scale
+        dataset = self._dataset(sigma=(("time", "state"), sigma, "", "σ of the error states"))
+        return dataset.assign_coords(unit=("state", list(STATE_UNITS)))
+
+    @cached_property
+    def imu(self) -> xr.Dataset:
+        """What the IMU put out, and what a perfect one would have, as mean rates over each sample interval."""
+        dims = ("time_imu", "body_axis")
+        rate, force = _DEGREE / self.ideal.dt, 1 / self.ideal.dt
+        return self._dataset(
+            angular_rate=(dims, self.gyro.increments * rate, "°/s", "measured angular rate"),
+            specific_force=(dims, self.accelerometer.increments * force, "m/s²", "measured specific force"),
+            angular_rate_true=(dims, self.ideal.dtheta * rate, "°/s", "true angular rate"),
+            specific_force_true=(dims, self.ideal.dvelocity * force, "m/s²", "true specific force"),
+        )
+
+    @cached_property
+    def gps(self) -> xr.Dataset:
+        """The GPS fixes and their errors."""
+        fixes = self.fixes
+        easting, northing = self.projection.project(fixes.position)
+        dims = ("time_gps", "axis")
+        return self._dataset(
+            latitude=(("time_gps",), fixes.position[:, 0] * _DEGREE, "°", "latitude"),
+            longitude=(("time_gps",), fixes.position[:, 1] * _DEGREE, "°", "longitude"),
+            height=(("time_gps",), fixes.position[:, 2], "m", "height above the ellipsoid"),
+            easting=(("time_gps",), easting, "m", f"easting, {self.projection.label}"),
+            northing=(("time_gps",), northing, "m", f"northing, {self.projection.label}"),
+            velocity=(dims, errors.to_enu(fixes.velocity_n), "m/s", "velocity"),
+            position_error=(dims, fixes.position_error, "m", "position error of the fix"),
+            velocity_error=(dims, fixes.velocity_error, "m/s", "velocity error of the fix"),
+        )
+
+    @cached_property
+    def track(self) -> xr.Dataset:
+        """True and estimated path in metres on the map."""
+        truth = self.truth_arrays
+        paths = {
+            "true": np.stack((truth.latitude, truth.longitude, truth.height), axis=-1),
+            "estimated": self.solution_arrays.position,
+        }
+        projected = [self.projection.project(path) for path in paths.values()]
+        dims = ("path", "time")
+        label = self.projection.label
+        dataset = self._dataset(
+            easting=(dims, np.stack([east for east, _ in projected]), "m", f"easting, {label}"),
+            northing=(dims, np.stack([north for _, north in projected]), "m", f"northing, {label}"),
+            height=(dims, np.stack([path[:, 2] for path in paths.values()]), "m", "height above the ellipsoid"),
+        )
+        return dataset.assign_coords(path=list(paths))
+
+    @cached_property
+    def projection(self) -> Projection:
+        """Map projection of the flight."""
+        return Projection.at(float(self.truth_arrays.latitude[0]), float(self.truth_arrays.longitude[0]))
+
+    @cached_property
+    def sensor_errors(self) -> xr.Dataset:
+        """Biases as estimated, as they were, and the σ of the estimate according to the filter."""
+        sigma = np.sqrt(self.solution_arrays.variance[:, 9:])
+        dims = ("time", "body_axis")
+        variables = {}
+        for name, part, unit in (("gyro", slice(0, 3), "°/s"), ("accelerometer", slice(3, 6), "mg")):
+            scale = 1 / TO_SI[unit]
+            for suffix, values, label in (
+                ("", self.solution_arrays.bias, "estimated {} bias"),
+                ("_true", self.true_bias, "true {} bias"),
+                ("_sigma", sigma, "σ of the estimated {} bias"),
+            ):
+                variables[f"{name}_bias{suffix}"] = (dims, values[:, part] * scale, unit, label.format(name))
+        return self._dataset(**variables)
+
+    @cached_property
+    def innovations(self) -> xr.Dataset:
+        """Innovations of the fixes (navigator minus GPS), their σ, and NIS."""
+        nu, S = self.solution_arrays.innovation, self.solution_arrays.innovation_covariance
+        sigma = np.sqrt(np.diagonal(S, axis1=1, axis2=2))
+        dims = ("time_gps", "axis")
+        return self._dataset(
+            position=(dims, errors.to_enu(nu[:, :3]), "m", "position innovation"),
+            velocity=(dims, errors.to_enu(nu[:, 3:]), "m/s", "velocity innovation"),
+            position_sigma=(dims, sigma[:, [1, 0, 2]], "m", "σ of the position innovation"),
+            velocity_sigma=(dims, sigma[:, [4, 3, 5]], "m/s", "σ of the velocity innovation"),
+            nis=(("time_gps",), self._used_fixes(consistency.normalised_squares, nu, S), "", "NIS, 6 degrees of freedom"),
+        )
+
+    @cached_property
+    def autocorrelation(self) -> xr.Dataset:
+        """Normalised autocorrelation of the innovations; attribute `band` is the half-width of the 95 % band."""
+        used = self.solution_arrays.fix_sample >= 0
+        sets = self.innovations
+        normalised = [(sets[name] / sets[f"{name}_sigma"]).values[used] for name in ("position", "velocity")]
+        r = [consistency.autocorrelation(values) for values in normalised]
+        dims = ("lag", "axis")
+        dataset = self._dataset(
+            position=(dims, r[0], "", "autocorrelation of the position innovations"),
+            velocity=(dims, r[1], "", "autocorrelation of the velocity innovations"),
+        ).assign_coords(lag=np.arange(r[0].shape[0]))
+        return dataset.assign_attrs(band=consistency.whiteness_band(int(used.sum())))
+
+    @cached_property
+    def consistency(self) -> xr.Dataset:
+        """NEES of all 15 states after each fix."""
+        solution = self.solution_arrays
+        samples = np.maximum(solution.fix_sample, 0)
+        x = errors.error_state(solution, samples, self.truth_arrays, self.true_bias)
+        nees = self._used_fixes(consistency.normalised_squares, x, solution.fix_covariance)
+        return self._dataset(nees=(("time_gps",), nees, "", "NEES, 15 degrees of freedom"))
+
+    @cached_property
+    def position_covariance(self) -> xr.DataArray:
+        """Covariance of the position error after each fix, east, north, up [m²]."""
+        P = errors.NED_TO_ENU @ self.solution_arrays.fix_covariance[:, POS, POS] @ errors.NED_TO_ENU.T
+        return xr.DataArray(
+            P,
+            dims=("time_gps", "axis", "axis_2"),
+            coords={"time_gps": self.fixes.time, "axis": EAST_NORTH_UP, "axis_2": EAST_NORTH_UP},
+            attrs={"units": "m²", "long_name": "covariance of the position error"},
+        )
+
+    @cached_property
+    def summary(self) -> pd.DataFrame:
+        """Table of the errors over the whole flight: rms, largest, and what 95 % stay below."""
+        rows = []
+        for name, array in self.errors.data_vars.items():
+            for component in array[array.dims[1]].values:
+                size = np.abs(array.sel({array.dims[1]: component}).values)
+                rms, largest, most = np.sqrt(np.mean(size**2)), size.max(), np.quantile(size, 0.95)
+                rows.append((f"{name} {component}", array.attrs["units"], float(rms), float(largest), float(most)))
+        return pd.DataFrame(rows, columns=["quantity", "unit", "rms", "max", "95 %"])
+
+    def datasets(self) -> dict[str, xr.Dataset]:
+        """Return all datasets by name."""
+        names = ("truth", "solution", "errors", "sigma", "state_sigma", "imu", "gps", "track", "sensor_errors")
+        names += ("innovations", "autocorrelation", "consistency")
+        return {name: getattr(self, name) for name in names}
+
+    def to_netcdf(self, path: str | Path, *, overwrite: bool = False) -> None:
+        """Write all datasets as groups of one netCDF file, the settings in its attributes.
+
+        Raises
+        ------
+        FileExistsError
+            If the file exists and `overwrite` is not given.
+        """
+        report.write_netcdf(self, Path(path), overwrite=overwrite)
+
+    def to_csv(self, folder: str | Path, *, overwrite: bool = False) -> None:
+        """Write each dataset as a csv file in a folder, the units in the column names, and the settings as TOML.
+
+        Raises
+        ------
+        FileExistsError
+            If one of the files exists and `overwrite` is not given.
+        """
+        report.write_csv(self, Path(folder), overwrite=overwrite)
+
+    def __repr__(self) -> str:
+        lines = self.summary.to_string(index=False, float_format=lambda value: f"{value:.4g}")
+        return f"Result of {self.mission.name}, seed {self.experiment.seed}:\n{lines}"
+
+    def _repr_html_(self) -> str:
+        return report.html(self)
+
+    def _flight(self, position: FloatArray, velocity_n: FloatArray, euler: FloatArray, word: str) -> xr.Dataset:
+        return self._dataset(
+            latitude=(("time",), position[:, 0] * _DEGREE, "°", f"{word} latitude"),
+            longitude=(("time",), position[:, 1] * _DEGREE, "°", f"{word} longitude"),
+            height=(("time",), position[:, 2], "m", f"{word} height above the ellipsoid"),
+            velocity=(("time", "axis"), errors.to_enu(velocity_n), "m/s", f"{word} velocity"),
+            attitude=(("time", "angle"), euler * _DEGREE, "°", f"{word} attitude"),
+        )
+
+    def _used_fixes(self, function: Any, vectors: FloatArray, covariances: FloatArray) -> FloatArray:
+        """Apply a function to the fixes the filter used; the others become NaN."""
+        used = self.solution_arrays.fix_sample >= 0
+        out = np.full(used.shape, np.nan)
+        out[used] = function(vectors[used], covariances[used])
+        return out
+
+    def _dataset(self, **variables: tuple[tuple[str, ...], FloatArray, str, str]) -> xr.Dataset:
+        """Return a dataset of variables given as (dimensions, values, unit, long name)."""
+        times = {"time": self.time, "time_imu": self.time[1:], "time_gps": self.fixes.time}
+        used = {dim for dims, *_ in variables.values() for dim in dims}
+        coords: dict[str, Any] = {
+            dim: (dim, values, {"units": "s", "long_name": "time"}) for dim, values in times.items() if dim in used
+        }
+        coords |= {dim: names for dim, names in _COORDINATES.items() if dim in used}
+        return xr.Dataset(
+            {
+                name: (dims, values, {"units": unit, "long_name": label})
+                for name, (dims, values, unit, label) in variables.items()
+            },
+            coords=coords,
+        )

@@ -1,0 +1,35 @@
+"""Units: the one table that takes settings from datasheet units to SI, and SI to what a person reads."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lab import earth
+from lab.settings import Settings
+
+TO_SI = {
+    "": 1.0,
+    "s": 1.0,
+    "Hz": 1.0,
+    "m": 1.0,
+    "m/s": 1.0,
+    "m²": 1.0,
+    "(m/s)²": 1.0,
+    "%": 0.01,
+    "°": math.radians(1),
+    "°/s": math.radians(1),
+    "°/h": math.radians(1) / 3600,
+    "°/s/√Hz": math.radians(1),
+    "g": earth.STANDARD_GRAVITY,
+    "mg": 1e-3 * earth.STANDARD_GRAVITY,
+    "µg/√Hz": 1e-6 * earth.STANDARD_GRAVITY,
+}
+"""Factor from each unit a setting may have to SI (radians for angles)."""
+
+
+def si(group: Settings, name: str) -> NDArray[np.float64]:
+    """Return a setting in SI units: a scalar array, or one value for each axis."""
+    return np.asarray(getattr(group, name), dtype=np.float64) * TO_SI[group.param[name].unit]
