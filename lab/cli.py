@@ -13,7 +13,6 @@ import math
 import os
 import socket
 import sys
-import tomllib
 import warnings
 from collections.abc import Sequence
 from pathlib import Path
@@ -28,8 +27,9 @@ from lab.settings import SettingError
 from lab.terminal import Progress, spell_what_cannot_be_encoded, table
 
 if TYPE_CHECKING:
-    from lab.experiment import Experiment, Result
+    from lab.experiment import Experiment
     from lab.missions import Mission
+    from lab.result import Result
 
 
 _NO_ADDRESS = "--address {}: is not an address of this computer, such as 127.0.0.1 or localhost"
@@ -167,10 +167,16 @@ def run(
     _check_out(out, force)
     experiment = _experiment(mission, config, assignments or [], seed)
     # Only the answer goes to standard output, whatever a library prints.
-    with contextlib.redirect_stdout(sys.stderr), Progress(f"{mission}: navigating") as progress:
-        result = experiment.run(progress=progress)
+    with contextlib.redirect_stdout(sys.stderr), Progress(mission) as progress:
+        try:
+            result = experiment.run(progress)
+        except ValueError as error:
+            raise CommandError(f"{mission}: {error}") from error
     if out is not None:
-        _write(result, out)
+        try:
+            result.to_netcdf(out, overwrite=force)
+        except OSError as error:
+            raise CommandError(f"--out {out}: cannot be written: {error.strerror or error}") from error
     if as_json:
         print(json.dumps(_answer(experiment, result, out), indent=2))
     else:
@@ -208,8 +214,14 @@ def fly(
 
     Needs JSBSim: pip install 'ins-lab[fly]'. The same plan and seed give the same flight, bit by bit.
     """
-    with contextlib.redirect_stdout(sys.stderr), Progress(f"{mission}: flying") as progress:
-        flown = fly_mission(mission, seed=seed, folder=out, overwrite=force, progress=progress)
+    with contextlib.redirect_stdout(sys.stderr), Progress(mission) as progress:
+        flown = fly_mission(
+            mission,
+            seed=seed,
+            folder=out,
+            overwrite=force,
+            progress=lambda fraction: progress("flying", fraction),
+        )
     print(f"{flown.recording_path}: {flown.duration:.1f} s flown")
 
 
@@ -246,16 +258,7 @@ def _experiment(
 ) -> Experiment:
     from lab.experiment import Experiment  # noqa: PLC0415 - takes a second
 
-    experiment = Experiment()
-    if config is not None:
-        try:
-            experiment.update(tomllib.loads(config.read_text(encoding="utf-8-sig")))
-        except OSError as error:
-            raise CommandError(f"{config}: cannot be read: {error.strerror or error}") from error
-        except (tomllib.TOMLDecodeError, UnicodeDecodeError, RecursionError) as error:
-            raise CommandError(f"{config}: is not a TOML file: {error}") from error
-        except SettingError as error:
-            raise CommandError(f"{config}: {error}") from error
+    experiment = Experiment() if config is None else Experiment.from_toml(config)
     for assignment in assignments:
         experiment.set_text(assignment)
     experiment.set("mission", mission)
@@ -277,19 +280,8 @@ def _check_out(out: Path | None, force: bool) -> None:
         raise CommandError(f"--out {out}: the folder {out.parent} is not writable")
 
 
-def _write(result: Result, out: Path) -> None:
-    # Written beside and renamed, so that a failure leaves neither half a file nor the loss of the old one.
-    part = out.with_name(f".{out.name}.{os.getpid()}")
-    try:
-        result.to_netcdf(part)
-        part.replace(out)
-    except OSError as error:
-        part.unlink(missing_ok=True)
-        raise CommandError(f"--out {out}: cannot be written: {error.strerror or error}") from error
-
-
 def _answer(experiment: Experiment, result: Result, out: Path | None) -> dict[str, Any]:
-    rows = result.summary.to_dict("records")
+    rows = result.summary.rename(columns={"95 %": "p95"}).to_dict("records")
     return {
         "mission": experiment.mission,
         "seed": experiment.seed,

@@ -77,24 +77,26 @@ def table(header: Sequence[str], rows: Sequence[Sequence[str]], *, right: Collec
 
 
 class Progress:
-    """A line on standard error while something takes longer than `PATIENCE`.
+    """Tells on standard error how work goes that takes longer than `PATIENCE`.
 
-    In a terminal the line follows the news and goes when the work is done; elsewhere it is written once.
+    In a terminal one line follows the news and goes when the work is done; elsewhere each step is one line.
 
     Parameters
     ----------
-    what
-        What is being done.
+    task
+        What is being done, as a whole.
     stream
         Where to write; standard error by default.
     """
 
-    def __init__(self, what: str, stream: TextIO | None = None) -> None:
-        self._what = what
-        self._news = ""
+    def __init__(self, task: str, stream: TextIO | None = None) -> None:
+        self._task = task
+        self._step = ""
+        self._fraction = 0.0
         self._stream = stream or sys.stderr
         self._alive = self._stream.isatty()
-        self._shown = threading.Event()
+        self._shown = False
+        self._lock = threading.Lock()
         self._timer = threading.Timer(PATIENCE, self._show)
         self._timer.daemon = True
 
@@ -105,18 +107,24 @@ class Progress:
     def __exit__(self, *_: object) -> None:
         self._timer.cancel()
         self._timer.join()
-        if self._alive and self._shown.is_set():
+        if self._alive and self._shown:
             self._stream.write("\r\x1b[K")
             self._stream.flush()
 
-    def __call__(self, news: float | str) -> None:
-        """Take news of the work: the fraction done, or what is done now."""
-        self._news = f" {news}" if isinstance(news, str) else f" {news:.0%}"
-        if self._alive and self._shown.is_set():
-            self._show()
+    def __call__(self, step: str, fraction: float) -> None:
+        """Take news: what is done now, and the fraction of the whole that is done."""
+        with self._lock:
+            new = step != self._step
+            self._step, self._fraction = step, fraction
+            if self._shown and fraction < 1 and (new or self._alive):
+                self._write()
 
     def _show(self) -> None:
-        line = f"{self._what}{self._news} ..."
-        self._stream.write(f"\r\x1b[K{line}" if self._alive else f"{line}\n")
+        with self._lock:
+            self._shown = True
+            self._write()
+
+    def _write(self) -> None:
+        line = f"{self._task}: {self._step} ..." if self._step else f"{self._task} ..."
+        self._stream.write(f"\r\x1b[K{line} {self._fraction:.0%}" if self._alive else f"{line}\n")
         self._stream.flush()
-        self._shown.set()

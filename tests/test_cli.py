@@ -219,9 +219,9 @@ def test_what_is_wrong_is_answered_with_what_is_accepted(arguments: list[str], w
         ("[sensors.gyro]\nnoise = 1\n", ["sensors.gyro.noise", "Did you mean"]),
         ("[sensors.gps]\nperiod = 0\n", ["sensors.gps.period = 0", "from 0.05 to 60 s"]),
         ("sensors = 3\n", ["is a group of settings"]),
-        ("a = \n", ["not a TOML file", "line 1"]),
-        ("\udcff", ["not a TOML file"]),
-        ("a = " + "[" * 5000, ["not a TOML file"]),
+        ("a = \n", ["TOML", "line 1"]),
+        ("\udcff", ["TOML"]),
+        ("a = " + "[" * 5000, ["TOML"]),
     ],
 )
 def test_a_bad_file_of_settings_is_named(tmp_path: Path, text: str, words: list[str]) -> None:
@@ -340,7 +340,7 @@ def test_quick_work_shows_no_progress(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("lab.terminal.PATIENCE", 60)
     screen = _Screen()
     with Progress("working", screen) as progress:
-        progress(0.5)
+        progress("halfway", 0.5)
     assert screen.getvalue() == ""
 
 
@@ -349,22 +349,24 @@ def test_slow_work_follows_the_news_and_leaves_no_trace_in_a_terminal(
 ) -> None:
     monkeypatch.setattr("lab.terminal.PATIENCE", 0)
     screen = _Screen()
-    with Progress("flying", screen) as progress:
+    with Progress("montreal", screen) as progress:
         assert screen.written.wait(10)
-        progress(0.25)
-        progress("landing")
+        progress("flying", 0.25)
+        progress("flying", 0.5)
+        progress("landing", 1.0)
     shown = screen.getvalue().split("\r\x1b[K")
-    assert shown[1:] == ["flying ...", "flying 25% ...", "flying landing ...", ""]
+    assert shown[1:] == ["montreal ... 0%", "montreal: flying ... 25%", "montreal: flying ... 50%", ""]
 
 
-def test_slow_work_is_told_once_where_there_is_no_terminal(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_slow_work_tells_each_step_once_where_there_is_no_terminal(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("lab.terminal.PATIENCE", 0)
     log = _Screen()
     monkeypatch.setattr(log, "isatty", lambda: False)
-    with Progress("flying", log) as progress:
+    with Progress("montreal", log) as progress:
         assert log.written.wait(10)
-        progress(0.25)
-    assert log.getvalue() == "flying ...\n"
+        progress("flying", 0.25)
+        progress("flying", 0.5)
+    assert log.getvalue() == "montreal ...\nmontreal: flying ...\n"
 
 
 def test_numbers_json_does_not_know_are_null() -> None:
