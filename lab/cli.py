@@ -299,11 +299,13 @@ def _finite(value: Any) -> Any:
 
 def _summary_table(result: Result) -> str:
     summary = result.summary
+    numbers = {column for column, kind in enumerate(summary.dtypes) if kind.kind == "f"}
+    # Fixed decimals align; errors far below a millimetre, as without sensor noise, need powers of ten.
+    form = ".3f" if summary["rms"].min() > 0.01 else ".2e"
     rows = [
-        tuple(f"{cell:.4g}" if isinstance(cell, float) else str(cell) for cell in row)
+        tuple(f"{cell:{form}}" if column in numbers else str(cell) for column, cell in enumerate(row))
         for row in summary.itertuples(index=False)
     ]
-    numbers = {column for column, kind in enumerate(summary.dtypes) if kind.kind == "f"}
     return table(tuple(summary.columns), rows, right=numbers)
 
 
