@@ -54,9 +54,10 @@ class Air:
     wind_m_s : float
         Speed of the wind [m/s].
     turbulence_severity : int
-        0 none, 1-2 light, 3-4 moderate, 5-7 severe (MIL-F-8785C probability of exceedance curves).
+        0 none, 1-2 light, 3-4 moderate, 5-7 severe (MIL-F-8785C probability of exceedance curves): decides
+        the turbulence more than 600 m above the ground.
     turbulence_wind_m_s : float
-        Wind 20 ft above the ground, from which the turbulence near the ground follows [m/s].
+        Wind 20 ft above the ground, which decides the turbulence less than 300 m above the ground [m/s].
     """
 
     wind_from_deg: float = 0.0

@@ -37,31 +37,37 @@ def check_units(where: str, table: FloatArray) -> None:
     MissionError
         If positions or attitude look like radians, velocity like another unit, or time like milliseconds.
     """
+    _check_position(where, table)
+    _check_attitude(where, table)
+
+
+def _check_position(where: str, table: FloatArray) -> None:
     time, velocity = table[:, 0], table[:, 4:6]
     latitude, longitude = table[:, 1], table[:, 2]
     ratio = _path_ratio(time, np.radians(latitude), np.radians(longitude), velocity)
-    if ratio is not None and not 0.8 < ratio < 1.25:
-        as_radians = None
-        if np.abs(latitude).max() <= np.pi / 2 and np.abs(longitude).max() <= 2 * np.pi:
-            as_radians = _path_ratio(time, latitude, longitude, velocity)
+    if ratio is not None and 0.8 < ratio < 1.25:
+        return
+    # Only numbers that would all be proper angles in radians raise a suspicion.
+    if np.abs(latitude).max() <= np.pi / 2 and np.abs(longitude).max() <= 2 * np.pi:
+        as_radians = _path_ratio(time, latitude, longitude, velocity)
         if as_radians is not None and _near(as_radians, 1.0):
             raise MissionError(
                 f"{where}, every row, columns latitude_deg and longitude_deg: the numbers look like radians "
-                f"(as degrees the aircraft moves {1 / ratio:.0f} times more slowly than its velocity says); "
-                "accepted are degrees"
+                "(their change fits the recorded velocity only then); accepted are degrees"
             )
-        for factor, unit in _VELOCITY_UNITS.items():
-            if _near(ratio, factor):
-                raise MissionError(
-                    f"{where}, every row, columns velocity_north_m_s and velocity_east_m_s: the numbers look "
-                    f"like {unit} (the position changes {ratio:.3g} times as fast); accepted are m/s"
-                )
-        if _near(ratio, 1e-3):
+    if ratio is None:
+        return
+    for factor, unit in _VELOCITY_UNITS.items():
+        if _near(ratio, factor):
             raise MissionError(
-                f"{where}, every row, column time_s: the numbers look like milliseconds (the position "
-                "changes 1000 times more slowly than the velocity says); accepted are seconds"
+                f"{where}, every row, columns velocity_north_m_s and velocity_east_m_s: the numbers look "
+                f"like {unit} (the position changes {ratio:.3g} times as fast); accepted are m/s"
             )
-    _check_attitude(where, table)
+    if _near(ratio, 1e-3):
+        raise MissionError(
+            f"{where}, every row, column time_s: the numbers look like milliseconds (the position changes "
+            "1000 times more slowly than the velocity says); accepted are seconds"
+        )
 
 
 def _path_ratio(
@@ -91,7 +97,6 @@ def _path_ratio(
 
 def _check_attitude(where: str, table: FloatArray) -> None:
     roll_pitch, yaw = table[:, 7:9], table[:, 9]
-    # Only numbers that would all be proper angles in radians raise a suspicion.
     if np.abs(roll_pitch).max() > np.pi or np.abs(yaw).max() > 2 * np.pi:
         return
     moving = np.hypot(table[:, 4], table[:, 5]) > _MOVING
