@@ -1,0 +1,74 @@
+"""INS Lab: an interactive laboratory for MEMS inertial navigation.
+
+A flight becomes a smooth true trajectory; an IMU and a GPS receiver are simulated on it; a strapdown navigator with an
+error-state Kalman filter computes position, velocity and attitude; the lab shows how good they are, and why.
+
+>>> from lab import Experiment
+>>> result = Experiment(mission="montreal", seed=1).run()
+>>> result.summary
+>>> result.errors.position.sel(axis="north").plot()
+
+The language, the same everywhere:
+
+- Frames: i inertial, e Earth, n navigation (north, east, down), b body (forward, right, down). A vector ``v`` resolved
+  in n is ``v_n``; the rotation taking b to n is ``C_nb``, as a quaternion ``q_nb``, scalar first.
+- Inside: float64, SI units, radians, time first: ``(n, 3)``. Settings, datasets, files and plots: degrees, datasheet
+  units, east-north-up; every number that leaves carries its unit.
+- Error is estimate minus truth, always. Error states, in order: position, velocity, attitude, gyro bias, accelerometer
+  bias (`lab.navigation.error_models.STATES`).
+- Truth and belief are different things: `lab.sensors` is what the sensors really do, `lab.navigation.settings` what the
+  filter assumes of them.
+- Same settings and seed, same bits.
+"""
+
+from __future__ import annotations
+
+import importlib
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from lab.experiment import Experiment
+    from lab.missions import Mission, MissionError, Recording, mission
+    from lab.result import Result
+    from lab.settings import SettingError
+    from lab.trajectory import Trajectory
+    from lab.views import plots
+
+__all__ = [
+    "Experiment",
+    "Mission",
+    "MissionError",
+    "Recording",
+    "Result",
+    "SettingError",
+    "Trajectory",
+    "__version__",
+    "mission",
+    "plots",
+]
+
+__version__ = "0.1.0"
+
+_HOMES = {
+    "Experiment": "lab.experiment",
+    "Mission": "lab.missions",
+    "MissionError": "lab.missions",
+    "Recording": "lab.missions",
+    "Result": "lab.result",
+    "SettingError": "lab.settings",
+    "Trajectory": "lab.trajectory",
+    "mission": "lab.missions",
+}
+
+
+def __getattr__(name: str) -> Any:
+    """Import a public name when it is first used: the compiler and the plotting libraries take their time."""
+    if name == "plots":
+        return importlib.import_module("lab.views.plots")
+    if name not in _HOMES:
+        raise AttributeError(f"module 'lab' has no attribute {name!r}")
+    return getattr(importlib.import_module(_HOMES[name]), name)
+
+
+def __dir__() -> list[str]:
+    return __all__

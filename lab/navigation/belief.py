@@ -21,9 +21,12 @@ def belief(sensors: SensorSuite, navigator: NavigatorSettings) -> Belief:
     """Return what the filter assumes: P0, Q and R matched, or as given, and scaled."""
     gyro_drive, gyro_decay = bias_process(sensors.gyro)
     accel_drive, accel_decay = bias_process(sensors.accelerometer)
-    noise = _given(navigator.q) if navigator.q is not None else matched_noise(sensors, gyro_drive, accel_drive)
+    noise = (
+        _given(navigator.q) if navigator.q is not None else matched_noise(sensors, gyro_drive, accel_drive)
+    )
     return Belief(
-        P0=navigator.p0_scale * (_given(navigator.p0) if navigator.p0 is not None else matched_p0(sensors, navigator)),
+        P0=navigator.p0_scale
+        * (_given(navigator.p0) if navigator.p0 is not None else matched_p0(sensors, navigator)),
         R=navigator.r_scale * (_given(navigator.r) if navigator.r is not None else matched_r(sensors)),
         noise=navigator.q_scale * np.diag(noise),
         bias_decay=np.concatenate((gyro_decay, accel_decay)),
@@ -43,7 +46,9 @@ def matched_p0(sensors: SensorSuite, navigator: NavigatorSettings) -> FloatArray
     variance[VEL] = si(navigator, "velocity_sigma") ** 2
     variance[ATT] = si(navigator, "attitude_sigma") ** 2
     variance[GYRO_BIAS] = _turn_on_variance(sensors.gyro) + si(sensors.gyro, "instability") ** 2
-    variance[ACCEL_BIAS] = _turn_on_variance(sensors.accelerometer) + si(sensors.accelerometer, "instability") ** 2
+    variance[ACCEL_BIAS] = (
+        _turn_on_variance(sensors.accelerometer) + si(sensors.accelerometer, "instability") ** 2
+    )
     return np.diag(variance)
 
 

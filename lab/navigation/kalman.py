@@ -24,7 +24,9 @@ MEASUREMENTS = 6
 
 
 @kernel
-def update(w: FloatArray, z: FloatArray, R: FloatArray, R_root: FloatArray, nu: FloatArray, S: FloatArray) -> None:
+def update(
+    w: FloatArray, z: FloatArray, R: FloatArray, R_root: FloatArray, nu: FloatArray, S: FloatArray
+) -> None:
     """Update [P | x] in the workspace with one fix.
 
     Parameters

@@ -237,7 +237,9 @@ class Schedule(NamedTuple):
     stride: int = 1
 
 
-def navigate(imu: Imu, fixes: Fixes, start: Start, belief: Belief, schedule: Schedule = Schedule()) -> Solution:
+def navigate(
+    imu: Imu, fixes: Fixes, start: Start, belief: Belief, schedule: Schedule = Schedule()
+) -> Solution:
     """Navigate a whole flight with the compiled filter.
 
     Parameters
@@ -400,7 +402,9 @@ def _has_estimate(w: FloatArray) -> bool:
 
 
 @kernel
-def _store_corrected(out: Solution, k: int, state: FloatArray, w: FloatArray, x: FloatArray, spare: FloatArray) -> None:
+def _store_corrected(
+    out: Solution, k: int, state: FloatArray, w: FloatArray, x: FloatArray, spare: FloatArray
+) -> None:
     """Write sample k of the solution with the estimated error taken out, leaving the navigator as it is."""
     spare[:] = state
     for i in range(STATES):
@@ -411,7 +415,9 @@ def _store_corrected(out: Solution, k: int, state: FloatArray, w: FloatArray, x:
     _store(out, k, spare, w)
 
 
-def _compile_advance(sources: str, summed: bool) -> Callable[[Filter, Imu, Fixes, Solution, int, Schedule], int]:
+def _compile_advance(
+    sources: str, summed: bool
+) -> Callable[[Filter, Imu, Fixes, Solution, int, Schedule], int]:
     """Compile the driver; `summed` for propagating P less often than at every sample."""
 
     @entry_kernel

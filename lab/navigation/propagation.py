@@ -41,7 +41,9 @@ def compile_propagation(model: ErrorModel) -> Callable[[FloatArray, float, Float
 
 def propagation_source(model: ErrorModel) -> str:
     """Return the source that `compile_propagation` compiles."""
-    terms = {row: [int(c) for c in np.flatnonzero(columns)] for row, columns in enumerate(model.pattern()[:NAV])}
+    terms = {
+        row: [int(c) for c in np.flatnonzero(columns)] for row, columns in enumerate(model.pattern()[:NAV])
+    }
     lines = ["def propagate(F, dt, decay, w):"]
     lines += [f"    f_{row}_{c} = dt * F[{row}, {c}]" for row, columns in terms.items() for c in columns]
     lines += _navigation_rows(terms)

@@ -96,7 +96,9 @@ def _put(state: FloatArray, at: int, values: FloatArray) -> None:
     state[at : at + values.size] = values
 
 
-def _predict(kalman: KalmanFilter, F_dt: FloatArray, belief: Belief, C_nb: FloatArray, elapsed: float) -> None:
+def _predict(
+    kalman: KalmanFilter, F_dt: FloatArray, belief: Belief, C_nb: FloatArray, elapsed: float
+) -> None:
     """Propagate over the time elapsed, given the sum of F dt."""
     Phi = np.eye(15) + F_dt
     biases = slice(GYRO_BIAS.start, ACCEL_BIAS.stop)
@@ -139,9 +141,13 @@ def _correct(state: FloatArray, x: FloatArray) -> None:
     """Take an estimated error out of the navigator."""
     per_latitude, per_longitude = _radii(state)
     latitude, longitude, height = _get(state, strapdown.LATITUDE)
-    strapdown.set_position(state, latitude - x[0] / per_latitude, longitude - x[1] / per_longitude, height + x[2])
+    strapdown.set_position(
+        state, latitude - x[0] / per_latitude, longitude - x[1] / per_longitude, height + x[2]
+    )
     _put(state, strapdown.VELOCITY, _get(state, strapdown.VELOCITY) - x[VEL])
-    q_nb = Rotation.from_rotvec(x[ATT]) * Rotation.from_quat(_get(state, strapdown.Q_NB, 4), scalar_first=True)
+    q_nb = Rotation.from_rotvec(x[ATT]) * Rotation.from_quat(
+        _get(state, strapdown.Q_NB, 4), scalar_first=True
+    )
     _put(state, strapdown.Q_NB, q_nb.as_quat(scalar_first=True))
     _put(state, strapdown.GYRO_BIAS, _get(state, strapdown.GYRO_BIAS) - x[GYRO_BIAS])
     _put(state, strapdown.ACCEL_BIAS, _get(state, strapdown.ACCEL_BIAS) - x[ACCEL_BIAS])

@@ -203,7 +203,8 @@ def step(state: FloatArray, dtheta_measured: Vector, dvelocity_measured: Vector,
 
     # Savage part 1, eq. 60; part 2, eqs. 33 and 57: the previous sample stands in for the curvature of this one.
     coned = plus(dtheta, 1 / 12, cross(dtheta_before, dtheta))
-    sculled = plus(dvelocity, 0.5, cross(dtheta, dvelocity))
+    turned = cross(dtheta, dvelocity)
+    sculled = plus(plus(dvelocity, 0.5, turned), 1 / 6, cross(dtheta, turned))
     sculled = plus(sculled, 1 / 12, cross(dtheta_before, dvelocity))
     sculled = plus(sculled, 1 / 12, cross(dvelocity_before, dtheta))
 
