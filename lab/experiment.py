@@ -92,13 +92,16 @@ class Experiment(Settings):
         SettingError
             If the file cannot be read, is not TOML, or holds a setting that does not exist or is not accepted.
         """
+        name = source if isinstance(source, Path) else "settings"
         try:
-            text = source.read_text(encoding="utf-8") if isinstance(source, Path) else source
-            values = tomllib.loads(text)
-        except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
-            name = source if isinstance(source, Path) else "settings"
-            raise SettingError(f"{name}: cannot be read as TOML: {error}") from error
-        return cls().update(values)
+            text = source.read_text(encoding="utf-8-sig") if isinstance(source, Path) else source
+            return cls().update(tomllib.loads(text))
+        except OSError as error:
+            raise SettingError(f"{name}: cannot be read: {error.strerror or error}") from error
+        except (UnicodeDecodeError, tomllib.TOMLDecodeError, RecursionError) as error:
+            raise SettingError(f"{name}: is not TOML: {error}") from error
+        except SettingError as error:
+            raise SettingError(f"{name}: {error}") from error
 
     def to_toml(self) -> str:
         """Return all settings as TOML text."""
