@@ -151,7 +151,7 @@ def write_flight_csv(path: str | os.PathLike[str], recording: Recording) -> None
         )
     try:
         with atomic_file(path) as file:
-            compressed = path.suffix == ".gz"
+            compressed = path.suffix.lower() == ".gz"
             # No name and no time of day in the gzip header: the same flight gives the same bytes.
             out = gzip.GzipFile("", "wb", 9, file, mtime=0) if compressed else contextlib.nullcontext(file)
             with out as stream:

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 FloatArray = NDArray[np.float64]
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False, repr=False)
 class Recording:
     """A flight as recorded: samples in time of position, velocity and attitude. Arrays are read-only.
 
@@ -44,9 +44,13 @@ class Recording:
         for name in self.__dataclass_fields__:
             value = getattr(self, name)
             if value is not None:
-                value = np.ascontiguousarray(value, dtype=np.float64)
+                # A copy: the caller's own array stays writable.
+                value = np.array(value, dtype=np.float64, order="C")
                 value.setflags(write=False)
                 object.__setattr__(self, name, value)
+
+    def __repr__(self) -> str:
+        return f"<Recording: {len(self.time)} samples in {self.duration:.3f} s>"
 
     @property
     def duration(self) -> float:

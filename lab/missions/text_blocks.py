@@ -49,7 +49,7 @@ class TextBlocks:
             self._file = self._path.open("rb")
         except (OSError, ValueError) as error:
             raise self._error(error) from error
-        self._stream = gzip.GzipFile(fileobj=self._file) if self._path.suffix == ".gz" else self._file
+        self._stream = gzip.GzipFile(fileobj=self._file) if self._path.suffix.lower() == ".gz" else self._file
         self._fill()
         self._rest = self._rest.removeprefix(b"\xef\xbb\xbf")
         return self

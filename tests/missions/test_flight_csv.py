@@ -284,6 +284,21 @@ def test_arbitrary_bytes_are_refused_and_nothing_else(tmp_path_factory, content)
         refused(written(path, content))
 
 
+@given(place=st.floats(0, 1), value=st.integers(1, 255), end=st.floats(0, 1))
+def test_a_damaged_gzip_file_gives_a_whole_flight_or_a_reason(tmp_path_factory, place, value, end):
+    content = bytearray(gzip.compress(csv_text(table(circle(samples=30))).encode(), mtime=0))
+    content[int(place * (len(content) - 1))] ^= value
+    damaged = written(
+        tmp_path_factory.getbasetemp() / "damaged.csv.gz", bytes(content[: round(end * len(content))])
+    )
+    try:
+        recording = read_flight_csv(damaged)
+    except MissionError as error:
+        assert str(damaged) in str(error)
+        return
+    np.testing.assert_array_equal(recording.time, circle(samples=30).time)
+
+
 CELLS = st.one_of(
     st.floats(-90, 90).map(repr),
     st.text(max_size=5),
