@@ -20,10 +20,10 @@ from numpy.typing import NDArray
 from lab.cache import StageCache, digest
 from lab.ideal_imu import IdealImu
 from lab.missions import Mission, mission
-from lab.navigation import reference
 from lab.navigation.belief import belief
-from lab.navigation.navigator import Belief, Fixes, Imu, Schedule, Solution, Start, is_compiled, navigate
+from lab.navigation.navigator import is_compiled, navigate
 from lab.navigation.settings import NavigatorSettings
+from lab.navigation.solution import Belief, Fixes, Imu, Schedule, Solution, Start
 from lab.result import Result
 from lab.sensors import gps, imu
 from lab.sensors.draws import unit_draws
@@ -223,6 +223,8 @@ class _Run:
             schedule,
         )
         if settings.engine == "filterpy":
+            from lab.navigation import reference  # noqa: PLC0415 - filterpy takes half a second to import
+
             return reference.navigate(*arguments, progress=lambda done: self.progress("Navigating", 0.4 + 0.6 * done))
         return navigate(*arguments)
 
