@@ -1,0 +1,253 @@
+# ---
+# jupyter:
+#   jupytext:
+#     text_representation:
+#       extension: .py
+#       format_name: percent
+#   kernelspec:
+#     display_name: Python 3 (ipykernel)
+#     language: python
+#     name: python3
+# ---
+
+# %% [markdown]
+# # A tour of INS Lab
+#
+# An **inertial navigation system** measures how a vehicle turns and accelerates, and adds this up to know
+# where it is. It needs nothing from outside, but its errors add up too. **GPS** knows where it is to about
+# a metre, forever, but only once a second and only while it is received. A **Kalman filter** joins the two.
+#
+# In ten minutes you will fly a Cessna over Montréal, put cheap sensors into it, navigate, and see how good
+# that is and why. Run the cells from top to bottom; each step has one idea, and one question to try.
+
+# %%
+import panel as pn
+
+from lab import Experiment, mission, plots
+from lab.views import scene
+
+pn.extension()
+
+# %% [markdown]
+# ## 1. A flight
+#
+# A *mission* is a recorded flight: position, velocity and attitude, about eighteen times a second. This one
+# was flown by an autopilot in the flight simulator JSBSim. Through these samples the lab draws one smooth
+# curve. That curve is the **truth**: everything below is measured against it.
+
+# %%
+mission("montreal")
+
+# %% [markdown]
+# **Try:** `mission("los_angeles")` is shorter. Which of the two banks more steeply? (Look at *Roll*.)
+#
+# ## 2. Sensors that err
+#
+# An *experiment* holds every setting of one run: the flight, the errors of the sensors, what the filter
+# believes, and the seed of all random numbers. Each setting has a unit and bounds;
+# `experiment.sensors.gyro` shows those of the gyros. The defaults are those of the MEMSense AccelRate3D,
+# a small MEMS sensor.
+
+# %%
+experiment = Experiment(mission="montreal", seed=1)
+result = experiment.run()
+
+experiment.sensors.gyro
+
+# %% [markdown]
+# Gyros have two errors that matter most. **White noise** shakes every sample; its density, in °/s/√Hz, says
+# how fast the angle random-walks away. A **bias** is a constant that is different each time the sensor is
+# switched on. Nobody tells the filter this constant. The dashed line is the bias the sensor really has, the
+# solid one what the filter estimates, and the band what it is sure of (±3σ).
+
+# %%
+plots.sensor_errors(result)
+
+# %% [markdown]
+# **Try:** which bias is found first, and which last? What does the aeroplane do at that moment? (The height
+# plot below helps.)
+#
+# ## 3. A navigation solution
+#
+# The navigator turns angle increments into attitude, attitude and velocity increments into velocity, and
+# velocity into position, 200 times a second. At each GPS fix the filter compares, and corrects. From above,
+# the result can hardly be told from the truth, while the fixes scatter about it.
+
+# %%
+plots.ground_track(result)
+
+# %%
+plots.height(result)
+
+# %% [markdown]
+# To see how good it is we need the *errors*: **estimate minus truth**, here as root mean square, as the
+# largest, and as the value that 95 % stay below.
+
+# %%
+result.summary
+
+# %% [markdown]
+# Everything in a result is a labelled table of [xarray](https://xarray.dev) with units: `result.errors`,
+# `result.sigma`, `result.imu`, `result.gps`, … It slices, plots and saves as it is.
+
+# %%
+result.errors
+
+# %% [markdown]
+# **Try:** `result.errors.position.sel(axis="up").plot()`. How large is the height error at the end?
+#
+# ## 4. The filter knows how wrong it may be
+#
+# A Kalman filter gives not only an estimate but also its standard deviation σ. Below, the errors of
+# position, velocity and attitude with the band ±3σ: a filter that is honest keeps its error inside nearly
+# always, and does not make the band wider than it must.
+
+# %%
+plots.errors(result)
+
+# %% [markdown]
+# Look at the heading. At rest and in straight flight its band *grows*: GPS tells position and velocity, and
+# a wrong heading shows in neither while nothing accelerates sideways. With the take-off run and the first
+# turn the band closes within seconds. **What is not moved is not observed**: this is the most useful
+# sentence of the whole field.
+
+# %%
+plots.covariance(result)
+
+# %% [markdown]
+# **Try:** when does σ of the heading fall fastest? Compare with the roll angle:
+# `result.truth.attitude.sel(angle="roll").plot()`.
+#
+# ## 5. Turn the knob
+#
+# Now change the sensor. The slider sets the density of the gyros' white noise; the same random numbers are
+# only scaled, so that the curves morph and do not jump. A run takes a few milliseconds: navigation is
+# repeated while you drag.
+
+# %%
+noise = pn.widgets.FloatSlider(
+    name="Gyro noise [°/s/√Hz]", start=0.0, end=0.3, step=0.005, value=0.05, format="0.000"
+)
+
+
+def with_gyro_noise(density):
+    """Return the error plots of the experiment with another gyro."""
+    trial = experiment.copy()
+    trial.sensors.gyro.noise_density = density
+    return plots.errors(trial.run())
+
+
+pn.Column(noise, pn.bind(with_gyro_noise, noise.param.value_throttled))
+
+# %% [markdown]
+# **Try:** at 0.2 °/s/√Hz, four times the noise, how much worse is the heading, and how much the position?
+# Why does the position hardly care?
+#
+# ## 6. Lie to the filter
+#
+# Until here the filter knew the true statistics of its sensors. In practice nobody does. `r_scale`
+# multiplies the GPS noise that the filter *believes* in, while the receiver stays as it is. The
+# **innovations**, what each fix tells beyond what was expected, give the lie away: they should lie inside
+# ±2σ 95 % of the time, and none should foretell the next.
+
+# %%
+belief = pn.widgets.DiscreteSlider(name="The filter believes R ×", options=[0.01, 0.1, 1, 10, 100], value=1)
+
+
+def with_belief(scale):
+    """Return the innovations of a filter that believes in another GPS."""
+    trial = experiment.copy()
+    trial.navigator.r_scale = scale
+    return plots.innovations(trial.run())
+
+
+pn.Column(belief, pn.bind(with_belief, belief.param.value_throttled))
+
+# %% [markdown]
+# **Try:** with R × 0.01 the filter trusts each fix to centimetres. Where are the innovations now, compared
+# with their band? And with R × 100, why do they swing slowly?
+#
+# ## 7. Without GPS
+#
+# In a tunnel, under a bridge, near a jammer: no fixes. The inertial system goes on alone, and the filter
+# says how much less it knows with every second.
+
+# %%
+outage = pn.widgets.IntSlider(name="No GPS from 90 s, for [s]", start=0, end=60, step=5, value=30)
+
+
+def without_gps(seconds):
+    """Return the error plots of a flight with a gap in its fixes."""
+    trial = experiment.copy()
+    trial.sensors.gps.outages = [(90, 90 + seconds)] if seconds else []
+    return plots.errors(trial.run())
+
+
+pn.Column(outage, pn.bind(without_gps, outage.param.value_throttled))
+
+# %% [markdown]
+# **Try:** double the outage from 30 to 60 s. Does the position error double, grow fourfold, or more? (A
+# constant error of acceleration gives a position error with t²; a tilt that itself grows with t, from a
+# gyro bias, gives t³.)
+#
+# ## 8. In three dimensions
+#
+# The true path, the estimated one, the fixes, and the ellipsoids in which the filter believes itself to be.
+# Drag to turn, scroll to come closer.
+
+# %%
+scene.html(result)
+
+# %% [markdown]
+# ## 9. Take it with you
+#
+# The settings go to a text file and come back; the result goes to netCDF or csv. The same experiment runs
+# on the command line, `ins-lab run montreal --set sensors.gyro.noise_density=0.02`, and in the dashboard,
+# `ins-lab serve`, where all of this is on one page.
+
+# %%
+experiment.set("sensors.gyro.noise_density", 0.02)
+print(experiment.to_toml()[:420])
+
+# %% [markdown]
+# ## 10. A page of your own
+#
+# A few widgets and plots make a page. The sliders are those of steps 5 to 7, now acting together: one moved here moves above too. In a
+# terminal, `panel serve notebooks/01_tour.py` shows exactly this cell to anyone with a browser.
+
+
+# %%
+def navigate(density, scale, seconds):
+    """Run the experiment with all three knobs turned."""
+    trial = experiment.copy()
+    trial.sensors.gyro.noise_density = density
+    trial.navigator.r_scale = scale
+    trial.sensors.gps.outages = [(90, 90 + seconds)] if seconds else []
+    return trial.run()
+
+
+def show(view):
+    """Return a plot that follows the three widgets."""
+    knobs = (widget.param.value_throttled for widget in (noise, belief, outage))
+    return pn.bind(lambda *values: view(navigate(*values)), *knobs)
+
+
+pn.Column(
+    "# A tour of INS Lab",
+    pn.Row(noise, belief, outage),
+    pn.Tabs(
+        ("Errors", show(plots.errors)),
+        ("Innovations", show(plots.innovations)),
+        ("Ground track", show(plots.ground_track)),
+        dynamic=True,
+    ),
+).servable()
+
+# %% [markdown]
+# **Try:** with no GPS for 60 s, which gyro would you have to buy to stay within 10 m?
+#
+# ## Where to go next
+#
+# - `missions/README.md`: navigate a flight of your own, from a csv file.
+# - `ins-lab serve`: the dashboard, with every setting and all plots linked.
+# - `help(lab)`, in Python: the language of the lab, frames, units and signs.

@@ -1,0 +1,72 @@
+"""The notebooks and the README's example run from top to bottom, in Jupyter and as apps."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+from typing import Any
+
+import jupytext
+import pytest
+from nbclient import NotebookClient
+
+ROOT = Path(__file__).parent.parent
+NOTEBOOKS = sorted((ROOT / "notebooks").glob("*.py"))
+SECONDS = 240
+
+
+@pytest.fixture(params=NOTEBOOKS, ids=lambda path: path.stem)
+def notebook(request: pytest.FixtureRequest) -> Path:
+    path: Path = request.param
+    return path
+
+
+def _texts(outputs: list[dict[str, Any]]) -> str:
+    return "".join(str(output.get("text", "")) for output in outputs)
+
+
+def test_a_notebook_runs_in_jupyter_and_shows_something_in_most_cells(notebook: Path, tmp_path: Path) -> None:
+    cells = jupytext.read(notebook, fmt="py:percent")
+    client = NotebookClient(cells, timeout=SECONDS, resources={"metadata": {"path": str(tmp_path)}})
+    client.execute()
+    code = [cell for cell in cells.cells if cell.cell_type == "code"]
+    shown = [cell for cell in code if any(out.output_type != "stream" for out in cell.outputs)]
+    assert len(shown) > len(code) / 2
+    for cell in code:
+        assert "Warning" not in _texts(cell.outputs), cell.source
+
+
+def test_a_notebook_alternates_prose_and_code_and_asks_questions(notebook: Path) -> None:
+    cells = jupytext.read(notebook, fmt="py:percent").cells
+    kinds = "".join(cell.cell_type[0] for cell in cells)
+    assert "ccc" not in kinds, "three cells of code in a row without a word"
+    prose = "".join(cell.source for cell in cells if cell.cell_type == "markdown")
+    assert prose.count("**Try:**") >= 3
+    assert 400 < len(prose.split()) < 2000, "ten minutes of reading"
+
+
+def test_a_notebook_is_an_app_for_panel_serve(notebook: Path) -> None:
+    from bokeh.application import Application
+    from panel.io.handlers import ScriptHandler
+
+    handler = ScriptHandler(filename=str(notebook))
+    document = Application(handler).create_document()
+    assert not handler.failed, handler.error_detail
+    assert document.roots
+
+
+def test_the_example_of_the_readme_runs(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    (example,) = re.findall(
+        r"```python\n(.*?)```", (ROOT / "README.md").read_text(encoding="utf-8"), re.DOTALL
+    )
+    assert len([line for line in example.splitlines() if line.strip()]) <= 10
+    monkeypatch.chdir(tmp_path)
+    names: dict[str, Any] = {}
+    exec(compile(example, "README.md", "exec"), names)
+    assert len(names["result"].summary) >= 9
+
+
+def test_every_file_the_readme_points_to_exists() -> None:
+    for page in ("README.md", "CONTRIBUTING.md"):
+        for link in re.findall(r"\]\(([^)#]+)\)", (ROOT / page).read_text(encoding="utf-8")):
+            assert link.startswith("http") or (ROOT / link).exists(), f"{page}: {link}"
