@@ -1,7 +1,8 @@
 """INS Lab: an interactive laboratory for MEMS inertial navigation.
 
-A flight becomes a smooth true trajectory; an IMU and a GPS receiver are simulated on it; a strapdown navigator with an
-error-state Kalman filter computes position, velocity and attitude; the lab shows how good they are, and why.
+A flight becomes a smooth true trajectory; an IMU and a GPS receiver are simulated on it; a strapdown
+navigator with an error-state Kalman filter computes position, velocity and attitude; the lab shows how good
+they are, and why.
 
 >>> from lab import Experiment
 >>> result = Experiment(mission="montreal", seed=1).run()
@@ -10,14 +11,15 @@ error-state Kalman filter computes position, velocity and attitude; the lab show
 
 The language, the same everywhere:
 
-- Frames: i inertial, e Earth, n navigation (north, east, down), b body (forward, right, down). A vector ``v`` resolved
-  in n is ``v_n``; the rotation taking b to n is ``C_nb``, as a quaternion ``q_nb``, scalar first.
-- Inside: float64, SI units, radians, time first: ``(n, 3)``. Settings, datasets, files and plots: degrees, datasheet
-  units, east-north-up; every number that leaves carries its unit.
-- Error is estimate minus truth, always. Error states, in order: position, velocity, attitude, gyro bias, accelerometer
-  bias (`lab.navigation.error_models.STATES`).
-- Truth and belief are different things: `lab.sensors` is what the sensors really do, `lab.navigation.settings` what the
-  filter assumes of them.
+- Frames: i inertial, e Earth, n navigation (north, east, down), b body (forward, right, down). A vector
+  ``v`` resolved in n is ``v_n``; the rotation taking b to n is ``C_nb``, as a quaternion ``q_nb``, scalar
+  first.
+- Inside: float64, SI units, radians, time first: ``(n, 3)``. Settings, datasets, files and plots: degrees,
+  datasheet units, east-north-up; every number that leaves carries its unit.
+- Error is estimate minus truth, always. Error states, in order: position, velocity, attitude, gyro bias,
+  accelerometer bias (`lab.navigation.error_models.STATES`).
+- Truth and belief are different things: `lab.sensors` is what the sensors really do,
+  `lab.navigation.settings` what the filter assumes of them.
 - Same settings and seed, same bits.
 """
 

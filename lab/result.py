@@ -21,7 +21,7 @@ from lab.analysis import consistency, errors
 from lab.ideal_imu import IdealImu
 from lab.missions import Mission
 from lab.navigation.error_models import ATT, POS, STATES, VEL
-from lab.navigation.navigator import Belief, Solution
+from lab.navigation.solution import Belief, Solution
 from lab.projection import Projection
 from lab.rotation import euler_from_quaternion, wrap
 from lab.sensors.gps import GpsFixes

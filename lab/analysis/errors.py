@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from lab import earth
 from lab.navigation.error_models import ACCEL_BIAS, ATT, GYRO_BIAS, POS, VEL
-from lab.navigation.navigator import Solution
+from lab.navigation.solution import Solution
 from lab.rotation import euler_jacobian, wrap
 from lab.trajectory import Truth
 

@@ -1,4 +1,4 @@
-"""Belief: what the filter assumes of its start and its sensors, matched to them unless the settings say otherwise."""
+"""Belief: what the filter assumes of its start and its sensors; matched to them, or as the settings say."""
 
 from __future__ import annotations
 
@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lab.navigation.error_models import ACCEL_BIAS, ATT, GYRO_BIAS, POS, VEL
-from lab.navigation.navigator import Belief
 from lab.navigation.settings import NavigatorSettings
+from lab.navigation.solution import Belief
 from lab.sensors.imu import AccelerometerErrors, GyroErrors
 from lab.sensors.suite import SensorSuite
 from lab.units import si
@@ -68,8 +68,9 @@ def matched_r(sensors: SensorSuite) -> FloatArray:
 def bias_process(errors: GyroErrors | AccelerometerErrors) -> tuple[FloatArray, FloatArray]:
     """Return drive density (3,) and decay rate (3,) of the filter's one bias state for each axis.
 
-    The true bias is a constant plus a Gauss-Markov process; the filter's single Gauss-Markov state has the variance of
-    both together and the short-term growth 2 σ² / τ of the second. It is exact where either part is absent.
+    The true bias is a constant plus a Gauss-Markov process; the filter's single Gauss-Markov state has the
+    variance of both together and the short-term growth 2 σ² / τ of the second. It is exact where either
+    part is absent.
     """
     drive = 2 * si(errors, "instability") ** 2 / si(errors, "correlation_time")
     total = _turn_on_variance(errors) + si(errors, "instability") ** 2

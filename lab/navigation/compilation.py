@@ -1,9 +1,9 @@
 """Compilation: the one set of options under which every navigation kernel is compiled.
 
-A kernel works on arrays its caller provides, allocates nothing per step and holds no state. The compiler's cache on
-disk looks only at the file of the function called from Python, not at the functions that one calls; functions called
-from Python therefore close over `SOURCES`, which makes it part of their identity in the cache: a change in any file
-below gives a new compilation.
+A kernel works on arrays its caller provides, allocates nothing per step and holds no state. The compiler's
+cache on disk looks only at the file of the function called from Python, not at the functions that one
+calls; functions called from Python therefore close over `SOURCES`, which makes it part of their identity in
+the cache: a change in any file below gives a new compilation.
 """
 
 from __future__ import annotations
@@ -23,17 +23,17 @@ R = TypeVar("R")
 
 def kernel(function: Callable[P, R]) -> Callable[P, R]:
     """Compile a function that other kernels call."""
-    return numba.njit(error_model="numpy", fastmath={"contract"})(function)  # type: ignore[no-any-return]
+    return numba.njit(error_model="numpy", fastmath={"contract"})(function)
 
 
 def inline_kernel(function: Callable[P, R]) -> Callable[P, R]:
     """Compile a small function of the hot path into its callers."""
-    return numba.njit(error_model="numpy", fastmath={"contract"}, forceinline=True)(function)  # type: ignore[no-any-return]
+    return numba.njit(error_model="numpy", fastmath={"contract"}, forceinline=True)(function)
 
 
 def entry_kernel(function: Callable[P, R]) -> Callable[P, R]:
     """Compile a function called from Python: cached on disk, and running without the interpreter's lock."""
-    return numba.njit(error_model="numpy", fastmath={"contract"}, nogil=True, cache=True)(function)  # type: ignore[no-any-return]
+    return numba.njit(error_model="numpy", fastmath={"contract"}, nogil=True, cache=True)(function)
 
 
 def _fingerprint() -> str:

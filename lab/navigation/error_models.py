@@ -1,9 +1,9 @@
 """Error models: the matrix F of ẋ = F x + w, declared block by block.
 
-The error is estimate minus truth, in the order `STATES`; position errors are metres north, east, down; the attitude
-error φ is the small rotation of the computed navigation frame, Ĉ_nb = (I − [φ×]) C_nb. A model is a function that
-writes the non-zero elements of F; which elements those are is found by calling it, and the code that propagates the
-covariance is generated from that pattern.
+The error is estimate minus truth, in the order `STATES`; position errors are metres north, east, down; the
+attitude error φ is the small rotation of the computed navigation frame, Ĉ_nb = (I − [φ×]) C_nb. A model is
+a function that writes the non-zero elements of F; which elements those are is found by calling it, and the
+code that propagates the covariance is generated from that pattern.
 
 References
 ----------
@@ -53,8 +53,8 @@ class ErrorModel:
     name
         As in the settings.
     write
-        ``write(state, F)`` writes the non-zero elements of F for the navigator's `strapdown` state after a step. The
-        first-order decay of the biases is not part of it.
+        ``write(state, F)`` writes the non-zero elements of F for the navigator's `strapdown` state after a
+        step. The first-order decay of the biases is not part of it.
     """
 
     name: str
@@ -93,8 +93,8 @@ def attitude_matrix(F: FloatArray, row: int, column: int, sign: float, state: Fl
 def phi(state: FloatArray, F: FloatArray) -> None:
     """Perturbation in the true navigation frame with all Earth and transport terms (Groves 14.54-14.63).
 
-    Differs from Groves in that position errors are metres along the axes of n, so that the change of the radii along
-    the path cancels exactly in the position rows.
+    Differs from Groves in that position errors are metres along the axes of n, so that the change of the
+    radii along the path cancels exactly in the position rows.
     """
     sl, cl, height = state[strapdown.SINE], state[strapdown.COSINE], state[strapdown.HEIGHT]
     v_n, v_e, v_d = get(state, strapdown.VELOCITY)
@@ -117,7 +117,7 @@ def phi(state: FloatArray, F: FloatArray) -> None:
     F[P + E, P + N], F[P + E, P + E], F[P + E, P + D] = -en_d, -(v_n * tl + v_d) * t, v_e * t
     F[P + N, V + N] = F[P + E, V + E] = F[P + D, V + D] = 1.0
 
-    # v̇ = C f + g − c × v with c = 2 ω_ie + ω_en: first c's change with position, then with velocity, then v's own.
+    # v̇ = C f + g − c × v with c = 2 ω_ie + ω_en: c's change with position, with velocity, then v's own.
     c_n, c_e, c_d = 2 * ie_n + en_n, en_e, 2 * ie_d + en_d
     c_n_n, c_d_n = 2 * ie_n_n + en_n_n, 2 * ie_d_n + en_d_n
     g_latitude, g_height = gravity_gradient(sl, cl, height)

@@ -1,12 +1,14 @@
 """Kalman: the update of the error state with a GPS fix.
 
-Sequential: the six measurements are made independent by the Cholesky factor of R and taken one after the other, which
-needs no matrix inverse and subtracts from P only products of the form k kᵀ / s, so that P stays symmetric and positive.
+Sequential: the six measurements are made independent by the Cholesky factor of R and taken one after the
+other, which needs no matrix inverse and subtracts from P only products of the form k kᵀ / s, so that P
+stays symmetric and positive.
 
 References
 ----------
-P. D. Groves, *Principles of GNSS, Inertial and Multisensor Integrated Navigation Systems*, 2nd ed., ch. 3.2.7;
-Y. Bar-Shalom, X. R. Li, T. Kirubarajan, *Estimation with Applications to Tracking and Navigation*, ch. 5.
+P. D. Groves, *Principles of GNSS, Inertial and Multisensor Integrated Navigation Systems*, 2nd
+ed., ch. 3.2.7; Y. Bar-Shalom, X. R. Li, T. Kirubarajan, *Estimation with Applications to Tracking and
+Navigation*, ch. 5.
 """
 
 from __future__ import annotations

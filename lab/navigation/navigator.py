@@ -1,6 +1,7 @@
 """Navigator: strapdown and error-state Kalman filter run together over IMU increments and GPS fixes.
 
-`advance` is the one compiled driver: a batch run hands it a whole flight, a live run hands it one sample at a time.
+`advance` is the one compiled driver: a batch run hands it a whole flight, a live run hands it one sample at
+a time.
 
 References
 ----------
@@ -15,162 +16,19 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from lab import earth
 from lab.navigation import strapdown
 from lab.navigation.compilation import SOURCES, entry_kernel, inline_kernel, kernel
 from lab.navigation.error_models import PHI
 from lab.navigation.kalman import MEASUREMENTS, update
 from lab.navigation.propagation import BIASES, NAV, STATES, WIDTH, WORKSPACE, X, compile_propagation
+from lab.navigation.solution import EVERY_FIX, Belief, Fixes, Imu, Schedule, Solution, Start
 from lab.navigation.strapdown import ACCEL_BIAS, GYRO_BIAS, LATITUDE, VELOCITY, get, put
-from lab.trajectory import Truth
 
 FloatArray = NDArray[np.float64]
 
 
 class PolarError(ValueError):
     """The flight comes closer to a pole than a north-slaved navigation frame allows."""
-
-
-class Imu(NamedTuple):
-    """Increments of the inertial sensors.
-
-    Attributes
-    ----------
-    time : (n + 1,) array
-        Ends of the sample intervals, the first one their common start [s].
-    dtheta, dvelocity : (n, 3) arrays
-        Integrals of angular rate [rad] and specific force [m/s] over each interval, in b.
-    """
-
-    time: FloatArray
-    dtheta: FloatArray
-    dvelocity: FloatArray
-
-
-class Fixes(NamedTuple):
-    """GPS fixes.
-
-    Attributes
-    ----------
-    time : (m,) array
-        Time of validity, increasing [s].
-    position : (m, 3) array
-        Latitude, longitude [rad], height [m].
-    velocity_n : (m, 3) array
-        Velocity north, east, down [m/s].
-    """
-
-    time: FloatArray
-    position: FloatArray
-    velocity_n: FloatArray
-
-
-class Start(NamedTuple):
-    """Where a navigator believes it is when it starts: latitude, longitude [rad], height [m]; v_n [m/s]; q_nb."""
-
-    position: FloatArray
-    velocity_n: FloatArray
-    q_nb: FloatArray
-
-    @classmethod
-    def off(cls, truth: Truth, position: FloatArray, velocity: FloatArray, attitude: FloatArray) -> Start:
-        """Return a start that misses the first sample of the truth by an error.
-
-        Parameters
-        ----------
-        truth
-            The flight.
-        position, velocity, attitude : (3,) arrays
-            Errors north, east, down [m], [m/s], and φ of Ĉ_nb = exp(−[φ×]) C_nb [rad].
-        """
-        meridian, transverse = earth.radii(float(np.sin(truth.latitude[0])))
-        height = truth.height[0]
-        latitude = truth.latitude[0] + position[0] / (meridian + height)
-        longitude = truth.longitude[0] + position[1] / ((transverse + height) * np.cos(truth.latitude[0]))
-        q = strapdown.product(strapdown.rotation(tuple(-attitude)), tuple(truth.q_nb[0]))
-        return cls(
-            np.array([latitude, longitude, height - position[2]]), truth.velocity_n[0] + velocity, np.array(q)
-        )
-
-
-class Belief(NamedTuple):
-    """What the filter assumes.
-
-    Attributes
-    ----------
-    P0 : (15, 15) array
-        Covariance of the initial error.
-    R : (6, 6) array
-        Covariance of a fix: position north, east, down [m²], then velocity [(m/s)²].
-    noise : (12,) array
-        Power spectral densities of gyro noise [rad²/s], accelerometer noise [(m/s)²/s], gyro bias drive [rad²/s³] and
-        accelerometer bias drive [(m/s²)²/s].
-    bias_decay : (6,) array
-        Decay rates of gyro and accelerometer biases, one over their correlation times [1/s].
-    """
-
-    P0: FloatArray
-    R: FloatArray
-    noise: FloatArray
-    bias_decay: FloatArray
-
-
-class Solution(NamedTuple):
-    """What a navigator computed; n + 1 samples at the IMU times, m fixes.
-
-    Attributes
-    ----------
-    position : (n + 1, 3) array
-        Latitude, longitude [rad], height [m].
-    velocity_n : (n + 1, 3) array
-        Velocity north, east, down [m/s].
-    q_nb : (n + 1, 4) array
-        Attitude, scalar first.
-    bias : (n + 1, 6) array
-        Estimated gyro [rad/s] and accelerometer [m/s²] biases.
-    variance : (n + 1, 15) array
-        Diagonal of P, in the order of `error_models.STATES`.
-    covariance : (n + 1, 2, 3) array
-        Elements (0, 1), (0, 2), (1, 2) of P's position and attitude blocks.
-    innovation : (m, 6) array
-        Innovation of each fix, position [m] and velocity [m/s] north, east, down: navigator minus GPS.
-    innovation_covariance : (m, 6, 6) array
-        Its covariance S.
-    fix_covariance : (m, 15, 15) array
-        P after each fix.
-    fix_sample : (m,) array
-        Sample after which each fix was used; −1 for those outside the time of the IMU.
-    """
-
-    position: FloatArray
-    velocity_n: FloatArray
-    q_nb: FloatArray
-    bias: FloatArray
-    variance: FloatArray
-    covariance: FloatArray
-    innovation: FloatArray
-    innovation_covariance: FloatArray
-    fix_covariance: FloatArray
-    fix_sample: NDArray[np.int64]
-
-    @classmethod
-    def empty(cls, samples: int, fixes: int) -> Solution:
-        """Return a solution with room for `samples` samples and `fixes` fixes.
-
-        The histories share one block: the system hands out large blocks in large pages, which saves a fifth of a run.
-        """
-        widths = {"position": 3, "velocity_n": 3, "q_nb": 4, "bias": 6, "variance": STATES, "covariance": 6}
-        block = np.empty(samples * sum(widths.values()))
-        cuts = np.cumsum([samples * width for width in widths.values()])[:-1]
-        parts = [part.reshape(samples, -1) for part in np.split(block, cuts)]
-        return cls(
-            *parts[:-1],
-            parts[-1].reshape(samples, 2, 3),
-            np.full((fixes, MEASUREMENTS), np.nan),
-            np.full((fixes, MEASUREMENTS, MEASUREMENTS), np.nan),
-            np.full((fixes, STATES, STATES), np.nan),
-            np.full(fixes, -1, dtype=np.int64),
-        )
 
 
 class Filter(NamedTuple):
@@ -205,40 +63,21 @@ class Filter(NamedTuple):
             np.zeros(2, dtype=np.int64),
             np.array([time, 0.0]),
             R,
-            np.linalg.cholesky(R),
+            np.asarray(np.linalg.cholesky(R), dtype=np.float64),
             np.ascontiguousarray(belief.noise),
             np.ascontiguousarray(belief.bias_decay),
         )
 
 
 def _aligned_zeros(size: int) -> FloatArray:
-    """Return zeros on a 64-byte boundary: vector loads that cross cache lines cost a tenth of the run's time."""
+    """Return zeros on a 64-byte boundary; vector loads that cross cache lines cost a tenth of a run."""
     buffer = np.zeros(size + 8)
     offset = (-buffer.ctypes.data // 8) % 8
     return buffer[offset : offset + size]
 
 
-class Schedule(NamedTuple):
-    """When a filter does what.
-
-    Attributes
-    ----------
-    feedback : bool
-        True corrects the navigator with the estimated error and resets the estimate; False lets the navigator run free
-        and subtracts the estimate from what it puts out.
-    correction_period : float
-        Shortest time between two feedback corrections [s]; 0 corrects at each fix.
-    stride : int
-        P is propagated once in so many IMU samples, with the sum of F dt over them, and whenever a fix comes.
-    """
-
-    feedback: bool = True
-    correction_period: float = 0.0
-    stride: int = 1
-
-
 def navigate(
-    imu: Imu, fixes: Fixes, start: Start, belief: Belief, schedule: Schedule = Schedule()
+    imu: Imu, fixes: Fixes, start: Start, belief: Belief, schedule: Schedule = EVERY_FIX
 ) -> Solution:
     """Navigate a whole flight with the compiled filter.
 
@@ -297,7 +136,7 @@ def _add_noise(w: FloatArray, state: FloatArray, noise: FloatArray, dt: float) -
 
 @inline_kernel
 def _predict(run: Filter, dt: float, elapsed: float) -> None:
-    """Propagate [P | x] with F times dt, and with what drives the biases and the noise over the time elapsed."""
+    """Propagate [P | x] with F times dt, and with bias decay and noise over the time elapsed."""
     decay = (
         1 - elapsed * run.bias_decay[0],
         1 - elapsed * run.bias_decay[1],
@@ -395,10 +234,10 @@ def _store_fix(out: Solution, m: int, sample: int, w: FloatArray) -> None:
 @kernel
 def _has_estimate(w: FloatArray) -> bool:
     """Say whether an estimated error waits to be corrected."""
+    estimate = False
     for i in range(STATES):
-        if w[WIDTH * i + X] != 0:
-            return True
-    return False
+        estimate |= w[WIDTH * i + X] != 0
+    return estimate
 
 
 @kernel
@@ -422,7 +261,7 @@ def _compile_advance(
 
     @entry_kernel
     def advance(run: Filter, imu: Imu, fixes: Fixes, out: Solution, first: int, schedule: Schedule) -> int:
-        """Advance a navigator over the samples of `imu` from number `first` on, and return where it stopped.
+        """Advance a navigator over the samples of `imu` from number `first` on; return where it stopped.
 
         It stops early, at the number of samples written, if it comes too close to a pole.
         """
@@ -475,10 +314,10 @@ _advance_summed = _compile_advance(SOURCES, summed=True)
 
 
 def advance(run: Filter, imu: Imu, fixes: Fixes, out: Solution, first: int, schedule: Schedule) -> int:
-    """Advance a navigator over the samples of `imu` from number `first` on, and return the number of samples written.
+    """Advance a navigator over the samples of `imu` from number `first` on.
 
-    That is fewer than there are times in `imu` if the navigator comes too close to a pole. The flight may be handed
-    over in one piece or piece by piece: the result is the same.
+    Returns the number of samples written: fewer than there are times in `imu` if the navigator comes too
+    close to a pole. The flight may be handed over in one piece or piece by piece: the result is the same.
     """
     compiled = _advance_summed if schedule.stride > 1 else _advance_each
     return compiled(run, imu, fixes, out, first, schedule)

@@ -1,9 +1,10 @@
 """Propagation: P ← Φ P Φᵀ + Q and x ← Φ x, as straight-line code generated from an error model's pattern.
 
-F is sparse and its pattern is fixed, so the products are written out once per model: only the elements that can differ
-from zero are multiplied, and every multiplication runs over a whole row, which the compiler turns into vector
-instructions. Rows are 16 wide; column 15 of the workspace carries the error estimate x, which goes through Φ like a
-column of P. The bias rows of Φ are diagonal (first-order decay), so only the nine navigation rows are multiplied out.
+F is sparse and its pattern is fixed, so the products are written out once per model: only the elements that
+can differ from zero are multiplied, and every multiplication runs over a whole row, which the compiler
+turns into vector instructions. Rows are 16 wide; column 15 of the workspace carries the error estimate x,
+which goes through Φ like a column of P. The bias rows of Φ are diagonal (first-order decay), so only the
+nine navigation rows are multiplied out.
 """
 
 from __future__ import annotations
@@ -17,6 +18,7 @@ from lab.navigation.compilation import inline_kernel
 from lab.navigation.error_models import ErrorModel
 
 FloatArray = NDArray[np.float64]
+Propagate = Callable[[FloatArray, float, tuple[float, ...], FloatArray], None]
 
 STATES = 15
 NAV = 9
@@ -28,13 +30,13 @@ PRODUCT = STATES * WIDTH  # offset of Φ P in the workspace; [P | x] is at its s
 WORKSPACE = PRODUCT + NAV * WIDTH
 
 
-def compile_propagation(model: ErrorModel) -> Callable[[FloatArray, float, FloatArray, FloatArray], None]:
+def compile_propagation(model: ErrorModel) -> Propagate:
     """Return the compiled ``propagate(F, dt, decay, w)`` of an error model.
 
-    It replaces [P | x] in the workspace `w` by [Φ P Φᵀ | Φ x] with Φ = I + F dt in the navigation rows and the six
-    factors `decay` on the biases.
+    It replaces [P | x] in the workspace `w` by [Φ P Φᵀ | Φ x] with Φ = I + F dt in the navigation rows and
+    the six factors `decay` on the biases.
     """
-    namespace: dict[str, Callable[[FloatArray, float, FloatArray, FloatArray], None]] = {}
+    namespace: dict[str, Propagate] = {}
     exec(compile(propagation_source(model), f"<propagation of {model.name}>", "exec"), namespace)
     return inline_kernel(namespace["propagate"])
 
@@ -82,7 +84,7 @@ def _navigation_block(terms: dict[int, list[int]]) -> list[str]:
 
 
 def _bias_columns() -> list[str]:
-    """Write what the bias states share with the navigation states, and among themselves, and the column of x."""
+    """Write the covariances of the biases, with the navigation states and each other, and the column of x."""
     lines = [f"    d_{b} = decay[{b}]" for b in range(BIASES)]
     for i in range(NAV):
         for b in range(BIASES):

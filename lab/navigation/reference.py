@@ -1,12 +1,12 @@
 """Reference: the same filter in filterpy, written to be read rather than to be fast.
 
-It shares the strapdown step and the error model with the compiled navigator; covariance, update, correction and
-bookkeeping are written here a second time, with whole matrices.
+It shares the strapdown step and the error model with the compiled navigator; covariance, update, correction
+and bookkeeping are written here a second time, with whole matrices.
 
 References
 ----------
-R. R. Labbe, filterpy (https://filterpy.readthedocs.io); P. D. Groves, *Principles of GNSS, Inertial and Multisensor
-Integrated Navigation Systems*, 2nd ed., ch. 3 and 14.
+R. R. Labbe, filterpy (https://filterpy.readthedocs.io); P. D. Groves, *Principles of GNSS,
+Inertial and Multisensor Integrated Navigation Systems*, 2nd ed., ch. 3 and 14.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from scipy.spatial.transform import Rotation
 
 from lab.navigation import strapdown
 from lab.navigation.error_models import ACCEL_BIAS, ATT, GYRO_BIAS, PHI, POS, STATES, VEL
-from lab.navigation.navigator import Belief, Fixes, Imu, Schedule, Solution, Start
+from lab.navigation.solution import EVERY_FIX, Belief, Fixes, Imu, Schedule, Solution, Start
 from lab.rotation import wrap
 
 FloatArray = NDArray[np.float64]
@@ -34,7 +34,7 @@ def navigate(
     fixes: Fixes,
     start: Start,
     belief: Belief,
-    schedule: Schedule = Schedule(),
+    schedule: Schedule = EVERY_FIX,
     *,
     progress: Callable[[float], None] | None = None,
 ) -> Solution:

@@ -23,7 +23,8 @@ class NavigatorSettings(Settings):
         default="feedback",
         objects=["feedback", "feedforward"],
         label="Correction",
-        doc="Feedback corrects the navigator with the estimated error; feedforward lets it run free and subtracts.",
+        doc="Feedback corrects the navigator with the estimated error; feedforward lets it run free and "
+        "subtracts.",
     )
     correction_period = Quantity(
         0.0,

@@ -1,13 +1,14 @@
-"""Strapdown: from angle and velocity increments to attitude, velocity and position over the rotating ellipsoid.
+"""Strapdown: from angle and velocity increments to attitude, velocity and position on the ellipsoid.
 
-The navigation frame is north-slaved. Two-sample coning and sculling compensation; gravity, Coriolis and transport rate
-at mid-interval. The whole state of a navigator is one vector, addressed by the named offsets below.
+The navigation frame is north-slaved. Two-sample coning and sculling compensation; gravity, Coriolis and
+transport rate at mid-interval. The whole state of a navigator is one vector, addressed by the named offsets
+below.
 
 References
 ----------
-P. G. Savage, *Strapdown Inertial Navigation Integration Algorithm Design*, part 1 (attitude) and 2 (velocity and
-position), JGCD 21 (1998); P. D. Groves, *Principles of GNSS, Inertial and Multisensor Integrated Navigation Systems*,
-2nd ed., ch. 5.
+P. G. Savage, *Strapdown Inertial Navigation Integration Algorithm Design*, part 1 (attitude) and
+2 (velocity and position), JGCD 21 (1998); P. D. Groves, *Principles of GNSS, Inertial and Multisensor
+Integrated Navigation Systems*, 2nd ed., ch. 5.
 """
 
 from __future__ import annotations
@@ -46,7 +47,7 @@ C_NB = 33  # attitude at the start of the last step, row by row
 LENGTH = 42
 
 MAX_LATITUDE = math.radians(89.9)
-"""North-slaved navigation ends here: the transport rate about the vertical grows without bound towards the poles."""
+"""North-slaved navigation ends here: its rate about the vertical grows without bound towards the poles."""
 
 radii = inline_kernel(earth.radii)
 gravity = inline_kernel(earth.gravity)
@@ -144,7 +145,7 @@ def earth_rate(sin_latitude: float, cos_latitude: float) -> Vector:
 
 @inline_kernel
 def transport_rate(velocity: Vector, per_meridian: float, per_transverse: float, tangent: float) -> Vector:
-    """Return ω_en in n [rad/s] for a north-slaved frame (Groves 5.44), given 1/(R_M + h), 1/(R_N + h) and tan L."""
+    """Return ω_en in n [rad/s], north-slaved (Groves 5.44), from 1/(R_M + h), 1/(R_N + h) and tan L."""
     east = velocity[1] * per_transverse
     return east, -velocity[0] * per_meridian, -east * tangent
 
@@ -201,7 +202,7 @@ def step(state: FloatArray, dtheta_measured: Vector, dvelocity_measured: Vector,
     q = (state[Q_NB], state[Q_NB + 1], state[Q_NB + 2], state[Q_NB + 3])
     C_nb = matrix(q)
 
-    # Savage part 1, eq. 60; part 2, eqs. 33 and 57: the previous sample stands in for the curvature of this one.
+    # Savage's two-sample form: the previous sample stands in for the curvature of this one.
     coned = plus(dtheta, 1 / 12, cross(dtheta_before, dtheta))
     turned = cross(dtheta, dvelocity)
     sculled = plus(plus(dvelocity, 0.5, turned), 1 / 6, cross(dtheta, turned))
