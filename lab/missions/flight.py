@@ -66,7 +66,7 @@ def fly(
             if progress is not None and now % (20 * SAMPLE_MS) == 0:
                 progress(now / ((count - 1) * SAMPLE_MS))
         cessna.step()
-    if not pilot.finished():
+    if not pilot.on_last_manoeuvre:
         raise MissionError(
             f"the flight of {plan.duration_s:g} s ended during manoeuvre {pilot.manoeuvre}: "
             "give duration_s more time or shorten the manoeuvres"

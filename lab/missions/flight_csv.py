@@ -11,6 +11,7 @@ import contextlib
 import csv
 import gzip
 import io
+import itertools
 import os
 import re
 from dataclasses import dataclass
@@ -35,6 +36,7 @@ MIN_SAMPLES = 4
 MAX_DURATION = 86_400.0
 """Longest flight accepted [s]."""
 
+_HEADER_WITHIN = 1000
 _NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)(e[+-]?\d+)?", re.IGNORECASE | re.ASCII)
 
 
@@ -187,10 +189,12 @@ def _write_rows(out: BinaryIO, columns: list[Column], table: FloatArray) -> None
 
 def _header(path: Path, text: TextBlocks) -> tuple[list[Column], list[int], int]:
     """Read up to the header; return our columns, their places in it, and how many cells it has."""
-    for line in text.lines():
+    for line in itertools.islice(text.lines(), _HEADER_WITHIN):
         if line.strip() and not line.startswith("#"):
             header = [cell.strip() for cell in line.split(",")]
             return *_find_columns(path, header, text.next_line - 1), len(header)
+    if text.next_line > _HEADER_WITHIN:
+        raise MissionError(f"{path}: no header; accepted is one within the first {_HEADER_WITHIN} lines")
     raise MissionError(f"{path}: the file is empty; accepted is a header line and rows. {_all_columns()}")
 
 

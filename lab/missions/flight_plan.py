@@ -77,6 +77,8 @@ class Air:
 class TakeOff:
     """Wait at rest, take off straight ahead, climb; ends at a height above the runway.
 
+    The climb goes on for 60 m more unless the next manoeuvres say otherwise.
+
     Attributes
     ----------
     wait_s : float

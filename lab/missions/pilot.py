@@ -12,6 +12,7 @@ import math
 from lab.missions.cessna import Controls, Instruments
 from lab.missions.flight_plan import ChangeHeight, FlightPlan, Hold, Manoeuvre, TakeOff, Turn
 
+_NAMES = {TakeOff: "take_off", ChangeHeight: "climb or descend", Turn: "turn", Hold: "hold"}
 _GRAVITY = 9.81
 _CLIMB_OUT_AIRSPEED = 38.0
 _CLIMB_OUT_RATE = 3.3
@@ -58,17 +59,17 @@ class Pilot:
     @property
     def manoeuvre(self) -> str:
         """The manoeuvre being flown, for messages: its number and name."""
-        return (
-            f"{self._number + 1} of {len(self._manoeuvres)} ({type(self._manoeuvres[self._number]).__name__})"
-        )
+        name = _NAMES[type(self._manoeuvres[self._number])]
+        return f"{self._number + 1} of {len(self._manoeuvres)} ({name})"
 
     @property
     def airborne(self) -> bool:
         """True once the nose was raised for take-off and the wheels left the ground."""
         return self._flying
 
-    def finished(self) -> bool:
-        """Return whether the last manoeuvre of the plan is being flown."""
+    @property
+    def on_last_manoeuvre(self) -> bool:
+        """True once the last manoeuvre of the plan is being flown."""
         return self._number == len(self._manoeuvres) - 1
 
     def fly(self, time: float, seen: Instruments) -> Controls:
@@ -82,7 +83,7 @@ class Pilot:
             What the instruments show.
         """
         if self._number < 0 or (
-            not self.finished() and self._done(self._manoeuvres[self._number], time, seen)
+            not self.on_last_manoeuvre and self._done(self._manoeuvres[self._number], time, seen)
         ):
             self._number += 1
             self._begun_at = time

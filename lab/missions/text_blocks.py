@@ -12,6 +12,7 @@ from typing import BinaryIO, Self
 from lab.missions.errors import MissionError
 
 _BLOCK = 8 * 2**20
+_LONGEST_LINE = 2**20
 
 
 class TextBlocks:
@@ -38,7 +39,9 @@ class TextBlocks:
         self._path = path
         self._limit = limit
         self._left = limit
-        self._rest = b""
+        self._text = b""
+        self._start = 0
+        self._cut = b""
         self._file: BinaryIO | None = None
         self._stream: BinaryIO | gzip.GzipFile | None = None
         self.next_line = 1
@@ -51,7 +54,7 @@ class TextBlocks:
             raise self._error(error) from error
         self._stream = gzip.GzipFile(fileobj=self._file) if self._path.suffix.lower() == ".gz" else self._file
         self._fill()
-        self._rest = self._rest.removeprefix(b"\xef\xbb\xbf")
+        self._text = self._text.removeprefix(b"\xef\xbb\xbf")
         return self
 
     def __exit__(
@@ -62,15 +65,18 @@ class TextBlocks:
 
     def lines(self) -> Iterator[str]:
         """Iterate over the lines, without their ends; stop when enough are read, and go on with `blocks`."""
-        while self._rest or self._fill():
-            line, _, self._rest = self._rest.partition(b"\n")
+        while self._start < len(self._text) or self._fill():
+            end = self._text.find(b"\n", self._start)
+            line = self._text[self._start : end if end >= 0 else None]
+            self._start += len(line) + 1
             self.next_line += 1
             yield self.decode(line, self.next_line - 1)
 
     def blocks(self) -> Iterator[bytes]:
         """Iterate over blocks of whole lines, without the last line's end."""
-        while self._rest or self._fill():
-            block, self._rest = self._rest, b""
+        while self._start < len(self._text) or self._fill():
+            block = self._text[self._start :]
+            self._text, self._start = b"", 0
             yield block.removesuffix(b"\n")
 
     def decode(self, block: bytes, first_line: int) -> str:
@@ -112,26 +118,26 @@ class TextBlocks:
             )
 
     def _fill(self) -> bool:
+        """Read on to the last line end within the next block; return whether there is anything."""
+        new = self._read()
+        text = self._cut + new
+        end = len(text)
+        if new:
+            # A carriage return at the very end may be half of a line end.
+            end = max(text.rfind(b"\n"), -1 if b"\n" in text else text.rfind(b"\r", 0, -1)) + 1
+            if len(text) - end > _LONGEST_LINE:
+                raise MissionError(f"{self._path}: a line is longer than {_LONGEST_LINE / 2**20:.0f} MB")
+        self._text, self._cut, self._start = text[:end], text[end:], 0
+        if b"\r" in self._text:
+            self._text = self._text.replace(b"\r\n", b"\n").replace(b"\r", b"\n")
+        return bool(self._text) or (bool(new) and self._fill())
+
+    def _read(self) -> bytes:
+        assert self._stream is not None
         try:
-            self._rest = self._read_lines()
+            data = self._stream.read(min(_BLOCK, self._left + 1))
         except (OSError, EOFError, zlib.error) as error:
             raise self._error(error) from error
-        if b"\r" in self._rest:
-            self._rest = self._rest.replace(b"\r\n", b"\n").replace(b"\r", b"\n")
-        return bool(self._rest)
-
-    def _read_lines(self) -> bytes:
-        parts = [self._read(_BLOCK)]
-        while parts[-1] and b"\n" not in parts[-1]:
-            parts.append(self._read(_BLOCK))
-        if parts[-1] and not parts[-1].endswith(b"\n"):
-            parts.append(self._read(self._limit, line=True))
-        return b"".join(parts)
-
-    def _read(self, size: int, line: bool = False) -> bytes:
-        assert self._stream is not None
-        size = min(size, self._left + 1)
-        data = self._stream.readline(size) if line else self._stream.read(size)
         self._left -= len(data)
         if self._left < 0:
             raise MissionError(f"{self._path}: accepted are files up to {self._megabytes} when decompressed")

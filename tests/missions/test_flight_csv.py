@@ -255,12 +255,31 @@ def test_a_file_of_two_gigabytes_is_refused_without_being_read(tmp_path):
     assert "2048 MB; accepted are files up to 256 MB" in message
 
 
-@pytest.mark.parametrize("character", [b"\n", b"0"])
-def test_a_file_that_swells_when_decompressed_is_stopped(tmp_path, character):
+def test_lines_without_end_and_remarks_without_end_are_stopped(tmp_path):
+    header = ",".join(COLUMNS) + "\n"
+    assert "longer than 1 MB" in refused(written(tmp_path / "commas.csv", "," * 20_000_000))
+    assert "longer than 1 MB" in refused(written(tmp_path / "zeros.csv", header + "0" * 20_000_000))
+    assert "within the first 1000 lines" in refused(
+        written(tmp_path / "remarks.csv", "#\n" * 5_000_000 + header)
+    )
+
+
+def test_line_ends_may_fall_anywhere_in_a_large_file(tmp_path):
+    values = table(circle(samples=1000, step=0.01))
+    rows = np.tile(values, (150, 1))
+    rows[:, 0] = np.arange(len(rows)) * 0.01
+    rows[:, 4:6] = 0.0  # the same circle again and again jumps, which standing still does not contradict
+    for end in ("\n", "\r\n", "\r"):
+        path = written(tmp_path / "large.csv", csv_text(rows, end=end))
+        assert path.stat().st_size > 2**24
+        np.testing.assert_array_equal(read_flight_csv(path).time, rows[:, 0])
+
+
+def test_a_file_that_swells_when_decompressed_is_stopped(tmp_path):
     path = tmp_path / "bomb.csv.gz"
     with gzip.open(path, "wb", 1) as file:
         file.write((",".join(COLUMNS) + "\n").encode())
-        block = character * 2**20
+        block = b"\n" * 2**20
         for _ in range(MAX_BYTES // len(block) + 1):
             file.write(block)
     assert path.stat().st_size < 3e6
