@@ -1,0 +1,1 @@
+"""Pages: what a session shows of its result, one module for each kind."""

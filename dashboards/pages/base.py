@@ -1,0 +1,84 @@
+"""Base: what every page is: made when first shown, drawn again only while it is shown."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Sequence
+
+import panel as pn
+from bokeh.plotting import figure
+
+from lab.result import Result
+from lab.views.figures import TimeAxis
+
+GAP = 8
+AROUND = 172
+"""Height of the window that header, tabs and time bar take [px]."""
+NARROW = 1150
+"""Width of the window below which plots stand in one column [px]."""
+
+
+class Page(ABC):
+    """One page of the laboratory.
+
+    Parameters
+    ----------
+    axis
+        The time axis all pages share.
+    """
+
+    title: str
+    depends_on_window = True
+
+    def __init__(self, axis: TimeAxis) -> None:
+        self.axis = axis
+        self._drawn: tuple[int, tuple[float, float]] | None = None
+        self.view = self.make()
+
+    @abstractmethod
+    def make(self) -> pn.viewable.Viewable:
+        """Return the layout, made once, without any data."""
+
+    @abstractmethod
+    def draw(self, result: Result) -> None:
+        """Draw a result."""
+
+    def show(self, result: Result) -> None:
+        """Draw a result if what is shown is not up to date."""
+        state = (id(result), self.axis.window if self.depends_on_window else (0.0, 0.0))
+        if state != self._drawn:
+            self._drawn = state
+            self.draw(result)
+
+    def show_time(self, time: float) -> None:
+        """Follow the time cursor."""
+
+    def close(self) -> None:
+        """Give back what does not go away by itself."""
+
+
+def plot_grid(figures: Sequence[figure], columns: int, least: int = 150) -> pn.viewable.Viewable:
+    """Lay figures out in a grid that fills the window, in one column on narrow windows.
+
+    Parameters
+    ----------
+    figures
+        In reading order.
+    columns
+        Columns on a wide window.
+    least
+        Least height of a row [px].
+    """
+    rows = -(-len(figures) // columns)
+    grid = f"""
+    :host {{
+      display: grid !important; gap: {GAP}px;
+      grid-template-columns: repeat({columns}, minmax(0, 1fr));
+      grid-auto-rows: max({least}px, calc((100vh - {AROUND + GAP * rows}px) / {rows}));
+    }}
+    @media (max-width: {NARROW}px) {{
+      :host {{ grid-template-columns: minmax(0, 1fr); grid-auto-rows: {least + 30}px; }}
+    }}
+    """
+    panes = [pn.pane.Bokeh(fig, sizing_mode="stretch_both", margin=0) for fig in figures]
+    return pn.Column(*panes, sizing_mode="stretch_width", stylesheets=[grid], margin=(6, 8))

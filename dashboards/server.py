@@ -1,0 +1,37 @@
+"""Server: the laboratory on one port of this computer."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+APP = Path(__file__).with_name("simulator.py")
+
+
+def serve(port: int = 5006, address: str = "127.0.0.1", show: bool = False) -> None:
+    """Serve the simulator until interrupted; the 3-D view goes through the same port.
+
+    Parameters
+    ----------
+    port
+        Port to listen on.
+    address
+        Address to listen on; ``"0.0.0.0"`` is all of this computer's.
+    show
+        Whether to open the page in a browser.
+    """
+    import panel as pn  # noqa: PLC0415 - takes a second
+
+    # Listening on all addresses, the names under which this computer is reached are not known here.
+    loopback = address in {"127.0.0.1", "localhost", "::1"}
+    origins = [f"{name}:{port}" for name in ("localhost", "127.0.0.1", "[::1]")] if loopback else ["*"]
+    where = "localhost" if loopback else address
+    print(f"INS Lab is at http://{where}:{port}/ (stop it with Ctrl-C)", flush=True)
+    pn.serve(
+        {"/": str(APP)},
+        port=port,
+        address=address,
+        websocket_origin=origins,
+        show=show,
+        title="INS Lab",
+        verbose=False,
+    )

@@ -1,0 +1,124 @@
+"""Session: the state of one open page: its settings, its last good result, and what it has to say."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from typing import Any
+
+import panel as pn
+import param
+from bokeh.document import Document
+
+from dashboards.computing import LatestWins, Outcome
+from lab.experiment import Experiment
+from lab.missions import missions
+from lab.result import Result
+from lab.settings import SettingError
+
+PATIENCE = 250
+"""How long a run may take before the page speaks of progress [ms]."""
+
+
+class Session(param.Parameterized):
+    """Settings of one page, computed in the background; the last good result stays until a better one comes."""
+
+    result: Result | None = param.Parameter(None, doc="The last good result.")
+    problem: str = param.String("", doc="What was wrong with the last change; empty if nothing.")
+    stage: str = param.String("", doc="What is being computed, if it takes long enough to be worth a word.")
+    fraction: float = param.Number(0.0, doc="Fraction of it that is done.")
+
+    def __init__(self, document: Document) -> None:
+        super().__init__()
+        self.experiment = Experiment()
+        self._document = document
+        self._runs = LatestWins(self._deliver)
+        self._watching = self._run_failed = False
+        self._on_settings: list[Callable[[], None]] = []
+        self._closed = False
+
+    def on_settings(self, callback: Callable[[], None]) -> None:
+        """Call back whenever the settings were changed by anything but a single widget."""
+        self._on_settings.append(callback)
+
+    def compute(self) -> None:
+        """Compute the settings as they are now, in the background."""
+        if self._closed:
+            return
+        self._runs.submit(self.experiment)
+        if not self._watching:
+            self._watching = True
+            self._document.add_timeout_callback(self._watch, PATIENCE)
+
+    def change(self, path: str, value: Any) -> bool:
+        """Change one setting and compute; return whether it was accepted."""
+        try:
+            if path == "mission":
+                _check_mission(value)
+            self.experiment.set(path, value)
+        except SettingError as error:
+            self.problem = str(error)
+            return False
+        self.problem = ""
+        self.compute()
+        return True
+
+    def replace(self, values: Mapping[str, Any]) -> bool:
+        """Change many settings at once, all or none, and compute; return whether they were accepted."""
+        try:
+            trial = self.experiment.copy().update(values)
+            _check_mission(trial.mission)
+        except SettingError as error:
+            self.problem = str(error)
+            return False
+        self.adopt(trial)
+        return True
+
+    def adopt(self, experiment: Experiment) -> None:
+        """Take over all settings of an experiment and compute."""
+        self.experiment = experiment
+        self.problem = ""
+        for callback in self._on_settings:
+            callback()
+        self.compute()
+
+    def close(self) -> None:
+        """End: deliver nothing more and forget the result."""
+        self._closed = True
+        self._runs.close()
+        self._on_settings.clear()
+
+    def _deliver(self, outcome: Outcome) -> None:
+        if not self._closed:
+            self._document.add_next_tick_callback(lambda: self._receive(outcome))
+
+    def _receive(self, outcome: Outcome) -> None:
+        if self._closed:
+            return
+        with pn.io.hold(self._document):
+            if outcome.result is None:
+                self._run_failed, self.problem = True, outcome.problem
+                return
+            self.result = outcome.result
+            if self._run_failed:
+                self._run_failed, self.problem = False, ""
+
+    def _watch(self) -> None:
+        self._watching = False
+        if self._closed:
+            return
+        if not self._runs.busy:
+            self.param.update(stage="", fraction=0.0)
+            return
+        stage, fraction = self._runs.stage
+        self.param.update(stage=stage, fraction=fraction)
+        self._watching = True
+        self._document.add_timeout_callback(self._watch, PATIENCE)
+
+
+def _check_mission(name: str) -> None:
+    """Refuse what is not in the catalogue: a page must not be a way to files of the server."""
+    known = missions()
+    if name not in known:
+        raise SettingError(
+            f"mission = {name!r}: there is no such mission; accepted is one of {', '.join(known)}"
+        )

@@ -1,0 +1,179 @@
+"""Settings panel: all settings as fields, in the order and words of their declarations."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import panel as pn
+import panel_material_ui as pmui
+import param
+
+from dashboards.session import Session
+from dashboards.widgets import ChoiceField, Field, TextField, field
+from lab.missions import missions
+from lab.sensors.suite import PRESETS
+
+SECTIONS = {
+    "sensors.gyro": ("Gyros", True),
+    "sensors.accelerometer": ("Accelerometers", False),
+    "sensors.gps": ("GPS receiver", True),
+    "navigator": ("Navigator and filter", True),
+    "trajectory": ("Trajectory", False),
+}
+"""Title of each group of settings, and whether it is open at first."""
+
+COMMON = frozenset(
+    {
+        "sensors.gyro.noise_density",
+        "sensors.gyro.bias_sigma",
+        "sensors.gyro.instability",
+        "sensors.accelerometer.noise_density",
+        "sensors.accelerometer.bias_sigma",
+        "sensors.accelerometer.instability",
+        "sensors.gps.position_variance",
+        "sensors.gps.velocity_variance",
+        "sensors.gps.period",
+        "sensors.gps.outages",
+        "navigator.model",
+        "navigator.correction",
+        "navigator.correction_period",
+        "navigator.p0_scale",
+        "navigator.q_scale",
+        "navigator.r_scale",
+        "trajectory.imu_rate",
+    }
+)
+"""Settings shown at once; the others unfold below them."""
+
+
+class SettingsPanel:
+    """The settings of a session, as shown in the sidebar.
+
+    Parameters
+    ----------
+    session
+        Whose settings are shown and changed.
+    """
+
+    def __init__(self, session: Session) -> None:
+        self._session = session
+        self._fields: dict[str, Field] = {}
+        session.on_settings(self.refresh)
+        self._mission = ChoiceField(
+            session.experiment.param["mission"], self._change("mission"), mission_titles()
+        )
+        self._seed = TextField(session.experiment.param["seed"], self._change("seed"))
+        self._fields |= {"mission": self._mission, "seed": self._seed}
+        self.view = pn.Column(
+            self._mission.view,
+            self._seed_row(),
+            self._presets(),
+            *self._sections(),
+            margin=(6, 14, 24, 14),
+            sizing_mode="stretch_width",
+        )
+        self.refresh()
+
+    def refresh(self) -> None:
+        """Show the settings as they are."""
+        for path, shown in self._fields.items():
+            shown.show(self._session.experiment.get(path))
+
+    def _change(self, path: str) -> Any:
+        return lambda value: self._session.change(path, value)
+
+    def _seed_row(self) -> pn.viewable.Viewable:
+        another = pmui.IconButton(
+            icon="casino", description="Another seed", size="1.3em", margin=(10, 0, 0, 2), align="center"
+        )
+        another.on_click(lambda _event: self._next_seed())
+        return pn.Row(self._seed.view, another, margin=0, sizing_mode="stretch_width")
+
+    def _next_seed(self) -> None:
+        self._session.change("seed", (int(self._session.experiment.seed) + 1) % 2**32)
+        self._seed.show(self._session.experiment.seed)
+
+    def _presets(self) -> pn.viewable.Viewable:
+        presets = pmui.MenuButton(
+            label="Sensors from a datasheet",
+            items=[{"label": name} for name in PRESETS],
+            icon="tune",
+            size="small",
+            variant="outlined",
+            margin=(8, 4, 8, 0),
+            sizing_mode="stretch_width",
+        )
+        presets.on_click(lambda item: self._take_preset(item["label"]))
+        reset = pmui.Button(
+            label="Reset", icon="restart_alt", size="small", variant="outlined", margin=(8, 0, 8, 4)
+        )
+        reset.on_click(lambda _event: self._reset())
+        return pn.Row(presets, reset, margin=0, sizing_mode="stretch_width")
+
+    def _take_preset(self, name: str) -> None:
+        self._session.replace({"sensors": PRESETS[name]().to_dict()})
+
+    def _reset(self) -> None:
+        fresh = type(self._session.experiment)()
+        fresh.mission = self._session.experiment.mission
+        self._session.adopt(fresh)
+
+    def _sections(self) -> list[pn.viewable.Viewable]:
+        return [self._section(path, title, is_open) for path, (title, is_open) in SECTIONS.items()]
+
+    def _section(self, group: str, title: str, is_open: bool) -> pn.viewable.Viewable:
+        paths = [path for path, _, _ in self._session.experiment.leaves() if path.startswith(f"{group}.")]
+        common = [path for path in paths if path in COMMON]
+        others = [path for path in paths if path not in COMMON]
+        body = pn.Column(margin=(0, 4, 8, 4), sizing_mode="stretch_width")
+        card = pmui.Card(
+            body,
+            title=title,
+            title_variant="subtitle2",
+            collapsed=not is_open,
+            margin=(4, 0),
+            sizing_mode="stretch_width",
+            variant="outlined",
+        )
+
+        def fill(*_events: param.parameterized.Event) -> None:
+            if not card.collapsed and not body.objects:
+                body[:] = [*(self._make(path) for path in common), *([self._more(others)] if others else [])]
+
+        card.param.watch(fill, "collapsed")
+        fill()
+        return card
+
+    def _more(self, paths: list[str]) -> pn.viewable.Viewable:
+        inside = pn.Column(margin=0, sizing_mode="stretch_width", visible=False)
+        toggle = pmui.Toggle(
+            label="More",
+            icon="expand_more",
+            size="small",
+            variant="text",
+            color="default",
+            margin=(4, 0),
+        )
+
+        def unfold(event: param.parameterized.Event) -> None:
+            if not inside.objects:
+                inside[:] = [self._make(path) for path in paths]
+            inside.visible = event.new
+            toggle.param.update(
+                label="Less" if event.new else "More", icon="expand_less" if event.new else "expand_more"
+            )
+
+        toggle.param.watch(unfold, "value")
+        return pn.Column(toggle, inside, margin=0, sizing_mode="stretch_width")
+
+    def _make(self, path: str) -> pn.viewable.Viewable:
+        owner, _, name = path.rpartition(".")
+        made = field(self._session.experiment.get(owner).param[name], self._change(path))
+        made.show(self._session.experiment.get(path))
+        self._fields[path] = made
+        return made.view
+
+
+def mission_titles() -> dict[str, str]:
+    """Return the missions there are: name by title."""
+    return {mission.title or name: name for name, mission in missions().items()}

@@ -1,0 +1,330 @@
+"""Widgets: one for each kind of setting, made from its declaration: slider with unit and number, choice, text."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from typing import Any
+
+import panel as pn
+import panel_material_ui as pmui
+import param
+
+from lab.settings import AxisQuantity, Intervals, MatrixOrNone, Quantity
+
+Change = Callable[[Any], bool]
+
+LOGARITHMIC_FROM = 100
+"""A slider whose ends have at least this ratio runs in decades."""
+
+
+_LABEL = {"& .MuiFormLabel-root": {"fontSize": "0.8125rem"}}
+_BOX = {"& input": {"fontSize": "0.8125rem", "textAlign": "right", "padding": "0 0 1px"}}
+
+
+def _over(right: int) -> dict[str, str]:
+    """Place a widget in the line of the label, this far from the right edge [px]."""
+    return {"position": "absolute", "top": "0", "right": f"{right}px", "z-index": "1"}
+
+
+class Slider(pmui.FloatSlider):
+    """A slider that tells each movement at once."""
+
+    _debounce = 10
+
+
+class Field(param.Parameterized):
+    """Shows one setting and asks to change it.
+
+    Parameters
+    ----------
+    declaration
+        The parameter of the setting.
+    change
+        Called with a new value; returns whether it was accepted. If not, the field shows the old value again.
+    """
+
+    def __init__(self, declaration: param.Parameter, change: Change) -> None:
+        super().__init__()
+        self.declaration = declaration
+        self._change = change
+        self._value: Any = declaration.default
+        self._showing = False
+
+    @property
+    def view(self) -> pn.viewable.Viewable:
+        """What is laid out in the page."""
+        raise NotImplementedError
+
+    def show(self, value: Any) -> None:
+        """Show a value that did not come from this field."""
+        self._value = value
+        self._showing = True
+        try:
+            self._render(value)
+        finally:
+            self._showing = False
+
+    def _render(self, value: Any) -> None:
+        raise NotImplementedError
+
+    def _ask(self, value: Any) -> None:
+        if self._showing or value == self._value:
+            return
+        self.show(value if self._change(value) else self._value)
+
+
+class NumberField(Field):
+    """A number, or one for each axis: a slider over its usual range, and a box that takes all that is accepted."""
+
+    def __init__(self, declaration: param.Parameter, change: Change) -> None:
+        super().__init__(declaration, change)
+        self._axes: tuple[str, ...] = getattr(declaration, "axes", ())
+        self._scale = Scale(declaration)
+        self._slider = self._make_slider(_label(declaration), declaration.doc)
+        self._slider.param.watch(lambda event: self._moved(None, event.new), "value")
+        self._box = pmui.TextInput(
+            size="small", variant="standard", width=96, margin=0, styles=_over(22), sx=_BOX
+        )
+        self._box.param.watch(self._typed, "value")
+        self._axis_sliders: list[Slider] = []
+        self._column = pn.Column(
+            self._slider,
+            self._box,
+            margin=(4, 0),
+            sizing_mode="stretch_width",
+            styles={"position": "relative"},
+        )
+        if self._axes:
+            more = pmui.ToggleIcon(
+                icon="expand_more",
+                active_icon="expand_less",
+                size="1.1em",
+                margin=0,
+                width=20,
+                color="default",
+                description="One for each axis",
+                styles=_over(-4),
+            )
+            more.param.watch(self._unfold, "value")
+            self._column.append(more)
+        self.show(declaration.default)
+
+    @property
+    def view(self) -> pn.viewable.Viewable:
+        """What is laid out in the page."""
+        return self._column
+
+    def _make_slider(self, label: str, doc: str | None = None) -> Slider:
+        return Slider(
+            label=label,
+            description=doc,
+            show_value=False,
+            tooltips=False,
+            size="small",
+            sizing_mode="stretch_width",
+            margin=0 if doc else (0, 0, 0, 12),
+            sx=_LABEL,
+            start=self._scale.start,
+            end=self._scale.end,
+            step=self._scale.step,
+            value=self._scale.start,
+        )
+
+    def _render(self, value: Any) -> None:
+        numbers = value if self._axes else (value,)
+        self._box.value = shown(value)
+        self._slider.value = self._scale.position(max(numbers, key=abs))
+        for slider, number in zip(self._axis_sliders, numbers, strict=False):
+            slider.value = self._scale.position(number)
+
+    def _moved(self, axis: int | None, position: float) -> None:
+        if self._showing:
+            return
+        number = self._scale.value(position)
+        if not self._axes:
+            self._ask(number)
+        elif axis is None:
+            self._ask((number,) * len(self._axes))
+        else:
+            numbers = list(self._value)
+            numbers[axis] = number
+            self._ask(tuple(numbers))
+
+    def _typed(self, event: param.parameterized.Event) -> None:
+        if self._showing or event.new == shown(self._value):
+            return
+        numbers = _numbers(event.new)
+        value: Any = numbers[0] if len(numbers) == 1 else numbers
+        if self._axes and len(numbers) == 1:
+            value = numbers * len(self._axes)
+        self._ask(value)
+
+    def _unfold(self, event: param.parameterized.Event) -> None:
+        if event.new and not self._axis_sliders:
+            for axis, name in enumerate(self._axes):
+                slider = self._make_slider(name)
+                slider.value = self._scale.position(self._value[axis])
+                slider.param.watch(lambda moved, axis=axis: self._moved(axis, moved.new), "value")
+                self._axis_sliders.append(slider)
+            self._column.extend(self._axis_sliders)
+        for slider in self._axis_sliders:
+            slider.visible = event.new
+
+
+class ChoiceField(Field):
+    """One of a few words: buttons side by side, or a list where they are many."""
+
+    def __init__(
+        self, declaration: param.Parameter, change: Change, labels: dict[str, Any] | None = None
+    ) -> None:
+        super().__init__(declaration, change)
+        options: Any = labels or list(declaration.objects)
+        common = {
+            "label": declaration.label,
+            "options": options,
+            "size": "small",
+            "sizing_mode": "stretch_width",
+        }
+        self._widget = pmui.Select(**common, variant="outlined", margin=(8, 0), description=declaration.doc)
+        self._widget.param.watch(lambda event: self._ask(event.new), "value")
+        self.show(declaration.default)
+
+    @property
+    def view(self) -> pn.viewable.Viewable:
+        """What is laid out in the page."""
+        return self._widget
+
+    def offer(self, labels: dict[str, Any]) -> None:
+        """Offer other choices."""
+        self._showing = True
+        try:
+            self._widget.param.update(options=labels, value=self._value)
+        finally:
+            self._showing = False
+
+    def _render(self, value: Any) -> None:
+        self._widget.value = value
+
+
+class TextField(Field):
+    """What is best written: whole numbers, stretches of time, variances."""
+
+    def __init__(self, declaration: param.Parameter, change: Change) -> None:
+        super().__init__(declaration, change)
+        self._widget = pmui.TextInput(
+            label=_label(declaration),
+            placeholder=_placeholder(declaration),
+            size="small",
+            variant="outlined",
+            margin=(8, 0),
+            sizing_mode="stretch_width",
+            description=declaration.doc,
+        )
+        self._widget.param.watch(self._typed, "value")
+        self.show(declaration.default)
+
+    @property
+    def view(self) -> pn.viewable.Viewable:
+        """What is laid out in the page."""
+        return self._widget
+
+    def _render(self, value: Any) -> None:
+        self._widget.value = shown(value)
+
+    def _typed(self, event: param.parameterized.Event) -> None:
+        if self._showing or event.new == shown(self._value):
+            return
+        self._ask(parsed(self.declaration, event.new))
+
+
+class Scale:
+    """Where on a slider a value is: linear, or in decades where the range spans many."""
+
+    def __init__(self, declaration: param.Parameter) -> None:
+        low, high = declaration.softbounds or declaration.bounds
+        self.logarithmic = low > 0 and high / low >= LOGARITHMIC_FROM
+        self.start = math.log10(low) if self.logarithmic else float(low)
+        self.end = math.log10(high) if self.logarithmic else float(high)
+        self.step = 0.01 if self.logarithmic else float(declaration.step or (high - low) / 200)
+
+    def position(self, value: float) -> float:
+        """Return where a value is; values beyond the slider are at its end."""
+        if self.logarithmic:
+            value = math.log10(value) if value > 0 else self.start
+        return min(max(value, self.start), self.end)
+
+    def value(self, position: float) -> float:
+        """Return the value at a position, on round digits."""
+        value = 10**position if self.logarithmic else round(position / self.step) * self.step
+        return float(f"{value:.3g}" if self.logarithmic else f"{value:.10g}")
+
+
+def field(declaration: param.Parameter, change: Change) -> Field:
+    """Return the field for a setting."""
+    if isinstance(declaration, param.Selector):
+        return ChoiceField(declaration, change)
+    if isinstance(declaration, Quantity | AxisQuantity):
+        return NumberField(declaration, change)
+    return TextField(declaration, change)
+
+
+def shown(value: Any) -> str:
+    """Return a value as a person writes it: equal components once, nothing for an unset one."""
+    if value is None:
+        return ""
+    if isinstance(value, bool | str):
+        return str(value)
+    if isinstance(value, int | float):
+        return f"{value:.6g}" if isinstance(value, float) else str(value)
+    parts = [
+        "–".join(shown(float(t)) for t in part) if isinstance(part, tuple) else shown(part) for part in value
+    ]
+    return (
+        parts[0] if parts and len(set(parts)) == 1 and not isinstance(value[0], tuple) else ", ".join(parts)
+    )
+
+
+def parsed(declaration: param.Parameter, text: str) -> Any:
+    """Return what was written; the setting itself judges whether it is acceptable."""
+    text = text.strip()
+    if isinstance(declaration, param.Integer):
+        number = _number(text)
+        return int(number) if isinstance(number, float) and number.is_integer() else number
+    if isinstance(declaration, Intervals):
+        stretches = [part.replace("–", "-").split("-") for part in text.replace(" ", "").split(",") if part]
+        return [tuple(_number(t) for t in stretch) for stretch in stretches]
+    if isinstance(declaration, MatrixOrNone):
+        numbers = _numbers(text)
+        return _square(numbers, declaration.size) if numbers else None
+    return text
+
+
+def _square(numbers: tuple[Any, ...], size: int) -> tuple[Any, ...]:
+    if len(numbers) != size * size or size == 1:
+        return numbers
+    return tuple(numbers[row * size : (row + 1) * size] for row in range(size))
+
+
+def _numbers(text: str) -> tuple[float | str, ...]:
+    """Return the numbers in a text; a single comma inside a number is a decimal comma."""
+    decimal_comma = text.count(",") == 1 and ", " not in text
+    return tuple(_number(part) for part in (text if decimal_comma else text.replace(",", " ")).split())
+
+
+def _number(text: str) -> float | str:
+    try:
+        return float(text.replace(",", "."))
+    except ValueError:
+        return text
+
+
+def _label(declaration: param.Parameter) -> str:
+    unit = getattr(declaration, "unit", "")
+    return f"{declaration.label} [{unit}]" if unit else str(declaration.label)
+
+
+def _placeholder(declaration: param.Parameter) -> str:
+    if isinstance(declaration, Intervals):
+        return "none; such as 60–75, 120–130"
+    return "matched" if isinstance(declaration, MatrixOrNone) else ""

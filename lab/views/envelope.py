@@ -1,0 +1,144 @@
+"""Envelope: long series thinned for the screen without losing a peak."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+FloatArray = NDArray[np.floating]
+
+BUCKETS = 600
+
+
+def envelope(
+    time: FloatArray, series: Sequence[FloatArray], window: tuple[float, float], buckets: int = BUCKETS
+) -> tuple[FloatArray, list[FloatArray]]:
+    """Thin series to the smallest and the largest value in each of `buckets` stretches of a time window.
+
+    Parameters
+    ----------
+    time : (n,) array
+        Times of the samples, increasing.
+    series : sequence of (n,) arrays
+        What is thinned; NaN marks a gap, which stays visible.
+    window : (start, end)
+        Stretch of time that is shown; one sample beyond either end is kept, so that lines reach the edges.
+    buckets : int
+        Number of stretches.
+
+    Returns
+    -------
+    time : (m,) array
+        Times of the thinned samples, m <= 2 `buckets`, common to all series; the samples as they are where
+        the window holds no more than that.
+    series : list of (m,) arrays
+        Two values for each stretch: the smaller first where the series rises over the stretch.
+    """
+    first = max(int(np.searchsorted(time, window[0], "left")) - 1, 0)
+    last = min(int(np.searchsorted(time, window[1], "right")) + 1, len(time))
+    count = last - first
+    if count <= 2 * buckets:
+        return time[first:last], [values[first:last] for values in series]
+    edges = np.linspace(first, last, buckets + 1).astype(np.intp)
+    starts, ends = edges[:-1], edges[1:]
+    thinned_time = np.empty(2 * buckets)
+    thinned_time[0::2] = time[starts]
+    thinned_time[1::2] = time[(starts + ends) // 2]
+    return thinned_time, [_extremes(values, starts, ends) for values in series]
+
+
+def _extremes(values: FloatArray, starts: NDArray[np.intp], ends: NDArray[np.intp]) -> FloatArray:
+    part = np.ascontiguousarray(values[: ends[-1]])
+    low, high = np.minimum.reduceat(part, starts), np.maximum.reduceat(part, starts)
+    rising = part[ends - 1] >= part[starts]
+    out = np.empty(2 * len(starts))
+    out[0::2] = np.where(rising, low, high)
+    out[1::2] = np.where(rising, high, low)
+    return out
+
+
+def thin_path(points: FloatArray, count: int) -> NDArray[np.intp]:
+    """Choose samples of a path so that its drawing keeps length and turns.
+
+    Parameters
+    ----------
+    points : (n, d) array
+        Positions along the path; rows that are not finite are never chosen.
+    count : int
+        How many samples to keep at most.
+
+    Returns
+    -------
+    indices : (m,) array of int
+        Chosen rows, increasing, first and last included, m <= `count`.
+
+    Notes
+    -----
+    Samples are spread evenly over the sum of relative arc length and relative turning.
+    """
+    valid = np.flatnonzero(np.isfinite(points).all(axis=1))
+    if len(valid) <= count:
+        return valid
+    steps = np.diff(points[valid], axis=0)
+    lengths = np.linalg.norm(steps, axis=1)
+    directions = steps / np.where(lengths > 0, lengths, 1)[:, None]
+    turns = np.zeros_like(lengths)
+    turns[1:] = np.linalg.norm(np.diff(directions, axis=0), axis=1)
+    # Standing still, the direction of a step is noise: weighted with the length it says nothing there.
+    turns *= lengths
+    progress = np.concatenate([[0.0], np.cumsum(_share(lengths) + _share(turns))])
+    chosen = np.searchsorted(progress, np.linspace(0, progress[-1], count))
+    return valid[np.unique(np.clip(chosen, 0, len(valid) - 1))]
+
+
+def _share(weights: FloatArray) -> FloatArray:
+    total = weights.sum()
+    return weights / total if total > 0 else np.full_like(weights, 1 / len(weights))
+
+
+def nice_limit(value: float) -> float:
+    """Round a positive number up to 1, 1.2, 1.5, 2, 2.5, 3, 4, 5, 6 or 8 times a power of ten.
+
+    An axis limit made so stays where it is while a curve moves a little.
+    """
+    if not np.isfinite(value) or value <= 0:
+        return 1.0
+    power = 10.0 ** np.floor(np.log10(value))
+    steps = (1.0, 1.2, 1.5, 2.0, 2.5, 3.0, 4.0, 5.0, 6.0, 8.0, 10.0)
+    return float(power * next(step for step in steps if step * power >= value * (1 - 1e-12)))
+
+
+def limits(series: Sequence[FloatArray], scale: str) -> tuple[float, float]:
+    """Return axis limits that hold all finite values, on round numbers.
+
+    Parameters
+    ----------
+    series : sequence of arrays
+        All values drawn.
+    scale : {"symmetric", "free", "logarithmic"}
+        Zero in the middle; as the values lie; or positive, whole powers or halves of them.
+
+    Returns
+    -------
+    low, high : float
+        With high > low.
+    """
+    lows, highs = [], []
+    for values in series:
+        finite = values[np.isfinite(values)]
+        finite = finite[finite > 0] if scale == "logarithmic" else finite
+        if len(finite):
+            lows.append(float(finite.min()))
+            highs.append(float(finite.max()))
+    if not lows:
+        return (0.1, 1.0) if scale == "logarithmic" else (-1.0, 1.0)
+    low, high = min(lows), max(highs)
+    if scale == "logarithmic":
+        return 10 ** (np.floor(np.log10(low * 0.9) * 4) / 4), 10 ** (np.ceil(np.log10(high * 1.1) * 4) / 4)
+    if scale == "symmetric":
+        limit = nice_limit(1.02 * max(abs(low), abs(high)))
+        return -limit, limit
+    step = nice_limit(max(high - low, 1e-9 * max(abs(low), abs(high)), 1e-12)) / 10
+    return step * np.floor(low / step - 0.2), step * np.ceil(high / step + 0.2)

@@ -1,0 +1,250 @@
+"""Quantities: what each plot shows (names, units, colours, bands), declared once for page and notebook."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+if TYPE_CHECKING:
+    from lab.result import Result
+
+FloatArray = NDArray[np.floating]
+Reader = Callable[["Result"], FloatArray]
+Clock = Literal["time", "time_gps"]
+
+BLUE, GREEN, ORANGE = "#3b8eea", "#12a67c", "#e8862e"
+AXIS_COLOURS = (BLUE, GREEN, ORANGE)
+TRUTH, ESTIMATE, FIXES, CURSOR = "#8b95a5", BLUE, "#c2569b", "#e5484d"
+
+
+@dataclass(frozen=True)
+class Curve:
+    """One curve of a plot.
+
+    Attributes
+    ----------
+    name
+        Unique name, also the column that carries its samples.
+    label
+        What a legend or a hover box calls it.
+    colour
+        Line colour, chosen to be seen on white and on black.
+    read
+        Takes the samples (n,) out of a result.
+    style
+        How it is drawn.
+    """
+
+    name: str
+    label: str
+    colour: str
+    read: Reader
+    style: Literal["line", "dashed", "points"] = "line"
+
+
+@dataclass(frozen=True)
+class Band:
+    """The region in which a curve is expected: `factor` standard deviations about `centre`, or about zero."""
+
+    name: str
+    factor: float
+    colour: str
+    sigma: Reader
+    centre: Reader | None = None
+
+    @property
+    def label(self) -> str:
+        """What a legend calls it."""
+        return f"±{self.factor:g}σ"
+
+    def edges(self, result: Result) -> tuple[FloatArray, FloatArray]:
+        """Return the lower and the upper edge, each (n,)."""
+        half = self.factor * self.sigma(result)
+        return (
+            (-half, half) if self.centre is None else (self.centre(result) - half, self.centre(result) + half)
+        )
+
+
+@dataclass(frozen=True)
+class TimePlot:
+    """Curves of one unit over time.
+
+    Attributes
+    ----------
+    name
+        Unique name.
+    title
+        What it shows, without the unit.
+    unit
+        Unit of the ordinate.
+    curves
+        What is drawn, the first one on top.
+    band
+        Where the first curve is expected to be.
+    clock
+        Coordinate of all its samples: IMU time or time of the fixes.
+    scale
+        Zero in the middle; free; or logarithmic.
+    """
+
+    name: str
+    title: str
+    unit: str
+    curves: tuple[Curve, ...]
+    band: Band | None = None
+    clock: Clock = "time"
+    scale: Literal["symmetric", "free", "logarithmic"] = "symmetric"
+
+    @property
+    def heading(self) -> str:
+        """Title and unit, as printed above the plot."""
+        return f"{self.title} [{self.unit}]" if self.unit else self.title
+
+
+def _component(group: str, variable: str, index: int) -> Reader:
+    def read(result: Result) -> FloatArray:
+        values: FloatArray = getattr(result, group)[variable].values[:, index]
+        return values
+
+    return read
+
+
+def _errors(variable: str, title: str, unit: str, components: tuple[str, str, str]) -> tuple[TimePlot, ...]:
+    return tuple(
+        TimePlot(
+            name=f"{variable}_{component}",
+            title=f"{title}, {component}",
+            unit=unit,
+            curves=(
+                Curve(f"{variable}_{component}", "error", colour, _component("errors", variable, index)),
+            ),
+            band=Band(f"{variable}_{component}_band", 3, colour, _component("sigma", variable, index)),
+        )
+        for index, (component, colour) in enumerate(zip(components, AXIS_COLOURS, strict=True))
+    )
+
+
+EAST_NORTH_UP = ("east", "north", "up")
+ROLL_PITCH_HEADING = ("roll", "pitch", "heading")
+BODY = ("x", "y", "z")
+
+ERRORS: tuple[TimePlot, ...] = (
+    *_errors("position", "Position error", "m", EAST_NORTH_UP),
+    *_errors("velocity", "Velocity error", "m/s", EAST_NORTH_UP),
+    *_errors("attitude", "Attitude error", "°", ROLL_PITCH_HEADING),
+)
+
+
+def _sigmas(name: str, title: str, unit: str, labels: Sequence[str], states: Sequence[int]) -> TimePlot:
+    return TimePlot(
+        name=f"{name}_sigma",
+        title=f"σ of the {title}",
+        unit=unit,
+        curves=tuple(
+            Curve(f"{name}_sigma_{label}", label, colour, _component("state_sigma", "sigma", state))
+            for label, colour, state in zip(labels, AXIS_COLOURS, states, strict=True)
+        ),
+        scale="logarithmic",
+    )
+
+
+# The filter's states are north, east, down; shown is east, north, up, which has the same σ.
+COVARIANCE: tuple[TimePlot, ...] = (
+    _sigmas("position", "position", "m", EAST_NORTH_UP, (1, 0, 2)),
+    _sigmas("velocity", "velocity", "m/s", EAST_NORTH_UP, (4, 3, 5)),
+    _sigmas("attitude", "attitude, about", "°", ("east", "north", "vertical"), (7, 6, 8)),
+    _sigmas("gyro_bias", "gyro biases", "°/s", BODY, (9, 10, 11)),
+    _sigmas("accelerometer_bias", "accelerometer biases", "mg", BODY, (12, 13, 14)),
+)
+
+
+def _estimates(variable: str, title: str, unit: str) -> tuple[TimePlot, ...]:
+    plots = []
+    for index, (axis, colour) in enumerate(zip(BODY, AXIS_COLOURS, strict=True)):
+        estimate = _component("sensor_errors", variable, index)
+        truth = _component("sensor_errors", f"{variable}_true", index)
+        plots.append(
+            TimePlot(
+                name=f"{variable}_{axis}",
+                title=f"{title}, {axis}",
+                unit=unit,
+                curves=(
+                    Curve(f"{variable}_{axis}", "estimate", colour, estimate),
+                    Curve(f"{variable}_{axis}_true", "truth", TRUTH, truth, style="dashed"),
+                ),
+                band=Band(
+                    f"{variable}_{axis}_band",
+                    3,
+                    colour,
+                    _component("sensor_errors", f"{variable}_sigma", index),
+                    centre=estimate,
+                ),
+                scale="free",
+            )
+        )
+    return tuple(plots)
+
+
+SENSOR_ERRORS: tuple[TimePlot, ...] = (
+    *_estimates("gyro_bias", "Gyro bias", "°/s"),
+    *_estimates("accelerometer_bias", "Accelerometer bias", "mg"),
+)
+
+
+def _innovations(variable: str, title: str, unit: str) -> tuple[TimePlot, ...]:
+    return tuple(
+        TimePlot(
+            name=f"innovation_{variable}_{axis}",
+            title=f"{title} innovation, {axis}",
+            unit=unit,
+            curves=(
+                Curve(
+                    f"innovation_{variable}_{axis}",
+                    "innovation",
+                    colour,
+                    _component("innovations", variable, index),
+                    style="points",
+                ),
+            ),
+            band=Band(
+                f"innovation_{variable}_{axis}_band",
+                2,
+                colour,
+                _component("innovations", f"{variable}_sigma", index),
+            ),
+            clock="time_gps",
+        )
+        for index, (axis, colour) in enumerate(zip(EAST_NORTH_UP, AXIS_COLOURS, strict=True))
+    )
+
+
+INNOVATIONS: tuple[TimePlot, ...] = (
+    *_innovations("position", "Position", "m"),
+    *_innovations("velocity", "Velocity", "m/s"),
+)
+
+
+def _scalar(group: str, variable: str) -> Reader:
+    def read(result: Result) -> FloatArray:
+        values: FloatArray = getattr(result, group)[variable].values
+        return values
+
+    return read
+
+
+HEIGHT = TimePlot(
+    name="height",
+    title="Height above the ellipsoid",
+    unit="m",
+    curves=(
+        Curve("height_estimate", "estimate", ESTIMATE, _scalar("solution", "height")),
+        Curve("height_true", "truth", TRUTH, _scalar("truth", "height"), style="dashed"),
+    ),
+    scale="free",
+)
+HEIGHT_FIXES = Curve("height_fixes", "GPS fixes", FIXES, _scalar("gps", "height"), style="points")
+HEIGHT_ERROR = ERRORS[2]
