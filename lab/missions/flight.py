@@ -141,7 +141,7 @@ def _check_free(paths: list[Path], overwrite: bool) -> None:
 
 def _target_folder(source: Path, folder: str | os.PathLike[str] | None) -> Path:
     if folder is not None:
-        return Path(folder).expanduser()
+        return Path(folder)
     return own_folder() if source.parent.resolve() == shipped_folder().resolve() else source.parent
 
 
