@@ -68,18 +68,21 @@ def _navigation_rows(terms: dict[int, list[int]]) -> list[str]:
 
 
 def _navigation_block(terms: dict[int, list[int]]) -> list[str]:
-    """Write the upper triangle of (Φ P) Φᵀ for the navigation states, and its mirror image."""
+    """Write (Φ P) Φᵀ for the navigation states.
+
+    It is symmetric, so each pair of states is computed once, with the row of Φ that has fewer elements.
+    """
     lines = []
-    for j, columns in terms.items():
-        total = f"w[{PRODUCT + j} + {WIDTH} * i]"
-        for column in columns:
-            total += f" + f_{j}_{column} * w[{PRODUCT + column} + {WIDTH} * i]"
-        lines += [
-            f"    for i in range({j + 1}):",
-            f"        p = {total}",
-            f"        w[{WIDTH} * i + {j}] = p",
-            f"        w[{WIDTH * j} + i] = p",
-        ]
+    left = set(range(NAV))
+    for j in sorted(terms, key=lambda row: len(terms[row])):
+        for i in sorted(left):
+            total = f"w[{PRODUCT + WIDTH * i + j}]"
+            for column in terms[j]:
+                total += f" + f_{j}_{column} * w[{PRODUCT + WIDTH * i + column}]"
+            lines += [f"    p = {total}", f"    w[{WIDTH * i + j}] = p"]
+            if i != j:
+                lines += [f"    w[{WIDTH * j + i}] = p"]
+        left.remove(j)
     return lines
 
 
