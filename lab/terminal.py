@@ -7,6 +7,7 @@ import shutil
 import sys
 import textwrap
 import threading
+import time
 import unicodedata
 from collections.abc import Collection, Sequence
 from typing import Self, TextIO
@@ -79,7 +80,8 @@ def table(header: Sequence[str], rows: Sequence[Sequence[str]], *, right: Collec
 class Progress:
     """Tells on standard error how work goes that takes longer than `PATIENCE`.
 
-    In a terminal one line follows the news and goes when the work is done; elsewhere each step is one line.
+    In a terminal one line follows the news and the seconds, and goes when the work is done; elsewhere each
+    step is one line.
 
     Parameters
     ----------
@@ -96,17 +98,18 @@ class Progress:
         self._stream = stream or sys.stderr
         self._alive = self._stream.isatty()
         self._shown = False
+        self._begin = time.monotonic()
         self._lock = threading.Lock()
-        self._timer = threading.Timer(PATIENCE, self._show)
-        self._timer.daemon = True
+        self._done = threading.Event()
+        self._watch = threading.Thread(target=self._tell, daemon=True)
 
     def __enter__(self) -> Self:
-        self._timer.start()
+        self._watch.start()
         return self
 
     def __exit__(self, *_: object) -> None:
-        self._timer.cancel()
-        self._timer.join()
+        self._done.set()
+        self._watch.join()
         if self._alive and self._shown:
             self._stream.write("\r\x1b[K")
             self._stream.flush()
@@ -119,12 +122,20 @@ class Progress:
             if self._shown and fraction < 1 and (new or self._alive):
                 self._write()
 
-    def _show(self) -> None:
-        with self._lock:
-            self._shown = True
-            self._write()
+    def _tell(self) -> None:
+        pause = PATIENCE
+        while not self._done.wait(pause):
+            with self._lock:
+                self._shown = True
+                self._write()
+            if not self._alive:
+                break
+            pause = 1.0
 
     def _write(self) -> None:
         line = f"{self._task}: {self._step} ..." if self._step else f"{self._task} ..."
-        self._stream.write(f"\r\x1b[K{line} {self._fraction:.0%}" if self._alive else f"{line}\n")
+        seconds = time.monotonic() - self._begin
+        self._stream.write(
+            f"\r\x1b[K{line} {self._fraction:.0%}, {seconds:.0f} s" if self._alive else f"{line}\n"
+        )
         self._stream.flush()

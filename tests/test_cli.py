@@ -355,7 +355,13 @@ def test_slow_work_follows_the_news_and_leaves_no_trace_in_a_terminal(
         progress("flying", 0.5)
         progress("landing", 1.0)
     shown = screen.getvalue().split("\r\x1b[K")
-    assert shown[1:] == ["montreal ... 0%", "montreal: flying ... 25%", "montreal: flying ... 50%", ""]
+    assert shown[-1] == ""
+    lines = [line.rpartition(",")[0] for line in shown[1:-1]]
+    assert list(dict.fromkeys(lines)) == [
+        "montreal ... 0%",
+        "montreal: flying ... 25%",
+        "montreal: flying ... 50%",
+    ]
 
 
 def test_slow_work_tells_each_step_once_where_there_is_no_terminal(monkeypatch: pytest.MonkeyPatch) -> None:
