@@ -86,5 +86,7 @@ def _scalar_update(w: FloatArray, h: FloatArray, z: float, gain: FloatArray) -> 
     for i in range(STATES):
         k = gain[i] * per_s
         w[WIDTH * i + X] += k * residual
-        for j in range(STATES):
-            w[WIDTH * i + j] -= k * gain[j]
+        for j in range(i, STATES):
+            p = w[WIDTH * i + j] - k * gain[j]
+            w[WIDTH * i + j] = p
+            w[WIDTH * j + i] = p
