@@ -1,0 +1,171 @@
+"""Plots: a result as HoloViews objects, for notebooks and reports.
+
+What is shown is declared in `quantities`; curves are thinned to what a screen can show, so a notebook stays
+small. All time axes of a layout are linked.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+import holoviews as hv
+import numpy as np
+
+from lab.views.envelope import envelope, limits, thin_path
+from lab.views.quantities import (
+    AXIS_COLOURS,
+    COVARIANCE,
+    EAST_NORTH_UP,
+    ERRORS,
+    ESTIMATE,
+    FIXES,
+    HEIGHT,
+    INNOVATIONS,
+    SENSOR_ERRORS,
+    TRUTH,
+    Curve,
+    TimePlot,
+)
+
+if TYPE_CHECKING:
+    from lab.result import Result
+
+hv.extension("bokeh", logo=False)
+
+WIDTH, HEIGHT_PIXELS = 330, 230
+PATH_POINTS = 2000
+"""Points of a path on the map."""
+BUCKETS = 300
+"""Stretches each curve is thinned to: one for each pixel of a plot of this width."""
+
+
+def errors(result: Result) -> hv.Layout:
+    """Return position, velocity and attitude errors with ±3σ, three in a row."""
+    return _layout(result, ERRORS, columns=3)
+
+
+def covariance(result: Result) -> hv.Layout:
+    """Return σ of all 15 states in time, on logarithmic axes."""
+    return _layout(result, COVARIANCE, columns=3)
+
+
+def sensor_errors(result: Result) -> hv.Layout:
+    """Return estimated biases with ±3σ beside the true ones, three in a row."""
+    return _layout(result, SENSOR_ERRORS, columns=3)
+
+
+def innovations(result: Result) -> hv.Layout:
+    """Return position and velocity innovations with ±2σ, and below them their autocorrelation."""
+    plots = [_time_plot(result, plot) for plot in INNOVATIONS]
+    plots += [_autocorrelation(result, name, axis) for name in ("position", "velocity") for axis in range(3)]
+    return hv.Layout(plots).cols(3).opts(shared_axes=True)
+
+
+def height(result: Result) -> hv.Layout:
+    """Return true and estimated height and vertical velocity with those of the fixes, and the height error."""
+    return _layout(result, HEIGHT, columns=1).opts(hv.opts.Overlay(width=2 * WIDTH))
+
+
+def ground_track(result: Result) -> hv.Overlay:
+    """Return true and estimated path and the fixes from above, in metres on the map, equal scales."""
+    track, gps = result.track, result.gps
+    label = result.projection.label
+    easting = hv.Dimension("easting", label=f"Easting, {label}", unit="m")
+    northing = hv.Dimension("northing", label="Northing", unit="m")
+    layers = [
+        hv.Scatter(
+            (gps["easting"].values, gps["northing"].values), easting, northing, label="GPS fixes"
+        ).opts(color=FIXES, size=4, alpha=0.6)
+    ]
+    for path, colour, dash in (("true", TRUTH, "solid"), ("estimated", ESTIMATE, "dashed")):
+        points = np.stack([track[name].sel(path=path).values for name in ("easting", "northing")], axis=-1)
+        points = points[thin_path(points, PATH_POINTS)]
+        label = "truth" if path == "true" else "estimate"
+        layers.append(
+            hv.Path([points], [easting, northing], label=label).opts(
+                color=colour, line_dash=dash, line_width=2, show_legend=True
+            )
+        )
+    return hv.Overlay(layers).opts(
+        width=620, height=520, data_aspect=1, legend_position="top_left", show_grid=True, padding=0.05
+    )
+
+
+def _layout(result: Result, plots: Sequence[TimePlot], columns: int) -> hv.Layout:
+    return hv.Layout([_time_plot(result, plot) for plot in plots]).cols(columns).opts(shared_axes=True)
+
+
+def _time() -> hv.Dimension:
+    return hv.Dimension("time", label="Time", unit="s")
+
+
+def _value(plot: TimePlot) -> hv.Dimension:
+    return hv.Dimension(plot.name, label=plot.title, unit=plot.unit or None)
+
+
+def _time_plot(result: Result, plot: TimePlot) -> hv.Overlay:
+    """Draw the curves of one unit over time, thinned, with the band behind them."""
+    group = result.errors if plot.clock == "time" else result.innovations
+    time = group[plot.clock].values
+    edges = plot.band.edges(result) if plot.band else ()
+    series = [*edges, *(curve.read(result) for curve in plot.curves)]
+    thin_time, thinned = envelope(time, series, (time[0], time[-1]) if time.size else (0, 0), BUCKETS)
+    layers: list[hv.Element] = []
+    if plot.band:
+        low, high = thinned[:2]
+        area = hv.Area(
+            (thin_time, low, high), _time(), [_value(plot), f"{plot.name}_high"], label=plot.band.label
+        )
+        layers.append(area.opts(color=plot.band.colour, alpha=0.15, line_alpha=0))
+    if plot.fixes:
+        layers.append(_curve(plot, plot.fixes, result.fixes.time, plot.fixes.read(result)))
+    for curve, values in zip(plot.curves, thinned[len(edges) :], strict=True):
+        layers.append(_curve(plot, curve, thin_time, values))
+    return hv.Overlay(layers).opts(
+        width=WIDTH,
+        height=HEIGHT_PIXELS,
+        title=plot.heading,
+        xlabel="Time [s]",
+        ylabel="",
+        logy=plot.scale == "logarithmic",
+        ylim=limits(series, plot.scale),
+        show_grid=True,
+        show_legend=len(plot.curves) > 1,
+        legend_position="top_right",
+        fontsize={"title": 10, "labels": 9, "ticks": 8, "legend": 8},
+    )
+
+
+def _curve(plot: TimePlot, curve: Curve, time: np.ndarray, values: np.ndarray) -> hv.Element:
+    """Draw one curve."""
+    data = (time, values)
+    if curve.style == "points":
+        return hv.Scatter(data, _time(), _value(plot), label=curve.label).opts(color=curve.colour, size=3)
+    dash = "dashed" if curve.style == "dashed" else "solid"
+    return hv.Curve(data, _time(), _value(plot), label=curve.label).opts(
+        color=curve.colour, line_dash=dash, line_width=1.2
+    )
+
+
+def _autocorrelation(result: Result, name: str, axis: int) -> hv.Overlay:
+    """Draw the autocorrelation of one channel's innovations with its 95 % band."""
+    r = result.autocorrelation
+    band = float(r.attrs["band"])
+    lag = hv.Dimension("lag", label="Lag", unit="fixes")
+    value = hv.Dimension(f"autocorrelation_{name}_{EAST_NORTH_UP[axis]}", label="Autocorrelation")
+    spikes = hv.Spikes((r["lag"].values[1:], r[name].values[1:, axis]), lag, value)
+    return (
+        hv.HSpan(-band, band).opts(color=AXIS_COLOURS[axis], alpha=0.15)
+        * spikes.opts(color=AXIS_COLOURS[axis], line_width=2)
+        * hv.HLine(0).opts(color="grey", line_width=1)
+    ).opts(
+        width=WIDTH,
+        height=HEIGHT_PIXELS,
+        title=f"Autocorrelation, {name} {EAST_NORTH_UP[axis]}, 95 % band",
+        xlabel="Lag [fixes]",
+        ylabel="",
+        ylim=(-0.6, 0.6),
+        show_grid=True,
+        fontsize={"title": 10, "labels": 9, "ticks": 8},
+    )
