@@ -63,7 +63,7 @@ def innovations(result: Result) -> hv.Layout:
 
 
 def height(result: Result) -> hv.Layout:
-    """Return true and estimated height and vertical velocity with those of the fixes, and the height error."""
+    """Return height and vertical velocity, true, estimated and of the fixes, and the height error."""
     return _layout(result, HEIGHT, columns=1).opts(hv.opts.Overlay(width=2 * WIDTH))
 
 
@@ -71,7 +71,7 @@ def ground_track(result: Result) -> hv.Overlay:
     """Return true and estimated path and the fixes from above, in metres on the map, equal scales."""
     track, gps = result.track, result.gps
     label = result.projection.label
-    easting = hv.Dimension("easting", label=f"Easting, {label}", unit="m")
+    easting = hv.Dimension("easting", label=f"Easting ({label})", unit="m")
     northing = hv.Dimension("northing", label="Northing", unit="m")
     layers = [
         hv.Scatter(
@@ -88,7 +88,16 @@ def ground_track(result: Result) -> hv.Overlay:
             )
         )
     return hv.Overlay(layers).opts(
-        width=620, height=520, data_aspect=1, legend_position="top_left", show_grid=True, padding=0.05
+        width=620,
+        height=560,
+        data_aspect=1,
+        legend_position="top",
+        legend_cols=3,
+        legend_opts={"padding": 0, "margin": 0, "border_line_alpha": 0},
+        show_grid=True,
+        padding=0.05,
+        xformatter="%.0f",
+        yformatter="%.0f",
     )
 
 
@@ -132,7 +141,9 @@ def _time_plot(result: Result, plot: TimePlot) -> hv.Overlay:
         ylim=limits(series, plot.scale),
         show_grid=True,
         show_legend=len(plot.curves) > 1,
-        legend_position="top_right",
+        legend_position="top",
+        legend_cols=4,
+        legend_opts={"padding": 0, "margin": 0, "spacing": 8, "border_line_alpha": 0},
         fontsize={"title": 10, "labels": 9, "ticks": 8, "legend": 8},
     )
 
