@@ -11,6 +11,7 @@ from __future__ import annotations
 import hashlib
 from collections.abc import Callable
 from pathlib import Path
+from types import FunctionType
 from typing import ParamSpec, TypeVar
 
 import numba
@@ -34,6 +35,14 @@ def inline_kernel(function: Callable[P, R]) -> Callable[P, R]:
 def entry_kernel(function: Callable[P, R]) -> Callable[P, R]:
     """Compile a function called from Python: cached on disk, and running without the interpreter's lock."""
     return numba.njit(error_model="numpy", fastmath={"contract"}, nogil=True, cache=True)(function)
+
+
+def interpreted(function: Callable[P, R]) -> Callable[P, R]:
+    """Return a kernel, and all kernels it calls, as plain Python: slow, but ready at once."""
+    plain = getattr(function, "py_func", function)
+    scope = {name: plain.__globals__[name] for name in plain.__code__.co_names if name in plain.__globals__}
+    scope |= {name: interpreted(value) for name, value in scope.items() if hasattr(value, "py_func")}
+    return FunctionType(plain.__code__, scope, plain.__name__, plain.__defaults__)
 
 
 def _fingerprint() -> str:

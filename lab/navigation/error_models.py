@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 
 from lab import earth
 from lab.navigation import strapdown
-from lab.navigation.compilation import inline_kernel
+from lab.navigation.compilation import inline_kernel, interpreted
 from lab.navigation.strapdown import Vector, get
 
 FloatArray = NDArray[np.float64]
@@ -62,13 +62,14 @@ class ErrorModel:
 
     def pattern(self) -> NDArray[np.bool_]:
         """Return which elements of F can differ from zero, (15, 15)."""
+        write = interpreted(self.write)
         rng = np.random.default_rng(0)
         F = np.zeros((15, 15))
         seen = np.zeros((15, 15), dtype=np.bool_)
         for _ in range(3):
             state = rng.uniform(0.1, 0.5, strapdown.LENGTH)
             state[strapdown.HEIGHT] = 1000.0
-            self.write(state, F)
+            write(state, F)
             seen |= F != 0
         return seen
 
