@@ -10,6 +10,8 @@ from typing import TYPE_CHECKING
 import pandas as pd
 import xarray as xr
 
+from lab.settings_card import settings_html
+
 if TYPE_CHECKING:
     from lab.experiment import Experiment
     from lab.result import Result
@@ -71,28 +73,6 @@ def html(result: Result) -> str:
     summary = result.summary.to_html(index=False, border=0, float_format=lambda value: f"{value:.4g}")
     return (
         f"<h4>{markup.escape(mission.title)}, {mission.duration:.0f} s, seed {result.experiment.seed}</h4>"
-        f"{settings_table(result.experiment, changed_only=True)}{summary}"
+        f"{settings_html(result.experiment, changed_only=True)}{summary}"
         "<p>Errors are estimate minus truth, over the whole flight.</p>"
     )
-
-
-def settings_table(experiment: Experiment, *, changed_only: bool = False) -> str:
-    """Return settings as an HTML table with their units; with `changed_only`, those that differ from the defaults."""
-    defaults = {path: getattr(owner, name) for path, owner, name in type(experiment)().leaves()}
-    rows = []
-    for path, owner, name in experiment.leaves():
-        value = getattr(owner, name)
-        if changed_only and value == defaults[path]:
-            continue
-        parameter = owner.param[name]
-        shown = ", ".join(f"{item:g}" for item in value) if _is_vector(value) else str(value)
-        cells = (path, f"{shown} {getattr(parameter, 'unit', '')}", parameter.doc or "")
-        rows.append("".join(f"<td style='text-align:left'>{markup.escape(cell)}</td>" for cell in cells))
-    if not rows:
-        return "<p>All settings at their defaults.</p>" if changed_only else ""
-    body = "".join(f"<tr>{row}</tr>" for row in rows)
-    return f"<table><tr><th>setting</th><th>value</th><th>meaning</th></tr>{body}</table>"
-
-
-def _is_vector(value: object) -> bool:
-    return isinstance(value, tuple) and all(isinstance(item, int | float) for item in value)

@@ -18,6 +18,8 @@ import numpy as np
 import param
 from numpy.typing import NDArray
 
+from lab.settings_card import settings_html
+
 Bounds = tuple[float | None, float | None]
 
 
@@ -300,6 +302,9 @@ class Settings(param.Parameterized):
         twin = type(self)()
         twin._take(self)
         return twin
+
+    def _repr_html_(self) -> str:
+        return settings_html(self)
 
     def _take(self, other: Self) -> None:
         # Only what differs: setting a parameter costs far more than reading it, and tells every watcher.

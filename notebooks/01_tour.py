@@ -21,10 +21,13 @@
 # that is and why. Run the cells from top to bottom; each step has one idea, and one question to try.
 
 # %%
+from html import escape
+
 import panel as pn
+import viser
 
 from lab import Experiment, mission, plots
-from lab.views import scene
+from lab.views.scene import Scene
 
 pn.extension()
 
@@ -64,8 +67,8 @@ experiment.sensors.gyro
 plots.sensor_errors(result)
 
 # %% [markdown]
-# **Try:** which bias is found first, and which last? What does the aeroplane do at that moment? (The height
-# plot below helps.)
+# **Try:** the bias of the vertical gyro, z, is found all of a sudden. What does the aeroplane do then?
+# `result.truth.attitude.sel(angle="roll").plot()` tells. Which bias is hardly found at all?
 #
 # ## 3. A navigation solution
 #
@@ -106,9 +109,9 @@ result.errors
 plots.errors(result)
 
 # %% [markdown]
-# Look at the heading. At rest and in straight flight its band *grows*: GPS tells position and velocity, and
-# a wrong heading shows in neither while nothing accelerates sideways. With the take-off run and the first
-# turn the band closes within seconds. **What is not moved is not observed**: this is the most useful
+# Look at the heading. At rest and in straight flight its band does not close: GPS tells position and
+# velocity, and a wrong heading shows in neither while nothing accelerates sideways. In the first turn, about
+# 50 s after the start, it shows at once. **What is not moved is not observed**: this is the most useful
 # sentence of the whole field.
 
 # %%
@@ -192,11 +195,18 @@ pn.Column(outage, pn.bind(without_gps, outage.param.value_throttled))
 #
 # ## 8. In three dimensions
 #
-# The true path, the estimated one, the fixes, and the ellipsoids in which the filter believes itself to be.
-# Drag to turn, scroll to come closer.
+# The true path, the estimated one, the fixes, and the ellipsoids in which the filter believes itself to be
+# (3σ, twenty times enlarged). Drag to turn, scroll to come closer. The scene is a page of its own that needs
+# no server; in the dashboard it is live, and the aircraft flies.
 
 # %%
-scene.html(result)
+# %%capture
+server = viser.ViserServer(host="127.0.0.1", port=0, verbose=False)
+page = Scene(server, result).as_html(dark=True)
+server.stop()
+
+# %%
+pn.pane.HTML(f'<iframe srcdoc="{escape(page)}" width="100%" height="500"></iframe>', width=800, height=510)
 
 # %% [markdown]
 # ## 9. Take it with you
@@ -212,8 +222,9 @@ print(experiment.to_toml()[:420])
 # %% [markdown]
 # ## 10. A page of your own
 #
-# A few widgets and plots make a page. The sliders are those of steps 5 to 7, now acting together: one moved here moves above too. In a
-# terminal, `panel serve notebooks/01_tour.py` shows exactly this cell to anyone with a browser.
+# A few widgets and plots make a page. The sliders are those of steps 5 to 7, now acting together: one moved
+# here moves above too. In a terminal, `panel serve notebooks/01_tour.py` shows exactly this cell to anyone
+# with a browser.
 
 
 # %%

@@ -335,3 +335,11 @@ def test_no_assignment_whatsoever_raises_anything_but_a_setting_error(text: str)
             Aircraft().set_text(prefix + text)
         except SettingError as error:
             assert str(error)
+
+
+def test_settings_show_value_unit_and_meaning_in_jupyter(aircraft: Aircraft) -> None:
+    aircraft.update({"engine": {"power": 80}, "arm": 2, "name_of_type": "<b>"})
+    page = aircraft._repr_html_()
+    for words in ("engine.power", "80 kW", "Shaft power.", "2 m", "&lt;b&gt;"):
+        assert words in page
+    assert "<b>" not in page

@@ -1,0 +1,43 @@
+"""Settings card: settings shown in Jupyter: value, unit and meaning of each."""
+
+from __future__ import annotations
+
+from html import escape
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from lab.settings import Settings
+
+_LEFT = "text-align:left"
+
+
+def settings_html(settings: Settings, *, changed_only: bool = False) -> str:
+    """Return settings as an HTML table with their units.
+
+    Parameters
+    ----------
+    settings
+        What to show.
+    changed_only
+        True leaves out those that have their default value.
+    """
+    rows = []
+    for path, owner, name in settings.leaves():
+        parameter, value = owner.param[name], getattr(owner, name)
+        if changed_only and value == parameter.default:
+            continue
+        cells = (path, f"{_shown(value)} {getattr(parameter, 'unit', '')}", parameter.doc or "")
+        rows.append("".join(f'<td style="{_LEFT}">{escape(cell)}</td>' for cell in cells))
+    if not rows:
+        return "<p>All settings have their default values.</p>"
+    head = "".join(f'<th style="{_LEFT}">{title}</th>' for title in ("setting", "value", "meaning"))
+    return f"<table><tr>{head}</tr>{''.join(f'<tr>{row}</tr>' for row in rows)}</table>"
+
+
+def _shown(value: Any) -> str:
+    """Return a value as a person writes it, one number for all axes where they are equal."""
+    if value is None or value == []:
+        return "-"
+    if isinstance(value, tuple) and all(isinstance(item, float) for item in value):
+        return ", ".join(f"{item:g}" for item in (value[:1] if len(set(value)) == 1 else value))
+    return f"{value:g}" if isinstance(value, float) else str(value)
