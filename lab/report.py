@@ -13,7 +13,6 @@ import xarray as xr
 from lab.settings_card import settings_html
 
 if TYPE_CHECKING:
-    from lab.experiment import Experiment
     from lab.result import Result
 
 
@@ -41,7 +40,7 @@ def write_csv(result: Result, folder: Path, *, overwrite: bool) -> None:
 
 
 def table(dataset: xr.Dataset) -> pd.DataFrame:
-    """Return a dataset as a table: one row for each time (or lag), one column for each component, with its unit."""
+    """Return a dataset as a table: a row for each time (or lag), a column for each component, with units."""
     rows = next(str(dim) for dim in dataset.dims if str(dim).startswith("time") or dim == "lag")
     columns = {}
     for name, array in dataset.data_vars.items():
@@ -68,7 +67,7 @@ def _refuse_existing(paths: list[Path], overwrite: bool) -> None:
 
 
 def html(result: Result) -> str:
-    """Return a result for a notebook: what was run, the settings that differ from the defaults, and the errors."""
+    """Return a result for a notebook: what was run, the settings that are not default, and the errors."""
     mission = result.mission
     summary = result.summary.to_html(index=False, border=0, float_format=lambda value: f"{value:.4g}")
     return (
