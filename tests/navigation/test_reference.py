@@ -1,0 +1,131 @@
+"""The compiled filter against the same filter in filterpy, over whole missions.
+
+Relative means: σ to itself, a state to its own σ at that moment. That is far stricter than relative to the
+state's value: 1e-9 of a latitude is 6 mm, 1e-9 of a position σ is 0.3 nm, less than a double can tell of a
+latitude; the roundoff of positions is therefore allowed for on top.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+import pytest
+from flown import fly
+from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
+
+from lab import earth
+from lab.experiment import start
+from lab.navigation import navigator, reference
+from lab.navigation.belief import belief
+from lab.navigation.navigator import Fixes, Imu, Schedule, Solution
+from lab.navigation.settings import NavigatorSettings
+from lab.rotation import wrap
+from lab.sensors import gps, imu
+from lab.sensors.suite import SensorSuite
+
+FloatArray = NDArray[np.float64]
+
+POSITION_ROUNDOFF = 5e-9
+"""A few units in the last place of a longitude [m]."""
+
+
+class Case(NamedTuple):
+    """One comparison: a mission at an IMU rate, a schedule, times of the fixes, and settings."""
+
+    mission: str = "los_angeles"
+    rate: float = 50.0
+    schedule: Schedule = Schedule()
+    outage: tuple[float, float] | None = None
+    shift: float = 0.0
+    full_r: bool = False
+
+
+CASES = {
+    "montreal": Case("montreal", 200.0),
+    "los_angeles, feedforward": Case("los_angeles", 200.0, Schedule(feedback=False)),
+    "los_angeles": Case(rate=100.0),
+    "montreal, feedforward": Case("montreal", 50.0, Schedule(feedback=False)),
+    "corrected every 5 s": Case(schedule=Schedule(correction_period=5.0)),
+    "corrected every 2.5 s": Case(schedule=Schedule(correction_period=2.5)),
+    "outage": Case(outage=(30.0, 55.0)),
+    "P every 7 samples": Case(schedule=Schedule(stride=7)),
+    "P every 7 samples, feedforward": Case(schedule=Schedule(feedback=False, stride=7)),
+    "fixes between samples": Case(shift=0.013),
+    "fixes between samples, P every 4, corrected every 3 s": Case(
+        schedule=Schedule(correction_period=3.0, stride=4), shift=0.0077
+    ),
+    "full R": Case(full_r=True),
+}
+
+
+def both(case: Case) -> tuple[Solution, Solution]:
+    """Return what the compiled filter and the reference make of a case."""
+    flight, sensors, settings = fly(case.mission, case.rate), SensorSuite(), NavigatorSettings()
+    sensors.gyro.instability = 30.0
+    ideal, dt, errors = flight.imu, 1 / case.rate, sensors.groups()
+    measured = [
+        imu.measure(x, dt, errors[name], imu.ImuDraws.of(7, name, x.shape[0], instability=True)).increments
+        for name, x in (("gyro", ideal.dtheta), ("accelerometer", ideal.dvelocity))
+    ]
+    times = gps.fix_times(sensors.gps, flight.trajectory.duration - 1) + case.shift
+    if case.outage:
+        times = times[(times < case.outage[0]) | (times > case.outage[1])]
+    found = gps.measure(flight.trajectory.at(times), sensors.gps, gps.GpsDraws.of(7, times.size))
+    assumed = belief(sensors, settings)
+    if case.full_r:
+        L = np.tril(np.random.default_rng(3).normal(0, 0.3, (6, 6)), -1) + 0.5 * np.eye(6)
+        assumed = assumed._replace(R=L @ L.T)
+    arguments = (
+        Imu(ideal.time, measured[0], measured[1]),
+        Fixes(found.time, found.position, found.velocity_n),
+        start(flight.truth, settings, 7),
+        assumed,
+        case.schedule,
+    )
+    return navigator.navigate(*arguments), reference.navigate(*arguments)
+
+
+def differences(one: Solution, other: Solution) -> FloatArray:
+    """Return compiled minus reference of all states (n, 15) in units of σ, less the roundoff of position."""
+    sine = np.sin(other.position[:, 0])
+    meridian, transverse = earth.radii(sine)
+    apart = one.position - other.position
+    north = apart[:, 0] * (meridian + other.position[:, 2])
+    east = wrap(apart[:, 1]) * (transverse + other.position[:, 2]) * np.sqrt(1 - sine**2)
+    position = np.abs(np.stack((north, east, apart[:, 2]), axis=-1))
+    attitude, expected = (Rotation.from_quat(x.q_nb, scalar_first=True) for x in (one, other))
+    difference = np.concatenate(
+        (
+            np.maximum(position - POSITION_ROUNDOFF, 0),
+            one.velocity_n - other.velocity_n,
+            (attitude * expected.inv()).as_rotvec(),
+            one.bias - other.bias,
+        ),
+        axis=1,
+    )
+    return np.abs(difference / np.sqrt(other.variance))
+
+
+@pytest.mark.parametrize("name", CASES)
+def test_compiled_and_filterpy_agree(name: str) -> None:
+    compiled, in_filterpy = both(CASES[name])
+    state = differences(compiled, in_filterpy).max()
+    sigma = np.abs(np.sqrt(compiled.variance / in_filterpy.variance) - 1).max()
+    deviation = np.sqrt(np.diagonal(in_filterpy.innovation_covariance, axis1=1, axis2=2))
+    innovation = np.abs((compiled.innovation - in_filterpy.innovation) / deviation).max()
+    print(f"\n{name}: states {state:.1e} σ, σ {sigma:.1e} relative, innovations {innovation:.1e} σ")
+    np.testing.assert_array_equal(compiled.fix_sample, in_filterpy.fix_sample)
+    assert compiled.fix_sample.min() > 0
+    assert state <= 1e-9
+    assert sigma <= 1e-9
+    np.testing.assert_allclose(
+        compiled.innovation, in_filterpy.innovation, rtol=0, atol=1e-9 * deviation.max() + POSITION_ROUNDOFF
+    )
+    fix_sigma = np.sqrt(np.diagonal(in_filterpy.fix_covariance, axis1=1, axis2=2))
+    scale = fix_sigma[:, :, None] * fix_sigma[:, None, :]
+    np.testing.assert_allclose((compiled.fix_covariance - in_filterpy.fix_covariance) / scale, 0, atol=1e-9)
+    position_sigma = in_filterpy.variance[:, [0, 0, 1]] * in_filterpy.variance[:, [1, 2, 2]]
+    covariance = (compiled.covariance - in_filterpy.covariance)[:, 0] / np.sqrt(position_sigma)
+    np.testing.assert_allclose(covariance, 0, atol=1e-9)
