@@ -8,17 +8,34 @@ import panel as pn
 import panel_material_ui as pmui
 import param
 
+from dashboards.exchange import Address, Files
 from dashboards.pages.base import Page
-from dashboards.pages.time_plots import Covariance, Errors, SensorErrors
+from dashboards.pages.ground_track import GroundTrack
+from dashboards.pages.innovations import Innovations
+from dashboards.pages.summary import Summary
+from dashboards.pages.time_plots import Covariance, Errors, Height, SensorErrors
+from dashboards.pages.view_3d import View3D
+from dashboards.progress import Progress
 from dashboards.session import Session
 from dashboards.settings_panel import SettingsPanel
+from dashboards.style import DRESS, THEME
+from dashboards.time_bar import TimeBar
 from lab.result import Result
 from lab.views.figures import TimeAxis
 
 ZOOM_DEBOUNCE = 60
 """Time without a further zoom before the visible stretch is drawn anew [ms]."""
 
-PAGES: tuple[type[Page], ...] = (Errors, Covariance, SensorErrors)
+PAGES: tuple[type[Page], ...] = (
+    Errors,
+    Covariance,
+    Innovations,
+    SensorErrors,
+    GroundTrack,
+    Height,
+    View3D,
+    Summary,
+)
 
 
 class SimulatorPage:
@@ -33,15 +50,20 @@ class SimulatorPage:
         self._zooming = False
         self._pages: dict[int, Page] = {}
         self._settings = SettingsPanel(self.session)
+        self._time_bar = TimeBar(self.axis, document, self._follow)
+        self._files = Files(self.session)
+        self._address = Address(self.session, document)
+        self._progress = Progress(self.session)
         self._message = pmui.Alert(
             object="", alert_type="error", closeable=True, visible=False, margin=(6, 8)
         )
         self._tabs = pmui.Tabs(
-            *((page.title, pn.Column(sizing_mode="stretch_both", margin=0)) for page in PAGES),
-            dynamic=True,
-            sizing_mode="stretch_both",
+            *((page.title, pn.Spacer(height=0)) for page in PAGES),
+            sizing_mode="stretch_width",
+            height=48,
             margin=0,
         )
+        self._stage = pn.Column(sizing_mode="stretch_both", margin=0, scroll="y-auto")
         self.session.param.watch(self._new_result, "result")
         self.session.param.watch(self._new_problem, "problem")
         self._tabs.param.watch(lambda _event: self._show(), "active")
@@ -52,17 +74,31 @@ class SimulatorPage:
         """Put the page into the document of this session and compute the first result."""
         pmui.Page(
             title="INS Lab",
-            sidebar=[self._settings.view],
+            header=[self._progress.view],
+            sidebar=[self._settings.view, self._files.view],
             sidebar_width=330,
-            main=[pn.Column(self._message, self._tabs, sizing_mode="stretch_both", margin=0)],
+            main=[
+                pn.Column(
+                    self._tabs,
+                    self._message,
+                    self._stage,
+                    self._time_bar.view,
+                    sizing_mode="stretch_both",
+                    margin=0,
+                    styles={"overflow": "hidden"},
+                )
+            ],
+            theme_config=THEME,
+            sx=DRESS,
         ).servable()
         pn.state.on_session_destroyed(partial(_close, self))
         self._show()
-        self.session.compute()
+        self._address.read()
 
     def close(self) -> None:
         """End the session."""
         self.session.close()
+        self._time_bar.stop()
         for page in self._pages.values():
             page.close()
 
@@ -71,18 +107,25 @@ class SimulatorPage:
         index = self._tabs.active
         if index not in self._pages:
             self._pages[index] = PAGES[index](self.axis)
-            self._tabs[index][:] = [self._pages[index].view]
         return self._pages[index]
 
     def _show(self) -> None:
+        """Draw the page that is chosen; it is laid out afterwards, so that it arrives complete."""
         page = self._page
         if self.session.result is not None:
             page.show(self.session.result)
+            page.show_time(self.axis.time)
+        if self._stage.objects != [page.view]:
+            self._stage[:] = [page.view]
 
     def _new_result(self, event: param.parameterized.Event) -> None:
         result: Result = event.new
         self.axis.span(float(result.time[-1]))
+        self._time_bar.span()
         self._show()
+
+    def _follow(self, time: float) -> None:
+        self._page.show_time(time)
 
     def _new_problem(self, event: param.parameterized.Event) -> None:
         self._message.param.update(object=event.new, visible=bool(event.new))

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from typing import Any
 
 import panel as pn
@@ -62,19 +62,15 @@ class Session(param.Parameterized):
         self.compute()
         return True
 
-    def replace(self, values: Mapping[str, Any]) -> bool:
-        """Change many settings at once, all or none, and compute; return whether they were accepted."""
-        try:
-            trial = self.experiment.copy().update(values)
-            _check_mission(trial.mission)
-        except SettingError as error:
-            self.problem = str(error)
-            return False
-        self.adopt(trial)
-        return True
+    def take(self, experiment: Experiment) -> None:
+        """Take over all settings of an experiment and compute.
 
-    def adopt(self, experiment: Experiment) -> None:
-        """Take over all settings of an experiment and compute."""
+        Raises
+        ------
+        SettingError
+            If its mission is not in the catalogue; nothing is changed then.
+        """
+        _check_mission(experiment.mission)
         self.experiment = experiment
         self.problem = ""
         for callback in self._on_settings:

@@ -10,6 +10,7 @@ import param
 
 from dashboards.session import Session
 from dashboards.widgets import ChoiceField, Field, TextField, field
+from lab.experiment import Experiment
 from lab.missions import missions
 from lab.sensors.suite import PRESETS
 
@@ -95,7 +96,7 @@ class SettingsPanel:
 
     def _presets(self) -> pn.viewable.Viewable:
         presets = pmui.MenuButton(
-            label="Sensors from a datasheet",
+            label="Sensors",
             items=[{"label": name} for name in PRESETS],
             icon="tune",
             size="small",
@@ -111,12 +112,11 @@ class SettingsPanel:
         return pn.Row(presets, reset, margin=0, sizing_mode="stretch_width")
 
     def _take_preset(self, name: str) -> None:
-        self._session.replace({"sensors": PRESETS[name]().to_dict()})
+        trial = self._session.experiment.copy()
+        self._session.take(trial.update({"sensors": PRESETS[name]().to_dict()}))
 
     def _reset(self) -> None:
-        fresh = type(self._session.experiment)()
-        fresh.mission = self._session.experiment.mission
-        self._session.adopt(fresh)
+        self._session.take(Experiment(mission=self._session.experiment.mission))
 
     def _sections(self) -> list[pn.viewable.Viewable]:
         return [self._section(path, title, is_open) for path, (title, is_open) in SECTIONS.items()]

@@ -81,4 +81,4 @@ def plot_grid(figures: Sequence[figure], columns: int, least: int = 150) -> pn.v
     }}
     """
     panes = [pn.pane.Bokeh(fig, sizing_mode="stretch_both", margin=0) for fig in figures]
-    return pn.Column(*panes, sizing_mode="stretch_width", stylesheets=[grid], margin=(6, 8))
+    return pn.Column(*panes, sizing_mode="stretch_both", stylesheets=[grid], margin=(6, 8))

@@ -9,7 +9,7 @@ import panel as pn
 from dashboards.pages.base import Page, plot_grid
 from lab.result import Result
 from lab.views.figures import TimeFigures
-from lab.views.quantities import COVARIANCE, ERRORS, SENSOR_ERRORS, TimePlot
+from lab.views.quantities import COVARIANCE, ERRORS, HEIGHT, SENSOR_ERRORS, TimePlot
 
 
 class TimePlots(Page):
@@ -48,3 +48,11 @@ class SensorErrors(TimePlots):
 
     title = "Sensor errors"
     plots = SENSOR_ERRORS
+
+
+class Height(TimePlots):
+    """Height and vertical velocity as navigated, as they were, and as the fixes say."""
+
+    title = "Height"
+    plots = HEIGHT
+    columns = 1

@@ -12,8 +12,8 @@ from bokeh.models.callbacks import CustomJS
 from bokeh.models.formatters import CustomJSTickFormatter
 from bokeh.models.ranges import Range1d
 from bokeh.models.renderers import GlyphRenderer
-from bokeh.models.tickers import LogTicker
 from bokeh.models.sources import ColumnDataSource
+from bokeh.models.tickers import LogTicker
 from bokeh.models.tools import BoxZoomTool, CrosshairTool, HoverTool, WheelPanTool, WheelZoomTool
 from bokeh.plotting import figure
 
@@ -39,8 +39,10 @@ class TimeAxis:
 
     def __init__(self) -> None:
         self.duration = 1.0
-        self.range = Range1d(start=0.0, end=1.0, bounds=(0.0, 1.0), min_interval=0.05)
-        self.cursor = Span(dimension="height", location=0.0, line_color=CURSOR, line_width=1.2)
+        self.range = Range1d(start=0.0, end=1.0, bounds=(0.0, 1.0), min_interval=0.05, name="time axis")
+        self.cursor = Span(
+            dimension="height", location=0.0, line_color=CURSOR, line_width=1.2, name="time cursor"
+        )
         self.crosshair = Span(dimension="height", line_color="#808895", line_dash="dotted", line_width=1)
 
     @property
@@ -88,39 +90,43 @@ class TimeFigures:
         self.plots = tuple(plots)
         self.axis = axis
         self._sources: dict[Clock, ColumnDataSource] = {}
-        for plot in self.plots:
-            columns = self._sources.setdefault(plot.clock, ColumnDataSource({"time": np.zeros(0)})).data
-            for name in _columns(plot):
-                columns[name] = np.zeros(0)
+        for clock in ("time", "time_gps"):
+            names = [name for plot in self.plots for name in _columns(plot, clock)]
+            if names:
+                self._sources[clock] = ColumnDataSource(
+                    {name: np.zeros(0) for name in ("time", *names)}, name=clock
+                )
         self.figures = [self._draw(plot, height) for plot in self.plots]
 
     def show(self, result: Result) -> None:
         """Draw a result, in the stretch of time that is visible."""
+        drawn: dict[str, FloatArray] = {}
         for clock, source in self._sources.items():
-            plots = [plot for plot in self.plots if plot.clock == clock]
-            names = [name for plot in plots for name in _columns(plot)]
-            series = [values for plot in plots for values in _read(plot, result)]
-            time, thinned = envelope(_times(result, clock), series, self.axis.window)
-            data = dict(zip(names, (values.astype(np.float32) for values in thinned), strict=True))
-            for plot in plots:
-                low, high = limits([data[name] for name in _columns(plot)], plot.scale)
-                self.figures[self.plots.index(plot)].y_range.update(start=low, end=high)
+            columns: dict[str, FloatArray] = {}
+            for plot in self.plots:
+                columns |= _columns(plot, clock, result)
+            time, thinned = envelope(_times(result, clock), list(columns.values()), self.axis.window)
+            data = {name: values.astype(np.float32) for name, values in zip(columns, thinned, strict=True)}
             source.data = {"time": time.astype(np.float32), **data}
+            drawn |= data
+        for plot, fig in zip(self.plots, self.figures, strict=True):
+            names = (*_columns(plot, "time"), *_columns(plot, "time_gps"))
+            low, high = limits([drawn[name] for name in names], plot.scale)
+            fig.y_range.update(start=low, end=high)
 
     def _draw(self, plot: TimePlot, height: int) -> figure:
         source = self._sources[plot.clock]
         fig = time_figure(plot.heading, self.axis, logarithmic=plot.scale == "logarithmic", height=height)
         if plot.band is not None:
             draw_band(fig, plot.band, source)
-        glyphs = {curve.label: draw_curve(fig, curve, source, "time") for curve in reversed(plot.curves)}
-        tooltips = [("time", "@time{0.00} s")]
-        tooltips += [(curve.label, f"@{curve.name}{{0.0000}} {plot.unit}") for curve in plot.curves]
-        if plot.band is not None:
-            edges = f"@{plot.band.name}_low{{0.0000}} … @{plot.band.name}_high{{0.0000}}"
-            tooltips.append((plot.band.label, f"{edges} {plot.unit}"))
-        fig.add_tools(HoverTool(mode="vline", renderers=[glyphs[plot.curves[0].label]], tooltips=tooltips))
-        if len(plot.curves) > 1:
-            add_legend(fig, {curve.label: glyphs[curve.label] for curve in plot.curves})
+        glyphs = {}
+        if plot.fixes is not None:
+            glyphs[plot.fixes.label] = draw_curve(fig, plot.fixes, self._sources["time_gps"], "time")
+        glyphs |= {curve.label: draw_curve(fig, curve, source, "time") for curve in reversed(plot.curves)}
+        hover = HoverTool(mode="vline", renderers=[glyphs[plot.curves[0].label]], tooltips=_tooltips(plot))
+        fig.add_tools(hover)
+        if len(glyphs) > 1:
+            add_legend(fig, dict(reversed(glyphs.items())))
         return fig
 
 
@@ -160,7 +166,9 @@ def time_figure(title: str, axis: TimeAxis, *, logarithmic: bool = False, height
     return fig
 
 
-def plain_figure(title: str, x_label: str, y_label: str, *, height: int = 150, **options: Any) -> figure:
+def plain_figure(
+    title: str, x_label: str | None = None, y_label: str | None = None, *, height: int = 150, **options: Any
+) -> figure:
     """Return an empty figure with labelled axes, in the same dress as the figures over time.
 
     Parameters
@@ -186,9 +194,8 @@ def draw_curve(fig: figure, curve: Curve, source: ColumnDataSource, x: str) -> G
 
 def draw_band(fig: figure, band: Band, source: ColumnDataSource) -> None:
     """Draw a band of a source over its time."""
-    low, high = f"{band.name}_low", f"{band.name}_high"
-    fig.varea("time", low, high, source=source, color=band.colour, alpha=0.16)
-    for edge in (low, high):
+    fig.varea("time", band.low, band.high, source=source, color=band.colour, alpha=0.16)
+    for edge in (band.low, band.high):
         fig.line("time", edge, source=source, color=band.colour, alpha=0.3, line_width=1)
 
 
@@ -216,14 +223,27 @@ def _frame(height: int) -> dict[str, Any]:
     }
 
 
-def _columns(plot: TimePlot) -> list[str]:
-    names = [curve.name for curve in plot.curves]
-    return names + ([f"{plot.band.name}_low", f"{plot.band.name}_high"] if plot.band else [])
+def _columns(plot: TimePlot, clock: Clock, result: Result | None = None) -> dict[str, FloatArray]:
+    """Return the names of a plot's columns at a clock, with their samples if there is a result."""
+    nothing = np.zeros(0)
+    columns: dict[str, FloatArray] = {}
+    if plot.clock == clock:
+        columns |= {curve.name: nothing if result is None else curve.read(result) for curve in plot.curves}
+        if plot.band is not None:
+            edges = (nothing, nothing) if result is None else plot.band.edges(result)
+            columns |= dict(zip((plot.band.low, plot.band.high), edges, strict=True))
+    if plot.fixes is not None and clock == "time_gps":
+        columns[plot.fixes.name] = nothing if result is None else plot.fixes.read(result)
+    return columns
 
 
-def _read(plot: TimePlot, result: Result) -> list[FloatArray]:
-    series = [curve.read(result) for curve in plot.curves]
-    return series + (list(plot.band.edges(result)) if plot.band else [])
+def _tooltips(plot: TimePlot) -> list[tuple[str, str]]:
+    rows = [("time", "@time{0.00} s")]
+    rows += [(curve.label, f"@{curve.name}{{0.0000}} {plot.unit}") for curve in plot.curves]
+    if plot.band is not None:
+        edges = f"@{plot.band.low}{{0.0000}} … @{plot.band.high}{{0.0000}}"
+        rows.append((plot.band.label, f"{edges} {plot.unit}"))
+    return rows
 
 
 def _times(result: Result, clock: Clock) -> FloatArray:

@@ -61,6 +61,16 @@ class Band:
         """What a legend calls it."""
         return f"±{self.factor:g}σ"
 
+    @property
+    def low(self) -> str:
+        """Name of the column of the lower edge."""
+        return f"{self.name}_low"
+
+    @property
+    def high(self) -> str:
+        """Name of the column of the upper edge."""
+        return f"{self.name}_high"
+
     def edges(self, result: Result) -> tuple[FloatArray, FloatArray]:
         """Return the lower and the upper edge, each (n,)."""
         half = self.factor * self.sigma(result)
@@ -85,8 +95,10 @@ class TimePlot:
         What is drawn, the first one on top.
     band
         Where the first curve is expected to be.
+    fixes
+        What the GPS fixes say of the same quantity, drawn below the curves at their times.
     clock
-        Coordinate of all its samples: IMU time or time of the fixes.
+        Coordinate of the samples of curves and band: IMU time or time of the fixes.
     scale
         Zero in the middle; free; or logarithmic.
     """
@@ -96,6 +108,7 @@ class TimePlot:
     unit: str
     curves: tuple[Curve, ...]
     band: Band | None = None
+    fixes: Curve | None = None
     clock: Clock = "time"
     scale: Literal["symmetric", "free", "logarithmic"] = "symmetric"
 
@@ -236,15 +249,33 @@ def _scalar(group: str, variable: str) -> Reader:
     return read
 
 
-HEIGHT = TimePlot(
-    name="height",
-    title="Height above the ellipsoid",
-    unit="m",
-    curves=(
-        Curve("height_estimate", "estimate", ESTIMATE, _scalar("solution", "height")),
-        Curve("height_true", "truth", TRUTH, _scalar("truth", "height"), style="dashed"),
+HEIGHT: tuple[TimePlot, ...] = (
+    TimePlot(
+        name="height",
+        title="Height above the ellipsoid",
+        unit="m",
+        curves=(
+            Curve("height_estimate", "estimate", ESTIMATE, _scalar("solution", "height")),
+            Curve("height_true", "truth", TRUTH, _scalar("truth", "height"), style="dashed"),
+        ),
+        fixes=Curve("height_fixes", "GPS fixes", FIXES, _scalar("gps", "height"), style="points"),
+        scale="free",
     ),
-    scale="free",
+    ERRORS[2],
+    TimePlot(
+        name="velocity_up",
+        title="Vertical velocity, up",
+        unit="m/s",
+        curves=(
+            Curve("velocity_up_estimate", "estimate", ESTIMATE, _component("solution", "velocity", 2)),
+            Curve("velocity_up_true", "truth", TRUTH, _component("truth", "velocity", 2), style="dashed"),
+        ),
+        fixes=Curve(
+            "velocity_up_fixes", "GPS fixes", FIXES, _component("gps", "velocity", 2), style="points"
+        ),
+        scale="free",
+    ),
 )
-HEIGHT_FIXES = Curve("height_fixes", "GPS fixes", FIXES, _scalar("gps", "height"), style="points")
-HEIGHT_ERROR = ERRORS[2]
+
+LAGS = 30
+"""Largest lag of the autocorrelation that is shown, in fixes."""

@@ -1,0 +1,168 @@
+"""Exchange: settings and results to files and back, and settings to the address of the page and back."""
+
+from __future__ import annotations
+
+import asyncio
+import io
+import json
+import tempfile
+import zipfile
+from pathlib import Path
+from typing import Any
+from urllib.parse import parse_qsl, urlencode
+
+import panel as pn
+import panel_material_ui as pmui
+import param
+from bokeh.document import Document
+
+from dashboards.computing import POOL
+from dashboards.session import Session
+from lab.experiment import Experiment
+from lab.result import Result
+from lab.settings import SettingError
+
+MAX_TOML = 2**20
+"""Largest settings file accepted [bytes]."""
+
+QUIET = 600
+"""The address follows when nothing has changed for this long [ms]."""
+
+
+class Files:
+    """Buttons for files: results as netCDF and csv, settings as TOML, and settings from TOML."""
+
+    def __init__(self, session: Session) -> None:
+        self._session = session
+        common = {"size": "small", "variant": "outlined", "sizing_mode": "stretch_width", "margin": (4, 2)}
+        self._netcdf = pmui.FileDownload(
+            callback=self._to_netcdf, filename="result.nc", label="netCDF", **common
+        )
+        self._csv = pmui.FileDownload(callback=self._to_csv, filename="result.zip", label="csv", **common)
+        self._toml = pmui.FileDownload(
+            callback=self._to_toml, filename="settings.toml", label="Settings", **common
+        )
+        self._upload = pmui.FileInput(accept=".toml", label="Load settings", **common)
+        self._upload.param.watch(self._uploaded, "value")
+        card = pmui.Card(
+            pn.Row(self._netcdf, self._csv, margin=0, sizing_mode="stretch_width"),
+            pn.Row(self._toml, self._upload, margin=0, sizing_mode="stretch_width"),
+            title="Files",
+            title_variant="subtitle2",
+            margin=(4, 0),
+            sizing_mode="stretch_width",
+            collapsed=True,
+        )
+        self.view = card
+        session.param.watch(self._renamed, "result")
+
+    def _renamed(self, event: param.parameterized.Event) -> None:
+        result: Result = event.new
+        name = f"{result.mission.name}_{result.experiment.seed}".replace(":", "_")
+        for widget, filename in (
+            (self._netcdf, f"{name}.nc"),
+            (self._csv, f"{name}.zip"),
+            (self._toml, f"{name}.toml"),
+        ):
+            if widget.filename != filename:
+                widget.filename = filename
+
+    async def _to_netcdf(self) -> io.BytesIO:
+        return await self._written(netcdf)
+
+    async def _to_csv(self) -> io.BytesIO:
+        return await self._written(zipped_csv)
+
+    async def _written(self, write: Any) -> io.BytesIO:
+        result = self._session.result
+        if result is None:
+            return io.BytesIO()
+        return io.BytesIO(await asyncio.get_running_loop().run_in_executor(POOL, write, result))
+
+    def _to_toml(self) -> io.BytesIO:
+        return io.BytesIO(self._session.experiment.to_toml().encode())
+
+    def _uploaded(self, event: param.parameterized.Event) -> None:
+        if event.new is None:
+            return
+        if len(event.new) > MAX_TOML:
+            self._session.problem = "The settings file is too large; accepted are TOML files up to 1 MB."
+            return
+        try:
+            self._session.take(Experiment.from_toml(event.new.decode("utf-8-sig")))
+        except UnicodeDecodeError:
+            self._session.problem = "The settings file is not text; accepted are TOML files in UTF-8."
+        except SettingError as error:
+            self._session.problem = str(error)
+
+
+class Address:
+    """Keeps the settings that differ from the defaults in the address of the page."""
+
+    def __init__(self, session: Session, document: Document) -> None:
+        self._session = session
+        self._document = document
+        self._location = pn.state.location
+        self._timer: Any = None
+        session.param.watch(lambda _event: self._later(), "result")
+
+    def read(self) -> None:
+        """Take over the settings in the address; what is not accepted is said, and the rest taken."""
+        query = self._location.search.removeprefix("?") if self._location is not None else ""
+        trial = Experiment()
+        problems = []
+        for path, text in parse_qsl(query):
+            try:
+                trial.set_text(f"{path}={text}")
+            except SettingError as error:
+                problems.append(str(error))
+        try:
+            self._session.take(trial)
+        except SettingError as error:
+            problems.append(str(error))
+            self._session.compute()
+        self._session.problem = "\n\n".join(problems)
+
+    def _later(self) -> None:
+        if self._timer is not None:
+            self._document.remove_timeout_callback(self._timer)
+        self._timer = self._document.add_timeout_callback(self._write, QUIET)
+
+    def _write(self) -> None:
+        self._timer = None
+        text = query(self._session.experiment)
+        search = f"?{text}" if text else ""
+        if self._location is not None and self._location.search != search:
+            self._location.search = search
+
+
+def query(experiment: Experiment) -> str:
+    """Return the settings that differ from the defaults, as the query of an address."""
+    default = Experiment()
+    changed = []
+    for path, owner, name in experiment.leaves():
+        value = getattr(owner, name)
+        if value != default.get(path):
+            if isinstance(value, tuple) and len(set(value)) == 1 and not isinstance(value[0], tuple):
+                value = value[0]
+            changed.append((path, value if isinstance(value, str) else json.dumps(value)))
+    return urlencode(changed, safe="[], ")
+
+
+def netcdf(result: Result) -> bytes:
+    """Return a result as a netCDF file."""
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "result.nc"
+        result.to_netcdf(path)
+        return path.read_bytes()
+
+
+def zipped_csv(result: Result) -> bytes:
+    """Return a result as csv files in a zip file."""
+    buffer = io.BytesIO()
+    with tempfile.TemporaryDirectory() as folder:
+        result.to_csv(Path(folder) / "result")
+        with zipfile.ZipFile(buffer, "w", zipfile.ZIP_DEFLATED, compresslevel=4) as archive:
+            for path in sorted((Path(folder) / "result").iterdir()):
+                archive.write(path, path.name)
+    return buffer.getvalue()

@@ -1,0 +1,29 @@
+"""Ground track: where the flight went, on the map."""
+
+from __future__ import annotations
+
+import panel as pn
+
+from dashboards.pages.base import Page, plot_grid
+from lab.result import Result
+from lab.views.track import TrackFigure
+
+
+class GroundTrack(Page):
+    """True and estimated path and the GPS fixes, in metres."""
+
+    title = "Ground track"
+    depends_on_window = False
+
+    def make(self) -> pn.viewable.Viewable:
+        """Return the one figure."""
+        self._track = TrackFigure()
+        return plot_grid([self._track.figure], 1, least=420)
+
+    def draw(self, result: Result) -> None:
+        """Draw a result."""
+        self._track.show(result, self.axis.time)
+
+    def show_time(self, time: float) -> None:
+        """Mark the aircraft."""
+        self._track.show_time(time)

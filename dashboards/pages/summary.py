@@ -1,0 +1,53 @@
+"""Summary: the errors of the whole flight as a table."""
+
+from __future__ import annotations
+
+from html import escape
+
+import panel as pn
+
+from dashboards.pages.base import Page
+from lab.result import Result
+
+_STYLE = """
+table { border-collapse: collapse; font: 14px/1.5 Roboto, sans-serif; min-width: min(560px, 100%); }
+th { text-align: right; font-weight: 500; opacity: .7; border-bottom: 2px solid rgba(128,128,128,.35); padding: 6px 14px; }
+td { text-align: right; padding: 6px 14px; border-bottom: 1px solid rgba(128,128,128,.18);
+     font-variant-numeric: tabular-nums; }
+th:first-child, td:first-child { text-align: left; padding-left: 4px; }
+td.unit, th.unit { text-align: left; opacity: .7; }
+tr.group td { border-top: 2px solid rgba(128,128,128,.25); }
+p { opacity: .75; margin: 0 0 12px; }
+"""
+
+
+class Summary(Page):
+    """Root mean square, largest error, and what 95 % of all errors stay below."""
+
+    title = "Summary"
+    depends_on_window = False
+
+    def make(self) -> pn.viewable.Viewable:
+        """Return an empty table."""
+        self._table = pn.pane.HTML("", sizing_mode="stretch_width", margin=(16, 20), stylesheets=[_STYLE])
+        return self._table
+
+    def draw(self, result: Result) -> None:
+        """Fill the table."""
+        self._table.object = summary_html(result)
+
+
+def summary_html(result: Result) -> str:
+    """Return the summary of a result as an HTML table."""
+    table = result.summary
+    statistics = [name for name in table.columns if name not in {"quantity", "unit"}]
+    head = "".join(f"<th>{escape(name)}</th>" for name in statistics)
+    rows = []
+    for number, row in enumerate(table.to_dict("records")):
+        cells = "".join(f"<td>{row[name]:.3f}</td>" for name in statistics)
+        group = ' class="group"' if number and number % 3 == 0 else ""
+        rows.append(
+            f'<tr{group}><td>{escape(row["quantity"])} error</td><td class="unit">{row["unit"]}</td>{cells}</tr>'
+        )
+    about = f"{escape(result.mission.title or result.mission.name)}, {result.time[-1]:.0f} s, seed {result.experiment.seed}"
+    return f'<p>{about}: estimate − truth</p><table><tr><th></th><th class="unit">unit</th>{head}</tr>{"".join(rows)}</table>'

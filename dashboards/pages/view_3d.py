@@ -1,0 +1,80 @@
+"""View in three dimensions: a viser scene in a frame, with the aircraft at the time cursor."""
+
+from __future__ import annotations
+
+from threading import Thread
+
+import panel as pn
+import panel_material_ui as pmui
+import viser
+
+from dashboards.pages.base import AROUND, Page
+from dashboards.viser_proxy import mount, sign
+from lab.result import Result
+from lab.views.figures import TimeAxis
+from lab.views.quantities import ESTIMATE, FIXES, TRUTH
+from lab.views.scene import Scene
+
+FACTORS = {"Heights × 1": 1.0, "Heights × 2": 2.0, "Heights × 5": 5.0}
+
+
+class View3D(Page):
+    """True and estimated path, fixes, ellipsoids and the aircraft; its viser server lives as long as the session."""
+
+    title = "3-D"
+    depends_on_window = False
+
+    def __init__(self, axis: TimeAxis) -> None:
+        self._server: viser.ViserServer | None = None
+        self._scene: Scene | None = None
+        self._result: Result | None = None
+        super().__init__(axis)
+
+    def make(self) -> pn.viewable.Viewable:
+        """Start the viser server and return the frame that shows it."""
+        document = pn.state.curdoc
+        assert document is not None
+        secret = mount(document)
+        self._server = viser.ViserServer(host="127.0.0.1", port=0, verbose=False)
+        self._scene = Scene(self._server)
+        address = f"viser/{sign(self._server.get_port(), secret)}/"
+        frame = (
+            f'<iframe src="{address}" title="Flight in three dimensions" allow="fullscreen" '
+            f'style="border:0;width:100%;height:calc(100vh - {AROUND + 46}px);min-height:360px;display:block;'
+            'border-radius:6px;background:#1b1e23"></iframe>'
+        )
+        heights = pmui.Select(options=FACTORS, value=1.0, size="small", width=140, margin=(4, 10))
+        heights.param.watch(lambda event: self._exaggerate(event.new), "value")
+        return pn.Column(
+            pn.Row(heights, pn.pane.HTML(_legend(), margin=(10, 4)), margin=0, sizing_mode="stretch_width"),
+            pn.pane.HTML(frame, sizing_mode="stretch_width", margin=0),
+            sizing_mode="stretch_width",
+            margin=(4, 8),
+        )
+
+    def draw(self, result: Result) -> None:
+        """Draw a result."""
+        self._result = result
+        if self._scene is not None:
+            self._scene.show(result, self.axis.time)
+
+    def show_time(self, time: float) -> None:
+        """Move the aircraft."""
+        if self._scene is not None:
+            self._scene.show_time(time)
+
+    def close(self) -> None:
+        """Stop the viser server; in a thread, since that takes a moment."""
+        if self._server is not None:
+            Thread(target=self._server.stop, name="viser-stop", daemon=True).start()
+            self._server = self._scene = None
+
+    def _exaggerate(self, factor: float) -> None:
+        if self._scene is not None and self._result is not None:
+            self._scene.exaggeration = factor
+            self._scene.show(self._result, self.axis.time)
+
+
+def _legend() -> str:
+    entries = ((TRUTH, "true path"), (ESTIMATE, "estimate, 3σ ellipsoids × 20"), (FIXES, "GPS fixes"))
+    return " &emsp; ".join(f'<span style="color:{colour}">●</span> {label}' for colour, label in entries)

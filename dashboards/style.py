@@ -1,0 +1,24 @@
+"""Style: colours and measures of the page."""
+
+from __future__ import annotations
+
+from typing import Any
+
+THEME: dict[str, Any] = {
+    "light": {
+        "palette": {"primary": {"main": "#1f6fd0"}, "background": {"default": "#f5f7fa", "paper": "#ffffff"}},
+        "shape": {"borderRadius": 6},
+    },
+    "dark": {
+        "palette": {"primary": {"main": "#5aa2f2"}, "background": {"default": "#12151a", "paper": "#181c22"}},
+        "shape": {"borderRadius": 6},
+    },
+}
+"""Colours of the two themes."""
+
+DRESS: dict[str, Any] = {
+    "& .MuiAppBar-root": {"backgroundColor": "#16324f", "backgroundImage": "none", "boxShadow": "none"},
+    "& .MuiToolbar-root": {"minHeight": "48px !important"},
+    "& .MuiToolbar-root h3, & .MuiToolbar-root .title": {"fontSize": "1.1rem"},
+}
+"""A flat, dark header."""

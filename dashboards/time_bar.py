@@ -1,0 +1,124 @@
+"""Time bar: the time cursor as a slider with a play button, below all pages."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import panel as pn
+import panel_material_ui as pmui
+import param
+from bokeh.document import Document
+
+from dashboards.widgets import Slider
+from lab.views.figures import TimeAxis
+
+FRAME = 50
+"""Time from picture to picture while playing [ms]."""
+
+SPEEDS = {"1 ×": 1.0, "5 ×": 5.0, "20 ×": 20.0}
+
+
+class TimeBar:
+    """Moves the time cursor: by hand, by playing, and by a click into a plot.
+
+    Parameters
+    ----------
+    axis
+        The time axis whose cursor is moved.
+    document
+        Document of the session, which is this bar's clock.
+    follow
+        Called with each new time [s].
+    """
+
+    def __init__(self, axis: TimeAxis, document: Document, follow: Callable[[float], None]) -> None:
+        self._axis = axis
+        self._document = document
+        self._follow = follow
+        self._playing: Any = None
+        self._moving = False
+        self._play = pmui.IconButton(icon="play_arrow", size="1.6em", margin=(2, 0, 0, 8), description="Play")
+        self._play.on_click(lambda _event: self.stop() if self._playing else self.play())
+        self._speed = pmui.Select(options=SPEEDS, value=5.0, size="small", width=84, margin=(6, 4))
+        self._slider = Slider(
+            label="Time",
+            show_value=False,
+            tooltips=False,
+            size="small",
+            start=0.0,
+            end=1.0,
+            step=0.05,
+            margin=(12, 6, 0, 6),
+            sizing_mode="stretch_width",
+            sx={"& .MuiFormLabel-root": {"display": "none"}},
+        )
+        self._slider.param.watch(self._moved, "value")
+        self._readout = pn.pane.HTML(
+            "", width=104, margin=(12, 4), styles={"font-variant-numeric": "tabular-nums"}
+        )
+        whole = pmui.IconButton(
+            icon="zoom_out_map", size="1.2em", margin=(6, 10, 0, 0), description="Whole flight"
+        )
+        whole.on_click(lambda _event: axis.whole())
+        axis.cursor.on_change("location", self._clicked)
+        self.view = pn.Row(
+            self._play,
+            self._speed,
+            self._slider,
+            self._readout,
+            whole,
+            sizing_mode="stretch_width",
+            margin=0,
+            height=48,
+            styles={"border-top": "1px solid rgba(128,128,128,.25)"},
+        )
+        self.span()
+
+    def span(self) -> None:
+        """Make the slider end with the flight."""
+        self._slider.param.update(end=self._axis.duration, value=self._axis.time)
+        self._tell(self._axis.time)
+
+    def play(self) -> None:
+        """Let the time run, from the beginning if it is at the end."""
+        if self._axis.time >= self._axis.duration:
+            self._go(0.0)
+        self._playing = self._document.add_periodic_callback(self._advance, FRAME)
+        self._play.param.update(icon="pause", description="Pause")
+
+    def stop(self) -> None:
+        """Let the time stand."""
+        if self._playing is not None:
+            self._document.remove_periodic_callback(self._playing)
+            self._playing = None
+            self._play.param.update(icon="play_arrow", description="Play")
+
+    def _advance(self) -> None:
+        time = min(self._axis.time + self._speed.value * FRAME / 1000, self._axis.duration)
+        with pn.io.hold(self._document):
+            self._go(time)
+        if time >= self._axis.duration:
+            self.stop()
+
+    def _moved(self, event: param.parameterized.Event) -> None:
+        if not self._moving:
+            self._go(float(event.new))
+
+    def _clicked(self, _attr: str, _old: Any, new: Any) -> None:
+        if not self._moving and new is not None:
+            self._go(float(new))
+
+    def _go(self, time: float) -> None:
+        time = min(max(time, 0.0), self._axis.duration)
+        self._moving = True
+        try:
+            self._axis.cursor.location = time
+            self._slider.value = time
+        finally:
+            self._moving = False
+        self._tell(time)
+        self._follow(time)
+
+    def _tell(self, time: float) -> None:
+        self._readout.object = f"<b>{time:.2f}</b> / {self._axis.duration:.0f} s"

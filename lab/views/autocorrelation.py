@@ -1,0 +1,64 @@
+"""Autocorrelation: figures of the innovations' autocorrelation over the lag, with the band of white noise."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+from bokeh.models.annotations import BoxAnnotation
+from bokeh.models.ranges import Range1d
+from bokeh.models.sources import ColumnDataSource
+from bokeh.models.tools import HoverTool
+
+from lab.views.figures import plain_figure
+from lab.views.quantities import AXIS_COLOURS, EAST_NORTH_UP, LAGS
+
+if TYPE_CHECKING:
+    from lab.result import Result
+
+
+class AutocorrelationFigures:
+    """One figure for each component of the position and the velocity innovations.
+
+    Attributes
+    ----------
+    figures : list of figure
+        Position east, north, up; velocity east, north, up.
+    """
+
+    def __init__(self) -> None:
+        columns = [f"{kind}_{axis}" for kind in ("position", "velocity") for axis in EAST_NORTH_UP]
+        self._source = ColumnDataSource({name: np.zeros(0) for name in ("lag", *columns)})
+        self._band = {
+            name: BoxAnnotation(fill_color="#8b95a5", fill_alpha=0.22, bottom=0, top=0) for name in columns
+        }
+        self.figures = [
+            self._draw(name, colour) for name, colour in zip(columns, AXIS_COLOURS * 2, strict=True)
+        ]
+
+    def show(self, result: Result) -> None:
+        """Draw a result, lags 0 to `LAGS`."""
+        dataset = result.autocorrelation
+        count = min(LAGS + 1, dataset.sizes["lag"])
+        data = {"lag": np.arange(count)}
+        for kind in ("position", "velocity"):
+            values = dataset[kind].values[:count]
+            data |= {f"{kind}_{axis}": values[:, index] for index, axis in enumerate(EAST_NORTH_UP)}
+        band = float(dataset.attrs["band"])
+        for annotation in self._band.values():
+            annotation.update(bottom=-band, top=band)
+        self._source.data = data
+
+    def _draw(self, name: str, colour: str):
+        kind, axis = name.split("_")
+        fig = plain_figure(
+            f"{kind.capitalize()} autocorrelation, {axis}",
+            x_range=Range1d(start=-0.8, end=LAGS + 0.8, bounds=(-0.8, LAGS + 0.8)),
+            y_range=Range1d(start=-0.6, end=1.05),
+            tools=[],
+        )
+        fig.add_layout(self._band[name])
+        bars = fig.vbar("lag", width=0.55, top=name, source=self._source, color=colour, line_color=None)
+        tooltips = [("lag", "@lag fixes"), ("r", f"@{name}{{0.000}}")]
+        fig.add_tools(HoverTool(mode="vline", renderers=[bars], tooltips=tooltips))
+        return fig

@@ -1,0 +1,213 @@
+"""Scene: a result in three dimensions, in viser: paths, fixes, uncertainty, and the aircraft at a time."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+import trimesh
+import viser
+from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
+
+from lab.views.aircraft import LENGTH, aircraft
+from lab.views.envelope import thin_path
+from lab.views.quantities import ESTIMATE, FIXES, TRUTH
+
+if TYPE_CHECKING:
+    from lab.result import Result
+
+FloatArray = NDArray[np.float64]
+
+SEGMENTS = 4000
+"""Most segments a path is drawn with."""
+
+ELLIPSOIDS = 200
+"""Most ellipsoids that are drawn."""
+
+SIGMAS = 3.0
+"""Semi-axes of an ellipsoid, in standard deviations."""
+
+_KILOMETRE = 1e-3
+_NED_TO_ENU = Rotation.from_matrix([[0, 1, 0], [1, 0, 0], [0, 0, -1]])
+
+
+class Scene:
+    """Draws a result into a viser server; the axes are east, north, up from the start, in kilometres.
+
+    Parameters
+    ----------
+    server
+        Where it is drawn.
+    result
+        What is drawn; None for later, see `show`.
+    exaggeration
+        Factor on all heights.
+    ellipsoid_scale
+        Factor on the ellipsoids, which would be too small to see beside a flight.
+    """
+
+    def __init__(
+        self,
+        server: viser.ViserServer,
+        result: Result | None = None,
+        *,
+        exaggeration: float = 1.0,
+        ellipsoid_scale: float = 20.0,
+    ) -> None:
+        self._server = server
+        self.exaggeration = exaggeration
+        self.ellipsoid_scale = ellipsoid_scale
+        self._result: Result | None = None
+        self._aircraft: viser.FrameHandle | None = None
+        server.scene.set_up_direction("+z")
+        server.scene.world_axes.visible = False
+        server.gui.configure_theme(show_logo=False, show_share_button=False, dark_mode=True)
+        if result is not None:
+            self.show(result)
+
+    def show(self, result: Result, time: float = 0.0) -> None:
+        """Draw a result, replacing the one before, with the aircraft at a time [s]."""
+        new_flight = self._result is None or self._result.mission.name != result.mission.name
+        self._result = result
+        self._origin = self._enu(result, "true")[0] if new_flight else self._origin
+        true, estimated = self._path(result, "true"), self._path(result, "estimated")
+        self._time, self._estimated = result.time, estimated
+        self._attitude = result.solution["attitude"].values
+        with self._server.atomic():
+            self._draw_path("/true path", true, TRUTH, 2.0)
+            self._draw_path("/estimated path", estimated, ESTIMATE, 3.0)
+            self._draw_fixes(result)
+            self._draw_ellipsoids(result)
+            self._draw_ground(true)
+            self._draw_aircraft()
+        if new_flight:
+            self._frame_camera(true)
+        self.show_time(time)
+
+    def show_time(self, time: float) -> None:
+        """Put the aircraft where the navigator believed it at a time [s]."""
+        if self._result is None or self._aircraft is None:
+            return
+        index = min(int(np.searchsorted(self._time, time)), len(self._time) - 1)
+        roll, pitch, heading = np.radians(self._attitude[index])
+        attitude = _NED_TO_ENU * Rotation.from_euler("ZYX", [heading, pitch, roll])
+        with self._server.atomic():
+            self._aircraft.position = self._estimated[index]
+            self._aircraft.wxyz = attitude.as_quat(scalar_first=True)
+
+    def as_html(self, dark: bool = False) -> str:
+        """Return the scene as one HTML page that needs no server."""
+        return self._server.get_scene_serializer().as_html(dark_mode=dark)
+
+    def _enu(self, result: Result, path: str) -> FloatArray:
+        track = result.track.sel(path=path)
+        return np.stack([track[name].values for name in ("easting", "northing", "height")], axis=-1)
+
+    def _scaled(self, enu: FloatArray) -> FloatArray:
+        return (enu - self._origin) * (_KILOMETRE, _KILOMETRE, _KILOMETRE * self.exaggeration)
+
+    def _path(self, result: Result, path: str) -> FloatArray:
+        return self._scaled(self._enu(result, path))
+
+    def _draw_path(self, name: str, points: FloatArray, colour: str, thickness: float) -> None:
+        kept = points[thin_path(points, SEGMENTS)].astype(np.float32)
+        segments = np.stack([kept[:-1], kept[1:]], axis=1)
+        self._server.scene.add_line_segments(
+            name, segments, _rgb(colour), thickness=thickness, thickness_units="screen"
+        )
+
+    def _draw_fixes(self, result: Result) -> None:
+        gps = result.gps
+        enu = np.stack([gps[name].values for name in ("easting", "northing", "height")], axis=-1)
+        points = self._scaled(enu[np.isfinite(enu).all(axis=1)])
+        self._server.scene.add_point_cloud(
+            "/GPS fixes",
+            points.astype(np.float32),
+            _rgb(FIXES),
+            point_size=self._size * 0.0025,
+            point_shape="circle",
+            precision="float32",
+        )
+
+    def _draw_ellipsoids(self, result: Result) -> None:
+        times = result.fixes.time
+        chosen = np.unique(np.linspace(0, len(times) - 1, min(len(times), ELLIPSOIDS)).astype(int))
+        covariance = result.position_covariance.values[chosen]
+        usable = np.isfinite(covariance).all(axis=(1, 2))
+        chosen, covariance = chosen[usable], covariance[usable]
+        if not len(chosen):
+            return
+        centres = self._estimated[np.minimum(np.searchsorted(self._time, times[chosen]), len(self._time) - 1)]
+        variances, axes = np.linalg.eigh(covariance)
+        axes[np.linalg.det(axes) < 0, :, 0] *= -1
+        size = SIGMAS * np.sqrt(np.maximum(variances, 0)) * _KILOMETRE * self.ellipsoid_scale
+        ball = trimesh.creation.icosphere(subdivisions=2)
+        self._server.scene.add_batched_meshes_simple(
+            "/3σ ellipsoids",
+            ball.vertices.astype(np.float32),
+            ball.faces.astype(np.uint32),
+            batched_wxyzs=Rotation.from_matrix(axes).as_quat(scalar_first=True).astype(np.float32),
+            batched_positions=centres.astype(np.float32),
+            batched_scales=size.astype(np.float32),
+            batched_colors=_rgb(ESTIMATE),
+            opacity=0.28,
+            lod="off",
+            cast_shadow=False,
+            receive_shadow=False,
+        )
+
+    def _draw_ground(self, true: FloatArray) -> None:
+        low, high = np.nanmin(true, axis=0), np.nanmax(true, axis=0)
+        shadow = true * (1, 1, 0) + (0, 0, low[2])
+        self._draw_path("/track on the ground", shadow, "#5b6472", 1.0)
+        extent = float(max(high[:2] - low[:2])) or 1.0
+        cell = 10.0 ** np.floor(np.log10(extent / 4))
+        self._server.scene.add_grid(
+            "/ground",
+            width=3 * extent,
+            height=3 * extent,
+            cell_size=cell,
+            section_size=5 * cell,
+            cell_color=(70, 78, 90),
+            section_color=(96, 106, 120),
+            cell_thickness=0.6,
+            section_thickness=1.0,
+            position=(*(low + high)[:2] / 2, low[2] - 0.001),
+            shadow_opacity=0.0,
+            fade_distance=6 * extent,
+        )
+
+    def _draw_aircraft(self) -> None:
+        mesh = aircraft()
+        scene = self._server.scene
+        self._aircraft = scene.add_frame("/aircraft", show_axes=False)
+        scene.add_mesh_simple(
+            "/aircraft/mesh",
+            mesh.vertices.astype(np.float32),
+            mesh.faces.astype(np.uint32),
+            color=(240, 243, 247),
+            flat_shading=True,
+            scale=self._size * 0.045 / LENGTH,
+            cast_shadow=False,
+            receive_shadow=False,
+        )
+
+    def _frame_camera(self, true: FloatArray) -> None:
+        centre = (np.nanmin(true, axis=0) + np.nanmax(true, axis=0)) / 2
+        camera = self._server.initial_camera
+        camera.look_at = tuple(centre)
+        camera.position = tuple(centre + np.array([-0.35, -0.9, 0.55]) * self._size)
+        camera.up = (0.0, 0.0, 1.0)
+        camera.near, camera.far = 0.01, 1000.0
+
+    @property
+    def _size(self) -> float:
+        """Extent of the flight [km]."""
+        extent = np.nanmax(self._estimated, axis=0) - np.nanmin(self._estimated, axis=0)
+        return float(max(extent.max(), 0.05))
+
+
+def _rgb(colour: str) -> tuple[int, int, int]:
+    red, green, blue = bytes.fromhex(colour.removeprefix("#"))
+    return red, green, blue
