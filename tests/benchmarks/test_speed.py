@@ -1,0 +1,224 @@
+"""Speed of the laboratory on one core, in medians, beside what it has to reach.
+
+Other programs on the machine disturb these figures: where one misses, look at its minimum and repeat.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pyins.filters
+import pyins.inertial_sensor
+import pyins.measurements
+import pyins.util
+import pyins_reference
+import pytest
+from numpy.typing import NDArray
+
+from lab.analysis.errors import position_error
+from lab.experiment import CACHE, Experiment, start
+from lab.navigation.navigator import Fixes, Imu, navigate
+from lab.result import Result
+from lab.units import si
+
+pytestmark = pytest.mark.benchmark
+
+FloatArray = NDArray[np.float64]
+
+
+@pytest.fixture(scope="module", autouse=True)
+def one_core() -> Iterator[None]:
+    """Keep this process, and those it starts, on one core, where the system lets us."""
+    if not hasattr(os, "sched_setaffinity"):
+        yield
+        return
+    before = os.sched_getaffinity(0)
+    os.sched_setaffinity(0, {max(before)})
+    yield
+    os.sched_setaffinity(0, before)
+
+
+@pytest.fixture(scope="module", autouse=True)
+def heading() -> None:
+    """Print the head of the table."""
+    print(f"\n\n{'what':<66}{'median':>12}{'minimum':>12}{'bar':>12}\n{'-' * 102}")
+
+
+def row(what: str, seconds: list[float], bar: float | None = None) -> float:
+    """Print one line of the table, and return the median."""
+    median = float(np.median(seconds))
+    print(f"{what:<66}{_show(median):>12}{_show(min(seconds)):>12}{_show(bar) if bar else '':>12}")
+    return median
+
+
+def _show(seconds: float) -> str:
+    return f"{seconds:.2f} s" if seconds >= 1 else f"{1e3 * seconds:.2f} ms"
+
+
+def timed(function: Callable[[], object], repetitions: int) -> list[float]:
+    """Return how long each call takes [s]."""
+    seconds = []
+    for _ in range(repetitions):
+        begin = time.perf_counter()
+        function()
+        seconds.append(time.perf_counter() - begin)
+    return seconds
+
+
+@pytest.fixture(scope="module")
+def montreal() -> Result:
+    """Return the classic experiment."""
+    return Experiment(mission="montreal").run()
+
+
+@pytest.fixture(scope="module")
+def navigation(montreal: Result) -> Callable[[], object]:
+    """Return the navigation stage alone, all histories stored."""
+    imu = Imu(montreal.ideal.time, montreal.gyro.increments, montreal.accelerometer.increments)
+    fixes = Fixes(montreal.fixes.time, montreal.fixes.position, montreal.fixes.velocity_n)
+    begin = start(montreal.truth_arrays, montreal.experiment.navigator, montreal.experiment.seed)
+    return lambda: navigate(imu, fixes, begin, montreal.belief)
+
+
+def test_one_run(montreal: Result, navigation: Callable[[], object]) -> None:
+    samples = montreal.gyro.increments.shape[0]
+    assert samples >= 40_000
+    timed(navigation, 5)
+    median = row(f"montreal, {samples} samples, P at 200 Hz, all histories", timed(navigation, 101), 12e-3)
+    assert median <= 12e-3
+
+
+def pyins_filter(result: Result) -> Callable[[], FloatArray]:
+    """Return python-ins' filter on the data of a run, matched like ours, at its default step."""
+    truth, sensors, navigator = result.truth_arrays, result.experiment.sensors, result.experiment.navigator
+    begin = start(truth, navigator, result.experiment.seed)
+    lla = np.column_stack((np.degrees(result.fixes.position[:, :2]), result.fixes.position[:, 2]))
+    position = pd.DataFrame(lla, result.fixes.time, pyins.util.LLA_COLS)
+    velocity = pd.DataFrame(result.fixes.velocity_n, result.fixes.time, pyins.util.VEL_COLS)
+    euler = np.degrees(result.euler[0])
+    pva = np.concatenate((np.degrees(begin.position[:2]), begin.position[2:], begin.velocity_n, euler))
+    models = [
+        pyins.inertial_sensor.EstimationModel(si(errors, "bias_sigma"), si(errors, "noise_density"))
+        for errors in (sensors.gyro, sensors.accelerometer)
+    ]
+    increments = pyins_reference.increments(
+        result.ideal.time, result.gyro.increments, result.accelerometer.increments
+    )
+
+    def run() -> FloatArray:
+        found = pyins.filters.run_feedback_filter(
+            pd.Series(pva, pyins.util.TRAJECTORY_COLS, name=result.ideal.time[0]),
+            *(navigator.position_sigma[0], navigator.velocity_sigma[0]),
+            *(navigator.attitude_sigma[0], navigator.attitude_sigma[2]),
+            increments,
+            *models,
+            [
+                pyins.measurements.Position(position, np.sqrt(sensors.gps.position_variance[0])),
+                pyins.measurements.NedVelocity(velocity, np.sqrt(sensors.gps.velocity_variance[0])),
+            ],
+        )
+        path = np.array(found.trajectory[pyins.util.LLA_COLS])
+        return np.column_stack((np.radians(path[:, :2]), path[:, 2]))
+
+    return run
+
+
+@pytest.mark.filterwarnings("ignore")
+def test_against_python_ins(montreal: Result, navigation: Callable[[], object]) -> None:
+    """The same data, the same model; that it does the same job is seen from its errors."""
+    found: list[FloatArray] = []
+    run = pyins_filter(montreal)
+    run_short = timed(lambda: found.append(run()), 1)
+    theirs = row("the same by python-ins run_feedback_filter, P at 10 Hz", run_short)
+    ours = float(np.median(timed(navigation, 101)))
+    print(f"{'times faster':<66}{theirs / ours:>12.0f}{'':>12}{1000:>12}")
+    late = montreal.time > 10
+    apart = position_error(found[0], montreal.truth_arrays)[late]
+    own = position_error(montreal.solution_arrays.position, montreal.truth_arrays)[late]
+    rms = [float(np.sqrt(np.mean(error**2))) for error in (apart, own)]
+    assert rms[0] == pytest.approx(rms[1], rel=0.1)
+    assert theirs / ours >= 1000
+
+
+def test_a_change_of_r_recomputes_navigation_and_analysis_only() -> None:
+    experiment = Experiment(mission="montreal")
+    experiment.run()
+    scales = iter(np.geomspace(0.5, 2, 40))
+    before = dict(CACHE.computed)
+    analysed: list[float] = []
+
+    def change() -> None:
+        experiment.set("navigator.r_scale", float(next(scales)))
+        result = experiment.run()
+        analysed.extend(
+            timed(lambda: (result.errors, result.sigma, result.innovations, result.autocorrelation), 1)
+        )
+
+    seconds = timed(change, 40)
+    row("a change of R, from settings to errors, σ and innovations", seconds)
+    row("of that, the analysis", analysed)
+    computed = {stage: count - before.get(stage, 0) for stage, count in CACHE.computed.items()}
+    assert {stage for stage, count in computed.items() if count} == {"navigation"}
+    assert computed["navigation"] == 40
+
+
+def fresh(code: str, **environment: str) -> str:
+    """Run code in a fresh interpreter and return what it prints."""
+    done = subprocess.run(
+        [sys.executable, "-c", code],
+        env={**os.environ, **environment},
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert done.returncode == 0, done.stderr
+    return done.stdout
+
+
+def test_first_run_in_a_fresh_process() -> None:
+    code = "from lab import Experiment; Experiment().run().summary"
+    fresh(code)
+    median = row("first run in a fresh process, imports included", timed(lambda: fresh(code), 5), 2.0)
+    assert median <= 2.0
+
+
+COLD = """
+import json, time
+from lab import Experiment
+begin = time.perf_counter()
+seen = []
+Experiment().run(lambda stage, done: seen.append((stage, done, time.perf_counter() - begin)))
+print(json.dumps(seen))
+"""
+
+
+def test_cold_compilation_is_told(tmp_path: Path) -> None:
+    """Nobody waits for the compiler without being told so."""
+    cold = json.loads(fresh(COLD, NUMBA_CACHE_DIR=str(tmp_path)))
+    times = {stage: seconds for stage, _, seconds in cold}
+    told = next(stage for stage in times if "compiled" in stage)
+    row("cold compilation of the navigator (once per machine)", [times["Done"] - times[told]])
+    row("until it is told", [times[told]])
+    fractions = [fraction for _, fraction, _ in cold]
+    assert fractions == sorted(fractions)
+    assert fractions[-1] == 1
+    warm = json.loads(fresh(COLD, NUMBA_CACHE_DIR=str(tmp_path)))
+    times = {stage: seconds for stage, _, seconds in warm}
+    row("the same with a warm cache", [times["Done"] - next(t for s, t in times.items() if s == told)])
+
+
+def test_import() -> None:
+    bare = float(np.median(timed(lambda: fresh("pass"), 5)))
+    for code, bar in (("import lab", 1.5), ("from lab import Experiment", None)):
+        fresh(code)
+        seconds = [one - bare for one in timed(lambda code=code: fresh(code), 5)]
+        median = row(f"{code}, beyond a bare interpreter", seconds, bar)
+        assert bar is None or median <= bar
