@@ -7,6 +7,7 @@ from functools import partial
 import panel as pn
 import panel_material_ui as pmui
 import param
+from panel_material_ui.template.base import Page as MaterialPage
 
 from dashboards.exchange import Address, Files
 from dashboards.pages.base import Page
@@ -18,7 +19,7 @@ from dashboards.pages.view_3d import View3D
 from dashboards.progress import Progress
 from dashboards.session import Session
 from dashboards.settings_panel import SettingsPanel
-from dashboards.style import DRESS, THEME
+from dashboards.style import DRESS, FRAME, STAGE, THEME
 from dashboards.time_bar import TimeBar
 from lab.result import Result
 from lab.views.figures import TimeAxis
@@ -62,8 +63,9 @@ class SimulatorPage:
             sizing_mode="stretch_width",
             height=48,
             margin=0,
+            styles={"flex": "0 0 48px"},
         )
-        self._stage = pn.Column(sizing_mode="stretch_both", margin=0, scroll="y-auto")
+        self._stage = pn.Column(sizing_mode="stretch_width", margin=0, stylesheets=[STAGE])
         self.session.param.watch(self._new_result, "result")
         self.session.param.watch(self._new_problem, "problem")
         self._tabs.param.watch(lambda _event: self._show(), "active")
@@ -72,7 +74,7 @@ class SimulatorPage:
 
     def servable(self) -> None:
         """Put the page into the document of this session and compute the first result."""
-        pmui.Page(
+        MaterialPage(
             title="INS Lab",
             header=[self._progress.view],
             sidebar=[self._settings.view, self._files.view],
@@ -83,9 +85,9 @@ class SimulatorPage:
                     self._message,
                     self._stage,
                     self._time_bar.view,
-                    sizing_mode="stretch_both",
+                    sizing_mode="stretch_width",
                     margin=0,
-                    styles={"overflow": "hidden"},
+                    stylesheets=[FRAME],
                 )
             ],
             theme_config=THEME,

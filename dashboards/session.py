@@ -20,7 +20,7 @@ PATIENCE = 250
 
 
 class Session(param.Parameterized):
-    """Settings of one page, computed in the background; the last good result stays until a better one comes."""
+    """Settings of one page, computed in the background; the last good result stays until the next."""
 
     result: Result | None = param.Parameter(None, doc="The last good result.")
     problem: str = param.String("", doc="What was wrong with the last change; empty if nothing.")

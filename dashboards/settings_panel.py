@@ -104,14 +104,15 @@ class SettingsPanel:
             margin=(8, 4, 8, 0),
             sizing_mode="stretch_width",
         )
-        presets.on_click(lambda item: self._take_preset(item["label"]))
+        presets.on_click(self._preset_clicked)
         reset = pmui.Button(
             label="Reset", icon="restart_alt", size="small", variant="outlined", margin=(8, 0, 8, 4)
         )
         reset.on_click(lambda _event: self._reset())
         return pn.Row(presets, reset, margin=0, sizing_mode="stretch_width")
 
-    def _take_preset(self, name: str) -> None:
+    def _preset_clicked(self, item: Any) -> None:
+        name = item["label"]
         trial = self._session.experiment.copy()
         self._session.take(trial.update({"sensors": PRESETS[name]().to_dict()}))
 

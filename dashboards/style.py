@@ -22,3 +22,14 @@ DRESS: dict[str, Any] = {
     "& .MuiToolbar-root h3, & .MuiToolbar-root .title": {"fontSize": "1.1rem"},
 }
 """A flat, dark header."""
+
+FRAME = """
+:host { display: flex !important; flex-direction: column; overflow: hidden;
+        height: calc(100vh - 48px) !important; }
+"""
+"""All below the header: tabs, message, page and time bar share the height of the window."""
+
+STAGE = """
+:host { flex: 1 1 0 !important; min-height: 0 !important; overflow: hidden auto !important; }
+"""
+"""The page, which scrolls where it is higher than its place."""

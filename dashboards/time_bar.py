@@ -38,8 +38,14 @@ class TimeBar:
         self._follow = follow
         self._playing: Any = None
         self._moving = False
-        self._play = pmui.IconButton(icon="play_arrow", size="1.6em", margin=(2, 0, 0, 8), description="Play")
-        self._play.on_click(lambda _event: self.stop() if self._playing else self.play())
+        self._play = pmui.ToggleIcon(
+            icon="play_arrow",
+            active_icon="pause",
+            size="1.6em",
+            margin=(2, 0, 0, 8),
+            description="Play, or stop",
+        )
+        self._play.param.watch(lambda event: self.play() if event.new else self.stop(), "value")
         self._speed = pmui.Select(options=SPEEDS, value=5.0, size="small", width=84, margin=(6, 4))
         self._slider = Slider(
             label="Time",
@@ -85,14 +91,13 @@ class TimeBar:
         if self._axis.time >= self._axis.duration:
             self._go(0.0)
         self._playing = self._document.add_periodic_callback(self._advance, FRAME)
-        self._play.param.update(icon="pause", description="Pause")
 
     def stop(self) -> None:
         """Let the time stand."""
         if self._playing is not None:
             self._document.remove_periodic_callback(self._playing)
             self._playing = None
-            self._play.param.update(icon="play_arrow", description="Play")
+            self._play.value = False
 
     def _advance(self) -> None:
         time = min(self._axis.time + self._speed.value * FRAME / 1000, self._axis.duration)

@@ -1,8 +1,8 @@
 """Viser proxy: the 3-D view through the port of the page, so that one port is all a browser needs to reach.
 
-Each session has a viser server of its own that listens on this computer only. The page shows it in a frame at
-``viser/TOKEN/`` beside itself; the handler here serves viser's client there and carries its websocket. The token is
-signed and holds the port, so nobody can make the handler connect to anything else, and nobody can guess it.
+Each session has a viser server of its own that listens on this computer only. The page shows it in a frame
+at ``viser/TOKEN/`` beside itself; the handler here serves viser's client there and carries its websocket. The
+token is signed and holds the port, so nobody can make the handler connect to anything else, or guess it.
 """
 
 from __future__ import annotations
@@ -118,7 +118,7 @@ class ViserHandler(WebSocketHandler):
 
     def check_origin(self, origin: str) -> bool:
         """Accept the page's own origin, and those the server was told to accept."""
-        allowed = getattr(self.application, "websocket_origins", set())
+        allowed = list(getattr(self.application, "websocket_origins", ()))
         host = origin.partition("://")[2].lower()
         return super().check_origin(origin) or check_allowlist(host, allowed)
 

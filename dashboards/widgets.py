@@ -1,4 +1,4 @@
-"""Widgets: one for each kind of setting, made from its declaration: slider with unit and number, choice, text."""
+"""Widgets: one for each kind of setting, made from its declaration."""
 
 from __future__ import annotations
 
@@ -31,6 +31,9 @@ class Slider(pmui.FloatSlider):
     """A slider that tells each movement at once."""
 
     _debounce = 10
+
+    def __init__(self, **params: Any) -> None:
+        super().__init__(**params)  # type: ignore[no-untyped-call]
 
 
 class Field(param.Parameterized):
@@ -75,7 +78,7 @@ class Field(param.Parameterized):
 
 
 class NumberField(Field):
-    """A number, or one for each axis: a slider over its usual range, and a box that takes all that is accepted."""
+    """A number, or one for each axis: a slider over the usual range, and a box for all that is accepted."""
 
     def __init__(self, declaration: param.Parameter, change: Change) -> None:
         super().__init__(declaration, change)

@@ -12,7 +12,7 @@ from lab.result import Result
 from lab.views.figures import TimeAxis
 
 GAP = 8
-AROUND = 172
+AROUND = 160
 """Height of the window that header, tabs and time bar take [px]."""
 NARROW = 1150
 """Width of the window below which plots stand in one column [px]."""
@@ -50,10 +50,10 @@ class Page(ABC):
             self._drawn = state
             self.draw(result)
 
-    def show_time(self, time: float) -> None:
+    def show_time(self, time: float) -> None:  # noqa: B027 - most pages have nothing to do
         """Follow the time cursor."""
 
-    def close(self) -> None:
+    def close(self) -> None:  # noqa: B027 - most pages have nothing to do
         """Give back what does not go away by itself."""
 
 

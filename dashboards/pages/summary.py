@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Hashable
 from html import escape
+from typing import Any
 
 import panel as pn
 
@@ -11,7 +13,8 @@ from lab.result import Result
 
 _STYLE = """
 table { border-collapse: collapse; font: 14px/1.5 Roboto, sans-serif; min-width: min(560px, 100%); }
-th { text-align: right; font-weight: 500; opacity: .7; border-bottom: 2px solid rgba(128,128,128,.35); padding: 6px 14px; }
+th { text-align: right; font-weight: 500; opacity: .7; padding: 6px 14px;
+     border-bottom: 2px solid rgba(128,128,128,.35); }
 td { text-align: right; padding: 6px 14px; border-bottom: 1px solid rgba(128,128,128,.18);
      font-variant-numeric: tabular-nums; }
 th:first-child, td:first-child { text-align: left; padding-left: 4px; }
@@ -42,12 +45,16 @@ def summary_html(result: Result) -> str:
     table = result.summary
     statistics = [name for name in table.columns if name not in {"quantity", "unit"}]
     head = "".join(f"<th>{escape(name)}</th>" for name in statistics)
-    rows = []
-    for number, row in enumerate(table.to_dict("records")):
-        cells = "".join(f"<td>{row[name]:.3f}</td>" for name in statistics)
-        group = ' class="group"' if number and number % 3 == 0 else ""
-        rows.append(
-            f'<tr{group}><td>{escape(row["quantity"])} error</td><td class="unit">{row["unit"]}</td>{cells}</tr>'
-        )
-    about = f"{escape(result.mission.title or result.mission.name)}, {result.time[-1]:.0f} s, seed {result.experiment.seed}"
-    return f'<p>{about}: estimate − truth</p><table><tr><th></th><th class="unit">unit</th>{head}</tr>{"".join(rows)}</table>'
+    rows = [_row(number, row, statistics) for number, row in enumerate(table.to_dict("records"))]
+    mission = escape(result.mission.title or result.mission.name)
+    return (
+        f"<p>{mission}, {result.time[-1]:.0f} s, seed {result.experiment.seed}; error = estimate − truth</p>"
+        f'<table><tr><th></th><th class="unit">unit</th>{head}</tr>{"".join(rows)}</table>'
+    )
+
+
+def _row(number: int, row: dict[Hashable, Any], statistics: list[str]) -> str:
+    group = ' class="group"' if number and number % 3 == 0 else ""
+    name, unit = escape(row["quantity"]), escape(row["unit"])
+    cells = "".join(f"<td>{row[statistic]:.3f}</td>" for statistic in statistics)
+    return f'<tr{group}><td>{name} error</td><td class="unit">{unit}</td>{cells}</tr>'

@@ -19,7 +19,7 @@ FACTORS = {"Heights × 1": 1.0, "Heights × 2": 2.0, "Heights × 5": 5.0}
 
 
 class View3D(Page):
-    """True and estimated path, fixes, ellipsoids and the aircraft; its viser server lives as long as the session."""
+    """Paths, fixes, ellipsoids and the aircraft, from a viser server that lives as long as the session."""
 
     title = "3-D"
     depends_on_window = False

@@ -14,7 +14,7 @@ LENGTH = 8.1
 
 @cache
 def aircraft() -> trimesh.Trimesh:
-    """Return the aeroplane in body axes, x forward, y right, z down [m], the reference point at the origin."""
+    """Return the aeroplane in body axes: x forward, y right, z down [m]."""
     cabin = _rings([(3.0, 0.25, 0.3), (2.4, 0.5, 0.5), (1.2, 0.6, 0.7), (-0.9, 0.6, 0.7)])
     boom = _rings([(-0.9, 0.6, 0.7), (-5.1, 0.1, 0.15)])
     wing = [(1.1, 0), (1.1, 3.0), (0.9, 5.5), (-0.2, 5.5), (-0.5, 3.0), (-0.5, 0)]
@@ -31,9 +31,8 @@ def aircraft() -> trimesh.Trimesh:
         np.array([(x, side, z) for x, z in fin for side in (-0.06, 0.06)]),
         np.array([(x, y, z) for y, z in propeller for x in (3.02, 3.05)]),
     ]
-    mesh: trimesh.Trimesh = trimesh.util.concatenate(
-        [trimesh.convex.convex_hull(points) for points in solids]
-    )
+    mesh = trimesh.util.concatenate([trimesh.convex.convex_hull(points) for points in solids])
+    assert isinstance(mesh, trimesh.Trimesh)
     return mesh
 
 

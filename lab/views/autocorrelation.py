@@ -9,6 +9,7 @@ from bokeh.models.annotations import BoxAnnotation
 from bokeh.models.ranges import Range1d
 from bokeh.models.sources import ColumnDataSource
 from bokeh.models.tools import HoverTool
+from bokeh.plotting import figure
 
 from lab.views.figures import plain_figure
 from lab.views.quantities import AXIS_COLOURS, EAST_NORTH_UP, LAGS
@@ -49,7 +50,7 @@ class AutocorrelationFigures:
             annotation.update(bottom=-band, top=band)
         self._source.data = data
 
-    def _draw(self, name: str, colour: str):
+    def _draw(self, name: str, colour: str) -> figure:
         kind, axis = name.split("_")
         fig = plain_figure(
             f"{kind.capitalize()} autocorrelation, {axis}",

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from bokeh.events import DoubleTap, Tap
-from bokeh.models.annotations import Legend, LegendItem, Span
+from bokeh.models.annotations import Legend, LegendItem, Span, Title
 from bokeh.models.callbacks import CustomJS
 from bokeh.models.formatters import CustomJSTickFormatter
 from bokeh.models.ranges import Range1d
@@ -167,7 +167,12 @@ def time_figure(title: str, axis: TimeAxis, *, logarithmic: bool = False, height
 
 
 def plain_figure(
-    title: str, x_label: str | None = None, y_label: str | None = None, *, height: int = 150, **options: Any
+    title: str | Title,
+    x_label: str | None = None,
+    y_label: str | None = None,
+    *,
+    height: int = 150,
+    **options: Any,
 ) -> figure:
     """Return an empty figure with labelled axes, in the same dress as the figures over time.
 

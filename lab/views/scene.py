@@ -59,10 +59,12 @@ class Scene:
         self.exaggeration = exaggeration
         self.ellipsoid_scale = ellipsoid_scale
         self._result: Result | None = None
+        self._origin: FloatArray = np.zeros(3)
         self._aircraft: viser.FrameHandle | None = None
         server.scene.set_up_direction("+z")
         server.scene.world_axes.visible = False
         server.gui.configure_theme(show_logo=False, show_share_button=False, dark_mode=True)
+        server.gui.main_panel.minimize()
         if result is not None:
             self.show(result)
 
@@ -70,7 +72,8 @@ class Scene:
         """Draw a result, replacing the one before, with the aircraft at a time [s]."""
         new_flight = self._result is None or self._result.mission.name != result.mission.name
         self._result = result
-        self._origin = self._enu(result, "true")[0] if new_flight else self._origin
+        if new_flight:
+            self._origin = self._enu(result, "true")[0]
         true, estimated = self._path(result, "true"), self._path(result, "estimated")
         self._time, self._estimated = result.time, estimated
         self._attitude = result.solution["attitude"].values
@@ -105,7 +108,8 @@ class Scene:
         return np.stack([track[name].values for name in ("easting", "northing", "height")], axis=-1)
 
     def _scaled(self, enu: FloatArray) -> FloatArray:
-        return (enu - self._origin) * (_KILOMETRE, _KILOMETRE, _KILOMETRE * self.exaggeration)
+        scaled: FloatArray = (enu - self._origin) * (_KILOMETRE * np.array([1, 1, self.exaggeration]))
+        return scaled
 
     def _path(self, result: Result, path: str) -> FloatArray:
         return self._scaled(self._enu(result, path))

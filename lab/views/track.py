@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 import numpy as np
+from bokeh.models.annotations import Title
 from bokeh.models.formatters import CustomJSTickFormatter
 from bokeh.models.ranges import DataRange1d
 from bokeh.models.sources import ColumnDataSource
@@ -36,8 +37,9 @@ class TrackFigure:
             ColumnDataSource(dict(empty)) for _ in range(4)
         )
         self._result: Result | None = None
+        self._title = Title(text="Ground track")
         self.figure = plain_figure(
-            "Ground track",
+            self._title,
             "easting [m]",
             "northing [m]",
             height=420,
@@ -80,7 +82,7 @@ class TrackFigure:
         """Draw a result, with the aircraft at a time [s]."""
         self._result = result
         label = result.projection.label
-        self.figure.title.text = f"Ground track, {label}"
+        self._title.text = f"Ground track, {label}"
         for source, path in ((self._true, "true"), (self._estimated, "estimated")):
             track = result.track.sel(path=path)
             points = np.stack([track["easting"].values, track["northing"].values], axis=-1)
