@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import stats
+from scipy import special
 
 FloatArray = NDArray[np.float64]
 
@@ -44,7 +44,8 @@ def normalised_squares(vectors: FloatArray, covariances: FloatArray) -> FloatArr
 def chi_square_interval(degrees: int, runs: int = 1, probability: float = 0.95) -> tuple[float, float]:
     """Return the two-sided interval of a χ² variable averaged over runs (5.4.2-5 to 5.4.2-9)."""
     tail = (1 - probability) / 2
-    low, high = stats.chi2.ppf([tail, 1 - tail], degrees * runs) / runs
+    # Quantiles of χ² as those of the gamma distribution: scipy.stats takes a quarter of a second to import.
+    low, high = 2 * special.gammaincinv(degrees * runs / 2, [tail, 1 - tail]) / runs
     return float(low), float(high)
 
 
@@ -69,4 +70,4 @@ def autocorrelation(innovations: FloatArray, max_lag: int = MAX_LAG) -> FloatArr
 
 def whiteness_band(count: int, probability: float = 0.95) -> float:
     """Return the half-width of the band that holds the autocorrelation of `count` white values (5.4.2-16)."""
-    return float(stats.norm.ppf(0.5 + probability / 2) / np.sqrt(count)) if count else 0.0
+    return float(special.ndtri(0.5 + probability / 2) / np.sqrt(count)) if count else 0.0

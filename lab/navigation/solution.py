@@ -6,9 +6,9 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
 
 from lab import earth
-from lab.navigation import strapdown
 from lab.navigation.kalman import MEASUREMENTS
 from lab.navigation.propagation import STATES
 from lab.trajectory import Truth
@@ -82,9 +82,11 @@ class Start(NamedTuple):
         height = truth.height[0]
         latitude = truth.latitude[0] + position[0] / (meridian + height)
         longitude = truth.longitude[0] + position[1] / ((transverse + height) * np.cos(truth.latitude[0]))
-        q = strapdown.product(strapdown.rotation(tuple(-attitude)), tuple(truth.q_nb[0]))
+        q_nb = Rotation.from_rotvec(-attitude) * Rotation.from_quat(truth.q_nb[0], scalar_first=True)
         return cls(
-            np.array([latitude, longitude, height - position[2]]), truth.velocity_n[0] + velocity, np.array(q)
+            np.array([latitude, longitude, height - position[2]]),
+            truth.velocity_n[0] + velocity,
+            q_nb.as_quat(scalar_first=True),
         )
 
 

@@ -10,8 +10,8 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.signal import lfilter
 
 from lab.sensors.draws import unit_draws
 from lab.settings import AxisQuantity, Quantity, Settings
@@ -175,7 +175,8 @@ def instability(errors: GyroErrors | AccelerometerErrors, draws: ImuDraws, dt: f
     decay = float(np.exp(-dt / si(errors, "correlation_time")))
     drive = np.sqrt(1 - decay**2) * draws.drive
     drive[0] = draws.start
-    return sigma * lfilter([1.0], [1.0, -decay], drive, axis=0)
+    # By its full name: scipy.signal is imported at its first use only, which takes a third of a second.
+    return sigma * scipy.signal.lfilter([1.0], [1.0, -decay], drive, axis=0)
 
 
 def cross_coupling(errors: GyroErrors | AccelerometerErrors) -> FloatArray:
