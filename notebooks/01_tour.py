@@ -129,7 +129,7 @@ plots.covariance(result)
 
 # %%
 noise = pn.widgets.FloatSlider(
-    name="Gyro noise [°/s/√Hz]", start=0.0, end=0.3, step=0.005, value=0.05, format="0.000"
+    label="Gyro noise [°/s/√Hz]", start=0.0, end=0.3, step=0.005, value=0.05, format="0.000"
 )
 
 
@@ -154,7 +154,7 @@ pn.Column(noise, pn.bind(with_gyro_noise, noise.param.value_throttled))
 # ±2σ 95 % of the time, and none should foretell the next.
 
 # %%
-belief = pn.widgets.DiscreteSlider(name="The filter believes R ×", options=[0.01, 0.1, 1, 10, 100], value=1)
+belief = pn.widgets.DiscreteSlider(label="The filter believes R ×", options=[0.01, 0.1, 1, 10, 100], value=1)
 
 
 def with_belief(scale):
@@ -176,7 +176,7 @@ pn.Column(belief, pn.bind(with_belief, belief.param.value_throttled))
 # says how much less it knows with every second.
 
 # %%
-outage = pn.widgets.IntSlider(name="No GPS from 90 s, for [s]", start=0, end=60, step=5, value=30)
+outage = pn.widgets.IntSlider(label="No GPS from 90 s, for [s]", start=0, end=60, step=5, value=30)
 
 
 def without_gps(seconds):
@@ -255,10 +255,11 @@ pn.Column(
 ).servable()
 
 # %% [markdown]
-# **Try:** with no GPS for 60 s, which gyro would you have to buy to stay within 10 m?
+# **Try:** no GPS for 60 s. How far does a better gyro bring the error down, and what is left when its noise
+# is zero?
 #
 # ## Where to go next
 #
 # - `missions/README.md`: navigate a flight of your own, from a csv file.
 # - `ins-lab serve`: the dashboard, with every setting and all plots linked.
-# - `help(lab)`, in Python: the language of the lab, frames, units and signs.
+# - `import lab; help(lab)`: the language of the lab, its frames, units and signs.
