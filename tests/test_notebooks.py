@@ -3,11 +3,17 @@
 from __future__ import annotations
 
 import re
+import socket
+import subprocess
+import sys
 from pathlib import Path
 from typing import Any
 
 import jupytext
+import panel as pn
 import pytest
+from bokeh.client import pull_session
+from bokeh.models.widgets.sliders import AbstractSlider
 from nbclient import NotebookClient
 
 ROOT = Path(__file__).parent.parent
@@ -46,13 +52,30 @@ def test_a_notebook_alternates_prose_and_code_and_asks_questions(notebook: Path)
 
 
 def test_a_notebook_is_an_app_for_panel_serve(notebook: Path) -> None:
-    from bokeh.application import Application
-    from panel.io.handlers import ScriptHandler
-
-    handler = ScriptHandler(filename=str(notebook))
-    document = Application(handler).create_document()
-    assert not handler.failed, handler.error_detail
-    assert document.roots
+    pn.extension()  # its models are known when the page is pulled
+    with socket.socket() as free:
+        free.bind(("127.0.0.1", 0))
+        port = str(free.getsockname()[1])
+    command = [
+        sys.executable,
+        "-m",
+        "panel",
+        "serve",
+        str(notebook),
+        "--port",
+        port,
+        "--address",
+        "127.0.0.1",
+    ]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True) as server:
+        try:
+            assert server.stdout is not None
+            log = next(line for line in server.stdout if "running at" in line)
+            page = pull_session(url=re.findall(r"http://\S+", log)[0]).document
+            titles = {str(slider.title) for slider in page.select({"type": AbstractSlider})}
+            assert len(titles) >= 3
+        finally:
+            server.terminate()
 
 
 def test_the_example_of_the_readme_runs(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
