@@ -22,7 +22,7 @@ from lab.navigation.error_models import PHI
 from lab.navigation.kalman import MEASUREMENTS, update
 from lab.navigation.propagation import BIASES, NAV, STATES, WIDTH, WORKSPACE, X, compile_propagation
 from lab.navigation.solution import EVERY_FIX, Belief, Fixes, Imu, Schedule, Solution, Start
-from lab.navigation.strapdown import ACCEL_BIAS, GYRO_BIAS, LATITUDE, VELOCITY, get, put
+from lab.navigation.strapdown import ACCEL_BIAS, GYRO_BIAS, LATITUDE, PREVIOUS_VELOCITY, VELOCITY, get, put
 
 FloatArray = NDArray[np.float64]
 
@@ -175,6 +175,8 @@ def _correct(state: FloatArray, w: FloatArray) -> None:
     strapdown.set_position(state, latitude, longitude, state[strapdown.HEIGHT] + z)
     for i in range(3):
         state[VELOCITY + i] -= w[WIDTH * (3 + i) + X]
+        # A second fix before the next sample interpolates between this one and the one before.
+        state[PREVIOUS_VELOCITY + i] -= w[WIDTH * (3 + i) + X]
         state[GYRO_BIAS + i] -= w[WIDTH * (9 + i) + X]
         state[ACCEL_BIAS + i] -= w[WIDTH * (12 + i) + X]
     attitude = strapdown.rotation((w[WIDTH * 6 + X], w[WIDTH * 7 + X], w[WIDTH * 8 + X]))

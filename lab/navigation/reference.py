@@ -145,6 +145,8 @@ def _correct(state: FloatArray, x: FloatArray) -> None:
         state, latitude - x[0] / per_latitude, longitude - x[1] / per_longitude, height + x[2]
     )
     _put(state, strapdown.VELOCITY, _get(state, strapdown.VELOCITY) - x[VEL])
+    # A second fix before the next sample interpolates between this one and the one before.
+    _put(state, strapdown.PREVIOUS_VELOCITY, _get(state, strapdown.PREVIOUS_VELOCITY) - x[VEL])
     q_nb = Rotation.from_rotvec(x[ATT]) * Rotation.from_quat(
         _get(state, strapdown.Q_NB, 4), scalar_first=True
     )

@@ -185,3 +185,22 @@ def test_correction_period_spaces_the_corrections() -> None:
             corrected.append(imu.time[first + 1])
     np.testing.assert_allclose(np.diff(corrected), 4.0)
     assert corrected[0] == pytest.approx(4.0)
+
+
+def test_two_fixes_between_two_samples_are_used_one_after_the_other() -> None:
+    """The second fix sees the navigator as the first one left it, also where it interpolates."""
+    flight = fly("los_angeles", 10.0)
+    times = np.array([40.02, 40.04, 40.06, 40.08])
+    true = flight.trajectory.at(times)
+    fixes = Fixes(times, np.stack((true.latitude, true.longitude, true.height), axis=-1), true.velocity_n)
+    P0 = np.diag(np.repeat([1.0, 1.0, 1e-4, 1e-8, 1e-4], 3))
+    belief = NO_FILTER._replace(P0=P0, R=0.01 * np.eye(6))
+    begin = Start.off(flight.truth, np.zeros(3), np.array([0.02, -0.02, 0.01]), np.zeros(3))
+    back, forward = (
+        navigate(flight.imu, fixes, begin, belief, Schedule(feedback=feedback)) for feedback in (True, False)
+    )
+    assert len(set(back.fix_sample)) == 1
+    assert np.abs(back.innovation[0, 3:]).max() > 0.01
+    np.testing.assert_allclose(back.innovation[:, 3:], forward.innovation[:, 3:], rtol=0, atol=1e-6)
+    # The filter takes the position error at the fix for that at the sample, 0.08 s at 0.03 m/s away.
+    np.testing.assert_allclose(back.innovation[:, :3], forward.innovation[:, :3], rtol=0, atol=2.5e-3)
