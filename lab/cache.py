@@ -1,7 +1,7 @@
 """Cache: results of computation stages, kept by the content of what they were computed from.
 
-One computation per key at a time, however many threads ask for it; bounded in bytes, the least recently used leave
-first; arrays are made read-only, since several results share them.
+One computation per key at a time, however many threads ask for it; bounded in bytes, the least recently
+used leave first; arrays are made read-only, since several results share them.
 """
 
 from __future__ import annotations
@@ -33,7 +33,14 @@ class StageCache:
     Parameters
     ----------
     limit
-        Bytes of arrays to keep at most. A result larger than that is handed out and not kept.
+        Bytes to keep at most. A result larger than that is handed out and not kept.
+
+    Attributes
+    ----------
+    bytes : int
+        Memory of what is kept: of arrays, and of anything else with an attribute `nbytes`.
+    computed : dict
+        How many times each stage has been computed.
     """
 
     def __init__(self, limit: int) -> None:
@@ -62,12 +69,13 @@ class StageCache:
             return running.result()  # type: ignore[no-any-return]
         try:
             value = compute()
+            self._keep(at, value)
         except BaseException as error:
+            # Whatever ended it, even an interrupt: nobody may be left waiting.
             with self._lock:
-                del self._running[at]
+                self._running.pop(at, None)
             mine.set_exception(error)
             raise
-        self._keep(at, value)
         mine.set_result(value)
         return value
 
@@ -79,12 +87,9 @@ class StageCache:
             self.bytes = 0
 
     def _keep(self, at: tuple[str, str], value: Any) -> None:
-        size = 0
-        for array in _arrays(value):
-            array.setflags(write=False)
-            size += array.nbytes
+        size = _freeze(value)
         with self._lock:
-            del self._running[at]
+            self._running.pop(at, None)
             self.computed[at[0]] = self.computed.get(at[0], 0) + 1
             if size > self.limit:
                 return
@@ -95,14 +100,36 @@ class StageCache:
                 self.bytes -= dropped
 
 
-def _arrays(value: Any) -> Iterator[NDArray[Any]]:
-    """Iterate over the arrays in a result: arrays, tuples, lists, dictionaries and dataclasses of them."""
-    if isinstance(value, np.ndarray):
+def _freeze(value: Any) -> int:
+    """Make the arrays of a result read-only, and return the memory it holds [bytes]."""
+    holders = {}
+    for part in _parts(value):
+        if isinstance(part, np.ndarray):
+            part.setflags(write=False)
+            # Views hold the whole of their array, and several may share one.
+            part = _owner(part)  # noqa: PLW2901
+        holders[id(part)] = int(part.nbytes)
+    return sum(holders.values())
+
+
+def _owner(array: NDArray[Any]) -> NDArray[Any]:
+    """Return the array that owns the memory of a view."""
+    while isinstance(array.base, np.ndarray):
+        array = array.base
+    return array
+
+
+def _parts(value: Any) -> Iterator[Any]:
+    """Iterate over what takes memory in a result: arrays, and other things that know their `nbytes`.
+
+    They may be inside tuples, lists, dictionaries and dataclasses.
+    """
+    if hasattr(value, "nbytes"):
         yield value
     elif isinstance(value, tuple | list):
         for item in value:
-            yield from _arrays(item)
+            yield from _parts(item)
     elif isinstance(value, dict):
-        yield from _arrays(list(value.values()))
+        yield from _parts(list(value.values()))
     elif dataclasses.is_dataclass(value) and not isinstance(value, type):
-        yield from _arrays([getattr(value, field.name) for field in dataclasses.fields(value)])
+        yield from _parts([getattr(value, field.name) for field in dataclasses.fields(value)])

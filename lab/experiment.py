@@ -1,7 +1,7 @@
 """Experiment: all settings of one run, computed in cached stages into a `Result`.
 
-Each stage is kept by the content of the settings it depends on: a change of R recomputes the navigation and nothing
-before it, a change of a gyro's noise does not touch the flight, the accelerometers or the fixes.
+Each stage is kept by the content of the settings it depends on: a change of R recomputes the navigation and
+nothing before it, a change of a gyro's noise does not touch the flight, the accelerometers or the fixes.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from lab.cache import StageCache, digest
 from lab.ideal_imu import IdealImu
 from lab.missions import Mission, mission
 from lab.navigation.belief import belief
-from lab.navigation.navigator import is_compiled, navigate
+from lab.navigation.navigator import PolarError, is_compiled, navigate
 from lab.navigation.settings import NavigatorSettings
 from lab.navigation.solution import Belief, Fixes, Imu, Schedule, Solution, Start
 from lab.result import Result
@@ -59,6 +59,10 @@ class TrajectorySettings(Settings):
     )
 
 
+NEAR_POLE = np.radians(89)
+"""A flight beyond this latitude may itself come too close to a pole [rad]."""
+
+
 @dataclass(frozen=True)
 class Flight:
     """The flight stage: the true trajectory, and truth and ideal IMU on the IMU's grid."""
@@ -77,7 +81,9 @@ class Experiment(Settings):
     >>> result = experiment.run()
     """
 
-    mission = param.String(default="montreal", label="Mission", doc="Name of a mission, or path of a flight csv.")
+    mission = param.String(
+        default="montreal", label="Mission", doc="Name of a mission, or path of a flight csv."
+    )
     seed = param.Integer(default=1, bounds=(0, 2**32 - 1), label="Seed", doc="Seed of all random draws.")
     trajectory = group(TrajectorySettings, "Trajectory.")
     sensors = group(SensorSuite, "Sensors.")
@@ -85,13 +91,21 @@ class Experiment(Settings):
 
     @classmethod
     def from_toml(cls, source: str | Path) -> Self:
-        """Return an experiment from a TOML file (a path) or TOML text; settings it leaves out keep their defaults.
+        """Return an experiment from a TOML file or TOML text; settings it leaves out keep their defaults.
+
+        Parameters
+        ----------
+        source
+            A path; or text, which is taken for the name of a file if it ends with ``.toml``.
 
         Raises
         ------
         SettingError
-            If the file cannot be read, is not TOML, or holds a setting that does not exist or is not accepted.
+            If the file cannot be read, is not TOML, or holds a setting that does not exist or is not
+            accepted.
         """
+        if isinstance(source, str) and source.endswith(".toml"):
+            source = Path(source)
         name = source if isinstance(source, Path) else "settings"
         try:
             text = source.read_text(encoding="utf-8-sig") if isinstance(source, Path) else source
@@ -119,10 +133,17 @@ class Experiment(Settings):
         ------
         MissionError
             If the mission cannot be found or read.
+        SettingError
+            If settings do not go together, or the navigator cannot work with them.
         ValueError
-            If its flight cannot be navigated, such as across a pole.
+            If the flight cannot be navigated, such as across a pole, or the filter diverges beyond all
+            numbers.
         """
         return _Run(self.copy(), progress or (lambda _stage, _fraction: None)).result()
+
+    def __repr__(self) -> str:
+        changed = sum(getattr(owner, name) != owner.param[name].default for _, owner, name in self.leaves())
+        return f"<Experiment: mission {self.mission}, seed {self.seed}, {changed} settings not default>"
 
 
 class _Run:
@@ -146,11 +167,11 @@ class _Run:
         fixes = self.fixes(flight)
         self.progress("Navigating" if is_compiled() else "Preparing the navigator (compiled once)", 0.4)
         assumed = belief(self.sensors, self.navigator)
-        key = digest(
-            self.flight_key, self.experiment.seed, self.sensors.to_dict(), self.navigator.to_dict()
-        )
+        key = digest(self.flight_key, self.experiment.seed, self.sensors.to_dict(), self.navigator.to_dict())
         solution = CACHE.get(
-            "navigation", key, lambda: self.solution(flight, gyro.increments, accelerometer.increments, fixes, assumed)
+            "navigation",
+            key,
+            lambda: self.solution(flight, gyro.increments, accelerometer.increments, fixes, assumed),
         )
         self.progress("Done", 1.0)
         return Result(
@@ -197,36 +218,106 @@ class _Run:
         truth = CACHE.get(
             "truth at fixes", digest(self.flight_key, errors.period), lambda: flight.trajectory.at(times)
         )
-        draws = gps.GpsDraws.of(self.experiment.seed, times.size)
         return CACHE.get(
             "gps",
             digest(self.flight_key, self.experiment.seed, errors.to_dict()),
-            lambda: gps.measure(truth, errors, draws),
+            lambda: gps.measure(truth, errors, gps.GpsDraws.of(self.experiment.seed, times.size)),
         )
 
     def solution(
         self, flight: Flight, dtheta: FloatArray, dvelocity: FloatArray, fixes: gps.GpsFixes, assumed: Belief
     ) -> Solution:
         """Navigate."""
-        settings = self.navigator
-        rate = settings.filter_rate
-        schedule = Schedule(
-            feedback=settings.correction == "feedback",
-            correction_period=float(settings.correction_period),
-            stride=max(1, round(self.experiment.trajectory.imu_rate / rate)) if rate else 1,
-        )
+        settings, ideal = self.navigator, flight.ideal
+        _check_r(assumed.R)
+        schedule = _schedule(settings, ideal)
+        _check_bias_decay(schedule.stride * ideal.dt, assumed.bias_decay)
         arguments = (
-            Imu(flight.ideal.time, dtheta, dvelocity),
+            Imu(ideal.time, dtheta, dvelocity),
             Fixes(fixes.time, fixes.position, fixes.velocity_n),
             start(flight.truth, settings, self.experiment.seed),
             assumed,
             schedule,
         )
-        if settings.engine == "filterpy":
+        try:
+            solution = self.engine(*arguments)
+        except PolarError as error:
+            if np.abs(flight.truth.latitude).max() > NEAR_POLE:
+                raise
+            raise _diverged(
+                "the estimate ran off to a pole, which the flight does not come near", error
+            ) from error
+        _check_finite(solution, ideal.time)
+        return solution
+
+    def engine(self, imu: Imu, fixes: Fixes, start: Start, belief: Belief, schedule: Schedule) -> Solution:
+        """Navigate with the engine of the settings."""
+        if self.navigator.engine == "filterpy":
             from lab.navigation import reference  # noqa: PLC0415 - filterpy takes half a second to import
 
-            return reference.navigate(*arguments, progress=lambda done: self.progress("Navigating", 0.4 + 0.6 * done))
-        return navigate(*arguments)
+            return reference.navigate(
+                imu,
+                fixes,
+                start,
+                belief,
+                schedule,
+                progress=lambda done: self.progress("Navigating", 0.4 + 0.6 * done),
+            )
+        return navigate(imu, fixes, start, belief, schedule)
+
+
+def _schedule(settings: NavigatorSettings, ideal: IdealImu) -> Schedule:
+    """Return when the filter does what."""
+    samples = ideal.dtheta.shape[0]
+    rate = settings.filter_rate
+    return Schedule(
+        feedback=settings.correction == "feedback",
+        correction_period=float(settings.correction_period),
+        stride=max(1, round(min(1 / (rate * ideal.dt), samples))) if rate else 1,
+    )
+
+
+def _check_r(R: FloatArray) -> None:
+    """Refuse a covariance of the fixes without inverse."""
+    try:
+        np.linalg.cholesky(R)
+    except np.linalg.LinAlgError as error:
+        raise SettingError(
+            "navigator.r: is singular: some measurement, or combination of measurements, is without noise; "
+            "accepted is a positive definite matrix (very small variances are possible)"
+        ) from error
+
+
+def _check_bias_decay(step: float, bias_decay: FloatArray) -> None:
+    """Refuse steps of the filter that are longer than the correlation time of a bias it follows."""
+    fastest = float(bias_decay.max())
+    if step * fastest > 1 + 1e-9:
+        raise SettingError(
+            f"navigator.filter_rate: the filter's step of {step:g} s is longer than the shortest correlation "
+            f"time of a bias, {1 / fastest:g} s (sensors.gyro.correlation_time, "
+            f"sensors.accelerometer.correlation_time); accepted here is a rate from {fastest:g} Hz, or 0 for "
+            "every IMU sample"
+        )
+
+
+def _check_finite(solution: Solution, time: FloatArray) -> None:
+    """Refuse a solution that contains what is no number, or variances below zero."""
+    # What is not finite stays so: the last sample tells.
+    states = (solution.position, solution.velocity_n, solution.q_nb, solution.bias, solution.variance)
+    if all(np.isfinite(values[-1]).all() for values in states) and solution.variance.min() >= 0:
+        return
+    bad = (solution.variance < 0).any(axis=1)
+    for values in states:
+        bad |= ~np.isfinite(values).all(axis=1)
+    raise _diverged(f"no usable numbers from t = {time[int(np.argmax(bad))]:.3f} s on")
+
+
+def _diverged(what: str, error: Exception | None = None) -> ValueError:
+    detail = f" ({error})" if error else ""
+    return ValueError(
+        f"the navigation solution diverged: {what}{detail}. Look at extreme settings of the navigator (p0, "
+        "q, r, their scales, the initial σ, filter_rate) and of the sensors it should match"
+    )
 
 
 def start(truth: Truth, settings: NavigatorSettings, seed: int) -> Start:

@@ -5,11 +5,14 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-import pymap3d
-import utm
 from numpy.typing import NDArray
 
+from lab.rotation import wrap
+
 FloatArray = NDArray[np.float64]
+
+UTM_LATITUDES = (-80.0, 84.0)
+"""Latitudes that UTM covers [°]."""
 
 
 class Projection(NamedTuple):
@@ -30,11 +33,14 @@ class Projection(NamedTuple):
     @classmethod
     def at(cls, latitude: float, longitude: float) -> Projection:
         """Return the projection for a flight that starts at a place [rad]."""
+        import utm  # noqa: PLC0415 - only needed where a map is shown
+
+        south, north = UTM_LATITUDES
         degrees = np.degrees(latitude)
-        covered = -80 <= degrees <= 84
-        return cls(
-            latitude, longitude, utm.latlon_to_zone_number(degrees, np.degrees(longitude)) if covered else 0
-        )
+        # A flight that starts within a degree of the limits could leave them.
+        covered = south + 1 <= degrees <= north - 1
+        zone = utm.latlon_to_zone_number(degrees, np.degrees(longitude)) if covered else 0
+        return cls(latitude, longitude, zone)
 
     @property
     def label(self) -> str:
@@ -44,8 +50,14 @@ class Projection(NamedTuple):
         return f"UTM zone {self.zone} {'north' if self.latitude >= 0 else 'south'}"
 
     def project(self, position: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Return easting and northing (n,) [m] of positions (n, 3): latitude, longitude [rad], height [m]."""
-        latitude, longitude = np.degrees(position[:, 0]), np.degrees(position[:, 1])
+        """Return easting and northing (n,) [m] of positions (n, 3): latitude, longitude [rad], height [m].
+
+        An estimate that strays beyond the latitudes of UTM is shown on their edge.
+        """
+        import pymap3d  # noqa: PLC0415 - only needed where a map is shown
+        import utm  # noqa: PLC0415
+
+        latitude, longitude = np.degrees(position[:, 0]), np.degrees(wrap(position[:, 1]))
         if not self.zone:
             east, north, _ = pymap3d.geodetic2enu(
                 latitude, longitude, 0.0, np.degrees(self.latitude), np.degrees(self.longitude), 0.0
@@ -54,6 +66,9 @@ class Projection(NamedTuple):
         if latitude.size == 0:
             return np.zeros(0), np.zeros(0)
         easting, northing, *_ = utm.from_latlon(
-            latitude, longitude, force_zone_number=self.zone, force_northern=self.latitude >= 0
+            np.clip(latitude, *UTM_LATITUDES),
+            longitude,
+            force_zone_number=self.zone,
+            force_northern=self.latitude >= 0,
         )
         return np.asarray(easting), np.asarray(northing)

@@ -7,18 +7,22 @@ import tempfile
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-import pandas as pd
-import xarray as xr
-
 from lab.settings_card import settings_html
 
 if TYPE_CHECKING:
+    import pandas as pd
+    import xarray as xr
+
     from lab.result import Result
 
 
 def write_netcdf(result: Result, path: Path, *, overwrite: bool) -> None:
     """Write a result as one netCDF file; see `Result.to_netcdf`."""
+    import xarray as xr  # noqa: PLC0415 - takes a while to import, and a run does without
+
     _refuse_existing([path], overwrite)
+    if not path.parent.is_dir():
+        raise FileNotFoundError(f"{path}: there is no folder {path.parent}")
     tree = xr.DataTree.from_dict({f"/{name}": dataset for name, dataset in result.datasets().items()})
     tree.attrs = {"title": f"INS Lab: {result.mission.title}", "settings": result.experiment.to_toml()}
     with tempfile.TemporaryDirectory(dir=path.parent, prefix=".") as folder:
@@ -33,14 +37,20 @@ def write_csv(result: Result, folder: Path, *, overwrite: bool) -> None:
     summary, settings = folder / "summary.csv", folder / "settings.toml"
     _refuse_existing([*tables, summary, settings], overwrite)
     folder.mkdir(parents=True, exist_ok=True)
-    for path, frame in tables.items():
-        frame.to_csv(path, float_format="%.10g")
-    result.summary.to_csv(summary, index=False, float_format="%.6g")
-    settings.write_text(result.experiment.to_toml(), encoding="utf-8")
+    with tempfile.TemporaryDirectory(dir=folder, prefix=".") as temporary:
+        whole = Path(temporary)
+        for path, frame in tables.items():
+            frame.to_csv(whole / path.name, float_format="%.10g")
+        result.summary.to_csv(whole / summary.name, index=False, float_format="%.6g")
+        (whole / settings.name).write_text(result.experiment.to_toml(), encoding="utf-8")
+        for path in (*tables, summary, settings):
+            (whole / path.name).replace(path)
 
 
 def table(dataset: xr.Dataset) -> pd.DataFrame:
     """Return a dataset as a table: a row for each time (or lag), a column for each component, with units."""
+    import pandas as pd  # noqa: PLC0415 - as above
+
     rows = next(str(dim) for dim in dataset.dims if str(dim).startswith("time") or dim == "lag")
     columns = {}
     for name, array in dataset.data_vars.items():
@@ -63,15 +73,19 @@ def _heading(name: str, unit: str) -> str:
 def _refuse_existing(paths: list[Path], overwrite: bool) -> None:
     existing = [str(path) for path in paths if path.exists()]
     if existing and not overwrite:
-        raise FileExistsError(f"{existing[0]} exists already; nothing was written")
+        raise FileExistsError(
+            f"{existing[0]} exists already; nothing was written. overwrite=True replaces it"
+        )
 
 
 def html(result: Result) -> str:
     """Return a result for a notebook: what was run, the settings that are not default, and the errors."""
-    mission = result.mission
+    remarks = "".join(f"<li>{markup.escape(remark)}</li>" for remark in result.remarks)
+    title = f"{result.mission.title}, {result.time[-1]:.0f} s, seed {result.experiment.seed}"
     summary = result.summary.to_html(index=False, border=0, float_format=lambda value: f"{value:.4g}")
     return (
-        f"<h4>{markup.escape(mission.title)}, {mission.duration:.0f} s, seed {result.experiment.seed}</h4>"
+        f"<h4>{markup.escape(title)}</h4>"
         f"{settings_html(result.experiment, changed_only=True)}{summary}"
         "<p>Errors are estimate minus truth, over the whole flight.</p>"
+        f"{f'<ul>{remarks}</ul>' if remarks else ''}"
     )

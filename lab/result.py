@@ -1,7 +1,7 @@
 """Result: everything one run of an experiment gave, as labelled datasets with units.
 
-Inside, the arrays of the stages; what a person takes out is an `xarray.Dataset`, built when first asked for: degrees,
-datasheet units for the sensors, east-north-up.
+Inside, the arrays of the stages; what a person takes out is an `xarray.Dataset`, built when first asked
+for: degrees, datasheet units for the sensors, east-north-up.
 """
 
 from __future__ import annotations
@@ -12,15 +12,13 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import pandas as pd
-import xarray as xr
 from numpy.typing import NDArray
 
 from lab import report
 from lab.analysis import consistency, errors
 from lab.ideal_imu import IdealImu
 from lab.missions import Mission
-from lab.navigation.error_models import ATT, POS, STATES, VEL
+from lab.navigation.error_models import ATT, POS, STATES
 from lab.navigation.solution import Belief, Solution
 from lab.projection import Projection
 from lab.rotation import euler_from_quaternion, wrap
@@ -30,6 +28,9 @@ from lab.trajectory import Truth
 from lab.units import TO_SI
 
 if TYPE_CHECKING:
+    import pandas as pd
+    import xarray as xr
+
     from lab.experiment import Experiment
 
 FloatArray = NDArray[np.float64]
@@ -39,6 +40,22 @@ ANGLES = ["roll", "pitch", "heading"]
 BODY_AXES = ["x", "y", "z"]
 STATE_UNITS = ("m",) * 3 + ("m/s",) * 3 + ("°",) * 3 + ("°/s",) * 3 + ("mg",) * 3
 """Units in which the σ of the error states are shown."""
+
+DATASETS = (
+    "truth",
+    "solution",
+    "errors",
+    "sigma",
+    "state_sigma",
+    "imu",
+    "gps",
+    "track",
+    "sensor_errors",
+    "innovations",
+    "autocorrelation",
+    "consistency",
+)
+"""Names of the datasets of a result, as they are written to files."""
 
 _COORDINATES: dict[str, list[str]] = {
     "axis": EAST_NORTH_UP,
@@ -52,6 +69,9 @@ _DEGREE = 1 / TO_SI["°"]
 @dataclass(frozen=True, eq=False, repr=False)
 class Result:
     """What one run gave.
+
+    The datasets are made from the arrays when first asked for. Two threads that ask at once may both make
+    one; it is the same.
 
     Attributes
     ----------
@@ -135,7 +155,7 @@ class Result:
 
     @cached_property
     def imu(self) -> xr.Dataset:
-        """What the IMU put out, and what a perfect one would have, as mean rates over each sample interval."""
+        """What the IMU put out and what a perfect one would have, as mean rates over each sample interval."""
         dims = ("time_imu", "body_axis")
         rate, force = _DEGREE / self.ideal.dt, 1 / self.ideal.dt
         return self._dataset(
@@ -176,7 +196,12 @@ class Result:
         dataset = self._dataset(
             easting=(dims, np.stack([east for east, _ in projected]), "m", f"easting, {label}"),
             northing=(dims, np.stack([north for _, north in projected]), "m", f"northing, {label}"),
-            height=(dims, np.stack([path[:, 2] for path in paths.values()]), "m", "height above the ellipsoid"),
+            height=(
+                dims,
+                np.stack([path[:, 2] for path in paths.values()]),
+                "m",
+                "height above the ellipsoid",
+            ),
         )
         return dataset.assign_coords(path=list(paths))
 
@@ -203,7 +228,7 @@ class Result:
 
     @cached_property
     def innovations(self) -> xr.Dataset:
-        """Innovations of the fixes (navigator minus GPS), their σ, and NIS."""
+        """Innovations of the fixes (navigator minus GPS), their σ, and NIS; NaN for a fix not used."""
         nu, S = self.solution_arrays.innovation, self.solution_arrays.innovation_covariance
         sigma = np.sqrt(np.diagonal(S, axis1=1, axis2=2))
         dims = ("time_gps", "axis")
@@ -212,12 +237,17 @@ class Result:
             velocity=(dims, errors.to_enu(nu[:, 3:]), "m/s", "velocity innovation"),
             position_sigma=(dims, sigma[:, [1, 0, 2]], "m", "σ of the position innovation"),
             velocity_sigma=(dims, sigma[:, [4, 3, 5]], "m/s", "σ of the velocity innovation"),
-            nis=(("time_gps",), self._used_fixes(consistency.normalised_squares, nu, S), "", "NIS, 6 degrees of freedom"),
+            nis=(
+                ("time_gps",),
+                self._used_fixes(consistency.normalised_squares, nu, S),
+                "",
+                "NIS, 6 degrees of freedom",
+            ),
         )
 
     @cached_property
     def autocorrelation(self) -> xr.Dataset:
-        """Normalised autocorrelation of the innovations; attribute `band` is the half-width of the 95 % band."""
+        """Normalised autocorrelation of the innovations; attribute `band`: half-width of the 95 % band."""
         used = self.solution_arrays.fix_sample >= 0
         sets = self.innovations
         normalised = [(sets[name] / sets[f"{name}_sigma"]).values[used] for name in ("position", "velocity")]
@@ -231,16 +261,22 @@ class Result:
 
     @cached_property
     def consistency(self) -> xr.Dataset:
-        """NEES of all 15 states after each fix."""
+        """NEES of the states after each fix; attribute `degrees` of `nees`: states that have a variance."""
         solution = self.solution_arrays
         samples = np.maximum(solution.fix_sample, 0)
         x = errors.error_state(solution, samples, self.truth_arrays, self.true_bias)
         nees = self._used_fixes(consistency.normalised_squares, x, solution.fix_covariance)
-        return self._dataset(nees=(("time_gps",), nees, "", "NEES, 15 degrees of freedom"))
+        used = solution.fix_covariance[solution.fix_sample >= 0]
+        degrees = int(consistency.uncertain(used).size)
+        dataset = self._dataset(nees=(("time_gps",), nees, "", f"NEES, {degrees} degrees of freedom"))
+        dataset.nees.attrs["degrees"] = degrees
+        return dataset
 
     @cached_property
     def position_covariance(self) -> xr.DataArray:
         """Covariance of the position error after each fix, east, north, up [m²]."""
+        import xarray as xr  # noqa: PLC0415 - takes a while to import, and a run does without
+
         P = errors.NED_TO_ENU @ self.solution_arrays.fix_covariance[:, POS, POS] @ errors.NED_TO_ENU.T
         return xr.DataArray(
             P,
@@ -252,19 +288,37 @@ class Result:
     @cached_property
     def summary(self) -> pd.DataFrame:
         """Table of the errors over the whole flight: rms, largest, and what 95 % stay below."""
+        import pandas as pd  # noqa: PLC0415 - takes a while to import, and a run does without
+
         rows = []
         for name, array in self.errors.data_vars.items():
-            for component in array[array.dims[1]].values:
-                size = np.abs(array.sel({array.dims[1]: component}).values)
-                rms, largest, most = np.sqrt(np.mean(size**2)), size.max(), np.quantile(size, 0.95)
-                rows.append((f"{name} {component}", array.attrs["units"], float(rms), float(largest), float(most)))
+            for component, column in zip(array[array.dims[1]].values, array.values.T, strict=True):
+                size = np.abs(column)
+                figures = (np.sqrt(np.mean(size**2)), size.max(), np.quantile(size, 0.95))
+                rows.append((f"{name} {component}", array.attrs["units"], *map(float, figures)))
         return pd.DataFrame(rows, columns=["quantity", "unit", "rms", "max", "95 %"])
+
+    @cached_property
+    def remarks(self) -> tuple[str, ...]:
+        """What to know before believing the result: a saturated sensor, a flight without fixes."""
+        remarks = []
+        for sensor, measured in (("gyro", self.gyro), ("accelerometer", self.accelerometer)):
+            if measured.saturated:
+                part = 100 * measured.saturated / measured.increments.size
+                remarks.append(
+                    f"The {sensor}s met the end of their range (sensors.{sensor}.range) in "
+                    f"{measured.saturated} values, {part:.2g} % of all; the filter is not told."
+                )
+        if not self.fixes.time.size:
+            remarks.append(
+                "No GPS fix during the flight (sensors.gps.outages, sensors.gps.period): the navigator ran "
+                "free."
+            )
+        return tuple(remarks)
 
     def datasets(self) -> dict[str, xr.Dataset]:
         """Return all datasets by name."""
-        names = ("truth", "solution", "errors", "sigma", "state_sigma", "imu", "gps", "track", "sensor_errors")
-        names += ("innovations", "autocorrelation", "consistency")
-        return {name: getattr(self, name) for name in names}
+        return {name: getattr(self, name) for name in DATASETS}
 
     def to_netcdf(self, path: str | Path, *, overwrite: bool = False) -> None:
         """Write all datasets as groups of one netCDF file, the settings in its attributes.
@@ -273,11 +327,13 @@ class Result:
         ------
         FileExistsError
             If the file exists and `overwrite` is not given.
+        FileNotFoundError
+            If the folder does not exist.
         """
         report.write_netcdf(self, Path(path), overwrite=overwrite)
 
     def to_csv(self, folder: str | Path, *, overwrite: bool = False) -> None:
-        """Write each dataset as a csv file in a folder, the units in the column names, and the settings as TOML.
+        """Write each dataset as a csv file in a folder, units in the column names, and the settings as TOML.
 
         Raises
         ------
@@ -288,12 +344,16 @@ class Result:
 
     def __repr__(self) -> str:
         lines = self.summary.to_string(index=False, float_format=lambda value: f"{value:.4g}")
-        return f"Result of {self.mission.name}, seed {self.experiment.seed}:\n{lines}"
+        return "\n".join(
+            (f"Result of {self.mission.name}, seed {self.experiment.seed}:", lines, *self.remarks)
+        )
 
     def _repr_html_(self) -> str:
         return report.html(self)
 
-    def _flight(self, position: FloatArray, velocity_n: FloatArray, euler: FloatArray, word: str) -> xr.Dataset:
+    def _flight(
+        self, position: FloatArray, velocity_n: FloatArray, euler: FloatArray, word: str
+    ) -> xr.Dataset:
         return self._dataset(
             latitude=(("time",), position[:, 0] * _DEGREE, "°", f"{word} latitude"),
             longitude=(("time",), position[:, 1] * _DEGREE, "°", f"{word} longitude"),
@@ -311,10 +371,14 @@ class Result:
 
     def _dataset(self, **variables: tuple[tuple[str, ...], FloatArray, str, str]) -> xr.Dataset:
         """Return a dataset of variables given as (dimensions, values, unit, long name)."""
+        import xarray as xr  # noqa: PLC0415 - takes a while to import, and a run does without
+
         times = {"time": self.time, "time_imu": self.time[1:], "time_gps": self.fixes.time}
         used = {dim for dims, *_ in variables.values() for dim in dims}
         coords: dict[str, Any] = {
-            dim: (dim, values, {"units": "s", "long_name": "time"}) for dim, values in times.items() if dim in used
+            dim: (dim, values, {"units": "s", "long_name": "time"})
+            for dim, values in times.items()
+            if dim in used
         }
         coords |= {dim: names for dim, names in _COORDINATES.items() if dim in used}
         return xr.Dataset(

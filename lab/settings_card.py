@@ -9,10 +9,11 @@ if TYPE_CHECKING:
     from lab.settings import Settings
 
 _LEFT = "text-align:left"
+_CHANGED = f"{_LEFT};font-weight:bold"
 
 
 def settings_html(settings: Settings, *, changed_only: bool = False) -> str:
-    """Return settings as an HTML table with their units.
+    """Return settings as an HTML table with their units; those that are not default stand out in bold.
 
     Parameters
     ----------
@@ -26,8 +27,10 @@ def settings_html(settings: Settings, *, changed_only: bool = False) -> str:
         parameter, value = owner.param[name], getattr(owner, name)
         if changed_only and value == parameter.default:
             continue
+        style = _LEFT if value == parameter.default else _CHANGED
         cells = (path, f"{_shown(value)} {getattr(parameter, 'unit', '')}", parameter.doc or "")
-        rows.append("".join(f'<td style="{_LEFT}">{escape(cell)}</td>' for cell in cells))
+        styles = (style, style, _LEFT)
+        rows.append("".join(f'<td style="{s}">{escape(c)}</td>' for s, c in zip(styles, cells, strict=True)))
     if not rows:
         return "<p>All settings have their default values.</p>"
     head = "".join(f'<th style="{_LEFT}">{title}</th>' for title in ("setting", "value", "meaning"))

@@ -79,6 +79,11 @@ class AttitudeCurve(Protocol):
         """Return ω_nb,b (n, 3) at the times [rad/s]."""
         ...
 
+    @property
+    def nbytes(self) -> int:
+        """Memory of the curve's coefficients [bytes]."""
+        ...
+
 
 class RotationCurve:
     """SciPy's `RotationSpline` through the attitudes: no gimbal lock, nothing to unwrap.
@@ -101,6 +106,13 @@ class RotationCurve:
     def rate(self, times: FloatArray) -> FloatArray:
         """Return ω_nb,b (n, 3) at the times [rad/s]."""
         return self._spline(times, 1)
+
+    @property
+    def nbytes(self) -> int:
+        """Memory of the curve's coefficients [bytes]."""
+        knots = int(self._spline.times.size)
+        # Beside the coefficients of the rotation vectors: n knots and n quaternions.
+        return int(self._spline.interpolator.c.nbytes) + knots * 5 * 8
 
     def resampled(self, times: FloatArray) -> RotationCurve:
         """Return a curve through this one with knots at other times."""
@@ -128,6 +140,11 @@ class EulerCurve:
     def rate(self, times: FloatArray) -> FloatArray:
         """Return ω_nb,b (n, 3) at the times [rad/s]."""
         return rotation.body_rate(self._spline(times), self._spline(times, 1))
+
+    @property
+    def nbytes(self) -> int:
+        """Memory of the curve's coefficients [bytes]."""
+        return int(self._spline.c.nbytes + self._spline.x.nbytes)
 
     def resampled(self, times: FloatArray) -> EulerCurve:
         """Return a curve through this one with knots at other times."""
@@ -216,6 +233,11 @@ class Trajectory:
     def time(self) -> FloatArray:
         """The IMU grid: (n + 1,) times from 0 to `duration` [s]."""
         return self._time
+
+    @property
+    def nbytes(self) -> int:
+        """Memory of the curve's knots and coefficients [bytes]."""
+        return int(self._time.nbytes + self._position.c.nbytes) + self._attitude.nbytes
 
     def at(self, times: ArrayLike) -> Truth:
         """Return the truth at any times within the flight.

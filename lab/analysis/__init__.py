@@ -1,0 +1,1 @@
+"""Analysis: how good a solution is, and whether its filter knows."""

@@ -15,12 +15,15 @@ FloatArray = NDArray[np.float64]
 
 MAX_LAG = 30
 """Largest lag of the innovations' autocorrelation that is looked at."""
+SINGULAR = 1e-6
+"""A state of which the others leave less than this part of its σ is taken as a combination of them."""
 
 
 def normalised_squares(vectors: FloatArray, covariances: FloatArray) -> FloatArray:
-    """Return vᵀ P⁻¹ v for each epoch (m,): NEES for errors and P, NIS for innovations and S (5.4.2-2, 5.4.2-11).
+    """Return vᵀ P⁻¹ v of each epoch (m,): NEES of errors and P, NIS of innovations and S (5.4.2-2, 5.4.2-11).
 
-    States without variance (certain, such as a bias nobody doubts) are left out of the sum.
+    States without variance (certain, such as a bias nobody doubts) are left out of the sum, and so are
+    combinations of states without variance, as a P0 of less than full rank may have.
 
     Parameters
     ----------
@@ -31,14 +34,28 @@ def normalised_squares(vectors: FloatArray, covariances: FloatArray) -> FloatArr
     """
     if vectors.shape[0] == 0:
         return np.zeros(0)
-    used = np.flatnonzero((np.diagonal(covariances, axis1=1, axis2=2) > 0).all(axis=0))
+    used = uncertain(covariances)
     P = covariances[:, used[:, None], used]
     v = vectors[:, used]
     # Scaled to unit diagonal: metres beside rad/s would spoil the condition number.
     sigma = np.sqrt(np.diagonal(P, axis1=1, axis2=2))
     v = v / sigma
     P = P / (sigma[:, :, None] * sigma[:, None, :])
-    return np.asarray(np.einsum("mi,mi->m", v, np.linalg.solve(P, v[..., None])[..., 0]))
+    try:
+        root = np.linalg.cholesky(P)
+        singular = bool((np.diagonal(root, axis1=1, axis2=2) < SINGULAR).any())
+    except np.linalg.LinAlgError:
+        singular = True
+    if singular:
+        inverse = np.linalg.pinv(P, rcond=SINGULAR**2, hermitian=True)
+        return np.asarray(np.einsum("mi,mij,mj->m", v, inverse, v))
+    white = np.linalg.solve(root, v[..., None])[..., 0]
+    return np.asarray(np.einsum("mi,mi->m", white, white))
+
+
+def uncertain(covariances: FloatArray) -> NDArray[np.intp]:
+    """Return the numbers of the states that have a variance at every epoch, of covariances (m, n, n)."""
+    return np.flatnonzero((np.diagonal(covariances, axis1=1, axis2=2) > 0).all(axis=0))
 
 
 def chi_square_interval(degrees: int, runs: int = 1, probability: float = 0.95) -> tuple[float, float]:
@@ -64,8 +81,10 @@ def autocorrelation(innovations: FloatArray, max_lag: int = MAX_LAG) -> FloatArr
     if lags < 0:
         return np.zeros((0, innovations.shape[1]))
     power = np.einsum("mc,mc->c", innovations, innovations)
-    sums = np.stack([np.einsum("mc,mc->c", innovations[lag:], innovations[: m - lag]) for lag in range(lags + 1)])
-    return np.divide(sums, power, out=np.zeros_like(sums), where=power > 0)
+    sums = np.stack(
+        [np.einsum("mc,mc->c", innovations[lag:], innovations[: m - lag]) for lag in range(lags + 1)]
+    )
+    return np.asarray(np.divide(sums, power, out=np.zeros_like(sums), where=power > 0))
 
 
 def whiteness_band(count: int, probability: float = 0.95) -> float:

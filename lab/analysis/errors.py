@@ -1,7 +1,8 @@
 """Errors: what a navigation solution misses the truth by, and what the filter said it would.
 
-Errors are estimate minus truth. Position and velocity errors are given east, north, up; attitude errors are differences
-of roll, pitch and heading, with the filter's covariance of φ mapped to them by the Jacobian (`rotation.euler_jacobian`).
+Errors are estimate minus truth. Position and velocity errors are given east, north, up; attitude errors are
+differences of roll, pitch and heading, with the filter's covariance of φ mapped to them by the Jacobian
+(`rotation.euler_jacobian`).
 """
 
 from __future__ import annotations
@@ -38,7 +39,9 @@ def position_error(position: FloatArray, truth: Truth) -> FloatArray:
     meridian, transverse = earth.radii(np.sin(truth.latitude))
     error = np.empty_like(position)
     error[:, 0] = (position[:, 0] - truth.latitude) * (meridian + truth.height)
-    error[:, 1] = wrap(position[:, 1] - truth.longitude) * (transverse + truth.height) * np.cos(truth.latitude)
+    error[:, 1] = (
+        wrap(position[:, 1] - truth.longitude) * (transverse + truth.height) * np.cos(truth.latitude)
+    )
     error[:, 2] = truth.height - position[:, 2]
     return error
 
@@ -50,7 +53,8 @@ def attitude_error(q_nb: FloatArray, truth_q_nb: FloatArray) -> FloatArray:
     # q̂ ⊗ q*, the rotation by −φ.
     scalar = w * a + x * b + y * c + z * d
     vector = np.stack(
-        (-w * b + x * a - y * d + z * c, -w * c + x * d + y * a - z * b, -w * d - x * c + y * b + z * a), axis=-1
+        (-w * b + x * a - y * d + z * c, -w * c + x * d + y * a - z * b, -w * d - x * c + y * b + z * a),
+        axis=-1,
     )
     length = np.linalg.norm(vector, axis=-1)
     angle = 2 * np.arctan2(length, np.abs(scalar))
@@ -82,7 +86,7 @@ def error_state(solution: Solution, samples: NDArray[np.int64], truth: Truth, bi
 
 
 def block_matrices(variance: FloatArray, covariance: FloatArray) -> FloatArray:
-    """Return symmetric matrices (n, 3, 3) from their diagonals (n, 3) and elements (0, 1), (0, 2), (1, 2) (n, 3)."""
+    """Return symmetric matrices (n, 3, 3) from diagonals and elements (0, 1), (0, 2), (1, 2), (n, 3) each."""
     P = np.empty((variance.shape[0], 3, 3))
     for i in range(3):
         P[:, i, i] = variance[:, i]
@@ -106,4 +110,5 @@ def euler_sigma(euler: FloatArray, variance: FloatArray, covariance: FloatArray)
     v, k = variance[:, None, :], covariance[:, None, :]
     squares = a * a * v[..., 0] + b * b * v[..., 1] + c * c * v[..., 2]
     products = a * b * k[..., 0] + a * c * k[..., 1] + b * c * k[..., 2]
-    return np.asarray(np.sqrt(squares + 2 * products))
+    # Roundoff may leave a variance of nothing slightly negative.
+    return np.asarray(np.sqrt(np.maximum(squares + 2 * products, 0)))

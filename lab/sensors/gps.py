@@ -22,24 +22,43 @@ class GpsErrors(Settings):
     """Errors and timing of the GPS receiver. Defaults: the classic experiment."""
 
     position_variance = AxisQuantity(
-        0.5, unit="m²", axes=EAST_NORTH_UP, bounds=(1e-6, 1e6), softbounds=(0.01, 25), step=0.01,
-        label="Position variance", doc="Variance of the white position error.",
+        0.5,
+        unit="m²",
+        axes=EAST_NORTH_UP,
+        bounds=(1e-6, 1e6),
+        softbounds=(0.01, 25),
+        step=0.01,
+        label="Position variance",
+        doc="Variance of the white position error.",
     )
     velocity_variance = AxisQuantity(
-        0.2, unit="(m/s)²", axes=EAST_NORTH_UP, bounds=(1e-8, 1e4), softbounds=(0.001, 4), step=0.001,
-        label="Velocity variance", doc="Variance of the white velocity error.",
+        0.2,
+        unit="(m/s)²",
+        axes=EAST_NORTH_UP,
+        bounds=(1e-8, 1e4),
+        softbounds=(0.001, 4),
+        step=0.001,
+        label="Velocity variance",
+        doc="Variance of the white velocity error.",
     )
     period = Quantity(
-        1.0, unit="s", bounds=(0.05, 60), softbounds=(0.1, 10), step=0.1, label="Period",
+        1.0,
+        unit="s",
+        bounds=(0.05, 60),
+        softbounds=(0.1, 10),
+        step=0.1,
+        label="Period",
         doc="Time from fix to fix; the first comes one period after the start.",
     )
     outages = Intervals(
-        default=[], label="Outages", doc="Times without fixes, as [start, end] pairs in seconds since the start."
+        default=[],
+        label="Outages",
+        doc="Times without fixes, as [start, end] pairs in seconds since the start.",
     )
 
 
 class GpsDraws(NamedTuple):
-    """Unit draws of a receiver for m fixes: position (m, 3) and velocity (m, 3), in the order east, north, up."""
+    """Unit draws of a receiver for m fixes: position (m, 3) and velocity (m, 3), east, north, up."""
 
     position: FloatArray
     velocity: FloatArray
@@ -75,7 +94,7 @@ class GpsFixes(NamedTuple):
 def fix_times(errors: GpsErrors, duration: float) -> FloatArray:
     """Return the times of all fixes of a flight, those in outages included [s]."""
     period = errors.period
-    return np.arange(1, int(duration / period + 1e-9) + 1) * period
+    return period * np.arange(1.0, int(duration / period + 1e-9) + 1)
 
 
 def outside_outages(errors: GpsErrors, times: FloatArray) -> NDArray[np.bool_]:

@@ -1,8 +1,8 @@
 """IMU: what real inertial sensors make of the true rates and specific forces (the truth side).
 
-x_meas = (I + M) (x_true + b) + ν, then the range, applied to the increments of each sample; see Groves, *Principles of
-GNSS, Inertial and Multisensor Integrated Navigation Systems*, 2nd ed., ch. 4.4, eqs. 4.16-4.18. b is the turn-on bias
-plus a first-order Gauss-Markov process; ν is white with the given density.
+x_meas = (I + M) (x_true + b) + ν, then the range, applied to the increments of each sample; see Groves,
+*Principles of GNSS, Inertial and Multisensor Integrated Navigation Systems*, 2nd ed., ch. 4.4, eqs.
+4.16-4.18. b is the turn-on bias plus a first-order Gauss-Markov process; ν is white with the given density.
 """
 
 from __future__ import annotations
@@ -26,35 +26,76 @@ class GyroErrors(Settings):
     """Errors of the three gyros. Defaults: MEMSense AccelRate3D of the classic experiment."""
 
     noise_density = AxisQuantity(
-        0.05, unit="°/s/√Hz", bounds=(0, 10), softbounds=(0, 0.5), step=0.001, label="White noise",
+        0.05,
+        unit="°/s/√Hz",
+        bounds=(0, 10),
+        softbounds=(0, 0.5),
+        step=0.001,
+        label="White noise",
         doc="Density of the white rate noise (angle random walk).",
     )
     bias = AxisQuantity(
-        0.0, unit="°/s", bounds=(-20, 20), softbounds=(-1, 1), step=0.01, label="Turn-on bias, given",
+        0.0,
+        unit="°/s",
+        bounds=(-20, 20),
+        softbounds=(-1, 1),
+        step=0.01,
+        label="Turn-on bias, given",
         doc="Known part of the turn-on bias; the filter is not told its value.",
     )
     bias_sigma = AxisQuantity(
-        0.1, unit="°/s", bounds=(0, 20), softbounds=(0, 1), step=0.01, label="Turn-on bias, σ",
+        0.1,
+        unit="°/s",
+        bounds=(0, 20),
+        softbounds=(0, 1),
+        step=0.01,
+        label="Turn-on bias, σ",
         doc="Standard deviation of the part of the turn-on bias that is drawn anew for each seed.",
     )
     instability = AxisQuantity(
-        0.0, unit="°/h", bounds=(0, 36000), softbounds=(0, 360), step=1, label="Bias instability",
+        0.0,
+        unit="°/h",
+        bounds=(0, 36000),
+        softbounds=(0, 360),
+        step=1,
+        label="Bias instability",
         doc="Standard deviation of the first-order Gauss-Markov bias.",
     )
     correlation_time = Quantity(
-        300.0, unit="s", bounds=(0.1, 1e6), softbounds=(10, 3600), step=10, label="Correlation time",
+        300.0,
+        unit="s",
+        bounds=(0.1, 1e6),
+        softbounds=(10, 3600),
+        step=10,
+        label="Correlation time",
         doc="Correlation time of the Gauss-Markov bias.",
     )
     scale_factor = AxisQuantity(
-        0.0, unit="%", bounds=(-50, 50), softbounds=(-2, 2), step=0.01, label="Scale factor error",
+        0.0,
+        unit="%",
+        bounds=(-50, 50),
+        softbounds=(-2, 2),
+        step=0.01,
+        label="Scale factor error",
         doc="Relative error of the scale factor.",
     )
     misalignment = AxisQuantity(
-        0.0, unit="°", axes=OFF_DIAGONAL, bounds=(-20, 20), softbounds=(-2, 2), step=0.01, label="Misalignment",
+        0.0,
+        unit="°",
+        axes=OFF_DIAGONAL,
+        bounds=(-20, 20),
+        softbounds=(-2, 2),
+        step=0.01,
+        label="Misalignment",
         doc="Off-diagonal elements of M: 'xy' is what the x sensor feels of the y axis.",
     )
     range = Quantity(
-        150.0, unit="°/s", bounds=(1, 10000), softbounds=(10, 1000), step=10, label="Range",
+        150.0,
+        unit="°/s",
+        bounds=(1, 10000),
+        softbounds=(10, 1000),
+        step=10,
+        label="Range",
         doc="The output saturates beyond plus and minus this rate.",
     )
 
@@ -63,35 +104,76 @@ class AccelerometerErrors(Settings):
     """Errors of the three accelerometers. Defaults: MEMSense AccelRate3D of the classic experiment."""
 
     noise_density = AxisQuantity(
-        (35.0, 65.0, 35.0), unit="µg/√Hz", bounds=(0, 10000), softbounds=(0, 500), step=1, label="White noise",
+        (35.0, 65.0, 35.0),
+        unit="µg/√Hz",
+        bounds=(0, 10000),
+        softbounds=(0, 500),
+        step=1,
+        label="White noise",
         doc="Density of the white specific-force noise (velocity random walk).",
     )
     bias = AxisQuantity(
-        0.0, unit="mg", bounds=(-500, 500), softbounds=(-20, 20), step=0.1, label="Turn-on bias, given",
+        0.0,
+        unit="mg",
+        bounds=(-500, 500),
+        softbounds=(-20, 20),
+        step=0.1,
+        label="Turn-on bias, given",
         doc="Known part of the turn-on bias; the filter is not told its value.",
     )
     bias_sigma = AxisQuantity(
-        2.0, unit="mg", bounds=(0, 500), softbounds=(0, 20), step=0.1, label="Turn-on bias, σ",
+        2.0,
+        unit="mg",
+        bounds=(0, 500),
+        softbounds=(0, 20),
+        step=0.1,
+        label="Turn-on bias, σ",
         doc="Standard deviation of the part of the turn-on bias that is drawn anew for each seed.",
     )
     instability = AxisQuantity(
-        0.0, unit="mg", bounds=(0, 100), softbounds=(0, 2), step=0.01, label="Bias instability",
+        0.0,
+        unit="mg",
+        bounds=(0, 100),
+        softbounds=(0, 2),
+        step=0.01,
+        label="Bias instability",
         doc="Standard deviation of the first-order Gauss-Markov bias.",
     )
     correlation_time = Quantity(
-        300.0, unit="s", bounds=(0.1, 1e6), softbounds=(10, 3600), step=10, label="Correlation time",
+        300.0,
+        unit="s",
+        bounds=(0.1, 1e6),
+        softbounds=(10, 3600),
+        step=10,
+        label="Correlation time",
         doc="Correlation time of the Gauss-Markov bias.",
     )
     scale_factor = AxisQuantity(
-        0.0, unit="%", bounds=(-50, 50), softbounds=(-2, 2), step=0.01, label="Scale factor error",
+        0.0,
+        unit="%",
+        bounds=(-50, 50),
+        softbounds=(-2, 2),
+        step=0.01,
+        label="Scale factor error",
         doc="Relative error of the scale factor.",
     )
     misalignment = AxisQuantity(
-        0.0, unit="°", axes=OFF_DIAGONAL, bounds=(-20, 20), softbounds=(-2, 2), step=0.01, label="Misalignment",
+        0.0,
+        unit="°",
+        axes=OFF_DIAGONAL,
+        bounds=(-20, 20),
+        softbounds=(-2, 2),
+        step=0.01,
+        label="Misalignment",
         doc="Off-diagonal elements of M: 'xy' is what the x sensor feels of the y axis.",
     )
     range = Quantity(
-        10.0, unit="g", bounds=(1, 1000), softbounds=(2, 50), step=1, label="Range",
+        10.0,
+        unit="g",
+        bounds=(1, 1000),
+        softbounds=(2, 50),
+        step=1,
+        label="Range",
         doc="The output saturates beyond plus and minus this specific force.",
     )
 
@@ -115,7 +197,7 @@ class Measured(NamedTuple):
 
 
 class ImuDraws(NamedTuple):
-    """The unit draws of a triad: turn-on bias (3,), start (3,) and drive (n, 3) of the instability, noise (n, 3)."""
+    """Unit draws of a triad: turn-on bias (3,), start (3,) and drive (n, 3) of instability, noise (n, 3)."""
 
     bias: FloatArray
     start: FloatArray
@@ -147,7 +229,7 @@ def measure(
     errors
         The errors of the triad.
     draws
-        Unit draws for n samples.
+        Unit draws for n samples, with the drive of the instability if `errors` has any.
     """
     bias = turn_on_bias(errors, draws) + instability(errors, draws, dt)
     bias = np.broadcast_to(bias, ideal.shape)

@@ -8,10 +8,10 @@ from lab.settings import Settings, group
 
 
 class SensorSuite(Settings):
-    """The errors of all sensors. Defaults: the MEMSense AccelRate3D and the receiver of the classic experiment.
+    """The errors of all sensors. Defaults: MEMSense AccelRate3D and receiver of the classic experiment.
 
-    Noise, range and receiver are those of the experiment, which states no biases: the turn-on biases' 0.1 °/s and 2 mg
-    (1σ) are this lab's choice, of the size that remains after a calibration at rest.
+    Noise, range and receiver are those of the experiment, which states no biases: the turn-on biases' 0.1
+    °/s and 2 mg (1σ) are this lab's choice, of the size that remains after a calibration at rest.
     """
 
     gyro = group(GyroErrors, "Gyro errors.")
