@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 
 import holoviews as hv
 import numpy as np
+import panel as pn
 
 from lab.views.envelope import envelope, limits, thin_path
 from lab.views.quantities import (
@@ -31,7 +32,8 @@ from lab.views.quantities import (
 if TYPE_CHECKING:
     from lab.result import Result
 
-hv.extension("bokeh", logo=False)
+# As Panel does: offline, the environment variable PANEL_INLINE=True puts the scripts into the page.
+hv.extension("bokeh", logo=False, inline=pn.config.inline)
 
 WIDTH, HEIGHT_PIXELS = 330, 230
 PATH_POINTS = 2000
