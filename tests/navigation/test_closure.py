@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from lab import earth, rotation
 from lab.analysis.errors import attitude_error, position_error
 from lab.missions.recording import Recording
-from lab.navigation.navigator import Imu, Solution, Start, navigate
+from lab.navigation.navigator import Fixes, Imu, Solution, Start, navigate
 from lab.trajectory import Trajectory, Truth
 
 FloatArray = NDArray[np.float64]
@@ -97,6 +97,19 @@ def test_flights_anywhere_close(place: str) -> None:
     assert np.abs(solution.position[:, 1]).max() <= np.pi
     if place == "across the date line":
         assert solution.position[:, 1].min() < -3 < 3 < solution.position[:, 1].max()
+
+
+def test_fixes_across_the_date_line_are_no_event() -> None:
+    trajectory = Trajectory.from_recording(weaving(*PLACES["across the date line"]), 200)
+    ideal = trajectory.increments()
+    times = np.arange(1.0, 60.0)
+    true = trajectory.at(times)
+    fixes = Fixes(times, np.stack((true.latitude, true.longitude, true.height), axis=-1), true.velocity_n)
+    start = Start.off(trajectory.at([0.0]), *np.zeros((3, 3)))
+    belief = NO_FILTER._replace(P0=np.eye(15))
+    solution = navigate(Imu(ideal.time, ideal.dtheta, ideal.dvelocity), fixes, start, belief)
+    assert (np.sign(true.longitude[[0, -1]]) == [1, -1]).all()
+    np.testing.assert_allclose(solution.innovation, 0, atol=1e-3)
 
 
 def test_irregular_imu_times_close() -> None:

@@ -180,5 +180,5 @@ def test_covariance_at_rest_is_the_integral_of_the_riccati_equation() -> None:
     exponential = expm(block)
     Phi = exponential[15:, 15:].T
     expected = Phi @ assumed.P0 @ Phi.T + Phi @ exponential[:15, 15:]
-    assert relative(found, expected, np.sqrt(np.diag(expected))) < 6e-3, "first order in the step"
+    assert relative(found, expected, np.sqrt(np.diag(expected))) < 5e-4
     np.testing.assert_allclose(np.diag(found), np.diag(expected), rtol=1e-3)

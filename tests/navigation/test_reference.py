@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from lab import earth
-from lab.experiment import start
+from lab.experiment import Experiment, start
 from lab.navigation import navigator, reference
 from lab.navigation.belief import belief
 from lab.navigation.navigator import Fixes, Imu, Schedule, Solution
@@ -129,3 +129,16 @@ def test_compiled_and_filterpy_agree(name: str) -> None:
     position_sigma = in_filterpy.variance[:, [0, 0, 1]] * in_filterpy.variance[:, [1, 2, 2]]
     covariance = (compiled.covariance - in_filterpy.covariance)[:, 0] / np.sqrt(position_sigma)
     np.testing.assert_allclose(covariance, 0, atol=1e-9)
+
+
+def test_the_engine_is_a_setting() -> None:
+    results, seen = [], []
+    for engine in ("compiled", "filterpy"):
+        experiment = Experiment(mission="los_angeles", seed=2)
+        experiment.set("trajectory.imu_rate", 20)
+        experiment.set("navigator.engine", engine)
+        results.append(experiment.run(lambda stage, done: seen.append(done)).solution_arrays)
+    assert differences(*results).max() <= 1e-9
+    filterpy = seen[seen.index(1.0) + 1 :]
+    assert len(filterpy) > 5, "progress is told while it computes"
+    assert filterpy == sorted(filterpy)
