@@ -33,6 +33,8 @@ class LatestWins:
 
     Parameters
     ----------
+    prepare
+        Called in a thread of the pool with each result, to work out there what will be shown of it.
     deliver
         Called in a thread of the pool with the outcome of each run.
 
@@ -42,7 +44,8 @@ class LatestWins:
         What is being done, and the fraction done.
     """
 
-    def __init__(self, deliver: Callable[[Outcome], None]) -> None:
+    def __init__(self, prepare: Callable[[Result], None], deliver: Callable[[Outcome], None]) -> None:
+        self._prepare = prepare
         self._deliver = deliver
         self._lock = Lock()
         self._waiting: Experiment | None = None
@@ -79,7 +82,7 @@ class LatestWins:
         POOL.submit(self._run, experiment)
 
     def _run(self, experiment: Experiment) -> None:
-        outcome = run(experiment, self._progress)
+        outcome = run(experiment, self._progress, self._prepare)
         with self._lock:
             closed = self._closed
         if not closed:
@@ -90,10 +93,17 @@ class LatestWins:
         self.stage = (stage, fraction)
 
 
-def run(experiment: Experiment, progress: Callable[[str, float], None] | None = None) -> Outcome:
+def run(
+    experiment: Experiment,
+    progress: Callable[[str, float], None] | None = None,
+    prepare: Callable[[Result], None] | None = None,
+) -> Outcome:
     """Run an experiment; what goes wrong becomes a sentence for the page, never an exception."""
     try:
-        return Outcome(result=experiment.run(progress))
+        result = experiment.run(progress)
+        if prepare is not None:
+            prepare(result)
+        return Outcome(result=result)
     except (SettingError, MissionError, ValueError) as error:
         return Outcome(problem=str(error))
     except MemoryError:

@@ -7,6 +7,7 @@ from functools import partial
 import panel as pn
 import panel_material_ui as pmui
 import param
+from panel.util import edit_readonly
 from panel_material_ui.template.base import Page as MaterialPage
 
 from dashboards.exchange import Address, Files
@@ -46,7 +47,8 @@ class SimulatorPage:
         document = pn.state.curdoc
         assert document is not None
         self.session = Session(document)
-        self.axis = TimeAxis()
+        self._on_phone = "Mobi" in pn.state.headers.get("User-Agent", "")
+        self.axis = TimeAxis(touch=self._on_phone)
         self._document = document
         self._zooming = False
         self._pages: dict[int, Page] = {}
@@ -66,6 +68,7 @@ class SimulatorPage:
             styles={"flex": "0 0 48px"},
         )
         self._stage = pn.Column(sizing_mode="stretch_width", margin=0, stylesheets=[STAGE])
+        self.session.prepare = self._prepare
         self.session.param.watch(self._new_result, "result")
         self.session.param.watch(self._new_problem, "problem")
         self._tabs.param.watch(lambda _event: self._show(), "active")
@@ -74,11 +77,12 @@ class SimulatorPage:
 
     def servable(self) -> None:
         """Put the page into the document of this session and compute the first result."""
-        MaterialPage(
+        frame = MaterialPage(
             title="INS Lab",
             header=[self._progress.view],
             sidebar=[self._settings.view, self._files.view],
             sidebar_width=330,
+            sidebar_open=not self._on_phone,
             main=[
                 pn.Column(
                     self._tabs,
@@ -92,7 +96,12 @@ class SimulatorPage:
             ],
             theme_config=THEME,
             sx=DRESS,
-        ).servable()
+            busy_indicator=None,
+        )
+        # Linked to the busy state, the frame would walk through all models of the page twice for each event.
+        with edit_readonly(frame):
+            frame.busy = False
+        frame.servable()
         pn.state.on_session_destroyed(partial(_close, self))
         self._show()
         self._address.read()
@@ -119,6 +128,11 @@ class SimulatorPage:
             page.show_time(self.axis.time)
         if self._stage.objects != [page.view]:
             self._stage[:] = [page.view]
+
+    def _prepare(self, result: Result) -> None:
+        page = self._pages.get(self._tabs.active)
+        if page is not None:
+            page.prepare(result)
 
     def _new_result(self, event: param.parameterized.Event) -> None:
         result: Result = event.new

@@ -31,7 +31,8 @@ class Session(param.Parameterized):
         super().__init__()
         self.experiment = Experiment()
         self._document = document
-        self._runs = LatestWins(self._deliver)
+        self.prepare: Callable[[Result], None] = lambda _result: None
+        self._runs = LatestWins(self._prepare, self._deliver)
         self._watching = self._run_failed = False
         self._on_settings: list[Callable[[], None]] = []
         self._closed = False
@@ -82,6 +83,9 @@ class Session(param.Parameterized):
         self._closed = True
         self._runs.close()
         self._on_settings.clear()
+
+    def _prepare(self, result: Result) -> None:
+        self.prepare(result)
 
     def _deliver(self, outcome: Outcome) -> None:
         if not self._closed:

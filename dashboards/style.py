@@ -18,6 +18,7 @@ THEME: dict[str, Any] = {
 
 DRESS: dict[str, Any] = {
     "& .MuiAppBar-root": {"backgroundColor": "#16324f", "backgroundImage": "none", "boxShadow": "none"},
+    "& .MuiAppBar-root .MuiIconButton-root": {"color": "#ffffff"},
     "& .MuiToolbar-root": {"minHeight": "48px !important"},
     "& .MuiToolbar-root h3, & .MuiToolbar-root .title": {"fontSize": "1.1rem"},
 }

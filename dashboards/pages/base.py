@@ -39,6 +39,9 @@ class Page(ABC):
     def make(self) -> pn.viewable.Viewable:
         """Return the layout, made once, without any data."""
 
+    def prepare(self, result: Result) -> None:  # noqa: B027 - most pages have nothing to do
+        """Have a result work out what this page shows; called in a thread of the pool."""
+
     @abstractmethod
     def draw(self, result: Result) -> None:
         """Draw a result."""

@@ -20,6 +20,10 @@ class GroundTrack(Page):
         self._track = TrackFigure()
         return plot_grid([self._track.figure], 1, least=420)
 
+    def prepare(self, result: Result) -> None:
+        """Have the result project its paths."""
+        _ = result.track, result.gps
+
     def draw(self, result: Result) -> None:
         """Draw a result."""
         self._track.show(result, self.axis.time)

@@ -23,6 +23,11 @@ class Innovations(Page):
         over_time, over_lags = self._time.figures, self._lags.figures
         return plot_grid([*over_time[:3], *over_lags[:3], *over_time[3:], *over_lags[3:]], 3)
 
+    def prepare(self, result: Result) -> None:
+        """Have the result work out innovations and autocorrelation."""
+        self._time.prepare(result)
+        _ = result.autocorrelation
+
     def draw(self, result: Result) -> None:
         """Draw a result."""
         self._time.show(result)

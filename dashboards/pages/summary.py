@@ -35,6 +35,10 @@ class Summary(Page):
         self._table = pn.pane.HTML("", sizing_mode="stretch_width", margin=(16, 20), stylesheets=[_STYLE])
         return self._table
 
+    def prepare(self, result: Result) -> None:
+        """Have the result work out its summary."""
+        _ = result.summary
+
     def draw(self, result: Result) -> None:
         """Fill the table."""
         self._table.object = summary_html(result)

@@ -20,8 +20,12 @@ class TimePlots(Page):
 
     def make(self) -> pn.viewable.Viewable:
         """Return the grid."""
-        self._figures = TimeFigures(self.plots, self.axis)
+        self._figures = TimeFigures(self.plots, self.axis, buckets=1200 // self.columns)
         return plot_grid(self._figures.figures, self.columns)
+
+    def prepare(self, result: Result) -> None:
+        """Have the result work out what these plots show."""
+        self._figures.prepare(result)
 
     def draw(self, result: Result) -> None:
         """Draw a result in the visible stretch of time."""

@@ -52,6 +52,10 @@ class View3D(Page):
             margin=(4, 8),
         )
 
+    def prepare(self, result: Result) -> None:
+        """Have the result project its paths."""
+        _ = result.track, result.gps, result.position_covariance
+
     def draw(self, result: Result) -> None:
         """Draw a result."""
         self._result = result
@@ -76,5 +80,5 @@ class View3D(Page):
 
 
 def _legend() -> str:
-    entries = ((TRUTH, "true path"), (ESTIMATE, "estimate, 3σ ellipsoids × 20"), (FIXES, "GPS fixes"))
+    entries = ((TRUTH, "true path"), (ESTIMATE, "estimate, 3σ ellipsoids × 10"), (FIXES, "GPS fixes"))
     return " &emsp; ".join(f'<span style="color:{colour}">●</span> {label}' for colour, label in entries)

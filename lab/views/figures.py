@@ -27,6 +27,11 @@ if TYPE_CHECKING:
 class TimeAxis:
     """The time axis all figures of one session share: range, cursor and crosshair.
 
+    Parameters
+    ----------
+    touch
+        Whether the figures are on a touch screen, where a finger that drags scrolls the page.
+
     Attributes
     ----------
     range : Range1d
@@ -37,7 +42,8 @@ class TimeAxis:
         End of the flight [s].
     """
 
-    def __init__(self) -> None:
+    def __init__(self, *, touch: bool = False) -> None:
+        self.touch = touch
         self.duration = 1.0
         self.range = Range1d(start=0.0, end=1.0, bounds=(0.0, 1.0), min_interval=0.05, name="time axis")
         self.cursor = Span(
@@ -77,8 +83,8 @@ class TimeFigures:
         What is shown, one figure each.
     axis
         Time axis, shared with other figures.
-    height
-        Least height of a figure [px].
+    buckets
+        Number of stretches the visible time is thinned to; one or two for each pixel of a figure's width.
 
     Attributes
     ----------
@@ -86,9 +92,10 @@ class TimeFigures:
         In the order of `plots`.
     """
 
-    def __init__(self, plots: Sequence[TimePlot], axis: TimeAxis, height: int = 150) -> None:
+    def __init__(self, plots: Sequence[TimePlot], axis: TimeAxis, buckets: int = 400) -> None:
         self.plots = tuple(plots)
         self.axis = axis
+        self._buckets = buckets
         self._sources: dict[Clock, ColumnDataSource] = {}
         for clock in ("time", "time_gps"):
             names = [name for plot in self.plots for name in _columns(plot, clock)]
@@ -96,7 +103,13 @@ class TimeFigures:
                 self._sources[clock] = ColumnDataSource(
                     {name: np.zeros(0) for name in ("time", *names)}, name=clock
                 )
-        self.figures = [self._draw(plot, height) for plot in self.plots]
+        self.figures = [self._draw(plot) for plot in self.plots]
+
+    def prepare(self, result: Result) -> None:
+        """Have a result work out all that is drawn here; in any thread."""
+        for clock in self._sources:
+            for plot in self.plots:
+                _columns(plot, clock, result)
 
     def show(self, result: Result) -> None:
         """Draw a result, in the stretch of time that is visible."""
@@ -105,7 +118,9 @@ class TimeFigures:
             columns: dict[str, FloatArray] = {}
             for plot in self.plots:
                 columns |= _columns(plot, clock, result)
-            time, thinned = envelope(_times(result, clock), list(columns.values()), self.axis.window)
+            time, thinned = envelope(
+                _times(result, clock), list(columns.values()), self.axis.window, self._buckets
+            )
             data = {name: values.astype(np.float32) for name, values in zip(columns, thinned, strict=True)}
             source.data = {"time": time.astype(np.float32), **data}
             drawn |= data
@@ -114,9 +129,9 @@ class TimeFigures:
             low, high = limits([drawn[name] for name in names], plot.scale)
             fig.y_range.update(start=low, end=high)
 
-    def _draw(self, plot: TimePlot, height: int) -> figure:
+    def _draw(self, plot: TimePlot) -> figure:
         source = self._sources[plot.clock]
-        fig = time_figure(plot.heading, self.axis, logarithmic=plot.scale == "logarithmic", height=height)
+        fig = time_figure(plot.heading, self.axis, logarithmic=plot.scale == "logarithmic")
         if plot.band is not None:
             draw_band(fig, plot.band, source)
         glyphs = {}
@@ -150,7 +165,7 @@ def time_figure(title: str, axis: TimeAxis, *, logarithmic: bool = False, height
         y_range=Range1d(start=0.1 if logarithmic else -1.0, end=1.0),
         y_axis_type="log" if logarithmic else "linear",
         tools=[
-            BoxZoomTool(dimensions="width"),
+            *([] if axis.touch else [BoxZoomTool(dimensions="width")]),
             WheelPanTool(dimension="width", modifiers="shift"),
             WheelZoomTool(dimensions="width", modifiers="ctrl"),
             CrosshairTool(overlay=axis.crosshair),

@@ -53,7 +53,7 @@ class Scene:
         result: Result | None = None,
         *,
         exaggeration: float = 1.0,
-        ellipsoid_scale: float = 20.0,
+        ellipsoid_scale: float = 10.0,
     ) -> None:
         self._server = server
         self.exaggeration = exaggeration
@@ -129,7 +129,7 @@ class Scene:
             "/GPS fixes",
             points.astype(np.float32),
             _rgb(FIXES),
-            point_size=self._size * 0.0025,
+            point_size=self._size * 0.004,
             point_shape="circle",
             precision="float32",
         )
@@ -155,7 +155,7 @@ class Scene:
             batched_positions=centres.astype(np.float32),
             batched_scales=size.astype(np.float32),
             batched_colors=_rgb(ESTIMATE),
-            opacity=0.28,
+            opacity=0.25,
             lod="off",
             cast_shadow=False,
             receive_shadow=False,
@@ -192,7 +192,7 @@ class Scene:
             mesh.faces.astype(np.uint32),
             color=(240, 243, 247),
             flat_shading=True,
-            scale=self._size * 0.045 / LENGTH,
+            scale=self._size * 0.07 / LENGTH,
             cast_shadow=False,
             receive_shadow=False,
         )
@@ -201,7 +201,7 @@ class Scene:
         centre = (np.nanmin(true, axis=0) + np.nanmax(true, axis=0)) / 2
         camera = self._server.initial_camera
         camera.look_at = tuple(centre)
-        camera.position = tuple(centre + np.array([-0.35, -0.9, 0.55]) * self._size)
+        camera.position = tuple(centre + np.array([-0.3, -0.75, 0.42]) * self._size)
         camera.up = (0.0, 0.0, 1.0)
         camera.near, camera.far = 0.01, 1000.0
 
