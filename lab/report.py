@@ -40,7 +40,7 @@ def write_csv(result: Result, folder: Path, *, overwrite: bool) -> None:
     with tempfile.TemporaryDirectory(dir=folder, prefix=".") as temporary:
         whole = Path(temporary)
         for path, frame in tables.items():
-            frame.to_csv(whole / path.name, float_format="%.10g")
+            frame.to_csv(whole / path.name, float_format="%.12g")
         result.summary.to_csv(whole / summary.name, index=False, float_format="%.6g")
         (whole / settings.name).write_text(result.experiment.to_toml(), encoding="utf-8")
         for path in (*tables, summary, settings):

@@ -1,0 +1,105 @@
+"""Consistency: NEES, NIS and whiteness against their distributions."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scipy import stats
+
+from lab.analysis import consistency
+
+RNG = np.random.default_rng(7)
+
+
+def roots(epochs: int, states: int, coupling: float = 1.0) -> np.ndarray:
+    """Return lower triangular roots of covariances whose states differ by ten orders of magnitude."""
+    L = np.tril(RNG.normal(0, coupling, (epochs, states, states)), -1) + np.eye(states)
+    return np.logspace(-6, 4, states)[:, None] * L
+
+
+def test_normalised_squares_are_the_squares_of_the_white_draws():
+    """With v = L z and P = L Lᵀ, vᵀ P⁻¹ v is zᵀ z."""
+    L, z = roots(300, 6), RNG.normal(0, 1, (300, 6))
+    squares = consistency.normalised_squares(np.einsum("mij,mj->mi", L, z), L @ np.swapaxes(L, 1, 2))
+    assert np.allclose(squares, np.sum(z**2, axis=1), rtol=1e-8)
+
+
+def test_normalised_squares_of_a_matched_covariance_are_chi_square():
+    L, z = roots(4000, 15, 0.3), RNG.normal(0, 1, (4000, 15))
+    squares = consistency.normalised_squares(np.einsum("mij,mj->mi", L, z), L @ np.swapaxes(L, 1, 2))
+    assert stats.kstest(squares, stats.chi2(15).cdf).pvalue > 1e-4
+    wrong = consistency.normalised_squares(np.einsum("mij,mj->mi", L, z), 1.2 * L @ np.swapaxes(L, 1, 2))
+    assert stats.kstest(wrong, stats.chi2(15).cdf).pvalue < 1e-6
+
+
+def test_certain_states_are_left_out():
+    P = np.zeros((10, 4, 4))
+    P[:, 0, 0], P[:, 2, 2] = 4.0, 9.0
+    v = np.tile((2.0, 0.0, 3.0, 0.0), (10, 1))
+    assert np.allclose(consistency.normalised_squares(v, P), 2.0)
+    assert consistency.uncertain(P).tolist() == [0, 2]
+
+
+def test_combinations_without_variance_are_left_out():
+    """Three states driven by two independent draws have two degrees of freedom."""
+    A = np.tile(np.array([(1.0, 0.0), (0.5, 1.0), (1.5, 1.0)]) * [[1e3], [1.0], [1e-3]], (50, 1, 1))
+    z = RNG.normal(0, 1, (50, 2))
+    v = np.einsum("mij,mj->mi", A, z)
+    squares = consistency.normalised_squares(v, A @ np.swapaxes(A, 1, 2))
+    assert np.allclose(squares, np.sum(z**2, axis=1), rtol=1e-6)
+
+
+def test_no_epochs_give_no_squares():
+    assert consistency.normalised_squares(np.zeros((0, 6)), np.zeros((0, 6, 6))).shape == (0,)
+
+
+@pytest.mark.parametrize("degrees", [1, 6, 15])
+@pytest.mark.parametrize("runs", [1, 20, 100])
+@pytest.mark.parametrize("probability", [0.95, 0.99])
+def test_chi_square_interval(degrees, runs, probability):
+    interval = consistency.chi_square_interval(degrees, runs, probability)
+    expected = np.array(stats.chi2.interval(probability, degrees * runs)) / runs
+    assert np.allclose(interval, expected, rtol=1e-10)
+
+
+def test_whiteness_band():
+    assert consistency.whiteness_band(400) == pytest.approx(stats.norm.ppf(0.975) / 20, rel=1e-12)
+    assert consistency.whiteness_band(0) == 0
+
+
+def test_autocorrelation_is_that_of_numpy():
+    values = RNG.normal(0, 1, (120, 3))
+    found = consistency.autocorrelation(values, 20)
+    assert found.shape == (21, 3)
+    for channel in range(3):
+        full = np.correlate(values[:, channel], values[:, channel], "full")[119:140]
+        assert np.allclose(found[:, channel], full / full[0], atol=1e-14)
+
+
+def test_white_innovations_stay_inside_the_band_as_often_as_it_says():
+    inside = [
+        np.abs(consistency.autocorrelation(RNG.normal(0, 1, (400, 3)))[1:]) < consistency.whiteness_band(400)
+        for _ in range(100)
+    ]
+    # The lag takes its number off the sum: at most 30 of 400, which only makes the band a little safer.
+    assert 0.94 < np.mean(inside) < 0.975
+
+
+def test_coloured_innovations_show_their_correlation():
+    """AR(1) with coefficient a has the autocorrelation a^k."""
+    n, a = 40_000, 0.8
+    values = np.empty((n, 1))
+    values[0] = RNG.normal(0, 1 / np.sqrt(1 - a**2))
+    drive = RNG.normal(0, 1, n)
+    for k in range(1, n):
+        values[k] = a * values[k - 1] + drive[k]
+    found = consistency.autocorrelation(values)[:, 0]
+    spread = np.sqrt((1 + a**2) / (1 - a**2) / n)
+    assert np.allclose(found, a ** np.arange(31), atol=5 * spread)
+    assert np.mean(np.abs(found[1:]) < consistency.whiteness_band(n)) < 0.5
+
+
+def test_short_records_give_fewer_lags():
+    assert consistency.autocorrelation(np.ones((4, 2))).shape == (4, 2)
+    assert consistency.autocorrelation(np.zeros((0, 2))).shape == (0, 2)
+    assert not consistency.autocorrelation(np.zeros((4, 2))).any()

@@ -1,0 +1,38 @@
+"""Units: every unit a setting may have, against its definition."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from lab.experiment import Experiment
+from lab.result import STATE_UNITS
+from lab.sensors.imu import AccelerometerErrors, GyroErrors
+from lab.units import TO_SI, si
+
+KNOWN = {
+    "°": np.pi / 180,
+    "°/s": np.pi / 180,
+    "°/h": np.pi / 180 / 3600,
+    "°/s/√Hz": np.pi / 180,
+    "g": 9.80665,
+    "mg": 9.80665e-3,
+    "µg/√Hz": 9.80665e-6,
+    "%": 0.01,
+}
+
+
+@pytest.mark.parametrize("unit", TO_SI)
+def test_factor_to_si(unit):
+    assert TO_SI[unit] == pytest.approx(KNOWN.get(unit, 1.0), rel=1e-15)
+
+
+def test_every_unit_of_a_setting_and_of_a_state_is_in_the_table():
+    units = {getattr(owner.param[name], "unit", "") for _, owner, name in Experiment().leaves()}
+    assert units | set(STATE_UNITS) <= set(TO_SI)
+    assert len(units) > 8
+
+
+def test_settings_become_si():
+    assert np.allclose(si(GyroErrors(bias=(1, 2, 3)), "bias"), np.radians((1, 2, 3)), rtol=1e-15)
+    assert si(AccelerometerErrors(range=2), "range") == pytest.approx(19.6133)
