@@ -247,6 +247,8 @@ class _Run:
             raise _diverged(
                 "the estimate ran off to a pole, which the flight does not come near", error
             ) from error
+        except ValueError as error:  # the reference's linear algebra, which stops at what is no number
+            raise _diverged("the filter cannot go on", error) from error
         _check_finite(solution, ideal.time)
         return solution
 
