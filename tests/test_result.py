@@ -19,7 +19,7 @@ from lab.result import DATASETS, Result
 
 
 def southward() -> Recording:
-    """Return a flight of 30 s over the southern ocean that heads south, where headings turn from 180° to −180°."""
+    """Return a flight of 30 s over the southern ocean, heading south, where 180° turns into −180°."""
     time = np.arange(0, 30.05, 0.1)
     heading = np.pi + 0.02 * np.sin(time)
     velocity = 80 * np.stack((np.cos(heading), np.sin(heading), np.zeros_like(time)), axis=-1)
@@ -136,7 +136,7 @@ def test_gps_fixes_and_their_errors(result):
 
 
 def test_innovations_are_navigator_minus_gps(result):
-    """Before the fix is used the navigator is half a millisecond's motion from where it stood a sample ago."""
+    """Before a fix is used the navigator is one sample's motion from where it was a sample ago."""
     before = result.solution.sel(time=result.gps.time_gps.values - 0.005, method="nearest")
     moved = result.solution.velocity.sel(time=before.time).values * 0.005
     expected = enu(before, result.gps) + moved
@@ -282,7 +282,8 @@ def test_a_notebook_shows_what_was_run_and_the_errors(result):
         "rms",
     ):
         assert words in page
-    assert 'style="color' not in page
+    # Colours are the notebook's own, light or dark.
+    assert "color" not in page
     assert "background" not in page
 
 
