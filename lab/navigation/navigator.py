@@ -10,6 +10,7 @@ P. D. Groves, *Principles of GNSS, Inertial and Multisensor Integrated Navigatio
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from typing import NamedTuple
 
@@ -197,7 +198,7 @@ def _difference(
     before = get(state, strapdown.PREVIOUS_VELOCITY)
     mean = (0.5 * (v[0] + before[0]), 0.5 * (v[1] + before[1]), 0.5 * (v[2] + before[2]))
     east = state[strapdown.LONGITUDE] - position[1]
-    east -= 2 * np.pi * np.round(east / (2 * np.pi))
+    east -= 2 * math.pi * math.floor(east / (2 * math.pi) + 0.5)
     z[0] = (state[LATITUDE] - position[0]) / state[strapdown.MERIDIAN] - age * mean[0]
     z[1] = east * state[strapdown.COSINE] / state[strapdown.TRANSVERSE] - age * mean[1]
     z[2] = position[2] - state[strapdown.HEIGHT] - age * mean[2]
@@ -247,7 +248,8 @@ def _store_corrected(
     out: Solution, k: int, state: FloatArray, w: FloatArray, x: FloatArray, spare: FloatArray
 ) -> None:
     """Write sample k of the solution with the estimated error taken out, leaving the navigator as it is."""
-    spare[:] = state
+    for i in range(strapdown.LENGTH):  # a slice would compile its error messages too: a second
+        spare[i] = state[i]
     for i in range(STATES):
         x[i] = w[WIDTH * i + X]
     _correct(spare, w)
