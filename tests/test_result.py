@@ -95,6 +95,22 @@ def test_errors_keep_to_their_sigma(result):
         assert np.abs(ratio).max() < 6
 
 
+def test_sigmas_belong_to_east_north_up(result):
+    """A receiver good in the east, fair in the north and poor in height leaves its order in every σ."""
+    one = result.experiment.copy()
+    one.set("sensors.gps.position_variance", (0.1, 1, 10))
+    one.set("sensors.gps.velocity_variance", (0.01, 0.1, 1))
+    uneven = one.run()
+    for name in ("position", "velocity"):
+        end = uneven.sigma[name].values[-1]
+        innovation = uneven.innovations[f"{name}_sigma"].values[-1]
+        assert (np.diff(end) > 0.1 * end[:2]).all()
+        assert (np.diff(innovation) > innovation[:2]).all()
+    assert np.allclose(uneven.sigma.position[0], 1)
+    spread = uneven.gps.velocity_error.values.std(axis=0)
+    assert (np.diff(spread) > spread[:2]).all()
+
+
 def test_sigma_of_the_states_in_their_units(result):
     states = result.state_sigma.sigma
     units = dict(zip(states.state.values, states.unit.values, strict=True))
