@@ -7,7 +7,7 @@ from functools import partial
 import panel as pn
 import panel_material_ui as pmui
 import param
-from panel.util import edit_readonly
+from param.parameterized import edit_constant
 from panel_material_ui.template.base import Page as MaterialPage
 
 from dashboards.exchange import Address, Files
@@ -99,7 +99,7 @@ class SimulatorPage:
             busy_indicator=None,
         )
         # Linked to the busy state, the frame would walk through all models of the page twice for each event.
-        with edit_readonly(frame):
+        with edit_constant(frame):
             frame.busy = False
         frame.servable()
         pn.state.on_session_destroyed(partial(_close, self))

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
+from weakref import ref
 
 import panel as pn
 from bokeh.plotting import figure
@@ -32,7 +33,7 @@ class Page(ABC):
 
     def __init__(self, axis: TimeAxis) -> None:
         self.axis = axis
-        self._drawn: tuple[int, tuple[float, float]] | None = None
+        self._drawn: tuple[ref[Result], tuple[float, float]] | None = None
         self.view = self.make()
 
     @abstractmethod
@@ -48,7 +49,7 @@ class Page(ABC):
 
     def show(self, result: Result) -> None:
         """Draw a result if what is shown is not up to date."""
-        state = (id(result), self.axis.window if self.depends_on_window else (0.0, 0.0))
+        state = (ref(result), self.axis.window if self.depends_on_window else (0.0, 0.0))
         if state != self._drawn:
             self._drawn = state
             self.draw(result)

@@ -20,7 +20,7 @@ class TimePlots(Page):
 
     def make(self) -> pn.viewable.Viewable:
         """Return the grid."""
-        self._figures = TimeFigures(self.plots, self.axis, buckets=1200 // self.columns)
+        self._figures = TimeFigures(self.plots, self.axis, buckets=1000 // self.columns)
         return plot_grid(self._figures.figures, self.columns)
 
     def prepare(self, result: Result) -> None:

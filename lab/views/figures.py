@@ -214,9 +214,7 @@ def draw_curve(fig: figure, curve: Curve, source: ColumnDataSource, x: str) -> G
 
 def draw_band(fig: figure, band: Band, source: ColumnDataSource) -> None:
     """Draw a band of a source over its time."""
-    fig.varea("time", band.low, band.high, source=source, color=band.colour, alpha=0.16)
-    for edge in (band.low, band.high):
-        fig.line("time", edge, source=source, color=band.colour, alpha=0.3, line_width=1)
+    fig.varea("time", band.low, band.high, source=source, color=band.colour, alpha=0.2)
 
 
 def add_legend(fig: figure, glyphs: dict[str, GlyphRenderer[Any]]) -> None:

@@ -50,6 +50,7 @@ class TrackFigure:
         )
         fig = self.figure
         fig.toolbar_location, fig.toolbar.active_scroll = "right", zoom
+        fig.xaxis.ticker.desired_num_ticks = 4
         for axis in (fig.xaxis, fig.yaxis):
             axis.formatter = CustomJSTickFormatter(
                 code="return tick.toLocaleString('en').replaceAll(',', '\\u2009')"

@@ -46,7 +46,7 @@ def test_slider_to_repainted_plots(
     median, most = np.median(times), np.quantile(times, 0.95)
     with capsys.disabled():
         print(
-            f"\nslider to repainted plots, nine error plots, montreal: median {median:.0f} ms, 95 % {most:.0f} ms"
+            f"\nslider to nine repainted plots, montreal: median {median:.0f} ms, 95 % {most:.0f} ms"
         )
     assert median <= 120
     assert most <= 250

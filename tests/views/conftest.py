@@ -1,0 +1,14 @@
+"""One result for all tests of the views."""
+
+from __future__ import annotations
+
+import pytest
+
+from lab.experiment import Experiment
+from lab.result import Result
+
+
+@pytest.fixture(scope="session")
+def result() -> Result:
+    """Return the result of the default experiment."""
+    return Experiment().run()

@@ -1,0 +1,113 @@
+"""Thinning for the screen: no peak is lost, gaps stay gaps, axes hold what is drawn."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from lab.views.envelope import envelope, limits, nice_limit, thin_path
+
+
+def test_a_single_spike_survives() -> None:
+    time = np.arange(50_000) / 200
+    values = np.sin(time)
+    values[31_234] = 9.0
+    _, (thinned,) = envelope(time, [values], (0.0, 250.0), 400)
+    assert thinned.max() == 9.0
+    assert thinned.min() == values.min()
+    assert len(thinned) == 800
+
+
+@given(
+    count=st.integers(1, 5000),
+    buckets=st.integers(1, 60),
+    start=st.floats(-0.2, 1.2),
+    length=st.floats(0.001, 1.5),
+    seed=st.integers(0, 9),
+)
+def test_extremes_of_the_window_are_kept(
+    count: int, buckets: int, start: float, length: float, seed: int
+) -> None:
+    time = np.linspace(0, 1, count)
+    values = np.random.default_rng(seed).normal(size=count)
+    thin_time, (thinned,) = envelope(time, [values], (start, start + length), buckets)
+    inside = values[(time >= start) & (time <= start + length)]
+    assert len(thinned) == len(thin_time) <= max(2 * buckets, 2)
+    assert np.all(np.diff(thin_time) >= 0)
+    assert np.isin(thinned, values).all()
+    if len(inside):
+        assert thinned.max() >= inside.max()
+        assert thinned.min() <= inside.min()
+
+
+def test_a_rising_curve_stays_rising() -> None:
+    time = np.linspace(0, 10, 10_000)
+    _, (rising, falling) = envelope(time, [time**2, -(time**2)], (0, 10), 100)
+    assert np.all(np.diff(rising) > 0)
+    assert np.all(np.diff(falling) < 0)
+
+
+def test_a_gap_stays_a_gap() -> None:
+    time = np.linspace(0, 10, 10_000)
+    values = np.ones(10_000)
+    values[4000:6000] = np.nan
+    thin_time, (thinned,) = envelope(time, [values], (0, 10), 100)
+    assert np.isnan(thinned[(thin_time > 4.1) & (thin_time < 5.9)]).all()
+    assert np.isfinite(thinned[(thin_time < 3.9) | (thin_time > 6.1)]).all()
+
+
+def test_few_samples_are_left_as_they_are() -> None:
+    time = np.arange(100.0)
+    thin_time, (thinned,) = envelope(time, [time**2], (10.5, 20.5), 400)
+    np.testing.assert_array_equal(thin_time, np.arange(10.0, 22.0))
+    np.testing.assert_array_equal(thinned, np.arange(10.0, 22.0) ** 2)
+
+
+def test_a_thinned_path_keeps_its_length_and_its_turns() -> None:
+    angle = np.concatenate([np.zeros(20_000), np.linspace(0, np.pi, 500), np.full(20_000, np.pi)])
+    path = np.cumsum(np.column_stack([np.cos(angle), np.sin(angle)]), axis=0)
+    kept = thin_path(path, 200)
+    length = np.linalg.norm(np.diff(path, axis=0), axis=1).sum()
+    thin_length = np.linalg.norm(np.diff(path[kept], axis=0), axis=1).sum()
+    assert len(kept) <= 200
+    assert kept[0] == 0
+    assert kept[-1] == len(path) - 1
+    assert thin_length == pytest.approx(length, rel=1e-3)
+
+
+def test_a_path_that_stands_still_or_has_gaps() -> None:
+    assert 0 < len(thin_path(np.zeros((5000, 3)), 100)) <= 100
+    broken = np.random.default_rng(1).normal(size=(5000, 2)).cumsum(axis=0)
+    broken[100:200] = np.nan
+    assert np.isfinite(broken[thin_path(broken, 300)]).all()
+
+
+@given(st.floats(1e-9, 1e9))
+def test_a_limit_is_just_above(value: float) -> None:
+    limit = nice_limit(value)
+    assert value * (1 - 1e-9) <= limit <= 1.35 * value
+
+
+@given(
+    st.lists(st.floats(-1e6, 1e6), min_size=1, max_size=20),
+    st.sampled_from(["symmetric", "free", "logarithmic"]),
+)
+def test_limits_hold_what_is_drawn(values: list[float], scale: str) -> None:
+    series = np.array([*values, np.nan])
+    low, high = limits([series], scale)
+    drawn = series[np.isfinite(series)]
+    if scale == "logarithmic":
+        drawn = drawn[drawn > 0]
+        assert low > 0
+    assert low < high
+    assert np.all(drawn >= low)
+    assert np.all(drawn <= high)
+    if scale == "symmetric":
+        assert low == -high
+
+
+def test_limits_of_nothing() -> None:
+    assert limits([np.full(3, np.nan)], "symmetric") == (-1, 1)
+    assert limits([], "logarithmic") == (0.1, 1)

@@ -1,0 +1,109 @@
+"""The figures of the page: what they are sent, on which axes, and how they follow the shared time."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from bokeh.models import ColumnDataSource
+
+from lab.result import Result
+from lab.views.autocorrelation import AutocorrelationFigures
+from lab.views.figures import TimeAxis, TimeFigures
+from lab.views.quantities import COVARIANCE, ERRORS, HEIGHT, INNOVATIONS
+from lab.views.track import TrackFigure
+
+
+@pytest.fixture
+def axis(result: Result) -> TimeAxis:
+    axis = TimeAxis()
+    axis.span(float(result.time[-1]))
+    return axis
+
+
+def source(figures: TimeFigures, clock: str = "time") -> ColumnDataSource:
+    found = figures.figures[0].select_one({"type": ColumnDataSource, "name": clock})
+    assert isinstance(found, ColumnDataSource)
+    return found
+
+
+def test_nine_plots_share_one_small_source(result: Result, axis: TimeAxis) -> None:
+    figures = TimeFigures(ERRORS, axis)
+    figures.show(result)
+    data = source(figures).data
+    assert len(figures.figures) == 9
+    assert {values.dtype for values in data.values()} == {np.dtype(np.float32)}
+    assert sum(values.nbytes for values in data.values()) < 150_000
+    for name, index in (("position_east", 0), ("position_north", 1), ("position_up", 2)):
+        expected = result.errors["position"].values[:, index]
+        assert data[name].max() == pytest.approx(expected.max(), rel=1e-6)
+        assert data[name].min() == pytest.approx(expected.min(), rel=1e-6)
+
+
+def test_all_time_axes_are_one(result: Result, axis: TimeAxis) -> None:
+    figures = [
+        *TimeFigures(ERRORS, axis).figures,
+        *TimeFigures(COVARIANCE, axis).figures,
+        *TimeFigures(INNOVATIONS, axis).figures,
+    ]
+    assert {id(fig.x_range) for fig in figures} == {id(axis.range)}
+    assert all(axis.cursor in fig.renderers for fig in figures)
+    assert axis.window == (0, pytest.approx(result.time[-1]))
+
+
+def test_zoomed_in_every_sample_is_there(result: Result, axis: TimeAxis) -> None:
+    figures = TimeFigures(ERRORS, axis)
+    axis.range.update(start=100.0, end=101.0)
+    figures.show(result)
+    data = source(figures).data
+    inside = (data["time"] >= 100) & (data["time"] <= 101)
+    assert inside.sum() == 201
+    expected = result.errors["attitude"].values[20_000:20_201, 2]
+    np.testing.assert_allclose(data["attitude_heading"][inside], expected, rtol=1e-6)
+
+
+def test_ordinates_hold_curve_and_band(result: Result, axis: TimeAxis) -> None:
+    figures = TimeFigures(ERRORS, axis)
+    figures.show(result)
+    data = source(figures).data
+    for plot, fig in zip(figures.plots, figures.figures, strict=True):
+        assert plot.band is not None
+        for column in (plot.curves[0].name, plot.band.low, plot.band.high):
+            assert fig.y_range.start <= data[column].min()
+            assert fig.y_range.end >= data[column].max()
+
+
+def test_fixes_keep_their_own_times(result: Result, axis: TimeAxis) -> None:
+    figures = TimeFigures(HEIGHT, axis)
+    figures.show(result)
+    data = source(figures, "time_gps").data
+    np.testing.assert_allclose(data["time"], result.fixes.time, rtol=1e-6)
+    np.testing.assert_allclose(data["height_fixes"], result.gps["height"].values, rtol=1e-6)
+
+
+def test_another_flight_is_shown_whole(axis: TimeAxis) -> None:
+    axis.range.update(start=150.0, end=160.0)
+    axis.cursor.location = 155.0
+    axis.span(100.0)
+    assert axis.window == (0, 100)
+    assert axis.time == 100
+
+
+def test_autocorrelation_has_its_band(result: Result) -> None:
+    figures = AutocorrelationFigures()
+    figures.show(result)
+    fig = figures.figures[0]
+    data = fig.select_one({"type": ColumnDataSource}).data
+    assert data["position_east"][0] == pytest.approx(1)
+    box = next(item for item in fig.center if hasattr(item, "fill_alpha") and hasattr(item, "bottom"))
+    assert box.top == -box.bottom == pytest.approx(1.96 / np.sqrt(result.fixes.time.size), rel=0.02)
+
+
+def test_the_track_follows_the_cursor(result: Result) -> None:
+    track = TrackFigure()
+    track.show(result, 0.0)
+    track.show_time(100.0)
+    estimated = result.track.sel(path="estimated").sel(time=100.0, method="nearest")
+    data = track._now.data
+    assert data["easting"][0] == pytest.approx(float(estimated["easting"]), abs=1e-6)
+    assert data["northing"][0] == pytest.approx(float(estimated["northing"]), abs=1e-6)
+    assert track.figure.match_aspect
