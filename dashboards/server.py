@@ -22,8 +22,8 @@ def serve(port: int = 5006, address: str = "127.0.0.1", show: bool = False) -> N
     import panel as pn  # noqa: PLC0415 - takes a second
 
     # Listening on all addresses, the names under which this computer is reached are not known here.
-    loopback = address in {"127.0.0.1", "localhost", "::1"}
-    origins = [f"{name}:{port}" for name in ("localhost", "127.0.0.1", "[::1]")] if loopback else ["*"]
+    loopback = address in {"127.0.0.1", "localhost"}
+    origins = [f"{name}:{port}" for name in ("localhost", "127.0.0.1")] if loopback else ["*"]
     where = "localhost" if loopback else address
     print(f"INS Lab is at http://{where}:{port}/ (stop it with Ctrl-C)", flush=True)
     pn.serve(
