@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lab.navigation import strapdown
-from lab.navigation.compilation import SOURCES, entry_kernel, inline_kernel, kernel
+from lab.navigation.compilation import SOURCES, entry_kernel, inline_kernel, interpreted, kernel
 from lab.navigation.error_models import PHI
 from lab.navigation.kalman import MEASUREMENTS, update
 from lab.navigation.propagation import BIASES, NAV, STATES, WIDTH, WORKSPACE, X, compile_propagation
@@ -50,7 +50,7 @@ class Filter(NamedTuple):
     def begin(cls, start: Start, belief: Belief, time: float) -> Filter:
         """Return a navigator that starts at a time [s]."""
         state = np.zeros(strapdown.LENGTH)
-        strapdown.set_position(state, *start.position)
+        interpreted(strapdown.set_position)(state, *start.position)
         state[VELOCITY : VELOCITY + 3] = start.velocity_n
         state[strapdown.Q_NB : strapdown.Q_NB + 4] = start.q_nb
         w = _aligned_zeros(WORKSPACE)
