@@ -170,6 +170,8 @@ def run(
     with contextlib.redirect_stdout(sys.stderr), Progress(mission) as progress:
         try:
             result = experiment.run(progress)
+        except (MissionError, SettingError):  # these name what is wrong themselves
+            raise
         except ValueError as error:
             raise CommandError(f"{mission}: {error}") from error
     if out is not None:

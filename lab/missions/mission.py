@@ -12,10 +12,11 @@ from pathlib import Path
 from typing import Any
 
 from lab.missions.errors import MissionError
-from lab.missions.flight_csv import read_flight_csv
+from lab.missions.flight_csv import MAX_BYTES, read_flight_csv
 from lab.missions.flight_plan import FlightPlan
 from lab.missions.mission_card import mission_html
 from lab.missions.recording import Recording
+from lab.missions.text_blocks import check_file
 
 MAX_TOML_BYTES = 2**20
 """Largest TOML file accepted [bytes]."""
@@ -112,9 +113,10 @@ class Mission:
         Raises
         ------
         MissionError
-            If the file cannot be read.
+            If the file cannot be read or is too large.
         """
         try:
+            check_file(self.recording_path, MAX_BYTES)
             with self.recording_path.open("rb") as file:
                 return hashlib.file_digest(file, "sha256").hexdigest()
         except OSError as error:

@@ -15,6 +15,30 @@ _BLOCK = 8 * 2**20
 _LONGEST_LINE = 2**20
 
 
+def check_file(path: Path, limit: int) -> None:
+    """Refuse what is not an ordinary file of at most `limit` bytes.
+
+    Raises
+    ------
+    MissionError
+        Saying what it is instead.
+    """
+    if path.is_dir():
+        raise MissionError(f"{path}: is a folder; accepted is a file")
+    if not path.exists():
+        raise MissionError(f"{path}: there is no such file")
+    # A pipe or a device could keep a reader waiting for ever.
+    if not path.is_file():
+        raise MissionError(f"{path}: is not an ordinary file")
+    size = path.stat().st_size
+    if size > limit:
+        raise MissionError(f"{path}: {size / 2**20:.0f} MB; accepted are files up to {_megabytes(limit)}")
+
+
+def _megabytes(size: int) -> str:
+    return f"{size / 2**20:.0f} MB"
+
+
 class TextBlocks:
     """An open text file in UTF-8, compressed if its name ends with ``.gz``; a context manager.
 
@@ -48,7 +72,7 @@ class TextBlocks:
 
     def __enter__(self) -> Self:
         try:
-            self._check_file()
+            check_file(self._path, self._limit)
             self._file = self._path.open("rb")
         except (OSError, ValueError) as error:
             raise self._error(error) from error
@@ -103,20 +127,6 @@ class TextBlocks:
         line = first_line + block.count(b"\n", 0, start)
         raise MissionError(f"{self._path}, row {line}: this is not text; accepted is text in UTF-8")
 
-    def _check_file(self) -> None:
-        if self._path.is_dir():
-            raise MissionError(f"{self._path}: is a folder; accepted is a file")
-        if not self._path.exists():
-            raise MissionError(f"{self._path}: there is no such file")
-        # A pipe or a device could keep a reader waiting for ever.
-        if not self._path.is_file():
-            raise MissionError(f"{self._path}: is not an ordinary file")
-        size = self._path.stat().st_size
-        if size > self._limit:
-            raise MissionError(
-                f"{self._path}: {size / 2**20:.0f} MB; accepted are files up to {self._megabytes}"
-            )
-
     def _fill(self) -> bool:
         """Read on to the last line end within the next block; return whether there is anything."""
         new = self._read()
@@ -140,12 +150,10 @@ class TextBlocks:
             raise self._error(error) from error
         self._left -= len(data)
         if self._left < 0:
-            raise MissionError(f"{self._path}: accepted are files up to {self._megabytes} when decompressed")
+            raise MissionError(
+                f"{self._path}: accepted are files up to {_megabytes(self._limit)} when decompressed"
+            )
         return data
-
-    @property
-    def _megabytes(self) -> str:
-        return f"{self._limit / 2**20:.0f} MB"
 
     def _error(self, error: Exception) -> MissionError:
         if isinstance(error, MissionError):

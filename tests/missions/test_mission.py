@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import re
+import time
 from pathlib import Path
 from xml.etree import ElementTree
 
@@ -197,3 +198,14 @@ def test_a_mission_with_a_bad_recording_shows_why_in_jupyter(folder):
     html = mission("bad")._repr_html_()
     assert "latitude_deg" in html
     assert "<script>" not in html
+
+
+def test_too_large_a_file_is_refused_before_it_is_read(tmp_path: Path) -> None:
+    huge = tmp_path / "huge.csv"
+    with huge.open("wb") as file:
+        file.truncate(2 * 2**30)
+    flight = Mission.from_csv(huge)
+    before = time.process_time()
+    with pytest.raises(MissionError, match=r"huge\.csv: 2048 MB; accepted are files up to 256 MB"):
+        _ = flight.content_hash
+    assert time.process_time() - before < 0.5
