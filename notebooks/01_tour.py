@@ -196,7 +196,7 @@ pn.Column(outage, pn.bind(without_gps, outage.param.value_throttled))
 # ## 8. In three dimensions
 #
 # The true path, the estimated one, the fixes, and the ellipsoids in which the filter believes itself to be
-# (3σ, twenty times enlarged). Drag to turn, scroll to come closer. The scene is a page of its own that needs
+# (3σ, ten times enlarged). Drag to turn, scroll to come closer. The scene is a page of its own that needs
 # no server; in the dashboard it is live, and the aircraft flies.
 
 # %%
