@@ -103,6 +103,7 @@ class SimulatorPage:
             frame.busy = False
         frame.servable()
         pn.state.on_session_destroyed(partial(_close, self))
+        pn.state.onload(self.session.open)
         self._show()
         self._address.read()
 

@@ -36,6 +36,15 @@ class Session(param.Parameterized):
         self._watching = self._run_failed = False
         self._on_settings: list[Callable[[], None]] = []
         self._closed = False
+        self._open = False
+        self._early: Outcome | None = None
+
+    def open(self) -> None:
+        """Begin to change the page: its browser is connected now, and what changes reaches it."""
+        self._open = True
+        if self._early is not None:
+            self._receive(self._early)
+            self._early = None
 
     def on_settings(self, callback: Callable[[], None]) -> None:
         """Call back whenever the settings were changed by anything but a single widget."""
@@ -94,6 +103,9 @@ class Session(param.Parameterized):
     def _receive(self, outcome: Outcome) -> None:
         if self._closed:
             return
+        if not self._open:
+            self._early = outcome
+            return
         with pn.io.hold(self._document):
             if outcome.result is None:
                 self._run_failed, self.problem = True, outcome.problem
@@ -109,8 +121,9 @@ class Session(param.Parameterized):
         if not self._runs.busy:
             self.param.update(stage="", fraction=0.0)
             return
-        stage, fraction = self._runs.stage
-        self.param.update(stage=stage, fraction=fraction)
+        if self._open:
+            stage, fraction = self._runs.stage
+            self.param.update(stage=stage, fraction=fraction)
         self._watching = True
         self._document.add_timeout_callback(self._watch, PATIENCE)
 

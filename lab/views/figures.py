@@ -101,7 +101,7 @@ class TimeFigures:
             names = [name for plot in self.plots for name in _columns(plot, clock)]
             if names:
                 self._sources[clock] = ColumnDataSource(
-                    {name: np.zeros(0) for name in ("time", *names)}, name=clock
+                    {name: np.zeros(0) for name in ("time", *names)}, name=f"{clock}:{self.plots[0].name}"
                 )
         self.figures = [self._draw(plot) for plot in self.plots]
 

@@ -26,7 +26,7 @@ ARGUMENTS = [
 HARMLESS = ("THREE.", "GPU stall", "GL Driver Message", "could not set initial ranges", "WebGL")
 
 IDLE = "window.Bokeh && Bokeh.documents.length === 1 && Bokeh.documents[0].is_idle"
-DRAWN = f"{IDLE} && Bokeh.documents[0].get_model_by_name('time')?.data.time?.length > 100"
+DRAWN = f"{IDLE} && Bokeh.documents[0].get_model_by_name('time:position_east')?.data.time?.length > 100"
 
 
 @pytest.fixture(scope="session")
@@ -88,7 +88,7 @@ def open_page(chromium: Browser, address: str, complaints: list[str]) -> Iterato
         context = chromium.new_context(viewport={"width": width, "height": height})
         contexts.append(context)
         page = context.new_page()
-        page.set_default_timeout(60_000)
+        page.set_default_timeout(30_000)
         page.on("console", lambda message: complaints.extend(_complaint(message)))
         page.on("pageerror", lambda error: complaints.append(str(error)))
         page.goto(address + query)

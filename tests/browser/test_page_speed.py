@@ -12,7 +12,7 @@ pytestmark = [pytest.mark.browser, pytest.mark.benchmark]
 
 WATCH = """
 () => {
-  const source = Bokeh.documents[0].get_model_by_name("time");
+  const source = Bokeh.documents[0].get_model_by_name("time:position_east");
   const times = window.times = [];
   let moved = null;
   window.addEventListener("keydown", () => { moved ??= performance.now(); }, true);
@@ -45,9 +45,7 @@ def test_slider_to_repainted_plots(
     times = np.array(page.evaluate("window.times"))[10:]
     median, most = np.median(times), np.quantile(times, 0.95)
     with capsys.disabled():
-        print(
-            f"\nslider to nine repainted plots, montreal: median {median:.0f} ms, 95 % {most:.0f} ms"
-        )
+        print(f"\nslider to nine repainted plots, montreal: median {median:.0f} ms, 95 % {most:.0f} ms")
     assert median <= 120
     assert most <= 250
 

@@ -21,7 +21,9 @@ def axis(result: Result) -> TimeAxis:
 
 
 def source(figures: TimeFigures, clock: str = "time") -> ColumnDataSource:
-    found = figures.figures[0].select_one({"type": ColumnDataSource, "name": clock})
+    found = figures.figures[0].select_one(
+        {"type": ColumnDataSource, "name": f"{clock}:{figures.plots[0].name}"}
+    )
     assert isinstance(found, ColumnDataSource)
     return found
 

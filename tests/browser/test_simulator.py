@@ -1,0 +1,208 @@
+"""The simulator in a real browser, served by a plain ``panel serve``: what a person sees and does."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable
+from urllib.request import urlopen
+
+import pytest
+from playwright.sync_api import Page, expect
+
+pytestmark = pytest.mark.browser
+
+Open = Callable[..., Page]
+
+RANGE_END = "Bokeh.documents[0].get_model_by_name('time axis').end"
+CURSOR = "Bokeh.documents[0].get_model_by_name('time cursor').location"
+DATA = "Bokeh.documents[0].get_model_by_name('time:position_east').data"
+
+
+def remember_data(page: Page) -> None:
+    page.evaluate(f"window.before = {DATA}")
+
+
+def wait_for_new_data(page: Page) -> None:
+    page.wait_for_function(f"{DATA} !== window.before")
+
+
+def noise(page: Page) -> tuple:
+    """Return the slider and the box of the gyro noise."""
+    return page.get_by_role("slider", name="White noise").first, page.get_by_role("textbox").nth(1)
+
+
+def show(page: Page, title: str) -> None:
+    page.get_by_role("tab", name=title, exact=True).click()
+
+
+def test_opens_with_nine_plots_and_asks_nobody_else(open_page: Open, address: str) -> None:
+    strangers: list[str] = []
+    page = open_page()
+    page.on("request", lambda request: strangers.append(request.url))
+    page.reload()
+    page.wait_for_function(
+        "Bokeh.documents[0]?.get_model_by_name('time:position_east')?.data.time.length > 100"
+    )
+    assert page.evaluate(f"Object.keys({DATA}).length") == 28
+    assert page.evaluate(RANGE_END) == pytest.approx(205, abs=0.1)
+    server = address.rpartition("/")[0]
+    assert [url for url in strangers if not url.startswith((server, "data:", "blob:"))] == []
+
+
+def test_a_moved_slider_moves_the_curves(open_page: Open) -> None:
+    page = open_page()
+    slider, box = noise(page)
+    remember_data(page)
+    slider.press("End")
+    wait_for_new_data(page)
+    expect(box).to_have_value("0.5")
+    page.wait_for_function("location.search.includes('sensors.gyro.noise_density=0.5')")
+
+
+def test_a_value_out_of_bounds_is_answered_and_the_result_stays(open_page: Open) -> None:
+    page = open_page()
+    remember_data(page)
+    _, box = noise(page)
+    box.fill("99")
+    box.press("Enter")
+    expect(page.get_by_role("alert")).to_contain_text("from 0 to 10 °/s/√Hz")
+    expect(box).to_have_value("0.05")
+    assert page.evaluate(f"{DATA} === window.before")
+    box.fill("0.06")
+    box.press("Enter")
+    wait_for_new_data(page)
+    expect(page.get_by_role("alert")).to_have_count(0)
+
+
+def test_the_address_brings_settings(open_page: Open) -> None:
+    page = open_page("?mission=los_angeles&sensors.gyro.noise_density=0.2")
+    page.wait_for_function(f"{RANGE_END} < 120")
+    expect(noise(page)[1]).to_have_value("0.2")
+    expect(page.get_by_role("alert")).to_have_count(0)
+
+
+@pytest.mark.parametrize(
+    ("query", "words"),
+    [
+        ("?sensors.gyro.noise=1", "there is no setting"),
+        ("?navigator.r_scale=-3", "not accepted"),
+        ("?mission=/etc/passwd.csv", "there is no such mission"),
+        ("?mission=atlantis&seed=2", "there is no such mission"),
+    ],
+)
+def test_nonsense_in_the_address_is_answered(open_page: Open, query: str, words: str) -> None:
+    page = open_page(query)
+    expect(page.get_by_role("alert")).to_contain_text(words)
+    expect(page.get_by_role("alert")).not_to_contain_text("Traceback")
+
+
+def test_every_page_opens(open_page: Open) -> None:
+    page = open_page()
+    for title in ("Covariance", "Innovations", "Sensor errors", "Height", "Ground track"):
+        show(page, title)
+        page.wait_for_function("Bokeh.documents[0].is_idle")
+        expect(page.get_by_role("tab", name=title, exact=True)).to_have_attribute("aria-selected", "true")
+        expect(page.locator("canvas").first).to_be_visible()
+    show(page, "Summary")
+    expect(page.get_by_text("position east error")).to_be_visible()
+    expect(page.get_by_text("95 %")).to_be_visible()
+    show(page, "Errors")
+    page.wait_for_function(
+        "Bokeh.documents[0].get_model_by_name('time:position_east')?.data.position_east?.length > 100"
+    )
+
+
+def test_hidden_pages_are_not_sent(open_page: Open) -> None:
+    page = open_page()
+    assert page.evaluate("Bokeh.documents[0].get_model_by_name('time_gps:innovation_position_east')") is None
+    show(page, "Innovations")
+    page.wait_for_function(
+        "Bokeh.documents[0].get_model_by_name('time_gps:innovation_position_east')?.data.time.length > 100"
+    )
+    page.wait_for_function("Bokeh.documents[0].get_model_by_name('time:position_east') === null")
+
+
+def test_zooming_one_plot_zooms_all_and_sends_the_samples(open_page: Open) -> None:
+    page = open_page()
+    remember_data(page)
+    plot = page.locator("canvas").nth(4)
+    box = plot.bounding_box()
+    assert box is not None
+    middle = box["y"] + box["height"] / 2
+    page.mouse.move(box["x"] + box["width"] * 0.5, middle)
+    page.mouse.down()
+    page.mouse.move(box["x"] + box["width"] * 0.52, middle, steps=4)
+    page.mouse.move(box["x"] + box["width"] * 0.55, middle, steps=4)
+    page.mouse.up()
+    wait_for_new_data(page)
+    page.wait_for_function(f"{RANGE_END} < 150")
+    page.wait_for_function(f"{DATA}.time.at(-1) - {DATA}.time[0] < 30")
+    page.get_by_role("button", name="Whole flight").click()
+    page.wait_for_function(f"{RANGE_END} > 200")
+
+
+def test_a_click_moves_the_cursor_and_play_runs_it(open_page: Open) -> None:
+    page = open_page()
+    plot = page.locator("canvas").nth(4)
+    box = plot.bounding_box()
+    assert box is not None
+    page.mouse.click(box["x"] + box["width"] / 2, box["y"] + box["height"] / 2)
+    page.wait_for_function(f"{CURSOR} > 60")
+    clicked = page.evaluate(CURSOR)
+    expect(page.get_by_text(re.compile(rf"^{clicked:.2f}$"))).to_be_visible()
+    play = page.locator(".MuiCheckbox-root", has_text=re.compile("play_arrow|pause")).locator("input")
+    play.check()
+    page.wait_for_function(f"{CURSOR} > {clicked} + 2")
+    play.uncheck()
+
+
+def test_the_flight_in_three_dimensions_comes_through_the_same_port(open_page: Open, address: str) -> None:
+    page = open_page()
+    sockets: list[str] = []
+    page.on("websocket", lambda socket: sockets.append(socket.url))
+    show(page, "3-D")
+    frame = page.frame_locator("iframe")
+    expect(frame.locator("canvas").first).to_be_visible()
+    expect(frame.get_by_text("Connected")).to_be_visible()
+    server = address.rpartition("/")[0].replace("http", "ws")
+    assert [url for url in sockets if "/viser/" in url]
+    assert all(url.startswith(server) for url in sockets)
+
+
+@pytest.mark.parametrize("token", ["80.abc.def", "x", "5006..", "1.2.3.4"])
+def test_a_forged_way_to_viser_is_refused(open_page: Open, address: str, token: str) -> None:
+    page = open_page()
+    show(page, "3-D")
+    expect(page.locator("iframe")).to_be_visible()
+    response = page.request.get(f"{address.rpartition('/')[0]}/viser/{token}/")
+    assert response.status == 403
+
+
+def test_the_theme_changes_without_a_new_session(open_page: Open) -> None:
+    page = open_page()
+    remember_data(page)
+    page.get_by_role("button", name="Toggle theme").click()
+    page.wait_for_function(
+        "document.documentElement.dataset.theme === 'dark' || "
+        "getComputedStyle(document.querySelector('main') ?? document.body).color !== ''"
+    )
+    assert page.evaluate(f"{DATA} === window.before")
+
+
+def test_reset_and_files(open_page: Open) -> None:
+    page = open_page("?sensors.gyro.noise_density=0.2")
+    expect(noise(page)[1]).to_have_value("0.2")
+    page.get_by_text("Files", exact=True).click()
+    with page.expect_download() as download:
+        page.get_by_text("Settings", exact=True).click()
+    path = download.value.path()
+    assert "noise_density" in path.read_text(encoding="utf-8")
+    assert download.value.suggested_filename == "montreal_1.toml"
+    page.get_by_role("button", name="Reset").click()
+    expect(noise(page)[1]).to_have_value("0.05")
+
+
+def test_the_server_answers_plainly(address: str, open_page: Open) -> None:
+    open_page()
+    with urlopen(address) as answer:
+        assert answer.status == 200
