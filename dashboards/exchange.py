@@ -42,16 +42,16 @@ class Files:
         self._toml = pmui.FileDownload(
             callback=self._to_toml, filename="settings.toml", label="Settings", **common
         )
-        self._upload = pmui.FileInput(accept=".toml", label="Load settings", **common)
+        self._upload = pmui.FileInput(accept=".toml", label="Load", **common)
         self._upload.param.watch(self._uploaded, "value")
         card = pmui.Card(
             pn.Row(self._netcdf, self._csv, margin=0, sizing_mode="stretch_width"),
             pn.Row(self._toml, self._upload, margin=0, sizing_mode="stretch_width"),
             title="Files",
             title_variant="subtitle2",
-            margin=(4, 0),
+            margin=(0, 14, 24, 14),
+            variant="outlined",
             sizing_mode="stretch_width",
-            collapsed=True,
         )
         self.view = card
         session.param.watch(self._renamed, "result")

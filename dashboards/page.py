@@ -7,8 +7,8 @@ from functools import partial
 import panel as pn
 import panel_material_ui as pmui
 import param
-from param.parameterized import edit_constant
 from panel_material_ui.template.base import Page as MaterialPage
+from param.parameterized import edit_constant
 
 from dashboards.exchange import Address, Files
 from dashboards.pages.base import Page

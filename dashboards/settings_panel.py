@@ -70,7 +70,7 @@ class SettingsPanel:
             self._seed_row(),
             self._presets(),
             *self._sections(),
-            margin=(6, 14, 24, 14),
+            margin=(6, 14, 4, 14),
             sizing_mode="stretch_width",
         )
         self.refresh()

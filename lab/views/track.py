@@ -9,6 +9,7 @@ from bokeh.models.annotations import Title
 from bokeh.models.formatters import CustomJSTickFormatter
 from bokeh.models.ranges import DataRange1d
 from bokeh.models.sources import ColumnDataSource
+from bokeh.models.tickers import BasicTicker
 from bokeh.models.tools import HoverTool, PanTool, ResetTool, SaveTool, WheelZoomTool
 
 from lab.views.envelope import thin_path
@@ -50,7 +51,7 @@ class TrackFigure:
         )
         fig = self.figure
         fig.toolbar_location, fig.toolbar.active_scroll = "right", zoom
-        fig.xaxis.ticker.desired_num_ticks = 4
+        fig.xaxis.ticker = BasicTicker(desired_num_ticks=4)
         for axis in (fig.xaxis, fig.yaxis):
             axis.formatter = CustomJSTickFormatter(
                 code="return tick.toLocaleString('en').replaceAll(',', '\\u2009')"

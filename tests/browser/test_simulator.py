@@ -192,7 +192,6 @@ def test_the_theme_changes_without_a_new_session(open_page: Open) -> None:
 def test_reset_and_files(open_page: Open) -> None:
     page = open_page("?sensors.gyro.noise_density=0.2")
     expect(noise(page)[1]).to_have_value("0.2")
-    page.get_by_text("Files", exact=True).click()
     with page.expect_download() as download:
         page.get_by_text("Settings", exact=True).click()
     path = download.value.path()
