@@ -67,7 +67,7 @@ class SimulatorPage:
             margin=0,
             styles={"flex": "0 0 48px"},
         )
-        self._stage = pn.Column(sizing_mode="stretch_width", margin=0, stylesheets=[STAGE])
+        self._stage = pn.Column(sizing_mode="stretch_both", margin=0, stylesheets=[STAGE])
         self.session.prepare = self._prepare
         self.session.param.watch(self._new_result, "result")
         self.session.param.watch(self._new_problem, "problem")
@@ -89,7 +89,7 @@ class SimulatorPage:
                     self._message,
                     self._stage,
                     self._time_bar.view,
-                    sizing_mode="stretch_width",
+                    sizing_mode="stretch_both",
                     margin=0,
                     stylesheets=[FRAME],
                 )

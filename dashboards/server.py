@@ -21,6 +21,8 @@ def serve(port: int = 5006, address: str = "127.0.0.1", show: bool = False) -> N
     """
     import panel as pn  # noqa: PLC0415 - takes a second
 
+    import dashboards.page  # noqa: F401, PLC0415 - so that the first visitor does not wait for it
+
     # Listening on all addresses, the names under which this computer is reached are not known here.
     loopback = address in {"127.0.0.1", "localhost"}
     origins = [f"{name}:{port}" for name in ("localhost", "127.0.0.1")] if loopback else ["*"]
