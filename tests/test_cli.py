@@ -11,8 +11,11 @@ import socket
 import subprocess
 import sys
 import threading
+import time
 from pathlib import Path
 from typing import Any
+from urllib.error import URLError
+from urllib.request import urlopen
 
 import pytest
 from typer.testing import CliRunner
@@ -278,6 +281,45 @@ def test_the_page_opens_where_there_is_a_screen(
     port = cli._free_port()
     assert _ask("serve", "--port", str(port), *flags).exit_code == 0
     assert asked == [{"port": port, "address": "127.0.0.1", "show": show}]
+
+
+def _answers(address: str, within: float) -> bool:
+    """Ask a server that may not listen yet, again and again for so many seconds."""
+    deadline = time.monotonic() + within
+    while time.monotonic() < deadline:
+        try:
+            with urlopen(address, timeout=within) as answer:
+                return bool(answer.status == 200 and b"INS Lab" in answer.read())
+        except ConnectionError:
+            continue
+        except URLError as error:
+            if not isinstance(error.reason, ConnectionError):
+                raise
+    return False
+
+
+@pytest.mark.parametrize("address", ["127.0.0.1", "0.0.0.0"])
+def test_serving_answers_with_the_page(address: str) -> None:
+    port = cli._free_port()
+    script = "from lab.cli import main; main()"
+    command = [
+        sys.executable,
+        "-c",
+        script,
+        "serve",
+        "--port",
+        str(port),
+        "--address",
+        address,
+        "--no-browser",
+    ]
+    with subprocess.Popen(command, stdout=subprocess.PIPE) as process:
+        try:
+            assert _answers(f"http://127.0.0.1:{port}/", RUN_SECONDS)
+        finally:
+            process.terminate()
+        assert process.stdout is not None
+        assert f":{port}/".encode() in process.stdout.readline()
 
 
 def test_json_is_all_there_is_on_standard_output() -> None:
