@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from lab import earth
 from lab.navigation.error_models import ACCEL_BIAS, ATT, GYRO_BIAS, POS, VEL
 from lab.navigation.solution import Solution
-from lab.rotation import euler_jacobian, wrap
+from lab.rotation import wrap
 from lab.trajectory import Truth
 
 FloatArray = NDArray[np.float64]
@@ -105,10 +105,24 @@ def euler_sigma(euler: FloatArray, variance: FloatArray, covariance: FloatArray)
     variance, covariance : (n, 3) arrays
         Diagonal and off-diagonal elements of the covariance of φ, as in `block_matrices`.
     """
-    J = euler_jacobian(euler)
-    a, b, c = J[:, :, 0], J[:, :, 1], J[:, :, 2]
-    v, k = variance[:, None, :], covariance[:, None, :]
-    squares = a * a * v[..., 0] + b * b * v[..., 1] + c * c * v[..., 2]
-    products = a * b * k[..., 0] + a * c * k[..., 1] + b * c * k[..., 2]
+    P00, P11, P22 = np.ascontiguousarray(variance.T)
+    P01, P02, P12 = np.ascontiguousarray(covariance.T)
+    cy, sy, sec, tan = _trigonometry(euler)
+    # J P Jᵀ of `rotation.euler_jacobian`, written out: it is on the way of every slider. Roll and heading
+    # errors come of the tilt along the heading, pitch errors of the tilt across it.
+    cross = 2 * sy * cy * P01
+    along = cy * cy * P00 + sy * sy * P11 + cross
+    across = sy * sy * P00 + cy * cy * P11 - cross
+    sigma = np.empty(euler.shape)
+    sigma[:, 0] = sec * sec * along
+    sigma[:, 1] = across
+    sigma[:, 2] = P22 + tan * (tan * along + 2 * (cy * P02 + sy * P12))
     # Roundoff may leave a variance of nothing slightly negative.
-    return np.asarray(np.sqrt(np.maximum(squares + 2 * products, 0)))
+    return np.sqrt(np.maximum(sigma, 0, out=sigma), out=sigma)
+
+
+def _trigonometry(euler: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+    """Return cosine and sine of the heading, and secant and tangent of the pitch."""
+    pitch, yaw = np.ascontiguousarray(euler[:, 1:].T)
+    sec = 1 / np.cos(pitch)
+    return np.cos(yaw), np.sin(yaw), sec, np.sin(pitch) * sec

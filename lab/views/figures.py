@@ -97,6 +97,7 @@ class TimeFigures:
         self.axis = axis
         self._buckets = buckets
         self._sources: dict[Clock, ColumnDataSource] = {}
+        self._ready: tuple[Result, tuple[float, float], dict[Clock, dict[str, FloatArray]]] | None = None
         for clock in ("time", "time_gps"):
             names = [name for plot in self.plots for name in _columns(plot, clock)]
             if names:
@@ -106,28 +107,34 @@ class TimeFigures:
         self.figures = [self._draw(plot) for plot in self.plots]
 
     def prepare(self, result: Result) -> None:
-        """Have a result work out all that is drawn here; in any thread."""
-        for clock in self._sources:
-            for plot in self.plots:
-                _columns(plot, clock, result)
+        """Thin a result to what `show` will draw of it; in any thread."""
+        window = self.axis.window
+        self._ready = (result, window, self._thinned(result, window))
 
     def show(self, result: Result) -> None:
         """Draw a result, in the stretch of time that is visible."""
-        drawn: dict[str, FloatArray] = {}
+        window, ready = self.axis.window, self._ready
+        self._ready = None
+        prepared = ready is not None and ready[0] is result and ready[1] == window
+        drawn = ready[2] if ready is not None and prepared else self._thinned(result, window)
         for clock, source in self._sources.items():
+            source.data = drawn[clock]
+        for plot, fig in zip(self.plots, self.figures, strict=True):
+            series = [drawn[clock][name] for clock in drawn for name in _columns(plot, clock)]
+            low, high = limits(series, plot.scale)
+            fig.y_range.update(start=low, end=high)
+
+    def _thinned(self, result: Result, window: tuple[float, float]) -> dict[Clock, dict[str, FloatArray]]:
+        """Return the columns of each source in a window of time."""
+        thinned: dict[Clock, dict[str, FloatArray]] = {}
+        for clock in self._sources:
             columns: dict[str, FloatArray] = {}
             for plot in self.plots:
                 columns |= _columns(plot, clock, result)
-            time, thinned = envelope(
-                _times(result, clock), list(columns.values()), self.axis.window, self._buckets
-            )
-            data = {name: values.astype(np.float32) for name, values in zip(columns, thinned, strict=True)}
-            source.data = {"time": time.astype(np.float32), **data}
-            drawn |= data
-        for plot, fig in zip(self.plots, self.figures, strict=True):
-            names = (*_columns(plot, "time"), *_columns(plot, "time_gps"))
-            low, high = limits([drawn[name] for name in names], plot.scale)
-            fig.y_range.update(start=low, end=high)
+            time, values = envelope(_times(result, clock), list(columns.values()), window, self._buckets)
+            named = zip(("time", *columns), (time, *values), strict=True)
+            thinned[clock] = {name: series.astype(np.float32) for name, series in named}
+        return thinned
 
     def _draw(self, plot: TimePlot) -> figure:
         source = self._sources[plot.clock]
