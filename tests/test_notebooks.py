@@ -75,7 +75,7 @@ def test_a_notebook_is_an_app_for_panel_serve(notebook: Path) -> None:
             titles = {str(slider.title) for slider in page.select({"type": AbstractSlider})}
             assert len(titles) >= 3
         finally:
-            server.terminate()
+            server.kill()  # a server in the middle of a session may put off a polite request for ever
 
 
 def test_the_example_of_the_readme_runs(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
