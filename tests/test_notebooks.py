@@ -6,6 +6,7 @@ import re
 import socket
 import subprocess
 import sys
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Any
 
@@ -71,7 +72,10 @@ def test_a_notebook_is_an_app_for_panel_serve(notebook: Path) -> None:
         try:
             assert server.stdout is not None
             log = next(line for line in server.stdout if "running at" in line)
-            page = pull_session(url=re.findall(r"http://\S+", log)[0]).document
+            address = re.findall(r"http://\S+", log)[0]
+            # In a thread: a browser of other tests may keep an event loop running in this one.
+            with ThreadPoolExecutor(1) as thread:
+                page = thread.submit(pull_session, url=address).result().document
             titles = {str(slider.title) for slider in page.select({"type": AbstractSlider})}
             assert len(titles) >= 3
         finally:
