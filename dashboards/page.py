@@ -28,6 +28,9 @@ from lab.views.figures import TimeAxis
 ZOOM_DEBOUNCE = 60
 """Time without a further zoom before the visible stretch is drawn anew [ms]."""
 
+SETTLED = 1500
+"""Time after which a page that was announced as ready has surely been laid out [ms]."""
+
 PAGES: tuple[type[Page], ...] = (
     Errors,
     Covariance,
@@ -103,9 +106,20 @@ class SimulatorPage:
             frame.busy = False
         frame.servable()
         pn.state.on_session_destroyed(partial(_close, self))
-        pn.state.onload(self.session.open)
+        pn.state.onload(self._ready)
         self._show()
         self._address.read()
+
+    def _ready(self) -> None:
+        """Begin to change the page; what a browser still busy with its first layout lost is sent again."""
+        self.session.open()
+        self._document.add_timeout_callback(self._resend, SETTLED)
+
+    def _resend(self) -> None:
+        if self.session.result is not None:
+            with pn.io.hold(self._document):
+                self.axis.resend()
+                self._page.resend()
 
     def close(self) -> None:
         """End the session."""

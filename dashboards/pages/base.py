@@ -54,6 +54,9 @@ class Page(ABC):
             self._drawn = state
             self.draw(result)
 
+    def resend(self) -> None:  # noqa: B027 - most pages have nothing to do
+        """Send what is drawn once more, for a browser that was not ready for it."""
+
     def show_time(self, time: float) -> None:  # noqa: B027 - most pages have nothing to do
         """Follow the time cursor."""
 

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from bokeh.events import DoubleTap, Tap
+from bokeh.model import Model
 from bokeh.models.annotations import Legend, LegendItem, Span, Title
 from bokeh.models.callbacks import CustomJS
 from bokeh.models.formatters import CustomJSTickFormatter
@@ -73,6 +74,10 @@ class TimeAxis:
         """Show the whole flight."""
         self.range.update(start=0.0, end=self.duration)
 
+    def resend(self) -> None:
+        """Send the range once more, for a browser that was not ready for it."""
+        _resend(self.range, "bounds", "reset_start", "reset_end", "start", "end")
+
 
 class TimeFigures:
     """A set of figures over the shared time axis that draw from one data source for each clock.
@@ -124,6 +129,13 @@ class TimeFigures:
             low, high = limits(series, plot.scale)
             fig.y_range.update(start=low, end=high)
 
+    def resend(self) -> None:
+        """Send what is drawn once more, for a browser that was not ready for it."""
+        for source in self._sources.values():
+            _resend(source, "data")
+        for fig in self.figures:
+            _resend(fig.y_range, "start", "end")
+
     def _thinned(self, result: Result, window: tuple[float, float]) -> dict[Clock, dict[str, FloatArray]]:
         """Return the columns of each source in a window of time."""
         thinned: dict[Clock, dict[str, FloatArray]] = {}
@@ -150,6 +162,11 @@ class TimeFigures:
         if len(glyphs) > 1:
             add_legend(fig, dict(reversed(glyphs.items())))
         return fig
+
+
+def _resend(model: Model, *names: str) -> None:
+    for name in names:
+        model.trigger(name, None, getattr(model, name))
 
 
 def time_figure(title: str, axis: TimeAxis, *, logarithmic: bool = False, height: int = 150) -> figure:

@@ -114,12 +114,16 @@ def test_every_page_opens(open_page: Open) -> None:
 
 def test_hidden_pages_are_not_sent(open_page: Open) -> None:
     page = open_page()
-    assert page.evaluate("Bokeh.documents[0].get_model_by_name('time_gps:innovation_position_east')") is None
+    innovations = "Bokeh.documents[0].get_model_by_name('time_gps:innovation_position_east')"
+    assert page.evaluate(innovations) is None
+    page.evaluate("window.errors = Bokeh.documents[0].get_model_by_name('time:position_east')")
+    page.evaluate("window.before = window.errors.data")
     show(page, "Innovations")
-    page.wait_for_function(
-        "Bokeh.documents[0].get_model_by_name('time_gps:innovation_position_east')?.data.time.length > 100"
-    )
-    page.wait_for_function("Bokeh.documents[0].get_model_by_name('time:position_east') === null")
+    page.wait_for_function(f"{innovations}?.data.time.length > 100")
+    page.evaluate(f"window.first = {innovations}.data")
+    noise(page)[0].press("End")
+    page.wait_for_function(f"{innovations}.data !== window.first")
+    assert page.evaluate("window.errors.data === window.before")
 
 
 def test_zooming_one_plot_zooms_all_and_sends_the_samples(open_page: Open) -> None:
@@ -181,11 +185,10 @@ def test_a_forged_way_to_viser_is_refused(open_page: Open, address: str, token: 
 def test_the_theme_changes_without_a_new_session(open_page: Open) -> None:
     page = open_page()
     remember_data(page)
+    tab = page.get_by_role("tab", name="Height", exact=True)
+    ink = tab.evaluate("element => getComputedStyle(element).color")
     page.get_by_role("button", name="Toggle theme").click()
-    page.wait_for_function(
-        "document.documentElement.dataset.theme === 'dark' || "
-        "getComputedStyle(document.querySelector('main') ?? document.body).color !== ''"
-    )
+    expect(tab).not_to_have_css("color", ink)
     assert page.evaluate(f"{DATA} === window.before")
 
 
