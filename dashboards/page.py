@@ -28,6 +28,9 @@ from lab.views.figures import TimeAxis
 ZOOM_DEBOUNCE = 60
 """Time without a further zoom before the visible stretch is drawn anew [ms]."""
 
+READY_WITHIN = 4000
+"""How long a browser may take to say that it is ready [ms]."""
+
 SETTLED = 1500
 """Time after which a page that was announced as ready has surely been laid out [ms]."""
 
@@ -107,6 +110,7 @@ class SimulatorPage:
         frame.servable()
         pn.state.on_session_destroyed(partial(_close, self))
         pn.state.onload(self._ready)
+        self._document.add_timeout_callback(self._ready_late, READY_WITHIN)
         self._show()
         self._address.read()
 
@@ -114,6 +118,15 @@ class SimulatorPage:
         """Begin to change the page; what a browser still busy with its first layout lost is sent again."""
         self.session.open()
         self._document.add_timeout_callback(self._resend, SETTLED)
+
+    def _ready_late(self) -> None:
+        """Do without the browser's word that it is ready, which can be lost."""
+        if self.session.is_open:
+            return
+        if self.session.connected:
+            self._ready()
+        else:
+            self._document.add_timeout_callback(self._ready_late, READY_WITHIN)
 
     def _resend(self) -> None:
         if self.session.result is not None:

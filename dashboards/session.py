@@ -37,14 +37,23 @@ class Session(param.Parameterized):
         self._on_settings: list[Callable[[], None]] = []
         self._closed = False
         self._open = False
-        self._early: Outcome | None = None
+        self._arrived: Outcome | None = None
+
+    @property
+    def connected(self) -> bool:
+        """Whether a browser holds a connection to this session."""
+        browser = getattr(self._document.session_context, "session", None)
+        return browser is not None and browser.connection_count > 0
+
+    @property
+    def is_open(self) -> bool:
+        """Whether the page may be changed."""
+        return self._open
 
     def open(self) -> None:
         """Begin to change the page: its browser is connected now, and what changes reaches it."""
         self._open = True
-        if self._early is not None:
-            self._receive(self._early)
-            self._early = None
+        self._collect()
 
     def on_settings(self, callback: Callable[[], None]) -> None:
         """Call back whenever the settings were changed by anything but a single widget."""
@@ -98,13 +107,19 @@ class Session(param.Parameterized):
 
     def _deliver(self, outcome: Outcome) -> None:
         if not self._closed:
-            self._document.add_next_tick_callback(lambda: self._receive(outcome))
+            self._arrived = outcome
+            self._document.add_next_tick_callback(self._collect)
+
+    def _collect(self) -> None:
+        """Take what has arrived; before the page is open, it waits."""
+        if not self._open:
+            return
+        outcome, self._arrived = self._arrived, None
+        if outcome is not None:
+            self._receive(outcome)
 
     def _receive(self, outcome: Outcome) -> None:
         if self._closed:
-            return
-        if not self._open:
-            self._early = outcome
             return
         with pn.io.hold(self._document):
             if outcome.result is None:
