@@ -63,9 +63,7 @@ class SimulatorPage:
         self._files = Files(self.session)
         self._address = Address(self.session, document)
         self._progress = Progress(self.session)
-        self._message = pmui.Alert(
-            object="", severity="error", closeable=True, visible=False, margin=(6, 8)
-        )
+        self._message = pmui.Alert(object="", severity="error", closeable=True, visible=False, margin=(6, 8))
         self._tabs = pmui.Tabs(
             *((page.title, pn.Spacer(height=0)) for page in PAGES),
             sizing_mode="stretch_width",
