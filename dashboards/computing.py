@@ -5,6 +5,7 @@ from __future__ import annotations
 import logging
 import os
 import sys
+import time
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
@@ -55,12 +56,18 @@ class LatestWins:
         self._waiting: Experiment | None = None
         self._running = False
         self._closed = False
+        self._begun = 0.0
         self.stage = ("", 0.0)
 
     @property
     def busy(self) -> bool:
         """Whether an experiment runs or waits."""
         return self._running
+
+    @property
+    def busy_for(self) -> float:
+        """How long the experiment that runs now has been running or waiting for a core [s]."""
+        return time.monotonic() - self._begun if self._running else 0.0
 
     def submit(self, experiment: Experiment) -> None:
         """Run an experiment as soon as the one that runs now has ended."""
@@ -82,7 +89,7 @@ class LatestWins:
             if experiment is None or self._closed:
                 self._running = False
                 return
-        self.stage = ("Waiting for a free core", 0.0)
+        self.stage, self._begun = ("Waiting for a free core", 0.0), time.monotonic()
         POOL.submit(self._run, experiment)
 
     def _run(self, experiment: Experiment) -> None:

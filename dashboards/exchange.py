@@ -25,7 +25,7 @@ from lab.settings import SettingError
 MAX_TOML = 2**20
 """Largest settings file accepted [bytes]."""
 
-QUIET = 600
+QUIET = 1500
 """The address follows when nothing has changed for this long [ms]."""
 
 

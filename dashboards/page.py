@@ -7,20 +7,27 @@ from functools import partial
 import panel as pn
 import panel_material_ui as pmui
 import param
+from bokeh.events import DocumentReady
+from bokeh.models.callbacks import CustomJS
 from panel_material_ui.template.base import Page as MaterialPage
 from param.parameterized import edit_constant
 
 from dashboards.exchange import Address, Files
+from dashboards.pages.allan import Allan
 from dashboards.pages.base import Page
+from dashboards.pages.budget import Budget
+from dashboards.pages.consistency import Consistency
 from dashboards.pages.ground_track import GroundTrack
 from dashboards.pages.innovations import Innovations
+from dashboards.pages.models import Models
 from dashboards.pages.summary import Summary
 from dashboards.pages.time_plots import Covariance, Errors, Height, SensorErrors
 from dashboards.pages.view_3d import View3D
 from dashboards.progress import Progress
+from dashboards.sending import together
 from dashboards.session import Session
 from dashboards.settings_panel import SettingsPanel
-from dashboards.style import DRESS, FRAME, STAGE, THEME
+from dashboards.style import DRESS, FRAME, SAME_STYLE_ONCE, STAGE, THEME
 from dashboards.time_bar import TimeBar
 from lab.result import Result
 from lab.views.figures import TimeAxis
@@ -28,20 +35,20 @@ from lab.views.figures import TimeAxis
 ZOOM_DEBOUNCE = 60
 """Time without a further zoom before the visible stretch is drawn anew [ms]."""
 
-READY_WITHIN = 4000
-"""How long a browser may take to say that it is ready [ms]."""
-
-SETTLED = 1500
-"""Time after which a page that was announced as ready has surely been laid out [ms]."""
+OUTAGES = "sensors.gps.outages"
 
 PAGES: tuple[type[Page], ...] = (
     Errors,
     Covariance,
     Innovations,
+    Consistency,
     SensorErrors,
+    Allan,
+    Models,
     GroundTrack,
     Height,
     View3D,
+    Budget,
     Summary,
 )
 
@@ -59,7 +66,7 @@ class SimulatorPage:
         self._zooming = False
         self._pages: dict[int, Page] = {}
         self._settings = SettingsPanel(self.session)
-        self._time_bar = TimeBar(self.axis, document, self._follow)
+        self._time_bar = TimeBar(self.axis, document, self._follow, self._cut)
         self._files = Files(self.session)
         self._address = Address(self.session, document)
         self._progress = Progress(self.session)
@@ -70,6 +77,7 @@ class SimulatorPage:
             height=48,
             margin=0,
             styles={"flex": "0 0 48px"},
+            sx={"& .MuiTab-root": {"minWidth": "0", "padding": "12px 11px", "fontSize": "0.8125rem"}},
         )
         self._stage = pn.Column(sizing_mode="stretch_both", margin=0, stylesheets=[STAGE])
         self.session.prepare = self._prepare
@@ -102,35 +110,12 @@ class SimulatorPage:
             sx=DRESS,
             busy_indicator=None,
         )
-        # Linked to the busy state, the frame would walk through all models of the page twice for each event.
-        with edit_constant(frame):
-            frame.busy = False
+        _unlink_busy(frame)
         frame.servable()
         pn.state.on_session_destroyed(partial(_close, self))
-        pn.state.onload(self._ready)
-        self._document.add_timeout_callback(self._ready_late, READY_WITHIN)
+        self._document.js_on_event(DocumentReady, CustomJS(code=SAME_STYLE_ONCE))
         self._show()
         self._address.read()
-
-    def _ready(self) -> None:
-        """Begin to change the page; what a browser still busy with its first layout lost is sent again."""
-        self.session.open()
-        self._document.add_timeout_callback(self._resend, SETTLED)
-
-    def _ready_late(self) -> None:
-        """Do without the browser's word that it is ready, which can be lost."""
-        if self.session.is_open:
-            return
-        if self.session.connected:
-            self._ready()
-        else:
-            self._document.add_timeout_callback(self._ready_late, READY_WITHIN)
-
-    def _resend(self) -> None:
-        if self.session.result is not None:
-            with pn.io.hold(self._document):
-                self.axis.resend()
-                self._page.resend()
 
     def close(self) -> None:
         """End the session."""
@@ -149,10 +134,13 @@ class SimulatorPage:
     def _show(self) -> None:
         """Draw the page that is chosen; it is laid out afterwards, so that it arrives complete."""
         page = self._page
+        laid_out = self._stage.objects == [page.view]
         if self.session.result is not None:
+            if not laid_out:
+                page.forget()
             page.show(self.session.result)
             page.show_time(self.axis.time)
-        if self._stage.objects != [page.view]:
+        if not laid_out:
             self._stage[:] = [page.view]
 
     def _prepare(self, result: Result) -> None:
@@ -163,8 +151,20 @@ class SimulatorPage:
     def _new_result(self, event: param.parameterized.Event) -> None:
         result: Result = event.new
         self.axis.span(float(result.time[-1]))
+        self.axis.show_outages(result.experiment.sensors.gps.outages)
         self._time_bar.span()
         self._show()
+
+    def _cut(self, start: float, end: float) -> None:
+        """Add a GPS outage; those that touch become one."""
+        outages: list[tuple[float, float]] = []
+        for stretch in sorted([*self.session.experiment.get(OUTAGES), (start, end)]):
+            if outages and stretch[0] <= outages[-1][1]:
+                outages[-1] = (outages[-1][0], max(outages[-1][1], stretch[1]))
+            else:
+                outages.append(stretch)
+        self.session.change(OUTAGES, outages)
+        self._settings.refresh()
 
     def _follow(self, time: float) -> None:
         self._page.show_time(time)
@@ -179,8 +179,20 @@ class SimulatorPage:
 
     def _draw_window(self) -> None:
         self._zooming = False
-        with pn.io.hold(self._document):
+        with together(self._document):
             self._show()
+
+
+def _unlink_busy(frame: MaterialPage) -> None:
+    """Unlink a frame from the busy state of the server.
+
+    Linked, the frames of all sessions are gone through at every event, and no closed one is ever freed.
+    """
+    with edit_constant(frame):
+        frame.busy = False
+    for watcher in list(pn.state.param.watchers["busy"]["value"]):
+        if getattr(getattr(watcher.fn, "__self__", None), "self", None) is frame:
+            pn.state.param.unwatch(watcher)
 
 
 def _close(page: SimulatorPage, _context: object) -> None:

@@ -5,17 +5,18 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any
 
-import panel as pn
 import param
 from bokeh.document import Document
+from bokeh.events import DocumentReady
 
 from dashboards.computing import LatestWins, Outcome
+from dashboards.sending import together
 from lab.experiment import Experiment
 from lab.missions import missions
 from lab.result import Result
 from lab.settings import SettingError
 
-PATIENCE = 250
+PATIENCE = 500
 """How long a run may take before the page speaks of progress [ms]."""
 
 
@@ -36,24 +37,10 @@ class Session(param.Parameterized):
         self._watching = self._run_failed = False
         self._on_settings: list[Callable[[], None]] = []
         self._closed = False
-        self._open = False
         self._arrived: Outcome | None = None
-
-    @property
-    def connected(self) -> bool:
-        """Whether a browser holds a connection to this session."""
-        browser = getattr(self._document.session_context, "session", None)
-        return browser is not None and browser.connection_count > 0
-
-    @property
-    def is_open(self) -> bool:
-        """Whether the page may be changed."""
-        return self._open
-
-    def open(self) -> None:
-        """Begin to change the page: its browser is connected now, and what changes reaches it."""
-        self._open = True
-        self._collect()
+        self._browser_ready = False
+        # A browser ignores changes that overtake the document it has asked for.
+        document.on_event(DocumentReady, lambda _event: self._open())
 
     def on_settings(self, callback: Callable[[], None]) -> None:
         """Call back whenever the settings were changed by anything but a single widget."""
@@ -110,18 +97,20 @@ class Session(param.Parameterized):
             self._arrived = outcome
             self._document.add_next_tick_callback(self._collect)
 
+    def _open(self) -> None:
+        self._browser_ready = True
+        self._collect()
+
     def _collect(self) -> None:
-        """Take what has arrived; before the page is open, it waits."""
-        if not self._open:
-            return
-        outcome, self._arrived = self._arrived, None
-        if outcome is not None:
+        """Take what has arrived; until the browser has its document, it waits."""
+        if self._browser_ready and self._arrived is not None:
+            outcome, self._arrived = self._arrived, None
             self._receive(outcome)
 
     def _receive(self, outcome: Outcome) -> None:
         if self._closed:
             return
-        with pn.io.hold(self._document):
+        with together(self._document):
             if outcome.result is None:
                 self._run_failed, self.problem = True, outcome.problem
                 return
@@ -136,7 +125,7 @@ class Session(param.Parameterized):
         if not self._runs.busy:
             self.param.update(stage="", fraction=0.0)
             return
-        if self._open:
+        if self._runs.busy_for >= PATIENCE / 1000:
             stage, fraction = self._runs.stage
             self.param.update(stage=stage, fraction=fraction)
         self._watching = True

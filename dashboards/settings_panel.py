@@ -4,19 +4,22 @@ from __future__ import annotations
 
 from typing import Any
 
+import numpy as np
 import panel as pn
 import panel_material_ui as pmui
 import param
 
+from dashboards.card_chooser import CardChooser
 from dashboards.session import Session
-from dashboards.widgets import ChoiceField, Field, TextField, field
+from dashboards.widgets import ChoiceField, CovarianceField, Field, TextField, field
 from lab.experiment import Experiment
 from lab.missions import missions
-from lab.sensors.suite import PRESETS
+from lab.navigation.belief import belief
 
 SECTIONS = {
     "sensors.gyro": ("Gyros", True),
     "sensors.accelerometer": ("Accelerometers", False),
+    "sensors.temperature": ("Temperature", False),
     "sensors.gps": ("GPS receiver", True),
     "navigator": ("Navigator and filter", True),
     "trajectory": ("Trajectory", False),
@@ -31,6 +34,9 @@ COMMON = frozenset(
         "sensors.accelerometer.noise_density",
         "sensors.accelerometer.bias_sigma",
         "sensors.accelerometer.instability",
+        "sensors.temperature.profile",
+        "sensors.temperature.start",
+        "sensors.temperature.compensation",
         "sensors.gps.position_variance",
         "sensors.gps.velocity_variance",
         "sensors.gps.period",
@@ -65,10 +71,11 @@ class SettingsPanel:
         )
         self._seed = TextField(session.experiment.param["seed"], self._change("seed"))
         self._fields |= {"mission": self._mission, "seed": self._seed}
+        self._cards = CardChooser(session)
         self.view = pn.Column(
             self._mission.view,
             self._seed_row(),
-            self._presets(),
+            self._cards_row(),
             *self._sections(),
             margin=(6, 14, 4, 14),
             sizing_mode="stretch_width",
@@ -81,7 +88,13 @@ class SettingsPanel:
             shown.show(self._session.experiment.get(path))
 
     def _change(self, path: str) -> Any:
-        return lambda value: self._session.change(path, value)
+        def change(value: Any) -> bool:
+            accepted = self._session.change(path, value)
+            if path.startswith("sensors."):
+                self._cards.refresh()
+            return accepted
+
+        return change
 
     def _seed_row(self) -> pn.viewable.Viewable:
         another = pmui.IconButton(
@@ -94,27 +107,12 @@ class SettingsPanel:
         self._session.change("seed", (int(self._session.experiment.seed) + 1) % 2**32)
         self._seed.show(self._session.experiment.seed)
 
-    def _presets(self) -> pn.viewable.Viewable:
-        presets = pmui.MenuButton(
-            label="Sensors",
-            items=[{"label": name} for name in PRESETS],
-            icon="tune",
-            size="small",
-            variant="outlined",
-            margin=(8, 4, 8, 0),
-            sizing_mode="stretch_width",
-        )
-        presets.on_click(self._preset_clicked)
+    def _cards_row(self) -> pn.viewable.Viewable:
         reset = pmui.Button(
-            label="Reset", icon="restart_alt", size="small", variant="outlined", margin=(8, 0, 8, 4)
+            label="Reset", icon="restart_alt", size="small", variant="outlined", margin=(12, 0, 8, 8)
         )
         reset.on_click(lambda _event: self._reset())
-        return pn.Row(presets, reset, margin=0, sizing_mode="stretch_width")
-
-    def _preset_clicked(self, item: Any) -> None:
-        name = item["label"]
-        trial = self._session.experiment.copy()
-        self._session.take(trial.update({"sensors": PRESETS[name]().to_dict()}))
+        return pn.Row(self._cards.view, reset, margin=0, sizing_mode="stretch_width")
 
     def _reset(self) -> None:
         self._session.take(Experiment(mission=self._session.experiment.mission))
@@ -170,9 +168,24 @@ class SettingsPanel:
     def _make(self, path: str) -> pn.viewable.Viewable:
         owner, _, name = path.rpartition(".")
         made = field(self._session.experiment.get(owner).param[name], self._change(path))
+        if isinstance(made, CovarianceField):
+            made.matched = lambda: matched_variances(self._session.experiment, name)
+            made.in_force = lambda: self._session.experiment.get(path)
+            self._session.param.watch(lambda _event: made.refresh(), "result")
         made.show(self._session.experiment.get(path))
         self._fields[path] = made
         return made.view
+
+
+def matched_variances(experiment: Experiment, name: str) -> list[float]:
+    """Return the variances, SI units, the filter takes for p0, q or r while none are given."""
+    plain = experiment.navigator.copy()
+    for setting in ("p0", "q", "r"):
+        plain.set(setting, None)
+        plain.set(f"{setting}_scale", 1.0)
+    matched = belief(experiment.sensors, plain)
+    covariance = {"p0": matched.P0, "q": np.diag(matched.noise), "r": matched.R}[name]
+    return [float(variance) for variance in np.diag(covariance)]
 
 
 def mission_titles() -> dict[str, str]:

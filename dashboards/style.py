@@ -34,3 +34,16 @@ STAGE = """
 :host { flex: 1 1 0 !important; min-height: 0 !important; overflow: hidden auto !important; }
 """
 """The page, which scrolls where it is higher than its place."""
+
+SAME_STYLE_ONCE = """
+const {InlineStyleSheet} = Bokeh.require("core/dom");
+const update = InlineStyleSheet.prototype._update;
+InlineStyleSheet.prototype._update = function(css) {
+  if (this.el.textContent !== css) update.call(this, css);
+};
+"""
+"""Spares the browser style sheets that do not change.
+
+Bokeh writes the place of each axis and title anew at every repaint, the same or not, and each time the
+browser works out all styles again: 50 of 110 ms of a repaint of nine plots.
+"""

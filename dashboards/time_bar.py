@@ -10,11 +10,15 @@ import panel_material_ui as pmui
 import param
 from bokeh.document import Document
 
+from dashboards.sending import together
 from dashboards.widgets import Slider
 from lab.views.figures import TimeAxis
 
 FRAME = 50
 """Time from picture to picture while playing [ms]."""
+
+OUTAGE = 20.0
+"""Length of a GPS outage set from the cursor on [s]."""
 
 SPEEDS = {"1 ×": 1.0, "5 ×": 5.0, "20 ×": 20.0}
 
@@ -30,10 +34,19 @@ class TimeBar:
         Document of the session, which is this bar's clock.
     follow
         Called with each new time [s].
+    cut
+        Called with the start and the end of a stretch of time [s] that is to be without GPS.
     """
 
-    def __init__(self, axis: TimeAxis, document: Document, follow: Callable[[float], None]) -> None:
+    def __init__(
+        self,
+        axis: TimeAxis,
+        document: Document,
+        follow: Callable[[float], None],
+        cut: Callable[[float, float], None],
+    ) -> None:
         self._axis = axis
+        self._cut = cut
         self._document = document
         self._follow = follow
         self._playing: Any = None
@@ -63,6 +76,14 @@ class TimeBar:
         self._readout = pn.pane.HTML(
             "", width=104, margin=(12, 4), styles={"font-variant-numeric": "tabular-nums"}
         )
+        outage = pmui.IconButton(
+            icon="gps_off",
+            size="1.2em",
+            margin=(6, 0, 0, 0),
+            description="GPS outage over the visible stretch (drag over a plot to choose one); "
+            f"with the whole flight visible, {OUTAGE:g} s from the time cursor on",
+        )
+        outage.on_click(lambda _event: self._cut_stretch())
         whole = pmui.IconButton(
             icon="zoom_out_map", size="1.2em", margin=(6, 10, 0, 0), description="Whole flight"
         )
@@ -73,6 +94,7 @@ class TimeBar:
             self._speed,
             self._slider,
             self._readout,
+            outage,
             whole,
             sizing_mode="stretch_width",
             margin=0,
@@ -101,10 +123,19 @@ class TimeBar:
 
     def _advance(self) -> None:
         time = min(self._axis.time + self._speed.value * FRAME / 1000, self._axis.duration)
-        with pn.io.hold(self._document):
+        with together(self._document):
             self._go(time)
         if time >= self._axis.duration:
             self.stop()
+
+    def _cut_stretch(self) -> None:
+        """Take GPS away over the visible stretch, or from the cursor on; show the whole flight."""
+        start, end = self._axis.window
+        if end - start >= self._axis.duration:
+            start, end = self._axis.time, min(self._axis.time + OUTAGE, self._axis.duration)
+        self._axis.whole()
+        if end > start:
+            self._cut(round(start, 1), round(end, 1))
 
     def _moved(self, event: param.parameterized.Event) -> None:
         if not self._moving:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import panel as pn
@@ -11,6 +11,7 @@ import panel_material_ui as pmui
 import param
 
 from lab.settings import AxisQuantity, Intervals, MatrixOrNone, Quantity
+from lab.units import TO_SI
 
 Change = Callable[[Any], bool]
 
@@ -19,6 +20,8 @@ LOGARITHMIC_FROM = 100
 
 
 _LABEL = {"& .MuiFormLabel-root": {"fontSize": "0.8125rem"}}
+_AT_ONCE = {"& .MuiSlider-thumb, & .MuiSlider-track": {"transition": "none"}}
+"""A thumb that glides keeps the browser painting frames while it should paint the plots."""
 _BOX = {"& input": {"fontSize": "0.8125rem", "textAlign": "right", "padding": "0 0 1px"}}
 
 
@@ -127,7 +130,7 @@ class NumberField(Field):
             size="small",
             sizing_mode="stretch_width",
             margin=0 if doc else (0, 0, 0, 12),
-            sx=_LABEL,
+            sx=_LABEL | _AT_ONCE,
             start=self._scale.start,
             end=self._scale.end,
             step=self._scale.step,
@@ -210,6 +213,30 @@ class ChoiceField(Field):
         self._widget.value = value
 
 
+class SwitchField(Field):
+    """On or off."""
+
+    def __init__(self, declaration: param.Parameter, change: Change) -> None:
+        super().__init__(declaration, change)
+        self._widget = pmui.Switch(
+            label=declaration.label,
+            description=declaration.doc,
+            size="small",
+            margin=(8, 0),
+            sizing_mode="stretch_width",
+        )
+        self._widget.param.watch(lambda event: self._ask(event.new), "value")
+        self.show(declaration.default)
+
+    @property
+    def view(self) -> pn.viewable.Viewable:
+        """What is laid out in the page."""
+        return self._widget
+
+    def _render(self, value: Any) -> None:
+        self._widget.value = value
+
+
 class TextField(Field):
     """What is best written: whole numbers, stretches of time, variances."""
 
@@ -241,6 +268,95 @@ class TextField(Field):
         self._ask(parsed(self.declaration, event.new))
 
 
+class CovarianceField(TextField):
+    """A covariance: as text, or σ by σ in a list that unfolds; what is not given is matched to the sensors.
+
+    Attributes
+    ----------
+    matched
+        Returns the variances that hold while none are given, SI units.
+    in_force
+        Returns the value of the setting.
+    """
+
+    def __init__(self, declaration: param.Parameter, change: Change) -> None:
+        self._sigmas: list[Any] = []
+        self.matched: Callable[[], Sequence[float]] = lambda: (0.0,) * declaration.size
+        self.in_force: Callable[[], Any] = lambda: self._value
+        super().__init__(declaration, change)
+        self._list = pn.Column(margin=0, sizing_mode="stretch_width", visible=False)
+        more = pmui.ToggleIcon(
+            icon="expand_more",
+            active_icon="expand_less",
+            size="1.1em",
+            margin=(22, 0, 0, 0),
+            width=20,
+            color="default",
+            description="One σ for each row",
+        )
+        more.param.watch(self._unfold, "value")
+        self._column = pn.Column(
+            pn.Row(self._widget, more, margin=0, sizing_mode="stretch_width"),
+            self._list,
+            margin=0,
+            sizing_mode="stretch_width",
+        )
+
+    @property
+    def view(self) -> pn.viewable.Viewable:
+        """What is laid out in the page."""
+        return self._column
+
+    def refresh(self) -> None:
+        """Show the matched values as they are now."""
+        self.show(self._value)
+
+    def _render(self, value: Any) -> None:
+        super()._render(value)
+        if self._sigmas:
+            pairs = zip(self._sigmas, self._variances(), self.declaration.rows, strict=True)
+            for box, variance, (_, unit) in pairs:
+                box.value = shown(float(f"{math.sqrt(variance) / TO_SI[unit]:.4g}"))
+
+    def _variances(self) -> list[float]:
+        """Return the variances in force: given as a diagonal or with the whole matrix, or matched."""
+        if self._value is None:
+            return list(self.matched())
+        return [row[i] if isinstance(row, tuple) else row for i, row in enumerate(self._value)]
+
+    def _unfold(self, event: param.parameterized.Event) -> None:
+        if event.new and not self._sigmas:
+            for index, (name, unit) in enumerate(self.declaration.rows):
+                box = pmui.TextInput(
+                    label=f"{name} [{unit}]",
+                    size="small",
+                    variant="standard",
+                    margin=(2, 0, 2, 12),
+                    sizing_mode="stretch_width",
+                )
+                box.param.watch(lambda typed, index=index: self._typed_sigma(index, typed.new), "value")
+                self._sigmas.append(box)
+            self._list[:] = self._sigmas
+            self.refresh()
+        self._list.visible = event.new
+
+    def _typed_sigma(self, index: int, text: str) -> None:
+        if self._showing:
+            return
+        sigma = _number(text)
+        # What is no number, or a negative one, goes on: the setting itself says what it accepts.
+        unit = self.declaration.rows[index][1]
+        variance = sigma if isinstance(sigma, str) else sigma * abs(sigma) * TO_SI[unit] ** 2
+        asked: list[Any] = self._variances()
+        if self._value is not None and isinstance(self._value[0], tuple):
+            asked = [list(row) for row in self._value]
+            asked[index][index] = variance
+        else:
+            asked[index] = variance
+        self._change(asked)
+        self.show(self.in_force())
+
+
 class Scale:
     """Where on a slider a value is: linear, or in decades where the range spans many."""
 
@@ -269,6 +385,10 @@ def field(declaration: param.Parameter, change: Change) -> Field:
         return ChoiceField(declaration, change)
     if isinstance(declaration, Quantity | AxisQuantity):
         return NumberField(declaration, change)
+    if isinstance(declaration, param.Boolean):
+        return SwitchField(declaration, change)
+    if isinstance(declaration, MatrixOrNone) and declaration.rows:
+        return CovarianceField(declaration, change)
     return TextField(declaration, change)
 
 

@@ -29,14 +29,22 @@ import importlib
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from lab.analysis import allan, budget
+    from lab.comparison import compare
+    from lab.ensemble import Ensemble, run_ensemble
     from lab.experiment import Experiment
     from lab.missions import Mission, MissionError, Recording, mission
+    from lab.navigation.algorithm import Algorithm, Estimate
     from lab.result import Result
+    from lab.sensors.cards import card, cards
     from lab.settings import SettingError
     from lab.trajectory import Trajectory
     from lab.views import plots
 
 __all__ = [
+    "Algorithm",
+    "Ensemble",
+    "Estimate",
     "Experiment",
     "Mission",
     "MissionError",
@@ -45,13 +53,22 @@ __all__ = [
     "SettingError",
     "Trajectory",
     "__version__",
+    "allan",
+    "budget",
+    "card",
+    "cards",
+    "compare",
     "mission",
     "plots",
+    "run_ensemble",
 ]
 
 __version__ = "0.1.0"
 
 _HOMES = {
+    "Algorithm": "lab.navigation.algorithm",
+    "Estimate": "lab.navigation.algorithm",
+    "Ensemble": "lab.ensemble",
     "Experiment": "lab.experiment",
     "Mission": "lab.missions",
     "MissionError": "lab.missions",
@@ -59,14 +76,19 @@ _HOMES = {
     "Result": "lab.result",
     "SettingError": "lab.settings",
     "Trajectory": "lab.trajectory",
+    "card": "lab.sensors.cards",
+    "cards": "lab.sensors.cards",
+    "compare": "lab.comparison",
     "mission": "lab.missions",
+    "run_ensemble": "lab.ensemble",
 }
+_MODULES = {"allan": "lab.analysis.allan", "budget": "lab.analysis.budget", "plots": "lab.views.plots"}
 
 
 def __getattr__(name: str) -> Any:
     """Import a public name when it is first used: the compiler and the plotting libraries take their time."""
-    if name == "plots":
-        return importlib.import_module("lab.views.plots")
+    if name in _MODULES:
+        return importlib.import_module(_MODULES[name])
     if name not in _HOMES:
         raise AttributeError(f"module 'lab' has no attribute {name!r}")
     return getattr(importlib.import_module(_HOMES[name]), name)

@@ -6,6 +6,7 @@ nothing before it, a change of a gyro's noise does not touch the flight, the acc
 
 from __future__ import annotations
 
+import time
 import tomllib
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -20,12 +21,18 @@ from numpy.typing import NDArray
 from lab.cache import StageCache, digest
 from lab.ideal_imu import IdealImu
 from lab.missions import Mission, mission
+from lab.navigation import unscented
+from lab.navigation.algorithm import Algorithm, run_algorithm
 from lab.navigation.belief import belief
+from lab.navigation.error_models import MODELS
+from lab.navigation.kalman import gate
 from lab.navigation.navigator import PolarError, is_compiled, navigate
 from lab.navigation.settings import NavigatorSettings
+from lab.navigation.smoother import smooth
 from lab.navigation.solution import Belief, Fixes, Imu, Schedule, Solution, Start
 from lab.result import Result
 from lab.sensors import gps, imu
+from lab.sensors import temperature as thermal
 from lab.sensors.draws import unit_draws
 from lab.sensors.suite import SensorSuite
 from lab.settings import Quantity, SettingError, Settings, group
@@ -35,7 +42,7 @@ from lab.units import si
 FloatArray = NDArray[np.float64]
 Progress = Callable[[str, float], None]
 
-CACHE = StageCache(limit=512 * 2**20)
+CACHE = StageCache(limit=256 * 2**20)
 """Results of the stages of all experiments of this process."""
 
 
@@ -121,13 +128,15 @@ class Experiment(Settings):
         """Return all settings as TOML text."""
         return tomli_w.dumps(self.to_dict())
 
-    def run(self, progress: Progress | None = None) -> Result:
+    def run(self, progress: Progress | None = None, *, algorithm: Algorithm | None = None) -> Result:
         """Compute this experiment, using every stage already computed for the same settings.
 
         Parameters
         ----------
         progress
             Called with a sentence about what is being done and the fraction done, from 0 to 1.
+        algorithm
+            A navigator of the user's own, in place of the one of the settings; never taken from the cache.
 
         Raises
         ------
@@ -137,9 +146,9 @@ class Experiment(Settings):
             If settings do not go together, or the navigator cannot work with them.
         ValueError
             If the flight cannot be navigated, such as across a pole, or the filter diverges beyond all
-            numbers.
+            numbers; or if the `algorithm` fails (`AlgorithmError`).
         """
-        return _Run(self.copy(), progress or (lambda _stage, _fraction: None)).result()
+        return _Run(self.copy(), progress or (lambda _stage, _fraction: None), algorithm).result()
 
     def __repr__(self) -> str:
         changed = sum(getattr(owner, name) != owner.param[name].default for _, owner, name in self.leaves())
@@ -149,8 +158,11 @@ class Experiment(Settings):
 class _Run:
     """One computation of an experiment: its stages, each with the key of all it depends on."""
 
-    def __init__(self, experiment: Experiment, progress: Progress) -> None:
+    def __init__(
+        self, experiment: Experiment, progress: Progress, algorithm: Algorithm | None = None
+    ) -> None:
         self.experiment = experiment
+        self.algorithm = algorithm
         self.progress = progress
         self.mission: Mission = mission(experiment.mission)
         self.sensors: SensorSuite = experiment.sensors
@@ -162,16 +174,23 @@ class _Run:
         self.progress("Reading the flight", 0.0)
         flight = CACHE.get("flight", self.flight_key, self.flight)
         self.progress("Simulating the sensors", 0.3)
-        gyro = self.triad("gyro", flight.ideal.dtheta, flight.ideal.dt)
-        accelerometer = self.triad("accelerometer", flight.ideal.dvelocity, flight.ideal.dt)
+        gyro = self.triad("gyro", flight)
+        accelerometer = self.triad("accelerometer", flight)
         fixes = self.fixes(flight)
-        self.progress("Navigating" if is_compiled() else "Preparing the navigator (compiled once)", 0.4)
+        ready = unscented.is_compiled() if self.navigator.model == "nonlinear" else self.is_compiled()
+        self.progress("Navigating" if ready else "Preparing the navigator (compiled once)", 0.4)
         assumed = belief(self.sensors, self.navigator)
         key = digest(self.flight_key, self.experiment.seed, self.sensors.to_dict(), self.navigator.to_dict())
-        solution = CACHE.get(
-            "navigation",
-            key,
-            lambda: self.solution(flight, gyro.increments, accelerometer.increments, fixes, assumed),
+        solution, seconds = (
+            _timed(lambda: self.own_solution(flight, gyro.increments, accelerometer.increments, fixes))
+            if self.algorithm is not None
+            else CACHE.get(
+                "navigation",
+                key,
+                lambda: _timed(
+                    lambda: self.solution(flight, gyro.increments, accelerometer.increments, fixes, assumed)
+                ),
+            )
         )
         self.progress("Done", 1.0)
         return Result(
@@ -184,6 +203,7 @@ class _Run:
             fixes=fixes,
             belief=assumed,
             solution_arrays=solution,
+            seconds=seconds,
         )
 
     def flight(self) -> Flight:
@@ -195,21 +215,45 @@ class _Run:
         ideal = trajectory.increments(settings.imu_rate)
         return Flight(trajectory, trajectory.at(ideal.time), ideal)
 
-    def triad(self, sensor: str, ideal: FloatArray, dt: float) -> imu.Measured:
-        """Simulate the gyros or the accelerometers."""
+    def triad(self, sensor: str, flight: Flight) -> imu.Measured:
+        """Simulate the gyros or the accelerometers, compensated for temperature where asked for."""
         errors = self.sensors.groups()[sensor]
         assert isinstance(errors, imu.GyroErrors | imu.AccelerometerErrors)
-        seed, samples, instability = self.experiment.seed, ideal.shape[0], any(errors.instability)
+        seed, samples = self.experiment.seed, flight.ideal.dtheta.shape[0]
+        long = {
+            "instability": any(errors.instability),
+            "flicker": any(errors.flicker),
+            "walk": any(errors.rate_random_walk),
+        }
         draws = CACHE.get(
             "draws",
-            digest(seed, sensor, samples, instability),
-            lambda: imu.ImuDraws.of(seed, sensor, samples, instability=instability),
+            digest(seed, sensor, samples, long),
+            lambda: imu.ImuDraws.of(seed, sensor, samples, **long),
         )
-        return CACHE.get(
-            sensor,
-            digest(self.flight_key, seed, errors.to_dict()),
-            lambda: imu.measure(ideal, dt, errors, draws),
+        shaken = sensor == "accelerometer" or any(self.sensors.gyro.g_sensitivity)
+        key = digest(
+            self.flight_key,
+            seed,
+            errors.to_dict(),
+            self.sensors.temperature.to_dict(),
+            self.sensors.accelerometer.vibration_density if shaken else None,
         )
+        return CACHE.get(sensor, key, lambda: self.measured(errors, flight, draws))
+
+    def measured(
+        self, errors: imu.GyroErrors | imu.AccelerometerErrors, flight: Flight, draws: imu.ImuDraws
+    ) -> imu.Measured:
+        """Return what a triad puts out in the temperature and the vibration of the flight."""
+        ideal, settings, seed = flight.ideal, self.sensors.temperature, self.experiment.seed
+        height = flight.truth.height[1:] - flight.truth.height[0]
+        temperature = thermal.temperature(settings, ideal.time[1:], height)
+        felt = imu.felt(self.sensors.accelerometer, seed, ideal.dvelocity, ideal.dt)
+        quantity = ideal.dtheta if isinstance(errors, imu.GyroErrors) else felt
+        measured = imu.measure(quantity, ideal.dt, errors, draws, imu.Surroundings(temperature, felt))
+        if not settings.compensation:
+            return measured
+        reading = thermal.thermometer(settings, seed, temperature)
+        return imu.compensate(measured, ideal.dt, errors, temperature, reading)
 
     def fixes(self, flight: Flight) -> gps.GpsFixes:
         """Simulate the GPS receiver."""
@@ -218,10 +262,17 @@ class _Run:
         truth = CACHE.get(
             "truth at fixes", digest(self.flight_key, errors.period), lambda: flight.trajectory.at(times)
         )
+        seen = None
+        if errors.latency or any(errors.lever_arm):
+            seen = CACHE.get(
+                "antenna",
+                digest(self.flight_key, errors.period, errors.latency, errors.lever_arm),
+                lambda: gps.antenna(flight.trajectory, errors, times),
+            )
         return CACHE.get(
             "gps",
             digest(self.flight_key, self.experiment.seed, errors.to_dict()),
-            lambda: gps.measure(truth, errors, gps.GpsDraws.of(self.experiment.seed, times.size)),
+            lambda: gps.measure(truth, errors, gps.GpsDraws.of(self.experiment.seed, times.size), seen),
         )
 
     def solution(
@@ -229,6 +280,7 @@ class _Run:
     ) -> Solution:
         """Navigate."""
         settings, ideal = self.navigator, flight.ideal
+        _check_smoother(settings)
         _check_r(assumed.R)
         schedule = _schedule(settings, ideal)
         _check_bias_decay(schedule.stride * ideal.dt, assumed.bias_decay)
@@ -241,6 +293,8 @@ class _Run:
         )
         try:
             solution = self.engine(*arguments)
+        except SettingError:
+            raise
         except PolarError as error:
             if np.abs(flight.truth.latitude).max() > NEAR_POLE:
                 raise
@@ -250,10 +304,32 @@ class _Run:
         except ValueError as error:  # the reference's linear algebra, which stops at what is no number
             raise _diverged("the filter cannot go on", error) from error
         _check_finite(solution, ideal.time)
-        return solution
+        if not settings.smoother:
+            return solution
+        self.progress("Smoothing", 0.9)
+        return smooth(arguments[0], solution, assumed)
+
+    def own_solution(
+        self, flight: Flight, dtheta: FloatArray, dvelocity: FloatArray, fixes: gps.GpsFixes
+    ) -> Solution:
+        """Navigate with the user's algorithm."""
+        assert self.algorithm is not None
+        return run_algorithm(
+            self.algorithm,
+            Imu(flight.ideal.time, dtheta, dvelocity),
+            Fixes(fixes.time, fixes.position, fixes.velocity_n),
+            start(flight.truth, self.navigator, self.experiment.seed),
+        )
 
     def engine(self, imu: Imu, fixes: Fixes, start: Start, belief: Belief, schedule: Schedule) -> Solution:
-        """Navigate with the engine of the settings."""
+        """Navigate with the model and the engine of the settings."""
+        if self.navigator.model == "nonlinear":
+            if self.navigator.engine == "filterpy":
+                raise SettingError(
+                    "navigator.engine: the reference in filterpy is a linear filter, which the model "
+                    "nonlinear is not; accepted is compiled"
+                )
+            return unscented.navigate(imu, fixes, start, belief, schedule)
         if self.navigator.engine == "filterpy":
             from lab.navigation import reference  # noqa: PLC0415 - filterpy takes half a second to import
 
@@ -263,9 +339,20 @@ class _Run:
                 start,
                 belief,
                 schedule,
+                MODELS[self.navigator.model],
                 progress=lambda done: self.progress("Navigating", 0.4 + 0.6 * done),
             )
-        return navigate(imu, fixes, start, belief, schedule)
+        return navigate(imu, fixes, start, belief, schedule, MODELS[self.navigator.model])
+
+    def is_compiled(self) -> bool:
+        """Say whether the linear filter is ready, for the model of the settings."""
+        return is_compiled(MODELS[self.navigator.model])
+
+
+def _timed(navigate: Callable[[], Solution]) -> tuple[Solution, float]:
+    """Return a solution, and the time it took [s]."""
+    begun = time.perf_counter()
+    return navigate(), time.perf_counter() - begun
 
 
 def _schedule(settings: NavigatorSettings, ideal: IdealImu) -> Schedule:
@@ -276,7 +363,17 @@ def _schedule(settings: NavigatorSettings, ideal: IdealImu) -> Schedule:
         feedback=settings.correction == "feedback",
         correction_period=float(settings.correction_period),
         stride=max(1, round(min(1 / (rate * ideal.dt), samples))) if rate else 1,
+        gate=gate(settings.gate),
     )
+
+
+def _check_smoother(settings: NavigatorSettings) -> None:
+    """Refuse the smoother for models it does not know."""
+    if settings.smoother and settings.model != "phi":
+        raise SettingError(
+            f"navigator.smoother: smooths the solutions of the model phi only, not of {settings.model}; "
+            "accepted is navigator.model = phi, or false here"
+        )
 
 
 def _check_r(R: FloatArray) -> None:
@@ -297,8 +394,8 @@ def _check_bias_decay(step: float, bias_decay: FloatArray) -> None:
         raise SettingError(
             f"navigator.filter_rate: the filter's step of {step:g} s is longer than the shortest correlation "
             f"time of a bias, {1 / fastest:g} s (sensors.gyro.correlation_time, "
-            f"sensors.accelerometer.correlation_time); accepted here is a rate from {fastest:g} Hz, or 0 for "
-            "every IMU sample"
+            "sensors.accelerometer.correlation_time, or what stands for their flicker); accepted here is a "
+            f"rate from {fastest:g} Hz, or 0 for every IMU sample"
         )
 
 
@@ -323,19 +420,19 @@ def _diverged(what: str, error: Exception | None = None) -> ValueError:
 
 
 def start(truth: Truth, settings: NavigatorSettings, seed: int) -> Start:
-    """Return where the navigator believes it starts: the truth with an error drawn from the initial σ.
+    """Return where the navigator believes it starts: the truth with the initial error.
 
     Parameters
     ----------
     truth
         The flight; its first sample is used.
     settings
-        The initial standard deviations.
+        The given initial errors, and the standard deviations of those drawn.
     seed
         Seed of the run.
     """
     draw = unit_draws(seed, "initial error", (9,))
-    position = si(settings, "position_sigma") * draw[:3]
-    velocity = si(settings, "velocity_sigma") * draw[3:6]
-    attitude = si(settings, "attitude_sigma") * draw[6:]
+    position = si(settings, "position_error") + si(settings, "position_sigma") * draw[:3]
+    velocity = si(settings, "velocity_error") + si(settings, "velocity_sigma") * draw[3:6]
+    attitude = si(settings, "attitude_error") + si(settings, "attitude_sigma") * draw[6:]
     return Start.off(truth, position, velocity, attitude)

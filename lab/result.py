@@ -15,11 +15,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lab import report
-from lab.analysis import consistency, errors
+from lab.analysis import budget, consistency, errors, observability
+from lab.analysis.evidence import Evidence, Reference, evidence
+from lab.analysis.verdict import Verdict, judge
 from lab.ideal_imu import IdealImu
 from lab.missions import Mission
 from lab.navigation.error_models import ATT, POS, STATES
-from lab.navigation.solution import Belief, Solution
+from lab.navigation.solution import Belief, Fixes, Imu, Solution
 from lab.projection import Projection
 from lab.rotation import euler_from_quaternion, wrap
 from lab.sensors.gps import GpsFixes
@@ -81,6 +83,8 @@ class Result:
         The mission that was flown.
     truth_arrays, ideal, gyro, accelerometer, fixes, belief, solution_arrays
         What the stages computed, in SI units.
+    seconds
+        Time the navigator took when it computed the solution [s].
     """
 
     experiment: Experiment
@@ -92,6 +96,7 @@ class Result:
     fixes: GpsFixes
     belief: Belief
     solution_arrays: Solution
+    seconds: float
 
     @property
     def time(self) -> FloatArray:
@@ -228,7 +233,10 @@ class Result:
 
     @cached_property
     def innovations(self) -> xr.Dataset:
-        """Innovations of the fixes (navigator minus GPS), their σ, and NIS; NaN for a fix not used."""
+        """Innovations of the fixes (navigator minus GPS), their σ, and NIS; NaN for a fix not used.
+
+        A fix rejected by the gate keeps its innovation, and has no NIS.
+        """
         nu, S = self.solution_arrays.innovation, self.solution_arrays.innovation_covariance
         sigma = np.sqrt(np.diagonal(S, axis1=1, axis2=2))
         dims = ("time_gps", "axis")
@@ -242,6 +250,12 @@ class Result:
                 self._used_fixes(consistency.normalised_squares, nu, S),
                 "",
                 "NIS, 6 degrees of freedom",
+            ),
+            rejected=(
+                ("time_gps",),
+                self.solution_arrays.fix_rejected.astype(np.float64),
+                "",
+                "1 for a fix rejected by the gate",
             ),
         )
 
@@ -273,6 +287,16 @@ class Result:
         return dataset
 
     @cached_property
+    def budget(self) -> xr.Dataset:
+        """Error budget: what each source contributes to the σ of the errors; see `budget.error_budget`."""
+        return budget.error_budget(self)
+
+    @cached_property
+    def observability(self) -> xr.Dataset:
+        """How far σ came down, and in which manoeuvre; see `observability.observability`."""
+        return observability.observability(self)
+
+    @cached_property
     def position_covariance(self) -> xr.DataArray:
         """Covariance of the position error after each fix, east, north, up [m²]."""
         import xarray as xr  # noqa: PLC0415 - takes a while to import, and a run does without
@@ -299,8 +323,69 @@ class Result:
         return pd.DataFrame(rows, columns=["quantity", "unit", "rms", "max", "95 %"])
 
     @cached_property
+    def verdict(self) -> Verdict:
+        """Whether the filter tells the truth about itself, judged by errors and innovations."""
+        return judge(self.evidence)
+
+    @cached_property
+    def innovation_verdict(self) -> Verdict:
+        """The same judged by the innovations alone, as in a flight of which nobody knows the truth."""
+        return judge(self.evidence.without_truth())
+
+    @cached_property
+    def evidence(self) -> Evidence:
+        """What this run says for and against each assumption of the filter."""
+        fixes, ideal = self.fixes, self.ideal
+        return evidence(
+            self.solution_arrays,
+            self.belief,
+            Fixes(fixes.time, fixes.position, fixes.velocity_n),
+            Imu(self.time, self.gyro.increments, self.accelerometer.increments),
+            Reference(self.truth_arrays, self.true_bias, ideal.dtheta, ideal.dvelocity),
+        )
+
+    @cached_property
+    def coverage(self) -> pd.DataFrame:
+        """Table of the errors in their σ: their mean, and how many percent lie within ±1σ and ±3σ."""
+        import pandas as pd  # noqa: PLC0415 - takes a while to import, and a run does without
+
+        rows = []
+        for name, array in self.errors.data_vars.items():
+            values, sigma = array.values, self.sigma[name].values
+            within = [100 * consistency.coverage(values, sigma, factor) for factor in (1, 3)]
+            mean = np.mean(values / sigma, axis=0)
+            for index, component in enumerate(array[array.dims[1]].values):
+                figures = (mean[index], within[0][index], within[1][index])
+                rows.append((f"{name} {component}", *map(float, figures)))
+        return pd.DataFrame(rows, columns=["quantity", "mean [σ]", "within ±1σ [%]", "within ±3σ [%]"])
+
+    @cached_property
+    def whiteness(self) -> pd.DataFrame:
+        """Table of the innovations in their σ: mean, variance, and the probability that they are white.
+
+        `mean ±`, `variance from` and `variance to` are the 95 % intervals of a matched filter; `p white`
+        is that of the Ljung-Box test.
+        """
+        import pandas as pd  # noqa: PLC0415 - takes a while to import, and a run does without
+
+        used = self.solution_arrays.fix_sample >= 0
+        count = int(used.sum())
+        band = consistency.whiteness_band(count)
+        low, high = consistency.chi_square_interval(1, count) if count else (np.nan, np.nan)
+        rows = []
+        for name in ("position", "velocity"):
+            values = (self.innovations[name] / self.innovations[f"{name}_sigma"]).values[used]
+            correlations = consistency.autocorrelation(values)
+            _, white = consistency.ljung_box(correlations, count)
+            mean, variance = values.sum(axis=0) / max(count, 1), np.sum(values**2, axis=0) / max(count, 1)
+            for index, axis in enumerate(EAST_NORTH_UP):
+                rows.append((f"{name} {axis}", mean[index], band, variance[index], low, high, white[index]))
+        columns = ["innovation", "mean", "mean ±", "variance", "variance from", "variance to", "p white"]
+        return pd.DataFrame(rows, columns=columns)
+
+    @cached_property
     def remarks(self) -> tuple[str, ...]:
-        """What to know before believing the result: a saturated sensor, a flight without fixes."""
+        """What to know before believing the result: a saturated sensor, rejected fixes, or none at all."""
         remarks = []
         for sensor, measured in (("gyro", self.gyro), ("accelerometer", self.accelerometer)):
             if measured.saturated:
@@ -309,12 +394,18 @@ class Result:
                     f"The {sensor}s met the end of their range (sensors.{sensor}.range) in "
                     f"{measured.saturated} values, {part:.2g} % of all; the filter is not told."
                 )
+        rejected = int(self.solution_arrays.fix_rejected.sum())
+        if rejected:
+            remarks.append(
+                f"The filter rejected {rejected} of {self.fixes.time.size} GPS fixes as implausible "
+                f"(navigator.gate {self.experiment.navigator.gate:g})."
+            )
         if not self.fixes.time.size:
             remarks.append(
                 "No GPS fix during the flight (sensors.gps.outages, sensors.gps.period): the navigator ran "
                 "free."
             )
-        return tuple(remarks)
+        return (*remarks, *self.experiment.sensors.remarks())
 
     def datasets(self) -> dict[str, xr.Dataset]:
         """Return all datasets by name."""

@@ -122,7 +122,8 @@ def _euler(
 ) -> FloatArray:
     """Return roll, pitch, yaw from the five elements of `C_nb` that hold them."""
     # The arctangent keeps pitch exact near ±90°, where the arcsine loses half of the digits.
-    euler = np.empty((*np.shape(C32), 3))
+    # Each angle in one piece: they are mostly used one by one.
+    euler = np.moveaxis(np.empty((3, *np.shape(C32))), 0, -1)
     euler[..., 0] = np.arctan2(C32, C33)
     euler[..., 1] = np.arctan2(sin_pitch, np.sqrt(C32 * C32 + C33 * C33))
     euler[..., 2] = np.arctan2(C21, C11)

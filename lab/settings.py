@@ -135,14 +135,24 @@ class MatrixOrNone(param.Parameter):
         Number of rows.
     diagonal_only
         True refuses off-diagonal elements.
+    rows
+        Name of each row, and the unit in which a person reads and writes its σ.
     **kwargs
         As for `param.Parameter`: ``label``, ``doc``.
     """
 
-    __slots__ = ["diagonal_only", "size"]
+    __slots__ = ["diagonal_only", "rows", "size"]
 
-    def __init__(self, *, size: int, diagonal_only: bool = False, **kwargs: Any) -> None:
+    def __init__(
+        self,
+        *,
+        size: int,
+        diagonal_only: bool = False,
+        rows: Sequence[tuple[str, str]] = (),
+        **kwargs: Any,
+    ) -> None:
         object.__setattr__(self, "size", size)
+        object.__setattr__(self, "rows", tuple(rows))
         object.__setattr__(self, "diagonal_only", diagonal_only)
         super().__init__(default=None, allow_None=True, **kwargs)
 
@@ -367,13 +377,24 @@ _WORDS: dict[type[param.Parameter], Callable[[Any, str], str]] = {
 }
 
 
+# Declarations do not change, and every slider that moves asks for them a thousand times.
+_NAMES: dict[type[Settings], tuple[str, ...]] = {}
+_GROUPS: dict[type[Settings], frozenset[str]] = {}
+
+
 def _declared(cls: type[Settings]) -> tuple[str, ...]:
-    return tuple(name for name in cls.param.objects("existing") if name != "name")
+    if cls not in _NAMES:
+        _NAMES[cls] = tuple(name for name in cls.param.objects("existing") if name != "name")
+    return _NAMES[cls]
 
 
 def _is_group(cls: type[Settings], name: str) -> bool:
-    kind = getattr(cls.param[name], "class_", None)
-    return isinstance(kind, type) and issubclass(kind, Settings)
+    if cls not in _GROUPS:
+        kinds = {name: getattr(cls.param[name], "class_", None) for name in _declared(cls)}
+        _GROUPS[cls] = frozenset(
+            name for name, kind in kinds.items() if isinstance(kind, type) and issubclass(kind, Settings)
+        )
+    return name in _GROUPS[cls]
 
 
 def _is_finite(value: Any) -> bool:

@@ -14,20 +14,36 @@ TO_SI = {
     "": 1.0,
     "s": 1.0,
     "Hz": 1.0,
+    "K": 1.0,
+    "°C": 1.0,
+    "K/km": 1e-3,
     "m": 1.0,
     "m/s": 1.0,
     "m²": 1.0,
     "(m/s)²": 1.0,
     "%": 0.01,
+    "%/K": 0.01,
     "°": math.radians(1),
     "°/s": math.radians(1),
     "°/h": math.radians(1) / 3600,
     "°/s/√Hz": math.radians(1),
+    "°/h/√h": math.radians(1) / 3600 / 60,
+    "°/s/K": math.radians(1),
+    "°/s/g": math.radians(1) / earth.STANDARD_GRAVITY,
     "g": earth.STANDARD_GRAVITY,
     "mg": 1e-3 * earth.STANDARD_GRAVITY,
+    "mg/√h": 1e-3 * earth.STANDARD_GRAVITY / 60,
+    "mg/K": 1e-3 * earth.STANDARD_GRAVITY,
     "µg/√Hz": 1e-6 * earth.STANDARD_GRAVITY,
+    "ppm": 1e-6,
+    "°/√h": math.radians(1) / 60,
+    "°/h/√Hz": math.radians(1) / 3600,
+    "µg": 1e-6 * earth.STANDARD_GRAVITY,
+    "mg/√Hz": 1e-3 * earth.STANDARD_GRAVITY,
+    "m/s/√h": 1 / 60,
+    "ft/s/√h": 0.3048 / 60,
 }
-"""Factor from each unit a setting may have to SI (radians for angles)."""
+"""Factor from each unit a setting or a data sheet has to SI: radians for angles; temperatures stay in °C."""
 
 
 def si(group: Settings, name: str) -> NDArray[np.float64]:

@@ -6,6 +6,7 @@ import io
 import json
 import math
 import os
+import re
 import shutil
 import socket
 import subprocess
@@ -17,6 +18,7 @@ from typing import Any
 from urllib.error import URLError
 from urllib.request import urlopen
 
+import numpy as np
 import pytest
 from typer.testing import CliRunner
 from typer.testing import Result as Answer
@@ -58,7 +60,7 @@ def test_alone_it_prints_help_with_every_command_and_examples() -> None:
         assert word in answer.stdout
 
 
-@pytest.mark.parametrize("command", ["missions", "run", "fly", "serve"])
+@pytest.mark.parametrize("command", ["missions", "run", "fly", "cards", "allan", "budget", "serve"])
 def test_every_command_has_help(command: str) -> None:
     answer = _ask(command, "--help")
     assert answer.exit_code == 0
@@ -107,7 +109,9 @@ def test_a_broken_mission_of_ones_own_is_named_and_the_rest_listed(
 def test_a_run_shows_its_errors_as_an_aligned_table() -> None:
     answer = _ask("run", "los_angeles", "--seed", "5")
     assert answer.exit_code == 0
-    header, *rows = answer.stdout.splitlines()
+    table_of_errors, _, verdict = answer.stdout.partition("\n\n")
+    assert verdict.startswith("Verdict (1 run, errors and innovations): Consistent")
+    header, *rows = table_of_errors.splitlines()
     assert header.split()[:4] == ["quantity", "unit", "rms", "max"]
     ends = {len(line) for line in (header, *rows)}
     assert len(ends) == 1, "the last column of numbers is not aligned to the right"
@@ -123,6 +127,39 @@ def test_a_run_as_json_holds_what_repeats_it(tmp_path: Path) -> None:
     assert json.loads(_ask(*arguments).stdout) == first
     other = json.loads(_ask(*arguments[:-2], "6", "--json").stdout)
     assert other["summary"] != first["summary"]
+
+
+def test_a_run_says_what_is_wrong_with_its_filter_and_what_to_try() -> None:
+    arguments = ("run", "los_angeles", "--set", "navigator.p0_scale=0.1", "--set", "navigator.q_scale=0.1")
+    text = _ask(*arguments).stdout.partition("\n\n")[2]
+    assert re.search(r"Q about (9\.\d|10|11) × too small\. \(1 more\)", text)
+    assert "P₀ about" in text
+    assert text.count("Try: Multiply") == 2
+    verdict = json.loads(_ask(*arguments, "--json").stdout)["verdict"]
+    assert verdict["consistent"] is False
+    assert [finding["quantity"] for finding in verdict["findings"]] == ["Q", "P0"]
+    assert verdict["headline"] in text
+
+
+def test_models_are_compared_on_the_same_flights() -> None:
+    arguments = ("compare", "los_angeles", "--models", "phi", "--seeds", "2", "--seed", "5")
+    header, row = _ask(*arguments).stdout.splitlines()
+    assert header.split()[0] == "model"
+    assert header.split()[-1] == "verdict"
+    assert row.startswith("phi")
+    assert "/ 15" in row
+    assert "Consistent" in row
+    (phi,) = json.loads(_ask(*arguments, "--json").stdout)
+    assert phi["model"] == "phi"
+    assert f"{phi['position']:.3f}" in row
+    assert phi["refusal"] == ""
+
+
+def test_all_models_are_compared_where_none_is_named() -> None:
+    from lab.comparison import models
+
+    answer = _ask("compare", "los_angeles", "--json")
+    assert [row["model"] for row in json.loads(answer.stdout)] == list(models())
 
 
 def test_settings_come_from_the_file_then_from_set_then_from_the_options(tmp_path: Path) -> None:
@@ -185,10 +222,102 @@ def test_the_result_is_written_once_and_replaced_only_when_told(tmp_path: Path) 
     assert [path.name for path in tmp_path.iterdir()] == ["run.nc"]
 
 
+def test_cards_are_a_table_from_consumer_to_navigation_grade() -> None:
+    from lab import cards
+
+    header, *rows = _ask("cards").stdout.splitlines()
+    assert header.split()[:2] == ["name", "grade"]
+    assert [row.split("  ")[0] for row in rows] == list(cards())
+    stim300 = next(row for row in rows if row.startswith("STIM300"))
+    assert stim300.split()[1:] == ["tactical", "0.0025", "0.5", "119", "0.05"]
+
+
+def test_cards_as_json_hold_sources_settings_and_what_is_missing() -> None:
+    entries = {entry["name"]: entry for entry in json.loads(_ask("cards", "--json").stdout)}
+    stim300 = entries["STIM300"]
+    assert stim300 == json.loads(_ask("cards", "stim300", "--json").stdout)
+    assert stim300["gyro"]["noise_density"]["value"] == 0.15
+    assert "TS1524" in stim300["sources"][stim300["gyro"]["noise_density"]["source"]]
+    assert stim300["settings"]["gyro"]["noise_density"] == 0.0025
+    assert "Bandwidth" in stim300["missing"]["gyro"]
+
+
+def test_one_card_is_shown_with_sources_and_what_is_missing() -> None:
+    answer = _ask("cards", "HG9900").stdout
+    assert answer.startswith("HG9900: Honeywell, navigation grade")
+    assert "0.002  °/√h" in answer
+    assert "brochure N61-1638-000-000" in answer
+    assert "No source, off when loaded: accelerometer: White noise" in answer
+
+
+def test_a_run_takes_the_sensors_of_a_card_then_those_of_set() -> None:
+    flags = ["--card", "STIM300", "--set", "sensors.gyro.flicker=3", "--json"]
+    sensors = json.loads(_ask("run", "los_angeles", *flags).stdout)["settings"]["sensors"]
+    assert sensors["gyro"]["noise_density"] == [0.0025] * 3
+    assert sensors["gyro"]["flicker"] == [3.0] * 3
+    assert sensors["accelerometer"]["bias_sigma"] == [0.0] * 3
+
+
+def _log(path: Path) -> Path:
+    rng = np.random.default_rng(3)
+    columns = np.column_stack(
+        (
+            0.01 * np.arange(5000),
+            np.radians(0.1) * rng.standard_normal((5000, 3)),
+            0.01 * rng.standard_normal((5000, 3)) - (0, 0, 9.8),
+        )
+    )
+    header = "t_s,gx_rad_s,gy_rad_s,gz_rad_s,fx_m_s2,fy_m_s2,fz_m_s2"
+    np.savetxt(path, columns, delimiter=",", header=header, comments="", fmt="%.9g")
+    return path
+
+
+def test_a_log_at_rest_becomes_a_table_and_a_card_that_runs(tmp_path: Path) -> None:
+    log, out = _log(tmp_path / "imu.csv"), tmp_path / "mine.toml"
+    answer = _ask("allan", str(log), "--card", str(out))
+    assert answer.exit_code == 0, answer.stderr
+    header, *rows = answer.stdout.splitlines()
+    assert header.split() == ["group", "axis", "term", "fitted", "σ", "unit"]
+    white = [row for row in rows if "White noise" in row]
+    assert [row.split()[:2] for row in white] == [
+        [triad, axis] for triad in ("gyro", "accelerometer") for axis in "xyz"
+    ]
+    assert all(float(row.split()[4]) == pytest.approx(0.01, rel=0.05) for row in white[:3])
+    _refused(_ask("allan", str(log), "--card", str(out)), "exists already", "--force")
+    assert _ask("allan", str(log), "--card", str(out), "--force").exit_code == 0
+    assert _ask("cards", str(out)).stdout.startswith("mine: own grade")
+    assert _ask("run", "los_angeles", "--card", str(out)).exit_code == 0
+
+
+def test_an_allan_deviation_as_json_holds_the_curve(tmp_path: Path) -> None:
+    answer = json.loads(_ask("allan", str(_log(tmp_path / "imu.csv")), "--json").stdout)
+    gyro = answer["gyro"]
+    assert gyro["dt_s"] == pytest.approx(0.01)
+    assert gyro["unit"] == "rad/s"
+    curve = np.array(gyro["deviation"])
+    assert curve.shape == (len(gyro["tau_s"]), 3)
+    assert (np.array(gyro["low"]) < curve).all()
+    assert (curve < np.array(gyro["high"])).all()
+    assert curve[0] == pytest.approx(np.radians(0.1), rel=0.05)
+    assert gyro["terms"]["noise_density"]["unit"] == "°/s/√Hz"
+
+
+def test_a_card_simulated_at_rest_stands_beside_its_own_values() -> None:
+    answer = _ask("allan", "STIM300", "--seed", "2")
+    header, *rows = answer.stdout.splitlines()
+    assert header.split()[-1] == "card"
+    for row in rows:
+        if "White noise" in row:
+            fitted, _, _, own = row.split()[4:]
+            assert float(fitted) == pytest.approx(float(own), rel=0.05)
+    assert _ask("allan", "STIM300", "--seed", "3").stdout != answer.stdout
+    assert _ask("allan", "STIM300", "--seed", "2").stdout == answer.stdout
+
+
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [
-        (["sail"], ["no command 'sail'", "missions, run, fly, serve"]),
+        (["sail"], ["no command 'sail'", "missions, run, compare, budget, fly", "cards", "allan", "serve"]),
         (["--nonsense"], ["--nonsense"]),
         (["run"], ["MISSION"]),
         (["run", "montrael"], ["Did you mean montreal?", "los_angeles"]),
@@ -205,7 +334,25 @@ def test_the_result_is_written_once_and_replaced_only_when_told(tmp_path: Path) 
         (["run", "montreal", "--config", "nowhere.toml"], ["nowhere.toml", "cannot be read"]),
         (["run", "montreal", "--out", "run.csv"], ["ending in .nc"]),
         (["run", "montreal", "--out", "nowhere/run.nc"], ["no folder nowhere"]),
+        (["compare", "montrael"], ["Did you mean montreal?"]),
+        (["compare", "montreal", "--models", "phi,psy"], ["navigator.model", "'psy'", "one of phi"]),
+        (["compare", "montreal", "--models", ""], ["navigator.model", "one of phi"]),
+        (["compare", "montreal", "--seeds", "0"], ["--seeds"]),
+        (["compare", "montreal", "--seeds", "x"], ["--seeds", "integer"]),
+        (["compare", "montreal", "--set", "navigator.r=[1, 1, 1, 0, 1, 1]"], ["navigator.r", "singular"]),
         (["fly", "montrael"], ["Did you mean montreal?"]),
+        (["run", "montreal", "--card", "ADIS1647"], ["Did you mean ADIS16470?", "STIM300"]),
+        (["run", "montreal", "--card", "nowhere.toml"], ["nowhere.toml", "cannot be read"]),
+        (["cards", "ADIS1647"], ["Did you mean ADIS16470?", "STIM300"]),
+        (["cards", "nowhere.toml", "--json"], ["nowhere.toml", "cannot be read"]),
+        (["allan"], ["FILE.csv"]),
+        (["allan", "nowhere.csv"], ["nowhere.csv", "no such file"]),
+        (["allan", "ADIS1647"], ["Did you mean ADIS16470?", "of a log, ending in .csv"]),
+        (["allan", "nowhere.toml"], ["nowhere.toml", "cannot be read"]),
+        (["allan", "STIM300", "--card", "mine.toml"], ["a card is made of a log, not of STIM300"]),
+        (["allan", "imu.csv", "--card", "mine.csv"], ["--card mine.csv", "ending in .toml"]),
+        (["allan", "imu.csv", "--card", "nowhere/mine.toml"], ["no folder nowhere"]),
+        (["allan", "STIM300", "--seed", "-1"], ["--seed", "greater than or equal to 0"]),
         (["serve", "--port", "0"], ["--port"]),
         (["serve", "--port", "65536"], ["--port", "65535"]),
         (["serve", "--address", "8.8.8.8"], ["not an address of this computer"]),
@@ -421,3 +568,48 @@ def test_numbers_json_does_not_know_are_null() -> None:
     assert cli._finite(math.nan) is None
     assert cli._finite(1.5) == 1.5
     assert cli._finite("m") == "m"
+
+
+def test_a_budget_is_a_table_that_sums_to_its_total() -> None:
+    answer = _ask("budget", "los_angeles", "--set", "sensors.gps.period=2", "--at", "60")
+    assert answer.exit_code == 0, answer.stderr
+    header, *rows = answer.stdout.splitlines()
+    assert header.split()[:3] == ["source", "position", "[m]"]
+    assert rows[-1].startswith("total")
+    columns = [[float(cell) for cell in row.split()[-6:]] for row in rows]
+    for metres, percent in ((0, 1), (2, 3), (4, 5)):
+        assert sum(row[metres] ** 2 for row in columns[:-1]) == pytest.approx(
+            columns[-1][metres] ** 2, rel=0.02
+        )
+        assert sum(row[percent] for row in columns[:-1]) == pytest.approx(100, abs=1)
+    assert [sum(row[1::2]) for row in columns[:-1]] == sorted(
+        (sum(row[1::2]) for row in columns[:-1]), reverse=True
+    )
+
+
+def test_a_budget_as_json_has_every_component_and_what_the_filter_believes() -> None:
+    answer = json.loads(_ask("budget", "los_angeles", "--set", "navigator.r_scale=100", "--json").stdout)
+    quantities = {row["quantity"]: row for row in answer["quantities"]}
+    assert answer["mission"] == "los_angeles"
+    east = quantities["position east"]
+    assert east["unit"] == "m"
+    assert east["believed"] > 1.5 * east["total"]
+    assert sum(source["percent"] for source in east["sources"]) == pytest.approx(100)
+
+
+def test_a_budget_names_what_it_leaves_out() -> None:
+    answer = _ask("budget", "los_angeles", "--set", "sensors.gyro.quantisation=0.1")
+    assert "Not in the budget: sensors.gyro.quantisation" in answer.stdout
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (["--at", "1000"], ["--at 1000", "from 0 to 105"]),
+        (["--at", "-1"], ["--at -1", "from 0 to 105"]),
+        (["--set", "navigator.model=nonlinear"], ["linear model", "phi"]),
+        (["--set", "navigator.modell=phi"], ["there is no setting"]),
+    ],
+)
+def test_a_budget_that_cannot_be_made_says_why(arguments: list[str], words: list[str]) -> None:
+    _refused(_ask("budget", "los_angeles", *arguments), *words)

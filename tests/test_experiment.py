@@ -411,3 +411,29 @@ def test_an_estimate_beyond_a_pole_is_told_from_a_flight_that_goes_there(tmp_pat
 
 def test_a_mission_can_be_given_by_path(short):
     assert run(short).mission.recording_path == Path(short)
+
+
+def test_the_time_of_the_navigator_is_that_of_its_computation_cached_or_not() -> None:
+    experiment = Experiment(seed=4711)
+    first, again = experiment.run(), experiment.run()
+    assert again.solution_arrays is first.solution_arrays
+    assert again.seconds == first.seconds > 1e-3
+
+
+def test_a_smoothed_run_has_smaller_errors_and_the_same_innovations() -> None:
+    experiment = Experiment(seed=5)
+    filtered = experiment.run()
+    experiment.set("navigator.smoother", True)
+    smoothed = experiment.run()
+    before, after = (
+        filtered.summary.set_index("quantity")["rms"],
+        smoothed.summary.set_index("quantity")["rms"],
+    )
+    assert (after < 0.8 * before).all()
+    assert (smoothed.sigma["position"].mean("time") < filtered.sigma["position"].mean("time")).all()
+    np.testing.assert_array_equal(smoothed.innovations["position"], filtered.innovations["position"])
+    with pytest.raises(SettingError, match=r"navigator\.smoother"):
+        _ = smoothed.budget
+    experiment.set("navigator.model", "psi")
+    with pytest.raises(SettingError, match="phi only"):
+        experiment.run()

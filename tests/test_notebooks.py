@@ -82,15 +82,16 @@ def test_a_notebook_is_an_app_for_panel_serve(notebook: Path) -> None:
             server.kill()  # a server in the middle of a session may put off a polite request for ever
 
 
-def test_the_example_of_the_readme_runs(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    (example,) = re.findall(
-        r"```python\n(.*?)```", (ROOT / "README.md").read_text(encoding="utf-8"), re.DOTALL
-    )
-    assert len([line for line in example.splitlines() if line.strip()]) <= 10
+def test_the_examples_of_the_readme_run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    examples = re.findall(r"```python\n(.*?)```", (ROOT / "README.md").read_text("utf-8"), re.DOTALL)
+    assert len([line for line in examples[0].splitlines() if line.strip()]) <= 10
     monkeypatch.chdir(tmp_path)
     names: dict[str, Any] = {}
-    exec(compile(example, "README.md", "exec"), names)
-    assert len(names["result"].summary) >= 9
+    for example in examples:
+        exec(compile(example, "README.md", "exec"), names)
+        assert len(names["result"].summary) >= 9
+    assert names["ensemble"].nees.shape[0] == 20
+    assert names["rows"][-1].model == "last fix"
 
 
 def test_every_file_the_readme_points_to_exists() -> None:

@@ -54,8 +54,9 @@ class Page(ABC):
             self._drawn = state
             self.draw(result)
 
-    def resend(self) -> None:  # noqa: B027 - most pages have nothing to do
-        """Send what is drawn once more, for a browser that was not ready for it."""
+    def forget(self) -> None:
+        """Draw anew at the next occasion: what a browser was sent is gone once it shows another page."""
+        self._drawn = None
 
     def show_time(self, time: float) -> None:  # noqa: B027 - most pages have nothing to do
         """Follow the time cursor."""
@@ -64,7 +65,9 @@ class Page(ABC):
         """Give back what does not go away by itself."""
 
 
-def plot_grid(figures: Sequence[figure], columns: int, least: int = 150) -> pn.viewable.Viewable:
+def plot_grid(
+    figures: Sequence[figure], columns: int, least: int = 150, *, fill: bool = True
+) -> pn.viewable.Viewable:
     """Lay figures out in a grid that fills the window, in one column on narrow windows.
 
     Parameters
@@ -75,17 +78,25 @@ def plot_grid(figures: Sequence[figure], columns: int, least: int = 150) -> pn.v
         Columns on a wide window.
     least
         Least height of a row [px].
+    fill
+        Whether the rows share the height of the window; otherwise they have their least height.
     """
     rows = -(-len(figures) // columns)
+    share = f"max({least}px, calc((100vh - {AROUND + GAP * rows}px) / {rows}))" if fill else f"{least}px"
+    # Bokeh makes a column as high as all its figures one below the other.
+    free = "" if fill else " min-height: 0 !important;"
     grid = f"""
     :host {{
-      display: grid !important; gap: {GAP}px;
+      display: grid !important; gap: {GAP}px;{free}
       grid-template-columns: repeat({columns}, minmax(0, 1fr));
-      grid-auto-rows: max({least}px, calc((100vh - {AROUND + GAP * rows}px) / {rows}));
+      grid-auto-rows: {share};
     }}
     @media (max-width: {NARROW}px) {{
       :host {{ grid-template-columns: minmax(0, 1fr); grid-auto-rows: {least + 30}px; }}
     }}
     """
     panes = [pn.pane.Bokeh(fig, sizing_mode="stretch_both", margin=0) for fig in figures]
-    return pn.Column(*panes, sizing_mode="stretch_both", stylesheets=[grid], margin=(6, 8))
+    if columns > 1 and len(figures) % columns == 1:
+        panes[-1].styles = {"grid-column": "1 / -1"}
+    sizing = "stretch_both" if fill else "stretch_width"
+    return pn.Column(*panes, sizing_mode=sizing, stylesheets=[grid], margin=(6, 8))

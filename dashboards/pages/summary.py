@@ -11,7 +11,7 @@ import panel as pn
 from dashboards.pages.base import Page
 from lab.result import Result
 
-_STYLE = """
+TABLE_STYLE = """
 table { border-collapse: collapse; font: 14px/1.5 Roboto, sans-serif; min-width: min(560px, 100%); }
 th { text-align: right; font-weight: 500; opacity: .7; padding: 6px 14px;
      border-bottom: 2px solid rgba(128,128,128,.35); }
@@ -32,7 +32,9 @@ class Summary(Page):
 
     def make(self) -> pn.viewable.Viewable:
         """Return an empty table."""
-        self._table = pn.pane.HTML("", sizing_mode="stretch_width", margin=(16, 20), stylesheets=[_STYLE])
+        self._table = pn.pane.HTML(
+            "", sizing_mode="stretch_width", margin=(16, 20), stylesheets=[TABLE_STYLE]
+        )
         return self._table
 
     def prepare(self, result: Result) -> None:

@@ -31,10 +31,6 @@ class TimePlots(Page):
         """Draw a result in the visible stretch of time."""
         self._figures.show(result)
 
-    def resend(self) -> None:
-        """Send what is drawn once more, for a browser that was not ready for it."""
-        self._figures.resend()
-
 
 class Errors(TimePlots):
     """Position, velocity and attitude errors with their ±3σ."""

@@ -58,12 +58,42 @@ def uncertain(covariances: FloatArray) -> NDArray[np.intp]:
     return np.flatnonzero((np.diagonal(covariances, axis1=1, axis2=2) > 0).all(axis=0))
 
 
-def chi_square_interval(degrees: int, runs: int = 1, probability: float = 0.95) -> tuple[float, float]:
+def chi_square_interval(degrees: float, runs: int = 1, probability: float = 0.95) -> tuple[float, float]:
     """Return the two-sided interval of a χ² variable averaged over runs (5.4.2-5 to 5.4.2-9)."""
     tail = (1 - probability) / 2
     # Quantiles of χ² as those of the gamma distribution: scipy.stats takes a quarter of a second to import.
     low, high = 2 * special.gammaincinv(degrees * runs / 2, [tail, 1 - tail]) / runs
     return float(low), float(high)
+
+
+def ljung_box(correlations: FloatArray, count: int) -> tuple[FloatArray, FloatArray]:
+    """Return Ljung-Box's Q and the probability of a larger one if the values were white, of each channel.
+
+    Q = n (n + 2) Σ r_k² / (n − k) is χ² with as many degrees of freedom as there are lags (G. M. Ljung, G. E.
+    P. Box, *On a Measure of Lack of Fit in Time Series Models*, Biometrika 65 (1978), eq. 1.3).
+
+    Parameters
+    ----------
+    correlations : (lags + 1, channels) array
+        Autocorrelation for lags from 0 on, as of `autocorrelation`.
+    count
+        Number of values it is of.
+    """
+    lags = np.arange(1, correlations.shape[0])
+    Q = count * (count + 2) * np.sum(correlations[1:] ** 2 / (count - lags)[:, None], axis=0)
+    return Q, special.chdtrc(lags.size, Q) if lags.size else np.ones_like(Q)
+
+
+def coverage(errors: FloatArray, sigma: FloatArray, factor: float = 3.0) -> FloatArray:
+    """Return which part of the errors (m, channels) lies within ± `factor` σ, of each channel."""
+    if not errors.shape[0]:
+        return np.full(errors.shape[1], np.nan)
+    return np.asarray(np.mean(np.abs(errors) <= factor * sigma, axis=0))
+
+
+def normal_coverage(factor: float = 3.0) -> float:
+    """Return which part of a normal variable lies within ± `factor` σ."""
+    return float(special.erf(factor / np.sqrt(2)))
 
 
 def autocorrelation(innovations: FloatArray, max_lag: int = MAX_LAG) -> FloatArray:
@@ -88,5 +118,8 @@ def autocorrelation(innovations: FloatArray, max_lag: int = MAX_LAG) -> FloatArr
 
 
 def whiteness_band(count: int, probability: float = 0.95) -> float:
-    """Return the half-width of the band that holds the autocorrelation of `count` white values (5.4.2-16)."""
+    """Return the half-width of the band that holds the autocorrelation of `count` white values (5.4.2-16).
+
+    The mean of as many values of variance one has the same (5.4.2-13).
+    """
     return float(special.ndtri(0.5 + probability / 2) / np.sqrt(count)) if count else 0.0

@@ -37,7 +37,7 @@ def position_error(position: FloatArray, truth: Truth) -> FloatArray:
         Truth at the same times.
     """
     meridian, transverse = earth.radii(np.sin(truth.latitude))
-    error = np.empty_like(position)
+    error = np.empty(position.shape, order="F")
     error[:, 0] = (position[:, 0] - truth.latitude) * (meridian + truth.height)
     error[:, 1] = (
         wrap(position[:, 1] - truth.longitude) * (transverse + truth.height) * np.cos(truth.latitude)
@@ -113,7 +113,7 @@ def euler_sigma(euler: FloatArray, variance: FloatArray, covariance: FloatArray)
     cross = 2 * sy * cy * P01
     along = cy * cy * P00 + sy * sy * P11 + cross
     across = sy * sy * P00 + cy * cy * P11 - cross
-    sigma = np.empty(euler.shape)
+    sigma = np.empty(euler.shape, order="F")
     sigma[:, 0] = sec * sec * along
     sigma[:, 1] = across
     sigma[:, 2] = P22 + tan * (tan * along + 2 * (cy * P02 + sy * P12))
@@ -124,5 +124,5 @@ def euler_sigma(euler: FloatArray, variance: FloatArray, covariance: FloatArray)
 def _trigonometry(euler: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
     """Return cosine and sine of the heading, and secant and tangent of the pitch."""
     pitch, yaw = np.ascontiguousarray(euler[:, 1:].T)
-    sec = 1 / np.cos(pitch)
-    return np.cos(yaw), np.sin(yaw), sec, np.sin(pitch) * sec
+    tan, cos_yaw, sin_yaw = np.tan(pitch), np.cos(yaw), np.sin(yaw)
+    return cos_yaw, sin_yaw, np.sqrt(1 + tan * tan), tan

@@ -14,12 +14,15 @@ from lab.missions.flight_csv import read_flight_csv, write_flight_csv
 from lab.missions.flight_plan import FlightPlan
 from lab.missions.mission import Mission
 from lab.missions.recording import Recording
+from lab.missions.sensor_log import SensorLog
+from lab.missions.sensor_log_csv import read_sensor_log
 
 __all__ = [
     "FlightPlan",
     "Mission",
     "MissionError",
     "Recording",
+    "SensorLog",
     "broken_missions",
     "fly",
     "fly_mission",
@@ -27,6 +30,7 @@ __all__ = [
     "missions",
     "own_folder",
     "read_flight_csv",
+    "read_sensor_log",
     "shipped_folder",
     "write_flight_csv",
 ]

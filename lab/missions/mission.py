@@ -12,9 +12,10 @@ from pathlib import Path
 from typing import Any
 
 from lab.missions.errors import MissionError
-from lab.missions.flight_csv import MAX_BYTES, read_flight_csv
+from lab.missions.flight_csv import read_flight_csv
 from lab.missions.flight_plan import FlightPlan
 from lab.missions.mission_card import mission_html
+from lab.missions.named_columns import MAX_BYTES
 from lab.missions.recording import Recording
 from lab.missions.text_blocks import check_file
 
@@ -76,10 +77,10 @@ class Mission:
         MissionError
             If the file cannot be read, or has a key or value that is not accepted.
         """
-        values = _read_toml(path)
+        values = read_toml(path)
         _check_keys(path, values)
         texts = {key: values[key] for key in _TEXTS if key in values and key != "recording"}
-        recording = _inside(path, values["recording"])
+        recording = file_beside(path, "recording", values["recording"])
         tags, flight = tuple(values.get("tags", ())), values.get("flight")
         return cls(
             name=name or path.stem, recording_path=recording, tags=tags, path=path, flight=flight, **texts
@@ -146,7 +147,14 @@ class Mission:
             return mission_html(self, str(error))
 
 
-def _read_toml(path: Path) -> dict[str, Any]:
+def read_toml(path: Path) -> dict[str, Any]:
+    """Return the tables of a small TOML file.
+
+    Raises
+    ------
+    MissionError
+        If it cannot be read, or is too large.
+    """
     try:
         if path.stat().st_size > MAX_TOML_BYTES:
             raise MissionError(
@@ -178,13 +186,26 @@ def _check_keys(path: Path, values: Mapping[str, Any]) -> None:
         raise MissionError(f"{path}: flight is not a table; accepted is a [flight] section")
 
 
-def _inside(path: Path, recording: str) -> Path:
-    """Return the path of a recording beside its TOML file, refusing names that lead elsewhere."""
-    where = path.parent / recording
-    plain = not set("/\\:\0") & set(recording) and recording not in {".", ".."}
+def file_beside(path: Path, key: str, name: str) -> Path:
+    """Return the path of a file beside the TOML file that names it, refusing names that lead elsewhere.
+
+    Parameters
+    ----------
+    path
+        The TOML file.
+    key, name
+        The key in it, and the name it gives.
+
+    Raises
+    ------
+    MissionError
+        If the name is not that of a file in the same folder.
+    """
+    where = path.parent / name
+    plain = not set("/\\:\0") & set(name) and name not in {"", ".", ".."}
     if not plain or _leads_out(where):
         raise MissionError(
-            f"{path}: recording = {recording!r}; accepted is the plain name of a file in the same folder, "
+            f"{path}: {key} = {name!r}; accepted is the plain name of a file in the same folder, "
             f'such as "{path.stem}.csv.gz"'
         )
     return where

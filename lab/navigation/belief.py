@@ -16,6 +16,9 @@ from lab.units import si
 
 FloatArray = NDArray[np.float64]
 
+FLICKER_FLOOR = np.sqrt(2 * np.log(2) / np.pi)
+"""Allan deviation of flicker over its coefficient B (IEEE Std 952-1997, annex C)."""
+
 
 def belief(sensors: SensorSuite, navigator: NavigatorSettings) -> Belief:
     """Return what the filter assumes: P0, Q and R matched, or as given, and scaled."""
@@ -40,11 +43,11 @@ def _given(value: Any) -> FloatArray:
 
 
 def matched_p0(sensors: SensorSuite, navigator: NavigatorSettings) -> FloatArray:
-    """Return the covariance (15, 15) of the initial errors: as drawn, and the second moment of the biases."""
+    """Return the second moment (15, 15) of the initial errors, given and drawn, and of the biases."""
     variance = np.empty(15)
-    variance[POS] = si(navigator, "position_sigma") ** 2
-    variance[VEL] = si(navigator, "velocity_sigma") ** 2
-    variance[ATT] = si(navigator, "attitude_sigma") ** 2
+    variance[POS] = si(navigator, "position_sigma") ** 2 + si(navigator, "position_error") ** 2
+    variance[VEL] = si(navigator, "velocity_sigma") ** 2 + si(navigator, "velocity_error") ** 2
+    variance[ATT] = si(navigator, "attitude_sigma") ** 2 + si(navigator, "attitude_error") ** 2
     variance[GYRO_BIAS] = _turn_on_variance(sensors.gyro) + si(sensors.gyro, "instability") ** 2
     variance[ACCEL_BIAS] = (
         _turn_on_variance(sensors.accelerometer) + si(sensors.accelerometer, "instability") ** 2
@@ -53,9 +56,13 @@ def matched_p0(sensors: SensorSuite, navigator: NavigatorSettings) -> FloatArray
 
 
 def matched_noise(sensors: SensorSuite, gyro_drive: FloatArray, accel_drive: FloatArray) -> FloatArray:
-    """Return the process noise densities of the sensors as a diagonal matrix (12, 12)."""
+    """Return the process noise densities of the sensors as a diagonal matrix (12, 12).
+
+    Vibration is white to the accelerometers and counts with their noise.
+    """
     gyro = si(sensors.gyro, "noise_density") ** 2
     accel = si(sensors.accelerometer, "noise_density") ** 2
+    accel = accel + si(sensors.accelerometer, "vibration_density") ** 2
     return np.diag(np.concatenate((gyro, accel, gyro_drive, accel_drive)))
 
 
@@ -68,14 +75,29 @@ def matched_r(sensors: SensorSuite) -> FloatArray:
 def bias_process(errors: GyroErrors | AccelerometerErrors) -> tuple[FloatArray, FloatArray]:
     """Return drive density (3,) and decay rate (3,) of the filter's one bias state for each axis.
 
-    The true bias is a constant plus a Gauss-Markov process; the filter's single Gauss-Markov state has the
-    variance of both together and the short-term growth 2 σ² / τ of the second. It is exact where either
-    part is absent.
+    The true bias is a constant plus Gauss-Markov processes, flicker standing in as one of them; the filter's
+    single Gauss-Markov state has the variance of all together and the short-term growth Σ 2 σ² / τ. A random
+    walk adds K² to the drive and nothing to the decay. It is exact where there is but one part.
     """
-    drive = 2 * si(errors, "instability") ** 2 / si(errors, "correlation_time")
-    total = _turn_on_variance(errors) + si(errors, "instability") ** 2
+    instability, (flicker, flicker_time) = si(errors, "instability") ** 2, flicker_process(errors)
+    drive = 2 * instability / si(errors, "correlation_time") + 2 * flicker / flicker_time
+    total = _turn_on_variance(errors) + instability + flicker
     decay = np.divide(drive, 2 * total, out=np.zeros(3), where=total > 0)
-    return drive, decay
+    return drive + si(errors, "rate_random_walk") ** 2, decay
+
+
+def flicker_process(errors: GyroErrors | AccelerometerErrors) -> tuple[FloatArray, FloatArray]:
+    """Return variance (3,) and correlation time (3,) [s] of the Gauss-Markov process that stands for flicker.
+
+    No process with one state has a 1/f spectrum. This one has the variance 5 B²: the 4 B² that flicker
+    reaches some 10⁵ samples after its start, and a quarter more, found by NEES, for changes that last
+    longer than the process remembers. It has the peak of its Allan deviation (at 1.89 correlation times,
+    IEEE 952) at the time where the white noise sinks to the floor 0.664 B of the flicker: faster changes
+    the noise hides. That time counts as 10 s at least, since changes within a few fixes average out.
+    """
+    B, N = si(errors, "flicker"), si(errors, "noise_density")
+    meeting = np.divide(N, FLICKER_FLOOR * B, out=np.zeros(3), where=B > 0) ** 2
+    return 5 * B**2, np.maximum(meeting, 10.0) / 1.89
 
 
 def _turn_on_variance(errors: GyroErrors | AccelerometerErrors) -> FloatArray:

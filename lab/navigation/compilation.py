@@ -12,7 +12,7 @@ import hashlib
 from collections.abc import Callable
 from pathlib import Path
 from types import FunctionType
-from typing import ParamSpec, TypeVar
+from typing import Any, ParamSpec, TypeVar, cast
 
 import numba
 
@@ -43,6 +43,17 @@ def interpreted(function: Callable[P, R]) -> Callable[P, R]:
     scope = {name: plain.__globals__[name] for name in plain.__code__.co_names if name in plain.__globals__}
     scope |= {name: interpreted(value) for name, value in scope.items() if hasattr(value, "py_func")}
     return FunctionType(plain.__code__, scope, plain.__name__, plain.__defaults__)
+
+
+def rebound(function: Callable[P, R], **kernels: Callable[..., Any]) -> Callable[P, R]:
+    """Return a plain function that calls other kernels in place of those of its module it names.
+
+    A function cached on disk may not close over kernels, for they are part of its identity there and new in
+    each process; over names of its module it does not close.
+    """
+    plain = cast(FunctionType, function)
+    scope = plain.__globals__ | kernels
+    return FunctionType(plain.__code__, scope, plain.__name__, plain.__defaults__, plain.__closure__)
 
 
 def _fingerprint() -> str:

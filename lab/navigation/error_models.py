@@ -5,10 +5,19 @@ attitude error φ is the small rotation of the computed navigation frame, Ĉ_nb 
 a function that writes the non-zero elements of F; which elements those are is found by calling it, and the
 code that propagates the covariance is generated from that pattern.
 
+A model may hold position, velocity and attitude errors in coordinates of its own; it then also writes T, the
+derivative of the errors above with respect to its own. Whatever leaves the filter has gone through T, so that
+all models speak of the same errors.
+
 References
 ----------
 P. D. Groves, *Principles of GNSS, Inertial and Multisensor Integrated Navigation Systems*, 2nd ed., ch. 14.2;
-D. H. Titterton, J. L. Weston, *Strapdown Inertial Navigation Technology*, 2nd ed., ch. 12.
+D. H. Titterton, J. L. Weston, *Strapdown Inertial Navigation Technology*, 2nd ed., ch. 12;
+D. O. Benson, *A comparison of two approaches to pure-inertial and Doppler-inertial error analysis*, IEEE
+Trans. AES 11 (1975); D. Goshen-Meskin, I. Y. Bar-Itzhack, *Unified approach to inertial navigation system
+error modeling*, JGCD 15 (1992); A. Barrau, S. Bonnabel, *The invariant extended Kalman filter as a stable
+observer*, IEEE Trans. AC 62 (2017); Y. Luo, C. Guo, J. Liu, *Equivariant filtering framework for
+inertial-integrated navigation*, Satellite Navigation 2 (2021).
 """
 
 from __future__ import annotations
@@ -22,7 +31,7 @@ from numpy.typing import NDArray
 from lab import earth
 from lab.navigation import strapdown
 from lab.navigation.compilation import inline_kernel, interpreted
-from lab.navigation.strapdown import Vector, get
+from lab.navigation.strapdown import Vector, earth_rate, get, matrix, transport_rate
 
 FloatArray = NDArray[np.float64]
 
@@ -43,10 +52,12 @@ N, E, D = 0, 1, 2
 
 gravity_gradient = inline_kernel(earth.gravity_gradient)
 
+Write = Callable[[FloatArray, FloatArray], None]
+
 
 @dataclass(frozen=True)
 class ErrorModel:
-    """An error model: its name and the function that writes F.
+    """An error model: its name, the function that writes F, and what its coordinates are.
 
     Attributes
     ----------
@@ -55,23 +66,47 @@ class ErrorModel:
     write
         ``write(state, F)`` writes the non-zero elements of F for the navigator's `strapdown` state after a
         step. The first-order decay of the biases is not part of it.
+    write_map
+        ``write_map(state, T)`` writes the non-zero elements of T (9, 9), the derivative of the position,
+        velocity and attitude errors with respect to the model's own; None where they are the same.
+    in_body
+        Whether the model's errors are those of the group, resolved in b: white noise of the sensors enters
+        them axis by axis, and the navigator is corrected by the group's exponential.
     """
 
     name: str
-    write: Callable[[FloatArray, FloatArray], None]
+    write: Write
+    write_map: Write | None = None
+    in_body: bool = False
 
     def pattern(self) -> NDArray[np.bool_]:
         """Return which elements of F can differ from zero, (15, 15)."""
-        write = interpreted(self.write)
-        rng = np.random.default_rng(0)
-        F = np.zeros((15, 15))
-        seen = np.zeros((15, 15), dtype=np.bool_)
-        for _ in range(3):
-            state = rng.uniform(0.1, 0.5, strapdown.LENGTH)
-            state[strapdown.HEIGHT] = 1000.0
-            write(state, F)
-            seen |= F != 0
-        return seen
+        return _pattern(self.write, 15)
+
+    def map_pattern(self) -> NDArray[np.bool_]:
+        """Return which elements of T can differ from zero, (9, 9)."""
+        return _pattern(self.write_map, 9) if self.write_map else np.eye(9, dtype=np.bool_)
+
+    def map(self, state: FloatArray) -> FloatArray:
+        """Return the derivative of all errors with respect to the model's own, (15, 15)."""
+        T = np.eye(15)
+        if self.write_map:
+            interpreted(self.write_map)(state, T)
+        return T
+
+
+def _pattern(write: Write, size: int) -> NDArray[np.bool_]:
+    """Return which elements of a matrix a function can write, other than zeros."""
+    plain = interpreted(write)
+    rng = np.random.default_rng(0)
+    matrix = np.zeros((size, size))
+    seen = np.zeros((size, size), dtype=np.bool_)
+    for _ in range(3):
+        state = rng.uniform(0.1, 0.5, strapdown.LENGTH)
+        state[strapdown.HEIGHT] = 1000.0
+        plain(state, matrix)
+        seen |= matrix != 0
+    return seen
 
 
 @inline_kernel
@@ -139,6 +174,152 @@ def phi(state: FloatArray, F: FloatArray) -> None:
     attitude_matrix(F, A, G, 1.0, state)
 
 
+@inline_kernel
+def computed_frame_turn(T: FloatArray, row: int, state: FloatArray) -> None:
+    """Write [δθ / δr]: the true navigation frame turns by δθ on the way to the computed position."""
+    m, t = state[strapdown.MERIDIAN], state[strapdown.TRANSVERSE]
+    T[row + N, P + E] = t
+    T[row + E, P + N] = -m
+    T[row + D, P + E] = -state[strapdown.SINE] * state[strapdown.PER_COSINE] * t
+
+
+@inline_kernel
+def turned_velocity(T: FloatArray, state: FloatArray) -> None:
+    """Write [v × δθ / δr] of the velocity rows."""
+    v_n, v_e, v_d = get(state, strapdown.VELOCITY)
+    m, t = state[strapdown.MERIDIAN], state[strapdown.TRANSVERSE]
+    tl = state[strapdown.SINE] * state[strapdown.PER_COSINE]
+    T[V + N, P + N], T[V + N, P + E] = v_d * m, -v_e * tl * t
+    T[V + E, P + E] = (v_d + v_n * tl) * t
+    T[V + D, P + N], T[V + D, P + E] = -v_n * m, -v_e * t
+
+
+@inline_kernel
+def psi(state: FloatArray, F: FloatArray) -> None:
+    """Errors in the computer frame c, the navigation frame at the computed position (Benson 1975).
+
+    c is turned from n by δθ, to first order δr_E / (R_N + h) north, −δr_N / (R_M + h) east and
+    −δr_E tan L / (R_N + h) down. With ψ = φ − δθ and δv_c = v̂ − C_cn v = δv + δθ × v, the errors are those of
+    the navigator's matrices and vectors in e, resolved in n; the transport rate is not in error:
+
+        δṙ = −ω_en × δr + δv_c
+        δv̇_c = −(2 ω_ie + ω_en) × δv_c + f × ψ − C_nb δb_a + δg + δθ × g
+        ψ̇ = −(ω_ie + ω_en) × ψ + C_nb δb_g
+
+    (Goshen-Meskin & Bar-Itzhack 1992, with the signs of φ here.)
+    """
+    sl, cl, height = state[strapdown.SINE], state[strapdown.COSINE], state[strapdown.HEIGHT]
+    m, t = state[strapdown.MERIDIAN], state[strapdown.TRANSVERSE]
+    ie_n, _, ie_d = earth_rate(sl, cl)
+    tl = sl * state[strapdown.PER_COSINE]
+    en_n, en_e, en_d = transport_rate(get(state, strapdown.VELOCITY), m, t, tl)
+
+    skew(F, P, P, (-en_n, -en_e, -en_d))
+    F[P + N, V + N] = F[P + E, V + E] = F[P + D, V + D] = 1.0
+
+    g = state[strapdown.GRAVITY]
+    g_latitude, g_height = gravity_gradient(sl, cl, height)
+    F[V + N, P + N], F[V + E, P + E] = -g * m, -g * t
+    F[V + D, P + N], F[V + D, P + D] = g_latitude * m, -g_height
+    skew(F, V, V, (-2 * ie_n - en_n, -en_e, -2 * ie_d - en_d))
+    skew(F, V, A, get(state, strapdown.FORCE_N))
+    attitude_matrix(F, V, B, -1.0, state)
+
+    skew(F, A, A, (-ie_n - en_n, -en_e, -ie_d - en_d))
+    attitude_matrix(F, A, G, 1.0, state)
+
+
+@inline_kernel
+def psi_map(state: FloatArray, T: FloatArray) -> None:
+    """Write δr, δv = δv_c + v × δθ and φ = ψ + δθ."""
+    for i in range(9):
+        T[i, i] = 1.0
+    turned_velocity(T, state)
+    computed_frame_turn(T, A, state)
+
+
+@inline_kernel
+def invariant(state: FloatArray, F: FloatArray) -> None:
+    """Left-invariant error on SE₂(3) of attitude, velocity and position in inertial space.
+
+    The group element is χ = (C_ib, v_i, r_i), with v_i = v_e + ω_ie × r the velocity in inertial space, for
+    which the navigation equations are group affine (Luo et al. 2021). Its error χ⁻¹ χ̂ = exp(−ψ_b, ν_b, ρ_b)
+    is
+
+        exp(−[ψ_b×]) = C_ibᵀ Ĉ_ib,   J ν_b = C_ibᵀ (v̂_i − v_i),   J ρ_b = C_ibᵀ (r̂ − r)
+
+    with J the group's Jacobian at −ψ_b, and follows, to any size but for the biases and the change of gravity
+    (Barrau & Bonnabel 2017, theorem 2),
+
+        ρ̇_b = −ω_ib × ρ_b + ν_b
+        ν̇_b = −ω_ib × ν_b + f_b × ψ_b − δb_a + C_nbᵀ Γ C_nb ρ_b
+        ψ̇_b = −ω_ib × ψ_b + δb_g
+
+    in which only ω_ib and f_b as measured appear, and no attitude, velocity or position but in the gradient Γ
+    of gravitation, 10⁻⁶/s².
+    """
+    per_dt = state[strapdown.PER_STEP]
+    x, y, z = get(state, strapdown.PREVIOUS_DTHETA)
+    to_minus_rate = (-x * per_dt, -y * per_dt, -z * per_dt)
+    x, y, z = get(state, strapdown.PREVIOUS_DVELOCITY)
+
+    skew(F, P, P, to_minus_rate)
+    F[P + 0, V + 0] = F[P + 1, V + 1] = F[P + 2, V + 2] = 1.0
+
+    skew(F, V, V, to_minus_rate)
+    skew(F, V, A, (x * per_dt, y * per_dt, z * per_dt))
+    F[V + 0, B + 0] = F[V + 1, B + 1] = F[V + 2, B + 2] = -1.0
+    gravitation_gradient(F, state)
+
+    skew(F, A, A, to_minus_rate)
+    F[A + 0, G + 0] = F[A + 1, G + 1] = F[A + 2, G + 2] = 1.0
+
+
+@inline_kernel
+def gravitation_gradient(F: FloatArray, state: FloatArray) -> None:
+    """Write the block C_nbᵀ Γ C_nb of the velocity's rows, Γ = ∂g/∂r + [ω_ie×]² in n."""
+    sl, cl, height = state[strapdown.SINE], state[strapdown.COSINE], state[strapdown.HEIGHT]
+    m, t = state[strapdown.MERIDIAN], state[strapdown.TRANSVERSE]
+    g = state[strapdown.GRAVITY]
+    g_latitude, g_height = gravity_gradient(sl, cl, height)
+    ie_n, _, ie_d = earth_rate(sl, cl)
+    n_n, n_d = -g * m - ie_d * ie_d, ie_n * ie_d
+    e_e = -g * t - ie_n * ie_n - ie_d * ie_d
+    d_n, d_d = g_latitude * m + ie_n * ie_d, -g_height - ie_n * ie_n
+    north, east = get(state, strapdown.C_NB), get(state, strapdown.C_NB + 3)
+    down = get(state, strapdown.C_NB + 6)
+    for j in range(3):
+        to_n, to_e, to_d = n_n * north[j] + n_d * down[j], e_e * east[j], d_n * north[j] + d_d * down[j]
+        for i in range(3):
+            F[V + i, P + j] = north[i] * to_n + east[i] * to_e + down[i] * to_d
+
+
+@inline_kernel
+def invariant_map(state: FloatArray, T: FloatArray) -> None:
+    """Write δr = C ρ_b, δv = C ν_b − ω_ie × δr + v × δθ and φ = C ψ_b + δθ, with C = Ĉ_nb.
+
+    The velocity in n differs from that in inertial space by the Earth's rotation and by the turn of the
+    navigation frame, as for `psi`.
+    """
+    at = strapdown.Q_NB
+    C = matrix((state[at], state[at + 1], state[at + 2], state[at + 3]))
+    v_n, v_e, v_d = get(state, strapdown.VELOCITY)
+    m, t = state[strapdown.MERIDIAN], state[strapdown.TRANSVERSE]
+    tl = state[strapdown.SINE] * state[strapdown.PER_COSINE]
+    ie_n, _, ie_d = earth_rate(state[strapdown.SINE], state[strapdown.COSINE])
+    for j in range(3):
+        north, east, down = C[0][j], C[1][j], C[2][j]
+        T[P + N, P + j] = T[V + N, V + j] = T[A + N, A + j] = north
+        T[P + E, P + j] = T[V + E, V + j] = T[A + E, A + j] = east
+        T[P + D, P + j] = T[V + D, V + j] = T[A + D, A + j] = down
+        T[V + N, P + j] = v_d * m * north + (ie_d - v_e * tl * t) * east
+        T[V + E, P + j] = -ie_d * north + (v_d + v_n * tl) * t * east + ie_n * down
+        T[V + D, P + j] = -v_n * m * north - (ie_n + v_e * t) * east
+        T[A + N, P + j], T[A + E, P + j], T[A + D, P + j] = t * east, -m * north, -tl * t * east
+
+
 PHI = ErrorModel("phi", phi)
-MODELS = {model.name: model for model in (PHI,)}
+PSI = ErrorModel("psi", psi, psi_map)
+INVARIANT = ErrorModel("invariant", invariant, invariant_map, in_body=True)
+MODELS = {model.name: model for model in (PHI, PSI, INVARIANT)}
 """The models by name."""

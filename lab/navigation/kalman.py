@@ -1,4 +1,4 @@
-"""Kalman: the update of the error state with a GPS fix.
+"""Kalman: the update of the error state with a GPS fix, which may be refused as implausible.
 
 Sequential: the six measurements are made independent by the Cholesky factor of R and taken one after the
 other, which needs no matrix inverse and subtracts from P only products of the form k kᵀ / s, so that P
@@ -13,11 +13,14 @@ Navigation*, ch. 5.
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 from numpy.typing import NDArray
+from scipy import special
 
 from lab.navigation.compilation import kernel
-from lab.navigation.propagation import STATES, WIDTH, X
+from lab.navigation.propagation import NAV, STATES, WIDTH, X
 
 FloatArray = NDArray[np.float64]
 
@@ -25,11 +28,25 @@ MEASUREMENTS = 6
 """Position north, east, down, then velocity: the first six error states, seen directly (H = [I₆ 0])."""
 
 
+def gate(probability: float) -> float:
+    """Return the largest NIS of a fix that is used: the χ² quantile of a probability; 0 uses every fix.
+
+    (Bar-Shalom, Li & Kirubarajan 5.4.2-3.)
+    """
+    return float(2 * special.gammaincinv(MEASUREMENTS / 2, probability)) if probability else math.inf
+
+
 @kernel
 def update(
-    w: FloatArray, z: FloatArray, R: FloatArray, R_root: FloatArray, nu: FloatArray, S: FloatArray
-) -> None:
-    """Update [P | x] in the workspace with one fix.
+    w: FloatArray,
+    z: FloatArray,
+    R: FloatArray,
+    R_root: FloatArray,
+    nu: FloatArray,
+    S: FloatArray,
+    gate: float = math.inf,
+) -> bool:
+    """Update [P | x] in the workspace with one fix, unless it is implausible; return whether it was used.
 
     Parameters
     ----------
@@ -43,16 +60,75 @@ def update(
         Receives the innovation z − H x.
     S : (6, 6) array
         Receives the innovation's covariance H P Hᵀ + R.
+    gate
+        Largest νᵀ S⁻¹ ν (NIS) of a fix that is used.
     """
     for i in range(MEASUREMENTS):
         nu[i] = z[i] - w[WIDTH * i + X]
         for j in range(MEASUREMENTS):
             S[i, j] = w[WIDTH * i + j] + R[i, j]
+    if gate < math.inf and _normalised_square(nu, S) > gate:
+        return False
     gain = np.empty(STATES)
     row = np.zeros(MEASUREMENTS)
     for m in range(MEASUREMENTS):
         whitened = _whitening_row(R_root, m, row, z)
         _scalar_update(w, row[: m + 1], whitened, gain)
+    return True
+
+
+@kernel
+def update_through(
+    T: FloatArray,
+    w: FloatArray,
+    z: FloatArray,
+    R: FloatArray,
+    R_root: FloatArray,
+    nu: FloatArray,
+    S: FloatArray,
+    gate: float,
+) -> bool:
+    """Update as `update` where the error states are seen through the first six rows of T (9, 9)."""
+    H_P = np.zeros(NAV)
+    for i in range(MEASUREMENTS):
+        nu[i] = z[i]
+        for c in range(NAV):
+            nu[i] -= T[i, c] * w[WIDTH * c + X]
+            H_P[c] = 0.0
+            for d in range(NAV):
+                H_P[c] += T[i, d] * w[WIDTH * d + c]
+        for j in range(MEASUREMENTS):
+            S[i, j] = R[i, j]
+            for c in range(NAV):
+                S[i, j] += H_P[c] * T[j, c]
+    if gate < math.inf and _normalised_square(nu, S) > gate:
+        return False
+    gain = np.empty(STATES)
+    row = np.zeros(MEASUREMENTS)
+    h = np.empty(NAV)
+    for m in range(MEASUREMENTS):
+        whitened = _whitening_row(R_root, m, row, z)
+        for c in range(NAV):
+            h[c] = 0.0
+            for i in range(m + 1):
+                h[c] += row[i] * T[i, c]
+        _scalar_update(w, h, whitened, gain)
+    return True
+
+
+@kernel
+def _normalised_square(nu: FloatArray, S: FloatArray) -> float:
+    """Return νᵀ S⁻¹ ν, by elimination of one measurement after the other."""
+    A, v = S.copy(), nu.copy()
+    total = 0.0
+    for m in range(MEASUREMENTS):
+        total += v[m] * v[m] / A[m, m]
+        for i in range(m + 1, MEASUREMENTS):
+            factor = A[i, m] / A[m, m]
+            v[i] -= factor * v[m]
+            for j in range(m + 1, MEASUREMENTS):
+                A[i, j] -= factor * A[m, j]
+    return total
 
 
 @kernel

@@ -5,6 +5,8 @@ can differ from zero are multiplied, and every multiplication runs over a whole 
 turns into vector instructions. Rows are 16 wide; column 15 of the workspace carries the error estimate x,
 which goes through Φ like a column of P. The bias rows of Φ are diagonal (first-order decay), so only the
 nine navigation rows are multiplied out.
+
+A model with coordinates of its own has its covariance projected, T P Tᵀ, by code made the same way.
 """
 
 from __future__ import annotations
@@ -19,6 +21,7 @@ from lab.navigation.error_models import ErrorModel
 
 FloatArray = NDArray[np.float64]
 Propagate = Callable[[FloatArray, float, tuple[float, ...], FloatArray], None]
+Project = Callable[[FloatArray, FloatArray, int, FloatArray, FloatArray], None]
 
 STATES = 15
 NAV = 9
@@ -101,3 +104,40 @@ def _bias_columns() -> list[str]:
         lines += [f"    w[{WIDTH * (NAV + b) + NAV + c}] *= d_{b} * d_{c}" for c in range(BIASES)]
         lines += [f"    w[{WIDTH * (NAV + b) + X}] *= d_{b}"]
     return lines
+
+
+def compile_projection(model: ErrorModel) -> Project:
+    """Return the compiled ``project(T, w, k, variance, covariance)`` of an error model.
+
+    It writes row k of the histories `variance` (n, 15) and `covariance` (n, 2, 3) of a `Solution`: the
+    diagonal of T P Tᵀ, and the off-diagonal elements of its position and attitude blocks. It uses the
+    workspace beyond [P | x].
+    """
+    namespace: dict[str, Project] = {}
+    exec(compile(projection_source(model), f"<projection of {model.name}>", "exec"), namespace)
+    return inline_kernel(namespace["project"])
+
+
+def projection_source(model: ErrorModel) -> str:
+    """Return the source that `compile_projection` compiles."""
+    pattern = model.map_pattern()
+    terms = {row: [int(c) for c in np.flatnonzero(columns)] for row, columns in enumerate(pattern)}
+    lines = ["def project(T, w, k, variance, covariance):"]
+    for row, columns in terms.items():
+        lines += [f"    t_{row}_{c} = T[{row}, {c}]" for c in columns]
+        products = " + ".join(f"t_{row}_{c} * w[{WIDTH * c} + j]" for c in columns)
+        # Four columns at a time, of which each block needs three.
+        for first in sorted({3 * (c // 3) for c in columns}):
+            lines += [f"    for j in range({first}, {first + 4}):"]
+            lines += [f"        w[{PRODUCT + WIDTH * row} + j] = {products}"]
+
+    def element(i: int, j: int) -> str:
+        return " + ".join(f"t_{j}_{c} * w[{PRODUCT + WIDTH * i + c}]" for c in terms[j])
+
+    lines += [f"    variance[k, {i}] = {element(i, i)}" for i in range(NAV)]
+    lines += [f"    variance[k, {b}] = w[{(WIDTH + 1) * b}]" for b in range(NAV, STATES)]
+    for block in range(2):
+        at = 6 * block
+        for e, (i, j) in enumerate(((0, 1), (0, 2), (1, 2))):
+            lines += [f"    covariance[k, {block}, {e}] = {element(at + i, at + j)}"]
+    return "\n".join(lines)

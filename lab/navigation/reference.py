@@ -19,14 +19,16 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from lab.navigation import strapdown
-from lab.navigation.error_models import ACCEL_BIAS, ATT, GYRO_BIAS, PHI, POS, STATES, VEL
+from lab.navigation.driver import bend_estimate
+from lab.navigation.error_models import ACCEL_BIAS, ATT, GYRO_BIAS, PHI, POS, STATES, VEL, ErrorModel
+from lab.navigation.navigator import initial_covariance
 from lab.navigation.solution import EVERY_FIX, Belief, Fixes, Imu, Schedule, Solution, Start
 from lab.rotation import wrap
 
 FloatArray = NDArray[np.float64]
 
 H = np.eye(6, len(STATES))
-"""A fix sees the position and velocity errors directly."""
+"""A fix sees the position and velocity errors directly, once they are mapped from those of the model."""
 
 
 def navigate(
@@ -35,6 +37,7 @@ def navigate(
     start: Start,
     belief: Belief,
     schedule: Schedule = EVERY_FIX,
+    model: ErrorModel = PHI,
     *,
     progress: Callable[[float], None] | None = None,
 ) -> Solution:
@@ -42,7 +45,7 @@ def navigate(
 
     Parameters
     ----------
-    imu, fixes, start, belief, schedule
+    imu, fixes, start, belief, schedule, model
         As for `navigator.navigate`.
     progress
         Called with the fraction done, from 0 to 1.
@@ -53,21 +56,23 @@ def navigate(
     _put(state, strapdown.Q_NB, start.q_nb)
     kalman = KalmanFilter(dim_x=len(STATES), dim_z=6)
     kalman.x = np.zeros(len(STATES))
-    kalman.P, kalman.R, kalman.H = belief.P0.copy(), belief.R, H
+    kalman.P, kalman.R = initial_covariance(model, state, belief.P0).copy(), belief.R
     out = Solution.empty(imu.time.size, fixes.time.size)
-    _store(out, 0, state, kalman)
+    _store(out, 0, state, kalman, model)
 
     F, F_sum = np.zeros((15, 15)), np.zeros((15, 15))
     waited, elapsed, next_fix, corrected = 0, 0.0, 0, imu.time[0]
     for k, (time, dt) in enumerate(zip(imu.time[1:], np.diff(imu.time), strict=True)):
         strapdown.step(state, tuple(imu.dtheta[k]), tuple(imu.dvelocity[k]), dt)
-        PHI.write(state, F)
+        model.write(state, F)
         F_sum += F * dt
         waited += 1
         elapsed += dt
         due = [m for m in range(next_fix, fixes.time.size) if fixes.time[m] <= time + 1e-6 * dt]
         if due or waited >= schedule.stride:
-            _predict(kalman, F_sum, belief, _get(state, strapdown.C_NB, 9).reshape(3, 3), elapsed)
+            C_nb = np.eye(3) if model.in_body else _get(state, strapdown.C_NB, 9).reshape(3, 3)
+            _predict(kalman, F_sum, belief, C_nb, elapsed)
+            state[strapdown.GYRO_BIAS : strapdown.GYRO_BIAS + 6] *= 1 - elapsed * belief.bias_decay
             F_sum[:] = 0
             waited, elapsed = 0, 0.0
         for m in due:
@@ -75,14 +80,20 @@ def navigate(
             age = time - fixes.time[m]
             if age > dt * (1 + 1e-6):
                 continue
-            _update(kalman, _difference(state, fixes, m, age, dt))
+            before = kalman.x, kalman.P
+            _update(kalman, _difference(state, fixes, m, age, dt), H @ model.map(state))
             out.innovation[m], out.innovation_covariance[m] = kalman.y, kalman.S
-            out.fix_covariance[m], out.fix_sample[m] = kalman.P, k + 1
+            if kalman.y @ np.linalg.solve(kalman.S, kalman.y) > schedule.gate:
+                kalman.x, kalman.P = before
+                out.fix_rejected[m] = True
+                continue
             if schedule.feedback and time - corrected >= schedule.correction_period - 1e-6 * dt:
-                _correct(state, kalman.x)
+                correct(state, kalman.x, model)
                 kalman.x = np.zeros(len(STATES))
                 corrected = time
-        _store(out, k + 1, state, kalman)
+            T = model.map(_corrected(state, kalman.x, model))
+            out.fix_covariance[m], out.fix_sample[m] = T @ kalman.P @ T.T, k + 1
+        _store(out, k + 1, state, kalman, model)
         if progress and k % 1000 == 0:
             progress(k / imu.dtheta.shape[0])
     return out
@@ -99,7 +110,7 @@ def _put(state: FloatArray, at: int, values: FloatArray) -> None:
 def _predict(
     kalman: KalmanFilter, F_dt: FloatArray, belief: Belief, C_nb: FloatArray, elapsed: float
 ) -> None:
-    """Propagate over the time elapsed, given the sum of F dt."""
+    """Propagate over the time elapsed, given the sum of F dt and the axes of the noise."""
     Phi = np.eye(15) + F_dt
     biases = slice(GYRO_BIAS.start, ACCEL_BIAS.stop)
     Phi[biases, biases] = np.diag(1 - elapsed * belief.bias_decay)
@@ -110,8 +121,8 @@ def _predict(
     kalman.predict(F=Phi, Q=Q * elapsed)
 
 
-def _update(kalman: KalmanFilter, z: FloatArray) -> None:
-    kalman.update(z)
+def _update(kalman: KalmanFilter, z: FloatArray, seen: FloatArray) -> None:
+    kalman.update(z, H=seen)
     kalman.P = (kalman.P + kalman.P.T) / 2
 
 
@@ -137,8 +148,12 @@ def _difference(state: FloatArray, fixes: Fixes, m: int, age: float, dt: float) 
     return np.concatenate((position, velocity))
 
 
-def _correct(state: FloatArray, x: FloatArray) -> None:
-    """Take an estimated error out of the navigator."""
+def correct(state: FloatArray, own: FloatArray, model: ErrorModel) -> None:
+    """Take an estimated error, in the coordinates of the model, out of the navigator."""
+    own = own.copy()
+    if model.in_body:
+        bend_estimate(own)
+    x = model.map(state) @ own
     per_latitude, per_longitude = _radii(state)
     latitude, longitude, height = _get(state, strapdown.LATITUDE)
     strapdown.set_position(
@@ -155,15 +170,23 @@ def _correct(state: FloatArray, x: FloatArray) -> None:
     _put(state, strapdown.ACCEL_BIAS, _get(state, strapdown.ACCEL_BIAS) - x[ACCEL_BIAS])
 
 
-def _store(out: Solution, k: int, state: FloatArray, kalman: KalmanFilter) -> None:
-    """Write sample k of the solution, with the estimated error taken out."""
+def _corrected(state: FloatArray, x: FloatArray, model: ErrorModel) -> FloatArray:
+    """Return the state with an estimated error taken out."""
     corrected = state.copy()
-    if kalman.x.any():
-        _correct(corrected, kalman.x)
+    if x.any():
+        correct(corrected, x, model)
+    return corrected
+
+
+def _store(out: Solution, k: int, state: FloatArray, kalman: KalmanFilter, model: ErrorModel) -> None:
+    """Write sample k of the solution, with the estimated error taken out."""
+    corrected = _corrected(state, kalman.x, model)
+    T = model.map(corrected)
+    P = T @ kalman.P @ T.T
     out.position[k] = _get(corrected, strapdown.LATITUDE)
     out.velocity_n[k] = _get(corrected, strapdown.VELOCITY)
     out.q_nb[k] = _get(corrected, strapdown.Q_NB, 4)
     out.bias[k] = _get(corrected, strapdown.GYRO_BIAS, 6)
-    out.variance[k] = np.diag(kalman.P)
+    out.variance[k] = np.diag(P)
     for block, at in enumerate((POS.start, ATT.start)):
-        out.covariance[k, block] = kalman.P[at, at + 1], kalman.P[at, at + 2], kalman.P[at + 1, at + 2]
+        out.covariance[k, block] = P[at, at + 1], P[at, at + 2], P[at + 1, at + 2]

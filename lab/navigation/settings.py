@@ -6,12 +6,35 @@ import param
 
 from lab.settings import AxisQuantity, MatrixOrNone, Quantity, Settings
 
+_AXES_NED = ("north", "east", "down")
+_FIX_ROWS = [(f"position {axis}", "m") for axis in _AXES_NED] + [
+    (f"velocity {axis}", "m/s") for axis in _AXES_NED
+]
+_STATE_ROWS = [
+    *_FIX_ROWS,
+    *((f"attitude {axis}", "°") for axis in _AXES_NED),
+    *((f"gyro bias {axis}", "°/s") for axis in "xyz"),
+    *((f"accelerometer bias {axis}", "mg") for axis in "xyz"),
+]
+_NOISE_ROWS = [
+    *((f"gyro noise {axis}", "°/s/√Hz") for axis in "xyz"),
+    *((f"accelerometer noise {axis}", "µg/√Hz") for axis in "xyz"),
+    *((f"gyro bias drive {axis}", "°/h/√h") for axis in "xyz"),
+    *((f"accelerometer bias drive {axis}", "mg/√h") for axis in "xyz"),
+]
+
 
 class NavigatorSettings(Settings):
     """How the navigator starts, what its filter assumes, and when it corrects."""
 
     model = param.Selector(
-        default="phi", objects=["phi"], label="Error model", doc="Error model of the filter."
+        default="phi",
+        objects=["phi", "psi", "invariant", "nonlinear"],
+        label="Error model",
+        doc="phi: linear, perturbation of the true navigation frame. psi: linear, errors in the computer "
+        "frame. invariant: linear, group error on SE₂(3) whose model does not depend on the estimate, also "
+        "for large attitude errors. nonlinear: unscented filter on the exact kinematics, also for large "
+        "attitude errors; corrects by feedback at each fix.",
     )
     engine = param.Selector(
         default="compiled",
@@ -74,6 +97,52 @@ class NavigatorSettings(Settings):
         label="Initial attitude, σ",
         doc="Standard deviation of the initial attitude error: tilt about north and east, and heading.",
     )
+    position_error = AxisQuantity(
+        0.0,
+        unit="m",
+        axes=("north", "east", "down"),
+        bounds=(-1e5, 1e5),
+        softbounds=(-100, 100),
+        step=0.1,
+        label="Initial position, given error",
+        doc="Initial position error beside the drawn one; P₀ takes in the second moment of both.",
+    )
+    velocity_error = AxisQuantity(
+        0.0,
+        unit="m/s",
+        axes=("north", "east", "down"),
+        bounds=(-1e3, 1e3),
+        softbounds=(-10, 10),
+        step=0.01,
+        label="Initial velocity, given error",
+        doc="Initial velocity error beside the drawn one; P₀ takes in the second moment of both.",
+    )
+    attitude_error = AxisQuantity(
+        0.0,
+        unit="°",
+        axes=("north", "east", "down"),
+        bounds=(-180, 180),
+        softbounds=(-90, 90),
+        step=0.1,
+        label="Initial attitude, given error",
+        doc="Initial attitude error φ beside the drawn one, such as 60° down for a heading 60° too small; P₀ "
+        "takes in the second moment of both.",
+    )
+    smoother = param.Boolean(
+        default=False,
+        label="Smoother",
+        doc="After the flight, use all fixes for every sample (fixed-interval smoothing, as Rauch, Tung and "
+        "Striebel's). Model phi only; innovations remain the filter's.",
+    )
+    gate = Quantity(
+        0.0,
+        bounds=(0, 1),
+        softbounds=(0, 1),
+        step=0.001,
+        label="Gate",
+        doc="Part of the good fixes that the χ² test of their six innovations lets through, such as 0.999; "
+        "the others are rejected. 0 uses every fix.",
+    )
     p0_scale = Quantity(
         1.0,
         bounds=(1e-6, 1e6),
@@ -97,6 +166,7 @@ class NavigatorSettings(Settings):
     )
     p0 = MatrixOrNone(
         size=15,
+        rows=_STATE_ROWS,
         label="P₀",
         doc="Initial covariance the filter assumes, SI units, order POS VEL ATT GYRO_BIAS "
         "ACCEL_BIAS: its diagonal or the whole matrix; unset, matched to the initial errors and sensors.",
@@ -104,12 +174,14 @@ class NavigatorSettings(Settings):
     q = MatrixOrNone(
         size=12,
         diagonal_only=True,
+        rows=_NOISE_ROWS,
         label="Q",
         doc="Process noise densities the filter assumes, SI units: gyro noise, "
         "accelerometer noise, gyro bias drive, accelerometer bias drive; unset, matched to the sensors.",
     )
     r = MatrixOrNone(
         size=6,
+        rows=_FIX_ROWS,
         label="R",
         doc="Covariance of a fix the filter assumes, SI units: position north, east, down, then "
         "velocity: its diagonal or the whole matrix; unset, matched to the receiver.",

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import NamedTuple
 
 import numpy as np
@@ -136,7 +137,9 @@ class Solution(NamedTuple):
     fix_covariance : (m, 15, 15) array
         P after each fix.
     fix_sample : (m,) array
-        Sample after which each fix was used; −1 for those outside the time of the IMU.
+        Sample after which each fix was used; −1 for those outside the time of the IMU, or rejected.
+    fix_rejected : (m,) array
+        Whether the fix was rejected by the gate; its innovation is kept.
     """
 
     position: FloatArray
@@ -149,6 +152,7 @@ class Solution(NamedTuple):
     innovation_covariance: FloatArray
     fix_covariance: FloatArray
     fix_sample: NDArray[np.int64]
+    fix_rejected: NDArray[np.bool_]
 
     @classmethod
     def empty(cls, samples: int, fixes: int) -> Solution:
@@ -172,6 +176,7 @@ class Solution(NamedTuple):
             innovation_covariance=np.full((fixes, MEASUREMENTS, MEASUREMENTS), np.nan),
             fix_covariance=np.full((fixes, STATES, STATES), np.nan),
             fix_sample=np.full(fixes, -1, dtype=np.int64),
+            fix_rejected=np.zeros(fixes, dtype=np.bool_),
         )
 
 
@@ -187,11 +192,14 @@ class Schedule(NamedTuple):
         Shortest time between two feedback corrections [s]; 0 corrects at each fix.
     stride : int
         P is propagated once in so many IMU samples, with the sum of F dt over them, and whenever a fix comes.
+    gate : float
+        Largest NIS of a fix that is used, a quantile of χ² with 6 degrees of freedom; infinite uses all.
     """
 
     feedback: bool = True
     correction_period: float = 0.0
     stride: int = 1
+    gate: float = math.inf
 
 
 EVERY_FIX = Schedule()

@@ -44,7 +44,9 @@ TRANSVERSE = 28  # 1 / (R_N + h)
 PER_COSINE = 29  # 1 / cos L
 FORCE_N = 30  # mean specific force of the last step, in n
 C_NB = 33  # attitude at the start of the last step, row by row
-LENGTH = 42
+PER_STEP = 42  # one over the length of the last step
+GRAVITY = 43  # during the last step
+LENGTH = 44
 
 MAX_LATITUDE = math.radians(89.9)
 """North-slaved navigation ends here: its rate about the vertical grows without bound towards the poles."""
@@ -245,6 +247,7 @@ def step(state: FloatArray, dtheta_measured: Vector, dvelocity_measured: Vector,
     put(state, PREVIOUS_DTHETA, dtheta)
     put(state, PREVIOUS_DVELOCITY, dvelocity)
     per_dt = 1 / dt
+    state[PER_STEP], state[GRAVITY] = per_dt, g
     put(state, FORCE_N, (push[0] * per_dt, push[1] * per_dt, push[2] * per_dt))
     put(state, C_NB, C_nb[0])
     put(state, C_NB + 3, C_nb[1])

@@ -1,16 +1,30 @@
-"""GPS: what a receiver reports of the true position and velocity (the truth side)."""
+"""GPS: what a receiver reports of the true position and velocity (the truth side).
+
+A fix is the truth at its time plus errors in metres: white and first-order Gauss-Markov noise, whose σ grows
+while the constellation is bad; outliers of the position; and, where the receiver is late or its antenna is
+not where the IMU is, the way from the IMU now to the antenna then.
+
+References
+----------
+P. D. Groves, *Principles of GNSS, Inertial and Multisensor Integrated Navigation Systems*, 2nd ed. (cited as
+Groves).
+"""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
 
-from lab import earth
+from lab import earth, rotation
+from lab.sensors import processes
 from lab.sensors.draws import unit_draws
 from lab.settings import AxisQuantity, Intervals, Quantity, Settings
-from lab.trajectory import Truth
+from lab.trajectory import Trajectory, Truth
 from lab.units import si
 
 FloatArray = NDArray[np.float64]
@@ -41,6 +55,25 @@ class GpsErrors(Settings):
         label="Velocity variance",
         doc="Variance of the white velocity error.",
     )
+    correlated_sigma = AxisQuantity(
+        0.0,
+        unit="m",
+        axes=EAST_NORTH_UP,
+        bounds=(0, 1e3),
+        softbounds=(0, 10),
+        step=0.1,
+        label="Correlated position error, σ",
+        doc="Standard deviation of a first-order Gauss-Markov position error, on top of the white one.",
+    )
+    correlation_time = Quantity(
+        60.0,
+        unit="s",
+        bounds=(0.1, 1e6),
+        softbounds=(1, 600),
+        step=1,
+        label="Correlation time",
+        doc="Correlation time of the Gauss-Markov position error.",
+    )
     period = Quantity(
         1.0,
         unit="s",
@@ -55,18 +88,85 @@ class GpsErrors(Settings):
         label="Outages",
         doc="Times without fixes, as [start, end] pairs in seconds since the start.",
     )
+    latency = Quantity(
+        0.0,
+        unit="s",
+        bounds=(0, 10),
+        softbounds=(0, 1),
+        step=0.01,
+        label="Latency",
+        doc="Age of what a fix reports at the time it is stamped with.",
+    )
+    lever_arm = AxisQuantity(
+        0.0,
+        unit="m",
+        bounds=(-100, 100),
+        softbounds=(-5, 5),
+        step=0.1,
+        label="Lever arm",
+        doc="From the IMU to the antenna: forward, right, down. Fixes report the antenna's position and "
+        "velocity.",
+    )
+    outlier_rate = Quantity(
+        0.0,
+        bounds=(0, 1),
+        softbounds=(0, 0.2),
+        step=0.01,
+        label="Outliers, rate",
+        doc="Fraction of the fixes whose position is an outlier, such as from multipath.",
+    )
+    outlier_size = Quantity(
+        20.0,
+        unit="m",
+        bounds=(0, 1e5),
+        softbounds=(0, 100),
+        step=1,
+        label="Outliers, size",
+        doc="Standard deviation of the jump of an outlier east, north and up.",
+    )
+    quality_steps = Intervals(
+        default=[],
+        label="Bad constellation",
+        doc="Times of a bad satellite geometry, as [start, end] pairs in seconds since the start.",
+    )
+    quality_factor = Quantity(
+        3.0,
+        bounds=(0.01, 100),
+        softbounds=(0.1, 10),
+        step=0.1,
+        label="Bad constellation, factor",
+        doc="Factor on the σ of the white and the correlated errors while the constellation is bad.",
+    )
 
 
 class GpsDraws(NamedTuple):
-    """Unit draws of a receiver for m fixes: position (m, 3) and velocity (m, 3), east, north, up."""
+    """Unit draws of a receiver for m fixes.
+
+    Attributes
+    ----------
+    position, velocity, correlated, jump : (m, 3) arrays
+        East, north, up: white position and velocity errors, drive of the Gauss-Markov position error (its
+        first row is the start), jumps of outliers.
+    outlier : (m,) array
+        Which fixes are outliers: those whose draw is among the lowest.
+    """
 
     position: FloatArray
     velocity: FloatArray
+    correlated: FloatArray
+    jump: FloatArray
+    outlier: FloatArray
 
     @classmethod
     def of(cls, seed: int, fixes: int) -> GpsDraws:
         """Draw for a number of fixes."""
-        return cls(unit_draws(seed, "gps.position", (fixes, 3)), unit_draws(seed, "gps.velocity", (fixes, 3)))
+        return cls(
+            position=unit_draws(seed, "gps.position", (fixes, 3)),
+            velocity=unit_draws(seed, "gps.velocity", (fixes, 3)),
+            correlated=unit_draws(seed, "gps.correlated", (fixes, 3)),
+            jump=unit_draws(seed, "gps.jump", (fixes, 3)),
+            outlier=unit_draws(seed, "gps.outlier", (fixes,)),
+        )
 
 
 class GpsFixes(NamedTuple):
@@ -81,7 +181,7 @@ class GpsFixes(NamedTuple):
     velocity_n : (m, 3) array
         Velocity north, east, down.
     position_error, velocity_error : (m, 3) arrays
-        Fix minus truth, east, north, up [m], [m/s].
+        Fix minus truth of the IMU at the same time, east, north, up [m], [m/s].
     """
 
     time: FloatArray
@@ -99,35 +199,121 @@ def fix_times(errors: GpsErrors, duration: float) -> FloatArray:
 
 def outside_outages(errors: GpsErrors, times: FloatArray) -> NDArray[np.bool_]:
     """Return which times are outside all outages; an outage includes its start and its end."""
-    free = np.ones(times.shape, dtype=np.bool_)
-    for start, end in errors.outages:
-        free &= (times < start) | (times > end)
-    return free
+    return ~_within(errors.outages, times)
 
 
-def measure(truth: Truth, errors: GpsErrors, draws: GpsDraws) -> GpsFixes:
-    """Return the fixes of a receiver.
+def antenna(trajectory: Trajectory, errors: GpsErrors, times: FloatArray) -> Truth:
+    """Return the truth of the antenna as fixes at the times report it.
+
+    The truth one latency earlier, moved by the lever arm l_b: C_nb l_b in position and C_nb (ω_eb,b × l_b) in
+    velocity, with ω_eb,b = ω_ib,b − C_bn ω_ie,n (Groves, ch. 2.5). Attitude stays that of the IMU.
+
+    Parameters
+    ----------
+    trajectory
+        The flight of the IMU.
+    errors
+        The receiver's latency and lever arm.
+    times : (m,) array
+        Times the fixes are stamped with; up to the latency the start of the flight is returned [s].
+    """
+    lever_arm = si(errors, "lever_arm")
+    seen = np.maximum(times - errors.latency, 0.0)
+    truth = trajectory.at(seen)
+    if not lever_arm.any():
+        return truth
+    C_nb = rotation.C_nb_from_euler(truth.euler)
+    sine, cosine = np.sin(truth.latitude), np.cos(truth.latitude)
+    omega_ie_n = earth.RATE * np.stack((cosine, np.zeros_like(sine), -sine), axis=-1)
+    omega_eb_b = trajectory.rates(seen)[0] - np.einsum("mij,mi->mj", C_nb, omega_ie_n)
+    north, east, down = (C_nb @ lever_arm).T
+    latitude, longitude, height = _moved(truth, np.stack((east, north, -down), axis=-1)).T
+    velocity_n = truth.velocity_n + np.einsum("mij,mj->mi", C_nb, np.cross(omega_eb_b, lever_arm))
+    return replace(truth, latitude=latitude, longitude=longitude, height=height, velocity_n=velocity_n)
+
+
+def measure(truth: Truth, errors: GpsErrors, draws: GpsDraws, seen: Truth | None = None) -> GpsFixes:
+    """Return the fixes of a receiver; with a latency, none before it has passed.
 
     Parameters
     ----------
     truth
-        Truth at the `fix_times`.
+        Truth of the IMU at the `fix_times`.
+    errors
+        The receiver's errors.
+    draws
+        Unit draws for as many fixes.
+    seen
+        Truth of the `antenna` as the same fixes report it; by default that of the IMU.
+    """
+    position_error, velocity_error = noise(truth.time, errors, draws)
+    if seen is not None:
+        position_error = position_error + _way(truth, seen)
+        velocity_error = velocity_error + _turned(seen.velocity_n - truth.velocity_n)
+    keep = outside_outages(errors, truth.time) & (truth.time > errors.latency - 1e-9)
+    return GpsFixes(
+        truth.time[keep],
+        _moved(truth, position_error)[keep],
+        (truth.velocity_n + _turned(velocity_error))[keep],
+        position_error[keep],
+        velocity_error[keep],
+    )
+
+
+def noise(times: FloatArray, errors: GpsErrors, draws: GpsDraws) -> tuple[FloatArray, FloatArray]:
+    """Return the random errors of position [m] and velocity [m/s], (m, 3) each, east, north, up.
+
+    Parameters
+    ----------
+    times : (m,) array
+        Times of the fixes, one period apart [s].
     errors
         The receiver's errors.
     draws
         Unit draws for as many fixes.
     """
-    position_error = np.sqrt(si(errors, "position_variance")) * draws.position
-    velocity_error = np.sqrt(si(errors, "velocity_variance")) * draws.velocity
-    east, north, up = position_error.T
+    position = np.sqrt(si(errors, "position_variance")) * draws.position
+    velocity = np.sqrt(si(errors, "velocity_variance")) * draws.velocity
+    correlated = si(errors, "correlated_sigma")
+    if correlated.any() and times.size:
+        decay = float(np.exp(-errors.period / si(errors, "correlation_time")))
+        position += correlated * processes.gauss_markov(draws.correlated[0], draws.correlated, decay)
+    if errors.quality_steps:
+        factor = np.where(_within(errors.quality_steps, times), errors.quality_factor, 1.0)[:, None]
+        position, velocity = factor * position, factor * velocity
+    if errors.outlier_rate:
+        # Those with the lowest draws: a higher rate adds outliers and keeps the ones there are.
+        outlier = scipy.special.ndtr(draws.outlier) < errors.outlier_rate
+        position = position + np.where(outlier[:, None], si(errors, "outlier_size") * draws.jump, 0.0)
+    return position, velocity
+
+
+def _within(intervals: Sequence[tuple[float, float]], times: FloatArray) -> NDArray[np.bool_]:
+    """Return which times are in any of the intervals, their starts and ends included."""
+    inside = np.zeros(times.shape, dtype=np.bool_)
+    for start, end in intervals:
+        inside |= (times >= start) & (times <= end)
+    return inside
+
+
+def _moved(truth: Truth, way: FloatArray) -> FloatArray:
+    """Return latitude, longitude [rad] and height [m], (m, 3), of what is so far east, north, up [m]."""
+    east, north, up = way.T
     meridian, transverse = earth.radii(np.sin(truth.latitude))
     latitude = truth.latitude + north / (meridian + truth.height)
     longitude = truth.longitude + east / ((transverse + truth.height) * np.cos(truth.latitude))
-    keep = outside_outages(errors, truth.time)
-    return GpsFixes(
-        truth.time[keep],
-        np.stack((latitude, longitude, truth.height + up), axis=-1)[keep],
-        (truth.velocity_n + velocity_error[:, [1, 0, 2]] * (1, 1, -1))[keep],
-        position_error[keep],
-        velocity_error[keep],
-    )
+    return np.stack((latitude, longitude, truth.height + up), axis=-1)
+
+
+def _way(truth: Truth, other: Truth) -> FloatArray:
+    """Return how far another place is east, north, up (m, 3) [m]; the inverse of `_moved`."""
+    meridian, transverse = earth.radii(np.sin(truth.latitude))
+    north = (other.latitude - truth.latitude) * (meridian + truth.height)
+    turn = rotation.wrap(other.longitude - truth.longitude)
+    east = turn * (transverse + truth.height) * np.cos(truth.latitude)
+    return np.stack((east, north, other.height - truth.height), axis=-1)
+
+
+def _turned(vectors: FloatArray) -> FloatArray:
+    """Return vectors (m, 3) from north, east, down to east, north, up, or back."""
+    return vectors[:, [1, 0, 2]] * (1, 1, -1)

@@ -1,8 +1,10 @@
 """IMU: what real inertial sensors make of the true rates and specific forces (the truth side).
 
-x_meas = (I + M) (x_true + b) + ν, then the range, applied to the increments of each sample; see Groves,
-*Principles of GNSS, Inertial and Multisensor Integrated Navigation Systems*, 2nd ed., ch. 4.4, eqs.
-4.16-4.18. b is the turn-on bias plus a first-order Gauss-Markov process; ν is white with the given density.
+x_meas = (I + M) (x_true + b) + ν, then the bandwidth, the range and the quantisation, in this order, applied
+to the increments of each sample; see Groves, *Principles of GNSS, Inertial and Multisensor Integrated
+Navigation Systems*, 2nd ed., ch. 4.4, eqs. 4.16-4.18. b is the turn-on bias plus a first-order Gauss-Markov
+process, flicker, a random walk, and what the temperature and (gyros) the specific force add; M holds the
+scale factors, given, drawn and by temperature, and the misalignments; ν is white with the given density.
 """
 
 from __future__ import annotations
@@ -10,172 +12,31 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-import scipy
 from numpy.typing import NDArray
 
+from lab.sensors import processes
 from lab.sensors.draws import unit_draws
-from lab.settings import AxisQuantity, Quantity, Settings
+from lab.sensors.imu_errors import OFF_DIAGONAL, AccelerometerErrors, GyroErrors
+from lab.sensors.temperature import REFERENCE
 from lab.units import si
 
+__all__ = [
+    "AT_EASE",
+    "AccelerometerErrors",
+    "GyroErrors",
+    "ImuDraws",
+    "Measured",
+    "Surroundings",
+    "compensate",
+    "cross_coupling",
+    "drift",
+    "felt",
+    "induced_bias",
+    "measure",
+    "turn_on_bias",
+]
+
 FloatArray = NDArray[np.float64]
-
-OFF_DIAGONAL = ("xy", "xz", "yx", "yz", "zx", "zy")
-
-
-class GyroErrors(Settings):
-    """Errors of the three gyros. Defaults: MEMSense AccelRate3D of the classic experiment."""
-
-    noise_density = AxisQuantity(
-        0.05,
-        unit="°/s/√Hz",
-        bounds=(0, 10),
-        softbounds=(0, 0.5),
-        step=0.001,
-        label="White noise",
-        doc="Density of the white rate noise (angle random walk).",
-    )
-    bias = AxisQuantity(
-        0.0,
-        unit="°/s",
-        bounds=(-20, 20),
-        softbounds=(-1, 1),
-        step=0.01,
-        label="Turn-on bias, given",
-        doc="Known part of the turn-on bias; the filter is not told its value.",
-    )
-    bias_sigma = AxisQuantity(
-        0.1,
-        unit="°/s",
-        bounds=(0, 20),
-        softbounds=(0, 1),
-        step=0.01,
-        label="Turn-on bias, σ",
-        doc="Standard deviation of the part of the turn-on bias that is drawn anew for each seed.",
-    )
-    instability = AxisQuantity(
-        0.0,
-        unit="°/h",
-        bounds=(0, 36000),
-        softbounds=(0, 360),
-        step=1,
-        label="Bias instability",
-        doc="Standard deviation of the first-order Gauss-Markov bias.",
-    )
-    correlation_time = Quantity(
-        300.0,
-        unit="s",
-        bounds=(0.1, 1e6),
-        softbounds=(10, 3600),
-        step=10,
-        label="Correlation time",
-        doc="Correlation time of the Gauss-Markov bias.",
-    )
-    scale_factor = AxisQuantity(
-        0.0,
-        unit="%",
-        bounds=(-50, 50),
-        softbounds=(-2, 2),
-        step=0.01,
-        label="Scale factor error",
-        doc="Relative error of the scale factor.",
-    )
-    misalignment = AxisQuantity(
-        0.0,
-        unit="°",
-        axes=OFF_DIAGONAL,
-        bounds=(-20, 20),
-        softbounds=(-2, 2),
-        step=0.01,
-        label="Misalignment",
-        doc="Off-diagonal elements of M: 'xy' is what the x sensor feels of the y axis.",
-    )
-    range = Quantity(
-        150.0,
-        unit="°/s",
-        bounds=(1, 10000),
-        softbounds=(10, 1000),
-        step=10,
-        label="Range",
-        doc="The output saturates beyond plus and minus this rate.",
-    )
-
-
-class AccelerometerErrors(Settings):
-    """Errors of the three accelerometers. Defaults: MEMSense AccelRate3D of the classic experiment."""
-
-    noise_density = AxisQuantity(
-        (35.0, 65.0, 35.0),
-        unit="µg/√Hz",
-        bounds=(0, 10000),
-        softbounds=(0, 500),
-        step=1,
-        label="White noise",
-        doc="Density of the white specific-force noise (velocity random walk).",
-    )
-    bias = AxisQuantity(
-        0.0,
-        unit="mg",
-        bounds=(-500, 500),
-        softbounds=(-20, 20),
-        step=0.1,
-        label="Turn-on bias, given",
-        doc="Known part of the turn-on bias; the filter is not told its value.",
-    )
-    bias_sigma = AxisQuantity(
-        2.0,
-        unit="mg",
-        bounds=(0, 500),
-        softbounds=(0, 20),
-        step=0.1,
-        label="Turn-on bias, σ",
-        doc="Standard deviation of the part of the turn-on bias that is drawn anew for each seed.",
-    )
-    instability = AxisQuantity(
-        0.0,
-        unit="mg",
-        bounds=(0, 100),
-        softbounds=(0, 2),
-        step=0.01,
-        label="Bias instability",
-        doc="Standard deviation of the first-order Gauss-Markov bias.",
-    )
-    correlation_time = Quantity(
-        300.0,
-        unit="s",
-        bounds=(0.1, 1e6),
-        softbounds=(10, 3600),
-        step=10,
-        label="Correlation time",
-        doc="Correlation time of the Gauss-Markov bias.",
-    )
-    scale_factor = AxisQuantity(
-        0.0,
-        unit="%",
-        bounds=(-50, 50),
-        softbounds=(-2, 2),
-        step=0.01,
-        label="Scale factor error",
-        doc="Relative error of the scale factor.",
-    )
-    misalignment = AxisQuantity(
-        0.0,
-        unit="°",
-        axes=OFF_DIAGONAL,
-        bounds=(-20, 20),
-        softbounds=(-2, 2),
-        step=0.01,
-        label="Misalignment",
-        doc="Off-diagonal elements of M: 'xy' is what the x sensor feels of the y axis.",
-    )
-    range = Quantity(
-        10.0,
-        unit="g",
-        bounds=(1, 1000),
-        softbounds=(2, 50),
-        step=1,
-        label="Range",
-        doc="The output saturates beyond plus and minus this specific force.",
-    )
 
 
 class Measured(NamedTuple):
@@ -197,48 +58,111 @@ class Measured(NamedTuple):
 
 
 class ImuDraws(NamedTuple):
-    """Unit draws of a triad: turn-on bias (3,), start (3,) and drive (n, 3) of instability, noise (n, 3)."""
+    """Unit draws of a triad for n samples.
+
+    Attributes
+    ----------
+    bias, scale, start : (3,) arrays
+        Turn-on bias, scale factor, and the first sample of the instability.
+    drive, flicker, walk : (n, 3) arrays, or (0, 3) where the triad has no such error
+        What drives the instability; flicker and random walk of unit coefficient.
+    noise : (n, 3) array
+        White noise.
+    """
 
     bias: FloatArray
+    scale: FloatArray
     start: FloatArray
     drive: FloatArray
+    flicker: FloatArray
+    walk: FloatArray
     noise: FloatArray
 
     @classmethod
-    def of(cls, seed: int, sensor: str, samples: int, *, instability: bool) -> ImuDraws:
-        """Draw for one triad, named by `sensor`; the drive of the instability only where there is one."""
+    def of(
+        cls,
+        seed: int,
+        sensor: str,
+        samples: int,
+        *,
+        instability: bool,
+        flicker: bool = False,
+        walk: bool = False,
+    ) -> ImuDraws:
+        """Draw for one triad, named by `sensor`; long draws of errors it may not have only where it has."""
+
+        def long(name: str, wanted: bool = True) -> FloatArray:
+            return unit_draws(seed, f"{sensor}.{name}", (samples if wanted else 0, 3))
+
         return cls(
-            unit_draws(seed, f"{sensor}.bias", (3,)),
-            unit_draws(seed, f"{sensor}.instability.start", (3,)),
-            unit_draws(seed, f"{sensor}.instability", (samples if instability else 0, 3)),
-            unit_draws(seed, f"{sensor}.noise", (samples, 3)),
+            bias=unit_draws(seed, f"{sensor}.bias", (3,)),
+            scale=unit_draws(seed, f"{sensor}.scale_factor", (3,)),
+            start=unit_draws(seed, f"{sensor}.instability.start", (3,)),
+            drive=long("instability", instability),
+            flicker=processes.flicker(long("flicker", flicker)),
+            walk=processes.random_walk(long("rate_random_walk", walk)),
+            noise=long("noise"),
         )
 
 
+class Surroundings(NamedTuple):
+    """What a triad is exposed to besides what it measures.
+
+    Attributes
+    ----------
+    temperature : (n,) array, or scalar
+        Temperature in each sample interval [°C].
+    dvelocity : (n, 3) array, or (3,)
+        Integral of the specific force over each sample interval, felt by gyros that are sensitive to it
+        [m/s].
+    """
+
+    temperature: FloatArray
+    dvelocity: FloatArray
+
+
+AT_EASE = Surroundings(np.array(REFERENCE), np.zeros(3))
+"""At the temperature of calibration, in free fall."""
+
+
 def measure(
-    ideal: FloatArray, dt: float, errors: GyroErrors | AccelerometerErrors, draws: ImuDraws
+    ideal: FloatArray,
+    dt: float,
+    errors: GyroErrors | AccelerometerErrors,
+    draws: ImuDraws,
+    surroundings: Surroundings = AT_EASE,
 ) -> Measured:
     """Return what a triad with the given errors puts out.
 
     Parameters
     ----------
     ideal : (n, 3) array
-        True increments over each sample interval [rad] or [m/s].
+        True increments over each sample interval [rad] or [m/s], those of accelerometers as `felt`.
     dt
         Length of the intervals [s].
     errors
         The errors of the triad.
     draws
-        Unit draws for n samples, with the drive of the instability if `errors` has any.
+        Unit draws for n samples, with the long draws of those errors that `errors` has.
+    surroundings
+        Temperature and specific force in the same intervals.
     """
-    bias = turn_on_bias(errors, draws) + instability(errors, draws, dt)
+    bias = turn_on_bias(errors, draws) + drift(errors, draws, dt) + induced_bias(errors, surroundings, dt)
     bias = np.broadcast_to(bias, ideal.shape)
-    M = cross_coupling(errors)
-    increments = (ideal + bias * dt) @ (np.eye(3) + M).T if M.any() else ideal + bias * dt
+    M = cross_coupling(errors, draws)
+    biased = ideal + bias * dt
+    increments = biased @ (np.eye(3) + M).T if M.any() else biased
+    scale = si(errors, "scale_temperature")
+    if scale.any():
+        increments = increments + scale * _warmth(surroundings.temperature) * biased
+    settled = increments[0].copy()
     increments += si(errors, "noise_density") * np.sqrt(dt) * draws.noise
+    _lag(increments, settled, si(errors, "bandwidth") * dt)
     limit = float(si(errors, "range")) * dt
     saturated = int(np.count_nonzero(np.abs(increments) > limit))
-    return Measured(np.clip(increments, -limit, limit, out=increments), bias, saturated)
+    np.clip(increments, -limit, limit, out=increments)
+    _quantise(increments, si(errors, "quantisation") * dt)
+    return Measured(increments, bias, saturated)
 
 
 def turn_on_bias(errors: GyroErrors | AccelerometerErrors, draws: ImuDraws) -> FloatArray:
@@ -246,24 +170,114 @@ def turn_on_bias(errors: GyroErrors | AccelerometerErrors, draws: ImuDraws) -> F
     return si(errors, "bias") + si(errors, "bias_sigma") * draws.bias
 
 
-def instability(errors: GyroErrors | AccelerometerErrors, draws: ImuDraws, dt: float) -> FloatArray:
-    """Return the first-order Gauss-Markov part of the bias, (n, 3), or (3,) zeros where there is none.
+def drift(errors: GyroErrors | AccelerometerErrors, draws: ImuDraws, dt: float) -> FloatArray:
+    """Return the random processes of the bias together, (n, 3), or (3,) zeros where there is none.
 
-    The exact discretisation, started in its stationary distribution (Groves 4.19).
+    Gauss-Markov instability, flicker and random walk [rad/s] or [m/s²].
     """
-    sigma = si(errors, "instability")
-    if not sigma.any():
-        return np.zeros(3)
-    decay = float(np.exp(-dt / si(errors, "correlation_time")))
-    drive = np.sqrt(1 - decay**2) * draws.drive
-    drive[0] = draws.start
-    # By its full name: scipy.signal is imported at its first use only, which takes a third of a second.
-    return sigma * scipy.signal.lfilter([1.0], [1.0, -decay], drive, axis=0)
+    total = np.zeros(3)
+    instability, flicker = si(errors, "instability"), si(errors, "flicker")
+    walk = si(errors, "rate_random_walk")
+    if instability.any():
+        decay = float(np.exp(-dt / si(errors, "correlation_time")))
+        total = instability * processes.gauss_markov(draws.start, draws.drive, decay)
+    if flicker.any():
+        total = total + flicker * draws.flicker
+    if walk.any():
+        total = total + walk * np.sqrt(dt) * draws.walk
+    return total
 
 
-def cross_coupling(errors: GyroErrors | AccelerometerErrors) -> FloatArray:
-    """Return M (3, 3): scale factor errors on the diagonal, misalignments [rad] off it."""
-    M = np.diag(si(errors, "scale_factor"))
+def induced_bias(
+    errors: GyroErrors | AccelerometerErrors, surroundings: Surroundings, dt: float
+) -> FloatArray:
+    """Return what temperature and specific force add to the bias, (n, 3), or (3,) zeros where nothing is.
+
+    In [rad/s] or [m/s²].
+    """
+    total = np.zeros(3)
+    by_temperature = si(errors, "bias_temperature")
+    if by_temperature.any():
+        total = by_temperature * _warmth(surroundings.temperature)
+    if isinstance(errors, GyroErrors) and any(errors.g_sensitivity):
+        total = total + si(errors, "g_sensitivity") * surroundings.dvelocity / dt
+    return total
+
+
+def cross_coupling(errors: GyroErrors | AccelerometerErrors, draws: ImuDraws) -> FloatArray:
+    """Return M (3, 3) at 25 °C: scale factor errors on the diagonal, misalignments [rad] off it."""
+    M = np.diag(si(errors, "scale_factor") + si(errors, "scale_factor_sigma") * draws.scale)
     for name, value in zip(OFF_DIAGONAL, si(errors, "misalignment"), strict=True):
         M["xyz".index(name[0]), "xyz".index(name[1])] = value
     return M
+
+
+def felt(errors: AccelerometerErrors, seed: int, dvelocity: FloatArray, dt: float) -> FloatArray:
+    """Return the velocity increments in b with the vibration of the vehicle added, (n, 3) [m/s].
+
+    Parameters
+    ----------
+    errors
+        Errors of the accelerometers, among them the density of the vibration.
+    seed
+        Seed of the run.
+    dvelocity : (n, 3) array
+        Increments of the smooth true flight [m/s].
+    dt
+        Length of the sample intervals [s].
+    """
+    density = si(errors, "vibration_density")
+    if not density.any():
+        return dvelocity
+    return np.asarray(dvelocity + density * np.sqrt(dt) * unit_draws(seed, "vibration", dvelocity.shape))
+
+
+def compensate(
+    measured: Measured,
+    dt: float,
+    errors: GyroErrors | AccelerometerErrors,
+    temperature: FloatArray,
+    reading: FloatArray,
+) -> Measured:
+    """Return the output of a triad corrected by its known temperature coefficients and a thermometer.
+
+    x = x_meas / (1 + s ΔT) − c ΔT. What is left of the scale factor and the misalignments is unknown to the
+    correction; the true bias that is left is the one at 25 °C, and the noise of the thermometer is noise.
+
+    Parameters
+    ----------
+    measured
+        Output of the triad; its bias with the temperature's part.
+    dt
+        Length of the sample intervals [s].
+    errors
+        The errors of the triad, of which the temperature coefficients are used.
+    temperature, reading : (n,) arrays
+        True temperature in each sample interval and what the thermometer shows [°C].
+    """
+    scale, bias = si(errors, "scale_temperature"), si(errors, "bias_temperature")
+    warmth = _warmth(reading)
+    return Measured(
+        measured.increments / (1 + scale * warmth) - bias * warmth * dt,
+        measured.bias - bias * _warmth(temperature),
+        measured.saturated,
+    )
+
+
+def _warmth(temperature: FloatArray) -> FloatArray:
+    """Return temperatures above that of calibration, as a column (n, 1) or (1,) [K]."""
+    return np.asarray(temperature)[..., None] - REFERENCE
+
+
+def _lag(increments: FloatArray, settled: FloatArray, cutoff: FloatArray) -> None:
+    """Send increments through the first-order lag of each axis, in place."""
+    for axis in np.flatnonzero(cutoff):
+        increments[:, axis] = processes.first_order_lag(
+            increments[:, axis], settled[axis], 2 * np.pi * cutoff[axis]
+        )
+
+
+def _quantise(increments: FloatArray, step: FloatArray) -> None:
+    """Round increments to whole steps on the axes that have any, in place."""
+    for axis in np.flatnonzero(step):
+        increments[:, axis] = np.round(increments[:, axis] / step[axis]) * step[axis]

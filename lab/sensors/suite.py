@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from lab.sensors.gps import GpsErrors
 from lab.sensors.imu import AccelerometerErrors, GyroErrors
+from lab.sensors.temperature import TemperatureSettings
 from lab.settings import Settings, group
 
 
@@ -16,8 +17,25 @@ class SensorSuite(Settings):
 
     gyro = group(GyroErrors, "Gyro errors.")
     accelerometer = group(AccelerometerErrors, "Accelerometer errors.")
+    temperature = group(TemperatureSettings, "Temperature of the IMU.")
     gps = group(GpsErrors, "GPS errors.")
 
-
-PRESETS = {"MEMSense AccelRate3D": SensorSuite}
-"""Sensor suites by name."""
+    def remarks(self) -> tuple[str, ...]:
+        """Say which settings are set and yet change nothing, since others are not."""
+        felt = [
+            f"sensors.{sensor}.{name}"
+            for sensor, errors in (("gyro", self.gyro), ("accelerometer", self.accelerometer))
+            for name in ("bias_temperature", "scale_temperature")
+            if any(getattr(errors, name))
+        ]
+        profile = self.temperature.profile
+        if felt and profile == "none":
+            return (
+                f"There is no temperature profile (sensors.temperature.profile), so {felt[0]} does nothing.",
+            )
+        if profile != "none" and not felt:
+            return (
+                f"No sensor feels the temperature (sensors.temperature.profile is {profile}): all their "
+                "coefficients, such as sensors.gyro.bias_temperature, are zero.",
+            )
+        return ()

@@ -10,6 +10,8 @@ from numpy.typing import NDArray
 FloatArray = NDArray[np.floating]
 
 BUCKETS = 600
+# Below this a number is zero to any sensor; nearer to the smallest double, powers of ten lose their digits.
+SMALLEST_DRAWN = 1e-300
 
 
 def envelope(
@@ -101,9 +103,10 @@ def _share(weights: FloatArray) -> FloatArray:
 def nice_limit(value: float) -> float:
     """Round a positive number up to 1, 1.2, 1.5, 2, 2.5, 3, 4, 5, 6 or 8 times a power of ten.
 
-    An axis limit made so stays where it is while a curve moves a little.
+    An axis limit made so stays where it is while a curve moves a little. What is below
+    `SMALLEST_DRAWN` is taken for zero, which gets 1.
     """
-    if not np.isfinite(value) or value <= 0:
+    if not np.isfinite(value) or value < SMALLEST_DRAWN:
         return 1.0
     power = 10.0 ** np.floor(np.log10(value))
     steps = (1.0, 1.2, 1.5, 2.0, 2.5, 3.0, 4.0, 5.0, 6.0, 8.0, 10.0)
@@ -128,7 +131,7 @@ def limits(series: Sequence[FloatArray], scale: str) -> tuple[float, float]:
     lows, highs = [], []
     for values in series:
         finite = values[np.isfinite(values)]
-        finite = finite[finite > 0] if scale == "logarithmic" else finite
+        finite = finite[finite >= SMALLEST_DRAWN] if scale == "logarithmic" else finite
         if len(finite):
             lows.append(float(finite.min()))
             highs.append(float(finite.max()))

@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from bokeh.events import DoubleTap, Tap
-from bokeh.model import Model
 from bokeh.models.annotations import Legend, LegendItem, Span, Title
 from bokeh.models.callbacks import CustomJS
 from bokeh.models.formatters import CustomJSTickFormatter
@@ -24,6 +23,15 @@ from lab.views.quantities import CURSOR, Band, Clock, Curve, TimePlot
 if TYPE_CHECKING:
     from lab.result import Result
 
+UNPACK = """
+const {all} = cb_obj.data;
+const length = all.length / names.length;
+const column = (i) => new Float32Array(all.buffer, all.byteOffset + 4 * i * length, length);
+const data = Object.fromEntries(names.map((name, i) => [name, column(i)]));
+source.setv({data}, {sync: false});
+"""
+"""Cuts what has arrived in one piece into the columns of a source, without copying or sending them back."""
+
 
 class TimeAxis:
     """The time axis all figures of one session share: range, cursor and crosshair.
@@ -39,6 +47,8 @@ class TimeAxis:
         Visible stretch of time [s].
     cursor : Span
         The time under study [s].
+    outages : ColumnDataSource
+        Stretches of time without GPS, shaded in all figures.
     duration : float
         End of the flight [s].
     """
@@ -50,6 +60,8 @@ class TimeAxis:
         self.cursor = Span(
             dimension="height", location=0.0, line_color=CURSOR, line_width=1.2, name="time cursor"
         )
+        self.outages = ColumnDataSource({"start": [], "end": []}, name="GPS outages")
+        self._strips: list[GlyphRenderer[Any]] = []
         self.crosshair = Span(dimension="height", line_color="#808895", line_dash="dotted", line_width=1)
 
     @property
@@ -70,13 +82,59 @@ class TimeAxis:
             self.whole()
             self.cursor.location = min(self.time, duration)
 
+    def show_outages(self, outages: Sequence[tuple[float, float]]) -> None:
+        """Shade the stretches of time [s] without GPS."""
+        starts, ends = ([float(stretch[edge]) for stretch in outages] for edge in (0, 1))
+        if self.outages.data != {"start": starts, "end": ends}:
+            self.outages.data = {"start": starts, "end": ends}
+            for strip in self._strips:
+                strip.visible = bool(starts)
+
+    def shade_outages(self, fig: figure) -> None:
+        """Have a figure shade the outages; where there are none, it has nothing more to paint."""
+        strip = fig.vstrip("start", "end", source=self.outages, color="#808895", alpha=0.18, level="underlay")
+        strip.visible = bool(self.outages.data["start"])
+        self._strips.append(strip)
+
     def whole(self) -> None:
         """Show the whole flight."""
         self.range.update(start=0.0, end=self.duration)
 
-    def resend(self) -> None:
-        """Send the range once more, for a browser that was not ready for it."""
-        _resend(self.range, "bounds", "reset_start", "reset_end", "start", "end")
+
+class Columns:
+    """A data source whose columns travel to the browser in one piece.
+
+    Each array is a message of its own; 28 of them take longer on their way than the plots to be drawn.
+
+    Parameters
+    ----------
+    names
+        Names of the columns.
+    name
+        Name of the source in its document.
+
+    Attributes
+    ----------
+    source : ColumnDataSource
+        What the figures draw from. Once it is in a document, its data are in the browser only.
+    """
+
+    def __init__(self, names: Sequence[str], name: str) -> None:
+        self._names = list(dict.fromkeys(names))
+        nothing = {"all": np.zeros(0, np.float32)}
+        self._parcel = ColumnDataSource(nothing, name=f"parcel:{name}")
+        self.source = ColumnDataSource(
+            {column: np.zeros(0, np.float32) for column in self._names}, name=name, tags=[self._parcel]
+        )
+        unpack = CustomJS(args={"source": self.source, "names": self._names}, code=UNPACK)
+        self._parcel.js_on_change("data", unpack)
+
+    def show(self, columns: dict[str, FloatArray]) -> None:
+        """Draw columns of equal length, of single precision."""
+        if self.source.document is None:
+            self.source.data = columns
+        else:
+            self._parcel.data = {"all": np.concatenate([columns[name] for name in self._names])}
 
 
 class TimeFigures:
@@ -101,14 +159,12 @@ class TimeFigures:
         self.plots = tuple(plots)
         self.axis = axis
         self._buckets = buckets
-        self._sources: dict[Clock, ColumnDataSource] = {}
+        self._sources: dict[Clock, Columns] = {}
         self._ready: tuple[Result, tuple[float, float], dict[Clock, dict[str, FloatArray]]] | None = None
         for clock in ("time", "time_gps"):
             names = [name for plot in self.plots for name in _columns(plot, clock)]
             if names:
-                self._sources[clock] = ColumnDataSource(
-                    {name: np.zeros(0) for name in ("time", *names)}, name=f"{clock}:{self.plots[0].name}"
-                )
+                self._sources[clock] = Columns(("time", *names), f"{clock}:{self.plots[0].name}")
         self.figures = [self._draw(plot) for plot in self.plots]
 
     def prepare(self, result: Result) -> None:
@@ -123,18 +179,11 @@ class TimeFigures:
         prepared = ready is not None and ready[0] is result and ready[1] == window
         drawn = ready[2] if ready is not None and prepared else self._thinned(result, window)
         for clock, source in self._sources.items():
-            source.data = drawn[clock]
+            source.show(drawn[clock])
         for plot, fig in zip(self.plots, self.figures, strict=True):
             series = [drawn[clock][name] for clock in drawn for name in _columns(plot, clock)]
             low, high = limits(series, plot.scale)
             fig.y_range.update(start=low, end=high)
-
-    def resend(self) -> None:
-        """Send what is drawn once more, for a browser that was not ready for it."""
-        for source in self._sources.values():
-            _resend(source, "data")
-        for fig in self.figures:
-            _resend(fig.y_range, "start", "end")
 
     def _thinned(self, result: Result, window: tuple[float, float]) -> dict[Clock, dict[str, FloatArray]]:
         """Return the columns of each source in a window of time."""
@@ -149,24 +198,19 @@ class TimeFigures:
         return thinned
 
     def _draw(self, plot: TimePlot) -> figure:
-        source = self._sources[plot.clock]
+        source = self._sources[plot.clock].source
         fig = time_figure(plot.heading, self.axis, logarithmic=plot.scale == "logarithmic")
         if plot.band is not None:
             draw_band(fig, plot.band, source)
         glyphs = {}
         if plot.fixes is not None:
-            glyphs[plot.fixes.label] = draw_curve(fig, plot.fixes, self._sources["time_gps"], "time")
+            glyphs[plot.fixes.label] = draw_curve(fig, plot.fixes, self._sources["time_gps"].source, "time")
         glyphs |= {curve.label: draw_curve(fig, curve, source, "time") for curve in reversed(plot.curves)}
         hover = HoverTool(mode="vline", renderers=[glyphs[plot.curves[0].label]], tooltips=_tooltips(plot))
         fig.add_tools(hover)
         if len(glyphs) > 1:
             add_legend(fig, dict(reversed(glyphs.items())))
         return fig
-
-
-def _resend(model: Model, *names: str) -> None:
-    for name in names:
-        model.trigger(name, None, getattr(model, name))
 
 
 def time_figure(title: str, axis: TimeAxis, *, logarithmic: bool = False, height: int = 150) -> figure:
@@ -199,6 +243,7 @@ def time_figure(title: str, axis: TimeAxis, *, logarithmic: bool = False, height
     if logarithmic:
         fig.yaxis.ticker = LogTicker(mantissas=[1, 2, 5], desired_num_ticks=5)
     fig.xaxis.formatter = CustomJSTickFormatter(code="return `${+tick.toFixed(6)} s`")
+    axis.shade_outages(fig)
     fig.renderers.append(axis.cursor)
     fig.js_on_event(Tap, CustomJS(args={"cursor": axis.cursor}, code="cursor.location = cb_obj.x"))
     fig.js_on_event(DoubleTap, CustomJS(args={"x": axis.range}, code="x.setv({start: 0, end: x.bounds[1]})"))

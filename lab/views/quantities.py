@@ -9,6 +9,8 @@ from typing import TYPE_CHECKING, Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from lab.analysis.consistency import chi_square_interval
+
 if TYPE_CHECKING:
     from lab.result import Result
 
@@ -77,6 +79,16 @@ class Band:
         return (
             (-half, half) if self.centre is None else (self.centre(result) - half, self.centre(result) + half)
         )
+
+
+@dataclass(frozen=True)
+class Interval(Band):
+    """The region that holds a curve with a probability of 95 %, given by its middle and half its width."""
+
+    @property
+    def label(self) -> str:
+        """What a legend calls it."""
+        return "95 %"
 
 
 @dataclass(frozen=True)
@@ -248,6 +260,33 @@ def _scalar(group: str, variable: str) -> Reader:
 
     return read
 
+
+NIS_DEGREES = 6
+"""A fix has a position and a velocity."""
+
+
+def _chi_square(name: str, variable: str, colour: str, group: str) -> TimePlot:
+    """Return a plot of what should be χ², with its 95 % interval."""
+
+    def edges(result: Result) -> tuple[float, float]:
+        return chi_square_interval(getattr(result, group)[variable].attrs.get("degrees", NIS_DEGREES))
+
+    def half(result: Result) -> FloatArray:
+        low, high = edges(result)
+        return np.full(result.fixes.time.shape, (high - low) / 2)
+
+    def middle(result: Result) -> FloatArray:
+        return np.full(result.fixes.time.shape, sum(edges(result)) / 2)
+
+    curve = Curve(variable, variable.upper(), colour, _scalar(group, variable), style="points")
+    band = Interval(f"{variable}_band", 1, colour, half, centre=middle)
+    return TimePlot(variable, name, "", (curve,), band=band, clock="time_gps", scale="free")
+
+
+CONSISTENCY: tuple[TimePlot, ...] = (
+    _chi_square("NEES: errors of all states, normalised", "nees", BLUE, "consistency"),
+    _chi_square("NIS: innovations, normalised", "nis", GREEN, "innovations"),
+)
 
 HEIGHT: tuple[TimePlot, ...] = (
     TimePlot(

@@ -103,3 +103,43 @@ def test_short_records_give_fewer_lags():
     assert consistency.autocorrelation(np.ones((4, 2))).shape == (4, 2)
     assert consistency.autocorrelation(np.zeros((0, 2))).shape == (0, 2)
     assert not consistency.autocorrelation(np.zeros((4, 2))).any()
+
+
+def ljung_box(values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return Ljung-Box's Q and probability of values (m, channels)."""
+    return consistency.ljung_box(consistency.autocorrelation(values), values.shape[0])
+
+
+def test_ljung_box_of_white_values_is_chi_square():
+    Q, white = ljung_box(RNG.normal(0, 1, (500, 1000)))
+    assert Q.mean() == pytest.approx(30, abs=5 * np.sqrt(60 / 1000))
+    assert 0.02 < np.mean(white < 0.05) < 0.09
+    assert np.allclose(white, stats.chi2(30).sf(Q), rtol=1e-9)
+
+
+def test_ljung_box_is_its_formula_term_by_term():
+    values = RNG.normal(0, 1, (50, 1))
+    r = consistency.autocorrelation(values)[:, 0]
+    expected = 50 * 52 * sum(r[lag] ** 2 / (50 - lag) for lag in range(1, 31))
+    assert ljung_box(values)[0][0] == pytest.approx(expected, rel=1e-12)
+
+
+def test_ljung_box_sees_colour():
+    values = np.cumsum(RNG.normal(0, 1, (200, 4)), axis=0)
+    assert (ljung_box(values)[1] < 1e-6).all()
+
+
+@pytest.mark.parametrize("count", [0, 1, 2])
+@pytest.mark.filterwarnings("error::RuntimeWarning")
+def test_ljung_box_of_next_to_nothing_has_nothing_against_it(count):
+    assert (ljung_box(RNG.normal(0, 1, (count, 3)))[1] > 0.01).all()
+
+
+@pytest.mark.parametrize("factor", [1.0, 3.0])
+def test_coverage_of_normal_errors(factor):
+    sigma = RNG.uniform(0.1, 10, (100_000, 2))
+    part = consistency.normal_coverage(factor)
+    assert part == pytest.approx(stats.norm.cdf(factor) - stats.norm.cdf(-factor), rel=1e-12)
+    found = consistency.coverage(sigma * RNG.normal(0, 1, sigma.shape), sigma, factor)
+    assert np.allclose(found, part, atol=5 * np.sqrt(part * (1 - part) / 100_000))
+    assert np.isnan(consistency.coverage(np.zeros((0, 2)), np.zeros((0, 2)))).all()

@@ -8,6 +8,7 @@ import socket
 import subprocess
 import sys
 from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 import pytest
@@ -52,9 +53,16 @@ def free_port() -> int:
 @pytest.fixture(scope="session")
 def address() -> Iterator[str]:
     """Return the address of a simulator served by a plain ``panel serve``, without further flags."""
+    with serving() as (address, _process):
+        yield address
+
+
+@contextmanager
+def serving(*flags: str) -> Iterator[tuple[str, subprocess.Popen[str]]]:
+    """Serve the simulator; give its address and the process of the server."""
     port = free_port()
-    command = [sys.executable, "-m", "panel", "serve", "dashboards/simulator.py", "--port", str(port)]
-    log = ROOT / ".pytest_cache" / "simulator.log"
+    command = [sys.executable, "-m", "panel", "serve", "dashboards/simulator.py", "--port", str(port), *flags]
+    log = ROOT / ".pytest_cache" / f"simulator{port}.log"
     log.parent.mkdir(exist_ok=True)
     process = subprocess.Popen(
         command, cwd=ROOT, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, bufsize=1
@@ -67,10 +75,12 @@ def address() -> Iterator[str]:
         pytest.fail(f"{' '.join(command)} ended at once")
     with log.open("w") as sink:
         drain = subprocess.Popen(["cat"], stdin=process.stdout, stdout=sink)
-    yield f"http://localhost:{port}/simulator"
-    process.terminate()
-    process.wait(timeout=30)
-    drain.wait(timeout=30)
+    try:
+        yield f"http://localhost:{port}/simulator", process
+    finally:
+        process.terminate()
+        process.wait(timeout=30)
+        drain.wait(timeout=30)
 
 
 @pytest.fixture

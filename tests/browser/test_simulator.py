@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 import re
+import zipfile
 from collections.abc import Callable
+from pathlib import Path
 from urllib.request import urlopen
 
+import netCDF4
 import pytest
 from playwright.sync_api import Page, expect
 
@@ -112,6 +115,36 @@ def test_every_page_opens(open_page: Open) -> None:
     )
 
 
+def test_pages_that_take_a_while_arrive(open_page: Open) -> None:
+    """Their code is compiled at first use, which may take a minute on a busy machine."""
+    page = open_page()
+    for title, words in (
+        ("Consistency", "Judged by 1 run"),
+        ("Allan", "Gyros: White noise N"),
+        ("Budget", "At the end σ of"),
+        ("Models", "invariant"),
+    ):
+        show(page, title)
+        expect(page.get_by_text(words).first).to_be_visible(timeout=120_000)
+
+
+def test_a_page_that_was_left_is_there_again(open_page: Open) -> None:
+    page = open_page()
+    drawn = page.evaluate(f"Array.from({DATA}.position_east)")
+    views = (
+        "Array.from(Bokeh.index.query((view) => view.model.title?.text?.startsWith('Position error'))).length"
+    )
+    show(page, "Covariance")
+    page.wait_for_function(f"{views} === 0")
+    show(page, "Errors")
+    page.wait_for_function(f"{views} === 3 && Bokeh.documents[0].is_idle")
+    assert page.evaluate(f"Array.from({DATA}.position_east)") == drawn
+    slider, _ = noise(page)
+    remember_data(page)
+    slider.press("End")
+    wait_for_new_data(page)
+
+
 def test_hidden_pages_are_not_sent(open_page: Open) -> None:
     page = open_page()
     innovations = "Bokeh.documents[0].get_model_by_name('time_gps:innovation_position_east')"
@@ -141,7 +174,7 @@ def test_zooming_one_plot_zooms_all_and_sends_the_samples(open_page: Open) -> No
     wait_for_new_data(page)
     page.wait_for_function(f"{RANGE_END} < 150")
     page.wait_for_function(f"{DATA}.time.at(-1) - {DATA}.time[0] < 30")
-    page.get_by_role("button", name="Whole flight").click()
+    page.get_by_role("button", name="Whole flight", exact=True).click()
     page.wait_for_function(f"{RANGE_END} > 200")
 
 
@@ -201,6 +234,65 @@ def test_reset_and_files(open_page: Open) -> None:
     assert "noise_density" in path.read_text(encoding="utf-8")
     assert download.value.suggested_filename == "montreal_1.toml"
     page.get_by_role("button", name="Reset").click()
+    expect(noise(page)[1]).to_have_value("0.05")
+
+
+def test_an_outage_is_drawn_on_the_timeline(open_page: Open) -> None:
+    page = open_page()
+    plot = page.locator("canvas").first
+    box = plot.bounding_box()
+    assert box is not None
+    page.mouse.move(box["x"] + 0.4 * box["width"], box["y"] + 60)
+    page.mouse.down()
+    page.mouse.move(box["x"] + 0.6 * box["width"], box["y"] + 60, steps=5)
+    page.mouse.up()
+    page.wait_for_function(f"{RANGE_END} < 180")
+    start, end = page.evaluate(f"[{RANGE_END.replace('.end', '.start')}, {RANGE_END}]")
+    page.get_by_role("button", name="GPS outage").click()
+    shaded = "Bokeh.documents[0].get_model_by_name('GPS outages').data"
+    page.wait_for_function(f"{shaded}.start.length === 1")
+    assert page.evaluate(f"{shaded}.start[0]") == pytest.approx(start, abs=0.06)
+    assert page.evaluate(f"{shaded}.end[0]") == pytest.approx(end, abs=0.06)
+    page.wait_for_function(f"{RANGE_END} > 200")
+    expect(page.get_by_role("textbox", name="Outages")).to_have_value(re.compile(rf"{start:.1f}\D+{end:.1f}"))
+
+
+def test_results_are_downloaded(open_page: Open) -> None:
+    page = open_page("?seed=4")
+    with page.expect_download() as download:
+        page.get_by_text("netCDF", exact=True).click()
+    assert download.value.suggested_filename == "montreal_4.nc"
+    with netCDF4.Dataset(download.value.path()) as file:
+        assert {"truth", "solution", "errors", "sigma", "innovations"} <= set(file.groups)
+        assert file["errors"]["position"].shape == (41_009, 3)
+    with page.expect_download() as download:
+        page.get_by_text("csv", exact=True).click()
+    assert download.value.suggested_filename == "montreal_4.zip"
+    with zipfile.ZipFile(download.value.path()) as archive:
+        assert archive.testzip() is None
+        assert {"errors.csv", "gps.csv"} <= {Path(name).name for name in archive.namelist()}
+
+
+def test_settings_come_from_a_file(open_page: Open) -> None:
+    page = open_page()
+    page.locator("input[type=file]").set_input_files(
+        {
+            "name": "mine.toml",
+            "mimeType": "application/toml",
+            "buffer": b"[sensors.gyro]\nnoise_density = 0.2\n",
+        }
+    )
+    expect(noise(page)[1]).to_have_value("0.2")
+
+
+def test_a_settings_file_that_is_none_is_answered_in_red(open_page: Open) -> None:
+    page = open_page()
+    page.locator("input[type=file]").set_input_files(
+        {"name": "mine.toml", "mimeType": "application/toml", "buffer": b"[sensors.gyro]\nnoise = 0.2\n"}
+    )
+    alert = page.get_by_role("alert").filter(has_text="there is no setting 'noise'")
+    expect(alert).to_be_visible()
+    expect(alert).to_have_class(re.compile("colorError|standardError|Error"))
     expect(noise(page)[1]).to_have_value("0.05")
 
 

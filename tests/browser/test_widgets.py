@@ -10,7 +10,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from dashboards.exchange import query
-from dashboards.widgets import NumberField, Scale, TextField, field, parsed, shown
+from dashboards.settings_panel import matched_variances
+from dashboards.widgets import CovarianceField, NumberField, Scale, TextField, field, parsed, shown
 from lab.experiment import Experiment
 from lab.settings import AxisQuantity, Quantity, SettingError
 
@@ -116,3 +117,70 @@ def test_the_address_holds_what_differs_from_the_defaults() -> None:
     assert "sensors.gyro.noise_density=0.02" in text
     assert "navigator.correction=feedforward" in text
     assert text.count("=") == 2
+
+
+def unfolded(path: str, experiment: Experiment) -> tuple[CovarianceField, list[Any]]:
+    """Return the field of a covariance, unfolded, that changes an experiment, and its σ boxes."""
+    name = path.rpartition(".")[2]
+
+    def change(value: Any) -> bool:
+        try:
+            experiment.set(path, value)
+        except SettingError:
+            return False
+        return True
+
+    made = field(LEAVES[path], change)
+    assert isinstance(made, CovarianceField)
+    made.matched = lambda: matched_variances(experiment, name)
+    made.in_force = lambda: experiment.get(path)
+    toggle = made.view[0][1]
+    toggle.value = True
+    return made, list(made.view[1])
+
+
+def test_matched_sigmas_are_shown_in_readable_units() -> None:
+    _, boxes = unfolded("navigator.p0", Experiment())
+    assert [box.label for box in boxes][::3] == [
+        "position north [m]",
+        "velocity north [m/s]",
+        "attitude north [°]",
+        "gyro bias x [°/s]",
+        "accelerometer bias x [mg]",
+    ]
+    assert [float(box.value) for box in boxes] == [1, 1, 1, 0.3, 0.3, 0.3, 0.5, 0.5, 2, *[0.1] * 3, *[2] * 3]
+    _, boxes = unfolded("navigator.q", Experiment())
+    assert [float(box.value) for box in boxes[:6]] == [0.05, 0.05, 0.05, 35, 65, 35]
+    _, boxes = unfolded("navigator.r", Experiment())
+    assert float(boxes[0].value) == pytest.approx(0.5**0.5, rel=1e-3)
+
+
+def test_one_sigma_is_given_and_the_others_stay_as_they_were_matched() -> None:
+    experiment = Experiment()
+    _, boxes = unfolded("navigator.r", experiment)
+    boxes[2].value = "3"
+    assert experiment.get("navigator.r") == pytest.approx((0.5, 0.5, 9, 0.2, 0.2, 0.2))
+
+
+@pytest.mark.parametrize("text", ["-1", "none", "inf"])
+def test_a_sigma_that_is_none_is_refused_and_the_old_one_shown_again(text: str) -> None:
+    experiment = Experiment()
+    _, boxes = unfolded("navigator.r", experiment)
+    before = boxes[0].value
+    boxes[0].value = text
+    assert experiment.get("navigator.r") is None
+    assert boxes[0].value == before
+
+
+def test_a_whole_matrix_keeps_its_correlations() -> None:
+    experiment = Experiment()
+    matrix = [[float(i == j) for j in range(6)] for i in range(6)]
+    matrix[0][1] = matrix[1][0] = 0.5
+    experiment.set("navigator.r", matrix)
+    made, boxes = unfolded("navigator.r", experiment)
+    made.show(experiment.get("navigator.r"))
+    boxes[0].value = "2"
+    given = experiment.get("navigator.r")
+    assert given[0][:2] == (4.0, 0.5)
+    boxes[0].value = "0.1"
+    assert experiment.get("navigator.r") == given

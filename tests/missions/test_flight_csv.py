@@ -17,7 +17,7 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
 from lab.missions import MissionError, Recording, read_flight_csv, write_flight_csv
-from lab.missions.flight_csv import MAX_BYTES
+from lab.missions.named_columns import MAX_BYTES
 
 FIELDS = ("time", "latitude", "longitude", "height", "velocity_n", "euler", "airspeed", "alpha", "beta")
 

@@ -5,14 +5,26 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
+import pymap3d
 import pytest
 from numpy.typing import NDArray
 from scipy.linalg import expm
 from scipy.spatial.transform import Rotation
 
 from lab import earth
-from lab.navigation import strapdown
-from lab.navigation.error_models import ACCEL_BIAS, ATT, GYRO_BIAS, PHI, POS, STATES, VEL, ErrorModel
+from lab.navigation import reference, strapdown
+from lab.navigation.error_models import (
+    ACCEL_BIAS,
+    ATT,
+    GYRO_BIAS,
+    INVARIANT,
+    PHI,
+    POS,
+    PSI,
+    STATES,
+    VEL,
+    ErrorModel,
+)
 
 FloatArray = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
@@ -165,6 +177,154 @@ def test_every_entry_is_the_derivative_of_the_true_error_propagation(
     assert not named, "\n".join(named)
 
 
+def earth_axes(position: ComplexArray) -> ComplexArray:
+    """Return C_en, from the ECEF axes of north, east and down (Groves 2.150)."""
+    (s, c), (sl, cl) = ((np.sin(angle), np.cos(angle)) for angle in position[:2])
+    return np.array([[-s * cl, -sl, -c * cl], [-s * sl, cl, -c * sl], [c, 0, -s]])
+
+
+def from_the_centre(position: ComplexArray) -> ComplexArray:
+    """Return r_e [m] (Groves 2.112)."""
+    latitude, longitude, height = position
+    s, c = np.sin(latitude), np.cos(latitude)
+    radius = earth.SEMI_MAJOR_AXIS / np.sqrt(1 - earth.ECCENTRICITY_SQUARED * s * s)
+    out = (radius + height) * c
+    up = ((1 - earth.ECCENTRICITY_SQUARED) * radius + height) * s
+    return np.array([out * np.cos(longitude), out * np.sin(longitude), up])
+
+
+def turn(M: ComplexArray) -> ComplexArray:
+    """Return φ of a matrix I − [φ×]."""
+    return -0.5 * np.array([M[2, 1] - M[1, 2], M[0, 2] - M[2, 0], M[1, 0] - M[0, 1]])
+
+
+def own_error(model: ErrorModel, truth: Vehicle, estimate: Vehicle) -> ComplexArray:
+    """Return the error in a model's own coordinates (15,), to first order, from its definition in ECEF."""
+    C_en, C_ec = earth_axes(truth.position), earth_axes(estimate.position)
+    r_e, r_c = from_the_centre(truth.position), from_the_centre(estimate.position)
+    C_eb, computed_eb = C_en @ truth.C_nb, C_ec @ estimate.C_nb
+    out = np.zeros(15, dtype=np.complex128)
+    if model is PSI:
+        C_cn = C_ec.T @ C_en
+        out[POS] = C_en.T @ (r_c - r_e)
+        out[VEL] = estimate.velocity_n - C_cn @ truth.velocity_n
+        out[ATT] = turn(estimate.C_nb @ (C_cn @ truth.C_nb).T)
+    else:
+        omega = skew(np.array([0, 0, earth.RATE]))
+        v_i, computed_i = C_en @ truth.velocity_n + omega @ r_e, C_ec @ estimate.velocity_n + omega @ r_c
+        out[POS] = C_eb.T @ (r_c - r_e)
+        out[VEL] = C_eb.T @ (computed_i - v_i)
+        out[ATT] = turn(C_eb.T @ computed_eb)
+    out[GYRO_BIAS], out[ACCEL_BIAS] = (
+        estimate.gyro_bias - truth.gyro_bias,
+        estimate.accel_bias - truth.accel_bias,
+    )
+    return out
+
+
+def later(vehicle: Vehicle, seconds: float) -> Vehicle:
+    """Return a vehicle moved along its present rates."""
+    rate = rates(vehicle)
+    return vehicle._replace(
+        position=vehicle.position + seconds * rate.position,
+        velocity_n=vehicle.velocity_n + seconds * rate.velocity_n,
+        C_nb=vehicle.C_nb + seconds * rate.C_nb,
+    )
+
+
+def own_jacobians(model: ErrorModel, truth: Vehicle) -> tuple[FloatArray, FloatArray]:
+    """Return F in a model's own coordinates, and T: complex steps in the error, five points in time."""
+    step, weights = 0.3, {-2: 1 / 12, -1: -8 / 12, 1: 8 / 12, 2: -1 / 12}
+    own, own_rate = np.zeros((15, 15)), np.zeros((15, 15))
+    for i, unit in enumerate(np.eye(15)):
+        estimate = astray(truth, 1e-30j * unit)
+        own[:, i] = own_error(model, truth, estimate).imag / 1e-30
+        for n, weight in weights.items():
+            moved = own_error(model, later(truth, n * step), later(estimate, n * step))
+            own_rate[:, i] += weight / step * moved.imag / 1e-30
+    return own_rate @ np.linalg.inv(own), np.linalg.inv(own)
+
+
+OWN_ZERO = 5e-14
+"""Roundoff of the five points in time: the smallest entry there is has 1e-10."""
+
+
+@pytest.mark.parametrize("latitude", LATITUDES)
+@pytest.mark.parametrize("model", [PSI, INVARIANT], ids=lambda model: model.name)
+def test_own_coordinates_follow_their_definitions(model: ErrorModel, latitude: float) -> None:
+    vehicle = random_vehicle(latitude)
+    state = navigator_state(vehicle)
+    F = np.zeros((15, 15))
+    model.write(state, F)
+    expected, T = own_jacobians(model, vehicle)
+    real = np.abs(expected) > OWN_ZERO
+    worst = np.abs(F[real] / expected[real] - 1).max()
+    print(
+        f"\n{model.name}, {np.degrees(latitude):.1f}°: {real.sum()} entries from "
+        f"{np.abs(expected[real]).min():.1e} on, worst relative difference {worst:.1e}"
+    )
+    assert ((F != 0) == real).all()
+    assert worst <= 1e-5
+    state[strapdown.VELOCITY : strapdown.VELOCITY + 3] = vehicle.velocity_n
+    q_nb = Rotation.from_matrix(vehicle.C_nb).as_quat(scalar_first=True)
+    state[strapdown.Q_NB : strapdown.Q_NB + 4] = q_nb
+    np.testing.assert_allclose(model.map(state), T, rtol=1e-5, atol=1e-12)
+
+
+@pytest.mark.parametrize("latitude", LATITUDES)
+@pytest.mark.parametrize("degrees", [0.01, 60.0, 150.0])
+def test_the_group_error_is_taken_out_exactly(latitude: float, degrees: float) -> None:
+    """The navigator errs by the matrix exponential of an error of any size; the correction leaves nothing."""
+    vehicle = random_vehicle(latitude)
+    rng = np.random.default_rng(5)
+    psi = rng.normal(size=3)
+    x = np.concatenate((rng.normal(0, 3, 6), np.radians(degrees) * psi / np.linalg.norm(psi), np.zeros(6)))
+    # χ̂ = χ exp(ξ) with χ = (C_eb, v_i, r_e), which is (C_ib, v_i, r_i) seen from the Earth.
+    omega = skew(np.array([0, 0, earth.RATE]))
+    C_en, r_e = earth_axes(vehicle.position), from_the_centre(vehicle.position)
+    chi = np.eye(5)
+    chi[:3, :3], chi[:3, 3], chi[:3, 4] = C_en @ vehicle.C_nb, C_en @ vehicle.velocity_n + omega @ r_e, r_e
+    xi = np.zeros((5, 5))
+    xi[:3, :3], xi[:3, 3], xi[:3, 4] = -skew(x[ATT]), x[VEL], x[POS]
+    computed = chi @ expm(xi)
+    latitude_c, longitude_c, height_c = pymap3d.ecef2geodetic(*computed[:3, 4], deg=False)
+    position = np.array([float(latitude_c), float(longitude_c), float(height_c)])
+    C_ec = earth_axes(position)
+    state = navigator_state(
+        vehicle._replace(
+            position=position,
+            velocity_n=C_ec.T @ (computed[:3, 3] - omega @ computed[:3, 4]),
+            C_nb=C_ec.T @ computed[:3, :3],
+        )
+    )
+    reference.correct(state, x, INVARIANT)
+    scale = metres_per_radian(vehicle.position[0], vehicle.position[2])
+    off = (state[:2] - vehicle.position[:2]) * scale
+    velocity = state[strapdown.VELOCITY : strapdown.VELOCITY + 3] - vehicle.velocity_n
+    attitude = Rotation.from_quat(state[strapdown.Q_NB : strapdown.Q_NB + 4], scalar_first=True)
+    left = (attitude * Rotation.from_matrix(vehicle.C_nb).inv()).magnitude()
+    print(
+        f"\n{degrees:g}°, {np.degrees(latitude):.1f}°: left are {np.abs(off).max():.1e} m, "
+        f"{np.abs(velocity).max():.1e} m/s, {left:.1e} rad"
+    )
+    # Ten metres are taken as straight on the Earth: 10⁻⁶ of them, times tan L.
+    assert np.abs(off).max() < 1e-4
+    assert state[strapdown.HEIGHT] == pytest.approx(vehicle.position[2], abs=1e-4)
+    assert np.abs(velocity).max() < 2e-4
+    assert left < 5e-5
+
+
+@pytest.mark.parametrize("model", [PSI, INVARIANT], ids=lambda model: model.name)
+def test_the_patterns_of_own_coordinates_have_room_for_every_entry(model: ErrorModel) -> None:
+    seen, seen_map = np.zeros((15, 15), dtype=np.bool_), np.zeros((9, 9), dtype=np.bool_)
+    for latitude in LATITUDES:
+        F, T = own_jacobians(model, random_vehicle(latitude))
+        seen |= np.abs(F) > OWN_ZERO
+        seen_map |= np.abs(T[:9, :9]) > 1e-12
+    assert (model.pattern() == seen).all()
+    assert (model.map_pattern() == seen_map).all()
+
+
 def test_the_pattern_has_room_for_every_entry() -> None:
     seen = np.zeros((15, 15), dtype=np.bool_)
     for latitude in LATITUDES:
@@ -172,7 +332,8 @@ def test_the_pattern_has_room_for_every_entry() -> None:
     assert (PHI.pattern() == seen).all()
 
 
-def test_biases_stay_without_the_decay() -> None:
+@pytest.mark.parametrize("model", [PHI, PSI, INVARIANT], ids=lambda model: model.name)
+def test_biases_stay_without_the_decay(model: ErrorModel) -> None:
     F = np.zeros((15, 15))
-    PHI.write(navigator_state(random_vehicle(0.5)), F)
+    model.write(navigator_state(random_vehicle(0.5)), F)
     assert not F[9:].any()

@@ -19,7 +19,8 @@ from lab import earth
 from lab.experiment import Experiment, start
 from lab.navigation import navigator, reference
 from lab.navigation.belief import belief
-from lab.navigation.navigator import Fixes, Imu, Schedule, Solution
+from lab.navigation.error_models import MODELS
+from lab.navigation.navigator import Fixes, Imu, Schedule, Solution, Start
 from lab.navigation.settings import NavigatorSettings
 from lab.rotation import wrap
 from lab.sensors import gps, imu
@@ -40,6 +41,8 @@ class Case(NamedTuple):
     outage: tuple[float, float] | None = None
     shift: float = 0.0
     full_r: bool = False
+    model: str = "phi"
+    astray: bool = False
 
 
 CASES = {
@@ -57,6 +60,19 @@ CASES = {
         schedule=Schedule(correction_period=3.0, stride=4), shift=0.0077
     ),
     "full R": Case(full_r=True),
+    "gate of 50 %": Case(schedule=Schedule(gate=5.35)),
+} | {
+    f"{model}, {name}": case._replace(model=model)
+    for model in ("psi", "invariant")
+    for name, case in {
+        "montreal": Case("montreal", 200.0),
+        "feedforward": Case(schedule=Schedule(feedback=False)),
+        "corrected every 2.5 s": Case(schedule=Schedule(correction_period=2.5)),
+        "P every 4, fixes between samples": Case(schedule=Schedule(stride=4), shift=0.0077),
+        "full R": Case(full_r=True),
+        "60° astray": Case(astray=True),
+        "gate of 50 %": Case(schedule=Schedule(gate=5.35)),
+    }.items()
 }
 
 
@@ -76,13 +92,19 @@ def both(case: Case) -> tuple[Solution, Solution]:
     assumed = belief(sensors, settings)
     if case.full_r:
         L = np.tril(np.random.default_rng(3).normal(0, 0.3, (6, 6)), -1) + 0.5 * np.eye(6)
+        L *= np.sqrt(np.diag(assumed.R) / np.diag(L @ L.T))[:, None]
         assumed = assumed._replace(R=L @ L.T)
+    begin = start(flight.truth, settings, 7)
+    if case.astray:
+        begin = Start.off(flight.truth, *np.zeros((2, 3)), np.radians([0, 0, 60]))
+        assumed.P0[8, 8] = np.radians(60) ** 2
     arguments = (
         Imu(ideal.time, measured[0], measured[1]),
         Fixes(found.time, found.position, found.velocity_n),
-        start(flight.truth, settings, 7),
+        begin,
         assumed,
         case.schedule,
+        MODELS[case.model],
     )
     return navigator.navigate(*arguments), reference.navigate(*arguments)
 
@@ -117,15 +139,21 @@ def test_compiled_and_filterpy_agree(name: str) -> None:
     innovation = np.abs((compiled.innovation - in_filterpy.innovation) / deviation).max()
     print(f"\n{name}: states {state:.1e} σ, σ {sigma:.1e} relative, innovations {innovation:.1e} σ")
     np.testing.assert_array_equal(compiled.fix_sample, in_filterpy.fix_sample)
-    assert compiled.fix_sample.min() > 0
+    np.testing.assert_array_equal(compiled.fix_rejected, in_filterpy.fix_rejected)
+    gated = np.isfinite(CASES[name].schedule.gate)
+    assert (compiled.fix_sample[~compiled.fix_rejected] > 0).all()
+    assert compiled.fix_rejected.any() == gated
     assert state <= 1e-9
     assert sigma <= 1e-9
     np.testing.assert_allclose(
         compiled.innovation, in_filterpy.innovation, rtol=0, atol=1e-9 * deviation.max() + POSITION_ROUNDOFF
     )
-    fix_sigma = np.sqrt(np.diagonal(in_filterpy.fix_covariance, axis1=1, axis2=2))
-    scale = fix_sigma[:, :, None] * fix_sigma[:, None, :]
-    np.testing.assert_allclose((compiled.fix_covariance - in_filterpy.fix_covariance) / scale, 0, atol=1e-9)
+    used = ~compiled.fix_rejected
+    after, expected = compiled.fix_covariance[used], in_filterpy.fix_covariance[used]
+    fix_sigma = np.sqrt(np.diagonal(expected, axis1=1, axis2=2))
+    np.testing.assert_allclose(
+        (after - expected) / (fix_sigma[:, :, None] * fix_sigma[:, None, :]), 0, atol=1e-9
+    )
     position_sigma = in_filterpy.variance[:, [0, 0, 1]] * in_filterpy.variance[:, [1, 2, 2]]
     covariance = (compiled.covariance - in_filterpy.covariance)[:, 0] / np.sqrt(position_sigma)
     np.testing.assert_allclose(covariance, 0, atol=1e-9)

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import example, given
 from hypothesis import strategies as st
 
-from lab.views.envelope import envelope, limits, nice_limit, thin_path
+from lab.views.envelope import SMALLEST_DRAWN, envelope, limits, nice_limit, thin_path
 
 
 def test_a_single_spike_survives() -> None:
@@ -94,12 +94,15 @@ def test_a_limit_is_just_above(value: float) -> None:
     st.lists(st.floats(-1e6, 1e6), min_size=1, max_size=20),
     st.sampled_from(["symmetric", "free", "logarithmic"]),
 )
+@example([5e-324], "symmetric")
+@example([5e-324], "logarithmic")
+@example([1e-300, 2e-300], "logarithmic")
 def test_limits_hold_what_is_drawn(values: list[float], scale: str) -> None:
     series = np.array([*values, np.nan])
     low, high = limits([series], scale)
     drawn = series[np.isfinite(series)]
     if scale == "logarithmic":
-        drawn = drawn[drawn > 0]
+        drawn = drawn[drawn >= SMALLEST_DRAWN]
         assert low > 0
     assert low < high
     assert np.all(drawn >= low)

@@ -6,9 +6,11 @@ import numpy as np
 import pytest
 
 from lab.result import Result
-from lab.views.quantities import COVARIANCE, ERRORS, HEIGHT, INNOVATIONS, SENSOR_ERRORS, TimePlot
+from lab.views.quantities import CONSISTENCY, COVARIANCE, ERRORS, HEIGHT, INNOVATIONS, SENSOR_ERRORS, TimePlot
 
-PLOTS = {plot.name: plot for plot in (*ERRORS, *COVARIANCE, *SENSOR_ERRORS, *INNOVATIONS, *HEIGHT)}
+PLOTS = {
+    plot.name: plot for plot in (*ERRORS, *COVARIANCE, *SENSOR_ERRORS, *INNOVATIONS, *CONSISTENCY, *HEIGHT)
+}
 
 
 @pytest.mark.parametrize("plot", PLOTS.values(), ids=PLOTS)
@@ -25,7 +27,7 @@ def test_every_sample_has_its_time(plot: TimePlot, result: Result) -> None:
 
 
 def test_names_of_columns_are_unique() -> None:
-    for page in (ERRORS, COVARIANCE, SENSOR_ERRORS, INNOVATIONS, HEIGHT):
+    for page in (ERRORS, COVARIANCE, SENSOR_ERRORS, INNOVATIONS, CONSISTENCY, HEIGHT):
         names = [curve.name for plot in page for curve in plot.curves]
         assert len(names) == len(set(names))
 

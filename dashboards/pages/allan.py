@@ -1,0 +1,87 @@
+"""Allan: how the sensors of the settings look at rest, and the noise terms a record of them gives back."""
+
+from __future__ import annotations
+
+from html import escape
+from typing import NamedTuple
+
+import numpy as np
+import panel as pn
+
+from dashboards.pages.base import plot_grid
+from dashboards.pages.computed import ComputedPage
+from dashboards.pages.summary import TABLE_STYLE
+from lab.analysis import allan, rest
+from lab.result import Result
+from lab.sensors.cards import card_in_force
+from lab.views.allan import TITLES, AllanFigures
+
+WORDS = {
+    "noise_density": "White noise N",
+    "flicker": "Bias instability B",
+    "rate_random_walk": "Random walk K",
+}
+
+
+class AtRest(NamedTuple):
+    """Allan deviation and fitted terms of each triad, and the length of the record [s]."""
+
+    deviations: dict[str, allan.AllanDeviation]
+    terms: dict[str, allan.NoiseTerms]
+    durations: dict[str, float]
+
+
+class Allan(ComputedPage):
+    """Allan deviation of the simulated sensors at rest, with the settings' own values."""
+
+    title = "Allan"
+    working = "Letting the sensors rest …"
+
+    def make(self) -> pn.viewable.Viewable:
+        """Return two figures and a table."""
+        self._figures = AllanFigures()
+        self._table = pn.pane.HTML("", sizing_mode="stretch_width", margin=(4, 20), stylesheets=[TABLE_STYLE])
+        return pn.Column(
+            self.words,
+            plot_grid(self._figures.figures, 2, least=380, fill=False),
+            self._table,
+            sizing_mode="stretch_width",
+            margin=0,
+        )
+
+    def work_out(self, result: Result) -> AtRest:
+        """Let the sensors rest, and fit what they put out."""
+        records = rest.simulate(result.experiment.sensors, result.experiment.seed)
+        deviations = {triad: allan.deviation(record.rates, record.dt) for triad, record in records.items()}
+        terms = {triad: allan.fit(found) for triad, found in deviations.items()}
+        return AtRest(deviations, terms, {triad: record.duration for triad, record in records.items()})
+
+    def paint(self, result: Result, content: AtRest) -> str:
+        """Draw the deviations, and write the terms."""
+        sensors = result.experiment.sensors
+        self._figures.show(sensors, content.deviations)
+        self._table.object = terms_html(result, content)
+        hours = {triad: f"{duration / 3600:.3g} h" for triad, duration in content.durations.items()}
+        name = card_in_force(sensors) or "Sensors as set, no card"
+        return (
+            f"{escape(name)}: simulated at rest, the gyros for {hours['gyro']}, the accelerometers for "
+            f"{hours['accelerometer']}."
+        )
+
+
+def terms_html(result: Result, content: AtRest) -> str:
+    """Return fitted and set noise terms as an HTML table."""
+    rows = []
+    for number, (triad, terms) in enumerate(content.terms.items()):
+        group = result.experiment.sensors.groups()[triad]
+        for name, fitted in rest.in_setting_units(triad, terms).items():
+            css = ' class="group"' if number and name == "noise_density" else ""
+            pairs = zip(fitted["value"], fitted["sigma"], strict=True)
+            cells = "".join(f"<td>{value:.3g} ± {sigma:.1g}</td>" for value, sigma in pairs)
+            given = "".join(f"<td>{value:.4g}</td>" for value in np.broadcast_to(getattr(group, name), 3))
+            rows.append(
+                f"<tr{css}><td>{TITLES[triad]}: {WORDS[name]}</td>"
+                f'<td class="unit">{escape(fitted["unit"])}</td>{cells}{given}</tr>'
+            )
+    head = "".join(f"<th>{word} {axis}</th>" for word in ("fitted", "set") for axis in "xyz")
+    return f'<table><tr><th></th><th class="unit">unit</th>{head}</tr>{"".join(rows)}</table>'

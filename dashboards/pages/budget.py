@@ -1,0 +1,87 @@
+"""Budget: what each source of error contributes over time, and which manoeuvre made what observable."""
+
+from __future__ import annotations
+
+from html import escape
+
+import panel as pn
+import panel_material_ui as pmui
+
+from dashboards.pages.base import AROUND, plot_grid
+from dashboards.pages.computed import ComputedPage
+from lab.analysis.budget import QUANTITIES
+from lab.analysis.observability import observability_table
+from lab.result import Result
+from lab.settings import SettingError
+from lab.views.budget import BudgetFigures
+
+_WORDS = "p { margin: 0; font: 14px/1.45 Roboto, sans-serif; }"
+_ROWS = f":host {{ grid-auto-rows: max(240px, calc((100vh - {AROUND + 100}px) / 2)) !important; }}"
+"""Two rows that share what choice and sentence leave of the window."""
+
+
+class Budget(ComputedPage):
+    """Stacked contributions to the variance of a quantity, its σ, and the manoeuvres that brought it."""
+
+    title = "Budget"
+    working = "Working out the error budget; the first time, its code is compiled …"
+
+    def make(self) -> pn.viewable.Viewable:
+        """Return the choice of the quantity, the words about it, and the two figures."""
+        self._shown: Result | None = None
+        self._figures = BudgetFigures(self.axis)
+        self._choice = pmui.Select(
+            label="Quantity",
+            options=list(QUANTITIES),
+            value="heading",
+            size="small",
+            width=220,
+            margin=(10, 8),
+        )
+        self._choice.param.watch(lambda _event: self._chosen(), "value")
+        grid = plot_grid(self._figures.figures, 1)
+        grid.stylesheets = [*grid.stylesheets, _ROWS]
+        return pn.Column(
+            pn.Row(self._choice, self.words, sizing_mode="stretch_width", margin=0),
+            grid,
+            sizing_mode="stretch_both",
+            margin=0,
+        )
+
+    def work_out(self, result: Result) -> str:
+        """Have the result work out its budget and its observability; return why there is none."""
+        try:
+            _ = result.budget, result.observability
+        except SettingError as error:
+            return str(error)
+        return ""
+
+    def paint(self, result: Result, content: str) -> str:
+        """Draw the quantity that is chosen."""
+        self._shown = None if content else result
+        if content:
+            self._figures.clear()
+            return escape(content)
+        quantity = str(self._choice.value)
+        self._figures.show(result.budget, result.observability, quantity)
+        return escape(sentence(result, quantity))
+
+    def _chosen(self) -> None:
+        """Draw another quantity of the same result."""
+        if self._shown is not None:
+            self.words.object = f"<p>{self.paint(self._shown, '')}</p>"
+
+
+def sentence(result: Result, quantity: str) -> str:
+    """Return in words where the errors of a quantity come from at the end, and how its σ came down."""
+    there = result.budget.isel(time=-1).sel(quantity=quantity)
+    order = there.share.values.argsort()[::-1][:3]
+    parts = ", ".join(f"{there.source.values[at]} {there.share.values[at]:.0f} %" for at in order)
+    row = observability_table(result.observability).set_index("quantity").loc[quantity]
+    text = (
+        f"At the end σ of the {quantity} is {float(there.total):.3g} {row['unit']}; the filter believes "
+        f"{float(there.believed):.3g} {row['unit']}. Its largest sources: {parts}. The filter's σ came from "
+        f"{row['σ at start']:.3g} {row['unit']}: {row['brought by']}."
+    )
+    left_out = result.budget.attrs["left_out"]
+    return f"{text} Not in the budget: {left_out}." if left_out else text

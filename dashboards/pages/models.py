@@ -1,0 +1,66 @@
+"""Models: all error models on the same flight, the same sensors and the same draws."""
+
+from __future__ import annotations
+
+from html import escape
+
+import numpy as np
+import panel as pn
+
+from dashboards.pages.computed import ComputedPage
+from dashboards.pages.summary import TABLE_STYLE
+from lab.comparison import NIS_DEGREES, Compared, compare
+from lab.result import Result
+
+
+class Models(ComputedPage):
+    """The error models side by side: errors, consistency, time, and the verdict on each."""
+
+    title = "Models"
+    working = "Running every error model on this flight; the first time, their code is compiled …"
+
+    def make(self) -> pn.viewable.Viewable:
+        """Return an empty table."""
+        self._table = pn.pane.HTML("", sizing_mode="stretch_width", margin=(8, 20), stylesheets=[TABLE_STYLE])
+        return pn.Column(self.words, self._table, sizing_mode="stretch_width", margin=0)
+
+    def work_out(self, result: Result) -> tuple[Compared, ...]:
+        """Run every model with the settings of the result."""
+        return compare(result.experiment)
+
+    def paint(self, result: Result, content: tuple[Compared, ...]) -> str:
+        """Fill the table."""
+        self._table.object = models_html(content, str(result.experiment.navigator.model))
+        mission = escape(result.mission.title or result.mission.name)
+        return (
+            f"{mission}, seed {result.experiment.seed}: rms errors over the flight; NEES and NIS as means "
+            "over its fixes, beside what they should be."
+        )
+
+
+def models_html(rows: tuple[Compared, ...], chosen: str) -> str:
+    """Return compared models as an HTML table, the one chosen in bold."""
+    head = "".join(
+        f"<th>{name}</th>"
+        for name in ("position [m]", "velocity [m/s]", "heading [°]", "NEES", "NIS", "time [ms]")
+    )
+    return (
+        f'<table><tr><th>model</th>{head}<th class="unit">verdict</th></tr>'
+        f"{''.join(_row(row, row.model == chosen) for row in rows)}</table>"
+    )
+
+
+def _row(row: Compared, is_chosen: bool) -> str:
+    name = f"<b>{escape(row.model)}</b>" if is_chosen else escape(row.model)
+    if row.refusal:
+        return f'<tr><td>{name}</td>{"<td>–</td>" * 6}<td class="unit">{escape(row.refusal)}</td></tr>'
+    figures = (
+        f"{row.position:.3f}",
+        f"{row.velocity:.3f}",
+        f"{row.heading:.3f}",
+        f"{row.nees:.1f} / {row.degrees}",
+        f"{row.nis:.1f} / {NIS_DEGREES}" if np.isfinite(row.nis) else "–",
+        f"{1e3 * row.seconds:.0f}",
+    )
+    cells = "".join(f"<td>{figure}</td>" for figure in figures)
+    return f'<tr><td>{name}</td>{cells}<td class="unit">{escape(row.verdict)}</td></tr>'

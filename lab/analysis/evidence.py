@@ -1,0 +1,454 @@
+"""Evidence: what one run, or many together, say for and against each assumption of the filter.
+
+With the truth, each assumption has a sample of its own: the errors of the fixes for R, what the sensors added
+beside their biases for Q, the error at the start for P0. Without it there are the innovations alone. All
+figures are sums, so those of many runs are added.
+
+References
+----------
+A. S. Willsky, H. L. Jones, *A Generalized Likelihood Ratio Approach to the Detection and Estimation of Jumps
+in Linear Systems*, IEEE Trans. Automatic Control 21 (1976): the response of the innovations to an error.
+P. D. Groves, *Principles of GNSS, Inertial and Multisensor Integrated Navigation Systems*, 2nd ed., ch. 14.2.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, fields
+from functools import lru_cache
+from typing import NamedTuple, Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lab.analysis import consistency, errors
+from lab.navigation.error_models import ACCEL_BIAS, ATT, GYRO_BIAS, POS, VEL
+from lab.navigation.solution import Belief, Fixes, Imu, Solution
+from lab.rotation import C_nb_from_euler, euler_from_quaternion, wrap
+from lab.trajectory import Truth
+
+FloatArray = NDArray[np.float64]
+
+LAGS = 5
+"""Lags at which the innovations are correlated with themselves."""
+CAUSES = 4
+"""Regressors: latency [s], then the lever arm forward, right, down [m]."""
+TIMES = (5.0, 10.0, 20.0, 40.0, 80.0, 160.0)
+"""Correlation times that are tried on the position errors of the fixes [s]."""
+RATIOS = (0.0, 0.1, 0.3, 1.0, 2.0, 5.0, 10.0, 20.0, 50.0, 200.0)
+"""Variances of the correlated part that are tried, in those of the white part."""
+STRETCH = 200
+"""Fixes that are taken as correlated with each other; longer records are cut, which keeps the work linear."""
+WINDOW = 1.0
+"""Time over which the sensors' noise is summed [s]."""
+SETTLING = 60.0
+"""Time in which a solution forgets its errors, biases more slowly, attitude and position faster [s]: over 100
+runs the mean NEES of flights of 205 s and 105 s varies like that of 3.5 and 2.6 independent epochs."""
+RATE_WINDOW = 0.1
+"""Time over which angular rate and acceleration at a fix are averaged [s]."""
+
+
+class Squares(NamedTuple):
+    """Sums of squares of what should have unit variance, and how many independent values they are of."""
+
+    total: FloatArray
+    number: FloatArray
+
+    @property
+    def mean(self) -> FloatArray:
+        """Mean squares: one where the assumption holds."""
+        return np.divide(self.total, self.number, out=np.ones_like(self.total), where=self.number > 0)
+
+
+class Fit(NamedTuple):
+    """Normal equations of least squares on the causes (…, 4, 4), (…, 4), and the squares (…)."""
+
+    matrix: FloatArray
+    vector: FloatArray
+    squares: FloatArray
+
+
+@dataclass(frozen=True)
+class _Sum:
+    """Figures that add up over runs."""
+
+    def __add__(self, other: Self) -> Self:
+        return type(self)(*(_add(getattr(self, f.name), getattr(other, f.name)) for f in fields(self)))
+
+
+def _add(one: object, other: object) -> object:
+    if one is None or other is None:
+        return None
+    if isinstance(one, tuple) and isinstance(other, tuple):
+        return type(one)(*(a + b for a, b in zip(one, other, strict=True)))
+    return one + other  # type: ignore[operator]
+
+
+@dataclass(frozen=True)
+class Innovations(_Sum):
+    """What the innovations say, each divided by its σ; channels are position, then velocity, N, E, D.
+
+    Attributes
+    ----------
+    squares : Squares
+        Of each channel (6,).
+    sums : (6,) array
+        Of each channel.
+    lagged : (LAGS, 6) array
+        Sums of products with the innovations so many fixes later.
+    fit : Fit
+        Of the innovations, made white, on the filter's response to each cause.
+    """
+
+    squares: Squares
+    sums: FloatArray
+    lagged: FloatArray
+    fit: Fit
+
+
+@dataclass(frozen=True)
+class FixErrors(_Sum):
+    """What the errors of the fixes say of R, in the units of its σ.
+
+    Attributes
+    ----------
+    count : int
+        Fixes.
+    position : Fit
+        For each correlation time and variance ratio (TIMES, RATIOS), the errors made white with them.
+    log_determinant : (TIMES, RATIOS) array
+        Of the covariance they were made white with.
+    velocity : Fit
+        Of the velocity errors.
+    variance : (6,) array
+        What R assumes, times the fixes [m²], [(m/s)²].
+    """
+
+    count: int
+    position: Fit
+    log_determinant: FloatArray
+    velocity: Fit
+    variance: FloatArray
+
+
+@dataclass(frozen=True)
+class Evidence(_Sum):
+    """All that is known of one run, or of many.
+
+    Attributes
+    ----------
+    runs : int
+        How many.
+    innovations : Innovations
+        Of the fixes used.
+    nis : Squares
+        NIS, in total, and its degrees of freedom.
+    fixes : FixErrors or None
+        With the truth.
+    noise : Squares or None
+        What gyros (first) and accelerometers add to the errors beside their biases, against Q.
+    start : Squares or None
+        Error at the start against P0.
+    nees : Squares or None
+        NEES, in total, and its degrees of freedom, discounted for its correlation in time.
+    """
+
+    runs: int
+    innovations: Innovations
+    nis: Squares
+    fixes: FixErrors | None = None
+    noise: Squares | None = None
+    start: Squares | None = None
+    nees: Squares | None = None
+
+    def without_truth(self) -> Evidence:
+        """Return what would be known without the truth."""
+        return Evidence(self.runs, self.innovations, self.nis)
+
+
+class Reference(NamedTuple):
+    """The truth of a simulated run.
+
+    Attributes
+    ----------
+    truth : Truth
+        At all samples.
+    bias : (n + 1, 6) array
+        True gyro and accelerometer biases at all samples [rad/s], [m/s²].
+    dtheta, dvelocity : (n, 3) arrays
+        True increments [rad], [m/s].
+    """
+
+    truth: Truth
+    bias: FloatArray
+    dtheta: FloatArray
+    dvelocity: FloatArray
+
+
+class _AtFixes(NamedTuple):
+    """The motion at the m fixes used, as estimated: all (m, 3), and C_nb (m, 3, 3)."""
+
+    velocity: FloatArray
+    acceleration: FloatArray
+    rate_b: FloatArray
+    force_n: FloatArray
+    C_nb: FloatArray
+
+
+def evidence(
+    solution: Solution, belief: Belief, fixes: Fixes, imu: Imu, reference: Reference | None = None
+) -> Evidence:
+    """Return what a run says of its filter.
+
+    Parameters
+    ----------
+    solution, belief
+        What the navigator computed, and what it assumed.
+    fixes, imu
+        What it was given.
+    reference
+        The truth, where it is known.
+    """
+    used = np.flatnonzero(solution.fix_sample >= 0)
+    motion = _motion(solution, used, imu)
+    causes = _causes(motion)
+    nis = consistency.normalised_squares(solution.innovation[used], solution.innovation_covariance[used])
+    found = Evidence(
+        runs=1,
+        innovations=_innovations(solution, belief, used, imu.time, motion, causes),
+        nis=Squares(np.array(nis.sum()), np.array(6.0 * nis.size)),
+    )
+    if reference is None:
+        return found
+    return Evidence(
+        found.runs,
+        found.innovations,
+        found.nis,
+        fixes=_fix_errors(belief, fixes, used, causes, reference.truth),
+        noise=_noise(belief, imu, reference),
+        start=_start(solution, belief, reference),
+        nees=_nees(solution, used, reference),
+    )
+
+
+def _motion(solution: Solution, used: NDArray[np.intp], imu: Imu) -> _AtFixes:
+    """Return the motion at the fixes, from the samples before each, which its correction does not touch."""
+    step = float(np.mean(np.diff(imu.time))) if imu.time.size > 1 else 1.0
+    width = max(1, round(RATE_WINDOW / step))
+    last = np.maximum(solution.fix_sample[used] - 1, 0)
+    first = np.maximum(last - width, 0)
+    span = np.maximum(imu.time[last] - imu.time[first], step)[:, None]
+    turned = np.concatenate((np.zeros((1, 3)), np.cumsum(imu.dtheta, axis=0)))
+    C_nb = C_nb_from_euler(euler_from_quaternion(solution.q_nb[last]))
+    return _AtFixes(
+        velocity=solution.velocity_n[last],
+        acceleration=(solution.velocity_n[last] - solution.velocity_n[first]) / span,
+        rate_b=(turned[last] - turned[first]) / span,
+        force_n=_mean_force(solution, used, imu),
+        C_nb=C_nb,
+    )
+
+
+def _mean_force(solution: Solution, used: NDArray[np.intp], imu: Imu) -> FloatArray:
+    """Return the specific force (m, 3) in n, averaged from each fix to the next [m/s²]."""
+    C_nb = C_nb_from_euler(euler_from_quaternion(solution.q_nb[1:]))
+    gained = np.concatenate(
+        (np.zeros((1, 3)), np.cumsum(np.einsum("nij,nj->ni", C_nb, imu.dvelocity), axis=0))
+    )
+    at = np.append(solution.fix_sample[used], imu.time.size - 1)
+    span = np.maximum(imu.time[at[1:]] - imu.time[at[:-1]], 1e-9)[:, None]
+    return np.asarray((gained[at[1:]] - gained[at[:-1]]) / span)
+
+
+def _causes(motion: _AtFixes) -> FloatArray:
+    """Return the error (m, 6, CAUSES) of the fixes for each second of latency and metre of lever arm.
+
+    A fix that is late by τ reports p(t − τ) and v(t − τ); one of an antenna at l reports p + C_nb l and
+    v + C_nb (ω × l) (Groves 14.3).
+    """
+    m = motion.velocity.shape[0]
+    causes = np.empty((m, 6, CAUSES))
+    causes[:, POS, 0], causes[:, VEL, 0] = -motion.velocity, -motion.acceleration
+    causes[:, POS, 1:] = motion.C_nb
+    causes[:, VEL, 1:] = motion.C_nb @ _skew(motion.rate_b)
+    return causes
+
+
+def _innovations(
+    solution: Solution,
+    belief: Belief,
+    used: NDArray[np.intp],
+    time: FloatArray,
+    motion: _AtFixes,
+    causes: FloatArray,
+) -> Innovations:
+    nu, S = solution.innovation[used], solution.innovation_covariance[used]
+    sigma = np.sqrt(np.diagonal(S, axis1=1, axis2=2))
+    normalised = nu / sigma
+    m = used.size
+    lagged = np.zeros((LAGS, 6))
+    for lag in range(1, min(LAGS, m - 1) + 1):
+        lagged[lag - 1] = np.sum(normalised[lag:] * normalised[:-lag], axis=0)
+    response = _response(solution, belief, used, time, motion, causes)
+    root = np.linalg.cholesky(S / (sigma[:, :, None] * sigma[:, None, :]))
+    both = np.concatenate((response, nu[..., None]), axis=2) / sigma[..., None]
+    white = np.asarray(np.linalg.solve(root, both), dtype=np.float64)
+    return Innovations(
+        squares=Squares(np.sum(normalised**2, axis=0), np.full(6, float(m))),
+        sums=normalised.sum(axis=0),
+        lagged=lagged,
+        fit=_normal_equations(white[..., :CAUSES], white[..., CAUSES]),
+    )
+
+
+def _response(
+    solution: Solution,
+    belief: Belief,
+    used: NDArray[np.intp],
+    time: FloatArray,
+    motion: _AtFixes,
+    causes: FloatArray,
+) -> FloatArray:
+    """Return what the causes make of the innovations (m, 6, CAUSES), through the gains of the filter.
+
+    From fix to fix the error grows by the short-term terms of F alone: velocity, specific force, biases.
+    """
+    gains = solution.fix_covariance[used][:, :15, :6] @ np.linalg.inv(belief.R)
+    at = solution.fix_sample[used]
+    dt = np.diff(time[at], append=time[-1])[:, None, None]
+    F = np.zeros((used.size, 15, 15))
+    F[:, POS, VEL] = np.eye(3)
+    F[:, VEL, ATT] = _skew(motion.force_n)
+    F[:, VEL, ACCEL_BIAS] = -motion.C_nb
+    F[:, ATT, GYRO_BIAS] = motion.C_nb
+    step = F * dt
+    transition = np.eye(15) + step + step @ step / 2 + step @ step @ step / 6
+    error = np.zeros((15, CAUSES))
+    response = np.empty(causes.shape)
+    for k in range(used.size):  # a recursion over fixes, not samples
+        response[k] = error[:6] - causes[k]
+        error = transition[k] @ (error - gains[k] @ response[k])
+    return response
+
+
+def _skew(vectors: FloatArray) -> FloatArray:
+    """Return [v ×] (m, 3, 3) of vectors (m, 3)."""
+    return np.cross(vectors[:, None, :], np.eye(3)).transpose(0, 2, 1)
+
+
+def _normal_equations(causes: FloatArray, values: FloatArray) -> Fit:
+    """Return the normal equations of white values (m, c) on causes (m, c, CAUSES)."""
+    return Fit(
+        np.einsum("mci,mcj->ij", causes, causes),
+        np.einsum("mci,mc->i", causes, values),
+        np.array(np.sum(values**2)),
+    )
+
+
+def _fix_errors(
+    belief: Belief, fixes: Fixes, used: NDArray[np.intp], causes: FloatArray, truth: Truth
+) -> FixErrors:
+    times = fixes.time[used]
+    longitude = np.unwrap(truth.longitude)
+    there = Truth(
+        time=times,
+        latitude=np.interp(times, truth.time, truth.latitude),
+        longitude=wrap(np.interp(times, truth.time, longitude)),
+        height=np.interp(times, truth.time, truth.height),
+        velocity_n=np.stack([np.interp(times, truth.time, v) for v in truth.velocity_n.T], axis=-1),
+        q_nb=truth.q_nb[:0],
+        euler=truth.euler[:0],
+    )
+    error = np.concatenate(
+        (errors.position_error(fixes.position[used], there), fixes.velocity_n[used] - there.velocity_n),
+        axis=1,
+    )
+    variance = np.diagonal(belief.R)
+    error, causes = error / np.sqrt(variance), causes / np.sqrt(variance)[:, None]
+    position, log_determinant = _coloured(times, causes[:, POS], error[:, POS])
+    return FixErrors(
+        count=used.size,
+        position=position,
+        log_determinant=log_determinant,
+        velocity=_normal_equations(causes[:, VEL], error[:, VEL]),
+        variance=variance * used.size,
+    )
+
+
+def _coloured(times: FloatArray, causes: FloatArray, values: FloatArray) -> tuple[Fit, FloatArray]:
+    """Return normal equations and log-determinants under each correlation time and variance ratio.
+
+    The covariance of the values at t and t' is δ(t − t') + ratio exp(−|t − t'| / time).
+    """
+    shape = (len(TIMES), len(RATIOS))
+    fit = Fit(np.zeros((*shape, CAUSES, CAUSES)), np.zeros((*shape, CAUSES)), np.zeros(shape))
+    log_determinant = np.zeros(shape)
+    ratios = np.array(RATIOS)
+    for first in range(0, times.size, STRETCH):
+        part = slice(first, first + STRETCH)
+        since = times[part] - times[first]
+        for at, correlation_time in enumerate(TIMES):
+            power, basis = _spectrum(since.tobytes(), correlation_time)
+            weight = 1 / (1 + ratios[:, None] * power)
+            a = np.tensordot(basis.T, causes[part], axes=1)
+            y = basis.T @ values[part]
+            fit.matrix[at] += np.einsum("rm,mij->rij", weight, np.einsum("mci,mcj->mij", a, a))
+            fit.vector[at] += weight @ np.einsum("mci,mc->mi", a, y)
+            fit.squares[at] += weight @ np.sum(y**2, axis=1)
+            log_determinant[at] -= values.shape[1] * np.sum(np.log(weight), axis=1)
+    return fit, log_determinant
+
+
+@lru_cache(maxsize=64)
+def _spectrum(times: bytes, correlation_time: float) -> tuple[FloatArray, FloatArray]:
+    """Return eigenvalues (m,) and eigenvectors (m, m) of exp(−|t − t'| / time); runs share their times."""
+    t = np.frombuffer(times)
+    power, basis = np.linalg.eigh(np.exp(-np.abs(t[:, None] - t) / correlation_time))
+    return np.maximum(power, 0), basis
+
+
+def _noise(belief: Belief, imu: Imu, reference: Reference) -> Squares:
+    """Return what the sensors add beside their biases, summed over windows, against the densities of Q."""
+    dt = np.diff(imu.time)[:, None]
+    width = max(1, round(WINDOW / float(dt.mean())))
+    windows = dt.size // width
+    total, count = np.zeros(2), np.zeros(2)
+    for sensor, (measured, true) in enumerate(
+        ((imu.dtheta, reference.dtheta), (imu.dvelocity, reference.dvelocity))
+    ):
+        axes = slice(3 * sensor, 3 * sensor + 3)
+        density = belief.noise[axes]
+        added = measured - true - reference.bias[1:, axes] * dt
+        if belief.P0.shape[0] > 15:  # scale factors are states, not noise
+            power = np.sum(true**2, axis=0)
+            slope = np.divide(np.sum(added * true, axis=0), power, out=np.zeros(3), where=power > 0)
+            added = added - slope * true
+        added = added[: windows * width].reshape(windows, width, 3).sum(axis=1)
+        assumed = density > 0
+        total[sensor] = np.sum(added[:, assumed] ** 2 / (density[assumed] * width * dt.mean()))
+        count[sensor] = windows * np.count_nonzero(assumed)
+    return Squares(total, count)
+
+
+def _start(solution: Solution, belief: Belief, reference: Reference) -> Squares:
+    first = np.zeros(1, dtype=np.int64)
+    x = errors.error_state(solution, first, reference.truth, reference.bias)
+    P0 = belief.P0[None, :15, :15]
+    square = consistency.normalised_squares(x, P0).sum()
+    return Squares(np.array(square), np.array(float(np.linalg.matrix_rank(_correlation(P0[0])))))
+
+
+def _correlation(P: FloatArray) -> FloatArray:
+    sigma = np.sqrt(np.diagonal(P))
+    scale = np.divide(1, sigma, out=np.zeros_like(sigma), where=sigma > 0)
+    return P * scale[:, None] * scale
+
+
+def _nees(solution: Solution, used: NDArray[np.intp], reference: Reference) -> Squares:
+    """Return NEES; it changes slowly, so a flight counts as an epoch for each `SETTLING` seconds."""
+    if not used.size:
+        return Squares(np.zeros(()), np.zeros(()))
+    x = errors.error_state(solution, solution.fix_sample[used], reference.truth, reference.bias)
+    P = solution.fix_covariance[used]
+    nees = consistency.normalised_squares(x, P[:, :15, :15])
+    epochs = max(1.0, float(np.ptp(reference.truth.time)) / SETTLING)
+    return Squares(np.array(epochs * nees.mean()), np.array(epochs * consistency.uncertain(P).size))

@@ -1,0 +1,243 @@
+"""Observability: how far the fixes brought the filter's σ down, when, and which manoeuvre made it possible.
+
+A GPS receiver sees position and velocity only. Attitude and biases are observed through what they do to the
+velocity, and that depends on how the vehicle moves: the tilts by gravity at all times, the heading by
+horizontal acceleration, the biases by turns. See Groves, *Principles of GNSS, Inertial and Multisensor
+Integrated Navigation Systems*, 2nd ed., ch. 14.2.1 and 14.2.6, and D. Goshen-Meskin, I. Y. Bar-Itzhack,
+*Observability analysis of piece-wise constant systems*, IEEE Trans. AES 28 (1992).
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lab.analysis.budget import QUANTITIES, UNITS, believed_sigma, check_states, epochs_of
+from lab.analysis.errors import euler_sigma
+from lab.navigation.error_models import ATT
+from lab.navigation.navigator import navigate
+from lab.navigation.solution import Fixes, Imu, Start
+from lab.units import TO_SI
+
+if TYPE_CHECKING:
+    import pandas as pd
+    import xarray as xr
+
+    from lab.result import Result
+    from lab.trajectory import Truth
+
+FloatArray = NDArray[np.float64]
+
+AT_REST = 0.5
+"""A vehicle below this speed is at rest [m/s]."""
+TURNING = np.radians(1.5)
+"""Above this rate of the heading it turns, half the rate of a standard turn [rad/s]."""
+ACCELERATING = 0.5
+"""Above this change of the speed it accelerates or brakes [m/s²]."""
+CLIMBING = 1.0
+"""Above this vertical speed it climbs or descends [m/s]."""
+SMOOTHING = 3.0
+"""All these are means over so long [s]."""
+SHORTEST = 4.0
+"""What lasts less belongs to what was before it [s]."""
+
+REST, TAKE_OFF = "rest", "take-off run"
+WORTH_A_WORD = 10.0
+"""Part of the reduction from which a manoeuvre is named [%]."""
+_ORDINALS = ("first", "second", "third", "fourth", "fifth", "sixth", "seventh", "eighth", "ninth")
+
+
+class Manoeuvre(NamedTuple):
+    """A stretch of a flight: its name, such as ``"first right turn"``, its kind, its start and end [s]."""
+
+    name: str
+    kind: str
+    start: float
+    end: float
+
+
+def manoeuvres(truth: Truth) -> list[Manoeuvre]:
+    """Return what a vehicle does, one after the other, from the start of a flight to its end.
+
+    In this order of precedence: at rest, turning, accelerating or braking, climbing or descending, level.
+    The limits are the constants of this file.
+
+    Parameters
+    ----------
+    truth
+        The flight, evenly sampled.
+    """
+    dt = float(truth.time[1] - truth.time[0])
+    width = min(max(1, round(SMOOTHING / dt)), truth.time.size)
+    speed = np.linalg.norm(truth.velocity_n, axis=1)
+    turn = _mean(np.gradient(np.unwrap(truth.euler[:, 2]), dt), width)
+    gain = _mean(np.gradient(speed, dt), width)
+    climb = _mean(-truth.velocity_n[:, 2], width)
+    kinds = np.select(
+        [
+            _mean(speed, width) < AT_REST,
+            turn > TURNING,
+            turn < -TURNING,
+            gain > ACCELERATING,
+            gain < -ACCELERATING,
+            climb > CLIMBING,
+            climb < -CLIMBING,
+        ],
+        [REST, "right turn", "left turn", "acceleration", "braking", "climb", "descent"],
+        default="level stretch",
+    )
+    starts = np.flatnonzero(np.append(True, kinds[1:] != kinds[:-1]))
+    return _named(_merged([str(kinds[at]) for at in starts], truth.time[starts], float(truth.time[-1])))
+
+
+def _mean(values: FloatArray, width: int) -> FloatArray:
+    """Return the moving mean over `width` samples, fewer at the ends."""
+    sums = np.cumsum(np.append(0.0, values))
+    centre = np.arange(values.size)
+    low, high = np.maximum(centre - width // 2, 0), np.minimum(centre + (width + 1) // 2, values.size)
+    return np.asarray((sums[high] - sums[low]) / (high - low))
+
+
+def _merged(kinds: list[str], starts: FloatArray, end: float) -> list[Manoeuvre]:
+    """Return the stretches without those that are too short."""
+    found: list[Manoeuvre] = []
+    for kind, start, until in zip(kinds, starts.tolist(), [*starts[1:].tolist(), end], strict=True):
+        brief = until - start < SHORTEST and kind != REST
+        if found and (brief or kind == found[-1].kind):
+            found[-1] = found[-1]._replace(end=until)
+        else:
+            found.append(Manoeuvre(kind, kind, start, until))
+    return found
+
+
+def _named(stretches: list[Manoeuvre]) -> list[Manoeuvre]:
+    """Return the stretches with their names: counted where there are several of a kind."""
+    kinds = [stretch.kind for stretch in stretches]
+    for before, after in zip(range(len(kinds)), range(1, len(kinds)), strict=False):
+        if kinds[before : after + 1] == ["acceleration", "climb"] and "climb" not in kinds[:before]:
+            kinds[before] = TAKE_OFF
+    several, seen = Counter(kinds), Counter[str]()
+    named = []
+    for stretch, kind in zip(stretches, kinds, strict=True):
+        seen[kind] += 1
+        number = seen[kind]
+        ordinal = _ORDINALS[number - 1] if number <= len(_ORDINALS) else f"{number}th"
+        named.append(stretch._replace(name=kind if several[kind] == 1 else f"{ordinal} {kind}", kind=kind))
+    return named
+
+
+def observability(result: Result) -> xr.Dataset:
+    """Return how the filter's σ came down in a run.
+
+    Parameters
+    ----------
+    result
+        The run; what its filter believes is used, its errors are not.
+
+    Returns
+    -------
+    xr.Dataset
+        ``sigma`` and ``free`` (time, quantity): σ according to the filter, and what it would be without any
+        fix, in the `unit` of the quantity. ``reduction`` (segment, quantity): natural logarithm of σ at the
+        start of a manoeuvre over σ at its end, both after the last fix; negative where σ grew. ``share``
+        (segment, quantity): part of all its reductions [%]. Coordinates `start` and `end` of the segments
+        [s]. Times as in the error budget.
+
+    Raises
+    ------
+    SettingError
+        If the filter estimates more than position, velocity, attitude and the biases.
+    """
+    import xarray as xr  # noqa: PLC0415 - takes a while to import, and a run does without
+
+    check_states(result)
+    epochs = epochs_of(result)
+    kept = epochs.sample[epochs.last]
+    sigma = believed_sigma(result)
+    found = manoeuvres(result.truth_arrays)
+    edges = np.array([*(stretch.start for stretch in found), found[-1].end])
+    at = np.append(0, epochs.sample[epochs.fix >= 0])
+    known = np.log(sigma[at[np.searchsorted(result.time[at], edges, side="right") - 1]])
+    reduction = known[:-1] - known[1:]
+    gained = np.maximum(reduction, 0)
+    total = gained.sum(axis=0)
+    share = 100 * np.divide(gained, total, out=np.zeros_like(gained), where=total > 0)
+    dims = ("segment", "quantity")
+    return xr.Dataset(
+        {
+            "sigma": (("time", "quantity"), sigma[kept], {"long_name": "σ according to the filter"}),
+            "free": (("time", "quantity"), _free_sigma(result)[kept], {"long_name": "σ without fixes"}),
+            "reduction": (dims, reduction, {"long_name": "logarithm of σ before over σ after"}),
+            "share": (dims, share, {"units": "%", "long_name": "part of the reduction"}),
+        },
+        coords={
+            "time": ("time", result.time[kept], {"units": "s", "long_name": "time"}),
+            "quantity": list(QUANTITIES),
+            "unit": ("quantity", list(UNITS)),
+            "segment": [stretch.name for stretch in found],
+            "start": ("segment", edges[:-1], {"units": "s"}),
+            "end": ("segment", edges[1:], {"units": "s"}),
+        },
+    )
+
+
+def _free_sigma(result: Result) -> FloatArray:
+    """Return σ of all quantities (n + 1, 15) that the filter would have without any fix.
+
+    A perfect IMU and start keep the navigator on the true flight, so that the covariance is propagated there.
+    """
+    ideal, truth, nothing = result.ideal, result.truth_arrays, np.zeros(3)
+    none = Fixes(np.zeros(0), np.zeros((0, 3)), np.zeros((0, 3)))
+    free = navigate(
+        Imu(ideal.time, ideal.dtheta, ideal.dvelocity),
+        none,
+        Start.off(truth, nothing, nothing, nothing),
+        result.belief,
+    )
+    variance = free.variance
+    attitude = euler_sigma(truth.euler, variance[:, ATT], free.covariance[:, 1])
+    parts = (variance[:, [1, 0, 2]], variance[:, [4, 3, 5]], attitude**2, variance[:, 9:])
+    return np.sqrt(np.concatenate(parts, axis=1)) / [TO_SI[unit] for unit in UNITS]
+
+
+def observability_table(dataset: xr.Dataset) -> pd.DataFrame:
+    """Return a table: each quantity with σ at the start and the end, without fixes, and what brought it.
+
+    Parameters
+    ----------
+    dataset
+        What `observability` returned.
+    """
+    import pandas as pd  # noqa: PLC0415 - takes a while to import, and a run does without
+
+    rows = [
+        (
+            str(quantity),
+            str(dataset.unit.values[index]),
+            float(dataset.sigma[0, index]),
+            float(dataset.sigma[-1, index]),
+            float(dataset.free[-1, index]),
+            _in_words(dataset, index),
+        )
+        for index, quantity in enumerate(dataset.quantity.values)
+    ]
+    return pd.DataFrame(
+        rows, columns=["quantity", "unit", "σ at start", "σ at end", "without fixes", "brought by"]
+    )
+
+
+def _in_words(dataset: xr.Dataset, index: int) -> str:
+    """Return which manoeuvres brought σ of a quantity down, such as ``"68 % in the take-off run"``."""
+    share = dataset.share.values[:, index]
+    order = [segment for segment in np.argsort(-share, kind="stable") if share[segment] >= WORTH_A_WORD]
+    if not order:
+        return "nothing: σ never fell"
+    names = dataset.segment.values
+    return ", ".join(f"{share[segment]:.0f} % {_place(str(names[segment]))}" for segment in order)
+
+
+def _place(name: str) -> str:
+    return f"at {name}" if name == REST else f"in the {name}"

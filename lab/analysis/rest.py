@@ -1,0 +1,234 @@
+"""Rest: what an IMU puts out while it stands still, logged or simulated, and the card that is made of it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lab import earth
+from lab.analysis import allan
+from lab.missions.errors import MissionError
+from lab.missions.text_blocks import check_file
+from lab.sensors import imu
+from lab.sensors.cards import TRIADS, Card, Datum
+from lab.sensors.suite import SensorSuite
+from lab.units import TO_SI
+
+FloatArray = NDArray[np.float64]
+
+LOG_COLUMNS = {
+    "gyro": ("gx_rad_s", "gy_rad_s", "gz_rad_s"),
+    "accelerometer": ("fx_m_s2", "fy_m_s2", "fz_m_s2"),
+}
+"""Columns of a log for each triad, beside the time ``t_s``: rates and specific forces in b."""
+MAX_LOG_BYTES = 1024 * 2**20
+"""Largest log accepted [bytes]."""
+SAMPLES = 2**15
+"""Number of samples of a simulated record."""
+TERMS = {"N": "noise_density", "B": "flicker", "K": "rate_random_walk"}
+"""The setting that each fitted noise term is."""
+
+_PER_CORNER = 32
+"""Samples within the averaging time at which bias instability outgrows white noise."""
+_SHORTEST = 5e-4
+"""Shortest time from sample to sample that is simulated: 2 kHz, the fastest rate of an IMU here [s]."""
+_SHOWN = 2.0
+"""A fitted term below this many of its σ is not shown by a record."""
+_STILL = 0.5
+"""Largest change of the specific force over a record at rest, as means of a hundredth of it [m/s²]."""
+
+
+class Record(NamedTuple):
+    """The output of a triad at rest.
+
+    Attributes
+    ----------
+    rates : (n, 3) array
+        Rates [rad/s] or specific forces [m/s²].
+    dt : float
+        Time from sample to sample [s].
+    """
+
+    rates: FloatArray
+    dt: float
+
+    @property
+    def duration(self) -> float:
+        """Length of the record [s]."""
+        return len(self.rates) * self.dt
+
+
+def read_log(path: Path) -> dict[str, Record]:
+    """Read a log of an IMU at rest: a csv with the columns ``t_s`` and `LOG_COLUMNS`, others are ignored.
+
+    Returns
+    -------
+    dict of str to Record
+        The gyros and the accelerometers.
+
+    Raises
+    ------
+    MissionError
+        Naming file, row and column: if the file cannot be read, a column is missing, a cell is not a finite
+        number, the samples are not equally spaced, or the IMU was not at rest.
+    """
+    table = _table(path)
+    time = table[:, 0]
+    steps = np.diff(time)
+    dt = float(np.median(steps))
+    bad = np.flatnonzero((steps <= 0) | (steps > 1.5 * dt))
+    if bad.size or dt <= 0:
+        row = int(bad[0]) if bad.size else 0
+        raise MissionError(
+            f"{path}, row {row + 3}, column t_s: from {time[row]:.9g} to {time[row + 1]:.9g} s; accepted are "
+            f"equally spaced samples without gaps (here every {dt:.4g} s)"
+        )
+    dt = float(time[-1] - time[0]) / (len(time) - 1)
+    records = {triad: Record(table[:, 1 + 3 * i : 4 + 3 * i], dt) for i, triad in enumerate(TRIADS)}
+    _check_rest(path, records["accelerometer"].rates)
+    return records
+
+
+def simulate(sensors: SensorSuite, seed: int = 1) -> dict[str, Record]:
+    """Return what the sensors put out at rest, long enough for their noise terms to be fitted.
+
+    The errors alone, without the Earth's rate and gravity, which have no part in the Allan deviation. The
+    samples of each triad are spaced so that white noise and bias instability both show.
+
+    Parameters
+    ----------
+    sensors
+        The errors of the sensors.
+    seed
+        Seed of the draws.
+    """
+    records = {}
+    for triad in TRIADS:
+        errors: Any = sensors.groups()[triad]
+        draws = imu.ImuDraws.of(
+            seed,
+            triad,
+            SAMPLES,
+            instability=any(errors.instability),
+            flicker=any(errors.flicker),
+            walk=any(errors.rate_random_walk),
+        )
+        dt = _spacing(errors)
+        increments = imu.measure(np.zeros((SAMPLES, 3)), dt, errors, draws).increments
+        records[triad] = Record(increments / dt, dt)
+    return records
+
+
+def noise_terms(records: Mapping[str, Record]) -> dict[str, allan.NoiseTerms]:
+    """Return the noise terms fitted to each triad, in SI units."""
+    return {triad: allan.fit(allan.deviation(record.rates, record.dt)) for triad, record in records.items()}
+
+
+def in_setting_units(triad: str, terms: allan.NoiseTerms) -> dict[str, dict[str, Any]]:
+    """Return fitted terms by setting: their unit, values and σ, one for each axis.
+
+    Parameters
+    ----------
+    triad
+        ``"gyro"`` or ``"accelerometer"``.
+    terms
+        Its terms in SI units.
+    """
+    group = SensorSuite().groups()[triad]
+    out = {}
+    for letter, name in TERMS.items():
+        unit = group.param[name].unit
+        values, sigmas = getattr(terms, letter), getattr(terms, f"{letter}_sigma")
+        out[name] = {"unit": unit, "value": values / TO_SI[unit], "sigma": sigmas / TO_SI[unit]}
+    return out
+
+
+def card_of(name: str, records: Mapping[str, Record], source: str) -> Card:
+    """Return the card of an IMU of one's own from its record at rest.
+
+    A term the record does not show, below twice its σ on every axis, is left out. A record at rest says
+    nothing of turn-on bias, scale factor, range and bandwidth: these are missing too.
+
+    Parameters
+    ----------
+    name
+        What the card is called.
+    records
+        Gyros and accelerometers, such as from `read_log`.
+    source
+        Where the records come from.
+    """
+    groups = {}
+    for triad, terms in noise_terms(records).items():
+        record = records[triad]
+        where = f"Allan deviation of {source}: {record.duration:.0f} s at rest, {1 / record.dt:.5g} Hz"
+        groups[triad] = {
+            setting: Datum(tuple(float(f"{value:.4g}") for value in fitted["value"]), fitted["unit"], where)
+            for setting, fitted in in_setting_units(triad, terms).items()
+            if (fitted["value"] > _SHOWN * fitted["sigma"]).any()
+        }
+    return Card(name=name, maker="", grade="own", note="", terms=groups)
+
+
+def _spacing(errors: Any) -> float:
+    white, flicker = (
+        float(np.mean(getattr(errors, name))) * TO_SI[errors.param[name].unit]
+        for name in ("noise_density", "flicker")
+    )
+    if not (white and flicker):
+        return 1.0
+    return max((white / (allan.FLOOR * flicker)) ** 2 / _PER_CORNER, _SHORTEST)
+
+
+def _table(path: Path) -> FloatArray:
+    import pandas as pd  # noqa: PLC0415 - slow to import, and only reading needs it
+
+    check_file(path, MAX_LOG_BYTES)
+    columns = ["t_s", *LOG_COLUMNS["gyro"], *LOG_COLUMNS["accelerometer"]]
+    try:
+        header = pd.read_csv(path, nrows=0, skipinitialspace=True).columns
+        missing = [column for column in columns if column not in header]
+        if missing:
+            raise MissionError(
+                f"{path}, row 1: column {missing[0]} missing; accepted are {', '.join(columns)}"
+            )
+        frame = pd.read_csv(path, usecols=columns, skipinitialspace=True, low_memory=False)[columns]
+    except (OSError, ValueError) as error:
+        if isinstance(error, MissionError):
+            raise
+        reason = str(error).strip().partition("\n")[0]
+        raise MissionError(f"{path}: cannot be read as a csv: {reason}") from error
+    table: FloatArray = frame.apply(pd.to_numeric, errors="coerce").to_numpy(np.float64)
+    bad = np.argwhere(~np.isfinite(table))
+    if bad.size:
+        row, column = bad[0]
+        shown = frame.iloc[row, column]
+        raise MissionError(
+            f"{path}, row {row + 2}, column {columns[column]}: {shown!r}; accepted is a finite number"
+        )
+    if len(table) < allan.MIN_SAMPLES:
+        raise MissionError(f"{path}: {len(table)} samples; accepted are at least {allan.MIN_SAMPLES}")
+    return table
+
+
+def _check_rest(path: Path, specific_force: FloatArray) -> None:
+    """Refuse what is not the specific force of a body that stands still."""
+    size = float(np.linalg.norm(specific_force.mean(axis=0)))
+    if abs(size - earth.STANDARD_GRAVITY) > 0.1 * earth.STANDARD_GRAVITY:
+        hint = "; this looks like g" if abs(size - 1) < 0.1 else ""
+        raise MissionError(
+            f"{path}: the mean specific force is {size:.4g} m/s²{hint}; accepted is a record at rest, with "
+            "about 9.8 m/s²"
+        )
+    means = np.stack(
+        [part.mean(axis=0) for part in np.array_split(specific_force, min(100, len(specific_force) // 4))]
+    )
+    change = float(np.ptp(means, axis=0).max())
+    if change > _STILL:
+        raise MissionError(
+            f"{path}: the specific force changes by {change:.3g} m/s²; accepted is a record at rest"
+        )

@@ -1,0 +1,229 @@
+"""Transition: what becomes of the navigation errors, and of errors of the IMU, over an interval of a flight.
+
+The error model `phi` is linear: the errors at the end of an interval are a sum of responses to the errors at
+its start and to those of every inertial sample in it. Going backwards through the samples, each response is
+the product of what is already known of the samples after it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lab.navigation import strapdown
+from lab.navigation.compilation import SOURCES, entry_kernel, inline_kernel, kernel
+from lab.navigation.error_models import PHI
+from lab.navigation.strapdown import put
+
+FloatArray = NDArray[np.float64]
+
+N, NAV, BIASES = 15, 9, 6
+"""Number of error states, of navigation states among them, and of biases."""
+
+
+class Flight(NamedTuple):
+    """The true flight: n + 1 samples of position, velocity and attitude, and n ideal increments of length dt.
+
+    Attributes
+    ----------
+    latitude, height : (n + 1,) arrays
+        Position [rad], [m].
+    velocity_n : (n + 1, 3) array
+        Velocity north, east, down [m/s].
+    q_nb : (n + 1, 4) array
+        Attitude, scalar first.
+    dtheta, dvelocity : (n, 3) arrays
+        Increments of angle [rad] and velocity [m/s], in b.
+    dt
+        Length of each interval [s].
+    """
+
+    latitude: FloatArray
+    height: FloatArray
+    velocity_n: FloatArray
+    q_nb: FloatArray
+    dtheta: FloatArray
+    dvelocity: FloatArray
+    dt: float
+
+
+class Processes(NamedTuple):
+    """First-order random processes c that p triads err by, as errors of their bias estimates.
+
+    Attributes
+    ----------
+    channel : (p,) array
+        0 for gyros, 1 for accelerometers.
+    decay : (p,) array
+        What is left of c in the next sample.
+    drive : (p, 3) array
+        Variance that is new in each sample.
+    """
+
+    channel: NDArray[np.int64]
+    decay: FloatArray
+    drive: FloatArray
+
+
+class Transition(NamedTuple):
+    """What becomes of the nine navigation errors over an interval.
+
+    Attributes
+    ----------
+    navigation : (9, 9) array
+        Response to themselves.
+    bias, fading : (9, 6) arrays
+        Response to the errors of the biases, constant, and fading as the filter believes.
+    coupled : (9, 6, 6) array
+        Response to errors of gyros and accelerometers, each in proportion to a component of rate or force.
+    process : (p, 9, 3) array
+        Response to c, decaying from 1 in the first sample.
+    covariance, cross : (p, 9, 9), (p, 9, 3) arrays
+        Covariance that what is new in c gives the navigation errors, with themselves and with c at the end.
+    power : (p,) array
+        What is left of c of the first sample after the last.
+    """
+
+    navigation: FloatArray
+    bias: FloatArray
+    fading: FloatArray
+    coupled: FloatArray
+    process: FloatArray
+    covariance: FloatArray
+    cross: FloatArray
+    power: FloatArray
+
+    @classmethod
+    def empty(cls, processes: int) -> Transition:
+        """Return room for a number of processes."""
+        return cls(
+            np.zeros((NAV, NAV)),
+            np.zeros((NAV, BIASES)),
+            np.zeros((NAV, BIASES)),
+            np.zeros((NAV, BIASES, BIASES)),
+            np.zeros((processes, NAV, 3)),
+            np.zeros((processes, NAV, NAV)),
+            np.zeros((processes, NAV, 3)),
+            np.ones(processes),
+        )
+
+
+_write_phi = PHI.write
+_radii = strapdown.radii
+_matrix = strapdown.matrix
+
+
+@inline_kernel
+def _set_state(state: FloatArray, flight: Flight, k: int) -> None:
+    """Write what the error model reads of the strapdown, from the truth of sample k."""
+    sine, cosine, height = np.sin(flight.latitude[k]), np.cos(flight.latitude[k]), flight.height[k]
+    meridian, transverse = _radii(sine)
+    state[strapdown.LATITUDE], state[strapdown.HEIGHT] = flight.latitude[k], height
+    state[strapdown.SINE], state[strapdown.COSINE], state[strapdown.PER_COSINE] = sine, cosine, 1 / cosine
+    state[strapdown.MERIDIAN] = 1 / (meridian + height)
+    state[strapdown.TRANSVERSE] = 1 / (transverse + height)
+    v, q, f = flight.velocity_n[k], flight.q_nb[k], flight.dvelocity[k]
+    put(state, strapdown.VELOCITY, (v[0], v[1], v[2]))
+    C = _matrix((q[0], q[1], q[2], q[3]))
+    for i in range(3):
+        put(state, strapdown.C_NB + 3 * i, C[i])
+        state[strapdown.FORCE_N + i] = (C[i][0] * f[0] + C[i][1] * f[1] + C[i][2] * f[2]) / flight.dt
+
+
+@kernel
+def _clear(out: Transition) -> None:
+    """Write the transition over no time."""
+    for part in (out.navigation, out.bias, out.fading):
+        part[:, :] = 0.0
+    for stack in (out.coupled, out.process, out.covariance, out.cross):
+        stack[:, :, :] = 0.0
+    out.power[:] = 1.0
+    for i in range(NAV):
+        out.navigation[i, i] = 1.0
+
+
+@inline_kernel
+def _respond(flight: Flight, k: int, F: FloatArray, fade: FloatArray, r: FloatArray, out: Transition) -> None:
+    """Write the response r (9, 6) to errors of the IMU in sample k, and put the sample before the others."""
+    L, dt = out.navigation, flight.dt
+    row = np.empty(NAV)
+    for i in range(NAV):
+        for j in range(BIASES):
+            total = 0.0
+            for m in range(NAV):
+                total += L[i, m] * F[m, NAV + j]
+            r[i, j] = dt * total
+            out.bias[i, j] += r[i, j]
+            out.fading[i, j] = r[i, j] + fade[j] * out.fading[i, j]
+            for a in range(3):
+                out.coupled[i, j, a] += total * flight.dtheta[k, a]
+                out.coupled[i, j, 3 + a] += total * flight.dvelocity[k, a]
+        for j in range(NAV):
+            total = 0.0
+            for m in range(NAV):
+                total += L[i, m] * F[m, j]
+            row[j] = total
+        for j in range(NAV):
+            L[i, j] += dt * row[j]
+
+
+@inline_kernel
+def _drive(p: int, channel: int, decay: float, drive: FloatArray, r: FloatArray, out: Transition) -> None:
+    """Put what process p does in a sample before the others."""
+    for j in range(3):
+        for i in range(NAV):
+            s = r[i, 3 * channel + j] + decay * out.process[p, i, j]
+            out.process[p, i, j] = s
+            out.cross[p, i, j] += drive[j] * out.power[p] * s
+            for m in range(i + 1):
+                c = drive[j] * s * out.process[p, m, j]
+                out.covariance[p, i, m] += c
+                if m < i:
+                    out.covariance[p, m, i] += c
+    out.power[p] *= decay
+
+
+def _compile(
+    sources: str,
+) -> Callable[[Flight, int, int, FloatArray, Processes, Transition], None]:
+    """Compile the transition over an interval."""
+
+    @entry_kernel
+    def transition(
+        flight: Flight, first: int, last: int, fade: FloatArray, processes: Processes, out: Transition
+    ) -> None:
+        """Write the transition from sample `first` to sample `last` of a flight.
+
+        Parameters
+        ----------
+        flight
+            The flight.
+        first, last
+            Samples between which the errors are followed; the same gives the transition over no time.
+        fade : (6,) array
+            The filter's decay of the biases in one sample.
+        processes
+            Random errors of the IMU.
+        out
+            Receives the transition.
+        """
+        _ = sources
+        state = np.zeros(strapdown.LENGTH)
+        F = np.zeros((N, N))
+        r = np.zeros((NAV, BIASES))
+        _clear(out)
+        for k in range(last - 1, first - 1, -1):
+            _set_state(state, flight, k)
+            _write_phi(state, F)
+            _respond(flight, k, F, fade, r, out)
+            for p in range(processes.decay.size):
+                _drive(p, processes.channel[p], processes.decay[p], processes.drive[p], r, out)
+
+    return transition
+
+
+transition = _compile(SOURCES)
+"""The compiled kernel: ``transition(flight, first, last, fade, processes, out)``."""

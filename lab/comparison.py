@@ -1,0 +1,143 @@
+"""Comparison: the error models of the navigator side by side, on the same realisations."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from lab.ensemble import QUANTITIES, Ensemble, run_ensemble
+from lab.experiment import Experiment
+from lab.navigation.algorithm import Algorithm, AlgorithmError
+from lab.settings import SettingError
+
+Progress = Callable[[str, float], None]
+
+NIS_DEGREES = 6
+
+
+@dataclass(frozen=True)
+class Compared:
+    """What one error model made of the flights.
+
+    Attributes
+    ----------
+    model
+        Its name.
+    position, velocity, heading
+        Root mean square errors over all runs, of the vectors [m], [m/s] and of the heading [°].
+    nees, degrees
+        NEES averaged over epochs and runs, and what it should be.
+    nis
+        NIS averaged likewise; it should be `NIS_DEGREES`.
+    seconds
+        Time the navigator took for one flight, the median of the runs [s].
+    verdict
+        In one sentence.
+    refusal
+        Why it did not run; empty if it did, and otherwise all figures are NaN.
+    """
+
+    model: str
+    position: float = field(default=np.nan)
+    velocity: float = field(default=np.nan)
+    heading: float = field(default=np.nan)
+    nees: float = field(default=np.nan)
+    degrees: int = 0
+    nis: float = field(default=np.nan)
+    seconds: float = field(default=np.nan)
+    verdict: str = ""
+    refusal: str = ""
+
+
+def models() -> tuple[str, ...]:
+    """Return the names of the error models there are."""
+    return tuple(Experiment().navigator.param["model"].objects)
+
+
+def compare(
+    experiment: Experiment,
+    names: Sequence[str] | None = None,
+    seeds: int | Sequence[int] = 1,
+    progress: Progress | None = None,
+    *,
+    algorithms: Mapping[str, Algorithm] | None = None,
+) -> tuple[Compared, ...]:
+    """Run an experiment with several error models: same flight, same sensors, same draws.
+
+    Parameters
+    ----------
+    experiment
+        What to run; the rest of its settings are the same for all.
+    names
+        Error models; by default all there are.
+    seeds
+        Number of runs with each, or the seed of each run.
+    progress
+        Called with a sentence about what is being done and the fraction done, from 0 to 1.
+    algorithms
+        Navigators of the user's own by name, compared after the models; one that fails is a refusal.
+
+    Raises
+    ------
+    SettingError
+        If there is no such model, or none of them can run with these settings.
+    ValueError
+        As `run_ensemble`.
+    """
+    chosen = tuple(dict.fromkeys(models() if names is None else names))
+    variants = []
+    for name in chosen:
+        variant = experiment.copy()
+        variant.set("navigator.model", name)
+        variants.append(variant)
+    if not variants:
+        raise SettingError(f"models: none named; accepted are {', '.join(models())}")
+    found = []
+    for index, variant in enumerate(variants):
+
+        def tell(step: str, fraction: float, index: int = index, name: str = chosen[index]) -> None:
+            if progress is not None:
+                progress(f"{name}, {step}", (index + fraction) / len(variants))
+
+        try:
+            _warm_up(variant)
+            found.append(_compared(chosen[index], run_ensemble(variant, seeds, tell)))
+        except SettingError as error:
+            found.append(Compared(chosen[index], refusal=str(error)))
+    for name, algorithm in (algorithms or {}).items():
+        try:
+            found.append(_compared(name, run_ensemble(experiment, seeds, algorithm=algorithm)))
+        except AlgorithmError as error:
+            found.append(Compared(name, refusal=str(error)))
+    if all(row.refusal for row in found):
+        raise SettingError("; ".join(dict.fromkeys(row.refusal for row in found)))
+    return tuple(found)
+
+
+def _warm_up(experiment: Experiment) -> None:
+    """Run a seed nobody asks for: the first run of a model also loads or compiles its code."""
+    stranger = experiment.copy()
+    stranger.set("seed", (experiment.seed + 2**31) % 2**32)
+    stranger.run()
+
+
+def _compared(model: str, ensemble: Ensemble) -> Compared:
+    square = np.mean(ensemble.rms**2, axis=0)
+    return Compared(
+        model,
+        position=float(np.sqrt(square[0:3].sum())),
+        velocity=float(np.sqrt(square[3:6].sum())),
+        heading=float(np.sqrt(square[QUANTITIES.index("attitude heading")])),
+        nees=_mean(ensemble.nees),
+        degrees=ensemble.degrees,
+        nis=_mean(ensemble.nis),
+        seconds=float(np.median(ensemble.seconds)),
+        verdict=ensemble.verdict.headline,
+    )
+
+
+def _mean(values: np.ndarray) -> float:
+    known = values[~np.isnan(values)]
+    return float(known.mean()) if known.size else float("nan")

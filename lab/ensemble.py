@@ -1,0 +1,282 @@
+"""Ensemble: one experiment over many seeds, and what the runs say together of its filter.
+
+Of each run only what is needed at the fixes is kept, so that hundreds of runs fit into memory.
+"""
+
+from __future__ import annotations
+
+import operator
+import os
+import threading
+from collections.abc import Callable, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+from functools import cached_property, reduce
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lab.analysis import consistency
+from lab.analysis.evidence import Evidence
+from lab.analysis.verdict import Verdict, judge
+from lab.experiment import Experiment
+from lab.navigation.algorithm import Algorithm
+from lab.result import ANGLES, EAST_NORTH_UP, Result
+
+if TYPE_CHECKING:
+    import pandas as pd
+    import xarray as xr
+
+FloatArray = NDArray[np.float64]
+Progress = Callable[[str, float], None]
+
+QUANTITIES = (
+    *(f"position {axis}" for axis in EAST_NORTH_UP),
+    *(f"velocity {axis}" for axis in EAST_NORTH_UP),
+    *(f"attitude {angle}" for angle in ANGLES),
+)
+"""The errors that are kept, in this order."""
+UNITS = ("m",) * 3 + ("m/s",) * 3 + ("°",) * 3
+
+
+class _Run(NamedTuple):
+    """What is kept of one run: at the m fixes, and as a whole."""
+
+    time: FloatArray
+    nees: FloatArray
+    nis: FloatArray
+    error: FloatArray
+    sigma: FloatArray
+    rms: FloatArray
+    degrees: int
+    evidence: Evidence
+    seconds: float
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Ensemble:
+    """Runs of one experiment with different seeds.
+
+    Attributes
+    ----------
+    experiment : Experiment
+        What was run.
+    seeds : tuple of int
+        The seeds, one for each run.
+    time : (m,) array
+        Times of the fixes all runs have [s].
+    nees, nis : (runs, m) arrays
+        Consistency at each fix; NaN where a run did not use it.
+    degrees : int
+        Degrees of freedom of NEES.
+    error, sigma : (runs, m, 9) arrays
+        Errors and their σ after each fix, in the order of `QUANTITIES` and in `UNITS`.
+    rms : (runs, 9) array
+        Root mean square of the errors over each whole flight.
+    seconds : (runs,) array
+        Time the navigator took for each run, next to none where its solution was known already [s].
+    evidence : tuple of Evidence
+        What each run says of the filter.
+    """
+
+    experiment: Experiment
+    seeds: tuple[int, ...]
+    time: FloatArray
+    nees: FloatArray
+    nis: FloatArray
+    degrees: int
+    error: FloatArray
+    sigma: FloatArray
+    rms: FloatArray
+    seconds: FloatArray
+    evidence: tuple[Evidence, ...]
+
+    @cached_property
+    def verdict(self) -> Verdict:
+        """Whether the filter tells the truth about itself, judged by all runs together."""
+        return judge(reduce(operator.add, self.evidence))
+
+    @cached_property
+    def innovation_verdict(self) -> Verdict:
+        """The same judged by the innovations alone."""
+        return judge(reduce(operator.add, self.evidence).without_truth())
+
+    @cached_property
+    def verdicts(self) -> tuple[Verdict, ...]:
+        """Verdict on each run alone."""
+        return tuple(judge(one) for one in self.evidence)
+
+    @cached_property
+    def consistency(self) -> xr.Dataset:
+        """NEES and NIS averaged over the runs at each fix, with their 95 % intervals (5.4.2-9)."""
+        import xarray as xr  # noqa: PLC0415 - takes a while to import, and a run does without
+
+        variables = {}
+        for name, values, degrees in (("anees", self.nees, self.degrees), ("anis", self.nis, 6)):
+            mean, low, high = _averages(values, degrees)
+            label = f"{name.upper()}, {degrees} degrees of freedom"
+            for suffix, series in (("", mean), ("_low", low), ("_high", high)):
+                variables[name + suffix] = ("time_gps", series, {"units": "", "long_name": label})
+        times = ("time_gps", self.time, {"units": "s", "long_name": "time"})
+        return xr.Dataset(variables, coords={"time_gps": times})
+
+    def inside(self, after: float = 0.0) -> tuple[float, float]:
+        """Return at which part of the epochs the averages of NEES and of NIS lie in their 95 % intervals.
+
+        Parameters
+        ----------
+        after
+            Epochs up to this time are left out [s].
+        """
+        late = self.time > after
+        parts = []
+        for values, degrees in ((self.nees, self.degrees), (self.nis, 6)):
+            mean, low, high = (series[late] for series in _averages(values, degrees))
+            known = ~np.isnan(mean)
+            parts.append(float(np.mean((low < mean) & (mean < high), where=known)) if known.any() else np.nan)
+        return parts[0], parts[1]
+
+    @cached_property
+    def coverage(self) -> pd.DataFrame:
+        """Table of the errors after the fixes: their rms, their mean in σ, and what lies within ±1σ and ±3σ.
+
+        `mean ±` is the 95 % interval of the mean over independent runs, of which each counts once.
+        """
+        import pandas as pd  # noqa: PLC0415 - takes a while to import, and a run does without
+
+        known = ~np.isnan(self.error[..., 0])
+        errors, sigma = self.error[known], self.sigma[known]
+        table = {
+            "quantity": QUANTITIES,
+            "unit": UNITS,
+            "rms": np.sqrt(np.mean(self.rms**2, axis=0)),
+            "mean [σ]": np.mean(errors / sigma, axis=0) if errors.size else np.full(len(QUANTITIES), np.nan),
+            "mean ±": consistency.whiteness_band(len(self.seeds)),
+            "within ±1σ [%]": 100 * consistency.coverage(errors, sigma, 1),
+            "within ±3σ [%]": 100 * consistency.coverage(errors, sigma, 3),
+        }
+        return pd.DataFrame(table)
+
+    def __repr__(self) -> str:
+        table = self.coverage.to_string(index=False, float_format=lambda value: f"{value:.4g}")
+        return f"Ensemble of {self.experiment.mission}, {len(self.seeds)} seeds: {self.verdict}\n{table}"
+
+
+def run_ensemble(
+    experiment: Experiment,
+    seeds: int | Sequence[int],
+    progress: Progress | None = None,
+    *,
+    workers: int | None = None,
+    algorithm: Algorithm | None = None,
+) -> Ensemble:
+    """Run an experiment over seeds, on all cores: the kernels release the interpreter.
+
+    Parameters
+    ----------
+    experiment
+        What to run; its own seed is the first where a number of runs is given.
+    seeds
+        Number of runs, or the seed of each.
+    progress
+        Called with a sentence about what is being done and the fraction done, from 0 to 1.
+    workers
+        Number of threads; by default one for each core.
+    algorithm
+        A navigator of the user's own; called from one thread only.
+
+    Raises
+    ------
+    ValueError
+        If there is no seed to run; and what `Experiment.run` raises.
+    """
+    chosen = range(experiment.seed, experiment.seed + seeds) if isinstance(seeds, int) else seeds
+    numbers = tuple(int(seed) for seed in chosen)
+    if not numbers:
+        raise ValueError(f"seeds: {seeds!r} names no run; accepted is a number from 1, or a list of seeds")
+    count = 0
+    lock = threading.Lock()
+
+    def one(seed: int) -> _Run:
+        nonlocal count
+        mine = experiment.copy()
+        mine.set("seed", seed)
+        kept = _keep(mine.run(algorithm=algorithm))
+        with lock:
+            count += 1
+            if progress is not None:
+                progress(f"{count} of {len(numbers)} runs", count / len(numbers))
+        return kept
+
+    # A stranger's code need not stand two threads.
+    workers = 1 if algorithm is not None else workers or os.cpu_count()
+    pool = ThreadPoolExecutor(workers, thread_name_prefix="ensemble")
+    try:
+        runs = list(pool.map(one, numbers))
+    finally:
+        pool.shutdown(cancel_futures=True)
+    return _together(experiment.copy(), numbers, runs)
+
+
+def _keep(result: Result) -> _Run:
+    """Take out of a result what is kept."""
+    solution = result.solution_arrays
+    used = solution.fix_sample >= 0
+    at = solution.fix_sample[used]
+
+    def nine(group: xr.Dataset) -> FloatArray:
+        parts = [group[name].values for name in ("position", "velocity", "attitude")]
+        return np.concatenate(parts, axis=1)
+
+    error, sigma = nine(result.errors), nine(result.sigma)
+    return _Run(
+        time=result.fixes.time[used],
+        nees=result.consistency["nees"].values[used],
+        nis=result.innovations["nis"].values[used],
+        error=error[at],
+        sigma=sigma[at],
+        rms=np.sqrt(np.mean(error**2, axis=0)),
+        degrees=int(result.consistency["nees"].attrs["degrees"]),
+        evidence=result.evidence,
+        seconds=result.seconds,
+    )
+
+
+def _together(experiment: Experiment, seeds: tuple[int, ...], runs: list[_Run]) -> Ensemble:
+    """Put runs beside each other at the fixes; a run that did not use a fix has NaN there."""
+    time = np.unique(np.concatenate([run.time for run in runs]))
+    places = [np.searchsorted(time, run.time) for run in runs]
+
+    def beside(name: str, *shape: int) -> FloatArray:
+        out = np.full((len(runs), time.size, *shape), np.nan)
+        for row, place, run in zip(out, places, runs, strict=True):
+            row[place] = getattr(run, name)
+        return out
+
+    return Ensemble(
+        experiment=experiment,
+        seeds=seeds,
+        time=time,
+        nees=beside("nees"),
+        nis=beside("nis"),
+        degrees=runs[0].degrees,
+        error=beside("error", len(QUANTITIES)),
+        sigma=beside("sigma", len(QUANTITIES)),
+        rms=np.stack([run.rms for run in runs]),
+        seconds=np.array([run.seconds for run in runs]),
+        evidence=tuple(run.evidence for run in runs),
+    )
+
+
+def _averages(values: FloatArray, degrees: int) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return the mean over the runs at each epoch, and the ends of its 95 % interval."""
+    counts = np.sum(~np.isnan(values), axis=0)
+    total = np.nansum(values, axis=0)
+    mean = np.divide(total, counts, out=np.full(counts.shape, np.nan), where=counts > 0)
+    limits = {
+        int(count): consistency.chi_square_interval(degrees, int(count)) if count else (np.nan, np.nan)
+        for count in np.unique(counts)
+    }
+    low, high = np.array([limits[int(count)] for count in counts]).reshape(-1, 2).T
+    return mean, low, high

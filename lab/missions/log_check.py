@@ -1,0 +1,257 @@
+"""Log check: whether the numbers of a sensor log contradict the units, the axes or the clock they claim.
+
+Gravity is known in size and, of a vehicle that is level on the average, in direction; a vehicle turns as its
+course does and feels the speed it gains. A wrong unit breaks one of these by a known factor, wrong axes show
+them on another axis, and a wrong clock at another time.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lab.earth import STANDARD_GRAVITY, radii
+from lab.missions.errors import MissionError
+from lab.missions.sensor_log import SensorLog
+
+FloatArray = NDArray[np.float64]
+
+MAX_LAG = 3.0
+"""Largest clock offset looked for [s]."""
+
+_LEG = 1.0
+_MOVING = 2.0
+_TUMBLING = np.radians(25.0)
+_BANKED = 0.15
+_LIVELY_TURN = np.radians(2.0)
+_LIVELY_SPEED = 0.3
+_LIKE = 0.8
+_LEAST_LAG = 0.4
+_LEAST_GAIN = 12.0  # χ² of one degree of freedom: by chance once in 2000 logs
+_LEAST_LEGS = 10
+
+
+class Motion(NamedTuple):
+    """What the fixes say of the motion in legs of about a second.
+
+    Attributes
+    ----------
+    start, end : (k,) arrays
+        The legs, in the time of the IMU [s].
+    turn : (k,) array
+        Mean rate of the course, positive to the right [rad/s]; NaN where the vehicle hardly moves.
+    speed : (k,) array
+        Mean change of the speed [m/s²].
+    """
+
+    start: FloatArray
+    end: FloatArray
+    turn: FloatArray
+    speed: FloatArray
+
+
+def check_log(log: SensorLog) -> None:
+    """Raise if a log is implausible.
+
+    Raises
+    ------
+    MissionError
+        Naming the likely cause: g for m/s², rates for increments or increments for rates, degrees for radians
+        or radians for degrees, axes that do not point forward, right, down, or a clock of the receiver that
+        is not the IMU's.
+    """
+    _check_force(log)
+    _check_tumbling(log)
+    motion = motion_of(log)
+    _check_turn(log, motion)
+    _check_bank(log, motion)
+    _check_forward(log, motion)
+    _check_clock(log, motion)
+
+
+def motion_of(log: SensorLog) -> Motion:
+    """Return what the fixes of a log say of its motion."""
+    gnss = log.gnss
+    time = gnss.time - gnss.latency
+    inside = np.flatnonzero((time >= MAX_LAG) & (time <= log.duration - MAX_LAG))
+    if inside.size < 2:
+        empty = np.empty(0)
+        return Motion(empty, empty, empty, empty)
+    step = max(1, round(_LEG / float(np.median(np.diff(time)))))
+    at = inside[::step]
+    velocity = gnss.velocity_n[:, :2]
+    if np.isnan(velocity).any():
+        meridian, transverse = radii(np.sin(gnss.position[:, 0]))
+        north = np.gradient(gnss.position[:, 0], time) * meridian
+        east = np.gradient(np.unwrap(gnss.position[:, 1]), time) * transverse
+        velocity = np.stack((north, east * np.cos(gnss.position[:, 0])), axis=-1)
+    velocity, time = velocity[at], time[at]
+    speed = np.linalg.norm(velocity, axis=1)
+    course = np.unwrap(np.arctan2(velocity[:, 1], velocity[:, 0]))
+    dt = np.diff(time)
+    turn = np.where(np.minimum(speed[1:], speed[:-1]) > _MOVING, np.diff(course) / dt, np.nan)
+    # A course that jumps by more than a right angle in a leg is noise or a U-turn on the spot.
+    turn[np.abs(np.diff(course)) > np.pi / 2] = np.nan
+    short = dt < 2.5 * _LEG
+    return Motion(time[:-1][short], time[1:][short], turn[short], (np.diff(speed) / dt)[short])
+
+
+def _check_force(log: SensorLog) -> None:
+    _, force = log.rates
+    size = float(np.median(np.linalg.norm(force, axis=1))) / STANDARD_GRAVITY
+    dt = float(np.median(np.diff(log.time)))
+    causes = {
+        1 / STANDARD_GRAVITY: "the accelerometers' numbers look like g where m/s² are declared",
+        STANDARD_GRAVITY: "the accelerometers' numbers look like m/s² where g are declared",
+        1 / dt: "the numbers look like rates where increments are declared",
+        dt: "the numbers look like increments where rates are declared",
+    }
+    near = min(causes, key=lambda factor: abs(np.log(max(size, 1e-12) / factor)))
+    what = f"{log.name}: the IMU feels {size:.3g} times gravity (median over the log): "
+    if not 0.7 < size < 1.5:
+        likely = causes[near] if 0.7 < size / near < 1.4 else "another unit than declared is likely"
+        raise MissionError(
+            f"{what}{likely}. The columns' names declare the unit (fx_m_s2, fx_g, dvelocity_x_m_s)"
+        )
+    mean = np.median(force, axis=0)
+    axis = int(np.argmax(np.abs(mean)))
+    if axis != 2 or mean[2] > 0:
+        felt = ("forward", "right", "down")[axis]
+        sign = "" if mean[axis] > 0 else "minus "
+        raise MissionError(
+            f"{log.name}: the support against gravity is felt along {sign}{felt}, where a level vehicle "
+            "feels it along minus down: swapped axes or signs are likely. axes in the TOML says which axes "
+            "of the IMU point forward, right, down"
+        )
+
+
+def _check_tumbling(log: SensorLog) -> None:
+    """Refuse a mean rate about a horizontal axis that would tip over a vehicle that stays level."""
+    mean = float(np.linalg.norm(log.dtheta[:, :2].sum(axis=0))) / log.duration
+    if mean > _TUMBLING:
+        raise MissionError(
+            f"{log.name}: the gyros show {np.degrees(mean):.3g} °/s about a horizontal axis on the average, "
+            "which would tip the vehicle over again and again, but gravity stays where it is: the numbers "
+            "look like degrees where radians are declared (columns gx_rad_s, gx_deg_s)"
+        )
+
+
+def _check_turn(log: SensorLog, motion: Motion) -> None:
+    """Compare the course's rate with the gyros, each axis at its best time."""
+    rows = np.isfinite(motion.turn)
+    if rows.sum() < _LEAST_LEGS or np.std(motion.turn[rows]) < _LIVELY_TURN:
+        return
+    likeness = np.array([_best(log, log.dtheta[:, axis], motion, motion.turn) for axis in range(3)])
+    best = int(np.argmax(np.abs(likeness[:, 0])))
+    correlation, factor = likeness[2, :2]
+    if abs(correlation) < _LIKE and best != 2 and abs(likeness[best, 0]) > _LIKE:
+        raise MissionError(
+            f"{log.name}: the vehicle turns as the GPS says about the axis called "
+            f"{('forward', 'right')[best]}, not about down (correlation {likeness[best, 0]:.2f} against "
+            f"{correlation:.2f}): swapped axes of the gyros are likely"
+        )
+    if abs(correlation) < _LIKE:
+        return
+    degree = 180 / np.pi
+    for scale, numbers in (
+        (degree, "degrees where radians"),
+        (1 / degree, "radians where degrees"),
+    ):
+        if 0.5 < abs(factor) / scale < 2:
+            raise MissionError(
+                f"{log.name}: the gyros turn {abs(factor):.3g} times as fast as the course: the numbers look "
+                f"like {numbers} are declared (columns gx_rad_s, gx_deg_s)"
+            )
+    if correlation < 0:
+        raise MissionError(
+            f"{log.name}: the gyro called down turns against the course (correlation {correlation:.2f}): "
+            "swapped axes or signs of the gyros are likely"
+        )
+
+
+def _check_bank(log: SensorLog, motion: Motion) -> None:
+    """Look for the pitch rate of banked turns, which is upwards in turns to either side.
+
+    A vehicle that leans into its turns at bank φ and yaws at ψ̇ pitches at ψ̇ sin φ (Groves, ch. 2.3); one
+    that does not shows nothing here.
+    """
+    rows = np.isfinite(motion.turn)
+    if rows.sum() < _LEAST_LEGS or np.std(motion.turn[rows]) < _LIVELY_TURN:
+        return
+    for axis, wrong_sign in ((0, 0), (1, -1)):
+        correlation, factor, _ = _best(log, log.dtheta[:, axis], motion, np.abs(motion.turn))
+        wrong = correlation < -_LIKE if wrong_sign else abs(correlation) > _LIKE
+        if wrong and factor > _BANKED:
+            raise MissionError(
+                f"{log.name}: in banked turns the nose goes up about the axis called "
+                f"{('forward', 'minus right')[axis]} (correlation {abs(correlation):.2f}), not about right: "
+                "swapped axes or signs are likely"
+            )
+
+
+def _check_forward(log: SensorLog, motion: Motion) -> None:
+    """Compare the change of the speed with the horizontal accelerometers, each at its best time."""
+    if motion.speed.size < _LEAST_LEGS or np.std(motion.speed) < _LIVELY_SPEED:
+        return
+    forward, right = (_best(log, log.dvelocity[:, axis], motion, motion.speed)[0] for axis in (0, 1))
+    backward = forward < -_LIKE
+    if backward or (abs(right) > _LIKE and forward < abs(right) - 0.3):
+        axis, value = ("minus forward", forward) if backward else ("right", right)
+        raise MissionError(
+            f"{log.name}: the speed the GPS shows is gained along the axis called {axis} (correlation "
+            f"{value:.2f}, along forward {forward:.2f}): swapped axes or signs are likely"
+        )
+
+
+def _check_clock(log: SensorLog, motion: Motion) -> None:
+    """Look for the offset of the clocks that makes turns and speed agree."""
+    verdicts = []
+    for increments, seen, lively in (
+        (log.dtheta[:, 2], motion.turn, _LIVELY_TURN),
+        (log.dvelocity[:, 0], motion.speed, _LIVELY_SPEED),
+    ):
+        rows = np.isfinite(seen)
+        if rows.sum() < _LEAST_LEGS or np.std(seen[rows]) < lively:
+            continue
+        best, _, lag = _best(log, increments, motion, seen)
+        now, _ = _likeness(log, increments, motion, seen, 0.0)
+        # Twice the logarithm of the likelihood ratio, for residuals that are independent from leg to leg.
+        gain = rows.sum() * np.log((1 - now**2) / (1 - best**2))
+        verdicts.append((best, now, lag, gain))
+    if not verdicts:
+        return
+    best, now, lag, gain = max(verdicts)
+    if best > _LIKE and abs(lag) >= _LEAST_LAG and gain > _LEAST_GAIN:
+        side = "late" if lag < 0 else "early"
+        raise MissionError(
+            f"{log.name}: the stamps of the GPS are about {abs(lag):.1f} s {side} against the IMU's (turns "
+            f"or speed then agree with correlation {best:.2f}, as they are with {now:.2f}): two clocks are "
+            f"likely. latency_s = {log.gnss.latency - lag:.1f} in the TOML would bring them together"
+        )
+
+
+def _best(
+    log: SensorLog, increments: FloatArray, motion: Motion, seen: FloatArray
+) -> tuple[float, float, float]:
+    """Return correlation, factor and lag where the two are most alike, of either sign."""
+    lags = np.arange(-MAX_LAG, MAX_LAG + 0.05, 0.1)
+    found = [(*_likeness(log, increments, motion, seen, lag), float(lag)) for lag in lags]
+    return max(found, key=lambda one: abs(one[0]))
+
+
+def _likeness(
+    log: SensorLog, increments: FloatArray, motion: Motion, seen: FloatArray, lag: float
+) -> tuple[float, float]:
+    """Return the correlation of an IMU axis, `lag` later, with what the fixes saw, and the factor on it."""
+    total = np.concatenate(([0.0], np.cumsum(increments)))
+    felt = np.interp(motion.end + lag, log.time, total) - np.interp(motion.start + lag, log.time, total)
+    rows = np.isfinite(seen)
+    a, b = (felt / (motion.end - motion.start))[rows], seen[rows]
+    a, b = a - a.mean(), b - b.mean()
+    power = float(np.sqrt((a @ a) * (b @ b)))
+    if power == 0:
+        return 0.0, 0.0
+    # The factor from the ratio of sizes: regression would shrink it by the noise of the course.
+    return float(a @ b) / power, float(np.sqrt((a @ a) / (b @ b)))

@@ -1,0 +1,259 @@
+"""Alignment: where a navigator starts with recorded sensors.
+
+At rest the accelerometers show the vertical and the gyros their bias; in motion the acceleration that the
+fixes show is taken off first. The heading is the course of the first motion, carried back to the start by
+the gyros; where nothing ever moves it stays unknown. P. D. Groves, *Principles of GNSS, Inertial and
+Multisensor Integrated Navigation Systems*, 2nd ed., ch. 5.6.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
+
+from lab import earth
+from lab.navigation.solution import Fixes, Imu, Start
+from lab.rotation import quaternion_from_euler, wrap
+
+FloatArray = NDArray[np.float64]
+
+REST_SPEED = 0.5
+"""A vehicle slower than this may be at rest [m/s]."""
+COURSE_SPEED = 1.0
+"""A vehicle faster than this, and than three σ of its speed, shows its heading by its course [m/s]."""
+SIDESLIP = np.radians(10.0)
+"""σ of heading minus course: wind, sideslip, an IMU not quite straight in its vehicle [rad]."""
+
+_REST_RATE = np.radians(2.0)
+_REST_FORCE = 0.4
+_SECOND = 1.0
+_LEVELLING = 2.0
+_AROUND = 1.1
+_LONGEST_REST = 60.0
+_TILT_IN_MOTION = np.radians(3.0)
+_ALLOWED_BIAS = 0.05
+_STRAIGHT = np.radians(2.0)
+_STRAIGHT_SIGMA = np.radians(0.3)
+_LEAST_STRAIGHT = 10
+
+
+class Alignment(NamedTuple):
+    """The start of a navigator.
+
+    Attributes
+    ----------
+    start : Start
+        Position, velocity and attitude at the first sample.
+    gyro_bias : (3,) array
+        Initial gyro bias [rad/s].
+    attitude_sigma : (3,) array
+        σ of the attitude error, north, east, down [rad].
+    gyro_bias_sigma : (3,) array
+        σ of the gyro bias [rad/s].
+    rest : float
+        How long the vehicle was at rest at the start [s].
+    course_time : float
+        When the course gave the heading [s]; NaN where it never did.
+    """
+
+    start: Start
+    gyro_bias: FloatArray
+    attitude_sigma: FloatArray
+    gyro_bias_sigma: FloatArray
+    rest: float
+    course_time: float
+
+    @property
+    def remark(self) -> str:
+        """How the start was found, for people."""
+        levelled = (
+            f"Levelled at rest over {self.rest:.1f} s, gyro biases from the same time"
+            if self.rest
+            else "Levelled in motion by the acceleration the fixes show, gyro biases from straight legs"
+        )
+        if np.isnan(self.course_time):
+            return f"{levelled}; the heading is unknown, since nothing moved fast enough to show it."
+        return f"{levelled}; heading from the course at {self.course_time:.1f} s."
+
+
+def align(imu: Imu, fixes: Fixes, velocity_sigma: FloatArray) -> Alignment:
+    """Return where a navigator starts.
+
+    Parameters
+    ----------
+    imu, fixes
+        The measurements; the fixes of the IMU itself, all three velocities given.
+    velocity_sigma : (m, 3) array
+        σ of the velocities [m/s].
+    """
+    rest = _rest(imu, fixes)
+    position, velocity = (
+        _at_start(imu.time[0], fixes, values) for values in (fixes.position, fixes.velocity_n)
+    )
+    bias, bias_sigma = (_mean_rate(imu, rest), np.zeros(3)) if rest else _straight(imu, fixes, velocity_sigma)
+    turned = _turned(imu, bias)
+    heading, heading_sigma, course_time = _heading(imu, fixes, velocity_sigma, turned, rest)
+    length = rest or _LEVELLING
+    force = _mean_force(imu, length)
+    g = float(earth.gravity(np.sin(position[0]), position[2]))
+    felt = np.array([0.0, 0.0, -g]) if rest else _acceleration(imu, fixes, length) - (0, 0, g)
+    roll, pitch = level(force, felt, heading)
+    q_nb = quaternion_from_euler(np.array([roll, pitch, heading]))
+    if rest:
+        # What turns at rest is the Earth and the bias; of the Earth's rate the vertical part is known.
+        up = (
+            Rotation.from_quat(q_nb, scalar_first=True).inv().apply([0, 0, -earth.RATE * np.sin(position[0])])
+        )
+        bias = bias - up
+        sigma = np.full(3, max(earth.RATE, np.radians(0.02) / np.sqrt(rest)))
+        tilt = _ALLOWED_BIAS / g
+    else:
+        sigma = bias_sigma
+        tilt = _TILT_IN_MOTION
+    return Alignment(
+        Start(position, velocity, q_nb),
+        bias,
+        np.array([tilt, tilt, heading_sigma]),
+        sigma,
+        rest,
+        course_time,
+    )
+
+
+def level(force: FloatArray, felt: FloatArray, heading: float) -> tuple[float, float]:
+    """Return roll and pitch [rad] that turn a specific force measured in b into the one felt in n.
+
+    Parameters
+    ----------
+    force : (3,) array
+        Specific force in b [m/s²].
+    felt : (3,) array
+        The same in n: acceleration minus gravity [m/s²].
+    heading
+        Heading [rad].
+    """
+    c, s = np.cos(heading), np.sin(heading)
+    ahead, right, down = c * felt[0] + s * felt[1], c * felt[1] - s * felt[0], felt[2]
+    across = float(np.hypot(force[1], force[2]))
+    roll = -np.arccos(np.clip(right / across, -1, 1)) - np.arctan2(force[2], force[1])
+    below = force[1] * np.sin(roll) + force[2] * np.cos(roll)
+    pitch = np.arctan2(below, force[0]) - np.arctan2(down, ahead)
+    return float(wrap(roll)), float(wrap(pitch))
+
+
+def _rest(imu: Imu, fixes: Fixes) -> float:
+    """Return how long the vehicle is at rest from the first sample on, in whole seconds; 0 below two [s]."""
+    start = imu.time[0]
+    seconds = int(min(imu.time[-1] - start, _LONGEST_REST))
+    dt = np.diff(imu.time)[:, None]
+    rates, forces = imu.dtheta / dt, imu.dvelocity / dt
+    speed = np.linalg.norm(fixes.velocity_n[:, :2], axis=1)
+    level_force = forces[: max(1, np.searchsorted(imu.time, start + _SECOND))].mean(axis=0)
+    for second in range(seconds):
+        window = slice(*np.searchsorted(imu.time[1:], [start + second, start + second + _SECOND]))
+        if window.stop - window.start < 2:
+            return _at_least_two(second)
+        moving = speed[(fixes.time >= start + second) & (fixes.time < start + second + _SECOND)]
+        still = (
+            rates[window].std(axis=0).max() < _REST_RATE
+            and forces[window].std(axis=0).max() < _REST_FORCE
+            and np.abs(forces[window].mean(axis=0) - level_force).max() < _REST_FORCE / 2
+            and (not moving.size or float(np.median(moving)) < REST_SPEED)
+        )
+        if not still:
+            return _at_least_two(second)
+    return _at_least_two(seconds)
+
+
+def _at_least_two(seconds: int) -> float:
+    return float(seconds) if seconds >= 2 else 0.0
+
+
+def _mean_rate(imu: Imu, length: float) -> FloatArray:
+    last = max(1, int(np.searchsorted(imu.time, imu.time[0] + length, "right")) - 1)
+    return np.asarray(imu.dtheta[:last].sum(axis=0) / (imu.time[last] - imu.time[0]))
+
+
+def _straight(imu: Imu, fixes: Fixes, velocity_sigma: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return the gyro bias (3,) as the median rate in straight seconds, and its σ [rad/s].
+
+    A vehicle that keeps its course keeps its attitude on the average. Without ten such seconds the bias is
+    zero, and uncertain by the mean rate of the whole record.
+    """
+    ends = np.arange(imu.time[0], imu.time[-1], _SECOND)
+    angle = np.concatenate((np.zeros((1, 3)), np.cumsum(imu.dtheta, axis=0)))
+    rates = np.diff([np.interp(ends, imu.time, column) for column in angle.T], axis=1).T / _SECOND
+    fast = _shows_course(fixes, velocity_sigma)
+    if fast.sum() >= 2:
+        course = np.unwrap(np.arctan2(fixes.velocity_n[fast, 1], fixes.velocity_n[fast, 0]))
+        turn = np.diff(np.interp(ends, fixes.time[fast], course)) / _SECOND
+        known = np.diff(np.interp(ends, fixes.time, np.cumsum(fast))) > 0.5
+        straight = known & (np.abs(turn) < _STRAIGHT)
+        if straight.sum() >= _LEAST_STRAIGHT:
+            return np.median(rates[straight], axis=0), np.full(3, _STRAIGHT_SIGMA)
+    return np.zeros(3), np.abs(_mean_rate(imu, float(imu.time[-1] - imu.time[0])))
+
+
+def _shows_course(fixes: Fixes, velocity_sigma: FloatArray) -> NDArray[np.bool_]:
+    """Return which fixes are fast enough for their course to be the heading, nearly."""
+    speed = np.linalg.norm(fixes.velocity_n[:, :2], axis=1)
+    slowest = np.maximum(COURSE_SPEED, 3 * np.linalg.norm(velocity_sigma[:, :2], axis=1))
+    return np.asarray(speed > slowest)
+
+
+def _mean_force(imu: Imu, length: float) -> FloatArray:
+    last = max(1, int(np.searchsorted(imu.time, imu.time[0] + length, "right")) - 1)
+    return np.asarray(imu.dvelocity[:last].sum(axis=0) / (imu.time[last] - imu.time[0]))
+
+
+def _at_start(time: float, fixes: Fixes, values: FloatArray) -> FloatArray:
+    """Return values of the fixes (3,) at a time: between two fixes, or that of the first."""
+    after = int(np.clip(np.searchsorted(fixes.time, time), 1, fixes.time.size - 1))
+    a, b = fixes.time[after - 1], fixes.time[after]
+    step = values[after] - values[after - 1]
+    if values is fixes.position:
+        step = np.array([step[0], wrap(step[1]), step[2]])
+    return np.asarray(values[after - 1] + step * (time - a) / (b - a))
+
+
+def _acceleration(imu: Imu, fixes: Fixes, length: float) -> FloatArray:
+    """Return the mean acceleration (3,) over the first seconds, by a straight line through the velocities."""
+    start = imu.time[0]
+    near = np.abs(fixes.time - start - length / 2) < length / 2 + _AROUND
+    if near.sum() < 3:
+        return np.zeros(3)
+    slope = np.polyfit(fixes.time[near] - start, fixes.velocity_n[near], 1)[0]
+    return np.asarray(slope)
+
+
+def _turned(imu: Imu, bias: FloatArray) -> FloatArray:
+    """Return the angle (n + 1,) that a nearly level IMU has turned about the vertical [rad]."""
+    down = -_mean_force(imu, _LEVELLING)
+    down /= np.linalg.norm(down)
+    turned = (imu.dtheta - bias * np.diff(imu.time)[:, None]) @ down
+    return np.concatenate(([0.0], np.cumsum(turned)))
+
+
+def _heading(
+    imu: Imu, fixes: Fixes, velocity_sigma: FloatArray, turned: FloatArray, rest: float
+) -> tuple[float, float, float]:
+    """Return the heading at the first sample and its σ [rad], and when the course showed it [s]."""
+    speed = np.linalg.norm(fixes.velocity_n[:, :2], axis=1)
+    sigma = np.linalg.norm(velocity_sigma[:, :2], axis=1)
+    fast = _shows_course(fixes, velocity_sigma) & (fixes.time >= imu.time[0] - 1e-6)  # stamps are rounded
+    lasting = fast & np.append(fast[1:], False)
+    if not lasting.any():
+        return 0.0, np.pi, np.nan
+    first = int(np.argmax(lasting))
+    time = float(fixes.time[first])
+    course = np.arctan2(fixes.velocity_n[first, 1], fixes.velocity_n[first, 0])
+    heading = float(wrap(course - np.interp(time, imu.time, turned)))
+    drift = (np.radians(0.02) if rest else np.radians(1.0)) * (time - imu.time[0])
+    return (
+        heading,
+        float(min(np.pi, np.sqrt(SIDESLIP**2 + (sigma[first] / speed[first]) ** 2 + drift**2))),
+        time,
+    )

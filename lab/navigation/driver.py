@@ -1,0 +1,395 @@
+"""Driver: strapdown and filter over IMU increments and GPS fixes, compiled once for each error model.
+
+`driver` gives the one compiled loop: a batch run hands it a whole flight, a live run hands it one sample at a
+time. The loop is written with the kernels of `phi`; for another model, its own stand in their place, and are
+compiled when that model is first used.
+
+References
+----------
+P. D. Groves, *Principles of GNSS, Inertial and Multisensor Integrated Navigation Systems*, 2nd ed., ch. 14;
+A. Barrau, S. Bonnabel, *The invariant extended Kalman filter as a stable observer*, IEEE Trans. AC 62 (2017).
+"""
+
+from __future__ import annotations
+
+import functools
+import math
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lab.navigation import strapdown
+from lab.navigation.compilation import SOURCES, entry_kernel, inline_kernel, kernel, rebound
+from lab.navigation.error_models import PHI, ErrorModel
+from lab.navigation.kalman import MEASUREMENTS, update, update_through
+from lab.navigation.propagation import (
+    BIASES,
+    NAV,
+    STATES,
+    WIDTH,
+    X,
+    compile_projection,
+    compile_propagation,
+)
+from lab.navigation.solution import Fixes, Imu, Schedule, Solution
+from lab.navigation.strapdown import (
+    ACCEL_BIAS,
+    GYRO_BIAS,
+    LATITUDE,
+    PREVIOUS_VELOCITY,
+    VELOCITY,
+    Vector,
+    get,
+    put,
+)
+
+if TYPE_CHECKING:
+    from lab.navigation.navigator import Filter
+
+FloatArray = NDArray[np.float64]
+Kernel = Callable[..., Any]
+Advance = Callable[["Filter", Imu, Fixes, Solution, int, Schedule], int]
+
+
+@inline_kernel
+def _add_noise(w: FloatArray, state: FloatArray, noise: FloatArray, dt: float) -> None:
+    """Add the process noise of one step to P; white noise enters through C_nb."""
+    for block in range(2):
+        at = 6 - 3 * block  # gyro noise drives the attitude, accelerometer noise the velocity
+        q0, q1, q2 = dt * noise[3 * block], dt * noise[3 * block + 1], dt * noise[3 * block + 2]
+        for i in range(3):
+            a, b, c = get(state, strapdown.C_NB + 3 * i)
+            for j in range(i, 3):
+                d, e, f = get(state, strapdown.C_NB + 3 * j)
+                q = a * d * q0 + b * e * q1 + c * f * q2
+                w[WIDTH * (at + i) + at + j] += q
+                if j > i:
+                    w[WIDTH * (at + j) + at + i] += q
+    for b in range(BIASES):
+        w[(WIDTH + 1) * (NAV + b)] += dt * noise[6 + b]
+
+
+@inline_kernel
+def _add_noise_in_body(w: FloatArray, state: FloatArray, noise: FloatArray, dt: float) -> None:
+    """Add the process noise of one step to P where velocity and attitude errors are resolved in b."""
+    for i in range(3):
+        w[(WIDTH + 1) * (6 + i)] += dt * noise[i]
+        w[(WIDTH + 1) * (3 + i)] += dt * noise[3 + i]
+    for b in range(BIASES):
+        w[(WIDTH + 1) * (NAV + b)] += dt * noise[6 + b]
+
+
+def _prediction(model: ErrorModel, *, summed: bool) -> Kernel:
+    """Return the kernel that propagates [P | x] of a model, at each sample or with sums of F dt."""
+    propagate = compile_propagation(model)
+    add_noise = _add_noise_in_body if model.in_body else _add_noise
+
+    @inline_kernel
+    def step(run: Filter, dt: float, elapsed: float) -> None:
+        """Propagate [P | x] with F times dt, and with bias decay and noise over the time elapsed."""
+        decay = (
+            1 - elapsed * run.bias_decay[0],
+            1 - elapsed * run.bias_decay[1],
+            1 - elapsed * run.bias_decay[2],
+            1 - elapsed * run.bias_decay[3],
+            1 - elapsed * run.bias_decay[4],
+            1 - elapsed * run.bias_decay[5],
+        )
+        propagate(run.F, dt, decay, run.w)
+        # What has been fed back decays as what is still in x.
+        for b in range(BIASES):
+            run.state[GYRO_BIAS + b] *= decay[b]
+        add_noise(run.w, run.state, run.noise, elapsed)
+
+    @inline_kernel
+    def predict(run: Filter, dt: float, fix_due: bool, stride: int) -> None:
+        """Propagate [P | x] over the sample."""
+        step(run, dt, dt)
+
+    @inline_kernel
+    def predict_summed(run: Filter, dt: float, fix_due: bool, stride: int) -> None:
+        """Add the step to the sum of F dt; when due, propagate [P | x] over all steps since it last was."""
+        due = fix_due or run.counts[1] + 1 >= stride
+        run.counts[1] += 1
+        run.clock[1] += dt
+        for i in range(NAV):
+            for j in range(STATES):
+                run.F_sum[i, j] += dt * run.F[i, j]
+                if due:
+                    run.F[i, j] = run.F_sum[i, j]
+                    run.F_sum[i, j] = 0.0
+        if due:
+            step(run, 1.0, run.clock[1])
+            run.counts[1] = 0
+            run.clock[1] = 0.0
+
+    return predict_summed if summed else predict
+
+
+@kernel
+def _correct(state: FloatArray, w: FloatArray, T: FloatArray) -> None:
+    """Take the estimated error out of the navigator, and set the estimate to zero."""
+    x, y, z = w[X], w[WIDTH + X], w[2 * WIDTH + X]
+    latitude = state[LATITUDE] - x * state[strapdown.MERIDIAN]
+    longitude = state[strapdown.LONGITUDE] - y * state[strapdown.TRANSVERSE] / state[strapdown.COSINE]
+    strapdown.set_position(state, latitude, longitude, state[strapdown.HEIGHT] + z)
+    for i in range(3):
+        state[VELOCITY + i] -= w[WIDTH * (3 + i) + X]
+        # A second fix before the next sample interpolates between this one and the one before.
+        state[PREVIOUS_VELOCITY + i] -= w[WIDTH * (3 + i) + X]
+        state[GYRO_BIAS + i] -= w[WIDTH * (9 + i) + X]
+        state[ACCEL_BIAS + i] -= w[WIDTH * (12 + i) + X]
+    attitude = strapdown.rotation((w[WIDTH * 6 + X], w[WIDTH * 7 + X], w[WIDTH * 8 + X]))
+    at = strapdown.Q_NB
+    q = strapdown.product(attitude, (state[at], state[at + 1], state[at + 2], state[at + 3]))
+    put(state, at, (q[0], q[1], q[2]))
+    state[at + 3] = q[3]
+    for i in range(STATES):
+        w[WIDTH * i + X] = 0.0
+
+
+@inline_kernel
+def _bend(psi: Vector, v: Vector) -> Vector:
+    """Return J v with J the left Jacobian of the rotation ψ, the exponential's of SE₂(3)."""
+    square = psi[0] * psi[0] + psi[1] * psi[1] + psi[2] * psi[2]
+    if square < 1e-4:
+        a, b = 1 / 2 - square / 24, 1 / 6 - square / 120
+    else:
+        angle = math.sqrt(square)
+        a, b = (1 - math.cos(angle)) / square, (angle - math.sin(angle)) / (square * angle)
+    once = strapdown.cross(psi, v)
+    return strapdown.plus(strapdown.plus(v, a, once), b, strapdown.cross(psi, once))
+
+
+@kernel
+def bend_estimate(x: FloatArray) -> None:
+    """Apply the group's Jacobian to the position and velocity of an error estimate, x ≥ (9,), in place."""
+    psi = get(x, 6)
+    put(x, 0, _bend(psi, get(x, 0)))
+    put(x, 3, _bend(psi, get(x, 3)))
+
+
+@kernel
+def _difference(
+    state: FloatArray, age: float, fraction: float, position: FloatArray, velocity: FloatArray, z: FloatArray
+) -> None:
+    """Write navigator minus fix, the navigator interpolated to `age` seconds (`fraction` of a step) ago."""
+    v = get(state, VELOCITY)
+    before = get(state, strapdown.PREVIOUS_VELOCITY)
+    mean = (0.5 * (v[0] + before[0]), 0.5 * (v[1] + before[1]), 0.5 * (v[2] + before[2]))
+    east = state[strapdown.LONGITUDE] - position[1]
+    east -= 2 * math.pi * math.floor(east / (2 * math.pi) + 0.5)
+    z[0] = (state[LATITUDE] - position[0]) / state[strapdown.MERIDIAN] - age * mean[0]
+    z[1] = east * state[strapdown.COSINE] / state[strapdown.TRANSVERSE] - age * mean[1]
+    z[2] = position[2] - state[strapdown.HEIGHT] - age * mean[2]
+    for i in range(3):
+        z[3 + i] = v[i] - fraction * (v[i] - before[i]) - velocity[i]
+
+
+@inline_kernel
+def _observe(run: Filter, z: FloatArray, gate: float, nu: FloatArray, S: FloatArray) -> bool:
+    """Update [P | x] with one fix; return whether it was used."""
+    return update(run.w, z, run.R, run.R_root, nu, S, gate)
+
+
+@inline_kernel
+def _store_state(out: Solution, k: int, state: FloatArray) -> None:
+    """Write position, velocity, attitude and biases of sample k."""
+    for i in range(3):
+        out.position[k, i] = state[LATITUDE + i]
+        out.velocity_n[k, i] = state[VELOCITY + i]
+    for i in range(4):
+        out.q_nb[k, i] = state[strapdown.Q_NB + i]
+    for i in range(6):
+        out.bias[k, i] = state[GYRO_BIAS + i]
+
+
+@inline_kernel
+def _store(out: Solution, k: int, state: FloatArray, w: FloatArray, T: FloatArray) -> None:
+    """Write sample k of the solution."""
+    _store_state(out, k, state)
+    for i in range(STATES):
+        out.variance[k, i] = w[(WIDTH + 1) * i]
+    for block in range(2):
+        at = (WIDTH + 1) * 6 * block
+        out.covariance[k, block, 0] = w[at + 1]
+        out.covariance[k, block, 1] = w[at + 2]
+        out.covariance[k, block, 2] = w[at + WIDTH + 2]
+
+
+@kernel
+def _store_fix(out: Solution, m: int, state: FloatArray, w: FloatArray, T: FloatArray) -> None:
+    """Write the covariance after fix m."""
+    for i in range(STATES):
+        for j in range(STATES):
+            out.fix_covariance[m, i, j] = w[WIDTH * i + j]
+
+
+def _mapped(model: ErrorModel) -> dict[str, Kernel]:
+    """Return the kernels of a model with coordinates of its own, which do all that leaves the filter by T."""
+    write_map, project, in_body = model.write_map, compile_projection(model), model.in_body
+    assert write_map is not None
+
+    @kernel
+    def observe(run: Filter, z: FloatArray, gate: float, nu: FloatArray, S: FloatArray) -> bool:
+        write_map(run.state, run.T)
+        return update_through(run.T, run.w, z, run.R, run.R_root, nu, S, gate)
+
+    @kernel
+    def correct(state: FloatArray, w: FloatArray, T: FloatArray) -> None:
+        write_map(state, T)
+        x = np.empty(NAV)
+        for c in range(NAV):
+            x[c] = w[WIDTH * c + X]
+        if in_body:
+            bend_estimate(x)
+        for r in range(NAV):
+            w[WIDTH * r + X] = 0.0
+            for c in range(NAV):
+                w[WIDTH * r + X] += T[r, c] * x[c]
+        _correct(state, w, T)
+
+    @inline_kernel
+    def store(out: Solution, k: int, state: FloatArray, w: FloatArray, T: FloatArray) -> None:
+        _store_state(out, k, state)
+        write_map(state, T)
+        project(T, w, k, out.variance, out.covariance)
+
+    @kernel
+    def store_fix(out: Solution, m: int, state: FloatArray, w: FloatArray, T: FloatArray) -> None:
+        write_map(state, T)
+        P = out.fix_covariance[m]
+        half = np.zeros((STATES, STATES))
+        for i in range(STATES):
+            for j in range(STATES):
+                if i >= NAV:
+                    half[i, j] = w[WIDTH * i + j]
+                else:
+                    for c in range(NAV):
+                        half[i, j] += T[i, c] * w[WIDTH * c + j]
+        for i in range(STATES):
+            for j in range(i, STATES):
+                P[i, j] = half[i, j]
+                if j < NAV:
+                    P[i, j] = 0.0
+                    for c in range(NAV):
+                        P[i, j] += half[i, c] * T[j, c]
+                P[j, i] = P[i, j]
+
+    return {"_observe": observe, "_correct": correct, "_store": store, "_store_fix": store_fix}
+
+
+@kernel
+def _has_estimate(w: FloatArray) -> bool:
+    """Say whether an estimated error waits to be corrected."""
+    estimate = False
+    for i in range(STATES):
+        estimate |= w[WIDTH * i + X] != 0
+    return estimate
+
+
+def _estimation(correct: Kernel) -> Kernel:
+    """Return the kernel that says what a navigator would be with its estimated error taken out."""
+
+    @kernel
+    def corrected(
+        state: FloatArray, w: FloatArray, T: FloatArray, x: FloatArray, spare: FloatArray
+    ) -> FloatArray:
+        """Write the corrected state into `spare`, leaving the navigator as it is."""
+        for i in range(strapdown.LENGTH):  # a slice would compile its error messages too: a second
+            spare[i] = state[i]
+        for i in range(STATES):
+            x[i] = w[WIDTH * i + X]
+        correct(spare, w, T)
+        for i in range(STATES):
+            w[WIDTH * i + X] = x[i]
+        return spare
+
+    return corrected
+
+
+# The kernels of `phi` at each sample, in whose place those of other models stand.
+_write = PHI.write
+_predict = _prediction(PHI, summed=False)
+_corrected = _estimation(_correct)
+
+
+def _kernels(model: ErrorModel, *, summed: bool) -> dict[str, Kernel]:
+    """Return the kernels that differ from those of `phi` at each sample, by their names here."""
+    if model is PHI and not summed:
+        return {}
+    kernels = {"_write": model.write, "_predict": _prediction(model, summed=summed)}
+    if model.write_map:
+        kernels |= _mapped(model)
+        kernels["_corrected"] = _estimation(kernels["_correct"])
+    return kernels
+
+
+@functools.cache
+def driver(model: ErrorModel, *, summed: bool) -> Advance:
+    """Return the driver of a model, which is compiled, or loaded from the disk, when first called.
+
+    Parameters
+    ----------
+    model
+        The error model.
+    summed
+        For propagating P less often than at every sample.
+    """
+    identity = SOURCES, model.name, summed
+
+    def advance(run: Filter, imu: Imu, fixes: Fixes, out: Solution, first: int, schedule: Schedule) -> int:
+        """Advance a navigator over the samples of `imu` from number `first` on; return where it stopped.
+
+        It stops early, at the number of samples written, if it comes too close to a pole.
+        """
+        _ = identity
+        state, w, T = run.state, run.w, run.T
+        z = np.empty(MEASUREMENTS)
+        x = np.empty(STATES)
+        spare = np.empty(strapdown.LENGTH)
+        pending = _has_estimate(w)
+        if first == 0:
+            _store(out, 0, state, w, T)
+        for k in range(first, imu.dtheta.shape[0]):
+            time = imu.time[k + 1]
+            dt = time - imu.time[k]
+            strapdown.step(state, get(imu.dtheta[k], 0), get(imu.dvelocity[k], 0), dt)
+            if abs(state[LATITUDE]) > strapdown.MAX_LATITUDE:
+                return k + 1
+            m = run.counts[0]
+            fix_due = m < fixes.time.size and fixes.time[m] <= time + 1e-6 * dt
+            _write(state, run.F)
+            _predict(run, dt, fix_due, schedule.stride)
+            while fix_due:
+                age = time - fixes.time[m]
+                if age <= dt * (1 + 1e-6):
+                    _difference(state, age, age / dt, fixes.position[m], fixes.velocity_n[m], z)
+                    if _observe(run, z, schedule.gate, out.innovation[m], out.innovation_covariance[m]):
+                        out.fix_sample[m] = k + 1
+                        pending = True
+                        if (
+                            schedule.feedback
+                            and time - run.clock[0] >= schedule.correction_period - 1e-6 * dt
+                        ):
+                            _correct(state, w, T)
+                            run.clock[0] = time
+                            pending = False
+                        if pending:
+                            _store_fix(out, m, _corrected(state, w, T, x, spare), w, T)
+                        else:
+                            _store_fix(out, m, state, w, T)
+                    else:
+                        out.fix_rejected[m] = True
+                m += 1
+                run.counts[0] = m
+                fix_due = m < fixes.time.size and fixes.time[m] <= time + 1e-6 * dt
+            if pending:
+                _store(out, k + 1, _corrected(state, w, T, x, spare), w, T)
+            else:
+                _store(out, k + 1, state, w, T)
+        return imu.time.size
+
+    return entry_kernel(rebound(advance, **_kernels(model, summed=summed)))

@@ -1,0 +1,244 @@
+"""Sigma points: a navigator and its covariance as 2 n navigators, and back; attitudes on SO(3).
+
+A sigma point is what the truth may be: the navigator with an error of its covariance taken out of it, the
+attitude by an exact rotation.
+
+The transform is the scaled one with α = 1, β = 0, κ = 3 − n for n states: the points lie at √3 σ, where they
+have the fourth moment of the normal distribution, weigh 1/6 each, and the centre 1 − n/3. That this is
+negative can spoil a covariance. Here it cannot: the kinematics are nonlinear in the attitude alone, and the
+root of P is taken with the attitude first, so that it moves in six points only, whose weights sum to one.
+
+References
+----------
+S. J. Julier, J. K. Uhlmann, H. F. Durrant-Whyte, *A new method for the nonlinear transformation of means and
+covariances in filters and estimators*, IEEE Trans. AC 45 (2000); S. J. Julier, *The scaled unscented
+transformation*, ACC 2002; E. Kraft, *A quaternion-based unscented Kalman filter for orientation tracking*,
+FUSION 2003 (mean of attitudes); J. L. Crassidis, F. L. Markley, *Unscented filtering for spacecraft attitude
+estimation*, JGCD 26 (2003); M. W. Mueller, M. Hehn, R. D'Andrea, *Covariance correction step for Kalman
+filtering with an attitude*, JGCD 40 (2017).
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lab.navigation import strapdown
+from lab.navigation.compilation import inline_kernel, kernel
+from lab.navigation.strapdown import (
+    ACCEL_BIAS,
+    GYRO_BIAS,
+    LATITUDE,
+    PREVIOUS_VELOCITY,
+    VELOCITY,
+    Quaternion,
+    Vector,
+    get,
+    put,
+)
+
+FloatArray = NDArray[np.float64]
+
+SPREAD = math.sqrt(3)
+"""Distance of the sigma points from the centre, in σ: √(n + κ)."""
+WEIGHT = 1 / 6
+"""Weight of each sigma point but the centre, 1 / (2 (n + κ))."""
+ROUNDS = 20
+"""Largest number of iterations for a mean attitude; five are enough for errors of 60°."""
+CONVERGED = 1e-12
+"""Where they end [rad]."""
+
+
+@kernel
+def cholesky(P: FloatArray, order: NDArray[np.int64], root: FloatArray) -> None:
+    """Write the root of P, P = root rootᵀ, lower triangular once its rows are in the given order.
+
+    A state without variance of its own, beyond that of those before it, gets a column of zeros.
+    """
+    for j in range(order.size):
+        row = order[j]
+        pivot = P[row, row]
+        for k in range(j):
+            pivot -= root[row, k] * root[row, k]
+        root[row, j] = math.sqrt(pivot) if pivot > 1e-14 * P[row, row] else 0.0
+        per_pivot = 1 / root[row, j] if root[row, j] > 0 else 0.0
+        for i in range(j + 1, order.size):
+            total = P[order[i], row]
+            for k in range(j):
+                total -= root[order[i], k] * root[row, k]
+            root[order[i], j] = total * per_pivot
+
+
+@inline_kernel
+def attitude(state: FloatArray) -> Quaternion:
+    """Read the attitude."""
+    at = strapdown.Q_NB
+    return state[at], state[at + 1], state[at + 2], state[at + 3]
+
+
+@inline_kernel
+def rotation_vector(p: Quaternion, q: Quaternion) -> Vector:
+    """Return the rotation vector of p ⊗ q*, no longer than π."""
+    w, x, y, z = strapdown.product(p, (q[0], -q[1], -q[2], -q[3]))
+    sine = math.sqrt(x * x + y * y + z * z)
+    size = 2 * math.atan2(sine, abs(w)) / sine if sine > 1e-12 else 2.0
+    f = math.copysign(size, w)
+    return f * x, f * y, f * z
+
+
+@kernel
+def displace(state: FloatArray, x: FloatArray) -> None:
+    """Take an error x out of a navigator, its attitude by the exact rotation C_nb = exp([φ×]) Ĉ_nb."""
+    latitude = state[LATITUDE] - x[0] * state[strapdown.MERIDIAN]
+    longitude = state[strapdown.LONGITUDE] - x[1] * state[strapdown.TRANSVERSE] / state[strapdown.COSINE]
+    strapdown.set_position(state, latitude, longitude, state[strapdown.HEIGHT] + x[2])
+    for i in range(3):
+        state[VELOCITY + i] -= x[3 + i]
+        state[PREVIOUS_VELOCITY + i] -= x[3 + i]
+        state[GYRO_BIAS + i] -= x[9 + i]
+        state[ACCEL_BIAS + i] -= x[12 + i]
+    q = strapdown.product(strapdown.rotation((x[6], x[7], x[8])), attitude(state))
+    put(state, strapdown.Q_NB, (q[0], q[1], q[2]))
+    state[strapdown.Q_NB + 3] = q[3]
+
+
+@kernel
+def transport(P: FloatArray, phi: Vector) -> None:
+    """Carry P to the attitude corrected by φ: the error left is J (error − φ), J the left Jacobian of SO(3).
+
+    See Mueller et al. 2017; J = I + (1 − cos φ)/φ² [φ×] + (φ − sin φ)/φ³ [φ×]².
+    """
+    square = phi[0] * phi[0] + phi[1] * phi[1] + phi[2] * phi[2]
+    angle = math.sqrt(square)
+    if angle < 1e-3:
+        first, second = 0.5 - square / 24, 1 / 6 - square / 120
+    else:
+        first, second = (1 - math.cos(angle)) / square, (angle - math.sin(angle)) / (angle * square)
+    for i in range(P.shape[0]):
+        a = (P[6, i], P[7, i], P[8, i])
+        turned = strapdown.cross(phi, a)
+        a = strapdown.plus(strapdown.plus(a, first, turned), second, strapdown.cross(phi, turned))
+        P[6, i], P[7, i], P[8, i] = a
+    for i in range(P.shape[0]):
+        a = get(P[i], 6)
+        turned = strapdown.cross(phi, a)
+        put(P[i], 6, strapdown.plus(strapdown.plus(a, first, turned), second, strapdown.cross(phi, turned)))
+    for i in range(P.shape[0]):
+        for j in range(6, 9):
+            P[j, i] = P[i, j]
+
+
+@kernel
+def spread(
+    state: FloatArray,
+    P: FloatArray,
+    order: NDArray[np.int64],
+    root: FloatArray,
+    x: FloatArray,
+    points: FloatArray,
+) -> None:
+    """Write the sigma points: the navigator with ± √3 times each column of the root of P taken out of it.
+
+    Parameters
+    ----------
+    state : (LENGTH,) array
+        The navigator.
+    P : (n, n) array
+        Covariance of its error.
+    order : (n,) array
+        Order of the states in the root.
+    root, x : (n, n) and (n,) arrays
+        Workspace; zeros at first.
+    points : (2 n, LENGTH) array
+        Receives the sigma points.
+    """
+    n = x.size
+    cholesky(P, order, root)
+    for point in range(2 * n):
+        size = SPREAD if point < n else -SPREAD
+        for i in range(n):
+            x[i] = size * root[i, point % n]
+        for i in range(state.size):
+            points[point, i] = state[i]
+        displace(points[point], x)
+
+
+@kernel
+def gather(
+    state: FloatArray, points: FloatArray, deviations: FloatArray, x: FloatArray, P: FloatArray
+) -> None:
+    """Write mean and covariance of the sigma points.
+
+    Parameters
+    ----------
+    state : (LENGTH,) array
+        The navigator, the centre of the points.
+    points : (2 n, LENGTH) array
+        The sigma points.
+    deviations : (2 n, n) array
+        Workspace.
+    x : (n,) array
+        Receives the error of the navigator, were the mean the truth.
+    P : (n, n) array
+        Receives the covariance of the error of the mean.
+    """
+    n = x.size
+    q = _mean_attitude(state, points)
+    centre = rotation_vector(attitude(state), q)
+    for i in range(n):
+        x[i] = 0.0
+    for point in range(2 * n):
+        deviation = deviations[point]
+        _difference(state, points[point], deviation)
+        phi = rotation_vector(attitude(points[point]), q)
+        for i in range(3):
+            deviation[6 + i] = phi[i] - centre[i]
+        for i in range(n):
+            x[i] += WEIGHT * deviation[i]
+    put(x, 6, (-centre[0], -centre[1], -centre[2]))
+    # Deviations d are from the centre, which itself is −x off the mean: the weighted sum of squares about the
+    # mean, weight of the centre and all, is that of d less x xᵀ.
+    for i in range(n):
+        for j in range(n):
+            P[i, j] = 0.0
+    for point in range(2 * n):
+        for i in range(n):
+            for j in range(n):
+                P[i, j] += deviations[point, i] * deviations[point, j]
+    for i in range(n):
+        for j in range(n):
+            P[i, j] = WEIGHT * P[i, j] - x[i] * x[j]
+
+
+@inline_kernel
+def _difference(state: FloatArray, truth: FloatArray, x: FloatArray) -> None:
+    """Write the error of a navigator, were another one the truth; all but its attitude."""
+    x[0] = (state[LATITUDE] - truth[LATITUDE]) / state[strapdown.MERIDIAN]
+    east = state[strapdown.LONGITUDE] - truth[strapdown.LONGITUDE]
+    east -= 2 * math.pi * math.floor(east / (2 * math.pi) + 0.5)
+    x[1] = east * state[strapdown.COSINE] / state[strapdown.TRANSVERSE]
+    x[2] = truth[strapdown.HEIGHT] - state[strapdown.HEIGHT]
+    for i in range(3):
+        x[3 + i] = state[VELOCITY + i] - truth[VELOCITY + i]
+        x[6 + i] = 0.0
+        x[9 + i] = state[GYRO_BIAS + i] - truth[GYRO_BIAS + i]
+        x[12 + i] = state[ACCEL_BIAS + i] - truth[ACCEL_BIAS + i]
+
+
+@inline_kernel
+def _mean_attitude(state: FloatArray, points: FloatArray) -> Quaternion:
+    """Return the attitude from which the weighted rotation vectors to all points sum to nothing (Kraft)."""
+    q = attitude(state)
+    at_centre = 1 - WEIGHT * points.shape[0]
+    for _ in range(ROUNDS):
+        a, b, c = rotation_vector(attitude(state), q)
+        a, b, c = at_centre * a, at_centre * b, at_centre * c
+        for point in range(points.shape[0]):
+            phi = rotation_vector(attitude(points[point]), q)
+            a, b, c = a + WEIGHT * phi[0], b + WEIGHT * phi[1], c + WEIGHT * phi[2]
+        q = strapdown.unit(strapdown.product(strapdown.rotation((a, b, c)), q))
+        if abs(a) + abs(b) + abs(c) < CONVERGED:
+            break
+    return q

@@ -1,0 +1,405 @@
+"""Unscented: the nonlinear filter, sigma points through the exact strapdown kinematics, attitude on SO(3).
+
+The navigator and its 30 sigma points are stepped side by side through every IMU sample. Mean and covariance
+are formed of where they have come to 50 times a second; at each fix, and once a second without, the points
+are spread anew about the mean. Nothing is linearised but the way of the process noise from one spreading to
+the next, so the attitude error may be as large as a heading nobody knows.
+
+References
+----------
+E. Kraft, *A quaternion-based unscented Kalman filter for orientation tracking*, FUSION 2003; J. L. Crassidis,
+F. L. Markley, *Unscented filtering for spacecraft attitude estimation*, JGCD 26 (2003); P. D. Groves,
+*Principles of GNSS, Inertial and Multisensor Integrated Navigation Systems*, 2nd ed., ch. 3.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lab import earth
+from lab.navigation import strapdown
+from lab.navigation.compilation import SOURCES, entry_kernel, inline_kernel, interpreted, kernel
+from lab.navigation.kalman import MEASUREMENTS
+from lab.navigation.navigator import PolarError
+from lab.navigation.sigma_points import attitude, cholesky, displace, gather, spread, transport
+from lab.navigation.solution import EVERY_FIX, Belief, Fixes, Imu, Schedule, Solution, Start
+from lab.navigation.strapdown import (
+    GYRO_BIAS,
+    LATITUDE,
+    PREVIOUS_VELOCITY,
+    VELOCITY,
+    Matrix,
+    Vector,
+    get,
+    put,
+)
+from lab.settings import SettingError
+
+FloatArray = NDArray[np.float64]
+
+FORMED = 0.02
+"""Shortest time between two formations of mean and covariance, those at fixes apart [s]."""
+HELD = 1.0
+"""Longest time for which the sigma points go on before they are spread anew [s]."""
+
+
+class Filter(NamedTuple):
+    """An unscented filter between two samples, with the workspace of its kernels.
+
+    Attributes
+    ----------
+    state : (LENGTH,) array
+        The navigator: the mean, and the centre of the sigma points.
+    points : (2 n, LENGTH) array
+        The sigma points, navigators of the same kind.
+    P : (n, n) array
+        Covariance of the error, in the order of `error_models.STATES`.
+    """
+
+    state: FloatArray
+    points: FloatArray
+    P: FloatArray
+    root: FloatArray  # lower Cholesky factor of P
+    deviations: FloatArray  # error of the navigator, were each sigma point the truth
+    order: NDArray[np.int64]  # of the states in the root: the attitude first
+    x: FloatArray
+    mean: FloatArray  # error of the navigator, were the mean of the sigma points the truth
+    driven: FloatArray  # covariance that process noise has brought since the points were spread
+    spare: FloatArray  # a navigator
+    counts: NDArray[np.int64]  # next fix; samples since mean and covariance were formed
+    clock: FloatArray  # seconds since then; seconds since the points were spread, negative before that
+    R: FloatArray
+    noise: FloatArray
+    bias_decay: FloatArray
+
+    @classmethod
+    def begin(cls, start: Start, belief: Belief) -> Filter:
+        """Return a filter at its start."""
+        state = np.zeros(strapdown.LENGTH)
+        interpreted(strapdown.set_position)(state, *start.position)
+        meridian, transverse = earth.radii(state[strapdown.SINE])
+        state[strapdown.MERIDIAN] = 1 / (meridian + start.position[2])
+        state[strapdown.TRANSVERSE] = 1 / (transverse + start.position[2])
+        state[VELOCITY : VELOCITY + 3] = start.velocity_n
+        state[strapdown.Q_NB : strapdown.Q_NB + 4] = start.q_nb
+        n = belief.P0.shape[0]
+        return cls(
+            state,
+            np.zeros((2 * n, strapdown.LENGTH)),
+            np.array(belief.P0, dtype=np.float64, order="C"),
+            np.zeros((n, n)),
+            np.zeros((2 * n, n)),
+            np.r_[6:9, 0:6, 9:n],
+            np.zeros(n),
+            np.zeros(n),
+            np.zeros((n, n)),
+            np.zeros(strapdown.LENGTH),
+            np.zeros(2, dtype=np.int64),
+            np.array([0.0, -1.0]),
+            np.ascontiguousarray(belief.R),
+            np.ascontiguousarray(belief.noise),
+            np.ascontiguousarray(belief.bias_decay),
+        )
+
+
+def navigate(
+    imu: Imu, fixes: Fixes, start: Start, belief: Belief, schedule: Schedule = EVERY_FIX
+) -> Solution:
+    """Navigate a whole flight with the unscented filter; arguments and result as for `navigator.navigate`.
+
+    Between two formations of the covariance (`FORMED`, or `schedule.stride` samples if that is longer) the
+    variance put out is the last one formed.
+
+    Raises
+    ------
+    PolarError
+        If the navigator comes closer than 0.1° to a pole.
+    SettingError
+        If the schedule asks for what this filter cannot do: feedforward, or corrections less often than at
+        each fix.
+    """
+    _check(schedule)
+    solution = Solution.empty(imu.time.size, fixes.time.size)
+    stopped = 0
+    if abs(start.position[0]) <= strapdown.MAX_LATITUDE:
+        stopped = advance(Filter.begin(start, belief), imu, fixes, solution, 0, schedule)
+    if stopped < imu.time.size:
+        raise PolarError(_POLAR.format(time=imu.time[max(stopped - 1, 0)]))
+    return solution
+
+
+_POLAR = (
+    "t = {time:.3f} s: closer than 0.1° to a pole, where a north-slaved navigation frame cannot follow; "
+    "accepted are latitudes up to 89.9°"
+)
+
+
+def _check(schedule: Schedule) -> None:
+    """Refuse a schedule that leaves the navigator uncorrected."""
+    if not schedule.feedback:
+        raise SettingError(
+            "navigator.correction: the nonlinear filter spreads its sigma points about its estimate, so "
+            "there is no free-running navigator to subtract an error from; accepted is feedback"
+        )
+    if schedule.correction_period:
+        raise SettingError(
+            "navigator.correction_period: the nonlinear filter spreads its sigma points about the corrected "
+            "navigator, so it corrects at each fix; accepted is 0"
+        )
+
+
+@inline_kernel
+def _decay(run: Filter, elapsed: float) -> None:
+    """Let the biases fade: the navigator's, those of all points, and what noise has added to them."""
+    for b in range(6):
+        if run.bias_decay[b] > 0:
+            kept = math.exp(-run.bias_decay[b] * elapsed)
+            run.state[GYRO_BIAS + b] *= kept
+            for point in range(run.points.shape[0]):
+                run.points[point, GYRO_BIAS + b] *= kept
+            for i in range(run.x.size):
+                run.driven[9 + b, i] *= kept
+            for i in range(run.x.size):
+                run.driven[i, 9 + b] *= kept
+
+
+@inline_kernel
+def _add_noise(run: Filter, C_nb: Matrix, elapsed: float) -> None:
+    """Add the process noise of some time; white noise enters through C_nb."""
+    for block in range(2):
+        at = 6 - 3 * block  # gyro noise drives the attitude, accelerometer noise the velocity
+        for i in range(3):
+            for j in range(3):
+                total = 0.0
+                for k in range(3):
+                    total += C_nb[i][k] * C_nb[j][k] * run.noise[3 * block + k]
+                run.driven[at + i, at + j] += elapsed * total
+    for b in range(6):
+        run.driven[9 + b, 9 + b] += elapsed * run.noise[6 + b]
+
+
+@inline_kernel
+def _drive(run: Filter, elapsed: float) -> None:
+    """Carry the covariance that noise has brought over the time elapsed, and add the noise of that time.
+
+    Half of it before and half after, which is of second order in that time. The covariance is small and stays
+    with its points for a second at most: of the error's rates those that matter are δṙ = δv,
+    δv̇ = f × φ − C_nb δb_a and φ̇ = C_nb δb_g.
+    """
+    D, n = run.driven, run.x.size
+    C_nb = strapdown.matrix(attitude(run.state))
+    force = get(run.state, strapdown.FORCE_N)
+    _add_noise(run, C_nb, 0.5 * elapsed)
+    for i in range(n):
+        v, phi = (D[3, i], D[4, i], D[5, i]), (D[6, i], D[7, i], D[8, i])
+        gyro, accel = (D[9, i], D[10, i], D[11, i]), (D[12, i], D[13, i], D[14, i])
+        push = strapdown.plus(strapdown.cross(force, phi), -1.0, strapdown.rotate(C_nb, accel))
+        turn = strapdown.rotate(C_nb, gyro)
+        for j in range(3):
+            D[j, i] += elapsed * v[j]
+            D[3 + j, i] += elapsed * push[j]
+            D[6 + j, i] += elapsed * turn[j]
+    for i in range(n):
+        v, phi, gyro, accel = get(D[i], 3), get(D[i], 6), get(D[i], 9), get(D[i], 12)
+        push = strapdown.plus(strapdown.cross(force, phi), -1.0, strapdown.rotate(C_nb, accel))
+        put(D[i], 0, strapdown.plus(get(D[i], 0), elapsed, v))
+        put(D[i], 3, strapdown.plus(v, elapsed, push))
+        put(D[i], 6, strapdown.plus(phi, elapsed, strapdown.rotate(C_nb, gyro)))
+    _add_noise(run, C_nb, 0.5 * elapsed)
+
+
+@kernel
+def _form(run: Filter) -> None:
+    """Form mean and covariance: what the points say, and what noise has brought since they were spread."""
+    _decay(run, run.clock[0])
+    gather(run.state, run.points, run.deviations, run.mean, run.P)
+    _drive(run, run.clock[0])
+    for i in range(run.x.size):
+        for j in range(i + 1):  # one triangle for both: roundoff would part them
+            p = run.P[i, j] + run.driven[i, j]
+            run.P[i, j] = p
+            run.P[j, i] = p
+    run.counts[1] = 0
+    run.clock[0] = 0.0
+
+
+@kernel
+def _centre(run: Filter) -> None:
+    """Move the navigator to the mean; its sigma points are to be spread anew."""
+    displace(run.state, run.mean)
+    for i in range(run.x.size):
+        run.mean[i] = 0.0
+        for j in range(run.x.size):
+            run.driven[i, j] = 0.0
+    run.clock[1] = -1.0
+
+
+@kernel
+def _innovation(
+    state: FloatArray, age: float, fraction: float, position: FloatArray, velocity: FloatArray, z: FloatArray
+) -> None:
+    """Write navigator minus fix, the navigator interpolated to `age` seconds (`fraction` of a step) ago."""
+    east = state[strapdown.LONGITUDE] - position[1]
+    east -= 2 * math.pi * math.floor(east / (2 * math.pi) + 0.5)
+    z[0] = (state[LATITUDE] - position[0]) / state[strapdown.MERIDIAN]
+    z[1] = east * state[strapdown.COSINE] / state[strapdown.TRANSVERSE]
+    z[2] = position[2] - state[strapdown.HEIGHT]
+    for i in range(3):
+        now, before = state[VELOCITY + i], state[PREVIOUS_VELOCITY + i]
+        z[i] -= age * 0.5 * (now + before)
+        z[3 + i] = now - fraction * (now - before) - velocity[i]
+
+
+@kernel
+def _update(run: Filter, nu: FloatArray, S: FloatArray, gate: float) -> bool:
+    """Update P with an innovation, write its covariance S, and take the estimated error out of the navigator.
+
+    A fix with an NIS beyond the gate is left alone; what is returned is whether it was used.
+
+    A fix sees the first six errors directly: that is linear, where the unscented transform is exact and the
+    update the Kalman filter's (Groves 3.2.7). With S = L Lᵀ and W = P Hᵀ L⁻ᵀ the estimate is W L⁻¹ ν, and P
+    loses W Wᵀ.
+    """
+    P, x = run.P, run.x
+    for i in range(MEASUREMENTS):
+        for j in range(MEASUREMENTS):
+            S[i, j] = P[i, j] + run.R[i, j]
+    root = np.empty((MEASUREMENTS, MEASUREMENTS))
+    cholesky(S, np.arange(MEASUREMENTS), root)
+    W = np.empty((x.size, MEASUREMENTS))
+    white = np.empty(MEASUREMENTS)
+    for m in range(MEASUREMENTS):
+        white[m] = nu[m]
+        for k in range(m):
+            white[m] -= root[m, k] * white[k]
+        white[m] /= root[m, m]
+    nis = 0.0
+    for m in range(MEASUREMENTS):
+        nis += white[m] * white[m]
+    if nis > gate:
+        return False
+    for i in range(x.size):
+        x[i] = 0.0
+        for m in range(MEASUREMENTS):
+            W[i, m] = P[i, m]
+            for k in range(m):
+                W[i, m] -= root[m, k] * W[i, k]
+            W[i, m] /= root[m, m]
+            x[i] += W[i, m] * white[m]
+    for i in range(x.size):
+        for j in range(x.size):
+            total = 0.0
+            for m in range(MEASUREMENTS):
+                total += W[i, m] * W[j, m]
+            P[i, j] -= total
+    displace(run.state, x)
+    transport(P, (x[6], x[7], x[8]))
+    return True
+
+
+@inline_kernel
+def _store(out: Solution, k: int, run: Filter) -> None:
+    """Write sample k of the solution: the mean of the sigma points, as far off the navigator as last seen."""
+    mean = run.spare
+    for i in range(mean.size):
+        mean[i] = run.state[i]
+    displace(mean, run.mean)
+    for i in range(3):
+        out.position[k, i] = mean[LATITUDE + i]
+        out.velocity_n[k, i] = mean[VELOCITY + i]
+    for i in range(4):
+        out.q_nb[k, i] = mean[strapdown.Q_NB + i]
+    for i in range(6):
+        out.bias[k, i] = mean[GYRO_BIAS + i]
+    for i in range(run.x.size):
+        out.variance[k, i] = run.P[i, i]
+    for block in range(2):
+        at = 6 * block
+        out.covariance[k, block, 0] = run.P[at, at + 1]
+        out.covariance[k, block, 1] = run.P[at, at + 2]
+        out.covariance[k, block, 2] = run.P[at + 1, at + 2]
+
+
+@kernel
+def _store_fix(out: Solution, m: int, sample: int, run: Filter) -> None:
+    """Write what is kept of fix m."""
+    out.fix_sample[m] = sample
+    for i in range(run.x.size):
+        for j in range(run.x.size):
+            out.fix_covariance[m, i, j] = run.P[i, j]
+
+
+@kernel
+def _step(run: Filter, dtheta: Vector, dvelocity: Vector, dt: float) -> None:
+    """Take the navigator and its sigma points through one IMU sample."""
+    if run.clock[1] < 0:
+        spread(run.state, run.P, run.order, run.root, run.x, run.points)
+        run.clock[1] = 0.0
+    strapdown.step(run.state, dtheta, dvelocity, dt)
+    for point in range(run.points.shape[0]):
+        strapdown.step(run.points[point], dtheta, dvelocity, dt)
+    run.counts[1] += 1
+    run.clock[0] += dt
+    run.clock[1] += dt
+
+
+def _compile_advance(sources: str) -> Callable[[Filter, Imu, Fixes, Solution, int, Schedule], int]:
+    """Compile the driver."""
+
+    @entry_kernel
+    def advance(run: Filter, imu: Imu, fixes: Fixes, out: Solution, first: int, schedule: Schedule) -> int:
+        """Advance a filter over the samples of `imu` from number `first` on; return where it stopped."""
+        _ = sources
+        if first == 0:
+            _store(out, 0, run)
+        for k in range(first, imu.dtheta.shape[0]):
+            time = imu.time[k + 1]
+            dt = time - imu.time[k]
+            _step(run, get(imu.dtheta[k], 0), get(imu.dvelocity[k], 0), dt)
+            if abs(run.state[LATITUDE]) > strapdown.MAX_LATITUDE:
+                return k + 1
+            m = run.counts[0]
+            fix_due = m < fixes.time.size and fixes.time[m] <= time + 1e-6 * dt
+            if fix_due or (run.counts[1] >= schedule.stride and run.clock[0] >= FORMED - 1e-6 * dt):
+                _form(run)
+                if fix_due or run.clock[1] >= HELD - 1e-6 * dt:
+                    _centre(run)
+            while fix_due:
+                age = time - fixes.time[m]
+                if age <= dt * (1 + 1e-6):
+                    _innovation(
+                        run.state, age, age / dt, fixes.position[m], fixes.velocity_n[m], out.innovation[m]
+                    )
+                    if _update(run, out.innovation[m], out.innovation_covariance[m], schedule.gate):
+                        _store_fix(out, m, k + 1, run)
+                    else:
+                        out.fix_rejected[m] = True
+                m += 1
+                run.counts[0] = m
+                fix_due = m < fixes.time.size and fixes.time[m] <= time + 1e-6 * dt
+            _store(out, k + 1, run)
+        return imu.time.size
+
+    return advance
+
+
+_advance = _compile_advance(SOURCES)
+
+
+def advance(run: Filter, imu: Imu, fixes: Fixes, out: Solution, first: int, schedule: Schedule) -> int:
+    """Advance a filter over the samples of `imu` from number `first` on.
+
+    Returns the number of samples written: fewer than there are times in `imu` if the navigator comes too
+    close to a pole. The flight may be handed over in one piece or piece by piece: the result is the same.
+    """
+    return _advance(run, imu, fixes, out, first, schedule)
+
+
+def is_compiled() -> bool:
+    """Say whether the driver is ready in this process: compiled, or loaded from the disk."""
+    return bool(_advance.signatures)  # type: ignore[attr-defined]

@@ -1,0 +1,311 @@
+"""IMU errors: the settings of what is wrong with the gyros and the accelerometers of an IMU.
+
+Coefficients N, B and K are those of IEEE Std 952-1997, annex C.
+"""
+
+from __future__ import annotations
+
+from lab.settings import AxisQuantity, Quantity, Settings
+
+OFF_DIAGONAL = ("xy", "xz", "yx", "yz", "zx", "zy")
+
+
+class GyroErrors(Settings):
+    """Errors of the three gyros. Defaults: MEMSense AccelRate3D of the classic experiment."""
+
+    noise_density = AxisQuantity(
+        0.05,
+        unit="°/s/√Hz",
+        bounds=(0, 10),
+        softbounds=(0, 0.5),
+        step=0.001,
+        label="White noise",
+        doc="Density of the white rate noise (angle random walk).",
+    )
+    bias = AxisQuantity(
+        0.0,
+        unit="°/s",
+        bounds=(-20, 20),
+        softbounds=(-1, 1),
+        step=0.01,
+        label="Turn-on bias, given",
+        doc="Known part of the turn-on bias; the filter is not told its value.",
+    )
+    bias_sigma = AxisQuantity(
+        0.1,
+        unit="°/s",
+        bounds=(0, 20),
+        softbounds=(0, 1),
+        step=0.01,
+        label="Turn-on bias, σ",
+        doc="Standard deviation of the part of the turn-on bias that is drawn anew for each seed.",
+    )
+    instability = AxisQuantity(
+        0.0,
+        unit="°/h",
+        bounds=(0, 36000),
+        softbounds=(0, 360),
+        step=1,
+        label="Bias instability",
+        doc="Standard deviation of the first-order Gauss-Markov bias.",
+    )
+    correlation_time = Quantity(
+        300.0,
+        unit="s",
+        bounds=(0.1, 1e6),
+        softbounds=(10, 3600),
+        step=10,
+        label="Correlation time",
+        doc="Correlation time of the Gauss-Markov bias.",
+    )
+    flicker = AxisQuantity(
+        0.0,
+        unit="°/h",
+        bounds=(0, 36000),
+        softbounds=(0, 100),
+        step=0.1,
+        label="Flicker",
+        doc="Coefficient B of a true 1/f bias instability; the floor of the Allan deviation is 0.664 B.",
+    )
+    rate_random_walk = AxisQuantity(
+        0.0,
+        unit="°/h/√h",
+        bounds=(0, 36000),
+        softbounds=(0, 100),
+        step=0.1,
+        label="Rate random walk",
+        doc="Coefficient K of a bias that walks randomly; the Allan deviation rises with K √(τ / 3).",
+    )
+    scale_factor = AxisQuantity(
+        0.0,
+        unit="%",
+        bounds=(-50, 50),
+        softbounds=(-2, 2),
+        step=0.01,
+        label="Scale factor error",
+        doc="Relative error of the scale factor.",
+    )
+    scale_factor_sigma = AxisQuantity(
+        0.0,
+        unit="%",
+        bounds=(0, 50),
+        softbounds=(0, 2),
+        step=0.01,
+        label="Scale factor error, σ",
+        doc="Standard deviation of the part of the scale factor error that is drawn anew for each seed.",
+    )
+    misalignment = AxisQuantity(
+        0.0,
+        unit="°",
+        axes=OFF_DIAGONAL,
+        bounds=(-20, 20),
+        softbounds=(-2, 2),
+        step=0.01,
+        label="Misalignment",
+        doc="Off-diagonal elements of M: 'xy' is what the x sensor feels of the y axis.",
+    )
+    g_sensitivity = AxisQuantity(
+        0.0,
+        unit="°/s/g",
+        bounds=(-10, 10),
+        softbounds=(-0.2, 0.2),
+        step=0.001,
+        label="g-sensitivity",
+        doc="Bias from the specific force along the axis of the gyro.",
+    )
+    bias_temperature = AxisQuantity(
+        0.0,
+        unit="°/s/K",
+        bounds=(-1, 1),
+        softbounds=(-0.02, 0.02),
+        step=0.0001,
+        label="Bias, temperature",
+        doc="Change of the bias with temperature, from 25 °C on (see sensors.temperature).",
+    )
+    scale_temperature = AxisQuantity(
+        0.0,
+        unit="%/K",
+        bounds=(-0.1, 0.1),
+        softbounds=(-0.05, 0.05),
+        step=0.001,
+        label="Scale factor, temperature",
+        doc="Change of the scale factor with temperature, from 25 °C on (see sensors.temperature).",
+    )
+    bandwidth = AxisQuantity(
+        0.0,
+        unit="Hz",
+        bounds=(0, 10000),
+        softbounds=(0, 500),
+        step=1,
+        label="Bandwidth",
+        doc="Frequency at which a first-order lag has brought the output down to 1/√2; 0 for no lag.",
+    )
+    range = Quantity(
+        150.0,
+        unit="°/s",
+        bounds=(1, 10000),
+        softbounds=(10, 1000),
+        step=10,
+        label="Range",
+        doc="The output saturates beyond plus and minus this rate.",
+    )
+    quantisation = AxisQuantity(
+        0.0,
+        unit="°/s",
+        bounds=(0, 100),
+        softbounds=(0, 0.1),
+        step=0.001,
+        label="Quantisation",
+        doc="Step of the output, to which the mean rate of each sample is rounded.",
+    )
+
+
+class AccelerometerErrors(Settings):
+    """Errors of the three accelerometers. Defaults: MEMSense AccelRate3D of the classic experiment."""
+
+    noise_density = AxisQuantity(
+        (35.0, 65.0, 35.0),
+        unit="µg/√Hz",
+        bounds=(0, 10000),
+        softbounds=(0, 500),
+        step=1,
+        label="White noise",
+        doc="Density of the white specific-force noise (velocity random walk).",
+    )
+    bias = AxisQuantity(
+        0.0,
+        unit="mg",
+        bounds=(-500, 500),
+        softbounds=(-20, 20),
+        step=0.1,
+        label="Turn-on bias, given",
+        doc="Known part of the turn-on bias; the filter is not told its value.",
+    )
+    bias_sigma = AxisQuantity(
+        2.0,
+        unit="mg",
+        bounds=(0, 500),
+        softbounds=(0, 20),
+        step=0.1,
+        label="Turn-on bias, σ",
+        doc="Standard deviation of the part of the turn-on bias that is drawn anew for each seed.",
+    )
+    instability = AxisQuantity(
+        0.0,
+        unit="mg",
+        bounds=(0, 100),
+        softbounds=(0, 2),
+        step=0.01,
+        label="Bias instability",
+        doc="Standard deviation of the first-order Gauss-Markov bias.",
+    )
+    correlation_time = Quantity(
+        300.0,
+        unit="s",
+        bounds=(0.1, 1e6),
+        softbounds=(10, 3600),
+        step=10,
+        label="Correlation time",
+        doc="Correlation time of the Gauss-Markov bias.",
+    )
+    flicker = AxisQuantity(
+        0.0,
+        unit="mg",
+        bounds=(0, 100),
+        softbounds=(0, 2),
+        step=0.001,
+        label="Flicker",
+        doc="Coefficient B of a true 1/f bias instability; the floor of the Allan deviation is 0.664 B.",
+    )
+    rate_random_walk = AxisQuantity(
+        0.0,
+        unit="mg/√h",
+        bounds=(0, 1000),
+        softbounds=(0, 10),
+        step=0.01,
+        label="Bias random walk",
+        doc="Coefficient K of a bias that walks randomly; the Allan deviation rises with K √(τ / 3).",
+    )
+    scale_factor = AxisQuantity(
+        0.0,
+        unit="%",
+        bounds=(-50, 50),
+        softbounds=(-2, 2),
+        step=0.01,
+        label="Scale factor error",
+        doc="Relative error of the scale factor.",
+    )
+    scale_factor_sigma = AxisQuantity(
+        0.0,
+        unit="%",
+        bounds=(0, 50),
+        softbounds=(0, 2),
+        step=0.01,
+        label="Scale factor error, σ",
+        doc="Standard deviation of the part of the scale factor error that is drawn anew for each seed.",
+    )
+    misalignment = AxisQuantity(
+        0.0,
+        unit="°",
+        axes=OFF_DIAGONAL,
+        bounds=(-20, 20),
+        softbounds=(-2, 2),
+        step=0.01,
+        label="Misalignment",
+        doc="Off-diagonal elements of M: 'xy' is what the x sensor feels of the y axis.",
+    )
+    bias_temperature = AxisQuantity(
+        0.0,
+        unit="mg/K",
+        bounds=(-50, 50),
+        softbounds=(-1, 1),
+        step=0.001,
+        label="Bias, temperature",
+        doc="Change of the bias with temperature, from 25 °C on (see sensors.temperature).",
+    )
+    scale_temperature = AxisQuantity(
+        0.0,
+        unit="%/K",
+        bounds=(-0.1, 0.1),
+        softbounds=(-0.05, 0.05),
+        step=0.001,
+        label="Scale factor, temperature",
+        doc="Change of the scale factor with temperature, from 25 °C on (see sensors.temperature).",
+    )
+    vibration_density = AxisQuantity(
+        0.0,
+        unit="µg/√Hz",
+        bounds=(0, 1e6),
+        softbounds=(0, 1000),
+        step=1,
+        label="Vibration",
+        doc="Density of the vehicle's vibration, white in the band of the sensor: real specific force, which "
+        "the accelerometers feel and the true flight leaves out.",
+    )
+    bandwidth = AxisQuantity(
+        0.0,
+        unit="Hz",
+        bounds=(0, 10000),
+        softbounds=(0, 500),
+        step=1,
+        label="Bandwidth",
+        doc="Frequency at which a first-order lag has brought the output down to 1/√2; 0 for no lag.",
+    )
+    range = Quantity(
+        10.0,
+        unit="g",
+        bounds=(1, 1000),
+        softbounds=(2, 50),
+        step=1,
+        label="Range",
+        doc="The output saturates beyond plus and minus this specific force.",
+    )
+    quantisation = AxisQuantity(
+        0.0,
+        unit="mg",
+        bounds=(0, 1000),
+        softbounds=(0, 10),
+        step=0.01,
+        label="Quantisation",
+        doc="Step of the output, to which the mean specific force of each sample is rounded.",
+    )

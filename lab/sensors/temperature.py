@@ -1,0 +1,121 @@
+"""Temperature: that of the IMU over the mission, and the thermometer that reads it.
+
+In degrees Celsius throughout; the sensors' coefficients count from `REFERENCE`, where they are zero.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import param
+from numpy.typing import NDArray
+
+from lab.sensors.draws import unit_draws
+from lab.settings import Quantity, Settings
+from lab.units import si
+
+FloatArray = NDArray[np.float64]
+
+REFERENCE = 25.0
+"""Temperature of calibration, and of an IMU without a temperature profile [°C]."""
+
+
+class TemperatureSettings(Settings):
+    """Temperature of the IMU, and whether the navigator makes up for it."""
+
+    profile = param.Selector(
+        default="none",
+        objects=["none", "constant", "warm_up", "climb"],
+        label="Temperature profile",
+        doc="none: 25 °C, where the coefficients count zero; constant; warm_up: an exponential rise from "
+        "switching on; climb: falling with height.",
+    )
+    start = Quantity(
+        25.0,
+        unit="°C",
+        bounds=(-100, 200),
+        softbounds=(-40, 85),
+        step=1,
+        label="Temperature at the start",
+        doc="Temperature of the IMU when the mission starts, in every profile but none.",
+    )
+    warm_up_rise = Quantity(
+        20.0,
+        unit="K",
+        bounds=(-200, 200),
+        softbounds=(0, 50),
+        step=1,
+        label="Warm-up, rise",
+        doc="How far the temperature rises in the end, in the profile warm_up.",
+    )
+    warm_up_time = Quantity(
+        300.0,
+        unit="s",
+        bounds=(0.1, 1e6),
+        softbounds=(10, 3600),
+        step=10,
+        label="Warm-up, time constant",
+        doc="Time in which 63 % of the rise are done, in the profile warm_up.",
+    )
+    lapse_rate = Quantity(
+        6.5,
+        unit="K/km",
+        bounds=(-20, 20),
+        softbounds=(0, 10),
+        step=0.1,
+        label="Lapse rate",
+        doc="By how much the temperature falls with height above the start, in the profile climb.",
+    )
+    compensation = param.Boolean(
+        default=False,
+        label="Compensation",
+        doc="Correct the output of the IMU by its known temperature coefficients and a thermometer.",
+    )
+    thermometer_sigma = Quantity(
+        0.0,
+        unit="K",
+        bounds=(0, 20),
+        softbounds=(0, 2),
+        step=0.01,
+        label="Thermometer, σ",
+        doc="White noise of the thermometer, drawn anew for each IMU sample; used by the compensation.",
+    )
+
+
+def temperature(settings: TemperatureSettings, time: FloatArray, height: FloatArray) -> FloatArray:
+    """Return the temperature of the IMU (n,) [°C].
+
+    Parameters
+    ----------
+    settings
+        The profile.
+    time : (n,) array
+        Time since the start [s].
+    height : (n,) array
+        Height above the start [m].
+    """
+    start = si(settings, "start")
+    if settings.profile == "warm_up":
+        return np.asarray(
+            start - si(settings, "warm_up_rise") * np.expm1(-time / si(settings, "warm_up_time"))
+        )
+    if settings.profile == "climb":
+        return np.asarray(start - si(settings, "lapse_rate") * height)
+    return np.full(time.shape, start if settings.profile == "constant" else REFERENCE)
+
+
+def thermometer(settings: TemperatureSettings, seed: int, temperature: FloatArray) -> FloatArray:
+    """Return what the thermometer shows (n,) [°C].
+
+    Parameters
+    ----------
+    settings
+        The thermometer's noise.
+    seed
+        Seed of the run.
+    temperature : (n,) array
+        True temperature [°C].
+    """
+    sigma = si(settings, "thermometer_sigma")
+    if not sigma:
+        return temperature
+    return np.asarray(temperature + sigma * unit_draws(seed, "thermometer", temperature.shape))

@@ -1,0 +1,189 @@
+"""Budget: figures of what each source of error contributes, and of σ over the manoeuvres that brought it."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from bokeh.models.annotations import Legend, LegendItem, Title
+from bokeh.models.renderers import GlyphRenderer
+from bokeh.models.sources import ColumnDataSource
+from bokeh.models.tickers import FixedTicker
+from bokeh.models.tools import HoverTool
+from bokeh.plotting import figure
+
+from lab.views.figures import TimeAxis, time_figure
+from lab.views.quantities import BLUE, FIXES, ORANGE, TRUTH
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+FAMILIES = {
+    "initial": ("#5b6472", "#8b95a5", "#b9c0ca"),
+    "gyro": (
+        *("#1f5fae", "#3b8eea", "#7db6f5", "#0f3f7a", "#a9cdf8"),
+        *("#2c77c9", "#5aa2f2", "#c9e0fb", "#17508f", "#93c1f7"),
+    ),
+    "accelerometer": (
+        *("#0c7a5b", "#12a67c", "#5cc9a7", "#07533d", "#98ddc6"),
+        *("#0e9069", "#3db890", "#c2ebde", "#0a664b"),
+    ),
+    "vibration": ("#c9b22f",),
+    "GPS": ("#e8862e", "#f3b27a", "#b85f12", "#f8d2b0"),
+}
+"""Colours of the sources, by the first word of their names."""
+
+SLOTS = sum(len(colours) for colours in FAMILIES.values())
+"""Most sources that are drawn."""
+
+WORTH_A_WORD = 1.0
+"""Part of the variance that a source must have at some time to be in the legend [%]."""
+
+LEAST_RATIO = 5.0
+"""Least ratio of the ends of the axis of σ."""
+
+TOTAL, BELIEVED, FREE = BLUE, ORANGE, FIXES
+
+
+class BudgetFigures:
+    """Parts of the variance, stacked in time; and σ as it is, as believed, and as it were without fixes.
+
+    Parameters
+    ----------
+    axis
+        Time axis, shared with other figures.
+
+    Attributes
+    ----------
+    figures : list of figure
+        The stack, and σ with the manoeuvres.
+    """
+
+    def __init__(self, axis: TimeAxis) -> None:
+        self._parts = ColumnDataSource(name="budget:shares")
+        self._curves = ColumnDataSource({name: [] for name in ("time", "total", "believed", "free")})
+        self._stretches = ColumnDataSource({name: [] for name in ("start", "end", "alpha", "name", "top")})
+        self.figures = [self._draw_stack(axis), self._draw_sigma(axis)]
+        self._titles = [fig.title for fig in self.figures if isinstance(fig.title, Title)]
+
+    def show(self, budget: xr.Dataset, observability: xr.Dataset, quantity: str) -> None:
+        """Draw a quantity.
+
+        Parameters
+        ----------
+        budget, observability
+            Datasets of a result.
+        quantity
+            One of their quantities.
+        """
+        here, seen = budget.sel(quantity=quantity), observability.sel(quantity=quantity)
+        self._show_stack(here)
+        curves = {
+            "total": here.total.values,
+            "believed": here.believed.values,
+            "free": seen.free.values,
+        }
+        self._curves.data = {"time": here.time.values, **curves}
+        values = np.concatenate(list(curves.values()))
+        positive = values[values > 0]
+        low, high = (positive.min(), positive.max()) if positive.size else (0.1, 1.0)
+        room = max((high / low) ** 0.06, np.sqrt(LEAST_RATIO * low / high))
+        low, high = low / room, high * room
+        fig = self.figures[1]
+        fig.y_range.update(start=low, end=high)
+        self._ticks.ticks = _ticks(low, high)
+        self._titles[1].text = f"σ of {quantity} and the manoeuvres [{here.unit.item()}]"
+        count = seen.sizes["segment"]
+        self._stretches.data = {
+            "start": seen.start.values,
+            "end": seen.end.values,
+            "alpha": np.where(np.arange(count) % 2, 0.0, 0.1),
+            "name": seen.segment.values.tolist(),
+            "top": np.full(count, high / (high / low) ** 0.02),
+        }
+
+    def clear(self) -> None:
+        """Draw nothing."""
+        for source in (self._parts, self._curves, self._stretches):
+            source.data = {name: [] for name in source.data}
+
+    def _show_stack(self, here: xr.Dataset) -> None:
+        edges = np.vstack((np.zeros(here.sizes["time"]), np.cumsum(here.share.values, axis=0)))
+        names = [str(name) for name in here.source.values][:SLOTS]
+        data = {f"edge_{slot}": edges[min(slot, len(names))] for slot in range(SLOTS + 1)}
+        self._parts.data = {"time": here.time.values, **data}
+        used = dict.fromkeys(FAMILIES, 0)
+        for slot, (area, item) in enumerate(zip(self._areas, self._items, strict=True)):
+            shown = slot < len(names)
+            area.visible = shown
+            item.visible = shown and float(here.share[slot].max()) >= WORTH_A_WORD
+            if shown:
+                family = names[slot].partition(" ")[0]
+                colours = FAMILIES[family]
+                area.glyph.fill_color = colours[used[family] % len(colours)]
+                used[family] += 1
+                item.label = {"value": names[slot]}
+        self._titles[0].text = f"Parts of the variance of {here.quantity.item()} [%]"
+
+    def _draw_stack(self, axis: TimeAxis) -> figure:
+        self._parts.data = {name: [] for name in ("time", *(f"edge_{slot}" for slot in range(SLOTS + 1)))}
+        fig = time_figure("Parts of the variance [%]", axis)
+        fig.y_range.update(start=0.0, end=100.0)
+        self._areas: list[GlyphRenderer[Any]] = [
+            fig.varea("time", f"edge_{slot}", f"edge_{slot + 1}", source=self._parts, fill_alpha=0.9)
+            for slot in range(SLOTS)
+        ]
+        self._items = [LegendItem(label="", renderers=[area], visible=False) for area in self._areas]
+        legend = Legend(
+            items=list(reversed(self._items)),
+            location="top_left",
+            label_text_font_size="11px",
+            glyph_height=12,
+            glyph_width=12,
+            label_height=12,
+            spacing=0,
+            margin=0,
+        )
+        fig.add_layout(legend, "right")
+        return fig
+
+    def _draw_sigma(self, axis: TimeAxis) -> figure:
+        fig = time_figure("σ", axis, logarithmic=True)
+        self._ticks = FixedTicker(ticks=[])
+        fig.yaxis.ticker = fig.ygrid.ticker = self._ticks
+        fig.vstrip(
+            "start", "end", source=self._stretches, fill_color=TRUTH, fill_alpha="alpha", line_color=None
+        )
+        fig.text(
+            *("start", "top", "name"),
+            source=self._stretches,
+            angle=-np.pi / 2,
+            x_offset=3,
+            text_font_size="11px",
+            text_color=TRUTH,
+            text_baseline="bottom",
+        )
+        glyphs: dict[str, GlyphRenderer[Any]] = {
+            label: fig.line("time", name, source=self._curves, color=colour, line_width=1.6, line_dash=dash)
+            for label, name, colour, dash in (
+                ("of the errors", "total", TOTAL, "solid"),
+                ("according to the filter", "believed", BELIEVED, "dashed"),
+                ("without fixes", "free", FREE, "dotted"),
+            )
+        }
+        rows = [("time", "@time{0.0} s")]
+        rows += [(label, f"@{glyph.glyph.y}{{0.0000}}") for label, glyph in glyphs.items()]
+        hover = HoverTool(mode="vline", renderers=[glyphs["of the errors"]], tooltips=rows)
+        fig.add_tools(hover)
+        items = [LegendItem(label=label, renderers=[glyph]) for label, glyph in glyphs.items()]
+        fig.add_layout(Legend(items=items, orientation="horizontal", click_policy="hide", margin=2), "above")
+        return fig
+
+
+def _ticks(low: float, high: float) -> list[float]:
+    """Return ticks of a logarithmic axis: 1, 2, 5 over few decades, where Bokeh would have them linear."""
+    first, last = int(np.floor(np.log10(low))), int(np.ceil(np.log10(high)))
+    mantissas: tuple[float, ...] = (1, 2, 5) if last - first < 4 else (1,)
+    if high / low < 10:
+        mantissas = (1, 1.5, 2, 3, 5, 7)
+    return [m * 10.0**e for e in range(first, last + 1) for m in mantissas if low <= m * 10.0**e <= high]

@@ -1,0 +1,146 @@
+"""Allan: the deviation against closed forms and allantools, the fitted terms against the known ones."""
+
+from __future__ import annotations
+
+import allantools
+import numpy as np
+import pytest
+from scipy import stats
+
+from lab.analysis import allan
+
+RNG = np.random.default_rng(11)
+DT = 0.02
+
+
+def _white(samples: int, density: float, dt: float, rng: np.random.Generator = RNG) -> np.ndarray:
+    """Return the means over each sample interval of white noise of the given density."""
+    return density / np.sqrt(dt) * rng.standard_normal((samples, 3))
+
+
+def _walk(samples: int, K: float, dt: float, rng: np.random.Generator = RNG) -> np.ndarray:
+    """Return the means over each sample interval of a random walk, drawn with its exact covariance."""
+    ends = np.cumsum(K * np.sqrt(dt) * rng.standard_normal((samples + 1, 3)), axis=0)
+    return (ends[1:] + ends[:-1]) / 2 + K * np.sqrt(dt / 12) * rng.standard_normal((samples, 3))
+
+
+def _gauss_markov_variance(tau: np.ndarray, sigma: float, correlation_time: float) -> np.ndarray:
+    """Return the Allan variance of a first-order Gauss-Markov process (IEEE 952-1997, C.1.7)."""
+    r = tau / correlation_time
+    return 2 * sigma**2 / r * (1 - (3 - 4 * np.exp(-r) + np.exp(-2 * r)) / (2 * r))
+
+
+def test_the_deviation_is_that_of_allantools() -> None:
+    record = _white(5001, 0.3, DT) + _walk(5001, 0.1, DT) + 7.0
+    ours = allan.deviation(record, DT)
+    for axis in range(3):
+        taus, theirs, _, _ = allantools.oadev(record[:, axis], rate=1 / DT, data_type="freq", taus=ours.tau)
+        assert np.allclose(taus, ours.tau, rtol=1e-12)
+        assert np.allclose(ours.deviation[:, axis], theirs, rtol=1e-10, atol=0)
+
+
+def test_increments_and_rates_give_the_same() -> None:
+    rates = _white(3000, 0.3, DT)
+    by_rate, by_increment = allan.deviation(rates, DT), allan.deviation(rates * DT, DT, increments=True)
+    assert np.allclose(by_rate.deviation, by_increment.deviation, rtol=1e-12)
+
+
+def test_one_axis_is_a_column() -> None:
+    rates = _white(3000, 0.3, DT)
+    alone = allan.deviation(rates[:, 1], DT).deviation
+    assert alone.shape[1] == 1
+    assert np.allclose(alone[:, 0], allan.deviation(rates, DT).deviation[:, 1], rtol=1e-12)
+
+
+def _inside(found: allan.AllanDeviation, truth: np.ndarray) -> float:
+    low, high = found.interval(0.95)
+    return float(np.mean((low <= truth[:, None]) & (truth[:, None] <= high)))
+
+
+def test_closed_forms_lie_within_the_confidence() -> None:
+    """White noise N/√τ, random walk K √(τ/3) and Gauss-Markov, over 40 records of 3 axes."""
+    samples, sigma, correlation_time = 6000, 0.4, 3.0
+    decay = np.exp(-(DT / 20) / correlation_time)
+    inside: dict[str, list[float]] = {"white": [], "walk": [], "gauss-markov": []}
+    from scipy.signal import lfilter
+
+    for seed in range(40):
+        rng = np.random.default_rng(seed)
+        white = allan.deviation(_white(samples, 0.3, DT, rng), DT)
+        walk = allan.deviation(_walk(samples, 0.1, DT, rng), DT)
+        drive = sigma * np.sqrt(1 - decay**2) * rng.standard_normal((samples * 20, 3))
+        drive[0] = sigma * rng.standard_normal(3)
+        fine = lfilter([1.0], [1.0, -decay], drive, axis=0)
+        markov = allan.deviation(fine.reshape(samples, 20, 3).mean(axis=1), DT)
+        tau = white.tau
+        inside["white"].append(_inside(white, 0.3 / np.sqrt(tau)))
+        inside["walk"].append(_inside(walk, 0.1 * np.sqrt(tau / 3)))
+        truth = np.sqrt(_gauss_markov_variance(tau, sigma, correlation_time))
+        inside["gauss-markov"].append(_inside(markov, truth))
+    shares = {name: float(np.mean(values)) for name, values in inside.items()}
+    print("closed forms inside the 95 % intervals:", shares)
+    for share in shares.values():
+        assert 0.92 < share <= 1.0
+
+
+def test_the_interval_is_that_of_chi_square() -> None:
+    found = allan.AllanDeviation(np.ones(2), np.full((2, 1), 3.0), np.array([4.0, 50.0]))
+    low, high = found.interval(0.9)
+    for row, degrees in enumerate((4.0, 50.0)):
+        ends = stats.chi2(degrees).ppf([0.95, 0.05])
+        assert np.allclose([low[row, 0], high[row, 0]], 3 * np.sqrt(degrees / ends), rtol=1e-10)
+
+
+def test_the_floor_is_the_published_one() -> None:
+    assert pytest.approx(0.664, abs=5e-4) == allan.FLOOR
+
+
+def test_an_exact_curve_gives_back_its_terms() -> None:
+    tau = np.logspace(-2, 4, 60)
+    N, B, K = 0.2, 0.05, 0.003
+    variance = N**2 / tau + 2 * np.log(2) / np.pi * B**2 + K**2 * tau / 3
+    terms = allan.fit(allan.AllanDeviation(tau, np.sqrt(variance)[:, None], np.full(60, 100.0)))
+    assert np.allclose([terms.N[0], terms.B[0], terms.K[0]], [N, B, K], rtol=1e-6)
+
+
+def test_fitted_terms_spread_as_their_uncertainties_say() -> None:
+    """White noise and random walk over 150 records: unbiased, and of about the σ claimed."""
+    N, K = 0.3, 0.05
+    scores = []
+    for seed in range(50):
+        rng = np.random.default_rng(1000 + seed)
+        record = _white(8192, N, 1.0, rng) + _walk(8192, K, 1.0, rng)
+        terms = allan.fit(allan.deviation(record, 1.0))
+        scores.append(np.stack(((terms.N - N) / terms.N_sigma, (terms.K - K) / terms.K_sigma), axis=1))
+    spread, middle = np.std(np.concatenate(scores), axis=0), np.median(np.concatenate(scores), axis=0)
+    print("N and K: spread", spread, "and median of the errors in σ", middle)
+    assert ((spread > 0.5) & (spread < 1.6)).all()
+    assert (np.abs(middle) < 0.6).all()
+
+
+def test_terms_that_are_not_there_are_within_their_uncertainty() -> None:
+    terms = allan.fit(allan.deviation(_white(50_000, 0.3, DT), DT))
+    assert np.allclose(terms.N, 0.3, rtol=0.02)
+    assert (terms.B / terms.B_sigma).max() < 3
+    assert (terms.K / terms.K_sigma).max() < 3
+
+
+def test_a_silent_axis_has_no_noise() -> None:
+    record = _white(2000, 0.3, DT) * (1, 0, 1) + 5
+    terms = allan.fit(allan.deviation(record, DT))
+    assert terms.N[1] == terms.B[1] == terms.K[1] == terms.N_sigma[1] == 0
+    assert np.isfinite(np.stack(terms)).all()
+
+
+@pytest.mark.parametrize(
+    ("record", "dt", "words"),
+    [
+        (np.zeros((15, 3)), 0.1, "at least 16"),
+        (np.full((100, 3), np.nan), 0.1, "not a finite number"),
+        (np.zeros((100, 3)), 0.0, "above zero"),
+        (np.zeros((100, 3)), float("nan"), "above zero"),
+    ],
+)
+def test_what_cannot_be_evaluated_is_refused(record: np.ndarray, dt: float, words: str) -> None:
+    with pytest.raises(ValueError, match=words):
+        allan.deviation(record, dt)

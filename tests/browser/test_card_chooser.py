@@ -1,0 +1,60 @@
+"""The card chooser in a real browser: a card is loaded, a change of it is shown, and it is loaded anew."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import pytest
+from playwright.sync_api import Locator, Page, expect
+
+from lab.sensors.cards import CLASSIC, cards
+
+pytestmark = pytest.mark.browser
+
+Open = Callable[..., Page]
+
+
+def chooser(page: Page) -> Locator:
+    return page.get_by_role("combobox", name="Sensors")
+
+
+def noise(page: Page) -> Locator:
+    """Return the box of the gyro noise."""
+    return page.get_by_role("textbox").nth(1)
+
+
+def choose(page: Page, card: str) -> None:
+    chooser(page).click()
+    page.get_by_role("menuitem", name=card, exact=True).click()
+
+
+def test_all_cards_are_offered_and_one_is_in_force(open_page: Open) -> None:
+    page = open_page()
+    expect(chooser(page)).to_have_text(CLASSIC)
+    chooser(page).click()
+    for name in cards():
+        expect(page.get_by_role("menuitem", name=name, exact=True)).to_have_count(1)
+    for grade in ("consumer", "industrial", "tactical", "navigation"):
+        expect(page.get_by_text(f"{grade} grade", exact=True)).to_have_count(1)
+
+
+def test_a_card_is_loaded_changed_and_loaded_anew(open_page: Open) -> None:
+    page = open_page()
+    choose(page, "STIM300")
+    expect(noise(page)).to_have_value("0.0025")
+    expect(chooser(page)).to_have_text("STIM300")
+    noise(page).fill("0.02")
+    noise(page).press("Enter")
+    expect(chooser(page)).to_have_text("STIM300, changed")
+    choose(page, "STIM300")
+    expect(noise(page)).to_have_value("0.0025")
+    expect(chooser(page)).to_have_text("STIM300")
+
+
+def test_settings_of_no_card_are_called_own(open_page: Open) -> None:
+    page = open_page("?sensors.gyro.noise_density=0.0123")
+    expect(chooser(page)).to_have_text("Own settings")
+    choose(page, "HG9900")
+    expect(chooser(page)).to_have_text("HG9900")
+    page.get_by_role("button", name="Reset").click()
+    expect(chooser(page)).to_have_text(CLASSIC)

@@ -1,0 +1,111 @@
+"""Belief: what the filter assumes of drifting sensors, against closed forms and over seeds."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from lab import Experiment
+from lab.navigation.belief import belief, bias_process, flicker_process
+from lab.navigation.settings import NavigatorSettings
+from lab.sensors.imu import GyroErrors
+from lab.sensors.suite import SensorSuite
+
+DEGREE = np.pi / 180
+QUIET = {"bias_sigma": 0}
+
+
+def test_a_random_walk_drives_the_bias_and_does_not_let_it_decay():
+    drive, decay = bias_process(GyroErrors(**QUIET, rate_random_walk=(1, 2, 3)))
+    # After an hour the variance of a walk is that of its coefficient.
+    assert np.allclose(drive * 3600, (np.array((1, 2, 3)) * DEGREE / 3600) ** 2, rtol=1e-12)
+    assert not decay.any()
+
+
+def test_a_random_walk_adds_to_the_drive_of_a_gauss_markov_process_and_leaves_its_decay():
+    plain = bias_process(GyroErrors(**QUIET, instability=20, correlation_time=100))
+    walking = bias_process(GyroErrors(**QUIET, instability=20, correlation_time=100, rate_random_walk=5))
+    assert np.allclose(plain[1], 1 / 100, rtol=1e-12)
+    assert np.array_equal(walking[1], plain[1])
+    assert np.allclose((walking[0] - plain[0]) * 3600, (5 * DEGREE / 3600) ** 2, rtol=1e-12)
+
+
+def test_flicker_alone_is_the_process_that_stands_for_it():
+    errors = GyroErrors(**QUIET, flicker=(5, 10, 20), noise_density=0.01)
+    drive, decay = bias_process(errors)
+    variance, time = flicker_process(errors)
+    assert np.allclose(variance, 5 * (np.array((5, 10, 20)) * DEGREE / 3600) ** 2, rtol=1e-12)
+    assert np.allclose(decay, 1 / time, rtol=1e-12)
+    assert np.allclose(drive / (2 * decay), variance, rtol=1e-12)
+
+
+def test_the_process_of_flicker_peaks_where_the_white_noise_meets_the_floor():
+    """Allan variance of a Gauss-Markov process: (2 σ² T / τ) [1 − T / (2 τ) (3 − 4 e^(−τ/T) + e^(−2τ/T))]."""
+    noise, B = 0.01, 10 / 3600
+    T = flicker_process(GyroErrors(flicker=10, noise_density=noise))[1][0]
+    tau = np.linspace(1, 500, 50_000)
+    allan = 2 * T / tau * (1 - T / (2 * tau) * (3 - 4 * np.exp(-tau / T) + np.exp(-2 * tau / T)))
+    peak = tau[np.argmax(allan)]
+    assert noise / np.sqrt(peak) == pytest.approx(0.664 * B, rel=0.005)
+
+
+def test_vibration_is_noise_to_the_accelerometers():
+    sensors = SensorSuite()
+    sensors.accelerometer.noise_density = (300, 400, 0)
+    sensors.accelerometer.vibration_density = (400, 0, 500)
+    noise = belief(sensors, NavigatorSettings()).noise
+    assert np.allclose(np.sqrt(noise[3:6]), np.array((500, 400, 500)) * 9.80665e-6, rtol=1e-12)
+
+
+DRIFTS = {
+    "flicker": {"gyro.flicker": 50, "gyro.bias_sigma": 0.02, "accelerometer.flicker": 0.5},
+    "flicker of a good gyro": {"gyro.flicker": 5, "gyro.noise_density": 0.005, "gyro.bias_sigma": 0.002},
+    "strong flicker": {"gyro.flicker": 200, "gyro.bias_sigma": 0.06},
+    "random walk": {"gyro.rate_random_walk": 300, "accelerometer.rate_random_walk": 20},
+    "vibration": {"accelerometer.vibration_density": 3000},
+    "all": {
+        "gyro.rate_random_walk": 100,
+        "gyro.flicker": 20,
+        "gyro.instability": 30,
+        "accelerometer.flicker": 0.2,
+        "accelerometer.vibration_density": 500,
+    },
+}
+
+
+def nees(settings: dict[str, float], seeds: int) -> float:
+    """Return the mean NEES for each degree of freedom after 20 s of montreal."""
+    means = []
+    for seed in range(seeds):
+        one = Experiment(mission="montreal", seed=seed)
+        one.update({"trajectory": {"imu_rate": 100}})
+        for path, value in settings.items():
+            one.set(f"sensors.{path}", value)
+        found = one.run().consistency.nees
+        means.append(float(found[20:].mean()) / found.attrs["degrees"])
+    return float(np.mean(means))
+
+
+@pytest.mark.parametrize("name", DRIFTS)
+def test_the_filter_of_a_drifting_sensor_is_consistent(name):
+    """Flicker is modelled by a substitute, hence the quarter."""
+    value = nees(DRIFTS[name], 12)
+    print(f"\n{name}: NEES {value:.2f} of 1")
+    assert value == pytest.approx(1, abs=0.25)
+
+
+@pytest.mark.parametrize(
+    "settings",
+    [
+        {"gps.latency": 0.2},
+        {"gps.correlated_sigma": 3},
+        {"gps.lever_arm": 2},
+        {"gps.outlier_rate": 0.1},
+        {"gyro.scale_factor_sigma": 3},
+    ],
+    ids=lambda settings: next(iter(settings)),
+)
+def test_what_the_filter_is_not_told_makes_it_inconsistent(settings):
+    value = nees(settings, 4)
+    print(f"\n{settings}: NEES {value:.2f} of 1")
+    assert value > 3

@@ -1,0 +1,215 @@
+"""Cards: the catalogue, what a card sets, what a file of one's own may hold, and a card's noise."""
+
+from __future__ import annotations
+
+import tomllib
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import lab
+from lab import Experiment, SettingError
+from lab.analysis import rest
+from lab.sensors import cards
+from lab.sensors.imu import AccelerometerErrors, GyroErrors
+from lab.sensors.suite import SensorSuite
+from lab.units import TO_SI
+
+NAMES = tuple(cards.cards())
+
+OWN = """
+["Mine"]
+maker = "Me"
+grade = "own"
+
+["Mine".sources]
+sheet = "a sheet, rev. 1"
+
+["Mine".gyro]
+noise_density = { value = 0.3, unit = "°/√h", source = "sheet" }
+"""
+
+
+def _write(folder: Path, text: str) -> Path:
+    path = folder / "mine.toml"
+    path.write_text(text, encoding="utf-8")
+    return path
+
+
+def test_the_catalogue_goes_from_consumer_to_navigation_grade() -> None:
+    grades = [card.grade for card in cards.cards().values()]
+    assert len(grades) >= 20
+    assert set(grades) == {"consumer", "industrial", "tactical", "navigation"}
+    assert grades == sorted(grades, key=cards.GRADES.index)
+
+
+def test_every_number_has_a_unit_and_a_source() -> None:
+    for card in cards.cards().values():
+        for terms in card.terms.values():
+            for datum in terms.values():
+                assert datum.unit
+                assert len(datum.source) > 8
+
+
+def test_what_has_no_source_is_said_to_be_missing() -> None:
+    missing = cards.card("HG9900").missing()
+    assert "White noise" in missing["accelerometer"]
+    assert "White noise" not in missing["gyro"]
+    assert "Range" in missing["gyro"]
+
+
+def test_the_classic_card_is_the_default_to_the_bit() -> None:
+    card = cards.card(cards.CLASSIC)
+    assert SensorSuite().update(card.settings()).to_dict() == SensorSuite().to_dict()
+    assert card.value("accelerometer", "noise_density") == [35.0, 65.0, 35.0]
+    assert card.value("gps", "position_variance") == 0.5
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_a_card_is_recognised_when_loaded(name: str) -> None:
+    suite = SensorSuite(**{"gyro.bias": 3.0, "accelerometer.misalignment": 1.0})
+    assert cards.card_in_force(suite) is None
+    assert cards.card_in_force(suite.update(cards.card(name).settings())) == name
+
+
+def test_a_changed_setting_is_no_card() -> None:
+    assert cards.card_in_force(SensorSuite()) == cards.CLASSIC
+    assert cards.card_in_force(SensorSuite(**{"gyro.noise_density": (0.05, 0.05, 0.051)})) is None
+
+
+def test_a_card_leaves_the_receiver_and_the_vehicle_alone() -> None:
+    suite = SensorSuite(
+        **{"gps.period": 0.2, "gps.position_variance": 4.0, "accelerometer.vibration_density": 50}
+    )
+    suite.update(cards.card("ADIS16470").settings())
+    assert suite.gps.period == 0.2
+    assert suite.gps.position_variance == (4.0,) * 3
+    assert suite.accelerometer.vibration_density == (50.0,) * 3
+
+
+def test_terms_without_a_number_are_off_and_nothing_saturates() -> None:
+    suite = SensorSuite().update(cards.card("HG9900").settings())
+    assert suite.accelerometer.noise_density == (0.0,) * 3
+    assert suite.gyro.range == GyroErrors.param["range"].bounds[1]
+    assert suite.accelerometer.range == AccelerometerErrors.param["range"].bounds[1]
+
+
+@pytest.mark.parametrize(
+    ("name", "group", "term", "value"),
+    [
+        ("STIM300", "gyro", "noise_density", 0.15 / 60),  # °/√h in °/s/√Hz
+        ("VN-310", "gyro", "noise_density", 3.24 / 3600),  # °/h/√Hz in °/s/√Hz
+        ("ADIS16448", "accelerometer", "noise_density", 0.11 / 60 / 9.80665 * 1e6),  # m/s/√h in µg/√Hz
+        ("HG1700", "accelerometer", "noise_density", 0.065 * 0.3048 / 60 / 9.80665 * 1e6),  # ft/s/√h
+        ("VN-100", "accelerometer", "noise_density", 140.0),  # mg/√Hz
+        ("ADIS16470", "accelerometer", "flicker", 0.013),  # µg in mg
+        ("HG9900", "gyro", "bias_sigma", 0.0035 / 3600),  # °/h in °/s
+        ("HG9900", "gyro", "scale_factor_sigma", 0.0005),  # ppm in %
+    ],
+)
+def test_datasheet_units_become_those_of_the_settings(name: str, group: str, term: str, value: float) -> None:
+    assert cards.card(name).value(group, term) == pytest.approx(value, rel=1e-9)
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_a_card_at_rest_gives_back_its_noise(name: str) -> None:
+    """Simulated at rest and fitted: N within 5 % and B within 30 %, on every axis."""
+    suite = SensorSuite().update(cards.card(name).settings())
+    fitted = rest.noise_terms(rest.simulate(suite))
+    for triad, terms in fitted.items():
+        found = rest.in_setting_units(triad, terms)
+        for term, tolerance in (("noise_density", 0.05), ("flicker", 0.30)):
+            wanted = np.array(getattr(suite.groups()[triad], term))
+            errors = found[term]["value"][wanted > 0] / wanted[wanted > 0] - 1
+            if errors.size:
+                print(f"{name}, {triad}, {term}: {np.abs(errors).max():.1%}")
+            assert (np.abs(errors) < tolerance).all()
+
+
+def test_a_card_flies() -> None:
+    experiment = Experiment(mission="los_angeles").update({"sensors": lab.card("ADIS16488A").settings()})
+    errors = experiment.run().summary.set_index("quantity")["rms"]
+    assert 0 < errors["position east"] < 5
+
+
+def test_names_are_found_in_small_letters_too() -> None:
+    assert lab.card("adis16470") is cards.card("ADIS16470")
+    assert set(lab.cards()) == set(NAMES)
+
+
+def test_an_own_card_is_read(tmp_path: Path) -> None:
+    card = cards.card(_write(tmp_path, OWN))
+    assert (card.name, card.maker, card.grade) == ("Mine", "Me", "own")
+    assert card.value("gyro", "noise_density") == pytest.approx(0.005)
+    assert card.terms["gyro"]["noise_density"].source == "a sheet, rev. 1"
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_a_card_is_written_as_it_was_read(name: str, tmp_path: Path) -> None:
+    card = cards.card(name)
+    text = card.to_toml()
+    assert list(tomllib.loads(text)) == [name]
+    assert cards.card(_write(tmp_path, text)) == card
+
+
+FIELD = 'noise_density = { value = 0.3, unit = "°/√h", source = "sheet" }'
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "words"),
+    [
+        ("noise_density", "noise_densty", ["Mine, gyro", "Did you mean noise_density?"]),
+        ('"°/√h"', '"m/s/√h"', ["noise_density, unit: 'm/s/√h'", "°/s/√Hz or °/h/√Hz or °/√h"]),
+        ('unit = "°/√h", ', "", ["noise_density: unit is missing"]),
+        ('"sheet" }', '"paper" }', ["'paper' is not in the table sources; accepted: sheet"]),
+        ("value = 0.3", "value = 3000", ["noise_density = 50.0", "from 0 to 10 °/s/√Hz"]),
+        ("value = 0.3", "value = -1", ["noise_density", "from 0 to 10 °/s/√Hz"]),
+        ("value = 0.3", 'value = "low"', ["noise_density, value: 'low'", "one number, or 3 (x, y, z)"]),
+        ("value = 0.3", "value = true", ["value: True"]),
+        ("value = 0.3", "value = nan", ["not a finite number"]),
+        ("value = 0.3", "value = [1, 2]", ["value: [1, 2]", "one number, or 3 (x, y, z)"]),
+        (FIELD, "noise_density = 0.3", ["noise_density: 0.3", "{ value = ..., unit = ..., source = ... }"]),
+        (FIELD, "", ["Mine: has no numbers", "gyro, accelerometer, gps"]),
+        ('grade = "own"', 'grade = "best"', ["Mine, grade: 'best'", "consumer, industrial, tactical"]),
+        ('grade = "own"', "", ["Mine, grade"]),
+        ('maker = "Me"', "maker = 3", ["Mine, maker: 3 is not text"]),
+        ('maker = "Me"', 'marker = "Me"', ["there is no 'marker'", "Did you mean maker?"]),
+        ('"Mine".gyro', '"Mine".giro', ["there is no 'giro'", "Did you mean gyro?"]),
+        ('sheet = "a sheet, rev. 1"', "sheet = 1", ["Mine, sources"]),
+        ('["Mine".gyro]', '["Mine".gps]', ["Mine, gps", "there is no 'noise_density'"]),
+        (OWN, "", ["holds no card"]),
+        (OWN, "Mine = 3", ["Mine: is not a table"]),
+        (OWN, "[", ["is not TOML"]),
+        (OWN, OWN + OWN.replace("Mine", "Other"), ["holds 2 cards (Mine, Other)"]),
+    ],
+)
+def test_what_is_wrong_in_an_own_card_is_named(old: str, new: str, words: list[str], tmp_path: Path) -> None:
+    assert OWN.count(old) >= 1
+    path = _write(tmp_path, OWN.replace(old, new))
+    with pytest.raises(SettingError) as error:
+        cards.card(path)
+    assert str(path) in str(error.value)
+    for word in words:
+        assert word in str(error.value)
+
+
+def test_what_cannot_be_read_is_named(tmp_path: Path) -> None:
+    with pytest.raises(SettingError, match=r"nowhere\.toml: cannot be read"):
+        cards.card(tmp_path / "nowhere.toml")
+    with pytest.raises(SettingError, match="larger than 1 MB"):
+        cards.card(_write(tmp_path, "#" * (cards.MAX_BYTES + 1)))
+    (tmp_path / "mine.toml").write_bytes(b"\xff\xfe")
+    with pytest.raises(SettingError, match="is not TOML"):
+        cards.card(tmp_path / "mine.toml")
+
+
+def test_an_unknown_name_is_answered_with_those_there_are() -> None:
+    with pytest.raises(SettingError, match=r"Did you mean ADIS16470\? Accepted: .*STIM300"):
+        cards.card("ADIS1647")
+
+
+def test_every_unit_accepted_has_a_factor_and_is_of_one_kind() -> None:
+    accepted = [unit for kind in cards._ALIKE for unit in kind]
+    assert set(accepted) <= set(TO_SI)
+    assert len(accepted) == len(set(accepted))

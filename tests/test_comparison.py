@@ -1,0 +1,82 @@
+"""Comparison: the models of the settings, on the same realisations."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from lab import comparison
+from lab.comparison import compare, models
+from lab.experiment import CACHE, Experiment
+from lab.navigation.settings import NavigatorSettings
+from lab.settings import SettingError
+
+
+@pytest.fixture
+def experiment() -> Experiment:
+    return Experiment(mission="los_angeles", seed=4)
+
+
+def test_models_are_those_of_the_settings() -> None:
+    assert models() == tuple(NavigatorSettings.param["model"].objects)
+    assert "phi" in models()
+
+
+def test_figures_are_those_of_the_runs(experiment: Experiment) -> None:
+    CACHE.clear()
+    (row,) = compare(experiment, ["phi"], seeds=(4, 9))
+    squares, nees, nis = [], [], []
+    for seed in (4, 9):
+        result = Experiment(mission="los_angeles", seed=seed).run()
+        squares.append(result.summary.set_index("quantity")["rms"] ** 2)
+        nees.append(result.consistency.nees.values)
+        nis.append(result.innovations.nis.values)
+    mean = sum(squares) / 2
+    for kind, found in (("position", row.position), ("velocity", row.velocity)):
+        parts = [mean[name] for name in mean.index if name.startswith(kind)]
+        assert found == pytest.approx(math.sqrt(sum(parts)))
+    assert row.heading == pytest.approx(math.sqrt(mean["attitude heading"]))
+    assert row.nees == pytest.approx(np.mean(nees))
+    assert row.nis == pytest.approx(np.mean(nis))
+    assert row.degrees == 15
+    assert 0 < row.seconds < 60
+    assert row.verdict.startswith("Consistent")
+    assert row.refusal == ""
+
+
+def test_all_models_run_on_the_same_realisation(experiment: Experiment) -> None:
+    """Errors of one realisation are alike from model to model, and differ from seed to seed."""
+    rows = {row.model: row for row in compare(experiment)}
+    assert tuple(rows) == models()
+    for row in rows.values():
+        assert row.position == pytest.approx(rows["phi"].position, rel=0.05)
+        assert row.velocity == pytest.approx(rows["phi"].velocity, rel=0.05)
+    (other,) = compare(Experiment(mission="los_angeles", seed=5), ["phi"])
+    assert other.position != pytest.approx(rows["phi"].position, rel=0.01)
+
+
+def test_a_model_that_does_not_exist_is_answered_with_those_that_do(experiment: Experiment) -> None:
+    with pytest.raises(SettingError, match=r"navigator\.model = 'psy'.*one of phi"):
+        compare(experiment, ["phi", "psy"])
+    with pytest.raises(SettingError, match="none named; accepted are phi"):
+        compare(experiment, [])
+
+
+def test_models_that_all_refuse_are_an_error_that_says_why(
+    experiment: Experiment, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def refuse(*_: object) -> object:
+        raise SettingError("navigator.model: not with this")
+
+    monkeypatch.setattr(comparison, "run_ensemble", refuse)
+    with pytest.raises(SettingError, match="not with this"):
+        compare(experiment, ["phi"])
+
+
+def test_progress_goes_forward_to_the_end(experiment: Experiment) -> None:
+    told: list[tuple[str, float]] = []
+    compare(experiment, ["phi"], 2, lambda what, done: told.append((what, done)))
+    assert [done for _, done in told] == [0.5, 1.0]
+    assert told[0][0] == "phi, 1 of 2 runs"

@@ -1,0 +1,110 @@
+"""Ensemble: its runs are those of the experiment one by one, and its averages those of χ²."""
+
+from __future__ import annotations
+
+import threading
+
+import numpy as np
+import pytest
+from scipy import stats
+
+from lab.ensemble import QUANTITIES, Ensemble, _keep, _together, run_ensemble
+from lab.experiment import CACHE, Experiment
+from lab.settings import SettingError
+
+SEEDS = 40
+
+
+@pytest.fixture(scope="module")
+def many() -> Ensemble:
+    """Return many runs of a matched filter."""
+    ensemble = run_ensemble(Experiment(mission="los_angeles", seed=5), SEEDS)
+    CACHE.clear()
+    return ensemble
+
+
+def test_runs_are_those_of_the_experiment_with_their_seeds(many: Ensemble) -> None:
+    assert many.seeds == tuple(range(5, 5 + SEEDS))
+    for row in (0, 7):
+        result = Experiment(mission="los_angeles", seed=many.seeds[row]).run()
+        assert np.array_equal(many.time, result.fixes.time)
+        assert np.array_equal(many.nees[row], result.consistency.nees)
+        assert np.array_equal(many.nis[row], result.innovations.nis)
+        assert np.allclose(many.rms[row], result.summary["rms"], rtol=1e-12)
+        north = result.errors.position.sel(axis="north").interp(time=many.time)
+        assert np.allclose(many.error[row, :, QUANTITIES.index("position north")], north, atol=1e-2)
+        assert many.verdicts[row] == result.verdict
+    assert (many.seconds > 0).all()
+
+
+def test_averages_and_intervals_are_those_of_chi_square(many: Ensemble) -> None:
+    data = many.consistency
+    for name, values, degrees in (("anees", many.nees, 15), ("anis", many.nis, 6)):
+        assert np.allclose(data[name], values.mean(axis=0))
+        low, high = stats.chi2.interval(0.95, degrees * SEEDS)
+        assert np.allclose(data[f"{name}_low"], low / SEEDS)
+        assert np.allclose(data[f"{name}_high"], high / SEEDS)
+    nees, nis = many.inside(after=20)
+    print(f"\n{SEEDS} seeds: NEES inside at {100 * nees:.1f} %, NIS at {100 * nis:.1f} % of the epochs")
+    assert nees > 0.85
+    assert nis > 0.85
+
+
+def test_coverage_of_a_matched_filter_is_that_of_the_normal_distribution(many: Ensemble) -> None:
+    """Errors of 40 flights, correlated along each: a percent or two off."""
+    table = many.coverage.set_index("quantity")
+    assert list(table.index) == list(QUANTITIES)
+    assert np.allclose(table["within ±1σ [%]"], 68.27, atol=9)
+    assert (table["within ±3σ [%]"] > 98.5).all()
+    assert (table["mean [σ]"].abs() < 2 * table["mean ±"]).all()
+    assert "Consistent" in repr(many)
+
+
+def test_a_run_that_did_not_use_a_fix_has_a_gap_there() -> None:
+    """Seeds whose fixes differ: the averages take those there are."""
+    short = Experiment(mission="los_angeles")
+    gap = Experiment(mission="los_angeles")
+    gap.set("sensors.gps.outages", [[9.5, 12.5]])
+    together = _together(short, (1, 1), [_keep(short.run()), _keep(gap.run())])
+    missing = (together.time > 9.5) & (together.time < 12.5)
+    assert np.isnan(together.nees[1]).tolist() == missing.tolist()
+    assert np.array_equal(together.consistency.anees[missing], together.nees[0][missing])
+    assert float(together.consistency.anees_high[missing][0]) == pytest.approx(
+        stats.chi2.interval(0.95, 15)[1]
+    )
+    assert together.coverage["within ±3σ [%]"].notna().all()
+
+
+def test_seeds_may_be_named_and_progress_is_told() -> None:
+    told: list[tuple[str, float]] = []
+    ensemble = run_ensemble(
+        Experiment(mission="los_angeles"), (9, 3), lambda what, done: told.append((what, done))
+    )
+    assert ensemble.seeds == (9, 3)
+    assert told == [("1 of 2 runs", 0.5), ("2 of 2 runs", 1.0)]
+    again = run_ensemble(Experiment(mission="los_angeles"), (3, 9), workers=1)
+    assert np.array_equal(ensemble.nees[::-1], again.nees)
+
+
+@pytest.mark.parametrize("seeds", [0, -3, ()])
+def test_no_seeds_are_refused(seeds: object) -> None:
+    with pytest.raises(ValueError, match="names no run; accepted is"):
+        run_ensemble(Experiment(), seeds)  # type: ignore[arg-type]
+
+
+def test_what_is_wrong_with_a_run_is_told_and_the_threads_end() -> None:
+    wrong = Experiment(mission="los_angeles")
+    wrong.set("navigator.r", [1, 1, 1, 0, 1, 1])
+    with pytest.raises(SettingError, match=r"navigator\.r: is singular"):
+        run_ensemble(wrong, 5)
+    assert not [thread for thread in threading.enumerate() if thread.name.startswith("ensemble")]
+
+
+@pytest.mark.filterwarnings("error::RuntimeWarning")
+def test_flights_without_fixes_give_no_figures_and_no_complaints() -> None:
+    free = Experiment(mission="los_angeles")
+    free.set("sensors.gps.outages", [[0, 1e6]])
+    ensemble = run_ensemble(free, 2)
+    assert ensemble.time.size == 0
+    assert np.isnan(ensemble.inside()).all()
+    assert ensemble.coverage["within ±3σ [%]"].isna().all()
