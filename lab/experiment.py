@@ -23,9 +23,9 @@ from lab.ideal_imu import IdealImu
 from lab.missions import Mission, mission
 from lab.navigation import unscented
 from lab.navigation.algorithm import Algorithm, run_algorithm
-from lab.navigation.belief import belief
+from lab.navigation.belief import belief, schedule_of
+from lab.navigation.checks import check_bias_decay, check_finite, check_r, check_smoother, diverged
 from lab.navigation.error_models import MODELS
-from lab.navigation.kalman import gate
 from lab.navigation.navigator import PolarError, is_compiled, navigate
 from lab.navigation.settings import NavigatorSettings
 from lab.navigation.smoother import smooth
@@ -280,10 +280,10 @@ class _Run:
     ) -> Solution:
         """Navigate."""
         settings, ideal = self.navigator, flight.ideal
-        _check_smoother(settings)
-        _check_r(assumed.R)
-        schedule = _schedule(settings, ideal)
-        _check_bias_decay(schedule.stride * ideal.dt, assumed.bias_decay)
+        check_smoother(settings)
+        check_r(assumed.R)
+        schedule = schedule_of(settings, ideal.dt, ideal.dtheta.shape[0])
+        check_bias_decay(schedule.stride * ideal.dt, assumed.bias_decay)
         arguments = (
             Imu(ideal.time, dtheta, dvelocity),
             Fixes(fixes.time, fixes.position, fixes.velocity_n),
@@ -298,12 +298,12 @@ class _Run:
         except PolarError as error:
             if np.abs(flight.truth.latitude).max() > NEAR_POLE:
                 raise
-            raise _diverged(
+            raise diverged(
                 "the estimate ran off to a pole, which the flight does not come near", error
             ) from error
         except ValueError as error:  # the reference's linear algebra, which stops at what is no number
-            raise _diverged("the filter cannot go on", error) from error
-        _check_finite(solution, ideal.time)
+            raise diverged("the filter cannot go on", error) from error
+        check_finite(solution, ideal.time)
         if not settings.smoother:
             return solution
         self.progress("Smoothing", 0.9)
@@ -353,70 +353,6 @@ def _timed(navigate: Callable[[], Solution]) -> tuple[Solution, float]:
     """Return a solution, and the time it took [s]."""
     begun = time.perf_counter()
     return navigate(), time.perf_counter() - begun
-
-
-def _schedule(settings: NavigatorSettings, ideal: IdealImu) -> Schedule:
-    """Return when the filter does what."""
-    samples = ideal.dtheta.shape[0]
-    rate = settings.filter_rate
-    return Schedule(
-        feedback=settings.correction == "feedback",
-        correction_period=float(settings.correction_period),
-        stride=max(1, round(min(1 / (rate * ideal.dt), samples))) if rate else 1,
-        gate=gate(settings.gate),
-    )
-
-
-def _check_smoother(settings: NavigatorSettings) -> None:
-    """Refuse the smoother for models it does not know."""
-    if settings.smoother and settings.model != "phi":
-        raise SettingError(
-            f"navigator.smoother: smooths the solutions of the model phi only, not of {settings.model}; "
-            "accepted is navigator.model = phi, or false here"
-        )
-
-
-def _check_r(R: FloatArray) -> None:
-    """Refuse a covariance of the fixes without inverse."""
-    try:
-        np.linalg.cholesky(R)
-    except np.linalg.LinAlgError as error:
-        raise SettingError(
-            "navigator.r: is singular: some measurement, or combination of measurements, is without noise; "
-            "accepted is a positive definite matrix (very small variances are possible)"
-        ) from error
-
-
-def _check_bias_decay(step: float, bias_decay: FloatArray) -> None:
-    """Refuse steps of the filter that are longer than the correlation time of a bias it follows."""
-    fastest = float(bias_decay.max())
-    if step * fastest > 1 + 1e-9:
-        raise SettingError(
-            f"navigator.filter_rate: the filter's step of {step:g} s is longer than the shortest correlation "
-            f"time of a bias, {1 / fastest:g} s (sensors.gyro.correlation_time, "
-            "sensors.accelerometer.correlation_time, or what stands for their flicker); accepted here is a "
-            f"rate from {fastest:g} Hz, or 0 for every IMU sample"
-        )
-
-
-def _check_finite(solution: Solution, time: FloatArray) -> None:
-    """Refuse a solution that contains what is no number, or variances below zero."""
-    # What is not finite stays so: the last sample tells.
-    states = (solution.position, solution.velocity_n, solution.q_nb, solution.bias, solution.variance)
-    if all(np.isfinite(values[-1]).all() for values in states) and solution.variance.min() >= 0:
-        return
-    bad = (solution.variance < 0).any(axis=1)
-    for values in states:
-        bad |= ~np.isfinite(values).all(axis=1)
-    raise _diverged(f"no usable numbers from t = {time[int(np.argmax(bad))]:.3f} s on")
-
-
-def _diverged(what: str, error: Exception | None = None) -> ValueError:
-    detail = f" ({error})" if error else ""
-    return ValueError(
-        f"the navigation solution diverged: {what}{detail}. Look at extreme settings of the navigator (p0, "
-        "q, r, their scales, the initial σ, filter_rate) and of the sensors it should match"
-    )
 
 
 def start(truth: Truth, settings: NavigatorSettings, seed: int) -> Start:

@@ -8,8 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lab.navigation.error_models import ACCEL_BIAS, ATT, GYRO_BIAS, POS, VEL
+from lab.navigation.kalman import gate
 from lab.navigation.settings import NavigatorSettings
-from lab.navigation.solution import Belief
+from lab.navigation.solution import Belief, Schedule
 from lab.sensors.imu import AccelerometerErrors, GyroErrors
 from lab.sensors.suite import SensorSuite
 from lab.units import si
@@ -103,3 +104,24 @@ def flicker_process(errors: GyroErrors | AccelerometerErrors) -> tuple[FloatArra
 def _turn_on_variance(errors: GyroErrors | AccelerometerErrors) -> FloatArray:
     """Return the second moment (3,) of the turn-on bias."""
     return np.asarray(si(errors, "bias") ** 2 + si(errors, "bias_sigma") ** 2)
+
+
+def schedule_of(navigator: NavigatorSettings, dt: float, samples: int) -> Schedule:
+    """Return when the filter does what.
+
+    Parameters
+    ----------
+    navigator
+        The settings.
+    dt
+        Time from IMU sample to IMU sample [s].
+    samples
+        How many there are.
+    """
+    rate = navigator.filter_rate
+    return Schedule(
+        feedback=navigator.correction == "feedback",
+        correction_period=float(navigator.correction_period),
+        stride=max(1, round(min(1 / (rate * dt), samples))) if rate else 1,
+        gate=gate(navigator.gate),
+    )

@@ -1,0 +1,73 @@
+"""Checks: whether the settings of a navigator go together, and whether what it computed is usable."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lab.navigation.settings import NavigatorSettings
+from lab.navigation.solution import Solution
+from lab.settings import SettingError
+
+FloatArray = NDArray[np.float64]
+
+
+def check_smoother(settings: NavigatorSettings) -> None:
+    """Raise `SettingError` if the smoother does not know the model."""
+    if settings.smoother and settings.model != "phi":
+        raise SettingError(
+            f"navigator.smoother: smooths the solutions of the model phi only, not of {settings.model}; "
+            "accepted is navigator.model = phi, or false here"
+        )
+
+
+def check_r(R: FloatArray) -> None:
+    """Raise `SettingError` if a covariance (6, 6) of the fixes, or one of many, has no inverse."""
+    try:
+        np.linalg.cholesky(R)
+    except np.linalg.LinAlgError as error:
+        raise SettingError(
+            "navigator.r: is singular: some measurement, or combination of measurements, is without noise; "
+            "accepted is a positive definite matrix (very small variances are possible)"
+        ) from error
+
+
+def check_bias_decay(step: float, bias_decay: FloatArray) -> None:
+    """Raise `SettingError` if a step of the filter is longer than the correlation time of a bias it follows.
+
+    Parameters
+    ----------
+    step
+        Longest time between two propagations of P [s].
+    bias_decay : (6,) array
+        Decay rates of the biases [1/s].
+    """
+    fastest = float(bias_decay.max())
+    if step * fastest > 1 + 1e-9:
+        raise SettingError(
+            f"navigator.filter_rate: the filter's step of {step:g} s is longer than the shortest correlation "
+            f"time of a bias, {1 / fastest:g} s (sensors.gyro.correlation_time, "
+            "sensors.accelerometer.correlation_time, or what stands for their flicker); accepted here is a "
+            f"rate from {fastest:g} Hz, or 0 for every IMU sample"
+        )
+
+
+def check_finite(solution: Solution, time: FloatArray) -> None:
+    """Raise `ValueError` if a solution, at times (n + 1,), has what is no number, or variances below zero."""
+    # What is not finite stays so: the last sample tells.
+    states = (solution.position, solution.velocity_n, solution.q_nb, solution.bias, solution.variance)
+    if all(np.isfinite(values[-1]).all() for values in states) and solution.variance.min() >= 0:
+        return
+    bad = (solution.variance < 0).any(axis=1)
+    for values in states:
+        bad |= ~np.isfinite(values).all(axis=1)
+    raise diverged(f"no usable numbers from t = {time[int(np.argmax(bad))]:.3f} s on")
+
+
+def diverged(what: str, error: Exception | None = None) -> ValueError:
+    """Return the error of a solution that diverged; `what` says how, `error` what it looked like."""
+    detail = f" ({error})" if error else ""
+    return ValueError(
+        f"the navigation solution diverged: {what}{detail}. Look at extreme settings of the navigator (p0, "
+        "q, r, their scales, the initial σ, filter_rate) and of the sensors it should match"
+    )
