@@ -5,9 +5,117 @@ Coefficients N, B and K are those of IEEE Std 952-1997, annex C.
 
 from __future__ import annotations
 
+from typing import Any
+
 from lab.settings import AxisQuantity, Quantity, Settings
 
 OFF_DIAGONAL = ("xy", "xz", "yx", "yz", "zx", "zy")
+
+
+# What both triads have: in the same words, and where it is a pure number or a time also in the same size.
+
+
+def _bias(**size: Any) -> AxisQuantity:
+    doc = "Known part of the turn-on bias; the filter is not told its value."
+    return AxisQuantity(0.0, label="Turn-on bias, given", doc=doc, **size)
+
+
+def _bias_sigma(default: float, **size: Any) -> AxisQuantity:
+    doc = "Standard deviation of the part of the turn-on bias that is drawn anew for each seed."
+    return AxisQuantity(default, label="Turn-on bias, σ", doc=doc, **size)
+
+
+def _instability(**size: Any) -> AxisQuantity:
+    doc = "Standard deviation of the first-order Gauss-Markov bias."
+    return AxisQuantity(0.0, label="Bias instability", doc=doc, **size)
+
+
+def _correlation_time() -> Quantity:
+    return Quantity(
+        300.0,
+        unit="s",
+        bounds=(0.1, 1e6),
+        softbounds=(10, 3600),
+        step=10,
+        label="Correlation time",
+        doc="Correlation time of the Gauss-Markov bias.",
+    )
+
+
+def _flicker(**size: Any) -> AxisQuantity:
+    doc = "Coefficient B of a true 1/f bias instability; the floor of the Allan deviation is 0.664 B."
+    return AxisQuantity(0.0, label="Flicker", doc=doc, **size)
+
+
+def _rate_random_walk(label: str, **size: Any) -> AxisQuantity:
+    doc = "Coefficient K of a bias that walks randomly; the Allan deviation rises with K √(τ / 3)."
+    return AxisQuantity(0.0, label=label, doc=doc, **size)
+
+
+def _scale_factor() -> AxisQuantity:
+    return AxisQuantity(
+        0.0,
+        unit="%",
+        bounds=(-50, 50),
+        softbounds=(-2, 2),
+        step=0.01,
+        label="Scale factor error",
+        doc="Relative error of the scale factor.",
+    )
+
+
+def _scale_factor_sigma() -> AxisQuantity:
+    return AxisQuantity(
+        0.0,
+        unit="%",
+        bounds=(0, 50),
+        softbounds=(0, 2),
+        step=0.01,
+        label="Scale factor error, σ",
+        doc="Standard deviation of the part of the scale factor error that is drawn anew for each seed.",
+    )
+
+
+def _misalignment() -> AxisQuantity:
+    return AxisQuantity(
+        0.0,
+        unit="°",
+        axes=OFF_DIAGONAL,
+        bounds=(-20, 20),
+        softbounds=(-2, 2),
+        step=0.01,
+        label="Misalignment",
+        doc="Off-diagonal elements of M: 'xy' is what the x sensor feels of the y axis.",
+    )
+
+
+def _bias_temperature(**size: Any) -> AxisQuantity:
+    doc = "Change of the bias with temperature, from 25 °C on (see sensors.temperature)."
+    return AxisQuantity(0.0, label="Bias, temperature", doc=doc, **size)
+
+
+def _scale_temperature() -> AxisQuantity:
+    return AxisQuantity(
+        0.0,
+        unit="%/K",
+        bounds=(-0.1, 0.1),
+        softbounds=(-0.05, 0.05),
+        step=0.001,
+        label="Scale factor, temperature",
+        doc="Change of the scale factor with temperature, from 25 °C on (see sensors.temperature).",
+    )
+
+
+def _bandwidth() -> AxisQuantity:
+    return AxisQuantity(
+        0.0,
+        unit="Hz",
+        bounds=(0, 10000),
+        softbounds=(0, 500),
+        step=1,
+        label="Bandwidth",
+        doc="Frequency at which a first-order lag has brought the output down to 1/√2; 0 for no lag.",
+    )
 
 
 class GyroErrors(Settings):
@@ -22,88 +130,17 @@ class GyroErrors(Settings):
         label="White noise",
         doc="Density of the white rate noise (angle random walk).",
     )
-    bias = AxisQuantity(
-        0.0,
-        unit="°/s",
-        bounds=(-20, 20),
-        softbounds=(-1, 1),
-        step=0.01,
-        label="Turn-on bias, given",
-        doc="Known part of the turn-on bias; the filter is not told its value.",
+    bias = _bias(unit="°/s", bounds=(-20, 20), softbounds=(-1, 1), step=0.01)
+    bias_sigma = _bias_sigma(0.1, unit="°/s", bounds=(0, 20), softbounds=(0, 1), step=0.01)
+    instability = _instability(unit="°/h", bounds=(0, 36000), softbounds=(0, 360), step=1)
+    correlation_time = _correlation_time()
+    flicker = _flicker(unit="°/h", bounds=(0, 36000), softbounds=(0, 100), step=0.1)
+    rate_random_walk = _rate_random_walk(
+        "Rate random walk", unit="°/h/√h", bounds=(0, 36000), softbounds=(0, 100), step=0.1
     )
-    bias_sigma = AxisQuantity(
-        0.1,
-        unit="°/s",
-        bounds=(0, 20),
-        softbounds=(0, 1),
-        step=0.01,
-        label="Turn-on bias, σ",
-        doc="Standard deviation of the part of the turn-on bias that is drawn anew for each seed.",
-    )
-    instability = AxisQuantity(
-        0.0,
-        unit="°/h",
-        bounds=(0, 36000),
-        softbounds=(0, 360),
-        step=1,
-        label="Bias instability",
-        doc="Standard deviation of the first-order Gauss-Markov bias.",
-    )
-    correlation_time = Quantity(
-        300.0,
-        unit="s",
-        bounds=(0.1, 1e6),
-        softbounds=(10, 3600),
-        step=10,
-        label="Correlation time",
-        doc="Correlation time of the Gauss-Markov bias.",
-    )
-    flicker = AxisQuantity(
-        0.0,
-        unit="°/h",
-        bounds=(0, 36000),
-        softbounds=(0, 100),
-        step=0.1,
-        label="Flicker",
-        doc="Coefficient B of a true 1/f bias instability; the floor of the Allan deviation is 0.664 B.",
-    )
-    rate_random_walk = AxisQuantity(
-        0.0,
-        unit="°/h/√h",
-        bounds=(0, 36000),
-        softbounds=(0, 100),
-        step=0.1,
-        label="Rate random walk",
-        doc="Coefficient K of a bias that walks randomly; the Allan deviation rises with K √(τ / 3).",
-    )
-    scale_factor = AxisQuantity(
-        0.0,
-        unit="%",
-        bounds=(-50, 50),
-        softbounds=(-2, 2),
-        step=0.01,
-        label="Scale factor error",
-        doc="Relative error of the scale factor.",
-    )
-    scale_factor_sigma = AxisQuantity(
-        0.0,
-        unit="%",
-        bounds=(0, 50),
-        softbounds=(0, 2),
-        step=0.01,
-        label="Scale factor error, σ",
-        doc="Standard deviation of the part of the scale factor error that is drawn anew for each seed.",
-    )
-    misalignment = AxisQuantity(
-        0.0,
-        unit="°",
-        axes=OFF_DIAGONAL,
-        bounds=(-20, 20),
-        softbounds=(-2, 2),
-        step=0.01,
-        label="Misalignment",
-        doc="Off-diagonal elements of M: 'xy' is what the x sensor feels of the y axis.",
-    )
+    scale_factor = _scale_factor()
+    scale_factor_sigma = _scale_factor_sigma()
+    misalignment = _misalignment()
     g_sensitivity = AxisQuantity(
         0.0,
         unit="°/s/g",
@@ -113,33 +150,9 @@ class GyroErrors(Settings):
         label="g-sensitivity",
         doc="Bias from the specific force along the axis of the gyro.",
     )
-    bias_temperature = AxisQuantity(
-        0.0,
-        unit="°/s/K",
-        bounds=(-1, 1),
-        softbounds=(-0.02, 0.02),
-        step=0.0001,
-        label="Bias, temperature",
-        doc="Change of the bias with temperature, from 25 °C on (see sensors.temperature).",
-    )
-    scale_temperature = AxisQuantity(
-        0.0,
-        unit="%/K",
-        bounds=(-0.1, 0.1),
-        softbounds=(-0.05, 0.05),
-        step=0.001,
-        label="Scale factor, temperature",
-        doc="Change of the scale factor with temperature, from 25 °C on (see sensors.temperature).",
-    )
-    bandwidth = AxisQuantity(
-        0.0,
-        unit="Hz",
-        bounds=(0, 10000),
-        softbounds=(0, 500),
-        step=1,
-        label="Bandwidth",
-        doc="Frequency at which a first-order lag has brought the output down to 1/√2; 0 for no lag.",
-    )
+    bias_temperature = _bias_temperature(unit="°/s/K", bounds=(-1, 1), softbounds=(-0.02, 0.02), step=0.0001)
+    scale_temperature = _scale_temperature()
+    bandwidth = _bandwidth()
     range = Quantity(
         150.0,
         unit="°/s",
@@ -172,106 +185,19 @@ class AccelerometerErrors(Settings):
         label="White noise",
         doc="Density of the white specific-force noise (velocity random walk).",
     )
-    bias = AxisQuantity(
-        0.0,
-        unit="mg",
-        bounds=(-500, 500),
-        softbounds=(-20, 20),
-        step=0.1,
-        label="Turn-on bias, given",
-        doc="Known part of the turn-on bias; the filter is not told its value.",
+    bias = _bias(unit="mg", bounds=(-500, 500), softbounds=(-20, 20), step=0.1)
+    bias_sigma = _bias_sigma(2.0, unit="mg", bounds=(0, 500), softbounds=(0, 20), step=0.1)
+    instability = _instability(unit="mg", bounds=(0, 100), softbounds=(0, 2), step=0.01)
+    correlation_time = _correlation_time()
+    flicker = _flicker(unit="mg", bounds=(0, 100), softbounds=(0, 2), step=0.001)
+    rate_random_walk = _rate_random_walk(
+        "Bias random walk", unit="mg/√h", bounds=(0, 1000), softbounds=(0, 10), step=0.01
     )
-    bias_sigma = AxisQuantity(
-        2.0,
-        unit="mg",
-        bounds=(0, 500),
-        softbounds=(0, 20),
-        step=0.1,
-        label="Turn-on bias, σ",
-        doc="Standard deviation of the part of the turn-on bias that is drawn anew for each seed.",
-    )
-    instability = AxisQuantity(
-        0.0,
-        unit="mg",
-        bounds=(0, 100),
-        softbounds=(0, 2),
-        step=0.01,
-        label="Bias instability",
-        doc="Standard deviation of the first-order Gauss-Markov bias.",
-    )
-    correlation_time = Quantity(
-        300.0,
-        unit="s",
-        bounds=(0.1, 1e6),
-        softbounds=(10, 3600),
-        step=10,
-        label="Correlation time",
-        doc="Correlation time of the Gauss-Markov bias.",
-    )
-    flicker = AxisQuantity(
-        0.0,
-        unit="mg",
-        bounds=(0, 100),
-        softbounds=(0, 2),
-        step=0.001,
-        label="Flicker",
-        doc="Coefficient B of a true 1/f bias instability; the floor of the Allan deviation is 0.664 B.",
-    )
-    rate_random_walk = AxisQuantity(
-        0.0,
-        unit="mg/√h",
-        bounds=(0, 1000),
-        softbounds=(0, 10),
-        step=0.01,
-        label="Bias random walk",
-        doc="Coefficient K of a bias that walks randomly; the Allan deviation rises with K √(τ / 3).",
-    )
-    scale_factor = AxisQuantity(
-        0.0,
-        unit="%",
-        bounds=(-50, 50),
-        softbounds=(-2, 2),
-        step=0.01,
-        label="Scale factor error",
-        doc="Relative error of the scale factor.",
-    )
-    scale_factor_sigma = AxisQuantity(
-        0.0,
-        unit="%",
-        bounds=(0, 50),
-        softbounds=(0, 2),
-        step=0.01,
-        label="Scale factor error, σ",
-        doc="Standard deviation of the part of the scale factor error that is drawn anew for each seed.",
-    )
-    misalignment = AxisQuantity(
-        0.0,
-        unit="°",
-        axes=OFF_DIAGONAL,
-        bounds=(-20, 20),
-        softbounds=(-2, 2),
-        step=0.01,
-        label="Misalignment",
-        doc="Off-diagonal elements of M: 'xy' is what the x sensor feels of the y axis.",
-    )
-    bias_temperature = AxisQuantity(
-        0.0,
-        unit="mg/K",
-        bounds=(-50, 50),
-        softbounds=(-1, 1),
-        step=0.001,
-        label="Bias, temperature",
-        doc="Change of the bias with temperature, from 25 °C on (see sensors.temperature).",
-    )
-    scale_temperature = AxisQuantity(
-        0.0,
-        unit="%/K",
-        bounds=(-0.1, 0.1),
-        softbounds=(-0.05, 0.05),
-        step=0.001,
-        label="Scale factor, temperature",
-        doc="Change of the scale factor with temperature, from 25 °C on (see sensors.temperature).",
-    )
+    scale_factor = _scale_factor()
+    scale_factor_sigma = _scale_factor_sigma()
+    misalignment = _misalignment()
+    bias_temperature = _bias_temperature(unit="mg/K", bounds=(-50, 50), softbounds=(-1, 1), step=0.001)
+    scale_temperature = _scale_temperature()
     vibration_density = AxisQuantity(
         0.0,
         unit="µg/√Hz",
@@ -282,15 +208,7 @@ class AccelerometerErrors(Settings):
         doc="Density of the vehicle's vibration, white in the band of the sensor: real specific force, which "
         "the accelerometers feel and the true flight leaves out.",
     )
-    bandwidth = AxisQuantity(
-        0.0,
-        unit="Hz",
-        bounds=(0, 10000),
-        softbounds=(0, 500),
-        step=1,
-        label="Bandwidth",
-        doc="Frequency at which a first-order lag has brought the output down to 1/√2; 0 for no lag.",
-    )
+    bandwidth = _bandwidth()
     range = Quantity(
         10.0,
         unit="g",
