@@ -20,6 +20,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from lab.analysis.allan_covariance import covariance
+
 FloatArray = NDArray[np.float64]
 
 PER_OCTAVE = 3
@@ -31,6 +33,8 @@ MIN_SAMPLES = 16
 
 _FEWEST_DEGREES = 3.0
 _REWEIGHTINGS = 20
+_BEYOND = 2.0
+"""σ of the square of a term beyond which it is taken as there."""
 
 
 class AllanDeviation(NamedTuple):
@@ -44,11 +48,14 @@ class AllanDeviation(NamedTuple):
         Overlapping Allan deviation, in the unit of the rate.
     degrees : (k,) array
         Degrees of freedom of each estimate.
+    samples : int
+        Number of samples of the record; the shortest averaging time is one of them.
     """
 
     tau: FloatArray
     deviation: FloatArray
     degrees: FloatArray
+    samples: int
 
     def interval(self, probability: float = 0.95) -> tuple[FloatArray, FloatArray]:
         """Return the ends (k, axes) of the interval that holds the true deviation (Riley 5.3.2).
@@ -123,7 +130,7 @@ def deviation(record: FloatArray, dt: float, *, increments: bool = False) -> All
     lengths = cluster_lengths(samples)
     variance = np.stack([_variance(theta, length, dt) for length in lengths])
     tau = dt * lengths.astype(np.float64)
-    return AllanDeviation(tau, np.sqrt(variance), degrees_of_freedom(samples, lengths))
+    return AllanDeviation(tau, np.sqrt(variance), degrees_of_freedom(samples, lengths), samples)
 
 
 def cluster_lengths(samples: int) -> NDArray[np.int64]:
@@ -161,16 +168,21 @@ def fit(allan: AllanDeviation) -> NoiseTerms:
     """Fit white noise N, bias instability B and random walk K to an Allan deviation.
 
     Least squares of the variance, weighted by the fitted variance and its degrees of freedom, with no term
-    below zero. Estimates within an octave of averaging times share most of their data and count as one in
-    the uncertainties.
+    below zero. Estimates share their data and vary together; the uncertainties count with the covariance
+    that the fitted terms give them (`allan_covariance`). A term whose square is below twice its own
+    uncertainty is one the record does not show: its σ is the size that would be as uncertain as large.
     """
     tau = allan.tau
     terms = np.stack((1 / tau, np.full_like(tau, FLOOR**2), tau / 3), axis=1)
-    columns = [_fit_axis(terms, axis**2, allan.degrees) for axis in allan.deviation.T]
+    # The terms per sample interval, and variances of rates whatever the interval.
+    dt = float(tau[0])
+    intervals = np.array((1 / dt, 1.0, dt))
+    together = covariance(allan.samples, tuple(np.round(tau / dt).astype(int).tolist()))
+    together = together * np.multiply.outer(intervals, intervals)[:, :, None, None]
+    columns = [_fit_axis(terms, axis**2, allan.degrees, together) for axis in allan.deviation.T]
     squares, variances = (np.stack(part, axis=1) for part in zip(*columns, strict=True))
     values, sigmas = np.sqrt(squares), np.empty_like(squares)
-    # σ of the root; of a term the record does not show, the σ is the size that would have shown.
-    hidden = squares <= np.sqrt(variances)
+    hidden = squares <= _BEYOND * np.sqrt(variances)
     sigmas[hidden] = variances[hidden] ** 0.25
     sigmas[~hidden] = np.sqrt(variances[~hidden]) / (2 * values[~hidden])
     return NoiseTerms(*values, *sigmas)
@@ -185,7 +197,9 @@ def _variance(theta: FloatArray, length: int, dt: float) -> FloatArray:
     return np.asarray(squares / (2 * len(second) * (length * dt) ** 2))
 
 
-def _fit_axis(terms: FloatArray, variance: FloatArray, degrees: FloatArray) -> tuple[FloatArray, FloatArray]:
+def _fit_axis(
+    terms: FloatArray, variance: FloatArray, degrees: FloatArray, together: FloatArray
+) -> tuple[FloatArray, FloatArray]:
     """Return the squares of N, B and K and the variances of these squares."""
     from scipy.optimize import nnls  # noqa: PLC0415 - takes a tenth of a second, and only this needs it
 
@@ -198,5 +212,6 @@ def _fit_axis(terms: FloatArray, variance: FloatArray, degrees: FloatArray) -> t
         norms = np.linalg.norm(scaled, axis=0)
         squares = nnls(scaled / norms, variance * weights)[0] / norms
         model = np.maximum(terms @ squares, 1e-12 * variance.max())
-    information = (scaled / norms).T @ (scaled / norms)
-    return squares, PER_OCTAVE * np.diag(np.linalg.inv(information)) / norms**2
+    gain = np.linalg.pinv(scaled / norms) * weights / norms[:, None]
+    spread = np.einsum("a,b,abij->ij", squares, squares, together)
+    return squares, np.maximum(np.einsum("ti,ij,tj->t", gain, spread, gain), 0.0)
