@@ -255,7 +255,7 @@ def test_a_run_takes_the_sensors_of_a_card_then_those_of_set() -> None:
     sensors = json.loads(_ask("run", "los_angeles", *flags).stdout)["settings"]["sensors"]
     assert sensors["gyro"]["noise_density"] == [0.0025] * 3
     assert sensors["gyro"]["flicker"] == [3.0] * 3
-    assert sensors["accelerometer"]["bias_sigma"] == [0.0] * 3
+    assert sensors["gyro"]["range"] > 150  # of which the card has no source: off
 
 
 def _log(path: Path) -> Path:
