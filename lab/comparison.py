@@ -4,17 +4,17 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
+from typing import ClassVar
 
 import numpy as np
 
 from lab.ensemble import QUANTITIES, Ensemble, run_ensemble
 from lab.experiment import Experiment
 from lab.navigation.algorithm import Algorithm, AlgorithmError
+from lab.navigation.kalman import MEASUREMENTS
 from lab.settings import SettingError
 
 Progress = Callable[[str, float], None]
-
-NIS_DEGREES = 6
 
 
 @dataclass(frozen=True)
@@ -30,7 +30,7 @@ class Compared:
     nees, degrees
         NEES averaged over epochs and runs, and what it should be.
     nis
-        NIS averaged likewise; it should be `NIS_DEGREES`.
+        NIS averaged likewise; it should be `nis_degrees`, the numbers in a fix.
     seconds
         Time the navigator took for one flight, the median of the runs [s].
     verdict
@@ -38,6 +38,8 @@ class Compared:
     refusal
         Why it did not run; empty if it did, and otherwise all figures are NaN.
     """
+
+    nis_degrees: ClassVar[int] = MEASUREMENTS
 
     model: str
     position: float = field(default=np.nan)

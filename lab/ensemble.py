@@ -22,6 +22,7 @@ from lab.analysis.evidence import Evidence
 from lab.analysis.verdict import Verdict, judge
 from lab.experiment import Experiment
 from lab.navigation.algorithm import Algorithm
+from lab.navigation.kalman import MEASUREMENTS
 from lab.result import ANGLES, EAST_NORTH_UP, Result
 
 if TYPE_CHECKING:
@@ -113,7 +114,7 @@ class Ensemble:
         import xarray as xr  # noqa: PLC0415 - takes a while to import, and a run does without
 
         variables = {}
-        for name, values, degrees in (("anees", self.nees, self.degrees), ("anis", self.nis, 6)):
+        for name, values, degrees in (("anees", self.nees, self.degrees), ("anis", self.nis, MEASUREMENTS)):
             mean, low, high = _averages(values, degrees)
             label = f"{name.upper()}, {degrees} degrees of freedom"
             for suffix, series in (("", mean), ("_low", low), ("_high", high)):
@@ -131,7 +132,7 @@ class Ensemble:
         """
         late = self.time > after
         parts = []
-        for values, degrees in ((self.nees, self.degrees), (self.nis, 6)):
+        for values, degrees in ((self.nees, self.degrees), (self.nis, MEASUREMENTS)):
             mean, low, high = (series[late] for series in _averages(values, degrees))
             known = ~np.isnan(mean)
             parts.append(float(np.mean((low < mean) & (mean < high), where=known)) if known.any() else np.nan)

@@ -21,6 +21,7 @@ from lab.analysis.verdict import Verdict, judge
 from lab.ideal_imu import IdealImu
 from lab.missions import Mission
 from lab.navigation.error_models import ATT, POS, STATES
+from lab.navigation.kalman import MEASUREMENTS
 from lab.navigation.solution import Belief, Fixes, Imu, Solution
 from lab.projection import Projection
 from lab.rotation import euler_from_quaternion, wrap
@@ -235,12 +236,13 @@ class Result:
     def innovations(self) -> xr.Dataset:
         """Innovations of the fixes (navigator minus GPS), their σ, and NIS; NaN for a fix not used.
 
-        A fix rejected by the gate keeps its innovation, and has no NIS.
+        A fix rejected by the gate keeps its innovation, and has no NIS. Attribute `degrees` of `nis`: the
+        numbers in a fix.
         """
         nu, S = self.solution_arrays.innovation, self.solution_arrays.innovation_covariance
         sigma = np.sqrt(np.diagonal(S, axis1=1, axis2=2))
         dims = ("time_gps", "axis")
-        return self._dataset(
+        dataset = self._dataset(
             position=(dims, errors.to_enu(nu[:, :3]), "m", "position innovation"),
             velocity=(dims, errors.to_enu(nu[:, 3:]), "m/s", "velocity innovation"),
             position_sigma=(dims, sigma[:, [1, 0, 2]], "m", "σ of the position innovation"),
@@ -249,7 +251,7 @@ class Result:
                 ("time_gps",),
                 self._used_fixes(consistency.normalised_squares, nu, S),
                 "",
-                "NIS, 6 degrees of freedom",
+                f"NIS, {MEASUREMENTS} degrees of freedom",
             ),
             rejected=(
                 ("time_gps",),
@@ -258,6 +260,8 @@ class Result:
                 "1 for a fix rejected by the gate",
             ),
         )
+        dataset.nis.attrs["degrees"] = MEASUREMENTS
+        return dataset
 
     @cached_property
     def autocorrelation(self) -> xr.Dataset:

@@ -9,7 +9,7 @@ import panel as pn
 
 from dashboards.pages.computed import ComputedPage
 from dashboards.pages.summary import TABLE_STYLE
-from lab.comparison import NIS_DEGREES, Compared, compare
+from lab.comparison import Compared, compare
 from lab.result import Result
 
 
@@ -59,7 +59,7 @@ def _row(row: Compared, is_chosen: bool) -> str:
         f"{row.velocity:.3f}",
         f"{row.heading:.3f}",
         f"{row.nees:.1f} / {row.degrees}",
-        f"{row.nis:.1f} / {NIS_DEGREES}" if np.isfinite(row.nis) else "–",
+        f"{row.nis:.1f} / {row.nis_degrees}" if np.isfinite(row.nis) else "–",
         f"{1e3 * row.seconds:.0f}",
     )
     cells = "".join(f"<td>{figure}</td>" for figure in figures)

@@ -22,7 +22,7 @@ Systems*, 2nd ed., ch. 14.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -33,11 +33,9 @@ from lab.navigation.error_models import ACCEL_BIAS, ATT, GYRO_BIAS, MODELS, POS,
 from lab.rotation import euler_jacobian
 from lab.sensors.imu_errors import OFF_DIAGONAL
 from lab.settings import SettingError
-from lab.terminal import table as aligned
 from lab.units import TO_SI, si
 
 if TYPE_CHECKING:
-    import pandas as pd
     import xarray as xr
 
     from lab.experiment import Experiment
@@ -467,94 +465,3 @@ def believed_sigma(result: Result) -> FloatArray:
     sets = (*(result.sigma[name] for name in ("position", "velocity", "attitude")),)
     biases = (result.sensor_errors[f"{name}_bias_sigma"] for name in ("gyro", "accelerometer"))
     return np.concatenate([data.values for data in (*sets, *biases)], axis=1)
-
-
-def budget_table(dataset: xr.Dataset, time: float | None = None) -> pd.DataFrame:
-    """Return a budget at one time as a table: the sources, the largest first, and the total in the last row.
-
-    Each kind of quantity is one number, of all three components together: the root of the sum of the
-    variances of east, north and up, or of roll, pitch and heading.
-
-    Parameters
-    ----------
-    dataset
-        What `error_budget` returned.
-    time
-        When [s]; the nearest epoch is taken, the end by default.
-
-    Returns
-    -------
-    pd.DataFrame
-        For position, velocity and attitude a column of 1σ and one of the part of the variance [%].
-    """
-    import pandas as pd  # noqa: PLC0415 - takes a while to import, and a run does without
-
-    there = dataset.isel(time=-1) if time is None else dataset.sel(time=time, method="nearest")
-    variance = there.sigma.values**2
-    columns: dict[str, FloatArray] = {}
-    for index, (kind, unit) in enumerate((("position", "m"), ("velocity", "m/s"), ("attitude", "°"))):
-        part = variance[:, 3 * index : 3 * index + 3].sum(axis=1)
-        part = np.append(part, part.sum())
-        columns[f"{kind} [{unit}]"] = np.sqrt(part)
-        columns[f"{kind} [%]"] = 100 * part / part[-1]
-    shares = np.sum([values for name, values in columns.items() if name.endswith("[%]")], axis=0)
-    order = np.append(np.argsort(-shares[:-1], kind="stable"), shares.size - 1)
-    names = [*dataset.source.values.tolist(), "total"]
-    rows = {name: values[order] for name, values in columns.items()}
-    return pd.DataFrame({"source": [names[row] for row in order], **rows})
-
-
-def budget_text(dataset: xr.Dataset, time: float | None = None) -> str:
-    """Return a budget at one time as text: the table, and what is not in it.
-
-    Parameters
-    ----------
-    dataset
-        What `error_budget` returned.
-    time
-        When [s]; the nearest epoch is taken, the end by default.
-    """
-    table = budget_table(dataset, time)
-    rows = [
-        (str(name), *(_shown(value, head) for value, head in zip(values, table.columns[1:], strict=True)))
-        for name, *values in table.itertuples(index=False)
-    ]
-    text = aligned(tuple(table.columns), rows, right=set(range(1, table.shape[1])))
-    left_out = dataset.attrs["left_out"]
-    return f"{text}\n\nNot in the budget: {left_out}" if left_out else text
-
-
-def _shown(value: float, head: str) -> str:
-    return f"{value:.1f}" if head.endswith("[%]") else f"{value:.3g}"
-
-
-def budget_json(dataset: xr.Dataset, time: float | None = None) -> dict[str, Any]:
-    """Return a budget at one time as plain data, every quantity for itself.
-
-    Parameters
-    ----------
-    dataset
-        What `error_budget` returned.
-    time
-        When [s]; the nearest epoch is taken, the end by default.
-    """
-    there = dataset.isel(time=-1) if time is None else dataset.sel(time=time, method="nearest")
-    quantities = [
-        {
-            "quantity": str(quantity),
-            "unit": str(there.unit.values[index]),
-            "total": float(there.total[index]),
-            "believed": float(there.believed[index]),
-            "sources": [
-                {"source": str(source), "sigma": float(sigma), "percent": float(share)}
-                for source, sigma, share in zip(
-                    there.source.values,
-                    there.sigma.values[:, index],
-                    there.share.values[:, index],
-                    strict=True,
-                )
-            ],
-        }
-        for index, quantity in enumerate(there.quantity.values)
-    ]
-    return {"time_s": float(there.time), "quantities": quantities, "left_out": dataset.attrs["left_out"]}

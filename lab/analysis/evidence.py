@@ -22,6 +22,7 @@ from numpy.typing import NDArray
 
 from lab.analysis import consistency, errors
 from lab.navigation.error_models import ACCEL_BIAS, ATT, GYRO_BIAS, POS, VEL
+from lab.navigation.kalman import MEASUREMENTS
 from lab.navigation.solution import Belief, Fixes, Imu, Solution
 from lab.rotation import C_nb_from_euler, euler_from_quaternion, wrap
 from lab.trajectory import Truth
@@ -215,7 +216,7 @@ def evidence(
     found = Evidence(
         runs=1,
         innovations=_innovations(solution, belief, used, imu.time, motion, causes),
-        nis=Squares(np.array(nis.sum()), np.array(6.0 * nis.size)),
+        nis=Squares(np.array(nis.sum()), np.array(float(MEASUREMENTS * nis.size))),
     )
     if reference is None:
         return found

@@ -261,15 +261,11 @@ def _scalar(group: str, variable: str) -> Reader:
     return read
 
 
-NIS_DEGREES = 6
-"""A fix has a position and a velocity."""
-
-
 def _chi_square(name: str, variable: str, colour: str, group: str) -> TimePlot:
     """Return a plot of what should be χ², with its 95 % interval."""
 
     def edges(result: Result) -> tuple[float, float]:
-        return chi_square_interval(getattr(result, group)[variable].attrs.get("degrees", NIS_DEGREES))
+        return chi_square_interval(getattr(result, group)[variable].attrs["degrees"])
 
     def half(result: Result) -> FloatArray:
         low, high = edges(result)

@@ -1,0 +1,22 @@
+"""The command line, ``ins-lab``: one file for each command, with what it answers.
+
+Results go to standard output, everything else to standard error. What a person can put right is answered with
+one message and exit code 2. Commands import what they need when they run, so that help appears at once.
+"""
+
+from __future__ import annotations
+
+from lab.cli import allan, budget, cards, compare, fly, missions, run, serve
+from lab.cli.app import app, main
+
+__all__ = ["app", "main"]
+
+# In the order in which help lists them.
+app.command("missions")(missions.list_missions)
+app.command("run", epilog=run.EXAMPLES)(run.run)
+app.command("compare", epilog=compare.EXAMPLES)(compare.compare)
+app.command("budget", epilog=budget.EXAMPLES)(budget.error_budget)
+app.command("fly", epilog=fly.EXAMPLES)(fly.fly)
+app.command("cards", epilog=cards.EXAMPLES)(cards.list_cards)
+app.command("allan", epilog=allan.EXAMPLES)(allan.allan)
+app.command("serve", epilog=serve.EXAMPLES)(serve.serve)

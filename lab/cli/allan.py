@@ -1,0 +1,143 @@
+"""``ins-lab allan``: the noise of an IMU at rest, from its log or from a card simulated."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from lab.cli.app import CommandError, print_json, working
+from lab.cli.cards import number
+from lab.cli.options import AsJson, Force, check_out
+from lab.cli.terminal import table
+from lab.settings import SettingError
+
+if TYPE_CHECKING:
+    from lab.analysis.rest import Record
+    from lab.sensors.cards import Card
+
+EXAMPLES = """\b
+Examples:
+  ins-lab allan imu.csv
+  ins-lab allan imu.csv --card my_imu.toml
+  ins-lab allan ADIS16470 --seed 3
+A log is a csv with the columns t_s, gx_rad_s, gy_rad_s, gz_rad_s, fx_m_s2, fy_m_s2, fz_m_s2."""
+
+
+def allan(
+    record: Annotated[
+        str,
+        typer.Argument(
+            metavar="FILE.csv",
+            help="Log of an IMU at rest; or a card, by name or .toml file, simulated at rest.",
+            show_default=False,
+        ),
+    ],
+    out: Annotated[
+        Path | None,
+        typer.Option("--card", metavar="OUT.toml", help="Write a card of the log.", show_default=False),
+    ] = None,
+    seed: Annotated[
+        int,
+        typer.Option("--seed", min=0, max=2**32 - 1, metavar="N", help="Seed of what is simulated."),
+    ] = 1,
+    force: Force = False,
+    as_json: AsJson = False,
+) -> None:
+    """Fit white noise, bias instability and random walk to the Allan deviation of an IMU at rest."""
+    is_log = record.lower().endswith(".csv")
+    if out is not None:
+        if not is_log:
+            raise CommandError(f"--card {out}: a card is made of a log, not of {record}")
+        check_out(out, force, ".toml", "a card", "--card")
+    with working(record) as progress:
+        progress("reading" if is_log else "simulating", 0.0)
+        card = None if is_log else _card(record)
+        records = _records(record, card, seed)
+        progress("fitting", 0.5)
+        fitted = _fitted(records)
+        if out is not None:
+            _write_card(out, records, Path(record).name)
+    if as_json:
+        print_json({"record": record, **_facts(records, fitted)})
+    else:
+        print(_terms(fitted, card))
+
+
+def _card(name: str) -> Card:
+    from lab.sensors.cards import card  # noqa: PLC0415 - takes half a second
+
+    try:
+        return card(name)
+    except SettingError as error:
+        hint = "" if name.lower().endswith(".toml") else ", or of a log, ending in .csv"
+        raise CommandError(f"{error}{hint}") from error
+
+
+def _records(record: str, card: Card | None, seed: int) -> dict[str, Record]:
+    from lab.analysis import rest  # noqa: PLC0415 - takes half a second
+    from lab.sensors.suite import SensorSuite  # noqa: PLC0415 - takes half a second
+
+    if card is None:
+        return rest.read_log(Path(record))
+    return rest.simulate(SensorSuite().update(card.settings()), seed)
+
+
+def _fitted(records: Mapping[str, Record]) -> dict[str, dict[str, dict[str, Any]]]:
+    from lab.analysis import rest  # noqa: PLC0415 - takes half a second
+
+    return {triad: rest.in_setting_units(triad, terms) for triad, terms in rest.noise_terms(records).items()}
+
+
+def _terms(fitted: Mapping[str, dict[str, dict[str, Any]]], card: Card | None) -> str:
+    """Return the fitted terms as a table, beside those of the card simulated."""
+    from lab.sensors.suite import SensorSuite  # noqa: PLC0415 - takes half a second
+
+    suite = SensorSuite().groups()
+    rows = []
+    for triad, terms in fitted.items():
+        for name, term in terms.items():
+            declaration = suite[triad].param[name]
+            own = card.value(triad, name) if card else None
+            for index, axis in enumerate(declaration.axes):
+                figures = f"{term['value'][index]:.4g}", f"{term['sigma'][index]:.2g}", term["unit"]
+                beside = number(own[index] if isinstance(own, list) else own)
+                rows.append((triad, axis, declaration.label, *figures, beside))
+    header = ("group", "axis", "term", "fitted", "σ", "unit", "card")
+    width = len(header) if card else len(header) - 1
+    return table(header[:width], [row[:width] for row in rows], right={3, 4, 6})
+
+
+def _facts(
+    records: Mapping[str, Record], fitted: Mapping[str, dict[str, dict[str, Any]]]
+) -> dict[str, dict[str, Any]]:
+    """Return deviations with their 95 % intervals in SI units, and terms in the units of the settings."""
+    from lab.analysis import allan  # noqa: PLC0415 - takes half a second
+
+    answer = {}
+    for triad, terms in fitted.items():
+        record = records[triad]
+        found = allan.deviation(record.rates, record.dt)
+        low, high = found.interval()
+        answer[triad] = {
+            "samples": len(record.rates),
+            "dt_s": record.dt,
+            "unit": "rad/s" if triad == "gyro" else "m/s²",
+            "tau_s": found.tau,
+            "deviation": found.deviation,
+            "low": low,
+            "high": high,
+            "terms": terms,
+        }
+    return answer
+
+
+def _write_card(path: Path, records: Mapping[str, Record], source: str) -> None:
+    """Write the card of a record at rest, named as the file."""
+    from lab.analysis import rest  # noqa: PLC0415 - takes half a second
+    from lab.missions.atomic_file import atomic_file  # noqa: PLC0415 - rarely needed
+
+    with atomic_file(path) as file:
+        file.write(rest.card_of(path.stem, records, source).to_toml().encode())

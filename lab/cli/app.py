@@ -1,0 +1,123 @@
+"""App: what all commands share: help, the one place where something runs, and what becomes of its errors."""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import math
+import sys
+from collections.abc import Iterator, Mapping
+from typing import Annotated, Any
+
+import typer
+
+from lab.cli.terminal import Progress, spell_what_cannot_be_encoded
+from lab.missions import MissionError
+from lab.settings import SettingError
+
+
+class CommandError(ValueError):
+    """A command that cannot be carried out as given; the message says what is accepted."""
+
+
+class Commands(typer.core.TyperGroup):
+    """The commands, answering whatever a person can put right with a message instead of a traceback."""
+
+    def get_command(self, ctx: Any, cmd_name: str) -> Any:
+        """Return a command by its name."""
+        command = super().get_command(ctx, cmd_name)
+        if command is None and not ctx.resilient_parsing:
+            raise CommandError(
+                f"there is no command {cmd_name!r}; accepted: {', '.join(self.list_commands(ctx))}"
+            )
+        return command
+
+    def invoke(self, ctx: Any) -> Any:
+        """Carry out the command."""
+        try:
+            return super().invoke(ctx)
+        except (CommandError, MissionError, SettingError) as error:
+            print(f"ins-lab: {error}", file=sys.stderr)
+            raise typer.Exit(2) from error
+        except OSError as error:
+            if error.filename is None:  # such as a closed pipe
+                raise
+            print(f"ins-lab: {error.filename}: {error.strerror}", file=sys.stderr)
+            raise typer.Exit(2) from error
+
+
+app = typer.Typer(
+    name="ins-lab",
+    cls=Commands,
+    invoke_without_command=True,
+    rich_markup_mode=None,
+    pretty_exceptions_enable=False,
+    context_settings={"help_option_names": ["-h", "--help"]},
+    epilog="""\b
+Examples:
+  ins-lab missions
+  ins-lab run montreal
+  ins-lab run montreal --set sensors.gyro.noise_density=0.02 --seed 7
+  ins-lab budget montreal
+  ins-lab cards
+  ins-lab serve""",
+)
+
+
+def main() -> None:
+    """Run the command line with the arguments of the process."""
+    spell_what_cannot_be_encoded()
+    app(prog_name="ins-lab")
+
+
+@app.callback()
+def ins_lab(
+    ctx: typer.Context,
+    version: Annotated[bool, typer.Option("--version", help="Show the version.")] = False,
+) -> None:
+    """INS Lab: fly a mission, simulate the sensors, navigate, and see how good the solution is, and why."""
+    if version:
+        from importlib.metadata import version as installed  # noqa: PLC0415 - rarely needed
+
+        print(f"ins-lab {installed('ins-lab')}")
+    elif ctx.invoked_subcommand is None:
+        print(ctx.get_help())
+
+
+@contextlib.contextmanager
+def working(task: str) -> Iterator[Progress]:
+    """Tell how work goes; only the answer goes to standard output, whatever a library prints.
+
+    Parameters
+    ----------
+    task
+        What is worked on, such as the mission; stands before the message of an error that does not say.
+
+    Raises
+    ------
+    CommandError
+        In place of a `ValueError` that does not name itself what is wrong.
+    """
+    with contextlib.redirect_stdout(sys.stderr), Progress(task) as progress:
+        try:
+            yield progress
+        except (CommandError, MissionError, SettingError):
+            raise
+        except ValueError as error:
+            raise CommandError(f"{task}: {error}") from error
+
+
+def print_json(data: Any) -> None:
+    """Print data as JSON, which any encoding can write."""
+    print(json.dumps(plain(data), indent=2, allow_nan=False))
+
+
+def plain(data: Any) -> Any:
+    """Return data as JSON has it, which knows neither NaN nor infinity nor NumPy's numbers."""
+    if isinstance(data, Mapping):
+        return {str(key): plain(value) for key, value in data.items()}
+    if isinstance(data, list | tuple):
+        return [plain(value) for value in data]
+    if hasattr(data, "tolist"):
+        return plain(data.tolist())
+    return None if isinstance(data, float) and not math.isfinite(data) else data

@@ -1,0 +1,102 @@
+"""``ins-lab budget``: what each source of error contributes to the errors of a mission's solution."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Annotated, Any
+
+import numpy as np
+import typer
+
+from lab.cli.app import CommandError, print_json, working
+from lab.cli.options import AsJson, Assignments, Card, Config, Mission, Seed, experiment
+from lab.cli.terminal import table
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+EXAMPLES = """\b
+Examples:
+  ins-lab budget montreal
+  ins-lab budget montreal --set navigator.r_scale=100
+  ins-lab budget los_angeles --at 60 --json
+The columns are 1σ of all three components together, and the part of the variance. The total is that of the
+errors, be the filter right or wrong; what it believes itself, and every component, is in the JSON."""
+
+
+def error_budget(
+    mission: Mission,
+    config: Config = None,
+    card: Card = None,
+    assignments: Assignments = None,
+    seed: Seed = None,
+    at: Annotated[
+        float | None,
+        typer.Option("--at", metavar="TIME", help="When, in seconds.", show_default="the end"),
+    ] = None,
+    as_json: AsJson = False,
+) -> None:
+    """Show what each source of error contributes to the errors of a mission's solution."""
+    chosen = experiment(mission, config, card, assignments, seed)
+    with working(chosen.mission) as progress:
+        result = chosen.run(progress)
+        _check_time(at, float(result.time[-1]))
+        dataset = result.budget
+    there = dataset.isel(time=-1) if at is None else dataset.sel(time=at, method="nearest")
+    if as_json:
+        print_json({"mission": chosen.mission, "seed": chosen.seed, **_facts(there)})
+    else:
+        print(_budget(there))
+
+
+def _check_time(at: float | None, end: float) -> None:
+    if at is not None and not 0 <= at <= end:
+        raise CommandError(f"--at {at:g}: accepted is a time from 0 to {end:g} s, the end of the flight")
+
+
+def _budget(there: xr.Dataset) -> str:
+    """Return a budget at one time as text: the sources, the largest first, their total, what is not in it.
+
+    Each kind of quantity is one number, of all three components together: the root of the sum of the
+    variances of east, north and up, or of roll, pitch and heading.
+    """
+    kinds = (("position", "m"), ("velocity", "m/s"), ("attitude", "°"))
+    parts = (there.sigma.values[:, :9] ** 2).reshape(-1, 3, 3).sum(axis=2)
+    parts = np.concatenate((parts, parts.sum(axis=0, keepdims=True)))
+    shares = 100 * parts / parts[-1]
+    names = [*there.source.values.tolist(), "total"]
+    order = [*np.argsort(-shares[:-1].sum(axis=1), kind="stable"), len(names) - 1]
+    rows = [
+        (
+            str(names[row]),
+            *(
+                cell
+                for variance, share in zip(parts[row], shares[row], strict=True)
+                for cell in (f"{np.sqrt(variance):.3g}", f"{share:.1f}")
+            ),
+        )
+        for row in order
+    ]
+    header = [title for kind, unit in kinds for title in (f"{kind} [{unit}]", f"{kind} [%]")]
+    text = table(("source", *header), rows, right=set(range(1, 7)))
+    left_out = there.attrs["left_out"]
+    return f"{text}\n\nNot in the budget: {left_out}" if left_out else text
+
+
+def _facts(there: xr.Dataset) -> dict[str, Any]:
+    """Return a budget at one time as plain data, every quantity for itself."""
+    quantities = []
+    for quantity in there.quantity.values:
+        column = there.sel(quantity=quantity)
+        sources = zip(column.source.values, column.sigma.values, column.share.values, strict=True)
+        quantities.append(
+            {
+                "quantity": quantity,
+                "unit": column.unit.item(),
+                "total": column.total.item(),
+                "believed": column.believed.item(),
+                "sources": [
+                    {"source": source, "sigma": sigma, "percent": share} for source, sigma, share in sources
+                ],
+            }
+        )
+    return {"time_s": there.time.item(), "quantities": quantities, "left_out": there.attrs["left_out"]}

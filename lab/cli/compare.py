@@ -1,0 +1,78 @@
+"""``ins-lab compare``: error models side by side, on the same flights."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import asdict
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from lab.cli.app import print_json, working
+from lab.cli.options import AsJson, Assignments, Card, Config, Mission, Seed, experiment
+from lab.cli.terminal import table
+
+if TYPE_CHECKING:
+    from lab.comparison import Compared
+
+EXAMPLES = """\b
+Examples:
+  ins-lab compare montreal
+  ins-lab compare montreal --models phi,psi --seeds 20
+  ins-lab compare los_angeles --set navigator.attitude_sigma=20 --json
+Every model gets the same flights: same sensors, same draws. Errors are root mean squares over all runs; NEES
+and NIS stand beside what they should be; the time is that of the navigator for one flight."""
+
+_TITLES = ("model", "position [m]", "velocity [m/s]", "heading [°]", "NEES", "NIS", "time [ms]", "verdict")
+
+
+def compare(
+    mission: Mission,
+    models: Annotated[
+        str | None,
+        typer.Option(
+            "--models",
+            metavar="NAME,...",
+            help="Error models, by commas; all by default.",
+            show_default=False,
+        ),
+    ] = None,
+    seeds: Annotated[int, typer.Option("--seeds", min=1, metavar="N", help="Runs with each model.")] = 1,
+    config: Config = None,
+    card: Card = None,
+    assignments: Assignments = None,
+    seed: Seed = None,
+    as_json: AsJson = False,
+) -> None:
+    """Compare error models on the same flights: errors, consistency, time, verdict."""
+    chosen = experiment(mission, config, card, assignments, seed)
+    from lab import comparison  # noqa: PLC0415 - takes a second
+
+    names = None if models is None else [name.strip() for name in models.split(",")]
+    with working(chosen.mission) as progress:
+        rows = comparison.compare(chosen, names, seeds, progress)
+    if as_json:
+        print_json([asdict(row) for row in rows])
+    else:
+        print(_comparison(rows))
+
+
+def _comparison(rows: Sequence[Compared]) -> str:
+    """Return compared models as a table: rms errors, mean NEES and NIS beside what they should be, time."""
+    cells = [
+        (
+            row.model,
+            *(_shown(value) for value in (row.position, row.velocity, row.heading)),
+            f"{_shown(row.nees, '.1f')} / {row.degrees}" if row.degrees else "–",
+            f"{_shown(row.nis, '.2f')} / {row.nis_degrees}" if row.degrees else "–",
+            _shown(1000 * row.seconds, ".0f"),
+            row.verdict or f"Does not run: {row.refusal}",
+        )
+        for row in rows
+    ]
+    return table(_TITLES, cells, right=set(range(1, len(_TITLES) - 1)))
+
+
+def _shown(value: float, form: str = ".3f") -> str:
+    return f"{value:{form}}" if math.isfinite(value) else "–"

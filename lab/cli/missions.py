@@ -1,0 +1,54 @@
+"""``ins-lab missions``: the missions there are."""
+
+from __future__ import annotations
+
+import sys
+import warnings
+from typing import TYPE_CHECKING, Any
+
+from lab.cli.app import print_json
+from lab.cli.options import AsJson
+from lab.cli.terminal import table
+from lab.missions import MissionError, broken_missions
+from lab.missions import missions as find_missions
+
+if TYPE_CHECKING:
+    from lab.missions import Mission
+
+
+def list_missions(as_json: AsJson = False) -> None:
+    """List the missions there are: those that ship, and your own."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # those left out are listed below
+        found = find_missions()
+    readable = [entry for entry in found.values() if _readable(entry)]
+    for reason in broken_missions().values():
+        print(f"ins-lab: mission left out: {reason}", file=sys.stderr)
+    if as_json:
+        print_json([_facts(entry) for entry in readable])
+        return
+    rows = [(entry.name, entry.title, f"{entry.duration:.1f} s", entry.origin) for entry in readable]
+    print(table(("name", "title", "duration", "origin"), rows, right={2}))
+
+
+def _readable(entry: Mission) -> bool:
+    try:
+        return entry.duration > 0
+    except MissionError as error:
+        print(f"ins-lab: mission {entry.name} left out: {error}", file=sys.stderr)
+        return False
+
+
+def _facts(entry: Mission) -> dict[str, Any]:
+    return {
+        "name": entry.name,
+        "title": entry.title,
+        "description": " ".join(entry.description.split()),
+        "duration_s": entry.duration,
+        "aircraft": entry.aircraft,
+        "airport": entry.airport,
+        "origin": entry.origin,
+        "tags": list(entry.tags),
+        "recording": str(entry.recording_path),
+        "can_fly": entry.flight is not None,
+    }

@@ -1,0 +1,121 @@
+"""Options: those that several commands have, and the experiment they make."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from lab.cli.app import CommandError
+from lab.missions import mission as find_mission
+from lab.missions import missions as find_missions
+
+if TYPE_CHECKING:
+    from lab.experiment import Experiment
+
+Mission = Annotated[
+    str,
+    typer.Argument(
+        metavar="MISSION", help="Name of a mission, its .toml file, or a flight csv.", show_default=False
+    ),
+]
+Config = Annotated[
+    Path | None,
+    typer.Option(
+        "--config", metavar="FILE.toml", help="Settings, before those of --set.", show_default=False
+    ),
+]
+Card = Annotated[
+    str | None,
+    typer.Option(
+        "--card",
+        metavar="NAME",
+        help="Sensors of a card, by name or .toml file; before --set.",
+        show_default=False,
+    ),
+]
+Assignments = Annotated[
+    list[str] | None,
+    typer.Option("--set", metavar="PATH=VALUE", help="One setting; may be repeated.", show_default=False),
+]
+Seed = Annotated[
+    int | None, typer.Option("--seed", metavar="N", help="Seed of all random draws.", show_default=False)
+]
+Force = Annotated[bool, typer.Option("--force", "--overwrite", help="Replace what exists.")]
+AsJson = Annotated[bool, typer.Option("--json", help="JSON instead of a table.")]
+
+
+def experiment(
+    mission: str,
+    config: Path | None,
+    card: str | None,
+    assignments: Sequence[str] | None,
+    seed: int | None,
+) -> Experiment:
+    """Return the experiment of a command: of the file, then the card, then --set, then the other options.
+
+    Raises
+    ------
+    MissionError, SettingError, CommandError
+        If the mission does not exist, or a setting is not accepted.
+    """
+    mission = _single(mission)
+    find_mission(mission)
+    from lab.experiment import Experiment  # noqa: PLC0415 - takes a second
+
+    chosen = Experiment() if config is None else Experiment.from_toml(config)
+    if card is not None:
+        from lab.sensors.cards import card as find_card  # noqa: PLC0415 - rarely needed
+
+        chosen.update({"sensors": find_card(card).settings()})
+    for assignment in assignments or []:
+        chosen.set_text(assignment)
+    chosen.set("mission", mission)
+    if seed is not None:
+        chosen.set("seed", seed)
+    return chosen
+
+
+def _single(mission: str) -> str:
+    """Return the mission itself where its folder is named."""
+    if not Path(mission).is_dir() or mission in find_missions():
+        return mission
+    inside = [str(path) for path in sorted(Path(mission).glob("*.toml"))]
+    if len(inside) != 1:
+        holds = ", ".join(inside) or "no mission"
+        raise CommandError(f"{mission}: is a folder; accepted is one mission's .toml file (it holds {holds})")
+    return inside[0]
+
+
+def check_out(out: Path | None, force: bool, ending: str, kind: str, option: str) -> None:
+    """Refuse a file that could not be written, before the work is done.
+
+    Parameters
+    ----------
+    out
+        The file named.
+    force
+        Whether it may be replaced.
+    ending, kind
+        What its name must end with, and what is written.
+    option
+        The option that names it.
+
+    Raises
+    ------
+    CommandError
+        If it has another ending, exists, or cannot be written where it is.
+    """
+    if out is None:
+        return
+    if out.suffix.lower() != ending:
+        raise CommandError(f"{option} {out}: accepted is the name of {kind}, ending in {ending}")
+    if out.is_dir() or (out.exists() and not force):
+        raise CommandError(f"{option} {out}: exists already; name another file, or replace it with --force")
+    if not out.parent.is_dir():
+        raise CommandError(f"{option} {out}: there is no folder {out.parent}")
+    if not os.access(out.parent, os.W_OK):
+        raise CommandError(f"{option} {out}: the folder {out.parent} is not writable")

@@ -1,0 +1,107 @@
+"""``ins-lab run``: a mission navigated once; its errors, and what they say of the filter."""
+
+from __future__ import annotations
+
+from dataclasses import asdict
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from lab.cli.app import CommandError, print_json, working
+from lab.cli.options import (
+    AsJson,
+    Assignments,
+    Card,
+    Config,
+    Force,
+    Mission,
+    Seed,
+    check_out,
+    experiment,
+)
+from lab.cli.terminal import table
+
+if TYPE_CHECKING:
+    from lab.analysis.verdict import Verdict
+    from lab.result import Result
+
+EXAMPLES = """\b
+Examples:
+  ins-lab run montreal
+  ins-lab run los_angeles --seed 3 --out run.nc
+  ins-lab run my_flight.csv --set navigator.r_scale=0.01 --json
+  ins-lab run montreal --set "sensors.gps.outages=[[60, 90]]"
+  ins-lab run montreal --card ADIS16470
+A FILE.toml holds the same settings in tables, such as
+  [sensors.gyro]
+  noise_density = 0.02"""
+
+
+def run(
+    mission: Mission,
+    config: Config = None,
+    card: Card = None,
+    assignments: Assignments = None,
+    seed: Seed = None,
+    out: Annotated[
+        Path | None,
+        typer.Option(
+            "--out", metavar="FILE.nc", help="Write the whole result as netCDF.", show_default=False
+        ),
+    ] = None,
+    force: Force = False,
+    as_json: AsJson = False,
+) -> None:
+    """Navigate a mission; show how large the errors are, and whether the filter knows."""
+    check_out(out, force, ".nc", "a netCDF file", "--out")
+    chosen = experiment(mission, config, card, assignments, seed)
+    with working(chosen.mission) as progress:
+        result = chosen.run(progress)
+        if out is not None:
+            _write(result, out, force)
+        verdict = result.verdict
+    if as_json:
+        print_json(_facts(result, out))
+    else:
+        print(f"{_errors(result)}\n\n{verdict_text(verdict)}")
+
+
+def _write(result: Result, out: Path, force: bool) -> None:
+    try:
+        result.to_netcdf(out, overwrite=force)
+    except OSError as error:
+        raise CommandError(f"--out {out}: cannot be written: {error.strerror or error}") from error
+
+
+def _facts(result: Result, out: Path | None) -> dict[str, Any]:
+    return {
+        "mission": result.experiment.mission,
+        "seed": result.experiment.seed,
+        "settings": result.experiment.to_dict(),
+        "summary": result.summary.rename(columns={"95 %": "p95"}).to_dict("records"),
+        "verdict": {**asdict(result.verdict), "consistent": result.verdict.consistent},
+        "out": None if out is None else str(out),
+    }
+
+
+def _errors(result: Result) -> str:
+    """Return the errors as a table."""
+    summary = result.summary
+    numbers = {column for column, kind in enumerate(summary.dtypes) if kind.kind == "f"}
+    # Fixed decimals align; errors far below a millimetre, as without sensor noise, need powers of ten.
+    form = ".3f" if summary["rms"].min() > 0.01 else ".2e"
+    rows = [
+        tuple(f"{cell:{form}}" if column in numbers else str(cell) for column, cell in enumerate(row))
+        for row in summary.itertuples(index=False)
+    ]
+    return table(tuple(summary.columns), rows, right=numbers)
+
+
+def verdict_text(verdict: Verdict) -> str:
+    """Return a verdict as text: the headline, then each finding beyond the first, and what to try."""
+    lines = [f"Verdict ({verdict.basis}): {verdict.headline}"]
+    for number, finding in enumerate(verdict.findings):
+        lines += [f"  {finding.sentence}"] if number else []
+        lines += [f"  Try: {finding.advice} ({finding.evidence})"]
+    return "\n".join(lines)

@@ -1,0 +1,81 @@
+"""``ins-lab serve``: ports, browsers, the page."""
+
+from __future__ import annotations
+
+import socket
+import subprocess
+import sys
+import time
+from typing import Any
+from urllib.error import URLError
+from urllib.request import urlopen
+
+import pytest
+from asking import RUN_SECONDS, ask, refused
+
+from lab.cli.serve import free_port
+
+
+def test_serving_on_a_taken_port_names_a_free_one() -> None:
+    with socket.socket() as taken:
+        taken.bind(("127.0.0.1", 0))
+        taken.listen()
+        port = taken.getsockname()[1]
+        refused(ask("serve", "--port", str(port), "--no-browser"), f"--port {port}", "in use", "name another")
+
+
+@pytest.mark.parametrize(
+    ("screen", "flags", "show"), [("", [], False), (":0", [], True), (":0", ["--no-browser"], False)]
+)
+@pytest.mark.skipif(sys.platform != "linux", reason="DISPLAY tells of a screen on Linux only")
+def test_the_page_opens_where_there_is_a_screen(
+    monkeypatch: pytest.MonkeyPatch, screen: str, flags: list[str], show: bool
+) -> None:
+    import dashboards
+
+    asked: list[dict[str, Any]] = []
+    monkeypatch.setattr(dashboards, "serve", lambda **how: asked.append(how))
+    monkeypatch.setenv("DISPLAY", screen)
+    monkeypatch.delenv("WAYLAND_DISPLAY", raising=False)
+    port = free_port()
+    assert ask("serve", "--port", str(port), *flags).exit_code == 0
+    assert asked == [{"port": port, "address": "127.0.0.1", "show": show}]
+
+
+def _answers(address: str, within: float) -> bool:
+    """Ask a server that may not listen yet, again and again for so many seconds."""
+    deadline = time.monotonic() + within
+    while time.monotonic() < deadline:
+        try:
+            with urlopen(address, timeout=within) as answer:
+                return bool(answer.status == 200 and b"INS Lab" in answer.read())
+        except ConnectionError:
+            continue
+        except URLError as error:
+            if not isinstance(error.reason, ConnectionError):
+                raise
+    return False
+
+
+@pytest.mark.parametrize("address", ["127.0.0.1", "0.0.0.0"])
+def test_serving_answers_with_the_page(address: str) -> None:
+    port = free_port()
+    script = "from lab.cli import main; main()"
+    command = [
+        sys.executable,
+        "-c",
+        script,
+        "serve",
+        "--port",
+        str(port),
+        "--address",
+        address,
+        "--no-browser",
+    ]
+    with subprocess.Popen(command, stdout=subprocess.PIPE) as process:
+        try:
+            assert _answers(f"http://127.0.0.1:{port}/", RUN_SECONDS)
+        finally:
+            process.terminate()
+        assert process.stdout is not None
+        assert f":{port}/".encode() in process.stdout.readline()

@@ -1,0 +1,75 @@
+"""What a terminal shows: tables, and how work goes."""
+
+from __future__ import annotations
+
+import io
+import threading
+
+import pytest
+
+from lab.cli.terminal import Progress, table
+
+
+def test_a_wide_last_column_goes_on_below_itself(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("COLUMNS", "40")
+    lines = table(
+        ("name", "text"), [("a", "one two three four five six seven eight nine ten"), ("b", "")]
+    ).splitlines()
+    assert lines[0] == "name  text"
+    assert lines[1].startswith("a     one two")
+    assert lines[2].startswith("      ")
+    assert all(len(line) <= 40 for line in lines)
+    assert lines[-1] == "b"
+
+
+class _Screen(io.StringIO):
+    """A terminal that says when it has been written to."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.written = threading.Event()
+
+    def isatty(self) -> bool:
+        return True
+
+    def flush(self) -> None:
+        self.written.set()
+
+
+def test_quick_work_shows_no_progress(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("lab.cli.terminal.PATIENCE", 60)
+    screen = _Screen()
+    with Progress("working", screen) as progress:
+        progress("halfway", 0.5)
+    assert screen.getvalue() == ""
+
+
+def test_slow_work_follows_the_news_and_leaves_no_trace_in_a_terminal(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr("lab.cli.terminal.PATIENCE", 0)
+    screen = _Screen()
+    with Progress("montreal", screen) as progress:
+        assert screen.written.wait(10)
+        progress("flying", 0.25)
+        progress("flying", 0.5)
+        progress("landing", 1.0)
+    shown = screen.getvalue().split("\r\x1b[K")
+    assert shown[-1] == ""
+    lines = [line.rpartition(",")[0] for line in shown[1:-1]]
+    assert list(dict.fromkeys(lines)) == [
+        "montreal ... 0%",
+        "montreal: flying ... 25%",
+        "montreal: flying ... 50%",
+    ]
+
+
+def test_slow_work_tells_each_step_once_where_there_is_no_terminal(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("lab.cli.terminal.PATIENCE", 0)
+    log = _Screen()
+    monkeypatch.setattr(log, "isatty", lambda: False)
+    with Progress("montreal", log) as progress:
+        assert log.written.wait(10)
+        progress("flying", 0.25)
+        progress("flying", 0.5)
+    assert log.getvalue() == "montreal ...\nmontreal: flying ...\n"
