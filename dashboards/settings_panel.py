@@ -10,11 +10,13 @@ import panel_material_ui as pmui
 import param
 
 from dashboards.card_chooser import CardChooser
+from dashboards.covariance_field import CovarianceField
 from dashboards.session import Session
-from dashboards.widgets import ChoiceField, CovarianceField, Field, TextField, field
+from dashboards.widgets import ChoiceField, Field, TextField, field
 from lab.experiment import Experiment
 from lab.missions import missions
 from lab.navigation.belief import belief
+from lab.settings import MatrixOrNone
 
 SECTIONS = {
     "sensors.gyro": ("Gyros", True),
@@ -167,11 +169,15 @@ class SettingsPanel:
 
     def _make(self, path: str) -> pn.viewable.Viewable:
         owner, _, name = path.rpartition(".")
-        made = field(self._session.experiment.get(owner).param[name], self._change(path))
-        if isinstance(made, CovarianceField):
-            made.matched = lambda: matched_variances(self._session.experiment, name)
-            made.in_force = lambda: self._session.experiment.get(path)
+        declaration = self._session.experiment.get(owner).param[name]
+        made: Field
+        if isinstance(declaration, MatrixOrNone):
+            made = CovarianceField(
+                declaration, self._change(path), lambda: matched_variances(self._session.experiment, name)
+            )
             self._session.param.watch(lambda _event: made.refresh(), "result")
+        else:
+            made = field(declaration, self._change(path))
         made.show(self._session.experiment.get(path))
         self._fields[path] = made
         return made.view

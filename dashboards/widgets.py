@@ -1,9 +1,9 @@
-"""Widgets: one for each kind of setting, made from its declaration."""
+"""Widgets: a field for each kind of setting, made from its declaration."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from typing import Any
 
 import panel as pn
@@ -11,7 +11,6 @@ import panel_material_ui as pmui
 import param
 
 from lab.settings import AxisQuantity, Intervals, MatrixOrNone, Quantity
-from lab.units import TO_SI
 
 Change = Callable[[Any], bool]
 
@@ -160,10 +159,10 @@ class NumberField(Field):
     def _typed(self, event: param.parameterized.Event) -> None:
         if self._showing or event.new == shown(self._value):
             return
-        numbers = _numbers(event.new)
-        value: Any = numbers[0] if len(numbers) == 1 else numbers
-        if self._axes and len(numbers) == 1:
-            value = numbers * len(self._axes)
+        written = numbers(event.new)
+        value: Any = written[0] if len(written) == 1 else written
+        if self._axes and len(written) == 1:
+            value = written * len(self._axes)
         self._ask(value)
 
     def _unfold(self, event: param.parameterized.Event) -> None:
@@ -268,95 +267,6 @@ class TextField(Field):
         self._ask(parsed(self.declaration, event.new))
 
 
-class CovarianceField(TextField):
-    """A covariance: as text, or σ by σ in a list that unfolds; what is not given is matched to the sensors.
-
-    Attributes
-    ----------
-    matched
-        Returns the variances that hold while none are given, SI units.
-    in_force
-        Returns the value of the setting.
-    """
-
-    def __init__(self, declaration: param.Parameter, change: Change) -> None:
-        self._sigmas: list[Any] = []
-        self.matched: Callable[[], Sequence[float]] = lambda: (0.0,) * declaration.size
-        self.in_force: Callable[[], Any] = lambda: self._value
-        super().__init__(declaration, change)
-        self._list = pn.Column(margin=0, sizing_mode="stretch_width", visible=False)
-        more = pmui.ToggleIcon(
-            icon="expand_more",
-            active_icon="expand_less",
-            size="1.1em",
-            margin=(22, 0, 0, 0),
-            width=20,
-            color="default",
-            description="One σ for each row",
-        )
-        more.param.watch(self._unfold, "value")
-        self._column = pn.Column(
-            pn.Row(self._widget, more, margin=0, sizing_mode="stretch_width"),
-            self._list,
-            margin=0,
-            sizing_mode="stretch_width",
-        )
-
-    @property
-    def view(self) -> pn.viewable.Viewable:
-        """What is laid out in the page."""
-        return self._column
-
-    def refresh(self) -> None:
-        """Show the matched values as they are now."""
-        self.show(self._value)
-
-    def _render(self, value: Any) -> None:
-        super()._render(value)
-        if self._sigmas:
-            pairs = zip(self._sigmas, self._variances(), self.declaration.rows, strict=True)
-            for box, variance, (_, unit) in pairs:
-                box.value = shown(float(f"{math.sqrt(variance) / TO_SI[unit]:.4g}"))
-
-    def _variances(self) -> list[float]:
-        """Return the variances in force: given as a diagonal or with the whole matrix, or matched."""
-        if self._value is None:
-            return list(self.matched())
-        return [row[i] if isinstance(row, tuple) else row for i, row in enumerate(self._value)]
-
-    def _unfold(self, event: param.parameterized.Event) -> None:
-        if event.new and not self._sigmas:
-            for index, (name, unit) in enumerate(self.declaration.rows):
-                box = pmui.TextInput(
-                    label=f"{name} [{unit}]",
-                    size="small",
-                    variant="standard",
-                    margin=(2, 0, 2, 12),
-                    sizing_mode="stretch_width",
-                )
-                box.param.watch(lambda typed, index=index: self._typed_sigma(index, typed.new), "value")
-                self._sigmas.append(box)
-            self._list[:] = self._sigmas
-            self.refresh()
-        self._list.visible = event.new
-
-    def _typed_sigma(self, index: int, text: str) -> None:
-        if self._showing:
-            return
-        sigma = _number(text)
-        # What is no number, or a negative one, goes on: the setting itself says what it accepts.
-        unit = self.declaration.rows[index][1]
-        variance = sigma if isinstance(sigma, str) else sigma * abs(sigma) * TO_SI[unit] ** 2
-        asked: list[Any] = self._variances()
-        if self._value is not None and isinstance(self._value[0], tuple):
-            asked = [list(row) for row in self._value]
-            asked[index][index] = variance
-        else:
-            asked[index] = variance
-        self._change(asked)
-        self.show(self.in_force())
-
-
 class Scale:
     """Where on a slider a value is: linear, or in decades where the range spans many."""
 
@@ -387,8 +297,6 @@ def field(declaration: param.Parameter, change: Change) -> Field:
         return NumberField(declaration, change)
     if isinstance(declaration, param.Boolean):
         return SwitchField(declaration, change)
-    if isinstance(declaration, MatrixOrNone) and declaration.rows:
-        return CovarianceField(declaration, change)
     return TextField(declaration, change)
 
 
@@ -412,14 +320,14 @@ def parsed(declaration: param.Parameter, text: str) -> Any:
     """Return what was written; the setting itself judges whether it is acceptable."""
     text = text.strip()
     if isinstance(declaration, param.Integer):
-        number = _number(text)
-        return int(number) if isinstance(number, float) and number.is_integer() else number
+        whole = number(text)
+        return int(whole) if isinstance(whole, float) and whole.is_integer() else whole
     if isinstance(declaration, Intervals):
         stretches = [part.replace("–", "-").split("-") for part in text.replace(" ", "").split(",") if part]
-        return [tuple(_number(t) for t in stretch) for stretch in stretches]
+        return [tuple(number(t) for t in stretch) for stretch in stretches]
     if isinstance(declaration, MatrixOrNone):
-        numbers = _numbers(text)
-        return _square(numbers, declaration.size) if numbers else None
+        variances = numbers(text)
+        return _square(variances, declaration.size) if variances else None
     return text
 
 
@@ -429,13 +337,14 @@ def _square(numbers: tuple[Any, ...], size: int) -> tuple[Any, ...]:
     return tuple(numbers[row * size : (row + 1) * size] for row in range(size))
 
 
-def _numbers(text: str) -> tuple[float | str, ...]:
+def numbers(text: str) -> tuple[float | str, ...]:
     """Return the numbers in a text; a single comma inside a number is a decimal comma."""
     decimal_comma = text.count(",") == 1 and ", " not in text
-    return tuple(_number(part) for part in (text if decimal_comma else text.replace(",", " ")).split())
+    return tuple(number(part) for part in (text if decimal_comma else text.replace(",", " ")).split())
 
 
-def _number(text: str) -> float | str:
+def number(text: str) -> float | str:
+    """Return the number in a text, with a point or a comma; the text itself if it is none."""
     try:
         return float(text.replace(",", "."))
     except ValueError:

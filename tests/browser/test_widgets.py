@@ -9,9 +9,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from dashboards.covariance_field import CovarianceField
 from dashboards.exchange import query
 from dashboards.settings_panel import matched_variances
-from dashboards.widgets import CovarianceField, NumberField, Scale, TextField, field, parsed, shown
+from dashboards.widgets import NumberField, Scale, TextField, field, parsed, shown
 from lab.experiment import Experiment
 from lab.settings import AxisQuantity, Quantity, SettingError
 
@@ -130,10 +131,7 @@ def unfolded(path: str, experiment: Experiment) -> tuple[CovarianceField, list[A
             return False
         return True
 
-    made = field(LEAVES[path], change)
-    assert isinstance(made, CovarianceField)
-    made.matched = lambda: matched_variances(experiment, name)
-    made.in_force = lambda: experiment.get(path)
+    made = CovarianceField(LEAVES[path], change, lambda: matched_variances(experiment, name))
     toggle = made.view[0][1]
     toggle.value = True
     return made, list(made.view[1])

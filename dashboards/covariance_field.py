@@ -1,0 +1,108 @@
+"""Covariance field: a covariance as text, or σ by σ in a list that unfolds."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from typing import Any
+
+import panel as pn
+import panel_material_ui as pmui
+import param
+
+from dashboards.widgets import Change, TextField, number, shown
+from lab.units import TO_SI
+
+
+class CovarianceField(TextField):
+    """A covariance: as text, or σ by σ in a list that unfolds; what is not given is matched to the sensors.
+
+    Parameters
+    ----------
+    declaration, change
+        As of any field.
+    matched
+        Returns the variances that hold while none are given, SI units.
+    """
+
+    def __init__(
+        self, declaration: param.Parameter, change: Change, matched: Callable[[], Sequence[float]]
+    ) -> None:
+        self._sigmas: list[Any] = []
+        self._matched = matched
+        super().__init__(declaration, change)
+        self._list = pn.Column(margin=0, sizing_mode="stretch_width", visible=False)
+        more = pmui.ToggleIcon(
+            icon="expand_more",
+            active_icon="expand_less",
+            size="1.1em",
+            margin=(22, 0, 0, 0),
+            width=20,
+            color="default",
+            description="One σ for each row",
+        )
+        more.param.watch(self._unfold, "value")
+        self._column = pn.Column(
+            pn.Row(self._widget, more, margin=0, sizing_mode="stretch_width"),
+            self._list,
+            margin=0,
+            sizing_mode="stretch_width",
+        )
+
+    @property
+    def view(self) -> pn.viewable.Viewable:
+        """What is laid out in the page."""
+        return self._column
+
+    def refresh(self) -> None:
+        """Show the matched values as they are now."""
+        self.show(self._value)
+
+    def _render(self, value: Any) -> None:
+        super()._render(value)
+        if self._sigmas:
+            pairs = zip(self._sigmas, self._variances(), self.declaration.rows, strict=True)
+            for box, variance, (_, unit) in pairs:
+                box.value = shown(float(f"{math.sqrt(variance) / TO_SI[unit]:.4g}"))
+
+    def _variances(self) -> tuple[float, ...]:
+        """Return the variances in force: given as a diagonal or with the whole matrix, or matched."""
+        if self._value is None:
+            return tuple(self._matched())
+        return tuple(row[i] if isinstance(row, tuple) else row for i, row in enumerate(self._value))
+
+    def _unfold(self, event: param.parameterized.Event) -> None:
+        if event.new and not self._sigmas:
+            for index, (name, unit) in enumerate(self.declaration.rows):
+                box = pmui.TextInput(
+                    label=f"{name} [{unit}]",
+                    size="small",
+                    variant="standard",
+                    margin=(2, 0, 2, 12),
+                    sizing_mode="stretch_width",
+                )
+                box.param.watch(lambda typed, index=index: self._typed_sigma(index, typed.new), "value")
+                self._sigmas.append(box)
+            self._list[:] = self._sigmas
+            self.refresh()
+        self._list.visible = event.new
+
+    def _typed_sigma(self, index: int, text: str) -> None:
+        if self._showing:
+            return
+        sigma = number(text)
+        # What is no number, or a negative one, goes on: the setting itself says what it accepts.
+        unit = self.declaration.rows[index][1]
+        variance = sigma if isinstance(sigma, str) else sigma * abs(sigma) * TO_SI[unit] ** 2
+        asked: tuple[Any, ...]
+        if self._value is not None and isinstance(self._value[0], tuple):
+            row = _with(self._value[index], index, variance)
+            asked = _with(self._value, index, row)
+        else:
+            asked = _with(self._variances(), index, variance)
+        self.show(asked if self._change(asked) else self._value)
+
+
+def _with(values: tuple[Any, ...], index: int, value: Any) -> tuple[Any, ...]:
+    """Return values with another one at an index."""
+    return (*values[:index], value, *values[index + 1 :])
