@@ -1,4 +1,4 @@
-"""Computing: runs of experiments in threads, so that no page ever waits for another."""
+"""Computing: what takes time, in threads, so that no page ever waits for another."""
 
 from __future__ import annotations
 
@@ -10,6 +10,7 @@ from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from threading import Lock
+from typing import Any, Generic, TypeVar
 
 from lab.experiment import Experiment
 from lab.missions import MissionError
@@ -23,25 +24,38 @@ sys.setswitchinterval(0.001)
 
 POOL = ThreadPoolExecutor(max_workers=os.cpu_count(), thread_name_prefix="experiment")
 """Computes for all sessions; the kernels release the interpreter, so each core is used."""
+LONG = ThreadPoolExecutor(max_workers=os.cpu_count(), thread_name_prefix="long")
+"""Computes what takes longer than a run, so that no run has to wait for it."""
+
+T = TypeVar("T")
+Progress = Callable[[str, float], None]
+
+
+class SupersededError(Exception):
+    """Ends a computation nobody waits for any more; raised where it tells its progress."""
 
 
 @dataclass(frozen=True)
 class Outcome:
-    """What became of a run: a result, or a sentence about what was wrong."""
+    """What became of a computation: its content, or a sentence about what was wrong."""
 
-    result: Result | None = None
+    result: Any = None
     problem: str = ""
 
 
-class LatestWins:
-    """Runs experiments one at a time; a newer one replaces the one that waits.
+class LatestWins(Generic[T]):
+    """Works on one thing at a time; a newer one replaces the one that waits.
 
     Parameters
     ----------
-    prepare
-        Called in a thread of the pool with each result, to work out there what will be shown of it.
+    work
+        Called in a thread of the pool with what was submitted, and with a function that takes progress.
     deliver
-        Called in a thread of the pool with the outcome of each run.
+        Called in a thread of the pool with what was submitted and the outcome.
+    pool
+        Where the work is done.
+    at_once
+        Whether a newer thing also ends the work on the one before, the next time that tells its progress.
 
     Attributes
     ----------
@@ -49,11 +63,20 @@ class LatestWins:
         What is being done, and the fraction done.
     """
 
-    def __init__(self, prepare: Callable[[Result], None], deliver: Callable[[Outcome], None]) -> None:
-        self._prepare = prepare
+    def __init__(
+        self,
+        work: Callable[[T, Progress], Outcome],
+        deliver: Callable[[T, Outcome], None],
+        pool: ThreadPoolExecutor = POOL,
+        *,
+        at_once: bool = False,
+    ) -> None:
+        self._work = work
         self._deliver = deliver
+        self._pool = pool
+        self._at_once = at_once
         self._lock = Lock()
-        self._waiting: Experiment | None = None
+        self._waiting: T | None = None
         self._running = False
         self._closed = False
         self._begun = 0.0
@@ -61,18 +84,18 @@ class LatestWins:
 
     @property
     def busy(self) -> bool:
-        """Whether an experiment runs or waits."""
+        """Whether something is being worked on or waits."""
         return self._running
 
     @property
     def busy_for(self) -> float:
-        """How long the experiment that runs now has been running or waiting for a core [s]."""
+        """How long what is worked on now has been so, or waiting for a core [s]."""
         return time.monotonic() - self._begun if self._running else 0.0
 
-    def submit(self, experiment: Experiment) -> None:
-        """Run an experiment as soon as the one that runs now has ended."""
+    def submit(self, thing: T) -> None:
+        """Work on a thing as soon as the work on the present one has ended."""
         with self._lock:
-            self._waiting = experiment.copy()
+            self._waiting = thing
             if self._running or self._closed:
                 return
             self._running = True
@@ -85,36 +108,53 @@ class LatestWins:
 
     def _next(self) -> None:
         with self._lock:
-            experiment, self._waiting = self._waiting, None
-            if experiment is None or self._closed:
+            thing, self._waiting = self._waiting, None
+            if thing is None or self._closed:
                 self._running = False
                 return
         self.stage, self._begun = ("Waiting for a free core", 0.0), time.monotonic()
-        POOL.submit(self._run, experiment)
+        self._pool.submit(self._run, thing)
 
-    def _run(self, experiment: Experiment) -> None:
-        outcome = run(experiment, self._progress, self._prepare)
+    def _run(self, thing: T) -> None:
+        try:
+            outcome = self._work(thing, self._progress)
+        except SupersededError:
+            self._next()
+            return
         with self._lock:
             closed = self._closed
         if not closed:
-            self._deliver(outcome)
+            self._deliver(thing, outcome)
         self._next()
 
     def _progress(self, stage: str, fraction: float) -> None:
+        if self._at_once and (self._closed or self._waiting is not None):
+            raise SupersededError
         self.stage = (stage, fraction)
 
 
 def run(
     experiment: Experiment,
-    progress: Callable[[str, float], None] | None = None,
+    progress: Progress | None = None,
     prepare: Callable[[Result], None] | None = None,
 ) -> Outcome:
-    """Run an experiment; what goes wrong becomes a sentence for the page, never an exception."""
-    try:
+    """Run an experiment, and have what will be shown of it prepared; what goes wrong becomes a sentence."""
+
+    def work() -> Result:
         result = experiment.run(progress)
         if prepare is not None:
             prepare(result)
-        return Outcome(result=result)
+        return result
+
+    return attempt(work)
+
+
+def attempt(work: Callable[[], Any]) -> Outcome:
+    """Return the content of a computation; what goes wrong becomes a sentence, never an exception."""
+    try:
+        return Outcome(result=work())
+    except SupersededError:
+        raise
     except (SettingError, MissionError, ValueError) as error:
         return Outcome(problem=str(error))
     except MemoryError:

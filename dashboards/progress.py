@@ -16,7 +16,7 @@ class Progress:
         # that turns keeps it painting while it has plots to draw.
         self.view = pn.pane.HTML(
             "",
-            margin=(14, 8),
+            margin=(0, 8),
             styles={"color": "white", "white-space": "nowrap"},
             css_classes=["progress"],
         )

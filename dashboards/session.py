@@ -9,7 +9,7 @@ import param
 from bokeh.document import Document
 from bokeh.events import DocumentReady
 
-from dashboards.computing import LatestWins, Outcome
+from dashboards.computing import LatestWins, Outcome, Progress, run
 from dashboards.sending import together
 from lab.experiment import Experiment
 from lab.missions import missions
@@ -33,7 +33,7 @@ class Session(param.Parameterized):
         self.experiment = Experiment()
         self._document = document
         self.prepare: Callable[[Result], None] = lambda _result: None
-        self._runs = LatestWins(self._prepare, self._deliver)
+        self._runs = LatestWins(self._run, self._deliver)
         self._watching = self._run_failed = False
         self._on_settings: list[Callable[[], None]] = []
         self._closed = False
@@ -50,7 +50,7 @@ class Session(param.Parameterized):
         """Compute the settings as they are now, in the background."""
         if self._closed:
             return
-        self._runs.submit(self.experiment)
+        self._runs.submit(self.experiment.copy())
         if not self._watching:
             self._watching = True
             self._document.add_timeout_callback(self._watch, PATIENCE)
@@ -89,10 +89,10 @@ class Session(param.Parameterized):
         self._runs.close()
         self._on_settings.clear()
 
-    def _prepare(self, result: Result) -> None:
-        self.prepare(result)
+    def _run(self, experiment: Experiment, progress: Progress) -> Outcome:
+        return run(experiment, progress, self.prepare)
 
-    def _deliver(self, outcome: Outcome) -> None:
+    def _deliver(self, _experiment: Experiment, outcome: Outcome) -> None:
         if not self._closed:
             self._arrived = outcome
             self._document.add_next_tick_callback(self._collect)

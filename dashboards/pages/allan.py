@@ -8,6 +8,7 @@ from typing import NamedTuple
 import numpy as np
 import panel as pn
 
+from dashboards.computing import Progress
 from dashboards.pages.base import plot_grid
 from dashboards.pages.computed import ComputedPage
 from dashboards.pages.summary import TABLE_STYLE
@@ -49,12 +50,17 @@ class Allan(ComputedPage):
             margin=0,
         )
 
-    def work_out(self, result: Result) -> AtRest:
+    def work_out(self, result: Result, _progress: Progress) -> AtRest:
         """Let the sensors rest, and fit what they put out."""
         records = rest.simulate(result.experiment.sensors, result.experiment.seed)
         deviations = {triad: allan.deviation(record.rates, record.dt) for triad, record in records.items()}
         terms = {triad: allan.fit(found) for triad, found in deviations.items()}
         return AtRest(deviations, terms, {triad: record.duration for triad, record in records.items()})
+
+    def clear(self) -> None:
+        """Draw nothing."""
+        self._figures.clear()
+        self._table.object = ""
 
     def paint(self, result: Result, content: AtRest) -> str:
         """Draw the deviations, and write the terms."""
@@ -77,7 +83,7 @@ def terms_html(result: Result, content: AtRest) -> str:
         for name, fitted in rest.in_setting_units(triad, terms).items():
             css = ' class="group"' if number and name == "noise_density" else ""
             pairs = zip(fitted["value"], fitted["sigma"], strict=True)
-            cells = "".join(f"<td>{value:.3g} ± {sigma:.1g}</td>" for value, sigma in pairs)
+            cells = "".join(f"<td>{with_sigma(value, sigma)}</td>" for value, sigma in pairs)
             given = "".join(f"<td>{value:.4g}</td>" for value in np.broadcast_to(getattr(group, name), 3))
             rows.append(
                 f"<tr{css}><td>{TITLES[triad]}: {WORDS[name]}</td>"
@@ -85,3 +91,12 @@ def terms_html(result: Result, content: AtRest) -> str:
             )
     head = "".join(f"<th>{word} {axis}</th>" for word in ("fitted", "set") for axis in "xyz")
     return f'<table><tr><th></th><th class="unit">unit</th>{head}</tr>{"".join(rows)}</table>'
+
+
+def with_sigma(value: float, sigma: float) -> str:
+    """Return a value and its σ, both to the first digit of σ, the second too where the first is a one."""
+    if not np.isfinite(sigma) or sigma <= 0:
+        return f"{value:.3g}"
+    first = int(np.floor(np.log10(sigma)))
+    digits = max(0, -first + (sigma < 2 * 10.0**first))
+    return f"{value:.{digits}f} ± {sigma:.{digits}f}"

@@ -83,8 +83,7 @@ def plot_grid(
     """
     rows = -(-len(figures) // columns)
     share = f"max({least}px, calc((100vh - {AROUND + GAP * rows}px) / {rows}))" if fill else f"{least}px"
-    # Bokeh makes a column as high as all its figures one below the other.
-    free = "" if fill else " min-height: 0 !important;"
+    free = "" if fill else " height: auto !important; min-height: 0 !important;"
     grid = f"""
     :host {{
       display: grid !important; gap: {GAP}px;{free}
@@ -98,5 +97,7 @@ def plot_grid(
     panes = [pn.pane.Bokeh(fig, sizing_mode="stretch_both", margin=0) for fig in figures]
     if columns > 1 and len(figures) % columns == 1:
         panes[-1].styles = {"grid-column": "1 / -1"}
-    sizing = "stretch_both" if fill else "stretch_width"
-    return pn.Column(*panes, sizing_mode=sizing, stylesheets=[grid], margin=(6, 8))
+    # With a height of its own, Panel does not stretch the column because its figures are stretched; the
+    # browser takes the height of the rows.
+    sizing = {"sizing_mode": "stretch_both"} if fill else {"sizing_mode": "stretch_width", "height": least}
+    return pn.Column(*panes, **sizing, stylesheets=[grid], margin=(6, 8))

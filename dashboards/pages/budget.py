@@ -7,12 +7,12 @@ from html import escape
 import panel as pn
 import panel_material_ui as pmui
 
+from dashboards.computing import Progress
 from dashboards.pages.base import AROUND, plot_grid
 from dashboards.pages.computed import ComputedPage
 from lab.analysis.budget import QUANTITIES
 from lab.analysis.observability import observability_table
 from lab.result import Result
-from lab.settings import SettingError
 from lab.views.budget import BudgetFigures
 
 _WORDS = "p { margin: 0; font: 14px/1.45 Roboto, sans-serif; }"
@@ -28,7 +28,6 @@ class Budget(ComputedPage):
 
     def make(self) -> pn.viewable.Viewable:
         """Return the choice of the quantity, the words about it, and the two figures."""
-        self._shown: Result | None = None
         self._figures = BudgetFigures(self.axis)
         self._choice = pmui.Select(
             label="Quantity",
@@ -48,28 +47,24 @@ class Budget(ComputedPage):
             margin=0,
         )
 
-    def work_out(self, result: Result) -> str:
-        """Have the result work out its budget and its observability; return why there is none."""
-        try:
-            _ = result.budget, result.observability
-        except SettingError as error:
-            return str(error)
-        return ""
+    def work_out(self, result: Result, _progress: Progress) -> None:
+        """Have the result work out its budget and its observability."""
+        _ = result.budget, result.observability
 
-    def paint(self, result: Result, content: str) -> str:
+    def clear(self) -> None:
+        """Draw nothing."""
+        self._figures.clear()
+
+    def paint(self, result: Result, _content: None) -> str:
         """Draw the quantity that is chosen."""
-        self._shown = None if content else result
-        if content:
-            self._figures.clear()
-            return escape(content)
         quantity = str(self._choice.value)
         self._figures.show(result.budget, result.observability, quantity)
         return escape(sentence(result, quantity))
 
     def _chosen(self) -> None:
         """Draw another quantity of the same result."""
-        if self._shown is not None:
-            self.words.object = f"<p>{self.paint(self._shown, '')}</p>"
+        if self._content is not None:
+            self._paint(*self._content)
 
 
 def sentence(result: Result, quantity: str) -> str:

@@ -1,7 +1,8 @@
-"""Computed: pages whose content takes a while: worked out in a thread of the pool, drawn when it is there."""
+"""Computed: pages whose content takes a while: worked out in a thread, drawn when it is there."""
 
 from __future__ import annotations
 
+import time
 from abc import abstractmethod
 from functools import partial
 from html import escape
@@ -9,13 +10,14 @@ from typing import Any
 
 import panel as pn
 
-from dashboards.computing import POOL
+from dashboards.computing import LONG, LatestWins, Outcome, Progress, attempt
 from dashboards.pages.base import Page
 from dashboards.sending import together
-from lab.missions import MissionError
 from lab.result import Result
-from lab.settings import SettingError
 from lab.views.figures import TimeAxis
+
+TELL = 0.25
+"""Time from one word about the progress to the next [s]."""
 
 _STYLE = "p { margin: 0; opacity: .75; font: 14px/1.5 Roboto, sans-serif; }"
 
@@ -23,7 +25,8 @@ _STYLE = "p { margin: 0; opacity: .75; font: 14px/1.5 Roboto, sans-serif; }"
 class ComputedPage(Page):
     """A page that says what it works on, and what was wrong, in a line above its content.
 
-    One computation runs at a time; of the results that come meanwhile only the newest is looked at.
+    One computation runs at a time; a newer result ends it where it tells its progress, and of the results
+    that come meanwhile only the newest is looked at.
     """
 
     depends_on_window = False
@@ -33,53 +36,79 @@ class ComputedPage(Page):
     def __init__(self, axis: TimeAxis) -> None:
         self._document = pn.state.curdoc
         self._wanted: Result | None = None
-        self._running = self._closed = False
+        self._content: tuple[Result, Any] | None = None
+        self._work = LatestWins(self._attempt, self._deliver, LONG, at_once=True)
+        self._told = 0.0
         self.words = pn.pane.HTML(
             "", sizing_mode="stretch_width", margin=(10, 20, 2, 20), stylesheets=[_STYLE]
         )
         super().__init__(axis)
 
     @abstractmethod
-    def work_out(self, result: Result) -> Any:
-        """Return what `paint` draws of a result; called in a thread of the pool."""
+    def work_out(self, result: Result, progress: Progress) -> Any:
+        """Return what `paint` draws of a result; called in a thread.
+
+        Work that takes seconds tells its progress, with a phrase and the fraction done: it may end there.
+        """
 
     @abstractmethod
     def paint(self, result: Result, content: Any) -> str:
         """Draw what has been worked out, and return the line above it (HTML)."""
 
+    @abstractmethod
+    def clear(self) -> None:
+        """Draw nothing: there is nothing to show of the newest result."""
+
     def draw(self, result: Result) -> None:
         """Have a result worked out; the content follows."""
         self._wanted = result
-        if not self._running:
-            self._start(result)
+        if self._content is not None and self._content[0] is result:
+            self._paint(*self._content)
+            return
+        self.say(self.working)
+        self._work.submit(result)
+
+    def say(self, text: str) -> None:
+        """Say something in the line above the content."""
+        self.words.object = f"<p>{escape(text)}</p>"
 
     def close(self) -> None:
         """Draw nothing more."""
-        self._closed, self._wanted = True, None
+        self._wanted = self._content = None
+        self._work.close()
 
-    def _start(self, result: Result) -> None:
-        self._running = True
-        self.words.object = f"<p>{self.working}</p>"
-        POOL.submit(self._run, result)
+    def _attempt(self, result: Result, progress: Progress) -> Outcome:
+        def tell(stage: str, fraction: float) -> None:
+            progress(stage, fraction)
+            if time.monotonic() - self._told > TELL:
+                self._told = time.monotonic()
+                self._later(partial(self._tell, result, stage))
 
-    def _run(self, result: Result) -> None:
-        try:
-            content = self.work_out(result)
-        except (SettingError, MissionError, ValueError) as error:
-            content = error
-        if not self._closed and self._document is not None:
-            self._document.add_next_tick_callback(partial(self._arrive, result, content))
+        return attempt(lambda: self.work_out(result, tell))
 
-    def _arrive(self, result: Result, content: Any) -> None:
-        self._running = False
-        if self._wanted is None:
-            return
+    def _deliver(self, result: Result, outcome: Outcome) -> None:
+        self._later(partial(self._arrive, result, outcome))
+
+    def _later(self, callback: Any) -> None:
+        assert self._document is not None
+        self._document.add_next_tick_callback(callback)
+
+    def _tell(self, result: Result, stage: str) -> None:
+        if result is self._wanted:
+            self.say(f"{self.working} {stage}")
+
+    def _arrive(self, result: Result, outcome: Outcome) -> None:
         if result is not self._wanted:
-            self._start(self._wanted)
             return
         assert self._document is not None
         with together(self._document):
-            if isinstance(content, Exception):
-                self.words.object = f"<p>{escape(str(content))}</p>"
+            if outcome.problem:
+                self._content = None
+                self.clear()
+                self.say(outcome.problem)
             else:
-                self.words.object = f"<p>{self.paint(result, content)}</p>"
+                self._paint(result, outcome.result)
+
+    def _paint(self, result: Result, content: Any) -> None:
+        self._content = result, content
+        self.words.object = f"<p>{self.paint(result, content)}</p>"

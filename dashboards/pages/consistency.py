@@ -6,7 +6,7 @@ from html import escape
 
 import panel as pn
 
-from dashboards.pages.base import Page
+from dashboards.pages.base import Page, plot_grid
 from lab.analysis.verdict import Verdict
 from lab.result import Result
 from lab.views.figures import TimeFigures
@@ -29,11 +29,6 @@ th:first-child, td:first-child { text-align: left; padding-left: 4px; }
 td.off { font-weight: 700; box-shadow: inset -3px 0 0 #e8862e; }
 """
 
-_GRID = """
-:host { display: grid !important; gap: 8px; height: auto !important; min-height: 0 !important;
-        grid-template-columns: repeat(auto-fit, minmax(min(420px, 100%), 1fr)); grid-auto-rows: 230px; }
-"""
-
 DOUBTFUL = 0.01
 """Probability of being white below which a channel is marked."""
 ALMOST_ALL = 95.0
@@ -50,8 +45,7 @@ class Consistency(Page):
         self._figures = TimeFigures(CONSISTENCY, self.axis)
         self._verdict = _html()
         self._tables = _html()
-        panes = [pn.pane.Bokeh(fig, sizing_mode="stretch_both", margin=0) for fig in self._figures.figures]
-        plots = pn.Column(*panes, sizing_mode="stretch_width", stylesheets=[_GRID], margin=(6, 0))
+        plots = plot_grid(self._figures.figures, 2, least=230, fill=False)
         return pn.Column(self._verdict, plots, self._tables, sizing_mode="stretch_width", margin=(8, 8))
 
     def prepare(self, result: Result) -> None:

@@ -7,6 +7,7 @@ from html import escape
 import numpy as np
 import panel as pn
 
+from dashboards.computing import Progress
 from dashboards.pages.computed import ComputedPage
 from dashboards.pages.summary import TABLE_STYLE
 from lab.comparison import Compared, compare
@@ -24,9 +25,13 @@ class Models(ComputedPage):
         self._table = pn.pane.HTML("", sizing_mode="stretch_width", margin=(8, 20), stylesheets=[TABLE_STYLE])
         return pn.Column(self.words, self._table, sizing_mode="stretch_width", margin=0)
 
-    def work_out(self, result: Result) -> tuple[Compared, ...]:
+    def work_out(self, result: Result, progress: Progress) -> tuple[Compared, ...]:
         """Run every model with the settings of the result."""
-        return compare(result.experiment)
+        return compare(result.experiment, progress=progress)
+
+    def clear(self) -> None:
+        """Show no table."""
+        self._table.object = ""
 
     def paint(self, result: Result, content: tuple[Compared, ...]) -> str:
         """Fill the table."""
@@ -45,7 +50,7 @@ def models_html(rows: tuple[Compared, ...], chosen: str) -> str:
         for name in ("position [m]", "velocity [m/s]", "heading [°]", "NEES", "NIS", "time [ms]")
     )
     return (
-        f'<table><tr><th>model</th>{head}<th class="unit">verdict</th></tr>'
+        f'<table><tr><th>model</th>{head}<th class="words">verdict</th></tr>'
         f"{''.join(_row(row, row.model == chosen) for row in rows)}</table>"
     )
 
@@ -53,7 +58,7 @@ def models_html(rows: tuple[Compared, ...], chosen: str) -> str:
 def _row(row: Compared, is_chosen: bool) -> str:
     name = f"<b>{escape(row.model)}</b>" if is_chosen else escape(row.model)
     if row.refusal:
-        return f'<tr><td>{name}</td>{"<td>–</td>" * 6}<td class="unit">{escape(row.refusal)}</td></tr>'
+        return f'<tr><td>{name}</td>{"<td>–</td>" * 6}<td class="words">{escape(row.refusal)}</td></tr>'
     figures = (
         f"{row.position:.3f}",
         f"{row.velocity:.3f}",
@@ -63,4 +68,4 @@ def _row(row: Compared, is_chosen: bool) -> str:
         f"{1e3 * row.seconds:.0f}",
     )
     cells = "".join(f"<td>{figure}</td>" for figure in figures)
-    return f'<tr><td>{name}</td>{cells}<td class="unit">{escape(row.verdict)}</td></tr>'
+    return f'<tr><td>{name}</td>{cells}<td class="words">{escape(row.verdict)}</td></tr>'

@@ -12,13 +12,16 @@ from dashboards.pages.base import Page
 from lab.result import Result
 
 TABLE_STYLE = """
+:host { overflow-x: auto; }
 table { border-collapse: collapse; font: 14px/1.5 Roboto, sans-serif; min-width: min(560px, 100%); }
 th { text-align: right; font-weight: 500; opacity: .7; padding: 6px 14px;
      border-bottom: 2px solid rgba(128,128,128,.35); }
 td { text-align: right; padding: 6px 14px; border-bottom: 1px solid rgba(128,128,128,.18);
      font-variant-numeric: tabular-nums; }
 th:first-child, td:first-child { text-align: left; padding-left: 4px; }
-td.unit, th.unit { text-align: left; opacity: .7; }
+td.unit, th.unit, td.words, th.words { text-align: left; opacity: .7; }
+td.words { min-width: 260px; }
+th, td:not(.words) { white-space: nowrap; }
 tr.group td { border-top: 2px solid rgba(128,128,128,.25); }
 p { opacity: .75; margin: 0 0 12px; }
 """

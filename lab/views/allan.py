@@ -7,7 +7,6 @@ from collections.abc import Mapping
 import numpy as np
 from bokeh.models.ranges import Range1d
 from bokeh.models.sources import ColumnDataSource
-from bokeh.models.tickers import LogTicker
 from bokeh.models.tools import HoverTool
 from bokeh.plotting import figure
 from numpy.typing import NDArray
@@ -16,7 +15,7 @@ from lab.analysis.allan import FLOOR, AllanDeviation
 from lab.sensors.suite import SensorSuite
 from lab.units import TO_SI, si
 from lab.views.envelope import limits
-from lab.views.figures import add_legend, plain_figure
+from lab.views.figures import add_legend, plain_figure, set_ordinate, tick_by_hand
 from lab.views.quantities import AXIS_COLOURS
 
 FloatArray = NDArray[np.float64]
@@ -68,14 +67,18 @@ class AllanFigures:
             for suffix, values in (("", found.deviation), ("_promised", promised(sensors, triad, found.tau))):
                 columns |= {f"{axis}{suffix}": values[:, i] / TO_SI[unit] for i, axis in enumerate(BODY)}
             self._sources[triad].data = columns
-            low, high = limits([columns[axis] for axis in BODY], "logarithmic")
-            fig.y_range.update(start=low, end=high)
+            set_ordinate(fig, *limits([columns[axis] for axis in BODY], "logarithmic"))
             fig.x_range.update(start=found.tau[0] / 1.3, end=found.tau[-1] * 1.3)
+
+    def clear(self) -> None:
+        """Draw nothing."""
+        for source in self._sources.values():
+            source.data = {name: np.zeros(0) for name in source.data}
 
     def _draw(self, triad: str) -> figure:
         source = self._sources[triad]
         fig = plain_figure(
-            f"{TITLES[triad]}: Allan deviation [{UNITS[triad]}]; dashed: as set",
+            f"{TITLES[triad]}: Allan deviation [{UNITS[triad]}], dashed as set",
             "averaging time τ [s]",
             x_axis_type="log",
             y_axis_type="log",
@@ -84,7 +87,7 @@ class AllanFigures:
             tools=[],
             height=240,
         )
-        fig.yaxis.ticker = LogTicker(mantissas=[1, 2, 5], desired_num_ticks=6)
+        tick_by_hand(fig)
         lines = {}
         for axis, colour in zip(BODY, AXIS_COLOURS, strict=True):
             fig.line("tau", f"{axis}_promised", source=source, color=colour, line_dash="dashed", alpha=0.7)

@@ -6,16 +6,22 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 from bokeh.models.annotations import BoxAnnotation
+from bokeh.models.formatters import CustomJSTickFormatter
 from bokeh.models.ranges import Range1d
 from bokeh.models.sources import ColumnDataSource
+from bokeh.models.tickers import FixedTicker
 from bokeh.models.tools import HoverTool
 from bokeh.plotting import figure
 
+from lab.views.envelope import nice_limit
 from lab.views.figures import plain_figure
 from lab.views.quantities import AXIS_COLOURS, EAST_NORTH_UP, LAGS
 
 if TYPE_CHECKING:
     from lab.result import Result
+
+LEAST_LIMIT = 0.4
+"""Least end of the ordinate, so that it stays where it is while small correlations change."""
 
 
 class AutocorrelationFigures:
@@ -38,26 +44,34 @@ class AutocorrelationFigures:
         ]
 
     def show(self, result: Result) -> None:
-        """Draw a result, lags 0 to `LAGS`."""
+        """Draw a result, lags 1 to `LAGS`; at lag 0 it is always one."""
         dataset = result.autocorrelation
         count = min(LAGS + 1, dataset.sizes["lag"])
-        data = {"lag": np.arange(count)}
+        data = {"lag": np.arange(1, count)}
+        largest = LEAST_LIMIT
         for kind in ("position", "velocity"):
-            values = dataset[kind].values[:count]
+            values = dataset[kind].values[1:count]
             data |= {f"{kind}_{axis}": values[:, index] for index, axis in enumerate(EAST_NORTH_UP)}
+            largest = max(largest, float(np.abs(values).max(initial=0)))
         band = float(dataset.attrs["band"])
         for annotation in self._band.values():
             annotation.update(bottom=-band, top=band)
+        limit = nice_limit(largest)
+        for fig in self.figures:
+            fig.y_range.update(start=-limit, end=limit)
         self._source.data = data
 
     def _draw(self, name: str, colour: str) -> figure:
         kind, axis = name.split("_")
         fig = plain_figure(
             f"{kind.capitalize()} autocorrelation, {axis}",
-            x_range=Range1d(start=-0.8, end=LAGS + 0.8, bounds=(-0.8, LAGS + 0.8)),
-            y_range=Range1d(start=-0.6, end=1.05),
+            x_range=Range1d(start=0.2, end=LAGS + 0.8),
+            y_range=Range1d(start=-LEAST_LIMIT, end=LEAST_LIMIT),
             tools=[],
         )
+        fig.yaxis.ticker.desired_num_ticks = 4
+        fig.xaxis.ticker = fig.xgrid.ticker = FixedTicker(ticks=list(range(10, LAGS + 1, 10)))
+        fig.xaxis.formatter = CustomJSTickFormatter(code="return `${tick} fixes`")
         fig.add_layout(self._band[name])
         bars = fig.vbar("lag", width=0.55, top=name, source=self._source, color=colour, line_color=None)
         tooltips = [("lag", "@lag fixes"), ("r", f"@{name}{{0.000}}")]

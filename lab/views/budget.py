@@ -8,11 +8,10 @@ import numpy as np
 from bokeh.models.annotations import Legend, LegendItem, Title
 from bokeh.models.renderers import GlyphRenderer
 from bokeh.models.sources import ColumnDataSource
-from bokeh.models.tickers import FixedTicker
 from bokeh.models.tools import HoverTool
 from bokeh.plotting import figure
 
-from lab.views.figures import TimeAxis, time_figure
+from lab.views.figures import SMALL, TimeAxis, set_ordinate, time_figure
 from lab.views.quantities import BLUE, FIXES, ORANGE, TRUTH
 
 if TYPE_CHECKING:
@@ -89,9 +88,7 @@ class BudgetFigures:
         low, high = (positive.min(), positive.max()) if positive.size else (0.1, 1.0)
         room = max((high / low) ** 0.06, np.sqrt(LEAST_RATIO * low / high))
         low, high = low / room, high * room
-        fig = self.figures[1]
-        fig.y_range.update(start=low, end=high)
-        self._ticks.ticks = _ticks(low, high)
+        set_ordinate(self.figures[1], low, high)
         self._titles[1].text = f"σ of {quantity} and the manoeuvres [{here.unit.item()}]"
         count = seen.sizes["segment"]
         self._stretches.data = {
@@ -137,7 +134,7 @@ class BudgetFigures:
         legend = Legend(
             items=list(reversed(self._items)),
             location="top_left",
-            label_text_font_size="11px",
+            styles=SMALL,
             glyph_height=12,
             glyph_width=12,
             label_height=12,
@@ -149,8 +146,6 @@ class BudgetFigures:
 
     def _draw_sigma(self, axis: TimeAxis) -> figure:
         fig = time_figure("σ", axis, logarithmic=True)
-        self._ticks = FixedTicker(ticks=[])
-        fig.yaxis.ticker = fig.ygrid.ticker = self._ticks
         fig.vstrip(
             "start", "end", source=self._stretches, fill_color=TRUTH, fill_alpha="alpha", line_color=None
         )
@@ -176,14 +171,6 @@ class BudgetFigures:
         hover = HoverTool(mode="vline", renderers=[glyphs["of the errors"]], tooltips=rows)
         fig.add_tools(hover)
         items = [LegendItem(label=label, renderers=[glyph]) for label, glyph in glyphs.items()]
-        fig.add_layout(Legend(items=items, orientation="horizontal", click_policy="hide", margin=2), "above")
+        legend = Legend(items=items, orientation="horizontal", click_policy="hide", margin=2, styles=SMALL)
+        fig.add_layout(legend, "above")
         return fig
-
-
-def _ticks(low: float, high: float) -> list[float]:
-    """Return ticks of a logarithmic axis: 1, 2, 5 over few decades, where Bokeh would have them linear."""
-    first, last = int(np.floor(np.log10(low))), int(np.ceil(np.log10(high)))
-    mantissas: tuple[float, ...] = (1, 2, 5) if last - first < 4 else (1,)
-    if high / low < 10:
-        mantissas = (1, 1.5, 2, 3, 5, 7)
-    return [m * 10.0**e for e in range(first, last + 1) for m in mantissas if low <= m * 10.0**e <= high]

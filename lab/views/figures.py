@@ -13,7 +13,7 @@ from bokeh.models.formatters import CustomJSTickFormatter
 from bokeh.models.ranges import Range1d
 from bokeh.models.renderers import GlyphRenderer
 from bokeh.models.sources import ColumnDataSource
-from bokeh.models.tickers import LogTicker
+from bokeh.models.tickers import FixedTicker
 from bokeh.models.tools import BoxZoomTool, CrosshairTool, HoverTool, WheelPanTool, WheelZoomTool
 from bokeh.plotting import figure
 
@@ -31,6 +31,10 @@ const data = Object.fromEntries(names.map((name, i) => [name, column(i)]));
 source.setv({data}, {sync: false});
 """
 """Cuts what has arrived in one piece into the columns of a source, without copying or sending them back."""
+
+
+SMALL: dict[str, str | None] = {"font-size": "12px"}
+"""Style of a legend, whose font the page gives in parts of this one."""
 
 
 class TimeAxis:
@@ -182,8 +186,7 @@ class TimeFigures:
             source.show(drawn[clock])
         for plot, fig in zip(self.plots, self.figures, strict=True):
             series = [drawn[clock][name] for clock in drawn for name in _columns(plot, clock)]
-            low, high = limits(series, plot.scale)
-            fig.y_range.update(start=low, end=high)
+            set_ordinate(fig, *limits(series, plot.scale))
 
     def _thinned(self, result: Result, window: tuple[float, float]) -> dict[Clock, dict[str, FloatArray]]:
         """Return the columns of each source in a window of time."""
@@ -241,7 +244,7 @@ def time_figure(title: str, axis: TimeAxis, *, logarithmic: bool = False, height
         **_frame(height),
     )
     if logarithmic:
-        fig.yaxis.ticker = LogTicker(mantissas=[1, 2, 5], desired_num_ticks=5)
+        tick_by_hand(fig)
     fig.xaxis.formatter = CustomJSTickFormatter(code="return `${+tick.toFixed(6)} s`")
     axis.shade_outages(fig)
     fig.renderers.append(axis.cursor)
@@ -272,6 +275,28 @@ def plain_figure(
     return figure(title=title, x_axis_label=x_label, y_axis_label=y_label, **_frame(height), **options)
 
 
+def tick_by_hand(fig: figure) -> None:
+    """Leave the ticks of a logarithmic ordinate to `set_ordinate`; over few decades Bokeh's would crowd."""
+    fig.yaxis.ticker = fig.ygrid.ticker = FixedTicker(ticks=[])
+
+
+def set_ordinate(fig: figure, low: float, high: float) -> None:
+    """Set the ends of the ordinate, and its ticks where they are left to this."""
+    fig.y_range.update(start=low, end=high)
+    ticker = fig.yaxis[0].ticker
+    if isinstance(ticker, FixedTicker):
+        ticker.ticks = decade_ticks(low, high)
+
+
+def decade_ticks(low: float, high: float) -> list[float]:
+    """Return ticks of a logarithmic axis: powers of ten; over few decades 1, 2, 5; within one, more."""
+    first, last = int(np.floor(np.log10(low))), int(np.ceil(np.log10(high)))
+    mantissas: tuple[float, ...] = (1, 2, 5) if last - first < 4 else (1,)
+    if high / low < 10:
+        mantissas = (1, 1.5, 2, 3, 5, 7)
+    return [m * 10.0**e for e in range(first, last + 1) for m in mantissas if low <= m * 10.0**e <= high]
+
+
 def draw_curve(fig: figure, curve: Curve, source: ColumnDataSource, x: str) -> GlyphRenderer[Any]:
     """Draw a curve of a source and return its renderer."""
     if curve.style == "points":
@@ -294,6 +319,7 @@ def add_legend(fig: figure, glyphs: dict[str, GlyphRenderer[Any]]) -> None:
         location="top_right",
         click_policy="hide",
         margin=2,
+        styles=SMALL,
     )
     fig.add_layout(legend)
 

@@ -2,78 +2,99 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from queue import Queue
 from threading import Event
 
 import pytest
+from bokeh.document import Document
 
-from dashboards import computing
-from dashboards.computing import LatestWins, Outcome, run
+from dashboards import computing, session
+from dashboards.computing import LatestWins, Outcome, Progress, run
 from lab.experiment import Experiment
 from lab.missions import MissionError
 
 PATIENCE = 60
 
 
+Work = Callable[[int, Progress], Outcome]
+
+
 @pytest.fixture
-def gate(monkeypatch: pytest.MonkeyPatch) -> Event:
-    """Hold every run back until the event is set; the problem of an outcome names the seed that was run."""
-    gate = Event()
+def gate() -> Event:
+    """Return what holds every work back until it is set."""
+    return Event()
 
-    def wait(experiment: Experiment, *_args: object) -> Outcome:
+
+@pytest.fixture
+def held(gate: Event) -> Work:
+    """Return work that waits at the gate, and then tells its progress."""
+
+    def work(number: int, progress: Progress) -> Outcome:
         assert gate.wait(PATIENCE)
-        return Outcome(problem=str(experiment.seed))
+        progress("working", 0.5)
+        return Outcome(result=number)
 
-    monkeypatch.setattr(computing, "run", wait)
-    return gate
+    return work
 
 
 class Receiver:
     """Takes outcomes, and tells when a certain one has come."""
 
-    def __init__(self, last: str) -> None:
-        self.seeds: list[str] = []
+    def __init__(self, last: int) -> None:
+        self.numbers: list[int] = []
         self.done = Event()
         self._last = last
 
-    def __call__(self, outcome: Outcome) -> None:
+    def __call__(self, number: int, outcome: Outcome) -> None:
         """Take an outcome."""
-        self.seeds.append(outcome.problem)
-        if outcome.problem == self._last:
+        assert outcome == Outcome(result=number)
+        self.numbers.append(number)
+        if number == self._last:
             self.done.set()
 
 
-def test_the_latest_wins(gate: Event) -> None:
-    receiver = Receiver(last="9")
-    runs = LatestWins(lambda _result: None, receiver)
-    for seed in range(1, 10):
-        runs.submit(Experiment(seed=seed))
+@pytest.mark.parametrize(("at_once", "delivered"), [(False, [1, 9]), (True, [9])])
+def test_the_latest_wins(gate: Event, held: Work, at_once: bool, delivered: list[int]) -> None:
+    receiver = Receiver(last=9)
+    runs = LatestWins(held, receiver, at_once=at_once)
+    for number in range(1, 10):
+        runs.submit(number)
     gate.set()
     assert receiver.done.wait(PATIENCE)
-    assert receiver.seeds == ["1", "9"]
+    assert receiver.numbers == delivered
 
 
-def test_settings_are_those_of_the_moment(gate: Event) -> None:
-    receiver = Receiver(last="1")
-    runs = LatestWins(lambda _result: None, receiver)
-    experiment = Experiment(seed=1)
-    runs.submit(experiment)
-    experiment.seed = 2
-    gate.set()
-    assert receiver.done.wait(PATIENCE)
-
-
-def test_nothing_comes_after_the_end(gate: Event) -> None:
-    first, second = Receiver(last="1"), Receiver(last="2")
-    ended = LatestWins(lambda _result: None, first)
-    ended.submit(Experiment(seed=1))
+def test_nothing_comes_after_the_end(gate: Event, held: Work) -> None:
+    first, second = Receiver(last=1), Receiver(last=2)
+    ended = LatestWins(held, first)
+    ended.submit(1)
     ended.close()
-    ended.submit(Experiment(seed=1))
-    other = LatestWins(lambda _result: None, second)
+    ended.submit(1)
+    other = LatestWins(held, second)
     for _ in range(computing.POOL._max_workers + 1):  # behind the run that was under way
-        other.submit(Experiment(seed=2))
+        other.submit(2)
     gate.set()
     assert second.done.wait(PATIENCE)
-    assert first.seeds == []
+    assert first.numbers == []
+
+
+def test_settings_are_those_of_the_moment(gate: Event, monkeypatch: pytest.MonkeyPatch) -> None:
+    ran: Queue[int] = Queue()
+
+    def wait(experiment: Experiment, *_args: object) -> Outcome:
+        assert gate.wait(PATIENCE)
+        ran.put(int(experiment.seed))
+        return Outcome(problem="none")
+
+    monkeypatch.setattr(session, "run", wait)
+    one = session.Session(Document())
+    one.experiment.seed = 7
+    one.compute()
+    one.experiment.seed = 8
+    gate.set()
+    assert ran.get(timeout=PATIENCE) == 7
+    one.close()
 
 
 def test_a_result_is_prepared_where_it_was_computed() -> None:

@@ -82,16 +82,21 @@ def test_the_sentence_says_where_the_errors_come_from(result: Result) -> None:
     assert "°" in words
 
 
+def silent(_stage: str, _fraction: float) -> None:
+    """Take progress."""
+
+
 def test_a_page_tells_why_there_is_no_budget(axis: TimeAxis) -> None:
     experiment = Experiment(mission="los_angeles")
     experiment.set("navigator.model", "nonlinear")
     page = Budget(axis)
     refused = experiment.run()
-    assert "linear model" in page.paint(refused, page.work_out(refused))
+    assert "linear model" in page._attempt(refused, silent).problem
 
 
 def test_a_page_draws_the_quantity_that_is_chosen(result: Result, axis: TimeAxis) -> None:
     page = Budget(axis)
-    assert "σ of the heading" in page.paint(result, page.work_out(result))
+    page._paint(result, page._attempt(result, silent).result)
+    assert "σ of the heading" in page.words.object
     page._choice.value = "roll"
     assert "σ of the roll" in page.words.object

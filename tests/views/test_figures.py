@@ -9,7 +9,7 @@ from bokeh.models import ColumnDataSource
 from lab.result import Result
 from lab.views.autocorrelation import AutocorrelationFigures
 from lab.views.figures import TimeAxis, TimeFigures
-from lab.views.quantities import COVARIANCE, ERRORS, HEIGHT, INNOVATIONS
+from lab.views.quantities import COVARIANCE, ERRORS, HEIGHT, INNOVATIONS, LAGS
 from lab.views.track import TrackFigure
 
 
@@ -95,7 +95,10 @@ def test_autocorrelation_has_its_band(result: Result) -> None:
     figures.show(result)
     fig = figures.figures[0]
     data = fig.select_one({"type": ColumnDataSource}).data
-    assert data["position_east"][0] == pytest.approx(1)
+    assert data["lag"].tolist() == list(range(1, LAGS + 1))
+    r = result.autocorrelation["position"].values[1 : LAGS + 1, 0]
+    assert np.array_equal(data["position_east"], r)
+    assert fig.y_range.start <= r.min() < r.max() <= fig.y_range.end
     box = next(item for item in fig.center if hasattr(item, "fill_alpha") and hasattr(item, "bottom"))
     assert box.top == -box.bottom == pytest.approx(1.96 / np.sqrt(result.fixes.time.size), rel=0.02)
 
