@@ -9,7 +9,7 @@ from bokeh.models.annotations import BoxAnnotation
 from bokeh.models.formatters import CustomJSTickFormatter
 from bokeh.models.ranges import Range1d
 from bokeh.models.sources import ColumnDataSource
-from bokeh.models.tickers import FixedTicker
+from bokeh.models.tickers import BasicTicker, FixedTicker
 from bokeh.models.tools import HoverTool
 from bokeh.plotting import figure
 
@@ -69,7 +69,7 @@ class AutocorrelationFigures:
             y_range=Range1d(start=-LEAST_LIMIT, end=LEAST_LIMIT),
             tools=[],
         )
-        fig.yaxis.ticker.desired_num_ticks = 4
+        fig.yaxis.ticker = fig.ygrid.ticker = BasicTicker(desired_num_ticks=4)
         fig.xaxis.ticker = fig.xgrid.ticker = FixedTicker(ticks=list(range(10, LAGS + 1, 10)))
         fig.xaxis.formatter = CustomJSTickFormatter(code="return `${tick} fixes`")
         fig.add_layout(self._band[name])
