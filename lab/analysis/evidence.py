@@ -21,6 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lab.analysis import consistency, errors
+from lab.analysis.outliers import NEIGHBOURS, outliers
 from lab.navigation.error_models import ACCEL_BIAS, ATT, GYRO_BIAS, POS, VEL
 from lab.navigation.kalman import MEASUREMENTS
 from lab.navigation.solution import Belief, Fixes, Imu, Solution
@@ -98,22 +99,25 @@ class Innovations(_Sum):
         Sums of products with the innovations so many fixes later.
     fit : Fit
         Of the innovations, made white, on the filter's response to each cause.
+    outliers : int
+        How many no Gaussian would give.
     """
 
     squares: Squares
     sums: FloatArray
     lagged: FloatArray
     fit: Fit
+    outliers: int
 
 
 @dataclass(frozen=True)
 class FixErrors(_Sum):
-    """What the errors of the fixes say of R, in the units of its σ.
+    """What the errors of the fixes say of R, in the units of its σ; those of outliers apart.
 
     Attributes
     ----------
     count : int
-        Fixes.
+        Fixes that are no outliers.
     position : Fit
         For each correlation time and variance ratio (TIMES, RATIOS), the errors made white with them.
     log_determinant : (TIMES, RATIOS) array
@@ -122,6 +126,8 @@ class FixErrors(_Sum):
         Of the velocity errors.
     variance : (6,) array
         What R assumes, times the fixes [m²], [(m/s)²].
+    outliers : int
+        Fixes whose errors no Gaussian would give.
     """
 
     count: int
@@ -129,6 +135,7 @@ class FixErrors(_Sum):
     log_determinant: FloatArray
     velocity: Fit
     variance: FloatArray
+    outliers: int
 
 
 @dataclass(frozen=True)
@@ -298,6 +305,7 @@ def _innovations(
         sums=normalised.sum(axis=0),
         lagged=lagged,
         fit=_normal_equations(white[..., :CAUSES], white[..., CAUSES]),
+        outliers=int(outliers(normalised, settled=NEIGHBOURS // 2).sum()),
     )
 
 
@@ -365,13 +373,16 @@ def _fix_errors(
     )
     variance = np.diagonal(belief.R)
     error, causes = error / np.sqrt(variance), causes / np.sqrt(variance)[:, None]
+    kept = ~outliers(error)
+    times, error, causes = times[kept], error[kept], causes[kept]
     position, log_determinant = _coloured(times, causes[:, POS], error[:, POS])
     return FixErrors(
-        count=used.size,
+        count=times.size,
         position=position,
         log_determinant=log_determinant,
         velocity=_normal_equations(causes[:, VEL], error[:, VEL]),
-        variance=variance * used.size,
+        variance=variance * times.size,
+        outliers=used.size - times.size,
     )
 
 

@@ -5,7 +5,8 @@ doubt and large enough to matter:
 
 - *Beyond doubt.* A χ² statistic outside its two-sided 99.8 % interval (`DOUBT`), a t-value beyond 4
   (`T_VALUE`, 1 in 16,000), three components of a lever arm together beyond χ² = 21 (`LEVER`, 1 in 10,000), a
-  likelihood ratio beyond e¹⁰ (`RATIO`, since 60 pairs of time and size are tried). Together they raise less
+  likelihood ratio beyond e¹⁰ (`RATIO`, since 60 pairs of time and size are tried), a fix that stands out
+  from those around it as one in 5 million does (`outliers`). Together they raise less
   than one false alarm in 100 runs, most of them of P0, of which a run has but one sample.
 - *Large enough.* A variance that is wrong by less than half (`MATTERS`) costs a filter next to nothing: its
   gain depends on the root of it. Nor does a latency below 10 ms, or a lever arm below 20 cm.
@@ -25,6 +26,7 @@ from numpy.typing import NDArray
 
 from lab.analysis.consistency import chi_square_interval
 from lab.analysis.evidence import CAUSES, RATIOS, TIMES, Evidence, Fit, FixErrors, Squares
+from lab.analysis.outliers import CHANCE
 
 FloatArray = NDArray[np.float64]
 
@@ -60,13 +62,14 @@ class Finding:
     ----------
     quantity
         What: ``"R position"``, ``"R velocity"``, ``"Q"``, ``"Q gyro"``, ``"Q accelerometer"``, ``"P0"``,
-        ``"GPS correlation"``, ``"GPS latency"``, ``"GPS lever arm"``; and ``"gain"``, ``"NEES"`` or ``"NIS"``
+        ``"GPS correlation"``, ``"GPS latency"``, ``"GPS lever arm"``, ``"GPS outliers"``; and ``"gain"``, ``"NEES"`` or ``"NIS"``
         where nothing more can be said.
     direction
         ``"too small"``, ``"too large"`` or ``"not modelled"``.
     factor
         How many times too small or too large a variance is; of what is not modelled its size: latency [s],
-        length of the lever arm [m], σ of the correlated error [m] (NaN where it cannot be known).
+        length of the lever arm [m], σ of the correlated error [m] (NaN where it cannot be known), the part of
+        the fixes that are outliers.
     sentence, advice
         What is wrong and what to try, for a person.
     evidence
@@ -158,6 +161,7 @@ def _fixes(fixes: FixErrors, evidence: Evidence) -> list[_Weighed]:
     """Judge R, the correlation of the fixes, latency and lever arm by the errors of the fixes."""
     if not fixes.count:
         return []
+    apart = _outliers(fixes.outliers, fixes.count + fixes.outliers, "position or velocity errors")
     white = _fit(fixes, (0, 0))
     best = max(
         (_fit(fixes, at) for at in np.ndindex(len(TIMES), len(RATIOS))), key=lambda fit: fit.likelihood
@@ -166,7 +170,7 @@ def _fixes(fixes: FixErrors, evidence: Evidence) -> list[_Weighed]:
     gain = best.likelihood - white.likelihood
     correlated = gain > RATIO and np.sqrt(ratio) > CORRELATED
     fit = best if correlated else white
-    found = _causes(fit.estimate, fit.covariance)
+    found = apart + _causes(fit.estimate, fit.covariance)
     sizes = np.sqrt(evidence.innovations.squares.mean.reshape(2, 3).mean(axis=1))
     scales = np.array([fit.position, fit.velocity])
     if correlated:
@@ -248,6 +252,21 @@ def _causes(estimate: FloatArray, covariance: FloatArray) -> list[_Weighed]:
         )
         found.append(_Weighed(square / 2, finding))
     return found
+
+
+def _outliers(number: int, fixes: int, what: str) -> list[_Weighed]:
+    """Judge fixes that stand out from those around them."""
+    if not number:
+        return []
+    finding = Finding(
+        "GPS outliers",
+        "not modelled",
+        number / fixes,
+        f"{number} of {fixes} fixes have {what} no Gaussian would give: outliers, such as from multipath.",
+        "Set navigator.gate to 0.999: the filter then refuses fixes that are implausible.",
+        f"{number} of {fixes} beyond what one Gaussian fix in {0.5 / CHANCE:.0e} reaches",
+    )
+    return [_Weighed(-number * float(np.log(CHANCE)), finding)]
 
 
 def _correlation(sigma: float, time: float, gain: float) -> Finding:
@@ -363,6 +382,9 @@ def _by_innovations(evidence: Evidence) -> list[_Weighed]:
     Kalman Filtering*, IEEE Trans. Automatic Control 15 (1970)).
     """
     seen = evidence.innovations
+    if seen.outliers:
+        # Through the filter each reaches the innovations after it: what these say else is not to be trusted.
+        return _outliers(seen.outliers, int(seen.squares.number[0]), "innovations")
     count = 3 * seen.squares.number[:1].sum()
     power = seen.squares.total.reshape(2, 3).sum(axis=1)
     size = power / count

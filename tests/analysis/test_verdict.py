@@ -20,6 +20,7 @@ from scipy.spatial.transform import Rotation
 from lab import earth
 from lab.analysis import evidence as module
 from lab.analysis.evidence import RATIOS, TIMES, Evidence, Reference, Squares, evidence
+from lab.analysis.outliers import outliers
 from lab.analysis.verdict import judge
 from lab.experiment import CACHE, Experiment, start
 from lab.navigation.navigator import navigate
@@ -74,6 +75,14 @@ def on_an_arm(result: Result, samples: np.ndarray, seed: int) -> tuple[np.ndarra
     return C_nb.apply(ARM), C_nb.apply(np.cross(rate, ARM))
 
 
+def outlying(result: Result, samples: np.ndarray, seed: int) -> tuple[np.ndarray, np.ndarray]:
+    """Return jumps of 20 m north, east and down in one fix of twenty, and no velocity errors."""
+    rng = np.random.default_rng(2000 + seed)
+    jumps = rng.normal(0, 20, (samples.size, 3))
+    chosen = np.isin(np.arange(samples.size), rng.choice(samples.size, samples.size // 20, replace=False))
+    return jumps * chosen[:, None], np.zeros((samples.size, 3))
+
+
 CASES = {
     "R position × 10": Case("R position", "too large", 7.5, 13, {"r": [5.0] * 3 + [0.2] * 3}),
     "R position ÷ 10": Case("R position", "too small", 7.5, 13, {"r": [0.05] * 3 + [0.2] * 3}),
@@ -87,6 +96,7 @@ CASES = {
     "correlation": Case("GPS correlation", "not modelled", 1, 6, displace=correlated),
     "latency": Case("GPS latency", "not modelled", LATENCY - 0.02, LATENCY + 0.02, displace=late),
     "lever arm": Case("GPS lever arm", "not modelled", 1.5, 2.5, displace=on_an_arm),
+    "outliers": Case("GPS outliers", "not modelled", 0.035, 0.055, displace=outlying),
 }
 MATCHED = Case("", "", 0, 0)
 
@@ -186,6 +196,7 @@ SEEN = {
     "R velocity ÷ 10": ("R velocity", 0.95),
     "correlation": ("GPS correlation", 0.5),
     "latency": ("GPS latency", 0.5),
+    "outliers": ("GPS outliers", 0.95),
 }
 """What innovations alone can name in one run, and in which part of the runs at the least."""
 
@@ -291,6 +302,44 @@ def test_the_weightiest_finding_comes_first_and_the_others_are_counted():
     assert verdict.headline.endswith("too small. (1 more)")
     assert not verdict.consistent
     assert str(verdict) == verdict.headline
+
+
+def test_outliers_neither_hide_a_wrong_r_nor_survive_the_gate_that_is_advised():
+    experiment = Experiment(seed=1)
+    experiment.set("sensors.gps.outlier_rate", 0.05)
+    plain = experiment.run().verdict
+    assert [finding.quantity for finding in plain.findings] == ["GPS outliers"]
+    assert "of 205 fixes" in plain.headline
+    assert "navigator.gate to 0.999" in plain.findings[0].advice
+    gated = experiment.copy()
+    gated.set("navigator.gate", 0.999)
+    assert gated.run().verdict.consistent
+    experiment.set("navigator.r", [0.05] * 3 + [0.2] * 3)
+    both = experiment.run().verdict
+    assert {finding.quantity for finding in both.findings} == {"GPS outliers", "R position"}
+    assert both.findings[-1].factor == pytest.approx(10, rel=0.4)
+
+
+def test_a_bad_constellation_makes_r_too_small_and_no_outliers():
+    experiment = Experiment(seed=1)
+    experiment.set("sensors.gps.quality_steps", [[30, 60]])
+    result = experiment.run()
+    for verdict in (result.verdict, result.innovation_verdict):
+        assert verdict.findings
+        assert all(finding.quantity.startswith("R ") for finding in verdict.findings)
+
+
+@pytest.mark.parametrize("rate", [0.01, 0.1, 0.3])
+def test_outliers_are_found_among_gaussian_errors_of_any_size_and_drift(rate):
+    """Known jumps on white noise of three sizes with a slow drift; all are found, nothing else is."""
+    rng = np.random.default_rng(6)
+    for size in (0.3, 1.0, 4.0):
+        errors = size * rng.normal(0, 1, (2000, 6)) + 5 * np.sin(np.arange(2000) / 100)[:, None]
+        chosen = rng.random(2000) < rate
+        errors[chosen, 0] += 20 * max(size, 1.0) * rng.choice((-1, 1), chosen.sum())
+        found = outliers(errors)
+        assert not (found & ~chosen).any()
+        assert (found & chosen).sum() > 0.97 * chosen.sum()
 
 
 @pytest.mark.parametrize("outages", [[[0, 1e6]], [[1.5, 1e6]], [[2.5, 1e6]]], ids=["none", "one", "two"])

@@ -1,0 +1,58 @@
+"""Outliers: fixes whose errors or innovations no Gaussian would give, however large its σ."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lab.analysis.consistency import chi_square_interval
+
+FloatArray = NDArray[np.float64]
+
+NEIGHBOURS = 10
+"""How many fixes around it each fix is compared with."""
+CHANCE = 1e-7
+"""Probability that an error of three components of Gaussian fixes counts as an outlier."""
+
+
+def outliers(errors: FloatArray, settled: int = 0) -> NDArray[np.bool_]:
+    """Return which errors (m,) stand out from those around them.
+
+    Each is compared with the median of its neighbours, which takes away what changes slowly (correlated
+    errors, a latency), and its square with the medians of the squares, near and overall: an R that is too
+    small makes all errors large, a bad constellation those of its time, and neither makes outliers.
+
+    Parameters
+    ----------
+    errors : (m, 6) array
+        Of position and velocity, each divided by its assumed σ.
+    settled
+        Number of the first error that can be an outlier; those before are of a start from which the filter
+        had yet to recover.
+    """
+    found = np.zeros(errors.shape[0], dtype=np.bool_)
+    while True:
+        # Among those that are left: where outliers are many, they hide each other at first.
+        left = np.flatnonzero(~found)
+        new = left[_apart(errors[left]) & (left >= settled)]
+        if not new.size:
+            return found
+        found[new] = True
+
+
+def _apart(errors: FloatArray) -> NDArray[np.bool_]:
+    """Return which errors (m,) stand out from those around them."""
+    count = errors.shape[0]
+    if count <= NEIGHBOURS:
+        return np.zeros(count, dtype=np.bool_)
+    half = NEIGHBOURS // 2
+    first = np.clip(np.arange(count) - half, 0, count - NEIGHBOURS - 1)
+    around = first[:, None] + np.arange(NEIGHBOURS)
+    around += around >= np.arange(count)[:, None]
+    apart = errors - np.median(errors[around], axis=1)
+    squares = np.sum(apart.reshape(count, 2, 3) ** 2, axis=2)
+    usual = np.median(squares, axis=0)
+    for side in (around[:, :half], around[:, half:]):
+        usual = np.maximum(usual, np.median(squares[side], axis=1))
+    middle, limit = chi_square_interval(3, 1, 0.0)[0], chi_square_interval(3, 1, 1 - 2 * CHANCE)[1]
+    return np.asarray((squares > limit * np.maximum(usual / middle, 1.0)).any(axis=1))
