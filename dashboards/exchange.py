@@ -111,7 +111,8 @@ class Address:
         query = self._location.search.removeprefix("?") if self._location is not None else ""
         trial = Experiment()
         problems = []
-        for path, text in parse_qsl(query):
+        # Other forms last: what they mean depends on the rest.
+        for path, text in sorted(parse_qsl(query), key=lambda item: item[0] in Experiment.OTHER_FORMS):
             try:
                 trial.set_text(f"{path}={text}")
             except SettingError as error:

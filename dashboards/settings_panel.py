@@ -11,6 +11,7 @@ import param
 
 from dashboards.card_chooser import CardChooser
 from dashboards.covariance_field import CovarianceField
+from dashboards.other_form import OtherFormField
 from dashboards.session import Session
 from dashboards.widgets import ChoiceField, Field, TextField, field
 from lab.experiment import Experiment
@@ -67,6 +68,10 @@ class SettingsPanel:
     def __init__(self, session: Session) -> None:
         self._session = session
         self._fields: dict[str, Field] = {}
+        forms = {path: session.experiment.derived(path).setting for path in Experiment.OTHER_FORMS}
+        self._forms = {setting: path for path, setting in forms.items()}
+        # The rate of the IMU is what makes a variance of a density.
+        self._depend = {*forms, *forms.values(), "trajectory.imu_rate"}
         session.on_settings(self.refresh)
         self._mission = ChoiceField(
             session.experiment.param["mission"], self._change("mission"), mission_titles()
@@ -94,6 +99,8 @@ class SettingsPanel:
             accepted = self._session.change(path, value)
             if path.startswith("sensors."):
                 self._cards.refresh()
+            if path in self._depend:
+                self._refresh_forms()
             return accepted
 
         return change
@@ -180,7 +187,24 @@ class SettingsPanel:
             made = field(declaration, self._change(path))
         made.show(self._session.experiment.get(path))
         self._fields[path] = made
+        if path in self._forms:
+            return pn.Column(
+                made.view, self._make_form(self._forms[path]), margin=0, sizing_mode="stretch_width"
+            )
         return made.view
+
+    def _make_form(self, path: str) -> pn.viewable.Viewable:
+        """Return the box for another form of a setting."""
+        made = OtherFormField(self._session.experiment.derived(path).declaration, self._change(path))
+        made.show(self._session.experiment.get(path))
+        self._fields[path] = made
+        return made.view
+
+    def _refresh_forms(self) -> None:
+        """Show settings and their other forms alike, whichever was changed."""
+        for path in (*self._forms, *self._forms.values()):
+            if path in self._fields:
+                self._fields[path].show(self._session.experiment.get(path))
 
 
 def matched_variances(experiment: Experiment, name: str) -> list[float]:

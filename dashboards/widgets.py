@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import panel as pn
@@ -137,10 +137,10 @@ class NumberField(Field):
         )
 
     def _render(self, value: Any) -> None:
-        numbers = value if self._axes else (value,)
+        components = value if self._axes else (value,)
         self._box.value = shown(value)
-        self._slider.value = self._scale.position(max(numbers, key=abs))
-        for slider, number in zip(self._axis_sliders, numbers, strict=False):
+        self._slider.value = self._scale.position(max(components, key=abs))
+        for slider, number in zip(self._axis_sliders, components, strict=False):
             slider.value = self._scale.position(number)
 
     def _moved(self, axis: int | None, position: float) -> None:
@@ -152,18 +152,14 @@ class NumberField(Field):
         elif axis is None:
             self._ask((number,) * len(self._axes))
         else:
-            numbers = list(self._value)
-            numbers[axis] = number
-            self._ask(tuple(numbers))
+            components = list(self._value)
+            components[axis] = number
+            self._ask(tuple(components))
 
     def _typed(self, event: param.parameterized.Event) -> None:
         if self._showing or event.new == shown(self._value):
             return
-        written = numbers(event.new)
-        value: Any = written[0] if len(written) == 1 else written
-        if self._axes and len(written) == 1:
-            value = written * len(self._axes)
-        self._ask(value)
+        self._ask(per_axis(event.new, self._axes))
 
     def _unfold(self, event: param.parameterized.Event) -> None:
         if event.new and not self._axis_sliders:
@@ -329,6 +325,14 @@ def parsed(declaration: param.Parameter, text: str) -> Any:
         variances = numbers(text)
         return _square(variances, declaration.size) if variances else None
     return text
+
+
+def per_axis(text: str, axes: Sequence[str]) -> Any:
+    """Return the number in a text, or one for each axis; one alone is that of all axes."""
+    found = numbers(text)
+    if len(found) == 1:
+        return found * len(axes) if axes else found[0]
+    return found
 
 
 def _square(numbers: tuple[Any, ...], size: int) -> tuple[Any, ...]:

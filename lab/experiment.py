@@ -8,10 +8,10 @@ from __future__ import annotations
 
 import time
 import tomllib
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Self
+from typing import Any, Self
 
 import numpy as np
 import param
@@ -34,8 +34,9 @@ from lab.result import Result
 from lab.sensors import gps, imu
 from lab.sensors import temperature as thermal
 from lab.sensors.draws import unit_draws
+from lab.sensors.noise_variance import NOISE_VARIANCES, noise_variance
 from lab.sensors.suite import SensorSuite
-from lab.settings import Quantity, SettingError, Settings, group
+from lab.settings import Derived, Quantity, SettingError, Settings, group
 from lab.trajectory import Trajectory, Truth
 from lab.units import si
 
@@ -95,6 +96,25 @@ class Experiment(Settings):
     trajectory = group(TrajectorySettings, "Trajectory.")
     sensors = group(SensorSuite, "Sensors.")
     navigator = group(NavigatorSettings, "Navigator.")
+
+    OTHER_FORMS = NOISE_VARIANCES
+
+    def derived(self, path: str) -> Derived:
+        """Return a noise density's other form: the variance of a sample at the IMU rate."""
+        return noise_variance(self.get(path.rpartition(".")[0]), path, float(self.trajectory.imu_rate))
+
+    def update(self, values: Mapping[str, Any]) -> Self:
+        """Set everything in a nested mapping, all or nothing, and return self.
+
+        The trajectory comes first: variances of a sample are those at its IMU rate.
+
+        Raises
+        ------
+        SettingError
+            If a key does not exist or a value is not accepted; nothing is changed then.
+        """
+        first = {name: values[name] for name in ("trajectory",) if name in values}
+        return super().update({**first, **values})
 
     @classmethod
     def from_toml(cls, source: str | Path) -> Self:

@@ -12,7 +12,7 @@ import math
 import numbers
 import tomllib
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from typing import Any, Self
+from typing import Any, ClassVar, NamedTuple, Self
 
 import numpy as np
 import param
@@ -92,12 +92,19 @@ class AxisQuantity(param.Parameter):
             "unit": unit,
         }.items():
             object.__setattr__(self, name, value)
-        super().__init__(default=self._broadcast(default), **kwargs)
+        super().__init__(default=self.broadcast(default), **kwargs)
 
     def __set__(self, obj: Any, value: Any) -> None:
-        super().__set__(obj, self._broadcast(value))
+        super().__set__(obj, self.broadcast(value))
 
-    def _broadcast(self, value: Any) -> tuple[float, ...]:
+    def broadcast(self, value: Any) -> tuple[float, ...]:
+        """Return one number for each axis, from one for all or one for each.
+
+        Raises
+        ------
+        ValueError
+            If it is neither, not finite, or beyond the bounds.
+        """
         count = len(self.axes)
         components = (value,) * count if isinstance(value, numbers.Real) else value
         if isinstance(components, np.ndarray):
@@ -192,11 +199,39 @@ class MatrixOrNone(param.Parameter):
             raise ValueError(f"is not positive semidefinite: smallest eigenvalue, scaled, {smallest:.3g}")
 
 
+class Derived(NamedTuple):
+    """Another way to give a setting: what is kept, and written to files, is the setting itself.
+
+    Attributes
+    ----------
+    declaration : AxisQuantity
+        What is shown and accepted.
+    setting : str
+        Dotted path of the setting it is another form of.
+    form : callable
+        Takes the setting to what is shown.
+    back : callable
+        Takes what is accepted to the setting.
+    """
+
+    declaration: AxisQuantity
+    setting: str
+    form: Callable[[Any], Any]
+    back: Callable[[Any], Any]
+
+
 class Settings(param.Parameterized):
     """A group of settings, itself made of parameters and of further groups, addressed by dotted paths.
 
     A subclass declares a group inside it with `group`. Every instance owns its groups.
     """
+
+    OTHER_FORMS: ClassVar[tuple[str, ...]] = ()
+    """Dotted paths with which settings can be given in another form."""
+
+    def derived(self, path: str) -> Derived:
+        """Return the other form of a setting that one of `OTHER_FORMS` stands for."""
+        raise KeyError(path)
 
     def __init__(self, **values: Any) -> None:
         cls = type(self)
@@ -233,6 +268,9 @@ class Settings(param.Parameterized):
         SettingError
             If there is no such setting.
         """
+        if path in self.OTHER_FORMS:
+            form = self.derived(path)
+            return form.form(self.get(form.setting))
         owner, name = self._find(path)
         return getattr(owner, name)
 
@@ -244,6 +282,13 @@ class Settings(param.Parameterized):
         SettingError
             If there is no such setting, or it does not accept the value.
         """
+        if path in self.OTHER_FORMS:
+            form = self.derived(path)
+            try:
+                value = form.back(form.declaration.broadcast(value))
+            except (ValueError, TypeError, OverflowError) as error:
+                raise _refused(path, value, form.declaration, error) from error
+            path = form.setting
         owner, name = self._find(path)
         current = getattr(owner, name)
         if isinstance(current, Settings):
@@ -252,16 +297,14 @@ class Settings(param.Parameterized):
             if not isinstance(value, Mapping):
                 names = ", ".join(_declared(type(current)))
                 raise SettingError(f"{path}: is a group of settings ({names}), not a value")
+            self._check_once(path, value)
             for key, item in value.items():
                 self.set(f"{path}.{key}", item)
             return
         try:
             setattr(owner, name, _accept(type(owner).param[name], value))
         except (ValueError, TypeError, OverflowError) as error:
-            accepted = describe(owner.param[name])
-            raise SettingError(
-                f"{path} = {_show(value)}: not accepted; accepted is {accepted}. ({_reason(error)})"
-            ) from error
+            raise _refused(path, value, owner.param[name], error) from error
 
     def set_text(self, assignment: str) -> None:
         """Apply one ``path=value`` assignment, the value written as in TOML (strings need no quotes).
@@ -278,10 +321,24 @@ class Settings(param.Parameterized):
             value = tomllib.loads(f"value = {text}")["value"]
         except tomllib.TOMLDecodeError:
             value = text
-        owner, name = self._find(path)
-        if isinstance(owner.param[name], param.String) and not isinstance(value, str):
-            value = text
+        if path not in self.OTHER_FORMS:
+            owner, name = self._find(path)
+            if isinstance(owner.param[name], param.String) and not isinstance(value, str):
+                value = text
         self.set(path, value)
+
+    def set_texts(self, assignments: Sequence[str]) -> None:
+        """Apply assignments as `set_text`, `OTHER_FORMS` last: what they mean may depend on the others.
+
+        Raises
+        ------
+        SettingError
+            At the first that is not accepted.
+        """
+        for assignment in sorted(
+            assignments, key=lambda text: text.partition("=")[0].strip() in self.OTHER_FORMS
+        ):
+            self.set_text(assignment)
 
     def to_dict(self) -> dict[str, Any]:
         """Return all settings as nested plain dictionaries, ready for TOML, without the unset (None) ones."""
@@ -322,6 +379,13 @@ class Settings(param.Parameterized):
             value = getattr(owner, name)
             if value != self.get(path):
                 self.set(path, value)
+
+    def _check_once(self, path: str, group: Mapping[str, Any]) -> None:
+        """Refuse a group that gives a setting in two forms."""
+        for other in self.OTHER_FORMS:
+            names = [whole.removeprefix(f"{path}.") for whole in (other, self.derived(other).setting)]
+            if all(name in group for name in names):
+                raise SettingError(f"{path}: {' and '.join(names)} are two forms of one setting; give one")
 
     def _find(self, path: str) -> tuple[Settings, str]:
         owner: Settings = self
@@ -420,6 +484,12 @@ def _plain(value: Any) -> Any:
     if isinstance(value, list | tuple):
         return [_plain(item) for item in value]
     return value.item() if isinstance(value, np.generic) else value
+
+
+def _refused(path: str, value: Any, declaration: param.Parameter, error: Exception) -> SettingError:
+    return SettingError(
+        f"{path} = {_show(value)}: not accepted; accepted is {describe(declaration)}. ({_reason(error)})"
+    )
 
 
 def _show(value: Any) -> str:

@@ -25,6 +25,8 @@ TO_SI = {
     "%/K": 0.01,
     "°": math.radians(1),
     "°/s": math.radians(1),
+    "(°/s)²": math.radians(1) ** 2,
+    "(m/s²)²": 1.0,
     "°/h": math.radians(1) / 3600,
     "°/s/√Hz": math.radians(1),
     "°/h/√h": math.radians(1) / 3600 / 60,

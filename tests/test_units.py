@@ -13,6 +13,7 @@ from lab.units import TO_SI, si
 KNOWN = {
     "°": np.pi / 180,
     "°/s": np.pi / 180,
+    "(°/s)²": (np.pi / 180) ** 2,
     "°/h": np.pi / 180 / 3600,
     "°/s/√Hz": np.pi / 180,
     "g": 9.80665,

@@ -20,7 +20,8 @@ def outliers(errors: FloatArray, settled: int = 0) -> NDArray[np.bool_]:
 
     Each is compared with the median of its neighbours, which takes away what changes slowly (correlated
     errors, a latency), and its square with the medians of the squares, near and overall: an R that is too
-    small makes all errors large, a bad constellation those of its time, and neither makes outliers.
+    small makes all errors large, a bad constellation those of its time, and neither makes outliers. Where
+    more than one in five stand out, not all are found.
 
     Parameters
     ----------

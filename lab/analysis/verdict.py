@@ -62,8 +62,8 @@ class Finding:
     ----------
     quantity
         What: ``"R position"``, ``"R velocity"``, ``"Q"``, ``"Q gyro"``, ``"Q accelerometer"``, ``"P0"``,
-        ``"GPS correlation"``, ``"GPS latency"``, ``"GPS lever arm"``, ``"GPS outliers"``; and ``"gain"``, ``"NEES"`` or ``"NIS"``
-        where nothing more can be said.
+        ``"GPS correlation"``, ``"GPS latency"``, ``"GPS lever arm"``, ``"GPS outliers"``; and
+        ``"gain"``, ``"NEES"`` or ``"NIS"`` where nothing more can be said.
     direction
         ``"too small"``, ``"too large"`` or ``"not modelled"``.
     factor

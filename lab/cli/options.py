@@ -71,8 +71,7 @@ def experiment(
         from lab.sensors.cards import card as find_card  # noqa: PLC0415 - rarely needed
 
         chosen.update({"sensors": find_card(card).settings()})
-    for assignment in assignments or []:
-        chosen.set_text(assignment)
+    chosen.set_texts(assignments or [])
     chosen.set("mission", mission)
     if seed is not None:
         chosen.set("seed", seed)

@@ -128,7 +128,8 @@ class GyroErrors(Settings):
         softbounds=(0, 0.5),
         step=0.001,
         label="White noise",
-        doc="Density of the white rate noise (angle random walk).",
+        doc="Density of the white rate noise (angle random walk). Given as noise_variance it is the variance "
+        "of a sample at the IMU rate.",
     )
     bias = _bias(unit="°/s", bounds=(-20, 20), softbounds=(-1, 1), step=0.01)
     bias_sigma = _bias_sigma(0.1, unit="°/s", bounds=(0, 20), softbounds=(0, 1), step=0.01)
@@ -183,7 +184,8 @@ class AccelerometerErrors(Settings):
         softbounds=(0, 500),
         step=1,
         label="White noise",
-        doc="Density of the white specific-force noise (velocity random walk).",
+        doc="Density of the white specific-force noise (velocity random walk). Given as noise_variance it is "
+        "the variance of a sample at the IMU rate.",
     )
     bias = _bias(unit="mg", bounds=(-500, 500), softbounds=(-20, 20), step=0.1)
     bias_sigma = _bias_sigma(2.0, unit="mg", bounds=(0, 500), softbounds=(0, 20), step=0.1)

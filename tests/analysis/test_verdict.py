@@ -315,9 +315,9 @@ def test_outliers_neither_hide_a_wrong_r_nor_survive_the_gate_that_is_advised():
     gated.set("navigator.gate", 0.999)
     assert gated.run().verdict.consistent
     experiment.set("navigator.r", [0.05] * 3 + [0.2] * 3)
-    both = experiment.run().verdict
-    assert {finding.quantity for finding in both.findings} == {"GPS outliers", "R position"}
-    assert both.findings[-1].factor == pytest.approx(10, rel=0.4)
+    both = {finding.quantity: finding for finding in experiment.run().verdict.findings}
+    assert set(both) == {"GPS outliers", "R position"}
+    assert both["R position"].factor == pytest.approx(10, rel=0.4)
 
 
 def test_a_bad_constellation_makes_r_too_small_and_no_outliers():
@@ -329,7 +329,7 @@ def test_a_bad_constellation_makes_r_too_small_and_no_outliers():
         assert all(finding.quantity.startswith("R ") for finding in verdict.findings)
 
 
-@pytest.mark.parametrize("rate", [0.01, 0.1, 0.3])
+@pytest.mark.parametrize("rate", [0.01, 0.05, 0.1])
 def test_outliers_are_found_among_gaussian_errors_of_any_size_and_drift(rate):
     """Known jumps on white noise of three sizes with a slow drift; all are found, nothing else is."""
     rng = np.random.default_rng(6)

@@ -1,0 +1,41 @@
+"""Other form: a box below a setting that shows it in another form and takes it in that form."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import panel as pn
+import panel_material_ui as pmui
+import param
+
+from dashboards.widgets import Change, Field, per_axis, shown
+
+
+class OtherFormField(Field):
+    """A number in a box, or one for each axis."""
+
+    def __init__(self, declaration: param.Parameter, change: Change) -> None:
+        super().__init__(declaration, change)
+        self._axes: tuple[str, ...] = getattr(declaration, "axes", ())
+        self._box = pmui.TextInput(
+            label=f"{declaration.label} [{getattr(declaration, 'unit', '')}]",
+            size="small",
+            variant="standard",
+            margin=(0, 0, 8, 12),
+            sizing_mode="stretch_width",
+            description=declaration.doc,
+        )
+        self._box.param.watch(self._typed, "value")
+        self.show(declaration.default)
+
+    @property
+    def view(self) -> pn.viewable.Viewable:
+        """What is laid out in the page."""
+        return self._box
+
+    def _render(self, value: Any) -> None:
+        self._box.value = shown(value)
+
+    def _typed(self, event: param.parameterized.Event) -> None:
+        if not self._showing and event.new != shown(self._value):
+            self._ask(per_axis(event.new, self._axes))
