@@ -78,7 +78,7 @@ class LatestWins(Generic[T]):
         self._lock = Lock()
         self._waiting: T | None = None
         self._running = False
-        self._closed = False
+        self._closed = self._cancelled = False
         self._begun = 0.0
         self.stage = ("", 0.0)
 
@@ -101,6 +101,11 @@ class LatestWins(Generic[T]):
             self._running = True
         self._next()
 
+    def cancel(self) -> None:
+        """Let go what waits, and what is worked on as if there were a newer thing."""
+        with self._lock:
+            self._waiting, self._cancelled = None, True
+
     def close(self) -> None:
         """Deliver nothing more."""
         with self._lock:
@@ -108,7 +113,7 @@ class LatestWins(Generic[T]):
 
     def _next(self) -> None:
         with self._lock:
-            thing, self._waiting = self._waiting, None
+            thing, self._waiting, self._cancelled = self._waiting, None, False
             if thing is None or self._closed:
                 self._running = False
                 return
@@ -128,7 +133,7 @@ class LatestWins(Generic[T]):
         self._next()
 
     def _progress(self, stage: str, fraction: float) -> None:
-        if self._at_once and (self._closed or self._waiting is not None):
+        if self._at_once and (self._closed or self._cancelled or self._waiting is not None):
             raise SupersededError
         self.stage = (stage, fraction)
 

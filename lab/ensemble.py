@@ -139,6 +139,25 @@ class Ensemble:
         return parts[0], parts[1]
 
     @cached_property
+    def whiteness(self) -> pd.DataFrame:
+        """Table of the innovations of all runs in their σ: mean, variance, and whether they are white.
+
+        The columns are those of `lab.analysis.consistency.whiteness_table`.
+        """
+        seen = reduce(operator.add, self.evidence).innovations
+        # The evidence has north, east, down, position first.
+        order, sign = [1, 0, 2, 4, 3, 5], np.array([1, 1, -1] * 2)
+        number = seen.squares.number[0]
+        power = np.maximum(seen.squares.total, 1e-300)
+        return consistency.whiteness_table(
+            sign * seen.sums[order] / max(number, 1),
+            seen.squares.total[order] / max(number, 1),
+            np.concatenate((np.ones((1, 6)), (seen.lagged / power)[:, order])),
+            float(number / len(self.seeds)),
+            len(self.seeds),
+        )
+
+    @cached_property
     def coverage(self) -> pd.DataFrame:
         """Table of the errors after the fixes: their rms, their mean in σ, and what lies within ±1σ and ±3σ.
 

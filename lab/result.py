@@ -365,27 +365,21 @@ class Result:
 
     @cached_property
     def whiteness(self) -> pd.DataFrame:
-        """Table of the innovations in their σ: mean, variance, and the probability that they are white.
+        """Table of the innovations in their σ: mean, variance, and whether they are white.
 
-        `mean ±`, `variance from` and `variance to` are the 95 % intervals of a matched filter; `p white`
-        is that of the Ljung-Box test.
+        The columns are those of `lab.analysis.consistency.whiteness_table`.
         """
-        import pandas as pd  # noqa: PLC0415 - takes a while to import, and a run does without
-
         used = self.solution_arrays.fix_sample >= 0
-        count = int(used.sum())
-        band = consistency.whiteness_band(count)
-        low, high = consistency.chi_square_interval(1, count) if count else (np.nan, np.nan)
-        rows = []
-        for name in ("position", "velocity"):
-            values = (self.innovations[name] / self.innovations[f"{name}_sigma"]).values[used]
-            correlations = consistency.autocorrelation(values)
-            _, white = consistency.ljung_box(correlations, count)
-            mean, variance = values.sum(axis=0) / max(count, 1), np.sum(values**2, axis=0) / max(count, 1)
-            for index, axis in enumerate(EAST_NORTH_UP):
-                rows.append((f"{name} {axis}", mean[index], band, variance[index], low, high, white[index]))
-        columns = ["innovation", "mean", "mean ±", "variance", "variance from", "variance to", "p white"]
-        return pd.DataFrame(rows, columns=columns)
+        sets = self.innovations
+        parts = [(sets[name] / sets[f"{name}_sigma"]).values[used] for name in ("position", "velocity")]
+        values = np.concatenate(parts, axis=1)
+        count = max(len(values), 1)
+        return consistency.whiteness_table(
+            values.sum(axis=0) / count,
+            np.sum(values**2, axis=0) / count,
+            consistency.autocorrelation(values),
+            len(values),
+        )
 
     @cached_property
     def remarks(self) -> tuple[str, ...]:

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from scipy import stats
 
+from lab.analysis.evidence import LAGS
 from lab.ensemble import QUANTITIES, Ensemble, _keep, _together, run_ensemble
 from lab.experiment import CACHE, Experiment
 from lab.settings import SettingError
@@ -58,6 +59,25 @@ def test_coverage_of_a_matched_filter_is_that_of_the_normal_distribution(many: E
     assert (table["within ±3σ [%]"] > 98.5).all()
     assert (table["mean [σ]"].abs() < 2 * table["mean ±"]).all()
     assert "Consistent" in repr(many)
+
+
+def test_whiteness_of_all_runs_is_that_of_their_innovations_together(many: Ensemble) -> None:
+    """Pooled by hand; and of a matched filter within limits that one in a thousand exceeds."""
+    runs = [Experiment(mission="los_angeles", seed=seed).run() for seed in many.seeds[:3]]
+    sets = [run.innovations for run in runs]
+    kinds = ("position", "velocity")
+    values = [np.hstack([(one[kind] / one[f"{kind}_sigma"]).values for kind in kinds]) for one in sets]
+    three = run_ensemble(runs[0].experiment, 3).whiteness
+    assert np.allclose(three["mean"], np.concatenate(values).mean(axis=0))
+    assert np.allclose(three["variance"], np.mean(np.concatenate(values) ** 2, axis=0))
+    power = sum(np.sum(run**2, axis=0) for run in values)
+    r = [sum(np.sum(run[k:] * run[:-k], axis=0) for run in values) / power for k in range(1, LAGS + 1)]
+    m = len(values[0])
+    assert np.allclose(three["Q"], 3 * sum(m * (m + 2) * rk**2 / (m - k) for k, rk in enumerate(r, 1)))
+    assert np.allclose(three["p white"], stats.chi2.sf(three["Q"], LAGS))
+    table = many.whiteness
+    assert (table["mean"].abs() < 3.3 / 1.96 * table["mean ±"]).all()
+    assert (table["p white"] > 1e-3 / 6).all()
 
 
 def test_a_run_that_did_not_use_a_fix_has_a_gap_there() -> None:

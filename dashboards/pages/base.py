@@ -83,7 +83,7 @@ def plot_grid(
     """
     rows = -(-len(figures) // columns)
     share = f"max({least}px, calc((100vh - {AROUND + GAP * rows}px) / {rows}))" if fill else f"{least}px"
-    free = "" if fill else " height: auto !important; min-height: 0 !important;"
+    free = "" if fill else " height: auto !important; min-height: 0 !important; flex: 0 0 auto !important;"
     grid = f"""
     :host {{
       display: grid !important; gap: {GAP}px;{free}

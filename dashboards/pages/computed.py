@@ -61,6 +61,8 @@ class ComputedPage(Page):
 
     def draw(self, result: Result) -> None:
         """Have a result worked out; the content follows."""
+        if result is self._wanted and self._work.busy:
+            return
         self._wanted = result
         if self._content is not None and self._content[0] is result:
             self._paint(*self._content)

@@ -3,14 +3,24 @@
 from __future__ import annotations
 
 from html import escape
+from typing import TYPE_CHECKING
 
+import numpy as np
 import panel as pn
+import panel_material_ui as pmui
 
-from dashboards.pages.base import Page, plot_grid
+from dashboards.computing import Progress
+from dashboards.ensembles import ensemble
+from dashboards.pages.base import plot_grid
+from dashboards.pages.computed import ComputedPage
 from lab.analysis.verdict import Verdict
+from lab.ensemble import Ensemble
 from lab.result import Result
 from lab.views.figures import TimeFigures
-from lab.views.quantities import CONSISTENCY
+from lab.views.quantities import CONSISTENCY, ENSEMBLE_CONSISTENCY
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 _STYLE = """
 :host { font: 14px/1.5 Roboto, sans-serif; }
@@ -19,47 +29,123 @@ _STYLE = """
 .verdict h2 { font-size: 18px; font-weight: 500; margin: 0; }
 .verdict p { margin: 2px 0 0; }
 .quiet { opacity: .72; }
-.tables { display: flex; flex-wrap: wrap; gap: 8px 48px; }
+.tables { display: flex; flex-wrap: wrap; gap: 8px 36px; }
 .tables p { max-width: 430px; margin: 4px; }
 table { border-collapse: collapse; font-variant-numeric: tabular-nums; }
-th { text-align: right; font-weight: 500; opacity: .72; padding: 3px 12px;
+th { text-align: right; font-weight: 500; opacity: .72; padding: 3px 10px;
      border-bottom: 2px solid rgba(128,128,128,.35); }
-td { text-align: right; padding: 3px 12px; border-bottom: 1px solid rgba(128,128,128,.18); }
+td { text-align: right; padding: 3px 10px; border-bottom: 1px solid rgba(128,128,128,.18); }
 th:first-child, td:first-child { text-align: left; padding-left: 4px; }
 td.off { font-weight: 700; box-shadow: inset -3px 0 0 #e8862e; }
 """
 
+RUNS = (1, 10, 30, 100)
+"""Numbers of runs that are offered."""
+SETTLED = 20.0
+"""From when on it is counted how often the averages lie in their intervals [s]."""
 DOUBTFUL = 0.01
 """Probability of being white below which a channel is marked."""
 ALMOST_ALL = 95.0
 """Percent within ±3σ below which an error is marked: one flight is only a few independent samples."""
 
 
-class Consistency(Page):
-    """Verdict, NEES and NIS with their 95 % intervals, whiteness of innovations, coverage of the errors."""
+class Consistency(ComputedPage):
+    """Verdict, NEES and NIS with their 95 % intervals, innovations and coverage: of one run or of many.
+
+    One run is drawn at once; many are run in the background, and those shown stay until the new ones arrive.
+    """
 
     title = "Consistency"
+    depends_on_window = True
 
     def make(self) -> pn.viewable.Viewable:
-        """Return the verdict, the two plots and the tables, one below the other."""
-        self._figures = TimeFigures(CONSISTENCY, self.axis)
+        """Return the number of runs, the verdict, the plots and the tables, one below the other."""
+        self._result: Result | None = None
+        self._choice = pmui.Select(
+            label="Runs",
+            options={f"{runs} seeds" if runs > 1 else "1 seed": runs for runs in RUNS},
+            value=1,
+            size="small",
+            width=120,
+            margin=(10, 8),
+        )
+        self._choice.param.watch(lambda _event: self._chosen(), "value")
+        self._one = TimeFigures(CONSISTENCY, self.axis)
+        self._many = TimeFigures(ENSEMBLE_CONSISTENCY, self.axis)
         self._verdict = _html()
         self._tables = _html()
-        plots = plot_grid(self._figures.figures, 2, least=230, fill=False)
-        return pn.Column(self._verdict, plots, self._tables, sizing_mode="stretch_width", margin=(8, 8))
+        self._plots_of_one = plot_grid(self._one.figures, 2, 210, fill=False)
+        self._plots_of_many = plot_grid(self._many.figures, 2, 300, fill=False)
+        self._plots = pn.Column(self._plots_of_one, sizing_mode="stretch_width", margin=0)
+        return pn.Column(
+            pn.Row(self._choice, self.words, sizing_mode="stretch_width", margin=0),
+            self._verdict,
+            self._plots,
+            self._tables,
+            sizing_mode="stretch_width",
+            margin=0,
+        )
+
+    @property
+    def runs(self) -> int:
+        """How many runs are judged."""
+        return int(self._choice.value)
 
     def prepare(self, result: Result) -> None:
-        """Have the result judge its filter."""
-        self._figures.prepare(result)
-        _ = result.verdict, result.innovation_verdict, result.whiteness, result.coverage
+        """Have the result judge its filter, if it is judged alone."""
+        if self.runs == 1:
+            self._one.prepare(result)
+            _ = result.verdict, result.innovation_verdict, result.whiteness, result.coverage
 
     def draw(self, result: Result) -> None:
-        """Draw a result in the visible stretch of time; the words are about the whole flight."""
-        self._figures.show(result)
-        self._verdict.object = verdict_html(result.verdict, result.innovation_verdict)
+        """Draw a result in the visible stretch of time, or have its experiment run with many seeds."""
+        self._result = result
+        if self.runs > 1:
+            self.working = f"Running {self.runs} seeds:"
+            super().draw(result)
+            return
+        self._work.cancel()
+        self._wanted = self._content = None
+        self.say(f"The flight shown, seed {result.experiment.seed}.")
+        self._one.show(result)
+        self._write(result)
+        self._lay_out(self._plots_of_one)
+
+    def work_out(self, result: Result, progress: Progress) -> Ensemble:
+        """Run the experiment of the result with as many seeds as are chosen, and judge all runs together."""
+        found = ensemble(result, self.runs, progress)
+        _ = found.consistency, found.verdict, found.innovation_verdict, found.whiteness, found.coverage
+        return found
+
+    def clear(self) -> None:
+        """Show no words; the plots keep what they have."""
+        self._verdict.object = self._tables.object = ""
+
+    def paint(self, result: Result, content: Ensemble) -> str:
+        """Draw averages over the runs in the visible stretch of time, and write what all runs say."""
+        self._many.show(content)
+        self._write(content)
+        self._lay_out(self._plots_of_many)
+        return escape(over_seeds(content))
+
+    def _write(self, judged: Result | Ensemble) -> None:
+        """Write verdict and tables; they are about the whole flight."""
+        self._verdict.object = verdict_html(judged.verdict, judged.innovation_verdict)
+        tables = whiteness_html(judged.whiteness), coverage_html(judged)
         self._tables.object = (
-            f'<div class="tables"><div>{whiteness_html(result)}</div><div>{coverage_html(result)}</div></div>'
+            f'<div class="tables">{"".join(f"<div>{table}</div>" for table in tables)}</div>'
         )
+
+    def _lay_out(self, plots: pn.viewable.Viewable) -> None:
+        """Lay out plots that were drawn before, so that they arrive complete."""
+        if self._plots.objects != [plots]:
+            self._plots[:] = [plots]
+
+    def _chosen(self) -> None:
+        """Judge the newest result anew."""
+        self._wanted = self._content = None
+        if self._result is not None:
+            self.draw(self._result)
 
 
 def _html() -> pn.pane.HTML:
@@ -81,37 +167,57 @@ def verdict_html(verdict: Verdict, by_innovations: Verdict) -> str:
     )
 
 
-def whiteness_html(result: Result) -> str:
+def over_seeds(ensemble: Ensemble) -> str:
+    """Return which runs are judged, and how often their averages lie where they should."""
+    nees, nis = (f"{100 * part:.0f} %" if np.isfinite(part) else "none" for part in ensemble.inside(SETTLED))
+    return (
+        f"{len(ensemble.seeds)} flights, seeds {ensemble.seeds[0]} to {ensemble.seeds[-1]}. "
+        f"After {SETTLED:g} s the averages lie in their 95 % intervals at {nees} (NEES) and {nis} (NIS) "
+        "of the fixes."
+    )
+
+
+def whiteness_html(table: pd.DataFrame) -> str:
     """Return mean, variance and whiteness of each channel's innovations as a table."""
-    table = result.whiteness
     limits = table.iloc[0]
+    digits = 2 if limits["mean ±"] > 0.1 else 3
     heads = (
-        "Innovations, in their σ",
-        f"mean, ±{limits['mean ±']:.2f}",
-        f"variance, {limits['variance from']:.2f} to {limits['variance to']:.2f}",
+        "Innovations [σ]",
+        f"mean, ±{limits['mean ±']:.{digits}f}",
+        f"variance, {limits['variance from']:.{digits}f} to {limits['variance to']:.{digits}f}",
+        f"Q, {limits['lags']:.0f} lags",
         "p (white)",
     )
     rows = []
     for row in table.to_dict("records"):
         cells = (
-            (f"{row['mean']:.2f}", abs(row["mean"]) > row["mean ±"]),
-            (f"{row['variance']:.2f}", not row["variance from"] <= row["variance"] <= row["variance to"]),
+            (f"{row['mean']:z.{digits}f}", abs(row["mean"]) > row["mean ±"]),
+            (
+                f"{row['variance']:.{digits}f}",
+                not row["variance from"] <= row["variance"] <= row["variance to"],
+            ),
+            (f"{row['Q']:.1f}", False),
             (f"{row['p white']:.3f}", row["p white"] < DOUBTFUL),
         )
         rows.append(_row(str(row["innovation"]), cells))
-    note = "95 % of matched filters lie within the limits; what does not is marked. p is Ljung and Box's."
+    note = (
+        "95 % of matched filters lie within the limits; what does not is marked. Q is Ljung and Box's, p the "
+        "probability of a larger one; the autocorrelation itself is on the page Innovations."
+    )
     return _table(heads, rows, note)
 
 
-def coverage_html(result: Result) -> str:
-    """Return which part of the errors lies within ±1σ and ±3σ as a table."""
-    table = result.coverage
-    heads = ("Errors", "mean [σ]", "within ±1σ, 68 %", "within ±3σ, 99.7 %")
+def coverage_html(judged: Result | Ensemble) -> str:
+    """Return bias and coverage of the errors as a table, of one run or of many."""
+    table = judged.coverage
+    many = isinstance(judged, Ensemble)
+    limit = f", ±{table['mean ±'].iloc[0]:.2f}" if many else ""
+    heads = ("Errors", f"mean [σ]{limit}", "in ±1σ, 68 %", "in ±3σ, 99.7 %")
     rows = [
         _row(
             str(row["quantity"]),
             (
-                (f"{row['mean [σ]']:.2f}", False),
+                (f"{row['mean [σ]']:z.2f}", many and abs(row["mean [σ]"]) > row["mean ±"]),
                 (f"{row['within ±1σ [%]']:.0f} %", False),
                 (f"{row['within ±3σ [%]']:.1f} %", row["within ±3σ [%]"] < ALMOST_ALL),
             ),
@@ -119,6 +225,8 @@ def coverage_html(result: Result) -> str:
         for row in table.to_dict("records")
     ]
     note = "Errors change slowly: one flight may well stray by half a σ for long. Marked is what must not be."
+    if many:
+        note = "Errors after the fixes. The limit of the mean is that of independent flights; more is marked."
     return _table(heads, rows, note)
 
 

@@ -7,9 +7,14 @@ Y. Bar-Shalom, X. R. Li, T. Kirubarajan, *Estimation with Applications to Tracki
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 import numpy as np
 from numpy.typing import NDArray
 from scipy import special
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 FloatArray = NDArray[np.float64]
 
@@ -66,7 +71,7 @@ def chi_square_interval(degrees: float, runs: int = 1, probability: float = 0.95
     return float(low), float(high)
 
 
-def ljung_box(correlations: FloatArray, count: int) -> tuple[FloatArray, FloatArray]:
+def ljung_box(correlations: FloatArray, count: float, runs: int = 1) -> tuple[FloatArray, FloatArray]:
     """Return Ljung-Box's Q and the probability of a larger one if the values were white, of each channel.
 
     Q = n (n + 2) Σ r_k² / (n − k) is χ² with as many degrees of freedom as there are lags (G. M. Ljung, G. E.
@@ -78,10 +83,48 @@ def ljung_box(correlations: FloatArray, count: int) -> tuple[FloatArray, FloatAr
         Autocorrelation for lags from 0 on, as of `autocorrelation`.
     count
         Number of values it is of.
+    runs
+        Number of independent records of as many values each, if the correlations are of their sums.
     """
     lags = np.arange(1, correlations.shape[0])
-    Q = count * (count + 2) * np.sum(correlations[1:] ** 2 / (count - lags)[:, None], axis=0)
+    Q = runs * count * (count + 2) * np.sum(correlations[1:] ** 2 / (count - lags)[:, None], axis=0)
     return Q, special.chdtrc(lags.size, Q) if lags.size else np.ones_like(Q)
+
+
+def whiteness_table(
+    mean: FloatArray, variance: FloatArray, correlations: FloatArray, count: float, runs: int = 1
+) -> pd.DataFrame:
+    """Return a table of innovations in their σ, a row for each channel.
+
+    `mean ±`, `variance from` and `variance to` are the 95 % intervals of a matched filter; `Q` is Ljung and
+    Box's, of so many `lags`, and `p white` the probability of a larger one.
+
+    Parameters
+    ----------
+    mean, variance : (6,) arrays
+        Of the innovations, position and velocity, east, north, up.
+    correlations, count, runs
+        As of `ljung_box`.
+    """
+    import pandas as pd  # noqa: PLC0415 - takes a while to import, and a run does without
+
+    number = round(count * runs)
+    low, high = chi_square_interval(1, number) if number else (np.nan, np.nan)
+    Q, white = ljung_box(correlations, count, runs)
+    table = {
+        "innovation": [
+            f"{kind} {axis}" for kind in ("position", "velocity") for axis in ("east", "north", "up")
+        ],
+        "mean": mean,
+        "mean ±": whiteness_band(number),
+        "variance": variance,
+        "variance from": low,
+        "variance to": high,
+        "Q": Q,
+        "lags": max(correlations.shape[0] - 1, 0),
+        "p white": white,
+    }
+    return pd.DataFrame(table)
 
 
 def coverage(errors: FloatArray, sigma: FloatArray, factor: float = 3.0) -> FloatArray:

@@ -21,6 +21,7 @@ from lab.views.envelope import FloatArray, envelope, limits
 from lab.views.quantities import CURSOR, Band, Clock, Curve, TimePlot
 
 if TYPE_CHECKING:
+    from lab.ensemble import Ensemble
     from lab.result import Result
 
 UNPACK = """
@@ -164,20 +165,22 @@ class TimeFigures:
         self.axis = axis
         self._buckets = buckets
         self._sources: dict[Clock, Columns] = {}
-        self._ready: tuple[Result, tuple[float, float], dict[Clock, dict[str, FloatArray]]] | None = None
+        self._ready: (
+            tuple[Result | Ensemble, tuple[float, float], dict[Clock, dict[str, FloatArray]]] | None
+        ) = None
         for clock in ("time", "time_gps"):
             names = [name for plot in self.plots for name in _columns(plot, clock)]
             if names:
                 self._sources[clock] = Columns(("time", *names), f"{clock}:{self.plots[0].name}")
         self.figures = [self._draw(plot) for plot in self.plots]
 
-    def prepare(self, result: Result) -> None:
+    def prepare(self, result: Result | Ensemble) -> None:
         """Thin a result to what `show` will draw of it; in any thread."""
         window = self.axis.window
         self._ready = (result, window, self._thinned(result, window))
 
-    def show(self, result: Result) -> None:
-        """Draw a result, in the stretch of time that is visible."""
+    def show(self, result: Result | Ensemble) -> None:
+        """Draw a result, or the averages of an ensemble, in the stretch of time that is visible."""
         window, ready = self.axis.window, self._ready
         self._ready = None
         prepared = ready is not None and ready[0] is result and ready[1] == window
@@ -188,7 +191,9 @@ class TimeFigures:
             series = [drawn[clock][name] for clock in drawn for name in _columns(plot, clock)]
             set_ordinate(fig, *limits(series, plot.scale))
 
-    def _thinned(self, result: Result, window: tuple[float, float]) -> dict[Clock, dict[str, FloatArray]]:
+    def _thinned(
+        self, result: Result | Ensemble, window: tuple[float, float]
+    ) -> dict[Clock, dict[str, FloatArray]]:
         """Return the columns of each source in a window of time."""
         thinned: dict[Clock, dict[str, FloatArray]] = {}
         for clock in self._sources:
@@ -336,7 +341,7 @@ def _frame(height: int) -> dict[str, Any]:
     }
 
 
-def _columns(plot: TimePlot, clock: Clock, result: Result | None = None) -> dict[str, FloatArray]:
+def _columns(plot: TimePlot, clock: Clock, result: Result | Ensemble | None = None) -> dict[str, FloatArray]:
     """Return the names of a plot's columns at a clock, with their samples if there is a result."""
     nothing = np.zeros(0)
     columns: dict[str, FloatArray] = {}
@@ -359,5 +364,6 @@ def _tooltips(plot: TimePlot) -> list[tuple[str, str]]:
     return rows
 
 
-def _times(result: Result, clock: Clock) -> FloatArray:
-    return result.time if clock == "time" else result.fixes.time
+def _times(result: Result | Ensemble, clock: Clock) -> FloatArray:
+    # Of an ensemble there is one time, that of the fixes.
+    return result.time if clock == "time" else result.fixes.time  # type: ignore[union-attr]

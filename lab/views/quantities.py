@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,10 +12,12 @@ from numpy.typing import NDArray
 from lab.analysis.consistency import chi_square_interval
 
 if TYPE_CHECKING:
+    from lab.ensemble import Ensemble
     from lab.result import Result
 
 FloatArray = NDArray[np.floating]
-Reader = Callable[["Result"], FloatArray]
+Reader = Callable[[Any], FloatArray]
+"""Takes samples (n,) out of a result, or out of an ensemble."""
 Clock = Literal["time", "time_gps"]
 
 BLUE, GREEN, ORANGE = "#3b8eea", "#12a67c", "#e8862e"
@@ -73,7 +75,7 @@ class Band:
         """Name of the column of the upper edge."""
         return f"{self.name}_high"
 
-    def edges(self, result: Result) -> tuple[FloatArray, FloatArray]:
+    def edges(self, result: Result | Ensemble) -> tuple[FloatArray, FloatArray]:
         """Return the lower and the upper edge, each (n,)."""
         half = self.factor * self.sigma(result)
         return (
@@ -279,9 +281,67 @@ def _chi_square(name: str, variable: str, colour: str, group: str) -> TimePlot:
     return TimePlot(variable, name, "", (curve,), band=band, clock="time_gps", scale="free")
 
 
+def _normalised(variable: str) -> TimePlot:
+    """Return a plot of the three innovations of a kind, each divided by its σ."""
+
+    def reader(index: int) -> Reader:
+        def read(result: Result) -> FloatArray:
+            innovations = result.innovations
+            values: FloatArray = (innovations[variable] / innovations[f"{variable}_sigma"]).values[:, index]
+            return values
+
+        return read
+
+    def unit(result: Result) -> FloatArray:
+        return np.ones(result.fixes.time.shape)
+
+    curves = tuple(
+        Curve(f"normalised_{variable}_{axis}", axis, colour, reader(index), style="points")
+        for index, (axis, colour) in enumerate(zip(EAST_NORTH_UP, AXIS_COLOURS, strict=True))
+    )
+    band = Band(f"normalised_{variable}_band", 2, TRUTH, unit)
+    return TimePlot(
+        f"normalised_{variable}",
+        f"{variable.capitalize()} innovations",
+        "σ",
+        curves,
+        band=band,
+        clock="time_gps",
+    )
+
+
+def _average(name: str, variable: str, colour: str) -> TimePlot:
+    """Return a plot of a χ² averaged over the runs of an ensemble, with its 95 % interval."""
+
+    def reader(suffix: str) -> Callable[[Ensemble], FloatArray]:
+        def read(ensemble: Ensemble) -> FloatArray:
+            values: FloatArray = ensemble.consistency[f"{variable}{suffix}"].values
+            return values
+
+        return read
+
+    low, high = reader("_low"), reader("_high")
+    band = Interval(
+        f"{variable}_band",
+        1,
+        colour,
+        lambda ensemble: (high(ensemble) - low(ensemble)) / 2,
+        centre=lambda ensemble: (high(ensemble) + low(ensemble)) / 2,
+    )
+    curve = Curve(variable, "average", colour, reader(""), style="points")
+    return TimePlot(variable, name, "", (curve,), band=band, scale="free")
+
+
 CONSISTENCY: tuple[TimePlot, ...] = (
     _chi_square("NEES: errors of all states, normalised", "nees", BLUE, "consistency"),
     _chi_square("NIS: innovations, normalised", "nis", GREEN, "innovations"),
+    _normalised("position"),
+    _normalised("velocity"),
+)
+
+ENSEMBLE_CONSISTENCY: tuple[TimePlot, ...] = (
+    _average("NEES, average over the runs", "anees", BLUE),
+    _average("NIS, average over the runs", "anis", GREEN),
 )
 
 HEIGHT: tuple[TimePlot, ...] = (

@@ -7,6 +7,10 @@ from collections.abc import Callable
 import pytest
 from playwright.sync_api import Page, expect
 
+from dashboards.computing import SupersededError
+from dashboards.ensembles import ensemble
+from lab.experiment import Experiment
+
 pytestmark = pytest.mark.browser
 
 
@@ -18,3 +22,41 @@ def test_the_verdict_is_in_words_and_names_what_is_wrong(open_page: Callable[...
     assert page.get_by_role("cell", name="position north").count() == 2
     nees = "Bokeh.documents[0].get_model_by_name('time_gps:nees').data"
     page.wait_for_function(f"{nees}.nees.length > 100 && {nees}.nees_band_high[5] > 27")
+
+
+def test_many_seeds_are_judged_together_in_the_background(open_page: Callable[..., Page]) -> None:
+    page = open_page("?mission=los_angeles")
+    page.get_by_role("tab", name="Consistency", exact=True).click()
+    choose(page, "10 seeds")
+    expect(page.get_by_text("10 flights, seeds 1 to 10")).to_be_visible(timeout=60_000)
+    expect(page.get_by_text("Judged by 10 runs")).to_be_visible()
+    averages = "Bokeh.documents[0].get_model_by_name('time:anees')?.data"
+    page.wait_for_function(f"{averages}.anees.length > 90 && {averages}.anees_band_high[5] < 19")
+    seed = page.get_by_role("textbox").first
+    seed.fill("5")
+    seed.press("Enter")
+    expect(page.get_by_text("10 flights, seeds 5 to 14")).to_be_visible(timeout=60_000)
+    choose(page, "1 seed")
+    expect(page.get_by_text("Judged by 1 run,")).to_be_visible(timeout=30_000)
+    page.wait_for_function("Bokeh.documents[0].get_model_by_name('time_gps:nees')?.data.nees.length > 90")
+
+
+def choose(page: Page, runs: str) -> None:
+    page.get_by_role("combobox", name="Runs").click()
+    page.get_by_role("menuitem", name=runs, exact=True).click()
+
+
+def test_an_ensemble_nobody_waits_for_ends_and_is_not_kept() -> None:
+    result = Experiment(mission="los_angeles").run()
+    told: list[str] = []
+
+    def stop(stage: str, _fraction: float) -> None:
+        told.append(stage)
+        raise SupersededError
+
+    with pytest.raises(SupersededError):
+        ensemble(result, 50, stop)
+    assert len(told) < 50
+    kept = ensemble(result, 3, lambda *_: None)
+    assert ensemble(result, 3, stop) is kept
+    assert kept.seeds == (1, 2, 3)

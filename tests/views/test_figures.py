@@ -5,11 +5,14 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from bokeh.models import ColumnDataSource
+from scipy.stats import chi2
 
+from lab.ensemble import run_ensemble
+from lab.experiment import Experiment
 from lab.result import Result
 from lab.views.autocorrelation import AutocorrelationFigures
-from lab.views.figures import TimeAxis, TimeFigures
-from lab.views.quantities import COVARIANCE, ERRORS, HEIGHT, INNOVATIONS, LAGS
+from lab.views.figures import TimeAxis, TimeFigures, set_ordinate, time_figure
+from lab.views.quantities import COVARIANCE, ENSEMBLE_CONSISTENCY, ERRORS, HEIGHT, INNOVATIONS, LAGS
 from lab.views.track import TrackFigure
 
 
@@ -112,3 +115,25 @@ def test_the_track_follows_the_cursor(result: Result) -> None:
     assert data["easting"][0] == pytest.approx(float(estimated["easting"]), abs=1e-6)
     assert data["northing"][0] == pytest.approx(float(estimated["northing"]), abs=1e-6)
     assert track.figure.match_aspect
+
+
+def test_averages_of_an_ensemble_are_drawn_in_their_narrower_interval(axis: TimeAxis) -> None:
+    ensemble = run_ensemble(Experiment(mission="los_angeles"), 4)
+    axis.span(float(ensemble.time[-1]))
+    figures = TimeFigures(ENSEMBLE_CONSISTENCY, axis)
+    figures.show(ensemble)
+    data = source(figures).data
+    np.testing.assert_allclose(data["time"], ensemble.time, rtol=1e-6)
+    np.testing.assert_allclose(data["anees"], ensemble.nees.mean(axis=0), rtol=1e-5)
+    low, high = chi2.interval(0.95, 4 * 15)
+    np.testing.assert_allclose(data["anees_band_low"], low / 4, rtol=1e-5)
+    np.testing.assert_allclose(data["anees_band_high"], high / 4, rtol=1e-5)
+
+
+def test_ticks_of_a_logarithmic_axis_do_not_crowd(axis: TimeAxis) -> None:
+    fig = time_figure("σ", axis, logarithmic=True)
+    for low, high in ((0.1, 0.6), (0.02, 3.0), (1e-7, 1e2)):
+        set_ordinate(fig, low, high)
+        ticks = np.log10(fig.yaxis[0].ticker.ticks) / np.log10(high / low)
+        assert 3 <= ticks.size <= 10
+        assert np.diff(ticks).min() > 0.07
