@@ -1,4 +1,4 @@
-"""Comparison: the error models of the navigator side by side, on the same realisations."""
+"""Comparison: the error models of the navigator, and a user's own, side by side on the same realisations."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ Progress = Callable[[str, float], None]
 
 @dataclass(frozen=True)
 class Compared:
-    """What one error model made of the flights.
+    """What one error model, or an algorithm of the user's own, made of the flights.
 
     Attributes
     ----------
@@ -28,9 +28,9 @@ class Compared:
     position, velocity, heading
         Root mean square errors over all runs, of the vectors [m], [m/s] and of the heading [°].
     nees, degrees
-        NEES averaged over epochs and runs, and what it should be.
+        NEES averaged over epochs and runs, and what it should be; NaN and 0 where it is not known.
     nis
-        NIS averaged likewise; it should be `nis_degrees`, the numbers in a fix.
+        NIS averaged likewise; it should be `nis_degrees`, the numbers in a fix; NaN where not known.
     seconds
         Time the navigator took for one flight, the median of the runs [s].
     verdict
@@ -79,39 +79,36 @@ def compare(
     progress
         Called with a sentence about what is being done and the fraction done, from 0 to 1.
     algorithms
-        Navigators of the user's own by name, compared after the models; one that fails is a refusal.
+        Navigators of the user's own by name, compared after the models; one that fails is a refusal. Their
+        first run is timed too: what they compile or load counts.
 
     Raises
     ------
     SettingError
-        If there is no such model, or none of them can run with these settings.
+        If there is no such model, or nothing of what is compared can run with these settings.
     ValueError
         As `run_ensemble`.
     """
-    chosen = tuple(dict.fromkeys(models() if names is None else names))
-    variants = []
-    for name in chosen:
+    rivals: list[tuple[str, Experiment, Algorithm | None]] = []
+    for name in dict.fromkeys(models() if names is None else names):
         variant = experiment.copy()
         variant.set("navigator.model", name)
-        variants.append(variant)
-    if not variants:
+        rivals.append((name, variant, None))
+    rivals += [(name, experiment, algorithm) for name, algorithm in (algorithms or {}).items()]
+    if not rivals:
         raise SettingError(f"models: none named; accepted are {', '.join(models())}")
     found = []
-    for index, variant in enumerate(variants):
+    for index, (name, variant, algorithm) in enumerate(rivals):
 
-        def tell(step: str, fraction: float, index: int = index, name: str = chosen[index]) -> None:
+        def tell(step: str, fraction: float, index: int = index, name: str = name) -> None:
             if progress is not None:
-                progress(f"{name}, {step}", (index + fraction) / len(variants))
+                progress(f"{name}, {step}", (index + fraction) / len(rivals))
 
         try:
-            _warm_up(variant)
-            found.append(_compared(chosen[index], run_ensemble(variant, seeds, tell)))
-        except SettingError as error:
-            found.append(Compared(chosen[index], refusal=str(error)))
-    for name, algorithm in (algorithms or {}).items():
-        try:
-            found.append(_compared(name, run_ensemble(experiment, seeds, algorithm=algorithm)))
-        except AlgorithmError as error:
+            if algorithm is None:
+                _warm_up(variant)
+            found.append(_compared(name, run_ensemble(variant, seeds, tell, algorithm=algorithm)))
+        except (SettingError, AlgorithmError) as error:
             found.append(Compared(name, refusal=str(error)))
     if all(row.refusal for row in found):
         raise SettingError("; ".join(dict.fromkeys(row.refusal for row in found)))

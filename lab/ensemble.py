@@ -18,8 +18,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lab.analysis import consistency
+from lab.analysis.algorithm_verdict import judge
 from lab.analysis.evidence import Evidence
-from lab.analysis.verdict import Verdict, judge
+from lab.analysis.verdict import Verdict
 from lab.experiment import Experiment
 from lab.navigation.algorithm import Algorithm
 from lab.navigation.kalman import MEASUREMENTS

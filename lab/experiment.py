@@ -198,6 +198,7 @@ class _Run:
         accelerometer = self.triad("accelerometer", flight)
         fixes = self.fixes(flight)
         ready = unscented.is_compiled() if self.navigator.model == "nonlinear" else self.is_compiled()
+        ready = ready or self.algorithm is not None
         self.progress("Navigating" if ready else "Preparing the navigator (compiled once)", 0.4)
         assumed = belief(self.sensors, self.navigator)
         key = digest(self.flight_key, self.experiment.seed, self.sensors.to_dict(), self.navigator.to_dict())
@@ -224,6 +225,7 @@ class _Run:
             belief=assumed,
             solution_arrays=solution,
             seconds=seconds,
+            algorithm="" if self.algorithm is None else type(self.algorithm).__name__,
         )
 
     def flight(self) -> Flight:

@@ -16,8 +16,9 @@ from numpy.typing import NDArray
 
 from lab import report
 from lab.analysis import budget, consistency, errors, observability
+from lab.analysis.algorithm_verdict import algorithm_evidence, judge
 from lab.analysis.evidence import Evidence, Reference, evidence
-from lab.analysis.verdict import Verdict, judge
+from lab.analysis.verdict import Verdict
 from lab.ideal_imu import IdealImu
 from lab.missions import Mission
 from lab.navigation.error_models import ATT, POS, STATES
@@ -86,6 +87,8 @@ class Result:
         What the stages computed, in SI units.
     seconds
         Time the navigator took when it computed the solution [s].
+    algorithm
+        Name of the user's algorithm that navigated; empty for the navigator of the settings.
     """
 
     experiment: Experiment
@@ -98,6 +101,7 @@ class Result:
     belief: Belief
     solution_arrays: Solution
     seconds: float
+    algorithm: str = ""
 
     @property
     def time(self) -> FloatArray:
@@ -266,8 +270,8 @@ class Result:
     @cached_property
     def autocorrelation(self) -> xr.Dataset:
         """Normalised autocorrelation of the innovations; attribute `band`: half-width of the 95 % band."""
-        used = self.solution_arrays.fix_sample >= 0
         sets = self.innovations
+        used = np.isfinite(sets["nis"].values)
         normalised = [(sets[name] / sets[f"{name}_sigma"]).values[used] for name in ("position", "velocity")]
         r = [consistency.autocorrelation(values) for values in normalised]
         dims = ("lag", "axis")
@@ -279,14 +283,18 @@ class Result:
 
     @cached_property
     def consistency(self) -> xr.Dataset:
-        """NEES of the states after each fix; attribute `degrees` of `nees`: states that have a variance."""
+        """NEES of the states after each fix; attribute `degrees` of `nees`: states that have a variance.
+
+        NaN, and 0 degrees, where no fix was used, or a user's algorithm gave no covariance.
+        """
         solution = self.solution_arrays
         samples = np.maximum(solution.fix_sample, 0)
         x = errors.error_state(solution, samples, self.truth_arrays, self.true_bias)
         nees = self._used_fixes(consistency.normalised_squares, x, solution.fix_covariance)
         used = solution.fix_covariance[solution.fix_sample >= 0]
-        degrees = int(consistency.uncertain(used).size)
-        dataset = self._dataset(nees=(("time_gps",), nees, "", f"NEES, {degrees} degrees of freedom"))
+        degrees = int(consistency.uncertain(used).size) if used.size else 0
+        label = f"NEES, {degrees} degrees of freedom" if degrees else "NEES, not known"
+        dataset = self._dataset(nees=(("time_gps",), nees, "", label))
         dataset.nees.attrs["degrees"] = degrees
         return dataset
 
@@ -340,12 +348,15 @@ class Result:
     def evidence(self) -> Evidence:
         """What this run says for and against each assumption of the filter."""
         fixes, ideal = self.fixes, self.ideal
+        reference = Reference(self.truth_arrays, self.true_bias, ideal.dtheta, ideal.dvelocity)
+        if self.algorithm:
+            return algorithm_evidence(self.solution_arrays, reference)
         return evidence(
             self.solution_arrays,
             self.belief,
             Fixes(fixes.time, fixes.position, fixes.velocity_n),
             Imu(self.time, self.gyro.increments, self.accelerometer.increments),
-            Reference(self.truth_arrays, self.true_bias, ideal.dtheta, ideal.dvelocity),
+            reference,
         )
 
     @cached_property
@@ -369,8 +380,8 @@ class Result:
 
         The columns are those of `lab.analysis.consistency.whiteness_table`.
         """
-        used = self.solution_arrays.fix_sample >= 0
         sets = self.innovations
+        used = np.isfinite(sets["nis"].values)
         parts = [(sets[name] / sets[f"{name}_sigma"]).values[used] for name in ("position", "velocity")]
         values = np.concatenate(parts, axis=1)
         count = max(len(values), 1)

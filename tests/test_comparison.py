@@ -67,7 +67,7 @@ def test_a_model_that_does_not_exist_is_answered_with_those_that_do(experiment: 
 def test_models_that_all_refuse_are_an_error_that_says_why(
     experiment: Experiment, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    def refuse(*_: object) -> object:
+    def refuse(*_: object, **__: object) -> object:
         raise SettingError("navigator.model: not with this")
 
     monkeypatch.setattr(comparison, "run_ensemble", refuse)

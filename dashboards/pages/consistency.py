@@ -25,6 +25,7 @@ if TYPE_CHECKING:
 _STYLE = """
 :host { font: 14px/1.5 Roboto, sans-serif; }
 .verdict { border-left: 4px solid #12a67c; padding: 2px 14px; margin: 0 0 2px; max-width: 1100px; }
+.verdict.unknown { border-color: rgba(128,128,128,.5); }
 .verdict.wrong { border-color: #e8862e; }
 .verdict h2 { font-size: 18px; font-weight: 500; margin: 0; }
 .verdict p { margin: 2px 0 0; }
@@ -148,6 +149,9 @@ class Consistency(ComputedPage):
             self.draw(self._result)
 
 
+_COLOUR = {True: "fine", False: "wrong", None: "unknown"}
+
+
 def _html() -> pn.pane.HTML:
     return pn.pane.HTML("", sizing_mode="stretch_width", margin=(4, 12), stylesheets=[_STYLE])
 
@@ -160,7 +164,7 @@ def verdict_html(verdict: Verdict, by_innovations: Verdict) -> str:
         for number, finding in enumerate(verdict.findings)
     )
     return (
-        f'<div class="verdict {"fine" if verdict.consistent else "wrong"}">'
+        f'<div class="verdict {_COLOUR[verdict.consistent]}">'
         f"<h2>{escape(verdict.headline)}</h2>{findings}"
         f'<p class="quiet">Judged by {escape(verdict.basis)}. By the innovations alone: '
         f"{escape(by_innovations.headline)}</p></div>"
@@ -179,6 +183,8 @@ def over_seeds(ensemble: Ensemble) -> str:
 
 def whiteness_html(table: pd.DataFrame) -> str:
     """Return mean, variance and whiteness of each channel's innovations as a table."""
+    if table["mean"].isna().all():
+        return '<p class="quiet">Innovations: not known.</p>'
     limits = table.iloc[0]
     digits = 2 if limits["mean ±"] > 0.1 else 3
     heads = (

@@ -7,6 +7,7 @@ from html import escape
 import numpy as np
 import panel as pn
 
+from dashboards.algorithms import served_algorithms
 from dashboards.computing import Progress
 from dashboards.pages.computed import ComputedPage
 from dashboards.pages.summary import TABLE_STYLE
@@ -26,8 +27,8 @@ class Models(ComputedPage):
         return pn.Column(self.words, self._table, sizing_mode="stretch_width", margin=0)
 
     def work_out(self, result: Result, progress: Progress) -> tuple[Compared, ...]:
-        """Run every model with the settings of the result."""
-        return compare(result.experiment, progress=progress)
+        """Run every model, and what else is served, with the settings of the result."""
+        return compare(result.experiment, progress=progress, algorithms=served_algorithms())
 
     def clear(self) -> None:
         """Show no table."""
@@ -63,8 +64,8 @@ def _row(row: Compared, is_chosen: bool) -> str:
         f"{row.position:.3f}",
         f"{row.velocity:.3f}",
         f"{row.heading:.3f}",
-        f"{row.nees:.1f} / {row.degrees}",
-        f"{row.nis:.1f} / {row.nis_degrees}" if np.isfinite(row.nis) else "–",
+        f"{row.nees:.1f} / {row.degrees}" if np.isfinite(row.nees) else "not known",
+        f"{row.nis:.1f} / {row.nis_degrees}" if np.isfinite(row.nis) else "not known",
         f"{1e3 * row.seconds:.0f}",
     )
     cells = "".join(f"<td>{figure}</td>" for figure in figures)

@@ -173,13 +173,18 @@ def _check(result: Result) -> None:
 
 
 def check_states(result: Result) -> None:
-    """Refuse smoothed solutions, and filters that estimate more than position, velocity, attitude and biases.
+    """Refuse smoothed solutions, users' algorithms, and filters that estimate more than 15 states.
 
     Raises
     ------
     SettingError
         If this is one.
     """
+    if result.algorithm:
+        raise SettingError(
+            f"{result.algorithm}: this analysis follows the gains of the filter, which an algorithm of your "
+            "own does not give; accepted here is the navigator of the settings"
+        )
     if result.experiment.navigator.smoother:
         raise SettingError(
             "navigator.smoother: this analysis follows the gains of the filter, which a smoothed solution "

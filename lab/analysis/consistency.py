@@ -35,10 +35,12 @@ def normalised_squares(vectors: FloatArray, covariances: FloatArray) -> FloatArr
     vectors : (m, n) array
         Errors or innovations.
     covariances : (m, n, n) array
-        Their covariances according to the filter.
+        Their covariances according to the filter; if any is not known (NaN), no sum is.
     """
     if vectors.shape[0] == 0:
         return np.zeros(0)
+    if not np.isfinite(covariances).all():
+        return np.full(vectors.shape[0], np.nan)
     used = uncertain(covariances)
     P = covariances[:, used[:, None], used]
     v = vectors[:, used]
@@ -109,8 +111,10 @@ def whiteness_table(
     import pandas as pd  # noqa: PLC0415 - takes a while to import, and a run does without
 
     number = round(count * runs)
+    if not number:  # of no innovations nothing is known
+        mean = variance = np.full(mean.shape, np.nan)
     low, high = chi_square_interval(1, number) if number else (np.nan, np.nan)
-    Q, white = ljung_box(correlations, count, runs)
+    Q, white = ljung_box(correlations, count, runs) if number else (mean, mean)
     table = {
         "innovation": [
             f"{kind} {axis}" for kind in ("position", "velocity") for axis in ("east", "north", "up")

@@ -168,9 +168,9 @@ class Evidence(_Sum):
     start: Squares | None = None
     nees: Squares | None = None
 
-    def without_truth(self) -> Evidence:
+    def without_truth(self) -> Self:
         """Return what would be known without the truth."""
-        return Evidence(self.runs, self.innovations, self.nis)
+        return type(self)(self.runs, self.innovations, self.nis)
 
 
 class Reference(NamedTuple):
@@ -234,7 +234,7 @@ def evidence(
         fixes=_fix_errors(belief, fixes, used, causes, reference.truth),
         noise=_noise(belief, imu, reference),
         start=_start(solution, belief, reference),
-        nees=_nees(solution, used, reference),
+        nees=nees_squares(solution, used, reference),
     )
 
 
@@ -292,21 +292,28 @@ def _innovations(
     nu, S = solution.innovation[used], solution.innovation_covariance[used]
     sigma = np.sqrt(np.diagonal(S, axis1=1, axis2=2))
     normalised = nu / sigma
-    m = used.size
-    lagged = np.zeros((LAGS, 6))
-    for lag in range(1, min(LAGS, m - 1) + 1):
-        lagged[lag - 1] = np.sum(normalised[lag:] * normalised[:-lag], axis=0)
+    squares, sums, lagged = sizes(normalised)
     response = _response(solution, belief, used, time, motion, causes)
     root = np.linalg.cholesky(S / (sigma[:, :, None] * sigma[:, None, :]))
     both = np.concatenate((response, nu[..., None]), axis=2) / sigma[..., None]
     white = np.asarray(np.linalg.solve(root, both), dtype=np.float64)
     return Innovations(
-        squares=Squares(np.sum(normalised**2, axis=0), np.full(6, float(m))),
-        sums=normalised.sum(axis=0),
+        squares=squares,
+        sums=sums,
         lagged=lagged,
         fit=_normal_equations(white[..., :CAUSES], white[..., CAUSES]),
         outliers=int(outliers(normalised, settled=NEIGHBOURS // 2).sum()),
     )
+
+
+def sizes(normalised: FloatArray) -> tuple[Squares, FloatArray, FloatArray]:
+    """Return squares, sums (6,) and lagged products (LAGS, 6) of innovations (m, 6) in their σ."""
+    m = normalised.shape[0]
+    lagged = np.zeros((LAGS, MEASUREMENTS))
+    for lag in range(1, min(LAGS, m - 1) + 1):
+        lagged[lag - 1] = np.sum(normalised[lag:] * normalised[:-lag], axis=0)
+    squares = Squares(np.sum(normalised**2, axis=0), np.full(MEASUREMENTS, float(m)))
+    return squares, normalised.sum(axis=0), lagged
 
 
 def _response(
@@ -455,7 +462,7 @@ def _correlation(P: FloatArray) -> FloatArray:
     return P * scale[:, None] * scale
 
 
-def _nees(solution: Solution, used: NDArray[np.intp], reference: Reference) -> Squares:
+def nees_squares(solution: Solution, used: NDArray[np.intp], reference: Reference) -> Squares:
     """Return NEES; it changes slowly, so a flight counts as an epoch for each `SETTLING` seconds."""
     if not used.size:
         return Squares(np.zeros(()), np.zeros(()))

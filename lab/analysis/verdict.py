@@ -44,6 +44,8 @@ MANY_SIGMA = 4.0
 """Standard deviations from which on a correlation of the innovations is stated."""
 COLOURED = 3.0
 """How many times more the position innovations have grown than those of the velocity if fixes correlate."""
+NOTHING = "nothing"
+"""Basis of a verdict that says only that there is none."""
 FEWEST = 10
 """Fixes from which on latency and lever arm are looked for."""
 EXPLAINED = 0.2
@@ -63,7 +65,7 @@ class Finding:
     quantity
         What: ``"R position"``, ``"R velocity"``, ``"Q"``, ``"Q gyro"``, ``"Q accelerometer"``, ``"P0"``,
         ``"GPS correlation"``, ``"GPS latency"``, ``"GPS lever arm"``, ``"GPS outliers"``; and
-        ``"gain"``, ``"NEES"`` or ``"NIS"`` where nothing more can be said.
+        ``"gain"``, ``"NEES"`` or ``"NIS"`` where nothing more can be said. `algorithm_verdict` has its own.
     direction
         ``"too small"``, ``"too large"`` or ``"not modelled"``.
     factor
@@ -103,15 +105,15 @@ class Verdict:
     basis: str
 
     @property
-    def consistent(self) -> bool:
-        """Whether nothing is wrong."""
-        return not self.findings
+    def consistent(self) -> bool | None:
+        """Whether nothing is wrong; None if there was nothing to judge by."""
+        return None if self.basis == NOTHING else not self.findings
 
     def __str__(self) -> str:
         return self.headline
 
 
-class _Weighed(NamedTuple):
+class Weighed(NamedTuple):
     """A finding, and by how much its explanation raises the logarithm of the likelihood."""
 
     weight: float
@@ -121,7 +123,7 @@ class _Weighed(NamedTuple):
 def judge(evidence: Evidence) -> Verdict:
     """Return the verdict on one run, or on many whose evidence was added."""
     if not evidence.innovations.squares.number.any() and evidence.fixes is None:
-        return Verdict("No verdict: no fix was used.", (), "nothing")
+        return Verdict("No verdict: no fix was used.", (), NOTHING)
     with_truth = evidence.fixes is not None
     weighed = _by_truth(evidence) if with_truth else _by_innovations(evidence)
     findings = tuple(entry.finding for entry in sorted(weighed, key=lambda entry: -entry.weight))
@@ -138,13 +140,13 @@ def _headline(findings: tuple[Finding, ...], with_truth: bool) -> str:
     return findings[0].sentence + (f" ({more} more)" if more else "")
 
 
-def _by_truth(evidence: Evidence) -> list[_Weighed]:
+def _by_truth(evidence: Evidence) -> list[Weighed]:
     assert evidence.fixes is not None
     found = _fixes(evidence.fixes, evidence)
     if evidence.noise is not None:
         found += _noise(evidence.noise)
     if evidence.start is not None:
-        found += _size(
+        found += judge_size(
             evidence.start,
             "P0",
             "The error at the start is {root} × its assumed σ: P₀ about {factor} × too {wrong}.",
@@ -157,7 +159,7 @@ def _by_truth(evidence: Evidence) -> list[_Weighed]:
 # The errors of the fixes
 
 
-def _fixes(fixes: FixErrors, evidence: Evidence) -> list[_Weighed]:
+def _fixes(fixes: FixErrors, evidence: Evidence) -> list[Weighed]:
     """Judge R, the correlation of the fixes, latency and lever arm by the errors of the fixes."""
     if not fixes.count:
         return []
@@ -175,13 +177,13 @@ def _fixes(fixes: FixErrors, evidence: Evidence) -> list[_Weighed]:
     scales = np.array([fit.position, fit.velocity])
     if correlated:
         sigma = float(np.sqrt(scales[0] * ratio * fixes.variance[:3].mean() / fixes.count))
-        found.append(_Weighed(gain, _correlation(sigma, time, gain)))
+        found.append(Weighed(gain, _correlation(sigma, time, gain)))
         # Who gave the filter white and correlated variance together did not make R too large.
         total = scales[0] * (1 + ratio)
         scales[0] = scales[0] if scales[0] > 1 else min(total, 1.0)
     for scale, size, kind in zip(scales, sizes, ("position", "velocity"), strict=True):
         count = np.array(3.0 * fixes.count)
-        found += _size(
+        found += judge_size(
             Squares(scale * count, count),
             f"R {kind}",
             f"{kind.capitalize()} innovations {size:.2g} × as large as assumed: R {kind} about {{factor}} × "
@@ -222,7 +224,7 @@ def _fit(fixes: FixErrors, at: tuple[int, ...]) -> _FixFit:
     return _FixFit(at, x, covariance, float(scales[0]), float(scales[1]), float(likelihood))
 
 
-def _causes(estimate: FloatArray, covariance: FloatArray) -> list[_Weighed]:
+def _causes(estimate: FloatArray, covariance: FloatArray) -> list[Weighed]:
     """Judge latency and lever arm by their estimates."""
     found = []
     t = float(estimate[0] / np.sqrt(max(covariance[0, 0], 1e-30)))
@@ -236,7 +238,7 @@ def _causes(estimate: FloatArray, covariance: FloatArray) -> list[_Weighed]:
             f"Move the times of the fixes by {-estimate[0]:+.2f} s.",
             f"latency {estimate[0]:.3f} s, t = {t:.1f}",
         )
-        found.append(_Weighed(t**2 / 2, finding))
+        found.append(Weighed(t**2 / 2, finding))
     arm = estimate[1:]
     square = float(arm @ np.linalg.pinv(covariance[1:, 1:], hermitian=True) @ arm)
     length = float(np.linalg.norm(arm))
@@ -250,11 +252,11 @@ def _causes(estimate: FloatArray, covariance: FloatArray) -> list[_Weighed]:
             "Take the lever arm off the fixes: position − C_nb l, velocity − C_nb (ω × l).",
             f"lever arm {where}, χ² = {square:.0f} with 3 degrees of freedom",
         )
-        found.append(_Weighed(square / 2, finding))
+        found.append(Weighed(square / 2, finding))
     return found
 
 
-def _outliers(number: int, fixes: int, what: str) -> list[_Weighed]:
+def _outliers(number: int, fixes: int, what: str) -> list[Weighed]:
     """Judge fixes that stand out from those around them."""
     if not number:
         return []
@@ -266,7 +268,7 @@ def _outliers(number: int, fixes: int, what: str) -> list[_Weighed]:
         "Set navigator.gate to 0.999: the filter then refuses fixes that are implausible.",
         f"{number} of {fixes} beyond what one Gaussian fix in {0.5 / CHANCE:.0e} reaches",
     )
-    return [_Weighed(-number * float(np.log(CHANCE)), finding)]
+    return [Weighed(-number * float(np.log(CHANCE)), finding)]
 
 
 def _correlation(sigma: float, time: float, gain: float) -> Finding:
@@ -284,7 +286,7 @@ def _correlation(sigma: float, time: float, gain: float) -> Finding:
 # Sizes
 
 
-def _size(squares: Squares, quantity: str, sentence: str, advice: str, of_what: str) -> list[_Weighed]:
+def judge_size(squares: Squares, quantity: str, sentence: str, advice: str, of_what: str) -> list[Weighed]:
     """Judge a variance by the mean square of what it should be the variance of."""
     total, count = float(squares.total), float(squares.number)
     if not count or _is_right(total, count):
@@ -305,7 +307,7 @@ def _size(squares: Squares, quantity: str, sentence: str, advice: str, of_what: 
         advice.format(**words),
         _evidence(squares, of_what),
     )
-    return [_Weighed(count / 2 * (ratio - 1 - np.log(ratio)), finding)]
+    return [Weighed(count / 2 * (ratio - 1 - np.log(ratio)), finding)]
 
 
 def _evidence(squares: Squares, of_what: str) -> str:
@@ -319,7 +321,7 @@ def _is_right(total: float, count: float) -> bool:
     return low <= total <= high or 1 / MATTERS < total / count < MATTERS
 
 
-def _noise(noise: Squares) -> list[_Weighed]:
+def _noise(noise: Squares) -> list[Weighed]:
     """Judge Q by what gyros and accelerometers add to the errors."""
     ratio = noise.mean
     sentence = (
@@ -327,7 +329,7 @@ def _noise(noise: Squares) -> list[_Weighed]:
     )
     together = bool(noise.number.all()) and 0.5 < ratio[0] / max(ratio[1], 1e-12) < 2
     if together:
-        return _size(
+        return judge_size(
             Squares(noise.total.sum(), noise.number.sum()),
             "Q",
             "Errors grow {root} × as fast as σ says: Q about {factor} × too {wrong}.",
@@ -336,7 +338,7 @@ def _noise(noise: Squares) -> list[_Weighed]:
         )
     found = []
     for index, kind in enumerate(("gyro", "accelerometer")):
-        found += _size(
+        found += judge_size(
             Squares(noise.total[index], noise.number[index]),
             f"Q {kind}",
             sentence.replace("{kind}", kind),
@@ -347,7 +349,7 @@ def _noise(noise: Squares) -> list[_Weighed]:
     return found
 
 
-def _unexplained(evidence: Evidence) -> list[_Weighed]:
+def _unexplained(evidence: Evidence) -> list[Weighed]:
     """Say that the filter is wrong where it is, and none of the causes above explains it."""
     found = []
     for squares, name, what in (
@@ -367,14 +369,14 @@ def _unexplained(evidence: Evidence) -> list[_Weighed]:
             "does not fit.",
             _evidence(squares, f"{what} (by {name})"),
         )
-        found.append(_Weighed(float(squares.number) / 2 * (ratio - 1 - np.log(ratio)), finding))
+        found.append(Weighed(float(squares.number) / 2 * (ratio - 1 - np.log(ratio)), finding))
     return found
 
 
 # The innovations alone
 
 
-def _by_innovations(evidence: Evidence) -> list[_Weighed]:
+def _by_innovations(evidence: Evidence) -> list[Weighed]:
     """Judge by sizes, correlation and causes of the innovations.
 
     A gain too high makes innovations alternate, one too low makes them follow each other: size and sign of
@@ -399,7 +401,7 @@ def _by_innovations(evidence: Evidence) -> list[_Weighed]:
     weight = float(follows.max()) ** 2 / 2
     excess = float(power.sum() - 2 * count)
     if low_gain and _only_position(size) and float(seen.fit.vector @ estimate) < EXPLAINED * excess:
-        return [_Weighed(weight, _seen_correlation(size[0], after))]
+        return [Weighed(weight, _seen_correlation(size[0], after))]
     found = _causes(estimate, inflation * inverse) if count >= 3 * FEWEST else []
     if found:
         return found
@@ -407,7 +409,7 @@ def _by_innovations(evidence: Evidence) -> list[_Weighed]:
         grown = size[index] > 1
         if grown and (follows[index] > MANY_SIGMA or size[index] < size.max()):
             continue
-        found += _size(
+        found += judge_size(
             Squares(power[index], count),
             f"R {kind}",
             f"{kind.capitalize()} innovations {{root}} × as large as assumed: R {kind} about {{factor}} × "
@@ -417,7 +419,7 @@ def _by_innovations(evidence: Evidence) -> list[_Weighed]:
         )
     if found or not low_gain:
         return found
-    return [_Weighed(weight, _low_gain(size, after))]
+    return [Weighed(weight, _low_gain(size, after))]
 
 
 def _only_position(size: FloatArray) -> bool:

@@ -10,7 +10,17 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from lab.cli.app import print_json, working
-from lab.cli.options import AsJson, Assignments, Card, Config, Mission, Seed, experiment
+from lab.cli.options import (
+    AlgorithmFiles,
+    AsJson,
+    Assignments,
+    Card,
+    Config,
+    Mission,
+    Seed,
+    algorithms,
+    experiment,
+)
 from lab.cli.terminal import table
 
 if TYPE_CHECKING:
@@ -20,6 +30,7 @@ EXAMPLES = """\b
 Examples:
   ins-lab compare montreal
   ins-lab compare montreal --models phi,psi --seeds 20
+  ins-lab compare montreal --algorithm my_filter.py:MyFilter
   ins-lab compare los_angeles --set navigator.attitude_sigma=20 --json
 Every model gets the same flights: same sensors, same draws. Errors are root mean squares over all runs; NEES
 and NIS stand beside what they should be; the time is that of the navigator for one flight."""
@@ -43,6 +54,7 @@ def compare(
     card: Card = None,
     assignments: Assignments = None,
     seed: Seed = None,
+    own: AlgorithmFiles = None,
     as_json: AsJson = False,
 ) -> None:
     """Compare error models on the same flights: errors, consistency, time, verdict."""
@@ -51,7 +63,7 @@ def compare(
 
     names = None if models is None else [name.strip() for name in models.split(",")]
     with working(chosen.mission) as progress:
-        rows = comparison.compare(chosen, names, seeds, progress)
+        rows = comparison.compare(chosen, names, seeds, progress, algorithms=algorithms(own))
     if as_json:
         print_json([asdict(row) for row in rows])
     else:
@@ -64,14 +76,21 @@ def _comparison(rows: Sequence[Compared]) -> str:
         (
             row.model,
             *(_shown(value) for value in (row.position, row.velocity, row.heading)),
-            f"{_shown(row.nees, '.1f')} / {row.degrees}" if row.degrees else "–",
-            f"{_shown(row.nis, '.2f')} / {row.nis_degrees}" if row.degrees else "–",
+            _beside(row.nees, row.degrees, row.refusal),
+            _beside(row.nis, row.nis_degrees, row.refusal),
             _shown(1000 * row.seconds, ".0f"),
             row.verdict or f"Does not run: {row.refusal}",
         )
         for row in rows
     ]
     return table(_TITLES, cells, right=set(range(1, len(_TITLES) - 1)))
+
+
+def _beside(value: float, degrees: int, refusal: str) -> str:
+    """Return a mean NEES or NIS beside what it should be."""
+    if math.isfinite(value):
+        return f"{value:.2f} / {degrees}"
+    return "–" if refusal else "not known"
 
 
 def _shown(value: float, form: str = ".3f") -> str:

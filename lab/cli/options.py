@@ -15,6 +15,7 @@ from lab.missions import missions as find_missions
 
 if TYPE_CHECKING:
     from lab.experiment import Experiment
+    from lab.navigation.algorithm import Algorithm
 
 Mission = Annotated[
     str,
@@ -43,6 +44,24 @@ Assignments = Annotated[
 ]
 Seed = Annotated[
     int | None, typer.Option("--seed", metavar="N", help="Seed of all random draws.", show_default=False)
+]
+AlgorithmFile = Annotated[
+    str | None,
+    typer.Option(
+        "--algorithm",
+        metavar="FILE.py:Name",
+        help="An algorithm of your own; the file is executed.",
+        show_default=False,
+    ),
+]
+AlgorithmFiles = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--algorithm",
+        metavar="FILE.py:Name",
+        help="An algorithm of your own beside the models; may be repeated. The file is executed.",
+        show_default=False,
+    ),
 ]
 Force = Annotated[bool, typer.Option("--force", "--overwrite", help="Replace what exists.")]
 AsJson = Annotated[bool, typer.Option("--json", help="JSON instead of a table.")]
@@ -76,6 +95,24 @@ def experiment(
     if seed is not None:
         chosen.set("seed", seed)
     return chosen
+
+
+def algorithms(places: Sequence[str] | None) -> dict[str, Algorithm]:
+    """Return the algorithms that --algorithm names, by name.
+
+    Raises
+    ------
+    CommandError
+        If one cannot be loaded.
+    """
+    if not places:
+        return {}
+    from lab.algorithm_file import load_algorithms  # noqa: PLC0415 - takes half a second
+
+    try:
+        return load_algorithms(places)
+    except ValueError as error:
+        raise CommandError(f"--algorithm {error}") from error
 
 
 def _single(mission: str) -> str:

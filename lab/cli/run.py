@@ -10,6 +10,7 @@ import typer
 
 from lab.cli.app import CommandError, print_json, working
 from lab.cli.options import (
+    AlgorithmFile,
     AsJson,
     Assignments,
     Card,
@@ -17,6 +18,7 @@ from lab.cli.options import (
     Force,
     Mission,
     Seed,
+    algorithms,
     check_out,
     experiment,
 )
@@ -33,6 +35,7 @@ Examples:
   ins-lab run my_flight.csv --set navigator.r_scale=0.01 --json
   ins-lab run montreal --set "sensors.gps.outages=[[60, 90]]"
   ins-lab run montreal --card ADIS16470
+  ins-lab run montreal --algorithm my_filter.py:MyFilter
 A FILE.toml holds the same settings in tables, such as
   [sensors.gyro]
   noise_density = 0.02"""
@@ -44,6 +47,7 @@ def run(
     card: Card = None,
     assignments: Assignments = None,
     seed: Seed = None,
+    own: AlgorithmFile = None,
     out: Annotated[
         Path | None,
         typer.Option(
@@ -57,7 +61,8 @@ def run(
     check_out(out, force, ".nc", "a netCDF file", "--out")
     chosen = experiment(mission, config, card, assignments, seed)
     with working(chosen.mission) as progress:
-        result = chosen.run(progress)
+        navigators = algorithms([own] if own else None)
+        result = chosen.run(progress, algorithm=next(iter(navigators.values()), None))
         if out is not None:
             _write(result, out, force)
         verdict = result.verdict
@@ -78,6 +83,7 @@ def _facts(result: Result, out: Path | None) -> dict[str, Any]:
     return {
         "mission": result.experiment.mission,
         "seed": result.experiment.seed,
+        "algorithm": result.algorithm or None,
         "settings": result.experiment.to_dict(),
         "summary": result.summary.rename(columns={"95 %": "p95"}).to_dict("records"),
         "verdict": {**asdict(result.verdict), "consistent": result.verdict.consistent},
@@ -100,7 +106,8 @@ def _errors(result: Result) -> str:
 
 def verdict_text(verdict: Verdict) -> str:
     """Return a verdict as text: the headline, then each finding beyond the first, and what to try."""
-    lines = [f"Verdict ({verdict.basis}): {verdict.headline}"]
+    basis = "" if verdict.consistent is None else f" ({verdict.basis})"
+    lines = [f"Verdict{basis}: {verdict.headline}"]
     for number, finding in enumerate(verdict.findings):
         lines += [f"  {finding.sentence}"] if number else []
         lines += [f"  Try: {finding.advice} ({finding.evidence})"]

@@ -11,8 +11,13 @@ from typing import Annotated
 import typer
 
 from lab.cli.app import CommandError
+from lab.cli.options import AlgorithmFiles, algorithms
 
-EXAMPLES = "Everything stays on this computer unless you name another address."
+EXAMPLES = """\b
+Examples:
+  ins-lab serve --port 8000
+  ins-lab serve --algorithm my_filter.py:MyFilter
+Everything stays on this computer unless you name another address. The page Models compares your algorithm."""
 
 _NO_ADDRESS = "--address {}: is not an address of this computer, such as 127.0.0.1 or localhost"
 
@@ -25,12 +30,14 @@ def serve(
         str, typer.Option("--address", metavar="ADDRESS", help="Address to listen on; 0.0.0.0 is all.")
     ] = "127.0.0.1",
     no_browser: Annotated[bool, typer.Option("--no-browser", help="Do not open the page.")] = False,
+    own: AlgorithmFiles = None,
 ) -> None:
     """Serve the dashboard and open it where there is a screen."""
     _check_port(address, port)
+    algorithms(own)  # what cannot be loaded is said now, not to visitors
     from dashboards import serve as serve_dashboard  # noqa: PLC0415 - takes a second
 
-    serve_dashboard(port=port, address=address, show=not no_browser and _has_screen())
+    serve_dashboard(port=port, address=address, show=not no_browser and _has_screen(), algorithms=own or ())
 
 
 def _check_port(address: str, port: int) -> None:

@@ -2,15 +2,22 @@
 
 from __future__ import annotations
 
+import traceback
+from pathlib import Path
 from typing import NamedTuple, Protocol, TypeVar, runtime_checkable
 
 import numpy as np
 from numpy.typing import NDArray
 
+from lab.navigation.kalman import MEASUREMENTS
+from lab.navigation.propagation import NAV
 from lab.navigation.solution import Fixes, Imu, Solution, Start
 
 FloatArray = NDArray[np.float64]
 Arrays = TypeVar("Arrays", Imu, Fixes, Start)
+
+SLACK = 1e-6
+"""Part of a sample by which the time of a fix may miss that of a sample."""
 
 
 class AlgorithmError(ValueError):
@@ -18,7 +25,10 @@ class AlgorithmError(ValueError):
 
 
 class Estimate(NamedTuple):
-    """What an algorithm returns: n + 1 samples at the IMU times.
+    """What an algorithm returns: n + 1 samples at the IMU times, and what it knows at the m fixes.
+
+    The first four are needed. Of the covariance NEES is made, of the innovations NIS and their whiteness;
+    without them these are not known. A fix the algorithm did not use has NaN in its whole rows.
 
     Attributes
     ----------
@@ -31,12 +41,22 @@ class Estimate(NamedTuple):
     sigma : (n + 1, 9) array
         σ of the errors the algorithm expects: position north, east, down [m], velocity [m/s], and the small
         rotation φ of the computed navigation frame about north, east, down [rad].
+    covariance : (m, 9, 9) array, optional
+        Covariance of the same nine errors, of the sample that first knows the fix: the one at its time, or
+        the next after it.
+    innovation : (m, 6) array, optional
+        Navigator minus GPS before the fix is used, position [m], then velocity [m/s], north, east, down.
+    innovation_covariance : (m, 6, 6) array, optional
+        Its covariance; needed where there is an innovation.
     """
 
     position: FloatArray
     velocity_n: FloatArray
     q_nb: FloatArray
     sigma: FloatArray
+    covariance: FloatArray | None = None
+    innovation: FloatArray | None = None
+    innovation_covariance: FloatArray | None = None
 
 
 @runtime_checkable
@@ -60,26 +80,70 @@ class Algorithm(Protocol):
 def run_algorithm(algorithm: Algorithm, imu: Imu, fixes: Fixes, start: Start) -> Solution:
     """Return what an algorithm makes of a flight, as a solution like the built-in ones.
 
-    It has no biases and no innovations: these stay zero and NaN, and NEES and NIS are not known.
+    It has no biases: these are NaN, and so is what it did not give.
 
     Raises
     ------
     AlgorithmError
         If the algorithm raises an exception, which is the error's cause, or if its arrays are not of the
-        shapes of an `Estimate`, not finite, or its σ negative.
+        shapes of an `Estimate`, not finite, or no covariances.
     """
     name = type(algorithm).__name__
     try:
         estimate = algorithm.navigate(_read_only(imu), _read_only(fixes), _read_only(start))
-    except Exception as error:
-        raise AlgorithmError(f"{name}: failed by itself: {type(error).__name__}: {error}") from error
-    position, velocity_n, q_nb, sigma = _checked(name, estimate, imu.time.size)
-    solution = Solution.empty(imu.time.size, fixes.time.size)
-    solution.position[:], solution.velocity_n[:] = position, velocity_n
-    solution.q_nb[:] = q_nb / np.linalg.norm(q_nb, axis=1, keepdims=True)
-    solution.bias[:], solution.covariance[:], solution.variance[:, 9:] = 0.0, 0.0, 0.0
-    solution.variance[:, :9] = sigma**2
+    except AlgorithmError:
+        raise
+    except (Exception, SystemExit) as error:
+        raise AlgorithmError(f"{name}: failed by itself: {described(error)}") from error
+    samples, m = imu.time.size, fixes.time.size
+    position = _array(name, estimate, "position", (samples, 3))
+    velocity_n = _array(name, estimate, "velocity_n", (samples, 3))
+    q_nb = _array(name, estimate, "q_nb", (samples, 4))
+    sigma = _array(name, estimate, "sigma", (samples, NAV))
+    if (sigma < 0).any():
+        raise AlgorithmError(f"{name}: a σ is negative")
+    length = np.linalg.norm(q_nb, axis=1, keepdims=True)
+    if not np.allclose(length, 1, atol=1e-3):
+        raise AlgorithmError(f"{name}: q_nb are not unit quaternions")
+    covariance = _covariance(name, estimate, "covariance", (m, NAV, NAV))
+    S = _covariance(name, estimate, "innovation_covariance", (m, MEASUREMENTS, MEASUREMENTS))
+    innovation = _at_fixes(name, estimate, "innovation", (m, MEASUREMENTS))
+    if (innovation is None) != (S is None):
+        raise AlgorithmError(f"{name}: innovation and innovation_covariance belong together: give both")
+
+    solution = Solution.empty(samples, m)
+    solution.position[:], solution.velocity_n[:], solution.q_nb[:] = position, velocity_n, q_nb / length
+    solution.bias[:], solution.covariance[:], solution.variance[:, NAV:] = np.nan, 0.0, np.nan
+    solution.variance[:, :NAV] = sigma**2
+    solution.fix_sample[:] = _samples(imu.time, fixes.time)
+    for given in (covariance, innovation, S):
+        if given is not None:
+            solution.fix_sample[_left_out(given)] = -1
+    if covariance is not None:
+        solution.fix_covariance[:] = 0.0
+        solution.fix_covariance[:, :NAV, :NAV] = covariance
+    if innovation is not None and S is not None:
+        solution.innovation[:], solution.innovation_covariance[:] = innovation, S
     return solution
+
+
+def described(error: BaseException) -> str:
+    """Say what an exception is and where it was raised, in the code that was called or beside it.
+
+    Parameters
+    ----------
+    error
+        The exception, as caught by the function that called the code.
+    """
+    what = type(error).__name__ + (f": {error}" if str(error) else "")
+    frames = traceback.extract_tb(error.__traceback__)[1:]
+    called = [frame for frame in frames if not frame.filename.startswith("<")]
+    if not called:
+        return what
+    # What fails within NumPy is looked for in the line that called it.
+    folder = Path(called[0].filename).parent
+    place = [frame for frame in called if Path(frame.filename).parent == folder][-1]
+    return f"{Path(place.filename).name}, line {place.lineno}, in {place.name}: {what}"
 
 
 def _read_only(arrays: Arrays) -> Arrays:
@@ -90,26 +154,74 @@ def _read_only(arrays: Arrays) -> Arrays:
     return type(arrays)(*views)
 
 
-def _checked(name: str, estimate: Estimate, samples: int) -> tuple[FloatArray, ...]:
-    """Return the arrays of an estimate, if that is what they are."""
-    widths = {"position": 3, "velocity_n": 3, "q_nb": 4, "sigma": 9}
-    arrays = []
-    for part, width in widths.items():
-        try:
-            array = np.asarray(getattr(estimate, part), dtype=np.float64)
-        except (AttributeError, TypeError, ValueError) as error:
-            raise AlgorithmError(
-                f"{name}: what it returned has no array {part!r} of numbers; accepted is an Estimate with "
-                f"{', '.join(widths)}"
-            ) from error
-        if array.shape != (samples, width):
-            raise AlgorithmError(f"{name}: {part} has shape {array.shape}, expected ({samples}, {width})")
-        bad = ~np.isfinite(array).all(axis=1)
-        if bad.any():
-            raise AlgorithmError(f"{name}: {part} is not finite from sample {int(np.argmax(bad))} on")
-        arrays.append(array)
-    if (arrays[3] < 0).any():
-        raise AlgorithmError(f"{name}: a σ is negative")
-    if not np.allclose(np.linalg.norm(arrays[2], axis=1), 1, atol=1e-3):
-        raise AlgorithmError(f"{name}: q_nb are not unit quaternions")
-    return tuple(arrays)
+def _samples(time: FloatArray, fix_time: FloatArray) -> NDArray[np.int64]:
+    """Return the sample (m,) that first knows each fix, or −1 for those outside the time of the IMU."""
+    slack = SLACK * float(np.mean(np.diff(time)))
+    sample = np.searchsorted(time, fix_time - slack).astype(np.int64)
+    sample[(fix_time < time[0] - slack) | (sample == time.size)] = -1
+    return sample
+
+
+def _numbers(name: str, estimate: Estimate, part: str, shape: tuple[int, ...]) -> FloatArray:
+    """Return an array of an estimate, if it is one of numbers and has this shape."""
+    try:
+        array = np.asarray(getattr(estimate, part), dtype=np.float64)
+    except (AttributeError, TypeError, ValueError) as error:
+        needed = ", ".join(field for field in Estimate._fields if field not in Estimate._field_defaults)
+        raise AlgorithmError(
+            f"{name}: what it returned has no array {part!r} of numbers; accepted is an Estimate with "
+            f"{needed}"
+        ) from error
+    if array.shape != shape:
+        raise AlgorithmError(f"{name}: {part} has shape {array.shape}, expected {shape}")
+    return array
+
+
+def _array(name: str, estimate: Estimate, part: str, shape: tuple[int, ...]) -> FloatArray:
+    """Return an array of an estimate that must be finite."""
+    array = _numbers(name, estimate, part, shape)
+    bad = ~np.isfinite(array).all(axis=1)
+    if bad.any():
+        raise AlgorithmError(f"{name}: {part} is not finite from sample {int(np.argmax(bad))} on")
+    return array
+
+
+def _at_fixes(name: str, estimate: Estimate, part: str, shape: tuple[int, ...]) -> FloatArray | None:
+    """Return an array of an estimate that may be left out, and be NaN in the whole row of a fix."""
+    if getattr(estimate, part, None) is None:
+        return None
+    array = _numbers(name, estimate, part, shape)
+    bad = ~(np.isfinite(array).all(axis=tuple(range(1, array.ndim))) | _left_out(array))
+    if bad.any():
+        raise AlgorithmError(
+            f"{name}: {part} is not finite at fix {int(np.argmax(bad))}; accepted is NaN in the whole row of "
+            "a fix that was not used"
+        )
+    return array
+
+
+def _left_out(array: FloatArray) -> NDArray[np.bool_]:
+    """Say of which fixes (m,) nothing is given."""
+    return np.asarray(np.isnan(array).all(axis=tuple(range(1, array.ndim))))
+
+
+def _covariance(name: str, estimate: Estimate, part: str, shape: tuple[int, ...]) -> FloatArray | None:
+    """Return covariances of an estimate, if they are symmetric and positive definite."""
+    array = _at_fixes(name, estimate, part, shape)
+    if array is None:
+        return None
+    fixes = np.flatnonzero(np.isfinite(array[:, 0, 0]))
+    known = array[fixes]
+    variance = np.diagonal(known, axis1=1, axis2=2)
+    bad = (variance <= 0).any(axis=1)
+    # Scaled to unit diagonal: metres beside radians would hide what is small.
+    sigma = np.sqrt(np.where(variance > 0, variance, 1))
+    scaled = known / (sigma[:, :, None] * sigma[:, None, :])
+    bad |= np.abs(scaled - scaled.transpose(0, 2, 1)).max(axis=(1, 2), initial=0) > SLACK
+    bad |= np.linalg.eigvalsh(scaled)[:, 0] <= 0
+    if bad.any():
+        raise AlgorithmError(
+            f"{name}: {part} at fix {fixes[int(np.argmax(bad))]} is no covariance; accepted is a symmetric, "
+            "positive definite matrix"
+        )
+    return array

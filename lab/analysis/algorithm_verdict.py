@@ -1,0 +1,101 @@
+"""Algorithm verdict: whether a user's algorithm tells the truth about itself, by what it gives itself.
+
+What it assumes of sensors, start and fixes nobody else knows, so nothing is said of Q, P₀ or R: only whether
+its errors and its innovations are as large as it says, and whether its innovations are white.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from lab.analysis import consistency, verdict
+from lab.analysis.evidence import CAUSES, Evidence, Fit, Innovations, Reference, Squares, nees_squares, sizes
+from lab.analysis.verdict import MANY_SIGMA, NOTHING, Finding, Verdict, Weighed, judge_size
+from lab.navigation.kalman import MEASUREMENTS
+from lab.navigation.solution import Solution
+
+
+@dataclass(frozen=True)
+class AlgorithmEvidence(Evidence):
+    """What runs of a user's algorithm say: nothing of fixes, noise and start."""
+
+
+def algorithm_evidence(solution: Solution, reference: Reference) -> AlgorithmEvidence:
+    """Return what a run says of a user's algorithm, by the covariance and the innovations it gave.
+
+    Parameters
+    ----------
+    solution
+        What it computed; what it did not give is NaN and counts for nothing.
+    reference
+        The truth.
+    """
+    used = np.flatnonzero(solution.fix_sample >= 0)
+    given = used[np.isfinite(solution.innovation[used]).all(axis=1)]
+    nu, S = solution.innovation[given], solution.innovation_covariance[given]
+    squares, sums, lagged = sizes(nu / np.sqrt(np.diagonal(S, axis1=1, axis2=2)))
+    nothing = Fit(np.zeros((CAUSES, CAUSES)), np.zeros(CAUSES), np.zeros(()))
+    nis = consistency.normalised_squares(nu, S)
+    has_covariance = used.size > 0 and bool(np.isfinite(solution.fix_covariance[used]).all())
+    return AlgorithmEvidence(
+        runs=1,
+        innovations=Innovations(squares, sums, lagged, nothing, outliers=0),
+        nis=Squares(np.array(nis.sum()), np.array(float(MEASUREMENTS * nis.size))),
+        nees=nees_squares(solution, used, reference) if has_covariance else None,
+    )
+
+
+def judge(evidence: Evidence) -> Verdict:
+    """Return the verdict on runs of the lab's own filter, or of a user's algorithm."""
+    if not isinstance(evidence, AlgorithmEvidence):
+        return verdict.judge(evidence)
+    parts = {"errors": evidence.nees is not None, "innovations": bool(evidence.nis.number)}
+    judged = " and ".join(name for name, known in parts.items() if known)
+    if not judged:
+        return Verdict("Not known: there is neither a covariance nor an innovation at any fix.", (), NOTHING)
+    weighed = _gain(evidence)
+    for squares, quantity, (what, whose, where) in (
+        (evidence.nees, "covariance", ("errors", "its", "the sensors and its start")),
+        (evidence.nis, "innovation covariance", ("innovations", "their", "the fixes")),
+    ):
+        if squares is not None:
+            weighed += judge_size(
+                squares,
+                quantity,
+                f"The {what} are {{root}} × as large as the algorithm says: {whose} covariance is about "
+                "{factor} × too {wrong}.",
+                f"Look at what the algorithm assumes of {where}.",
+                what,
+            )
+    findings = tuple(entry.finding for entry in sorted(weighed, key=lambda entry: -entry.weight))
+    headline = f"Consistent: {judged} are as large as the algorithm says."
+    if findings:
+        headline = findings[0].sentence + (f" ({len(findings) - 1} more)" if findings[1:] else "")
+    runs = f"{evidence.runs} run{'s' if evidence.runs > 1 else ''}"
+    return Verdict(headline, findings, f"{runs}, {judged}{'' if all(parts.values()) else ' only'}")
+
+
+def _gain(evidence: AlgorithmEvidence) -> list[Weighed]:
+    """Judge the gain: one too low makes innovations follow each other, one too high makes them alternate."""
+    seen = evidence.innovations
+    power = seen.squares.total.reshape(2, 3).sum(axis=1)
+    after = seen.lagged.reshape(-1, 2, 3).sum(axis=2) / np.maximum(power, 1e-12)
+    count = float(seen.squares.number.sum()) / 2
+    # What follows does so for long; what alternates, from one to the next.
+    follows = float((after.sum(axis=0) * np.sqrt(count / after.shape[0])).max())
+    alternates = float((after[0] * np.sqrt(count)).min())
+    most = follows if follows > -alternates else alternates
+    if abs(most) < MANY_SIGMA:
+        return []
+    words = ("follow each other", "too little", "small") if most > 0 else ("alternate", "too much", "large")
+    finding = Finding(
+        "gain",
+        f"too {words[2]}",
+        float("nan"),
+        f"The innovations {words[0]}: the algorithm corrects {words[1]}.",
+        "Look at what the algorithm assumes of the IMU against what it assumes of the fixes.",
+        f"correlation from fix to fix {after[0, 0]:.2f} (position), {after[0, 1]:.2f} (velocity)",
+    )
+    return [Weighed(most**2 / 2, finding)]
