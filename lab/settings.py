@@ -325,6 +325,8 @@ class Settings(param.Parameterized):
             owner, name = self._find(path)
             if isinstance(owner.param[name], param.String) and not isinstance(value, str):
                 value = text
+            if isinstance(owner.param[name], param.Boolean) and text in {"True", "False"}:  # as in Python
+                value = text == "True"
         self.set(path, value)
 
     def set_texts(self, assignments: Sequence[str]) -> None:
