@@ -85,6 +85,8 @@ class Transition(NamedTuple):
         Covariance that what is new in c gives the navigation errors, with themselves and with c at the end.
     power : (p,) array
         What is left of c of the first sample after the last.
+    driven : (s, 9) array
+        What known errors of the IMU give the navigation errors.
     """
 
     navigation: FloatArray
@@ -95,10 +97,11 @@ class Transition(NamedTuple):
     covariance: FloatArray
     cross: FloatArray
     power: FloatArray
+    driven: FloatArray
 
     @classmethod
-    def empty(cls, processes: int) -> Transition:
-        """Return room for a number of processes."""
+    def empty(cls, processes: int, known: int = 0) -> Transition:
+        """Return room for numbers of processes and of known errors."""
         return cls(
             np.zeros((NAV, NAV)),
             np.zeros((NAV, BIASES)),
@@ -108,6 +111,7 @@ class Transition(NamedTuple):
             np.zeros((processes, NAV, NAV)),
             np.zeros((processes, NAV, 3)),
             np.ones(processes),
+            np.zeros((known, NAV)),
         )
 
 
@@ -136,7 +140,7 @@ def _set_state(state: FloatArray, flight: Flight, k: int) -> None:
 @kernel
 def _clear(out: Transition) -> None:
     """Write the transition over no time."""
-    for part in (out.navigation, out.bias, out.fading):
+    for part in (out.navigation, out.bias, out.fading, out.driven):
         part[:, :] = 0.0
     for stack in (out.coupled, out.process, out.covariance, out.cross):
         stack[:, :, :] = 0.0
@@ -188,12 +192,18 @@ def _drive(p: int, channel: int, decay: float, drive: FloatArray, r: FloatArray,
 
 def _compile(
     sources: str,
-) -> Callable[[Flight, int, int, FloatArray, Processes, Transition], None]:
+) -> Callable[[Flight, int, int, FloatArray, Processes, FloatArray, Transition], None]:
     """Compile the transition over an interval."""
 
     @entry_kernel
     def transition(
-        flight: Flight, first: int, last: int, fade: FloatArray, processes: Processes, out: Transition
+        flight: Flight,
+        first: int,
+        last: int,
+        fade: FloatArray,
+        processes: Processes,
+        known: FloatArray,
+        out: Transition,
     ) -> None:
         """Write the transition from sample `first` to sample `last` of a flight.
 
@@ -207,6 +217,8 @@ def _compile(
             The filter's decay of the biases in one sample.
         processes
             Random errors of the IMU.
+        known : (s, n, 6) array
+            Known errors of the IMU in each sample, as errors of the bias estimates.
         out
             Receives the transition.
         """
@@ -221,9 +233,13 @@ def _compile(
             _respond(flight, k, F, fade, r, out)
             for p in range(processes.decay.size):
                 _drive(p, processes.channel[p], processes.decay[p], processes.drive[p], r, out)
+            for s in range(known.shape[0]):
+                for i in range(NAV):
+                    for j in range(BIASES):
+                        out.driven[s, i] += r[i, j] * known[s, k, j]
 
     return transition
 
 
 transition = _compile(SOURCES)
-"""The compiled kernel: ``transition(flight, first, last, fade, processes, out)``."""
+"""The compiled kernel: ``transition(flight, first, last, fade, processes, known, out)``."""

@@ -199,7 +199,7 @@ def fix_times(errors: GpsErrors, duration: float) -> FloatArray:
 
 def outside_outages(errors: GpsErrors, times: FloatArray) -> NDArray[np.bool_]:
     """Return which times are outside all outages; an outage includes its start and its end."""
-    return ~_within(errors.outages, times)
+    return ~within(errors.outages, times)
 
 
 def antenna(trajectory: Trajectory, errors: GpsErrors, times: FloatArray) -> Truth:
@@ -279,7 +279,7 @@ def noise(times: FloatArray, errors: GpsErrors, draws: GpsDraws) -> tuple[FloatA
         decay = float(np.exp(-errors.period / si(errors, "correlation_time")))
         position += correlated * processes.gauss_markov(draws.correlated[0], draws.correlated, decay)
     if errors.quality_steps:
-        factor = np.where(_within(errors.quality_steps, times), errors.quality_factor, 1.0)[:, None]
+        factor = np.where(within(errors.quality_steps, times), errors.quality_factor, 1.0)[:, None]
         position, velocity = factor * position, factor * velocity
     if errors.outlier_rate:
         # Those with the lowest draws: a higher rate adds outliers and keeps the ones there are.
@@ -288,7 +288,7 @@ def noise(times: FloatArray, errors: GpsErrors, draws: GpsDraws) -> tuple[FloatA
     return position, velocity
 
 
-def _within(intervals: Sequence[tuple[float, float]], times: FloatArray) -> NDArray[np.bool_]:
+def within(intervals: Sequence[tuple[float, float]], times: FloatArray) -> NDArray[np.bool_]:
     """Return which times are in any of the intervals, their starts and ends included."""
     inside = np.zeros(times.shape, dtype=np.bool_)
     for start, end in intervals:

@@ -14,13 +14,24 @@ from hypothesis import strategies as st
 
 from lab import earth
 from lab.analysis import budget
-from lab.analysis.budget import GPS_POSITION, QUANTITIES, UNITS, Constant, Process, error_budget
+from lab.analysis.budget import QUANTITIES, UNITS, error_budget
+from lab.analysis.error_sources import (
+    ACCELEROMETER,
+    GPS_POSITION,
+    GYRO,
+    Constant,
+    Process,
+    coupled,
+    flicker,
+)
+from lab.analysis.error_sources import initial as initial_columns
 from lab.analysis.errors import error_state, to_enu
 from lab.experiment import CACHE, Experiment
 from lab.navigation.belief import belief
 from lab.navigation.error_models import POS, VEL
 from lab.result import Result
 from lab.rotation import wrap
+from lab.sensors.gps import GpsErrors
 from lab.settings import SettingError
 from lab.units import TO_SI
 
@@ -52,7 +63,11 @@ def at_rest(seconds: float, fixes: Sequence[int] = (), gain: float = 0.0) -> Sim
         solution_arrays=SimpleNamespace(
             fix_covariance=covariance, fix_sample=np.array(fixes, dtype=np.int64)
         ),
-        experiment=SimpleNamespace(navigator=SimpleNamespace(correction="feedback", correction_period=0.0)),
+        experiment=SimpleNamespace(
+            navigator=SimpleNamespace(correction="feedback", correction_period=0.0),
+            sensors=SimpleNamespace(gps=GpsErrors()),
+        ),
+        fixes=SimpleNamespace(time=time[list(fixes)]),
         time=time,
     )
 
@@ -68,7 +83,7 @@ def sigmas(
 
 
 def initial(block: slice, values: Sequence[float]) -> Constant:
-    return budget._initial("start", block, np.diag(values))
+    return initial_columns("start", block, np.diag(values))
 
 
 # Within a minute the Earth's rotation and the Schuler oscillation change these forms by (t / 806 s)² at most.
@@ -102,13 +117,13 @@ def test_an_initial_velocity_error_becomes_a_position_error() -> None:
 
 def test_an_accelerometer_scale_factor_is_felt_along_gravity_only() -> None:
     t, s, g = 60.0, 1e-4, float(earth.gravity(np.sin(LATITUDE), 0.0))
-    scale = budget._coupled("scale", slice(3, 6), slice(3, 6), s * np.eye(3)[None])
+    scale = coupled("scale", slice(3, 6), slice(3, 6), s * np.eye(3)[None])
     found = sigmas(at_rest(t), [scale])
     assert found["velocity up"][-1] == pytest.approx(s * g * t, rel=CLOSE)
     assert found["velocity north"][-1] < 1e-2 * found["velocity up"][-1]
     cross = np.zeros((1, 3, 3))
     cross[0, 0, 2] = s
-    found = sigmas(at_rest(t), [budget._coupled("misalignment", slice(3, 6), slice(3, 6), cross)])
+    found = sigmas(at_rest(t), [coupled("misalignment", slice(3, 6), slice(3, 6), cross)])
     assert found["velocity north"][-1] == pytest.approx(s * g * t, rel=CLOSE)
 
 
@@ -117,7 +132,7 @@ def test_an_accelerometer_scale_factor_is_felt_along_gravity_only() -> None:
 def test_first_order_noise_integrates_to_its_closed_form(time: float, seconds: float) -> None:
     """∫∫ σ² exp(−|s − u| / T) ds du = 2 σ² T² (t / T − 1 + exp(−t / T)); see Gelb, ch. 4.3."""
     s = 1e-5
-    process = Process("bias", budget.GYRO, np.full(3, s**2), time)
+    process = Process("bias", GYRO, np.full(3, s**2), time)
     found = sigmas(at_rest(seconds), processes=[process])
     expected = 2 * (s * time) ** 2 * (seconds / time - 1 + np.exp(-seconds / time))
     assert found["heading"][-1] == pytest.approx(np.sqrt(expected), rel=0.02)
@@ -126,14 +141,14 @@ def test_first_order_noise_integrates_to_its_closed_form(time: float, seconds: f
 
 def test_white_noise_and_random_walk_grow_with_their_powers_of_time() -> None:
     t, density, k = 40.0, 1e-4, 1e-6
-    white = Process("white", budget.GYRO, np.full(3, density**2 / STEP))
+    white = Process("white", GYRO, np.full(3, density**2 / STEP))
     found = sigmas(at_rest(t), processes=[white])
     assert found["heading"][-1] == pytest.approx(density * np.sqrt(t), rel=CLOSE)
     assert np.allclose(found["gyro bias z"], 0)
-    white = Process("white", budget.ACCELEROMETER, np.full(3, density**2 / STEP))
+    white = Process("white", ACCELEROMETER, np.full(3, density**2 / STEP))
     found = sigmas(at_rest(t), processes=[white])
     assert found["position east"][-1] == pytest.approx(density * np.sqrt(t**3 / 3), rel=CLOSE)
-    walk = Process("walk", budget.GYRO, np.full(3, k**2), np.inf, settled=False)
+    walk = Process("walk", GYRO, np.full(3, k**2), np.inf, settled=False)
     found = sigmas(at_rest(t), processes=[walk])
     assert found["heading"][-1] == pytest.approx(k * np.sqrt(t**3 / 3), rel=CLOSE)
     assert found["gyro bias z"][-1] == pytest.approx(k * np.sqrt(t))
@@ -142,7 +157,7 @@ def test_white_noise_and_random_walk_grow_with_their_powers_of_time() -> None:
 def test_flicker_grows_as_its_fractional_integral_does() -> None:
     """Var of (1 − z⁻¹)^(−1/2) w after n samples is Σ h², h = Γ(k + ½) / (Γ(½) k!) (Kasdin, eq. 104)."""
     B, t = 1e-5, 40.0
-    processes = budget._flicker("flicker", budget.GYRO, np.full(3, B), STEP, t)
+    processes = flicker("flicker", GYRO, np.full(3, B), STEP, t)
     result = at_rest(t)
     found = sigmas(result, processes=processes)
     k = np.arange(1.0, t / STEP)
@@ -302,6 +317,23 @@ GIVEN = {
     "gyro g-sensitivity": {"sensors__gyro__g_sensitivity": (0.02, -0.01, 0.01)},
     "gyro misalignment": {"sensors__gyro__misalignment": (0.1, 0, 0.05, 0, -0.1, 0)},
     "accelerometer misalignment": {"sensors__accelerometer__misalignment": (0.1, 0.1, 0, 0, 0, -0.1)},
+    "initial position, given": {"navigator__position_error": (2.0, -1.0, 3.0)},
+    "initial attitude, given": {"navigator__attitude_error": (0.05, -0.03, 0.2)},
+    "GPS latency": {"sensors__gps__latency": 0.05},
+    "GPS lever arm": {"sensors__gps__lever_arm": (1.0, -0.5, 0.3)},
+    "gyro temperature, bias": {
+        "sensors__gyro__bias_temperature": (0.002, -0.001, 0.003),
+        "sensors__temperature__profile": "warm_up",
+    },
+    "accelerometer temperature, scale factor": {
+        "sensors__accelerometer__scale_temperature": (0.005, 0.002, -0.003),
+        "sensors__temperature__profile": "constant",
+        "sensors__temperature__start": 40.0,
+    },
+    "accelerometer bandwidth": {"sensors__accelerometer__bandwidth": 2.0},
+    "gyro range": {"sensors__gyro__range": 10.0},
+    "accelerometer range": {"sensors__accelerometer__range": 1.1},
+    "gyro quantisation": {"sensors__gyro__quantisation": 0.05},
 }
 
 
@@ -347,14 +379,34 @@ RANDOM = {
         "sensors__gps__correlation_time": 20.0,
     },
     "GPS velocity noise": {"sensors__gps__velocity_variance": (0.2, 0.1, 0.05)},
+    "GPS outliers": {"sensors__gps__outlier_rate": 0.3, "sensors__gps__outlier_size": 5.0},
+    "gyro thermometer": {
+        "sensors__gyro__bias_temperature": (0.3, 0.0, 0.0),
+        "sensors__temperature__compensation": True,
+        "sensors__temperature__thermometer_sigma": 1.0,
+    },
+    "accelerometer thermometer": {
+        "sensors__accelerometer__scale_temperature": (0.0, 0.0, 0.05),
+        "sensors__temperature__compensation": True,
+        "sensors__temperature__thermometer_sigma": 10.0,
+    },
+}
+BAD_TIMES = {
+    "sensors__gps__position_variance": 0.5,
+    "sensors__gps__quality_steps": [(30, 70)],
+    "sensors__gps__quality_factor": 4.0,
 }
 
 
-@pytest.mark.parametrize("source", RANDOM)
-def test_a_random_source_alone_has_the_spread_of_its_runs(source: str) -> None:
+@pytest.mark.parametrize(
+    ("source", "errors"),
+    [*RANDOM.items(), ("GPS position noise", BAD_TIMES)],
+    ids=[*RANDOM, "bad constellation"],
+)
+def test_a_random_source_alone_has_the_spread_of_its_runs(source: str, errors: dict[str, object]) -> None:
     """Mean of error² / σ² over seeds and the second half of the flight, for each quantity."""
     seeds = 40
-    experiments = [alone(seed, **RANDOM[source]) for seed in range(seeds)]
+    experiments = [alone(seed, **errors) for seed in range(seeds)]
     with ThreadPoolExecutor(os.cpu_count()) as pool:
         squares = list(pool.map(_squares, experiments))
     found = error_budget(experiments[0].run())
@@ -371,10 +423,83 @@ SECOND_HALF = slice(51, 101)
 
 def _squares(experiment: Experiment) -> np.ndarray:
     """Return squared position, velocity and attitude errors at the epochs of the second half (50, 9)."""
+    return _errors(experiment) ** 2
+
+
+def _errors(experiment: Experiment) -> np.ndarray:
+    """Return position, velocity and attitude errors at the epochs of the second half (50, 9)."""
     result = experiment.run()
     samples = np.searchsorted(result.time, np.arange(51, 101) - 1e-9)
     data = (result.errors[name].values[samples] for name in ("position", "velocity", "attitude"))
-    return np.concatenate(list(data), axis=1) ** 2
+    return np.concatenate(list(data), axis=1)
+
+
+def test_fine_steps_are_noise_of_a_twelfth_of_their_square() -> None:
+    """Runs with and without rounding differ by the quantisation alone: its spread over 40 seeds."""
+    noise = {"sensors__gyro__noise_density": 0.02}
+    seeds = 40
+
+    def pair(seed: int) -> np.ndarray:
+        steps = alone(seed, sensors__gyro__quantisation=0.5, **noise)
+        plain = alone(seed, **noise)
+        return (_errors(steps) - _errors(plain)) ** 2
+
+    with ThreadPoolExecutor(os.cpu_count()) as pool:
+        squares = list(pool.map(pair, range(seeds)))
+    found = error_budget(alone(sensors__gyro__quantisation=0.5, **noise).run())
+    ratio = (
+        np.mean(squares, axis=0) / found.sigma.sel(source="gyro quantisation").values[SECOND_HALF, :9] ** 2
+    )
+    CACHE.clear()
+    mean = np.sqrt(ratio.mean(axis=0))
+    print("quantisation", mean.round(3).tolist())
+    assert np.abs(mean - 1).max() < 4 / np.sqrt(2 * seeds)
+
+
+NEEDS = {
+    "sensors.gps.outlier_rate": {"sensors.gps.outlier_size": 20.0},
+    "sensors.gps.outlier_size": {"sensors.gps.outlier_rate": 0.1},
+    "sensors.gps.quality_factor": {"sensors.gps.quality_steps": [(20, 40)]},
+    "sensors.gps.correlation_time": {"sensors.gps.correlated_sigma": 1.0},
+    **{
+        f"sensors.{triad}.correlation_time": {f"sensors.{triad}.instability": 1.0}
+        for triad in ("gyro", "accelerometer")
+    },
+}
+VALUES = {
+    "sensors.gyro.range": 5.0,
+    "sensors.accelerometer.range": 1.05,
+    "sensors.gps.outages": [(20, 30)],
+    "sensors.gps.quality_steps": [(20, 40)],
+}
+
+
+def test_no_setting_of_a_sensor_is_left_out_silently() -> None:
+    """Every one of them moves the total of the budget."""
+    warm = {"sensors.temperature.profile": "constant", "sensors.temperature.start": 40.0}
+    silent = []
+    for path, owner, name in Experiment().sensors.leaves("sensors."):
+        if path.startswith("sensors.temperature."):
+            continue
+        declaration = owner.param[name]
+        before, after = (Experiment(mission="los_angeles") for _ in range(2))
+        for experiment in (before, after):
+            for setting, value in {**warm, **NEEDS.get(path, {})}.items():
+                experiment.set(setting, value)
+        high = (getattr(declaration, "softbounds", None) or (0, 1))[1]
+        after.set(path, VALUES.get(path, 0.4 * high))
+        totals = [error_budget(experiment.run()).isel(time=-1) for experiment in (before, after)]
+        if np.allclose(totals[0].total, totals[1].total, rtol=1e-9, atol=0):
+            silent.append(path)
+        assert totals[1].attrs["left_out"] == ""
+    CACHE.clear()
+    assert silent == []
+
+
+def test_outliers_that_a_gate_refuses_are_named_as_left_out() -> None:
+    found = error_budget(made("sensors.gps.outlier_rate=0.1", "navigator.gate=0.999").run())
+    assert "sensors.gps.outlier_rate (the gate refuses outliers" in found.attrs["left_out"]
+    assert "GPS outliers" not in found.source.values
 
 
 def test_a_budget_is_refused_where_the_gains_act_on_other_states() -> None:

@@ -1,0 +1,213 @@
+"""Error sources: what errs in a run by constants and by chance, in the form in which it can be followed.
+
+What is known sample by sample, such as the effect of a temperature or of a latency, is in `known_errors`.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lab.analysis.transition import N
+from lab.navigation.error_models import ACCEL_BIAS, ATT, GYRO_BIAS, POS, VEL
+from lab.sensors.imu_errors import OFF_DIAGONAL
+from lab.units import si
+
+if TYPE_CHECKING:
+    from lab.experiment import Experiment
+    from lab.ideal_imu import IdealImu
+    from lab.settings import Settings
+
+FloatArray = NDArray[np.float64]
+
+STAGE = 1.0
+"""Width of the processes flicker is made of, in the logarithm of their correlation times."""
+
+GYRO, ACCELEROMETER, GPS_POSITION, GPS_VELOCITY = range(4)
+
+
+class Constant(NamedTuple):
+    """An error that stays as it is during a flight: independent numbers, one column each.
+
+    Attributes
+    ----------
+    name
+        Name of the source.
+    start : (15, c) array
+        Initial error states, one standard deviation of each number.
+    coupling : (c, 6, 6) array
+        Takes angular rate and specific force in b to the errors of gyros and accelerometers.
+    """
+
+    name: str
+    start: FloatArray
+    coupling: FloatArray
+
+
+class Process(NamedTuple):
+    """A random error on three axes: white noise, a first-order Gauss-Markov process or a random walk.
+
+    Attributes
+    ----------
+    name
+        Name of the source.
+    channel
+        What it disturbs: `GYRO`, `ACCELEROMETER`, `GPS_POSITION` or `GPS_VELOCITY`.
+    variance : (3,) array
+        Variance it settles at, body axes or north, east, down; of a random walk, its growth per second.
+    time
+        Correlation time [s]: 0 is white, from sample to sample or from fix to fix; infinite is a walk.
+    settled
+        Whether it has its variance from the start, or starts from zero.
+    graded
+        Whether its σ grows while the constellation is bad.
+    """
+
+    name: str
+    channel: int
+    variance: FloatArray
+    time: float = 0.0
+    settled: bool = True
+    graded: bool = False
+
+    def decay(self, elapsed: float) -> float:
+        """Return what is left of a value after some time [s]."""
+        return float(np.exp(-elapsed / self.time)) if self.time else 0.0
+
+    def drive(self, elapsed: float) -> FloatArray:
+        """Return the variance (3,) that is new after some time [s]."""
+        if np.isinf(self.time):
+            return self.variance * elapsed
+        return self.variance * (1 - self.decay(elapsed) ** 2)
+
+
+def constants(experiment: Experiment) -> list[Constant]:
+    """Return the constant errors that are not zero."""
+    navigator, sensors = experiment.navigator, experiment.sensors
+    found: list[Constant] = []
+    for name, block in (("position", POS), ("velocity", VEL), ("attitude", ATT)):
+        found.append(initial(f"initial {name}", block, np.diag(si(navigator, f"{name}_sigma"))))
+        found.append(initial(f"initial {name}, given", block, si(navigator, f"{name}_error")[None]))
+    for number, (name, block) in enumerate((("gyro", GYRO_BIAS), ("accelerometer", ACCEL_BIAS))):
+        errors = sensors.groups()[name]
+        own = slice(3 * number, 3 * number + 3)
+        # The estimate starts with zero: the error is the bias, with the other sign.
+        found.append(initial(f"{name} turn-on bias σ", block, -np.diag(si(errors, "bias_sigma"))))
+        found.append(initial(f"{name} turn-on bias, given", block, -si(errors, "bias")[None]))
+        scale, M = np.diag(si(errors, "scale_factor")), np.zeros((3, 3))
+        for axes, value in zip(OFF_DIAGONAL, si(errors, "misalignment"), strict=True):
+            M["xyz".index(axes[0]), "xyz".index(axes[1])] = value
+        drawn = np.einsum("c,ci,cj->cij", si(errors, "scale_factor_sigma"), np.eye(3), np.eye(3))
+        found.append(coupled(f"{name} scale factor σ", own, own, drawn))
+        found.append(coupled(f"{name} scale factor, given", own, own, scale[None]))
+        found.append(coupled(f"{name} misalignment", own, own, M[None]))
+    return [source for source in found if source.start.any() or source.coupling.any()]
+
+
+def initial(name: str, block: slice, columns: FloatArray) -> Constant:
+    """Return a source that is there at the start, from (c, 3) values of one block of states."""
+    start = np.zeros((N, columns.shape[0]))
+    start[block] = columns.T
+    return Constant(name, start, np.zeros((columns.shape[0], 6, 6)))
+
+
+def coupled(name: str, rows: slice, columns: slice, matrices: FloatArray) -> Constant:
+    """Return a source in proportion to rate or force, from (c, 3, 3) matrices."""
+    coupling = np.zeros((matrices.shape[0], 6, 6))
+    coupling[:, rows, columns] = matrices
+    return Constant(name, np.zeros((N, matrices.shape[0])), coupling)
+
+
+def processes(experiment: Experiment, ideal: IdealImu, duration: float) -> list[Process]:
+    """Return the random processes that are not zero, those of the IMU first.
+
+    Parameters
+    ----------
+    experiment
+        The settings.
+    ideal
+        Increments of the true flight.
+    duration
+        Length of the flight [s].
+    """
+    sensors = experiment.sensors
+    found: list[Process] = []
+    for channel, name in ((GYRO, "gyro"), (ACCELEROMETER, "accelerometer")):
+        errors = sensors.groups()[name]
+        time, instability = float(si(errors, "correlation_time")), si(errors, "instability") ** 2
+        walk = si(errors, "rate_random_walk") ** 2
+        size = np.sqrt(np.mean((ideal.dvelocity if channel else ideal.dtheta) ** 2, axis=0)) / ideal.dt
+        found += [
+            Process(f"{name} white noise", channel, si(errors, "noise_density") ** 2 / ideal.dt),
+            Process(f"{name} bias instability", channel, instability, time),
+            *flicker(f"{name} flicker", channel, si(errors, "flicker"), ideal.dt, duration),
+            Process(f"{name} random walk", channel, walk, np.inf, settled=False),
+            Process(f"{name} quantisation", channel, rounding(errors, ideal.dt)),
+            Process(f"{name} thermometer", channel, _thermometer(experiment, errors, size)),
+        ]
+    vibration = si(sensors.accelerometer, "vibration_density") ** 2 / ideal.dt
+    found.append(Process("vibration", ACCELEROMETER, vibration))
+    found.append(Process("vibration", GYRO, si(sensors.gyro, "g_sensitivity") ** 2 * vibration))
+    return [source for source in (*found, *_of_fixes(experiment)) if source.variance.any()]
+
+
+def _of_fixes(experiment: Experiment) -> list[Process]:
+    """Return the random errors of the fixes, north, east, down."""
+    errors = experiment.sensors.gps
+    found = []
+    for channel, name in ((GPS_POSITION, "position"), (GPS_VELOCITY, "velocity")):
+        variance = si(errors, f"{name}_variance")[[1, 0, 2]]
+        found.append(Process(f"GPS {name} noise", channel, variance, graded=True))
+    correlated, time = si(errors, "correlated_sigma")[[1, 0, 2]] ** 2, float(si(errors, "correlation_time"))
+    found.append(Process("GPS correlated position", GPS_POSITION, correlated, time, graded=True))
+    if not experiment.navigator.gate:
+        # By chance: the variance is that of all fixes, outliers or not.
+        jumps = np.full(3, errors.outlier_rate * float(si(errors, "outlier_size")) ** 2)
+        found.append(Process("GPS outliers", GPS_POSITION, jumps))
+    return found
+
+
+def left_out(experiment: Experiment) -> list[str]:
+    """Return the settings that err and are no source."""
+    if experiment.navigator.gate and experiment.sensors.gps.outlier_rate:
+        return ["sensors.gps.outlier_rate (the gate refuses outliers: those it lets pass are not followed)"]
+    return []
+
+
+def rounding(errors: Settings, dt: float) -> FloatArray:
+    """Return the variance (3,) of the quantisation where it is white: q² / 12, or zeros.
+
+    White it is where the noise of the samples reaches over the steps (B. Widrow, I. Kollár, *Quantization
+    Noise*, ch. 4 and 20); elsewhere it depends on the motion, and `known_errors` has it.
+    """
+    step = si(errors, "quantisation")
+    spread = si(errors, "noise_density") / np.sqrt(dt)
+    return step**2 / 12 if np.all(spread >= step / 2) else np.zeros(3)
+
+
+def _thermometer(experiment: Experiment, errors: Settings, size: FloatArray) -> FloatArray:
+    """Return the variance (3,) that the thermometer's noise leaves after a compensation.
+
+    As if each axis had a thermometer of its own, and the mean square of rate or force were always there.
+    """
+    temperature = experiment.sensors.temperature
+    if not temperature.compensation:
+        return np.zeros(3)
+    sensitivity = si(errors, "bias_temperature") ** 2 + (si(errors, "scale_temperature") * size) ** 2
+    return np.asarray(sensitivity * float(si(temperature, "thermometer_sigma")) ** 2)
+
+
+def flicker(name: str, channel: int, coefficient: FloatArray, dt: float, duration: float) -> list[Process]:
+    """Return flicker that begins with nothing before it as first-order processes, one for each `STAGE`.
+
+    Half an integral of white noise has the covariance (B² / π) ln((√t + √s)² / |t − s|). Processes of all
+    correlation times that start from zero, B² / π for each unit of ln T, have (B² / π) ln((t + s) / |t − s|);
+    what is missing hardly changes with time and is ln 2 where t and s are alike. The shortest correlation
+    time, a quarter of a sample, gives the variance of the sampled process (Kasdin, Proc. IEEE 83, eq. 104).
+    """
+    density = coefficient**2 / np.pi
+    times = np.exp(np.arange(np.log(dt / 4) + STAGE / 2, np.log(30 * duration), STAGE))
+    constant = Process(name, channel, density * np.log(2), 1e6 * duration)
+    return [constant, *(Process(name, channel, density * STAGE, time, settled=False) for time in times)]

@@ -1,0 +1,156 @@
+"""Known errors: those that flight, settings and seed determine, sample by sample and fix by fix.
+
+Each is the difference of two simulations, one with the error and one without: of temperature, g-sensitivity
+and bandwidth alone on the true flight; of saturation, and of steps coarser than the noise, in the run as it
+was; of latency and lever arm in the fixes.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lab import earth
+from lab.analysis.error_sources import rounding
+from lab.rotation import C_nb_from_euler
+from lab.sensors import gps, imu
+from lab.sensors import temperature as thermal
+from lab.units import si
+
+if TYPE_CHECKING:
+    from lab.result import Result
+
+FloatArray = NDArray[np.float64]
+
+TERMS = {
+    "temperature, bias": "bias_temperature",
+    "temperature, scale factor": "scale_temperature",
+    "g-sensitivity": "g_sensitivity",
+    "bandwidth": "bandwidth",
+}
+"""Errors that are followed alone: what the source is called after its sensor, and its setting."""
+BIASES = frozenset({"bias_temperature", "g_sensitivity"})
+"""Those that the true bias includes."""
+
+
+class Series(NamedTuple):
+    """An error that is known: one for each sample of the IMU, or for each fix.
+
+    Attributes
+    ----------
+    name
+        Name of the source.
+    inertial : (n, 6) array
+        Errors of gyros and accelerometers in each sample, with the sign of an error of the estimated bias
+        [rad/s], [m/s²].
+    fixes : (m, 6) array
+        Errors of the fixes, position and velocity, north, east, down [m], [m/s].
+    is_bias
+        Whether the true bias includes it.
+    """
+
+    name: str
+    inertial: FloatArray
+    fixes: FloatArray
+    is_bias: bool = False
+
+
+def known_errors(result: Result) -> list[Series]:
+    """Return the known errors of a run that are not zero."""
+    found = [*_of_triad(result, 0, "gyro"), *_of_triad(result, 1, "accelerometer"), *_of_fixes(result)]
+    return [source for source in found if source.inertial.any() or source.fixes.any()]
+
+
+def _of_triad(result: Result, number: int, name: str) -> list[Series]:
+    """Return the known errors of the gyros (0) or the accelerometers (1)."""
+    experiment, ideal = result.experiment, result.ideal
+    errors = experiment.sensors.groups()[name]
+    assert isinstance(errors, imu.GyroErrors | imu.AccelerometerErrors)
+    settings = experiment.sensors.temperature
+    height = result.truth_arrays.height
+    warmth = thermal.temperature(settings, result.time[1:], height[1:] - height[0])
+    true = ideal.dvelocity if number else ideal.dtheta
+    found: list[Series] = []
+
+    def add(source: str, difference: FloatArray, is_bias: bool = False) -> None:
+        inertial = np.zeros((true.shape[0], 6))
+        inertial[:, 3 * number : 3 * number + 3] = -difference / ideal.dt
+        found.append(Series(f"{name} {source}", inertial, np.zeros((result.fixes.time.size, 6)), is_bias))
+
+    surroundings = imu.Surroundings(warmth, ideal.dvelocity)
+    for source, term in TERMS.items():
+        compensated = settings.compensation and source.startswith("temperature")
+        if term not in errors.param or not any(getattr(errors, term)) or compensated:
+            continue
+        quiet = type(errors)(noise_density=0, bias_sigma=0, range=errors.param["range"].bounds[1])
+        quiet.set(term, getattr(errors, term))
+        alone = imu.measure(true, ideal.dt, quiet, _NONE, surroundings)
+        add(source, alone.increments - true, term in BIASES)
+    felt = imu.felt(experiment.sensors.accelerometer, experiment.seed, ideal.dvelocity, ideal.dt)
+    coarse = any(errors.quantisation) and not rounding(errors, ideal.dt).any()
+    measured = result.accelerometer if number else result.gyro
+    if not (coarse or measured.saturated):
+        return found
+    draws = imu.ImuDraws.of(
+        experiment.seed,
+        name,
+        true.shape[0],
+        instability=any(errors.instability),
+        flicker=any(errors.flicker),
+        walk=any(errors.rate_random_walk),
+    )
+
+    def simulated(**changes: float) -> FloatArray:
+        changed = errors.copy()
+        for term, value in changes.items():
+            changed.set(term, value)
+        quantity, around = felt if number else true, imu.Surroundings(warmth, felt)
+        return imu.measure(quantity, ideal.dt, changed, draws, around).increments
+
+    as_it_was = simulated()
+    if measured.saturated:
+        add("range", as_it_was - simulated(range=errors.param["range"].bounds[1]))
+    if coarse:
+        add("quantisation", as_it_was - simulated(quantisation=0.0))
+    return found
+
+
+_NONE = imu.ImuDraws(*(np.zeros(3),) * 3, *(np.zeros((0, 3)),) * 3, np.zeros((1, 3)))
+"""Draws of a triad in which nothing is random."""
+
+
+def _of_fixes(result: Result) -> list[Series]:
+    """Return what latency and lever arm make of the fixes."""
+    errors, fixes = result.experiment.sensors.gps, result.fixes
+    if not fixes.time.size or not (errors.latency or any(errors.lever_arm)):
+        return []
+    number = np.round(fixes.time / errors.period).astype(np.int64)
+    times = errors.period * np.arange(1.0, number[-1] + 1)
+    position, velocity = gps.noise(times, errors, gps.GpsDraws.of(result.experiment.seed, times.size))
+    way = np.concatenate(
+        [
+            (error - noise[number - 1])[:, [1, 0, 2]] * (1, 1, -1)
+            for error, noise in ((fixes.position_error, position), (fixes.velocity_error, velocity))
+        ],
+        axis=1,
+    )
+    no_inertial = np.zeros((result.ideal.dtheta.shape[0], 6))
+    if not any(errors.lever_arm):
+        return [Series("GPS latency", no_inertial, way)]
+    arm = _lever_arm(result) if errors.latency else way
+    return [Series("GPS lever arm", no_inertial, arm), Series("GPS latency", no_inertial, way - arm)]
+
+
+def _lever_arm(result: Result) -> FloatArray:
+    """Return where the antenna is and how it moves (m, 6) beside the IMU, when the fixes saw it."""
+    errors, truth, ideal = result.experiment.sensors.gps, result.truth_arrays, result.ideal
+    at = np.clip(np.round((result.fixes.time - errors.latency) / ideal.dt).astype(np.int64), 1, None)
+    at = np.minimum(at, ideal.dtheta.shape[0])
+    C_nb = C_nb_from_euler(truth.euler[at])
+    sine, cosine = np.sin(truth.latitude[at]), np.cos(truth.latitude[at])
+    omega_ie_n = earth.RATE * np.stack((cosine, np.zeros_like(sine), -sine), axis=-1)
+    omega_eb_b = ideal.dtheta[at - 1] / ideal.dt - np.einsum("mij,mi->mj", C_nb, omega_ie_n)
+    arm = si(errors, "lever_arm")
+    return np.concatenate((C_nb @ arm, np.einsum("mij,mj->mi", C_nb, np.cross(omega_eb_b, arm))), axis=1)
