@@ -18,17 +18,19 @@ if TYPE_CHECKING:
     import xarray as xr
 
 FAMILIES = {
-    "initial": ("#5b6472", "#8b95a5", "#b9c0ca"),
+    "initial": ("#5b6472", "#8b95a5", "#b9c0ca", "#454c57", "#727c8b", "#a2abb8"),
     "gyro": (
         *("#1f5fae", "#3b8eea", "#7db6f5", "#0f3f7a", "#a9cdf8"),
         *("#2c77c9", "#5aa2f2", "#c9e0fb", "#17508f", "#93c1f7"),
+        *("#0a2c57", "#3568a8", "#6c95c9", "#bcd3ee", "#4d82c4", "#89b1e0"),
     ),
     "accelerometer": (
         *("#0c7a5b", "#12a67c", "#5cc9a7", "#07533d", "#98ddc6"),
         *("#0e9069", "#3db890", "#c2ebde", "#0a664b"),
+        *("#043527", "#2f8f70", "#72bfa4", "#b1dccd", "#1f7d5f", "#87cfb5"),
     ),
     "vibration": ("#c9b22f",),
-    "GPS": ("#e8862e", "#f3b27a", "#b85f12", "#f8d2b0"),
+    "GPS": ("#e8862e", "#f3b27a", "#b85f12", "#f8d2b0", "#8a470d", "#d9772a"),
 }
 """Colours of the sources, by the first word of their names."""
 

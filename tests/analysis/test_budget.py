@@ -507,6 +507,7 @@ def test_a_budget_is_refused_where_the_gains_act_on_other_states() -> None:
         return SimpleNamespace(
             experiment=SimpleNamespace(navigator=SimpleNamespace(model=model, smoother=False)),
             belief=SimpleNamespace(P0=np.eye(states)),
+            algorithm="",
         )
 
     with pytest.raises(SettingError, match=r"navigator\.model = 'nonlinear'.*accepted here is one of phi"):

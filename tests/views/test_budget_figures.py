@@ -52,16 +52,32 @@ def test_every_source_that_can_be_set_has_a_family_of_colours() -> None:
             "rate_random_walk",
             "scale_factor",
             "scale_factor_sigma",
+            "quantisation",
+            "bias_temperature",
+            "scale_temperature",
         ):
             experiment.set(f"sensors.{sensor}.{term}", 0.01)
+        experiment.set(f"sensors.{sensor}.bandwidth", 10)
+        experiment.set(f"sensors.{sensor}.range", 1)
         experiment.set(f"sensors.{sensor}.misalignment", 0.01)
     experiment.set("sensors.gyro.g_sensitivity", 0.01)
     experiment.set("sensors.accelerometer.vibration_density", 10)
     experiment.set("sensors.gps.correlated_sigma", 1.0)
+    experiment.set("sensors.gps.latency", 0.1)
+    experiment.set("sensors.gps.lever_arm", 1.0)
+    experiment.set("sensors.gps.outlier_rate", 0.1)
+    for state in ("position", "velocity", "attitude"):
+        experiment.set(f"navigator.{state}_error", 0.1)
+    experiment.set("sensors.temperature.profile", "warm_up")
     sources = experiment.run().budget.source.values.tolist()
-    assert len(sources) == 3 + 2 * 9 + 1 + 1 + 3
-    assert {source.partition(" ")[0] for source in sources} == FAMILIES.keys()
+    experiment.set("sensors.temperature.compensation", True)
+    experiment.set("sensors.temperature.thermometer_sigma", 0.1)
+    sources += [source for source in experiment.run().budget.source.values if source not in sources]
+    assert len(sources) == 6 + 2 * 14 + 1 + 2 + 1 + 6
     assert len(sources) <= SLOTS
+    for family, colours in FAMILIES.items():
+        inside = [source for source in sources if source.partition(" ")[0] == family]
+        assert 0 < len(inside) <= len(colours)
 
 
 def test_sigma_has_ticks_at_both_ends_of_its_range(result: Result, axis: TimeAxis) -> None:
