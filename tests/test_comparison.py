@@ -75,6 +75,17 @@ def test_models_that_all_refuse_are_an_error_that_says_why(
         compare(experiment, ["phi"])
 
 
+def test_the_time_does_not_count_what_was_compiled_before(
+    experiment: Experiment, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    CACHE.clear()
+    with monkeypatch.context() as slow:
+        slow.setattr("lab.experiment._timed", lambda navigate: (navigate(), 99.0))
+        assert experiment.run().seconds == 99
+    (row,) = compare(experiment, ["phi"])
+    assert 0 < row.seconds < 60
+
+
 def test_progress_goes_forward_to_the_end(experiment: Experiment) -> None:
     told: list[tuple[str, float]] = []
     compare(experiment, ["phi"], 2, lambda what, done: told.append((what, done)))
