@@ -23,6 +23,15 @@ OUTAGE = 20.0
 SPEEDS = {"1 ×": 1.0, "5 ×": 5.0, "20 ×": 20.0}
 
 
+ROOMY = "@media (max-width: 800px) { :host { display: none !important; } }"
+"""Leaves the room to the slider on narrow windows."""
+
+READOUT = """
+:host { width: 104px; }
+@media (max-width: 800px) { :host { width: 52px; } span { display: none; } }
+"""
+
+
 class TimeBar:
     """Moves the time cursor: by hand, by playing, and by a click into a plot.
 
@@ -59,7 +68,9 @@ class TimeBar:
             description="Play, or stop",
         )
         self._play.param.watch(lambda event: self.play() if event.new else self.stop(), "value")
-        self._speed = pmui.Select(options=SPEEDS, value=5.0, size="small", width=84, margin=(6, 4))
+        self._speed = pmui.Select(
+            options=SPEEDS, value=5.0, size="small", width=84, margin=(6, 4), stylesheets=[ROOMY]
+        )
         self._slider = Slider(
             label="Time",
             show_value=False,
@@ -74,7 +85,7 @@ class TimeBar:
         )
         self._slider.param.watch(self._moved, "value")
         self._readout = pn.pane.HTML(
-            "", width=104, margin=(12, 4), styles={"font-variant-numeric": "tabular-nums"}
+            "", margin=(12, 4), styles={"font-variant-numeric": "tabular-nums"}, stylesheets=[READOUT]
         )
         outage = pmui.IconButton(
             icon="gps_off",
@@ -157,4 +168,4 @@ class TimeBar:
         self._follow(time)
 
     def _tell(self, time: float) -> None:
-        self._readout.object = f"<b>{time:.2f}</b> / {self._axis.duration:.0f} s"
+        self._readout.object = f"<b>{time:.2f}</b> <span>/ {self._axis.duration:.0f} s</span>"

@@ -90,6 +90,7 @@ def plot_grid(
       grid-template-columns: repeat({columns}, minmax(0, 1fr));
       grid-auto-rows: {share};
     }}
+    .scroll-button {{ display: none !important; }}  /* Panel's own, which would take a row */
     @media (max-width: {NARROW}px) {{
       :host {{ grid-template-columns: minmax(0, 1fr); grid-auto-rows: {least + 30}px; }}
     }}

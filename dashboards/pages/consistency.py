@@ -31,6 +31,8 @@ _STYLE = """
 .verdict p { margin: 2px 0 0; }
 .quiet { opacity: .72; }
 .tables { display: flex; flex-wrap: wrap; gap: 8px 36px; }
+.tables > div { overflow-x: auto; }
+th, td { white-space: nowrap; }
 .tables p { max-width: 430px; margin: 4px; }
 table { border-collapse: collapse; font-variant-numeric: tabular-nums; }
 th { text-align: right; font-weight: 500; opacity: .72; padding: 3px 10px;
@@ -77,15 +79,12 @@ class Consistency(ComputedPage):
         self._tables = _html()
         self._plots_of_one = plot_grid(self._one.figures, 2, 210, fill=False)
         self._plots_of_many = plot_grid(self._many.figures, 2, 300, fill=False)
-        self._plots = pn.Column(self._plots_of_one, sizing_mode="stretch_width", margin=0)
-        return pn.Column(
-            pn.Row(self._choice, self.words, sizing_mode="stretch_width", margin=0),
-            self._verdict,
-            self._plots,
-            self._tables,
-            sizing_mode="stretch_width",
-            margin=0,
-        )
+        self._choice_and_words = pn.Row(self._choice, self.words, sizing_mode="stretch_width", margin=0)
+        return pn.Column(*self._parts(self._plots_of_one), sizing_mode="stretch_width", margin=0)
+
+    def _parts(self, plots: pn.viewable.Viewable) -> list[pn.viewable.Viewable]:
+        """Return what stands one below the other."""
+        return [self._choice_and_words, self._verdict, plots, self._tables]
 
     @property
     def runs(self) -> int:
@@ -139,8 +138,8 @@ class Consistency(ComputedPage):
 
     def _lay_out(self, plots: pn.viewable.Viewable) -> None:
         """Lay out plots that were drawn before, so that they arrive complete."""
-        if self._plots.objects != [plots]:
-            self._plots[:] = [plots]
+        if plots not in self.view.objects:
+            self.view[:] = self._parts(plots)
 
     def _chosen(self) -> None:
         """Judge the newest result anew."""

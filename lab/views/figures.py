@@ -283,6 +283,7 @@ def plain_figure(
 def tick_by_hand(fig: figure) -> None:
     """Leave the ticks of a logarithmic ordinate to `set_ordinate`; over few decades Bokeh's would crowd."""
     fig.yaxis.ticker = fig.ygrid.ticker = FixedTicker(ticks=[])
+    fig.yaxis.formatter = CustomJSTickFormatter(code="return `${+tick.toPrecision(3)}`")
 
 
 def set_ordinate(fig: figure, low: float, high: float) -> None:

@@ -14,6 +14,18 @@ from lab.experiment import Experiment
 pytestmark = pytest.mark.browser
 
 
+TABLES_FOLLOW_THE_PLOTS = """
+(() => {
+  const edges = (found) => [...Bokeh.index.query(found)].map((view) => view.el.getBoundingClientRect());
+  const plots = edges((view) => /^(NEES|NIS|Position|Velocity)/.test(view.model.title?.text));
+  const tables = edges((view) => view.model.text?.includes("Innovations [σ]"));
+  const gap = tables[0].top - Math.max(...plots.map((edge) => edge.bottom));
+  return plots.length >= 2 && gap >= 0 && gap < 40;
+})()
+"""
+"""No plot stands over the tables, and no empty space before them."""
+
+
 def test_the_verdict_is_in_words_and_names_what_is_wrong(open_page: Callable[..., Page]) -> None:
     page = open_page("?mission=los_angeles&sensors.gps.latency=0.2")
     page.get_by_role("tab", name="Consistency", exact=True).click()
@@ -32,12 +44,14 @@ def test_many_seeds_are_judged_together_in_the_background(open_page: Callable[..
     expect(page.get_by_text("Judged by 10 runs")).to_be_visible()
     averages = "Bokeh.documents[0].get_model_by_name('time:anees')?.data"
     page.wait_for_function(f"{averages}.anees.length > 90 && {averages}.anees_band_high[5] < 19")
+    page.wait_for_function(TABLES_FOLLOW_THE_PLOTS)
     seed = page.get_by_role("textbox").first
     seed.fill("5")
     seed.press("Enter")
     expect(page.get_by_text("10 flights, seeds 5 to 14")).to_be_visible(timeout=60_000)
     choose(page, "1 seed")
     expect(page.get_by_text("Judged by 1 run,")).to_be_visible(timeout=30_000)
+    page.wait_for_function(TABLES_FOLLOW_THE_PLOTS)
     page.wait_for_function("Bokeh.documents[0].get_model_by_name('time_gps:nees')?.data.nees.length > 90")
 
 
