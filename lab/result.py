@@ -26,6 +26,7 @@ from lab.navigation.kalman import MEASUREMENTS
 from lab.navigation.solution import Belief, Fixes, Imu, Solution
 from lab.projection import Projection
 from lab.rotation import euler_from_quaternion, wrap
+from lab.sensors import temperature as thermal
 from lab.sensors.gps import GpsFixes
 from lab.sensors.imu import Measured
 from lab.trajectory import Truth
@@ -59,7 +60,7 @@ DATASETS = (
     "autocorrelation",
     "consistency",
 )
-"""Names of the datasets of a result, as they are written to files."""
+"""Names of the datasets every result has, as they are written to files."""
 
 _COORDINATES: dict[str, list[str]] = {
     "axis": EAST_NORTH_UP,
@@ -174,6 +175,22 @@ class Result:
             angular_rate_true=(dims, self.ideal.dtheta * rate, "°/s", "true angular rate"),
             specific_force_true=(dims, self.ideal.dvelocity * force, "m/s²", "true specific force"),
         )
+
+    @cached_property
+    def temperature(self) -> xr.Dataset:
+        """Temperature of the IMU in each sample interval, and what its thermometer showed."""
+        settings, height = self.experiment.sensors.temperature, self.truth_arrays.height
+        true = thermal.temperature(settings, self.time[1:], height[1:] - height[0])
+        reading = thermal.thermometer(settings, self.experiment.seed, true)
+        return self._dataset(
+            true=(("time_imu",), true, "°C", "temperature of the IMU"),
+            reading=(("time_imu",), reading, "°C", "temperature the thermometer shows"),
+        )
+
+    @property
+    def has_temperature(self) -> bool:
+        """Whether a temperature profile is set; without one the IMU is at 25 °C."""
+        return bool(self.experiment.sensors.temperature.profile != "none")
 
     @cached_property
     def gps(self) -> xr.Dataset:
@@ -417,8 +434,9 @@ class Result:
         return (*remarks, *self.experiment.sensors.remarks())
 
     def datasets(self) -> dict[str, xr.Dataset]:
-        """Return all datasets by name."""
-        return {name: getattr(self, name) for name in DATASETS}
+        """Return all datasets by name; the temperature where a profile is set."""
+        names = (*DATASETS, "temperature") if self.has_temperature else DATASETS
+        return {name: getattr(self, name) for name in names}
 
     def to_netcdf(self, path: str | Path, *, overwrite: bool = False) -> None:
         """Write all datasets as groups of one netCDF file, the settings in its attributes.

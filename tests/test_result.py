@@ -233,6 +233,26 @@ def test_netcdf_gives_the_same_datasets_back(result, tmp_path):
     assert [file.name for file in tmp_path.iterdir()] == ["run.nc"], "nothing else is left behind"
 
 
+def test_temperature_and_thermometer_are_there_where_a_profile_is_set(result, tmp_path):
+    assert "temperature" not in result.datasets()
+    experiment = Experiment(mission="los_angeles")
+    experiment.set("sensors.temperature.profile", "warm_up")
+    experiment.set("sensors.temperature.start", 10)
+    experiment.set("sensors.temperature.thermometer_sigma", 0.5)
+    warm = experiment.run()
+    found = warm.temperature
+    assert np.allclose(found.true, 10 + 20 * (1 - np.exp(-found.time_imu / 300)), rtol=0, atol=1e-9)
+    assert found.true.attrs["units"] == found.reading.attrs["units"] == "°C"
+    noise = (found.reading - found.true).values
+    assert np.std(noise) == pytest.approx(0.5, rel=5 / np.sqrt(2 * noise.size))
+    warm.to_csv(tmp_path / "csv")
+    table = pd.read_csv(tmp_path / "csv" / "temperature.csv")
+    assert np.allclose(table["reading [°C]"], found.reading, atol=1e-6)
+    warm.to_netcdf(tmp_path / "run.nc")
+    with xr.open_datatree(tmp_path / "run.nc") as tree:
+        xr.testing.assert_identical(tree["temperature"].to_dataset().load(), found)
+
+
 def test_netcdf_refuses_to_overwrite(result, tmp_path):
     path = tmp_path / "run.nc"
     path.write_text("mine")

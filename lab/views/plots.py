@@ -24,6 +24,7 @@ from lab.views.quantities import (
     HEIGHT,
     INNOVATIONS,
     SENSOR_ERRORS,
+    TEMPERATURE,
     TRUTH,
     Curve,
     TimePlot,
@@ -53,8 +54,8 @@ def covariance(result: Result) -> hv.Layout:
 
 
 def sensor_errors(result: Result) -> hv.Layout:
-    """Return estimated biases with ±3σ beside the true ones, three in a row."""
-    return _layout(result, SENSOR_ERRORS, columns=3)
+    """Return estimated biases with ±3σ beside the true ones, three in a row, and the temperature if any."""
+    return _layout(result, (*SENSOR_ERRORS, *(TEMPERATURE if result.has_temperature else ())), columns=3)
 
 
 def innovations(result: Result) -> hv.Layout:

@@ -222,6 +222,29 @@ SENSOR_ERRORS: tuple[TimePlot, ...] = (
 )
 
 
+def _of_temperature(variable: str) -> Reader:
+    def read(result: Result) -> FloatArray:
+        values = result.temperature[variable].values
+        return np.concatenate((values[:1], values))
+
+    return read
+
+
+TEMPERATURE: tuple[TimePlot, ...] = (
+    TimePlot(
+        name="temperature",
+        title="Temperature of the IMU",
+        unit="°C",
+        curves=(
+            Curve("temperature_true", "truth", BLUE, _of_temperature("true")),
+            Curve("temperature_reading", "thermometer", ORANGE, _of_temperature("reading"), style="dashed"),
+        ),
+        scale="free",
+    ),
+)
+"""Shown where a temperature profile is set."""
+
+
 def _innovations(variable: str, title: str, unit: str) -> tuple[TimePlot, ...]:
     return tuple(
         TimePlot(
