@@ -2,7 +2,8 @@
 
 The recorded velocity is splined, integrated over the ellipsoid and anchored on the position fixes by a slow
 correction: differentiating velocity once costs far less noise than differentiating rounded positions twice.
-One C2 curve with its knots on the IMU grid is then put through latitude, longitude, height and attitude.
+One C2 curve with its knots on the IMU grid is then put through latitude, longitude, height and attitude
+(close to a pole, where longitude fails, through Cartesian position and attitude: `polar_trajectory`).
 Truth and ideal IMU are exact derivatives of that curve, and the IMU's increments are integrals over intervals
 that contain no knot, so a navigator fed with them must return to the truth.
 
@@ -23,7 +24,7 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.interpolate import BSpline, CubicSpline, make_lsq_spline
 from scipy.spatial.transform import Rotation, RotationSpline
 
-from lab import earth, ideal_imu, rotation
+from lab import earth, ecef, ideal_imu, rotation
 from lab.ideal_imu import IdealImu
 from lab.missions.recording import Recording
 
@@ -31,8 +32,6 @@ FloatArray = NDArray[np.float64]
 AttitudeKind = Literal["rotation", "euler"]
 
 ATTITUDE_CURVES = get_args(AttitudeKind)
-MAX_LATITUDE = np.radians(89.9)
-"""Longitude and the north-slaved frame lose their meaning at the poles [rad]."""
 MIN_SAMPLES = 4
 """A cubic needs four points."""
 ANCHOR_SPACING = 10.0
@@ -66,6 +65,11 @@ class Truth:
     velocity_n: FloatArray
     q_nb: FloatArray
     euler: FloatArray
+
+    @property
+    def position(self) -> FloatArray:
+        """Latitude, longitude [rad] and height [m], (n, 3)."""
+        return np.stack((self.latitude, self.longitude, self.height), axis=-1)
 
 
 class AttitudeCurve(Protocol):
@@ -214,15 +218,26 @@ class Trajectory:
         attitude_curve
             "rotation" for a rotation spline, "euler" for cubic splines on the Euler angles.
 
+        Returns
+        -------
+        Trajectory
+            For a record that comes closer than 1° to a pole, a `PolarTrajectory`.
+
         Raises
         ------
         ValueError
-            For a record that is too short or comes closer than 0.1° to a pole, and for an unknown setting.
+            For a record that is too short, for an unknown setting, and for Euler angles close to a pole.
         """
         _check(recording, imu_rate, attitude_curve)
         time = recording.time - recording.time[0]
         intervals = int(time[-1] * imu_rate + 1e-6)  # 1e-6: stamps are rounded
         grid = np.arange(intervals + 1) / imu_rate
+        if ecef.near_pole(recording.latitude).any():
+            from lab.polar_trajectory import PolarTrajectory  # noqa: PLC0415 - a subclass of this one
+
+            polar = PolarTrajectory.through(recording, grid, imu_rate)
+            polar._compare(time, recording)
+            return polar
         origin = np.array([recording.latitude[0], recording.longitude[0], recording.height[0]])
         attitude = _attitude_curve(time, recording.euler, attitude_curve).resampled(grid)
         trajectory = cls(grid, origin, _anchored_offsets(time, recording, grid), attitude, imu_rate)
@@ -328,13 +343,11 @@ class Trajectory:
         """Set the residuals: curve minus recording."""
         flown = time <= self.duration
         truth = self.at(time[flown])
-        meridian, transverse = earth.radii(np.sin(truth.latitude))
-        north = (truth.latitude - recording.latitude[flown]) * (meridian + truth.height)
-        east = rotation.wrap(truth.longitude - recording.longitude[flown]) * np.cos(truth.latitude)
-        east *= transverse + truth.height
-        down = recording.height[flown] - truth.height
-        self.position_residual = _rms(np.stack((north, east, down), axis=-1))
-        self.velocity_residual = _rms(truth.velocity_n - recording.velocity_n[flown])
+        recorded = np.stack((recording.latitude, recording.longitude, recording.height), axis=-1)[flown]
+        self.position_residual = _rms(ecef.way(recorded, truth.position))
+        self.velocity_residual = _rms(
+            ecef.turned(truth.velocity_n, truth.position, recorded) - recording.velocity_n[flown]
+        )
 
 
 def _rms(values: FloatArray) -> FloatArray:
@@ -357,11 +370,10 @@ def _check(recording: Recording, imu_rate: float, attitude_curve: str) -> None:
             f"recording lasts {recording.duration:g} s; at least {MIN_SAMPLES} intervals of the IMU "
             f"({MIN_SAMPLES / imu_rate:g} s at {imu_rate:g} Hz) are needed"
         )
-    highest = float(np.degrees(np.abs(recording.latitude).max()))
-    if highest > np.degrees(MAX_LATITUDE):
+    if attitude_curve == "euler" and ecef.near_pole(recording.latitude).any():
         raise ValueError(
-            f"recording reaches latitude {highest:.4f}° north or south; accepted: up to "
-            f"{np.degrees(MAX_LATITUDE):.1f}°, since longitude and north are undefined at the poles"
+            "attitude curve 'euler' does not go with a recording closer than 1° to a pole, where the heading "
+            "jumps; accepted here: rotation"
         )
 
 
@@ -392,12 +404,20 @@ def _anchored_offsets(time: FloatArray, recording: Recording, grid: FloatArray) 
         axis=-1,
     )
     flown = CubicSpline(time, recording.velocity_n * to_rate).antiderivative()
-    correction = _slow_spline(time, fixes - fixes[0] - flown(time))
+    correction = slow_spline(time, fixes - fixes[0] - flown(time))
     return np.asarray(flown(grid) + correction(grid))
 
 
-def _slow_spline(time: FloatArray, values: FloatArray) -> BSpline:
-    """Return the least-squares cubic spline with knots about `ANCHOR_SPACING` apart, samples between them."""
+def slow_spline(time: FloatArray, values: FloatArray) -> BSpline:
+    """Return the least-squares cubic spline with knots about `ANCHOR_SPACING` apart, samples between them.
+
+    Parameters
+    ----------
+    time : (n,) array
+        Times of the values, from 0 [s].
+    values : (n, 3) array
+        What the spline is to follow slowly.
+    """
     pieces = int(np.clip(time[-1] / ANCHOR_SPACING, 1, (len(time) - 1) // 3))
     inner = time[np.linspace(0, len(time) - 1, pieces + 1).astype(int)[1:-1]]
     knots = np.concatenate((np.full(4, time[0]), inner, np.full(4, time[-1])))

@@ -42,6 +42,7 @@ from lab.analysis.errors import NED_TO_ENU
 from lab.analysis.known_errors import Series, known_errors
 from lab.analysis.transition import BIASES, NAV, Flight, N, Processes, Transition, transition
 from lab.navigation.error_models import ATT, MODELS, POS, STATES, VEL
+from lab.navigation.strapdown import MAX_LATITUDE
 from lab.rotation import euler_jacobian
 from lab.sensors.gps import within
 from lab.settings import SettingError
@@ -115,6 +116,12 @@ def _check(result: Result) -> None:
         raise SettingError(
             f"navigator.model = {model!r}: the error budget needs the gains of a linear model; accepted here "
             f"is one of {', '.join(MODELS)}"
+        )
+    highest = float(np.abs(result.truth_arrays.latitude).max())
+    if highest > MAX_LATITUDE:
+        raise SettingError(
+            f"mission: the flight reaches latitude {np.degrees(highest):.3f}°, and the error budget follows "
+            "errors in north, east, down, which turn too fast there; accepted here are flights up to 89.9°"
         )
     check_states(result)
 

@@ -2,15 +2,16 @@
 
 Errors are estimate minus truth. Position and velocity errors are given east, north, up; attitude errors are
 differences of roll, pitch and heading, with the filter's covariance of φ mapped to them by the Jacobian
-(`rotation.euler_jacobian`).
+(`rotation.euler_jacobian`). Close to a pole, positions are compared in Earth-fixed Cartesian axes.
 """
 
 from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
 
-from lab import earth
+from lab import earth, ecef
 from lab.navigation.error_models import ACCEL_BIAS, ATT, GYRO_BIAS, POS, VEL
 from lab.navigation.solution import Solution
 from lab.rotation import wrap
@@ -43,6 +44,9 @@ def position_error(position: FloatArray, truth: Truth) -> FloatArray:
         wrap(position[:, 1] - truth.longitude) * (transverse + truth.height) * np.cos(truth.latitude)
     )
     error[:, 2] = truth.height - position[:, 2]
+    near = ecef.near_pole(truth.latitude)
+    if near.any():
+        error[near] = ecef.way(truth.position[near], position[near])
     return error
 
 
@@ -82,7 +86,32 @@ def error_state(solution: Solution, samples: NDArray[np.int64], truth: Truth, bi
     x[:, VEL] = solution.velocity_n[samples] - there.velocity_n
     x[:, ATT] = attitude_error(solution.q_nb[samples], there.q_nb)
     x[:, GYRO_BIAS.start : ACCEL_BIAS.stop] = solution.bias[samples] - bias[samples]
+    near = ecef.near_pole(there.latitude)
+    if near.any():
+        at_pole = Truth(**{name: getattr(there, name)[near] for name in Truth.__dataclass_fields__})
+        x[near, :9] = _error_near_pole(solution, samples[near], at_pole)
     return x
+
+
+def _error_near_pole(solution: Solution, samples: NDArray[np.int64], truth: Truth) -> FloatArray:
+    """Return the errors of position, velocity and attitude (m, 9) where north turns within metres.
+
+    Compared in e, where they are small, and taken to n as the filter takes its covariance, to first order:
+    δv = δv_c + v × δθ and φ = ψ + δθ, with δθ the turn of north, east, down along the position error.
+    """
+    here = solution.position[samples]
+    C_ec, C_en = ecef.axes(here[:, 0], here[:, 1]), ecef.axes(truth.latitude, truth.longitude)
+    off = -ecef.way(here, truth.position)
+    meridian, transverse = earth.radii(np.sin(here[:, 0]))
+    east = off[:, 1] / (transverse + here[:, 2])
+    turn = np.stack((east, -off[:, 0] / (meridian + here[:, 2]), -east * np.tan(here[:, 0])), axis=-1)
+    velocity = solution.velocity_n[samples]
+    true_velocity = ecef.turned(truth.velocity_n, truth.position, here)
+    true_attitude = Rotation.from_matrix(C_ec.transpose(0, 2, 1) @ C_en) * Rotation.from_quat(
+        truth.q_nb, scalar_first=True
+    )
+    psi = attitude_error(solution.q_nb[samples], true_attitude.as_quat(scalar_first=True))
+    return np.concatenate((off, velocity - true_velocity + np.cross(velocity, turn), psi + turn), axis=1)
 
 
 def block_matrices(variance: FloatArray, covariance: FloatArray) -> FloatArray:

@@ -20,6 +20,7 @@ from typing import NamedTuple, Self
 import numpy as np
 from numpy.typing import NDArray
 
+from lab import ecef
 from lab.analysis import consistency, errors
 from lab.analysis.outliers import NEIGHBOURS, outliers
 from lab.navigation.error_models import ACCEL_BIAS, ATT, GYRO_BIAS, POS, VEL
@@ -374,9 +375,9 @@ def _fix_errors(
         q_nb=truth.q_nb[:0],
         euler=truth.euler[:0],
     )
+    velocity_n = ecef.turned_near_pole(fixes.velocity_n[used], fixes.position[used], there.position)
     error = np.concatenate(
-        (errors.position_error(fixes.position[used], there), fixes.velocity_n[used] - there.velocity_n),
-        axis=1,
+        (errors.position_error(fixes.position[used], there), velocity_n - there.velocity_n), axis=1
     )
     variance = np.diagonal(belief.R)
     error, causes = error / np.sqrt(variance), causes / np.sqrt(variance)[:, None]

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lab.earth import radii
+from lab.ecef import near_pole, way
 from lab.missions.recording import Recording
 
 if TYPE_CHECKING:
@@ -72,6 +73,9 @@ def _track(recording: Recording) -> str:
     turn = np.unwrap(recording.longitude) - recording.longitude[0]
     east = turn * transverse * np.cos(recording.latitude[0])
     north = (recording.latitude - recording.latitude[0]) * meridian
+    if near_pole(recording.latitude).any():
+        level = np.stack((recording.latitude, recording.longitude, np.zeros_like(turn)), axis=-1)
+        north, east, _ = way(np.broadcast_to(level[0], level.shape), level).T
     span = max(float(np.ptp(east)), float(np.ptp(north)), 1.0)
     x = 110 + 190 * (east - (east.max() + east.min()) / 2) / span
     y = 118 - 190 * (north - (north.max() + north.min()) / 2) / span

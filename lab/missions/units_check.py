@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lab.earth import radii
+from lab.ecef import axes, near_pole, position
 from lab.missions.errors import MissionError
 
 FloatArray = NDArray[np.float64]
@@ -77,6 +78,8 @@ def _path_ratio(
 
     None if the aircraft hardly moves, or the two paths have nothing to do with each other.
     """
+    if near_pole(latitude).any():
+        return _path_ratio_near_pole(time, latitude, longitude, velocity)
     legs = np.unique(np.linspace(0, len(time) - 1, min(len(time), _LEGS + 1)).astype(int))
     steps = np.diff(time)[:, None] * (velocity[1:] + velocity[:-1]) / 2
     travelled = np.concatenate([np.zeros((1, 2)), np.cumsum(steps, axis=0)])[legs]
@@ -86,6 +89,24 @@ def _path_ratio(
     turn = np.diff(longitude[legs])
     turn -= 2 * np.pi * np.round(turn / (2 * np.pi))
     by_position = np.column_stack([np.diff(latitude[legs]) * meridian, turn * transverse * np.cos(middle)])
+    return _likeness(by_velocity, by_position)
+
+
+def _path_ratio_near_pole(
+    time: FloatArray, latitude: FloatArray, longitude: FloatArray, velocity: FloatArray
+) -> float | None:
+    """Return the same of the paths in Earth-fixed Cartesian axes: north turns on the way."""
+    place = np.stack((latitude, longitude, np.zeros_like(latitude)), axis=-1)
+    level = np.column_stack((velocity, np.zeros_like(latitude)))
+    velocity_e = np.einsum("nij,nj->ni", axes(latitude, longitude), level)
+    steps = np.diff(time)[:, None] * (velocity_e[1:] + velocity_e[:-1]) / 2
+    legs = np.unique(np.linspace(0, len(time) - 1, min(len(time), _LEGS + 1)).astype(int))
+    travelled = np.concatenate([np.zeros((1, 3)), np.cumsum(steps, axis=0)])[legs]
+    return _likeness(np.diff(travelled, axis=0), np.diff(position(place)[legs], axis=0))
+
+
+def _likeness(by_velocity: FloatArray, by_position: FloatArray) -> float | None:
+    """Return the ratio of two paths in legs, if they are alike."""
     power = float(np.sum(by_velocity**2))
     likeness = float(np.sum(by_velocity * by_position))
     if np.sum(np.linalg.norm(by_velocity, axis=1)) < _SHORTEST_PATH:

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from lab import earth
+from lab import earth, ecef
 from lab.navigation.kalman import MEASUREMENTS
 from lab.navigation.propagation import STATES
 from lab.trajectory import Truth
@@ -83,9 +83,12 @@ class Start(NamedTuple):
         height = truth.height[0]
         latitude = truth.latitude[0] + position[0] / (meridian + height)
         longitude = truth.longitude[0] + position[1] / ((transverse + height) * np.cos(truth.latitude[0]))
+        place = np.array([latitude, longitude, height - position[2]])
+        if ecef.near_pole(truth.latitude[:1]).all():
+            place = ecef.moved(truth.position[:1], position[None])[0]
         q_nb = Rotation.from_rotvec(-attitude) * Rotation.from_quat(truth.q_nb[0], scalar_first=True)
         return cls(
-            np.array([latitude, longitude, height - position[2]]),
+            place,
             truth.velocity_n[0] + velocity,
             q_nb.as_quat(scalar_first=True),
         )

@@ -20,7 +20,7 @@ import numpy as np
 import scipy
 from numpy.typing import NDArray
 
-from lab import earth, rotation
+from lab import earth, ecef, rotation
 from lab.sensors import processes
 from lab.sensors.draws import unit_draws
 from lab.settings import AxisQuantity, Intervals, Quantity, Settings
@@ -229,6 +229,8 @@ def antenna(trajectory: Trajectory, errors: GpsErrors, times: FloatArray) -> Tru
     north, east, down = (C_nb @ lever_arm).T
     latitude, longitude, height = _moved(truth, np.stack((east, north, -down), axis=-1)).T
     velocity_n = truth.velocity_n + np.einsum("mij,mj->mi", C_nb, np.cross(omega_eb_b, lever_arm))
+    there = np.stack((latitude, longitude), axis=-1)
+    velocity_n = ecef.turned_near_pole(velocity_n, truth.position, there)
     return replace(truth, latitude=latitude, longitude=longitude, height=height, velocity_n=velocity_n)
 
 
@@ -249,12 +251,16 @@ def measure(truth: Truth, errors: GpsErrors, draws: GpsDraws, seen: Truth | None
     position_error, velocity_error = noise(truth.time, errors, draws)
     if seen is not None:
         position_error = position_error + _way(truth, seen)
-        velocity_error = velocity_error + _turned(seen.velocity_n - truth.velocity_n)
+        seen_n = ecef.turned_near_pole(seen.velocity_n, seen.position, truth.position)
+        velocity_error = velocity_error + _turned(seen_n - truth.velocity_n)
+    position = _moved(truth, position_error)
+    # A receiver knows north at the place it gives.
+    velocity_n = ecef.turned_near_pole(truth.velocity_n + _turned(velocity_error), truth.position, position)
     keep = outside_outages(errors, truth.time) & (truth.time > errors.latency - 1e-9)
     return GpsFixes(
         truth.time[keep],
-        _moved(truth, position_error)[keep],
-        (truth.velocity_n + _turned(velocity_error))[keep],
+        position[keep],
+        velocity_n[keep],
         position_error[keep],
         velocity_error[keep],
     )
@@ -302,7 +308,11 @@ def _moved(truth: Truth, way: FloatArray) -> FloatArray:
     meridian, transverse = earth.radii(np.sin(truth.latitude))
     latitude = truth.latitude + north / (meridian + truth.height)
     longitude = truth.longitude + east / ((transverse + truth.height) * np.cos(truth.latitude))
-    return np.stack((latitude, longitude, truth.height + up), axis=-1)
+    place = np.stack((latitude, longitude, truth.height + up), axis=-1)
+    near = ecef.near_pole(truth.latitude)
+    if near.any():
+        place[near] = ecef.moved(truth.position[near], _turned(way[near]))
+    return place
 
 
 def _way(truth: Truth, other: Truth) -> FloatArray:
@@ -311,7 +321,11 @@ def _way(truth: Truth, other: Truth) -> FloatArray:
     north = (other.latitude - truth.latitude) * (meridian + truth.height)
     turn = rotation.wrap(other.longitude - truth.longitude)
     east = turn * (transverse + truth.height) * np.cos(truth.latitude)
-    return np.stack((east, north, other.height - truth.height), axis=-1)
+    way = np.stack((east, north, other.height - truth.height), axis=-1)
+    near = ecef.near_pole(truth.latitude)
+    if near.any():
+        way[near] = _turned(ecef.way(truth.position[near], other.position[near]))
+    return way
 
 
 def _turned(vectors: FloatArray) -> FloatArray:

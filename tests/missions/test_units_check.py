@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from flights import circle, csv_text, table
+from polar_flights import FLIGHTS, over_the_pole
 
 from lab.missions import MissionError, mission, missions, read_flight_csv
 from lab.missions.units_check import check_units
@@ -55,6 +56,22 @@ def test_time_in_milliseconds():
 @pytest.mark.parametrize("turn", [0.0, 5.0, 270.0, -700.0])
 def test_honest_flights_pass(latitude, heading, turn):
     check_units("flight.csv", scaled(POSITION, 1.0, latitude=latitude, heading=heading, turn=turn))
+
+
+@pytest.mark.parametrize("name", FLIGHTS)
+def test_flights_over_a_pole_pass_and_their_units_are_checked(name):
+    """Where longitude jumps by 180° and the course turns over."""
+    values = table(over_the_pole(**FLIGHTS[name]))
+    check_units("flight.csv", values)
+    for columns, factor, what in (
+        (VELOCITY, 1 / 0.514444, "velocity_north_m_s.*knots"),
+        (POSITION, np.pi / 180, "latitude_deg and longitude_deg.*radians"),
+        (slice(0, 1), 1000, "time_s.*milliseconds"),
+    ):
+        wrong = values.copy()
+        wrong[:, columns] *= factor
+        with pytest.raises(MissionError, match=what):
+            check_units("flight.csv", wrong)
 
 
 def test_honest_oddities_pass():

@@ -1,0 +1,98 @@
+"""Polar trajectory: the curve of a flight that comes close to a pole, in Earth-fixed Cartesian axes.
+
+Like `Trajectory`, but the curve that is twice differentiable is that of the Cartesian position r_e and of the
+attitude C_eb, to which a pole is a place like any other. Latitude, longitude and heading are what follows of
+them; over the pole longitude and heading jump.
+
+References
+----------
+P. D. Groves, *Principles of GNSS, Inertial and Multisensor Integrated Navigation Systems*, 2nd ed., eqs. 5.18
+and 5.29 (navigation equations in e).
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from scipy.interpolate import CubicSpline
+from scipy.spatial.transform import Rotation
+
+from lab import earth, ecef, rotation
+from lab.missions.recording import Recording
+from lab.trajectory import RotationCurve, Trajectory, Truth, slow_spline
+
+FloatArray = NDArray[np.float64]
+
+
+class PolarTrajectory(Trajectory):
+    """One twice-differentiable flight over the rotating Earth, from time 0 to `duration`, poles included.
+
+    Parameters
+    ----------
+    time : (n,) array
+        Knots: the IMU grid, from 0 [s].
+    origin : (3,) array
+        Position r_e the offsets count from [m].
+    offsets : (n, 3) array
+        r_e at the knots, minus the origin [m].
+    attitude
+        Curve of attitudes C_eb with the same knots.
+    imu_rate
+        Rate of the IMU grid [Hz].
+    """
+
+    @classmethod
+    def through(cls, recording: Recording, grid: FloatArray, imu_rate: float) -> PolarTrajectory:
+        """Return the curve through a flight record.
+
+        Parameters
+        ----------
+        recording
+            At least four samples.
+        grid : (n,) array
+            The IMU grid, from 0 [s].
+        imu_rate
+            Rate of that grid [Hz].
+        """
+        time = recording.time - recording.time[0]
+        C_en = ecef.axes(recording.latitude, recording.longitude)
+        fixes = ecef.position(np.stack((recording.latitude, recording.longitude, recording.height), axis=-1))
+        velocity_e = np.einsum("nij,nj->ni", C_en, recording.velocity_n)
+        flown = CubicSpline(time, velocity_e).antiderivative()
+        correction = slow_spline(time, fixes - fixes[0] - flown(time))
+        C_nb = Rotation.from_quat(rotation.quaternion_from_euler(recording.euler), scalar_first=True)
+        attitude = RotationCurve(time, Rotation.from_matrix(C_en) * C_nb).resampled(grid)
+        return cls(grid, fixes[0], flown(grid) + correction(grid), attitude, imu_rate)
+
+    def at(self, times: ArrayLike) -> Truth:
+        """Return the truth at any times within the flight; as `Trajectory.at`."""
+        times = self._within(times)
+        position = ecef.geodetic(self._position(times) + self._origin)
+        C_en = ecef.axes(position[:, 0], position[:, 1])
+        C_nb = Rotation.from_matrix(C_en).inv() * self._attitude.attitude(times)
+        q_nb = C_nb.as_quat(scalar_first=True)
+        return Truth(
+            time=times,
+            latitude=position[:, 0],
+            longitude=position[:, 1],
+            height=position[:, 2],
+            velocity_n=np.einsum("nji,nj->ni", C_en, self._position(times, 1)),
+            q_nb=q_nb,
+            euler=rotation.euler_from_quaternion(q_nb),
+        )
+
+    def rates(self, times: ArrayLike) -> tuple[FloatArray, FloatArray]:
+        """Return ω_ib,b and f_b at any times within the flight; as `Trajectory.rates`.
+
+        f = r̈ + 2 ω_ie × ṙ − g in e, with the one gravity (Groves 5.18, 5.29).
+        """
+        times = self._within(times)
+        r_e = self._position(times) + self._origin
+        latitude, longitude, height = ecef.geodetic(r_e).T
+        omega_ie = np.array([0.0, 0.0, earth.RATE])
+        down = ecef.axes(latitude, longitude)[:, :, 2]
+        g_e = earth.gravity(np.sin(latitude), height)[:, None] * down
+        f_e = self._position(times, 2) + 2 * np.cross(omega_ie, self._position(times, 1)) - g_e
+        C_eb = self._attitude.attitude(times)
+        omega_ib_b = self._attitude.rate(times) + C_eb.apply(omega_ie, inverse=True)
+        return omega_ib_b, C_eb.apply(f_e, inverse=True)
