@@ -24,12 +24,20 @@ from lab.missions import Mission, mission
 from lab.navigation import unscented
 from lab.navigation.algorithm import Algorithm, run_algorithm
 from lab.navigation.belief import belief, schedule_of
-from lab.navigation.checks import check_bias_decay, check_finite, check_r, check_smoother, diverged
-from lab.navigation.error_models import MODELS
+from lab.navigation.checks import (
+    check_bias_decay,
+    check_finite,
+    check_mechanization,
+    check_r,
+    check_smoother,
+    diverged,
+)
+from lab.navigation.error_models import ErrorModel
 from lab.navigation.navigator import PolarError, is_compiled, navigate
 from lab.navigation.settings import NavigatorSettings
 from lab.navigation.smoother import smooth
 from lab.navigation.solution import Belief, Fixes, Imu, Schedule, Solution, Start
+from lab.navigation.wander_models import linear_model
 from lab.result import Result
 from lab.sensors import gps, imu
 from lab.sensors import temperature as thermal
@@ -302,6 +310,7 @@ class _Run:
     ) -> Solution:
         """Navigate."""
         settings, ideal = self.navigator, flight.ideal
+        check_mechanization(settings)
         check_smoother(settings)
         check_r(assumed.R)
         schedule = schedule_of(settings, ideal.dt, ideal.dtheta.shape[0])
@@ -361,14 +370,18 @@ class _Run:
                 start,
                 belief,
                 schedule,
-                MODELS[self.navigator.model],
+                self.model(),
                 progress=lambda done: self.progress("Navigating", 0.4 + 0.6 * done),
             )
-        return navigate(imu, fixes, start, belief, schedule, MODELS[self.navigator.model])
+        return navigate(imu, fixes, start, belief, schedule, self.model())
+
+    def model(self) -> ErrorModel:
+        """Return the error model of the linear filter."""
+        return linear_model(self.navigator.model, self.navigator.mechanization)
 
     def is_compiled(self) -> bool:
         """Say whether the linear filter is ready, for the model of the settings."""
-        return is_compiled(MODELS[self.navigator.model])
+        return is_compiled(self.model())
 
 
 def _timed(navigate: Callable[[], Solution]) -> tuple[Solution, float]:

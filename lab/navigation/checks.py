@@ -5,11 +5,30 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from lab.navigation.error_models import MODELS, NORTH_SLAVED
 from lab.navigation.settings import NavigatorSettings
 from lab.navigation.solution import Solution
 from lab.settings import SettingError
 
 FloatArray = NDArray[np.float64]
+
+
+def check_mechanization(settings: NavigatorSettings) -> None:
+    """Raise `SettingError` if a mechanization does not go with the model, the engine or the smoother."""
+    if settings.mechanization == NORTH_SLAVED:
+        return
+    reason = None
+    if settings.model == "nonlinear":
+        reason = "navigator.model: the sigma points of the model nonlinear are north-slaved navigators"
+    elif settings.engine == "filterpy":
+        reason = "navigator.engine: the reference in filterpy is a north-slaved navigator"
+    elif settings.smoother:
+        reason = "navigator.smoother: goes back through the flight with the north-slaved model phi"
+    if reason:
+        raise SettingError(
+            f"{reason}, which navigator.mechanization = {settings.mechanization} is not; accepted with it "
+            f"are the models {', '.join(MODELS)}, the compiled engine, and no smoother"
+        )
 
 
 def check_smoother(settings: NavigatorSettings) -> None:

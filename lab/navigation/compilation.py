@@ -9,6 +9,7 @@ the cache: a change in any file below gives a new compilation.
 from __future__ import annotations
 
 import hashlib
+import re
 from collections.abc import Callable
 from pathlib import Path
 from types import FunctionType
@@ -46,14 +47,32 @@ def interpreted(function: Callable[P, R]) -> Callable[P, R]:
 
 
 def rebound(function: Callable[P, R], **kernels: Callable[..., Any]) -> Callable[P, R]:
-    """Return a plain function that calls other kernels in place of those of its module it names.
+    """Return a function, or kernel, as a plain one that calls other kernels in place of those of its module.
 
     A function cached on disk may not close over kernels, for they are part of its identity there and new in
     each process; over names of its module it does not close.
     """
-    plain = cast(FunctionType, function)
+    plain = cast(FunctionType, getattr(function, "py_func", function))
     scope = plain.__globals__ | kernels
-    return FunctionType(plain.__code__, scope, plain.__name__, plain.__defaults__, plain.__closure__)
+    bound = FunctionType(plain.__code__, scope, plain.__name__, plain.__defaults__, plain.__closure__)
+    bound.__qualname__ = plain.__qualname__
+    others = "_".join(getattr(k, "py_func", k).__qualname__ for _, k in sorted(kernels.items()))
+    return named(hashlib.sha256(others.encode()).hexdigest()[:8])(bound) if kernels else bound
+
+
+def named(label: str) -> Callable[[Callable[P, R]], Callable[P, R]]:
+    """Return a decorator that gives a function a name of its own, for one made many times over.
+
+    Compiled code loaded from the disk calls other functions by name, argument types and a number that is
+    unique in the process that compiled it only: of two functions with the same name, compiled by two
+    processes, a third one that loads both could call the wrong one.
+    """
+
+    def rename(function: Callable[P, R]) -> Callable[P, R]:
+        function.__qualname__ += "_" + re.sub(r"\W", "_", label)
+        return function
+
+    return rename
 
 
 def _fingerprint() -> str:

@@ -2,7 +2,7 @@
 
 `driver` gives the one compiled loop: a batch run hands it a whole flight, a live run hands it one sample at a
 time. The loop is written with the kernels of `phi`; for another model, its own stand in their place, and are
-compiled when that model is first used.
+compiled when that model is first used; likewise those of the wander-azimuth mechanization.
 
 References
 ----------
@@ -20,9 +20,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from lab.navigation import strapdown
-from lab.navigation.compilation import SOURCES, entry_kernel, inline_kernel, kernel, rebound
-from lab.navigation.error_models import PHI, ErrorModel
+from lab.navigation import strapdown, wander
+from lab.navigation.compilation import SOURCES, entry_kernel, inline_kernel, kernel, named, rebound
+from lab.navigation.error_models import PHI, WANDER_AZIMUTH, ErrorModel
 from lab.navigation.kalman import MEASUREMENTS, update, update_through
 from lab.navigation.propagation import (
     BIASES,
@@ -84,9 +84,11 @@ def _add_noise_in_body(w: FloatArray, state: FloatArray, noise: FloatArray, dt: 
 def _prediction(model: ErrorModel, *, summed: bool) -> Kernel:
     """Return the kernel that propagates [P | x] of a model, at each sample or with sums of F dt."""
     propagate = compile_propagation(model)
+    label = f"{model.label} {summed}"
     add_noise = _add_noise_in_body if model.in_body else _add_noise
 
     @inline_kernel
+    @named(label)
     def step(run: Filter, dt: float, elapsed: float) -> None:
         """Propagate [P | x] with F times dt, and with bias decay and noise over the time elapsed."""
         decay = (
@@ -104,11 +106,13 @@ def _prediction(model: ErrorModel, *, summed: bool) -> Kernel:
         add_noise(run.w, run.state, run.noise, elapsed)
 
     @inline_kernel
+    @named(label)
     def predict(run: Filter, dt: float, fix_due: bool, stride: int) -> None:
         """Propagate [P | x] over the sample."""
         step(run, dt, dt)
 
     @inline_kernel
+    @named(label)
     def predict_summed(run: Filter, dt: float, fix_due: bool, stride: int) -> None:
         """Add the step to the sum of F dt; when due, propagate [P | x] over all steps since it last was."""
         due = fix_due or run.counts[1] + 1 >= stride
@@ -148,6 +152,16 @@ def _correct(state: FloatArray, w: FloatArray, T: FloatArray) -> None:
     state[at + 3] = q[3]
     for i in range(STATES):
         w[WIDTH * i + X] = 0.0
+
+
+@kernel
+def _correct_in_wander(state: FloatArray, w: FloatArray, T: FloatArray) -> None:
+    """Take the estimated error out of a navigator in a wander frame, and set the estimate to zero."""
+    x = np.empty(STATES)
+    for i in range(STATES):
+        x[i] = w[WIDTH * i + X]
+        w[WIDTH * i + X] = 0.0
+    wander.displace(state, x)
 
 
 @inline_kernel
@@ -231,15 +245,21 @@ def _mapped(model: ErrorModel) -> dict[str, Kernel]:
     """Return the kernels of a model with coordinates of its own, which do all that leaves the filter by T."""
     write_map, project, in_body = model.write_map, compile_projection(model), model.in_body
     assert write_map is not None
+    write_fix_map, write_frame_map = model.write_fix_map or write_map, model.write_frame_map or write_map
+    in_wander = model.mechanization == WANDER_AZIMUTH
+    correct_state = _correct_in_wander if in_wander else _correct
+    store_state = wander.store_state if in_wander else _store_state
 
     @kernel
+    @named(model.label)
     def observe(run: Filter, z: FloatArray, gate: float, nu: FloatArray, S: FloatArray) -> bool:
-        write_map(run.state, run.T)
+        write_fix_map(run.state, run.T)
         return update_through(run.T, run.w, z, run.R, run.R_root, nu, S, gate)
 
     @kernel
+    @named(model.label)
     def correct(state: FloatArray, w: FloatArray, T: FloatArray) -> None:
-        write_map(state, T)
+        write_frame_map(state, T)
         x = np.empty(NAV)
         for c in range(NAV):
             x[c] = w[WIDTH * c + X]
@@ -249,15 +269,17 @@ def _mapped(model: ErrorModel) -> dict[str, Kernel]:
             w[WIDTH * r + X] = 0.0
             for c in range(NAV):
                 w[WIDTH * r + X] += T[r, c] * x[c]
-        _correct(state, w, T)
+        correct_state(state, w, T)
 
     @inline_kernel
+    @named(model.label)
     def store(out: Solution, k: int, state: FloatArray, w: FloatArray, T: FloatArray) -> None:
-        _store_state(out, k, state)
+        store_state(out, k, state)
         write_map(state, T)
         project(T, w, k, out.variance, out.covariance)
 
     @kernel
+    @named(model.label)
     def store_fix(out: Solution, m: int, state: FloatArray, w: FloatArray, T: FloatArray) -> None:
         write_map(state, T)
         P = out.fix_covariance[m]
@@ -290,15 +312,16 @@ def _has_estimate(w: FloatArray) -> bool:
     return estimate
 
 
-def _estimation(correct: Kernel) -> Kernel:
+def _estimation(correct: Kernel, model: ErrorModel) -> Kernel:
     """Return the kernel that says what a navigator would be with its estimated error taken out."""
 
     @kernel
+    @named(model.label)
     def corrected(
         state: FloatArray, w: FloatArray, T: FloatArray, x: FloatArray, spare: FloatArray
     ) -> FloatArray:
         """Write the corrected state into `spare`, leaving the navigator as it is."""
-        for i in range(strapdown.LENGTH):  # a slice would compile its error messages too: a second
+        for i in range(state.size):  # a slice would compile its error messages too: a second
             spare[i] = state[i]
         for i in range(STATES):
             x[i] = w[WIDTH * i + X]
@@ -310,20 +333,29 @@ def _estimation(correct: Kernel) -> Kernel:
     return corrected
 
 
+@inline_kernel
+def _lost(state: FloatArray) -> bool:
+    """Say whether the navigator came too close to a pole for its frame."""
+    return bool(abs(state[LATITUDE]) > strapdown.MAX_LATITUDE)
+
+
 # The kernels of `phi` at each sample, in whose place those of other models stand.
+_step = strapdown.step
 _write = PHI.write
 _predict = _prediction(PHI, summed=False)
-_corrected = _estimation(_correct)
+_corrected = _estimation(_correct, PHI)
 
 
 def _kernels(model: ErrorModel, *, summed: bool) -> dict[str, Kernel]:
     """Return the kernels that differ from those of `phi` at each sample, by their names here."""
     if model is PHI and not summed:
         return {}
-    kernels = {"_write": model.write, "_predict": _prediction(model, summed=summed)}
+    kernels: dict[str, Kernel] = {"_write": model.write, "_predict": _prediction(model, summed=summed)}
+    if model.mechanization == WANDER_AZIMUTH:
+        kernels |= {"_step": wander.step, "_lost": wander.lost, "_difference": wander.difference}
     if model.write_map:
         kernels |= _mapped(model)
-        kernels["_corrected"] = _estimation(kernels["_correct"])
+        kernels["_corrected"] = _estimation(kernels["_correct"], model)
     return kernels
 
 
@@ -338,7 +370,7 @@ def driver(model: ErrorModel, *, summed: bool) -> Advance:
     summed
         For propagating P less often than at every sample.
     """
-    identity = SOURCES, model.name, summed
+    identity = SOURCES, model.name, model.mechanization, summed
 
     def advance(run: Filter, imu: Imu, fixes: Fixes, out: Solution, first: int, schedule: Schedule) -> int:
         """Advance a navigator over the samples of `imu` from number `first` on; return where it stopped.
@@ -349,15 +381,15 @@ def driver(model: ErrorModel, *, summed: bool) -> Advance:
         state, w, T = run.state, run.w, run.T
         z = np.empty(MEASUREMENTS)
         x = np.empty(STATES)
-        spare = np.empty(strapdown.LENGTH)
+        spare = np.empty(state.size)
         pending = _has_estimate(w)
         if first == 0:
             _store(out, 0, state, w, T)
         for k in range(first, imu.dtheta.shape[0]):
             time = imu.time[k + 1]
             dt = time - imu.time[k]
-            strapdown.step(state, get(imu.dtheta[k], 0), get(imu.dvelocity[k], 0), dt)
-            if abs(state[LATITUDE]) > strapdown.MAX_LATITUDE:
+            _step(state, get(imu.dtheta[k], 0), get(imu.dvelocity[k], 0), dt)
+            if _lost(state):
                 return k + 1
             m = run.counts[0]
             fix_due = m < fixes.time.size and fixes.time[m] <= time + 1e-6 * dt

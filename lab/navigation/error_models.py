@@ -54,6 +54,9 @@ gravity_gradient = inline_kernel(earth.gravity_gradient)
 
 Write = Callable[[FloatArray, FloatArray], None]
 
+NORTH_SLAVED, WANDER_AZIMUTH = "north-slaved", "wander azimuth"
+"""Mechanizations, as in the settings."""
+
 
 @dataclass(frozen=True)
 class ErrorModel:
@@ -69,15 +72,28 @@ class ErrorModel:
     write_map
         ``write_map(state, T)`` writes the non-zero elements of T (9, 9), the derivative of the position,
         velocity and attitude errors with respect to the model's own; None where they are the same.
+    write_fix_map, write_frame_map
+        As `write_map`, but the first six rows along the axes of the last fix, and all rows as the correction
+        of the navigator takes them; None where they are those of `write_map`.
     in_body
         Whether the model's errors are those of the group, resolved in b: white noise of the sensors enters
         them axis by axis, and the navigator is corrected by the group's exponential.
+    mechanization
+        Of the navigator whose errors these are, as in the settings.
     """
 
     name: str
     write: Write
     write_map: Write | None = None
+    write_fix_map: Write | None = None
+    write_frame_map: Write | None = None
     in_body: bool = False
+    mechanization: str = NORTH_SLAVED
+
+    @property
+    def label(self) -> str:
+        """Name that no other model has, for the functions made for this one."""
+        return f"{self.name} {self.mechanization}"
 
     def pattern(self) -> NDArray[np.bool_]:
         """Return which elements of F can differ from zero, (15, 15)."""
@@ -102,7 +118,7 @@ def _pattern(write: Write, size: int) -> NDArray[np.bool_]:
     matrix = np.zeros((size, size))
     seen = np.zeros((size, size), dtype=np.bool_)
     for _ in range(3):
-        state = rng.uniform(0.1, 0.5, strapdown.LENGTH)
+        state = rng.uniform(0.1, 0.5, 2 * strapdown.LENGTH)  # other mechanizations keep more
         state[strapdown.HEIGHT] = 1000.0
         plain(state, matrix)
         seen |= matrix != 0

@@ -16,10 +16,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lab import earth
-from lab.navigation import strapdown
+from lab.navigation import strapdown, wander
 from lab.navigation.compilation import interpreted
 from lab.navigation.driver import driver
-from lab.navigation.error_models import PHI, ErrorModel
+from lab.navigation.error_models import NORTH_SLAVED, PHI, WANDER_AZIMUTH, ErrorModel
 from lab.navigation.propagation import NAV, STATES, WIDTH, WORKSPACE
 from lab.navigation.solution import EVERY_FIX, Belief, Fixes, Imu, Schedule, Solution, Start
 from lab.navigation.strapdown import VELOCITY
@@ -49,8 +49,9 @@ class Filter(NamedTuple):
     @classmethod
     def begin(cls, start: Start, belief: Belief, time: float, model: ErrorModel = PHI) -> Filter:
         """Return a navigator that starts at a time [s], with the error model it will be advanced with."""
-        state = np.zeros(strapdown.LENGTH)
-        interpreted(strapdown.set_position)(state, *start.position)
+        in_wander = model.mechanization == WANDER_AZIMUTH
+        state = np.zeros(wander.LENGTH if in_wander else strapdown.LENGTH)
+        interpreted(wander.place if in_wander else strapdown.set_position)(state, *start.position)
         state[VELOCITY : VELOCITY + 3] = start.velocity_n
         state[strapdown.Q_NB : strapdown.Q_NB + 4] = start.q_nb
         w = _aligned_zeros(WORKSPACE)
@@ -126,22 +127,24 @@ def navigate(
     Raises
     ------
     PolarError
-        If the navigator comes closer than 0.1° to a pole.
+        If a north-slaved navigator comes closer than 0.1° to a pole.
     """
     solution = Solution.empty(imu.time.size, fixes.time.size)
-    if abs(start.position[0]) > strapdown.MAX_LATITUDE:
-        raise PolarError(_POLAR.format(time=imu.time[0]))
+    if model.mechanization == NORTH_SLAVED and abs(start.position[0]) > strapdown.MAX_LATITUDE:
+        raise PolarError(POLAR.format(time=imu.time[0]))
     run = Filter.begin(start, belief, imu.time[0], model)
     stopped = advance(run, imu, fixes, solution, 0, schedule, model)
     if stopped < imu.time.size:
-        raise PolarError(_POLAR.format(time=imu.time[stopped - 1]))
+        raise PolarError(POLAR.format(time=imu.time[stopped - 1]))
     return solution
 
 
-_POLAR = (
+POLAR = (
     "t = {time:.3f} s: closer than 0.1° to a pole, where a north-slaved navigation frame cannot follow; "
-    "accepted are latitudes up to 89.9°"
+    "accepted are latitudes up to 89.9°, or navigator.mechanization = wander azimuth, which works over the "
+    "poles"
 )
+"""What a `PolarError` says."""
 
 
 def advance(

@@ -16,7 +16,7 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
-from lab.navigation.compilation import inline_kernel
+from lab.navigation.compilation import inline_kernel, named
 from lab.navigation.error_models import ErrorModel
 
 FloatArray = NDArray[np.float64]
@@ -41,7 +41,7 @@ def compile_propagation(model: ErrorModel) -> Propagate:
     """
     namespace: dict[str, Propagate] = {}
     exec(compile(propagation_source(model), f"<propagation of {model.name}>", "exec"), namespace)
-    return inline_kernel(namespace["propagate"])
+    return inline_kernel(named(model.label)(namespace["propagate"]))
 
 
 def propagation_source(model: ErrorModel) -> str:
@@ -115,7 +115,7 @@ def compile_projection(model: ErrorModel) -> Project:
     """
     namespace: dict[str, Project] = {}
     exec(compile(projection_source(model), f"<projection of {model.name}>", "exec"), namespace)
-    return inline_kernel(namespace["project"])
+    return inline_kernel(named(model.label)(namespace["project"]))
 
 
 def projection_source(model: ErrorModel) -> str:

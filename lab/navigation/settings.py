@@ -36,6 +36,14 @@ class NavigatorSettings(Settings):
         "for large attitude errors. nonlinear: unscented filter on the exact kinematics, also for large "
         "attitude errors; corrects by feedback at each fix.",
     )
+    mechanization = param.Selector(
+        default="north-slaved",
+        objects=["north-slaved", "wander azimuth"],
+        label="Mechanization",
+        doc="Frame the navigator computes in: north-slaved, which ends 0.1° from a pole, or wander azimuth, "
+        "which does not turn about the vertical and works over the poles. What is shown is in north, east, "
+        "down with both.",
+    )
     engine = param.Selector(
         default="compiled",
         objects=["compiled", "filterpy"],

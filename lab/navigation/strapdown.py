@@ -1,8 +1,8 @@
 """Strapdown: from angle and velocity increments to attitude, velocity and position on the ellipsoid.
 
-The navigation frame is north-slaved. Two-sample coning and sculling compensation; gravity, Coriolis and
-transport rate at mid-interval. The whole state of a navigator is one vector, addressed by the named offsets
-below.
+The navigation frame is north-slaved; `wander` takes the same step in a frame that works over the poles.
+Two-sample coning and sculling compensation; gravity, Coriolis and transport rate at mid-interval. The whole
+state of a navigator is one vector, addressed by the named offsets below.
 
 References
 ----------
@@ -164,7 +164,20 @@ def set_position(state: FloatArray, latitude: float, longitude: float, height: f
 
 
 @inline_kernel
-def _move(state: FloatArray, velocity: Vector, dt: float) -> None:
+def surroundings(state: FloatArray, height: float) -> tuple[Vector, Vector, float]:
+    """Return ω_ie in n, the curvature as `transport_rate` takes it, and gravity; keep what is derived."""
+    sine, cosine = state[SINE], state[COSINE]
+    per_cosine = 1 / cosine
+    tangent = sine * per_cosine
+    radius_meridian, radius_transverse = radii(sine)
+    meridian = 1 / (radius_meridian + height)
+    transverse = 1 / (radius_transverse + height)
+    state[MERIDIAN], state[TRANSVERSE], state[PER_COSINE] = meridian, transverse, per_cosine
+    return earth_rate(sine, cosine), (meridian, transverse, tangent), gravity(sine, height)
+
+
+@inline_kernel
+def move(state: FloatArray, velocity: Vector, dt: float) -> None:
     """Move the position by a mean velocity; sine and cosine of the latitude follow by a tiny rotation."""
     sine, cosine, per_cosine = state[SINE], state[COSINE], state[PER_COSINE]
     turn = velocity[0] * state[MERIDIAN] * dt
@@ -211,24 +224,15 @@ def step(state: FloatArray, dtheta_measured: Vector, dvelocity_measured: Vector,
     sculled = plus(sculled, 1 / 12, cross(dtheta_before, dvelocity))
     sculled = plus(sculled, 1 / 12, cross(dvelocity_before, dtheta))
 
-    sine, cosine = state[SINE], state[COSINE]
-    per_cosine = 1 / cosine
-    tangent = sine * per_cosine
-    height = state[HEIGHT] - 0.5 * dt * v[2]
-    radius_meridian, radius_transverse = radii(sine)
-    meridian = 1 / (radius_meridian + height)
-    transverse = 1 / (radius_transverse + height)
-    state[MERIDIAN], state[TRANSVERSE], state[PER_COSINE] = meridian, transverse, per_cosine
-    omega_ie = earth_rate(sine, cosine)
-    g = gravity(sine, height)
+    omega_ie, curvature, g = surroundings(state, state[HEIGHT] - 0.5 * dt * v[2])
 
     # Predict the velocity at mid-interval, then take every rate there.
-    omega_en = transport_rate(v, meridian, transverse, tangent)
+    omega_en = transport_rate(v, *curvature)
     push = rotate(C_nb, sculled)
     coriolis = cross(plus(omega_en, 2.0, omega_ie), v)
     v_mid = plus(plus(v, 0.5, push), -0.5 * dt, coriolis)
     v_mid = (v_mid[0], v_mid[1], v_mid[2] + 0.5 * dt * g)
-    omega_en = transport_rate(v_mid, meridian, transverse, tangent)
+    omega_en = transport_rate(v_mid, *curvature)
     omega_in = plus(omega_en, 1.0, omega_ie)
     push = plus(push, -0.5 * dt, cross(omega_in, push))
     coriolis = cross(plus(omega_en, 2.0, omega_ie), v_mid)
@@ -236,7 +240,7 @@ def step(state: FloatArray, dtheta_measured: Vector, dvelocity_measured: Vector,
     v_new = (v_new[0], v_new[1], v_new[2] + dt * g)
 
     v_mean = (0.5 * (v[0] + v_new[0]), 0.5 * (v[1] + v_new[1]), 0.5 * (v[2] + v_new[2]))
-    _move(state, v_mean, dt)
+    move(state, v_mean, dt)
     frame = small_rotation((-dt * omega_in[0], -dt * omega_in[1], -dt * omega_in[2]))
     q = unit(product(frame, product(q, rotation(coned))))
     put(state, Q_NB, (q[0], q[1], q[2]))

@@ -25,7 +25,7 @@ from lab import earth
 from lab.navigation import strapdown
 from lab.navigation.compilation import SOURCES, entry_kernel, inline_kernel, interpreted, kernel
 from lab.navigation.kalman import MEASUREMENTS
-from lab.navigation.navigator import PolarError
+from lab.navigation.navigator import POLAR, PolarError
 from lab.navigation.sigma_points import attitude, cholesky, displace, gather, spread, transport
 from lab.navigation.solution import EVERY_FIX, Belief, Fixes, Imu, Schedule, Solution, Start
 from lab.navigation.strapdown import (
@@ -129,14 +129,8 @@ def navigate(
     if abs(start.position[0]) <= strapdown.MAX_LATITUDE:
         stopped = advance(Filter.begin(start, belief), imu, fixes, solution, 0, schedule)
     if stopped < imu.time.size:
-        raise PolarError(_POLAR.format(time=imu.time[max(stopped - 1, 0)]))
+        raise PolarError(POLAR.format(time=imu.time[max(stopped - 1, 0)]))
     return solution
-
-
-_POLAR = (
-    "t = {time:.3f} s: closer than 0.1° to a pole, where a north-slaved navigation frame cannot follow; "
-    "accepted are latitudes up to 89.9°"
-)
 
 
 def _check(schedule: Schedule) -> None:

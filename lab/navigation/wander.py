@@ -1,0 +1,304 @@
+"""Wander: the strapdown in a wander-azimuth frame, which works over the poles.
+
+The frame w is horizontal and starts aligned with north, east, down; relative to the Earth it does not turn
+about the vertical, ω_ew,z = 0, so that no tan L appears. Position is the quaternion q_ew, and height. The
+transport rate follows from the curvature of the ellipsoid written without longitude or north,
+
+    ω_ew = (u_y, −u_x, 0),   u = K v,   K = t I + k c cᵀ,   k = R_N e² / (1 − e² sin² L) · m t
+
+with m = 1/(R_M + h), t = 1/(R_N + h) and c the horizontal part of the Earth's axis in w, of length cos L:
+along it K is m, across it t, and over the pole all of it is smooth.
+
+The step is that of `strapdown`, with the kernels below in place of its own; a navigator has the same state,
+with w where n is written there, and what is named here behind it. Its latitude and longitude are not kept:
+they follow from q_ew where they are asked for. An error taken out of it, and the difference to a fix, are in
+the computer frame, as those of the error model `psi`: true matrices and vectors resolved in the computed w.
+
+References
+----------
+P. D. Groves, *Principles of GNSS, Inertial and Multisensor Integrated Navigation Systems*, 2nd ed., ch. 5.3;
+P. G. Savage, *Strapdown Inertial Navigation Integration Algorithm Design*, part 2, JGCD 21 (1998); D. O.
+Benson, *A comparison of two approaches to pure-inertial and Doppler-inertial error analysis*, IEEE Trans. AES
+11 (1975).
+"""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lab import earth
+from lab.navigation import strapdown
+from lab.navigation.compilation import inline_kernel, kernel, rebound
+from lab.navigation.strapdown import (
+    ACCEL_BIAS,
+    GYRO_BIAS,
+    HEIGHT,
+    MERIDIAN,
+    PREVIOUS_VELOCITY,
+    Q_NB,
+    SINE,
+    TRANSVERSE,
+    VELOCITY,
+    Matrix,
+    Quaternion,
+    Vector,
+    get,
+    gravity,
+    matrix,
+    product,
+    put,
+    radii,
+    rotate,
+    rotation,
+    small_rotation,
+    unit,
+)
+
+if TYPE_CHECKING:
+    from lab.navigation.solution import Solution
+
+FloatArray = NDArray[np.float64]
+
+Q_EW = strapdown.LENGTH  # position, scalar first
+AXIS = Q_EW + 4  # the Earth's axis in w: cos L in the direction of north, and −sin L
+BEND = AXIS + 3  # k of the curvature K
+FIX_AXES = BEND + 1  # north, east and down of the last fix, in w
+LENGTH = FIX_AXES + 9
+
+_AT_POLE = 1e-15
+"""cos L below which north is the frame's x: 6 nm from the pole."""
+
+
+@inline_kernel
+def quaternion(state: FloatArray, at: int) -> Quaternion:
+    """Read a quaternion from the state."""
+    return state[at], state[at + 1], state[at + 2], state[at + 3]
+
+
+@inline_kernel
+def put_quaternion(state: FloatArray, at: int, q: Quaternion) -> None:
+    """Write a quaternion into the state."""
+    state[at] = q[0]
+    put(state, at + 1, (q[1], q[2], q[3]))
+
+
+@inline_kernel
+def _keep_axis(state: FloatArray) -> None:
+    """Write the Earth's axis and the sine of the latitude, which follow from the position."""
+    w, x, y, z = quaternion(state, Q_EW)
+    state[AXIS] = 2 * (x * z - w * y)
+    state[AXIS + 1] = 2 * (y * z + w * x)
+    state[AXIS + 2] = 1 - 2 * (x * x + y * y)
+    state[SINE] = -state[AXIS + 2]
+
+
+@kernel
+def place(state: FloatArray, latitude: float, longitude: float, height: float) -> None:
+    """Write the position, w aligned with north, east, down there."""
+    turn, tilt = 0.5 * longitude, -0.5 * (latitude + 0.5 * math.pi)
+    about_axis = (math.cos(turn), 0.0, 0.0, math.sin(turn))
+    put_quaternion(state, Q_EW, product(about_axis, (math.cos(tilt), 0.0, math.sin(tilt), 0.0)))
+    state[HEIGHT] = height
+    _keep_axis(state)
+
+
+@inline_kernel
+def surroundings(state: FloatArray, height: float) -> tuple[Vector, tuple[float, float, float, float], float]:
+    """Return ω_ie in w, the curvature as `transport_rate` takes it, and gravity; keep the curvature."""
+    sine = state[SINE]
+    axis = get(state, AXIS)
+    radius_meridian, radius_transverse = radii(sine)
+    m = 1 / (radius_meridian + height)
+    t = 1 / (radius_transverse + height)
+    squared = earth.ECCENTRICITY_SQUARED
+    k = radius_transverse * squared / (1 - squared * sine * sine) * m * t
+    state[MERIDIAN], state[TRANSVERSE], state[BEND] = m, t, k
+    omega_ie = earth.RATE * axis[0], earth.RATE * axis[1], earth.RATE * axis[2]
+    return omega_ie, (t, k, axis[0], axis[1]), gravity(sine, height)
+
+
+@inline_kernel
+def transport_rate(velocity: Vector, t: float, k: float, c_x: float, c_y: float) -> Vector:
+    """Return ω_ew in w [rad/s]: the horizontal rate of K v, nothing about the vertical."""
+    along = k * (c_x * velocity[0] + c_y * velocity[1])
+    return t * velocity[1] + along * c_y, -t * velocity[0] - along * c_x, 0.0
+
+
+@inline_kernel
+def turn_of(state: FloatArray, way: Vector) -> Vector:
+    """Return the turn of the frame along a way in w [rad]."""
+    return transport_rate(way, state[TRANSVERSE], state[BEND], state[AXIS], state[AXIS + 1])
+
+
+@inline_kernel
+def move(state: FloatArray, velocity: Vector, dt: float) -> None:
+    """Move the position by a mean velocity."""
+    x, y, _ = turn_of(state, velocity)
+    q = unit(product(quaternion(state, Q_EW), small_rotation((dt * x, dt * y, 0.0))))
+    put_quaternion(state, Q_EW, q)
+    state[HEIGHT] -= dt * velocity[2]
+    _keep_axis(state)
+
+
+step = inline_kernel(
+    rebound(strapdown.step, surroundings=surroundings, transport_rate=transport_rate, move=move)
+)
+"""Advance the navigator by one IMU sample, as `strapdown.step`."""
+
+
+@inline_kernel
+def lost(state: FloatArray) -> bool:
+    """Say whether the frame ends here: nowhere."""
+    return False
+
+
+@inline_kernel
+def north(state: FloatArray) -> tuple[float, float, float]:
+    """Return the horizontal unit vector to the north, x and y, and cos L."""
+    x, y = state[AXIS], state[AXIS + 1]
+    cosine = math.sqrt(x * x + y * y)
+    if cosine < _AT_POLE:
+        return 1.0, 0.0, _AT_POLE
+    return x / cosine, y / cosine, cosine
+
+
+@inline_kernel
+def heading_turn(x: float, y: float) -> Quaternion:
+    """Return q_nw, where north is the horizontal unit vector (x, y) of w."""
+    if x > 0:
+        cosine = math.sqrt(0.5 * (1 + x))
+        return cosine, 0.0, 0.0, -0.5 * y / cosine
+    sine = math.copysign(math.sqrt(0.5 * (1 - x)), y)
+    return 0.5 * y / sine, 0.0, 0.0, -sine
+
+
+@inline_kernel
+def store_state(out: Solution, k: int, state: FloatArray) -> None:
+    """Write position, velocity, attitude and biases of sample k, in north, east, down."""
+    C_ew = matrix(quaternion(state, Q_EW))
+    x, y, cosine = north(state)
+    out.position[k, 0] = math.atan2(state[SINE], cosine)
+    out.position[k, 1] = math.atan2(-C_ew[1][2], -C_ew[0][2])
+    out.position[k, 2] = state[HEIGHT]
+    v_x, v_y, v_z = get(state, VELOCITY)
+    out.velocity_n[k, 0] = x * v_x + y * v_y
+    out.velocity_n[k, 1] = x * v_y - y * v_x
+    out.velocity_n[k, 2] = v_z
+    q_nb = product(heading_turn(x, y), quaternion(state, Q_NB))
+    for i in range(4):
+        out.q_nb[k, i] = q_nb[i]
+    for i in range(6):
+        out.bias[k, i] = state[GYRO_BIAS + i]
+
+
+@inline_kernel
+def _minus(state: FloatArray, at: int, C: Matrix, error: Vector) -> None:
+    """Take an error out of a vector, and turn what is left by C."""
+    x, y, z = get(state, at)
+    put(state, at, rotate(C, (x - error[0], y - error[1], z - error[2])))
+
+
+@kernel
+def displace(state: FloatArray, x: FloatArray) -> None:
+    """Take an error x out of a navigator, by exact rotations.
+
+    C_wb = exp([δθ×]) exp([ψ×]) Ĉ_wb, v = exp([δθ×]) (v̂ − δv_c) and C_ew = Ĉ_ew exp(−[δθ×]), with δθ the turn
+    of the frame along the position error.
+    """
+    turn = turn_of(state, get(x, 0))
+    q = rotation(turn)
+    C = matrix(q)
+    _minus(state, VELOCITY, C, get(x, 3))
+    _minus(state, PREVIOUS_VELOCITY, C, get(x, 3))
+    put_quaternion(state, Q_NB, product(q, product(rotation(get(x, 6)), quaternion(state, Q_NB))))
+    put_quaternion(state, Q_EW, product(quaternion(state, Q_EW), (q[0], -q[1], -q[2], -q[3])))
+    state[HEIGHT] += x[2]
+    _keep_axis(state)
+    for i in range(3):
+        state[GYRO_BIAS + i] -= x[9 + i]
+        state[ACCEL_BIAS + i] -= x[12 + i]
+
+
+@inline_kernel
+def _back(C: Matrix, v: Vector) -> Vector:
+    """Return Cᵀ v."""
+    return (
+        C[0][0] * v[0] + C[1][0] * v[1] + C[2][0] * v[2],
+        C[0][1] * v[0] + C[1][1] * v[1] + C[2][1] * v[2],
+        C[0][2] * v[0] + C[1][2] * v[1] + C[2][2] * v[2],
+    )
+
+
+@inline_kernel
+def way_from(state: FloatArray, up: Vector, height: float) -> Vector:
+    """Return the way to the navigator, in w [m], from where `up` (in w) is the vertical, at a height.
+
+    The verticals are apart by K times the way; K⁻¹ = (I − k/m c cᵀ) / t.
+    """
+    t, c_x, c_y = state[TRANSVERSE], state[AXIS], state[AXIS + 1]
+    along = state[BEND] / state[MERIDIAN] * (c_x * up[0] + c_y * up[1])
+    return (along * c_x - up[0]) / t, (along * c_y - up[1]) / t, height - state[HEIGHT]
+
+
+@kernel
+def difference(
+    state: FloatArray, age: float, fraction: float, position: FloatArray, velocity: FloatArray, z: FloatArray
+) -> None:
+    """Write navigator minus fix, the navigator interpolated to `age` seconds (`fraction` of a step) ago.
+
+    Along north, east and down of the fix, the axes of its velocity, which are kept in `FIX_AXES`.
+    """
+    s, c = math.sin(position[0]), math.cos(position[0])
+    sl, cl = math.sin(position[1]), math.cos(position[1])
+    C_ew = matrix(quaternion(state, Q_EW))
+    put(state, FIX_AXES, _back(C_ew, (-s * cl, -s * sl, c)))
+    put(state, FIX_AXES + 3, _back(C_ew, (-sl, cl, 0.0)))
+    down = _back(C_ew, (-c * cl, -c * sl, -s))
+    put(state, FIX_AXES + 6, down)
+    way = way_from(state, (-down[0], -down[1], -down[2]), position[2])
+    v, before = get(state, VELOCITY), get(state, PREVIOUS_VELOCITY)
+    for i in range(3):
+        axis = get(state, FIX_AXES + 3 * i)
+        z[i], z[3 + i] = 0.0, -velocity[i]
+        for j in range(3):
+            z[i] += axis[j] * (way[j] - 0.5 * age * (v[j] + before[j]))
+            z[3 + i] += axis[j] * (v[j] - fraction * (v[j] - before[j]))
+
+
+@kernel
+def to_fix(state: FloatArray, T: FloatArray) -> None:
+    """Turn the rows of position and velocity from w to the axes of the last fix."""
+    for j in range(9):
+        for row in range(0, 6, 3):
+            x, y, z = T[row, j], T[row + 1, j], T[row + 2, j]
+            for i in range(3):
+                a, b, c = get(state, FIX_AXES + 3 * i)
+                T[row + i, j] = a * x + b * y + c * z
+
+
+@kernel
+def to_north(state: FloatArray, T: FloatArray) -> None:
+    """Turn the rows of T from w to n, and errors of the computer frame into those that leave a filter.
+
+    δr, δv = δv_c + v × δθ and φ = ψ + δθ, with the turn δθ of the north-slaved frame along δr: close to a
+    pole the errors of heading and of the velocity's components grow as tan L.
+    """
+    x, y, cosine = north(state)
+    m, t, tangent = state[MERIDIAN], state[TRANSVERSE], state[SINE] / cosine
+    v_x, v_y, v_d = get(state, VELOCITY)
+    v_n, v_e = x * v_x + y * v_y, x * v_y - y * v_x
+    for j in range(9):
+        for row in range(0, 9, 3):
+            a, b = T[row, j], T[row + 1, j]
+            T[row, j], T[row + 1, j] = x * a + y * b, x * b - y * a
+        turn_n, turn_e, turn_d = t * T[1, j], -m * T[0, j], -tangent * t * T[1, j]
+        T[3, j] += v_e * turn_d - v_d * turn_e
+        T[4, j] += v_d * turn_n - v_n * turn_d
+        T[5, j] += v_n * turn_e - v_e * turn_n
+        T[6, j] += turn_n
+        T[7, j] += turn_e
+        T[8, j] += turn_d
