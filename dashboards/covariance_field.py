@@ -60,10 +60,12 @@ class CovarianceField(TextField):
 
     def _render(self, value: Any) -> None:
         super()._render(value)
-        if self._sigmas:
-            pairs = zip(self._sigmas, self._variances(), self.declaration.rows, strict=True)
-            for box, variance, (_, unit) in pairs:
-                box.value = shown(float(f"{math.sqrt(variance) / TO_SI[unit]:.4g}"))
+        variances = self._variances() if self._sigmas else ()
+        for index, box in enumerate(self._sigmas):
+            box.visible = index < len(variances)
+            if box.visible:
+                unit = self.declaration.rows[index][1]
+                box.value = shown(float(f"{math.sqrt(variances[index]) / TO_SI[unit]:.4g}"))
 
     def _variances(self) -> tuple[float, ...]:
         """Return the variances in force: given as a diagonal or with the whole matrix, or matched."""

@@ -140,7 +140,7 @@ class SimulatorPage:
                 page.forget()
             page.show(self.session.result)
             page.show_time(self.axis.time)
-        if not laid_out:
+        if self._stage.objects != [page.view]:  # not laid out, or a page that has changed its plots
             self._stage[:] = [page.view]
 
     def _prepare(self, result: Result) -> None:

@@ -45,6 +45,7 @@ COMMON = frozenset(
         "sensors.gps.period",
         "sensors.gps.outages",
         "navigator.model",
+        "navigator.states",
         "navigator.correction",
         "navigator.correction_period",
         "navigator.p0_scale",

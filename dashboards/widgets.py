@@ -323,7 +323,7 @@ def parsed(declaration: param.Parameter, text: str) -> Any:
         return [tuple(number(t) for t in stretch) for stretch in stretches]
     if isinstance(declaration, MatrixOrNone):
         variances = numbers(text)
-        return _square(variances, declaration.size) if variances else None
+        return _square(variances, declaration.sizes) if variances else None
     return text
 
 
@@ -335,8 +335,9 @@ def per_axis(text: str, axes: Sequence[str]) -> Any:
     return found
 
 
-def _square(numbers: tuple[Any, ...], size: int) -> tuple[Any, ...]:
-    if len(numbers) != size * size or size == 1:
+def _square(numbers: tuple[Any, ...], sizes: tuple[int, ...]) -> tuple[Any, ...]:
+    size = math.isqrt(len(numbers))
+    if size not in sizes or size * size != len(numbers) or size == 1:
         return numbers
     return tuple(numbers[row * size : (row + 1) * size] for row in range(size))
 

@@ -17,7 +17,7 @@ The language, the same everywhere:
 - Inside: float64, SI units, radians, time first: ``(n, 3)``. Settings, datasets, files and plots: degrees,
   datasheet units, east-north-up; every number that leaves carries its unit.
 - Error is estimate minus truth, always. Error states, in order: position, velocity, attitude, gyro bias,
-  accelerometer bias (`lab.navigation.error_models.STATES`).
+  accelerometer bias, and with 21 states gyro and accelerometer scale (`lab.navigation.error_models.STATES`).
 - Truth and belief are different things: `lab.sensors` is what the sensors really do,
   `lab.navigation.settings` what the filter assumes of them.
 - Same settings and seed, same bits.

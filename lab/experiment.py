@@ -32,7 +32,7 @@ from lab.navigation.checks import (
     check_smoother,
     diverged,
 )
-from lab.navigation.error_models import ErrorModel
+from lab.navigation.error_models import ErrorModel, with_states
 from lab.navigation.navigator import PolarError, is_compiled, navigate
 from lab.navigation.settings import NavigatorSettings
 from lab.navigation.smoother import smooth
@@ -377,7 +377,8 @@ class _Run:
 
     def model(self) -> ErrorModel:
         """Return the error model of the linear filter."""
-        return linear_model(self.navigator.model, self.navigator.mechanization)
+        model = linear_model(self.navigator.model, self.navigator.mechanization)
+        return with_states(model, self.navigator.states)
 
     def is_compiled(self) -> bool:
         """Say whether the linear filter is ready, for the model of the settings."""

@@ -43,7 +43,7 @@ FloatArray = NDArray[np.float64]
 EAST_NORTH_UP = ["east", "north", "up"]
 ANGLES = ["roll", "pitch", "heading"]
 BODY_AXES = ["x", "y", "z"]
-STATE_UNITS = ("m",) * 3 + ("m/s",) * 3 + ("°",) * 3 + ("°/s",) * 3 + ("mg",) * 3
+STATE_UNITS = ("m",) * 3 + ("m/s",) * 3 + ("°",) * 3 + ("°/s",) * 3 + ("mg",) * 3 + ("%",) * 6
 """Units in which the σ of the error states are shown."""
 
 DATASETS = (
@@ -66,7 +66,6 @@ _COORDINATES: dict[str, list[str]] = {
     "axis": EAST_NORTH_UP,
     "angle": ANGLES,
     "body_axis": BODY_AXES,
-    "state": list(STATES),
 }
 _DEGREE = 1 / TO_SI["°"]
 
@@ -121,6 +120,12 @@ class Result:
         return np.concatenate((bias[:1], bias))
 
     @cached_property
+    def true_scale(self) -> FloatArray:
+        """True scale factor errors of gyros and accelerometers (n + 1, 6) at the IMU times."""
+        scale = np.concatenate((self.gyro.scale, self.accelerometer.scale), axis=1)
+        return np.concatenate((scale[:1], scale))
+
+    @cached_property
     def truth(self) -> xr.Dataset:
         """The true flight."""
         truth = self.truth_arrays
@@ -159,10 +164,11 @@ class Result:
     @cached_property
     def state_sigma(self) -> xr.Dataset:
         """One standard deviation of all error states, according to the filter; each in its own unit."""
-        scale = np.array([1 / TO_SI[unit] for unit in STATE_UNITS])
+        n = self.solution_arrays.states
+        scale = np.array([1 / TO_SI[unit] for unit in STATE_UNITS[:n]])
         sigma = np.sqrt(self.solution_arrays.variance) * scale
         dataset = self._dataset(sigma=(("time", "state"), sigma, "", "σ of the error states"))
-        return dataset.assign_coords(unit=("state", list(STATE_UNITS)))
+        return dataset.assign_coords(state=list(STATES[:n]), unit=("state", list(STATE_UNITS[:n])))
 
     @cached_property
     def imu(self) -> xr.Dataset:
@@ -239,18 +245,23 @@ class Result:
 
     @cached_property
     def sensor_errors(self) -> xr.Dataset:
-        """Biases as estimated, as they were, and the σ of the estimate according to the filter."""
-        sigma = np.sqrt(self.solution_arrays.variance[:, 9:])
-        dims = ("time", "body_axis")
+        """Biases as estimated, as they were, and the σ of the estimate; with 21 states also scale factors."""
+        solution, dims = self.solution_arrays, ("time", "body_axis")
+        kinds = {"bias": ("bias", 9, ("°/s", "mg"), solution.bias, self.true_bias)}
+        if solution.scale.size:
+            kinds["scale"] = ("scale factor error", 15, ("%", "%"), solution.scale, self.true_scale)
         variables = {}
-        for name, part, unit in (("gyro", slice(0, 3), "°/s"), ("accelerometer", slice(3, 6), "mg")):
-            scale = 1 / TO_SI[unit]
-            for suffix, values, label in (
-                ("", self.solution_arrays.bias, "estimated {} bias"),
-                ("_true", self.true_bias, "true {} bias"),
-                ("_sigma", sigma, "σ of the estimated {} bias"),
-            ):
-                variables[f"{name}_bias{suffix}"] = (dims, values[:, part] * scale, unit, label.format(name))
+        for kind, (words, first, units, estimate, true) in kinds.items():
+            sigma = np.sqrt(solution.variance[:, first : first + 6])
+            for number, (name, unit) in enumerate(zip(("gyro", "accelerometer"), units, strict=True)):
+                part = slice(3 * number, 3 * number + 3)
+                for suffix, values, label in (
+                    ("", estimate, "estimated"),
+                    ("_true", true, "true"),
+                    ("_sigma", sigma, "σ of the estimated"),
+                ):
+                    shown = values[:, part] / TO_SI[unit]
+                    variables[f"{name}_{kind}{suffix}"] = (dims, shown, unit, f"{label} {name} {words}")
         return self._dataset(**variables)
 
     @cached_property
@@ -306,7 +317,8 @@ class Result:
         """
         solution = self.solution_arrays
         samples = np.maximum(solution.fix_sample, 0)
-        x = errors.error_state(solution, samples, self.truth_arrays, self.true_bias)
+        scale = self.true_scale if solution.scale.size else None
+        x = errors.error_state(solution, samples, self.truth_arrays, self.true_bias, scale)
         nees = self._used_fixes(consistency.normalised_squares, x, solution.fix_covariance)
         used = solution.fix_covariance[solution.fix_sample >= 0]
         degrees = int(consistency.uncertain(used).size) if used.size else 0
@@ -365,7 +377,8 @@ class Result:
     def evidence(self) -> Evidence:
         """What this run says for and against each assumption of the filter."""
         fixes, ideal = self.fixes, self.ideal
-        reference = Reference(self.truth_arrays, self.true_bias, ideal.dtheta, ideal.dvelocity)
+        scale = self.true_scale if self.solution_arrays.scale.size else None
+        reference = Reference(self.truth_arrays, self.true_bias, ideal.dtheta, ideal.dvelocity, scale)
         if self.algorithm:
             return algorithm_evidence(self.solution_arrays, reference)
         return evidence(

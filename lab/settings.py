@@ -11,7 +11,7 @@ import difflib
 import math
 import numbers
 import tomllib
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from typing import Any, ClassVar, NamedTuple, Self
 
 import numpy as np
@@ -139,7 +139,7 @@ class MatrixOrNone(param.Parameter):
     Parameters
     ----------
     size
-        Number of rows.
+        Number of rows, or the numbers there may be.
     diagonal_only
         True refuses off-diagonal elements.
     rows
@@ -148,17 +148,17 @@ class MatrixOrNone(param.Parameter):
         As for `param.Parameter`: ``label``, ``doc``.
     """
 
-    __slots__ = ["diagonal_only", "rows", "size"]
+    __slots__ = ["diagonal_only", "rows", "sizes"]
 
     def __init__(
         self,
         *,
-        size: int,
+        size: int | tuple[int, ...],
         diagonal_only: bool = False,
         rows: Sequence[tuple[str, str]] = (),
         **kwargs: Any,
     ) -> None:
-        object.__setattr__(self, "size", size)
+        object.__setattr__(self, "sizes", (size,) if isinstance(size, int) else size)
         object.__setattr__(self, "rows", tuple(rows))
         object.__setattr__(self, "diagonal_only", diagonal_only)
         super().__init__(default=None, allow_None=True, **kwargs)
@@ -179,9 +179,9 @@ class MatrixOrNone(param.Parameter):
         return tuple(rows) if matrix.ndim == 1 else tuple(tuple(row) for row in rows)
 
     def _check(self, matrix: NDArray[np.float64]) -> None:
-        n = self.size
-        if matrix.shape not in {(n,), (n, n)}:
-            raise ValueError(f"has shape {matrix.shape}, expected ({n},) or ({n}, {n})")
+        shapes = [shape for n in self.sizes for shape in ((n,), (n, n))]
+        if matrix.shape not in shapes:
+            raise ValueError(f"has shape {matrix.shape}, expected {' or '.join(map(str, shapes))}")
         if not np.all(np.isfinite(matrix)):
             raise ValueError("has entries that are not finite")
         full = np.diag(matrix) if matrix.ndim == 1 else matrix
@@ -418,6 +418,10 @@ def describe(parameter: param.Parameter) -> str:
     return "text" if isinstance(parameter, param.String) else (parameter.doc or "another value")
 
 
+def _either(options: Iterable[object]) -> str:
+    return " or ".join(str(option) for option in options)
+
+
 def _range(bounds: Bounds | None) -> str:
     low, high = bounds or (None, None)
     if low is None and high is None:
@@ -434,8 +438,12 @@ _WORDS: dict[type[param.Parameter], Callable[[Any, str], str]] = {
     param.Integer: lambda p, u: f"a whole number{_range(p.bounds)}{u}",
     param.Number: lambda p, u: f"a number{_range(p.bounds)}{u}",
     MatrixOrNone: lambda p, u: (
-        f"{p.size} variances"
-        + ("" if p.diagonal_only else f", or a symmetric positive semidefinite {p.size} × {p.size} matrix")
+        f"{_either(p.sizes)} variances"
+        + (
+            ""
+            if p.diagonal_only
+            else f", or a symmetric positive semidefinite {_either(f'{n} × {n}' for n in p.sizes)} matrix"
+        )
     ),
     AxisQuantity: lambda p, u: (
         f"one number, or {len(p.axes)} ({', '.join(p.axes)}), each{_range(p.bounds)}{u}"

@@ -305,7 +305,10 @@ VALUES: dict[type, Callable[[Any], st.SearchStrategy[Any]]] = {
     Intervals: lambda p: _spans(),
     Quantity: lambda p: st.floats(*p.bounds),
     AxisQuantity: _components,
-    MatrixOrNone: lambda p: st.none() | st.lists(st.floats(0, 1e6), min_size=p.size, max_size=p.size),
+    MatrixOrNone: lambda p: (
+        st.none()
+        | st.sampled_from(p.sizes).flatmap(lambda n: st.lists(st.floats(0, 1e6), min_size=n, max_size=n))
+    ),
 }
 
 

@@ -57,6 +57,10 @@ class Budget(ComputedPage):
 
     def paint(self, result: Result, _content: None) -> str:
         """Draw the quantity that is chosen."""
+        known = result.budget.quantity.values.tolist()
+        if self._choice.options != known:
+            chosen = self._choice.value if self._choice.value in known else "heading"
+            self._choice.param.update(options=known, value=chosen)
         quantity = str(self._choice.value)
         self._figures.show(result.budget, result.observability, quantity)
         return escape(sentence(result, quantity))

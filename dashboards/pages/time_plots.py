@@ -6,35 +6,64 @@ from typing import ClassVar
 
 import panel as pn
 
-from dashboards.pages.base import AROUND, GAP, NARROW, Page, plot_grid
+from dashboards.pages.base import Page, plot_grid
 from lab.result import Result
 from lab.views.figures import TimeFigures
-from lab.views.quantities import COVARIANCE, ERRORS, HEIGHT, SENSOR_ERRORS, TEMPERATURE, TimePlot
-
-_TWO_ROWS = (
-    f"@media (min-width: {NARROW + 1}px) "
-    f"{{ :host {{ grid-auto-rows: max(150px, calc((100vh - {AROUND + 2 * GAP}px) / 2)); }} }}"
+from lab.views.quantities import (
+    COVARIANCE,
+    ERRORS,
+    HEIGHT,
+    SCALE_COVARIANCE,
+    SCALE_ERRORS,
+    SENSOR_ERRORS,
+    TEMPERATURE,
+    TimePlot,
+    with_scale,
 )
+
+Plots = tuple[tuple[TimePlot, ...], ...]
 
 
 class TimePlots(Page):
     """A grid of plots over the shared time axis."""
 
     plots: ClassVar[tuple[TimePlot, ...]]
+    scale_plots: ClassVar[tuple[TimePlot, ...]] = ()
     columns = 3
 
     def make(self) -> pn.viewable.Viewable:
         """Return the grid."""
-        self._figures = TimeFigures(self.plots, self.axis, buckets=1000 // self.columns)
-        return plot_grid(self._figures.figures, self.columns)
+        self._grids: dict[Plots, tuple[list[TimeFigures], pn.viewable.Viewable]] = {}
+        self._shown: Plots = (self.plots,)
+        return self._grid(self._shown)[1]
+
+    def wanted(self, result: Result) -> Plots:
+        """Return the plots a result is shown in; those after the first group are across the window."""
+        return (with_scale(result, self.plots, self.scale_plots),)
+
+    def _grid(self, groups: Plots) -> tuple[list[TimeFigures], pn.viewable.Viewable]:
+        """Return the grid of some plots, made when first shown."""
+        if groups not in self._grids:
+            first, *wide = groups
+            made = [TimeFigures(first, self.axis, buckets=1000 // self.columns)]
+            made += [TimeFigures(plots, self.axis, buckets=1000) for plots in wide]
+            together = [fig for part in made for fig in part.figures]
+            self._grids[groups] = made, plot_grid(together, self.columns)
+        return self._grids[groups]
 
     def prepare(self, result: Result) -> None:
-        """Have the result work out what these plots show."""
-        self._figures.prepare(result)
+        """Have the result work out what these plots show, if it needs no others."""
+        groups = self._shown
+        if groups == self.wanted(result):
+            for figures in self._grids[groups][0]:
+                figures.prepare(result)
 
     def draw(self, result: Result) -> None:
         """Draw a result in the visible stretch of time."""
-        self._figures.show(result)
+        self._shown = self.wanted(result)
+        made, self.view = self._grid(self._shown)
+        for figures in made:
+            figures.show(result)
 
 
 class Errors(TimePlots):
@@ -45,46 +74,25 @@ class Errors(TimePlots):
 
 
 class Covariance(TimePlots):
-    """σ of all 15 states."""
+    """σ of all states."""
 
     title = "Covariance"
     plots = COVARIANCE
+    scale_plots = SCALE_COVARIANCE
     columns = 2
 
 
 class SensorErrors(TimePlots):
-    """Estimated biases against the true ones, and the temperature where a profile is set."""
+    """Estimated biases, and scale factors if they are states, against the true ones; and the temperature."""
 
     title = "Sensor errors"
     plots = SENSOR_ERRORS
+    scale_plots = SCALE_ERRORS
 
-    def make(self) -> pn.viewable.Viewable:
-        """Return the grid; its last row is the temperature."""
-        self._figures = TimeFigures(self.plots, self.axis, buckets=1000 // self.columns)
-        self._temperature = TimeFigures(TEMPERATURE, self.axis, buckets=1000)
-        grid = plot_grid([*self._figures.figures, *self._temperature.figures], self.columns)
-        self._panes, self._three_rows, self._grid = list(grid), grid.stylesheets, grid
-        self._fit(False)
-        return grid
-
-    def prepare(self, result: Result) -> None:
-        """Have the result work out what these plots show."""
-        super().prepare(result)
-        if result.has_temperature:
-            self._temperature.prepare(result)
-
-    def draw(self, result: Result) -> None:
-        """Draw a result in the visible stretch of time."""
-        super().draw(result)
-        if (len(self._grid) == len(self._panes)) != result.has_temperature:
-            self._fit(result.has_temperature)
-        if result.has_temperature:
-            self._temperature.show(result)
-
-    def _fit(self, has_temperature: bool) -> None:
-        """Let the rows that are shown share the window."""
-        self._grid[:] = self._panes if has_temperature else self._panes[:-1]
-        self._grid.stylesheets = self._three_rows if has_temperature else [*self._three_rows, _TWO_ROWS]
+    def wanted(self, result: Result) -> Plots:
+        """Return the plots a result is shown in; the temperature across the window."""
+        rest = (TEMPERATURE,) if result.has_temperature else ()
+        return (*super().wanted(result), *rest)
 
 
 class Height(TimePlots):

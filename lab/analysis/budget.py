@@ -61,17 +61,20 @@ QUANTITIES = (
     *("roll", "pitch", "heading"),
     *STATES[9:15],
 )
-"""What the budget is made for: the error states as a person reads them."""
+"""What the budget of a filter with 15 states is made for: the error states as a person reads them."""
 
 UNITS = ("m",) * 3 + ("m/s",) * 3 + ("°",) * 3 + ("°/s",) * 3 + ("mg",) * 3
 """Units of the quantities."""
 
+
+def quantities(states: int) -> dict[str, str]:
+    """Return what the budget of a filter with so many states is made for, and the units."""
+    units = (*UNITS, *("%",) * (len(STATES) - N))
+    return dict(zip((*QUANTITIES, *STATES[N:])[:states], units[:states], strict=True))
+
+
 INTERVAL = 1.0
 """Longest time between two epochs of a budget [s]."""
-
-WAITING = slice(15, 21)  # the biases of x̂
-OWN = slice(21, 24)  # c
-SIZE = 24
 
 
 def error_budget(result: Result) -> xr.Dataset:
@@ -123,17 +126,11 @@ def _check(result: Result) -> None:
             f"mission: the flight reaches latitude {np.degrees(highest):.3f}°, and the error budget follows "
             "errors in north, east, down, which turn too fast there; accepted here are flights up to 89.9°"
         )
-    check_states(result)
+    check_gains(result)
 
 
-def check_states(result: Result) -> None:
-    """Refuse smoothed solutions, users' algorithms, and filters that estimate more than 15 states.
-
-    Raises
-    ------
-    SettingError
-        If this is one.
-    """
+def check_gains(result: Result) -> None:
+    """Raise `SettingError` of smoothed solutions and users' algorithms, which have no gains."""
     if result.algorithm:
         raise SettingError(
             f"{result.algorithm}: this analysis follows the gains of the filter, which an algorithm of your "
@@ -143,12 +140,6 @@ def check_states(result: Result) -> None:
         raise SettingError(
             "navigator.smoother: this analysis follows the gains of the filter, which a smoothed solution "
             "does not have; accepted here is false"
-        )
-    states = result.belief.P0.shape[0]
-    if states != N:
-        raise SettingError(
-            f"this analysis knows filters of {N} states, and this one has {states}; accepted here are those "
-            "that estimate position, velocity, attitude and the biases"
         )
 
 
@@ -207,6 +198,9 @@ class _Propagation:
         # K = P⁺ Hᵀ R⁻¹, whatever P⁺ and R are worth (Gelb 4.2-16b).
         self.gain = result.solution_arrays.fix_covariance[:, :, :6] @ np.linalg.inv(belief.R)
         self.corrected = _corrections(result)
+        n = self.states = self.gain.shape[1]
+        self.waiting = slice(n, n + BIASES)  # the biases of x̂
+        self.own = slice(n + BIASES, n + BIASES + 3)  # c
         self.widths = [source.start.shape[1] for source in constants]
         self.coupling = np.concatenate([source.coupling for source in constants])
         self.known = known
@@ -215,19 +209,19 @@ class _Propagation:
             room[:] = series.inertial
         self.drawn = sum(self.widths)
         self.widths += [1] * len(known)
-        self.columns = np.zeros((WAITING.stop, sum(self.widths)))
-        self.columns[:N, : self.drawn] = np.concatenate([source.start for source in constants], axis=1)
+        self.columns = np.zeros((self.waiting.stop, sum(self.widths)))
+        self.columns[:n, : self.drawn] = np.concatenate([source.start[:n] for source in constants], axis=1)
         errors = result.experiment.sensors.gps
         bad = within(errors.quality_steps, result.fixes.time)
         self.grade = np.where(bad, errors.quality_factor, 1.0)
-        self.P = np.zeros((len(processes), SIZE, SIZE))
+        self.P = np.zeros((len(processes), self.own.stop, self.own.stop))
         for P, source in zip(self.P, processes, strict=True):
             if source.settled:
-                P[OWN, OWN] = np.diag(source.variance)
+                P[self.own, self.own] = np.diag(source.variance)
 
     def run(self, epochs: Epochs) -> FloatArray:
         """Return the variances (source, kept epoch, quantity) in SI units."""
-        out = np.zeros((len(self.widths) + len(self.processes), int(epochs.last.sum()), len(QUANTITIES)))
+        out = np.zeros((len(self.widths) + len(self.processes), int(epochs.last.sum()), self.states))
         room = Transition.empty(len(self.inertial), len(self.known))
         before, row = 0, 0
         for sample, fix, last in zip(*(part.tolist() for part in epochs), strict=True):
@@ -243,72 +237,76 @@ class _Propagation:
     def _propagate(self, first: int, last: int, step: Transition) -> None:
         """Go from one sample to another."""
         transition(self.flight, first, last, self.fade, self.sampled, self.series, step)
-        A = np.eye(WAITING.stop)
+        waiting, own = self.waiting, self.own
+        A = np.eye(waiting.stop)
         A[:NAV, :NAV] = step.navigation
         A[:NAV, NAV:N] = step.bias
+        for c in range(self.states - N):  # an error of a scale factor is one of the bias times what is felt
+            A[:NAV, N + c] = step.coupled[:, c, c]
         fade = np.diag(self.fade ** (last - first))
-        A[:NAV, WAITING] = step.bias - step.fading
-        A[NAV:N, WAITING] = np.eye(BIASES) - fade
-        A[WAITING, WAITING] = fade
+        A[:NAV, waiting] = step.bias - step.fading
+        A[NAV:N, waiting] = np.eye(BIASES) - fade
+        A[waiting, waiting] = fade
         self.columns = A @ self.columns
         self.columns[:NAV, : self.drawn] += np.einsum("iab,cab->ic", step.coupled, self.coupling)
         self.columns[:NAV, self.drawn :] += step.driven.T
         B = np.zeros_like(self.P)
-        B[:, : WAITING.stop, : WAITING.stop] = A
+        B[:, : waiting.stop, : waiting.stop] = A
         Q = np.zeros_like(self.P)
         imu = len(self.inertial)
-        B[:imu, :NAV, OWN] = self.sampled.decay[:, None, None] * step.process
+        B[:imu, :NAV, own] = self.sampled.decay[:, None, None] * step.process
         Q[:imu, :NAV, :NAV] = step.covariance
-        Q[:imu, :NAV, OWN] = step.cross
-        Q[:imu, OWN, :NAV] = step.cross.mT
+        Q[:imu, :NAV, own] = step.cross
+        Q[:imu, own, :NAV] = step.cross.mT
         elapsed = (last - first) * self.flight.dt
         for p, source in enumerate(self.processes):
-            B[p, OWN, OWN] = source.decay(elapsed) * np.eye(3)
-            Q[p, OWN, OWN] = np.diag(source.drive(elapsed))
+            B[p, own, own] = source.decay(elapsed) * np.eye(3)
+            Q[p, own, own] = np.diag(source.drive(elapsed))
         self.P = B @ self.P @ B.mT + Q
 
     def _update(self, fix: int) -> None:
         """Take a fix."""
-        K = self.gain[fix]
-        U = np.eye(WAITING.stop)
-        U[:N, :6] -= K
-        U[WAITING, :6] = K[NAV:]
-        noise = np.concatenate((K, -K[NAV:]))
+        K, waiting, own = self.gain[fix], self.waiting, self.own
+        U = np.eye(waiting.stop)
+        U[: self.states, :6] -= K
+        U[waiting, :6] = K[NAV:N]
+        noise = np.concatenate((K, -K[NAV:N]))
         if self.corrected[fix]:
-            U[WAITING] = noise[WAITING] = 0.0
+            U[waiting] = noise[waiting] = 0.0
         self.columns = U @ self.columns
         for column, series in enumerate(self.known, self.drawn):
             self.columns[:, column] += noise @ series.fixes[fix]
         B = np.zeros_like(self.P)
-        B[:, : WAITING.stop, : WAITING.stop] = U
-        B[:, OWN, OWN] = np.eye(3)
+        B[:, : waiting.stop, : waiting.stop] = U
+        B[:, own, own] = np.eye(3)
         for p, source in enumerate(self.processes):
             grade = self.grade[fix] if source.graded else 1.0
             if source.channel == GPS_POSITION:
-                B[p, : WAITING.stop, OWN] = grade * noise[:, :3]
+                B[p, : waiting.stop, own] = grade * noise[:, :3]
             elif source.channel == GPS_VELOCITY:
-                B[p, : WAITING.stop, OWN] = grade * noise[:, 3:]
+                B[p, : waiting.stop, own] = grade * noise[:, 3:]
         self.P = B @ self.P @ B.mT
 
     def _variances(self, sample: int) -> FloatArray:
         """Return the variances (source, quantity) at a sample."""
-        T = np.zeros((len(QUANTITIES), N))
+        n = self.states
+        T = np.zeros((n, n))
         T[0:3, POS] = T[3:6, VEL] = NED_TO_ENU
         T[6:9, ATT] = self.jacobian[sample]
-        T[NAV:, NAV:] = np.eye(BIASES)
-        states = self.columns[:N].copy()
+        T[NAV:, NAV:] = np.eye(n - NAV)
+        states = self.columns[:n].copy()
         for column, series in enumerate(self.known, self.drawn):
             if series.is_bias:
-                states[NAV:, column] += series.inertial[max(sample - 1, 0)]
+                states[NAV:N, column] += series.inertial[max(sample - 1, 0)]
         squares = (T @ states) ** 2
         parts = np.split(squares, np.cumsum(self.widths)[:-1], axis=1)
         constant = np.stack([part.sum(axis=1) for part in parts])
-        seen = np.zeros((len(self.processes), len(QUANTITIES), SIZE))
-        seen[:, :, :N] = T
+        seen = np.zeros((len(self.processes), n, self.own.stop))
+        seen[:, :, :n] = T
         for p, source in enumerate(self.inertial):
             # The true bias includes the instability; white noise is none.
             if source.time:
-                seen[p, NAV + 3 * source.channel : NAV + 3 * source.channel + 3, OWN] = np.eye(3)
+                seen[p, NAV + 3 * source.channel : NAV + 3 * source.channel + 3, self.own] = np.eye(3)
         random = np.einsum("pqi,pij,pqj->pq", seen, self.P, seen, optimize=True)
         return np.concatenate((constant, random))
 
@@ -333,7 +331,8 @@ def _dataset(result: Result, sources: list[str], epochs: Epochs, variance: Float
 
     names = list(dict.fromkeys(sources))
     variance = np.stack([variance[[name == source for source in sources]].sum(axis=0) for name in names])
-    scale = np.array([1 / TO_SI[unit] for unit in UNITS])
+    units = quantities(result.solution_arrays.states)
+    scale = np.array([1 / TO_SI[unit] for unit in units.values()])
     kept = epochs.sample[epochs.last]
     total = variance.sum(axis=0)
     share = 100 * np.divide(variance, total, out=np.zeros_like(variance), where=total > 0)
@@ -348,15 +347,17 @@ def _dataset(result: Result, sources: list[str], epochs: Epochs, variance: Float
         coords={
             "source": names,
             "time": ("time", result.time[kept], {"units": "s", "long_name": "time"}),
-            "quantity": list(QUANTITIES),
-            "unit": ("quantity", list(UNITS)),
+            "quantity": list(units),
+            "unit": ("quantity", list(units.values())),
         },
         attrs={"left_out": ", ".join(left_out(result.experiment))},
     )
 
 
 def believed_sigma(result: Result) -> FloatArray:
-    """Return σ of all `QUANTITIES` (n + 1, 15) according to the filter, in their `UNITS`."""
+    """Return σ of all `quantities` (n + 1, states) according to the filter, in their units."""
     sets = (*(result.sigma[name] for name in ("position", "velocity", "attitude")),)
-    biases = (result.sensor_errors[f"{name}_bias_sigma"] for name in ("gyro", "accelerometer"))
-    return np.concatenate([data.values for data in (*sets, *biases)], axis=1)
+    kinds = ("bias", "scale") if result.solution_arrays.scale.size else ("bias",)
+    names = (f"{sensor}_{kind}_sigma" for kind in kinds for sensor in ("gyro", "accelerometer"))
+    sensors = (result.sensor_errors[name] for name in names)
+    return np.concatenate([data.values for data in (*sets, *sensors)], axis=1)

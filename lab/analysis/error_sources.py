@@ -11,7 +11,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lab.analysis.transition import N
-from lab.navigation.error_models import ACCEL_BIAS, ATT, GYRO_BIAS, POS, VEL
+from lab.navigation.error_models import (
+    ACCEL_BIAS,
+    ACCEL_SCALE,
+    ATT,
+    GYRO_BIAS,
+    GYRO_SCALE,
+    POS,
+    STATES,
+    VEL,
+)
 from lab.sensors.imu_errors import OFF_DIAGONAL
 from lab.units import si
 
@@ -35,8 +44,8 @@ class Constant(NamedTuple):
     ----------
     name
         Name of the source.
-    start : (15, c) array
-        Initial error states, one standard deviation of each number.
+    start : (n, c) array
+        Initial error states, one standard deviation of each number; the filter's, or more of them.
     coupling : (c, 6, 6) array
         Takes angular rate and specific force in b to the errors of gyros and accelerometers.
     """
@@ -90,25 +99,30 @@ def constants(experiment: Experiment) -> list[Constant]:
     for name, block in (("position", POS), ("velocity", VEL), ("attitude", ATT)):
         found.append(initial(f"initial {name}", block, np.diag(si(navigator, f"{name}_sigma"))))
         found.append(initial(f"initial {name}, given", block, si(navigator, f"{name}_error")[None]))
-    for number, (name, block) in enumerate((("gyro", GYRO_BIAS), ("accelerometer", ACCEL_BIAS))):
+    blocks = (("gyro", GYRO_BIAS, GYRO_SCALE), ("accelerometer", ACCEL_BIAS, ACCEL_SCALE))
+    for number, (name, block, scale_block) in enumerate(blocks):
         errors = sensors.groups()[name]
         own = slice(3 * number, 3 * number + 3)
         # The estimate starts with zero: the error is the bias, with the other sign.
         found.append(initial(f"{name} turn-on bias σ", block, -np.diag(si(errors, "bias_sigma"))))
         found.append(initial(f"{name} turn-on bias, given", block, -si(errors, "bias")[None]))
-        scale, M = np.diag(si(errors, "scale_factor")), np.zeros((3, 3))
+        M, scale, drawn = np.zeros((3, 3)), si(errors, "scale_factor"), si(errors, "scale_factor_sigma")
         for axes, value in zip(OFF_DIAGONAL, si(errors, "misalignment"), strict=True):
             M["xyz".index(axes[0]), "xyz".index(axes[1])] = value
-        drawn = np.einsum("c,ci,cj->cij", si(errors, "scale_factor_sigma"), np.eye(3), np.eye(3))
-        found.append(coupled(f"{name} scale factor σ", own, own, drawn))
-        found.append(coupled(f"{name} scale factor, given", own, own, scale[None]))
+        if navigator.states > N:  # errors of an estimate that starts with zero, as those of the biases
+            found.append(initial(f"{name} scale factor σ", scale_block, -np.diag(drawn)))
+            found.append(initial(f"{name} scale factor, given", scale_block, -scale[None]))
+        else:
+            each = np.einsum("c,ci,cj->cij", drawn, np.eye(3), np.eye(3))
+            found.append(coupled(f"{name} scale factor σ", own, own, each))
+            found.append(coupled(f"{name} scale factor, given", own, own, np.diag(scale)[None]))
         found.append(coupled(f"{name} misalignment", own, own, M[None]))
     return [source for source in found if source.start.any() or source.coupling.any()]
 
 
 def initial(name: str, block: slice, columns: FloatArray) -> Constant:
     """Return a source that is there at the start, from (c, 3) values of one block of states."""
-    start = np.zeros((N, columns.shape[0]))
+    start = np.zeros((len(STATES), columns.shape[0]))
     start[block] = columns.T
     return Constant(name, start, np.zeros((columns.shape[0], 6, 6)))
 
@@ -117,7 +131,7 @@ def coupled(name: str, rows: slice, columns: slice, matrices: FloatArray) -> Con
     """Return a source in proportion to rate or force, from (c, 3, 3) matrices."""
     coupling = np.zeros((matrices.shape[0], 6, 6))
     coupling[:, rows, columns] = matrices
-    return Constant(name, np.zeros((N, matrices.shape[0])), coupling)
+    return Constant(name, np.zeros((len(STATES), matrices.shape[0])), coupling)
 
 
 def processes(experiment: Experiment, ideal: IdealImu, duration: float) -> list[Process]:

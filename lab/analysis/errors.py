@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from lab import earth, ecef
-from lab.navigation.error_models import ACCEL_BIAS, ATT, GYRO_BIAS, POS, VEL
+from lab.navigation.error_models import ACCEL_BIAS, ACCEL_SCALE, ATT, GYRO_BIAS, GYRO_SCALE, POS, VEL
 from lab.navigation.solution import Solution
 from lab.rotation import wrap
 from lab.trajectory import Truth
@@ -66,8 +66,14 @@ def attitude_error(q_nb: FloatArray, truth_q_nb: FloatArray) -> FloatArray:
     return np.asarray(-vector * (factor * np.sign(scalar + (scalar == 0)))[:, None])
 
 
-def error_state(solution: Solution, samples: NDArray[np.int64], truth: Truth, bias: FloatArray) -> FloatArray:
-    """Return the error state (m, 15) at some samples, in the filter's order and units.
+def error_state(
+    solution: Solution,
+    samples: NDArray[np.int64],
+    truth: Truth,
+    bias: FloatArray,
+    scale: FloatArray | None = None,
+) -> FloatArray:
+    """Return the error state (m, 15) or (m, 21) at some samples, in the filter's order and units.
 
     Parameters
     ----------
@@ -79,9 +85,11 @@ def error_state(solution: Solution, samples: NDArray[np.int64], truth: Truth, bi
         Truth at all samples.
     bias : (n, 6) array
         True gyro and accelerometer biases at all samples [rad/s], [m/s²].
+    scale : (n, 6) array
+        True scale factor errors of gyros and accelerometers at all samples; needed of 21 states only.
     """
     there = Truth(**{name: getattr(truth, name)[samples] for name in Truth.__dataclass_fields__})
-    x = np.empty((samples.size, 15))
+    x = np.empty((samples.size, solution.states))
     x[:, POS] = position_error(solution.position[samples], there)
     x[:, VEL] = solution.velocity_n[samples] - there.velocity_n
     x[:, ATT] = attitude_error(solution.q_nb[samples], there.q_nb)
@@ -90,6 +98,9 @@ def error_state(solution: Solution, samples: NDArray[np.int64], truth: Truth, bi
     if near.any():
         at_pole = Truth(**{name: getattr(there, name)[near] for name in Truth.__dataclass_fields__})
         x[near, :9] = _error_near_pole(solution, samples[near], at_pole)
+    if solution.scale.shape[1]:
+        assert scale is not None
+        x[:, GYRO_SCALE.start : ACCEL_SCALE.stop] = solution.scale[samples] - scale[samples]
     return x
 
 

@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 from lab import ecef
 from lab.analysis import consistency, errors
 from lab.analysis.outliers import NEIGHBOURS, outliers
-from lab.navigation.error_models import ACCEL_BIAS, ATT, GYRO_BIAS, POS, VEL
+from lab.navigation.error_models import ACCEL_BIAS, ACCEL_SCALE, ATT, GYRO_BIAS, GYRO_SCALE, POS, VEL
 from lab.navigation.kalman import MEASUREMENTS
 from lab.navigation.solution import Belief, Fixes, Imu, Solution
 from lab.rotation import C_nb_from_euler, euler_from_quaternion, wrap
@@ -185,12 +185,15 @@ class Reference(NamedTuple):
         True gyro and accelerometer biases at all samples [rad/s], [m/s²].
     dtheta, dvelocity : (n, 3) arrays
         True increments [rad], [m/s].
+    scale : (n + 1, 6) array
+        True scale factor errors of gyros and accelerometers; needed of filters with 21 states only.
     """
 
     truth: Truth
     bias: FloatArray
     dtheta: FloatArray
     dvelocity: FloatArray
+    scale: FloatArray | None = None
 
 
 class _AtFixes(NamedTuple):
@@ -329,17 +332,21 @@ def _response(
 
     From fix to fix the error grows by the short-term terms of F alone: velocity, specific force, biases.
     """
-    gains = solution.fix_covariance[used][:, :15, :6] @ np.linalg.inv(belief.R)
+    gains, n = solution.fix_covariance[used][:, :, :6] @ np.linalg.inv(belief.R), solution.states
     at = solution.fix_sample[used]
     dt = np.diff(time[at], append=time[-1])[:, None, None]
-    F = np.zeros((used.size, 15, 15))
+    F = np.zeros((used.size, n, n))
     F[:, POS, VEL] = np.eye(3)
     F[:, VEL, ATT] = _skew(motion.force_n)
     F[:, VEL, ACCEL_BIAS] = -motion.C_nb
     F[:, ATT, GYRO_BIAS] = motion.C_nb
+    if n > GYRO_SCALE.start:
+        force_b = np.einsum("mji,mj->mi", motion.C_nb, motion.force_n)
+        F[:, ATT, GYRO_SCALE] = motion.C_nb * motion.rate_b[:, None, :]
+        F[:, VEL, ACCEL_SCALE] = -motion.C_nb * force_b[:, None, :]
     step = F * dt
-    transition = np.eye(15) + step + step @ step / 2 + step @ step @ step / 6
-    error = np.zeros((15, CAUSES))
+    transition = np.eye(n) + step + step @ step / 2 + step @ step @ step / 6
+    error = np.zeros((n, CAUSES))
     response = np.empty(causes.shape)
     for k in range(used.size):  # a recursion over fixes, not samples
         response[k] = error[:6] - causes[k]
@@ -451,8 +458,8 @@ def _noise(belief: Belief, imu: Imu, reference: Reference) -> Squares:
 
 def _start(solution: Solution, belief: Belief, reference: Reference) -> Squares:
     first = np.zeros(1, dtype=np.int64)
-    x = errors.error_state(solution, first, reference.truth, reference.bias)
-    P0 = belief.P0[None, :15, :15]
+    x = errors.error_state(solution, first, reference.truth, reference.bias, reference.scale)
+    P0 = belief.P0[None]
     square = consistency.normalised_squares(x, P0).sum()
     return Squares(np.array(square), np.array(float(np.linalg.matrix_rank(_correlation(P0[0])))))
 
@@ -467,8 +474,9 @@ def nees_squares(solution: Solution, used: NDArray[np.intp], reference: Referenc
     """Return NEES; it changes slowly, so a flight counts as an epoch for each `SETTLING` seconds."""
     if not used.size:
         return Squares(np.zeros(()), np.zeros(()))
-    x = errors.error_state(solution, solution.fix_sample[used], reference.truth, reference.bias)
+    at = solution.fix_sample[used]
+    x = errors.error_state(solution, at, reference.truth, reference.bias, reference.scale)
     P = solution.fix_covariance[used]
-    nees = consistency.normalised_squares(x, P[:, :15, :15])
+    nees = consistency.normalised_squares(x, P)
     epochs = max(1.0, float(np.ptp(reference.truth.time)) / SETTLING)
     return Squares(np.array(epochs * nees.mean()), np.array(epochs * consistency.uncertain(P).size))

@@ -15,9 +15,9 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from lab.analysis.budget import QUANTITIES, UNITS, believed_sigma, check_states, epochs_of
+from lab.analysis.budget import believed_sigma, check_gains, epochs_of, quantities
 from lab.analysis.errors import euler_sigma
-from lab.navigation.error_models import ATT
+from lab.navigation.error_models import ATT, PHI, with_states
 from lab.navigation.navigator import navigate
 from lab.navigation.solution import Fixes, Imu, Start
 from lab.units import TO_SI
@@ -149,18 +149,20 @@ def observability(result: Result) -> xr.Dataset:
     Raises
     ------
     SettingError
-        If the filter estimates more than position, velocity, attitude and the biases.
+        If the solution is smoothed, or of a user's algorithm.
     """
     import xarray as xr  # noqa: PLC0415 - takes a while to import, and a run does without
 
-    check_states(result)
+    check_gains(result)
+    units = quantities(result.solution_arrays.states)
     epochs = epochs_of(result)
     kept = epochs.sample[epochs.last]
     sigma = believed_sigma(result)
     found = manoeuvres(result.truth_arrays)
     edges = np.array([*(stretch.start for stretch in found), found[-1].end])
     at = np.append(0, epochs.sample[epochs.fix >= 0])
-    known = np.log(sigma[at[np.searchsorted(result.time[at], edges, side="right") - 1]])
+    known = sigma[at[np.searchsorted(result.time[at], edges, side="right") - 1]]
+    known = np.log(np.maximum(known, np.finfo(float).tiny))  # of what is certain, nothing is reduced
     reduction = known[:-1] - known[1:]
     gained = np.maximum(reduction, 0)
     total = gained.sum(axis=0)
@@ -175,8 +177,8 @@ def observability(result: Result) -> xr.Dataset:
         },
         coords={
             "time": ("time", result.time[kept], {"units": "s", "long_name": "time"}),
-            "quantity": list(QUANTITIES),
-            "unit": ("quantity", list(UNITS)),
+            "quantity": list(units),
+            "unit": ("quantity", list(units.values())),
             "segment": [stretch.name for stretch in found],
             "start": ("segment", edges[:-1], {"units": "s"}),
             "end": ("segment", edges[1:], {"units": "s"}),
@@ -185,7 +187,7 @@ def observability(result: Result) -> xr.Dataset:
 
 
 def _free_sigma(result: Result) -> FloatArray:
-    """Return σ of all quantities (n + 1, 15) that the filter would have without any fix.
+    """Return σ of all quantities (n + 1, states) that the filter would have without any fix.
 
     A perfect IMU and start keep the navigator on the true flight, so that the covariance is propagated there.
     """
@@ -196,11 +198,12 @@ def _free_sigma(result: Result) -> FloatArray:
         none,
         Start.off(truth, nothing, nothing, nothing),
         result.belief,
+        model=with_states(PHI, result.belief.P0.shape[0]),
     )
     variance = free.variance
     attitude = euler_sigma(truth.euler, variance[:, ATT], free.covariance[:, 1])
     parts = (variance[:, [1, 0, 2]], variance[:, [4, 3, 5]], attitude**2, variance[:, 9:])
-    return np.sqrt(np.concatenate(parts, axis=1)) / [TO_SI[unit] for unit in UNITS]
+    return np.sqrt(np.concatenate(parts, axis=1)) / [TO_SI[unit] for unit in quantities(free.states).values()]
 
 
 def observability_table(dataset: xr.Dataset) -> pd.DataFrame:

@@ -7,12 +7,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from lab.navigation.error_models import ACCEL_BIAS, ATT, GYRO_BIAS, POS, VEL
+from lab.navigation.error_models import ACCEL_BIAS, ACCEL_SCALE, ATT, GYRO_BIAS, GYRO_SCALE, POS, VEL
 from lab.navigation.kalman import gate
 from lab.navigation.settings import NavigatorSettings
 from lab.navigation.solution import Belief, Schedule
 from lab.sensors.imu import AccelerometerErrors, GyroErrors
 from lab.sensors.suite import SensorSuite
+from lab.settings import SettingError
 from lab.units import si
 
 FloatArray = NDArray[np.float64]
@@ -22,7 +23,13 @@ FLICKER_FLOOR = np.sqrt(2 * np.log(2) / np.pi)
 
 
 def belief(sensors: SensorSuite, navigator: NavigatorSettings) -> Belief:
-    """Return what the filter assumes: P0, Q and R matched, or as given, and scaled."""
+    """Return what the filter assumes: P0, Q and R matched, or as given, and scaled.
+
+    Raises
+    ------
+    SettingError
+        If P0 is given for another number of states than the filter has.
+    """
     gyro_drive, gyro_decay = bias_process(sensors.gyro)
     accel_drive, accel_decay = bias_process(sensors.accelerometer)
     noise = (
@@ -30,7 +37,7 @@ def belief(sensors: SensorSuite, navigator: NavigatorSettings) -> Belief:
     )
     return Belief(
         P0=navigator.p0_scale
-        * (_given(navigator.p0) if navigator.p0 is not None else matched_p0(sensors, navigator)),
+        * (_given_p0(navigator) if navigator.p0 is not None else matched_p0(sensors, navigator)),
         R=navigator.r_scale * (_given(navigator.r) if navigator.r is not None else matched_r(sensors)),
         noise=navigator.q_scale * np.diag(noise),
         bias_decay=np.concatenate((gyro_decay, accel_decay)),
@@ -43,9 +50,23 @@ def _given(value: Any) -> FloatArray:
     return np.diag(array) if array.ndim == 1 else array
 
 
+def _given_p0(navigator: NavigatorSettings) -> FloatArray:
+    """Return the given P0, if it is of as many states as the filter has."""
+    P0 = _given(navigator.p0)
+    if P0.shape[0] != navigator.states:
+        raise SettingError(
+            f"navigator.p0: is of {P0.shape[0]} states, and the filter has {navigator.states} "
+            f"(navigator.states); accepted are {navigator.states} variances or a matrix of so many rows"
+        )
+    return P0
+
+
 def matched_p0(sensors: SensorSuite, navigator: NavigatorSettings) -> FloatArray:
-    """Return the second moment (15, 15) of the initial errors, given and drawn, and of the biases."""
-    variance = np.empty(15)
+    """Return the second moment of the initial errors, given and drawn, of biases and scale factors.
+
+    As many rows as the filter has states. What temperature does to biases and scale factors is not in it.
+    """
+    variance = np.empty(21)
     variance[POS] = si(navigator, "position_sigma") ** 2 + si(navigator, "position_error") ** 2
     variance[VEL] = si(navigator, "velocity_sigma") ** 2 + si(navigator, "velocity_error") ** 2
     variance[ATT] = si(navigator, "attitude_sigma") ** 2 + si(navigator, "attitude_error") ** 2
@@ -53,7 +74,9 @@ def matched_p0(sensors: SensorSuite, navigator: NavigatorSettings) -> FloatArray
     variance[ACCEL_BIAS] = (
         _turn_on_variance(sensors.accelerometer) + si(sensors.accelerometer, "instability") ** 2
     )
-    return np.diag(variance)
+    for block, errors in ((GYRO_SCALE, sensors.gyro), (ACCEL_SCALE, sensors.accelerometer)):
+        variance[block] = si(errors, "scale_factor") ** 2 + si(errors, "scale_factor_sigma") ** 2
+    return np.diag(variance[: navigator.states])
 
 
 def matched_noise(sensors: SensorSuite, gyro_drive: FloatArray, accel_drive: FloatArray) -> FloatArray:

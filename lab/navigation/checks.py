@@ -24,10 +24,12 @@ def check_mechanization(settings: NavigatorSettings) -> None:
         reason = "navigator.engine: the reference in filterpy is a north-slaved navigator"
     elif settings.smoother:
         reason = "navigator.smoother: goes back through the flight with the north-slaved model phi"
+    elif settings.states != 15:
+        reason = "navigator.states: the scale factors are estimated by a north-slaved navigator"
     if reason:
         raise SettingError(
             f"{reason}, which navigator.mechanization = {settings.mechanization} is not; accepted with it "
-            f"are the models {', '.join(MODELS)}, the compiled engine, and no smoother"
+            f"are the models {', '.join(MODELS)}, 15 states, the compiled engine, and no smoother"
         )
 
 
@@ -74,7 +76,10 @@ def check_bias_decay(step: float, bias_decay: FloatArray) -> None:
 def check_finite(solution: Solution, time: FloatArray) -> None:
     """Raise `ValueError` if a solution, at times (n + 1,), has what is no number, or variances below zero."""
     # What is not finite stays so: the last sample tells.
-    states = (solution.position, solution.velocity_n, solution.q_nb, solution.bias, solution.variance)
+    states = (
+        *(solution.position, solution.velocity_n, solution.q_nb),
+        *(solution.bias, solution.scale, solution.variance),
+    )
     if all(np.isfinite(values[-1]).all() for values in states) and solution.variance.min() >= 0:
         return
     bad = (solution.variance < 0).any(axis=1)

@@ -8,11 +8,12 @@ the cache: a change in any file below gives a new compilation.
 
 from __future__ import annotations
 
+import functools
 import hashlib
 import re
 from collections.abc import Callable
 from pathlib import Path
-from types import FunctionType
+from types import CellType, FunctionType
 from typing import Any, ParamSpec, TypeVar, cast
 
 import numba
@@ -73,6 +74,34 @@ def named(label: str) -> Callable[[Callable[P, R]], Callable[P, R]]:
         return function
 
     return rename
+
+
+@functools.cache
+def rebound_throughout(function: Callable[P, R], **values: Any) -> Callable[P, R]:
+    """Return a function in which, and in all kernels it calls, names of their modules have other values.
+
+    So one source serves filters of any number of states: the number stays a constant to the compiler. What
+    is a kernel stays one of the same options; what has none of the names is returned as it is.
+    """
+    plain = cast(FunctionType, getattr(function, "py_func", function))
+
+    def other(value: Any) -> Any:
+        return rebound_throughout(value, **values) if hasattr(value, "py_func") else value
+
+    used = {name: plain.__globals__[name] for name in plain.__code__.co_names if name in plain.__globals__}
+    scope = {name: values[name] if name in values else other(value) for name, value in used.items()}
+    cells = [cell.cell_contents for cell in plain.__closure__ or ()]
+    closed = [other(value) for value in cells]
+    pairs = [(value, scope[name]) for name, value in used.items()] + list(zip(cells, closed, strict=True))
+    if all(before is after for before, after in pairs):
+        return function
+    closure = tuple(CellType(value) for value in closed)
+    scope = plain.__globals__ | scope
+    changed = FunctionType(plain.__code__, scope, plain.__name__, plain.__defaults__, closure)
+    # Another name, for the reason that `named` gives.
+    changed.__qualname__ = plain.__qualname__
+    named("_".join(str(value) for value in values.values() if isinstance(value, int)))(changed)
+    return numba.jit(**function.targetoptions)(changed) if plain is not function else changed  # type: ignore[attr-defined]
 
 
 def _fingerprint() -> str:

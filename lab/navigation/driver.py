@@ -2,7 +2,8 @@
 
 `driver` gives the one compiled loop: a batch run hands it a whole flight, a live run hands it one sample at a
 time. The loop is written with the kernels of `phi`; for another model, its own stand in their place, and are
-compiled when that model is first used; likewise those of the wander-azimuth mechanization.
+compiled when that model is first used; likewise those of the wander-azimuth mechanization. What is written
+for 15 states is compiled anew for 21.
 
 References
 ----------
@@ -21,7 +22,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lab.navigation import strapdown, wander
-from lab.navigation.compilation import SOURCES, entry_kernel, inline_kernel, kernel, named, rebound
+from lab.navigation.compilation import (
+    SOURCES,
+    entry_kernel,
+    inline_kernel,
+    kernel,
+    named,
+    rebound,
+    rebound_throughout,
+)
 from lab.navigation.error_models import PHI, WANDER_AZIMUTH, ErrorModel
 from lab.navigation.kalman import MEASUREMENTS, update, update_through
 from lab.navigation.propagation import (
@@ -32,11 +41,12 @@ from lab.navigation.propagation import (
     X,
     compile_projection,
     compile_propagation,
+    layout,
 )
 from lab.navigation.solution import Fixes, Imu, Schedule, Solution
 from lab.navigation.strapdown import (
-    ACCEL_BIAS,
     GYRO_BIAS,
+    GYRO_SCALE,
     LATITUDE,
     PREVIOUS_VELOCITY,
     VELOCITY,
@@ -143,8 +153,8 @@ def _correct(state: FloatArray, w: FloatArray, T: FloatArray) -> None:
         state[VELOCITY + i] -= w[WIDTH * (3 + i) + X]
         # A second fix before the next sample interpolates between this one and the one before.
         state[PREVIOUS_VELOCITY + i] -= w[WIDTH * (3 + i) + X]
-        state[GYRO_BIAS + i] -= w[WIDTH * (9 + i) + X]
-        state[ACCEL_BIAS + i] -= w[WIDTH * (12 + i) + X]
+    for i in range(NAV, STATES):
+        state[GYRO_BIAS - NAV + i] -= w[WIDTH * i + X]
     attitude = strapdown.rotation((w[WIDTH * 6 + X], w[WIDTH * 7 + X], w[WIDTH * 8 + X]))
     at = strapdown.Q_NB
     q = strapdown.product(attitude, (state[at], state[at + 1], state[at + 2], state[at + 3]))
@@ -210,14 +220,16 @@ def _observe(run: Filter, z: FloatArray, gate: float, nu: FloatArray, S: FloatAr
 
 @inline_kernel
 def _store_state(out: Solution, k: int, state: FloatArray) -> None:
-    """Write position, velocity, attitude and biases of sample k."""
+    """Write position, velocity, attitude, biases and scale factors of sample k."""
     for i in range(3):
         out.position[k, i] = state[LATITUDE + i]
         out.velocity_n[k, i] = state[VELOCITY + i]
     for i in range(4):
         out.q_nb[k, i] = state[strapdown.Q_NB + i]
-    for i in range(6):
+    for i in range(BIASES):
         out.bias[k, i] = state[GYRO_BIAS + i]
+    for i in range(STATES - NAV - BIASES):
+        out.scale[k, i] = state[GYRO_SCALE + i]
 
 
 @inline_kernel
@@ -370,7 +382,7 @@ def driver(model: ErrorModel, *, summed: bool) -> Advance:
     summed
         For propagating P less often than at every sample.
     """
-    identity = SOURCES, model.name, model.mechanization, summed
+    identity = SOURCES, model.name, model.mechanization, model.states, summed
 
     def advance(run: Filter, imu: Imu, fixes: Fixes, out: Solution, first: int, schedule: Schedule) -> int:
         """Advance a navigator over the samples of `imu` from number `first` on; return where it stopped.
@@ -424,4 +436,5 @@ def driver(model: ErrorModel, *, summed: bool) -> Advance:
                 _store(out, k + 1, state, w, T)
         return imu.time.size
 
-    return entry_kernel(rebound(advance, **_kernels(model, summed=summed)))
+    own = rebound(advance, **_kernels(model, summed=summed))
+    return entry_kernel(rebound_throughout(own, **layout(model.states)._asdict()))

@@ -1,9 +1,10 @@
 """Error models: the matrix F of ẋ = F x + w, declared block by block.
 
-The error is estimate minus truth, in the order `STATES`; position errors are metres north, east, down; the
-attitude error φ is the small rotation of the computed navigation frame, Ĉ_nb = (I − [φ×]) C_nb. A model is
-a function that writes the non-zero elements of F; which elements those are is found by calling it, and the
-code that propagates the covariance is generated from that pattern.
+The error is estimate minus truth, in the order of `STATES`, of which a filter has the first 15 or all 21;
+position errors are metres north, east, down; the attitude error φ is the small rotation of the computed
+navigation frame, Ĉ_nb = (I − [φ×]) C_nb. A model is a function that writes the non-zero elements of F; which
+elements those are is found by calling it, and the code that propagates the covariance is generated from that
+pattern.
 
 A model may hold position, velocity and attitude errors in coordinates of its own; it then also writes T, the
 derivative of the errors above with respect to its own. Whatever leaves the filter has gone through T, so that
@@ -22,6 +23,8 @@ inertial-integrated navigation*, Satellite Navigation 2 (2021).
 
 from __future__ import annotations
 
+import dataclasses
+import functools
 from collections.abc import Callable
 from dataclasses import dataclass
 
@@ -30,12 +33,12 @@ from numpy.typing import NDArray
 
 from lab import earth
 from lab.navigation import strapdown
-from lab.navigation.compilation import inline_kernel, interpreted
+from lab.navigation.compilation import inline_kernel, interpreted, named, rebound
 from lab.navigation.strapdown import Vector, earth_rate, get, matrix, transport_rate
 
 FloatArray = NDArray[np.float64]
 
-POS, VEL, ATT, GYRO_BIAS, ACCEL_BIAS = (slice(i, i + 3) for i in range(0, 15, 3))
+POS, VEL, ATT, GYRO_BIAS, ACCEL_BIAS, GYRO_SCALE, ACCEL_SCALE = (slice(i, i + 3) for i in range(0, 21, 3))
 
 STATES = (
     *("position north", "position east", "position down"),
@@ -43,11 +46,13 @@ STATES = (
     *("attitude north", "attitude east", "attitude down"),
     *("gyro bias x", "gyro bias y", "gyro bias z"),
     *("accelerometer bias x", "accelerometer bias y", "accelerometer bias z"),
+    *("gyro scale x", "gyro scale y", "gyro scale z"),
+    *("accelerometer scale x", "accelerometer scale y", "accelerometer scale z"),
 )
-"""Names of the error states, in order."""
+"""Names of the error states, in order; a filter has the first 15, or all 21."""
 
 # First index of each block, for the declarations below.
-P, V, A, G, B = 0, 3, 6, 9, 12
+P, V, A, G, B, GS, BS = 0, 3, 6, 9, 12, 15, 18
 N, E, D = 0, 1, 2
 
 gravity_gradient = inline_kernel(earth.gravity_gradient)
@@ -80,6 +85,8 @@ class ErrorModel:
         them axis by axis, and the navigator is corrected by the group's exponential.
     mechanization
         Of the navigator whose errors these are, as in the settings.
+    states
+        Number n of error states.
     """
 
     name: str
@@ -89,23 +96,24 @@ class ErrorModel:
     write_frame_map: Write | None = None
     in_body: bool = False
     mechanization: str = NORTH_SLAVED
+    states: int = 15
 
     @property
     def label(self) -> str:
         """Name that no other model has, for the functions made for this one."""
-        return f"{self.name} {self.mechanization}"
+        return f"{self.name} {self.mechanization} {self.states}"
 
     def pattern(self) -> NDArray[np.bool_]:
-        """Return which elements of F can differ from zero, (15, 15)."""
-        return _pattern(self.write, 15)
+        """Return which elements of F can differ from zero, (n, n)."""
+        return _pattern(self.write, self.states)
 
     def map_pattern(self) -> NDArray[np.bool_]:
         """Return which elements of T can differ from zero, (9, 9)."""
         return _pattern(self.write_map, 9) if self.write_map else np.eye(9, dtype=np.bool_)
 
     def map(self, state: FloatArray) -> FloatArray:
-        """Return the derivative of all errors with respect to the model's own, (15, 15)."""
-        T = np.eye(15)
+        """Return the derivative of all errors with respect to the model's own, (n, n)."""
+        T = np.eye(self.states)
         if self.write_map:
             interpreted(self.write_map)(state, T)
         return T
@@ -334,8 +342,59 @@ def invariant_map(state: FloatArray, T: FloatArray) -> None:
         T[A + N, P + j], T[A + E, P + j], T[A + D, P + j] = t * east, -m * north, -tl * t * east
 
 
+@inline_kernel
+def scaled(state: FloatArray, previous: int, bias: int, scale: int) -> Vector:
+    """Return (x + b) / (1 + s) for the mean x of the last step: minus the derivative of x by s.
+
+    The navigator has x = x_measured / (1 + s) − b, so an error δs acts as an error (x + b) / (1 + s) δs of
+    the bias.
+    """
+    x, y, z = strapdown.plus(get(state, bias), state[strapdown.PER_STEP], get(state, previous))
+    return x / (1 + state[scale]), y / (1 + state[scale + 1]), z / (1 + state[scale + 2])
+
+
+@inline_kernel
+def scale_columns(state: FloatArray, F: FloatArray) -> None:
+    """Write the columns of the scale factors, C_nb diag(ω_ib,b) and −C_nb diag(f_b), both as `scaled`."""
+    omega = scaled(state, strapdown.PREVIOUS_DTHETA, strapdown.GYRO_BIAS, strapdown.GYRO_SCALE)
+    f = scaled(state, strapdown.PREVIOUS_DVELOCITY, strapdown.ACCEL_BIAS, strapdown.ACCEL_SCALE)
+    for i in range(3):
+        x, y, z = get(state, strapdown.C_NB + 3 * i)
+        F[A + i, GS], F[A + i, GS + 1], F[A + i, GS + 2] = x * omega[0], y * omega[1], z * omega[2]
+        F[V + i, BS], F[V + i, BS + 1], F[V + i, BS + 2] = -x * f[0], -y * f[1], -z * f[2]
+
+
+@inline_kernel
+def scale_columns_in_body(state: FloatArray, F: FloatArray) -> None:
+    """Write the columns of the scale factors, diag(ω_ib,b) and −diag(f_b), both as `scaled`."""
+    omega = scaled(state, strapdown.PREVIOUS_DTHETA, strapdown.GYRO_BIAS, strapdown.GYRO_SCALE)
+    f = scaled(state, strapdown.PREVIOUS_DVELOCITY, strapdown.ACCEL_BIAS, strapdown.ACCEL_SCALE)
+    F[A, GS], F[A + 1, GS + 1], F[A + 2, GS + 2] = omega
+    F[V, BS], F[V + 1, BS + 1], F[V + 2, BS + 2] = -f[0], -f[1], -f[2]
+
+
+_fifteen, _six = phi, scale_columns
+
+
+def _write_both(state: FloatArray, F: FloatArray) -> None:
+    """Write F of a model with 15 states, and the columns of the scale factors."""
+    _fifteen(state, F)
+    _six(state, F)
+
+
+@functools.cache
+def with_states(model: ErrorModel, states: int) -> ErrorModel:
+    """Return a model with 15 states as one with so many, 15 or 21: the scale factors are random constants."""
+    if states == model.states:
+        return model
+    columns = scale_columns_in_body if model.in_body else scale_columns
+    both = named(f"{model.label} {states}")(rebound(_write_both, _fifteen=model.write, _six=columns))
+    write = inline_kernel(both)
+    return dataclasses.replace(model, write=write, states=states)
+
+
 PHI = ErrorModel("phi", phi)
 PSI = ErrorModel("psi", psi, psi_map)
 INVARIANT = ErrorModel("invariant", invariant, invariant_map, in_body=True)
 MODELS = {model.name: model for model in (PHI, PSI, INVARIANT)}
-"""The models by name."""
+"""The models with 15 states by name."""

@@ -20,7 +20,7 @@ from lab.navigation import strapdown, wander
 from lab.navigation.compilation import interpreted
 from lab.navigation.driver import driver
 from lab.navigation.error_models import NORTH_SLAVED, PHI, WANDER_AZIMUTH, ErrorModel
-from lab.navigation.propagation import NAV, STATES, WIDTH, WORKSPACE
+from lab.navigation.propagation import NAV, layout
 from lab.navigation.solution import EVERY_FIX, Belief, Fixes, Imu, Schedule, Solution, Start
 from lab.navigation.strapdown import VELOCITY
 
@@ -54,14 +54,15 @@ class Filter(NamedTuple):
         interpreted(wander.place if in_wander else strapdown.set_position)(state, *start.position)
         state[VELOCITY : VELOCITY + 3] = start.velocity_n
         state[strapdown.Q_NB : strapdown.Q_NB + 4] = start.q_nb
-        w = _aligned_zeros(WORKSPACE)
-        w[: STATES * WIDTH].reshape(STATES, WIDTH)[:, :STATES] = initial_covariance(model, state, belief.P0)
+        n, space = model.states, layout(model.states)
+        w = _aligned_zeros(space.size)
+        w[: space.product].reshape(n, space.WIDTH)[:, :n] = initial_covariance(model, state, belief.P0)
         R = np.ascontiguousarray(belief.R)
         return cls(
             state,
             w,
-            np.zeros((STATES, STATES)),
-            np.zeros((STATES, STATES)),
+            np.zeros((n, n)),
+            np.zeros((n, n)),
             np.zeros((NAV, NAV)),
             np.zeros(2, dtype=np.int64),
             np.array([time, 0.0]),
@@ -73,7 +74,7 @@ class Filter(NamedTuple):
 
 
 def initial_covariance(model: ErrorModel, state: FloatArray, P0: FloatArray) -> FloatArray:
-    """Return the covariance (15, 15) of a model's own errors at the start.
+    """Return the covariance (n, n) of a model's own errors at the start.
 
     Parameters
     ----------
@@ -81,7 +82,7 @@ def initial_covariance(model: ErrorModel, state: FloatArray, P0: FloatArray) -> 
         The error model.
     state
         The strapdown's state, position, velocity and attitude set; the radii are filled in.
-    P0 : (15, 15) array
+    P0 : (n, n) array
         Covariance of the initial error.
     """
     if model.write_map is None:
@@ -116,20 +117,20 @@ def navigate(
     imu, fixes
         The measurements.
     start
-        Initial position, velocity and attitude; initial biases are zero.
+        Initial position, velocity and attitude; initial biases and scale factor errors are zero.
     belief
         What the filter assumes.
     schedule
         When it propagates its covariance and corrects.
     model
-        Error model of the filter.
+        Error model of the filter, with as many states as the belief.
 
     Raises
     ------
     PolarError
         If a north-slaved navigator comes closer than 0.1° to a pole.
     """
-    solution = Solution.empty(imu.time.size, fixes.time.size)
+    solution = Solution.empty(imu.time.size, fixes.time.size, model.states)
     if model.mechanization == NORTH_SLAVED and abs(start.position[0]) > strapdown.MAX_LATITUDE:
         raise PolarError(POLAR.format(time=imu.time[0]))
     run = Filter.begin(start, belief, imu.time[0], model)

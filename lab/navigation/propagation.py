@@ -2,9 +2,10 @@
 
 F is sparse and its pattern is fixed, so the products are written out once per model: only the elements that
 can differ from zero are multiplied, and every multiplication runs over a whole row, which the compiler
-turns into vector instructions. Rows are 16 wide; column 15 of the workspace carries the error estimate x,
-which goes through Φ like a column of P. The bias rows of Φ are diagonal (first-order decay), so only the
-nine navigation rows are multiplied out.
+turns into vector instructions. Rows are 16 wide for 15 states, 24 for 21; the column after those of P carries
+the error estimate x, which goes through Φ like a column of P. The bias rows of Φ are diagonal (first-order
+decay), and those of the scale factors, random constants, are of the unit matrix, so only the nine navigation
+rows are multiplied out.
 
 A model with coordinates of its own has its covariance projected, T P Tᵀ, by code made the same way.
 """
@@ -12,6 +13,7 @@ A model with coordinates of its own has its covariance projected, T P Tᵀ, by c
 from __future__ import annotations
 
 from collections.abc import Callable
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,14 +25,35 @@ FloatArray = NDArray[np.float64]
 Propagate = Callable[[FloatArray, float, tuple[float, ...], FloatArray], None]
 Project = Callable[[FloatArray, FloatArray, int, FloatArray, FloatArray], None]
 
-STATES = 15
 NAV = 9
 BIASES = 6
-WIDTH = 16
-X = 15  # the column of the error estimate
 
-PRODUCT = STATES * WIDTH  # offset of Φ P in the workspace; [P | x] is at its start
-WORKSPACE = PRODUCT + NAV * WIDTH
+
+class Layout(NamedTuple):
+    """The workspace of a filter: [P | x], then Φ P; in the kernels by these names, as constants."""
+
+    STATES: int
+    WIDTH: int  # of a row: whole vectors of eight numbers
+    X: int  # the column of the error estimate
+
+    @property
+    def product(self) -> int:
+        """Offset of Φ P."""
+        return self.STATES * self.WIDTH
+
+    @property
+    def size(self) -> int:
+        """Numbers in the workspace."""
+        return self.product + NAV * self.WIDTH
+
+
+def layout(states: int) -> Layout:
+    """Return the workspace of a filter with so many states."""
+    return Layout(states, 8 * (states // 8 + 1), states)
+
+
+STATES, WIDTH, X = layout(15)
+"""Those the kernels are written for; see `compilation.rebound_throughout` for others."""
 
 
 def compile_propagation(model: ErrorModel) -> Propagate:
@@ -49,67 +72,73 @@ def propagation_source(model: ErrorModel) -> str:
     terms = {
         row: [int(c) for c in np.flatnonzero(columns)] for row, columns in enumerate(model.pattern()[:NAV])
     }
+    space = layout(model.states)
     lines = ["def propagate(F, dt, decay, w):"]
     lines += [f"    f_{row}_{c} = dt * F[{row}, {c}]" for row, columns in terms.items() for c in columns]
-    lines += _navigation_rows(terms)
-    lines += _navigation_block(terms)
-    lines += _bias_columns()
+    lines += _navigation_rows(terms, space)
+    lines += _navigation_block(terms, space)
+    lines += _sensor_columns(space)
     return "\n".join(lines)
 
 
-def _navigation_rows(terms: dict[int, list[int]]) -> list[str]:
+def _navigation_rows(terms: dict[int, list[int]], space: Layout) -> list[str]:
     """Write the rows of Φ P, three in one loop over the columns."""
-    lines = []
+    lines, width = [], space.WIDTH
     for first in range(0, NAV, 3):
-        lines += [f"    for j in range({WIDTH}):"]
+        lines += [f"    for j in range({width}):"]
         for row in range(first, first + 3):
-            total = f"w[{WIDTH * row} + j]"
+            total = f"w[{width * row} + j]"
             for column in terms[row]:
-                total += f" + f_{row}_{column} * w[{WIDTH * column} + j]"
-            lines += [f"        w[{PRODUCT + WIDTH * row} + j] = {total}"]
+                total += f" + f_{row}_{column} * w[{width * column} + j]"
+            lines += [f"        w[{space.product + width * row} + j] = {total}"]
     return lines
 
 
-def _navigation_block(terms: dict[int, list[int]]) -> list[str]:
+def _navigation_block(terms: dict[int, list[int]], space: Layout) -> list[str]:
     """Write (Φ P) Φᵀ for the navigation states.
 
     It is symmetric, so each pair of states is computed once, with the row of Φ that has fewer elements.
     """
-    lines = []
+    lines, width = [], space.WIDTH
     left = set(range(NAV))
     for j in sorted(terms, key=lambda row: len(terms[row])):
         for i in sorted(left):
-            total = f"w[{PRODUCT + WIDTH * i + j}]"
+            total = f"w[{space.product + width * i + j}]"
             for column in terms[j]:
-                total += f" + f_{j}_{column} * w[{PRODUCT + WIDTH * i + column}]"
-            lines += [f"    p = {total}", f"    w[{WIDTH * i + j}] = p"]
+                total += f" + f_{j}_{column} * w[{space.product + width * i + column}]"
+            lines += [f"    p = {total}", f"    w[{width * i + j}] = p"]
             if i != j:
-                lines += [f"    w[{WIDTH * j + i}] = p"]
+                lines += [f"    w[{width * j + i}] = p"]
         left.remove(j)
     return lines
 
 
-def _bias_columns() -> list[str]:
-    """Write the covariances of the biases, with the navigation states and each other, and the column of x."""
-    lines = [f"    d_{b} = decay[{b}]" for b in range(BIASES)]
+def _sensor_columns(space: Layout) -> list[str]:
+    """Write the covariances of biases and scale factors, with the navigation states and each other, and x."""
+    width = space.WIDTH
+    biases, others = range(NAV, NAV + BIASES), range(NAV + BIASES, space.STATES)
+    lines = [f"    d_{b} = decay[{b - NAV}]" for b in biases]
     for i in range(NAV):
-        for b in range(BIASES):
+        for c in (*biases, *others):
+            factor = f"d_{c} * " if c in biases else ""
             lines += [
-                f"    p = d_{b} * w[{PRODUCT + WIDTH * i + NAV + b}]",
-                f"    w[{WIDTH * i + NAV + b}] = p",
-                f"    w[{WIDTH * (NAV + b) + i}] = p",
+                f"    p = {factor}w[{space.product + width * i + c}]",
+                f"    w[{width * i + c}] = p",
+                f"    w[{width * c + i}] = p",
             ]
-        lines += [f"    w[{WIDTH * i + X}] = w[{PRODUCT + WIDTH * i + X}]"]
-    for b in range(BIASES):
-        lines += [f"    w[{WIDTH * (NAV + b) + NAV + c}] *= d_{b} * d_{c}" for c in range(BIASES)]
-        lines += [f"    w[{WIDTH * (NAV + b) + X}] *= d_{b}"]
+        lines += [f"    w[{width * i + space.X}] = w[{space.product + width * i + space.X}]"]
+    for b in biases:
+        lines += [f"    w[{width * b + c}] *= d_{b} * d_{c}" for c in biases]
+        for c in others:
+            lines += [f"    w[{width * b + c}] *= d_{b}", f"    w[{width * c + b}] = w[{width * b + c}]"]
+        lines += [f"    w[{width * b + space.X}] *= d_{b}"]
     return lines
 
 
 def compile_projection(model: ErrorModel) -> Project:
     """Return the compiled ``project(T, w, k, variance, covariance)`` of an error model.
 
-    It writes row k of the histories `variance` (n, 15) and `covariance` (n, 2, 3) of a `Solution`: the
+    It writes row k of the histories `variance` (n, states) and `covariance` (n, 2, 3) of a `Solution`: the
     diagonal of T P Tᵀ, and the off-diagonal elements of its position and attitude blocks. It uses the
     workspace beyond [P | x].
     """
@@ -120,22 +149,23 @@ def compile_projection(model: ErrorModel) -> Project:
 
 def projection_source(model: ErrorModel) -> str:
     """Return the source that `compile_projection` compiles."""
-    pattern = model.map_pattern()
+    pattern, space = model.map_pattern(), layout(model.states)
+    width = space.WIDTH
     terms = {row: [int(c) for c in np.flatnonzero(columns)] for row, columns in enumerate(pattern)}
     lines = ["def project(T, w, k, variance, covariance):"]
     for row, columns in terms.items():
         lines += [f"    t_{row}_{c} = T[{row}, {c}]" for c in columns]
-        products = " + ".join(f"t_{row}_{c} * w[{WIDTH * c} + j]" for c in columns)
+        products = " + ".join(f"t_{row}_{c} * w[{width * c} + j]" for c in columns)
         # Four columns at a time, of which each block needs three.
         for first in sorted({3 * (c // 3) for c in columns}):
             lines += [f"    for j in range({first}, {first + 4}):"]
-            lines += [f"        w[{PRODUCT + WIDTH * row} + j] = {products}"]
+            lines += [f"        w[{space.product + width * row} + j] = {products}"]
 
     def element(i: int, j: int) -> str:
-        return " + ".join(f"t_{j}_{c} * w[{PRODUCT + WIDTH * i + c}]" for c in terms[j])
+        return " + ".join(f"t_{j}_{c} * w[{space.product + width * i + c}]" for c in terms[j])
 
     lines += [f"    variance[k, {i}] = {element(i, i)}" for i in range(NAV)]
-    lines += [f"    variance[k, {b}] = w[{(WIDTH + 1) * b}]" for b in range(NAV, STATES)]
+    lines += [f"    variance[k, {b}] = w[{(width + 1) * b}]" for b in range(NAV, space.STATES)]
     for block in range(2):
         at = 6 * block
         for e, (i, j) in enumerate(((0, 1), (0, 2), (1, 2))):

@@ -19,7 +19,7 @@ from lab.missions.sensor_log import GnssLog, SensorLog
 from lab.navigation import strapdown
 from lab.navigation.alignment import Alignment, align
 from lab.navigation.belief import belief
-from lab.navigation.error_models import ATT, GYRO_BIAS, POS, VEL
+from lab.navigation.error_models import ATT, GYRO_BIAS, PHI, POS, VEL, with_states
 from lab.navigation.navigator import Filter, advance
 from lab.navigation.settings import NavigatorSettings
 from lab.navigation.solution import Belief, Fixes, Imu, Schedule, Solution
@@ -156,7 +156,7 @@ def _velocity_of_positions(gnss: GnssLog) -> FloatArray:
 def _initial(
     assumed: Belief, navigator: NavigatorSettings, start: Alignment, variances: FloatArray
 ) -> FloatArray:
-    """Return the covariance (15, 15) of the start that was found, or that of the settings where given."""
+    """Return the covariance of the start that was found, or that of the settings where given."""
     if navigator.p0 is not None:
         return assumed.P0
     variance = np.diag(assumed.P0).copy()
@@ -172,9 +172,10 @@ def _run(
     imu: Imu, fixes: Fixes, R: FloatArray, log: SensorLog, alignment: Alignment, assumed: Belief
 ) -> Solution:
     """Advance the filter from fix to fix and from gap to gap; `fixes` are brought to the IMU in place."""
-    solution = Solution.empty(imu.time.size, fixes.time.size)
+    model = with_states(PHI, assumed.P0.shape[0])
+    solution = Solution.empty(imu.time.size, fixes.time.size, model.states)
     begun = assumed._replace(R=R[0].copy(), noise=assumed.noise.copy())
-    run = Filter.begin(alignment.start, begun, float(imu.time[0]))
+    run = Filter.begin(alignment.start, begun, float(imu.time[0]), model)
     run.state[strapdown.GYRO_BIAS : strapdown.GYRO_BIAS + 3] = alignment.gyro_bias
     gap_noise = _gap_noise(imu, log)
     ends = {
@@ -194,7 +195,7 @@ def _run(
             run.R_root[:] = np.linalg.cholesky(R[fix])
             _bring_to_imu(fixes, fix, run.state, imu, done, log.gnss.lever_arm)
         piece = Imu(imu.time[: stop + 1], imu.dtheta[:stop], imu.dvelocity[:stop])
-        written = advance(run, piece, fixes, solution, done, Schedule())
+        written = advance(run, piece, fixes, solution, done, Schedule(), model)
         if written < stop + 1:
             raise ValueError(f"{log.name}: the navigator came closer than 0.1° to a pole")
         done = stop

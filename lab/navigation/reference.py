@@ -20,15 +20,12 @@ from scipy.spatial.transform import Rotation
 
 from lab.navigation import strapdown
 from lab.navigation.driver import bend_estimate
-from lab.navigation.error_models import ACCEL_BIAS, ATT, GYRO_BIAS, PHI, POS, STATES, VEL, ErrorModel
+from lab.navigation.error_models import ACCEL_BIAS, ATT, GYRO_BIAS, PHI, POS, VEL, ErrorModel
 from lab.navigation.navigator import initial_covariance
 from lab.navigation.solution import EVERY_FIX, Belief, Fixes, Imu, Schedule, Solution, Start
 from lab.rotation import wrap
 
 FloatArray = NDArray[np.float64]
-
-H = np.eye(6, len(STATES))
-"""A fix sees the position and velocity errors directly, once they are mapped from those of the model."""
 
 
 def navigate(
@@ -54,13 +51,16 @@ def navigate(
     strapdown.set_position(state, *start.position)
     _put(state, strapdown.VELOCITY, start.velocity_n)
     _put(state, strapdown.Q_NB, start.q_nb)
-    kalman = KalmanFilter(dim_x=len(STATES), dim_z=6)
-    kalman.x = np.zeros(len(STATES))
+    n = model.states
+    # A fix sees the position and velocity errors directly, once they are mapped from those of the model.
+    H = np.eye(6, n)
+    kalman = KalmanFilter(dim_x=n, dim_z=6)
+    kalman.x = np.zeros(n)
     kalman.P, kalman.R = initial_covariance(model, state, belief.P0).copy(), belief.R
-    out = Solution.empty(imu.time.size, fixes.time.size)
+    out = Solution.empty(imu.time.size, fixes.time.size, n)
     _store(out, 0, state, kalman, model)
 
-    F, F_sum = np.zeros((15, 15)), np.zeros((15, 15))
+    F, F_sum = np.zeros((n, n)), np.zeros((n, n))
     waited, elapsed, next_fix, corrected = 0, 0.0, 0, imu.time[0]
     for k, (time, dt) in enumerate(zip(imu.time[1:], np.diff(imu.time), strict=True)):
         strapdown.step(state, tuple(imu.dtheta[k]), tuple(imu.dvelocity[k]), dt)
@@ -89,7 +89,7 @@ def navigate(
                 continue
             if schedule.feedback and time - corrected >= schedule.correction_period - 1e-6 * dt:
                 correct(state, kalman.x, model)
-                kalman.x = np.zeros(len(STATES))
+                kalman.x = np.zeros(n)
                 corrected = time
             T = model.map(_corrected(state, kalman.x, model))
             out.fix_covariance[m], out.fix_sample[m] = T @ kalman.P @ T.T, k + 1
@@ -111,10 +111,10 @@ def _predict(
     kalman: KalmanFilter, F_dt: FloatArray, belief: Belief, C_nb: FloatArray, elapsed: float
 ) -> None:
     """Propagate over the time elapsed, given the sum of F dt and the axes of the noise."""
-    Phi = np.eye(15) + F_dt
+    Phi = np.eye(F_dt.shape[0]) + F_dt
     biases = slice(GYRO_BIAS.start, ACCEL_BIAS.stop)
     Phi[biases, biases] = np.diag(1 - elapsed * belief.bias_decay)
-    Q = np.zeros((15, 15))
+    Q = np.zeros_like(Phi)
     Q[ATT, ATT] = C_nb @ np.diag(belief.noise[0:3]) @ C_nb.T
     Q[VEL, VEL] = C_nb @ np.diag(belief.noise[3:6]) @ C_nb.T
     Q[biases, biases] = np.diag(belief.noise[6:])
@@ -166,8 +166,8 @@ def correct(state: FloatArray, own: FloatArray, model: ErrorModel) -> None:
         _get(state, strapdown.Q_NB, 4), scalar_first=True
     )
     _put(state, strapdown.Q_NB, q_nb.as_quat(scalar_first=True))
-    _put(state, strapdown.GYRO_BIAS, _get(state, strapdown.GYRO_BIAS) - x[GYRO_BIAS])
-    _put(state, strapdown.ACCEL_BIAS, _get(state, strapdown.ACCEL_BIAS) - x[ACCEL_BIAS])
+    sensors = x[GYRO_BIAS.start :]
+    _put(state, strapdown.GYRO_BIAS, _get(state, strapdown.GYRO_BIAS, sensors.size) - sensors)
 
 
 def _corrected(state: FloatArray, x: FloatArray, model: ErrorModel) -> FloatArray:
@@ -187,6 +187,7 @@ def _store(out: Solution, k: int, state: FloatArray, kalman: KalmanFilter, model
     out.velocity_n[k] = _get(corrected, strapdown.VELOCITY)
     out.q_nb[k] = _get(corrected, strapdown.Q_NB, 4)
     out.bias[k] = _get(corrected, strapdown.GYRO_BIAS, 6)
+    out.scale[k] = _get(corrected, strapdown.GYRO_SCALE, out.scale.shape[1])
     out.variance[k] = np.diag(P)
     for block, at in enumerate((POS.start, ATT.start)):
         out.covariance[k, block] = P[at, at + 1], P[at, at + 2], P[at + 1, at + 2]

@@ -15,6 +15,8 @@ _STATE_ROWS = [
     *((f"attitude {axis}", "°") for axis in _AXES_NED),
     *((f"gyro bias {axis}", "°/s") for axis in "xyz"),
     *((f"accelerometer bias {axis}", "mg") for axis in "xyz"),
+    *((f"gyro scale {axis}", "%") for axis in "xyz"),
+    *((f"accelerometer scale {axis}", "%") for axis in "xyz"),
 ]
 _NOISE_ROWS = [
     *((f"gyro noise {axis}", "°/s/√Hz") for axis in "xyz"),
@@ -43,6 +45,13 @@ class NavigatorSettings(Settings):
         doc="Frame the navigator computes in: north-slaved, which ends 0.1° from a pole, or wander azimuth, "
         "which does not turn about the vertical and works over the poles. What is shown is in north, east, "
         "down with both.",
+    )
+    states = param.Selector(
+        default=15,
+        objects=[15, 21],
+        label="Number of states",
+        doc="15: errors of position, velocity, attitude, gyro and accelerometer biases. 21: also their scale "
+        "factors, as random constants; misalignments are not estimated.",
     )
     engine = param.Selector(
         default="compiled",
@@ -173,11 +182,12 @@ class NavigatorSettings(Settings):
         doc="Factor on the measurement noise the filter assumes.",
     )
     p0 = MatrixOrNone(
-        size=15,
+        size=(15, 21),
         rows=_STATE_ROWS,
         label="P₀",
-        doc="Initial covariance the filter assumes, SI units, order POS VEL ATT GYRO_BIAS "
-        "ACCEL_BIAS: its diagonal or the whole matrix; unset, matched to the initial errors and sensors.",
+        doc="Initial covariance the filter assumes, SI units, order POS VEL ATT GYRO_BIAS ACCEL_BIAS, and "
+        "with 21 states GYRO_SCALE ACCEL_SCALE: its diagonal or the whole matrix; unset, matched to the "
+        "initial errors and sensors.",
     )
     q = MatrixOrNone(
         size=12,

@@ -5,8 +5,9 @@ attitude by an exact rotation.
 
 The transform is the scaled one with α = 1, β = 0, κ = 3 − n for n states: the points lie at √3 σ, where they
 have the fourth moment of the normal distribution, weigh 1/6 each, and the centre 1 − n/3. That this is
-negative can spoil a covariance. Here it cannot: the kinematics are nonlinear in the attitude alone, and the
-root of P is taken with the attitude first, so that it moves in six points only, whose weights sum to one.
+negative can spoil a covariance. Here it cannot: but for the small products of scale factors with what they
+scale, the kinematics are nonlinear in the attitude alone, and the root of P is taken with the attitude first,
+so that it moves in six points only, whose weights sum to one.
 
 References
 ----------
@@ -28,7 +29,6 @@ from numpy.typing import NDArray
 from lab.navigation import strapdown
 from lab.navigation.compilation import inline_kernel, kernel
 from lab.navigation.strapdown import (
-    ACCEL_BIAS,
     GYRO_BIAS,
     LATITUDE,
     PREVIOUS_VELOCITY,
@@ -97,8 +97,8 @@ def displace(state: FloatArray, x: FloatArray) -> None:
     for i in range(3):
         state[VELOCITY + i] -= x[3 + i]
         state[PREVIOUS_VELOCITY + i] -= x[3 + i]
-        state[GYRO_BIAS + i] -= x[9 + i]
-        state[ACCEL_BIAS + i] -= x[12 + i]
+    for i in range(9, x.size):  # biases, and scale factors where they are states
+        state[GYRO_BIAS - 9 + i] -= x[i]
     q = strapdown.product(strapdown.rotation((x[6], x[7], x[8])), attitude(state))
     put(state, strapdown.Q_NB, (q[0], q[1], q[2]))
     state[strapdown.Q_NB + 3] = q[3]
@@ -223,8 +223,8 @@ def _difference(state: FloatArray, truth: FloatArray, x: FloatArray) -> None:
     for i in range(3):
         x[3 + i] = state[VELOCITY + i] - truth[VELOCITY + i]
         x[6 + i] = 0.0
-        x[9 + i] = state[GYRO_BIAS + i] - truth[GYRO_BIAS + i]
-        x[12 + i] = state[ACCEL_BIAS + i] - truth[ACCEL_BIAS + i]
+    for i in range(9, x.size):
+        x[i] = state[GYRO_BIAS - 9 + i] - truth[GYRO_BIAS - 9 + i]
 
 
 @inline_kernel

@@ -13,6 +13,7 @@ F. Tung, C. T. Striebel, *Maximum likelihood estimates of linear dynamic systems
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Callable
 from typing import NamedTuple
 
@@ -20,17 +21,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lab.navigation import strapdown
-from lab.navigation.compilation import SOURCES, entry_kernel, inline_kernel, kernel
-from lab.navigation.error_models import PHI, STATES
+from lab.navigation.compilation import SOURCES, entry_kernel, inline_kernel, kernel, rebound_throughout
+from lab.navigation.error_models import PHI, with_states
 from lab.navigation.kalman import MEASUREMENTS
+from lab.navigation.propagation import BIASES, NAV
 from lab.navigation.sigma_points import displace
 from lab.navigation.solution import Belief, Imu, Solution
-from lab.navigation.strapdown import ACCEL_BIAS, GYRO_BIAS, LATITUDE, VELOCITY, get
+from lab.navigation.strapdown import GYRO_BIAS, GYRO_SCALE, LATITUDE, VELOCITY, get
 
 FloatArray = NDArray[np.float64]
 
-N = len(STATES)
-NAV = 9
+N = 15
+"""Number of states the kernels are written for."""
 
 
 class Used(NamedTuple):
@@ -44,9 +46,9 @@ class Used(NamedTuple):
         Innovations.
     precision : (m, 6, 6) array
         Inverse of their covariances.
-    kept : (m, 15, 15) array
+    kept : (m, n, n) array
         I − K H, what each fix leaves of an error.
-    covariance : (m, 15, 15) array
+    covariance : (m, n, n) array
         P after each fix; becomes that of the smoothed error.
     """
 
@@ -61,7 +63,7 @@ class Used(NamedTuple):
         """Return the fixes of a solution; the gain is K = P Hᵀ R⁻¹ with P after the fix (Bierman 1973)."""
         used = np.flatnonzero(solution.fix_sample >= 0)
         P = solution.fix_covariance[used]
-        kept = np.tile(np.eye(N), (used.size, 1, 1))
+        kept = np.tile(np.eye(solution.states), (used.size, 1, 1))
         kept[:, :, :MEASUREMENTS] -= P[:, :, :MEASUREMENTS] @ np.linalg.inv(belief.R)
         precision = np.asarray(np.linalg.inv(solution.innovation_covariance[used]), dtype=np.float64)
         return cls(solution.fix_sample[used], solution.innovation[used], precision, kept, P)
@@ -72,21 +74,21 @@ class Interval(NamedTuple):
 
     state: FloatArray
     F: FloatArray
-    Phi: FloatArray  # (samples, 15, 15), transitions to the next sample
-    P: FloatArray  # (samples + 1, 15, 15), covariances of the filter
+    Phi: FloatArray  # (samples, n, n), transitions to the next sample
+    P: FloatArray  # (samples + 1, n, n), covariances of the filter
     product: FloatArray
     back: FloatArray  # a transition, transposed
 
     @classmethod
-    def of(cls, samples: int) -> Interval:
-        """Return room for a number of samples."""
+    def of(cls, samples: int, n: int) -> Interval:
+        """Return room for a number of samples of a filter with n states."""
         return cls(
             np.zeros(strapdown.LENGTH),
-            np.zeros((N, N)),
-            np.zeros((samples, N, N)),
-            np.zeros((samples + 1, N, N)),
-            np.zeros((N, N)),
-            np.zeros((N, N)),
+            np.zeros((n, n)),
+            np.zeros((samples, n, n)),
+            np.zeros((samples + 1, n, n)),
+            np.zeros((n, n)),
+            np.zeros((n, n)),
         )
 
 
@@ -105,15 +107,16 @@ def smooth(imu: Imu, solution: Solution, belief: Belief) -> Solution:
     Returns
     -------
     Solution
-        Smoothed position, velocity, attitude and biases at all samples with their variances, and smoothed
-        covariances at the fixes; innovations remain the filter's.
+        Smoothed position, velocity, attitude, biases and scale factors at all samples with their variances,
+        and smoothed covariances at the fixes; innovations remain the filter's.
     """
     of_fixes = (name for name in Solution._fields if name.startswith(("innovation", "fix")))
     kept = {name: getattr(solution, name).copy() for name in of_fixes}
-    out = Solution.empty(imu.time.size, solution.fix_sample.size)._replace(**kept)
+    out = Solution.empty(imu.time.size, solution.fix_sample.size, solution.states)._replace(**kept)
     used = Used.of(solution, belief)
     stops = np.concatenate(([0], used.sample, [imu.dtheta.shape[0]]))
-    _backwards(imu, solution, used, Interval.of(int(np.diff(stops).max())), belief, out)
+    room = Interval.of(int(np.diff(stops).max()), solution.states)
+    _backwards(solution.states)(imu, solution, used, room, belief, out)
     out.fix_covariance[solution.fix_sample >= 0] = used.covariance
     return out
 
@@ -127,8 +130,10 @@ def _load(state: FloatArray, solution: Solution, k: int) -> None:
     strapdown.set_position(state, solution.position[k, 0], solution.position[k, 1], solution.position[k, 2])
     for i in range(3):
         state[VELOCITY + i] = solution.velocity_n[k, i]
+    for i in range(BIASES):
         state[GYRO_BIAS + i] = solution.bias[k, i]
-        state[ACCEL_BIAS + i] = solution.bias[k, 3 + i]
+    for i in range(N - NAV - BIASES):
+        state[GYRO_SCALE + i] = solution.scale[k, i]
     for i in range(4):
         state[strapdown.Q_NB + i] = solution.q_nb[k, i]
 
@@ -196,7 +201,7 @@ def _forward(
             for j in range(N):
                 Phi[i, j] = dt * room.F[i, j]
                 P[i, j] = room.P[k - first, i, j]
-            Phi[i, i] += 1 - (dt * belief.bias_decay[i - NAV] if i >= NAV else 0.0)
+            Phi[i, i] += 1 - (dt * belief.bias_decay[i - NAV] if NAV <= i < NAV + BIASES else 0.0)
         _sandwich(Phi, P, room.product)
         _add_noise(room.state, belief.noise, dt, P)
 
@@ -260,8 +265,10 @@ def _write(
         out.velocity_n[k, i] = room.state[VELOCITY + i]
     for i in range(4):
         out.q_nb[k, i] = room.state[strapdown.Q_NB + i]
-    for i in range(6):
+    for i in range(BIASES):
         out.bias[k, i] = room.state[GYRO_BIAS + i]
+    for i in range(N - NAV - BIASES):
+        out.scale[k, i] = room.state[GYRO_SCALE + i]
     _multiply(Later, P, room.product)
     _multiply(P, room.product, room.back)
     for i in range(N):
@@ -275,17 +282,16 @@ def _write(
         out.covariance[k, block, 2] = P[at + 1, at + 2]
 
 
-def _compile_backwards(
-    sources: str,
-) -> Callable[[Imu, Solution, Used, Interval, Belief, Solution], None]:
-    """Compile the way back through a flight."""
+@functools.cache
+def _backwards(states: int) -> Callable[[Imu, Solution, Used, Interval, Belief, Solution], None]:
+    """Return the way back through a flight, which is compiled, or loaded from the disk, when first called."""
+    identity = SOURCES, states
 
-    @entry_kernel
     def backwards(
         imu: Imu, solution: Solution, used: Used, room: Interval, belief: Belief, out: Solution
     ) -> None:
         """Write the smoothed solution, interval by interval from the last fix to the start."""
-        _ = sources
+        _ = identity
         later, Later = np.zeros(N), np.zeros((N, N))
         fixes = used.sample.size
         for m in range(fixes, -1, -1):  # from fix m − 1 to fix m
@@ -307,7 +313,5 @@ def _compile_backwards(
                 shared = m < fixes and first == last
                 _copy(used.covariance[m] if shared else room.P[0], used.covariance[m - 1])
 
-    return backwards
-
-
-_backwards = _compile_backwards(SOURCES)
+    write = with_states(PHI, states).write
+    return entry_kernel(rebound_throughout(backwards, N=states, _write_phi=write))

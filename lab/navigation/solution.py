@@ -11,7 +11,6 @@ from scipy.spatial.transform import Rotation
 
 from lab import earth, ecef
 from lab.navigation.kalman import MEASUREMENTS
-from lab.navigation.propagation import STATES
 from lab.trajectory import Truth
 
 FloatArray = NDArray[np.float64]
@@ -99,8 +98,8 @@ class Belief(NamedTuple):
 
     Attributes
     ----------
-    P0 : (15, 15) array
-        Covariance of the initial error.
+    P0 : (15, 15) or (21, 21) array
+        Covariance of the initial error; its size is the filter's number of states.
     R : (6, 6) array
         Covariance of a fix: position north, east, down [m²], then velocity [(m/s)²].
     noise : (12,) array
@@ -129,7 +128,9 @@ class Solution(NamedTuple):
         Attitude, scalar first.
     bias : (n + 1, 6) array
         Estimated gyro [rad/s] and accelerometer [m/s²] biases.
-    variance : (n + 1, 15) array
+    scale : (n + 1, 6) array, or (n + 1, 0) of a filter with 15 states
+        Estimated scale factor errors of gyros and accelerometers.
+    variance : (n + 1, 15) or (n + 1, 21) array
         Diagonal of P, in the order of `error_models.STATES`.
     covariance : (n + 1, 2, 3) array
         Elements (0, 1), (0, 2), (1, 2) of P's position and attitude blocks.
@@ -137,7 +138,7 @@ class Solution(NamedTuple):
         Innovation of each fix, position [m] and velocity [m/s] north, east, down: navigator minus GPS.
     innovation_covariance : (m, 6, 6) array
         Its covariance S.
-    fix_covariance : (m, 15, 15) array
+    fix_covariance : (m, 15, 15) or (m, 21, 21) array
         P after each fix.
     fix_sample : (m,) array
         Sample after which each fix was used; −1 for those outside the time of the IMU, or rejected.
@@ -149,6 +150,7 @@ class Solution(NamedTuple):
     velocity_n: FloatArray
     q_nb: FloatArray
     bias: FloatArray
+    scale: FloatArray
     variance: FloatArray
     covariance: FloatArray
     innovation: FloatArray
@@ -157,14 +159,20 @@ class Solution(NamedTuple):
     fix_sample: NDArray[np.int64]
     fix_rejected: NDArray[np.bool_]
 
+    @property
+    def states(self) -> int:
+        """Number of error states of the filter."""
+        return int(self.variance.shape[1])
+
     @classmethod
-    def empty(cls, samples: int, fixes: int) -> Solution:
-        """Return a solution with room for `samples` samples and `fixes` fixes.
+    def empty(cls, samples: int, fixes: int, states: int = 15) -> Solution:
+        """Return a solution with room for `samples` samples and `fixes` fixes, of a filter with `states`.
 
         The histories share one block: the system hands out large blocks in large pages, which saves a fifth
         of a run.
         """
-        widths = {"position": 3, "velocity_n": 3, "q_nb": 4, "bias": 6, "variance": STATES, "covariance": 6}
+        widths = {"position": 3, "velocity_n": 3, "q_nb": 4, "bias": 6}
+        widths |= {"scale": states - 15, "variance": states, "covariance": 6}
         block = np.empty(samples * sum(widths.values()))
         cuts = np.cumsum([samples * width for width in widths.values()])[:-1]
         parts = dict(zip(widths, np.split(block, cuts), strict=True))
@@ -173,11 +181,12 @@ class Solution(NamedTuple):
             velocity_n=parts["velocity_n"].reshape(samples, 3),
             q_nb=parts["q_nb"].reshape(samples, 4),
             bias=parts["bias"].reshape(samples, 6),
-            variance=parts["variance"].reshape(samples, STATES),
+            scale=parts["scale"].reshape(samples, states - 15),
+            variance=parts["variance"].reshape(samples, states),
             covariance=parts["covariance"].reshape(samples, 2, 3),
             innovation=np.full((fixes, MEASUREMENTS), np.nan),
             innovation_covariance=np.full((fixes, MEASUREMENTS, MEASUREMENTS), np.nan),
-            fix_covariance=np.full((fixes, STATES, STATES), np.nan),
+            fix_covariance=np.full((fixes, states, states), np.nan),
             fix_sample=np.full(fixes, -1, dtype=np.int64),
             fix_rejected=np.zeros(fixes, dtype=np.bool_),
         )

@@ -33,20 +33,22 @@ VELOCITY = 3  # v_n
 Q_NB = 6  # scalar first
 GYRO_BIAS = 10
 ACCEL_BIAS = 13
+GYRO_SCALE = 16  # zero where the filter does not estimate it
+ACCEL_SCALE = 19
 # What follows is derived from the above in each step, and kept for the next step and for the error model.
-SINE = 16  # of the latitude
-COSINE = 17
-PREVIOUS_DTHETA = 18
-PREVIOUS_DVELOCITY = 21
-PREVIOUS_VELOCITY = 24
-MERIDIAN = 27  # 1 / (R_M + h)
-TRANSVERSE = 28  # 1 / (R_N + h)
-PER_COSINE = 29  # 1 / cos L
-FORCE_N = 30  # mean specific force of the last step, in n
-C_NB = 33  # attitude at the start of the last step, row by row
-PER_STEP = 42  # one over the length of the last step
-GRAVITY = 43  # during the last step
-LENGTH = 44
+SINE = 22  # of the latitude
+COSINE = 23
+PREVIOUS_DTHETA = 24
+PREVIOUS_DVELOCITY = 27
+PREVIOUS_VELOCITY = 30
+MERIDIAN = 33  # 1 / (R_M + h)
+TRANSVERSE = 34  # 1 / (R_N + h)
+PER_COSINE = 35  # 1 / cos L
+FORCE_N = 36  # mean specific force of the last step, in n
+C_NB = 39  # attitude at the start of the last step, row by row
+PER_STEP = 48  # one over the length of the last step
+GRAVITY = 49  # during the last step
+LENGTH = 50
 
 MAX_LATITUDE = math.radians(89.9)
 """North-slaved navigation ends here: its rate about the vertical grows without bound towards the poles."""
@@ -197,6 +199,13 @@ def move(state: FloatArray, velocity: Vector, dt: float) -> None:
 
 
 @inline_kernel
+def corrected(measured: Vector, dt: float, scale: Vector, bias: Vector) -> Vector:
+    """Return increments x / (1 + s) − b dt: what the sensors felt, were their errors those estimated."""
+    scaled = measured[0] / (1 + scale[0]), measured[1] / (1 + scale[1]), measured[2] / (1 + scale[2])
+    return plus(scaled, -dt, bias)
+
+
+@inline_kernel
 def step(state: FloatArray, dtheta_measured: Vector, dvelocity_measured: Vector, dt: float) -> None:
     """Advance the navigator by one IMU sample.
 
@@ -209,8 +218,8 @@ def step(state: FloatArray, dtheta_measured: Vector, dvelocity_measured: Vector,
     dt
         Length of the interval [s].
     """
-    dtheta = plus(dtheta_measured, -dt, get(state, GYRO_BIAS))
-    dvelocity = plus(dvelocity_measured, -dt, get(state, ACCEL_BIAS))
+    dtheta = corrected(dtheta_measured, dt, get(state, GYRO_SCALE), get(state, GYRO_BIAS))
+    dvelocity = corrected(dvelocity_measured, dt, get(state, ACCEL_SCALE), get(state, ACCEL_BIAS))
     dtheta_before = get(state, PREVIOUS_DTHETA)
     dvelocity_before = get(state, PREVIOUS_DVELOCITY)
     v = get(state, VELOCITY)

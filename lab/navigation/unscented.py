@@ -1,9 +1,9 @@
 """Unscented: the nonlinear filter, sigma points through the exact strapdown kinematics, attitude on SO(3).
 
-The navigator and its 30 sigma points are stepped side by side through every IMU sample. Mean and covariance
-are formed of where they have come to 50 times a second; at each fix, and once a second without, the points
-are spread anew about the mean. Nothing is linearised but the way of the process noise from one spreading to
-the next, so the attitude error may be as large as a heading nobody knows.
+The navigator and its sigma points, 30 for 15 states and 42 for 21, are stepped side by side through every IMU
+sample. Mean and covariance are formed of where they have come to 50 times a second; at each fix, and once a
+second without, the points are spread anew about the mean. Nothing is linearised but the way of the process
+noise from one spreading to the next, so the attitude error may be as large as a heading nobody knows.
 
 References
 ----------
@@ -58,7 +58,7 @@ class Filter(NamedTuple):
     points : (2 n, LENGTH) array
         The sigma points, navigators of the same kind.
     P : (n, n) array
-        Covariance of the error, in the order of `error_models.STATES`.
+        Covariance of the error, in the order of `error_models.STATES`, 15 or 21 of them.
     """
 
     state: FloatArray
@@ -124,7 +124,7 @@ def navigate(
         each fix.
     """
     _check(schedule)
-    solution = Solution.empty(imu.time.size, fixes.time.size)
+    solution = Solution.empty(imu.time.size, fixes.time.size, belief.P0.shape[0])
     stopped = 0
     if abs(start.position[0]) <= strapdown.MAX_LATITUDE:
         stopped = advance(Filter.begin(start, belief), imu, fixes, solution, 0, schedule)
@@ -310,6 +310,8 @@ def _store(out: Solution, k: int, run: Filter) -> None:
         out.q_nb[k, i] = mean[strapdown.Q_NB + i]
     for i in range(6):
         out.bias[k, i] = mean[GYRO_BIAS + i]
+    for i in range(out.scale.shape[1]):
+        out.scale[k, i] = mean[strapdown.GYRO_SCALE + i]
     for i in range(run.x.size):
         out.variance[k, i] = run.P[i, i]
     for block in range(2):

@@ -48,12 +48,15 @@ class Measured(NamedTuple):
         Integrals of the measured quantity over each sample interval [rad] or [m/s].
     bias : (n, 3) array
         True bias in each interval [rad/s] or [m/s²].
+    scale : (n, 3) array
+        True scale factor error in each interval.
     saturated : int
         Number of values that met the end of the range.
     """
 
     increments: FloatArray
     bias: FloatArray
+    scale: FloatArray
     saturated: int
 
 
@@ -152,9 +155,10 @@ def measure(
     M = cross_coupling(errors, draws)
     biased = ideal + bias * dt
     increments = biased @ (np.eye(3) + M).T if M.any() else biased
-    scale = si(errors, "scale_temperature")
-    if scale.any():
-        increments = increments + scale * _warmth(surroundings.temperature) * biased
+    scale, by_temperature = np.diag(M), si(errors, "scale_temperature")
+    if by_temperature.any():
+        warming = by_temperature * _warmth(surroundings.temperature)
+        scale, increments = scale + warming, increments + warming * biased
     settled = increments[0].copy()
     increments += si(errors, "noise_density") * np.sqrt(dt) * draws.noise
     _lag(increments, settled, si(errors, "bandwidth") * dt)
@@ -162,7 +166,7 @@ def measure(
     saturated = int(np.count_nonzero(np.abs(increments) > limit))
     np.clip(increments, -limit, limit, out=increments)
     _quantise(increments, si(errors, "quantisation") * dt)
-    return Measured(increments, bias, saturated)
+    return Measured(increments, bias, np.broadcast_to(scale, ideal.shape), saturated)
 
 
 def turn_on_bias(errors: GyroErrors | AccelerometerErrors, draws: ImuDraws) -> FloatArray:
@@ -242,7 +246,8 @@ def compensate(
     """Return the output of a triad corrected by its known temperature coefficients and a thermometer.
 
     x = x_meas / (1 + s ΔT) − c ΔT. What is left of the scale factor and the misalignments is unknown to the
-    correction; the true bias that is left is the one at 25 °C, and the noise of the thermometer is noise.
+    correction; the true bias and scale factor that are left are those at 25 °C, and the noise of the
+    thermometer is noise.
 
     Parameters
     ----------
@@ -260,6 +265,7 @@ def compensate(
     return Measured(
         measured.increments / (1 + scale * warmth) - bias * warmth * dt,
         measured.bias - bias * _warmth(temperature),
+        (1 + measured.scale) / (1 + scale * _warmth(temperature)) - 1,
         measured.saturated,
     )
 

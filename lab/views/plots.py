@@ -23,11 +23,14 @@ from lab.views.quantities import (
     FIXES,
     HEIGHT,
     INNOVATIONS,
+    SCALE_COVARIANCE,
+    SCALE_ERRORS,
     SENSOR_ERRORS,
     TEMPERATURE,
     TRUTH,
     Curve,
     TimePlot,
+    with_scale,
 )
 
 if TYPE_CHECKING:
@@ -49,13 +52,14 @@ def errors(result: Result) -> hv.Layout:
 
 
 def covariance(result: Result) -> hv.Layout:
-    """Return σ of all 15 states in time, on logarithmic axes."""
-    return _layout(result, COVARIANCE, columns=3)
+    """Return σ of all states in time, on logarithmic axes."""
+    return _layout(result, with_scale(result, COVARIANCE, SCALE_COVARIANCE), columns=3)
 
 
 def sensor_errors(result: Result) -> hv.Layout:
-    """Return estimated biases with ±3σ beside the true ones, three in a row, and the temperature if any."""
-    return _layout(result, (*SENSOR_ERRORS, *(TEMPERATURE if result.has_temperature else ())), columns=3)
+    """Return estimated biases and scale factors with ±3σ beside the true ones, and the temperature if any."""
+    plots = with_scale(result, SENSOR_ERRORS, SCALE_ERRORS)
+    return _layout(result, (*plots, *(TEMPERATURE if result.has_temperature else ())), columns=3)
 
 
 def innovations(result: Result) -> hv.Layout:

@@ -187,6 +187,11 @@ COVARIANCE: tuple[TimePlot, ...] = (
     _sigmas("gyro_bias", "gyro biases", "°/s", BODY, (9, 10, 11)),
     _sigmas("accelerometer_bias", "accelerometer biases", "mg", BODY, (12, 13, 14)),
 )
+SCALE_COVARIANCE: tuple[TimePlot, ...] = (
+    _sigmas("gyro_scale", "gyro scale factors", "%", BODY, (15, 16, 17)),
+    _sigmas("accelerometer_scale", "accelerometer scale factors", "%", BODY, (18, 19, 20)),
+)
+"""Beside these with 21 states."""
 
 
 def _estimates(variable: str, title: str, unit: str) -> tuple[TimePlot, ...]:
@@ -220,6 +225,18 @@ SENSOR_ERRORS: tuple[TimePlot, ...] = (
     *_estimates("gyro_bias", "Gyro bias", "°/s"),
     *_estimates("accelerometer_bias", "Accelerometer bias", "mg"),
 )
+SCALE_ERRORS: tuple[TimePlot, ...] = (
+    *_estimates("gyro_scale", "Gyro scale factor error", "%"),
+    *_estimates("accelerometer_scale", "Accelerometer scale factor error", "%"),
+)
+"""Beside these with 21 states."""
+
+
+def with_scale(
+    result: Result, plots: tuple[TimePlot, ...], scale_plots: tuple[TimePlot, ...]
+) -> tuple[TimePlot, ...]:
+    """Return plots of the sensors, and those of the scale factors if a result has estimates of them."""
+    return plots + scale_plots if result.solution_arrays.scale.size else plots
 
 
 def _of_temperature(variable: str) -> Reader:

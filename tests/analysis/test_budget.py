@@ -207,6 +207,12 @@ SMALL = (
 )
 """The default sensors, a hundred times better: all is linear."""
 
+SCALE_STATES = (
+    "navigator.states=21",
+    "sensors.gyro.scale_factor_sigma=0.02",
+    "sensors.accelerometer.scale_factor_sigma=0.02",
+)
+
 
 @pytest.mark.parametrize(
     "more",
@@ -216,6 +222,8 @@ SMALL = (
         ("navigator.correction=feedforward",),
         ("navigator.model=psi",),
         ("navigator.model=invariant",),
+        SCALE_STATES,
+        (*SCALE_STATES, "navigator.correction=feedforward"),
     ],
 )
 def test_of_a_matched_filter_all_sources_sum_to_its_own_covariance(more: tuple[str, ...]) -> None:
@@ -252,17 +260,17 @@ def test_an_outage_has_epochs_and_growing_errors() -> None:
 
 
 def final_errors(result: Result) -> np.ndarray:
-    """Return the errors (15,) at the end, in the order and units of the budget's quantities."""
+    """Return the errors of all states at the end, in the order and units of the budget's quantities."""
     end = np.array([result.time.size - 1])
-    x = error_state(result.solution_arrays, end, result.truth_arrays, result.true_bias)
+    x = error_state(result.solution_arrays, end, result.truth_arrays, result.true_bias, result.true_scale)
     angles = wrap(result.euler[-1] - result.truth_arrays.euler[-1])
     return np.concatenate((to_enu(x[:, POS])[0], to_enu(x[:, VEL])[0], angles, x[0, 9:])) / [
-        TO_SI[unit] for unit in UNITS
+        TO_SI[unit] for unit in budget.quantities(x.shape[1]).values()
     ]
 
 
 def monte_carlo(seeds: int, *assignments: str, mission: str = "montreal") -> np.ndarray:
-    """Return the errors (seeds, 15) at the end of runs that differ in their seeds."""
+    """Return the errors (seeds, states) at the end of runs that differ in their seeds."""
 
     def fly(seed: int) -> np.ndarray:
         return final_errors(made(*assignments, mission=mission, seed=seed).run())
@@ -273,12 +281,24 @@ def monte_carlo(seeds: int, *assignments: str, mission: str = "montreal") -> np.
     return errors
 
 
-@pytest.mark.parametrize("assignments", [(), ("navigator.r_scale=100",)], ids=["matched", "wrong R"])
+ONE_PERCENT = (
+    "navigator.states=21",
+    "sensors.gyro.scale_factor_sigma=1",
+    "sensors.accelerometer.scale_factor_sigma=1",
+    "trajectory.imu_rate=50",
+)
+
+
+@pytest.mark.parametrize(
+    "assignments",
+    [(), ("navigator.r_scale=100",), (*ONE_PERCENT, "navigator.p0_scale=0.3")],
+    ids=["matched", "wrong R", "21 states, wrong P0"],
+)
 def test_the_total_is_that_of_200_runs(assignments: tuple[str, ...]) -> None:
     found = error_budget(made(*assignments).run()).isel(time=-1)
     spread = np.sqrt(np.mean(monte_carlo(200, *assignments) ** 2, axis=0))
     ratio = found.total.values / spread
-    print("budget / Monte Carlo:", dict(zip(QUANTITIES, ratio.round(3).tolist(), strict=True)))
+    print("budget / Monte Carlo:", dict(zip(found.quantity.values, ratio.round(3).tolist(), strict=True)))
     print("believed / Monte Carlo:", (found.believed.values / spread).round(3).tolist())
     assert np.abs(ratio - 1).max() < 0.15
 
@@ -502,15 +522,8 @@ def test_outliers_that_a_gate_refuses_are_named_as_left_out() -> None:
     assert "GPS outliers" not in found.source.values
 
 
-def test_a_budget_is_refused_where_the_gains_act_on_other_states() -> None:
-    def navigator(model: str, states: int) -> SimpleNamespace:
-        return SimpleNamespace(
-            experiment=SimpleNamespace(navigator=SimpleNamespace(model=model, smoother=False)),
-            belief=SimpleNamespace(P0=np.eye(states)),
-            algorithm="",
-        )
-
+def test_a_budget_is_refused_where_the_gains_are_not_those_of_a_linear_model() -> None:
+    navigator = SimpleNamespace(model="nonlinear", smoother=False)
+    run = SimpleNamespace(experiment=SimpleNamespace(navigator=navigator), algorithm="")
     with pytest.raises(SettingError, match=r"navigator\.model = 'nonlinear'.*accepted here is one of phi"):
-        budget._check(navigator("nonlinear", 15))  # type: ignore[arg-type]
-    with pytest.raises(SettingError, match="has 21; accepted here"):
-        budget._check(navigator("phi", 21))  # type: ignore[arg-type]
+        budget._check(run)  # type: ignore[arg-type]

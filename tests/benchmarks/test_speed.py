@@ -11,6 +11,7 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable, Iterator
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -25,6 +26,9 @@ from numpy.typing import NDArray
 
 from lab.analysis.errors import position_error
 from lab.experiment import CACHE, Experiment, start
+from lab.navigation import unscented
+from lab.navigation.belief import belief
+from lab.navigation.error_models import MODELS, with_states
 from lab.navigation.navigator import Fixes, Imu, navigate
 from lab.result import Result
 from lab.units import si
@@ -77,6 +81,32 @@ def timed(function: Callable[[], object], repetitions: int) -> list[float]:
 def montreal() -> Result:
     """Return the classic experiment."""
     return Experiment(mission="montreal").run()
+
+
+@pytest.mark.parametrize("name", ["phi", "psi", "invariant", "nonlinear"])
+def test_21_states_beside_15(montreal: Result, name: str) -> None:
+    """The two in turns, so that what disturbs one disturbs the other."""
+    experiment = montreal.experiment.copy()
+    imu = Imu(montreal.ideal.time, montreal.gyro.increments, montreal.accelerometer.increments)
+    fixes = Fixes(montreal.fixes.time, montreal.fixes.position, montreal.fixes.velocity_n)
+    begin = start(montreal.truth_arrays, experiment.navigator, experiment.seed)
+    seconds: dict[int, list[float]] = {15: [], 21: []}
+    runs: dict[int, Callable[[], object]] = {}
+    for states in seconds:
+        experiment.set("navigator.states", states)
+        assumed = belief(experiment.sensors, experiment.navigator)
+        if name == "nonlinear":
+            runs[states] = partial(unscented.navigate, imu, fixes, begin, assumed)
+        else:
+            model = with_states(MODELS[name], states)
+            runs[states] = partial(navigate, imu, fixes, begin, assumed, model=model)
+        runs[states]()
+    for _ in range(9 if name == "nonlinear" else 51):
+        for states, run in runs.items():
+            seconds[states] += timed(run, 1)
+    few = row(f"montreal, {name}, 15 states", seconds[15])
+    many = row(f"montreal, {name}, 21 states", seconds[21], 2 * few)
+    assert many <= 2 * few
 
 
 @pytest.fixture(scope="module")

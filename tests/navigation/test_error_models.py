@@ -15,8 +15,10 @@ from lab import earth
 from lab.navigation import reference, strapdown
 from lab.navigation.error_models import (
     ACCEL_BIAS,
+    ACCEL_SCALE,
     ATT,
     GYRO_BIAS,
+    GYRO_SCALE,
     INVARIANT,
     PHI,
     POS,
@@ -24,13 +26,14 @@ from lab.navigation.error_models import (
     STATES,
     VEL,
     ErrorModel,
+    with_states,
 )
 
 FloatArray = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
 
 # Below this an entry is nothing: the turn rate of the body cancels among the attitudes, but for its roundoff.
-ZERO = np.full((15, 15), 1e-20)
+ZERO = np.full((21, 21), 1e-20)
 ZERO[ATT, ATT] = 1e-16
 
 LATITUDES = np.radians([-89.0, -75.0, -45.0, -12.0, -0.5, 5.0, 33.0, 48.0, 70.0, 89.0])
@@ -40,7 +43,7 @@ class Vehicle(NamedTuple):
     """A navigator's whole state in time-continuous navigation, and the inputs it feels.
 
     Real or, to differentiate by it, complex: latitude, longitude [rad] and height [m]; v_n; C_nb; gyro and
-    accelerometer biases; measured ω_ib,b and f_b.
+    accelerometer biases and scale factor errors; measured ω_ib,b and f_b.
     """
 
     position: ComplexArray
@@ -48,6 +51,8 @@ class Vehicle(NamedTuple):
     C_nb: ComplexArray
     gyro_bias: ComplexArray
     accel_bias: ComplexArray
+    gyro_scale: ComplexArray
+    accel_scale: ComplexArray
     omega_b: FloatArray
     f_b: FloatArray
 
@@ -82,12 +87,13 @@ def rates(vehicle: Vehicle) -> Rates:
     s, c = np.sin(latitude), np.cos(latitude)
     omega_ie = earth.RATE * np.array([c, 0, -s])
     omega_en = np.array([position[1] * c, -position[0], -position[1] * s])
-    f_n = vehicle.C_nb @ (vehicle.f_b - vehicle.accel_bias)
+    # What was felt, of a sensor that gives (1 + s) (x + b).
+    f_b = vehicle.f_b / (1 + vehicle.accel_scale) - vehicle.accel_bias
+    omega_b = vehicle.omega_b / (1 + vehicle.gyro_scale) - vehicle.gyro_bias
+    f_n = vehicle.C_nb @ f_b
     g_n = np.array([0, 0, earth.gravity(s, height)])
     velocity = f_n + g_n - skew(2 * omega_ie + omega_en) @ v
-    attitude = (
-        vehicle.C_nb @ skew(vehicle.omega_b - vehicle.gyro_bias) - skew(omega_ie + omega_en) @ vehicle.C_nb
-    )
+    attitude = vehicle.C_nb @ skew(omega_b) - skew(omega_ie + omega_en) @ vehicle.C_nb
     return Rates(position, velocity, attitude)
 
 
@@ -100,14 +106,16 @@ def astray(truth: Vehicle, x: ComplexArray) -> Vehicle:
         C_nb=expm(-skew(x[ATT])) @ truth.C_nb,
         gyro_bias=truth.gyro_bias + x[GYRO_BIAS],
         accel_bias=truth.accel_bias + x[ACCEL_BIAS],
+        gyro_scale=truth.gyro_scale + x[GYRO_SCALE],
+        accel_scale=truth.accel_scale + x[ACCEL_SCALE],
     )
 
 
 def error_rate(truth: Vehicle, x: ComplexArray) -> ComplexArray:
-    """Return ẋ (15,) to first order in x, where the navigator obeys the same equations as the truth."""
+    """Return ẋ (21,) to first order in x, where the navigator obeys the same equations as the truth."""
     estimate = astray(truth, x)
     computed, true = rates(estimate), rates(truth)
-    out = np.zeros(15, dtype=np.complex128)
+    out = np.zeros(21, dtype=np.complex128)
     # d/dt of (L̂ − L)(R_M + h) and its like: the metres in a radian change along the way.
     per_radian = metres_per_radian(truth.position[0], truth.position[2])
     step = 0.01
@@ -124,13 +132,17 @@ def error_rate(truth: Vehicle, x: ComplexArray) -> ComplexArray:
 
 
 def jacobian(truth: Vehicle) -> FloatArray:
-    """Return ∂ẋ/∂x (15, 15) by complex steps: exact to roundoff, whatever the step."""
-    columns = [error_rate(truth, 1e-30j * unit).imag / 1e-30 for unit in np.eye(15)]
+    """Return ∂ẋ/∂x (21, 21) by complex steps: exact to roundoff, whatever the step."""
+    columns = [error_rate(truth, 1e-30j * unit).imag / 1e-30 for unit in np.eye(21)]
     return np.stack(columns, axis=-1)
 
 
-def random_vehicle(latitude: float) -> Vehicle:
-    """Return a vehicle in hard manoeuvre at a latitude; what else there is, at random."""
+def random_vehicle(latitude: float, states: int = 21) -> Vehicle:
+    """Return a vehicle in hard manoeuvre at a latitude; what else there is, at random.
+
+    A navigator with 15 states knows no scale factors: they are zero.
+    """
+    scale = 0.02 * (states > 15)
     rng = np.random.default_rng(int(1e6 * (latitude + 2)))
     return Vehicle(
         position=np.array([latitude, rng.uniform(-np.pi, np.pi), rng.uniform(-100, 12000)]),
@@ -140,6 +152,8 @@ def random_vehicle(latitude: float) -> Vehicle:
         accel_bias=rng.normal(0, 0.1, 3),
         omega_b=rng.normal(0, 0.5, 3),
         f_b=rng.normal(0, 15, 3),
+        gyro_scale=rng.normal(0, 1, 3) * scale,
+        accel_scale=rng.normal(0, 1, 3) * scale,
     )
 
 
@@ -152,24 +166,36 @@ def navigator_state(vehicle: Vehicle) -> FloatArray:
     state[strapdown.Q_NB : strapdown.Q_NB + 4] = q_nb
     state[strapdown.GYRO_BIAS : strapdown.GYRO_BIAS + 3] = vehicle.gyro_bias
     state[strapdown.ACCEL_BIAS : strapdown.ACCEL_BIAS + 3] = vehicle.accel_bias
+    state[strapdown.GYRO_SCALE : strapdown.GYRO_SCALE + 3] = vehicle.gyro_scale
+    state[strapdown.ACCEL_SCALE : strapdown.ACCEL_SCALE + 3] = vehicle.accel_scale
     dt = 1e-9
     strapdown.step(state, tuple(vehicle.omega_b * dt), tuple(vehicle.f_b * dt), dt)
     return state
 
 
+SIZES = (15, 21)
+
+
+def both_sizes(*models: ErrorModel) -> pytest.MarkDecorator:
+    """Run a test with 15 and 21 states of each model."""
+    sized = [with_states(model, states) for model in models for states in SIZES]
+    return pytest.mark.parametrize("model", sized, ids=lambda model: f"{model.name}-{model.states}")
+
+
 @pytest.mark.parametrize("latitude", LATITUDES)
-@pytest.mark.parametrize("model", [PHI], ids=lambda model: model.name)
+@both_sizes(PHI)
 def test_every_entry_is_the_derivative_of_the_true_error_propagation(
     model: ErrorModel, latitude: float
 ) -> None:
-    vehicle = random_vehicle(latitude)
-    F = np.zeros((15, 15))
+    n = model.states
+    vehicle = random_vehicle(latitude, n)
+    F = np.zeros((n, n))
     model.write(navigator_state(vehicle), F)
-    expected = jacobian(vehicle)
-    real = np.abs(expected) > ZERO
+    expected, zero = jacobian(vehicle)[:n, :n], ZERO[:n, :n]
+    real = np.abs(expected) > zero
     worst = np.abs(F[real] / expected[real] - 1).max()
     print(f"\n{np.degrees(latitude):.1f}°: {real.sum()} entries, worst relative difference {worst:.1e}")
-    wrong = np.abs(F - expected) > 1e-5 * np.abs(expected) + ZERO
+    wrong = np.abs(F - expected) > 1e-5 * np.abs(expected) + zero
     named = [
         f"∂({STATES[i]})˙/∂({STATES[j]}): {F[i, j]:.8g}, not {expected[i, j]:.8g}"
         for i, j in np.argwhere(wrong)
@@ -199,12 +225,12 @@ def turn(M: ComplexArray) -> ComplexArray:
 
 
 def own_error(model: ErrorModel, truth: Vehicle, estimate: Vehicle) -> ComplexArray:
-    """Return the error in a model's own coordinates (15,), to first order, from its definition in ECEF."""
+    """Return the error in a model's own coordinates (21,), to first order, from its definition in ECEF."""
     C_en, C_ec = earth_axes(truth.position), earth_axes(estimate.position)
     r_e, r_c = from_the_centre(truth.position), from_the_centre(estimate.position)
     C_eb, computed_eb = C_en @ truth.C_nb, C_ec @ estimate.C_nb
-    out = np.zeros(15, dtype=np.complex128)
-    if model is PSI:
+    out = np.zeros(21, dtype=np.complex128)
+    if model.name == "psi":
         C_cn = C_ec.T @ C_en
         out[POS] = C_en.T @ (r_c - r_e)
         out[VEL] = estimate.velocity_n - C_cn @ truth.velocity_n
@@ -219,6 +245,8 @@ def own_error(model: ErrorModel, truth: Vehicle, estimate: Vehicle) -> ComplexAr
         estimate.gyro_bias - truth.gyro_bias,
         estimate.accel_bias - truth.accel_bias,
     )
+    out[GYRO_SCALE] = estimate.gyro_scale - truth.gyro_scale
+    out[ACCEL_SCALE] = estimate.accel_scale - truth.accel_scale
     return out
 
 
@@ -235,14 +263,15 @@ def later(vehicle: Vehicle, seconds: float) -> Vehicle:
 def own_jacobians(model: ErrorModel, truth: Vehicle) -> tuple[FloatArray, FloatArray]:
     """Return F in a model's own coordinates, and T: complex steps in the error, five points in time."""
     step, weights = 0.3, {-2: 1 / 12, -1: -8 / 12, 1: 8 / 12, 2: -1 / 12}
-    own, own_rate = np.zeros((15, 15)), np.zeros((15, 15))
-    for i, unit in enumerate(np.eye(15)):
+    own, own_rate = np.zeros((21, 21)), np.zeros((21, 21))
+    for i, unit in enumerate(np.eye(21)):
         estimate = astray(truth, 1e-30j * unit)
         own[:, i] = own_error(model, truth, estimate).imag / 1e-30
         for n, weight in weights.items():
             moved = own_error(model, later(truth, n * step), later(estimate, n * step))
             own_rate[:, i] += weight / step * moved.imag / 1e-30
-    return own_rate @ np.linalg.inv(own), np.linalg.inv(own)
+    n = model.states
+    return (own_rate @ np.linalg.inv(own))[:n, :n], np.linalg.inv(own)[:n, :n]
 
 
 OWN_ZERO = 5e-14
@@ -250,11 +279,11 @@ OWN_ZERO = 5e-14
 
 
 @pytest.mark.parametrize("latitude", LATITUDES)
-@pytest.mark.parametrize("model", [PSI, INVARIANT], ids=lambda model: model.name)
+@both_sizes(PSI, INVARIANT)
 def test_own_coordinates_follow_their_definitions(model: ErrorModel, latitude: float) -> None:
-    vehicle = random_vehicle(latitude)
+    vehicle = random_vehicle(latitude, model.states)
     state = navigator_state(vehicle)
-    F = np.zeros((15, 15))
+    F = np.zeros((model.states, model.states))
     model.write(state, F)
     expected, T = own_jacobians(model, vehicle)
     real = np.abs(expected) > OWN_ZERO
@@ -314,9 +343,10 @@ def test_the_group_error_is_taken_out_exactly(latitude: float, degrees: float) -
     assert left < 5e-5
 
 
-@pytest.mark.parametrize("model", [PSI, INVARIANT], ids=lambda model: model.name)
+@both_sizes(PSI, INVARIANT)
 def test_the_patterns_of_own_coordinates_have_room_for_every_entry(model: ErrorModel) -> None:
-    seen, seen_map = np.zeros((15, 15), dtype=np.bool_), np.zeros((9, 9), dtype=np.bool_)
+    n = model.states
+    seen, seen_map = np.zeros((n, n), dtype=np.bool_), np.zeros((9, 9), dtype=np.bool_)
     for latitude in LATITUDES:
         F, T = own_jacobians(model, random_vehicle(latitude))
         seen |= np.abs(F) > OWN_ZERO
@@ -325,15 +355,16 @@ def test_the_patterns_of_own_coordinates_have_room_for_every_entry(model: ErrorM
     assert (model.map_pattern() == seen_map).all()
 
 
-def test_the_pattern_has_room_for_every_entry() -> None:
-    seen = np.zeros((15, 15), dtype=np.bool_)
+@pytest.mark.parametrize("n", SIZES)
+def test_the_pattern_has_room_for_every_entry(n: int) -> None:
+    seen = np.zeros((n, n), dtype=np.bool_)
     for latitude in LATITUDES:
-        seen |= np.abs(jacobian(random_vehicle(latitude))) > ZERO
-    assert (PHI.pattern() == seen).all()
+        seen |= (np.abs(jacobian(random_vehicle(latitude))) > ZERO)[:n, :n]
+    assert (with_states(PHI, n).pattern() == seen).all()
 
 
-@pytest.mark.parametrize("model", [PHI, PSI, INVARIANT], ids=lambda model: model.name)
-def test_biases_stay_without_the_decay(model: ErrorModel) -> None:
-    F = np.zeros((15, 15))
+@both_sizes(PHI, PSI, INVARIANT)
+def test_biases_stay_without_the_decay_and_scale_factors_for_ever(model: ErrorModel) -> None:
+    F = np.zeros((model.states, model.states))
     model.write(navigator_state(random_vehicle(0.5)), F)
     assert not F[9:].any()

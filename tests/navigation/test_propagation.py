@@ -13,16 +13,17 @@ from scipy.linalg import expm
 from lab.experiment import start
 from lab.navigation import kalman
 from lab.navigation.belief import belief
-from lab.navigation.error_models import ATT, PHI, VEL
+from lab.navigation.error_models import ATT, PHI, VEL, with_states
 from lab.navigation.navigator import Filter, Fixes, Schedule, Solution, advance
-from lab.navigation.propagation import STATES, WIDTH, WORKSPACE, X, compile_propagation
+from lab.navigation.propagation import compile_propagation, layout
 from lab.navigation.settings import NavigatorSettings
 from lab.sensors import gps
 from lab.sensors.suite import SensorSuite
 
 FloatArray = NDArray[np.float64]
 
-propagate = compile_propagation(PHI)
+MODELS = {n: with_states(PHI, n) for n in (15, 21)}
+PROPAGATE = {n: compile_propagation(model) for n, model in MODELS.items()}
 TYPICAL = np.repeat([1.0, 0.3, 0.01, 2e-3, 0.02], 3)
 """Sizes of the error states [m], [m/s], [rad], [rad/s], [m/s²]."""
 
@@ -39,16 +40,18 @@ def random_covariance(rng: np.random.Generator, scale: FloatArray, condition: fl
 
 def workspace(P: FloatArray, x: FloatArray) -> FloatArray:
     """Return a workspace that holds [P | x]."""
-    w = np.zeros(WORKSPACE)
-    view = w[: STATES * WIDTH].reshape(STATES, WIDTH)
-    view[:, :STATES], view[:, X] = P, x
+    space = layout(x.size)
+    w = np.zeros(space.size)
+    view = w[: space.product].reshape(space.STATES, space.WIDTH)
+    view[:, : space.STATES], view[:, space.X] = P, x
     return w
 
 
-def contents(w: FloatArray) -> tuple[FloatArray, FloatArray]:
+def contents(w: FloatArray, states: int = 15) -> tuple[FloatArray, FloatArray]:
     """Return P and x."""
-    view = w[: STATES * WIDTH].reshape(STATES, WIDTH)
-    return view[:, :STATES].copy(), view[:, X].copy()
+    space = layout(states)
+    view = w[: space.product].reshape(space.STATES, space.WIDTH)
+    return view[:, :states].copy(), view[:, space.X].copy()
 
 
 def relative(found: FloatArray, expected: FloatArray, sigma: FloatArray) -> float:
@@ -56,16 +59,16 @@ def relative(found: FloatArray, expected: FloatArray, sigma: FloatArray) -> floa
     return float(np.abs((found - expected) / np.outer(sigma, sigma)).max())
 
 
-@given(seeds, st.floats(1e-4, 1.0))
-def test_generated_propagation_is_the_dense_product(seed: int, dt: float) -> None:
+@given(seeds, st.floats(1e-4, 1.0), st.sampled_from([15, 21]))
+def test_generated_propagation_is_the_dense_product(seed: int, dt: float, n: int) -> None:
     rng = np.random.default_rng(seed)
-    F = PHI.pattern() * rng.normal(size=(15, 15))
-    P, x, decay = random_covariance(rng, np.ones(15)), rng.normal(size=15), rng.uniform(0.5, 1, 6)
+    F = MODELS[n].pattern() * rng.normal(size=(n, n))
+    P, x, decay = random_covariance(rng, np.ones(n)), rng.normal(size=n), rng.uniform(0.5, 1, 6)
     w = workspace(P, x)
-    propagate(F, dt, decay, w)
-    Phi = np.eye(15) + F * dt
-    Phi[9:, 9:] = np.diag(decay)
-    found, x_found = contents(w)
+    PROPAGATE[n](F, dt, tuple(decay.tolist()), w)
+    Phi = np.eye(n) + F * dt
+    Phi[9:15, 9:15] = np.diag(decay)
+    found, x_found = contents(w, n)
     expected = Phi @ P @ Phi.T
     np.testing.assert_array_equal(found, found.T)
     assert relative(found, expected, np.sqrt(np.diag(expected))) < 1e-13

@@ -21,7 +21,7 @@ from lab import earth
 from lab.experiment import Experiment, start
 from lab.navigation import navigator, reference
 from lab.navigation.belief import belief
-from lab.navigation.error_models import MODELS
+from lab.navigation.error_models import MODELS, with_states
 from lab.navigation.navigator import Belief, Fixes, Imu, Schedule, Solution, Start
 from lab.navigation.settings import NavigatorSettings
 from lab.rotation import wrap
@@ -45,6 +45,7 @@ class Case(NamedTuple):
     full_r: bool = False
     model: str = "phi"
     astray: bool = False
+    states: int = 15
 
 
 CASES = {
@@ -76,18 +77,33 @@ CASES = {
         "gate of 50 %": Case(schedule=Schedule(gate=5.35)),
     }.items()
 }
+CASES |= {
+    f"21 states, {name}": case._replace(states=21)
+    for name, case in {
+        "montreal": Case("montreal", 100.0),
+        "feedforward, P every 7 samples": Case(schedule=Schedule(feedback=False, stride=7)),
+        "psi": Case(schedule=Schedule(correction_period=2.5), model="psi"),
+        "psi, gate of 50 %": Case(schedule=Schedule(gate=5.35), model="psi", full_r=True),
+        "invariant": Case("montreal", 100.0, model="invariant"),
+        "invariant, feedforward, fixes between samples": Case(
+            schedule=Schedule(feedback=False), shift=0.0077, model="invariant"
+        ),
+    }.items()
+}
 
 
-def filter_settings() -> tuple[SensorSuite, NavigatorSettings]:
-    """Return the sensors and the navigator of all cases."""
+def filter_settings(case: Case) -> tuple[SensorSuite, NavigatorSettings]:
+    """Return the sensors and the navigator of a case."""
     sensors = SensorSuite()
     sensors.gyro.instability = 30.0
-    return sensors, NavigatorSettings()
+    if case.states > 15:
+        sensors.gyro.scale_factor_sigma = sensors.accelerometer.scale_factor_sigma = 1.0
+    return sensors, NavigatorSettings(states=case.states)
 
 
 def assumption(case: Case) -> Belief:
     """Return what the filter assumes."""
-    assumed = belief(*filter_settings())
+    assumed = belief(*filter_settings(case))
     if case.full_r:
         L = np.tril(np.random.default_rng(3).normal(0, 0.3, (6, 6)), -1) + 0.5 * np.eye(6)
         L *= np.sqrt(np.diag(assumed.R) / np.diag(L @ L.T))[:, None]
@@ -97,7 +113,7 @@ def assumption(case: Case) -> Belief:
 
 def both(case: Case) -> tuple[Solution, Solution]:
     """Return what the compiled filter and the reference make of a case."""
-    flight, (sensors, settings) = fly(case.mission, case.rate), filter_settings()
+    flight, (sensors, settings) = fly(case.mission, case.rate), filter_settings(case)
     ideal, dt, errors = flight.imu, 1 / case.rate, sensors.groups()
     measured = [
         imu.measure(x, dt, errors[name], imu.ImuDraws.of(7, name, x.shape[0], instability=True)).increments
@@ -118,13 +134,13 @@ def both(case: Case) -> tuple[Solution, Solution]:
         begin,
         assumed,
         case.schedule,
-        MODELS[case.model],
+        with_states(MODELS[case.model], case.states),
     )
     return navigator.navigate(*arguments), reference.navigate(*arguments)
 
 
 def differences(one: Solution, other: Solution) -> FloatArray:
-    """Return compiled minus reference of all states (n, 15) in units of σ, less the roundoff of position."""
+    """Return compiled minus reference of all states in units of σ, less the roundoff of position."""
     sine = np.sin(other.position[:, 0])
     meridian, transverse = earth.radii(sine)
     apart = one.position - other.position
@@ -138,6 +154,7 @@ def differences(one: Solution, other: Solution) -> FloatArray:
             one.velocity_n - other.velocity_n,
             (attitude * expected.inv()).as_rotvec(),
             one.bias - other.bias,
+            one.scale - other.scale,
         ),
         axis=1,
     )

@@ -5,12 +5,35 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from lab.experiment import Experiment
 from lab.result import Result
-from lab.views.quantities import CONSISTENCY, COVARIANCE, ERRORS, HEIGHT, INNOVATIONS, SENSOR_ERRORS, TimePlot
+from lab.views.quantities import (
+    CONSISTENCY,
+    COVARIANCE,
+    ERRORS,
+    HEIGHT,
+    INNOVATIONS,
+    SCALE_COVARIANCE,
+    SCALE_ERRORS,
+    SENSOR_ERRORS,
+    TimePlot,
+    with_scale,
+)
 
 PLOTS = {
     plot.name: plot for plot in (*ERRORS, *COVARIANCE, *SENSOR_ERRORS, *INNOVATIONS, *CONSISTENCY, *HEIGHT)
 }
+
+
+@pytest.fixture(scope="module")
+def scaled() -> Result:
+    """Return a run with 21 states and given scale factor errors."""
+    experiment = Experiment(mission="los_angeles")
+    experiment.set("trajectory.imu_rate", 50)
+    experiment.set("navigator.states", 21)
+    experiment.set("sensors.gyro.scale_factor", [1.0, -2.0, 3.0])
+    experiment.set("sensors.accelerometer.scale_factor", 0.5)
+    return experiment.run()
 
 
 @pytest.mark.parametrize("plot", PLOTS.values(), ids=PLOTS)
@@ -45,17 +68,40 @@ def test_units_are_those_of_the_datasets(result: Result) -> None:
         assert plot.unit == result.innovations[variable].attrs["units"]
 
 
-def test_all_fifteen_states_appear_once_in_their_units(result: Result) -> None:
+@pytest.mark.parametrize("n", [15, 21])
+def test_all_states_appear_once_in_their_units(n: int, scaled: Result, result: Result) -> None:
+    result = scaled if n == 21 else result
     sigma = result.state_sigma["sigma"].values
-    units = result.state_sigma["unit"].values
+    units, names = result.state_sigma["unit"].values, result.state_sigma["state"].values
     shown = []
-    for plot in COVARIANCE:
+    for plot in with_scale(result, COVARIANCE, SCALE_COVARIANCE):
         for curve in plot.curves:
             values = curve.read(result)
-            (state,) = [index for index in range(15) if np.shares_memory(values, sigma[:, index])]
+            (state,) = [index for index in range(n) if np.shares_memory(values, sigma[:, index])]
             assert plot.unit == units[state]
+            assert names[state].split()[0] == plot.name.split("_")[0]
             shown.append(state)
-    assert sorted(shown) == list(range(15))
+    assert sorted(shown) == list(range(n))
+
+
+def test_scale_factors_are_shown_against_the_truth(scaled: Result) -> None:
+    plots = with_scale(scaled, SENSOR_ERRORS, SCALE_ERRORS)
+    assert [plot.heading for plot in plots[6:]] == [
+        f"{sensor} scale factor error, {axis} [%]" for sensor in ("Gyro", "Accelerometer") for axis in "xyz"
+    ]
+    for plot, given in zip(plots[6:], (1.0, -2.0, 3.0, 0.5, 0.5, 0.5), strict=True):
+        estimate, truth = (curve.read(scaled) for curve in plot.curves)
+        np.testing.assert_allclose(truth, given, rtol=1e-12)
+        assert estimate[0] == 0
+        assert plot.band is not None
+        low, high = plot.band.edges(scaled)
+        np.testing.assert_allclose((low + high) / 2, estimate, atol=1e-12)
+
+
+def test_without_scale_states_nothing_extra_is_shown(result: Result) -> None:
+    assert with_scale(result, SENSOR_ERRORS, SCALE_ERRORS) == SENSOR_ERRORS
+    assert with_scale(result, COVARIANCE, SCALE_COVARIANCE) == COVARIANCE
+    assert not any("scale" in str(name) for name in result.sensor_errors)
 
 
 def test_east_north_up_of_the_covariance_is_that_of_the_errors(result: Result) -> None:
