@@ -223,7 +223,6 @@ SCALE_STATES = (
         ("navigator.model=psi",),
         ("navigator.model=invariant",),
         SCALE_STATES,
-        (*SCALE_STATES, "navigator.correction=feedforward"),
     ],
 )
 def test_of_a_matched_filter_all_sources_sum_to_its_own_covariance(more: tuple[str, ...]) -> None:
