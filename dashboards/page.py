@@ -70,6 +70,7 @@ class SimulatorPage:
         self._files = Files(self.session)
         self._address = Address(self.session, document)
         self._progress = Progress(self.session)
+        self._reason = pmui.Alert(object="", severity="info", margin=(16, 20), sizing_mode="stretch_width")
         self._message = pmui.Alert(object="", severity="error", closeable=True, visible=False, margin=(6, 8))
         self._tabs = pmui.Tabs(
             *((page.title, pn.Spacer(height=0)) for page in PAGES),
@@ -133,19 +134,23 @@ class SimulatorPage:
 
     def _show(self) -> None:
         """Draw the page that is chosen; it is laid out afterwards, so that it arrives complete."""
-        page = self._page
-        laid_out = self._stage.objects == [page.view]
-        if self.session.result is not None:
+        page, result = self._page, self.session.result
+        reason = page.lacks(result) if result is not None else ""
+        self._reason.object = reason
+        view = self._reason if reason else page.view
+        laid_out = self._stage.objects == [view]
+        if result is not None and not reason:
             if not laid_out:
                 page.forget()
-            page.show(self.session.result)
+            page.show(result)
             page.show_time(self.axis.time)
-        if self._stage.objects != [page.view]:  # not laid out, or a page that has changed its plots
-            self._stage[:] = [page.view]
+        view = self._reason if reason else page.view  # a page may have changed its plots
+        if self._stage.objects != [view]:
+            self._stage[:] = [view]
 
     def _prepare(self, result: Result) -> None:
         page = self._pages.get(self._tabs.active)
-        if page is not None:
+        if page is not None and not page.lacks(result):
             page.prepare(result)
 
     def _new_result(self, event: param.parameterized.Event) -> None:
@@ -167,7 +172,8 @@ class SimulatorPage:
         self._settings.refresh()
 
     def _follow(self, time: float) -> None:
-        self._page.show_time(time)
+        if not self._reason.object:
+            self._page.show_time(time)
 
     def _new_problem(self, event: param.parameterized.Event) -> None:
         self._message.param.update(object=event.new, visible=bool(event.new))

@@ -15,7 +15,8 @@ from dashboards.other_form import OtherFormField
 from dashboards.session import Session
 from dashboards.widgets import ChoiceField, Field, TextField, field
 from lab.experiment import Experiment
-from lab.missions import missions
+from lab.log_run import has_effect
+from lab.missions import LogMission, missions
 from lab.navigation.belief import belief
 from lab.settings import MatrixOrNone
 
@@ -69,6 +70,8 @@ class SettingsPanel:
     def __init__(self, session: Session) -> None:
         self._session = session
         self._fields: dict[str, Field] = {}
+        self._is_log = False
+        self._views: list[tuple[pn.viewable.Viewable, list[str]]] = []
         forms = {path: session.experiment.derived(path).setting for path in Experiment.OTHER_FORMS}
         self._forms = {setting: path for path, setting in forms.items()}
         # The rate of the IMU is what makes a variance of a density.
@@ -80,8 +83,17 @@ class SettingsPanel:
         self._seed = TextField(session.experiment.param["seed"], self._change("seed"))
         self._fields |= {"mission": self._mission, "seed": self._seed}
         self._cards = CardChooser(session)
+        self._note = pmui.Alert(
+            object="A log of real sensors: nothing is simulated. The sensors' settings are what the filter "
+            "assumes of them; those that change nothing are not shown.",
+            severity="info",
+            visible=False,
+            margin=(4, 0, 8, 0),
+            sizing_mode="stretch_width",
+        )
         self.view = pn.Column(
             self._mission.view,
+            self._note,
             self._seed_row(),
             self._cards_row(),
             *self._sections(),
@@ -94,10 +106,26 @@ class SettingsPanel:
         """Show the settings as they are."""
         for path, shown in self._fields.items():
             shown.show(self._session.experiment.get(path))
+        self._suit()
+
+    def _suit(self) -> None:
+        """Show what changes something: of a log of real sensors nothing is simulated."""
+        self._is_log = isinstance(missions().get(self._session.experiment.mission), LogMission)
+        self._note.visible = self._is_log
+        for view, paths in self._views:
+            view.visible = not self._is_log or any(map(has_effect, paths))
+
+    def _suited(self, view: pn.viewable.Viewable, paths: list[str]) -> pn.viewable.Viewable:
+        """Return a view that is shown only where one of its settings changes something."""
+        self._views.append((view, paths))
+        view.visible = not self._is_log or any(map(has_effect, paths))
+        return view
 
     def _change(self, path: str) -> Any:
         def change(value: Any) -> bool:
             accepted = self._session.change(path, value)
+            if path == "mission":
+                self._suit()
             if path.startswith("sensors."):
                 self._cards.refresh()
             if path in self._depend:
@@ -111,7 +139,8 @@ class SettingsPanel:
             icon="casino", description="Another seed", size="1.3em", margin=(10, 0, 0, 2), align="center"
         )
         another.on_click(lambda _event: self._next_seed())
-        return pn.Row(self._seed.view, another, margin=0, sizing_mode="stretch_width")
+        row = pn.Row(self._seed.view, another, margin=0, sizing_mode="stretch_width")
+        return self._suited(row, ["seed"])
 
     def _next_seed(self) -> None:
         self._session.change("seed", (int(self._session.experiment.seed) + 1) % 2**32)
@@ -151,7 +180,7 @@ class SettingsPanel:
 
         card.param.watch(fill, "collapsed")
         fill()
-        return card
+        return self._suited(card, paths)
 
     def _more(self, paths: list[str]) -> pn.viewable.Viewable:
         inside = pn.Column(margin=0, sizing_mode="stretch_width", visible=False)
@@ -173,7 +202,8 @@ class SettingsPanel:
             )
 
         toggle.param.watch(unfold, "value")
-        return pn.Column(toggle, inside, margin=0, sizing_mode="stretch_width")
+        column = pn.Column(toggle, inside, margin=0, sizing_mode="stretch_width")
+        return self._suited(column, paths)
 
     def _make(self, path: str) -> pn.viewable.Viewable:
         owner, _, name = path.rpartition(".")
@@ -189,10 +219,10 @@ class SettingsPanel:
         made.show(self._session.experiment.get(path))
         self._fields[path] = made
         if path in self._forms:
-            return pn.Column(
-                made.view, self._make_form(self._forms[path]), margin=0, sizing_mode="stretch_width"
-            )
-        return made.view
+            form = self._make_form(self._forms[path])
+            both = pn.Column(made.view, form, margin=0, sizing_mode="stretch_width")
+            return self._suited(both, [path])
+        return self._suited(made.view, [path])
 
     def _make_form(self, path: str) -> pn.viewable.Viewable:
         """Return the box for another form of a setting."""
@@ -220,5 +250,9 @@ def matched_variances(experiment: Experiment, name: str) -> list[float]:
 
 
 def mission_titles() -> dict[str, str]:
-    """Return the missions there are: name by title."""
-    return {mission.title or name: name for name, mission in missions().items()}
+    """Return the missions there are: name by title, with the name beside titles that occur twice."""
+    titles: dict[str, str] = {}
+    for name, mission in missions().items():
+        title = mission.title or name
+        titles[title if title not in titles else f"{title} ({name})"] = name
+    return titles

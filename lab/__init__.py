@@ -35,7 +35,7 @@ if TYPE_CHECKING:
     from lab.experiment import Experiment
     from lab.missions import Mission, MissionError, Recording, mission
     from lab.navigation.algorithm import Algorithm, Estimate
-    from lab.result import Result
+    from lab.result import Result, ResultError
     from lab.sensors.cards import card, cards
     from lab.settings import SettingError
     from lab.trajectory import Trajectory
@@ -50,6 +50,7 @@ __all__ = [
     "MissionError",
     "Recording",
     "Result",
+    "ResultError",
     "SettingError",
     "Trajectory",
     "__version__",
@@ -74,6 +75,7 @@ _HOMES = {
     "MissionError": "lab.missions",
     "Recording": "lab.missions",
     "Result": "lab.result",
+    "ResultError": "lab.result",
     "SettingError": "lab.settings",
     "Trajectory": "lab.trajectory",
     "card": "lab.sensors.cards",

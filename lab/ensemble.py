@@ -22,8 +22,8 @@ from lab.analysis.algorithm_verdict import judge
 from lab.analysis.evidence import Evidence
 from lab.analysis.verdict import Verdict
 from lab.experiment import Experiment
+from lab.missions import LogMission, mission
 from lab.navigation.algorithm import Algorithm
-from lab.navigation.kalman import MEASUREMENTS
 from lab.result import ANGLES, EAST_NORTH_UP, Result
 
 if TYPE_CHECKING:
@@ -52,6 +52,7 @@ class _Run(NamedTuple):
     sigma: FloatArray
     rms: FloatArray
     degrees: int
+    nis_degrees: int
     evidence: Evidence
     seconds: float
 
@@ -71,7 +72,9 @@ class Ensemble:
     nees, nis : (runs, m) arrays
         Consistency at each fix; NaN where a run did not use it.
     degrees : int
-        Degrees of freedom of NEES.
+        Degrees of freedom of NEES; 0 for a log of real sensors, of which NEES is not known.
+    nis_degrees : int
+        Degrees of freedom of NIS.
     error, sigma : (runs, m, 9) arrays
         Errors and their σ after each fix, in the order of `QUANTITIES` and in `UNITS`.
     rms : (runs, 9) array
@@ -88,6 +91,7 @@ class Ensemble:
     nees: FloatArray
     nis: FloatArray
     degrees: int
+    nis_degrees: int
     error: FloatArray
     sigma: FloatArray
     rms: FloatArray
@@ -115,7 +119,10 @@ class Ensemble:
         import xarray as xr  # noqa: PLC0415 - takes a while to import, and a run does without
 
         variables = {}
-        for name, values, degrees in (("anees", self.nees, self.degrees), ("anis", self.nis, MEASUREMENTS)):
+        for name, values, degrees in (
+            ("anees", self.nees, self.degrees),
+            ("anis", self.nis, self.nis_degrees),
+        ):
             mean, low, high = _averages(values, degrees)
             label = f"{name.upper()}, {degrees} degrees of freedom"
             for suffix, series in (("", mean), ("_low", low), ("_high", high)):
@@ -133,7 +140,7 @@ class Ensemble:
         """
         late = self.time > after
         parts = []
-        for values, degrees in ((self.nees, self.degrees), (self.nis, MEASUREMENTS)):
+        for values, degrees in ((self.nees, self.degrees), (self.nis, self.nis_degrees)):
             mean, low, high = (series[late] for series in _averages(values, degrees))
             known = ~np.isnan(mean)
             parts.append(float(np.mean((low < mean) & (mean < high), where=known)) if known.any() else np.nan)
@@ -199,7 +206,7 @@ def run_ensemble(
     experiment
         What to run; its own seed is the first where a number of runs is given.
     seeds
-        Number of runs, or the seed of each.
+        Number of runs, or the seed of each; of a log of real sensors there is one run.
     progress
         Called with a sentence about what is being done and the fraction done, from 0 to 1.
     workers
@@ -210,12 +217,17 @@ def run_ensemble(
     Raises
     ------
     ValueError
-        If there is no seed to run; and what `Experiment.run` raises.
+        If there is no seed to run, or more than one on a log; and what `Experiment.run` raises.
     """
     chosen = range(experiment.seed, experiment.seed + seeds) if isinstance(seeds, int) else seeds
     numbers = tuple(int(seed) for seed in chosen)
     if not numbers:
         raise ValueError(f"seeds: {seeds!r} names no run; accepted is a number from 1, or a list of seeds")
+    if len(numbers) > 1 and isinstance(mission(experiment.mission), LogMission):
+        raise ValueError(
+            f"seeds: {len(numbers)} runs of a log of real sensors would all be the same, since nothing of it "
+            "is drawn; accepted is one"
+        )
     count = 0
     lock = threading.Lock()
 
@@ -241,7 +253,7 @@ def run_ensemble(
 
 
 def _keep(result: Result) -> _Run:
-    """Take out of a result what is kept."""
+    """Take out of a result what is kept; what is not known of a log is NaN."""
     solution = result.solution_arrays
     used = solution.fix_sample >= 0
     at = solution.fix_sample[used]
@@ -250,18 +262,28 @@ def _keep(result: Result) -> _Run:
         parts = [group[name].values for name in ("position", "velocity", "attitude")]
         return np.concatenate(parts, axis=1)
 
-    error, sigma = nine(result.errors), nine(result.sigma)
+    sigma = nine(result.sigma)
+    error = np.full_like(sigma, np.nan) if result.lacks("errors") else nine(result.errors)
+    unknown = bool(result.lacks("consistency"))
     return _Run(
         time=result.fixes.time[used],
-        nees=result.consistency["nees"].values[used],
+        nees=np.full(at.size, np.nan) if unknown else result.consistency["nees"].values[used],
         nis=result.innovations["nis"].values[used],
         error=error[at],
         sigma=sigma[at],
-        rms=np.sqrt(np.mean(error**2, axis=0)),
-        degrees=int(result.consistency["nees"].attrs["degrees"]),
+        rms=_root_mean_square(error),
+        degrees=0 if unknown else int(result.consistency["nees"].attrs["degrees"]),
+        nis_degrees=int(result.innovations["nis"].attrs["degrees"]),
         evidence=result.evidence,
         seconds=result.seconds,
     )
+
+
+def _root_mean_square(error: FloatArray) -> FloatArray:
+    """Return the root mean square (9,) of errors (n, 9), of those that are known."""
+    known = np.isfinite(error)
+    total, count = np.sum(error**2, axis=0, where=known), known.sum(axis=0)
+    return np.asarray(np.sqrt(np.divide(total, count, out=np.full(error.shape[1], np.nan), where=count > 0)))
 
 
 def _together(experiment: Experiment, seeds: tuple[int, ...], runs: list[_Run]) -> Ensemble:
@@ -282,6 +304,7 @@ def _together(experiment: Experiment, seeds: tuple[int, ...], runs: list[_Run]) 
         nees=beside("nees"),
         nis=beside("nis"),
         degrees=runs[0].degrees,
+        nis_degrees=runs[0].nis_degrees,
         error=beside("error", len(QUANTITIES)),
         sigma=beside("sigma", len(QUANTITIES)),
         rms=np.stack([run.rms for run in runs]),

@@ -20,7 +20,8 @@ from numpy.typing import NDArray
 
 from lab.cache import StageCache, digest
 from lab.ideal_imu import IdealImu
-from lab.missions import Mission, mission
+from lab.log_run import run_log
+from lab.missions import LogMission, Mission, mission
 from lab.navigation import unscented
 from lab.navigation.algorithm import Algorithm, run_algorithm
 from lab.navigation.belief import belief, schedule_of
@@ -98,7 +99,9 @@ class Experiment(Settings):
     """
 
     mission = param.String(
-        default="montreal", label="Mission", doc="Name of a mission, or path of a flight csv."
+        default="montreal",
+        label="Mission",
+        doc="Name of a mission, path of a flight csv, or folder with the log of an IMU and a GPS receiver.",
     )
     seed = param.Integer(default=1, bounds=(0, 2**32 - 1), label="Seed", doc="Seed of all random draws.")
     trajectory = group(TrajectorySettings, "Trajectory.")
@@ -159,6 +162,9 @@ class Experiment(Settings):
     def run(self, progress: Progress | None = None, *, algorithm: Algorithm | None = None) -> Result:
         """Compute this experiment, using every stage already computed for the same settings.
 
+        A log of real sensors is navigated as it is: the settings of the sensors are then what the filter
+        assumes of them, and those of the simulation, such as the seed, change nothing (`lab.log_run`).
+
         Parameters
         ----------
         progress
@@ -176,7 +182,11 @@ class Experiment(Settings):
             If the flight cannot be navigated, such as across a pole, or the filter diverges beyond all
             numbers; or if the `algorithm` fails (`AlgorithmError`).
         """
-        return _Run(self.copy(), progress or (lambda _stage, _fraction: None), algorithm).result()
+        settings, tell = self.copy(), progress or (lambda _stage, _fraction: None)
+        found = mission(settings.mission)
+        if isinstance(found, LogMission):
+            return run_log(settings, found, CACHE, tell, algorithm)
+        return _Run(settings, found, tell, algorithm).result()
 
     def __repr__(self) -> str:
         changed = sum(getattr(owner, name) != owner.param[name].default for _, owner, name in self.leaves())
@@ -187,12 +197,12 @@ class _Run:
     """One computation of an experiment: its stages, each with the key of all it depends on."""
 
     def __init__(
-        self, experiment: Experiment, progress: Progress, algorithm: Algorithm | None = None
+        self, experiment: Experiment, found: Mission, progress: Progress, algorithm: Algorithm | None = None
     ) -> None:
         self.experiment = experiment
         self.algorithm = algorithm
         self.progress = progress
-        self.mission: Mission = mission(experiment.mission)
+        self.mission = found
         self.sensors: SensorSuite = experiment.sensors
         self.navigator: NavigatorSettings = experiment.navigator
         self.flight_key = digest(self.mission.content_hash, experiment.trajectory.to_dict())

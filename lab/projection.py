@@ -52,7 +52,7 @@ class Projection(NamedTuple):
     def project(self, position: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return easting and northing (n,) [m] of positions (n, 3): latitude, longitude [rad], height [m].
 
-        An estimate that strays beyond the latitudes of UTM is shown on their edge.
+        An estimate that strays beyond the latitudes of UTM is shown on their edge; NaN stays NaN.
         """
         import pymap3d  # noqa: PLC0415 - only needed where a map is shown
         import utm  # noqa: PLC0415
@@ -63,12 +63,13 @@ class Projection(NamedTuple):
                 latitude, longitude, 0.0, np.degrees(self.latitude), np.degrees(self.longitude), 0.0
             )
             return np.asarray(east), np.asarray(north)
-        if latitude.size == 0:
-            return np.zeros(0), np.zeros(0)
-        easting, northing, *_ = utm.from_latlon(
-            np.clip(latitude, *UTM_LATITUDES),
-            longitude,
-            force_zone_number=self.zone,
-            force_northern=self.latitude >= 0,
-        )
-        return np.asarray(easting), np.asarray(northing)
+        on_map = np.full((2, latitude.size), np.nan)
+        known = np.isfinite(latitude)
+        if known.any():
+            on_map[0, known], on_map[1, known], *_ = utm.from_latlon(
+                np.clip(latitude[known], *UTM_LATITUDES),
+                longitude[known],
+                force_zone_number=self.zone,
+                force_northern=self.latitude >= 0,
+            )
+        return on_map[0], on_map[1]

@@ -34,14 +34,18 @@ def write_netcdf(result: Result, path: Path, *, overwrite: bool) -> None:
 def write_csv(result: Result, folder: Path, *, overwrite: bool) -> None:
     """Write a result as csv files in a folder; see `Result.to_csv`."""
     tables = {folder / f"{name}.csv": table(dataset) for name, dataset in result.datasets().items()}
-    summary, settings = folder / "summary.csv", folder / "settings.toml"
+    # Of a log without reference there are no errors to sum up.
+    result_table, name = (
+        (result.whiteness, "whiteness") if result.lacks("summary") else (result.summary, "summary")
+    )
+    summary, settings = folder / f"{name}.csv", folder / "settings.toml"
     _refuse_existing([*tables, summary, settings], overwrite)
     folder.mkdir(parents=True, exist_ok=True)
     with tempfile.TemporaryDirectory(dir=folder, prefix=".") as temporary:
         whole = Path(temporary)
         for path, frame in tables.items():
             frame.to_csv(whole / path.name, float_format="%.12g")
-        result.summary.to_csv(whole / summary.name, index=False, float_format="%.6g")
+        result_table.to_csv(whole / summary.name, index=False, float_format="%.6g")
         (whole / settings.name).write_text(result.experiment.to_toml(), encoding="utf-8")
         for path in (*tables, summary, settings):
             (whole / path.name).replace(path)
@@ -81,11 +85,15 @@ def _refuse_existing(paths: list[Path], overwrite: bool) -> None:
 def html(result: Result) -> str:
     """Return a result for a notebook: what was run, the settings that are not default, and the errors."""
     remarks = "".join(f"<li>{markup.escape(remark)}</li>" for remark in result.remarks)
-    title = f"{result.mission.title}, {result.time[-1]:.0f} s, seed {result.experiment.seed}"
-    summary = result.summary.to_html(index=False, border=0, float_format=lambda value: f"{value:.4g}")
+    seed = "" if result.recorded else f", seed {result.experiment.seed}"
+    title = f"{result.mission.title or result.mission.name}, {result.time[-1]:.0f} s{seed}"
+    lacking = result.lacks("summary")
+    shown = result.whiteness if lacking else result.summary
+    summary = shown.to_html(index=False, border=0, float_format=lambda value: f"{value:.4g}")
+    words = lacking or f"Errors are estimate minus {result.truth_word}, over the whole flight."
     return (
         f"<h4>{markup.escape(title)}</h4>"
         f"{settings_html(result.experiment, changed_only=True)}{summary}"
-        "<p>Errors are estimate minus truth, over the whole flight.</p>"
+        f"<p>{markup.escape(words)}</p>"
         f"{f'<ul>{remarks}</ul>' if remarks else ''}"
     )

@@ -9,7 +9,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,7 +20,8 @@ from lab.analysis.algorithm_verdict import algorithm_evidence, judge
 from lab.analysis.evidence import Evidence, Reference, evidence
 from lab.analysis.verdict import Verdict
 from lab.ideal_imu import IdealImu
-from lab.missions import Mission
+from lab.missions import Mission, SensorLog
+from lab.navigation.alignment import Alignment
 from lab.navigation.error_models import ATT, POS, STATES
 from lab.navigation.kalman import MEASUREMENTS
 from lab.navigation.solution import Belief, Fixes, Imu, Solution
@@ -62,12 +63,49 @@ DATASETS = (
 )
 """Names of the datasets every result has, as they are written to files."""
 
+NEEDS_TRUTH = frozenset(("truth", "errors", "summary"))
+"""What is not known of a log without a reference."""
+NEEDS_SIMULATION = frozenset(("consistency", "coverage", "budget", "temperature"))
+"""What is not known of any log: a reference knows neither the biases nor its own errors."""
+
 _COORDINATES: dict[str, list[str]] = {
     "axis": EAST_NORTH_UP,
     "angle": ANGLES,
     "body_axis": BODY_AXES,
 }
 _DEGREE = 1 / TO_SI["°"]
+_KNOWN = "the innovations and the verdict on them tell whether the filter is right."
+_SPOKEN = {
+    "consistency": "NEES",
+    "coverage": "the coverage of the errors",
+    "budget": "the error budget",
+    "temperature": "a simulated temperature",
+}
+
+
+class ResultError(ValueError):
+    """What was asked for is not known of this run; the message says why, and what is known."""
+
+
+class Recorded(NamedTuple):
+    """What a log of real sensors has, of which nothing is simulated.
+
+    Attributes
+    ----------
+    log : SensorLog
+        The log, repaired.
+    time : (n + 1,) array
+        Times of the IMU samples that were navigated [s].
+    alignment : Alignment
+        Where the navigator started, and how that was found.
+    notes : tuple of str
+        What was repaired and assumed, for people.
+    """
+
+    log: SensorLog
+    time: FloatArray
+    alignment: Alignment
+    notes: tuple[str, ...]
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -75,7 +113,8 @@ class Result:
     """What one run gave.
 
     The datasets are made from the arrays when first asked for. Two threads that ask at once may both make
-    one; it is the same.
+    one; it is the same. Of a log of real sensors some are not known: `lacks` says which and why, and asking
+    for one raises `ResultError`.
 
     Attributes
     ----------
@@ -84,17 +123,20 @@ class Result:
     mission : Mission
         The mission that was flown.
     truth_arrays, ideal, gyro, accelerometer, fixes, belief, solution_arrays
-        What the stages computed, in SI units.
+        What the stages computed, in SI units. Of a log there is no `ideal`, the biases and the errors of the
+        fixes are NaN, and the truth is its reference, NaN where that knows nothing, or None.
     seconds
         Time the navigator took when it computed the solution [s].
     algorithm
         Name of the user's algorithm that navigated; empty for the navigator of the settings.
+    recorded : Recorded or None
+        What a log has beside.
     """
 
     experiment: Experiment
     mission: Mission
-    truth_arrays: Truth
-    ideal: IdealImu
+    truth_arrays: Truth | None
+    ideal: IdealImu | None
     gyro: Measured
     accelerometer: Measured
     fixes: GpsFixes
@@ -102,11 +144,62 @@ class Result:
     solution_arrays: Solution
     seconds: float
     algorithm: str = ""
+    recorded: Recorded | None = None
 
     @property
     def time(self) -> FloatArray:
         """Times of the IMU samples (n + 1,) [s]."""
-        return self.truth_arrays.time
+        return self.recorded.time if self.recorded else self.known_truth("time").time
+
+    @property
+    def truth_word(self) -> str:
+        """What errors are differences to: ``"truth"``, or the ``"reference"`` of a log."""
+        return "reference" if self.recorded else "truth"
+
+    def lacks(self, name: str) -> str:
+        """Return why something is not known of this run, in a sentence; empty if it is.
+
+        Parameters
+        ----------
+        name
+            Name of a dataset, or ``"summary"``, ``"coverage"``, ``"budget"``.
+        """
+        if self.recorded is None:
+            return ""
+        if name in NEEDS_SIMULATION:
+            return (
+                "Nobody knows the true flight and the true biases of a log of real sensors, which "
+                f"{_SPOKEN.get(name, name)} needs; {_KNOWN}"
+            )
+        if name in NEEDS_TRUTH and self.truth_arrays is None:
+            return f"This log of real sensors has no reference, so its errors are not known; {_KNOWN}"
+        return ""
+
+    def known_truth(self, name: str) -> Truth:
+        """Return the truth, or the reference of a log, for what is called `name`.
+
+        Raises
+        ------
+        ResultError
+            If it is not known.
+        """
+        reason = self.lacks(name)
+        if reason or self.truth_arrays is None:
+            raise ResultError(reason or self.lacks("truth"))
+        return self.truth_arrays
+
+    def true_flight(self, name: str) -> tuple[Truth, IdealImu]:
+        """Return truth and ideal IMU of a simulated run, for what is called `name`.
+
+        Raises
+        ------
+        ResultError
+            If the run is that of a log.
+        """
+        truth = self.known_truth(name)
+        if self.ideal is None:
+            raise ResultError(self.lacks("budget"))
+        return truth, self.ideal
 
     @cached_property
     def euler(self) -> FloatArray:
@@ -127,10 +220,10 @@ class Result:
 
     @cached_property
     def truth(self) -> xr.Dataset:
-        """The true flight."""
-        truth = self.truth_arrays
+        """The true flight; of a log its reference."""
+        truth = self.known_truth("truth")
         position = np.stack((truth.latitude, truth.longitude, truth.height), axis=-1)
-        return self._flight(position, truth.velocity_n, truth.euler, "true")
+        return self._flight(position, truth.velocity_n, truth.euler, "reference" if self.recorded else "true")
 
     @cached_property
     def solution(self) -> xr.Dataset:
@@ -140,10 +233,11 @@ class Result:
 
     @cached_property
     def errors(self) -> xr.Dataset:
-        """Errors of the solution: estimate minus truth."""
-        position = errors.to_enu(errors.position_error(self.solution_arrays.position, self.truth_arrays))
-        velocity = errors.to_enu(self.solution_arrays.velocity_n - self.truth_arrays.velocity_n)
-        attitude = wrap(self.euler - self.truth_arrays.euler) * _DEGREE
+        """Errors of the solution: estimate minus truth; of a log minus its reference, NaN without."""
+        truth = self.known_truth("errors")
+        position = errors.to_enu(errors.position_error(self.solution_arrays.position, truth))
+        velocity = errors.to_enu(self.solution_arrays.velocity_n - truth.velocity_n)
+        attitude = wrap(self.euler - truth.euler) * _DEGREE
         return self._dataset(
             position=(("time", "axis"), position, "m", "position error"),
             velocity=(("time", "axis"), velocity, "m/s", "velocity error"),
@@ -172,20 +266,30 @@ class Result:
 
     @cached_property
     def imu(self) -> xr.Dataset:
-        """What the IMU put out and what a perfect one would have, as mean rates over each sample interval."""
+        """What the IMU put out, as mean rates over each sample; if simulated, what a perfect one had."""
         dims = ("time_imu", "body_axis")
-        rate, force = _DEGREE / self.ideal.dt, 1 / self.ideal.dt
-        return self._dataset(
-            angular_rate=(dims, self.gyro.increments * rate, "°/s", "measured angular rate"),
-            specific_force=(dims, self.accelerometer.increments * force, "m/s²", "measured specific force"),
-            angular_rate_true=(dims, self.ideal.dtheta * rate, "°/s", "true angular rate"),
-            specific_force_true=(dims, self.ideal.dvelocity * force, "m/s²", "true specific force"),
-        )
+        dt = np.diff(self.time)[:, None] if self.ideal is None else self.ideal.dt
+        rate, force = _DEGREE / dt, 1 / dt
+        variables = {
+            "angular_rate": (dims, self.gyro.increments * rate, "°/s", "measured angular rate"),
+            "specific_force": (
+                dims,
+                self.accelerometer.increments * force,
+                "m/s²",
+                "measured specific force",
+            ),
+        }
+        if self.ideal is not None:
+            variables |= {
+                "angular_rate_true": (dims, self.ideal.dtheta * rate, "°/s", "true angular rate"),
+                "specific_force_true": (dims, self.ideal.dvelocity * force, "m/s²", "true specific force"),
+            }
+        return self._dataset(**variables)
 
     @cached_property
     def temperature(self) -> xr.Dataset:
         """Temperature of the IMU in each sample interval, and what its thermometer showed."""
-        settings, height = self.experiment.sensors.temperature, self.truth_arrays.height
+        settings, height = self.experiment.sensors.temperature, self.known_truth("temperature").height
         true = thermal.temperature(settings, self.time[1:], height[1:] - height[0])
         reading = thermal.thermometer(settings, self.experiment.seed, true)
         return self._dataset(
@@ -195,34 +299,38 @@ class Result:
 
     @property
     def has_temperature(self) -> bool:
-        """Whether a temperature profile is set; without one the IMU is at 25 °C."""
-        return bool(self.experiment.sensors.temperature.profile != "none")
+        """Whether a temperature profile is simulated; without one the IMU is at 25 °C."""
+        return self.recorded is None and bool(self.experiment.sensors.temperature.profile != "none")
 
     @cached_property
     def gps(self) -> xr.Dataset:
-        """The GPS fixes and their errors."""
+        """The GPS fixes and, if simulated, their errors; those of a log as they were used, of the IMU."""
         fixes = self.fixes
         easting, northing = self.projection.project(fixes.position)
         dims = ("time_gps", "axis")
-        return self._dataset(
-            latitude=(("time_gps",), fixes.position[:, 0] * _DEGREE, "°", "latitude"),
-            longitude=(("time_gps",), fixes.position[:, 1] * _DEGREE, "°", "longitude"),
-            height=(("time_gps",), fixes.position[:, 2], "m", "height above the ellipsoid"),
-            easting=(("time_gps",), easting, "m", f"easting, {self.projection.label}"),
-            northing=(("time_gps",), northing, "m", f"northing, {self.projection.label}"),
-            velocity=(dims, errors.to_enu(fixes.velocity_n), "m/s", "velocity"),
-            position_error=(dims, fixes.position_error, "m", "position error of the fix"),
-            velocity_error=(dims, fixes.velocity_error, "m/s", "velocity error of the fix"),
-        )
+        variables = {
+            "latitude": (("time_gps",), fixes.position[:, 0] * _DEGREE, "°", "latitude"),
+            "longitude": (("time_gps",), fixes.position[:, 1] * _DEGREE, "°", "longitude"),
+            "height": (("time_gps",), fixes.position[:, 2], "m", "height above the ellipsoid"),
+            "easting": (("time_gps",), easting, "m", f"easting, {self.projection.label}"),
+            "northing": (("time_gps",), northing, "m", f"northing, {self.projection.label}"),
+            "velocity": (dims, errors.to_enu(fixes.velocity_n), "m/s", "velocity"),
+        }
+        if self.recorded is None:
+            variables |= {
+                "position_error": (dims, fixes.position_error, "m", "position error of the fix"),
+                "velocity_error": (dims, fixes.velocity_error, "m/s", "velocity error of the fix"),
+            }
+        return self._dataset(**variables)
 
     @cached_property
     def track(self) -> xr.Dataset:
-        """True and estimated path in metres on the map."""
+        """True and estimated path in metres on the map; of a log the reference, if any, is the true one."""
         truth = self.truth_arrays
-        paths = {
-            "true": np.stack((truth.latitude, truth.longitude, truth.height), axis=-1),
-            "estimated": self.solution_arrays.position,
-        }
+        paths = {"estimated": self.solution_arrays.position}
+        if truth is not None:
+            true = np.stack((truth.latitude, truth.longitude, truth.height), axis=-1)
+            paths = {"true": true} | paths
         projected = [self.projection.project(path) for path in paths.values()]
         dims = ("path", "time")
         label = self.projection.label
@@ -241,11 +349,15 @@ class Result:
     @cached_property
     def projection(self) -> Projection:
         """Map projection of the flight."""
-        return Projection.at(float(self.truth_arrays.latitude[0]), float(self.truth_arrays.longitude[0]))
+        if self.recorded:
+            start = self.solution_arrays.position[0]
+            return Projection.at(float(start[0]), float(start[1]))
+        truth = self.known_truth("truth")
+        return Projection.at(float(truth.latitude[0]), float(truth.longitude[0]))
 
     @cached_property
     def sensor_errors(self) -> xr.Dataset:
-        """Biases as estimated, as they were, and the σ of the estimate; with 21 states also scale factors."""
+        """Biases and their σ as estimated, if simulated as they were; with 21 states also scale factors."""
         solution, dims = self.solution_arrays, ("time", "body_axis")
         kinds = {"bias": ("bias", 9, ("°/s", "mg"), solution.bias, self.true_bias)}
         if solution.scale.size:
@@ -257,7 +369,7 @@ class Result:
                 part = slice(3 * number, 3 * number + 3)
                 for suffix, values, label in (
                     ("", estimate, "estimated"),
-                    ("_true", true, "true"),
+                    *([] if self.recorded else [("_true", true, "true")]),
                     ("_sigma", sigma, "σ of the estimated"),
                 ):
                     shown = values[:, part] / TO_SI[unit]
@@ -268,11 +380,13 @@ class Result:
     def innovations(self) -> xr.Dataset:
         """Innovations of the fixes (navigator minus GPS), their σ, and NIS; NaN for a fix not used.
 
-        A fix rejected by the gate keeps its innovation, and has no NIS. Attribute `degrees` of `nis`: the
-        numbers in a fix.
+        A fix rejected by the gate keeps its innovation, and has no NIS. What a real receiver does not measure
+        is NaN; attribute `degrees` of `nis`: how much the fixes measure.
         """
         nu, S = self.solution_arrays.innovation, self.solution_arrays.innovation_covariance
-        sigma = np.sqrt(np.diagonal(S, axis1=1, axis2=2))
+        sigma = np.where(np.isnan(nu), np.nan, np.sqrt(np.diagonal(S, axis1=1, axis2=2)))
+        measured = np.isfinite(nu).sum(axis=1)
+        degrees = int(measured.max()) if measured.any() else MEASUREMENTS
         dims = ("time_gps", "axis")
         dataset = self._dataset(
             position=(dims, errors.to_enu(nu[:, :3]), "m", "position innovation"),
@@ -281,9 +395,9 @@ class Result:
             velocity_sigma=(dims, sigma[:, [4, 3, 5]], "m/s", "σ of the velocity innovation"),
             nis=(
                 ("time_gps",),
-                self._used_fixes(consistency.normalised_squares, nu, S),
+                self._used_fixes(consistency.normalised_squares, np.nan_to_num(nu), S),
                 "",
-                f"NIS, {MEASUREMENTS} degrees of freedom",
+                f"NIS, {degrees} degrees of freedom",
             ),
             rejected=(
                 ("time_gps",),
@@ -292,7 +406,7 @@ class Result:
                 "1 for a fix rejected by the gate",
             ),
         )
-        dataset.nis.attrs["degrees"] = MEASUREMENTS
+        dataset.nis.attrs["degrees"] = degrees
         return dataset
 
     @cached_property
@@ -301,7 +415,10 @@ class Result:
         sets = self.innovations
         used = np.isfinite(sets["nis"].values)
         normalised = [(sets[name] / sets[f"{name}_sigma"]).values[used] for name in ("position", "velocity")]
-        r = [consistency.autocorrelation(values) for values in normalised]
+        r = [
+            np.where(np.isnan(values).all(axis=0), np.nan, consistency.autocorrelation(np.nan_to_num(values)))
+            for values in normalised
+        ]
         dims = ("lag", "axis")
         dataset = self._dataset(
             position=(dims, r[0], "", "autocorrelation of the position innovations"),
@@ -318,7 +435,7 @@ class Result:
         solution = self.solution_arrays
         samples = np.maximum(solution.fix_sample, 0)
         scale = self.true_scale if solution.scale.size else None
-        x = errors.error_state(solution, samples, self.truth_arrays, self.true_bias, scale)
+        x = errors.error_state(solution, samples, self.known_truth("consistency"), self.true_bias, scale)
         nees = self._used_fixes(consistency.normalised_squares, x, solution.fix_covariance)
         used = solution.fix_covariance[solution.fix_sample >= 0]
         degrees = int(consistency.uncertain(used).size) if used.size else 0
@@ -352,16 +469,25 @@ class Result:
 
     @cached_property
     def summary(self) -> pd.DataFrame:
-        """Table of the errors over the whole flight: rms, largest, and what 95 % stay below."""
+        """Table of the errors over the whole flight: rms, largest, and what 95 % stay below.
+
+        Of a log, of what the reference knows; with mean and standard deviation, since a reference may be
+        off by a constant.
+        """
         import pandas as pd  # noqa: PLC0415 - takes a while to import, and a run does without
 
         rows = []
         for name, array in self.errors.data_vars.items():
             for component, column in zip(array[array.dims[1]].values, array.values.T, strict=True):
-                size = np.abs(column)
-                figures = (np.sqrt(np.mean(size**2)), size.max(), np.quantile(size, 0.95))
+                known = column[np.isfinite(column)] if self.recorded else column
+                if not known.size:
+                    continue
+                size = np.abs(known)
+                figures = [np.sqrt(np.mean(size**2)), size.max(), np.quantile(size, 0.95)]
+                figures += [known.mean(), known.std()] if self.recorded else []
                 rows.append((f"{name} {component}", array.attrs["units"], *map(float, figures)))
-        return pd.DataFrame(rows, columns=["quantity", "unit", "rms", "max", "95 %"])
+        columns = ["quantity", "unit", "rms", "max", "95 %", *(["mean", "std"] if self.recorded else [])]
+        return pd.DataFrame(rows, columns=columns)
 
     @cached_property
     def verdict(self) -> Verdict:
@@ -375,10 +501,12 @@ class Result:
 
     @cached_property
     def evidence(self) -> Evidence:
-        """What this run says for and against each assumption of the filter."""
-        fixes, ideal = self.fixes, self.ideal
-        scale = self.true_scale if self.solution_arrays.scale.size else None
-        reference = Reference(self.truth_arrays, self.true_bias, ideal.dtheta, ideal.dvelocity, scale)
+        """What this run says for and against each assumption of the filter; of a log its innovations."""
+        fixes, reference = self.fixes, None
+        if self.recorded is None:
+            truth, ideal = self.true_flight("evidence")
+            scale = self.true_scale if self.solution_arrays.scale.size else None
+            reference = Reference(truth, self.true_bias, ideal.dtheta, ideal.dvelocity, scale)
         if self.algorithm:
             return algorithm_evidence(self.solution_arrays, reference)
         return evidence(
@@ -394,6 +522,8 @@ class Result:
         """Table of the errors in their σ: their mean, and how many percent lie within ±1σ and ±3σ."""
         import pandas as pd  # noqa: PLC0415 - takes a while to import, and a run does without
 
+        if reason := self.lacks("coverage"):
+            raise ResultError(reason)
         rows = []
         for name, array in self.errors.data_vars.items():
             values, sigma = array.values, self.sigma[name].values
@@ -408,19 +538,23 @@ class Result:
     def whiteness(self) -> pd.DataFrame:
         """Table of the innovations in their σ: mean, variance, and whether they are white.
 
-        The columns are those of `lab.analysis.consistency.whiteness_table`.
+        The columns are those of `lab.analysis.consistency.whiteness_table`. What the receiver of a log does
+        not measure has no row.
         """
         sets = self.innovations
         used = np.isfinite(sets["nis"].values)
         parts = [(sets[name] / sets[f"{name}_sigma"]).values[used] for name in ("position", "velocity")]
         values = np.concatenate(parts, axis=1)
-        count = max(len(values), 1)
-        return consistency.whiteness_table(
+        known = np.isfinite(values)
+        count, values = np.maximum(known.sum(axis=0), 1), np.nan_to_num(values)
+        table = consistency.whiteness_table(
             values.sum(axis=0) / count,
             np.sum(values**2, axis=0) / count,
             consistency.autocorrelation(values),
             len(values),
         )
+        # A real receiver may leave out a channel.
+        return table[known.any(axis=0)].reset_index(drop=True) if known.any() else table
 
     @cached_property
     def remarks(self) -> tuple[str, ...]:
@@ -444,12 +578,14 @@ class Result:
                 "No GPS fix during the flight (sensors.gps.outages, sensors.gps.period): the navigator ran "
                 "free."
             )
+        if self.recorded:
+            return (*self.recorded.notes, *remarks)
         return (*remarks, *self.experiment.sensors.remarks())
 
     def datasets(self) -> dict[str, xr.Dataset]:
-        """Return all datasets by name; the temperature where a profile is set."""
+        """Return by name all datasets that are known of this run; the temperature where a profile is set."""
         names = (*DATASETS, "temperature") if self.has_temperature else DATASETS
-        return {name: getattr(self, name) for name in names}
+        return {name: getattr(self, name) for name in names if not self.lacks(name)}
 
     def to_netcdf(self, path: str | Path, *, overwrite: bool = False) -> None:
         """Write all datasets as groups of one netCDF file, the settings in its attributes.
@@ -474,10 +610,10 @@ class Result:
         report.write_csv(self, Path(folder), overwrite=overwrite)
 
     def __repr__(self) -> str:
-        lines = self.summary.to_string(index=False, float_format=lambda value: f"{value:.4g}")
-        return "\n".join(
-            (f"Result of {self.mission.name}, seed {self.experiment.seed}:", lines, *self.remarks)
-        )
+        table = self.whiteness if self.lacks("summary") else self.summary
+        lines = table.to_string(index=False, float_format=lambda value: f"{value:.4g}")
+        seed = "" if self.recorded else f", seed {self.experiment.seed}"
+        return "\n".join((f"Result of {self.mission.name}{seed}:", lines, *self.remarks))
 
     def _repr_html_(self) -> str:
         return report.html(self)

@@ -21,6 +21,8 @@ VELOCITY = ("vn_m_s", "ve_m_s", "vd_m_s")
 SIGMA = ("sd_n_m", "sd_e_m", "sd_d_m", "sd_vn_m_s", "sd_ve_m_s", "sd_vd_m_s")
 ATTITUDE = ("roll_deg", "pitch_deg", "heading_deg")
 EPOCH = 1000.0
+LATENCY = {"comma2k19": -0.1}
+"""By how much the stamps of the fixes in real recordings are late [s]."""
 RATE = 100.0
 
 
@@ -95,8 +97,8 @@ def write(folder: Path, log: Tables, toml: str | None = None, imu_names=IMU) -> 
 def described(folder: Path, source: Path) -> Path:
     """Copy a real recording, its ``meta.json`` turned into the ``log.toml`` of the lab.
 
-    The receiver's latency that ``meta.json`` of comma2k19 gives is in the stamps of its csv already: against
-    the reference the positions keep their distance of 2.1 m, whatever the speed, only with none taken off.
+    Of the stamps in the csv of comma2k19 the latency in its ``meta.json`` is taken off already, and too much:
+    IMU and fixes alone, without the reference, tell that what is left is `LATENCY`.
     """
     import json
     import shutil
@@ -107,5 +109,6 @@ def described(folder: Path, source: Path) -> Path:
     meta = json.loads((source / "meta.json").read_text())
     (folder / "log.toml").write_text(
         f'title = "{meta["name"]}"\nlever_arm_m = {meta["lever_imu_to_antenna_frd_m"]}\n'
+        f"latency_s = {LATENCY.get(source.name, 0.0)}\n"
     )
     return folder

@@ -17,6 +17,9 @@ from lab.result import Result
 from lab.sensors.cards import card_in_force
 from lab.views.allan import TITLES, AllanFigures
 
+LEAST_REST = 10.0
+"""Shortest rest at the start of a log that an Allan deviation is made of [s]."""
+
 WORDS = {
     "noise_density": "White noise N",
     "flicker": "Bias instability B",
@@ -50,9 +53,21 @@ class Allan(ComputedPage):
             margin=0,
         )
 
+    def lacks(self, result: Result) -> str:
+        """Return why a log of real sensors has no Allan deviation: it moves."""
+        if result.recorded is None or result.recorded.alignment.rest >= LEAST_REST:
+            return ""
+        return (
+            "An Allan deviation needs sensors at rest, and this log of real sensors starts with "
+            f"{result.recorded.alignment.rest:.0f} s of rest; {LEAST_REST:g} s are the least."
+        )
+
     def work_out(self, result: Result, _progress: Progress) -> AtRest:
-        """Let the sensors rest, and fit what they put out."""
-        records = rest.simulate(result.experiment.sensors, result.experiment.seed)
+        """Let the sensors rest, and fit what they put out; of a log, its beginning."""
+        if result.recorded is None:
+            records = rest.simulate(result.experiment.sensors, result.experiment.seed)
+        else:
+            records = rest.of_log(result.recorded.log, result.recorded.alignment.rest)
         deviations = {triad: allan.deviation(record.rates, record.dt) for triad, record in records.items()}
         terms = {triad: allan.fit(found) for triad, found in deviations.items()}
         return AtRest(deviations, terms, {triad: record.duration for triad, record in records.items()})
@@ -67,6 +82,11 @@ class Allan(ComputedPage):
         sensors = result.experiment.sensors
         self._figures.show(sensors, content.deviations)
         self._table.object = terms_html(result, content)
+        if result.recorded:
+            return (
+                f"The log of real sensors, {content.durations['gyro']:.0f} s at rest; dashed and as set: "
+                "what the filter assumes of the sensors."
+            )
         hours = {triad: f"{duration / 3600:.3g} h" for triad, duration in content.durations.items()}
         name = card_in_force(sensors) or "Sensors as set, no card"
         return (

@@ -40,6 +40,10 @@ class Page(ABC):
     def make(self) -> pn.viewable.Viewable:
         """Return the layout, made once, without any data."""
 
+    def lacks(self, result: Result) -> str:
+        """Return why there is nothing to show of a result, in a sentence; empty if there is."""
+        return ""
+
     def prepare(self, result: Result) -> None:  # noqa: B027 - most pages have nothing to do
         """Have a result work out what this page shows; called in a thread of the pool."""
 

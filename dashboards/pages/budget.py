@@ -47,6 +47,10 @@ class Budget(ComputedPage):
             margin=0,
         )
 
+    def lacks(self, result: Result) -> str:
+        """Return why there is no budget."""
+        return result.lacks("budget")
+
     def work_out(self, result: Result, _progress: Progress) -> None:
         """Have the result work out its budget and its observability."""
         _ = result.budget, result.observability

@@ -95,18 +95,26 @@ class Consistency(ComputedPage):
         """Have the result judge its filter, if it is judged alone."""
         if self.runs == 1:
             self._one.prepare(result)
-            _ = result.verdict, result.innovation_verdict, result.whiteness, result.coverage
+            _ = result.verdict, result.innovation_verdict, result.whiteness
+            if not result.lacks("coverage"):
+                _ = result.coverage
 
     def draw(self, result: Result) -> None:
         """Draw a result in the visible stretch of time, or have its experiment run with many seeds."""
         self._result = result
+        self._choice.param.update(visible=not result.recorded, **({"value": 1} if result.recorded else {}))
         if self.runs > 1:
             self.working = f"Running {self.runs} seeds:"
             super().draw(result)
             return
         self._work.cancel()
         self._wanted = self._content = None
-        self.say(f"The flight shown, seed {result.experiment.seed}.")
+        if result.recorded:
+            self.say(
+                "A log of real sensors: nothing of it is drawn, so it is judged alone, by its innovations."
+            )
+        else:
+            self.say(f"The flight shown, seed {result.experiment.seed}.")
         self._one.show(result)
         self._write(result)
         self._lay_out(self._plots_of_one)
@@ -131,7 +139,9 @@ class Consistency(ComputedPage):
     def _write(self, judged: Result | Ensemble) -> None:
         """Write verdict and tables; they are about the whole flight."""
         self._verdict.object = verdict_html(judged.verdict, judged.innovation_verdict)
-        tables = whiteness_html(judged.whiteness), coverage_html(judged)
+        tables = [whiteness_html(judged.whiteness)]
+        if isinstance(judged, Ensemble) or not judged.lacks("coverage"):
+            tables.append(coverage_html(judged))
         self._tables.object = (
             f'<div class="tables">{"".join(f"<div>{table}</div>" for table in tables)}</div>'
         )
@@ -162,11 +172,12 @@ def verdict_html(verdict: Verdict, by_innovations: Verdict) -> str:
         f'<span class="quiet">({escape(finding.evidence)})</span></p>'
         for number, finding in enumerate(verdict.findings)
     )
+    same = verdict.basis == by_innovations.basis  # as of a log of real sensors
+    alone = "" if same else f" By the innovations alone: {by_innovations.headline}"
     return (
         f'<div class="verdict {_COLOUR[verdict.consistent]}">'
         f"<h2>{escape(verdict.headline)}</h2>{findings}"
-        f'<p class="quiet">Judged by {escape(verdict.basis)}. By the innovations alone: '
-        f"{escape(by_innovations.headline)}</p></div>"
+        f'<p class="quiet">Judged by {escape(verdict.basis)}.{escape(alone)}</p></div>'
     )
 
 

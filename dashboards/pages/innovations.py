@@ -18,7 +18,7 @@ class Innovations(Page):
 
     def make(self) -> pn.viewable.Viewable:
         """Return the grid: innovations above, their autocorrelation below."""
-        self._time = TimeFigures(INNOVATIONS, self.axis)
+        self._time = TimeFigures(INNOVATIONS, self.axis, in_place=True)
         self._lags = AutocorrelationFigures()
         over_time, over_lags = self._time.figures, self._lags.figures
         return plot_grid([*over_time[:3], *over_lags[:3], *over_time[3:], *over_lags[3:]], 3)

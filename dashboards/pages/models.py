@@ -38,6 +38,12 @@ class Models(ComputedPage):
         """Fill the table."""
         self._table.object = models_html(content, str(result.experiment.navigator.model))
         mission = escape(result.mission.title or result.mission.name)
+        if result.recorded:
+            against = "not known without a reference" if result.lacks("errors") else "against the reference"
+            return (
+                f"{mission}, a log of real sensors: rms errors are {against}; NIS as the mean over its "
+                "fixes, beside what it should be."
+            )
         return (
             f"{mission}, seed {result.experiment.seed}: rms errors over the flight; NEES and NIS as means "
             "over its fixes, beside what they should be."
@@ -61,9 +67,10 @@ def _row(row: Compared, is_chosen: bool) -> str:
     if row.refusal:
         return f'<tr><td>{name}</td>{"<td>–</td>" * 6}<td class="words">{escape(row.refusal)}</td></tr>'
     figures = (
-        f"{row.position:.3f}",
-        f"{row.velocity:.3f}",
-        f"{row.heading:.3f}",
+        *(
+            f"{error:.3f}" if np.isfinite(error) else "–"
+            for error in (row.position, row.velocity, row.heading)
+        ),
         f"{row.nees:.1f} / {row.degrees}" if np.isfinite(row.nees) else "not known",
         f"{row.nis:.1f} / {row.nis_degrees}" if np.isfinite(row.nis) else "not known",
         f"{1e3 * row.seconds:.0f}",

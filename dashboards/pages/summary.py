@@ -24,6 +24,7 @@ td.words { min-width: 260px; }
 th, td:not(.words) { white-space: nowrap; }
 tr.group td { border-top: 2px solid rgba(128,128,128,.25); }
 p { opacity: .75; margin: 0 0 12px; }
+ul { font: 14px/1.5 Roboto, sans-serif; max-width: 900px; margin: 14px 0; padding-left: 20px; opacity: .85; }
 """
 
 
@@ -42,7 +43,7 @@ class Summary(Page):
 
     def prepare(self, result: Result) -> None:
         """Have the result work out its summary."""
-        _ = result.summary
+        _ = result.whiteness if result.lacks("summary") else result.summary
 
     def draw(self, result: Result) -> None:
         """Fill the table."""
@@ -50,7 +51,9 @@ class Summary(Page):
 
 
 def summary_html(result: Result) -> str:
-    """Return the summary of a result as an HTML table."""
+    """Return the summary of a result as an HTML table; of a log with what was repaired and assumed."""
+    if result.recorded:
+        return log_html(result)
     table = result.summary
     statistics = [name for name in table.columns if name not in {"quantity", "unit"}]
     head = "".join(f"<th>{escape(name)}</th>" for name in statistics)
@@ -59,6 +62,35 @@ def summary_html(result: Result) -> str:
     return (
         f"<p>{mission}, {result.time[-1]:.0f} s, seed {result.experiment.seed}; error = estimate − truth</p>"
         f'<table><tr><th></th><th class="unit">unit</th>{head}</tr>{"".join(rows)}</table>'
+    )
+
+
+def log_html(result: Result) -> str:
+    """Return the summary of a log of real sensors as HTML.
+
+    Errors against its reference, or where there is none what the innovations say; and what was repaired and
+    assumed.
+    """
+    mission = escape(result.mission.title or result.mission.name)
+    remarks = "".join(f"<li>{escape(remark)}</li>" for remark in result.remarks)
+    if result.lacks("summary"):
+        table, words = result.whiteness, "innovations in their σ (navigator − fix)"
+        names = [name for name in table.columns if name != "innovation"]
+        rows = [
+            f"<tr><td>{escape(str(row['innovation']))}</td>"
+            f"{''.join(f'<td>{row[name]:.3g}</td>' for name in names)}</tr>"
+            for row in table.to_dict("records")
+        ]
+        head = "".join(f"<th>{escape(name)}</th>" for name in names)
+    else:
+        table, words = result.summary, "error = estimate − reference"
+        names = [name for name in table.columns if name not in {"quantity", "unit"}]
+        rows = [_row(number, row, names) for number, row in enumerate(table.to_dict("records"))]
+        head = '<th class="unit">unit</th>' + "".join(f"<th>{escape(name)}</th>" for name in names)
+    span = f"{result.time[0]:.0f} to {result.time[-1]:.0f} s"
+    return (
+        f"<p>{mission}, log of real sensors, {span}; {words}</p>"
+        f"<table><tr><th></th>{head}</tr>{''.join(rows)}</table><ul>{remarks}</ul>"
     )
 
 

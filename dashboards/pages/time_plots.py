@@ -72,6 +72,10 @@ class Errors(TimePlots):
     title = "Errors"
     plots = ERRORS
 
+    def lacks(self, result: Result) -> str:
+        """Return why errors are not known."""
+        return result.lacks("errors")
+
 
 class Covariance(TimePlots):
     """σ of all states."""

@@ -45,8 +45,9 @@ class View3D(Page):
         )
         heights = pmui.Select(options=FACTORS, value=1.0, size="small", width=140, margin=(4, 10))
         heights.param.watch(lambda event: self._exaggerate(event.new), "value")
+        self._legend = pn.pane.HTML("", margin=(10, 4))
         return pn.Column(
-            pn.Row(heights, pn.pane.HTML(_legend(), margin=(10, 4)), margin=0, sizing_mode="stretch_width"),
+            pn.Row(heights, self._legend, margin=0, sizing_mode="stretch_width"),
             pn.pane.HTML(frame, sizing_mode="stretch_width", margin=0),
             sizing_mode="stretch_width",
             margin=(4, 8),
@@ -61,6 +62,7 @@ class View3D(Page):
         self._result = result
         if self._scene is not None:
             self._scene.show(result, self.axis.time)
+            self._legend.object = _legend(result, self._scene.scale)
 
     def show_time(self, time: float) -> None:
         """Move the aircraft."""
@@ -79,6 +81,7 @@ class View3D(Page):
             self._scene.show(self._result, self.axis.time)
 
 
-def _legend() -> str:
-    entries = ((TRUTH, "true path"), (ESTIMATE, "estimate, 3σ ellipsoids × 10"), (FIXES, "GPS fixes"))
+def _legend(result: Result, scale: float) -> str:
+    true = () if result.truth_arrays is None else ((TRUTH, f"{result.truth_word}"),)
+    entries = (*true, (ESTIMATE, f"estimate, 3σ ellipsoids × {scale:g}"), (FIXES, "GPS fixes"))
     return " &emsp; ".join(f'<span style="color:{colour}">●</span> {label}' for colour, label in entries)

@@ -22,7 +22,7 @@ class AlgorithmEvidence(Evidence):
     """What runs of a user's algorithm say: nothing of fixes, noise and start."""
 
 
-def algorithm_evidence(solution: Solution, reference: Reference) -> AlgorithmEvidence:
+def algorithm_evidence(solution: Solution, reference: Reference | None) -> AlgorithmEvidence:
     """Return what a run says of a user's algorithm, by the covariance and the innovations it gave.
 
     Parameters
@@ -30,7 +30,7 @@ def algorithm_evidence(solution: Solution, reference: Reference) -> AlgorithmEvi
     solution
         What it computed; what it did not give is NaN and counts for nothing.
     reference
-        The truth.
+        The truth; None where nobody knows it.
     """
     used = np.flatnonzero(solution.fix_sample >= 0)
     given = used[np.isfinite(solution.innovation[used]).all(axis=1)]
@@ -43,7 +43,7 @@ def algorithm_evidence(solution: Solution, reference: Reference) -> AlgorithmEvi
         runs=1,
         innovations=Innovations(squares, sums, lagged, nothing, outliers=0),
         nis=Squares(np.array(nis.sum()), np.array(float(MEASUREMENTS * nis.size))),
-        nees=nees_squares(solution, used, reference) if has_covariance else None,
+        nees=nees_squares(solution, used, reference) if has_covariance and reference is not None else None,
     )
 
 

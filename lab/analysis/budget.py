@@ -100,11 +100,14 @@ def error_budget(result: Result) -> xr.Dataset:
     ------
     SettingError
         If the filter is not one whose gains act on these error states.
+    ResultError
+        If the run is that of a log of real sensors, whose true flight nobody knows.
     """
+    _, ideal = result.true_flight("budget")
     _check(result)
     experiment = result.experiment
     constant = constants(experiment)
-    random = processes(experiment, result.ideal, float(result.time[-1]))
+    random = processes(experiment, ideal, float(result.time[-1]))
     known = known_errors(result)
     epochs = epochs_of(result)
     variance = _Propagation(result, constant, random, known).run(epochs)
@@ -120,7 +123,8 @@ def _check(result: Result) -> None:
             f"navigator.model = {model!r}: the error budget needs the gains of a linear model; accepted here "
             f"is one of {', '.join(MODELS)}"
         )
-    highest = float(np.abs(result.truth_arrays.latitude).max())
+    truth, _ = result.true_flight("budget")
+    highest = float(np.abs(truth.latitude).max())
     if highest > MAX_LATITUDE:
         raise SettingError(
             f"mission: the flight reaches latitude {np.degrees(highest):.3f}°, and the error budget follows "
@@ -156,13 +160,18 @@ def epochs_of(result: Result) -> Epochs:
     end = result.time.size - 1
     used = np.flatnonzero(result.solution_arrays.fix_sample >= 0)
     at_fix = result.solution_arrays.fix_sample[used]
-    grid = np.append(np.arange(0, end, max(1, round(INTERVAL / result.ideal.dt))), end)
+    grid = np.append(np.arange(0, end, max(1, round(INTERVAL / _step(result)))), end)
     grid = np.setdiff1d(grid, at_fix)
     sample = np.concatenate((at_fix, grid))
     order = np.argsort(sample, kind="stable")
     sample = sample[order]
     fix = np.concatenate((used, np.full(grid.size, -1)))[order]
     return Epochs(sample, fix, np.append(np.diff(sample) > 0, True))
+
+
+def _step(result: Result) -> float:
+    """Return the usual time from IMU sample to IMU sample [s]."""
+    return float(np.median(np.diff(result.time))) if result.ideal is None else result.ideal.dt
 
 
 class _Propagation:
@@ -175,7 +184,7 @@ class _Propagation:
         processes: list[Process],
         known: Sequence[Series] = (),
     ) -> None:
-        truth, ideal, belief = result.truth_arrays, result.ideal, result.belief
+        (truth, ideal), belief = result.true_flight("budget"), result.belief
         self.flight = Flight(
             truth.latitude,
             truth.height,
@@ -318,7 +327,7 @@ def _corrections(result: Result) -> NDArray[np.bool_]:
     corrected = np.zeros(sample.shape, dtype=np.bool_)
     if navigator.correction != "feedback":
         return corrected
-    last, slack = result.time[0], 1e-6 * result.ideal.dt
+    last, slack = result.time[0], 1e-6 * _step(result)
     for m in np.flatnonzero(sample >= 0):
         if result.time[sample[m]] - last >= navigator.correction_period - slack:
             corrected[m], last = True, result.time[sample[m]]

@@ -214,7 +214,8 @@ def evidence(
     Parameters
     ----------
     solution, belief
-        What the navigator computed, and what it assumed.
+        What the navigator computed, and what it assumed. Innovations that are NaN, of what the receiver does
+        not measure, count for nothing: their R is very large.
     fixes, imu
         What it was given.
     reference
@@ -223,11 +224,14 @@ def evidence(
     used = np.flatnonzero(solution.fix_sample >= 0)
     motion = _motion(solution, used, imu)
     causes = _causes(motion)
-    nis = consistency.normalised_squares(solution.innovation[used], solution.innovation_covariance[used])
+    known = np.isfinite(solution.innovation[used])
+    nis = consistency.normalised_squares(
+        np.nan_to_num(solution.innovation[used]), solution.innovation_covariance[used]
+    )
     found = Evidence(
         runs=1,
         innovations=_innovations(solution, belief, used, imu.time, motion, causes),
-        nis=Squares(np.array(nis.sum()), np.array(float(MEASUREMENTS * nis.size))),
+        nis=Squares(np.array(nis.sum()), np.array(float(known.sum()))),
     )
     if reference is None:
         return found
@@ -293,7 +297,8 @@ def _innovations(
     motion: _AtFixes,
     causes: FloatArray,
 ) -> Innovations:
-    nu, S = solution.innovation[used], solution.innovation_covariance[used]
+    known = np.isfinite(solution.innovation[used])
+    nu, S = np.nan_to_num(solution.innovation[used]), solution.innovation_covariance[used]
     sigma = np.sqrt(np.diagonal(S, axis1=1, axis2=2))
     normalised = nu / sigma
     squares, sums, lagged = sizes(normalised)
@@ -302,7 +307,7 @@ def _innovations(
     both = np.concatenate((response, nu[..., None]), axis=2) / sigma[..., None]
     white = np.asarray(np.linalg.solve(root, both), dtype=np.float64)
     return Innovations(
-        squares=squares,
+        squares=Squares(squares.total, known.sum(axis=0).astype(np.float64)),
         sums=sums,
         lagged=lagged,
         fit=_normal_equations(white[..., :CAUSES], white[..., CAUSES]),
@@ -332,7 +337,8 @@ def _response(
 
     From fix to fix the error grows by the short-term terms of F alone: velocity, specific force, biases.
     """
-    gains, n = solution.fix_covariance[used][:, :, :6] @ np.linalg.inv(belief.R), solution.states
+    gains = solution.fix_covariance[used][:, :, :6] @ np.linalg.inv(belief.fix_covariance(used))
+    n = solution.states
     at = solution.fix_sample[used]
     dt = np.diff(time[at], append=time[-1])[:, None, None]
     F = np.zeros((used.size, n, n))

@@ -65,11 +65,11 @@ def known_errors(result: Result) -> list[Series]:
 
 def _of_triad(result: Result, number: int, name: str) -> list[Series]:
     """Return the known errors of the gyros (0) or the accelerometers (1)."""
-    experiment, ideal = result.experiment, result.ideal
+    experiment, (truth, ideal) = result.experiment, result.true_flight("budget")
     errors = experiment.sensors.groups()[name]
     assert isinstance(errors, imu.GyroErrors | imu.AccelerometerErrors)
     settings = experiment.sensors.temperature
-    height = result.truth_arrays.height
+    height = truth.height
     warmth = thermal.temperature(settings, result.time[1:], height[1:] - height[0])
     true = ideal.dvelocity if number else ideal.dtheta
     found: list[Series] = []
@@ -136,7 +136,7 @@ def _of_fixes(result: Result) -> list[Series]:
         ],
         axis=1,
     )
-    no_inertial = np.zeros((result.ideal.dtheta.shape[0], 6))
+    no_inertial = np.zeros((result.time.size - 1, 6))
     if not any(errors.lever_arm):
         return [Series("GPS latency", no_inertial, way)]
     arm = _lever_arm(result) if errors.latency else way
@@ -145,7 +145,7 @@ def _of_fixes(result: Result) -> list[Series]:
 
 def _lever_arm(result: Result) -> FloatArray:
     """Return where the antenna is and how it moves (m, 6) beside the IMU, when the fixes saw it."""
-    errors, truth, ideal = result.experiment.sensors.gps, result.truth_arrays, result.ideal
+    errors, (truth, ideal) = result.experiment.sensors.gps, result.true_flight("budget")
     at = np.clip(np.round((result.fixes.time - errors.latency) / ideal.dt).astype(np.int64), 1, None)
     at = np.minimum(at, ideal.dtheta.shape[0])
     C_nb = C_nb_from_euler(truth.euler[at])

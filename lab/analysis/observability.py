@@ -17,9 +17,12 @@ from numpy.typing import NDArray
 
 from lab.analysis.budget import believed_sigma, check_gains, epochs_of, quantities
 from lab.analysis.errors import euler_sigma
-from lab.navigation.error_models import ATT, PHI, with_states
-from lab.navigation.navigator import navigate
-from lab.navigation.solution import Fixes, Imu, Start
+from lab.navigation import strapdown
+from lab.navigation.compilation import interpreted
+from lab.navigation.error_models import ATT, PHI, ErrorModel, with_states
+from lab.navigation.navigator import Filter, advance, navigate
+from lab.navigation.solution import EVERY_FIX, Fixes, Imu, Solution, Start
+from lab.trajectory import Truth
 from lab.units import TO_SI
 
 if TYPE_CHECKING:
@@ -27,7 +30,6 @@ if TYPE_CHECKING:
     import xarray as xr
 
     from lab.result import Result
-    from lab.trajectory import Truth
 
 FloatArray = NDArray[np.float64]
 
@@ -158,7 +160,7 @@ def observability(result: Result) -> xr.Dataset:
     epochs = epochs_of(result)
     kept = epochs.sample[epochs.last]
     sigma = believed_sigma(result)
-    found = manoeuvres(result.truth_arrays)
+    found = manoeuvres(_flight(result))
     edges = np.array([*(stretch.start for stretch in found), found[-1].end])
     at = np.append(0, epochs.sample[epochs.fix >= 0])
     known = sigma[at[np.searchsorted(result.time[at], edges, side="right") - 1]]
@@ -186,24 +188,62 @@ def observability(result: Result) -> xr.Dataset:
     )
 
 
+def _flight(result: Result) -> Truth:
+    """Return the flight: the true one, or of a log the one that was navigated."""
+    if result.recorded is None:
+        return result.known_truth("observability")
+    solution = result.solution_arrays
+    latitude, longitude, height = solution.position.T
+    return Truth(result.time, latitude, longitude, height, solution.velocity_n, solution.q_nb, result.euler)
+
+
 def _free_sigma(result: Result) -> FloatArray:
     """Return σ of all quantities (n + 1, states) that the filter would have without any fix.
 
     A perfect IMU and start keep the navigator on the true flight, so that the covariance is propagated there.
+    Of a log that flight is the estimated one, to which the navigator returns at each fix.
     """
-    ideal, truth, nothing = result.ideal, result.truth_arrays, np.zeros(3)
-    none = Fixes(np.zeros(0), np.zeros((0, 3)), np.zeros((0, 3)))
-    free = navigate(
-        Imu(ideal.time, ideal.dtheta, ideal.dvelocity),
-        none,
-        Start.off(truth, nothing, nothing, nothing),
-        result.belief,
-        model=with_states(PHI, result.belief.P0.shape[0]),
-    )
+    flight, nothing = _flight(result), np.zeros(3)
+    start = Start.off(flight, nothing, nothing, nothing)
+    model = with_states(PHI, result.belief.P0.shape[0])
+    if result.ideal is None:
+        free = _led(result, start, model)
+    else:
+        ideal = result.ideal
+        none = Fixes(np.zeros(0), np.zeros((0, 3)), np.zeros((0, 3)))
+        free = navigate(
+            Imu(ideal.time, ideal.dtheta, ideal.dvelocity), none, start, result.belief, model=model
+        )
     variance = free.variance
-    attitude = euler_sigma(truth.euler, variance[:, ATT], free.covariance[:, 1])
+    attitude = euler_sigma(flight.euler, variance[:, ATT], free.covariance[:, 1])
     parts = (variance[:, [1, 0, 2]], variance[:, [4, 3, 5]], attitude**2, variance[:, 9:])
     return np.sqrt(np.concatenate(parts, axis=1)) / [TO_SI[unit] for unit in quantities(free.states).values()]
+
+
+def _led(result: Result, start: Start, model: ErrorModel) -> Solution:
+    """Return the solution of a log without fixes that is led back to the estimated one at each of them."""
+    imu = Imu(result.time, result.gyro.increments, result.accelerometer.increments)
+    none = Fixes(np.zeros(0), np.zeros((0, 3)), np.zeros((0, 3)))
+    out, led = Solution.empty(imu.time.size, 0, model.states), result.solution_arrays
+    run = Filter.begin(start, result.belief._replace(R=np.eye(6)), imu.time[0], model)
+    run.state[strapdown.GYRO_BIAS : strapdown.ACCEL_BIAS + 3] = led.bias[0]
+    done = 0
+    for end in [*np.unique(led.fix_sample[led.fix_sample > 0]).tolist(), imu.dtheta.shape[0]]:
+        advance(
+            run,
+            Imu(imu.time[: end + 1], imu.dtheta[:end], imu.dvelocity[:end]),
+            none,
+            out,
+            done,
+            EVERY_FIX,
+            model,
+        )
+        interpreted(strapdown.set_position)(run.state, *led.position[end])
+        run.state[strapdown.VELOCITY : strapdown.VELOCITY + 3] = led.velocity_n[end]
+        run.state[strapdown.Q_NB : strapdown.Q_NB + 4] = led.q_nb[end]
+        run.state[strapdown.GYRO_BIAS : strapdown.ACCEL_BIAS + 3] = led.bias[end]
+        done = end
+    return out
 
 
 def observability_table(dataset: xr.Dataset) -> pd.DataFrame:

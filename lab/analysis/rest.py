@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from lab import earth
 from lab.analysis import allan
 from lab.missions.errors import MissionError
+from lab.missions.sensor_log import SensorLog
 from lab.missions.text_blocks import check_file
 from lab.sensors import imu
 from lab.sensors.cards import TRIADS, Card, Datum
@@ -91,6 +92,21 @@ def read_log(path: Path) -> dict[str, Record]:
     records = {triad: Record(table[:, 1 + 3 * i : 4 + 3 * i], dt) for i, triad in enumerate(TRIADS)}
     _check_rest(path, records["accelerometer"].rates)
     return records
+
+
+def of_log(log: SensorLog, length: float) -> dict[str, Record]:
+    """Return the beginning of a log, in which the vehicle was at rest.
+
+    Parameters
+    ----------
+    log
+        The log; its samples are taken as equally spaced.
+    length
+        How long the vehicle was at rest [s].
+    """
+    count = int(np.searchsorted(log.time, length, side="right")) - 1
+    dt = float(log.time[count] / count)
+    return {triad: Record(rates[:count], dt) for triad, rates in zip(TRIADS, log.rates, strict=True)}
 
 
 def simulate(sensors: SensorSuite, seed: int = 1) -> dict[str, Record]:

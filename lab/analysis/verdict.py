@@ -387,9 +387,9 @@ def _by_innovations(evidence: Evidence) -> list[Weighed]:
     if seen.outliers:
         # Through the filter each reaches the innovations after it: what these say else is not to be trusted.
         return _outliers(seen.outliers, int(seen.squares.number[0]), "innovations")
-    count = 3 * seen.squares.number[:1].sum()
+    count = seen.squares.number.reshape(2, 3).sum(axis=1)
     power = seen.squares.total.reshape(2, 3).sum(axis=1)
-    size = power / count
+    size = np.divide(power, count, out=np.ones(2), where=count > 0)
     after = seen.lagged.reshape(-1, 2, 3).sum(axis=2) / np.maximum(power, 1e-12)
     # Of white innovations each correlation has the variance 1 / count, and their sum that of all together.
     follows = after.sum(axis=0) * np.sqrt(count / after.shape[0])
@@ -399,10 +399,10 @@ def _by_innovations(evidence: Evidence) -> list[Weighed]:
     estimate = inverse @ seen.fit.vector
     low_gain = bool((follows > MANY_SIGMA).any())
     weight = float(follows.max()) ** 2 / 2
-    excess = float(power.sum() - 2 * count)
+    excess = float(power.sum() - count.sum())
     if low_gain and _only_position(size) and float(seen.fit.vector @ estimate) < EXPLAINED * excess:
         return [Weighed(weight, _seen_correlation(size[0], after))]
-    found = _causes(estimate, inflation * inverse) if count >= 3 * FEWEST else []
+    found = _causes(estimate, inflation * inverse) if count[0] >= 3 * FEWEST else []
     if found:
         return found
     for index, kind in enumerate(("position", "velocity")):
@@ -410,7 +410,7 @@ def _by_innovations(evidence: Evidence) -> list[Weighed]:
         if grown and (follows[index] > MANY_SIGMA or size[index] < size.max()):
             continue
         found += judge_size(
-            Squares(power[index], count),
+            Squares(power[index], count[index]),
             f"R {kind}",
             f"{kind.capitalize()} innovations {{root}} × as large as assumed: R {kind} about {{factor}} × "
             "too {wrong}.",

@@ -12,6 +12,7 @@ import typer
 from lab.cli.app import CommandError
 from lab.missions import mission as find_mission
 from lab.missions import missions as find_missions
+from lab.missions.log_mission import is_log_folder
 
 if TYPE_CHECKING:
     from lab.experiment import Experiment
@@ -20,7 +21,9 @@ if TYPE_CHECKING:
 Mission = Annotated[
     str,
     typer.Argument(
-        metavar="MISSION", help="Name of a mission, its .toml file, or a flight csv.", show_default=False
+        metavar="MISSION",
+        help="Name of a mission, its .toml file, a flight csv, or the folder of a log.",
+        show_default=False,
     ),
 ]
 Config = Annotated[
@@ -116,13 +119,16 @@ def algorithms(places: Sequence[str] | None) -> dict[str, Algorithm]:
 
 
 def _single(mission: str) -> str:
-    """Return the mission itself where its folder is named."""
-    if not Path(mission).is_dir() or mission in find_missions():
+    """Return the mission itself where its folder is named; a log is its folder."""
+    if not Path(mission).is_dir() or mission in find_missions() or is_log_folder(Path(mission)):
         return mission
     inside = [str(path) for path in sorted(Path(mission).glob("*.toml"))]
     if len(inside) != 1:
         holds = ", ".join(inside) or "no mission"
-        raise CommandError(f"{mission}: is a folder; accepted is one mission's .toml file (it holds {holds})")
+        raise CommandError(
+            f"{mission}: is a folder; accepted is one mission's .toml file (it holds {holds}), or a "
+            "folder with a log: log.toml, or imu.csv and gnss.csv"
+        )
     return inside[0]
 
 

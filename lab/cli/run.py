@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Hashable
 from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -25,6 +26,8 @@ from lab.cli.options import (
 from lab.cli.terminal import table
 
 if TYPE_CHECKING:
+    import pandas as pd
+
     from lab.analysis.verdict import Verdict
     from lab.result import Result
 
@@ -36,6 +39,8 @@ Examples:
   ins-lab run montreal --set "sensors.gps.outages=[[60, 90]]"
   ins-lab run montreal --card ADIS16470
   ins-lab run montreal --algorithm my_filter.py:MyFilter
+  ins-lab run my_drive --set navigator.gate=0.999
+my_drive is the folder of a log, with imu.csv, gnss.csv and perhaps ref.csv and log.toml.
 A FILE.toml holds the same settings in tables, such as
   [sensors.gyro]
   noise_density = 0.02"""
@@ -69,7 +74,7 @@ def run(
     if as_json:
         print_json(_facts(result, out))
     else:
-        print(f"{_errors(result)}\n\n{verdict_text(verdict)}")
+        print("\n\n".join((_errors(result), *_remarks(result), verdict_text(verdict))))
 
 
 def _write(result: Result, out: Path, force: bool) -> None:
@@ -85,14 +90,32 @@ def _facts(result: Result, out: Path | None) -> dict[str, Any]:
         "seed": result.experiment.seed,
         "algorithm": result.algorithm or None,
         "settings": result.experiment.to_dict(),
-        "summary": result.summary.rename(columns={"95 %": "p95"}).to_dict("records"),
+        "summary": None if result.lacks("summary") else _renamed(result.summary),
+        "remarks": list(result.remarks),
         "verdict": {**asdict(result.verdict), "consistent": result.verdict.consistent},
         "out": None if out is None else str(out),
     }
 
 
+def _renamed(summary: pd.DataFrame) -> list[dict[Hashable, Any]]:
+    return list(summary.rename(columns={"95 %": "p95"}).to_dict("records"))
+
+
+def _remarks(result: Result) -> list[str]:
+    """Return the remarks, one below the other, if there are any."""
+    return ["\n".join(f"- {remark}" for remark in result.remarks)] if result.remarks else []
+
+
 def _errors(result: Result) -> str:
-    """Return the errors as a table."""
+    """Return the errors as a table; where they are not known, what is known of the innovations."""
+    if result.lacks("summary"):
+        rows = [
+            tuple(f"{cell:.3f}" if isinstance(cell, float) else str(cell) for cell in row)
+            for row in result.whiteness.itertuples(index=False)
+        ]
+        return table(
+            tuple(result.whiteness.columns), rows, right=set(range(1, len(result.whiteness.columns)))
+        )
     summary = result.summary
     numbers = {column for column, kind in enumerate(summary.dtypes) if kind.kind == "f"}
     # Fixed decimals align; errors far below a millimetre, as without sensor noise, need powers of ten.

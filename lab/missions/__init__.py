@@ -12,6 +12,7 @@ from lab.missions.errors import MissionError
 from lab.missions.flight import fly, fly_mission
 from lab.missions.flight_csv import read_flight_csv, write_flight_csv
 from lab.missions.flight_plan import FlightPlan
+from lab.missions.log_mission import LogMission
 from lab.missions.mission import Mission
 from lab.missions.recording import Recording
 from lab.missions.sensor_log import SensorLog
@@ -19,6 +20,7 @@ from lab.missions.sensor_log_csv import read_sensor_log
 
 __all__ = [
     "FlightPlan",
+    "LogMission",
     "Mission",
     "MissionError",
     "Recording",

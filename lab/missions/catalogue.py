@@ -1,4 +1,4 @@
-"""Catalogue: the missions there are: those that ship with the lab, and the user's own beside them."""
+"""Catalogue: the missions there are: those that ship with the lab, the user's own and their logs."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ import warnings
 from pathlib import Path
 
 from lab.missions.errors import MissionError
+from lab.missions.log_mission import LogMission, is_log_folder, is_log_toml
 from lab.missions.mission import Mission
 
 OWN_FOLDER_VARIABLE = "INS_LAB_MISSIONS"
@@ -37,9 +38,10 @@ def own_folder() -> Path:
 def missions() -> dict[str, Mission]:
     """Return all missions by name: the shipped ones, then the user's own.
 
-    A mission is a TOML file and the recording beside it; its name is the TOML file's. A user's mission that
-    has the name of a shipped one is called ``user:NAME``, so that neither hides the other. A mission that
-    cannot be listed is left out with a warning; see `broken_missions`.
+    A mission is a TOML file and the recording beside it; its name is the TOML file's. A folder with the log
+    of an IMU and a GPS receiver (``log.toml``, or ``imu.csv`` and ``gnss.csv``) is one too, of the folder's
+    name. A user's mission that has the name of another one is called ``user:NAME``, so that neither hides
+    the other. A mission that cannot be listed is left out with a warning; see `broken_missions`.
     """
     found, broken = _find()
     for reason in broken.values():
@@ -53,12 +55,13 @@ def broken_missions() -> dict[str, str]:
 
 
 def mission(name_or_path: str | os.PathLike[str]) -> Mission:
-    """Return a mission by its name, or by the path of a mission's TOML file or of a flight csv.
+    """Return a mission by its name, or by the path of its TOML file, of a flight csv or of a log's folder.
 
     Parameters
     ----------
     name_or_path
-        A name as `missions` lists it, or a path ending with ``.toml``, ``.csv`` or ``.csv.gz``.
+        A name as `missions` lists it, a path ending with ``.toml``, ``.csv`` or ``.csv.gz``, or a folder with
+        the log of an IMU and a GPS receiver.
 
     Raises
     ------
@@ -72,18 +75,20 @@ def mission(name_or_path: str | os.PathLike[str]) -> Mission:
         listed = [
             one for one in found.values() if one.path is not None and one.path.absolute() == path.absolute()
         ]
-        return listed[0] if listed else Mission.from_toml(path, name=str(path))
+        return listed[0] if listed else _from_toml(path, str(path))
     if text.lower().endswith((".csv", ".csv.gz")):
         return _from_csv(_expanded(text))
     if text in found:
         return found[text]
     if text in broken:
         raise MissionError(broken[text])
+    if text and _is_folder(_expanded(text)):
+        return _from_folder(_expanded(text), found)
     close = difflib.get_close_matches(text, found, n=1)
     hint = f" Did you mean {close[0]}?" if close else ""
     raise MissionError(
         f"there is no mission {text!r}.{hint} Accepted: {', '.join(found)}, or the path of a .toml, .csv or "
-        ".csv.gz file"
+        ".csv.gz file or of a folder with a log"
     )
 
 
@@ -106,6 +111,29 @@ def _from_csv(path: Path) -> Mission:
     return Mission.from_csv(path)
 
 
+def _from_toml(path: Path, name: str) -> Mission:
+    return LogMission.at(path, name) if is_log_toml(path) else Mission.from_toml(path, name)
+
+
+def _is_folder(path: Path) -> bool:
+    try:
+        return path.is_dir()
+    except (OSError, ValueError):
+        return False
+
+
+def _from_folder(path: Path, found: dict[str, Mission]) -> Mission:
+    """Return the log in a folder."""
+    if not is_log_folder(path):
+        raise MissionError(
+            f"{path}: is a folder without a log; accepted is one with log.toml, or with imu.csv and gnss.csv"
+        )
+    listed = [
+        one for one in found.values() if one.path is not None and one.path.absolute() == path.absolute()
+    ]
+    return listed[0] if listed else LogMission.at(path)
+
+
 def _find() -> tuple[dict[str, Mission], dict[str, str]]:
     found: dict[str, Mission] = {}
     broken: dict[str, str] = {}
@@ -115,13 +143,15 @@ def _find() -> tuple[dict[str, Mission], dict[str, str]]:
     for folder in folders:
         try:
             paths = sorted(folder.glob("*.toml"))
+            logs = sorted(path for path in folder.glob("*/") if is_log_folder(path))
         except OSError as error:
             broken[str(folder)] = f"{folder}: cannot be listed: {error.strerror or error}"
             continue
-        for path in paths:
-            name = f"user:{path.stem}" if path.stem in found or path.stem in broken else path.stem
+        for path in (*paths, *logs):
+            plain = path.name if path in logs else path.stem
+            name = f"user:{plain}" if plain in found or plain in broken else plain
             try:
-                listed = Mission.from_toml(path, name)
+                listed = LogMission.at(path, name) if path in logs else _from_toml(path, name)
             except MissionError as error:
                 broken[name] = str(error)
                 continue

@@ -1,4 +1,4 @@
-"""Mission card: a mission shown in Jupyter: key facts, ground track and height as inline SVG."""
+"""Mission card: a mission, or a log, shown in Jupyter: key facts, ground track and height as inline SVG."""
 
 from __future__ import annotations
 
@@ -11,8 +11,10 @@ from numpy.typing import NDArray
 from lab.earth import radii
 from lab.ecef import near_pole, way
 from lab.missions.recording import Recording
+from lab.missions.sensor_log import SensorLog
 
 if TYPE_CHECKING:
+    from lab.missions.log_mission import LogMission
     from lab.missions.mission import Mission
 
 FloatArray = NDArray[np.float64]
@@ -31,25 +33,77 @@ def mission_html(mission: Mission, recording: Recording | str) -> str:
     recording
         Its recording, or the reason why there is none.
     """
-    title = f"<b>{escape(mission.title or mission.name)}</b> <code>{escape(mission.name)}</code>"
-    description = f"<p>{escape(mission.description)}</p>" if mission.description else ""
     if isinstance(recording, str):
-        return f"<div>{title}{description}<p>No recording: {escape(recording)}</p></div>"
+        return _card(mission, f"<p>No recording: {escape(recording)}</p>")
     facts = {
         "Aircraft": mission.aircraft,
         "Airport": mission.airport,
         **_facts(recording),
         "Origin": mission.origin,
     }
+    position = np.stack((recording.latitude, recording.longitude, recording.height), axis=-1)
+    return _card(mission, _body(facts, recording.time, position))
+
+
+def log_html(mission: LogMission, log: SensorLog | str) -> str:
+    """Return a card of a log as HTML.
+
+    Parameters
+    ----------
+    mission
+        What to show.
+    log
+        Its log, or the reason why there is none.
+    """
+    if isinstance(log, str):
+        return _card(mission, f"<p>No log: {escape(log)}</p>")
+    repairs = "".join(f"<li>{escape(repair)}</li>" for repair in log.repairs)
+    gnss = log.gnss
+    body = _body(_log_facts(log) | {"Origin": mission.origin}, gnss.time, gnss.position)
+    return _card(mission, f"{body}{f'<ul>{repairs}</ul>' if repairs else ''}")
+
+
+def _card(mission: Mission, body: str) -> str:
+    title = f"<b>{escape(mission.title or mission.name)}</b> <code>{escape(mission.name)}</code>"
+    description = f"<p>{escape(mission.description)}</p>" if mission.description else ""
+    return f"<div>{title}{description}{body}</div>"
+
+
+def _body(facts: dict[str, str], time: FloatArray, position: FloatArray) -> str:
+    """Return a table of facts beside the ground track and the height of positions (n, 3) at times (n,)."""
     rows = "".join(
         f'<tr><td style="text-align:left">{name}</td><td style="text-align:left">{escape(text)}</td></tr>'
         for name, text in facts.items()
         if text
     )
     return (
-        f'<div>{title}{description}<div style="display:flex;flex-wrap:wrap;gap:16px;align-items:flex-start">'
-        f'<table style="max-width:440px">{rows}</table>{_track(recording)}{_profile(recording)}</div></div>'
+        '<div style="display:flex;flex-wrap:wrap;gap:16px;align-items:flex-start">'
+        f'<table style="max-width:440px">{rows}</table>{_track(position)}{_profile(time, position[:, 2])}'
+        "</div>"
     )
+
+
+def _log_facts(log: SensorLog) -> dict[str, str]:
+    gnss, start = log.gnss, np.degrees(log.gnss.position[0, :2])
+    gaps = f"{len(log.gaps)}, {np.diff(log.gaps, axis=1).sum():.3g} s in all" if len(log.gaps) else "none"
+    span = "" if log.reference is None else f"{np.ptp(log.reference.time):.1f} s, {_known(log)}"
+    arm = ", ".join(f"{length:g}" for length in gnss.lever_arm)
+    return {
+        "Duration": f"{log.duration:.2f} s",
+        "IMU": f"{len(log.dtheta)} samples, {1 / np.median(np.diff(log.time)):.4g} Hz",
+        "GPS": f"{len(gnss.time)} fixes, {1 / np.median(np.diff(gnss.time)):.3g} Hz",
+        "Gaps of the IMU": gaps,
+        "Reference": span or "none",
+        "Start": f"{start[0]:.5f}° latitude, {start[1]:.5f}° longitude",
+        "Antenna": f"{arm} m forward, right, down of the IMU" if gnss.lever_arm.any() else "",
+        "Latency": f"{gnss.latency:g} s" if gnss.latency else "",
+    }
+
+
+def _known(log: SensorLog) -> str:
+    assert log.reference is not None
+    parts = {"velocity": log.reference.velocity_n, "attitude": log.reference.euler}
+    return ", ".join(("position", *(word for word, part in parts.items() if np.isfinite(part).any())))
 
 
 def _facts(recording: Recording) -> dict[str, str]:
@@ -68,13 +122,13 @@ def _facts(recording: Recording) -> dict[str, str]:
     }
 
 
-def _track(recording: Recording) -> str:
-    meridian, transverse = radii(np.sin(recording.latitude))
-    turn = np.unwrap(recording.longitude) - recording.longitude[0]
-    east = turn * transverse * np.cos(recording.latitude[0])
-    north = (recording.latitude - recording.latitude[0]) * meridian
-    if near_pole(recording.latitude).any():
-        level = np.stack((recording.latitude, recording.longitude, np.zeros_like(turn)), axis=-1)
+def _track(position: FloatArray) -> str:
+    latitude, longitude = position[:, 0], np.unwrap(position[:, 1])
+    meridian, transverse = radii(np.sin(latitude))
+    east = (longitude - longitude[0]) * transverse * np.cos(latitude[0])
+    north = (latitude - latitude[0]) * meridian
+    if near_pole(latitude).any():
+        level = position * (1, 1, 0)
         north, east, _ = way(np.broadcast_to(level[0], level.shape), level).T
     span = max(float(np.ptp(east)), float(np.ptp(north)), 1.0)
     x = 110 + 190 * (east - (east.max() + east.min()) / 2) / span
@@ -83,11 +137,11 @@ def _track(recording: Recording) -> str:
     return _figure(220, caption, x, y, f'<circle cx="{x[0]:.1f}" cy="{y[0]:.1f}" r="4" fill="#2a9d55"/>')
 
 
-def _profile(recording: Recording) -> str:
-    low, high = float(recording.height.min()), float(recording.height.max())
-    x = 15 + 290 * (recording.time - recording.time[0]) / recording.duration
-    y = 213 - 190 * (recording.height - low) / max(high - low, 1.0)
-    caption = f"Height, {low:.0f} to {high:.0f} m, over {recording.duration:.0f} s"
+def _profile(time: FloatArray, height: FloatArray) -> str:
+    low, high, duration = float(height.min()), float(height.max()), float(time[-1] - time[0])
+    x = 15 + 290 * (time - time[0]) / max(duration, 1e-9)
+    y = 213 - 190 * (height - low) / max(high - low, 1.0)
+    caption = f"Height, {low:.0f} to {high:.0f} m, over {duration:.0f} s"
     return _figure(320, caption, x, y, "")
 
 

@@ -43,6 +43,8 @@ class Column:
         Decimals written, where it is.
     required : bool
         False for columns that may be absent.
+    may_be_empty : bool
+        True for columns in which an empty cell, or ``nan``, says that the value is not known.
     """
 
     name: str
@@ -50,6 +52,7 @@ class Column:
     high: float
     decimals: int = 9
     required: bool = True
+    may_be_empty: bool = False
 
     @property
     def accepted(self) -> str:
@@ -72,7 +75,7 @@ def read_columns(path: Path, accepted: tuple[Column, ...]) -> tuple[list[Column]
     columns
         Those of them the file has, in the order of `accepted`.
     table : (n, columns) array
-        Their values, in the units of the file.
+        Their values, in the units of the file; NaN for empty cells where these are accepted.
     first_line
         Number of the line of the first row, as an editor shows it.
 
@@ -145,13 +148,15 @@ def _parse(rows: bytes, cells: int, columns: list[Column], indices: list[int]) -
     try:
         frame = pd.read_csv(
             io.BytesIO(rows), header=None, index_col=False, usecols=indices, dtype=np.float64, engine="c",
-            na_filter=False, quoting=csv.QUOTE_NONE, skip_blank_lines=False, low_memory=False,
+            na_filter=any(column.may_be_empty for column in columns), na_values=["", "nan", "NaN"],
+            keep_default_na=False, quoting=csv.QUOTE_NONE, skip_blank_lines=False, low_memory=False,
         )  # fmt: skip
     except (ValueError, OverflowError):
         return None
     values = np.ascontiguousarray(frame[indices].to_numpy())
     low, high = np.array([(column.low, column.high) for column in columns]).T
-    return values if ((values >= low) & (values <= high)).all() else None
+    unknown = np.isnan(values) & [column.may_be_empty for column in columns]
+    return values if (((values >= low) & (values <= high)) | unknown).all() else None
 
 
 def _have_cells(rows: bytes, cells: int) -> bool:
@@ -174,6 +179,8 @@ def _first_fault(
             return f"{path}, row {number}: {len(texts)} cells; accepted are {cells}, as many as in the header"
         for column, index in zip(columns, indices, strict=True):
             text = texts[index].strip()
+            if column.may_be_empty and text in {"", "nan", "NaN"}:
+                continue
             if not (_NUMBER.fullmatch(text) and column.low <= float(text) <= column.high):
                 shown = text if len(text) <= 40 else text[:37] + "..."
                 what = f"{shown!r} is not accepted" if shown else "the cell is empty"

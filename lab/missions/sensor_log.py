@@ -274,19 +274,28 @@ def _picked(gnss: GnssLog, rows: NDArray[np.bool_], epoch: float) -> GnssLog:
 
 
 def _report_missing(gnss: GnssLog, repairs: list[str]) -> None:
-    if np.isnan(gnss.velocity_n[:, :2]).any():
+    unknown = np.isnan(gnss.velocity_n)
+    if unknown[:, :2].any(axis=1).all():
         repairs.append("The GPS has no velocity: only its positions are used.")
-    elif np.isnan(gnss.velocity_n).any():
+    elif unknown[:, 2].all():
         repairs.append("The GPS has no vertical velocity: the filter uses the two horizontal ones.")
-    missing = [
-        word
-        for word, sigma in (("position", gnss.position_sigma), ("velocity", gnss.velocity_sigma))
-        if np.isnan(sigma).any()
-    ]
+    _report_some(repairs, unknown, "no velocity, or not all of it: the filter uses the rest")
+    missing = []
+    for word, sigma in (("position", gnss.position_sigma), ("velocity", gnss.velocity_sigma)):
+        if np.isnan(sigma).all(axis=0).any():
+            missing.append(word)
+        _report_some(repairs, np.isnan(sigma), f"no σ of the {word}: the variance of the settings stands in")
     if missing:
         repairs.append(
             f"The GPS gives no σ of its {' and '.join(missing)}: the variances of the settings stand in."
         )
+
+
+def _report_some(repairs: list[str], unknown: NDArray[np.bool_], what: str) -> None:
+    """Report how many fixes lack a value (m, 3) that others have."""
+    count = int((unknown & ~unknown.all(axis=0)).any(axis=1).sum())
+    if count:
+        repairs.append(f"{count} of {len(unknown)} fixes {'has' if count == 1 else 'have'} {what}.")
 
 
 def _say(repairs: list[str], count: int, what: str) -> None:

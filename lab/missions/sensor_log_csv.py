@@ -5,7 +5,8 @@ force ``fx_m_s2, fy_m_s2, fz_m_s2`` (or ``fx_g …``), mean over the interval th
 their integrals over it, ``dtheta_x_rad …`` and ``dvelocity_x_m_s …``. ``gnss.csv``: ``t_s, lat_deg, lon_deg,
 alt_m``, and what the receiver has of ``vn_m_s, ve_m_s, vd_m_s`` and of its σ ``sd_n_m, sd_e_m, sd_d_m,
 sd_vn_m_s, sd_ve_m_s, sd_vd_m_s``. ``ref.csv``, where there is one: ``t_s, lat_deg, lon_deg, alt_m``, and what
-is known of ``vn_m_s …`` and ``roll_deg, pitch_deg, heading_deg``. All three are stamped by one clock. Heights
+is known of ``vn_m_s …`` and ``roll_deg, pitch_deg, heading_deg``. Of what need not be there, an empty cell is
+not known. All three are stamped by one clock. Heights
 are above the ellipsoid, or all above the same other surface. The TOML, ``log.toml`` in the folder, may
 leave out every key; a folder without it is read with these defaults::
 
@@ -64,16 +65,21 @@ _POSITION = (
     Column("lon_deg", -360, 360),
     Column("alt_m", -1000, 100_000),
 )
-_VELOCITY = tuple(Column(name, -1000, 1000, required=False) for name in ("vn_m_s", "ve_m_s", "vd_m_s"))
+_VELOCITY = tuple(
+    Column(name, -1000, 1000, required=False, may_be_empty=True) for name in ("vn_m_s", "ve_m_s", "vd_m_s")
+)
 _SIGMA = tuple(
-    Column(name, 1e-6, 1e6, required=False)
+    Column(name, 1e-6, 1e6, required=False, may_be_empty=True)
     for name in ("sd_n_m", "sd_e_m", "sd_d_m", "sd_vn_m_s", "sd_ve_m_s", "sd_vd_m_s")
 )
 _ATTITUDE = tuple(
-    Column(name, -360, 360, required=False) for name in ("roll_deg", "pitch_deg", "heading_deg")
+    Column(name, -360, 360, required=False, may_be_empty=True)
+    for name in ("roll_deg", "pitch_deg", "heading_deg")
 )
 _TEXTS = ("title", "description", "imu", "gnss", "reference")
 _KEYS = (*_TEXTS, "axes", "lever_arm_m", "latency_s")
+KEYS = frozenset(_KEYS)
+"""Keys of the TOML."""
 
 
 @dataclass(frozen=True)

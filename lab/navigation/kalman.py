@@ -28,12 +28,12 @@ MEASUREMENTS = 6
 """Position north, east, down, then velocity: the first six error states, seen directly (H = [I₆ 0])."""
 
 
-def gate(probability: float) -> float:
+def gate(probability: float, measurements: int = MEASUREMENTS) -> float:
     """Return the largest NIS of a fix that is used: the χ² quantile of a probability; 0 uses every fix.
 
     (Bar-Shalom, Li & Kirubarajan 5.4.2-3.)
     """
-    return float(2 * special.gammaincinv(MEASUREMENTS / 2, probability)) if probability else math.inf
+    return float(2 * special.gammaincinv(measurements / 2, probability)) if probability else math.inf
 
 
 @kernel

@@ -1,13 +1,15 @@
 """Recorded: the navigator over a log of real sensors: each fix with its own σ, at its own time, of the IMU.
 
-The filter is handed the log piece by piece, from fix to fix: before each piece the next fix is brought from
-the antenna to the IMU with the navigator's attitude and rate, and its covariance set. It is the very filter
-of the simulated flights.
+The filter is handed the log piece by piece, wherever something of it changes: the covariance of the fixes, a
+gap of the IMU, and with a lever arm each fix, which is brought from the antenna to the IMU with the attitude
+and rate the navigator has there. It is the very filter of the simulated flights. The biases found at the
+start are no part of what its settings describe, so that they do not fade: they walk.
 """
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from collections.abc import Callable, Iterator, Sequence
+from typing import NamedTuple, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,21 +18,31 @@ from scipy.spatial.transform import Rotation
 from lab import earth
 from lab.missions.errors import MissionError
 from lab.missions.sensor_log import GnssLog, SensorLog
-from lab.navigation import strapdown
+from lab.navigation import navigator as linear
+from lab.navigation import strapdown, unscented
 from lab.navigation.alignment import Alignment, align
-from lab.navigation.belief import belief
-from lab.navigation.error_models import ATT, GYRO_BIAS, PHI, POS, VEL, with_states
-from lab.navigation.navigator import Filter, advance
+from lab.navigation.belief import belief, schedule_of
+from lab.navigation.checks import check_finite, check_mechanization, check_r, check_smoother, diverged
+from lab.navigation.error_models import ATT, GYRO_BIAS, POS, VEL, with_states
+from lab.navigation.kalman import gate
+from lab.navigation.navigator import PolarError
 from lab.navigation.settings import NavigatorSettings
-from lab.navigation.solution import Belief, Fixes, Imu, Schedule, Solution
+from lab.navigation.smoother import smooth
+from lab.navigation.solution import Belief, Fixes, Imu, Schedule, Solution, Start
+from lab.navigation.wander_models import linear_model
 from lab.sensors.suite import SensorSuite
+from lab.settings import SettingError
 
 FloatArray = NDArray[np.float64]
+Arrays = TypeVar("Arrays", Imu, Fixes)
+Advance = Callable[[Imu, Fixes, Solution, int, Schedule], int]
 
 UNKNOWN = 1e4
 """σ of a velocity the receiver does not have, which makes it count for nothing [m/s]."""
 NO_VERTICAL_SIGMA = 1.0
 """σ of the initial vertical velocity without any measured [m/s]."""
+NEAR_POLE = np.radians(89)
+"""Fixes beyond this latitude: the vehicle itself may have come too close to a pole [rad]."""
 
 _ROUNDING = 1e-6  # of time stamps [s]
 
@@ -45,7 +57,7 @@ class RecordedRun(NamedTuple):
     fixes : Fixes
         The fixes as they were used: at their time of validity, of the IMU.
     belief : Belief
-        What the filter assumed; R is that of the settings, which stands in where the log gives no σ.
+        What the filter assumed, with an R for each fix.
     alignment : Alignment
         Where it started.
     solution : Solution
@@ -62,8 +74,21 @@ class RecordedRun(NamedTuple):
     remarks: tuple[str, ...]
 
 
-def navigate_log(log: SensorLog, sensors: SensorSuite, navigator: NavigatorSettings) -> RecordedRun:
-    """Navigate a log of real sensors with the linear filter `phi`, corrected at each fix.
+class _Piece(NamedTuple):
+    """Samples the filter goes through in one go, up to number `end`; its fixes begin with number `fix`."""
+
+    end: int
+    fix: int
+    in_gap: bool
+
+
+def navigate_log(
+    log: SensorLog,
+    sensors: SensorSuite,
+    navigator: NavigatorSettings,
+    outages: Sequence[tuple[float, float]] = (),
+) -> RecordedRun:
+    """Navigate a log of real sensors.
 
     >>> from lab.missions import read_sensor_log
     >>> run = navigate_log(read_sensor_log("drive"), SensorSuite(), NavigatorSettings())
@@ -76,35 +101,67 @@ def navigate_log(log: SensorLog, sensors: SensorSuite, navigator: NavigatorSetti
         What the filter assumes of the sensors: their noise and biases, and the variances of a fix where the
         log gives none.
     navigator
-        Scales and matrices of the filter. An R given there takes the place of the log's own σ; P0 is that of
-        the start found in the log, unless given.
+        The filter. An R given there takes the place of the log's own σ; P0 is that of the start found in the
+        log, unless given.
+    outages
+        Stretches of time [s] of which the filter gets no fix.
 
     Raises
     ------
     MissionError
         If there are too few fixes while the IMU recorded.
+    SettingError
+        If the settings do not go together, or cannot be applied to a log.
     ValueError
         If the solution diverges beyond all numbers, or comes too close to a pole.
     """
+    _check(log, navigator)
     assumed = belief(sensors, navigator)
+    check_r(assumed.R)
     times = log.gnss.time - log.gnss.latency
     first = _first_sample(log, times)
     imu = Imu(log.time[first:], log.dtheta[first:], log.dvelocity[first:])
     gnss, R, variances = _measurements(log, assumed, navigator)
     fixes = Fixes(times, gnss.position, gnss.velocity_n)
     start = align(imu, fixes, np.sqrt(variances[:, 3:]))
-    assumed = assumed._replace(P0=_initial(assumed, navigator, start, variances[0]))
     # The last fix before the start gave the start.
     rows = (times > imu.time[0] + _ROUNDING) & (times <= imu.time[-1])
     if not rows.any():
         raise MissionError(f"{log.name}: no fix while the IMU recorded; accepted is at least one")
+    rows &= ~_within(outages, times)
+    assumed = assumed._replace(
+        P0=_initial(assumed, navigator, start, variances[0]),
+        R=R[rows],
+        bias_decay=np.zeros_like(assumed.bias_decay),
+    )
     fixes = Fixes(*(values[rows].copy() for values in fixes))
-    solution = _run(imu, fixes, R[rows], log, start, assumed)
-    if not np.isfinite(solution.position[-1]).all() or not (solution.variance >= 0).all():
-        raise ValueError(f"{log.name}: the navigation solution diverged beyond all numbers")
     missing = np.append(np.zeros((int(rows.sum()), 3), bool), np.isnan(log.gnss.velocity_n[rows]), axis=1)
+    solution = _solution(imu, fixes, log, start, assumed, navigator, missing)
     solution.innovation[missing] = np.nan
     return RecordedRun(imu, fixes, assumed, start, solution, (*log.repairs, start.remark))
+
+
+def _check(log: SensorLog, navigator: NavigatorSettings) -> None:
+    """Refuse settings that cannot be applied to a log."""
+    check_mechanization(navigator)
+    check_smoother(navigator)
+    if navigator.engine != "compiled":
+        raise SettingError(
+            "navigator.engine: the reference in filterpy takes one R for all fixes and knows no lever arm: "
+            "it cannot navigate a log of real sensors; accepted is compiled"
+        )
+    if navigator.smoother and log.gaps.size:
+        raise SettingError(
+            f"navigator.smoother: cannot smooth over gaps of the IMU, of which {log.name} has "
+            f"{len(log.gaps)}; accepted is false"
+        )
+
+
+def _within(stretches: Sequence[tuple[float, float]], times: FloatArray) -> NDArray[np.bool_]:
+    inside = np.zeros(times.shape, dtype=np.bool_)
+    for start, end in stretches:
+        inside |= (times >= start) & (times <= end)
+    return inside
 
 
 def _first_sample(log: SensorLog, times: FloatArray) -> int:
@@ -168,63 +225,129 @@ def _initial(
     return np.diag(variance)
 
 
-def _run(
-    imu: Imu, fixes: Fixes, R: FloatArray, log: SensorLog, alignment: Alignment, assumed: Belief
+def _solution(
+    imu: Imu,
+    fixes: Fixes,
+    log: SensorLog,
+    alignment: Alignment,
+    assumed: Belief,
+    navigator: NavigatorSettings,
+    missing: NDArray[np.bool_],
 ) -> Solution:
-    """Advance the filter from fix to fix and from gap to gap; `fixes` are brought to the IMU in place."""
-    model = with_states(PHI, assumed.P0.shape[0])
-    solution = Solution.empty(imu.time.size, fixes.time.size, model.states)
+    """Navigate, and smooth where asked for; `fixes` are brought to the IMU in place."""
+    usual = float(np.median(np.diff(imu.time)))
+    schedule = schedule_of(navigator, usual, imu.dtheta.shape[0])
+    try:
+        solution = _run(imu, fixes, log, alignment, assumed, navigator, missing, schedule)
+    except PolarError as error:
+        if np.abs(log.gnss.position[:, 0]).max() > NEAR_POLE:
+            raise
+        raise diverged(
+            "the estimate ran off to a pole, which the vehicle did not come near", error
+        ) from error
+    check_finite(solution, imu.time)
+    return smooth(imu, solution, assumed) if navigator.smoother else solution
+
+
+def _run(
+    imu: Imu,
+    fixes: Fixes,
+    log: SensorLog,
+    alignment: Alignment,
+    assumed: Belief,
+    navigator: NavigatorSettings,
+    missing: NDArray[np.bool_],
+    schedule: Schedule,
+) -> Solution:
+    """Advance the filter from piece to piece."""
+    solution = Solution.empty(imu.time.size, fixes.time.size, assumed.P0.shape[0])
+    R = assumed.R if fixes.time.size else np.eye(6)[None]
     begun = assumed._replace(R=R[0].copy(), noise=assumed.noise.copy())
-    run = Filter.begin(alignment.start, begun, float(imu.time[0]), model)
+    run, advance = _begin(alignment.start, begun, float(imu.time[0]), navigator, schedule)
     run.state[strapdown.GYRO_BIAS : strapdown.GYRO_BIAS + 3] = alignment.gyro_bias
-    gap_noise = _gap_noise(imu, log)
-    ends = {
-        int(k): m for m, k in reversed(list(enumerate(np.searchsorted(imu.time, fixes.time - _ROUNDING))))
-    }
-    gaps = np.searchsorted(imu.time, log.gaps)
-    stops = sorted({*ends, *gaps.ravel().tolist(), imu.time.size - 1} - {0})
+    # A fix with a lever arm just after the start looks there.
+    solution.q_nb[0], solution.bias[0] = alignment.start.q_nb, np.append(alignment.gyro_bias, np.zeros(3))
+    gap_noise, arm = _gap_noise(imu, log), log.gnss.lever_arm
+    measured = 6 - missing.sum(axis=1)
     done = 0
-    for stop in stops:
-        inside = ((gaps[:, 0] <= done) & (stop <= gaps[:, 1])).any()
-        run.noise[:] = assumed.noise
-        if inside:
-            run.noise[:6] += gap_noise
-        if stop in ends:
-            fix = ends[stop]
+    for end, fix, in_gap in _pieces(imu, fixes, log, R, measured):
+        run.noise[:6] = assumed.noise[:6] + gap_noise * in_gap
+        if fix < fixes.time.size:
             run.R[:] = R[fix]
-            run.R_root[:] = np.linalg.cholesky(R[fix])
-            _bring_to_imu(fixes, fix, run.state, imu, done, log.gnss.lever_arm)
-        piece = Imu(imu.time[: stop + 1], imu.dtheta[:stop], imu.dvelocity[:stop])
-        written = advance(run, piece, fixes, solution, done, Schedule(), model)
-        if written < stop + 1:
-            raise ValueError(f"{log.name}: the navigator came closer than 0.1° to a pole")
-        done = stop
+            if isinstance(run, linear.Filter):
+                run.R_root[:] = np.linalg.cholesky(R[fix])
+            schedule = schedule._replace(gate=gate(navigator.gate, int(measured[fix])))
+            seen = int(np.searchsorted(fixes.time, imu.time[end] + _ROUNDING, side="right"))
+            if arm.any() and seen > fix:
+                _bring_to_imu(fixes, slice(fix, seen), solution, imu, end - 1, arm)
+        piece = _shown(Imu(imu.time[: end + 1], imu.dtheta[:end], imu.dvelocity[:end]))
+        written = advance(piece, _shown(fixes), solution, done, schedule)
+        if written < end + 1:
+            raise PolarError(f"{log.name}: the navigator came closer than 0.1° to a pole")
+        done = end
     return solution
 
 
+def _shown(arrays: Arrays) -> Arrays:
+    """Return read-only views, as a simulated flight's arrays are: the code is compiled for these."""
+    views = [values.view() for values in arrays]
+    for view in views:
+        view.setflags(write=False)
+    return type(arrays)(*views)
+
+
+def _begin(
+    start: Start, assumed: Belief, time: float, navigator: NavigatorSettings, schedule: Schedule
+) -> tuple[linear.Filter | unscented.Filter, Advance]:
+    """Return a filter of a model at its start, and what takes it onwards."""
+    if navigator.model == "nonlinear":
+        unscented.check(schedule)
+        points = unscented.Filter.begin(start, assumed)
+        return points, lambda *piece: unscented.advance(points, *piece)
+    model = with_states(linear_model(navigator.model, navigator.mechanization), navigator.states)
+    run = linear.Filter.begin(start, assumed, time, model)
+
+    def onwards(imu: Imu, fixes: Fixes, out: Solution, first: int, schedule: Schedule) -> int:
+        return linear.advance(run, imu, fixes, out, first, schedule, model)
+
+    return run, onwards
+
+
+def _pieces(
+    imu: Imu, fixes: Fixes, log: SensorLog, R: FloatArray, measured: NDArray[np.int64]
+) -> Iterator[_Piece]:
+    """Yield the pieces of a log, each with one R, one number of measurements, and in a gap or not."""
+    sample = np.searchsorted(imu.time, fixes.time - _ROUNDING)  # after which each fix is used
+    gaps = np.clip(np.searchsorted(imu.time, log.gaps), 0, imu.time.size - 1)
+    last = imu.time.size - 1
+    ends = {last, *gaps.ravel().tolist()}
+    if log.gnss.lever_arm.any():
+        # The navigator stands at the sample before, whose attitude brings the fix to the IMU.
+        ends |= {*sample.tolist(), *(sample - 1).tolist()}
+    else:
+        changes = (np.diff(R, axis=0) != 0).any(axis=(1, 2)) | (np.diff(measured) != 0)
+        ends |= set(sample[:-1][changes].tolist())
+    done = 0
+    for end in sorted(ends - {0}):
+        fix = int(np.searchsorted(sample, done, side="right"))
+        yield _Piece(end, fix, bool(((gaps[:, 0] <= done) & (end <= gaps[:, 1])).any()))
+        done = end
+
+
 def _bring_to_imu(
-    fixes: Fixes, fix: int, state: FloatArray, imu: Imu, sample: int, lever_arm: FloatArray
+    fixes: Fixes, rows: slice, solution: Solution, imu: Imu, before: int, lever_arm: FloatArray
 ) -> None:
-    """Take the lever arm off a fix, with the attitude and rate of the navigator shortly before."""
-    if not lever_arm.any():
-        return
-    C_nb = Rotation.from_quat(state[strapdown.Q_NB : strapdown.Q_NB + 4], scalar_first=True)
-    # The navigator stands at the fix before: the gyros carry its attitude on.
-    last = int(np.searchsorted(imu.time, fixes.time[fix]))
-    bias = state[strapdown.GYRO_BIAS : strapdown.GYRO_BIAS + 3]
-    for increment, dt in zip(imu.dtheta[sample:last], np.diff(imu.time[sample : last + 1]), strict=True):
-        C_nb = C_nb * Rotation.from_rotvec(increment - bias * dt)
-    row = max(last - 1, 0)
-    rate = imu.dtheta[row] / (imu.time[row + 1] - imu.time[row]) - bias
-    arm, swing = C_nb.apply(lever_arm), C_nb.apply(np.cross(rate, lever_arm))
-    latitude, _, height = fixes.position[fix]
-    meridian, transverse = earth.radii(float(np.sin(latitude)))
-    fixes.position[fix] -= (
-        arm[0] / (meridian + height),
-        arm[1] / ((transverse + height) * np.cos(latitude)),
-        -arm[2],
-    )
-    fixes.velocity_n[fix] -= swing
+    """Take the lever arm off fixes, with the attitude at the sample before them and the gyros' rate since."""
+    rate = imu.dtheta[before] / (imu.time[before + 1] - imu.time[before]) - solution.bias[before, :3]
+    turned = rate * (fixes.time[rows, None] - imu.time[before])
+    C_nb = Rotation.from_quat(solution.q_nb[before], scalar_first=True) * Rotation.from_rotvec(turned)
+    north, east, down = C_nb.apply(lever_arm).T
+    latitude, _, height = fixes.position[rows].T
+    meridian, transverse = earth.radii(np.sin(latitude))
+    fixes.position[rows, 0] -= north / (meridian + height)
+    fixes.position[rows, 1] -= east / ((transverse + height) * np.cos(latitude))
+    fixes.position[rows, 2] += down
+    fixes.velocity_n[rows] -= C_nb.apply(np.cross(rate, lever_arm))
 
 
 def _gap_noise(imu: Imu, log: SensorLog) -> FloatArray:

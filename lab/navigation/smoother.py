@@ -64,7 +64,7 @@ class Used(NamedTuple):
         used = np.flatnonzero(solution.fix_sample >= 0)
         P = solution.fix_covariance[used]
         kept = np.tile(np.eye(solution.states), (used.size, 1, 1))
-        kept[:, :, :MEASUREMENTS] -= P[:, :, :MEASUREMENTS] @ np.linalg.inv(belief.R)
+        kept[:, :, :MEASUREMENTS] -= P[:, :, :MEASUREMENTS] @ np.linalg.inv(belief.fix_covariance(used))
         precision = np.asarray(np.linalg.inv(solution.innovation_covariance[used]), dtype=np.float64)
         return cls(solution.fix_sample[used], solution.innovation[used], precision, kept, P)
 
@@ -116,7 +116,9 @@ def smooth(imu: Imu, solution: Solution, belief: Belief) -> Solution:
     used = Used.of(solution, belief)
     stops = np.concatenate(([0], used.sample, [imu.dtheta.shape[0]]))
     room = Interval.of(int(np.diff(stops).max()), solution.states)
-    _backwards(solution.states)(imu, solution, used, room, belief, out)
+    # R is not needed there; one for each fix would compile the code anew.
+    assumed = belief._replace(R=belief.R.reshape(-1, MEASUREMENTS))
+    _backwards(solution.states)(imu, solution, used, room, assumed, out)
     out.fix_covariance[solution.fix_sample >= 0] = used.covariance
     return out
 

@@ -100,8 +100,8 @@ class Belief(NamedTuple):
     ----------
     P0 : (15, 15) or (21, 21) array
         Covariance of the initial error; its size is the filter's number of states.
-    R : (6, 6) array
-        Covariance of a fix: position north, east, down [m²], then velocity [(m/s)²].
+    R : (6, 6) or (m, 6, 6) array
+        Covariance of a fix, or of each: position north, east, down [m²], then velocity [(m/s)²].
     noise : (12,) array
         Power spectral densities of gyro noise [rad²/s], accelerometer noise [(m/s)²/s], gyro bias drive
         [rad²/s³] and accelerometer bias drive [(m/s²)²/s].
@@ -113,6 +113,10 @@ class Belief(NamedTuple):
     R: FloatArray
     noise: FloatArray
     bias_decay: FloatArray
+
+    def fix_covariance(self, fixes: NDArray[np.intp]) -> FloatArray:
+        """Return R of some fixes, (6, 6) or (m, 6, 6)."""
+        return self.R if self.R.ndim == 2 else np.asarray(self.R[fixes])
 
 
 class Solution(NamedTuple):

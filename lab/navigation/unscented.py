@@ -123,7 +123,7 @@ def navigate(
         If the schedule asks for what this filter cannot do: feedforward, or corrections less often than at
         each fix.
     """
-    _check(schedule)
+    check(schedule)
     solution = Solution.empty(imu.time.size, fixes.time.size, belief.P0.shape[0])
     stopped = 0
     if abs(start.position[0]) <= strapdown.MAX_LATITUDE:
@@ -133,8 +133,8 @@ def navigate(
     return solution
 
 
-def _check(schedule: Schedule) -> None:
-    """Refuse a schedule that leaves the navigator uncorrected."""
+def check(schedule: Schedule) -> None:
+    """Raise `SettingError` if a schedule leaves the navigator uncorrected."""
     if not schedule.feedback:
         raise SettingError(
             "navigator.correction: the nonlinear filter spreads its sigma points about its estimate, so "

@@ -14,7 +14,7 @@ from bokeh.models.tools import HoverTool
 from bokeh.plotting import figure
 
 from lab.views.envelope import nice_limit
-from lab.views.figures import plain_figure
+from lab.views.figures import hide, plain_figure
 from lab.views.quantities import AXIS_COLOURS, EAST_NORTH_UP, LAGS
 
 if TYPE_CHECKING:
@@ -52,12 +52,15 @@ class AutocorrelationFigures:
         for kind in ("position", "velocity"):
             values = dataset[kind].values[1:count]
             data |= {f"{kind}_{axis}": values[:, index] for index, axis in enumerate(EAST_NORTH_UP)}
-            largest = max(largest, float(np.abs(values).max(initial=0)))
+            largest = max(largest, float(np.abs(np.nan_to_num(values)).max(initial=0)))
         band = float(dataset.attrs["band"])
         for annotation in self._band.values():
             annotation.update(bottom=-band, top=band)
         limit = nice_limit(largest)
-        for fig in self.figures:
+        channels = [column for name, column in data.items() if name != "lag"]
+        for fig, channel in zip(self.figures, channels, strict=True):
+            # Real receivers may leave out a channel.
+            hide(fig, result.recorded is not None and not np.isfinite(channel).any(), in_place=True)
             fig.y_range.update(start=-limit, end=limit)
         self._source.data = data
 

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from bokeh.core.properties import value
 from bokeh.events import DoubleTap, Tap
 from bokeh.models.annotations import Legend, LegendItem, Span, Title
 from bokeh.models.callbacks import CustomJS
@@ -153,6 +154,8 @@ class TimeFigures:
         Time axis, shared with other figures.
     buckets
         Number of stretches the visible time is thinned to; one or two for each pixel of a figure's width.
+    in_place
+        Whether a figure of which nothing is known leaves its place empty; otherwise the others close up.
 
     Attributes
     ----------
@@ -160,10 +163,13 @@ class TimeFigures:
         In the order of `plots`.
     """
 
-    def __init__(self, plots: Sequence[TimePlot], axis: TimeAxis, buckets: int = 400) -> None:
+    def __init__(
+        self, plots: Sequence[TimePlot], axis: TimeAxis, buckets: int = 400, *, in_place: bool = False
+    ) -> None:
         self.plots = tuple(plots)
         self.axis = axis
         self._buckets = buckets
+        self._in_place = in_place
         self._sources: dict[Clock, Columns] = {}
         self._ready: (
             tuple[Result | Ensemble, tuple[float, float], dict[Clock, dict[str, FloatArray]]] | None
@@ -172,6 +178,7 @@ class TimeFigures:
             names = [name for plot in self.plots for name in _columns(plot, clock)]
             if names:
                 self._sources[clock] = Columns(("time", *names), f"{clock}:{self.plots[0].name}")
+        self._legends: dict[str, LegendItem] = {}
         self.figures = [self._draw(plot) for plot in self.plots]
 
     def prepare(self, result: Result | Ensemble) -> None:
@@ -190,6 +197,7 @@ class TimeFigures:
         for plot, fig in zip(self.plots, self.figures, strict=True):
             series = [drawn[clock][name] for clock in drawn for name in _columns(plot, clock)]
             set_ordinate(fig, *limits(series, plot.scale))
+            self._show_known(plot, fig, result)
 
     def _thinned(
         self, result: Result | Ensemble, window: tuple[float, float]
@@ -205,6 +213,17 @@ class TimeFigures:
             thinned[clock] = {name: series.astype(np.float32) for name, series in named}
         return thinned
 
+    def _show_known(self, plot: TimePlot, fig: figure, result: Result | Ensemble) -> None:
+        """Hide a figure, or an entry of its legend, of which nothing is known, as in logs of real sensors."""
+        # In a stretch of time without fixes nothing is hidden: a figure does not come and go by zooming.
+        whole = getattr(result, "recorded", None) is not None
+        known = {curve.name: not whole or _is_known(curve, result) for curve in plot.curves}
+        hide(fig, not any(known.values()), in_place=self._in_place)
+        for curve in (*plot.curves, *([plot.fixes] if plot.fixes else [])):
+            if curve.name in self._legends:
+                is_known = known.get(curve.name, not whole or _is_known(curve, result))
+                self._legends[curve.name].update(visible=is_known, label=value(_spoken(curve.label, result)))
+
     def _draw(self, plot: TimePlot) -> figure:
         source = self._sources[plot.clock].source
         fig = time_figure(plot.heading, self.axis, logarithmic=plot.scale == "logarithmic")
@@ -217,8 +236,20 @@ class TimeFigures:
         hover = HoverTool(mode="vline", renderers=[glyphs[plot.curves[0].label]], tooltips=_tooltips(plot))
         fig.add_tools(hover)
         if len(glyphs) > 1:
-            add_legend(fig, dict(reversed(glyphs.items())))
+            items = add_legend(fig, dict(reversed(glyphs.items())))
+            drawn = (*plot.curves, *([plot.fixes] if plot.fixes else []))
+            self._legends |= {curve.name: items[curve.label] for curve in drawn}
         return fig
+
+
+def hide(fig: figure, hidden: bool, *, in_place: bool) -> None:
+    """Hide a figure or show it again; hidden in place, it leaves its place empty."""
+    if in_place:
+        styles = {"visibility": "hidden"} if hidden else {}
+        if fig.styles != styles:
+            fig.styles = styles  # type: ignore[assignment]
+    else:
+        fig.visible = not hidden
 
 
 def time_figure(title: str, axis: TimeAxis, *, logarithmic: bool = False, height: int = 150) -> figure:
@@ -317,10 +348,11 @@ def draw_band(fig: figure, band: Band, source: ColumnDataSource) -> None:
     fig.varea("time", band.low, band.high, source=source, color=band.colour, alpha=0.2)
 
 
-def add_legend(fig: figure, glyphs: dict[str, GlyphRenderer[Any]]) -> None:
-    """Put a legend on the right of the title line; a click hides a curve."""
+def add_legend(fig: figure, glyphs: dict[str, GlyphRenderer[Any]]) -> dict[str, LegendItem]:
+    """Put a legend on the right of the title line, a click hides a curve; return its entries by label."""
+    items = {label: LegendItem(label=label, renderers=[glyph]) for label, glyph in glyphs.items()}
     legend = Legend(
-        items=[LegendItem(label=label, renderers=[glyph]) for label, glyph in glyphs.items()],
+        items=list(items.values()),
         orientation="horizontal",
         location="top_right",
         click_policy="hide",
@@ -328,6 +360,16 @@ def add_legend(fig: figure, glyphs: dict[str, GlyphRenderer[Any]]) -> None:
         styles=SMALL,
     )
     fig.add_layout(legend)
+    return items
+
+
+def _is_known(curve: Curve, result: Result | Ensemble) -> bool:
+    return bool(np.isfinite(curve.read(result)).any())
+
+
+def _spoken(label: str, result: Result | Ensemble) -> str:
+    """Return the label of a curve; what is not the truth, but a reference, is called so."""
+    return getattr(result, "truth_word", label) if label == "truth" else label
 
 
 def _frame(height: int) -> dict[str, Any]:

@@ -86,9 +86,11 @@ def ground_track(result: Result) -> hv.Overlay:
         ).opts(color=FIXES, size=4, alpha=0.6)
     ]
     for path, colour, dash in (("true", TRUTH, "solid"), ("estimated", ESTIMATE, "dashed")):
+        if path not in track.path:
+            continue
         points = np.stack([track[name].sel(path=path).values for name in ("easting", "northing")], axis=-1)
         points = points[thin_path(points, PATH_POINTS)]
-        label = "truth" if path == "true" else "estimate"
+        label = result.truth_word if path == "true" else "estimate"
         layers.append(
             hv.Path([points], [easting, northing], label=label).opts(
                 color=colour, line_dash=dash, line_width=2, show_legend=True
@@ -122,8 +124,7 @@ def _value(plot: TimePlot) -> hv.Dimension:
 
 def _time_plot(result: Result, plot: TimePlot) -> hv.Overlay:
     """Draw the curves of one unit over time, thinned, with the band behind them."""
-    group = result.errors if plot.clock == "time" else result.innovations
-    time = group[plot.clock].values
+    time = result.time if plot.clock == "time" else result.fixes.time
     edges = plot.band.edges(result) if plot.band else ()
     series = [*edges, *(curve.read(result) for curve in plot.curves)]
     thin_time, thinned = envelope(time, series, (time[0], time[-1]) if time.size else (0, 0), BUCKETS)

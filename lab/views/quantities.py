@@ -132,9 +132,21 @@ class TimePlot:
         return f"{self.title} [{self.unit}]" if self.unit else self.title
 
 
+_AT_FIXES = ("gps", "innovations", "consistency")
+"""Datasets over the times of the fixes."""
+
+
+def _unknown(result: Result, group: str, variable: str) -> FloatArray | None:
+    """Return NaN (n,) in place of what is not known of a log of real sensors."""
+    if not result.lacks(group) and variable in getattr(result, group):
+        return None
+    return np.full((result.fixes.time if group in _AT_FIXES else result.time).shape, np.nan)
+
+
 def _component(group: str, variable: str, index: int) -> Reader:
     def read(result: Result) -> FloatArray:
-        values: FloatArray = getattr(result, group)[variable].values[:, index]
+        unknown = _unknown(result, group, variable)
+        values: FloatArray = getattr(result, group)[variable].values[:, index] if unknown is None else unknown
         return values
 
     return read
@@ -297,7 +309,8 @@ INNOVATIONS: tuple[TimePlot, ...] = (
 
 def _scalar(group: str, variable: str) -> Reader:
     def read(result: Result) -> FloatArray:
-        values: FloatArray = getattr(result, group)[variable].values
+        unknown = _unknown(result, group, variable)
+        values: FloatArray = getattr(result, group)[variable].values if unknown is None else unknown
         return values
 
     return read
@@ -307,6 +320,8 @@ def _chi_square(name: str, variable: str, colour: str, group: str) -> TimePlot:
     """Return a plot of what should be χ², with its 95 % interval."""
 
     def edges(result: Result) -> tuple[float, float]:
+        if result.lacks(group):
+            return np.nan, np.nan
         return chi_square_interval(getattr(result, group)[variable].attrs["degrees"])
 
     def half(result: Result) -> FloatArray:

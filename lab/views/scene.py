@@ -28,6 +28,9 @@ ELLIPSOIDS = 200
 SIGMAS = 3.0
 """Semi-axes of an ellipsoid, in standard deviations."""
 
+SHORT = 0.2
+"""Extent of a path up to which the ellipsoids are drawn as they are [km]."""
+
 _KILOMETRE = 1e-3
 _NED_TO_ENU = Rotation.from_matrix([[0, 1, 0], [1, 0, 0], [0, 0, -1]])
 
@@ -73,19 +76,22 @@ class Scene:
         new_flight = self._result is None or self._result.mission.name != result.mission.name
         self._result = result
         if new_flight:
-            self._origin = self._enu(result, "true")[0]
-        true, estimated = self._path(result, "true"), self._path(result, "estimated")
+            self._origin = self._enu(result, self._ground(result))[0]
+        middle, estimated = self._path(result, self._ground(result)), self._path(result, "estimated")
         self._time, self._estimated = result.time, estimated
         self._attitude = result.solution["attitude"].values
         with self._server.atomic():
-            self._draw_path("/true path", true, TRUTH, 2.0)
+            if result.truth_arrays is None:
+                self._server.scene.remove_by_name("/true path")
+            else:
+                self._draw_path("/true path", self._path(result, "true"), TRUTH, 2.0)
             self._draw_path("/estimated path", estimated, ESTIMATE, 3.0)
             self._draw_fixes(result)
             self._draw_ellipsoids(result)
-            self._draw_ground(true)
+            self._draw_ground(middle)
             self._draw_aircraft()
         if new_flight:
-            self._frame_camera(true)
+            self._frame_camera(middle)
         self.show_time(time)
 
     def show_time(self, time: float) -> None:
@@ -102,6 +108,11 @@ class Scene:
     def as_html(self, dark: bool = False) -> str:
         """Return the scene as one HTML page that needs no server."""
         return self._server.get_scene_serializer().as_html(dark_mode=dark)
+
+    @staticmethod
+    def _ground(result: Result) -> str:
+        """Return which path lies in the middle of the picture; a reference may not be known everywhere."""
+        return "estimated" if result.recorded else "true"
 
     def _enu(self, result: Result, path: str) -> FloatArray:
         track = result.track.sel(path=path)
@@ -145,7 +156,7 @@ class Scene:
         centres = self._estimated[np.minimum(np.searchsorted(self._time, times[chosen]), len(self._time) - 1)]
         variances, axes = np.linalg.eigh(covariance)
         axes[np.linalg.det(axes) < 0, :, 0] *= -1
-        size = SIGMAS * np.sqrt(np.maximum(variances, 0)) * _KILOMETRE * self.ellipsoid_scale
+        size = SIGMAS * np.sqrt(np.maximum(variances, 0)) * _KILOMETRE * self.scale
         ball = trimesh.creation.icosphere(subdivisions=2)
         self._server.scene.add_batched_meshes_simple(
             "/3σ ellipsoids",
@@ -161,9 +172,9 @@ class Scene:
             receive_shadow=False,
         )
 
-    def _draw_ground(self, true: FloatArray) -> None:
-        low, high = np.nanmin(true, axis=0), np.nanmax(true, axis=0)
-        shadow = true * (1, 1, 0) + (0, 0, low[2])
+    def _draw_ground(self, path: FloatArray) -> None:
+        low, high = np.nanmin(path, axis=0), np.nanmax(path, axis=0)
+        shadow = path * (1, 1, 0) + (0, 0, low[2])
         self._draw_path("/track on the ground", shadow, "#5b6472", 1.0)
         extent = float(max(high[:2] - low[:2])) or 1.0
         cell = 10.0 ** np.floor(np.log10(extent / 4))
@@ -182,6 +193,11 @@ class Scene:
             fade_distance=6 * extent,
         )
 
+    @property
+    def scale(self) -> float:
+        """Factor on the ellipsoids, which need none beside a path hardly longer than they are."""
+        return self.ellipsoid_scale if self._size > SHORT else 1.0
+
     def _draw_aircraft(self) -> None:
         mesh = aircraft()
         scene = self._server.scene
@@ -197,8 +213,8 @@ class Scene:
             receive_shadow=False,
         )
 
-    def _frame_camera(self, true: FloatArray) -> None:
-        centre = (np.nanmin(true, axis=0) + np.nanmax(true, axis=0)) / 2
+    def _frame_camera(self, path: FloatArray) -> None:
+        centre = (np.nanmin(path, axis=0) + np.nanmax(path, axis=0)) / 2
         camera = self._server.initial_camera
         camera.look_at = tuple(centre)
         camera.position = tuple(centre + np.array([-0.3, -0.75, 0.42]) * self._size)

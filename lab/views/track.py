@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 import numpy as np
+from bokeh.core.properties import value
 from bokeh.models.annotations import Title
 from bokeh.models.formatters import CustomJSTickFormatter
 from bokeh.models.ranges import DataRange1d
@@ -78,14 +79,19 @@ class TrackFigure:
             ("northing", "@northing{0.0} m"),
         ]
         fig.add_tools(HoverTool(renderers=[estimated, fixes], tooltips=tooltips))
-        add_legend(fig, {"estimate": estimated, "truth": true, "GPS fixes": fixes})
+        legend = add_legend(fig, {"estimate": estimated, "truth": true, "GPS fixes": fixes})
+        self._truth = legend["truth"]
 
     def show(self, result: Result, time: float) -> None:
         """Draw a result, with the aircraft at a time [s]."""
         self._result = result
         label = result.projection.label
         self._title.text = f"Ground track, {label}"
+        self._truth.update(visible=result.truth_arrays is not None, label=value(result.truth_word))
         for source, path in ((self._true, "true"), (self._estimated, "estimated")):
+            if path not in result.track.path:
+                source.data = {"easting": np.zeros(0), "northing": np.zeros(0), "time": np.zeros(0)}
+                continue
             track = result.track.sel(path=path)
             points = np.stack([track["easting"].values, track["northing"].values], axis=-1)
             kept = thin_path(points, POINTS)
@@ -103,6 +109,6 @@ class TrackFigure:
         if self._result is None:
             return
         index = min(int(np.searchsorted(self._result.time, time)), len(self._result.time) - 1)
-        track = self._result.track
-        east, north = (track[name].values[1, index] for name in ("easting", "northing"))
+        track = self._result.track.sel(path="estimated")
+        east, north = (track[name].values[index] for name in ("easting", "northing"))
         self._now.data = {"easting": [east], "northing": [north], "time": [time]}

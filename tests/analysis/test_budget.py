@@ -50,15 +50,18 @@ def at_rest(seconds: float, fixes: Sequence[int] = (), gain: float = 0.0) -> Sim
     covariance = np.zeros((len(fixes), 15, 15))
     covariance[:, 0, 0] = gain
     time = STEP * np.arange(n + 1)
+    truth = SimpleNamespace(
+        latitude=np.full(n + 1, LATITUDE),
+        height=np.zeros(n + 1),
+        velocity_n=np.zeros((n + 1, 3)),
+        q_nb=q_nb,
+        euler=euler,
+    )
+    ideal = SimpleNamespace(dtheta=dtheta, dvelocity=dvelocity, dt=STEP, time=time)
     return SimpleNamespace(
-        truth_arrays=SimpleNamespace(
-            latitude=np.full(n + 1, LATITUDE),
-            height=np.zeros(n + 1),
-            velocity_n=np.zeros((n + 1, 3)),
-            q_nb=q_nb,
-            euler=euler,
-        ),
-        ideal=SimpleNamespace(dtheta=dtheta, dvelocity=dvelocity, dt=STEP, time=time),
+        truth_arrays=truth,
+        ideal=ideal,
+        true_flight=lambda _name: (truth, ideal),
         belief=SimpleNamespace(bias_decay=np.zeros(6), R=np.eye(6)),
         solution_arrays=SimpleNamespace(
             fix_covariance=covariance, fix_sample=np.array(fixes, dtype=np.int64)

@@ -17,7 +17,9 @@ def source(request, tmp_path_factory):
     if request.param == "montreal":
         return tables(30, 200), "", (*POSITION, *VELOCITY)
     folder = request.getfixturevalue("recordings") / "comma2k19"
-    toml = (described(tmp_path_factory.mktemp("log"), folder) / "log.toml").read_text()
+    lines = (described(tmp_path_factory.mktemp("log"), folder) / "log.toml").read_text().splitlines()
+    # As it was stamped: the speed of a car that tilts tells an offset to about half a second only.
+    toml = "\n".join(line for line in lines if not line.startswith("latency_s"))
     read = (np.loadtxt(folder / f"{name}.csv", delimiter=",", skiprows=1) for name in ("imu", "gnss"))
     imu, gnss = read
     return tables(30, 40)._replace(imu=imu, gnss=gnss), toml, (*POSITION, *VELOCITY[:2])

@@ -173,6 +173,30 @@ def test_files_that_are_refused(tmp_path, log):
     refused(folder, r"imu\.csv: there is no such file; a log is a folder")
 
 
+def test_empty_cells_of_what_need_not_be_there_are_not_known(tmp_path, log):
+    folder = write(tmp_path, log)
+    rows = [row.split(",") for row in (folder / "gnss.csv").read_text().splitlines()]
+    rows[3][6] = rows[3][9] = rows[5][12] = ""
+    rows[4][4:7] = ["nan", "NaN", ""]
+    (folder / "gnss.csv").write_text("\n".join(map(",".join, rows)))
+    read = read_sensor_log(folder)
+    numbers = np.hstack((read.gnss.velocity_n, read.gnss.position_sigma, read.gnss.velocity_sigma))
+    empty = [(2, 2), (2, 5), (3, 0), (3, 1), (3, 2), (4, 8)]
+    assert sorted(map(tuple, np.argwhere(np.isnan(numbers)))) == empty
+    assert len(read.repairs) == 3
+    assert f"2 of {len(rows) - 1} fixes have no velocity, or not all of it" in read.repairs[0]
+    assert "1 of" in read.repairs[1]
+    assert "has no σ of the position" in read.repairs[1]
+    assert "has no σ of the velocity" in read.repairs[2]
+    rows[3][1] = ""
+    (folder / "gnss.csv").write_text("\n".join(map(",".join, rows)))
+    refused(folder, r"gnss\.csv, row 4, column lat_deg: the cell is empty")
+    rows[3][1] = rows[2][1]
+    rows[3][7] = "text"
+    (folder / "gnss.csv").write_text("\n".join(map(",".join, rows)))
+    refused(folder, r"gnss\.csv, row 4, column sd_n_m: 'text' is not accepted")
+
+
 def test_a_file_too_large_is_refused_unread(tmp_path, log):
     folder = write(tmp_path, log)
     with (folder / "gnss.csv").open("r+b") as file:

@@ -1,0 +1,133 @@
+"""Log mission: what an IMU and a GPS receiver recorded on a vehicle, as a mission like any other."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+from lab.missions.errors import MissionError
+from lab.missions.mission import Mission, read_toml
+from lab.missions.mission_card import log_html
+from lab.missions.named_columns import MAX_BYTES
+from lab.missions.recording import Recording
+from lab.missions.sensor_log import SensorLog
+from lab.missions.sensor_log_csv import DESCRIPTION_FILE, KEYS, LogFiles, log_files
+from lab.missions.text_blocks import check_file
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class LogMission(Mission):
+    """A log of real sensors that can be navigated: nothing of it is simulated, and there is no true flight.
+
+    Attributes
+    ----------
+    files : LogFiles
+        The files of the log; `recording_path` is that of the IMU.
+    """
+
+    files: LogFiles = None  # type: ignore[assignment]  # given always; the fields before it have defaults
+
+    @classmethod
+    def at(cls, path: Path, name: str | None = None) -> LogMission:
+        """Return the mission that is a log; its csv files are not read yet.
+
+        Parameters
+        ----------
+        path
+            Folder of the log, or its TOML file.
+        name
+            Name of the mission; the path by default.
+
+        Raises
+        ------
+        MissionError
+            If the TOML cannot be read or has a key or value that is not accepted, or a file does not exist.
+        """
+        files = log_files(path)
+        return cls(
+            name=name or str(path),
+            recording_path=files.imu,
+            title=files.title,
+            description=files.description,
+            origin="log of real sensors",
+            path=files.path,
+            files=files,
+        )
+
+    @cached_property
+    def log(self) -> SensorLog:
+        """The log, repaired; read when first asked for.
+
+        Raises
+        ------
+        MissionError
+            If a csv file is not acceptable, or the numbers contradict the units, axes or clock they claim.
+        """
+        return self.files.read()
+
+    @property
+    def recording(self) -> Recording:
+        """A log is no flight recording: raises `MissionError`."""
+        raise MissionError(
+            f"{self.name}: is a log of real sensors, of which nobody knows the true flight; accepted here is "
+            "a mission with a flight recording"
+        )
+
+    @property
+    def duration(self) -> float:
+        """Time from the first sample of the IMU to the last [s]."""
+        return self.log.duration
+
+    @cached_property
+    def content_hash(self) -> str:
+        """SHA-256 of all that the log is read from, to cache by what was computed from it.
+
+        Raises
+        ------
+        MissionError
+            If a file cannot be read or is too large.
+        """
+        files = self.files
+        whole = hashlib.sha256(repr((files.axes, files.lever_arm, files.latency)).encode())
+        for path in files.paths:
+            try:
+                check_file(path, MAX_BYTES)
+                with path.open("rb") as file:
+                    whole.update(hashlib.file_digest(file, "sha256").digest())
+            except OSError as error:
+                raise MissionError(f"{path}: cannot be read: {error.strerror or error}") from error
+        return whole.hexdigest()
+
+    def _repr_html_(self) -> str:
+        try:
+            return log_html(self, self.log)
+        except MissionError as error:
+            return log_html(self, str(error))
+
+
+def is_log_folder(path: Path) -> bool:
+    """Return whether a folder holds a log: its TOML, or the csv files of an IMU and a receiver."""
+    try:
+        return (path / DESCRIPTION_FILE).is_file() or all(
+            (path / name).is_file() for name in ("imu.csv", "gnss.csv")
+        )
+    except (OSError, ValueError):
+        return False
+
+
+def is_log_toml(path: Path) -> bool:
+    """Return whether a TOML file describes a log and not a flight: by its name, or by its keys.
+
+    Raises
+    ------
+    MissionError
+        If the file cannot be read.
+    """
+    if path.name == DESCRIPTION_FILE:
+        return True
+    values: Mapping[str, Any] = read_toml(path)
+    return not {"recording", "flight"} & set(values) and bool((KEYS - {"title", "description"}) & set(values))

@@ -1,0 +1,36 @@
+"""A log of real sensors on the page: what is known is shown, the rest is said in a sentence."""
+
+from __future__ import annotations
+
+import pytest
+from conftest import IDLE, serving
+from sensor_logs import tables, write
+
+from lab.missions.catalogue import OWN_FOLDER_VARIABLE
+
+PATIENCE = 240_000
+"""What the first run may take where the navigator has to be compiled [ms]."""
+
+
+@pytest.mark.browser
+def test_a_log_without_reference(chromium, tmp_path, monkeypatch):
+    folder = write(tmp_path / "blind", tables(60, 90), 'title = "Blind drive"')
+    (folder / "ref.csv").unlink()
+    monkeypatch.setenv(OWN_FOLDER_VARIABLE, str(tmp_path))
+    with serving() as (address, _process):
+        page = chromium.new_page(viewport={"width": 1440, "height": 900})
+        page.set_default_timeout(30_000)
+        page.goto(f"{address}?mission=blind")
+        page.wait_for_function(IDLE)
+        page.get_by_text("has no reference, so its errors are not known").wait_for(timeout=PATIENCE)
+        page.get_by_text("nothing is simulated").wait_for()
+        assert not page.get_by_text("Temperature", exact=True).first.is_visible()
+        page.get_by_role("tab", name="Innovations").click()
+        source = "Bokeh.documents[0].get_model_by_name('time_gps:innovation_position_east')"
+        page.wait_for_function(f"{source}?.data.time?.length > 20")
+        page.get_by_role("tab", name="Budget").click()
+        page.get_by_text("which the error budget needs").wait_for()
+        page.get_by_role("tab", name="Summary").click()
+        page.get_by_text("There is no reference").wait_for()
+        page.get_by_text("Levelled in motion").wait_for()
+        page.close()

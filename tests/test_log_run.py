@@ -1,0 +1,244 @@
+"""Experiments on logs of real sensors: nothing simulated, errors against the reference or not at all."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from sensor_logs import tables, trajectory, write
+
+from lab import Experiment, ResultError, compare, run_ensemble
+from lab.experiment import CACHE
+from lab.log_run import has_effect, reference_at
+from lab.missions import mission, read_sensor_log
+from lab.missions.sensor_log import Reference
+from lab.navigation.algorithm import Estimate
+from lab.navigation.recorded import navigate_log
+from lab.result import DATASETS
+from lab.rotation import wrap
+from lab.settings import SettingError
+
+
+def experiment(folder, **settings):
+    made = Experiment(mission=str(folder))
+    made.update({"sensors": {"gyro": {"bias_sigma": 0.3}, "gps": {"velocity_variance": 0.01}}})
+    for path, value in settings.items():
+        made.set(path.replace("__", "."), value)
+    return made
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    return write(tmp_path_factory.mktemp("logs") / "drive", tables(60, 120), 'title = "Drive"')
+
+
+@pytest.fixture(scope="module")
+def blind(tmp_path_factory):
+    """Return a log without reference and without vertical velocity."""
+    folder = write(tmp_path_factory.mktemp("logs") / "blind", tables(60, 120))
+    (folder / "ref.csv").unlink()
+    rows = (folder / "gnss.csv").read_text().splitlines()
+    kept = [",".join(cell for i, cell in enumerate(row.split(",")) if i not in {6, 9}) for row in rows]
+    (folder / "gnss.csv").write_text("\n".join(kept))
+    return folder
+
+
+def test_errors_against_the_reference(folder, tmp_path):
+    result = experiment(folder).run()
+    late = result.errors.sel(time=slice(30, None))
+    assert float(np.abs(late.position.mean("time")).max()) < 0.3
+    assert float(np.abs(late.attitude.sel(angle=["roll", "pitch"])).max()) < 1.0
+    assert set(result.datasets()) == set(DATASETS) - {"consistency"}
+    assert {"mean", "std"} <= set(result.summary.columns)
+    assert np.isfinite(result.summary[["rms", "max", "mean", "std"]].to_numpy()).all()
+    assert "reference, which has errors of its own" in " ".join(result.remarks)
+    assert result.verdict.basis == "1 run, innovations only"
+    assert "_true" not in " ".join(map(str, (*result.imu, *result.sensor_errors)))
+    result.to_netcdf(tmp_path / "result.nc")
+    result.to_csv(tmp_path / "csv")
+    assert "estimate minus reference" in result._repr_html_()
+    assert "mean" in repr(result)
+
+
+def test_without_reference_errors_are_not_known(blind, tmp_path):
+    result = experiment(blind).run()
+    assert set(result.datasets()) == set(DATASETS) - {"consistency", "truth", "errors"}
+    for name in ("truth", "errors", "summary", "consistency", "coverage", "budget"):
+        with pytest.raises(ResultError, match=r"log of real sensors.*the innovations and the verdict"):
+            getattr(result, name)
+    assert list(result.track.path.values) == ["estimated"]
+    assert list(result.whiteness["innovation"]) == [
+        *(f"position {axis}" for axis in ("east", "north", "up")), "velocity east", "velocity north",
+    ]  # fmt: skip
+    assert result.innovations.nis.attrs["degrees"] == 5
+    assert np.isnan(result.innovations.velocity_sigma.sel(axis="up")).all()
+    result.to_netcdf(tmp_path / "result.nc")
+    result.to_csv(tmp_path / "csv")
+    assert (tmp_path / "csv" / "whiteness.csv").is_file()
+    assert "has no reference" in result._repr_html_()
+    assert "no vertical velocity" in repr(result)
+
+
+def test_what_is_not_measured_does_not_count_as_consistent(blind):
+    """Five numbers in a fix: NIS of the matched filter is theirs, not that of six."""
+    made = experiment(blind, sensors__gps__velocity_variance=0.01, sensors__gps__position_variance=0.25).run()
+    nis = made.evidence.nis
+    assert nis.number == 5 * np.count_nonzero(made.solution_arrays.fix_sample >= 0)
+    assert 0.7 < nis.mean < 1.3
+
+
+def test_navigation_is_cached_by_what_it_depends_on(folder):
+    first = experiment(folder).run()
+    count = CACHE.computed["log navigation"]
+    for path, value in (
+        ("seed", 7),
+        ("sensors.gyro.scale_factor", (1.0,) * 3),
+        ("trajectory.imu_rate", 50.0),
+    ):
+        made = experiment(folder)
+        made.set(path, value)
+        result = made.run()
+        assert result.solution_arrays is first.solution_arrays
+        assert any(path in remark and "changes nothing" in remark for remark in result.remarks)
+    assert CACHE.computed["log navigation"] == count
+    assert experiment(folder, navigator__r_scale=2.0).run().solution_arrays is not first.solution_arrays
+
+
+def changed(value, bounds):
+    if isinstance(value, tuple):
+        return tuple(changed(one, bounds) for one in value)
+    return min(value * 1.3 + 1e-3, bounds[1])
+
+
+def test_settings_have_an_effect_where_they_say_so(folder):
+    """Every number of the sensors and of the start, one by one, against the navigation itself."""
+    base = experiment(folder)
+    for triad in ("gyro", "accelerometer"):
+        for term in ("instability", "flicker", "rate_random_walk", "bias"):
+            base.set(f"sensors.{triad}.{term}", 0.5)
+    base.set("sensors.accelerometer.vibration_density", 20.0)
+    base.set("sensors.temperature.profile", "constant")
+    log = read_sensor_log(folder)
+    # The receiver's own σ would stand in for the variances of the settings.
+    log.gnss.position_sigma[:], log.gnss.velocity_sigma[:] = np.nan, np.nan
+
+    def end(made):
+        run = navigate_log(log, made.sensors, made.navigator, made.sensors.gps.outages)
+        return np.concatenate((run.solution.velocity_n[-1], run.solution.variance[-1]))
+
+    plain = end(base)
+    for path, owner, name in base.leaves():
+        value, declared = getattr(owner, name), owner.param[name]
+        numbers = value if isinstance(value, tuple) else (value,)
+        wanted = path.startswith("sensors.") or path.endswith(("_sigma", "_error"))
+        if not wanted or not numbers or not all(type(number) is float for number in numbers):
+            continue
+        other = base.copy()
+        other.set(path, changed(value, declared.bounds))
+        assert (end(other) != plain).any() == has_effect(path, states=15), path
+    other = base.copy()
+    other.set("sensors.gps.outages", [(40.0, 50.0)])
+    assert (end(other) != plain).any()
+
+
+def test_an_outage_withholds_fixes(folder):
+    cut = experiment(folder, sensors__gps__outages=[(20.0, 40.0)]).run()
+    assert not ((cut.fixes.time >= 20) & (cut.fixes.time <= 40)).any()
+    at = np.searchsorted(cut.time, 39.9)
+    assert cut.solution_arrays.variance[at, 0] > 10 * experiment(folder).run().solution_arrays.variance[at, 0]
+
+
+def test_gate_and_smoother_and_feedforward(folder):
+    plain = experiment(folder).run()
+    assert experiment(folder, navigator__gate=0.5).run().solution_arrays.fix_rejected.any()
+    # Feedforward lets the navigator run free, so that both agree only while its errors are small.
+    forward = experiment(folder, navigator__correction="feedforward").run()
+    apart = np.abs(forward.errors.position - plain.errors.position).sel(time=slice(None, 5))
+    assert 0 < float(apart.max()) < 0.1
+    smoothed = experiment(folder, navigator__smoother=True).run()
+    early = slice(1, 20)
+    for name, index in (("position", slice(0, 3)), ("velocity", slice(3, 6))):
+        assert float((smoothed.errors[name].sel(time=early) ** 2).mean()) < float(
+            (plain.errors[name].sel(time=early) ** 2).mean()
+        )
+        assert (
+            smoothed.solution_arrays.variance[:, index] <= plain.solution_arrays.variance[:, index] * 1.001
+        ).all()
+
+
+def test_what_cannot_be_done_is_refused(folder, tmp_path):
+    with pytest.raises(SettingError, match="filterpy takes one R for all fixes"):
+        experiment(folder, navigator__engine="filterpy").run()
+    flown = tables(60, 80)
+    rows = (flown.imu[:, 0] > 1070.2) & (flown.imu[:, 0] < 1070.9)
+    gappy = write(tmp_path / "gap", flown._replace(imu=flown.imu[~rows]))
+    with pytest.raises(SettingError, match=r"cannot smooth over gaps of the IMU, of which .* has 1"):
+        experiment(gappy, navigator__smoother=True).run()
+    with pytest.raises(ValueError, match="3 runs of a log of real sensors would all be the same"):
+        run_ensemble(experiment(folder), 3)
+
+
+def test_models_are_compared_on_one_run(blind):
+    (row,) = compare(experiment(blind), ["phi"])
+    assert np.isnan([row.position, row.velocity, row.heading, row.nees]).all()
+    assert row.degrees == 0
+    assert row.nis_degrees == 5
+    assert np.isfinite([row.nis, row.seconds]).all()
+    assert row.verdict
+
+
+def test_own_algorithm_is_given_the_log(folder):
+    class Standing:
+        def navigate(self, imu, fixes, start):
+            n = imu.time.size
+            return Estimate(
+                np.tile(start.position, (n, 1)),
+                np.zeros((n, 3)),
+                np.tile(start.q_nb, (n, 1)),
+                np.ones((n, 9)),
+            )
+
+    result = experiment(folder).run(algorithm=Standing())
+    assert float(result.errors.position.std()) > 10
+
+
+def test_observability_needs_only_the_filter(blind):
+    made = experiment(blind).run().observability
+    sigma, free = made.sigma.sel(quantity="velocity north"), made.free.sel(quantity="velocity north")
+    assert float(sigma[-1]) < 0.2 * float(free[-1])
+    assert np.isfinite(made.free.values).all()
+    assert made.free.values[-1, 0] > made.free.values[0, 0]
+
+
+def test_reference_between_its_rows():
+    """On the flight of the log: cubic with velocities, NaN outside, in gaps, and where not known."""
+    rows, times = np.arange(60.0, 80.0, 1.0), np.arange(58.0, 82.0, 0.05)
+    there, truth = trajectory().at(rows), trajectory().at(times)
+    position = np.stack((there.latitude, there.longitude, there.height), axis=-1)
+    given = Reference(rows, position, there.velocity_n, there.euler)
+    made = reference_at(given, times)
+    inside = (times >= 60) & (times <= 79)
+    np.testing.assert_array_equal(np.isfinite(made.latitude), inside)
+    np.testing.assert_allclose(made.height[inside], truth.height[inside], atol=0.05)
+    np.testing.assert_allclose(made.latitude[inside] * 6.37e6, truth.latitude[inside] * 6.37e6, atol=0.05)
+    np.testing.assert_allclose(wrap(made.euler[inside] - truth.euler[inside]), 0, atol=np.radians(1.5))
+    late = rows > 65.5
+    kept = (rows < 63.5) | late
+    gappy = reference_at(
+        Reference(*(part[kept] for part in (rows, position, there.velocity_n, there.euler))), times
+    )
+    hole = (times > 63.001) & (times < 65.999)
+    assert np.isnan(gappy.latitude[hole]).all()
+    assert np.isfinite(gappy.latitude[inside & ~hole & (np.abs(times - 64.5) > 1.6)]).all()
+    unknown = reference_at(
+        given.__class__(rows, position, np.full((20, 3), np.nan), np.full((20, 3), np.nan)), times
+    )
+    assert np.isnan(unknown.velocity_n).all()
+    assert np.isnan(unknown.q_nb).all()
+    assert np.isfinite(unknown.latitude[inside]).all()
+    assert reference_at(given, times + 1000) is None
+
+
+def test_a_log_is_found_by_its_path_in_settings(folder):
+    text = experiment(folder).to_toml()
+    assert Experiment.from_toml(text).mission == str(folder)
+    assert mission(folder).name == str(folder)
