@@ -76,32 +76,43 @@ def named(label: str) -> Callable[[Callable[P, R]], Callable[P, R]]:
     return rename
 
 
-@functools.cache
 def rebound_throughout(function: Callable[P, R], **values: Any) -> Callable[P, R]:
-    """Return a function in which, and in all kernels it calls, names of their modules have other values.
+    """Return a function in which, and in all kernels it calls, names of its module have other values.
 
     So one source serves filters of any number of states: the number stays a constant to the compiler. What
-    is a kernel stays one of the same options; what has none of the names is returned as it is.
+    is a kernel stays one of the same options; what has none of the names is returned as it is. In the modules
+    of the kernels it calls, a name is taken for the same only where it stands for the same value.
     """
+    plain = cast(FunctionType, getattr(function, "py_func", function))
+    return _rebound(function, tuple((name, plain.__globals__[name], new) for name, new in values.items()))
+
+
+@functools.cache
+def _rebound(function: Callable[P, R], changes: tuple[tuple[str, Any, Any], ...]) -> Callable[P, R]:
+    """Return a function with changes of names (name, value as it is written, other value) throughout."""
     plain = cast(FunctionType, getattr(function, "py_func", function))
 
     def other(value: Any) -> Any:
-        return rebound_throughout(value, **values) if hasattr(value, "py_func") else value
+        return _rebound(value, changes) if hasattr(value, "py_func") else value
+
+    def changed(name: str, value: Any) -> Any:
+        return next((new for at, old, new in changes if at == name and old is value), other(value))
 
     used = {name: plain.__globals__[name] for name in plain.__code__.co_names if name in plain.__globals__}
-    scope = {name: values[name] if name in values else other(value) for name, value in used.items()}
+    scope = {name: changed(name, value) for name, value in used.items()}
     cells = [cell.cell_contents for cell in plain.__closure__ or ()]
     closed = [other(value) for value in cells]
     pairs = [(value, scope[name]) for name, value in used.items()] + list(zip(cells, closed, strict=True))
     if all(before is after for before, after in pairs):
         return function
     closure = tuple(CellType(value) for value in closed)
-    scope = plain.__globals__ | scope
-    changed = FunctionType(plain.__code__, scope, plain.__name__, plain.__defaults__, closure)
+    bound = FunctionType(
+        plain.__code__, plain.__globals__ | scope, plain.__name__, plain.__defaults__, closure
+    )
     # Another name, for the reason that `named` gives.
-    changed.__qualname__ = plain.__qualname__
-    named("_".join(str(value) for value in values.values() if isinstance(value, int)))(changed)
-    return numba.jit(**function.targetoptions)(changed) if plain is not function else changed  # type: ignore[attr-defined]
+    bound.__qualname__ = plain.__qualname__
+    named("_".join(str(new) for _, _, new in changes if isinstance(new, int)))(bound)
+    return numba.jit(**function.targetoptions)(bound) if plain is not function else bound  # type: ignore[attr-defined]
 
 
 def _fingerprint() -> str:

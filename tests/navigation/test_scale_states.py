@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
+from types import ModuleType
 
 import numpy as np
 import pytest
@@ -238,6 +239,19 @@ def _outer(x: float) -> float:
     for _ in range(SIZE):
         total += _inner(x)
     return total
+
+
+def test_a_constant_of_another_module_that_has_the_same_name_is_another() -> None:
+    """As X, the column of the estimate to the driver, and the first axis of the wander frame."""
+    other = ModuleType("other")
+    exec("SIZE = 4\ndef inner(x): return x * SIZE", other.__dict__)
+    inner = inline_kernel(other.inner)
+
+    @kernel
+    def outer(x: float) -> float:
+        return inner(x) + SIZE
+
+    assert rebound_throughout(outer, SIZE=5)(1.0) == 1 * 4 + 5
 
 
 def test_constants_are_replaced_throughout_and_nowhere_else() -> None:
