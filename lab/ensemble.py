@@ -21,10 +21,11 @@ from lab.analysis import consistency
 from lab.analysis.algorithm_verdict import judge
 from lab.analysis.evidence import Evidence
 from lab.analysis.verdict import Verdict
+from lab.datasets.labelled import ANGLES, EAST_NORTH_UP
 from lab.experiment import Experiment
 from lab.missions import LogMission, mission
 from lab.navigation.algorithm import Algorithm
-from lab.result import ANGLES, EAST_NORTH_UP, Result
+from lab.result import Result
 
 if TYPE_CHECKING:
     import pandas as pd

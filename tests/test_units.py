@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from lab.datasets.flight import STATE_UNITS
 from lab.experiment import Experiment
-from lab.result import STATE_UNITS
 from lab.sensors.imu import AccelerometerErrors, GyroErrors
 from lab.units import TO_SI, si
 

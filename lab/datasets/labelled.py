@@ -1,0 +1,58 @@
+"""Labelled: arrays of a result as an `xarray.Dataset`, with coordinates, units and long names."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lab.units import TO_SI
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+    from lab.result import Result
+
+FloatArray = NDArray[np.float64]
+
+DEGREE = 1 / TO_SI["°"]
+"""Degrees in a radian."""
+EAST_NORTH_UP = ["east", "north", "up"]
+ANGLES = ["roll", "pitch", "heading"]
+BODY_AXES = ["x", "y", "z"]
+
+_COORDINATES: dict[str, list[str]] = {
+    "axis": EAST_NORTH_UP,
+    "angle": ANGLES,
+    "body_axis": BODY_AXES,
+}
+
+
+def labelled(result: Result, **variables: tuple[tuple[str, ...], FloatArray, str, str]) -> xr.Dataset:
+    """Return a dataset of variables given as (dimensions, values, unit, long name).
+
+    Parameters
+    ----------
+    result
+        Whose they are; it gives the times of the dimensions `time`, `time_imu` and `time_gps`.
+    variables
+        The variables, by name.
+    """
+    import xarray as xr  # noqa: PLC0415 - takes a while to import, and a run does without
+
+    times = {"time": result.time, "time_imu": result.time[1:], "time_gps": result.fixes.time}
+    used = {dim for dims, *_ in variables.values() for dim in dims}
+    coords: dict[str, Any] = {
+        dim: (dim, values, {"units": "s", "long_name": "time"})
+        for dim, values in times.items()
+        if dim in used
+    }
+    coords |= {dim: names for dim, names in _COORDINATES.items() if dim in used}
+    return xr.Dataset(
+        {
+            name: (dims, values, {"units": unit, "long_name": label})
+            for name, (dims, values, unit, label) in variables.items()
+        },
+        coords=coords,
+    )

@@ -1,0 +1,64 @@
+"""Tables: how large the errors of a result are, beside their σ too, and whether its innovations are white."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from lab.analysis import consistency
+from lab.datasets.innovations import normalised
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+    from lab.result import Result
+
+
+def summary(result: Result) -> pd.DataFrame:
+    """Return the table of the errors; see `Result.summary`."""
+    import pandas as pd  # noqa: PLC0415 - takes a while to import, and a run does without
+
+    rows = []
+    for name, array in result.errors.data_vars.items():
+        for component, column in zip(array[array.dims[1]].values, array.values.T, strict=True):
+            known = column[np.isfinite(column)] if result.recorded else column
+            if not known.size:
+                continue
+            size = np.abs(known)
+            figures = [np.sqrt(np.mean(size**2)), size.max(), np.quantile(size, 0.95)]
+            figures += [known.mean(), known.std()] if result.recorded else []
+            rows.append((f"{name} {component}", array.attrs["units"], *map(float, figures)))
+    columns = ["quantity", "unit", "rms", "max", "95 %", *(["mean", "std"] if result.recorded else [])]
+    return pd.DataFrame(rows, columns=columns)
+
+
+def coverage(result: Result) -> pd.DataFrame:
+    """Return the table of the errors in their σ; see `Result.coverage`."""
+    import pandas as pd  # noqa: PLC0415 - takes a while to import, and a run does without
+
+    result.known_truth("coverage")
+    rows = []
+    for name, array in result.errors.data_vars.items():
+        values, sigma = array.values, result.sigma[name].values
+        within = [100 * consistency.coverage(values, sigma, factor) for factor in (1, 3)]
+        mean = np.mean(values / sigma, axis=0)
+        for index, component in enumerate(array[array.dims[1]].values):
+            figures = (mean[index], within[0][index], within[1][index])
+            rows.append((f"{name} {component}", *map(float, figures)))
+    return pd.DataFrame(rows, columns=["quantity", "mean [σ]", "within ±1σ [%]", "within ±3σ [%]"])
+
+
+def whiteness(result: Result) -> pd.DataFrame:
+    """Return the table of the innovations in their σ; see `Result.whiteness`."""
+    values = normalised(result)
+    known = np.isfinite(values)
+    count, values = np.maximum(known.sum(axis=0), 1), np.nan_to_num(values)
+    table = consistency.whiteness_table(
+        values.sum(axis=0) / count,
+        np.sum(values**2, axis=0) / count,
+        consistency.autocorrelation(values),
+        len(values),
+    )
+    # A real receiver may leave out a channel.
+    return table[known.any(axis=0)].reset_index(drop=True) if known.any() else table
