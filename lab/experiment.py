@@ -6,7 +6,6 @@ nothing before it, a change of a gyro's noise does not touch the flight, the acc
 
 from __future__ import annotations
 
-import time
 import tomllib
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
@@ -19,8 +18,9 @@ import tomli_w
 from numpy.typing import NDArray
 
 from lab.cache import StageCache, digest
+from lab.ecef import near_pole
 from lab.ideal_imu import IdealImu
-from lab.log_run import run_log
+from lab.log_run import run_log, timed
 from lab.missions import LogMission, Mission, mission
 from lab.navigation import unscented
 from lab.navigation.algorithm import Algorithm, run_algorithm
@@ -33,12 +33,11 @@ from lab.navigation.checks import (
     check_smoother,
     diverged,
 )
-from lab.navigation.error_models import ErrorModel, with_states
-from lab.navigation.navigator import PolarError, is_compiled, navigate
+from lab.navigation.choice import chosen_model, is_ready
+from lab.navigation.navigator import PolarError, navigate
 from lab.navigation.settings import NavigatorSettings
 from lab.navigation.smoother import smooth
 from lab.navigation.solution import Belief, Fixes, Imu, Schedule, Solution, Start
-from lab.navigation.wander_models import linear_model
 from lab.result import Result
 from lab.sensors import gps, imu
 from lab.sensors import temperature as thermal
@@ -74,10 +73,6 @@ class TrajectorySettings(Settings):
         label="Attitude curve",
         doc="Rotation spline (no gimbal lock), or the classic cubic spline on the Euler angles.",
     )
-
-
-NEAR_POLE = np.radians(89)
-"""A flight beyond this latitude may itself come too close to a pole [rad]."""
 
 
 @dataclass(frozen=True)
@@ -215,18 +210,17 @@ class _Run:
         gyro = self.triad("gyro", flight)
         accelerometer = self.triad("accelerometer", flight)
         fixes = self.fixes(flight)
-        ready = unscented.is_compiled() if self.navigator.model == "nonlinear" else self.is_compiled()
-        ready = ready or self.algorithm is not None
+        ready = self.algorithm is not None or is_ready(self.navigator)
         self.progress("Navigating" if ready else "Preparing the navigator (compiled once)", 0.4)
         assumed = belief(self.sensors, self.navigator)
         key = digest(self.flight_key, self.experiment.seed, self.sensors.to_dict(), self.navigator.to_dict())
         solution, seconds = (
-            _timed(lambda: self.own_solution(flight, gyro.increments, accelerometer.increments, fixes))
+            timed(lambda: self.own_solution(flight, gyro.increments, accelerometer.increments, fixes))
             if self.algorithm is not None
             else CACHE.get(
                 "navigation",
                 key,
-                lambda: _timed(
+                lambda: timed(
                     lambda: self.solution(flight, gyro.increments, accelerometer.increments, fixes, assumed)
                 ),
             )
@@ -337,7 +331,7 @@ class _Run:
         except SettingError:
             raise
         except PolarError as error:
-            if np.abs(flight.truth.latitude).max() > NEAR_POLE:
+            if near_pole(flight.truth.latitude).any():
                 raise
             raise diverged(
                 "the estimate ran off to a pole, which the flight does not come near", error
@@ -380,25 +374,10 @@ class _Run:
                 start,
                 belief,
                 schedule,
-                self.model(),
+                chosen_model(self.navigator),
                 progress=lambda done: self.progress("Navigating", 0.4 + 0.6 * done),
             )
-        return navigate(imu, fixes, start, belief, schedule, self.model())
-
-    def model(self) -> ErrorModel:
-        """Return the error model of the linear filter."""
-        model = linear_model(self.navigator.model, self.navigator.mechanization)
-        return with_states(model, self.navigator.states)
-
-    def is_compiled(self) -> bool:
-        """Say whether the linear filter is ready, for the model of the settings."""
-        return is_compiled(self.model())
-
-
-def _timed(navigate: Callable[[], Solution]) -> tuple[Solution, float]:
-    """Return a solution, and the time it took [s]."""
-    begun = time.perf_counter()
-    return navigate(), time.perf_counter() - begun
+        return navigate(imu, fixes, start, belief, schedule, chosen_model(self.navigator))
 
 
 def start(truth: Truth, settings: NavigatorSettings, seed: int) -> Start:

@@ -15,13 +15,10 @@ from lab import earth
 from lab.cache import StageCache, digest
 from lab.missions import LogMission, SensorLog
 from lab.missions.sensor_log import Reference
-from lab.navigation import unscented
 from lab.navigation.algorithm import Algorithm, run_algorithm
-from lab.navigation.error_models import with_states
-from lab.navigation.navigator import is_compiled
+from lab.navigation.choice import is_ready
 from lab.navigation.recorded import RecordedRun, navigate_log
 from lab.navigation.solution import Solution
-from lab.navigation.wander_models import linear_model
 from lab.result import Recorded, Result
 from lab.rotation import quaternion_from_euler, wrap
 from lab.sensors.gps import GpsFixes
@@ -111,24 +108,17 @@ def run_log(
     content = mission.content_hash
     log = cache.get("log", content, lambda: mission.log)
     sensors, navigator = experiment.sensors, experiment.navigator
-    model, mechanization = navigator.model, navigator.mechanization
-    unscented_model = model == "nonlinear"
-    ready = (
-        unscented.is_compiled()
-        if unscented_model
-        else is_compiled(with_states(linear_model(model, mechanization), navigator.states))
-    )
-    progress("Navigating" if ready else "Preparing the navigator (compiled once)", 0.4)
+    progress("Navigating" if is_ready(navigator) else "Preparing the navigator (compiled once)", 0.4)
     states = navigator.states
     settings = {path: experiment.get(path) for path, *_ in experiment.leaves() if has_effect(path, states)}
     made, seconds = cache.get(
         "log navigation",
         digest(content, settings | {"mission": ""}),
-        lambda: _timed(lambda: navigate_log(log, sensors, navigator, sensors.gps.outages)),
+        lambda: timed(lambda: navigate_log(log, sensors, navigator, sensors.gps.outages)),
     )
     solution = made.solution
     if algorithm is not None:
-        solution, seconds = _timed(
+        solution, seconds = timed(
             lambda: run_algorithm(algorithm, made.imu, made.fixes, made.alignment.start)
         )
     truth = None if log.reference is None else reference_at(log.reference, made.imu.time)
@@ -185,7 +175,7 @@ def _result(
     )
 
 
-def _timed(navigate: Callable[[], T]) -> tuple[T, float]:
+def timed(navigate: Callable[[], T]) -> tuple[T, float]:
     """Return what a navigator gives, and the time it took [s]."""
     begun = time.perf_counter()
     return navigate(), time.perf_counter() - begun

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from lab import earth
+from lab.ecef import near_pole
 from lab.missions.errors import MissionError
 from lab.missions.sensor_log import GnssLog, SensorLog
 from lab.navigation import navigator as linear
@@ -23,13 +24,14 @@ from lab.navigation import strapdown, unscented
 from lab.navigation.alignment import Alignment, align
 from lab.navigation.belief import belief, schedule_of
 from lab.navigation.checks import check_finite, check_mechanization, check_r, check_smoother, diverged
-from lab.navigation.error_models import ATT, GYRO_BIAS, POS, VEL, with_states
+from lab.navigation.choice import chosen_model
+from lab.navigation.error_models import ATT, GYRO_BIAS, POS, VEL
 from lab.navigation.kalman import gate
 from lab.navigation.navigator import PolarError
 from lab.navigation.settings import NavigatorSettings
 from lab.navigation.smoother import smooth
 from lab.navigation.solution import Belief, Fixes, Imu, Schedule, Solution, Start
-from lab.navigation.wander_models import linear_model
+from lab.sensors.gps import within
 from lab.sensors.suite import SensorSuite
 from lab.settings import SettingError
 
@@ -41,8 +43,6 @@ UNKNOWN = 1e4
 """σ of a velocity the receiver does not have, which makes it count for nothing [m/s]."""
 NO_VERTICAL_SIGMA = 1.0
 """σ of the initial vertical velocity without any measured [m/s]."""
-NEAR_POLE = np.radians(89)
-"""Fixes beyond this latitude: the vehicle itself may have come too close to a pole [rad]."""
 
 _ROUNDING = 1e-6  # of time stamps [s]
 
@@ -128,7 +128,7 @@ def navigate_log(
     rows = (times > imu.time[0] + _ROUNDING) & (times <= imu.time[-1])
     if not rows.any():
         raise MissionError(f"{log.name}: no fix while the IMU recorded; accepted is at least one")
-    rows &= ~_within(outages, times)
+    rows &= ~within(outages, times)
     assumed = assumed._replace(
         P0=_initial(assumed, navigator, start, variances[0]),
         R=R[rows],
@@ -155,13 +155,6 @@ def _check(log: SensorLog, navigator: NavigatorSettings) -> None:
             f"navigator.smoother: cannot smooth over gaps of the IMU, of which {log.name} has "
             f"{len(log.gaps)}; accepted is false"
         )
-
-
-def _within(stretches: Sequence[tuple[float, float]], times: FloatArray) -> NDArray[np.bool_]:
-    inside = np.zeros(times.shape, dtype=np.bool_)
-    for start, end in stretches:
-        inside |= (times >= start) & (times <= end)
-    return inside
 
 
 def _first_sample(log: SensorLog, times: FloatArray) -> int:
@@ -240,7 +233,7 @@ def _solution(
     try:
         solution = _run(imu, fixes, log, alignment, assumed, navigator, missing, schedule)
     except PolarError as error:
-        if np.abs(log.gnss.position[:, 0]).max() > NEAR_POLE:
+        if near_pole(log.gnss.position[:, 0]).any():
             raise
         raise diverged(
             "the estimate ran off to a pole, which the vehicle did not come near", error
@@ -304,7 +297,7 @@ def _begin(
         unscented.check(schedule)
         points = unscented.Filter.begin(start, assumed)
         return points, lambda *piece: unscented.advance(points, *piece)
-    model = with_states(linear_model(navigator.model, navigator.mechanization), navigator.states)
+    model = chosen_model(navigator)
     run = linear.Filter.begin(start, assumed, time, model)
 
     def onwards(imu: Imu, fixes: Fixes, out: Solution, first: int, schedule: Schedule) -> int:
