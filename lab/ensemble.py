@@ -151,20 +151,22 @@ class Ensemble:
     def whiteness(self) -> pd.DataFrame:
         """Table of the innovations of all runs in their σ: mean, variance, and whether they are white.
 
-        The columns are those of `lab.analysis.consistency.whiteness_table`.
+        The columns are those of `lab.analysis.consistency.whiteness_table`. What the receiver of a log does
+        not measure has no row.
         """
         seen = reduce(operator.add, self.evidence).innovations
         # The evidence has north, east, down, position first.
         order, sign = [1, 0, 2, 4, 3, 5], np.array([1, 1, -1] * 2)
-        number = seen.squares.number[0]
+        number = seen.squares.number[order]
         power = np.maximum(seen.squares.total, 1e-300)
-        return consistency.whiteness_table(
-            sign * seen.sums[order] / max(number, 1),
-            seen.squares.total[order] / max(number, 1),
+        table = consistency.whiteness_table(
+            sign * seen.sums[order] / np.maximum(number, 1),
+            seen.squares.total[order] / np.maximum(number, 1),
             np.concatenate((np.ones((1, 6)), (seen.lagged / power)[:, order])),
-            float(number / len(self.seeds)),
+            float(number.max() / len(self.seeds)),
             len(self.seeds),
         )
+        return table[number > 0].reset_index(drop=True) if number.any() else table
 
     @cached_property
     def coverage(self) -> pd.DataFrame:

@@ -69,6 +69,10 @@ def test_without_reference_errors_are_not_known(blind, tmp_path):
     assert list(result.whiteness["innovation"]) == [
         *(f"position {axis}" for axis in ("east", "north", "up")), "velocity east", "velocity north",
     ]  # fmt: skip
+    whole = run_ensemble(experiment(blind), 1).whiteness.set_index("innovation")
+    one = result.whiteness.set_index("innovation")
+    assert list(whole.index) == list(one.index)
+    np.testing.assert_allclose(whole[["mean", "variance"]], one[["mean", "variance"]], rtol=1e-9)
     assert result.innovations.nis.attrs["degrees"] == 5
     assert np.isnan(result.innovations.velocity_sigma.sel(axis="up")).all()
     result.to_netcdf(tmp_path / "result.nc")
