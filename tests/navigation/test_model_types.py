@@ -6,11 +6,12 @@ from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 import pytest
+from apart import apart
 from numpy.typing import NDArray
 from scipy.stats import chi2
 
 from lab.analysis.consistency import chi_square_interval
-from lab.analysis.errors import attitude_error, position_error
+from lab.analysis.errors import position_error
 from lab.experiment import CACHE, Experiment, start
 from lab.navigation.error_models import MODELS
 from lab.navigation.kalman import gate
@@ -53,21 +54,6 @@ def test_a_matched_filter_tells_the_truth_about_itself(model: str) -> None:
         f"NIS {nis.mean():.2f}, inside at {100 * parts[1]:.1f} % of epochs"
     )
     assert min(parts) >= 0.9
-
-
-def apart(one: Result, other: Result) -> FloatArray:
-    """Return the difference of all states (n, 15), in σ of the first."""
-    a, b, truth = one.solution_arrays, other.solution_arrays, one.truth_arrays
-    difference = np.concatenate(
-        (
-            position_error(a.position, truth) - position_error(b.position, truth),
-            a.velocity_n - b.velocity_n,
-            attitude_error(a.q_nb, b.q_nb),
-            a.bias - b.bias,
-        ),
-        axis=1,
-    )
-    return np.asarray(np.abs(difference) / np.sqrt(a.variance))
 
 
 @pytest.mark.parametrize("seed", range(1, 6))

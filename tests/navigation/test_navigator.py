@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from apart import apart
 from flown import fly
 from motions import NO_FILTER, NO_FIXES
 from numpy.typing import NDArray
 
-from lab.analysis.errors import attitude_error, position_error
+from lab.analysis.errors import position_error
 from lab.experiment import CACHE, Experiment, start
 from lab.navigation.navigator import Filter, Fixes, Imu, Schedule, Solution, Start, advance, navigate
 from lab.navigation.strapdown import ACCEL_BIAS, GYRO_BIAS
@@ -60,18 +61,9 @@ def feedback_minus_feedforward(scale: float, **others: float) -> float:
     """Return the largest difference of any state, in σ, with good sensors scaled."""
     settings = {name: scale * value for name, value in GOOD_SENSORS.items()} | others
     back, forward = run(**settings), run(**settings, navigator__correction="feedforward")
-    one, other, truth = back.solution_arrays, forward.solution_arrays, back.truth_arrays
-    apart = np.concatenate(
-        (
-            position_error(one.position, truth) - position_error(other.position, truth),
-            one.velocity_n - other.velocity_n,
-            attitude_error(one.q_nb, other.q_nb),
-            one.bias - other.bias,
-        ),
-        axis=1,
-    )
+    one, other = back.solution_arrays, forward.solution_arrays
     np.testing.assert_allclose(other.variance, one.variance, rtol=0.02 * scale)
-    return float(np.abs(apart / np.sqrt(one.variance)).max())
+    return float(apart(back, forward).max())
 
 
 def test_feedback_equals_feedforward_while_errors_are_small() -> None:
