@@ -52,6 +52,7 @@ if TYPE_CHECKING:
     import xarray as xr
 
     from lab.result import Result
+    from lab.trajectory import Truth
 
 FloatArray = NDArray[np.float64]
 
@@ -124,13 +125,18 @@ def _check(result: Result) -> None:
             f"is one of {', '.join(MODELS)}"
         )
     truth, _ = result.true_flight("budget")
-    highest = float(np.abs(truth.latitude).max())
+    check_latitude(truth)
+    check_gains(result)
+
+
+def check_latitude(flight: Truth) -> None:
+    """Raise `SettingError` of flights too close to a pole for errors in north, east, down."""
+    highest = float(np.abs(flight.latitude).max())
     if highest > MAX_LATITUDE:
         raise SettingError(
-            f"mission: the flight reaches latitude {np.degrees(highest):.3f}°, and the error budget follows "
+            f"mission: the flight reaches latitude {np.degrees(highest):.3f}°, and this analysis follows "
             "errors in north, east, down, which turn too fast there; accepted here are flights up to 89.9°"
         )
-    check_gains(result)
 
 
 def check_gains(result: Result) -> None:

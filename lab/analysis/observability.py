@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from lab.analysis.budget import believed_sigma, check_gains, epochs_of, quantities
+from lab.analysis.budget import believed_sigma, check_gains, check_latitude, epochs_of, quantities
 from lab.analysis.errors import euler_sigma
 from lab.navigation import strapdown
 from lab.navigation.compilation import interpreted
@@ -151,11 +151,12 @@ def observability(result: Result) -> xr.Dataset:
     Raises
     ------
     SettingError
-        If the solution is smoothed, or of a user's algorithm.
+        If the solution is smoothed, or of a user's algorithm, or the flight comes closer than 0.1° to a pole.
     """
     import xarray as xr  # noqa: PLC0415 - takes a while to import, and a run does without
 
     check_gains(result)
+    check_latitude(_flight(result))
     units = quantities(result.solution_arrays.states)
     epochs = epochs_of(result)
     kept = epochs.sample[epochs.last]
