@@ -24,12 +24,10 @@ def check_mechanization(settings: NavigatorSettings) -> None:
         reason = "navigator.engine: the reference in filterpy is a north-slaved navigator"
     elif settings.smoother:
         reason = "navigator.smoother: goes back through the flight with the north-slaved model phi"
-    elif settings.states != 15:
-        reason = "navigator.states: the scale factors are estimated by a north-slaved navigator"
     if reason:
         raise SettingError(
             f"{reason}, which navigator.mechanization = {settings.mechanization} is not; accepted with it "
-            f"are the models {', '.join(MODELS)}, 15 states, the compiled engine, and no smoother"
+            f"are the models {', '.join(MODELS)}, the compiled engine, and no smoother"
         )
 
 

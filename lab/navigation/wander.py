@@ -36,6 +36,7 @@ from lab.navigation.compilation import inline_kernel, kernel, rebound
 from lab.navigation.strapdown import (
     ACCEL_BIAS,
     GYRO_BIAS,
+    GYRO_SCALE,
     HEIGHT,
     MERIDIAN,
     PREVIOUS_VELOCITY,
@@ -178,7 +179,7 @@ def heading_turn(x: float, y: float) -> Quaternion:
 
 @inline_kernel
 def store_state(out: Solution, k: int, state: FloatArray) -> None:
-    """Write position, velocity, attitude and biases of sample k, in north, east, down."""
+    """Write position, velocity, attitude, biases and scale factors of sample k, in north, east, down."""
     C_ew = matrix(quaternion(state, Q_EW))
     x, y, cosine = north(state)
     out.position[k, 0] = math.atan2(state[SINE], cosine)
@@ -193,6 +194,8 @@ def store_state(out: Solution, k: int, state: FloatArray) -> None:
         out.q_nb[k, i] = q_nb[i]
     for i in range(6):
         out.bias[k, i] = state[GYRO_BIAS + i]
+    for i in range(out.scale.shape[1]):
+        out.scale[k, i] = state[GYRO_SCALE + i]
 
 
 @inline_kernel
@@ -221,6 +224,8 @@ def displace(state: FloatArray, x: FloatArray) -> None:
     for i in range(3):
         state[GYRO_BIAS + i] -= x[9 + i]
         state[ACCEL_BIAS + i] -= x[12 + i]
+    for i in range(x.size - 15):
+        state[GYRO_SCALE + i] -= x[15 + i]
 
 
 @inline_kernel

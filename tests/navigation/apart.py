@@ -10,7 +10,7 @@ from lab.result import Result
 
 
 def apart(one: Result, other: Result) -> NDArray[np.float64]:
-    """Return how far position, velocity, attitude and biases (n, 15) lie apart, in σ of the first."""
+    """Return how far position, velocity, attitude, biases and scale factors lie apart, in σ of the first."""
     a, b, truth = one.solution_arrays, other.solution_arrays, one.known_truth("truth")
     difference = np.concatenate(
         (
@@ -18,6 +18,7 @@ def apart(one: Result, other: Result) -> NDArray[np.float64]:
             a.velocity_n - b.velocity_n,
             attitude_error(a.q_nb, b.q_nb),
             a.bias - b.bias,
+            a.scale - b.scale,
         ),
         axis=1,
     )
