@@ -138,15 +138,23 @@ def unfolded(path: str, experiment: Experiment) -> tuple[CovarianceField, list[A
 
 
 def test_matched_sigmas_are_shown_in_readable_units() -> None:
-    _, boxes = unfolded("navigator.p0", Experiment())
-    assert [box.label for box in boxes][::3] == [
+    experiment = Experiment()
+    field, boxes = unfolded("navigator.p0", experiment)
+    shown = [box for box in boxes if box.visible]
+    assert [box.label for box in shown][::3] == [
         "position north [m]",
         "velocity north [m/s]",
         "attitude north [°]",
         "gyro bias x [°/s]",
         "accelerometer bias x [mg]",
     ]
-    assert [float(box.value) for box in boxes] == [1, 1, 1, 0.3, 0.3, 0.3, 0.5, 0.5, 2, *[0.1] * 3, *[2] * 3]
+    assert [float(box.value) for box in shown] == [1, 1, 1, 0.3, 0.3, 0.3, 0.5, 0.5, 2, *[0.1] * 3, *[2] * 3]
+    experiment.set("navigator.states", 21)
+    field.refresh()
+    assert [box.label for box in boxes if box.visible][15::3] == [
+        "gyro scale x [%]",
+        "accelerometer scale x [%]",
+    ]
     _, boxes = unfolded("navigator.q", Experiment())
     assert [float(box.value) for box in boxes[:6]] == [0.05, 0.05, 0.05, 35, 65, 35]
     _, boxes = unfolded("navigator.r", Experiment())
