@@ -18,7 +18,7 @@ from lab.experiment import Experiment
 from lab.log_run import has_effect
 from lab.missions import LogMission, missions
 from lab.navigation.belief import belief
-from lab.settings import MatrixOrNone
+from lab.setting_kinds import MatrixOrNone
 
 SECTIONS = {
     "sensors.gyro": ("Gyros", True),

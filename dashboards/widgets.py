@@ -10,7 +10,7 @@ import panel as pn
 import panel_material_ui as pmui
 import param
 
-from lab.settings import AxisQuantity, Intervals, MatrixOrNone, Quantity
+from lab.setting_kinds import AxisQuantity, Intervals, MatrixOrNone, Quantity
 
 Change = Callable[[Any], bool]
 

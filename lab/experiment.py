@@ -44,7 +44,8 @@ from lab.sensors import temperature as thermal
 from lab.sensors.draws import unit_draws
 from lab.sensors.noise_variance import NOISE_VARIANCES, noise_variance
 from lab.sensors.suite import SensorSuite
-from lab.settings import Derived, Quantity, SettingError, Settings, group
+from lab.setting_kinds import Quantity
+from lab.settings import Derived, SettingError, Settings, group
 from lab.trajectory import Trajectory, Truth
 from lab.units import si
 

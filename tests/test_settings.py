@@ -15,16 +15,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from lab.experiment import Experiment
-from lab.settings import (
-    AxisQuantity,
-    Intervals,
-    MatrixOrNone,
-    Quantity,
-    SettingError,
-    Settings,
-    describe,
-    group,
-)
+from lab.setting_kinds import AxisQuantity, Intervals, MatrixOrNone, Quantity, describe
+from lab.settings import SettingError, Settings, group
 
 
 class Engine(Settings):

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import param
 
-from lab.settings import AxisQuantity, MatrixOrNone, Quantity, Settings
+from lab.setting_kinds import AxisQuantity, MatrixOrNone, Quantity
+from lab.settings import Settings
 
 _AXES_NED = ("north", "east", "down")
 _FIX_ROWS = [(f"position {axis}", "m") for axis in _AXES_NED] + [

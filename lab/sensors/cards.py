@@ -19,7 +19,8 @@ from typing import Any
 import numpy as np
 
 from lab.sensors.suite import SensorSuite
-from lab.settings import AxisQuantity, SettingError, Settings
+from lab.setting_kinds import AxisQuantity
+from lab.settings import SettingError, Settings
 from lab.units import TO_SI
 
 CATALOGUE = Path(__file__).with_name("cards.toml")

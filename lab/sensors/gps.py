@@ -23,7 +23,8 @@ from numpy.typing import NDArray
 from lab import earth, ecef, rotation
 from lab.sensors import processes
 from lab.sensors.draws import unit_draws
-from lab.settings import AxisQuantity, Intervals, Quantity, Settings
+from lab.setting_kinds import AxisQuantity, Intervals, Quantity
+from lab.settings import Settings
 from lab.trajectory import Trajectory, Truth
 from lab.units import si
 

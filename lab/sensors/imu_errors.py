@@ -7,7 +7,8 @@ from __future__ import annotations
 
 from typing import Any
 
-from lab.settings import AxisQuantity, Quantity, Settings
+from lab.setting_kinds import AxisQuantity, Quantity
+from lab.settings import Settings
 
 OFF_DIAGONAL = ("xy", "xz", "yx", "yz", "zx", "zy")
 

@@ -6,7 +6,8 @@ import math
 from typing import Any
 
 from lab.sensors.imu_errors import GyroErrors
-from lab.settings import AxisQuantity, Derived, Settings
+from lab.setting_kinds import AxisQuantity
+from lab.settings import Derived, Settings
 from lab.units import TO_SI
 
 NOISE_VARIANCES = ("sensors.gyro.noise_variance", "sensors.accelerometer.noise_variance")

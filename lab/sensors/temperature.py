@@ -10,7 +10,8 @@ import param
 from numpy.typing import NDArray
 
 from lab.sensors.draws import unit_draws
-from lab.settings import Quantity, Settings
+from lab.setting_kinds import Quantity
+from lab.settings import Settings
 from lab.units import si
 
 FloatArray = NDArray[np.float64]

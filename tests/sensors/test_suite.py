@@ -10,7 +10,7 @@ import pytest
 from lab.experiment import CACHE, Experiment
 from lab.result import Result
 from lab.sensors.draws import unit_draws
-from lab.settings import AxisQuantity, Quantity
+from lab.setting_kinds import AxisQuantity, Quantity
 
 DEGREE = np.pi / 180
 G = 9.80665
