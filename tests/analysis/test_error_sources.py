@@ -1,0 +1,225 @@
+"""Each source of the error budget alone: against its effect in a run, or its spread over runs."""
+
+from __future__ import annotations
+
+import os
+from concurrent.futures import ThreadPoolExecutor
+
+import numpy as np
+import pytest
+
+from lab.analysis.budget import error_budget
+from lab.experiment import CACHE, Experiment
+from lab.navigation.belief import belief
+
+QUIET = {
+    **{
+        f"sensors.{name}.{term}": 0.0
+        for name in ("gyro", "accelerometer")
+        for term in ("noise_density", "bias_sigma")
+    },
+    **{"sensors.gps.position_variance": 1e-6, "sensors.gps.velocity_variance": 1e-8},
+    **{f"navigator.{name}_sigma": 1e-6 for name in ("position", "velocity", "attitude")},
+}
+"""All errors off, or as small as they can be."""
+
+
+def alone(seed: int = 1, **errors: object) -> Experiment:
+    """Return an experiment with one source of error, and the gains of the filter for the default ones."""
+    experiment = Experiment(mission="los_angeles", seed=seed)
+    assumed = belief(experiment.sensors, experiment.navigator)
+    for name, matrix in (("p0", assumed.P0), ("q", np.diag(assumed.noise)), ("r", assumed.R)):
+        experiment.set(f"navigator.{name}", np.diag(matrix).tolist())
+    for path, value in {
+        **QUIET,
+        **{name.replace("__", "."): value for name, value in errors.items()},
+    }.items():
+        experiment.set(path, value)
+    return experiment
+
+
+GIVEN = {
+    "gyro turn-on bias, given": {"sensors__gyro__bias": (0.02, -0.01, 0.03)},
+    "accelerometer turn-on bias, given": {"sensors__accelerometer__bias": (1.0, 0.5, -2.0)},
+    "gyro scale factor, given": {"sensors__gyro__scale_factor": (0.1, -0.2, 0.1)},
+    "accelerometer scale factor, given": {"sensors__accelerometer__scale_factor": (0.1, 0.1, -0.1)},
+    "gyro g-sensitivity": {"sensors__gyro__g_sensitivity": (0.02, -0.01, 0.01)},
+    "gyro misalignment": {"sensors__gyro__misalignment": (0.1, 0, 0.05, 0, -0.1, 0)},
+    "accelerometer misalignment": {"sensors__accelerometer__misalignment": (0.1, 0.1, 0, 0, 0, -0.1)},
+    "initial position, given": {"navigator__position_error": (2.0, -1.0, 3.0)},
+    "initial attitude, given": {"navigator__attitude_error": (0.05, -0.03, 0.2)},
+    "GPS latency": {"sensors__gps__latency": 0.05},
+    "GPS lever arm": {"sensors__gps__lever_arm": (1.0, -0.5, 0.3)},
+    "gyro temperature, bias": {
+        "sensors__gyro__bias_temperature": (0.002, -0.001, 0.003),
+        "sensors__temperature__profile": "warm_up",
+    },
+    "accelerometer temperature, scale factor": {
+        "sensors__accelerometer__scale_temperature": (0.005, 0.002, -0.003),
+        "sensors__temperature__profile": "constant",
+        "sensors__temperature__start": 40.0,
+    },
+    "accelerometer bandwidth": {"sensors__accelerometer__bandwidth": 2.0},
+    "gyro range": {"sensors__gyro__range": 10.0},
+    "accelerometer range": {"sensors__accelerometer__range": 1.1},
+    "gyro quantisation": {"sensors__gyro__quantisation": 0.05},
+}
+
+
+@pytest.mark.parametrize("source", GIVEN)
+def test_a_given_error_alone_has_the_effect_it_has(source: str) -> None:
+    """Without anything random a run *is* its effect, up to what is not linear."""
+    result = alone(**GIVEN[source]).run()
+    found = error_budget(result)
+    samples = np.searchsorted(result.time, found.time.values - 1e-9)
+    data = (result.errors[name].values[samples] for name in ("position", "velocity", "attitude"))
+    flown = np.abs(np.concatenate(list(data), axis=1))
+    alone_sigma = found.sigma.sel(source=source).values[:, :9]
+    largest = flown.max(axis=0)
+    assert np.all(np.abs(alone_sigma - flown).max(axis=0) < 0.05 * largest + 2e-3)
+
+
+RANDOM = {
+    "initial position": {"navigator__position_sigma": 1.0},
+    "initial velocity": {"navigator__velocity_sigma": 0.3},
+    "initial attitude": {"navigator__attitude_sigma": (0.1, 0.1, 0.5)},
+    "gyro turn-on bias σ": {"sensors__gyro__bias_sigma": 0.05},
+    "accelerometer turn-on bias σ": {"sensors__accelerometer__bias_sigma": 2.0},
+    "gyro white noise": {"sensors__gyro__noise_density": 0.02},
+    "accelerometer white noise": {"sensors__accelerometer__noise_density": 2000.0},
+    "gyro bias instability": {
+        "sensors__gyro__instability": 100.0,
+        "sensors__gyro__correlation_time": 20.0,
+    },
+    "accelerometer bias instability": {
+        "sensors__accelerometer__instability": 2.0,
+        "sensors__accelerometer__correlation_time": 20.0,
+    },
+    "gyro scale factor σ": {"sensors__gyro__scale_factor_sigma": 0.2},
+    "accelerometer scale factor σ": {"sensors__accelerometer__scale_factor_sigma": 0.2},
+    "gyro flicker": {"sensors__gyro__flicker": 100.0},
+    "accelerometer flicker": {"sensors__accelerometer__flicker": 2.0},
+    "gyro random walk": {"sensors__gyro__rate_random_walk": 300.0},
+    "accelerometer random walk": {"sensors__accelerometer__rate_random_walk": 10.0},
+    "vibration": {"sensors__accelerometer__vibration_density": 2000.0},
+    "GPS position noise": {"sensors__gps__position_variance": 0.5},
+    "GPS correlated position": {
+        "sensors__gps__correlated_sigma": (2.0, 1.0, 3.0),
+        "sensors__gps__correlation_time": 20.0,
+    },
+    "GPS velocity noise": {"sensors__gps__velocity_variance": (0.2, 0.1, 0.05)},
+    "GPS outliers": {"sensors__gps__outlier_rate": 0.3, "sensors__gps__outlier_size": 5.0},
+    "gyro thermometer": {
+        "sensors__gyro__bias_temperature": (0.3, 0.0, 0.0),
+        "sensors__temperature__compensation": True,
+        "sensors__temperature__thermometer_sigma": 1.0,
+    },
+    "accelerometer thermometer": {
+        "sensors__accelerometer__scale_temperature": (0.0, 0.0, 0.05),
+        "sensors__temperature__compensation": True,
+        "sensors__temperature__thermometer_sigma": 10.0,
+    },
+}
+BAD_TIMES = {
+    "sensors__gps__position_variance": 0.5,
+    "sensors__gps__quality_steps": [(30, 70)],
+    "sensors__gps__quality_factor": 4.0,
+}
+
+
+@pytest.mark.parametrize(
+    ("source", "errors"),
+    [*RANDOM.items(), ("GPS position noise", BAD_TIMES)],
+    ids=[*RANDOM, "bad constellation"],
+)
+def test_a_random_source_alone_has_the_spread_of_its_runs(source: str, errors: dict[str, object]) -> None:
+    """Mean of error² / σ² over seeds and the second half of the flight, for each quantity."""
+    seeds = 40
+    experiments = [alone(seed, **errors) for seed in range(seeds)]
+    with ThreadPoolExecutor(os.cpu_count()) as pool:
+        squares = list(pool.map(_squares, experiments))
+    found = error_budget(experiments[0].run())
+    ratio = np.mean(squares, axis=0) / found.sigma.sel(source=source).values[SECOND_HALF, :9] ** 2
+    CACHE.clear()
+    mean = np.sqrt(ratio.mean(axis=0))
+    print(source, mean.round(3).tolist())
+    # A number that is drawn once for each seed has a σ known to 1 / √(2 · seeds).
+    assert np.abs(mean - 1).max() < 4 / np.sqrt(2 * seeds)
+
+
+SECOND_HALF = slice(51, 101)
+
+
+def _squares(experiment: Experiment) -> np.ndarray:
+    """Return squared position, velocity and attitude errors at the epochs of the second half (50, 9)."""
+    return _errors(experiment) ** 2
+
+
+def _errors(experiment: Experiment) -> np.ndarray:
+    """Return position, velocity and attitude errors at the epochs of the second half (50, 9)."""
+    result = experiment.run()
+    samples = np.searchsorted(result.time, np.arange(51, 101) - 1e-9)
+    data = (result.errors[name].values[samples] for name in ("position", "velocity", "attitude"))
+    return np.concatenate(list(data), axis=1)
+
+
+def test_fine_steps_are_noise_of_a_twelfth_of_their_square() -> None:
+    """Runs with and without rounding differ by the quantisation alone: its spread over 40 seeds."""
+    noise = {"sensors__gyro__noise_density": 0.02}
+    seeds = 40
+
+    def pair(seed: int) -> np.ndarray:
+        steps = alone(seed, sensors__gyro__quantisation=0.5, **noise)
+        plain = alone(seed, **noise)
+        return (_errors(steps) - _errors(plain)) ** 2
+
+    with ThreadPoolExecutor(os.cpu_count()) as pool:
+        squares = list(pool.map(pair, range(seeds)))
+    found = error_budget(alone(sensors__gyro__quantisation=0.5, **noise).run())
+    ratio = (
+        np.mean(squares, axis=0) / found.sigma.sel(source="gyro quantisation").values[SECOND_HALF, :9] ** 2
+    )
+    CACHE.clear()
+    mean = np.sqrt(ratio.mean(axis=0))
+    print("quantisation", mean.round(3).tolist())
+    assert np.abs(mean - 1).max() < 4 / np.sqrt(2 * seeds)
+
+
+NEEDS = {
+    "sensors.gps.outlier_rate": {"sensors.gps.outlier_size": 20.0},
+    "sensors.gps.outlier_size": {"sensors.gps.outlier_rate": 0.1},
+    "sensors.gps.quality_factor": {"sensors.gps.quality_steps": [(20, 40)]},
+    "sensors.gps.correlation_time": {"sensors.gps.correlated_sigma": 1.0},
+    **{
+        f"sensors.{triad}.correlation_time": {f"sensors.{triad}.instability": 1.0}
+        for triad in ("gyro", "accelerometer")
+    },
+}
+VALUES = {
+    "sensors.gyro.range": 5.0,
+    "sensors.accelerometer.range": 1.05,
+    "sensors.gps.outages": [(20, 30)],
+    "sensors.gps.quality_steps": [(20, 40)],
+}
+
+
+def test_no_setting_of_a_sensor_is_left_out_silently() -> None:
+    """Every one of them moves the total of the budget."""
+    warm = {"sensors.temperature.profile": "constant", "sensors.temperature.start": 40.0}
+    silent = []
+    for path, owner, name in Experiment().sensors.leaves("sensors."):
+        if path.startswith("sensors.temperature."):
+            continue
+        declaration = owner.param[name]
+        before, after = (Experiment(mission="los_angeles") for _ in range(2))
+        for experiment in (before, after):
+            for setting, value in {**warm, **NEEDS.get(path, {})}.items():
+                experiment.set(setting, value)
+        high = (getattr(declaration, "softbounds", None) or (0, 1))[1]
+        after.set(path, VALUES.get(path, 0.4 * high))
+        totals = [error_budget(experiment.run()).isel(time=-1) for experiment in (before, after)]
+        if np.allclose(totals[0].total, totals[1].total, rtol=1e-9, atol=0):
+            silent.append(path)
+        assert totals[1].attrs["left_out"] == ""
+    CACHE.clear()
+    assert silent == []
