@@ -11,7 +11,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from lab.analysis import consistency, verdict
-from lab.analysis.evidence import CAUSES, Evidence, Fit, Innovations, Reference, Squares, nees_squares, sizes
+from lab.analysis.evidence import Evidence, Fit, Innovations, Reference, Squares, nees_squares, sizes
+from lab.analysis.fix_causes import CAUSES
 from lab.analysis.verdict import MANY_SIGMA, NOTHING, Finding, Verdict, Weighed, judge_size
 from lab.navigation.kalman import MEASUREMENTS
 from lab.navigation.solution import Solution

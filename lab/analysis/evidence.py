@@ -6,8 +6,6 @@ figures are sums, so those of many runs are added.
 
 References
 ----------
-A. S. Willsky, H. L. Jones, *A Generalized Likelihood Ratio Approach to the Detection and Estimation of Jumps
-in Linear Systems*, IEEE Trans. Automatic Control 21 (1976): the response of the innovations to an error.
 P. D. Groves, *Principles of GNSS, Inertial and Multisensor Integrated Navigation Systems*, 2nd ed., ch. 14.2.
 """
 
@@ -22,19 +20,18 @@ from numpy.typing import NDArray
 
 from lab import ecef
 from lab.analysis import consistency, errors
+from lab.analysis.fix_causes import CAUSES, Motion, causes_of, motion_at_fixes, response
 from lab.analysis.outliers import NEIGHBOURS, outliers
-from lab.navigation.error_models import ACCEL_BIAS, ACCEL_SCALE, ATT, GYRO_BIAS, GYRO_SCALE, POS, VEL
+from lab.navigation.error_models import POS, VEL
 from lab.navigation.kalman import MEASUREMENTS
 from lab.navigation.solution import Belief, Fixes, Imu, Solution
-from lab.rotation import C_nb_from_euler, euler_from_quaternion, wrap
+from lab.rotation import wrap
 from lab.trajectory import Truth
 
 FloatArray = NDArray[np.float64]
 
 LAGS = 5
 """Lags at which the innovations are correlated with themselves."""
-CAUSES = 4
-"""Regressors: latency [s], then the lever arm forward, right, down [m]."""
 TIMES = (5.0, 10.0, 20.0, 40.0, 80.0, 160.0)
 """Correlation times that are tried on the position errors of the fixes [s]."""
 RATIOS = (0.0, 0.1, 0.3, 1.0, 2.0, 5.0, 10.0, 20.0, 50.0, 200.0)
@@ -46,8 +43,6 @@ WINDOW = 1.0
 SETTLING = 60.0
 """Time in which a solution forgets its errors, biases more slowly, attitude and position faster [s]: over 100
 runs the mean NEES of flights of 205 s and 105 s varies like that of 3.5 and 2.6 independent epochs."""
-RATE_WINDOW = 0.1
-"""Time over which angular rate and acceleration at a fix are averaged [s]."""
 
 
 class Squares(NamedTuple):
@@ -196,16 +191,6 @@ class Reference(NamedTuple):
     scale: FloatArray | None = None
 
 
-class _AtFixes(NamedTuple):
-    """The motion at the m fixes used, as estimated: all (m, 3), and C_nb (m, 3, 3)."""
-
-    velocity: FloatArray
-    acceleration: FloatArray
-    rate_b: FloatArray
-    force_n: FloatArray
-    C_nb: FloatArray
-
-
 def evidence(
     solution: Solution, belief: Belief, fixes: Fixes, imu: Imu, reference: Reference | None = None
 ) -> Evidence:
@@ -222,8 +207,8 @@ def evidence(
         The truth, where it is known.
     """
     used = np.flatnonzero(solution.fix_sample >= 0)
-    motion = _motion(solution, used, imu)
-    causes = _causes(motion)
+    motion = motion_at_fixes(solution, used, imu)
+    causes = causes_of(motion)
     known = np.isfinite(solution.innovation[used])
     nis = consistency.normalised_squares(
         np.nan_to_num(solution.innovation[used]), solution.innovation_covariance[used]
@@ -246,55 +231,12 @@ def evidence(
     )
 
 
-def _motion(solution: Solution, used: NDArray[np.intp], imu: Imu) -> _AtFixes:
-    """Return the motion at the fixes, from the samples before each, which its correction does not touch."""
-    step = float(np.mean(np.diff(imu.time))) if imu.time.size > 1 else 1.0
-    width = max(1, round(RATE_WINDOW / step))
-    last = np.maximum(solution.fix_sample[used] - 1, 0)
-    first = np.maximum(last - width, 0)
-    span = np.maximum(imu.time[last] - imu.time[first], step)[:, None]
-    turned = np.concatenate((np.zeros((1, 3)), np.cumsum(imu.dtheta, axis=0)))
-    C_nb = C_nb_from_euler(euler_from_quaternion(solution.q_nb[last]))
-    return _AtFixes(
-        velocity=solution.velocity_n[last],
-        acceleration=(solution.velocity_n[last] - solution.velocity_n[first]) / span,
-        rate_b=(turned[last] - turned[first]) / span,
-        force_n=_mean_force(solution, used, imu),
-        C_nb=C_nb,
-    )
-
-
-def _mean_force(solution: Solution, used: NDArray[np.intp], imu: Imu) -> FloatArray:
-    """Return the specific force (m, 3) in n, averaged from each fix to the next [m/s²]."""
-    C_nb = C_nb_from_euler(euler_from_quaternion(solution.q_nb[1:]))
-    gained = np.concatenate(
-        (np.zeros((1, 3)), np.cumsum(np.einsum("nij,nj->ni", C_nb, imu.dvelocity), axis=0))
-    )
-    at = np.append(solution.fix_sample[used], imu.time.size - 1)
-    span = np.maximum(imu.time[at[1:]] - imu.time[at[:-1]], 1e-9)[:, None]
-    return np.asarray((gained[at[1:]] - gained[at[:-1]]) / span)
-
-
-def _causes(motion: _AtFixes) -> FloatArray:
-    """Return the error (m, 6, CAUSES) of the fixes for each second of latency and metre of lever arm.
-
-    A fix that is late by τ reports p(t − τ) and v(t − τ); one of an antenna at l reports p + C_nb l and
-    v + C_nb (ω × l) (Groves 14.3).
-    """
-    m = motion.velocity.shape[0]
-    causes = np.empty((m, 6, CAUSES))
-    causes[:, POS, 0], causes[:, VEL, 0] = -motion.velocity, -motion.acceleration
-    causes[:, POS, 1:] = motion.C_nb
-    causes[:, VEL, 1:] = motion.C_nb @ _skew(motion.rate_b)
-    return causes
-
-
 def _innovations(
     solution: Solution,
     belief: Belief,
     used: NDArray[np.intp],
     time: FloatArray,
-    motion: _AtFixes,
+    motion: Motion,
     causes: FloatArray,
 ) -> Innovations:
     known = np.isfinite(solution.innovation[used])
@@ -302,9 +244,9 @@ def _innovations(
     sigma = np.sqrt(np.diagonal(S, axis1=1, axis2=2))
     normalised = nu / sigma
     squares, sums, lagged = sizes(normalised)
-    response = _response(solution, belief, used, time, motion, causes)
+    answer = response(solution, belief, used, time, motion, causes)
     root = np.linalg.cholesky(S / (sigma[:, :, None] * sigma[:, None, :]))
-    both = np.concatenate((response, nu[..., None]), axis=2) / sigma[..., None]
+    both = np.concatenate((answer, nu[..., None]), axis=2) / sigma[..., None]
     white = np.asarray(np.linalg.solve(root, both), dtype=np.float64)
     return Innovations(
         squares=Squares(squares.total, known.sum(axis=0).astype(np.float64)),
@@ -323,46 +265,6 @@ def sizes(normalised: FloatArray) -> tuple[Squares, FloatArray, FloatArray]:
         lagged[lag - 1] = np.sum(normalised[lag:] * normalised[:-lag], axis=0)
     squares = Squares(np.sum(normalised**2, axis=0), np.full(MEASUREMENTS, float(m)))
     return squares, normalised.sum(axis=0), lagged
-
-
-def _response(
-    solution: Solution,
-    belief: Belief,
-    used: NDArray[np.intp],
-    time: FloatArray,
-    motion: _AtFixes,
-    causes: FloatArray,
-) -> FloatArray:
-    """Return what the causes make of the innovations (m, 6, CAUSES), through the gains of the filter.
-
-    From fix to fix the error grows by the short-term terms of F alone: velocity, specific force, biases.
-    """
-    gains = solution.fix_covariance[used][:, :, :6] @ np.linalg.inv(belief.fix_covariance(used))
-    n = solution.states
-    at = solution.fix_sample[used]
-    dt = np.diff(time[at], append=time[-1])[:, None, None]
-    F = np.zeros((used.size, n, n))
-    F[:, POS, VEL] = np.eye(3)
-    F[:, VEL, ATT] = _skew(motion.force_n)
-    F[:, VEL, ACCEL_BIAS] = -motion.C_nb
-    F[:, ATT, GYRO_BIAS] = motion.C_nb
-    if n > GYRO_SCALE.start:
-        force_b = np.einsum("mji,mj->mi", motion.C_nb, motion.force_n)
-        F[:, ATT, GYRO_SCALE] = motion.C_nb * motion.rate_b[:, None, :]
-        F[:, VEL, ACCEL_SCALE] = -motion.C_nb * force_b[:, None, :]
-    step = F * dt
-    transition = np.eye(n) + step + step @ step / 2 + step @ step @ step / 6
-    error = np.zeros((n, CAUSES))
-    response = np.empty(causes.shape)
-    for k in range(used.size):  # a recursion over fixes, not samples
-        response[k] = error[:6] - causes[k]
-        error = transition[k] @ (error - gains[k] @ response[k])
-    return response
-
-
-def _skew(vectors: FloatArray) -> FloatArray:
-    """Return [v ×] (m, 3, 3) of vectors (m, 3)."""
-    return np.cross(vectors[:, None, :], np.eye(3)).transpose(0, 2, 1)
 
 
 def _normal_equations(causes: FloatArray, values: FloatArray) -> Fit:

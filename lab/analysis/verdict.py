@@ -25,7 +25,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lab.analysis.consistency import chi_square_interval
-from lab.analysis.evidence import CAUSES, RATIOS, TIMES, Evidence, Fit, FixErrors, Squares
+from lab.analysis.evidence import RATIOS, TIMES, Evidence, Fit, FixErrors, Squares
+from lab.analysis.fix_causes import CAUSES
 from lab.analysis.outliers import CHANCE
 
 FloatArray = NDArray[np.float64]
