@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Callable
 from typing import Any
 
@@ -18,6 +19,9 @@ from lab.settings import SettingError
 
 PATIENCE = 500
 """How long a run may take before the page speaks of progress [ms]."""
+
+REST = 250
+"""How long nothing must change until the settings are at rest [ms]."""
 
 
 class Session(param.Parameterized):
@@ -36,6 +40,8 @@ class Session(param.Parameterized):
         self._runs = LatestWins(self._run, self._deliver)
         self._watching = self._run_failed = False
         self._on_settings: list[Callable[[], None]] = []
+        self._on_rest: list[Callable[[], None]] = []
+        self._changed, self._resting = 0.0, True
         self._closed = False
         self._arrived: Outcome | None = None
         self._browser_ready = False
@@ -45,6 +51,14 @@ class Session(param.Parameterized):
     def on_settings(self, callback: Callable[[], None]) -> None:
         """Call back whenever the settings were changed by anything but a single widget."""
         self._on_settings.append(callback)
+
+    def on_rest(self, callback: Callable[[], None]) -> None:
+        """Call back once a widget has changed settings, and no more for a moment.
+
+        For what may follow later than the plots: a box that shows another text takes the browser so long
+        that a slider is seen to lag behind.
+        """
+        self._on_rest.append(callback)
 
     def compute(self) -> None:
         """Compute the settings as they are now, in the background."""
@@ -66,6 +80,10 @@ class Session(param.Parameterized):
             return False
         self.problem = ""
         self.compute()
+        self._changed = time.monotonic()
+        if self._resting:
+            self._resting = False
+            self._document.add_timeout_callback(self._rest, REST)
         return True
 
     def take(self, experiment: Experiment) -> None:
@@ -88,6 +106,7 @@ class Session(param.Parameterized):
         self._closed = True
         self._runs.close()
         self._on_settings.clear()
+        self._on_rest.clear()
 
     def _run(self, experiment: Experiment, progress: Progress) -> Outcome:
         return run(experiment, progress, self.prepare)
@@ -117,6 +136,15 @@ class Session(param.Parameterized):
             self.result = outcome.result
             if self._run_failed:
                 self._run_failed, self.problem = False, ""
+
+    def _rest(self) -> None:
+        left = REST - round(1000 * (time.monotonic() - self._changed))
+        if left > 0 and not self._closed:
+            self._document.add_timeout_callback(self._rest, left)
+            return
+        self._resting = True
+        for callback in self._on_rest:
+            callback()
 
     def _watch(self) -> None:
         self._watching = False

@@ -74,9 +74,8 @@ class SettingsPanel:
         self._views: list[tuple[pn.viewable.Viewable, list[str]]] = []
         forms = {path: session.experiment.derived(path).setting for path in Experiment.OTHER_FORMS}
         self._forms = {setting: path for path, setting in forms.items()}
-        # The rate of the IMU is what makes a variance of a density.
-        self._depend = {*forms, *forms.values(), "trajectory.imu_rate"}
         session.on_settings(self.refresh)
+        session.on_rest(self._refresh_forms)
         self._mission = ChoiceField(
             session.experiment.param["mission"], self._change("mission"), mission_titles()
         )
@@ -128,8 +127,6 @@ class SettingsPanel:
                 self._suit()
             if path.startswith("sensors."):
                 self._cards.refresh()
-            if path in self._depend:
-                self._refresh_forms()
             return accepted
 
         return change

@@ -97,6 +97,38 @@ def test_settings_are_those_of_the_moment(gate: Event, monkeypatch: pytest.Monke
     one.close()
 
 
+def test_rest_comes_once_after_the_last_of_many_changes(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(session, "run", lambda *_args: Outcome(problem="none"))
+    now = [100.0]
+    monkeypatch.setattr(session.time, "monotonic", lambda: now[0])
+    document = Document()
+    one = session.Session(document)
+    rests: list[float] = []
+    one.on_rest(lambda: rests.append(now[0]))
+
+    def look(after: float) -> None:
+        """Have the session look whether there is rest, when it wanted to."""
+        (due,) = (c for c in document.session_callbacks if getattr(c, "timeout", 1000) <= session.REST)
+        assert due.timeout == pytest.approx(after, abs=1)
+        document.remove_timeout_callback(due)
+        due.callback()
+
+    for seed in range(3):
+        assert one.change("seed", seed)
+        now[0] += 0.1
+    now[0] = 100.25
+    look(250)
+    assert rests == []
+    now[0] = 100.45
+    look(200)
+    assert rests == [100.45]
+    assert one.change("seed", 9)
+    now[0] = 100.70
+    look(250)
+    assert rests == [100.45, 100.70]
+    one.close()
+
+
 def test_a_result_is_prepared_where_it_was_computed() -> None:
     prepared = []
     outcome = run(Experiment(), prepare=prepared.append)

@@ -62,6 +62,18 @@ def test_a_moved_slider_moves_the_curves(open_page: Open) -> None:
     page.wait_for_function("location.search.includes('sensors.gyro.noise_density=0.5')")
 
 
+def test_the_variance_of_a_sample_and_the_density_follow_each_other(open_page: Open) -> None:
+    page = open_page()
+    slider, box = noise(page)
+    variance = page.get_by_role("textbox", name="Variance of a sample").first
+    slider.press("End")
+    expect(variance).to_have_value("50")
+    variance.fill("0.5")
+    variance.press("Enter")
+    expect(box).to_have_value("0.05")
+    page.wait_for_function("!location.search.includes('noise_density')")
+
+
 def test_a_value_out_of_bounds_is_answered_and_the_result_stays(open_page: Open) -> None:
     page = open_page()
     remember_data(page)
