@@ -65,7 +65,8 @@ def short_flight(
         true.velocity_n + rng.normal(0, 1e-4, (times.size, 3)),
     )
     belief = Belief(
-        P0=np.diag(np.repeat([1e-6, 1e-8, 1e-10, 1e-10, 1e-8, 1e-7, 1e-7], 3)[:states]),
+        # Small scale factors: F along the free navigator, with none, is that along the smoothed one.
+        P0=np.diag(np.repeat([1e-6, 1e-8, 1e-10, 1e-10, 1e-8, 1e-10, 1e-10], 3)[:states]),
         R=np.diag(np.repeat([1e-6, 1e-8], 3)),
         noise=np.repeat([1e-12, 1e-9, 1e-13, 1e-10], 3),
         bias_decay=np.repeat([1.0, 2.0], 3) * bias_decay,
