@@ -19,6 +19,7 @@ from scipy.spatial.transform import Rotation
 
 from lab import earth
 from lab.analysis import evidence as module
+from lab.analysis import fix_causes
 from lab.analysis.evidence import RATIOS, TIMES, Evidence, Reference, Squares, evidence
 from lab.analysis.outliers import outliers
 from lab.analysis.verdict import judge
@@ -230,9 +231,9 @@ def test_the_response_of_the_innovations_is_that_of_the_filter_itself():
     result = Experiment(mission="montreal", seed=2).run()
     solution, used = result.solution_arrays, np.arange(result.fixes.time.size)
     imu = Imu(result.time, result.gyro.increments, result.accelerometer.increments)
-    motion = module._motion(solution, used, imu)
-    causes = module._causes(motion)
-    response = module._response(solution, result.belief, used, imu.time, motion, causes)
+    motion = fix_causes.motion_at_fixes(solution, used, imu)
+    causes = fix_causes.causes_of(motion)
+    response = fix_causes.response(solution, result.belief, used, imu.time, motion, causes)
     begin = start(result.truth_arrays, result.experiment.navigator, 2)
     meridian, transverse = earth.radii(np.sin(result.fixes.position[:, 0]))
     for cause, size in ((0, 0.01), (1, 0.1), (3, 0.1)):
