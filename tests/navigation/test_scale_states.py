@@ -180,8 +180,6 @@ def test_a_given_p0_has_the_size_of_the_filter() -> None:
         experiment.run()
     with pytest.raises(SettingError, match="15 or 21 variances"):
         experiment.set("navigator.p0", [1.0] * 16)
-    with pytest.raises(SettingError, match=r"navigator\.states: the scale factors.* north-slaved"):
-        run(1, navigator__mechanization="wander azimuth")
     with pytest.raises(SettingError, match="one of 15, 21"):
         experiment.set("navigator.states", 18)
 
