@@ -20,8 +20,8 @@ from lab.settings import SettingError
 PATIENCE = 500
 """How long a run may take before the page speaks of progress [ms]."""
 
-REST = 250
-"""How long nothing must change until the settings are at rest [ms]."""
+REST = 1000
+"""How long nothing must change until the settings are at rest [ms]; longer than a change on ten pages takes."""
 
 
 class Session(param.Parameterized):

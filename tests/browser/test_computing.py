@@ -99,6 +99,7 @@ def test_settings_are_those_of_the_moment(gate: Event, monkeypatch: pytest.Monke
 
 def test_rest_comes_once_after_the_last_of_many_changes(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(session, "run", lambda *_args: Outcome(problem="none"))
+    monkeypatch.setattr(session, "REST", 250)
     now = [100.0]
     monkeypatch.setattr(session.time, "monotonic", lambda: now[0])
     document = Document()
