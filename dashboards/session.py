@@ -21,7 +21,7 @@ PATIENCE = 500
 """How long a run may take before the page speaks of progress [ms]."""
 
 REST = 1000
-"""How long nothing must change until the settings are at rest [ms]; longer than a change on ten pages takes."""
+"""How long nothing must change until the settings are at rest [ms]; a change on ten pages takes less."""
 
 
 class Session(param.Parameterized):
