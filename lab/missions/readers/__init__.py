@@ -1,0 +1,109 @@
+"""Readers: one file for each format of flight recording, found by what a file holds and not by its name."""
+
+from __future__ import annotations
+
+import gzip
+import os
+import zlib
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from lab.missions.errors import MissionError
+from lab.missions.raw_flight import RawFlight
+from lab.missions.sensor_log import SensorLog
+from lab.missions.text_blocks import check_file
+
+HEAD_BYTES = 2**16
+"""How much of a file the readers look at to tell whether it is theirs [bytes, decompressed]."""
+MAX_FILES = 4
+"""Most files one flight may be spread over."""
+
+
+@dataclass(frozen=True)
+class Reader:
+    """A format the lab can read.
+
+    Attributes
+    ----------
+    name : str
+        What people call it, such as "X-Plane Data.txt".
+    recognises : callable
+        Tells from the first `HEAD_BYTES` of a file whether it is of this format; never raises.
+    read : callable
+        Reads the files of one flight, with units (column to unit name) that overrule what the file says.
+        Raises `MissionError` for whatever is wrong, and nothing else.
+    read_log : callable or None
+        Reads the recorded IMU and GPS of a log that has both.
+    """
+
+    name: str
+    recognises: Callable[[bytes], bool]
+    read: Callable[[Sequence[Path], Mapping[str, str]], RawFlight]
+    read_log: Callable[[Path], SensorLog] | None = None
+
+
+READERS: tuple[Reader, ...] = ()
+"""All readers; at most one recognises a file."""
+
+
+def reader_of(path: Path) -> Reader:
+    """Return the reader of a file, by its content.
+
+    Raises
+    ------
+    MissionError
+        If the file cannot be read, or is of no format we know, listing those.
+    """
+    head = _head(path)
+    for reader in READERS:
+        if reader.recognises(head):
+            return reader
+    hint = " It is a zip archive: unpack it first." if head.startswith(b"PK\x03\x04") else ""
+    raise MissionError(
+        f"{path}: its content is of no format known here.{hint} Accepted: "
+        f"{', '.join(reader.name for reader in READERS)}"
+    )
+
+
+def read_raw(
+    paths: Sequence[str | os.PathLike[str]] | str | os.PathLike[str], units: Mapping[str, str] | None = None
+) -> RawFlight:
+    """Read a flight recording of any format.
+
+    Parameters
+    ----------
+    paths
+        The file, or the files where a format spreads a flight over several, in any order.
+    units
+        Units that overrule what the file says or the reader guesses, by name of the column.
+
+    Raises
+    ------
+    MissionError
+        For whatever is wrong with a file.
+    """
+    files = [Path(paths)] if isinstance(paths, str | os.PathLike) else [Path(path) for path in paths]
+    if not 1 <= len(files) <= MAX_FILES:
+        raise MissionError(f"{len(files)} files given; accepted are 1 to {MAX_FILES} of one flight")
+    readers = [reader_of(path) for path in files]
+    for path, reader in zip(files, readers, strict=True):
+        if reader is not readers[0]:
+            raise MissionError(
+                f"{path}: is {reader.name}, and {files[0]} is {readers[0].name}; accepted are files of one "
+                "flight in one format"
+            )
+    return readers[0].read(files, units or {})
+
+
+def _head(path: Path) -> bytes:
+    try:
+        check_file(path, 2**40)
+        with path.open("rb") as file:
+            head = file.read(HEAD_BYTES)
+        if head.startswith(b"\x1f\x8b"):
+            with gzip.open(path, "rb") as stream:
+                return stream.read(HEAD_BYTES)
+    except (OSError, EOFError, ValueError, zlib.error) as error:
+        raise MissionError(f"{path}: cannot be read: {getattr(error, 'strerror', None) or error}") from error
+    return head
