@@ -2,6 +2,11 @@
 
 from __future__ import annotations
 
+import contextlib
+import signal
+import sys
+import threading
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Annotated
 
@@ -15,6 +20,9 @@ EXAMPLES = """\b
 Examples:
   ins-lab fly montreal
   ins-lab fly montreal --seed 12 --out my_missions"""
+
+ENDED_EARLY = 3
+"""Exit code of a flight that did not reach the end of its plan."""
 
 
 def fly(
@@ -41,13 +49,34 @@ def fly(
     """Fly a mission's plan again in JSBSim and record it.
 
     Needs JSBSim: pip install 'ins-lab[fly]'. The same plan and seed give the same flight, bit by bit.
+
+    A flight that ends early (a stall, the ground, a plan that cannot be flown, Ctrl-C) is kept as far as it
+    went; the answer says why, with exit code 3.
     """
-    with working(mission) as progress:
+    with working(mission) as progress, _interrupted() as cancelled:
         flown = fly_mission(
             mission,
             seed=seed,
             folder=out,
             overwrite=force,
             progress=lambda fraction: progress("flying", fraction),
+            cancelled=cancelled.is_set,
         )
     print(f"{flown.recording_path}: {flown.duration:.1f} s flown")
+    if flown.ending:
+        print(f"ins-lab: {flown.ending}; what was flown until then is kept", file=sys.stderr)
+        raise typer.Exit(ENDED_EARLY)
+
+
+@contextlib.contextmanager
+def _interrupted() -> Iterator[threading.Event]:
+    """Give an event that Ctrl-C sets, in place of ending the program."""
+    pressed = threading.Event()
+    if threading.current_thread() is not threading.main_thread():
+        yield pressed
+        return
+    before = signal.signal(signal.SIGINT, lambda *_: pressed.set())
+    try:
+        yield pressed
+    finally:
+        signal.signal(signal.SIGINT, before)

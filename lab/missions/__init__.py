@@ -9,7 +9,7 @@ np.float64(0.055)
 
 from lab.missions.catalogue import broken_missions, mission, missions, own_folder, shipped_folder
 from lab.missions.errors import MissionError
-from lab.missions.flight import fly, fly_mission
+from lab.missions.flight import Flight, fly, fly_mission
 from lab.missions.flight_csv import read_flight_csv, write_flight_csv
 from lab.missions.flight_plan import FlightPlan
 from lab.missions.log_mission import LogMission
@@ -19,6 +19,7 @@ from lab.missions.sensor_log import SensorLog
 from lab.missions.sensor_log_csv import read_sensor_log
 
 __all__ = [
+    "Flight",
     "FlightPlan",
     "LogMission",
     "Mission",

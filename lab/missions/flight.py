@@ -1,11 +1,13 @@
-"""Flight: a plan flown from the runway to its end and recorded as a `Recording`."""
+"""Flight: a plan flown, to its end or as far as it went, and recorded as a `Recording`."""
 
 from __future__ import annotations
 
+import json
 import math
 import os
 import tomllib
 from collections.abc import Callable
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -25,17 +27,40 @@ SAMPLE_MS = 55
 PILOT_MS = 5
 """Time between two looks of the pilot at the instruments [ms]."""
 
+SHORTEST = 2.0
+"""Shortest flight that is kept [s]."""
+
 _STALL_ALPHA = math.radians(18.0)
 _STALL_AIRSPEED = 22.0
 
 
+@dataclass(frozen=True, eq=False)
+class Flight:
+    """What became of a plan.
+
+    Attributes
+    ----------
+    recording : Recording
+        What was flown: one sample every 55 ms of simulator time.
+    ending : str
+        Empty when the plan was flown to its end. Else a sentence for a person: what happened, when, during
+        which manoeuvre, and what to change.
+    """
+
+    recording: Recording
+    ending: str = ""
+
+
 def fly(
-    plan: FlightPlan, seed: int | None = None, progress: Callable[[float], None] | None = None
-) -> Recording:
-    """Fly a plan and return its record: one sample every 55 ms of simulator time, from rest.
+    plan: FlightPlan,
+    seed: int | None = None,
+    progress: Callable[[float], None] | None = None,
+    cancelled: Callable[[], bool] | None = None,
+) -> Flight:
+    """Fly a plan and return its record and, where it ended early, why.
 
     The same plan and seed give the same bits on the same machine. The last sample is the first one not before
-    the plan's duration.
+    the plan's duration, or the last one before the flight ended.
 
     Parameters
     ----------
@@ -45,35 +70,55 @@ def fly(
         Seed of the turbulence; the plan's own by default.
     progress
         Called about every second of flight with the fraction flown, 0 to 1.
+    cancelled
+        Asked at every sample whether to end the flight here.
 
     Raises
     ------
     MissionError
-        If JSBSim is missing, the aeroplane stalls, touches the ground or is lost, or the plan needs more time
-        than it has.
+        If JSBSim is missing, or the flight ended before `SHORTEST` seconds were flown.
     """
-    cessna = Cessna(plan if seed is None else plan.with_seed(seed))
+    aeroplane = Cessna(plan if seed is None else plan.with_seed(seed))
     pilot = Pilot(plan, PILOT_MS / 1000)
     count = math.ceil(round(plan.duration_s * 1000) / SAMPLE_MS) + 1
     samples = np.empty((count, 12))
-    for now in range(0, (count - 1) * SAMPLE_MS + 1, STEP_MS):
-        if now % PILOT_MS == 0:
-            seen = cessna.instruments()
-            _check(seen, pilot, now)
-            cessna.move(pilot.fly(now / 1000, seen))
-        if now % SAMPLE_MS == 0:
-            samples[now // SAMPLE_MS] = cessna.sample()
-            if progress is not None and now % (20 * SAMPLE_MS) == 0:
-                progress(now / ((count - 1) * SAMPLE_MS))
-        cessna.step()
-    if not pilot.on_last_manoeuvre:
-        raise MissionError(
+    flown, ending = _fly_samples(aeroplane, pilot, samples, progress, cancelled)
+    if not ending and not pilot.on_last_manoeuvre:
+        ending = (
             f"the flight of {plan.duration_s:g} s ended during manoeuvre {pilot.manoeuvre}: "
             "give duration_s more time or shorten the manoeuvres"
         )
-    if progress is not None:
+    if flown < SHORTEST * 1000 / SAMPLE_MS:
+        raise MissionError(ending or f"a flight of {plan.duration_s:g} s is too short")
+    if progress is not None and flown == count:
         progress(1.0)
-    return _recording(samples)
+    return Flight(_recording(samples[:flown]), ending)
+
+
+def _fly_samples(
+    aeroplane: Cessna,
+    pilot: Pilot,
+    samples: np.ndarray,
+    progress: Callable[[float], None] | None,
+    cancelled: Callable[[], bool] | None,
+) -> tuple[int, str]:
+    """Fill the samples; return how many were flown, and why no more."""
+    last = (len(samples) - 1) * SAMPLE_MS
+    for now in range(0, last + 1, STEP_MS):
+        if now % PILOT_MS == 0:
+            seen = aeroplane.instruments()
+            ending = _check(seen, pilot, now)
+            if ending:
+                return math.ceil(now / SAMPLE_MS), ending
+            aeroplane.move(pilot.fly(now / 1000, seen))
+        if now % SAMPLE_MS == 0:
+            if cancelled is not None and cancelled():
+                return now // SAMPLE_MS, f"cancelled {now / 1000:.2f} s into the flight"
+            samples[now // SAMPLE_MS] = aeroplane.sample()
+            if progress is not None and now % (20 * SAMPLE_MS) == 0:
+                progress(now / last)
+        aeroplane.step()
+    return len(samples), ""
 
 
 def fly_mission(
@@ -83,10 +128,12 @@ def fly_mission(
     folder: str | os.PathLike[str] | None = None,
     overwrite: bool = False,
     progress: Callable[[float], None] | None = None,
+    cancelled: Callable[[], bool] | None = None,
 ) -> Mission:
     """Fly a mission's plan and write the mission: its TOML file and the new recording beside it.
 
-    With the mission's own seed, the recording is the same, bit by bit.
+    With the mission's own seed, the recording is the same, bit by bit. A flight that ended early is written
+    as far as it went, and the mission's `ending` says why.
 
     Parameters
     ----------
@@ -100,6 +147,8 @@ def fly_mission(
         True replaces an existing recording and TOML file of that name.
     progress
         Called about every second of flight with the fraction flown, 0 to 1.
+    cancelled
+        Asked at every sample whether to end the flight here.
 
     Returns
     -------
@@ -116,19 +165,24 @@ def fly_mission(
     assert source is not None  # only a TOML file has a plan
     target = _target_folder(source, folder)
     toml, recording_path = target / source.name, target / flown.recording_path.name
+    new_seed = None if seed in {None, plan.seed} else seed
     try:
-        content = _toml_with_seed(source, None if seed in {None, plan.seed} else seed)
-        same_toml = toml.is_file() and toml.read_bytes() == content
+        same_toml = _holds(toml, _toml(source, new_seed, flown.ending))
         _check_free([recording_path] if same_toml else [recording_path, toml], overwrite)
-        recording = fly(plan, seed, progress)
+        flight = fly(plan, seed, progress, cancelled)
         target.mkdir(parents=True, exist_ok=True)
-        write_flight_csv(recording_path, recording)
-        if not same_toml:
+        write_flight_csv(recording_path, flight.recording)
+        content = _toml(source, new_seed, flight.ending)
+        if not _holds(toml, content):
             with atomic_file(toml) as file:
                 file.write(content)
     except OSError as error:
         raise MissionError(f"{target}: {error.strerror or error}") from error
     return mission(toml)
+
+
+def _holds(path: Path, content: bytes) -> bool:
+    return path.is_file() and path.read_bytes() == content
 
 
 def _check_free(paths: list[Path], overwrite: bool) -> None:
@@ -145,31 +199,39 @@ def _target_folder(source: Path, folder: str | os.PathLike[str] | None) -> Path:
     return own_folder() if source.parent.resolve() == shipped_folder().resolve() else source.parent
 
 
-def _toml_with_seed(source: Path, seed: int | None) -> bytes:
-    """Return a mission's TOML file, word by word unless another seed is to be written."""
+def _toml(source: Path, seed: int | None, ending: str) -> bytes:
+    """Return a mission's TOML file, word by word but for another seed and the ending in its first line."""
     content = source.read_bytes()
-    if seed is None:
+    if seed is not None:
+        import tomli_w  # noqa: PLC0415 - rarely needed
+
+        values = tomllib.loads(content.decode("utf-8-sig"))
+        values["flight"]["seed"] = seed
+        content = tomli_w.dumps(values).encode()
+    text = content.decode("utf-8-sig")
+    if tomllib.loads(text).get("ending", "") == ending:
         return content
-    import tomli_w  # noqa: PLC0415 - rarely needed
+    kept = [line for line in text.splitlines(keepends=True) if not line.startswith("ending = ")]
+    # Only what JSON and TOML quote alike is in these messages.
+    told = f"ending = {json.dumps(ending, ensure_ascii=False)}\n" if ending else ""
+    return (told + "".join(kept)).encode()
 
-    values = tomllib.loads(content.decode("utf-8-sig"))
-    values["flight"]["seed"] = seed
-    return tomli_w.dumps(values).encode()
 
-
-def _check(seen: Instruments, pilot: Pilot, now_ms: int) -> None:
+def _check(seen: Instruments, pilot: Pilot, now_ms: int) -> str:
+    """Return why the flight ends here, or nothing."""
     where = f"{now_ms / 1000:.2f} s into the flight"
     if not math.isfinite(seen.height + seen.airspeed + seen.pitch + seen.roll + seen.heading):
-        raise MissionError(f"the simulation broke down {where}: its state is not finite")
+        return f"the simulation broke down {where}: its state is not finite"
     if not pilot.airborne:
-        return
+        return ""
     during = f"during manoeuvre {pilot.manoeuvre}; ask for less bank, less rate of climb or calmer air"
     if seen.alpha > _STALL_ALPHA or seen.airspeed < _STALL_AIRSPEED:
-        raise MissionError(f"the aeroplane stalled {where} (airspeed {seen.airspeed:.1f} m/s) {during}")
+        return f"the aeroplane stalled {where} (airspeed {seen.airspeed:.1f} m/s) {during}"
     if seen.on_ground or seen.height < 0:
-        raise MissionError(f"the aeroplane touched the ground {where} {during}")
+        return f"the aeroplane touched the ground {where} {during}"
     if abs(seen.roll) > math.radians(75) or abs(seen.pitch) > math.radians(45):
-        raise MissionError(f"the aeroplane was out of control {where} {during}")
+        return f"the aeroplane was out of control {where} {during}"
+    return ""
 
 
 def _recording(samples: np.ndarray) -> Recording:

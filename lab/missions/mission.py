@@ -22,7 +22,7 @@ from lab.missions.text_blocks import check_file
 MAX_TOML_BYTES = 2**20
 """Largest TOML file accepted [bytes]."""
 
-_TEXTS = ("title", "description", "origin", "aircraft", "airport", "recording")
+_TEXTS = ("title", "description", "origin", "aircraft", "airport", "recording", "ending")
 _KEYS = (*_TEXTS, "tags", "flight")
 
 
@@ -48,6 +48,8 @@ class Mission:
         The TOML file; None for a bare flight csv.
     flight : mapping or None
         The flight plan as the TOML file has it, for a flight that can be flown again; see `plan`.
+    ending : str
+        Why the flight ended before its plan did; empty when it did not.
     """
 
     name: str
@@ -60,6 +62,7 @@ class Mission:
     tags: tuple[str, ...] = ()
     path: Path | None = None
     flight: Mapping[str, Any] | None = None
+    ending: str = ""
 
     @classmethod
     def from_toml(cls, path: Path, name: str | None = None) -> Mission:

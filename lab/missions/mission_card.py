@@ -40,6 +40,7 @@ def mission_html(mission: Mission, recording: Recording | str) -> str:
         "Airport": mission.airport,
         **_facts(recording),
         "Origin": mission.origin,
+        "Ended early": mission.ending,
     }
     position = np.stack((recording.latitude, recording.longitude, recording.height), axis=-1)
     return _card(mission, _body(facts, recording.time, position))

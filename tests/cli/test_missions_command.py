@@ -60,3 +60,18 @@ def test_flying_writes_a_mission_and_replaces_none(tmp_path: Path) -> None:
     assert flown.duration == pytest.approx(30, abs=0.06)
     refused(ask("fly", str(short), "--seed", "4", "--out", str(tmp_path / "flown")), "short.csv.gz")
     assert ask("fly", str(short), "--seed", "4", "--out", str(tmp_path / "flown"), "--force").exit_code == 0
+
+
+def test_a_flight_that_ends_early_is_kept_and_answered_with_its_own_exit_code(tmp_path: Path) -> None:
+    pytest.importorskip("jsbsim")
+    short = tmp_path / "short.toml"
+    short.write_text(
+        'title = "Short"\nrecording = "short.csv.gz"\n[flight]\nduration_s = 10.0\n'
+        "[flight.runway]\nlatitude_deg = 45.0\nlongitude_deg = 7.0\nheight_m = 300.0\nheading_deg = 90.0\n"
+        '[[flight.manoeuvres]]\ndo = "take_off"\n[[flight.manoeuvres]]\ndo = "hold"\nseconds = 5.0\n'
+    )
+    answer = ask("fly", str(short))
+    assert answer.exit_code == 3
+    assert "10.0 s flown" in answer.stdout
+    assert "ended during manoeuvre 1 of 2 (take_off)" in answer.stderr
+    assert mission(short).ending in answer.stderr

@@ -7,6 +7,7 @@ import gzip
 import itertools
 import json
 import math
+import re
 import subprocess
 import sys
 import tomllib
@@ -47,7 +48,7 @@ SHORT = {
 @pytest.fixture(scope="module")
 def calm() -> Recording:
     """Return a short flight in steady wind without turbulence, in the south."""
-    return fly(FlightPlan.from_dict(SHORT))
+    return fly(FlightPlan.from_dict(SHORT)).recording
 
 
 @pytest.fixture(scope="module", params=["montreal", "los_angeles"])
@@ -177,13 +178,13 @@ def test_left_and_right_are_obeyed():
     for direction, sign in (("left", -1), ("right", 1)):
         manoeuvres = [*SHORT["manoeuvres"][:2], {"do": "turn", "heading_deg": 50.0, "direction": direction}]
         plan = FlightPlan.from_dict({**SHORT, "duration_s": 50.0, "manoeuvres": manoeuvres})
-        assert np.sign(fly(plan).euler[-1, 0]) == sign
+        assert np.sign(fly(plan).recording.euler[-1, 0]) == sign
 
 
 def test_without_wind_airspeed_is_speed_over_the_earth():
     still = fly(
         FlightPlan.from_dict({**SHORT, "air": {}, "duration_s": 40.0, "manoeuvres": SHORT["manoeuvres"][:1]})
-    )
+    ).recording
     speed = np.linalg.norm(still.velocity_n, axis=1)
     np.testing.assert_allclose(still.airspeed, speed, rtol=0, atol=0.02)
 
@@ -211,7 +212,7 @@ def test_same_seed_same_bits_other_seed_other_flight():
             "air": {"turbulence_severity": 2, "turbulence_wind_m_s": 5.0},
         }
     )
-    one, again, other = fly(plan, seed=5), fly(plan, seed=5), fly(plan, seed=6)
+    one, again, other = (fly(plan, seed=seed).recording for seed in (5, 5, 6))
     np.testing.assert_array_equal(one.velocity_n, again.velocity_n)
     np.testing.assert_array_equal(one.airspeed, again.airspeed)
     assert np.abs(one.airspeed - other.airspeed).max() > 0.01
@@ -222,7 +223,7 @@ def test_same_seed_same_bits_other_seed_other_flight():
 def test_a_fresh_process_flies_the_same_bits_silently_and_leaves_no_files(tmp_path, calm):
     code = (
         "import json, sys, lab.missions as m; "
-        "m.write_flight_csv(sys.argv[2], m.fly(m.FlightPlan.from_dict(json.loads(sys.argv[1]))))"
+        "m.write_flight_csv(sys.argv[2], m.fly(m.FlightPlan.from_dict(json.loads(sys.argv[1]))).recording)"
     )
     work = tmp_path / "work"
     work.mkdir()
@@ -265,7 +266,7 @@ def test_progress_rises_to_one():
         ({"pitch": -1.0}, "out of control"),
     ],
 )
-def test_a_flight_that_goes_wrong_ends_with_a_reason(monkeypatch, wrong, message):
+def test_a_flight_that_goes_wrong_ends_with_a_reason_and_is_kept(calm, monkeypatch, wrong, message):
     honest = Cessna.instruments
     looks = itertools.count()
 
@@ -274,13 +275,45 @@ def test_a_flight_that_goes_wrong_ends_with_a_reason(monkeypatch, wrong, message
         return dataclasses.replace(seen, **wrong) if next(looks) > 7000 else seen
 
     monkeypatch.setattr(Cessna, "instruments", instruments)
-    with pytest.raises(MissionError, match=message):
-        fly(FlightPlan.from_dict(SHORT))
+    flight = fly(FlightPlan.from_dict(SHORT))
+    assert re.search(message, flight.ending)
+    # Look 7001 at 5 ms ended it, and every sample before that is kept.
+    assert flight.recording.duration == pytest.approx(35.0, abs=0.055)
+    np.testing.assert_array_equal(flight.recording.velocity_n, calm.velocity_n[: len(flight.recording.time)])
 
 
-def test_a_plan_that_needs_more_time_is_refused():
-    with pytest.raises(MissionError, match=r"flight of 10 s ended during manoeuvre 1 of 3 \(take_off\)"):
-        fly(FlightPlan.from_dict({**SHORT, "duration_s": 10.0}))
+def test_a_plan_that_needs_more_time_says_so_and_keeps_what_was_flown():
+    flight = fly(FlightPlan.from_dict({**SHORT, "duration_s": 10.0}))
+    assert re.search(r"flight of 10 s ended during manoeuvre 1 of 3 \(take_off\)", flight.ending)
+    assert flight.recording.duration == pytest.approx(10, abs=0.055)
+
+
+def test_a_flight_is_cancelled_at_once_and_kept_from_two_seconds_on(calm):
+    asked = itertools.count()
+    flight = fly(FlightPlan.from_dict(SHORT), cancelled=lambda: next(asked) >= 100)
+    assert flight.ending == "cancelled 5.50 s into the flight"
+    assert len(flight.recording.time) == 100
+    np.testing.assert_array_equal(flight.recording.euler, calm.euler[:100])
+    with pytest.raises(MissionError, match=r"cancelled 0\.00 s into the flight"):
+        fly(FlightPlan.from_dict(SHORT), cancelled=lambda: True)
+
+
+def test_a_flight_that_ends_early_is_written_and_says_so_until_flown_to_its_end(tmp_path):
+    plan = tmp_path / "plan.toml"
+    values = {**SHORT, "duration_s": 20.0, "manoeuvres": SHORT["manoeuvres"][:1]}
+    text = "# mine\n" + tomli_w.dumps({"title": "Plan", "recording": "plan.csv.gz", "flight": values})
+    plan.write_bytes(text.encode())
+    asked = itertools.count()
+    flown = fly_mission(plan, cancelled=lambda: next(asked) >= 100)
+    assert flown.ending == "cancelled 5.50 s into the flight"
+    assert flown.duration == pytest.approx(99 * 0.055)
+    assert "cancelled 5.50 s" in flown._repr_html_()
+    assert plan.read_text(encoding="utf-8") == f'ending = "{flown.ending}"\n' + text
+    again = fly_mission(plan, overwrite=True)
+    assert (again.ending, plan.read_text(encoding="utf-8")) == ("", text)
+    with pytest.raises(MissionError, match="cancelled"):
+        fly_mission(plan, overwrite=True, cancelled=lambda: True)
+    assert mission(plan).duration == again.duration
 
 
 def test_without_jsbsim_the_extra_is_named(monkeypatch):
