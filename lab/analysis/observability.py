@@ -126,7 +126,7 @@ def _named(stretches: list[Manoeuvre]) -> list[Manoeuvre]:
     for stretch, kind in zip(stretches, kinds, strict=True):
         seen[kind] += 1
         number = seen[kind]
-        ordinal = _ORDINALS[number - 1] if number <= len(_ORDINALS) else f"{number}th"
+        ordinal = _ORDINALS[number - 1] if number <= len(_ORDINALS) else f"number {number},"
         named.append(stretch._replace(name=kind if several[kind] == 1 else f"{ordinal} {kind}", kind=kind))
     return named
 

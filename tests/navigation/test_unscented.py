@@ -18,7 +18,6 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from lab import earth
-from lab.analysis.consistency import chi_square_interval
 from lab.analysis.errors import attitude_error, position_error
 from lab.experiment import CACHE, Experiment, start
 from lab.navigation import navigator, sigma_points, unscented
@@ -202,27 +201,6 @@ def test_small_errors_are_the_linear_filters(mission: str) -> None:
     np.testing.assert_array_equal(one.fix_sample, other.fix_sample)
     assert states < 0.1
     assert sigma < 0.01
-
-
-def test_the_filter_tells_the_truth_about_itself() -> None:
-    def one(seed: int) -> tuple[FloatArray, FloatArray]:
-        experiment = Experiment(mission="montreal", seed=seed)
-        experiment.set("navigator.model", "nonlinear")
-        result = experiment.run()
-        late = result.fixes.time > 20
-        return result.consistency.nees.values[late], result.innovations.nis.values[late]
-
-    with ThreadPoolExecutor(2) as pool:
-        nees, nis = (np.array(values) for values in zip(*pool.map(one, range(1, SEEDS + 1)), strict=True))
-    CACHE.clear()
-    parts = []
-    for values, degrees in ((nees, 15), (nis, 6)):
-        low, high = chi_square_interval(degrees, SEEDS)
-        mean = values.mean(axis=0)
-        parts.append(float(np.mean((low < mean) & (mean < high))))
-    print(f"\nnonlinear on montreal, {SEEDS} seeds: NEES inside at {100 * parts[0]:.1f} %, NIS at ", end="")
-    print(f"{100 * parts[1]:.1f} % of epochs")
-    assert min(parts) >= 0.9
 
 
 def test_a_heading_60_degrees_wrong_is_found() -> None:
