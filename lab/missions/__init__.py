@@ -12,6 +12,7 @@ from lab.missions.errors import MissionError
 from lab.missions.flight import Flight, fly, fly_mission
 from lab.missions.flight_csv import read_flight_csv, write_flight_csv
 from lab.missions.flight_plan import FlightPlan
+from lab.missions.library import add_mission, delete_mission, describe_mission, rename_mission
 from lab.missions.log_mission import LogMission
 from lab.missions.mission import Mission
 from lab.missions.recording import Recording
@@ -26,7 +27,10 @@ __all__ = [
     "MissionError",
     "Recording",
     "SensorLog",
+    "add_mission",
     "broken_missions",
+    "delete_mission",
+    "describe_mission",
     "fly",
     "fly_mission",
     "mission",
@@ -34,6 +38,7 @@ __all__ = [
     "own_folder",
     "read_flight_csv",
     "read_sensor_log",
+    "rename_mission",
     "shipped_folder",
     "write_flight_csv",
 ]

@@ -43,7 +43,7 @@ def missions() -> dict[str, Mission]:
     name. A user's mission that has the name of another one is called ``user:NAME``, so that neither hides
     the other. A mission that cannot be listed is left out with a warning; see `broken_missions`.
     """
-    found, broken = _find()
+    found, broken, _ = _find()
     for reason in broken.values():
         warnings.warn(f"mission left out: {reason}", stacklevel=2)
     return found
@@ -52,6 +52,11 @@ def missions() -> dict[str, Mission]:
 def broken_missions() -> dict[str, str]:
     """Return, by name, why a mission in one of the folders cannot be listed."""
     return _find()[1]
+
+
+def places() -> dict[str, Path]:
+    """Return, by name, where every mission is, listed or broken: its TOML file, or the folder of its log."""
+    return _find()[2]
 
 
 def mission(name_or_path: str | os.PathLike[str]) -> Mission:
@@ -69,7 +74,7 @@ def mission(name_or_path: str | os.PathLike[str]) -> Mission:
         If there is no such mission, listing those there are, or it cannot be read.
     """
     text = os.fspath(name_or_path)
-    found, broken = _find()
+    found, broken, _ = _find()
     if text.lower().endswith(".toml"):
         path = _expanded(text)
         listed = [
@@ -134,9 +139,10 @@ def _from_folder(path: Path, found: dict[str, Mission]) -> Mission:
     return listed[0] if listed else LogMission.at(path)
 
 
-def _find() -> tuple[dict[str, Mission], dict[str, str]]:
+def _find() -> tuple[dict[str, Mission], dict[str, str], dict[str, Path]]:
     found: dict[str, Mission] = {}
     broken: dict[str, str] = {}
+    places: dict[str, Path] = {}
     folders = [shipped_folder()]
     if own_folder().absolute() != folders[0].absolute():
         folders.append(own_folder())
@@ -149,7 +155,8 @@ def _find() -> tuple[dict[str, Mission], dict[str, str]]:
             continue
         for path in (*paths, *logs):
             plain = path.name if path in logs else path.stem
-            name = f"user:{plain}" if plain in found or plain in broken else plain
+            name = f"user:{plain}" if plain in places else plain
+            places[name] = path
             try:
                 listed = LogMission.at(path, name) if path in logs else _from_toml(path, name)
             except MissionError as error:
@@ -160,4 +167,4 @@ def _find() -> tuple[dict[str, Mission], dict[str, str]]:
             else:
                 hint = "; fly it: ins-lab fly " + str(path) if listed.flight else ""
                 broken[name] = f"{path}: its recording {listed.recording_path.name} does not exist{hint}"
-    return found, broken
+    return found, broken, places

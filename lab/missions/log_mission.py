@@ -54,6 +54,7 @@ class LogMission(Mission):
             title=files.title,
             description=files.description,
             origin="log of real sensors",
+            tags=files.tags,
             path=files.path,
             files=files,
         )
@@ -130,4 +131,6 @@ def is_log_toml(path: Path) -> bool:
     if path.name == DESCRIPTION_FILE:
         return True
     values: Mapping[str, Any] = read_toml(path)
-    return not {"recording", "flight"} & set(values) and bool((KEYS - {"title", "description"}) & set(values))
+    return not {"recording", "flight"} & set(values) and bool(
+        (KEYS - {"title", "description", "tags"}) & set(values)
+    )

@@ -182,11 +182,22 @@ def _check_keys(path: Path, values: Mapping[str, Any]) -> None:
     for key in _TEXTS:
         if not isinstance(values.get(key, ""), str):
             raise MissionError(f"{path}: {key} = {values[key]!r}; accepted is text in quotes")
+    check_tags(path, values)
+    if not isinstance(values.get("flight", {}), dict):
+        raise MissionError(f"{path}: flight is not a table; accepted is a [flight] section")
+
+
+def check_tags(path: Path, values: Mapping[str, Any]) -> None:
+    """Refuse tags in the values of a TOML file that are not a list of texts.
+
+    Raises
+    ------
+    MissionError
+        If they are not.
+    """
     tags = values.get("tags", [])
     if not isinstance(tags, list) or not all(isinstance(tag, str) for tag in tags):
         raise MissionError(f'{path}: tags = {tags!r}; accepted is a list of texts, such as ["turns", "wind"]')
-    if not isinstance(values.get("flight", {}), dict):
-        raise MissionError(f"{path}: flight is not a table; accepted is a [flight] section")
 
 
 def file_beside(path: Path, key: str, name: str) -> Path:

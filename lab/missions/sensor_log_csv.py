@@ -12,6 +12,7 @@ leave out every key; a folder without it is read with these defaults::
 
     title = "Drive to work"
     description = "..."
+    tags = ["car", "city"]
     imu = "imu.csv"               # files in the same folder
     gnss = "gnss.csv"
     reference = "ref.csv"         # taken where it exists
@@ -35,7 +36,7 @@ from numpy.typing import NDArray
 from lab.earth import STANDARD_GRAVITY
 from lab.missions.errors import MissionError
 from lab.missions.log_check import check_log
-from lab.missions.mission import file_beside, read_toml
+from lab.missions.mission import check_tags, file_beside, read_toml
 from lab.missions.named_columns import Column, read_columns
 from lab.missions.sensor_log import GnssLog, Reference, SensorLog, repaired
 
@@ -77,7 +78,7 @@ _ATTITUDE = tuple(
     for name in ("roll_deg", "pitch_deg", "heading_deg")
 )
 _TEXTS = ("title", "description", "imu", "gnss", "reference")
-_KEYS = (*_TEXTS, "axes", "lever_arm_m", "latency_s")
+_KEYS = (*_TEXTS, "tags", "axes", "lever_arm_m", "latency_s")
 KEYS = frozenset(_KEYS)
 """Keys of the TOML."""
 
@@ -96,6 +97,8 @@ class LogFiles:
         Csv file of the reference, where there is one.
     title, description : str
         For people.
+    tags : tuple of str
+        Words to find it by.
     axes : tuple of str
         Which axes of the IMU point forward, right, down.
     lever_arm : tuple of float
@@ -110,6 +113,7 @@ class LogFiles:
     reference: Path | None
     title: str
     description: str
+    tags: tuple[str, ...]
     axes: tuple[str, str, str]
     lever_arm: tuple[float, float, float]
     latency: float
@@ -212,6 +216,7 @@ def log_files(path: str | os.PathLike[str]) -> LogFiles:
         reference=reference if reference.is_file() else None,
         title=values.get("title", described.parent.name if described.stem == "log" else described.stem),
         description=values.get("description", ""),
+        tags=tuple(values.get("tags", ())),
         axes=tuple(values.get("axes", ("x", "y", "z"))),
         lever_arm=tuple(values.get("lever_arm_m", (0.0, 0.0, 0.0))),
         latency=float(values.get("latency_s", 0.0)),
@@ -278,6 +283,7 @@ def _check(path: Path, values: dict[str, Any]) -> None:
     for key in _TEXTS:
         if not isinstance(values.get(key, ""), str):
             raise MissionError(f"{path}: {key} = {values[key]!r}; accepted is text in quotes")
+    check_tags(path, values)
     axes = values.get("axes", ["x", "y", "z"])
     known = {"x", "y", "z", "-x", "-y", "-z"}
     if not (

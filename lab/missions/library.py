@@ -1,0 +1,320 @@
+"""Library: the user's own missions: added, renamed, described and deleted, never by half.
+
+A mission is its TOML file, which names the recording. So a recording is written first, under a name nobody
+has, and the TOML file then takes its own name in one step; what is deleted goes in the opposite order. All
+but the writing of recordings is done by one process at a time. Files are never written or deleted outside
+the folder, and links in it are never followed.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import itertools
+import os
+from collections.abc import Iterator, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from lab.missions.atomic_file import atomic_file
+from lab.missions.catalogue import mission, own_folder, places, shipped_folder
+from lab.missions.errors import MissionError
+from lab.missions.flight_csv import read_flight_csv, write_flight_csv
+from lab.missions.flight_plan import FlightPlan
+from lab.missions.folder_lock import folder_lock
+from lab.missions.log_mission import LogMission, is_log_folder, is_log_toml
+from lab.missions.mission import MAX_TOML_BYTES, Mission, file_beside, read_toml
+from lab.missions.mission_name import MAX_LETTERS, accepted_name, suggested_name
+from lab.missions.recording import Recording
+from lab.missions.sensor_log_csv import DESCRIPTION_FILE
+
+_LOG_FILES = ("imu.csv", "gnss.csv", "ref.csv")
+
+
+def add_mission(
+    recording: Recording,
+    name: str,
+    *,
+    title: str,
+    description: str = "",
+    origin: str = "",
+    aircraft: str = "",
+    airport: str = "",
+    tags: Sequence[str] = (),
+    flight: Mapping[str, Any] | None = None,
+    folder: str | os.PathLike[str] | None = None,
+    overwrite: bool = False,
+) -> Mission:
+    """Add a flight to the library: its TOML file, and its recording beside it.
+
+    Several processes may add at once: of one name the first to finish has it. A crash leaves no half of a
+    mission.
+
+    Parameters
+    ----------
+    recording
+        The flight.
+    name
+        What the mission is to be called; see `accepted_name`.
+    title, description, origin, aircraft, airport, tags
+        As of `Mission`; a title is needed.
+    flight
+        Flight plan as the ``[flight]`` table has it, for a flight that can be flown again.
+    folder
+        Where to write; the user's own folder by default. It is made where there is none.
+    overwrite
+        True replaces a flight of that name; the old recording goes once the new one is in its place.
+
+    Returns
+    -------
+    Mission
+        As it will be listed.
+
+    Raises
+    ------
+    MissionError
+        If the name is not accepted or taken, a text or the recording is not acceptable, or the folder cannot
+        be written; there is no new mission then, and the old one is as it was.
+    """
+    where = own_folder() if folder is None else Path(folder)
+    name = accepted_name(name)
+    texts = {
+        "description": description,
+        "origin": origin,
+        "aircraft": aircraft,
+        "airport": airport,
+    }
+    values: dict[str, Any] = {"title": _title(name, title)} | {
+        key: text for key, text in texts.items() if text
+    }
+    values["tags"] = _tags(tags)
+    toml = where / f"{name}.toml"
+    if flight is not None:
+        FlightPlan.from_dict(flight, f"{name}, flight")
+    with _telling(where):
+        where.mkdir(parents=True, exist_ok=True)
+        _check_free(where, name, overwrite)
+        with _new_recording(where, name, recording) as path, folder_lock(where):
+            _check_free(where, name, overwrite)  # again: writing took a while
+            replaced = _recordings(toml)
+            values["recording"] = path.name
+            _write_toml(toml, values | ({} if flight is None else {"flight": flight}))
+            _remove_unused(where, replaced)
+    return mission(toml)
+
+
+def free_name(text: str) -> str:
+    """Return an accepted name that no mission has, as near as can be to a text, such as a file's name."""
+    name = plain = suggested_name(text)
+    taken = {place.removeprefix("user:").casefold() for place in places()}
+    number = 1
+    while name.casefold() in taken:
+        number += 1
+        name = f"{plain[: MAX_LETTERS - 6]}_{number}"
+    return name
+
+
+def is_own(name: str) -> bool:
+    """Return whether a mission, one that cannot be listed too, is the user's own and may be changed."""
+    place = places().get(name)
+    return place is not None and _is_own(place)
+
+
+def rename_mission(name: str, new: str) -> Mission:
+    """Give a mission of the user's own another name; the file of its recording keeps its own.
+
+    Raises
+    ------
+    MissionError
+        If it is not the user's own, the new name is not accepted or taken, or the folder cannot be written.
+    """
+    path, new = _own(name), accepted_name(new)
+    target = path.parent / (new if path.is_dir() else f"{new}.toml")
+    if target != path:
+        with _telling(path.parent), folder_lock(path.parent):
+            _check_free(path.parent, new)
+            if os.path.lexists(target):
+                raise MissionError(f"{target}: is there already; choose another name")
+            path.rename(target)
+    return mission(target)
+
+
+def describe_mission(
+    name: str, *, title: str | None = None, description: str | None = None, tags: Sequence[str] | None = None
+) -> Mission:
+    """Change what is said of a mission of the user's own; the rest of its TOML file stays, comments too.
+
+    Parameters
+    ----------
+    name
+        Which mission.
+    title, description, tags
+        New ones; None leaves the old.
+
+    Raises
+    ------
+    MissionError
+        If it is not the user's own, a text is not acceptable, or the file cannot be read or written.
+    """
+    import tomlkit.exceptions  # noqa: PLC0415 - rarely needed
+
+    path = _own(name)
+    toml = path / DESCRIPTION_FILE if path.is_dir() else path
+    new = {
+        "title": None if title is None else _title(name, title),
+        "description": description,
+        "tags": None if tags is None else _tags(tags),
+    }
+    with _telling(path.parent), folder_lock(path.parent):
+        old = read_toml(toml) if toml.exists() else {}  # checks its size too
+        changed = {key: value for key, value in new.items() if value is not None and value != old.get(key)}
+        if changed:
+            text = toml.read_bytes().decode("utf-8-sig").replace("\r\n", "\n") if old else ""
+            try:
+                document = tomlkit.parse(text)
+                document.update(changed)
+            except tomlkit.exceptions.TOMLKitError as error:
+                raise MissionError(f"{toml}: cannot be changed: {error}") from error
+            content = _encoded(tomlkit.dumps(document), toml)
+            with atomic_file(toml) as file:
+                file.write(content)
+    return mission(path)
+
+
+def delete_mission(name: str) -> None:
+    """Delete a mission of the user's own: its TOML file and its recording, or the files of its log.
+
+    A recording that another mission names stays, and so does whatever else is in a log's folder. Of a link
+    only the link goes.
+
+    Raises
+    ------
+    MissionError
+        If it is not the user's own, or a file cannot be deleted.
+    """
+    path = _own(name)
+    with _telling(path.parent), folder_lock(path.parent):
+        if path.is_symlink():
+            path.unlink()
+        elif not path.is_dir():
+            recordings = _recordings(path)
+            path.unlink()
+            _remove_unused(path.parent, recordings)
+        else:
+            _delete_log(path)
+
+
+def _delete_log(folder: Path) -> None:
+    for file in {*_recordings(folder), *(folder / name for name in _LOG_FILES)}:
+        file.unlink(missing_ok=True)
+    (folder / DESCRIPTION_FILE).unlink(missing_ok=True)
+    if not any(folder.iterdir()):
+        folder.rmdir()
+
+
+def _own(name: str) -> Path:
+    """Return the TOML file or the log's folder of a mission that may be changed."""
+    found = places()
+    if name not in found:
+        own = [known for known, place in found.items() if _is_own(place)]
+        raise MissionError(
+            f"there is no mission {name!r}. Accepted are your own: {', '.join(own) or 'there is none yet'}"
+        )
+    if not _is_own(found[name]):
+        raise MissionError(f"mission {name}: ships with the lab and stays as it is; accepted are your own")
+    return found[name]
+
+
+def _is_own(place: Path) -> bool:
+    return place.parent == own_folder() and own_folder().resolve() != shipped_folder().resolve()
+
+
+def _check_free(folder: Path, name: str, overwrite: bool = False) -> None:
+    toml, shipped = folder / f"{name}.toml", shipped_folder() / f"{name}.toml"
+    if folder.absolute() == own_folder().absolute() and shipped.exists():
+        raise MissionError(f"name {name!r}: ships with the lab; choose another name")
+    if is_log_folder(folder / name) or (toml.is_file() and is_log_toml(toml)):
+        raise MissionError(f"name {name!r}: a log has it; choose another name, or delete the log first")
+    if os.path.lexists(toml) and not overwrite:
+        raise MissionError(
+            f"name {name!r}: a mission has it in {folder}; choose another name, or overwrite it"
+        )
+
+
+@contextlib.contextmanager
+def _new_recording(folder: Path, name: str, recording: Recording) -> Iterator[Path]:
+    """Write a recording under a file name nobody has, and check that it can be read; if not used, it goes."""
+    for number in itertools.count(1):
+        path = folder / (f"{name}.csv.gz" if number == 1 else f"{name}.{number}.csv.gz")
+        with contextlib.suppress(FileExistsError):
+            path.open("xb").close()
+            break
+    try:
+        write_flight_csv(path, recording)
+        read_flight_csv(path)
+        yield path
+    except BaseException:
+        path.unlink(missing_ok=True)
+        raise
+
+
+def _write_toml(toml: Path, values: Mapping[str, Any]) -> None:
+    import tomli_w  # noqa: PLC0415 - rarely needed
+
+    content = _encoded(tomli_w.dumps(values, multiline_strings=True), toml)
+    with atomic_file(toml) as file:
+        file.write(content)
+
+
+def _encoded(text: str, toml: Path) -> bytes:
+    try:
+        content = text.encode()
+    except UnicodeEncodeError as error:
+        raise MissionError(f"{toml}: not written: {error.object[error.start]!r} is no character") from error
+    if len(content) > MAX_TOML_BYTES:
+        raise MissionError(f"{toml}: not written: its texts are too long; accepted are 1 MB in all")
+    return content
+
+
+def _recordings(place: Path) -> list[Path]:
+    """Return the csv files in its own folder that a mission names; of one that cannot be read, none."""
+    if not place.exists() or place.is_symlink():
+        return []
+    try:
+        if place.is_dir() or is_log_toml(place):
+            named = LogMission.at(place).files.paths
+        else:
+            named = [file_beside(place, "recording", str(read_toml(place).get("recording")))]
+    except MissionError:
+        return []
+    return [path for path in named if path.name.lower().endswith((".csv", ".csv.gz"))]
+
+
+def _remove_unused(folder: Path, recordings: Sequence[Path]) -> None:
+    """Remove recordings no TOML file in the folder names."""
+    if recordings:
+        used = {path for toml in folder.glob("*.toml") for path in _recordings(toml)}
+        for path in set(recordings) - used:
+            path.unlink(missing_ok=True)
+
+
+def _title(name: str, title: str) -> str:
+    if not isinstance(title, str) or not title.strip():
+        raise MissionError(f"mission {name}: title = {title!r}; accepted is a text that is not empty")
+    return title.strip()
+
+
+def _tags(tags: Sequence[str]) -> list[str]:
+    """Return tags, each once."""
+    if isinstance(tags, str) or not all(isinstance(tag, str) for tag in tags):
+        raise MissionError(f'tags = {tags!r}; accepted is a list of texts, such as ["turns", "wind"]')
+    return list(dict.fromkeys(filter(None, (tag.strip() for tag in tags))))
+
+
+@contextlib.contextmanager
+def _telling(folder: Path) -> Iterator[None]:
+    """Tell what the file system refuses as a `MissionError`."""
+    try:
+        yield
+    except OSError as error:
+        where = error.filename or folder
+        raise MissionError(f"{where}: cannot be changed: {error.strerror or error}") from error

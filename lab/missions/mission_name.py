@@ -1,0 +1,82 @@
+"""Mission name: what a mission of one's own may be called, on every system its files may come to."""
+
+from __future__ import annotations
+
+import re
+import unicodedata
+
+from lab.missions.errors import MissionError
+
+MAX_LETTERS = 48
+"""Longest name [characters]: with its ending and in UTF-8 it fits every file system."""
+PUNCTUATION = " -_.+()"
+"""What a name may hold besides letters and digits."""
+
+_ENDINGS = (".toml", ".csv", ".gz")
+_RESERVED = frozenset(
+    {
+        "con",
+        "prn",
+        "aux",
+        "nul",
+        "log",
+        *(f"{port}{number}" for port in ("com", "lpt") for number in range(10)),
+    }
+)
+"""Devices of Windows, and ``log.toml``, which describes a log whatever stands in it."""
+
+
+def accepted_name(name: str) -> str:
+    """Return a name in the form in which it is stored (Unicode NFC).
+
+    Raises
+    ------
+    MissionError
+        If it is empty or too long, has a character other than letters, digits and `PUNCTUATION`, begins or
+        ends with one that shells and file systems treat in their own way, is reserved, or ends like a file.
+    """
+    name = unicodedata.normalize("NFC", name)
+    wrong = _wrong(name)
+    if wrong:
+        raise MissionError(
+            f"name {name!r}: {wrong}; accepted are 1 to {MAX_LETTERS} letters, digits, spaces, - _ . + ( ),"
+            " such as alpine_tour"
+        )
+    return name
+
+
+def suggested_name(text: str) -> str:
+    """Return a name that is accepted and as near as can be to a text, such as the name of a file."""
+    text = unicodedata.normalize("NFC", text)
+    while text.lower().endswith(_ENDINGS):
+        text = text[: text.rindex(".")]
+    kept = re.sub(r"_+", "_", "".join(letter if _is_plain(letter) else "_" for letter in text))
+    name = kept[:MAX_LETTERS].strip(f"{PUNCTUATION}")
+    if not _wrong(name):
+        return name
+    name = f"mission_{name}"[:MAX_LETTERS].strip(PUNCTUATION)
+    return name if not _wrong(name) else "mission"
+
+
+def _wrong(name: str) -> str:
+    """Return what is wrong with a name; nothing if it is accepted."""
+    strange = next((letter for letter in name if not _is_plain(letter)), None)
+    if not name:
+        wrong = "is empty"
+    elif len(name) > MAX_LETTERS:
+        wrong = f"has {len(name)} characters"
+    elif strange is not None:
+        wrong = f"{strange!r} is not possible in the name of a file everywhere"
+    elif name[0] in " -." or name[-1] in " .":
+        wrong = "begins with a space, hyphen or point, or ends with a space or point"
+    elif name.partition(".")[0].strip().lower() in _RESERVED:
+        wrong = "is reserved"
+    elif name.lower().endswith(_ENDINGS):
+        wrong = "ends like the name of a file"
+    else:
+        wrong = ""
+    return wrong
+
+
+def _is_plain(letter: str) -> bool:
+    return letter in PUNCTUATION or unicodedata.category(letter)[0] in "LNM"
