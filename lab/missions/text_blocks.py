@@ -11,7 +11,7 @@ from typing import BinaryIO, Self
 
 from lab.missions.errors import MissionError
 
-_BLOCK = 8 * 2**20
+_BLOCK = 2**21
 _LONGEST_LINE = 2**20
 
 
@@ -40,7 +40,7 @@ def _megabytes(size: int) -> str:
 
 
 class TextBlocks:
-    """An open text file in UTF-8, compressed if its name ends with ``.gz``; a context manager.
+    """An open text file in UTF-8, decompressed if it is a gzip file; a context manager.
 
     Every error, of the file system, of the compression or of the text, leaves the ``with`` block as a
     `MissionError` that names the file.
@@ -51,6 +51,8 @@ class TextBlocks:
         The file.
     limit : int
         Most bytes accepted, stored as well as decompressed.
+    strict : bool
+        False to take replacement characters for what is no text in UTF-8, instead of refusing it.
 
     Attributes
     ----------
@@ -59,9 +61,10 @@ class TextBlocks:
         it on.
     """
 
-    def __init__(self, path: Path, limit: int) -> None:
+    def __init__(self, path: Path, limit: int, *, strict: bool = True) -> None:
         self._path = path
         self._limit = limit
+        self._strict = strict
         self._left = limit
         self._text = b""
         self._start = 0
@@ -74,9 +77,13 @@ class TextBlocks:
         try:
             check_file(self._path, self._limit)
             self._file = self._path.open("rb")
+            compressed = self._file.read(2) == b"\x1f\x8b"
+            self._file.seek(0)
         except (OSError, ValueError) as error:
             raise self._error(error) from error
-        self._stream = gzip.GzipFile(fileobj=self._file) if self._path.suffix.lower() == ".gz" else self._file
+        # A name that promises compression keeps a file that is none from being read as something else.
+        compressed = compressed or self._path.suffix.lower() == ".gz"
+        self._stream = gzip.GzipFile(fileobj=self._file) if compressed else self._file
         self._fill()
         self._text = self._text.removeprefix(b"\xef\xbb\xbf")
         return self
@@ -116,8 +123,10 @@ class TextBlocks:
         Raises
         ------
         MissionError
-            Naming the line that is not text in UTF-8.
+            Naming the line that is not text in UTF-8, if that is refused.
         """
+        if not self._strict:
+            return block.decode("utf-8", "replace")
         start = block.find(b"\0")
         try:
             if start < 0:

@@ -11,6 +11,7 @@ from pathlib import Path
 
 from lab.missions.errors import MissionError
 from lab.missions.raw_flight import RawFlight
+from lab.missions.readers import fslogger
 from lab.missions.sensor_log import SensorLog
 from lab.missions.text_blocks import check_file
 
@@ -43,7 +44,7 @@ class Reader:
     read_log: Callable[[Path], SensorLog] | None = None
 
 
-READERS: tuple[Reader, ...] = ()
+READERS: tuple[Reader, ...] = (Reader(fslogger.NAME, fslogger.recognises, fslogger.read),)
 """All readers; at most one recognises a file."""
 
 
