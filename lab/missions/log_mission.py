@@ -17,6 +17,7 @@ from lab.missions.recording import Recording
 from lab.missions.sensor_log import SensorLog
 from lab.missions.sensor_log_csv import DESCRIPTION_FILE, KEYS, LogFiles, log_files
 from lab.missions.text_blocks import check_file
+from lab.missions.thumbnail import WIDTH, thumbnail
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -82,6 +83,16 @@ class LogMission(Mission):
     def duration(self) -> float:
         """Time from the first sample of the IMU to the last [s]."""
         return self.log.duration
+
+    def picture(self, width: int = WIDTH) -> str:
+        """Return track and height of the fixes as a small picture (SVG), shown at a width [px].
+
+        Raises
+        ------
+        MissionError
+            If the log is not acceptable.
+        """
+        return thumbnail(self.log.gnss.time, self.log.gnss.position, width)
 
     @cached_property
     def content_hash(self) -> str:

@@ -11,6 +11,8 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from lab.missions.errors import MissionError
 from lab.missions.flight_csv import read_flight_csv
 from lab.missions.flight_plan import FlightPlan
@@ -18,6 +20,7 @@ from lab.missions.mission_card import mission_html
 from lab.missions.named_columns import MAX_BYTES
 from lab.missions.recording import Recording
 from lab.missions.text_blocks import check_file
+from lab.missions.thumbnail import WIDTH, thumbnail
 
 MAX_TOML_BYTES = 2**20
 """Largest TOML file accepted [bytes]."""
@@ -138,6 +141,18 @@ class Mission:
         if self.flight is None:
             raise MissionError(f"mission {self.name}: has no [flight] table, so it cannot be flown again")
         return FlightPlan.from_dict(self.flight, f"{self.path}, flight")
+
+    def picture(self, width: int = WIDTH) -> str:
+        """Return ground track and height as a small picture (SVG), shown at a width [px].
+
+        Raises
+        ------
+        MissionError
+            If the recording is not acceptable.
+        """
+        flight = self.recording
+        position = np.stack((flight.latitude, flight.longitude, flight.height), axis=-1)
+        return thumbnail(flight.time, position, width)
 
     def __repr__(self) -> str:
         facts = [text for text in (self.title, self.aircraft, self.airport) if text]

@@ -1,4 +1,4 @@
-"""Mission card: a mission, or a log, shown in Jupyter: key facts, ground track and height as inline SVG."""
+"""Mission card: a mission, or a log, shown in Jupyter: key facts beside the picture of its flight."""
 
 from __future__ import annotations
 
@@ -6,10 +6,7 @@ from html import escape
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
-from lab.earth import radii
-from lab.ecef import near_pole, way
 from lab.missions.recording import Recording
 from lab.missions.sensor_log import SensorLog
 
@@ -17,10 +14,8 @@ if TYPE_CHECKING:
     from lab.missions.log_mission import LogMission
     from lab.missions.mission import Mission
 
-FloatArray = NDArray[np.float64]
-
-_POINTS = 400
-_STYLE = "font-size:11px;font-family:sans-serif"
+CARD_WIDTH = 400
+"""Width of the picture [px]."""
 
 
 def mission_html(mission: Mission, recording: Recording | str) -> str:
@@ -42,8 +37,7 @@ def mission_html(mission: Mission, recording: Recording | str) -> str:
         "Origin": mission.origin,
         "Ended early": mission.ending,
     }
-    position = np.stack((recording.latitude, recording.longitude, recording.height), axis=-1)
-    return _card(mission, _body(facts, recording.time, position))
+    return _card(mission, _body(facts, mission.picture(CARD_WIDTH)))
 
 
 def log_html(mission: LogMission, log: SensorLog | str) -> str:
@@ -59,8 +53,7 @@ def log_html(mission: LogMission, log: SensorLog | str) -> str:
     if isinstance(log, str):
         return _card(mission, f"<p>No log: {escape(log)}</p>")
     repairs = "".join(f"<li>{escape(repair)}</li>" for repair in log.repairs)
-    gnss = log.gnss
-    body = _body(_log_facts(log) | {"Origin": mission.origin}, gnss.time, gnss.position)
+    body = _body(_log_facts(log) | {"Origin": mission.origin}, mission.picture(CARD_WIDTH))
     return _card(mission, f"{body}{f'<ul>{repairs}</ul>' if repairs else ''}")
 
 
@@ -70,8 +63,8 @@ def _card(mission: Mission, body: str) -> str:
     return f"<div>{title}{description}{body}</div>"
 
 
-def _body(facts: dict[str, str], time: FloatArray, position: FloatArray) -> str:
-    """Return a table of facts beside the ground track and the height of positions (n, 3) at times (n,)."""
+def _body(facts: dict[str, str], picture: str) -> str:
+    """Return a table of facts beside a picture."""
     rows = "".join(
         f'<tr><td style="text-align:left">{name}</td><td style="text-align:left">{escape(text)}</td></tr>'
         for name, text in facts.items()
@@ -79,8 +72,7 @@ def _body(facts: dict[str, str], time: FloatArray, position: FloatArray) -> str:
     )
     return (
         '<div style="display:flex;flex-wrap:wrap;gap:16px;align-items:flex-start">'
-        f'<table style="max-width:440px">{rows}</table>{_track(position)}{_profile(time, position[:, 2])}'
-        "</div>"
+        f'<table style="max-width:440px">{rows}</table>{picture}</div>'
     )
 
 
@@ -121,36 +113,3 @@ def _facts(recording: Recording) -> dict[str, str]:
         "Path": f"{path / 1000:.2f} km",
         "Roll": f"{roll.min():.0f}° to {roll.max():.0f}°",
     }
-
-
-def _track(position: FloatArray) -> str:
-    latitude, longitude = position[:, 0], np.unwrap(position[:, 1])
-    meridian, transverse = radii(np.sin(latitude))
-    east = (longitude - longitude[0]) * transverse * np.cos(latitude[0])
-    north = (latitude - latitude[0]) * meridian
-    if near_pole(latitude).any():
-        level = position * (1, 1, 0)
-        north, east, _ = way(np.broadcast_to(level[0], level.shape), level).T
-    span = max(float(np.ptp(east)), float(np.ptp(north)), 1.0)
-    x = 110 + 190 * (east - (east.max() + east.min()) / 2) / span
-    y = 118 - 190 * (north - (north.max() + north.min()) / 2) / span
-    caption = f"Ground track, north up, {span / 1000:.2f} km across"
-    return _figure(220, caption, x, y, f'<circle cx="{x[0]:.1f}" cy="{y[0]:.1f}" r="4" fill="#2a9d55"/>')
-
-
-def _profile(time: FloatArray, height: FloatArray) -> str:
-    low, high, duration = float(height.min()), float(height.max()), float(time[-1] - time[0])
-    x = 15 + 290 * (time - time[0]) / max(duration, 1e-9)
-    y = 213 - 190 * (height - low) / max(high - low, 1.0)
-    caption = f"Height, {low:.0f} to {high:.0f} m, over {duration:.0f} s"
-    return _figure(320, caption, x, y, "")
-
-
-def _figure(width: int, caption: str, x: FloatArray, y: FloatArray, mark: str) -> str:
-    picked = np.unique(np.linspace(0, len(x) - 1, _POINTS).astype(int))
-    points = " ".join(f"{a:.1f},{b:.1f}" for a, b in zip(x[picked], y[picked], strict=True))
-    return (
-        f'<svg width="{width}" height="226" role="img" aria-label="{escape(caption)}" style="{_STYLE}">'
-        f'<text x="4" y="13" fill="currentColor">{escape(caption)}</text>'
-        f'<polyline points="{points}" fill="none" stroke="#1f77b4" stroke-width="1.5"/>{mark}</svg>'
-    )

