@@ -1,19 +1,26 @@
-"""``ins-lab missions``: the missions there are."""
+"""``ins-lab missions``, ``rename`` and ``delete``: the missions there are, and the care of your own."""
 
 from __future__ import annotations
 
 import sys
 import warnings
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
-from lab.cli.app import print_json
+import typer
+
+from lab.cli.app import CommandError, print_json
 from lab.cli.options import AsJson
 from lab.cli.terminal import table
-from lab.missions import MissionError, broken_missions
+from lab.missions import MissionError, broken_missions, delete_mission, rename_mission
 from lab.missions import missions as find_missions
 
 if TYPE_CHECKING:
     from lab.missions import Mission
+
+OwnMission = Annotated[
+    str,
+    typer.Argument(metavar="MISSION", help="Name of a mission of your own.", show_default=False),
+]
 
 
 def list_missions(as_json: AsJson = False) -> None:
@@ -29,6 +36,30 @@ def list_missions(as_json: AsJson = False) -> None:
         return
     rows = [(entry.name, entry.title, f"{entry.duration:.1f} s", entry.origin) for entry in readable]
     print(table(("name", "title", "duration", "origin"), rows, right={2}))
+
+
+def rename(
+    mission: OwnMission,
+    new: Annotated[str, typer.Argument(metavar="NEW", help="Its new name.", show_default=False)],
+) -> None:
+    """Give a mission of your own another name."""
+    print(f"{mission} is now called {rename_mission(mission, new).name}")
+
+
+def delete(
+    mission: OwnMission,
+    yes: Annotated[bool, typer.Option("--yes", "-y", help="Do not ask first.")] = False,
+) -> None:
+    """Delete a mission of your own and its recording; those that ship stay."""
+    from lab.missions.library import own_place  # noqa: PLC0415 - rarely needed
+
+    place = own_place(mission)
+    if not yes:
+        if not sys.stdin.isatty():
+            raise CommandError(f"delete {mission}: nobody can be asked here; say --yes to delete it")
+        typer.confirm(f"Delete {place} and its recording?", abort=True, err=True)
+    delete_mission(mission)
+    print(f"{mission} deleted")
 
 
 def _readable(entry: Mission) -> bool:

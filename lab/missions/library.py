@@ -119,6 +119,25 @@ def is_own(name: str) -> bool:
     return place is not None and _is_own(place)
 
 
+def own_place(name: str) -> Path:
+    """Return where a mission of the user's own is: its TOML file, or the folder of its log.
+
+    Raises
+    ------
+    MissionError
+        If there is no such mission, or it ships with the lab and may not be changed.
+    """
+    found = places()
+    if name not in found:
+        own = [known for known, place in found.items() if _is_own(place)]
+        raise MissionError(
+            f"there is no mission {name!r}. Accepted are your own: {', '.join(own) or 'there is none yet'}"
+        )
+    if not _is_own(found[name]):
+        raise MissionError(f"mission {name}: ships with the lab and stays as it is; accepted are your own")
+    return found[name]
+
+
 def rename_mission(name: str, new: str) -> Mission:
     """Give a mission of the user's own another name; the file of its recording keeps its own.
 
@@ -127,7 +146,7 @@ def rename_mission(name: str, new: str) -> Mission:
     MissionError
         If it is not the user's own, the new name is not accepted or taken, or the folder cannot be written.
     """
-    path, new = _own(name), accepted_name(new)
+    path, new = own_place(name), accepted_name(new)
     target = path.parent / (new if path.is_dir() else f"{new}.toml")
     if target != path:
         with _telling(path.parent), folder_lock(path.parent):
@@ -157,7 +176,7 @@ def describe_mission(
     """
     import tomlkit.exceptions  # noqa: PLC0415 - rarely needed
 
-    path = _own(name)
+    path = own_place(name)
     toml = path / DESCRIPTION_FILE if path.is_dir() else path
     new = {
         "title": None if title is None else _title(name, title),
@@ -191,7 +210,7 @@ def delete_mission(name: str) -> None:
     MissionError
         If it is not the user's own, or a file cannot be deleted.
     """
-    path = _own(name)
+    path = own_place(name)
     with _telling(path.parent), folder_lock(path.parent):
         if path.is_symlink():
             path.unlink()
@@ -209,19 +228,6 @@ def _delete_log(folder: Path) -> None:
     (folder / DESCRIPTION_FILE).unlink(missing_ok=True)
     if not any(folder.iterdir()):
         folder.rmdir()
-
-
-def _own(name: str) -> Path:
-    """Return the TOML file or the log's folder of a mission that may be changed."""
-    found = places()
-    if name not in found:
-        own = [known for known, place in found.items() if _is_own(place)]
-        raise MissionError(
-            f"there is no mission {name!r}. Accepted are your own: {', '.join(own) or 'there is none yet'}"
-        )
-    if not _is_own(found[name]):
-        raise MissionError(f"mission {name}: ships with the lab and stays as it is; accepted are your own")
-    return found[name]
 
 
 def _is_own(place: Path) -> bool:

@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 import json
+import os
+import subprocess
+import sys
 from pathlib import Path
 
 import pytest
 from asking import ask, refused
 
-from lab.missions import mission
+from lab.missions import add_mission, mission
 
 
 def test_missions_are_a_table() -> None:
@@ -75,3 +78,41 @@ def test_a_flight_that_ends_early_is_kept_and_answered_with_its_own_exit_code(tm
     assert "10.0 s flown" in answer.stdout
     assert "ended during manoeuvre 1 of 2 (take_off)" in answer.stderr
     assert mission(short).ending in answer.stderr
+
+
+@pytest.fixture
+def own(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """Return the folder of the user's own missions, with one in it."""
+    monkeypatch.setenv("INS_LAB_MISSIONS", str(tmp_path))
+    add_mission(mission("montreal").recording, "mine", title="Mine")
+    return tmp_path
+
+
+def test_a_mission_is_renamed_and_deleted(own: Path) -> None:
+    assert ask("rename", "mine", "yours").stdout == "mine is now called yours\n"
+    assert mission("yours").title == "Mine"
+    refused(ask("rename", "yours", "a/b"), "'/'", "accepted are")
+    refused(ask("rename", "mine", "theirs"), "Accepted are your own: yours")
+    refused(ask("delete", "yours"), "--yes")
+    refused(ask("delete", "montreal", "--yes"), "ships with the lab")
+    assert ask("delete", "yours", "--yes").stdout == "yours deleted\n"
+    assert not list(own.glob("yours*"))
+
+
+@pytest.mark.parametrize(("answer", "kept"), [("y", False), ("n", True)])
+def test_a_person_is_asked_before_a_mission_is_deleted(own: Path, answer: str, kept: bool) -> None:
+    pty = pytest.importorskip("pty")
+    person, terminal = pty.openpty()
+    os.write(person, f"{answer}\n".encode())
+    asked = subprocess.run(
+        [sys.executable, "-m", "lab.cli", "delete", "mine"],
+        stdin=terminal,
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    os.close(person)
+    os.close(terminal)
+    assert f"Delete {own / 'mine.toml'} and its recording?" in asked.stderr
+    assert asked.stdout == ("" if kept else "mine deleted\n")
+    assert (own / "mine.toml").exists() == kept
