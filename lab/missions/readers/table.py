@@ -31,8 +31,8 @@ _DELIMITERS = "|\t;,"
 _HEADER_WITHIN = 100
 _MAX_COLUMNS = 10_000
 _MAX_RECORDINGS = 1000
-_PIECE = 2**18
-_SLOW_PIECE = 2**15
+_PIECE = 2**17
+_SLOW_PIECE = 2**14
 
 MISSING = "cells missing or too many"
 """Why rows are dropped that have another number of cells than the header."""
