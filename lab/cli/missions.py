@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import sys
 import warnings
 from typing import TYPE_CHECKING, Annotated, Any
@@ -57,7 +58,8 @@ def delete(
     if not yes:
         if not sys.stdin.isatty():
             raise CommandError(f"delete {mission}: nobody can be asked here; say --yes to delete it")
-        typer.confirm(f"Delete {place} and its recording?", abort=True, err=True)
+        with contextlib.redirect_stdout(sys.stderr):  # the answer is typed after a space that is printed
+            typer.confirm(f"Delete {place} and its recording?", abort=True)
     delete_mission(mission)
     print(f"{mission} deleted")
 
