@@ -11,7 +11,7 @@ from pathlib import Path
 
 from lab.missions.errors import MissionError
 from lab.missions.raw_flight import RawFlight
-from lab.missions.readers import fslogger
+from lab.missions.readers import fslogger, gpx, nmea
 from lab.missions.sensor_log import SensorLog
 from lab.missions.text_blocks import check_file
 
@@ -44,7 +44,11 @@ class Reader:
     read_log: Callable[[Path], SensorLog] | None = None
 
 
-READERS: tuple[Reader, ...] = (Reader(fslogger.NAME, fslogger.recognises, fslogger.read),)
+READERS: tuple[Reader, ...] = (
+    Reader(fslogger.NAME, fslogger.recognises, fslogger.read),
+    Reader(gpx.NAME, gpx.recognises, gpx.read),
+    Reader(nmea.NAME, nmea.recognises, nmea.read),
+)
 """All readers; at most one recognises a file."""
 
 
