@@ -35,6 +35,12 @@ STAGE = """
 """
 """The page, which scrolls where it is higher than its place."""
 
+WRAP = """
+:host { flex-wrap: wrap; }
+:host > :last-child { flex: 1 1 260px; }
+"""
+"""A choice and the words about it: below each other where they do not fit side by side."""
+
 SAME_STYLE_ONCE = """
 const {InlineStyleSheet} = Bokeh.require("core/dom");
 const update = InlineStyleSheet.prototype._update;

@@ -13,6 +13,7 @@ from dashboards.computing import Progress
 from dashboards.ensembles import ensemble
 from dashboards.pages.base import plot_grid
 from dashboards.pages.computed import ComputedPage
+from dashboards.style import WRAP
 from lab.analysis.verdict import Verdict
 from lab.ensemble import Ensemble
 from lab.result import Result
@@ -79,7 +80,9 @@ class Consistency(ComputedPage):
         self._tables = _html()
         self._plots_of_one = plot_grid(self._one.figures, 2, 210, fill=False)
         self._plots_of_many = plot_grid(self._many.figures, 2, 300, fill=False)
-        self._choice_and_words = pn.Row(self._choice, self.words, sizing_mode="stretch_width", margin=0)
+        self._choice_and_words = pn.Row(
+            self._choice, self.words, sizing_mode="stretch_width", margin=0, stylesheets=[WRAP]
+        )
         return pn.Column(*self._parts(self._plots_of_one), sizing_mode="stretch_width", margin=0)
 
     def _parts(self, plots: pn.viewable.Viewable) -> list[pn.viewable.Viewable]:

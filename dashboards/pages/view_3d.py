@@ -9,6 +9,7 @@ import panel_material_ui as pmui
 import viser
 
 from dashboards.pages.base import AROUND, Page
+from dashboards.style import WRAP
 from dashboards.viser_proxy import mount, sign
 from lab.result import Result
 from lab.views.figures import TimeAxis
@@ -47,7 +48,7 @@ class View3D(Page):
         heights.param.watch(lambda event: self._exaggerate(event.new), "value")
         self._legend = pn.pane.HTML("", margin=(10, 4))
         return pn.Column(
-            pn.Row(heights, self._legend, margin=0, sizing_mode="stretch_width"),
+            pn.Row(heights, self._legend, margin=0, sizing_mode="stretch_width", stylesheets=[WRAP]),
             pn.pane.HTML(frame, sizing_mode="stretch_width", margin=0),
             sizing_mode="stretch_width",
             margin=(4, 8),
