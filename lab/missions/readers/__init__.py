@@ -11,7 +11,7 @@ from pathlib import Path
 
 from lab.missions.errors import MissionError
 from lab.missions.raw_flight import RawFlight
-from lab.missions.readers import fslogger, gpx, nmea
+from lab.missions.readers import fslogger, gpx, nmea, ulog
 from lab.missions.sensor_log import SensorLog
 from lab.missions.text_blocks import check_file
 
@@ -48,6 +48,7 @@ READERS: tuple[Reader, ...] = (
     Reader(fslogger.NAME, fslogger.recognises, fslogger.read),
     Reader(gpx.NAME, gpx.recognises, gpx.read),
     Reader(nmea.NAME, nmea.recognises, nmea.read),
+    Reader(ulog.NAME, ulog.recognises, ulog.read, ulog.read_log),
 )
 """All readers; at most one recognises a file."""
 
