@@ -11,7 +11,7 @@ from pathlib import Path
 
 from lab.missions.errors import MissionError
 from lab.missions.raw_flight import RawFlight
-from lab.missions.readers import fslogger, gpx, nmea, ulog
+from lab.missions.readers import ardupilot, fslogger, gpx, nmea, ulog
 from lab.missions.sensor_log import SensorLog
 from lab.missions.text_blocks import check_file
 
@@ -49,6 +49,7 @@ READERS: tuple[Reader, ...] = (
     Reader(gpx.NAME, gpx.recognises, gpx.read),
     Reader(nmea.NAME, nmea.recognises, nmea.read),
     Reader(ulog.NAME, ulog.recognises, ulog.read, ulog.read_log),
+    Reader(ardupilot.NAME, ardupilot.recognises, ardupilot.read, ardupilot.read_log),
 )
 """All readers; at most one recognises a file."""
 

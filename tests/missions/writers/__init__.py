@@ -9,11 +9,12 @@ from __future__ import annotations
 from collections.abc import Callable
 
 from lab.missions import Recording
-from writers import gpx, nmea, ulog
+from writers import ardupilot, gpx, nmea, ulog
 
 WRITERS: dict[str, Callable[[Recording], bytes | dict[str, bytes]]] = {
     "GPX": gpx.write,
     "NMEA 0183": nmea.write,
     "PX4 ULog": ulog.write,
+    "ArduPilot DataFlash": ardupilot.write,
 }
 """By name of the reader: what gives the bytes of a file, or of several by their names."""
