@@ -11,7 +11,18 @@ from pathlib import Path
 
 from lab.missions.errors import MissionError
 from lab.missions.raw_flight import RawFlight
-from lab.missions.readers import ardupilot, fslogger, gpx, nmea, ulog
+from lab.missions.readers import (
+    ardupilot,
+    flight_recorder,
+    flightgear,
+    fslogger,
+    gpx,
+    jsbsim_csv,
+    nmea,
+    own_csv,
+    ulog,
+    xplane_data,
+)
 from lab.missions.sensor_log import SensorLog
 from lab.missions.text_blocks import check_file
 
@@ -45,7 +56,12 @@ class Reader:
 
 
 READERS: tuple[Reader, ...] = (
+    Reader(own_csv.NAME, own_csv.recognises, own_csv.read),
+    Reader(xplane_data.NAME, xplane_data.recognises, xplane_data.read),
     Reader(fslogger.NAME, fslogger.recognises, fslogger.read),
+    Reader(flight_recorder.NAME, flight_recorder.recognises, flight_recorder.read),
+    Reader(flightgear.NAME, flightgear.recognises, flightgear.read),
+    Reader(jsbsim_csv.NAME, jsbsim_csv.recognises, jsbsim_csv.read),
     Reader(gpx.NAME, gpx.recognises, gpx.read),
     Reader(nmea.NAME, nmea.recognises, nmea.read),
     Reader(ulog.NAME, ulog.recognises, ulog.read, ulog.read_log),

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lab.missions.errors import MissionError
-from lab.missions.raw_flight import ColumnUnit, Dropped
+from lab.missions.raw_flight import ColumnUnit, Dropped, RawFlight
 from lab.missions.readers.table import (
     MIN_ROWS,
     Header,
@@ -32,13 +32,15 @@ GIVEN = "given by you"
 LIMITS = {
     "time": (-1e12, 1e12),
     "latitude": (-np.pi / 2, np.pi / 2),
+    "depth": (-100_000.0, 1000.0),
+    **dict.fromkeys(("X", "Z", "x", "y", "z"), (-1e7, 1e7)),
     "angle": (-1e4, 1e4),
     "length": (-1000.0, 100_000.0),
     "speed": (-1000.0, 1000.0),
     "angular rate": (-200.0, 200.0),
     "acceleration": (-1e4, 1e4),
 }
-"""What is believed of each quantity, and of latitude, in SI."""
+"""What is believed of each quantity, and of some by their keys, in SI."""
 
 SEA_LEVEL = (
     "Heights are above the sea, as the file has them, and are taken as heights above the ellipsoid: the "
@@ -82,14 +84,14 @@ class Columns:
         Column by key of its field.
     rows_read, dropped, remarks
         As `RawFlight` has them.
-    units : tuple of ColumnUnit
-        The unit each was read in.
+    units : dict
+        The unit each was read in, by key.
     """
 
     values: dict[str, FloatArray]
     rows_read: int
     dropped: tuple[Dropped, ...]
-    units: tuple[ColumnUnit, ...]
+    units: dict[str, ColumnUnit]
     remarks: tuple[str, ...]
 
     def get(self, key: str) -> FloatArray | None:
@@ -138,18 +140,22 @@ def read_columns(
         For whatever is wrong with the file or the units.
     """
     table = read_table(path, {name for field in fields for name in field.names}, required, order)
-    found = {field: name for field in fields for name in field.names[::-1] if name in table.columns}
+    found: dict[Field, str] = {}
+    for field in fields:
+        name = next((name for name in field.names if name in table.columns), None)
+        if name and all(field.key != other.key for other in found):
+            found[field] = name
     used = {field: table.headings[name] for field, name in found.items()}
     by_name = {plain(column): unit for column, unit in units.items()}
     refuse_unknown(path, {_as_in_file(column, used): unit for column, unit in units.items()}, used.values())
-    values, read_in = {}, []
+    values, read_in = {}, {}
     for field, name in found.items():
         given = by_name.get(name)
         unit = field.unit if given is None else _unit(path, used[field], field.quantity, given)
-        read_in.append(ColumnUnit(used[field], unit, field.source if given is None else GIVEN))
+        read_in[field.key] = ColumnUnit(used[field], unit, field.source if given is None else GIVEN)
         values[field.key] = table.columns.pop(name)
         values[field.key] *= UNITS[field.quantity][unit]
-    return _believable(path, table, fields, values, tuple(read_in))
+    return _believable(path, table, list(found), values, read_in)
 
 
 def _as_in_file(column: str, used: Mapping[Field, str]) -> str:
@@ -168,20 +174,18 @@ def _believable(
     table: Table,
     fields: Sequence[Field],
     values: dict[str, FloatArray],
-    units: tuple[ColumnUnit, ...],
+    units: dict[str, ColumnUnit],
 ) -> Columns:
     """Leave out the rows with numbers no flight has."""
     kept = np.ones(len(table.lines), dtype=bool)
     dropped: tuple[Dropped, ...] = ()
     for field in fields:
-        value = values.get(field.key)
-        if value is None:
-            continue
+        value = values[field.key]
         low, high = LIMITS.get(field.key) or LIMITS[field.quantity]
         fine = (value >= low) & (value <= high)
         lost = kept & ~fine
         if lost.any():
-            heading = next(unit for unit in units if plain(unit.column) in field.names)
+            heading = units[field.key]
             factor = UNITS[field.quantity][heading.unit]
             reason = (
                 f"{heading.column} beyond {low / factor:.6g} to {high / factor:.6g} {heading.unit}, which is "
@@ -198,6 +202,51 @@ def _believable(
             f"at least {MIN_ROWS}. If the unit of a column is another one, give it"
         )
     return Columns(values, table.rows_read, (*table.dropped, *dropped), units, table.remarks)
+
+
+def raw_flight(
+    name: str,
+    columns: Columns,
+    *,
+    time: FloatArray | None = None,
+    velocity_n: FloatArray | None = None,
+    euler: FloatArray | None = None,
+    body_rate: FloatArray | None = None,
+    acceleration_b: FloatArray | None = None,
+    remarks: Sequence[str] = (),
+) -> RawFlight:
+    """Return the flight of an aircraft out of its columns.
+
+    Parameters
+    ----------
+    name
+        Of the format.
+    columns
+        Whose time, position and air data are taken as they are.
+    time, velocity_n, euler, body_rate, acceleration_b
+        What the format has in another form, as `RawFlight` has it.
+    remarks
+        What the reader has to say, before what the table has.
+    """
+    return RawFlight(
+        format=name,
+        time=columns.values["time"] if time is None else time,
+        latitude=columns.get("latitude"),
+        longitude=columns.get("longitude"),
+        height=columns.get("height"),
+        velocity_n=velocity_n,
+        euler=euler,
+        body_rate=body_rate,
+        acceleration_b=acceleration_b,
+        airspeed=columns.get("airspeed"),
+        alpha=columns.get("alpha"),
+        beta=columns.get("beta"),
+        rows_read=columns.rows_read,
+        dropped=columns.dropped,
+        units=tuple(columns.units.values()),
+        remarks=(*remarks, *columns.remarks),
+        vehicle="aircraft",
+    )
 
 
 def one_file(paths: Sequence[Path], reader: str) -> Path:

@@ -12,7 +12,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 from lab.missions.raw_flight import RawFlight
-from lab.missions.readers.fields import SEA_LEVEL, Field, one_file, read_columns, recognised
+from lab.missions.readers.fields import SEA_LEVEL, Field, one_file, raw_flight, read_columns, recognised
 
 NAME = "MSFS/FSX fsLogger csv"
 
@@ -74,22 +74,12 @@ def read(paths: Sequence[Path], units: Mapping[str, str]) -> RawFlight:
     ]
     if columns.get("height") is not None:
         remarks.append(SEA_LEVEL)
-    return RawFlight(
-        format=NAME,
-        time=columns.values["time"],
-        latitude=columns.get("latitude"),
-        longitude=columns.get("longitude"),
-        height=columns.get("height"),
+    return raw_flight(
+        NAME,
+        columns,
         velocity_n=columns.vector("north", "east", "-up"),
         euler=columns.vector("-bank", "-pitch", "heading"),
         body_rate=columns.vector("-rate forward", "-rate right", "rate up"),
         acceleration_b=columns.vector("acceleration forward", "acceleration right", "-acceleration up"),
-        airspeed=columns.get("airspeed"),
-        alpha=columns.get("alpha"),
-        beta=columns.get("beta"),
-        rows_read=columns.rows_read,
-        dropped=columns.dropped,
-        units=columns.units,
-        remarks=(*remarks, *columns.remarks),
-        vehicle="aircraft",
+        remarks=remarks,
     )

@@ -143,7 +143,7 @@ def read_table(
     wanted
         Names of the columns to read if they are there, as `plain` gives them.
     required
-        For each need the names of which one must be there.
+        For each need the names, among those wanted, of which one must be there.
     order
         The columns of a file that has no header.
 
@@ -154,7 +154,9 @@ def read_table(
     """
     with TextBlocks(path, MAX_BYTES, strict=False) as text:
         header = order or _first_header(path, text, required)
-        recordings = [_Recording(header, wanted, {name for need in required for name in need})]
+        recordings = [
+            _Recording(header, wanted, {name for need in required if len(need) == 1 for name in need})
+        ]
         for block in text.blocks():
             for piece in _pieces(block):
                 _read_piece(path, piece, text.next_line, recordings, required if order is None else ())
@@ -170,6 +172,11 @@ def read_table(
     rows_read = sum(recording.rows_read for recording in recordings)
     if len(table.lines) < MIN_ROWS:
         raise MissionError(_too_few(path, len(table.lines), rows_read, dropped))
+    for need in required:
+        if table.columns.keys().isdisjoint(need):
+            raise MissionError(
+                f"{path}: hardly a row has a number under {' or '.join(need)}; accepted are most"
+            )
     return replace(table, rows_read=rows_read, dropped=tuple(dropped))
 
 
@@ -271,11 +278,14 @@ class _Recording:
             self._keep(_numbers(whole, self), (first_line + np.flatnonzero(kept)).astype(np.int32))
 
     def _keep(self, columns: list[FloatArray], lines: NDArray[np.int32]) -> None:
-        known = np.ones(len(lines), dtype=bool)
+        needed = np.ones(len(lines), dtype=bool)
+        known = np.zeros(len(lines), dtype=bool)
         for name, numbers in zip(self.names, columns, strict=True):
             numbers[~np.isfinite(numbers)] = np.nan
+            known |= ~np.isnan(numbers)
             if name in self.required:
-                known &= ~np.isnan(numbers)
+                needed &= ~np.isnan(numbers)
+        known &= needed
         if not known.all():
             self.first_unknown = self.first_unknown or int(lines[np.argmin(known)])
             self.unknown += int(len(lines) - known.sum())

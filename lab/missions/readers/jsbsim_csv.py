@@ -1,0 +1,136 @@
+"""JSBSim csv: what an output directive of type CSV writes, groups with units and properties by their paths.
+
+Latitude comes from the geodetic column or from Earth-fixed Cartesian position, in feet, which also gives the
+height above the ellipsoid; ``Latitude (deg)`` alone is geocentric and needs that position. JSBSim's sea level
+is the ellipsoid. Rates are over the Earth, and so is the acceleration put together from the derivatives of
+the body velocities: ``UdotBody + Q WBody - R VBody`` and so on.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lab import ecef
+from lab.missions.errors import MissionError
+from lab.missions.raw_flight import RawFlight
+from lab.missions.readers.fields import (
+    NAMED,
+    Columns,
+    Field,
+    one_file,
+    raw_flight,
+    read_columns,
+    recognised,
+)
+from lab.missions.readers.table import plain
+
+FloatArray = NDArray[np.float64]
+
+NAME = "JSBSim csv"
+
+Variant = tuple[str, str, str]
+
+
+def _field(key: str, quantity: str, *variants: Variant) -> tuple[Field, ...]:
+    """Return the fields of a quantity, for each variant a heading, a property and their unit."""
+    fields = []
+    for heading, path, unit in variants:
+        spellings = (heading, f"/fdm/jsbsim/{path}", path) if path else (heading,)
+        names = tuple(plain(name) for name in spellings if name)
+        fields.append(Field(key, names, quantity, unit, NAMED))
+    return tuple(fields)
+
+
+TIME = Field(
+    "time", ("time", plain("/fdm/jsbsim/simulation/sim-time-sec"), "simulation/sim-time-sec"), "time", "s"
+)
+
+FIELDS = (
+    TIME,
+    *_field("latitude", "angle", ("Latitude Geodetic (deg)", "position/lat-geod-deg", "°"),
+            ("", "position/lat-geod-rad", "rad")),
+    *_field("longitude", "angle", ("Longitude (deg)", "position/long-gc-deg", "°"),
+            ("", "position/long-gc-rad", "rad")),
+    *_field("geodetic height", "length", ("", "position/geod-alt-ft", "ft"),
+            ("", "position/geod-alt-km", "km")),
+    *_field("height", "length", ("Altitude ASL (ft)", "position/h-sl-ft", "ft"),
+            ("", "position/h-sl-meters", "m")),
+    *_field("x", "length", ("X_{ECEF} (ft)", "position/ecef-x-ft", "ft")),
+    *_field("y", "length", ("Y_{ECEF} (ft)", "position/ecef-y-ft", "ft")),
+    *_field("z", "length", ("Z_{ECEF} (ft)", "position/ecef-z-ft", "ft")),
+    *_field("north", "speed", ("V_{North} (ft/s)", "velocities/v-north-fps", "ft/s")),
+    *_field("east", "speed", ("V_{East} (ft/s)", "velocities/v-east-fps", "ft/s")),
+    *_field("down", "speed", ("V_{Down} (ft/s)", "velocities/v-down-fps", "ft/s")),
+    *_field("roll", "angle", ("Phi (deg)", "attitude/phi-deg", "°"), ("", "attitude/phi-rad", "rad"),
+            ("", "attitude/roll-rad", "rad")),
+    *_field("pitch", "angle", ("Theta (deg)", "attitude/theta-deg", "°"), ("", "attitude/theta-rad", "rad"),
+            ("", "attitude/pitch-rad", "rad")),
+    *_field("heading", "angle", ("Psi (deg)", "attitude/psi-deg", "°"), ("", "attitude/psi-rad", "rad"),
+            ("", "attitude/heading-true-rad", "rad")),
+    *_field("p", "angular rate", ("P (deg/s)", "", "°/s"), ("", "velocities/p-rad_sec", "rad/s")),
+    *_field("q", "angular rate", ("Q (deg/s)", "", "°/s"), ("", "velocities/q-rad_sec", "rad/s")),
+    *_field("r", "angular rate", ("R (deg/s)", "", "°/s"), ("", "velocities/r-rad_sec", "rad/s")),
+    *_field("u", "speed", ("UBody", "velocities/u-fps", "ft/s")),
+    *_field("v", "speed", ("VBody", "velocities/v-fps", "ft/s")),
+    *_field("w", "speed", ("WBody", "velocities/w-fps", "ft/s")),
+    *_field("udot", "acceleration", ("UdotBody", "accelerations/udot-ft_sec2", "ft/s²")),
+    *_field("vdot", "acceleration", ("VdotBody", "accelerations/vdot-ft_sec2", "ft/s²")),
+    *_field("wdot", "acceleration", ("WdotBody", "accelerations/wdot-ft_sec2", "ft/s²")),
+    *_field("airspeed", "speed", ("V_{Total} (ft/s)", "velocities/vt-fps", "ft/s")),
+    *_field("alpha", "angle", ("Alpha (deg)", "aero/alpha-deg", "°"), ("", "aero/alpha-rad", "rad")),
+    *_field("beta", "angle", ("Beta (deg)", "aero/beta-deg", "°"), ("", "aero/beta-rad", "rad")),
+)  # fmt: skip
+"""What is taken, in the spelling of JSBSim's groups and by the path of its properties."""
+
+REQUIRED = (TIME.names, tuple(name for field in FIELDS if field is not TIME for name in field.names))
+
+
+def recognises(head: bytes) -> bool:
+    """Tell whether a file has JSBSim's headings of time and of at least one other quantity."""
+    return recognised(head, REQUIRED)
+
+
+def read(paths: Sequence[Path], units: Mapping[str, str]) -> RawFlight:
+    """Read a csv of JSBSim.
+
+    Raises
+    ------
+    MissionError
+        For whatever is wrong with the file; if it has no position, naming what to write.
+    """
+    path = one_file(paths, NAME)
+    columns = read_columns(path, FIELDS, units, REQUIRED)
+    place = columns.vector("x", "y", "z")
+    if place is not None:
+        for key, value in zip(("latitude", "longitude", "height"), ecef.geodetic(place).T, strict=True):
+            columns.values[key] = value
+            columns.units.pop(key, None)
+    elif columns.get("geodetic height") is not None:
+        columns.values["height"] = columns.values["geodetic height"]
+        columns.units["height"] = columns.units.pop("geodetic height")
+    if columns.vector("latitude", "longitude", "height") is None:
+        raise MissionError(
+            f"{path}: there is no position in it; accepted is a csv with the group <position>ON</position>, "
+            "or with the properties position/lat-geod-deg, position/long-gc-deg and position/geod-alt-ft"
+        )
+    return raw_flight(
+        NAME,
+        columns,
+        velocity_n=columns.vector("north", "east", "down"),
+        euler=columns.vector("roll", "pitch", "heading"),
+        body_rate=columns.vector("p", "q", "r"),
+        acceleration_b=_acceleration(columns),
+    )
+
+
+def _acceleration(columns: Columns) -> FloatArray | None:
+    """Return the change of velocity over the Earth, in b."""
+    derivative, rate = columns.vector("udot", "vdot", "wdot"), columns.vector("p", "q", "r")
+    velocity = columns.vector("u", "v", "w")
+    if derivative is None or rate is None or velocity is None:
+        return None
+    return derivative + np.cross(rate, velocity)
