@@ -142,5 +142,8 @@ def _velocity(columns: Columns) -> FloatArray | None:
     if local is None or offset is None:
         return local
     here = np.column_stack([columns.values[key] for key in ("latitude", "longitude", "height")])
-    to_reference = np.column_stack((-offset, np.zeros(len(here))))
-    return ecef.turned(local, ecef.moved(here, to_reference), here)
+    level = np.column_stack((offset, np.zeros(len(here))))
+    reference = ecef.moved(here, -level)
+    # North there is not quite north here.
+    reference = ecef.moved(here, -ecef.turned(level, reference, here) * (1.0, 1.0, 0.0))
+    return ecef.turned(local, reference, here)

@@ -9,9 +9,26 @@ from __future__ import annotations
 from collections.abc import Callable
 
 from lab.missions import Recording
-from writers import ardupilot, gpx, nmea, ulog
+from writers import (
+    ardupilot,
+    flight_recorder,
+    flightgear,
+    fslogger,
+    gpx,
+    jsbsim_csv,
+    nmea,
+    own_csv,
+    ulog,
+    xplane_data,
+)
 
 WRITERS: dict[str, Callable[[Recording], bytes | dict[str, bytes]]] = {
+    "INS Lab flight csv": own_csv.write,
+    "X-Plane Data.txt": xplane_data.write,
+    "MSFS/FSX fsLogger csv": fslogger.write,
+    "MSFS Flight Recorder csv": flight_recorder.write,
+    "FlightGear insgns-gps and insgns-imu": flightgear.write,
+    "JSBSim csv": jsbsim_csv.write,
     "GPX": gpx.write,
     "NMEA 0183": nmea.write,
     "PX4 ULog": ulog.write,
