@@ -14,24 +14,23 @@ import numpy as np
 
 from lab.missions.atomic_file import atomic_file
 from lab.missions.catalogue import mission, own_folder, shipped_folder
-from lab.missions.cessna import STEP_MS, Cessna, Instruments
 from lab.missions.errors import MissionError
 from lab.missions.flight_csv import write_flight_csv
 from lab.missions.flight_plan import FlightPlan
 from lab.missions.mission import Mission
-from lab.missions.pilot import Pilot
+from lab.missions.pilot import PATIENCE, Pilot
 from lab.missions.recording import Recording
+from lab.missions.simulated_aircraft import STEP_MS, Instruments, SimulatedAircraft
 
 SAMPLE_MS = 55
 """Time between two samples of the record [ms]."""
 PILOT_MS = 5
 """Time between two looks of the pilot at the instruments [ms]."""
 
+_MOST_ROLL_ON_GROUND = math.radians(30.0)
+
 SHORTEST = 2.0
 """Shortest flight that is kept [s]."""
-
-_STALL_ALPHA = math.radians(18.0)
-_STALL_AIRSPEED = 22.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -78,8 +77,8 @@ def fly(
     MissionError
         If JSBSim is missing, or the flight ended before `SHORTEST` seconds were flown.
     """
-    aeroplane = Cessna(plan if seed is None else plan.with_seed(seed))
-    pilot = Pilot(plan, PILOT_MS / 1000)
+    aeroplane = SimulatedAircraft(plan if seed is None else plan.with_seed(seed))
+    pilot = Pilot(plan, PILOT_MS / 1000, aeroplane.trimmed)
     count = math.ceil(round(plan.duration_s * 1000) / SAMPLE_MS) + 1
     samples = np.empty((count, 12))
     flown, ending = _fly_samples(aeroplane, pilot, samples, progress, cancelled)
@@ -96,7 +95,7 @@ def fly(
 
 
 def _fly_samples(
-    aeroplane: Cessna,
+    aeroplane: SimulatedAircraft,
     pilot: Pilot,
     samples: np.ndarray,
     progress: Callable[[float], None] | None,
@@ -222,16 +221,30 @@ def _check(seen: Instruments, pilot: Pilot, now_ms: int) -> str:
     where = f"{now_ms / 1000:.2f} s into the flight"
     if not math.isfinite(seen.height + seen.airspeed + seen.pitch + seen.roll + seen.heading):
         return f"the simulation broke down {where}: its state is not finite"
-    if not pilot.airborne:
+    stuck = pilot.stuck(now_ms / 1000, seen)
+    if stuck:
+        return (
+            f"the aeroplane cannot do manoeuvre {pilot.manoeuvre}: {where} it came no nearer for "
+            f"{PATIENCE:g} s ({stuck}); ask for less height, airspeed or bank, or calmer air"
+        )
+    if not pilot.airborne and abs(seen.roll) > _MOST_ROLL_ON_GROUND:
+        return f"the aeroplane turned over on the runway {where}; ask for less wind across it"
+    lost = _lost(seen, pilot) if pilot.airborne else ""
+    if not lost:
         return ""
-    during = f"during manoeuvre {pilot.manoeuvre}; ask for less bank, less rate of climb or calmer air"
-    if seen.alpha > _STALL_ALPHA or seen.airspeed < _STALL_AIRSPEED:
-        return f"the aeroplane stalled {where} (airspeed {seen.airspeed:.1f} m/s) {during}"
+    return (
+        f"the aeroplane {lost} {where} (airspeed {seen.airspeed:.1f} m/s) during manoeuvre "
+        f"{pilot.manoeuvre}; ask for less bank, less rate of climb or calmer air"
+    )
+
+
+def _lost(seen: Instruments, pilot: Pilot) -> str:
+    if seen.alpha > pilot.aircraft.stall_alpha or seen.airspeed < pilot.aircraft.stall_airspeed:
+        return "stalled"
     if seen.on_ground or seen.height < 0:
-        return f"the aeroplane touched the ground {where} {during}"
-    if abs(seen.roll) > math.radians(75) or abs(seen.pitch) > math.radians(45):
-        return f"the aeroplane was out of control {where} {during}"
-    return ""
+        return "touched the ground"
+    out = abs(seen.roll) > math.radians(75) or abs(seen.pitch) > math.radians(45)
+    return "was out of control" if out else ""
 
 
 def _recording(samples: np.ndarray) -> Recording:

@@ -2,206 +2,71 @@
 
 from __future__ import annotations
 
-import difflib
-import math
 from collections.abc import Mapping, Sequence
-from dataclasses import MISSING, dataclass, fields, replace
-from typing import Any, ClassVar, TypeVar, get_type_hints
+from dataclasses import dataclass, replace
+from typing import Any, TypeVar
 
+from lab.missions.aircraft import AIRCRAFT, Aircraft
 from lab.missions.errors import MissionError
+from lab.missions.manoeuvres import (
+    MANOEUVRES,
+    MAX_DURATION,
+    WORDS,
+    ChangeHeight,
+    Level,
+    Manoeuvre,
+    TakeOff,
+)
+from lab.missions.plan_table import accept, choice, number, plain_part, read_part
+from lab.missions.weather import CALM, Air, Gust
 
 Part = TypeVar("Part")
 
-MAX_DURATION = 3600.0
-"""Longest flight [s]."""
+MAX_GUSTS = 1000
+"""Most gusts in one plan."""
 
 
 @dataclass(frozen=True)
 class Runway:
-    """Where the flight starts, at rest.
+    """Where the flight starts, at rest."""
 
-    Attributes
-    ----------
-    latitude_deg, longitude_deg : float
-        Geodetic position on WGS-84 [°].
-    height_m : float
-        Height of the ground above the ellipsoid (not above the sea) [m].
-    heading_deg : float
-        True heading [°].
-    """
-
-    latitude_deg: float
-    longitude_deg: float
-    height_m: float
-    heading_deg: float
-
-    LIMITS: ClassVar = {
-        "latitude_deg": (-85, 85),
-        "longitude_deg": (-360, 360),
-        "height_m": (-500, 5000),
-        "heading_deg": (-360, 360),
-    }
+    latitude_deg: float = number("Latitude", "°", (-85, 85), "Geodetic latitude on WGS-84.")
+    longitude_deg: float = number("Longitude", "°", (-360, 360), "Longitude on WGS-84, east positive.")
+    height_m: float = number(
+        "Height", "m", (-500, 5000), "Height of the ground above the ellipsoid (not above the sea)."
+    )
+    heading_deg: float = number("Heading", "°", (-360, 360), "True heading.")
 
 
 @dataclass(frozen=True)
-class Air:
-    """The air the aeroplane flies in.
+class AirStart:
+    """Where the flight starts in the air: straight and level, trimmed, at full airspeed."""
 
-    Attributes
-    ----------
-    wind_from_deg : float
-        True direction the wind comes from [°].
-    wind_m_s : float
-        Speed of the wind [m/s].
-    turbulence_severity : int
-        0 none, 1-2 light, 3-4 moderate, 5-7 severe (MIL-F-8785C probability of exceedance curves): decides
-        the turbulence more than 600 m above the ground.
-    turbulence_wind_m_s : float
-        Wind 20 ft above the ground, which decides the turbulence less than 300 m above the ground [m/s].
-    """
-
-    wind_from_deg: float = 0.0
-    wind_m_s: float = 0.0
-    turbulence_severity: int = 0
-    turbulence_wind_m_s: float = 0.0
-
-    LIMITS: ClassVar = {
-        "wind_from_deg": (-360, 360),
-        "wind_m_s": (0, 12),
-        "turbulence_severity": (0, 7),
-        "turbulence_wind_m_s": (0, 25),
-    }
-
-
-@dataclass(frozen=True)
-class TakeOff:
-    """Wait at rest, take off straight ahead, climb; ends at a height above the runway.
-
-    The climb goes on for 60 m more unless the next manoeuvres say otherwise.
-
-    Attributes
-    ----------
-    wait_s : float
-        Time at rest before the throttle opens [s].
-    rotation_m_s : float
-        Airspeed at which the nose is raised [m/s].
-    height_m : float
-        Height above the runway at which the manoeuvre ends [m].
-    """
-
-    wait_s: float = 3.0
-    rotation_m_s: float = 28.3
-    height_m: float = 20.0
-
-    LIMITS: ClassVar = {"wait_s": (0, 600), "rotation_m_s": (24, 36), "height_m": (15, 100)}
-
-
-@dataclass(frozen=True)
-class ChangeHeight:
-    """Climb or descend; ends at the height, or sooner after `seconds`, and then goes on during what follows.
-
-    Attributes
-    ----------
-    height_m : float
-        Height above the runway to fly to [m].
-    rate_m_s : float
-        Vertical speed, positive for both climb and descent [m/s].
-    airspeed_m_s : float
-        Airspeed to hold [m/s].
-    seconds : float
-        Go on with the next manoeuvre after this time [s]; infinite by default.
-    """
-
-    height_m: float
-    rate_m_s: float = 3.3
-    airspeed_m_s: float = 40.0
-    seconds: float = math.inf
-
-    LIMITS: ClassVar = {
-        "height_m": (30, 3500),
-        "rate_m_s": (0.2, 5),
-        "airspeed_m_s": (33, 58),
-        "seconds": (0, math.inf),
-    }
-
-
-@dataclass(frozen=True)
-class Turn:
-    """Turn to a heading; ends when it is reached and the wings are nearly level.
-
-    Attributes
-    ----------
-    heading_deg : float
-        True heading to turn to [°].
-    bank_deg : float
-        Bank in the turn [°].
-    direction : str
-        ``"left"``, ``"right"`` or ``"shortest"``.
-    """
-
-    heading_deg: float
-    bank_deg: float = 25.0
-    direction: str = "shortest"
-
-    LIMITS: ClassVar = {"heading_deg": (-360, 360), "bank_deg": (5, 40)}
-    CHOICES: ClassVar = {"direction": ("shortest", "left", "right")}
-
-
-@dataclass(frozen=True)
-class Hold:
-    """Keep heading and height for a time.
-
-    Attributes
-    ----------
-    seconds : float
-        How long [s].
-    """
-
-    seconds: float
-
-    LIMITS: ClassVar = {"seconds": (0, MAX_DURATION)}
-
-
-Manoeuvre = TakeOff | ChangeHeight | Turn | Hold
-
-_MANOEUVRES: dict[str, type[Manoeuvre]] = {
-    "take_off": TakeOff,
-    "climb": ChangeHeight,
-    "descend": ChangeHeight,
-    "turn": Turn,
-    "hold": Hold,
-}
+    latitude_deg: float = number("Latitude", "°", (-85, 85), "Geodetic latitude on WGS-84.")
+    longitude_deg: float = number("Longitude", "°", (-360, 360), "Longitude on WGS-84, east positive.")
+    height_m: float = number("Height", "m", (30, 12_000), "Height above the ground.")
+    heading_deg: float = number("Heading", "°", (-360, 360), "True heading.")
+    airspeed_m_s: float | None = number("Airspeed", "m/s", (10, 300), "True airspeed.", default=None)
+    ground_m: float = number(
+        "Ground", "m", (-500, 5000), "Height of the ground above the ellipsoid.", default=0.0
+    )
 
 
 @dataclass(frozen=True)
 class FlightPlan:
     """A flight as plain data.
 
-    Attributes
-    ----------
-    duration_s : float
-        Time from rest to the end [s].
-    runway : Runway
-        Where it starts.
-    manoeuvres : tuple of manoeuvres
-        In order; the first is a `TakeOff`.
-    air : Air
-        Wind and turbulence.
-    seed : int
-        Seed of the turbulence.
-    aircraft : str
-        JSBSim's name of the aircraft; the pilot is trained on the ``c172p`` only.
+    It starts on the runway or in the air, one of the two; on the runway, the first manoeuvre is a `TakeOff`.
+    Heights of manoeuvres are above the ground at the start. Numbers that are None are the aircraft's own.
     """
 
-    duration_s: float
-    runway: Runway
     manoeuvres: tuple[Manoeuvre, ...]
-    air: Air = Air()
-    seed: int = 1
-    aircraft: str = "c172p"
-
-    LIMITS: ClassVar = {"duration_s": (1, MAX_DURATION), "seed": (0, 2**31 - 1)}
-    CHOICES: ClassVar = {"aircraft": ("c172p",)}
+    duration_s: float = number("Duration", "s", (1, MAX_DURATION), "Time from the start to the end.")
+    runway: Runway | None = None
+    air_start: AirStart | None = None
+    air: Air = CALM
+    seed: int = number("Seed", "", (0, 2**31 - 1), "Seed of the turbulence.", default=1, whole=True)
+    aircraft: str = choice("Aircraft", tuple(AIRCRAFT), "JSBSim's name of the aircraft.", default="c172p")
 
     @classmethod
     def from_dict(cls, values: Mapping[str, Any], where: str = "flight") -> FlightPlan:
@@ -210,8 +75,7 @@ class FlightPlan:
         Parameters
         ----------
         values
-            Keys as the attributes of `FlightPlan`; each manoeuvre has a key ``do``: ``take_off``, ``climb``,
-            ``descend``, ``turn`` or ``hold``.
+            Keys as the attributes of `FlightPlan`; each manoeuvre has a key ``do``, one of `MANOEUVRES`.
         where
             What to call the mapping in messages.
 
@@ -221,14 +85,39 @@ class FlightPlan:
             If a key is unknown or missing, or a value is not accepted.
         """
         values = dict(values)
+        aircraft = AIRCRAFT[accept(cls, "aircraft", values.get("aircraft", "c172p"), where)]
         parts: dict[str, Any] = {}
-        if "runway" in values:
-            parts["runway"] = _part(Runway, values.pop("runway"), f"{where}.runway")
+        for name, kind in (("runway", Runway), ("air_start", AirStart)):
+            if name in values:
+                limits = aircraft.limits if kind is AirStart else None
+                parts[name] = read_part(kind, values.pop(name), f"{where}.{name}", limits=limits)
         if "air" in values:
-            parts["air"] = _part(Air, values.pop("air"), f"{where}.air")
+            parts["air"] = _air(values.pop("air"), f"{where}.air")
         if "manoeuvres" in values:
-            parts["manoeuvres"] = _manoeuvres(values.pop("manoeuvres"), f"{where}.manoeuvres")
-        return _part(cls, values, where, parts)
+            entries = values.pop("manoeuvres")
+            parts["manoeuvres"] = _manoeuvres(entries, f"{where}.manoeuvres", aircraft, parts)
+        plan = read_part(cls, values, where, parts)
+        plan._check_start(where)
+        return plan
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the plan as plain data, what is as by default left out: `from_dict` gives the plan again."""
+        values: dict[str, Any] = {"aircraft": self.aircraft, **plain_part(self)}
+        for name, part in (("runway", self.runway), ("air_start", self.air_start)):
+            if part is not None:
+                values[name] = plain_part(part)
+        air = plain_part(self.air)
+        if self.air.gusts:
+            air["gusts"] = [plain_part(gust) for gust in self.air.gusts]
+        if air:
+            values["air"] = air
+        values["manoeuvres"] = [{"do": WORDS[type(one)], **plain_part(one)} for one in self.manoeuvres]
+        return values
+
+    @property
+    def flown_with(self) -> Aircraft:
+        """What the pilot knows of the aircraft."""
+        return AIRCRAFT[self.aircraft]
 
     def with_seed(self, seed: int) -> FlightPlan:
         """Return the same plan with another seed.
@@ -238,59 +127,61 @@ class FlightPlan:
         MissionError
             If the seed is not accepted.
         """
-        return replace(self, seed=_accept(FlightPlan, "seed", int, seed, "flight"))
+        return replace(self, seed=accept(FlightPlan, "seed", seed, "flight"))
 
-
-def _manoeuvres(entries: Any, where: str) -> tuple[Manoeuvre, ...]:
-    if not isinstance(entries, Sequence) or isinstance(entries, str) or not entries:
-        raise MissionError(f"{where}: expected a list of manoeuvres, each one of {', '.join(_MANOEUVRES)}")
-    manoeuvres: list[Manoeuvre] = []
-    height = 0.0
-    for number, entry in enumerate(entries, 1):
-        here = f"{where}, number {number}"
-        word = entry.get("do") if isinstance(entry, Mapping) else entry
-        if not isinstance(entry, Mapping) or not isinstance(word, str) or word not in _MANOEUVRES:
+    def _check_start(self, where: str) -> None:
+        if (self.runway is None) == (self.air_start is None):
+            found = "is missing" if self.runway is None else "and air_start are both given"
+            raise MissionError(f"{where}: runway {found}; accepted is one of runway and air_start")
+        if self.runway is not None and self.flown_with.rotation is None:
+            able = ", ".join(name for name, aircraft in AIRCRAFT.items() if aircraft.rotation is not None)
             raise MissionError(
-                f"{here}: do = {word!r} is not a manoeuvre; accepted: {', '.join(_MANOEUVRES)}"
+                f"{where}: the pilot cannot take off with the {self.aircraft}; start it in the air "
+                f"(air_start), or fly one of {able}"
             )
-        manoeuvre = _part(_MANOEUVRES[word], {k: v for k, v in entry.items() if k != "do"}, here)
-        if (word == "take_off") != (number == 1):
-            raise MissionError(f"{here}: {word}; a flight begins with take_off, and takes off once")
-        if isinstance(manoeuvre, ChangeHeight) and (manoeuvre.height_m > height) != (word == "climb"):
+
+
+def _air(values: Any, where: str) -> Air:
+    if not isinstance(values, Mapping) or "gusts" not in values:
+        return read_part(Air, values, where)
+    gusts, others = values["gusts"], {key: value for key, value in values.items() if key != "gusts"}
+    if not isinstance(gusts, Sequence) or isinstance(gusts, str) or len(gusts) > MAX_GUSTS:
+        raise MissionError(f"{where}.gusts: expected a list of up to {MAX_GUSTS} gusts")
+    read = (read_part(Gust, gust, f"{where}.gusts, number {number}") for number, gust in enumerate(gusts, 1))
+    return read_part(Air, others, where, {"gusts": tuple(read)})
+
+
+def _manoeuvres(
+    entries: Any, where: str, aircraft: Aircraft, start: Mapping[str, Any]
+) -> tuple[Manoeuvre, ...]:
+    if not isinstance(entries, Sequence) or isinstance(entries, str) or not entries:
+        raise MissionError(f"{where}: expected a list of manoeuvres, each one of {', '.join(MANOEUVRES)}")
+    manoeuvres: list[Manoeuvre] = []
+    in_the_air = start.get("air_start")
+    height: float | None = in_the_air.height_m if in_the_air else 0.0
+    for number_, entry in enumerate(entries, 1):
+        here = f"{where}, number {number_}"
+        word = entry.get("do") if isinstance(entry, Mapping) else entry
+        if not isinstance(entry, Mapping) or not isinstance(word, str) or word not in MANOEUVRES:
+            raise MissionError(f"{here}: do = {word!r} is not a manoeuvre; accepted: {', '.join(MANOEUVRES)}")
+        values = {key: value for key, value in entry.items() if key != "do"}
+        kind = MANOEUVRES[word]
+        # A take-off ends low; the limits of the aircraft are those of heights to climb to.
+        limits = {k: v for k, v in aircraft.limits.items() if (k, kind) != ("height_m", TakeOff)}
+        manoeuvre: Manoeuvre = read_part(kind, values, here, limits=limits)
+        if (word == "take_off") != (number_ == 1 and not in_the_air):
+            raise MissionError(
+                f"{here}: {word}; a flight from a runway begins with take_off, and takes off once"
+            )
+        if (
+            isinstance(manoeuvre, ChangeHeight)
+            and height is not None
+            and (manoeuvre.height_m > height) != (word == "climb")
+        ):
             raise MissionError(
                 f"{here}: {word} from {height:g} m to {manoeuvre.height_m:g} m is the wrong word"
             )
-        height = getattr(manoeuvre, "height_m", height)
+        # Where a climb is broken off, or levelled off, is only known when it is flown.
+        height = None if isinstance(manoeuvre, Level) else getattr(manoeuvre, "height_m", height)
         manoeuvres.append(manoeuvre)
     return tuple(manoeuvres)
-
-
-def _part(kind: type[Part], values: Any, where: str, parts: Mapping[str, Any] | None = None) -> Part:
-    if not isinstance(values, Mapping):
-        raise MissionError(f"{where}: expected a table of values, got {values!r}")
-    parts = parts or {}
-    declared = {field.name: field for field in fields(kind)}  # type: ignore[arg-type]
-    for key in values:
-        if key not in declared:
-            close = difflib.get_close_matches(str(key), declared, n=1)
-            hint = f" Did you mean {close[0]}?" if close else ""
-            raise MissionError(f"{where}: there is no key {key!r}.{hint} Accepted: {', '.join(declared)}")
-    for name, field in declared.items():
-        if field.default is MISSING and name not in values and name not in parts:
-            raise MissionError(f"{where}: {name} is missing. Accepted: {', '.join(declared)}")
-    hints = get_type_hints(kind)
-    accepted = {key: _accept(kind, key, hints[key], value, where) for key, value in values.items()}
-    return kind(**accepted, **parts)
-
-
-def _accept(kind: Any, key: str, hint: type, value: Any, where: str) -> Any:
-    if hint is str:
-        if value not in kind.CHOICES[key]:
-            raise MissionError(f"{where}: {key} = {value!r}; accepted: {', '.join(kind.CHOICES[key])}")
-        return value
-    low, high = kind.LIMITS[key]
-    noun = "a whole number" if hint is int else "a number"
-    number = not isinstance(value, bool) and isinstance(value, int if hint is int else int | float)
-    if not number or not low <= value <= high:
-        raise MissionError(f"{where}: {key} = {value!r}; accepted is {noun} from {low:g} to {high:g}")
-    return hint(value)

@@ -3,14 +3,21 @@
 from __future__ import annotations
 
 import copy
+import dataclasses
 import math
+import tomllib
 
 import pytest
+import tomli_w
 from hypothesis import given
 from hypothesis import strategies as st
 
 from lab.missions import FlightPlan, MissionError
-from lab.missions.flight_plan import ChangeHeight, Hold, TakeOff, Turn
+from lab.missions.aircraft import AIRCRAFT
+from lab.missions.flight_plan import AirStart, Runway
+from lab.missions.manoeuvres import MANOEUVRES, Climb, Descend, Hold, TakeOff, Turn
+from lab.missions.plan_table import entries
+from lab.missions.weather import Air, Gust
 
 PLAN = {
     "duration_s": 60,
@@ -43,10 +50,10 @@ def test_a_plan_in_full():
     assert (plan.air.wind_m_s, plan.air.turbulence_severity) == (2.5, 1)
     assert plan.manoeuvres == (
         TakeOff(height_m=25.0),
-        ChangeHeight(200.0, seconds=10.0),
+        Climb(200.0, seconds=10.0),
         Turn(90.0, 30.0, "left"),
         Hold(5.0),
-        ChangeHeight(150.0),
+        Descend(150.0),
     )
     assert math.isinf(plan.manoeuvres[4].seconds)
 
@@ -61,7 +68,7 @@ def test_air_and_seed_may_be_left_out():
     ("plan", "message"),
     [
         (changed("duration", to=3), r"flight: there is no key 'duration'. Did you mean duration_s\?"),
-        (changed("duration_s", to="long"), "duration_s = 'long'; accepted is a number from 1 to 3600"),
+        (changed("duration_s", to="long"), "duration_s = 'long'; accepted is a number from 1 to 14400"),
         (changed("duration_s", to=True), "duration_s = True; accepted is a number"),
         (changed("duration_s", to=math.nan), "duration_s = nan; accepted is a number"),
         (changed("seed", to=1.5), "seed = 1.5; accepted is a whole number"),
@@ -72,7 +79,7 @@ def test_air_and_seed_may_be_left_out():
             changed("runway", "latitude_deg", to=91),
             "flight.runway: latitude_deg = 91; accepted is a number from -85 to 85",
         ),
-        (changed("air", "wind_m_s", to=40), "flight.air: wind_m_s = 40; accepted is a number from 0 to 12"),
+        (changed("air", "wind_m_s", to=40), "flight.air: wind_m_s = 40; accepted is a number from 0 to 25"),
         (changed("manoeuvres", to=[]), "flight.manoeuvres: expected a list"),
         (changed("manoeuvres", to="up"), "flight.manoeuvres: expected a list"),
         (changed("manoeuvres", 2, to="turn"), "number 3: do = 'turn' is not a manoeuvre"),
@@ -89,7 +96,7 @@ def test_air_and_seed_may_be_left_out():
         (changed("manoeuvres", 3, to={"do": "hold"}), "number 4: seconds is missing"),
         (
             changed("manoeuvres", 0, to={"do": "hold", "seconds": 1}),
-            "number 1: hold; a flight begins with take_off",
+            "number 1: hold; a flight from a runway begins with take_off",
         ),
         (changed("manoeuvres", 1, to={"do": "take_off"}), "number 2: take_off"),
         (changed("manoeuvres", 4, "height_m", to=250), "number 5: descend from 200 m to 250 m"),
@@ -98,6 +105,90 @@ def test_air_and_seed_may_be_left_out():
 def test_what_is_wrong_is_named_with_what_is_accepted(plan, message):
     with pytest.raises(MissionError, match=message):
         FlightPlan.from_dict(plan)
+
+
+IN_THE_AIR = {
+    "aircraft": "T37",
+    "duration_s": 60,
+    "air_start": {
+        "latitude_deg": 1,
+        "longitude_deg": 2,
+        "height_m": 500,
+        "heading_deg": 3,
+        "airspeed_m_s": 90,
+    },
+    "air": {"gusts": [{"time_s": 3, "speed_m_s": 5}], "temperature_deviation_k": -10},
+    "manoeuvres": [
+        {"do": "climb", "height_m": 900, "seconds": 20},
+        {"do": "level"},
+        {"do": "descend", "height_m": 400},
+        {"do": "speed", "airspeed_m_s": 160},
+        {"do": "turn_by", "angle_deg": 720, "direction": "left"},
+        {"do": "s_turns", "turns": 3},
+        {"do": "figure_eight", "skid_deg": -2},
+    ],
+}
+
+
+@pytest.mark.parametrize("values", [PLAN, IN_THE_AIR])
+def test_a_plan_as_plain_data_gives_the_plan_again(values):
+    plan = FlightPlan.from_dict(values)
+    assert FlightPlan.from_dict(plan.to_dict()) == plan
+    assert FlightPlan.from_dict(tomllib.loads(tomli_w.dumps(plan.to_dict()))) == plan
+
+
+def without(values: dict, *keys: str) -> dict:
+    return {key: value for key, value in values.items() if key not in keys}
+
+
+@pytest.mark.parametrize(
+    ("plan", "message"),
+    [
+        (IN_THE_AIR | {"runway": PLAN["runway"]}, "runway and air_start are both given"),
+        (
+            without(IN_THE_AIR, "air_start") | {"manoeuvres": PLAN["manoeuvres"]},
+            "runway is missing; accepted",
+        ),
+        (
+            IN_THE_AIR | {"aircraft": "737"},
+            "air_start: airspeed_m_s = 90; accepted is a number from 110 to 240",
+        ),
+        (
+            IN_THE_AIR | {"manoeuvres": [{"do": "speed", "airspeed_m_s": 200}]},
+            "number 1: airspeed_m_s = 200; accepted is a number from 75 to 170",
+        ),
+        (IN_THE_AIR | {"manoeuvres": [{"do": "take_off"}]}, "number 1: take_off; a flight from a runway"),
+        (IN_THE_AIR | {"air": {"gusts": 3}}, r"air\.gusts: expected a list"),
+        (IN_THE_AIR | {"air": {"gusts": [{}]}}, r"air\.gusts, number 1: time_s is missing"),
+        (IN_THE_AIR | {"manoeuvres": [{"do": "descend", "height_m": 700}]}, "descend from 500 m to 700 m"),
+    ],
+)
+def test_what_is_wrong_with_a_start_in_the_air_is_named(plan, message):
+    with pytest.raises(MissionError, match=message):
+        FlightPlan.from_dict(plan)
+
+
+@pytest.mark.parametrize("kind", [FlightPlan, Runway, AirStart, Air, Gust, *MANOEUVRES.values()])
+def test_every_entry_says_what_it_is(kind):
+    assert kind.__doc__
+    for field in dataclasses.fields(kind):
+        if field.name not in {"manoeuvres", "runway", "air_start", "air", "gusts"}:
+            entry = entries(kind)[field.name]
+            assert entry.label[0].isupper()
+            assert entry.doc.endswith(".")
+            assert entry.choices or entry.limits[0] < entry.limits[1]
+            if field.default not in {dataclasses.MISSING, None}:
+                assert field.default in entry.choices or entry.limits[0] <= field.default <= entry.limits[1]
+
+
+@pytest.mark.parametrize("aircraft", AIRCRAFT.values(), ids=AIRCRAFT)
+def test_the_limits_of_an_aircraft_hold_what_it_does_by_itself(aircraft):
+    for name, value in (("airspeed_m_s", aircraft.airspeed), ("rate_m_s", aircraft.rate)):
+        low, high = aircraft.limits[name]
+        assert low <= value <= high
+    assert aircraft.stall_airspeed < aircraft.slowest < aircraft.limits["airspeed_m_s"][0]
+    named = {name for kind in MANOEUVRES.values() for name in entries(kind)}
+    assert aircraft.limits.keys() <= named
 
 
 @pytest.mark.parametrize("key", ["duration_s", "runway", "manoeuvres"])

@@ -1,4 +1,4 @@
-"""Cessna: the aeroplane a pilot flies: instruments to read, controls to move, flown by JSBSim."""
+"""SimulatedAircraft: what a pilot flies: instruments to read, controls to move, flown by JSBSim."""
 
 from __future__ import annotations
 
@@ -8,7 +8,8 @@ from dataclasses import dataclass
 from typing import Any
 
 from lab.missions.errors import MissionError
-from lab.missions.flight_plan import Air, FlightPlan
+from lab.missions.flight_plan import AirStart, FlightPlan, Runway
+from lab.missions.weather import Air
 
 STEP_MS = 1
 """Integration step [ms]; divides 5, 10 and 55 ms."""
@@ -16,6 +17,10 @@ SETTLING_MS = 15_000
 """Time on the wheels, brakes set and engine idling, before the record begins [ms]."""
 
 _FOOT = 0.3048
+_RANKINE = 1.8
+_LONGITUDINAL = 0
+_AXES = ("north", "east", "down")
+_STILL = ((), (), ())
 
 
 @dataclass(slots=True)
@@ -31,6 +36,7 @@ class Controls:
     steering: float = 0.0
     throttle: float = 0.0
     brakes: float = 1.0
+    gear_down: bool = True
 
 
 @dataclass(slots=True)
@@ -69,45 +75,107 @@ class Instruments:
     on_ground: bool
 
 
-class Cessna:
-    """A Cessna 172P standing on a runway with its engine idling.
+class SimulatedAircraft:
+    """An aircraft at the start of a plan: on the runway with its engine idling, or trimmed in the air.
 
     Parameters
     ----------
     plan : FlightPlan
-        Gives the runway, the air and the seed of its turbulence.
+        Gives the aircraft, the start, the air and the seed of its turbulence.
 
     Raises
     ------
     MissionError
-        If JSBSim is not installed or refuses the aircraft.
+        If JSBSim is not installed, refuses the aircraft or cannot trim it.
     """
 
     def __init__(self, plan: FlightPlan) -> None:
+        self._aircraft = plan.flown_with
         self._fdm = _executive(plan.aircraft)
-        runway, fdm = plan.runway, self._fdm
+        self._fdm["simulation/randomseed"] = plan.seed
+        if plan.air.temperature_deviation_k:
+            self._fdm["atmosphere/delta-T"] = plan.air.temperature_deviation_k * _RANKINE
+        self.trimmed = Controls()
+        self._standing_height = 0.0
+        self._gusts = plan.air.gusts
+        self._time_ms = 0
+        if plan.air_start is None:
+            assert plan.runway is not None
+            self._stand(plan.runway, plan.air)
+        else:
+            self._trim(plan.air_start, plan.air)
+        _set_turbulence(self._fdm, plan.air)
+
+    def _stand(self, runway: Runway, air: Air) -> None:
+        fdm = self._fdm
         fdm["ic/lat-geod-deg"] = runway.latitude_deg
         fdm["ic/long-gc-deg"] = runway.longitude_deg
         fdm["ic/terrain-elevation-ft"] = runway.height_m / _FOOT
-        fdm["ic/h-agl-ft"] = 4.36
+        fdm["ic/h-agl-ft"] = self._aircraft.standing_height_ft
         fdm["ic/psi-true-deg"] = runway.heading_deg
-        fdm["simulation/randomseed"] = plan.seed
-        if not fdm.run_ic():
-            raise MissionError("JSBSim could not place the aircraft on the runway")
-        fdm["simulation/integrator/position/rotational"] = 8
-        fdm["propulsion/set-running"] = -1
-        self._ground = runway.height_m
-        self._standing_height = 0.0
+        self._begin(runway.height_m)
         self.move(Controls())
-        _set_wind(fdm, plan.air)
+        _set_wind(fdm, air)
         for _ in range(SETTLING_MS // STEP_MS):
             fdm.run()
         self._standing_height = fdm["position/geod-alt-ft"] * _FOOT - self._ground
-        _set_turbulence(fdm, plan.air)
+
+    def _trim(self, start: AirStart, air: Air) -> None:
+        fdm = self._fdm
+        airspeed = self._aircraft.airspeed if start.airspeed_m_s is None else start.airspeed_m_s
+        fdm["ic/lat-geod-deg"] = start.latitude_deg
+        fdm["ic/long-gc-deg"] = start.longitude_deg
+        fdm["ic/terrain-elevation-ft"] = start.ground_m / _FOOT
+        fdm["ic/h-agl-ft"] = start.height_m / _FOOT
+        # In this order: each of these moves what was set before it, but for the heading set last.
+        fdm["ic/psi-true-deg"] = start.heading_deg
+        fdm["ic/vw-mag-fps"] = air.wind_m_s / _FOOT
+        fdm["ic/vw-dir-deg"] = air.wind_from_deg + 180.0
+        heading, wind_from = math.radians(start.heading_deg), math.radians(air.wind_from_deg)
+        fdm["ic/vn-fps"] = (airspeed * math.cos(heading) - air.wind_m_s * math.cos(wind_from)) / _FOOT
+        fdm["ic/ve-fps"] = (airspeed * math.sin(heading) - air.wind_m_s * math.sin(wind_from)) / _FOOT
+        fdm["ic/vd-fps"] = 0.0
+        fdm["ic/psi-true-deg"] = start.heading_deg
+        self._begin(start.ground_m)
+        if self._aircraft.retracts:
+            fdm["gear/gear-cmd-norm"] = fdm["gear/gear-pos-norm"] = 0.0
+        fdm["fcs/left-brake-cmd-norm"] = fdm["fcs/right-brake-cmd-norm"] = 0.0
+        import jsbsim  # noqa: PLC0415 - an extra
+
+        logger = jsbsim.get_logger()
+        jsbsim.set_logger(jsbsim.FGLogger())  # not to standard output, the caller's
+        try:
+            fdm["simulation/do_simple_trim"] = _LONGITUDINAL
+        except jsbsim.TrimFailureError as error:
+            raise MissionError(
+                f"JSBSim cannot trim the {self._aircraft.title} at {airspeed:g} m/s, {start.height_m:g} m "
+                "above the ground: change airspeed_m_s or height_m of air_start"
+            ) from error
+        finally:
+            jsbsim.set_logger(logger)
+        self.trimmed = Controls(throttle=fdm["fcs/throttle-cmd-norm"], brakes=0.0, gear_down=False)
+
+    def _begin(self, ground: float) -> None:
+        fdm = self._fdm
+        if not fdm.run_ic():
+            raise MissionError("JSBSim could not place the aircraft")
+        fdm["simulation/integrator/position/rotational"] = 8
+        fdm["propulsion/set-running"] = -1
+        self._ground = ground
+        self._throttles = _further(fdm, "fcs/throttle-cmd-norm")
 
     def step(self) -> None:
         """Fly on by one step of `STEP_MS`."""
+        if self._gusts:
+            self._blow(self._time_ms / 1000)
+            self._time_ms += STEP_MS
         self._fdm.run()
+
+    def _blow(self, time: float) -> None:
+        """Set the sum of the gusts; JSBSim adds it to the wind and the turbulence."""
+        velocities = [gust.velocity_n(time) for gust in self._gusts if gust.blows(time)]
+        for axis, speeds in zip(_AXES, zip(*velocities, strict=True) if velocities else _STILL, strict=True):
+            self._fdm[f"atmosphere/gust-{axis}-fps"] = sum(speeds) / _FOOT
 
     def move(self, controls: Controls) -> None:
         """Move the controls."""
@@ -118,6 +186,10 @@ class Cessna:
         fdm["fcs/rudder-cmd-norm"] = -controls.rudder
         fdm["fcs/steer-cmd-norm"] = controls.steering
         fdm["fcs/throttle-cmd-norm"] = controls.throttle
+        for throttle in self._throttles:
+            fdm[throttle] = controls.throttle
+        if self._aircraft.retracts:
+            fdm["gear/gear-cmd-norm"] = float(controls.gear_down)
         fdm["fcs/left-brake-cmd-norm"] = controls.brakes
         fdm["fcs/right-brake-cmd-norm"] = controls.brakes
 
@@ -182,6 +254,12 @@ def _executive(aircraft: str) -> Any:
         raise MissionError(f"JSBSim could not load the aircraft {aircraft}")
     fdm.disable_output()
     return fdm
+
+
+def _further(fdm: Any, throttle: str) -> list[str]:
+    """Return the throttles of the second engine and further ones."""
+    found = fdm.query_property_catalog(throttle).splitlines()
+    return [line.split()[0] for line in found if line.startswith(f"{throttle}[")]
 
 
 def _set_wind(fdm: Any, air: Air) -> None:
