@@ -12,7 +12,7 @@ from lab.missions.errors import MissionError
 from lab.missions.flight import Flight, fly, fly_mission
 from lab.missions.flight_csv import read_flight_csv, write_flight_csv
 from lab.missions.flight_plan import FlightPlan
-from lab.missions.library import add_mission, delete_mission, describe_mission, rename_mission
+from lab.missions.library import add_log, add_mission, delete_mission, describe_mission, rename_mission
 from lab.missions.log_mission import LogMission
 from lab.missions.mission import Mission
 from lab.missions.recording import Recording
@@ -27,6 +27,7 @@ __all__ = [
     "MissionError",
     "Recording",
     "SensorLog",
+    "add_log",
     "add_mission",
     "broken_missions",
     "delete_mission",

@@ -11,6 +11,7 @@ from __future__ import annotations
 import contextlib
 import itertools
 import os
+import tempfile
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -25,7 +26,9 @@ from lab.missions.log_mission import LogMission, is_log_folder, is_log_toml
 from lab.missions.mission import MAX_TOML_BYTES, Mission, file_beside, read_toml
 from lab.missions.mission_name import MAX_LETTERS, accepted_name, suggested_name
 from lab.missions.recording import Recording
+from lab.missions.sensor_log import SensorLog
 from lab.missions.sensor_log_csv import DESCRIPTION_FILE
+from lab.missions.sensor_log_writer import write_sensor_log
 
 _LOG_FILES = ("imu.csv", "gnss.csv", "ref.csv")
 
@@ -100,6 +103,50 @@ def add_mission(
             _write_toml(toml, values | ({} if flight is None else {"flight": flight}))
             _remove_unused(where, replaced)
     return mission(toml)
+
+
+def add_log(
+    log: SensorLog,
+    name: str,
+    *,
+    title: str,
+    description: str = "",
+    tags: Sequence[str] = (),
+    folder: str | os.PathLike[str] | None = None,
+) -> Mission:
+    """Add a log of real sensors to the library: a folder of its files, which appears whole or not at all.
+
+    Parameters
+    ----------
+    log
+        The log.
+    name, title, description, tags, folder
+        As of `add_mission`. What was repaired in the log is added to the description.
+
+    Returns
+    -------
+    Mission
+        As it will be listed.
+
+    Raises
+    ------
+    MissionError
+        If the name is not accepted or taken, a text or the log is not acceptable, or the folder cannot be
+        written.
+    """
+    where = own_folder() if folder is None else Path(folder)
+    name = accepted_name(name)
+    title, tags = _title(name, title), _tags(tags)
+    with _telling(where):
+        where.mkdir(parents=True, exist_ok=True)
+        _check_free(where, name)
+        with tempfile.TemporaryDirectory(dir=where, prefix=".") as temporary:
+            written = Path(temporary) / name
+            write_sensor_log(written, log, title=title, description=description, tags=tags)
+            with folder_lock(where):
+                _check_free(where, name)  # again: writing took a while
+                written.rename(where / name)
+    return mission(where / name)
 
 
 def free_name(text: str) -> str:

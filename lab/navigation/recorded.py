@@ -260,7 +260,8 @@ def _run(
     run.state[strapdown.GYRO_BIAS : strapdown.GYRO_BIAS + 3] = alignment.gyro_bias
     # A fix with a lever arm just after the start looks there.
     solution.q_nb[0], solution.bias[0] = alignment.start.q_nb, np.append(alignment.gyro_bias, np.zeros(3))
-    gap_noise, arm = _gap_noise(imu, log), log.gnss.lever_arm
+    # A copy: SciPy's rotations refuse arrays that are read-only, as those of a kept log are.
+    gap_noise, arm = _gap_noise(imu, log), log.gnss.lever_arm.copy()
     measured = 6 - missing.sum(axis=1)
     done = 0
     for end, fix, in_gap in _pieces(imu, fixes, log, R, measured):
