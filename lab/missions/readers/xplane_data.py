@@ -136,12 +136,28 @@ def _clock(columns: Columns) -> str:
 
 
 def _velocity(columns: Columns) -> FloatArray | None:
-    """Return the velocity north, east, down at the aircraft."""
     local = columns.vector("-vZ", "vX", "-vY")
-    offset = columns.vector("-Z", "X")
-    if local is None or offset is None:
+    here = columns.vector("latitude", "longitude", "height")
+    if local is None or here is None:
+        return None
+    return velocity_at_aircraft(local, here, columns.vector("-Z", "X"))
+
+
+def velocity_at_aircraft(local: FloatArray, here: FloatArray, offset: FloatArray | None) -> FloatArray:
+    """Return the velocity north, east, down at the aircraft, of that in X-Plane's local frame.
+
+    Parameters
+    ----------
+    local : (n, 3) array
+        Velocity north, east, down at the reference point of the frame [m/s].
+    here : (n, 3) array
+        Latitude, longitude [rad] and height [m] of the aircraft.
+    offset : (n, 2) array or None
+        Place of the aircraft in the frame, north and east of the reference point [m]; without it the
+        reference point is taken to be where the aircraft is.
+    """
+    if offset is None:
         return local
-    here = np.column_stack([columns.values[key] for key in ("latitude", "longitude", "height")])
     level = np.column_stack((offset, np.zeros(len(here))))
     reference = ecef.moved(here, -level)
     # North there is not quite north here.
