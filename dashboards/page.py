@@ -19,6 +19,7 @@ from dashboards.pages.budget import Budget
 from dashboards.pages.consistency import Consistency
 from dashboards.pages.ground_track import GroundTrack
 from dashboards.pages.innovations import Innovations
+from dashboards.pages.missions import Missions
 from dashboards.pages.models import Models
 from dashboards.pages.summary import Summary
 from dashboards.pages.time_plots import Covariance, Errors, Height, SensorErrors
@@ -38,6 +39,7 @@ ZOOM_DEBOUNCE = 60
 OUTAGES = "sensors.gps.outages"
 
 PAGES: tuple[type[Page], ...] = (
+    Missions,
     Errors,
     Covariance,
     Innovations,
@@ -74,11 +76,12 @@ class SimulatorPage:
         self._message = pmui.Alert(object="", severity="error", closeable=True, visible=False, margin=(6, 8))
         self._tabs = pmui.Tabs(
             *((page.title, pn.Spacer(height=0)) for page in PAGES),
+            active=PAGES.index(Errors),
             sizing_mode="stretch_width",
             height=48,
             margin=0,
             styles={"flex": "0 0 48px"},
-            sx={"& .MuiTab-root": {"minWidth": "0", "padding": "12px 11px", "fontSize": "0.8125rem"}},
+            sx={"& .MuiTab-root": {"minWidth": "0", "padding": "12px 8px", "fontSize": "0.8125rem"}},
         )
         self._stage = pn.Column(sizing_mode="stretch_both", margin=0, stylesheets=[STAGE])
         self.session.prepare = self._prepare
@@ -129,7 +132,7 @@ class SimulatorPage:
     def _page(self) -> Page:
         index = self._tabs.active
         if index not in self._pages:
-            self._pages[index] = PAGES[index](self.axis)
+            self._pages[index] = PAGES[index].of(self.axis, self.session)
         return self._pages[index]
 
     def _show(self) -> None:

@@ -41,6 +41,7 @@ class Session(param.Parameterized):
         self._watching = self._run_failed = False
         self._on_settings: list[Callable[[], None]] = []
         self._on_rest: list[Callable[[], None]] = []
+        self._on_library: list[Callable[[], None]] = []
         self._changed, self._resting = 0.0, True
         self._closed = False
         self._arrived: Outcome | None = None
@@ -59,6 +60,17 @@ class Session(param.Parameterized):
         that a slider is seen to lag behind.
         """
         self._on_rest.append(callback)
+
+    def on_library(self, callback: Callable[[], None]) -> None:
+        """Call back whenever this session has added, renamed or deleted a mission."""
+        self._on_library.append(callback)
+
+    def library_changed(self, chosen: str | None = None) -> None:
+        """Tell that there are other missions now, and fly through another one if it is named."""
+        if chosen is not None:
+            self.change("mission", chosen)
+        for callback in (*self._on_library, *self._on_settings):
+            callback()
 
     def compute(self) -> None:
         """Compute the settings as they are now, in the background."""
@@ -107,6 +119,7 @@ class Session(param.Parameterized):
         self._runs.close()
         self._on_settings.clear()
         self._on_rest.clear()
+        self._on_library.clear()
 
     def _run(self, experiment: Experiment, progress: Progress) -> Outcome:
         return run(experiment, progress, self.prepare)

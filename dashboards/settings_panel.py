@@ -76,6 +76,7 @@ class SettingsPanel:
         self._forms = {setting: path for path, setting in forms.items()}
         session.on_settings(self.refresh)
         session.on_rest(self._refresh_forms)
+        session.on_library(self._offer_missions)
         self._mission = ChoiceField(
             session.experiment.param["mission"], self._change("mission"), mission_titles()
         )
@@ -106,6 +107,9 @@ class SettingsPanel:
         for path, shown in self._fields.items():
             shown.show(self._session.experiment.get(path))
         self._suit()
+
+    def _offer_missions(self) -> None:
+        self._mission.offer(mission_titles(), self._session.experiment.mission)
 
     def _suit(self) -> None:
         """Show what changes something: of a log of real sensors nothing is simulated."""

@@ -196,11 +196,12 @@ class ChoiceField(Field):
         """What is laid out in the page."""
         return self._widget
 
-    def offer(self, labels: dict[str, Any]) -> None:
-        """Offer other choices."""
+    def offer(self, labels: dict[str, Any], value: Any) -> None:
+        """Offer other choices, and show one of them."""
+        self._value = value
         self._showing = True
         try:
-            self._widget.param.update(options=labels, value=self._value)
+            self._widget.param.update(options=labels, value=value)
         finally:
             self._showing = False
 

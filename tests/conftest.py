@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
 from hypothesis import HealthCheck, settings
+
+from lab.missions.catalogue import OWN_FOLDER_VARIABLE
 
 # Build machines are slow and shared: what a property costs in time is no property of it.
 settings.register_profile("lab", deadline=None, suppress_health_check=[HealthCheck.too_slow])
@@ -14,6 +17,15 @@ settings.load_profile("lab")
 
 
 ROOT = Path(__file__).parent.parent
+
+
+@pytest.fixture(scope="session", autouse=True)
+def own_missions(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
+    """Return the folder that is that of the user's own missions while tests run: theirs is left alone."""
+    folder = tmp_path_factory.mktemp("missions")
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv(OWN_FOLDER_VARIABLE, str(folder))
+        yield folder
 
 
 @pytest.fixture(scope="session")

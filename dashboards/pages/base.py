@@ -4,11 +4,13 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
+from typing import Self
 from weakref import ref
 
 import panel as pn
 from bokeh.plotting import figure
 
+from dashboards.session import Session
 from lab.result import Result
 from lab.views.figures import TimeAxis
 
@@ -35,6 +37,11 @@ class Page(ABC):
         self.axis = axis
         self._drawn: tuple[ref[Result], tuple[float, float]] | None = None
         self.view = self.make()
+
+    @classmethod
+    def of(cls, axis: TimeAxis, _session: Session) -> Self:
+        """Return the page for a session; most need nothing of it but the results they are given."""
+        return cls(axis)
 
     @abstractmethod
     def make(self) -> pn.viewable.Viewable:

@@ -160,10 +160,9 @@ def free_name(text: str) -> str:
     return name
 
 
-def is_own(name: str) -> bool:
-    """Return whether a mission, one that cannot be listed too, is the user's own and may be changed."""
-    place = places().get(name)
-    return place is not None and _is_own(place)
+def own_names() -> frozenset[str]:
+    """Return which missions are the user's own and may be changed, those that cannot be listed too."""
+    return frozenset(name for name, place in places().items() if _is_own(place))
 
 
 def own_place(name: str) -> Path:
@@ -176,10 +175,8 @@ def own_place(name: str) -> Path:
     """
     found = places()
     if name not in found:
-        own = [known for known, place in found.items() if _is_own(place)]
-        raise MissionError(
-            f"there is no mission {name!r}. Accepted are your own: {', '.join(own) or 'there is none yet'}"
-        )
+        own = ", ".join(sorted(own_names())) or "there is none yet"
+        raise MissionError(f"there is no mission {name!r}. Accepted are your own: {own}")
     if not _is_own(found[name]):
         raise MissionError(f"mission {name}: ships with the lab and stays as it is; accepted are your own")
     return found[name]

@@ -47,7 +47,8 @@ def thumbnail(time: FloatArray, position: FloatArray, width: int = WIDTH) -> str
     x = WIDTH / 2 + scale * (east - (east.max() + east.min()) / 2)
     y = _TRACK / 2 - scale * (north - (north.max() + north.min()) / 2)
     low, high = float(position[:, 2].min()), float(position[:, 2].max())
-    heights = f"{low:.0f} to {high:.0f} m"
+    ends = dict.fromkeys((f"{low:.0f}", f"{high:.0f}"))
+    heights = f"{' to '.join(ends)} m"
     across = _length(max(span_east, span_north))
     words = f"Ground track, north up, {across} across; height {heights}"
     return (

@@ -1,0 +1,126 @@
+"""Cards: the missions there are, each with its picture, as one component that a click tells of."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import param
+from panel.custom import JSComponent
+
+from lab.cache import StageCache
+from lab.missions import Mission, MissionError, broken_missions, missions
+from lab.missions.library import own_names
+
+_HERE = Path(__file__).parent
+
+KEPT = StageCache(limit=8 * 2**20)
+"""Pictures by the content of the recordings, for all sessions of this process."""
+
+
+class MissionCards(JSComponent):
+    """All missions as cards, of which those are shown that have all words of a filter.
+
+    Parameters
+    ----------
+    act
+        Called with what a person wants ("choose", "edit", "delete" or "filter") and with the name of the
+        mission, or the tag to filter by; and with "ready" once the browser shows the cards.
+    """
+
+    missions: list[dict[str, Any]] = param.List(doc="What `card_of` returns for each.")
+    chosen: str = param.String(doc="Name of the mission that is flown through.")
+    filter: str = param.String(doc="Words that must all occur.")
+    wish: dict[str, Any] = param.Dict({}, doc="What was clicked last: what, name, and a count.")
+
+    _esm = _HERE / "cards.js"
+    _stylesheets = [(_HERE / "cards.css").read_text(encoding="utf-8")]  # noqa: RUF012 - Panel's own
+
+    def __init__(self, act: Callable[[str, str], None], **params: Any) -> None:
+        super().__init__(**params)  # type: ignore[no-untyped-call]
+        self._act = act
+        self.param.watch(self._wished, "wish")
+
+    def _wished(self, event: param.parameterized.Event) -> None:
+        self._act(str(event.new.get("what")), str(event.new.get("name")))
+
+
+@dataclass(frozen=True)
+class Picture:
+    """Picture of a mission, and how long it lasts [s]."""
+
+    svg: str
+    duration: float
+
+    @property
+    def nbytes(self) -> int:
+        """Memory it takes."""
+        return len(self.svg)
+
+
+def all_cards() -> Iterator[list[dict[str, Any]]]:
+    """Yield the cards of all missions: at once without the pictures, and then with them."""
+    found, broken, own = missions(), broken_missions(), own_names()
+    cards = [card_of(name, mission, name in own) for name, mission in found.items()]
+    wrecks = [_card(name, name in own, problem=reason) for name, reason in broken.items()]
+    yield [*cards, *wrecks]
+    drawn = [*(_drawn(card, found[card["name"]]) for card in cards), *wrecks]
+    yield sorted(drawn, key=lambda card: bool(card["problem"]))
+
+
+def card_of(name: str, mission: Mission, own: bool) -> dict[str, Any]:
+    """Return what a card says of a mission, without what its recording has to be read for."""
+    return _card(
+        name,
+        own,
+        title=mission.title or name,
+        origin=mission.origin,
+        tags=list(mission.tags),
+        more=f"{mission.description} {mission.aircraft} {mission.airport}",
+    )
+
+
+def _card(
+    name: str,
+    own: bool,
+    *,
+    title: str = "",
+    origin: str = "",
+    tags: list[str] | None = None,
+    more: str = "",
+    problem: str = "",
+) -> dict[str, Any]:
+    words = " ".join((name, title, origin, *(tags or []), more, problem))
+    return {
+        "name": name,
+        "title": title or name,
+        "origin": origin,
+        "tags": tags or [],
+        "own": own,
+        "words": words.lower(),
+        "problem": problem,
+        "duration": "",
+        "picture": "",
+    }
+
+
+def _drawn(card: dict[str, Any], mission: Mission) -> dict[str, Any]:
+    try:
+        picture = KEPT.get(
+            "picture", mission.content_hash, lambda: Picture(mission.picture(), mission.duration)
+        )
+    except MissionError as error:
+        return card | {"problem": str(error)}
+    return card | {"picture": picture.svg, "duration": spoken(picture.duration)}
+
+
+def spoken(seconds: float) -> str:
+    """Return a duration as people say it."""
+    whole = round(seconds)
+    if whole < 600:
+        return f"{whole} s"
+    if whole < 3600:
+        return f"{whole // 60} min {whole % 60:02d} s"
+    return f"{whole // 3600} h {whole % 3600 // 60:02d} min"

@@ -1,0 +1,156 @@
+"""Library: the part of the page that shows all missions, chooses one, and looks after the user's own."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import partial
+from html import escape
+from typing import Any
+
+import panel as pn
+import panel_material_ui as pmui
+
+from dashboards.computing import LONG, LatestWins, Outcome, Progress, attempt
+from dashboards.pages.missions.cards import MissionCards, all_cards
+from dashboards.pages.missions.dialog import Dialog, fill
+from dashboards.sending import together
+from dashboards.session import Session
+from lab.experiment import Experiment
+from lab.missions import MissionError, delete_mission, describe_mission, missions, rename_mission
+from lab.missions.library import own_place
+
+FIELD: dict[str, Any] = {
+    "size": "small",
+    "variant": "outlined",
+    "sizing_mode": "stretch_width",
+    "margin": (8, 4),
+}
+
+
+class Library:
+    """All missions, with a filter, and the dialogs to change and to delete one.
+
+    Parameters
+    ----------
+    session
+        Whose mission is chosen.
+    say
+        Called with what was done.
+    """
+
+    def __init__(self, session: Session, say: Callable[[str], None]) -> None:
+        self._session = session
+        self._say = say
+        self._document = pn.state.curdoc
+        self._work: LatestWins[str] = LatestWins(self._list, lambda _thing, _outcome: None, LONG)
+        self._cards = MissionCards(self._act, sizing_mode="stretch_width", margin=(4, 2))
+        self._filter = pmui.TextInput(
+            label="Filter", placeholder="words of title, origin, tags …", **FIELD | {"max_width": 420}
+        )
+        self._filter.param.watch(lambda event: self._cards.param.update(filter=event.new), "value_input")
+        self._changing = Dialog("Edit mission", "Save", self._change)
+        self._name = pmui.TextInput(label="Name", **FIELD)
+        self._title = pmui.TextInput(label="Title", **FIELD)
+        self._words = pmui.TextAreaInput(label="Description", rows=3, auto_grow=True, max_rows=8, **FIELD)
+        self._tags = pmui.TextInput(label="Tags, with commas between", **FIELD)
+        self._changing.body[:] = [self._name, self._title, self._words, self._tags]
+        self._deleting = Dialog("Delete mission?", "Delete", self._delete, color="error")
+        self._what = pn.pane.HTML("", margin=(4, 8), sizing_mode="stretch_width")
+        self._deleting.body[:] = [self._what]
+        self._about = ""
+        self.view = pn.Column(
+            self._filter,
+            self._cards,
+            self._changing.view,
+            self._deleting.view,
+            sizing_mode="stretch_width",
+            margin=0,
+        )
+        session.on_library(self._changed)
+
+    def refresh(self) -> None:
+        """Mark the mission that is flown through."""
+        self._cards.chosen = self._session.experiment.mission
+
+    def _changed(self) -> None:
+        """List what there is now."""
+        self.refresh()
+        self._work.submit(self._cards.chosen)
+
+    def close(self) -> None:
+        """Show nothing more."""
+        self._work.close()
+
+    def _list(self, _chosen: str, _progress: Progress) -> Outcome:
+        def work() -> None:
+            for cards in all_cards():
+                assert self._document is not None
+                self._document.add_next_tick_callback(partial(self._show, cards))
+
+        return attempt(work)
+
+    def _show(self, cards: list[dict[str, Any]]) -> None:
+        pictures = {card["name"]: (card["picture"], card["duration"]) for card in self._cards.missions}
+        for card in cards:  # until the pictures are there, those of before
+            if not card["picture"] and not card["problem"]:
+                card["picture"], card["duration"] = pictures.get(card["name"], ("", ""))
+        assert self._document is not None
+        with together(self._document):
+            self._cards.missions = cards
+
+    def _act(self, what: str, name: str) -> None:
+        if what == "ready":
+            self._work.submit(self._cards.chosen)
+        elif what == "choose":
+            self._session.library_changed(name)
+        elif what == "filter":
+            fill(self._filter, name)
+        elif what == "edit":
+            self._open_changing(name)
+        elif what == "delete":
+            self._open_deleting(name)
+
+    def _open_changing(self, name: str) -> None:
+        mission = missions().get(name)
+        if mission is None:
+            self._changed()
+            return
+        self._about = name
+        fill(self._name, name.removeprefix("user:"))
+        fill(self._title, mission.title)
+        fill(self._words, mission.description)
+        fill(self._tags, ", ".join(mission.tags))
+        self._changing.open()
+
+    def _change(self) -> None:
+        name, new = self._about, self._name.value_input.strip()
+        describe_mission(
+            name,
+            title=self._title.value_input,
+            description=self._words.value_input,
+            tags=self._tags.value_input.split(","),
+        )
+        if new != name.removeprefix("user:"):
+            new = rename_mission(name, new).name
+            self._say(f"{name} is now called {new}.")
+        was_chosen = self._session.experiment.mission == name
+        self._session.library_changed(new if was_chosen else None)
+
+    def _open_deleting(self, name: str) -> None:
+        try:
+            place = own_place(name)
+        except MissionError as error:
+            self._say(str(error))
+            return
+        self._about = name
+        self._what.object = (
+            f"<p><b>{escape(name)}</b> and its recording will be deleted: {escape(str(place))}</p>"
+        )
+        self._deleting.open()
+
+    def _delete(self) -> None:
+        name = self._about
+        delete_mission(name)
+        self._say(f"{name} is deleted.")
+        was_chosen = self._session.experiment.mission == name
+        self._session.library_changed(Experiment().mission if was_chosen else None)

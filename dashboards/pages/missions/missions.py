@@ -1,0 +1,94 @@
+"""Missions page: its parts, of which one is shown, and what was done last."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Protocol, Self
+
+import panel as pn
+import panel_material_ui as pmui
+
+from dashboards.pages.base import Page
+from dashboards.pages.missions.library import Library
+from dashboards.session import Session
+from lab.result import Result
+from lab.views.figures import TimeAxis
+
+
+class Part(Protocol):
+    """A part of the page: made when first shown."""
+
+    view: pn.viewable.Viewable
+
+    def refresh(self) -> None:
+        """Show what is now; called whenever the part is shown."""
+
+    def close(self) -> None:
+        """End with the session."""
+
+
+PARTS: dict[str, Callable[[Session, Callable[[str], None]], Part]] = {"Library": Library}
+"""What makes each part, by what its button says."""
+
+
+class Missions(Page):
+    """The missions there are, and where new ones come from."""
+
+    title = "Missions"
+    depends_on_window = False
+
+    def __init__(self, axis: TimeAxis, session: Session) -> None:
+        self._session = session
+        self._parts: dict[str, Part] = {}
+        super().__init__(axis)
+
+    @classmethod
+    def of(cls, axis: TimeAxis, session: Session) -> Self:
+        """Return the page for a session."""
+        return cls(axis, session)
+
+    def make(self) -> pn.viewable.Viewable:
+        """Return the choice of parts above the part chosen."""
+        self._choice = pmui.RadioButtonGroup(
+            options=list(PARTS), value=next(iter(PARTS)), size="small", color="primary", margin=(10, 4, 4, 4)
+        )
+        self._choice.param.watch(lambda _event: self._turn(), "value")
+        self._words = pmui.Alert(
+            object="",
+            severity="success",
+            closeable=True,
+            visible=False,
+            margin=(4, 4),
+            sizing_mode="stretch_width",
+        )
+        self._stage = pn.Column(margin=0, sizing_mode="stretch_width")
+        self._turn()
+        return pn.Column(
+            self._choice, self._words, self._stage, sizing_mode="stretch_width", margin=(0, 12, 16, 12)
+        )
+
+    def draw(self, result: Result) -> None:
+        """Show what is now."""
+        self._part.refresh()
+
+    def say(self, text: str) -> None:
+        """Say what was done."""
+        self._words.param.update(object=text, visible=bool(text))
+
+    @property
+    def _part(self) -> Part:
+        title = self._choice.value
+        if title not in self._parts:
+            self._parts[title] = PARTS[title](self._session, self.say)
+        return self._parts[title]
+
+    def _turn(self) -> None:
+        """Show the part that is chosen."""
+        self.say("")
+        self._part.refresh()
+        self._stage[:] = [self._part.view]
+
+    def close(self) -> None:
+        """End all parts."""
+        for part in self._parts.values():
+            part.close()

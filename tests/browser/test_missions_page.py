@@ -1,0 +1,86 @@
+"""The page of missions in a real browser: browse, choose, change and delete."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import pytest
+from playwright.sync_api import Locator, Page, expect
+
+from lab.missions import add_mission, mission, missions
+
+pytestmark = pytest.mark.browser
+
+Open = Callable[..., Page]
+
+
+@pytest.fixture
+def mine(own_missions: Path) -> Iterator[Path]:
+    """Return the folder of the user's own missions, with one called mine in it."""
+    recording = mission("los_angeles").recording
+    add_mission(recording, "mine", title="My flight", tags=["rare"], origin="tests", overwrite=True)
+    yield own_missions
+    for path in own_missions.iterdir():
+        path.unlink()
+
+
+def missions_tab(page: Page) -> Page:
+    page.get_by_role("tab", name="Missions", exact=True).click()
+    return page
+
+
+def card(page: Page, name: str) -> Locator:
+    return page.locator(f"article[data-name='{name}']")
+
+
+def chooser(page: Page) -> Locator:
+    return page.get_by_role("combobox", name="Mission")
+
+
+def test_missions_are_browsed_filtered_and_chosen(open_page: Open, mine: Path) -> None:
+    (mine / "broken.toml").write_text('title = "Broken"\nrecording = "none.csv"\n')
+    page = missions_tab(open_page())
+    expect(card(page, "montreal").locator("svg")).to_be_visible()
+    expect(card(page, "montreal")).to_have_class("card chosen")
+    expect(card(page, "montreal").get_by_role("button", name="Delete")).to_have_count(0)
+    expect(card(page, "broken")).to_contain_text("its recording none.csv does not exist")
+    expect(card(page, "mine")).to_contain_text("105 s")
+    card(page, "mine").get_by_role("button", name="rare").click()
+    expect(card(page, "montreal")).to_be_hidden()
+    page.get_by_role("textbox", name="Filter").fill("no such words")
+    expect(page.get_by_text("No mission has all of these words.")).to_be_visible()
+    page.get_by_role("textbox", name="Filter").fill("my flight")
+    card(page, "mine").get_by_role("button", name="Choose My flight").click()
+    expect(chooser(page)).to_have_text("My flight")
+    expect(page.get_by_text("/ 105 s")).to_be_visible()
+    page.wait_for_function("location.search.includes('mission=mine')")
+    expect(card(page, "mine")).to_have_class("card chosen")
+
+
+def test_a_mission_of_ones_own_is_changed_and_deleted(open_page: Open, mine: Path) -> None:
+    page = missions_tab(open_page("?mission=mine", drawn=False))
+    card(page, "mine").get_by_role("button", name="Edit mine").click()
+    page.get_by_role("textbox", name="Name").fill("a/b")
+    page.get_by_role("textbox", name="Title").fill("A <b>better</b> title")
+    page.get_by_role("textbox", name="Tags").fill("one, two")
+    page.get_by_role("button", name="Save").click()
+    expect(page.get_by_role("alert").filter(has_text="is not possible in the name of a file")).to_be_visible()
+    page.get_by_role("textbox", name="Name").fill("better")
+    page.get_by_role("button", name="Save").click()
+    expect(page.get_by_text("mine is now called better.")).to_be_visible()
+    expect(card(page, "better")).to_contain_text("A <b>better</b> title")
+    expect(chooser(page)).to_have_text("A <b>better</b> title")
+    assert missions()["better"].tags == ("one", "two")
+    card(page, "better").get_by_role("button", name="Delete better").click()
+    dialog = page.get_by_role("dialog")
+    expect(dialog).to_contain_text("better and its recording will be deleted")
+    dialog.get_by_role("button", name="Cancel").click()
+    expect(dialog).to_be_hidden()
+    assert "better" in missions()
+    card(page, "better").get_by_role("button", name="Delete better").click()
+    dialog.get_by_role("button", name="Delete").click()
+    expect(page.get_by_text("better is deleted.")).to_be_visible()
+    expect(card(page, "better")).to_have_count(0)
+    expect(chooser(page)).to_have_text("Montréal")
+    assert "better" not in missions()
