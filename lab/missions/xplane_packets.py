@@ -124,9 +124,10 @@ def flight(
         remarks.append(
             "X-Plane did not send its own clock: time is that of arrival at this computer, which jitters."
         )
-    for name, unit in units.items():
-        if unit == "°":
-            known[name] = np.radians(known[name])
+    with np.errstate(invalid="ignore"):
+        for name, unit in units.items():
+            if unit == "°":
+                known[name] = np.radians(known[name])
     kept, dropped = _believable(known, limits, timed)
     known = {name: column[kept] for name, column in known.items()}
     here = np.column_stack([known[name] for name in ("latitude", "longitude", "height")])
