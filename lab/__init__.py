@@ -33,6 +33,7 @@ if TYPE_CHECKING:
     from lab.comparison import compare
     from lab.ensemble import Ensemble, run_ensemble
     from lab.experiment import Experiment
+    from lab.export import export_track
     from lab.missions import Mission, MissionError, Recording, mission
     from lab.navigation.algorithm import Algorithm, Estimate
     from lab.result import Result, ResultError
@@ -59,6 +60,7 @@ __all__ = [
     "card",
     "cards",
     "compare",
+    "export_track",
     "mission",
     "plots",
     "run_ensemble",
@@ -81,6 +83,7 @@ _HOMES = {
     "card": "lab.sensors.cards",
     "cards": "lab.sensors.cards",
     "compare": "lab.comparison",
+    "export_track": "lab.export",
     "mission": "lab.missions",
     "run_ensemble": "lab.ensemble",
 }

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from lab.cli.app import CommandError, print_json, working
+from lab.cli.export import check_export, write
 from lab.cli.options import (
     AlgorithmFile,
     AsJson,
@@ -39,6 +40,7 @@ Examples:
   ins-lab run montreal --set "sensors.gps.outages=[[60, 90]]"
   ins-lab run montreal --card ADIS16470
   ins-lab run montreal --algorithm my_filter.py:MyFilter
+  ins-lab run montreal --export montreal.kml
   ins-lab run my_drive --set navigator.gate=0.999
 my_drive is the folder of a log, with imu.csv, gnss.csv and perhaps ref.csv and log.toml.
 A FILE.toml holds the same settings in tables, such as
@@ -59,20 +61,32 @@ def run(
             "--out", metavar="FILE.nc", help="Write the whole result as netCDF.", show_default=False
         ),
     ] = None,
+    export: Annotated[
+        Path | None,
+        typer.Option(
+            "--export",
+            metavar="FILE",
+            help="Write the paths: .kml for Google Earth, .gpx for maps, .csv the estimate as a flight csv.",
+            show_default=False,
+        ),
+    ] = None,
     force: Force = False,
     as_json: AsJson = False,
 ) -> None:
     """Navigate a mission; show how large the errors are, and whether the filter knows."""
     check_out(out, force, ".nc", "a netCDF file", "--out")
+    check_export(export, force, "--export")
     chosen = experiment(mission, config, card, assignments, seed)
     with working(chosen.mission) as progress:
         navigators = algorithms([own] if own else None)
         result = chosen.run(progress, algorithm=next(iter(navigators.values()), None))
         if out is not None:
             _write(result, out, force)
+        if export is not None:
+            write(result, export, force, "--export")
         verdict = result.verdict
     if as_json:
-        print_json(_facts(result, out))
+        print_json(_facts(result, out, export))
     else:
         print("\n\n".join((_errors(result), *_remarks(result), verdict_text(verdict))))
 
@@ -84,7 +98,7 @@ def _write(result: Result, out: Path, force: bool) -> None:
         raise CommandError(f"--out {out}: cannot be written: {error.strerror or error}") from error
 
 
-def _facts(result: Result, out: Path | None) -> dict[str, Any]:
+def _facts(result: Result, out: Path | None, export: Path | None) -> dict[str, Any]:
     return {
         "mission": result.experiment.mission,
         "seed": result.experiment.seed,
@@ -94,6 +108,7 @@ def _facts(result: Result, out: Path | None) -> dict[str, Any]:
         "remarks": list(result.remarks),
         "verdict": {**asdict(result.verdict), "consistent": result.verdict.consistent},
         "out": None if out is None else str(out),
+        "export": None if export is None else str(export),
     }
 
 

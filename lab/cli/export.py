@@ -1,0 +1,72 @@
+"""``ins-lab export``: where a mission went, for Google Earth, GIS programs and spreadsheets."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from lab.cli.app import CommandError
+from lab.cli.options import Force, Mission, check_out
+from lab.missions import mission as find_mission
+
+if TYPE_CHECKING:
+    from lab.missions import Mission as Found
+    from lab.result import Result
+
+ENDINGS = (".kml", ".gpx", ".csv", ".csv.gz")
+
+EXAMPLES = """\b
+Examples:
+  ins-lab export montreal --to montreal.kml
+  ins-lab export my_drive --to my_drive.gpx
+  ins-lab run montreal --export run.kml
+The last writes the true path, the estimated path and the GPS fixes of a run."""
+
+
+def export(
+    mission: Mission,
+    to: Annotated[
+        Path,
+        typer.Option(
+            "--to", metavar="FILE", help="The file; .kml, .gpx, .csv or .csv.gz.", show_default=False
+        ),
+    ],
+    force: Force = False,
+) -> None:
+    """Write where a mission went: KML for Google Earth, GPX for maps, or a flight csv."""
+    check_export(to, force, "--to")
+    write(find_mission(mission), to, force, "--to")
+    print(to)
+
+
+def check_export(path: Path | None, force: bool, option: str) -> None:
+    """Refuse a file that could not be written, before the work is done.
+
+    Raises
+    ------
+    CommandError
+        If it has another ending, exists, or cannot be written where it is.
+    """
+    if path is not None:
+        ending = next((one for one in ENDINGS if path.name.lower().endswith(one)), "")
+        if not ending:
+            raise CommandError(f"{option} {path}: accepted are names ending in {', '.join(ENDINGS)}")
+        check_out(path, force, path.suffix.lower(), "a file", option)
+
+
+def write(source: Found | Result, path: Path, force: bool, option: str) -> None:
+    """Write a mission or a run.
+
+    Raises
+    ------
+    CommandError
+        If the file cannot be written.
+    """
+    from lab.export import export_track  # noqa: PLC0415 - takes a second
+
+    try:
+        export_track(source, path, overwrite=force)
+    except OSError as error:
+        raise CommandError(f"{option} {path}: cannot be written: {error.strerror or error}") from error
