@@ -30,14 +30,16 @@ def test_the_two_files_are_given_in_any_order(gps, imu):
     one, other = read_raw([gps, imu]), read_raw([imu, gps])
     np.testing.assert_array_equal(one.body_rate, other.body_rate)
     np.testing.assert_array_equal(one.velocity_n, other.velocity_n)
-    assert one.euler is None
+    np.testing.assert_array_equal(one.euler, other.euler)
     assert any("no attitude" in remark for remark in one.remarks)
+    assert any("attitude is reconstructed" in remark for remark in one.remarks)
     assert any("above the sea" in remark for remark in one.remarks)
 
 
 def test_position_alone_is_a_flight_and_rates_alone_are_not(gps, imu):
     flight = read_raw(gps)
     assert flight.body_rate is None
+    assert flight.euler is None
     assert flight.height is not None and flight.height.mean() > 0
     with pytest.raises(MissionError, match=r"insgns-imu only; give the file of insgns-gps"):
         read_raw(imu)
@@ -61,7 +63,10 @@ def test_rows_outside_the_other_file_are_dropped(gps, imu):
 def test_rates_that_are_all_zero_are_none(gps, imu):
     lines = [line.split("\t") for line in imu.read_text().splitlines()]
     imu.write_text("\n".join("\t".join([row[0], *["0.000000"] * 3, *row[4:]]) for row in lines))
-    assert read_raw([gps, imu]).body_rate is None
+    flight = read_raw([gps, imu])
+    assert flight.body_rate is None
+    assert flight.euler is None
+    assert any("cannot be told" in remark for remark in flight.remarks)
 
 
 def test_units_are_known_by_the_names_of_the_protocol(gps, imu):

@@ -3,7 +3,9 @@
 Numbers between tabs, no header; the protocols' own formats tell the two apart. insgns-gps has time, latitude
 and longitude [rad], the negative of the altitude above the sea [m] and the velocity north, east, down [m/s];
 insgns-imu has time, the inertial rates p, q, r [rad/s] and the specific force at the pilot's head [m/s²].
-Neither holds an attitude. The rates are those of JSBSim and stay zero under another flight model.
+Neither holds an attitude: with both files it is reconstructed, since the rates integrate to it but for one
+rotation, which the specific force and the velocity tell (`lab.missions.inertial_attitude`). The rates are
+those of JSBSim and stay zero under another flight model.
 """
 
 from __future__ import annotations
@@ -17,16 +19,21 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lab.missions.errors import MissionError
+from lab.missions.inertial_attitude import inertial_attitude
 from lab.missions.named_columns import MAX_BYTES
 from lab.missions.raw_flight import Dropped, RawFlight
 from lab.missions.readers.fields import SEA_LEVEL, Columns, Field, raw_flight, read_columns
 from lab.missions.readers.table import MIN_ROWS, Header, head_lines, plain
 from lab.missions.readers.unit_names import refuse_unknown
 from lab.missions.text_blocks import TextBlocks
+from lab.rotation import euler_from_C_nb
 
 FloatArray = NDArray[np.float64]
 
 NAME = "FlightGear insgns-gps and insgns-imu"
+
+MOST_UNCERTAIN = np.radians(3.0)
+"""Up to which uncertainty of the heading a reconstructed attitude is taken [rad]."""
 
 GPS = Header(
     "\t",
@@ -131,32 +138,62 @@ def _gps(path: Path, units: Mapping[str, str]) -> RawFlight:
         velocity_n=columns.vector("north", "east", "down"),
         remarks=(
             SEA_LEVEL,
-            "The two protocols record no attitude: it has to be reconstructed from the velocity.",
+            "The two protocols record no attitude.",
         ),
     )
 
 
 def _with_rates(flight: RawFlight, path: Path, units: Mapping[str, str]) -> RawFlight:
-    """Return the flight with the recorded rates at its times, as far as both files go."""
+    """Return the flight with rates and attitude at its times, as far as both files go."""
     imu = _columns(path, IMU, units)
-    time = imu.values["time"]
-    forward = np.append(True, time[1:] > np.maximum.accumulate(time)[:-1])
-    time = time[forward]
-    both = (flight.time >= time[0]) & (flight.time <= time[-1])
-    if both.sum() < MIN_ROWS:
+    imu_time = imu.values["time"]
+    increases = _increases(imu_time)
+    imu_time = imu_time[increases]
+    both = (flight.time >= imu_time[0]) & (flight.time <= imu_time[-1])
+    kept = both & _increases(flight.time)
+    if kept.sum() < MIN_ROWS:
         raise MissionError(
-            f"{path}: goes from {time[0]:.4f} to {time[-1]:.4f} s, and the file of insgns-gps from "
+            f"{path}: goes from {imu_time[0]:.4f} to {imu_time[-1]:.4f} s, and the file of insgns-gps from "
             f"{flight.time[0]:.4f} to {flight.time[-1]:.4f} s; accepted are files of the same flight"
         )
     dropped = imu.dropped
-    if not both.all():
-        dropped += (Dropped("outside the time of insgns-imu", int((~both).sum()), int(np.argmin(both)) + 1),)
-    flight = flight.rows(both, dropped)
-    rate = np.column_stack(
-        [np.interp(flight.time, time, imu.values[key][forward]) for key in ("p", "q", "r")]
-    )
+    for reason, lost in (("outside the time of insgns-imu", ~both), ("back in time", both & ~kept)):
+        if lost.any():
+            dropped += (Dropped(reason, int(lost.sum()), int(np.argmax(lost)) + 1),)
+    flight = flight.rows(kept, dropped)
+    rate = np.column_stack([imu.values[key][increases] for key in ("p", "q", "r")])
+    force = np.column_stack([imu.values[key][increases] for key in ("fx", "fy", "fz")])
     return replace(
-        flight,
-        body_rate=rate if rate.any() else None,
-        units=(*flight.units, *(imu.units[key] for key in ("p", "q", "r"))),
+        _with_attitude(flight, imu_time, rate, force),
+        body_rate=_at(flight.time, imu_time, rate) if rate.any() else None,
+        units=(*flight.units, *imu.units.values()),
     )
+
+
+def _increases(time: FloatArray) -> NDArray[np.bool_]:
+    return np.append(True, time[1:] > np.maximum.accumulate(time)[:-1])
+
+
+def _at(times: FloatArray, time: FloatArray, vectors: FloatArray) -> FloatArray:
+    return np.column_stack([np.interp(times, time, column) for column in vectors.T])
+
+
+def _with_attitude(flight: RawFlight, imu_time: FloatArray, rate: FloatArray, force: FloatArray) -> RawFlight:
+    """Return the flight with the attitude its rates and forces tell, and with what is to be said of it."""
+    assert flight.latitude is not None and flight.longitude is not None and flight.height is not None
+    assert flight.velocity_n is not None
+    found = None
+    if rate.any() and force.any():
+        place = np.column_stack((flight.latitude, flight.longitude, flight.height))
+        found = inertial_attitude(flight.time, place, flight.velocity_n, imu_time, rate, force)
+    if found is None or not found.heading_uncertainty < MOST_UNCERTAIN:
+        remark = (
+            "The attitude cannot be told from the rates and accelerations either: they are too few, zero, "
+            "without turns or climbs, or not of this flight."
+        )
+        return replace(flight, remarks=(*flight.remarks, remark))
+    remark = (
+        "The attitude is reconstructed: the recorded inertial rates, integrated, and turned so that the "
+        f"accelerations fit the velocity, to {found.residual:.2g} m/s in a second."
+    )
+    return replace(flight, euler=euler_from_C_nb(found.C_nb), remarks=(*flight.remarks, remark))
