@@ -3,17 +3,20 @@
 
 PYTHON ?= python3
 PORT ?= 5006
+SECONDS ?= 600
+READER ?=
 VENV := .venv
 BIN := $(VENV)/bin
 PIP_INSTALL := $(BIN)/python -m pip install --disable-pip-version-check
 
-.PHONY: help lab test bench browser clean
+.PHONY: help lab test bench fuzz browser clean
 .DEFAULT_GOAL := help
 
 help:
 	@echo 'make lab     install and open the dashboard on http://localhost:$(PORT) (another port: make lab PORT=8000)'
 	@echo 'make test    install and run every test'
 	@echo 'make bench   install and measure the speed'
+	@echo 'make fuzz    install and attack every reader of flight recordings for 10 minutes (make fuzz SECONDS=60 READER=GPX)'
 	@echo 'make clean   remove $(VENV) and all caches'
 	@echo 'Another Python than $(PYTHON): make lab PYTHON=python3.12'
 
@@ -29,6 +32,9 @@ test: $(VENV)/.test browser
 bench: $(VENV)/.test browser
 	OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 MKL_NUM_THREADS=1 NUMBA_NUM_THREADS=1 \
 	$(BIN)/pytest -m benchmark --capture=no --timeout=1800
+
+fuzz: $(VENV)/.fuzz
+	$(BIN)/python tests/fuzz/hunt.py --seconds $(SECONDS) --reader '$(READER)'
 
 browser:
 	@.ci/browser
@@ -48,6 +54,10 @@ $(VENV)/.lab: pyproject.toml | $(BIN)/pip
 $(VENV)/.test: pyproject.toml | $(BIN)/pip
 	$(PIP_INSTALL) --editable '.[test]'
 	@touch $@ $(VENV)/.lab
+
+$(VENV)/.fuzz: pyproject.toml | $(BIN)/pip
+	$(PIP_INSTALL) --editable '.[test,fuzz]'
+	@touch $@ $(VENV)/.test $(VENV)/.lab
 
 clean:
 	rm -rf $(VENV) build dist *.egg-info .pytest_cache .mypy_cache .ruff_cache .hypothesis test-results

@@ -8,12 +8,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 from lab.missions.errors import MissionError
-from lab.missions.text_blocks import check_file
-
-MAX_RATIO = 100
-"""How many times its stored size a file may grow when decompressed; logs of numbers grow at most 20 times."""
-
-_ALWAYS_ACCEPTED = 2**20
+from lab.missions.text_blocks import check_file, decompressed_limit, too_large
 
 
 def content(path: Path, limit: int, piece: int = 2**20) -> Iterator[bytes]:
@@ -39,15 +34,13 @@ def content(path: Path, limit: int, piece: int = 2**20) -> Iterator[bytes]:
         with path.open("rb") as file:
             compressed = file.read(2) == b"\x1f\x8b"
             file.seek(0)
-            most = limit
-            if compressed:
-                most = min(limit, max(MAX_RATIO * path.stat().st_size, _ALWAYS_ACCEPTED))
+            most = decompressed_limit(path, limit) if compressed else limit
             stream = gzip.GzipFile(fileobj=file) if compressed else file
             size = 0
             while data := stream.read(piece):
                 size += len(data)
                 if size > most:
-                    raise MissionError(_too_large(path, limit, most))
+                    raise too_large(path, most, limit)
                 yield data
     except (EOFError, zlib.error, gzip.BadGzipFile) as error:
         raise MissionError(f"{path}: is not a complete gzip file ({error})") from error
@@ -60,12 +53,3 @@ def content(path: Path, limit: int, piece: int = 2**20) -> Iterator[bytes]:
 def whole(path: Path, limit: int) -> bytes:
     """Return all bytes of a file; see `content`."""
     return b"".join(content(path, limit))
-
-
-def _too_large(path: Path, limit: int, most: int) -> str:
-    if most < limit:
-        return (
-            f"{path}: grows more than {MAX_RATIO} times when decompressed; accepted are logs, which grow at "
-            "most 20 times"
-        )
-    return f"{path}: accepted are files up to {limit / 2**20:.0f} MB when decompressed"

@@ -12,6 +12,10 @@ from typing import BinaryIO, Self
 from lab.missions.errors import MissionError
 
 _BLOCK = 2**21
+MAX_RATIO = 100
+"""How many times its stored size a file may grow when decompressed; logs of numbers grow at most 20 times."""
+
+_ALWAYS_ACCEPTED = 2**20
 _LONGEST_LINE = 2**20
 
 
@@ -33,6 +37,21 @@ def check_file(path: Path, limit: int) -> None:
     size = path.stat().st_size
     if size > limit:
         raise MissionError(f"{path}: {size / 2**20:.0f} MB; accepted are files up to {_megabytes(limit)}")
+
+
+def decompressed_limit(path: Path, limit: int) -> int:
+    """Return how many bytes may come out of a compressed file, of at most `limit`."""
+    return min(limit, max(MAX_RATIO * path.stat().st_size, _ALWAYS_ACCEPTED))
+
+
+def too_large(path: Path, accepted: int, limit: int) -> MissionError:
+    """Return what is said of a file of which more than accepted comes out."""
+    if accepted < limit:
+        return MissionError(
+            f"{path}: grows more than {MAX_RATIO} times when decompressed; accepted are logs, which grow at "
+            "most 20 times"
+        )
+    return MissionError(f"{path}: accepted are files up to {_megabytes(limit)} when decompressed")
 
 
 def _megabytes(size: int) -> str:
@@ -65,7 +84,7 @@ class TextBlocks:
         self._path = path
         self._limit = limit
         self._strict = strict
-        self._left = limit
+        self._accepted = self._left = limit
         self._text = b""
         self._start = 0
         self._cut = b""
@@ -84,6 +103,8 @@ class TextBlocks:
         # A name that promises compression keeps a file that is none from being read as something else.
         compressed = compressed or self._path.suffix.lower() == ".gz"
         self._stream = gzip.GzipFile(fileobj=self._file) if compressed else self._file
+        if compressed:
+            self._accepted = self._left = decompressed_limit(self._path, self._limit)
         self._fill()
         self._text = self._text.removeprefix(b"\xef\xbb\xbf")
         return self
@@ -159,9 +180,7 @@ class TextBlocks:
             raise self._error(error) from error
         self._left -= len(data)
         if self._left < 0:
-            raise MissionError(
-                f"{self._path}: accepted are files up to {_megabytes(self._limit)} when decompressed"
-            )
+            raise too_large(self._path, self._accepted, self._limit)
         return data
 
     def _error(self, error: Exception) -> MissionError:

@@ -110,11 +110,12 @@ class DataFlashFile:
         if found is None:
             return None
         kind, messages = found
-        return {
-            key: np.asarray(messages[key], dtype=np.float64) * _SCALES.get(letter, 1.0)
-            for key, letter in kind.letters.items()
-            if letter not in _TEXT and letter not in _SHAPES
-        }
+        with np.errstate(invalid="ignore"):  # damaged numbers are no numbers without a warning
+            return {
+                key: np.asarray(messages[key], dtype=np.float64) * _SCALES.get(letter, 1.0)
+                for key, letter in kind.letters.items()
+                if letter not in _TEXT and letter not in _SHAPES
+            }
 
     def texts(self, name: str, key: str) -> list[str]:
         """Return a field of messages that is text."""

@@ -119,7 +119,7 @@ def _column(messages: Messages, *names: str, factor: float = 1.0) -> FloatArray 
     """Return the first of several fields that is there, as numbers (n,) times a factor."""
     for name in names:
         if name in (messages.dtype.names or ()) and messages[name].ndim == 1:
-            return np.asarray(messages[name], dtype=np.float64) * factor
+            return _double(messages[name]) * factor
     return None
 
 
@@ -132,8 +132,14 @@ def _columns(messages: Messages, *names: str) -> FloatArray | None:
 
 def _vector(messages: Messages, name: str, size: int) -> FloatArray | None:
     if name in (messages.dtype.names or ()) and messages[name].shape[1:] == (size,):
-        return np.asarray(messages[name], dtype=np.float64)
+        return _double(messages[name])
     return None
+
+
+def _double(values: NDArray[np.generic]) -> FloatArray:
+    """Return numbers in double precision; damaged ones are no number without a warning."""
+    with np.errstate(invalid="ignore"):
+        return np.asarray(values, dtype=np.float64)
 
 
 def _seconds(messages: Messages) -> FloatArray:

@@ -1,0 +1,137 @@
+"""Hunt: attack every reader for a time; ``make fuzz`` runs it, ``make fuzz SECONDS=30 READER=GPX`` a part.
+
+Each reader has a process of its own, half of the time with mutations of whole files, half of it led by the
+branches it takes (atheris, where it is installed). What breaks a reader is kept in ``fuzz-findings``.
+"""
+
+from __future__ import annotations
+
+import argparse
+import faulthandler
+import importlib.util
+import re
+import shutil
+import subprocess
+import sys
+import tempfile
+import time
+import traceback
+from pathlib import Path
+
+ROOT = Path(__file__).parents[2]
+FINDINGS = ROOT / "fuzz-findings"
+MEMORY = 4 * 2**30
+"""Most address space beyond which an attack counts as lost [bytes]."""
+HANG = 60
+"""After how long a single attack is given up [s]."""
+
+
+def main() -> int:
+    """Attack the readers one after the other; return 1 if one is broken."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--seconds", type=float, default=600.0)
+    parser.add_argument("--reader", default="")
+    parser.add_argument("--engine", choices=["mutations", "atheris"], default="")
+    chosen = parser.parse_args()
+    sys.path.insert(0, str(ROOT))
+    if chosen.engine:
+        return {"mutations": by_mutations, "atheris": by_atheris}[chosen.engine](
+            chosen.reader, chosen.seconds
+        )
+    from attack import BY_NAME
+
+    engines = ["mutations", "atheris"] if importlib.util.find_spec("atheris") else ["mutations"]
+    if len(engines) == 1:
+        print("atheris is not installed here (Linux and macOS, Python 3.11 to 3.13): mutations only")
+    broken = []
+    for name in BY_NAME:
+        if chosen.reader.lower() not in name.lower():
+            continue
+        for engine in engines:
+            command = [sys.executable, __file__, "--engine", engine, "--reader", name]
+            command += ["--seconds", str(chosen.seconds / len(engines))]
+            begun = time.monotonic()
+            code = subprocess.run(command, check=False, cwd=ROOT).returncode
+            print(
+                f"{name}, {engine}: {'well' if not code else 'BROKEN'} ({time.monotonic() - begun:.0f} s)",
+                flush=True,
+            )
+            broken += [f"{name} ({engine})"] if code else []
+    print("all readers hold" if not broken else f"broken: {', '.join(broken)}; see {FINDINGS}")
+    return 1 if broken else 0
+
+
+def limit_memory() -> None:
+    """Turn memory without bound into an exception."""
+    if importlib.util.find_spec("resource"):
+        import resource
+
+        resource.setrlimit(resource.RLIMIT_AS, (MEMORY, MEMORY))
+
+
+def keep(name: str, folder: Path, error: BaseException) -> None:
+    """Keep the files of an attack, and what went wrong."""
+    kept = FINDINGS / re.sub(r"\W+", "_", name) / str(time.time_ns())
+    shutil.copytree(folder, kept)
+    (kept / "traceback.txt").write_text("".join(traceback.format_exception(error)))
+    print(f"{name}: {type(error).__name__}: {str(error)[:300]}; kept in {kept}", flush=True)
+
+
+def by_mutations(name: str, seconds: float) -> int:
+    """Attack a reader with mutations of its seeds."""
+    import numpy as np
+    from attack import attack, rebuild, seeds
+    from mutations import mutated
+
+    files, rng = seeds(name), np.random.default_rng()
+    limit_memory()
+    count = flights = broken = 0
+    with tempfile.TemporaryDirectory() as temporary:
+        folder, end = Path(temporary), time.monotonic() + seconds
+        while time.monotonic() < end and broken < 5:
+            hostile = {file: mutated(seed, rng) for file, seed in files.items()}
+            faulthandler.dump_traceback_later(HANG, exit=True)
+            try:
+                flight = attack(name, folder, hostile, weigh=count % 20 == 0)
+                if flight is not None and count % 10 == 0:
+                    rebuild([folder / file for file in hostile])
+                flights += flight is not None
+            except Exception as error:
+                broken += 1
+                keep(name, folder, error)
+            count += 1
+        faulthandler.cancel_dump_traceback_later()
+    print(f"{name}: {count} attacks, {flights} of them still a flight")
+    return 1 if broken else 0
+
+
+def by_atheris(name: str, seconds: float) -> int:
+    """Attack a reader with inputs led by the branches it takes; does not return."""
+    import atheris
+
+    with atheris.instrument_imports(include=["lab.missions.readers"]):
+        from attack import attack, seeds
+
+    files = seeds(name, 2.5)
+    folder, corpus = Path(tempfile.mkdtemp()), Path(tempfile.mkdtemp())
+    first, *others = files
+    (corpus / "seed").write_bytes(files[first])
+
+    def once(data: bytes) -> None:
+        try:
+            attack(name, folder, {first: data} | {file: files[file] for file in others})
+        except Exception as error:
+            keep(name, folder, error)
+            raise
+
+    most = max(4096, 2 * len(files[first]))
+    options = [f"-max_total_time={seconds:.0f}", f"-timeout={HANG}", f"-rss_limit_mb={MEMORY // 2**20}"]
+    options += [f"-max_len={most}", f"-artifact_prefix={folder}/", "-verbosity=0", "-print_final_stats=0"]
+    atheris.Setup([sys.argv[0], *options, str(corpus)], once)
+    atheris.Fuzz()
+    return 0
+
+
+if __name__ == "__main__":
+    sys.path.insert(0, str(Path(__file__).parent))
+    sys.exit(main())
