@@ -12,6 +12,7 @@ from lab.missions import MissionError, mission
 from lab.missions.raw_flight import RawFlight
 from lab.missions.readers import read_raw
 from lab.missions.readers.table import OTHER_RECORDING
+from lab.trajectory import Trajectory
 
 MONTREAL = mission("montreal").recording
 
@@ -44,6 +45,15 @@ def test_versions_differ_in_names_and_units_and_say_the_same(file):
     assert units["____P,deg/s"] == "°/s"
     assert units["__lat,__deg"] == "°"
     assert "_real,_time" not in units
+
+
+def test_rates_are_those_of_the_attitude(file):
+    flight = file(writer.columns(MONTREAL))
+    rates, _ = Trajectory.from_recording(MONTREAL, 100.0).rates(MONTREAL.time[2:-2])
+    assert flight.body_rate is not None
+    for recorded, flown in zip(flight.body_rate[2:-2].T, rates.T, strict=True):
+        assert np.corrcoef(recorded, flown)[0, 1] > 0.95
+        assert 0.9 < recorded @ flown / (flown @ flown) < 1.1
 
 
 def test_order_does_not_matter(file):

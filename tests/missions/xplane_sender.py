@@ -11,8 +11,10 @@ from typing import Self
 
 import numpy as np
 import pymap3d
+from writers.xplane_data import euler_rate
 
 from lab.missions import Recording
+from lab.rotation import body_rate
 
 REFERENCE = (0.2, -0.25)
 """How far the reference point of the local frame is from the start, in latitude and longitude [°]."""
@@ -131,7 +133,7 @@ def _frames(recording: Recording) -> list[tuple[bytes, dict[str, float]]]:
     in_e = pymap3d.enu2uvw(ve, vn, -vd, latitude, longitude)
     v_east, v_north, v_up = pymap3d.uvw2enu(*in_e, lat0, lon0)
     roll, pitch, yaw = np.degrees(recording.euler).T
-    rate = np.gradient(recording.euler, recording.time, axis=0)
+    rate = body_rate(recording.euler, euler_rate(recording))
     zero = np.zeros(len(latitude))
     airspeed, alpha, beta = (
         zero if value is None else value for value in (recording.airspeed, recording.alpha, recording.beta)

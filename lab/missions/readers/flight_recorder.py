@@ -89,7 +89,8 @@ def read(paths: Sequence[Path], units: Mapping[str, str]) -> RawFlight:
     return raw_flight(
         NAME,
         columns,
-        time=own_clock,
+        # Seconds since the year 0 have no use here.
+        time=None if own_clock is None else own_clock - own_clock[0],
         velocity_n=velocity_n,
         euler=euler,
         body_rate=body_rate,

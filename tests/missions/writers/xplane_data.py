@@ -8,11 +8,17 @@ import numpy as np
 import pymap3d
 
 from lab.missions import Recording
+from lab.rotation import body_rate
 
 FOOT = 0.3048
 KNOT = 1852 / 3600
 REFERENCE = (0.2, -0.25)
 """How far the reference point of the local frame is from the start, in latitude and longitude [°]."""
+
+
+def euler_rate(recording: Recording) -> np.ndarray:
+    """Return how fast roll, pitch and heading change [rad/s]."""
+    return np.asarray(np.gradient(np.unwrap(recording.euler, axis=0), recording.time, axis=0))
 
 
 def columns(recording: Recording, version: int = 11) -> dict[str, np.ndarray]:
@@ -24,15 +30,13 @@ def columns(recording: Recording, version: int = 11) -> dict[str, np.ndarray]:
     in_e = pymap3d.enu2uvw(ve, vn, -vd, latitude, longitude)
     v_east, v_north, v_up = pymap3d.uvw2enu(*in_e, lat0, lon0)
     roll, pitch, yaw = np.degrees(recording.euler).T
-    rate = np.gradient(recording.euler, recording.time, axis=0)
+    p, q, r = body_rate(recording.euler, euler_rate(recording)).T
     zero = np.zeros(len(latitude))
     newer = version >= 12
     speed = {} if recording.airspeed is None else {"Vtrue,_ktas": recording.airspeed / KNOT}
     air = {}
     if recording.alpha is not None and recording.beta is not None:
         air = {"alpha,__deg": np.degrees(recording.alpha), "_beta,__deg": np.degrees(recording.beta)}
-    # Roll rate and the like are good enough to check with: pitch is small.
-    q, p, r = rate[:, 1], rate[:, 0], rate[:, 2]
     unit = "deg/s" if newer else "rad/s"
     scale = np.degrees(1.0) if newer else 1.0
     return {
