@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 from writers import xplane_data as writer
 
 from lab.missions import MissionError, mission
@@ -112,24 +110,3 @@ def test_units_can_be_overruled(file):
     flight = file(metres, units={"__alt,ftmsl": "m"})
     assert flight.height is not None
     np.testing.assert_allclose(flight.height, MONTREAL.height, rtol=0, atol=1e-5)
-
-
-SEED = writer.write(MONTREAL)[:40_000]
-
-
-@given(
-    cut=st.integers(0, len(SEED)),
-    noise=st.binary(max_size=30),
-    place=st.floats(0, 1),
-    cell=st.sampled_from([b"1e308", b"nan", b"-inf", b"", b"|", b"\n", b"_totl,_time", b"9" * 400, b"\xff"]),
-)
-def test_damaged_files_give_a_flight_or_a_reason(tmp_path_factory, cut, noise, place, cell):
-    path = tmp_path_factory.getbasetemp() / "Data.txt"
-    spot = int(place * cut)
-    path.write_bytes(SEED[:spot] + cell + SEED[spot + 3 : cut] + noise)
-    try:
-        flight = read_raw(path)
-    except MissionError as error:
-        assert "Data.txt" in str(error)
-        return
-    assert len(flight.time) >= 4
