@@ -37,7 +37,7 @@ _FLIGHT = ("XKF1", "NKF1", "POS", "AHR2", "XKQ", "NKQ", "ATT", "GPS", "MSG", "GP
 _SENSORS = ("IMU", "GPS", "GPA", "PARM")
 _VEHICLES = {
     "ArduPlane": "fixed wing", "ArduCopter": "rotary wing", "ArduRover": "rover", "APM:Rover": "rover",
-    "Rover": "rover", "Blimp": "airship", "ArduSub": "submarine",
+    "Rover": "rover", "Blimp": "blimp", "ArduSub": "submarine",
 }  # fmt: skip
 _UNITS = {"Lat": "°", "Lng": "°", "Alt": "m", "VN, VE, VD": "m/s", "Roll, Pitch, Yaw": "°"}
 _ABOVE_ELLIPSOID = "Heights are above the ellipsoid: altitude plus the geoid's separation of the receiver"

@@ -37,7 +37,7 @@ _FLIGHT = (
     "sensor_gps", "vehicle_status",
 )  # fmt: skip
 _SENSORS = ("sensor_combined", "vehicle_imu", "vehicle_gps_position", "sensor_gps")
-_VEHICLES = {1: "rotary wing", 2: "fixed wing", 3: "rover", 4: "airship"}
+_VEHICLES = {1: "rotary wing", 2: "fixed wing", 3: "rover", 4: "blimp"}
 _NO_TIME = 2**31 - 1
 _THREE_D = 3
 _UNITS = {"latitude": "°", "longitude": "°", "altitude": "m", "velocity": "m/s"}
