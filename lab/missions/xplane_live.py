@@ -6,6 +6,7 @@ import math
 import socket
 import threading
 import time
+from array import array
 from typing import Self
 
 from lab.missions import xplane_packets
@@ -67,9 +68,9 @@ class XPlaneRecorder:
 
     def _clear(self) -> None:
         self._positions = bytearray()
-        self._arrivals: list[float] = []
-        self._clocks: list[tuple[float, ...]] = []
-        self._clock_arrivals: list[float] = []
+        self._arrivals = array("d")
+        self._clocks = array("d")
+        self._clock_arrivals = array("d")
         self._foreign = 0
         self._malformed = 0
         self._heard = time.monotonic()
@@ -218,7 +219,7 @@ class XPlaneRecorder:
             for index, value in references.items():
                 values[index] = value
             if 0 in references:
-                self._clocks.append(tuple(values))
+                self._clocks.extend(values)
                 self._clock_arrivals.append(now)
         else:
             self._malformed += 1

@@ -83,7 +83,7 @@ def references(packet: bytes) -> dict[int, float] | None:
 def flight(
     positions: bytes,
     arrivals: Sequence[float],
-    clocks: Sequence[tuple[float, ...]],
+    clocks: Sequence[float],
     clock_arrivals: Sequence[float],
     remarks: Sequence[str] = (),
 ) -> RawFlight:
@@ -96,7 +96,8 @@ def flight(
     arrivals
         When they arrived [s].
     clocks, clock_arrivals
-        The latest values of all references at each RREF packet with a clock, and when that arrived [s].
+        The latest values of all references at each RREF packet with a clock, packet by packet, and when these
+        arrived [s].
     remarks
         What else is to be said.
 
@@ -110,7 +111,7 @@ def flight(
         known = {name: np.asarray(records[name], dtype=np.float64) for name, _, _ in _FIELDS}
     limits = {name: LIMITS[kind] for name, kind, _ in _FIELDS}
     units = {name: unit for name, _, unit in _FIELDS}
-    values = _paired(arrival, np.array(clock_arrivals), clocks)
+    values = _paired(arrival, np.array(clock_arrivals), np.reshape(clocks, (-1, len(REFERENCES))))
     remarks = [SEA_LEVEL, *remarks]
     timed = np.isfinite(values[:, 0])
     if 2 * timed.sum() > len(timed):
@@ -153,16 +154,14 @@ def flight(
     )
 
 
-def _paired(
-    arrival: FloatArray, clock_arrival: FloatArray, clocks: Sequence[tuple[float, ...]]
-) -> FloatArray:
+def _paired(arrival: FloatArray, clock_arrival: FloatArray, clocks: FloatArray) -> FloatArray:
     """Return for each position the references of its frame, NaN where there are none.
 
     Within a frame either may come first; which one is told by the shorter of the two waits.
     """
-    if not clocks:
+    if not len(clocks):
         return np.full((len(arrival), len(REFERENCES)), np.nan)
-    values, last = np.array(clocks), len(clocks) - 1
+    last = len(clocks) - 1
     after = np.searchsorted(clock_arrival, arrival, side="right")
     before = after - 1
     waited = arrival - clock_arrival[np.maximum(before, 0)]
@@ -171,7 +170,7 @@ def _paired(
     clock_first = not both.any() or np.median(waited[both]) <= np.median(to_wait[both])
     of_frame = before if clock_first else after
     there = (of_frame >= 0) & (of_frame <= last)
-    return np.where(there[:, None], values[np.clip(of_frame, 0, last)], np.nan)
+    return np.where(there[:, None], clocks[np.clip(of_frame, 0, last)], np.nan)
 
 
 def _believable(

@@ -104,6 +104,11 @@ def test_without_position_the_groups_to_tick_are_named(file):
         file(without(writer.columns(MONTREAL), "lat", "alt"))
 
 
+def test_without_time_too(file):
+    with pytest.raises(MissionError, match=r"no time in it\. .*1 times \(the simulator's own clock\)"):
+        file(without(writer.columns(MONTREAL), "_time"))
+
+
 def test_units_can_be_overruled(file):
     columns = writer.columns(MONTREAL)
     metres = {**columns, "__alt,ftmsl": MONTREAL.height}

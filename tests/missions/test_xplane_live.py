@@ -203,7 +203,7 @@ def test_any_packets_give_a_flight_or_a_reason(packets):
     for packet in packets:
         values = xplane_packets.references(packet)
         assert values is None or all(0 <= index < len(xplane_packets.REFERENCES) for index in values)
-    clocks = [(float(i), 0.0, 0.0, 50.0, 0.0, 0.0) for i in range(len(records))]
+    clocks = [value for i in range(len(records)) for value in (float(i), 0.0, 0.0, 50.0, 0.0, 0.0)]
     arrivals = [float(i) for i in range(len(records))]
     try:
         flight = xplane_packets.flight(b"".join(records), arrivals, clocks, arrivals)

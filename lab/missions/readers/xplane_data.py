@@ -63,7 +63,7 @@ FIELDS = (
 )
 
 GROUPS = (
-    (("totl,time",), "1 times", "the simulator's own clock"),
+    (CLOCKS[:1], "1 times", "the simulator's own clock"),
     (("airspeed",), "3 speeds", "true airspeed"),
     (("p", "q", "r"), "16 angular velocities", "rates to check with"),
     (("pitch", "roll", "heading"), "17 pitch, roll, headings", "attitude"),
@@ -73,11 +73,11 @@ GROUPS = (
 )
 """What each group to tick gives."""
 
-REQUIRED = (CLOCKS, tuple(name for field in FIELDS[len(CLOCKS) :] for name in field.names))
+REQUIRED = (tuple(name for field in FIELDS[len(CLOCKS) :] for name in field.names),)
 
 
 def recognises(head: bytes) -> bool:
-    """Tell whether a file has X-Plane's headings of a clock and of at least one other quantity."""
+    """Tell whether a file has one of X-Plane's headings."""
     return recognised(head, REQUIRED)
 
 
@@ -87,7 +87,8 @@ def read(paths: Sequence[Path], units: Mapping[str, str]) -> RawFlight:
     Raises
     ------
     MissionError
-        For whatever is wrong with the file; if it has no position, naming the groups to tick.
+        For whatever is wrong with the file; if it has no position or no time, naming the groups to
+        tick.
     """
     path = one_file(paths, NAME)
     columns = read_columns(path, FIELDS, units, REQUIRED)
@@ -102,6 +103,8 @@ def read(paths: Sequence[Path], units: Mapping[str, str]) -> RawFlight:
     )
     if columns.vector("latitude", "longitude", "height") is None:
         raise MissionError(f"{path}: there is no position in it. {advice}")
+    if not any(name in columns.values for name in CLOCKS):
+        raise MissionError(f"{path}: there is no time in it. {advice}")
     clock = _clock(columns)
     for key in CLOCKS:
         if key != clock:
