@@ -44,6 +44,7 @@ def add_mission(
     airport: str = "",
     tags: Sequence[str] = (),
     flight: Mapping[str, Any] | None = None,
+    ending: str = "",
     folder: str | os.PathLike[str] | None = None,
     overwrite: bool = False,
 ) -> Mission:
@@ -62,6 +63,8 @@ def add_mission(
         As of `Mission`; a title is needed.
     flight
         Flight plan as the ``[flight]`` table has it, for a flight that can be flown again.
+    ending
+        Why the flight ended before its plan did.
     folder
         Where to write; the user's own folder by default. It is made where there is none.
     overwrite
@@ -85,6 +88,7 @@ def add_mission(
         "origin": origin,
         "aircraft": aircraft,
         "airport": airport,
+        "ending": ending,
     }
     values: dict[str, Any] = {"title": _title(name, title)} | {
         key: text for key, text in texts.items() if text

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import tomllib
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
 from playwright.sync_api import Locator, Page, expect
 
-from lab.missions import add_mission, mission, missions
+from lab.missions import FlightPlan, add_mission, mission, missions
 
 pytestmark = pytest.mark.browser
 
@@ -84,3 +85,57 @@ def test_a_mission_of_ones_own_is_changed_and_deleted(open_page: Open, mine: Pat
     expect(card(page, "better")).to_have_count(0)
     expect(chooser(page)).to_have_text("Montréal")
     assert "better" not in missions()
+
+
+def part(page: Page, title: str) -> None:
+    """Turn to a part of the page; of the buttons of this name, its own is the first."""
+    page.get_by_role("button", name=title, exact=True).first.click()
+
+
+def box(page: Page, name: str) -> Locator:
+    return page.get_by_role("textbox", name=name)
+
+
+def test_a_plan_is_changed_saved_flown_and_cancelled(open_page: Open, mine: Path) -> None:
+    pytest.importorskip("jsbsim")
+    page = missions_tab(open_page("?mission=mine", drawn=False))
+    part(page, "Fly")
+    fly = page.get_by_role("button", name="Fly this plan")
+    box(page, "Duration").fill("1e9")
+    box(page, "Duration").press("Tab")
+    expect(
+        page.get_by_role("alert").filter(has_text="duration_s = 1000000000.0; accepted is")
+    ).to_be_visible()
+    expect(fly).to_be_disabled()
+    box(page, "Duration").fill("12")
+    box(page, "Duration").press("Tab")
+    for left in (5, 4, 3, 2, 1):
+        page.get_by_role("button", name="Remove: 2").click()
+        expect(page.get_by_role("button", name="Remove: ")).to_have_count(left)
+    page.get_by_role("combobox", name="Manoeuvre").click()
+    page.get_by_role("menuitem", name="Turn by").click()
+    page.get_by_role("button", name="Add manoeuvre").click()
+    expect(page.get_by_role("alert").filter(has_text="angle_deg is missing")).to_be_visible()
+    box(page, "Angle").fill("90")
+    box(page, "Angle").press("Tab")
+    expect(fly).to_be_enabled()
+    with page.expect_download() as download:
+        page.get_by_role("button", name="Save plan").click()
+    plan = tomllib.loads(download.value.path().read_text(encoding="utf-8"))["flight"]
+    assert [one["do"] for one in plan["manoeuvres"]] == ["take_off", "turn_by"]
+    box(page, "Name").fill("mine")
+    fly.click()
+    expect(page.get_by_role("alert").filter(has_text="'mine': a mission has it")).to_be_visible()
+    box(page, "Name").fill("flown here")
+    fly.click()
+    expect(page.get_by_text("flown here is flown, 12 s, and chosen.")).to_be_visible()
+    expect(page.get_by_text("ended during manoeuvre 1")).to_be_visible()
+    expect(chooser(page)).to_have_text("A flight")
+    found = mission("flown here")
+    assert found.duration == pytest.approx(12, abs=0.06)
+    assert found.plan == FlightPlan.from_dict(plan)
+    box(page, "Duration").fill("3600")
+    box(page, "Duration").press("Tab")
+    fly.click()
+    page.get_by_role("button", name="Cancel").click()
+    expect(page.get_by_text("s into the flight")).to_be_visible()

@@ -64,11 +64,13 @@ def test_a_mission_is_added_as_given(own):
         airport="nowhere",
         tags=["turn", " turn ", "", "level"],
         flight=PLAN,
+        ending="stalled",
     )
     found = mission("round trip")
     assert (added.name, found.name, found.title) == ("round trip", "round trip", "A circle")
     assert (found.description, found.origin) == ('Round\n"and" round', "computed")
     assert (found.aircraft, found.airport, found.tags) == ("none", "nowhere", ("turn", "level"))
+    assert found.ending == "stalled"
     assert found.plan == mission("montreal").plan
     np.testing.assert_allclose(found.recording.latitude, flight.latitude, atol=1e-13)
     assert files(own) == ["round trip.csv.gz", "round trip.toml"]

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from functools import partial
 from html import escape
 from typing import Any
@@ -34,13 +33,10 @@ class Library:
     ----------
     session
         Whose mission is chosen.
-    say
-        Called with what was done.
     """
 
-    def __init__(self, session: Session, say: Callable[[str], None]) -> None:
+    def __init__(self, session: Session) -> None:
         self._session = session
-        self._say = say
         self._document = pn.state.curdoc
         self._work: LatestWins[str] = LatestWins(self._list, lambda _thing, _outcome: None, LONG)
         self._cards = MissionCards(self._act, sizing_mode="stretch_width", margin=(4, 2))
@@ -58,7 +54,16 @@ class Library:
         self._what = pn.pane.HTML("", margin=(4, 8), sizing_mode="stretch_width")
         self._deleting.body[:] = [self._what]
         self._about = ""
+        self._message = pmui.Alert(
+            object="",
+            severity="success",
+            closeable=True,
+            visible=False,
+            margin=(4, 4),
+            sizing_mode="stretch_width",
+        )
         self.view = pn.Column(
+            self._message,
             self._filter,
             self._cards,
             self._changing.view,
@@ -76,6 +81,9 @@ class Library:
         """List what there is now."""
         self.refresh()
         self._work.submit(self._cards.chosen)
+
+    def _say(self, text: str) -> None:
+        self._message.param.update(object=text, visible=True)
 
     def close(self) -> None:
         """Show nothing more."""

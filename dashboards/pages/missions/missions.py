@@ -1,4 +1,4 @@
-"""Missions page: its parts, of which one is shown, and what was done last."""
+"""Missions page: its parts, of which one is shown."""
 
 from __future__ import annotations
 
@@ -9,6 +9,8 @@ import panel as pn
 import panel_material_ui as pmui
 
 from dashboards.pages.base import Page
+from dashboards.pages.missions.entry_fields import WHOLE
+from dashboards.pages.missions.flying import Flying
 from dashboards.pages.missions.library import Library
 from dashboards.session import Session
 from lab.result import Result
@@ -27,7 +29,10 @@ class Part(Protocol):
         """End with the session."""
 
 
-PARTS: dict[str, Callable[[Session, Callable[[str], None]], Part]] = {"Library": Library}
+PARTS: dict[str, Callable[[Session], Part]] = {
+    "Library": Library,
+    "Fly": Flying,
+}
 """What makes each part, by what its button says."""
 
 
@@ -53,38 +58,29 @@ class Missions(Page):
             options=list(PARTS), value=next(iter(PARTS)), size="small", color="primary", margin=(10, 4, 4, 4)
         )
         self._choice.param.watch(lambda _event: self._turn(), "value")
-        self._words = pmui.Alert(
-            object="",
-            severity="success",
-            closeable=True,
-            visible=False,
-            margin=(4, 4),
-            sizing_mode="stretch_width",
-        )
-        self._stage = pn.Column(margin=0, sizing_mode="stretch_width")
+        self._stage = pn.Column(margin=0, sizing_mode="stretch_width", stylesheets=[WHOLE])
         self._turn()
         return pn.Column(
-            self._choice, self._words, self._stage, sizing_mode="stretch_width", margin=(0, 12, 16, 12)
+            self._choice,
+            self._stage,
+            sizing_mode="stretch_width",
+            margin=(0, 12, 16, 12),
+            stylesheets=[WHOLE],
         )
 
     def draw(self, result: Result) -> None:
         """Show what is now."""
         self._part.refresh()
 
-    def say(self, text: str) -> None:
-        """Say what was done."""
-        self._words.param.update(object=text, visible=bool(text))
-
     @property
     def _part(self) -> Part:
         title = self._choice.value
         if title not in self._parts:
-            self._parts[title] = PARTS[title](self._session, self.say)
+            self._parts[title] = PARTS[title](self._session)
         return self._parts[title]
 
     def _turn(self) -> None:
         """Show the part that is chosen."""
-        self.say("")
         self._part.refresh()
         self._stage[:] = [self._part.view]
 

@@ -1,0 +1,103 @@
+"""Entry fields: the numbers and texts of a table of a flight plan as fields, made from its declaration."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any
+
+import panel as pn
+import panel_material_ui as pmui
+
+from dashboards.widgets import number
+from lab.missions.plan_table import Entry, Limits, entries
+
+WRAP = ":host { flex-wrap: wrap; min-width: 0 !important; }"
+"""Has fields that do not fit beside each other go on in a further line."""
+
+
+WHOLE = ":host { max-height: none !important; min-width: 0 !important; }"
+"""Has a column be as high as what is in it, where Panel lets what is higher than the window overlap."""
+
+
+def sized(width: int) -> dict[str, Any]:
+    """Return what gives something a width [px], of which Panel makes no least width of all around it."""
+    return {
+        "sizing_mode": "stretch_width",
+        "stylesheets": [f":host {{ flex: 0 0 {width}px !important; width: {width}px !important; }}"],
+    }
+
+
+class EntryFields:
+    """A field for every number and text of a table.
+
+    Parameters
+    ----------
+    kind
+        The dataclass of the table.
+    values
+        What the table has at first.
+    changed
+        Called whenever a person has changed something.
+    limits
+        Narrower limits of some numbers, by name.
+    skip
+        Those without a field.
+    """
+
+    def __init__(
+        self,
+        kind: type,
+        values: Mapping[str, Any],
+        changed: Callable[[], None],
+        limits: Limits | None = None,
+        skip: Sequence[str] = (),
+    ) -> None:
+        self._entries = {name: entry for name, entry in entries(kind).items() if name not in skip}
+        defaults = {field.name: field.default for field in dataclasses.fields(kind)}
+        self._fields: dict[str, Any] = {}
+        for name, entry in self._entries.items():
+            value = values.get(name, defaults[name])
+            self._fields[name] = made = _field(entry, value, (limits or {}).get(name, entry.limits))
+            made.param.watch(lambda _event: changed(), "value")
+        self.view = pn.Row(*self._fields.values(), stylesheets=[WRAP], margin=0, sizing_mode="stretch_width")
+
+    def read(self) -> dict[str, Any]:
+        """Return what the fields hold, as a table of a plan has it; empty ones are left out."""
+        values = {}
+        for name, field in self._fields.items():
+            value = _value(self._entries[name], field.value)
+            if value is not None:
+                values[name] = value
+        return values
+
+
+def _field(entry: Entry, value: Any, limits: tuple[float, float]) -> Any:
+    common: dict[str, Any] = {"size": "small", "margin": (6, 4), "variant": "outlined", **sized(148)}
+    if entry.choices:
+        return pmui.Select(
+            label=entry.label, options=list(entry.choices), value=value, description=entry.doc, **common
+        )
+    low, high = limits
+    accepted = f"{low:g} to {high:g}" if math.isfinite(high) else f"{low:g} or more"
+    empty = "the aircraft's own" if entry.optional else "none" if value == math.inf else accepted
+    is_number = isinstance(value, int | float) and math.isfinite(value)
+    return pmui.TextInput(
+        label=f"{entry.label} [{entry.unit}]" if entry.unit else entry.label,
+        value=f"{value:.12g}" if is_number else "",
+        placeholder=empty,
+        description=f"{entry.doc} {accepted[0].upper()}{accepted[1:]} {entry.unit}".strip(),
+        **common,
+    )
+
+
+def _value(entry: Entry, text: Any) -> Any:
+    """Return what was written, as TOML has it; the plan itself judges whether it is acceptable."""
+    if entry.choices:
+        return text
+    text = str(text).strip()
+    if not text:
+        return None
+    found = number(text)
+    return int(found) if entry.whole and isinstance(found, float) and found.is_integer() else found

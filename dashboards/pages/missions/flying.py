@@ -1,0 +1,142 @@
+"""Flying: the part of the page where a flight plan is made, flown in JSBSim, and becomes a mission."""
+
+from __future__ import annotations
+
+import importlib.util
+import io
+import threading
+from collections.abc import Mapping
+from typing import Any
+
+import panel as pn
+import panel_material_ui as pmui
+
+from dashboards.computing import Progress, SupersededError
+from dashboards.pages.missions.entry_fields import WHOLE, WRAP, sized
+from dashboards.pages.missions.job import Job
+from dashboards.pages.missions.naming import Naming
+from dashboards.pages.missions.plan_editor import PlanEditor
+from dashboards.session import Session
+from lab.missions import FlightPlan, Mission, MissionError, add_mission, fly, missions
+
+MISSING = "Flying needs JSBSim, which is not installed on this server: pip install 'ins-lab[fly]'"
+_SMALL: dict[str, Any] = {"size": "small", "variant": "outlined"}
+
+
+class Flying:
+    """Makes a flight plan and flies it.
+
+    Parameters
+    ----------
+    session
+        Which flies through the mission then.
+    """
+
+    def __init__(self, session: Session) -> None:
+        self._session = session
+        self._cancelled = threading.Event()
+        self._closed = False
+        self._job = Job(self._cancelled.set)
+        plans = _plans()
+        self._load = pmui.Select(
+            label="Plan of",
+            options={one.title: name for name, one in plans.items()},
+            **_SMALL,
+            margin=(6, 4),
+            **sized(230),
+        )
+        load = pmui.Button(label="Load", **_SMALL, margin=(10, 4))
+        load.on_click(lambda _event: self._take(self._load.value))
+        save = pmui.FileDownload(
+            callback=self._toml, filename="flight.toml", label="Save plan", **_SMALL, margin=(10, 4)
+        )
+        self._state = pmui.Alert(object="", severity="warning", margin=(6, 4), sizing_mode="stretch_width")
+        self._naming = Naming("flight", "A flight")
+        self._fly = pmui.Button(label="Fly this plan", icon="flight_takeoff", color="primary", margin=(10, 4))
+        self._fly.on_click(lambda _event: self._start())
+        self._editor = PlanEditor(self._check)
+        self.view = pn.Column(
+            pn.Row(self._load, load, save, margin=0, stylesheets=[WRAP], sizing_mode="stretch_width"),
+            self._editor.view,
+            self._state,
+            pn.Row(self._naming.view, self._fly, margin=0, sizing_mode="stretch_width"),
+            self._job.view,
+            margin=0,
+            sizing_mode="stretch_width",
+            stylesheets=[WHOLE],
+        )
+        self._take(next(iter(plans)))
+        session.on_library(self._offer)
+
+    def refresh(self) -> None:
+        """Show what is now: nothing here depends on it."""
+
+    def close(self) -> None:
+        """End a flight that is under way; it is not kept."""
+        self._closed = True
+        self._cancelled.set()
+        self._job.close()
+
+    def _offer(self) -> None:
+        self._load.options = {one.title: name for name, one in _plans().items()}
+
+    def _take(self, name: str) -> None:
+        found = _plans().get(name)
+        if found is not None:
+            self._editor.load(found.flight or {})
+
+    def _check(self) -> None:
+        """Say what is not accepted."""
+        problem = "" if importlib.util.find_spec("jsbsim") else MISSING
+        try:
+            self._editor.plan()
+        except MissionError as error:
+            problem = problem or str(error)
+        self._state.param.update(object=problem, visible=bool(problem))
+        self._fly.disabled = bool(problem)
+
+    def _toml(self) -> io.BytesIO:
+        import tomli_w  # noqa: PLC0415 - rarely needed
+
+        return io.BytesIO(tomli_w.dumps({"flight": self._editor.read()}).encode())
+
+    def _start(self) -> None:
+        if self._job.busy:
+            return
+        try:
+            plan, name, title = self._editor.plan(), self._naming.checked_name(), self._naming.title
+        except MissionError as error:
+            self._job.say(str(error))
+            return
+        self._cancelled.clear()
+        self._job.start("Flying", lambda progress: self._flown(plan, name, title, progress), self._landed)
+
+    def _flown(self, plan: FlightPlan, name: str, title: str, progress: Progress) -> Mission:
+        flight = fly(
+            plan, progress=lambda fraction: progress("Flying", fraction), cancelled=self._cancelled.is_set
+        )
+        if self._closed:
+            raise SupersededError
+        return add_mission(
+            flight.recording,
+            name,
+            title=title,
+            origin="Flown by the lab's own pilot in JSBSim",
+            aircraft=plan.flown_with.title,
+            tags=("flown",),
+            flight=plan.to_dict(),
+            ending=flight.ending,
+        )
+
+    def _landed(self, flown: Mission) -> None:
+        words = f"{flown.name} is flown, {flown.duration:.0f} s, and chosen."
+        if flown.ending:
+            words += f" It ended early: {flown.ending}. What was flown until then is kept."
+        self._job.say(words, "warning" if flown.ending else "success")
+        self._session.library_changed(flown.name)
+        self._naming.suggest("flight", "A flight")
+
+
+def _plans() -> Mapping[str, Mission]:
+    """Return the missions that have a plan."""
+    return {name: one for name, one in missions().items() if one.flight is not None}

@@ -1,0 +1,115 @@
+"""Job: work in a thread with a bar of its progress; below it is said in a sentence what became of it."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from functools import partial
+from typing import Any, NamedTuple
+
+import panel as pn
+import panel_material_ui as pmui
+
+from dashboards.computing import LONG, LatestWins, Outcome, Progress, attempt
+from dashboards.pages.missions.entry_fields import sized
+from dashboards.sending import together
+
+TELL = 0.25
+"""Time from one word about the progress to the next [s]."""
+
+
+class _Task(NamedTuple):
+    work: Callable[[Progress], Any]
+    done: Callable[[Any], None]
+
+
+class Job:
+    """Does one thing at a time in a thread; of several that wait, the newest.
+
+    Parameters
+    ----------
+    cancel
+        Called when a person wants an end of it; None where there is no use in that.
+
+    Attributes
+    ----------
+    view : panel.Column
+        Progress and what became of it.
+    """
+
+    def __init__(self, cancel: Callable[[], None] | None = None) -> None:
+        self._document = pn.state.curdoc
+        self._work: LatestWins[_Task] = LatestWins(self._attempt, self._deliver, LONG)
+        self._told = 0.0
+        self._bar = pmui.LinearProgress(value=0, max=100, sizing_mode="stretch_width", margin=(14, 8))
+        self._words = pn.pane.HTML("", margin=(4, 4), **sized(210))
+        self._row = pn.Row(self._words, self._bar, visible=False, sizing_mode="stretch_width", margin=0)
+        if cancel is not None:
+            button = pmui.Button(label="Cancel", size="small", variant="outlined", margin=(4, 4))
+            button.on_click(lambda _event: cancel())
+            self._row.append(button)
+        self._after = pmui.Alert(
+            object="", severity="error", visible=False, margin=(6, 4), sizing_mode="stretch_width"
+        )
+        self.view = pn.Column(self._row, self._after, sizing_mode="stretch_width", margin=0)
+
+    @property
+    def busy(self) -> bool:
+        """Whether something is being worked on."""
+        return self._work.busy
+
+    def start(self, words: str, work: Callable[[Progress], Any], done: Callable[[Any], None]) -> None:
+        """Begin.
+
+        Parameters
+        ----------
+        words
+            What is said meanwhile.
+        work
+            Called in a thread, with a function that takes progress.
+        done
+            Called with what it returned, in the page's own thread, unless something newer was begun.
+        """
+        self.say("")
+        self._show(words, 0.0)
+        self._row.visible = True
+        self._work.submit(_Task(work, done))
+
+    def say(self, text: str, severity: str = "error") -> None:
+        """Say what is wrong, or what was done; nothing is said with no text."""
+        self._after.param.update(object=text, severity=severity, visible=bool(text))
+
+    def close(self) -> None:
+        """Deliver nothing more."""
+        self._work.close()
+
+    def _attempt(self, task: _Task, progress: Progress) -> Outcome:
+        def tell(words: str, fraction: float) -> None:
+            progress(words, fraction)
+            if time.monotonic() - self._told > TELL:
+                self._told = time.monotonic()
+                self._later(partial(self._show, words, fraction))
+
+        return attempt(lambda: task.work(tell))
+
+    def _deliver(self, task: _Task, outcome: Outcome) -> None:
+        self._later(partial(self._arrive, task, outcome))
+
+    def _later(self, callback: Callable[[], None]) -> None:
+        assert self._document is not None
+        self._document.add_next_tick_callback(callback)
+
+    def _show(self, words: str, fraction: float) -> None:
+        self._words.object = f"{words} …"
+        self._bar.param.update(
+            value=round(100 * fraction), variant="determinate" if fraction else "indeterminate"
+        )
+
+    def _arrive(self, task: _Task, outcome: Outcome) -> None:
+        assert self._document is not None
+        with together(self._document):
+            self._row.visible = False
+            if outcome.problem:
+                self.say(outcome.problem)
+            else:
+                task.done(outcome.result)

@@ -1,0 +1,59 @@
+"""Naming: how a new mission is to be called."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import panel as pn
+import panel_material_ui as pmui
+
+from dashboards.pages.missions.dialog import fill
+from lab.missions import MissionError
+from lab.missions.library import free_name
+from lab.missions.mission_name import accepted_name
+
+_FIELD: dict[str, Any] = {
+    "size": "small",
+    "variant": "outlined",
+    "sizing_mode": "stretch_width",
+    "margin": (8, 4),
+}
+
+
+class Naming:
+    """Name and title of a new mission.
+
+    Parameters
+    ----------
+    name, title
+        What they are at first; a name that is taken gets a number.
+    """
+
+    def __init__(self, name: str, title: str) -> None:
+        self._name = pmui.TextInput(label="Name", max_width=260, **_FIELD)
+        self._title = pmui.TextInput(label="Title", **_FIELD)
+        self.view = pn.Row(self._name, self._title, margin=0, sizing_mode="stretch_width")
+        self.suggest(name, title)
+
+    def suggest(self, name: str, title: str) -> None:
+        """Suggest others."""
+        fill(self._name, free_name(name))
+        fill(self._title, title)
+
+    def checked_name(self) -> str:
+        """Return the name as it is now.
+
+        Raises
+        ------
+        MissionError
+            If it is not accepted, or a mission has it.
+        """
+        name = accepted_name(str(self._name.value_input).strip())
+        if free_name(name) != name:
+            raise MissionError(f"name {name!r}: a mission has it already; choose another name")
+        return name
+
+    @property
+    def title(self) -> str:
+        """The title as it is now; the name where it is empty."""
+        return str(self._title.value_input).strip() or str(self._name.value_input).strip()

@@ -1,0 +1,115 @@
+"""Part list: tables of a flight plan in their order, such as its manoeuvres: added, removed and moved."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any, NamedTuple
+
+import panel as pn
+import panel_material_ui as pmui
+
+from dashboards.pages.missions.entry_fields import WHOLE, EntryFields, sized
+from lab.missions.plan_table import Limits
+
+ROW = """
+:host { border: 1px solid rgba(128,128,128,.3); border-radius: 6px; }
+@media (max-width: 800px) { :host { flex-wrap: wrap; min-width: 0 !important; } }
+"""
+
+
+class _Part(NamedTuple):
+    word: str
+    fields: EntryFields
+
+
+class PartList:
+    """Tables in their order.
+
+    Parameters
+    ----------
+    kinds
+        The dataclasses a table may be of, by the words a plan calls them.
+    noun
+        What one of them is called.
+    changed
+        Called whenever a person has changed something.
+    """
+
+    def __init__(self, kinds: Mapping[str, type], noun: str, changed: Callable[[], None]) -> None:
+        self._kinds = dict(kinds)
+        self._changed = changed
+        self._limits: Limits | None = None
+        self._parts: list[_Part] = []
+        self._rows = pn.Column(margin=0, sizing_mode="stretch_width", stylesheets=[WHOLE])
+        self._kind = pmui.Select(
+            label=noun.capitalize(),
+            options={spoken(word): word for word in kinds},
+            value=next(iter(kinds)),
+            size="small",
+            margin=(6, 4),
+            visible=len(kinds) > 1,
+            **sized(170),
+        )
+        add = pmui.Button(label=f"Add {noun}", icon="add", size="small", variant="outlined", margin=(10, 4))
+        add.on_click(lambda _event: self._add())
+        self.view = pn.Column(
+            self._rows,
+            pn.Row(self._kind, add, margin=0, sizing_mode="stretch_width"),
+            margin=0,
+            sizing_mode="stretch_width",
+            stylesheets=[WHOLE],
+        )
+
+    def load(self, tables: Sequence[tuple[str, Mapping[str, Any]]], limits: Limits | None = None) -> None:
+        """Show tables, each with its word."""
+        self._limits = limits
+        self._parts = [self._make(word, values) for word, values in tables]
+        self._show()
+
+    def read(self) -> list[tuple[str, dict[str, Any]]]:
+        """Return the tables as they are now, each with its word."""
+        return [(part.word, part.fields.read()) for part in self._parts]
+
+    def _make(self, word: str, values: Mapping[str, Any]) -> _Part:
+        return _Part(word, EntryFields(self._kinds[word], values, self._changed, self._limits))
+
+    def _add(self) -> None:
+        self._parts.append(self._make(self._kind.value, {}))
+        self._show()
+        self._changed()
+
+    def _show(self) -> None:
+        self._rows[:] = [self._row(number, part) for number, part in enumerate(self._parts)]
+
+    def _row(self, number: int, part: _Part) -> pn.viewable.Viewable:
+        title = pn.pane.HTML(
+            f"<b>{number + 1}</b>&ensp;{spoken(part.word)}", width=120, margin=(16, 6, 4, 10)
+        )
+        tools = [
+            self._tool("arrow_upward", "Earlier", number, -1, number == 0),
+            self._tool("arrow_downward", "Later", number, 1, number == len(self._parts) - 1),
+            self._tool("delete", "Remove", number, 0, False),
+        ]
+        return pn.Row(
+            title, part.fields.view, *tools, stylesheets=[ROW], margin=(3, 4), sizing_mode="stretch_width"
+        )
+
+    def _tool(self, icon: str, word: str, number: int, step: int, disabled: bool) -> pn.viewable.Viewable:
+        what = f"{word}: {number + 1} {spoken(self._parts[number].word)}"
+        button = pmui.IconButton(
+            icon=icon, description=what, size="1em", margin=(12, 0), disabled=disabled, color="default"
+        )
+        button.on_click(lambda _event: self._move(number, step))
+        return button
+
+    def _move(self, number: int, step: int) -> None:
+        part = self._parts.pop(number)
+        if step:
+            self._parts.insert(number + step, part)
+        self._show()
+        self._changed()
+
+
+def spoken(word: str) -> str:
+    """Return a word of a plan as people say it."""
+    return word.replace("_", " ").capitalize()

@@ -1,0 +1,134 @@
+"""Plan editor: a flight plan as fields: aircraft, start, air and manoeuvres."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from typing import Any
+
+import panel as pn
+import panel_material_ui as pmui
+
+from dashboards.pages.missions.entry_fields import WHOLE, WRAP, EntryFields, sized
+from dashboards.pages.missions.part_list import PartList
+from lab.missions import FlightPlan
+from lab.missions.aircraft import AIRCRAFT
+from lab.missions.flight_plan import AirStart, Runway
+from lab.missions.manoeuvres import MANOEUVRES
+from lab.missions.plan_table import entries
+from lab.missions.weather import Air, Gust
+
+_WIDE: dict[str, Any] = {"sizing_mode": "stretch_width"}
+STARTS: dict[str, type] = {"runway": Runway, "air_start": AirStart}
+_SELECT: dict[str, Any] = {"size": "small", "margin": (6, 4), **sized(220)}
+
+
+class PlanEditor:
+    """A flight plan as fields.
+
+    Parameters
+    ----------
+    changed
+        Called whenever there is another plan.
+    """
+
+    def __init__(self, changed: Callable[[], None]) -> None:
+        self._changed = changed
+        self._loading = False
+        self._aircraft = pmui.Select(
+            label="Aircraft", options={one.title: name for name, one in AIRCRAFT.items()}, **_SELECT
+        )
+        self._start = pmui.Select(
+            label="Start", options={"On a runway": "runway", "In the air": "air_start"}, **_SELECT
+        )
+        for choice in (self._aircraft, self._start):
+            choice.param.watch(lambda _event: self._chosen(), "value")
+        self._manoeuvres = PartList(MANOEUVRES, "manoeuvre", self._told)
+        self._gusts = PartList({"gust": Gust}, "gust", self._told)
+        self._general, self._where, self._air = (
+            pn.Column(margin=0, sizing_mode="stretch_width") for _ in range(3)
+        )
+        self.view = pn.Column(
+            _card(
+                "Flight",
+                pn.Row(self._aircraft, self._start, self._general, stylesheets=[WRAP], margin=0, **_WIDE),
+                self._where,
+            ),
+            _card("Manoeuvres", self._manoeuvres.view),
+            _card("Air", self._air, self._gusts.view, collapsed=True),
+            margin=0,
+            sizing_mode="stretch_width",
+            stylesheets=[WHOLE],
+        )
+
+    def load(self, values: Mapping[str, Any]) -> None:
+        """Show a plan, as the ``[flight]`` table of a mission has it; without one there are no fields yet."""
+        self._loading = True
+        try:
+            self._aircraft.value = values.get("aircraft", "c172p")
+            self._start.value = "air_start" if "air_start" in values else "runway"
+            self._fill(values)
+        finally:
+            self._loading = False
+        self._changed()
+
+    def read(self) -> dict[str, Any]:
+        """Return the plan as it is now, as plain data, acceptable or not."""
+        air = self._air_fields.read()
+        gusts = [values for _, values in self._gusts.read()]
+        return {
+            "aircraft": self._aircraft.value,
+            **self._general_fields.read(),
+            self._start.value: self._where_fields.read(),
+            "air": air | ({"gusts": gusts} if gusts else {}),
+            "manoeuvres": [{"do": word} | values for word, values in self._manoeuvres.read()],
+        }
+
+    def plan(self) -> FlightPlan:
+        """Return the plan.
+
+        Raises
+        ------
+        MissionError
+            If something in it is not accepted.
+        """
+        return FlightPlan.from_dict(self.read(), "plan")
+
+    def _fill(self, values: Mapping[str, Any]) -> None:
+        limits = AIRCRAFT[self._aircraft.value].limits
+        start, air = self._start.value, values.get("air", {})
+        in_the_air = limits if start == "air_start" else None
+        self._general_fields = EntryFields(FlightPlan, values, self._told, skip=("aircraft",))
+        self._where_fields = EntryFields(STARTS[start], values.get(start, {}), self._told, in_the_air)
+        self._air_fields = EntryFields(Air, air, self._told)
+        self._general[:], self._where[:] = [self._general_fields.view], [self._where_fields.view]
+        self._air[:] = [self._air_fields.view]
+        self._gusts.load([("gust", gust) for gust in air.get("gusts", [])])
+        tables = [(entry["do"], entry) for entry in values.get("manoeuvres", [])]
+        # A take-off ends low: the heights of the aircraft are those it climbs to.
+        self._manoeuvres.load(tables, limits)
+
+    def _chosen(self) -> None:
+        """Show the fields that go with another aircraft or start; where it starts stays the same place."""
+        if self._loading:
+            return
+        values = self.read()
+        start = self._start.value
+        accepted = entries(STARTS[start])
+        values[start] = {name: value for name, value in values[start].items() if name in accepted}
+        self.load(values)
+
+    def _told(self) -> None:
+        if not self._loading:
+            self._changed()
+
+
+def _card(title: str, *content: pn.viewable.Viewable, collapsed: bool = False) -> pn.viewable.Viewable:
+    return pmui.Card(
+        *content,
+        title=title,
+        title_variant="subtitle2",
+        collapsed=collapsed,
+        variant="outlined",
+        margin=(6, 2),
+        sizing_mode="stretch_width",
+    )
