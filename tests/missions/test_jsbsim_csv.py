@@ -111,6 +111,12 @@ def test_the_acceleration_is_the_change_of_velocity(tmp_path, capfd):
     assert np.linalg.norm(flight.acceleration_b[-1]) > 1.0
 
 
-def test_a_csv_without_position_is_told_what_to_write(tmp_path, capfd):
+def test_a_csv_without_position_has_the_velocity(tmp_path, capfd):
+    flight, _ = fly(tmp_path, "<rates>ON</rates><velocities>ON</velocities>")
+    assert flight.latitude is None
+    assert flight.velocity_n is not None
+
+
+def test_a_csv_of_rates_alone_is_told_what_to_write(tmp_path, capfd):
     with pytest.raises(MissionError, match="<position>ON</position>"):
-        fly(tmp_path, "<rates>ON</rates><velocities>ON</velocities>")
+        fly(tmp_path, "<rates>ON</rates>")

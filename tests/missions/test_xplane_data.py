@@ -99,9 +99,18 @@ def test_without_group_21_there_is_the_rest_and_advice(file):
     assert "17 pitch" not in advice
 
 
-def test_without_position_the_groups_to_tick_are_named(file):
-    with pytest.raises(MissionError, match=r"no position in it\. .*20 latitude, longitude, altitude"):
-        file(without(writer.columns(MONTREAL), "lat", "alt"))
+def test_without_position_there_is_the_rest_and_advice(file):
+    flight = file(without(writer.columns(MONTREAL), "lat", "lon", "alt"))
+    assert flight.latitude is None
+    assert flight.velocity_n is not None
+    assert any("20 latitude, longitude, altitude (position)" in remark for remark in flight.remarks)
+    assert not any("above the sea" in remark for remark in flight.remarks)
+
+
+def test_without_any_motion_the_groups_to_tick_are_named(file):
+    assert file(without(writer.columns(MONTREAL), "lat", "alt", "m/s")).airspeed is not None
+    with pytest.raises(MissionError, match=r"neither velocity nor position .*20 latitude.*; 21 loc, vel"):
+        file(without(writer.columns(MONTREAL), "lat", "alt", "m/s", "ktas"))
 
 
 def test_without_time_too(file):

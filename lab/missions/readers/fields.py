@@ -249,6 +249,31 @@ def raw_flight(
     )
 
 
+def refuse_no_motion(path: Path, flight: RawFlight, advice: str) -> None:
+    """Raise if a flight tells nowhere where the aircraft goes.
+
+    Parameters
+    ----------
+    path
+        The file, for the message.
+    flight
+        As read.
+    advice
+        What to record; whole sentences.
+
+    Raises
+    ------
+    MissionError
+        If there is neither velocity nor position nor airspeed with attitude.
+    """
+    by_air = flight.airspeed is not None and flight.euler is not None
+    by_position = flight.latitude is not None and flight.longitude is not None
+    if flight.velocity_n is None and not by_position and not by_air:
+        raise MissionError(
+            f"{path}: there is neither velocity nor position nor airspeed with attitude in it. {advice}"
+        )
+
+
 def one_file(paths: Sequence[Path], reader: str) -> Path:
     """Return the one file of a format that has one for a flight.
 

@@ -15,7 +15,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lab import ecef
-from lab.missions.errors import MissionError
 from lab.missions.raw_flight import RawFlight
 from lab.missions.readers.fields import (
     NAMED,
@@ -25,6 +24,7 @@ from lab.missions.readers.fields import (
     raw_flight,
     read_columns,
     recognised,
+    refuse_no_motion,
 )
 from lab.missions.readers.table import plain
 
@@ -100,7 +100,8 @@ def read(paths: Sequence[Path], units: Mapping[str, str]) -> RawFlight:
     Raises
     ------
     MissionError
-        For whatever is wrong with the file; if it has no position, naming what to write.
+        For whatever is wrong with the file; if it tells nowhere where the aircraft goes, naming
+        what to write.
     """
     path = one_file(paths, NAME)
     columns = read_columns(path, FIELDS, units, REQUIRED)
@@ -112,12 +113,7 @@ def read(paths: Sequence[Path], units: Mapping[str, str]) -> RawFlight:
     elif columns.get("geodetic height") is not None:
         columns.values["height"] = columns.values["geodetic height"]
         columns.units["height"] = columns.units.pop("geodetic height")
-    if columns.vector("latitude", "longitude", "height") is None:
-        raise MissionError(
-            f"{path}: there is no position in it; accepted is a csv with the group <position>ON</position>, "
-            "or with the properties position/lat-geod-deg, position/long-gc-deg and position/geod-alt-ft"
-        )
-    return raw_flight(
+    flight = raw_flight(
         NAME,
         columns,
         velocity_n=columns.vector("north", "east", "down"),
@@ -125,6 +121,14 @@ def read(paths: Sequence[Path], units: Mapping[str, str]) -> RawFlight:
         body_rate=columns.vector("p", "q", "r"),
         acceleration_b=_acceleration(columns),
     )
+    refuse_no_motion(
+        path,
+        flight,
+        "Accepted is a csv with the groups <position>ON</position> and <velocities>ON</velocities>, or with "
+        "the properties position/lat-geod-deg, position/long-gc-deg, position/geod-alt-ft and "
+        "velocities/v-north-fps, v-east-fps, v-down-fps.",
+    )
+    return flight
 
 
 def _acceleration(columns: Columns) -> FloatArray | None:

@@ -27,6 +27,7 @@ from lab.missions.readers.fields import (
     raw_flight,
     read_columns,
     recognised,
+    refuse_no_motion,
 )
 from lab.missions.readers.table import plain
 
@@ -87,8 +88,8 @@ def read(paths: Sequence[Path], units: Mapping[str, str]) -> RawFlight:
     Raises
     ------
     MissionError
-        For whatever is wrong with the file; if it has no position or no time, naming the groups to
-        tick.
+        For whatever is wrong with the file; if it has no time or tells nowhere where the
+        aircraft goes, naming the groups to tick.
     """
     path = one_file(paths, NAME)
     columns = read_columns(path, FIELDS, units, REQUIRED)
@@ -101,27 +102,25 @@ def read(paths: Sequence[Path], units: Mapping[str, str]) -> RawFlight:
         f"Not in the file: {'; '.join(lacking)}. To record them, tick these groups under Disk File in "
         "X-Plane's Settings, Data Output."
     )
-    if columns.vector("latitude", "longitude", "height") is None:
-        raise MissionError(f"{path}: there is no position in it. {advice}")
     if not any(name in columns.values for name in CLOCKS):
         raise MissionError(f"{path}: there is no time in it. {advice}")
     clock = _clock(columns)
     for key in CLOCKS:
         if key != clock:
             columns.units.pop(key, None)
-    remarks = [SEA_LEVEL]
+    remarks = [SEA_LEVEL] if "height" in columns.values else []
     if lacking:
         remarks.append(advice)
     if clock == "real,time":
         remarks.append(
             "Time is that of the computer, not of the simulator: it jitters, and goes on when X-Plane pauses."
         )
-    if plain(columns.units["height"].column).startswith("p-alt"):
+    if "height" in columns.values and plain(columns.units["height"].column).startswith("p-alt"):
         remarks.append(
             "The height is p-alt: where that is X-Plane's pressure altitude it differs from the height as "
             "the air of the day differs from the standard atmosphere."
         )
-    return raw_flight(
+    flight = raw_flight(
         NAME,
         columns,
         time=columns.values[clock],
@@ -130,6 +129,8 @@ def read(paths: Sequence[Path], units: Mapping[str, str]) -> RawFlight:
         body_rate=columns.vector("p", "q", "r"),
         remarks=remarks,
     )
+    refuse_no_motion(path, flight, advice)
+    return flight
 
 
 def _clock(columns: Columns) -> str:
@@ -142,7 +143,7 @@ def _velocity(columns: Columns) -> FloatArray | None:
     local = columns.vector("-vZ", "vX", "-vY")
     here = columns.vector("latitude", "longitude", "height")
     if local is None or here is None:
-        return None
+        return local
     return velocity_at_aircraft(local, here, columns.vector("-Z", "X"))
 
 
