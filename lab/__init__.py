@@ -34,7 +34,8 @@ if TYPE_CHECKING:
     from lab.ensemble import Ensemble, run_ensemble
     from lab.experiment import Experiment
     from lab.export import export_track
-    from lab.missions import Mission, MissionError, Recording, mission
+    from lab.missions import Mission, MissionError, Recording
+    from lab.missions.catalogue import mission
     from lab.navigation.algorithm import Algorithm, Estimate
     from lab.result import Result, ResultError
     from lab.sensors.cards import card, cards

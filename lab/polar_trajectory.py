@@ -14,12 +14,12 @@ from __future__ import annotations
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy.interpolate import CubicSpline
 from scipy.spatial.transform import Rotation
 
 from lab import earth, ecef, rotation
+from lab.anchoring import anchored_cartesian
 from lab.missions.recording import Recording
-from lab.trajectory import RotationCurve, Trajectory, Truth, slow_spline
+from lab.trajectory import RotationCurve, Trajectory, Truth
 
 FloatArray = NDArray[np.float64]
 
@@ -56,13 +56,11 @@ class PolarTrajectory(Trajectory):
         """
         time = recording.time - recording.time[0]
         C_en = ecef.axes(recording.latitude, recording.longitude)
-        fixes = ecef.position(np.stack((recording.latitude, recording.longitude, recording.height), axis=-1))
-        velocity_e = np.einsum("nij,nj->ni", C_en, recording.velocity_n)
-        flown = CubicSpline(time, velocity_e).antiderivative()
-        correction = slow_spline(time, fixes - fixes[0] - flown(time))
+        position = np.stack((recording.latitude, recording.longitude, recording.height), axis=-1)
+        offsets = anchored_cartesian(time, position, recording.velocity_n, grid)
         C_nb = Rotation.from_quat(rotation.quaternion_from_euler(recording.euler), scalar_first=True)
         attitude = RotationCurve(time, Rotation.from_matrix(C_en) * C_nb).resampled(grid)
-        return cls(grid, fixes[0], flown(grid) + correction(grid), attitude, imu_rate)
+        return cls(grid, ecef.position(position[:1])[0], offsets, attitude, imu_rate)
 
     def at(self, times: ArrayLike) -> Truth:
         """Return the truth at any times within the flight; as `Trajectory.at`."""

@@ -21,10 +21,11 @@ from typing import Literal, Protocol, get_args
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy.interpolate import BSpline, CubicSpline, make_lsq_spline
+from scipy.interpolate import CubicSpline
 from scipy.spatial.transform import Rotation, RotationSpline
 
-from lab import earth, ecef, ideal_imu, rotation
+from lab import ecef, ideal_imu, rotation
+from lab.anchoring import anchored_offsets
 from lab.ideal_imu import IdealImu
 from lab.missions.recording import Recording
 
@@ -34,8 +35,6 @@ AttitudeKind = Literal["rotation", "euler"]
 ATTITUDE_CURVES = get_args(AttitudeKind)
 MIN_SAMPLES = 4
 """A cubic needs four points."""
-ANCHOR_SPACING = 10.0
-"""Knot spacing of the correction that holds the integrated velocity to the position fixes [s]."""
 
 
 @dataclass(frozen=True)
@@ -238,9 +237,10 @@ class Trajectory:
             polar = PolarTrajectory.through(recording, grid, imu_rate)
             polar._compare(time, recording)
             return polar
-        origin = np.array([recording.latitude[0], recording.longitude[0], recording.height[0]])
+        position = np.stack((recording.latitude, recording.longitude, recording.height), axis=-1)
+        offsets = anchored_offsets(time, position, recording.velocity_n, grid)
         attitude = _attitude_curve(time, recording.euler, attitude_curve).resampled(grid)
-        trajectory = cls(grid, origin, _anchored_offsets(time, recording, grid), attitude, imu_rate)
+        trajectory = cls(grid, position[0], offsets, attitude, imu_rate)
         trajectory._compare(time, recording)
         return trajectory
 
@@ -384,41 +384,3 @@ def _attitude_curve(time: FloatArray, euler: FloatArray, kind: AttitudeKind) -> 
             time, Rotation.from_quat(rotation.quaternion_from_euler(euler), scalar_first=True)
         )
     return EulerCurve(time, np.unwrap(euler, axis=0))
-
-
-def _anchored_offsets(time: FloatArray, recording: Recording, grid: FloatArray) -> FloatArray:
-    """Return latitude, longitude and height (n, 3) on the grid, minus those of the first sample.
-
-    The integral of the recorded velocity over the ellipsoid, plus the slow least-squares spline through its
-    distance to the recorded positions. The curvature of the Earth is taken at the recorded positions: a metre
-    there changes it by a few parts in 10⁷.
-    """
-    fixes = np.stack((recording.latitude, np.unwrap(recording.longitude), recording.height), axis=-1)
-    meridian, transverse = earth.radii(np.sin(recording.latitude))
-    to_rate = np.stack(
-        (
-            1 / (meridian + recording.height),
-            1 / ((transverse + recording.height) * np.cos(recording.latitude)),
-            np.full_like(time, -1.0),
-        ),
-        axis=-1,
-    )
-    flown = CubicSpline(time, recording.velocity_n * to_rate).antiderivative()
-    correction = slow_spline(time, fixes - fixes[0] - flown(time))
-    return np.asarray(flown(grid) + correction(grid))
-
-
-def slow_spline(time: FloatArray, values: FloatArray) -> BSpline:
-    """Return the least-squares cubic spline with knots about `ANCHOR_SPACING` apart, samples between them.
-
-    Parameters
-    ----------
-    time : (n,) array
-        Times of the values, from 0 [s].
-    values : (n, 3) array
-        What the spline is to follow slowly.
-    """
-    pieces = int(np.clip(time[-1] / ANCHOR_SPACING, 1, (len(time) - 1) // 3))
-    inner = time[np.linspace(0, len(time) - 1, pieces + 1).astype(int)[1:-1]]
-    knots = np.concatenate((np.full(4, time[0]), inner, np.full(4, time[-1])))
-    return make_lsq_spline(time, values, knots, k=3)

@@ -7,6 +7,10 @@
 np.float64(0.055)
 """
 
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
 from lab.missions.catalogue import broken_missions, mission, missions, own_folder, shipped_folder
 from lab.missions.errors import MissionError
 from lab.missions.flight import Flight, fly, fly_mission
@@ -19,9 +23,15 @@ from lab.missions.recording import Recording
 from lab.missions.sensor_log import SensorLog
 from lab.missions.sensor_log_csv import read_sensor_log
 
+if TYPE_CHECKING:
+    from lab.missions.flight_import import FlightImport, prepare_import
+    from lab.missions.import_settings import ImportSettings
+
 __all__ = [
     "Flight",
+    "FlightImport",
     "FlightPlan",
+    "ImportSettings",
     "LogMission",
     "Mission",
     "MissionError",
@@ -37,9 +47,23 @@ __all__ = [
     "mission",
     "missions",
     "own_folder",
+    "prepare_import",
     "read_flight_csv",
     "read_sensor_log",
     "rename_mission",
     "shipped_folder",
     "write_flight_csv",
 ]
+
+
+def __getattr__(name: str) -> Any:
+    """Import what rebuilds flights when it is first used: SciPy takes its time."""
+    if name in {"FlightImport", "prepare_import"}:
+        from lab.missions import flight_import  # noqa: PLC0415
+
+        return getattr(flight_import, name)
+    if name == "ImportSettings":
+        from lab.missions.import_settings import ImportSettings  # noqa: PLC0415
+
+        return ImportSettings
+    raise AttributeError(f"module 'lab.missions' has no attribute {name!r}")

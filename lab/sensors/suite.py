@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
+import numpy as np
+
+from lab.missions.sensor_noise import SensorNoise
 from lab.sensors.gps import GpsErrors
 from lab.sensors.imu import AccelerometerErrors, GyroErrors
 from lab.sensors.temperature import TemperatureSettings
 from lab.settings import Settings, group
+from lab.units import si
 
 
 class SensorSuite(Settings):
@@ -39,3 +43,20 @@ class SensorSuite(Settings):
                 "coefficients, such as sensors.gyro.bias_temperature, are zero.",
             )
         return ()
+
+
+def white_noise(sensors: SensorSuite, name: str) -> SensorNoise:
+    """Return the white noise of an IMU, rms of its axes, to compare the noise of a recording with.
+
+    Parameters
+    ----------
+    sensors
+        The errors of the IMU.
+    name
+        What it is called.
+    """
+    gyro, accelerometer = (
+        float(np.sqrt(np.mean(si(triad, "noise_density") ** 2)))
+        for triad in (sensors.gyro, sensors.accelerometer)
+    )
+    return SensorNoise(name, gyro, accelerometer)

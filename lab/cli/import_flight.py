@@ -1,0 +1,143 @@
+"""``ins-lab import``: a flight of a simulator or logger judged, rebuilt and added to the missions."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from lab.cli.app import CommandError, print_json, working
+from lab.cli.options import AsJson, Card, Force
+
+if TYPE_CHECKING:
+    from lab.missions.flight_import import FlightImport
+    from lab.missions.import_report import ImportReport
+    from lab.missions.sensor_noise import SensorNoise
+
+EXAMPLES = """\b
+Examples:
+  ins-lab import Data.csv
+  ins-lab import Data.txt --name my_flight --title "Round the lake"
+  ins-lab import insgns-gps.csv insgns-imu.csv --name pair
+  ins-lab import Data.csv --preview
+  ins-lab import Data.csv --unit Plane_Altitude=m --set curve="air data" --set wind=none
+  ins-lab import track.gpx --set vehicle=car
+The format is found by what the file holds. --set takes curve, time_stamps, longest_gap, smoothing,
+smoothing_parameter, wind, wind_from, wind_speed, vehicle, start_latitude, start_longitude, start_height and
+rate; a value that is not accepted is answered with those that are."""
+
+
+def import_flight(
+    files: Annotated[
+        list[Path],
+        typer.Argument(metavar="FILE...", help="The files of one flight.", show_default=False),
+    ],
+    name: Annotated[
+        str | None,
+        typer.Option("--name", help="What the mission is to be called.", show_default="the file's name"),
+    ] = None,
+    title: Annotated[str, typer.Option("--title", help="Its title, for people.", show_default=False)] = "",
+    preview: Annotated[
+        bool,
+        typer.Option("--preview", help="Write a picture of it as an html file, and add nothing."),
+    ] = False,
+    units: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--unit",
+            metavar="COLUMN=UNIT",
+            help="The unit of a column, where the file says another or none; may be repeated.",
+            show_default=False,
+        ),
+    ] = None,
+    assignments: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--set",
+            metavar="NAME=VALUE",
+            help="How the flight is rebuilt; may be repeated.",
+            show_default=False,
+        ),
+    ] = None,
+    card: Card = None,
+    implausible: Annotated[
+        bool, typer.Option("--implausible", help="Add a flight that is implausible, too.")
+    ] = False,
+    force: Force = False,
+    as_json: AsJson = False,
+) -> None:
+    """Report on a recorded flight of any known format, rebuild it, and add it to your own missions."""
+    from lab.missions.flight_import import prepare_import  # noqa: PLC0415 - takes half a second
+    from lab.missions.import_settings import ImportSettings  # noqa: PLC0415 - rarely needed
+    from lab.missions.library import free_name  # noqa: PLC0415 - rarely needed
+
+    settings = ImportSettings()
+    settings.set_texts(assignments or [])
+    with working(str(files[0])) as progress:
+        progress("reading", 0.0)
+        read = prepare_import(files, settings, _units(units), _noise(card))
+        added = ""
+        shown = _preview(read, files[0]) if preview else None
+        if not preview:
+            if read.report.verdict == "implausible" and not implausible:
+                _show(read, as_json, {"added": None})
+                raise CommandError(
+                    f"{files[0]}: not added, since it is implausible; to add it all the same: --implausible"
+                )
+            progress("writing", 0.7)
+            added = read.add(name or free_name(files[0].name), title, overwrite=force).name
+    _show(read, as_json, {"added": added or None, "preview": None if shown is None else str(shown)})
+    if not as_json:
+        print(f"Preview: {shown}" if shown else f"Added: {added}. Navigate it: ins-lab run {added}")
+
+
+def _units(texts: Sequence[str] | None) -> dict[str, str]:
+    """Return units by column."""
+    units = {}
+    for text in texts or []:
+        column, sign, unit = text.rpartition("=")
+        if not sign or not column.strip() or not unit.strip():
+            raise CommandError(f"--unit {text}: accepted is COLUMN=UNIT, such as Plane_Altitude=ft")
+        units[column.strip()] = unit.strip()
+    return units
+
+
+def _noise(card: str | None) -> SensorNoise:
+    """Return the white noise of a card, or of the default sensors."""
+    from lab.sensors.cards import CLASSIC  # noqa: PLC0415 - takes half a second
+    from lab.sensors.cards import card as find_card  # noqa: PLC0415 - takes half a second
+    from lab.sensors.suite import SensorSuite, white_noise  # noqa: PLC0415 - takes half a second
+
+    chosen = find_card(card or CLASSIC)
+    return white_noise(SensorSuite().update(chosen.settings()), chosen.name)
+
+
+def _preview(read: FlightImport, file: Path) -> Path:
+    """Write the picture of a flight beside where the command is given, and return where."""
+    from lab.views.import_preview import save_preview  # noqa: PLC0415 - Bokeh takes a second
+
+    out = Path(f"{file.name}.preview.html")
+    try:
+        save_preview(read, out)
+    except OSError as error:
+        raise CommandError(f"{out}: cannot be written: {error.strerror or error}") from error
+    return out
+
+
+def _show(read: FlightImport, as_json: bool, facts: dict[str, Any]) -> None:
+    if as_json:
+        print_json({**_facts(read.report), **facts})
+    else:
+        print(read.report)
+
+
+def _facts(report: ImportReport) -> dict[str, Any]:
+    return {
+        "verdict": report.verdict,
+        "reasons": list(report.reasons),
+        "specific_force_noise_m_s2": report.specific_force_noise,
+        "body_rate_noise_rad_s": report.body_rate_noise,
+        "rows": [{"group": row.group, "name": row.name, "value": row.value} for row in report.rows],
+    }

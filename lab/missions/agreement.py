@@ -1,0 +1,72 @@
+"""Agreement: how one series of numbers follows another that should be the same, and what breaks it."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+FloatArray = NDArray[np.float64]
+
+_FACTORS = {
+    180 / math.pi: "degrees read as radians",
+    math.pi / 180: "radians read as degrees",
+    1 / 0.514444: "knots read as m/s",
+    0.514444: "m/s read as knots",
+    1 / 0.3048: "feet read as metres",
+    0.3048: "metres read as feet",
+    3.6: "km/h read as m/s",
+    1 / 3.6: "m/s read as km/h",
+    60 / 0.3048: "feet per minute read as m/s",
+    9.80665: "m/s² read as g",
+    1 / 9.80665: "g read as m/s²",
+    1000.0: "thousandths read as whole units, or seconds as milliseconds",
+    0.001: "whole units read as thousandths, or milliseconds as seconds",
+}
+_NEAR = 0.05
+
+
+@dataclass(frozen=True)
+class Agreement:
+    """How one series follows another.
+
+    Attributes
+    ----------
+    slope : float
+        By what the reference is to be multiplied, by least squares through the origin.
+    correlation : float
+        Correlation coefficient; 0 where one of them does not change.
+    strength : float
+        Rms of the reference.
+    """
+
+    slope: float
+    correlation: float
+    strength: float
+
+
+def agreement(reference: FloatArray, other: FloatArray) -> Agreement:
+    """Return how a series (n,) follows a reference (n,)."""
+    power = float(reference @ reference)
+    spread = float(np.std(reference) * np.std(other))
+    both = float(np.mean((reference - reference.mean()) * (other - other.mean())))
+    return Agreement(
+        slope=float(reference @ other) / power if power > 0 else math.nan,
+        correlation=both / spread if spread > 0 else 0.0,
+        strength=math.sqrt(power / max(len(reference), 1)),
+    )
+
+
+def cause(factor: float) -> str:
+    """Return in words what probably makes numbers a factor too large."""
+    if not factor or not math.isfinite(factor):
+        return "a column of another quantity"
+    turned = "its sign is turned round" if factor < 0 else ""
+    if abs(abs(factor) - 1) < 3 * _NEAR:
+        return turned or "noise"
+    for known, words in _FACTORS.items():
+        if abs(abs(factor) / known - 1) < _NEAR:
+            return f"{words}, and {turned}" if turned else words
+    return f"another unit, and {turned}" if turned else "another unit or column"

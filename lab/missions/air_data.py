@@ -1,0 +1,102 @@
+"""Air data: the flight that airspeed, roll, pitch, heading, angle of attack and sideslip tell.
+
+The velocity through the air, turned by the attitude, plus the wind is the velocity over the Earth; its
+integral over the ellipsoid is the way. The wind may be given, or fitted to positions.
+
+References ---------- B. L. Stevens, F. L. Lewis, E. N. Johnson, *Aircraft Control and Simulation*, 3rd ed.,
+eq. 2.3-6 (velocity from airspeed, angle of attack and sideslip).
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.interpolate import CubicSpline
+
+from lab import ecef, rotation
+
+FloatArray = NDArray[np.float64]
+
+_CLOSE = 1e-4
+_ROUNDS = 40
+_FITS = 3
+
+
+def air_velocity(airspeed: FloatArray, alpha: FloatArray, beta: FloatArray, euler: FloatArray) -> FloatArray:
+    """Return the velocity through the air, north, east, down (n, 3) [m/s] (Stevens & Lewis 2.3-6).
+
+    Parameters
+    ----------
+    airspeed : (n,) array
+        True airspeed [m/s].
+    alpha, beta : (n,) arrays
+        Angle of attack, sideslip [rad].
+    euler : (n, 3) array
+        Roll, pitch, yaw [rad].
+    """
+    forward = np.cos(alpha) * np.cos(beta)
+    direction_b = np.stack((forward, np.sin(beta), np.sin(alpha) * np.cos(beta)), axis=-1)
+    C_nb = rotation.C_nb_from_euler(euler)
+    return np.asarray(np.einsum("nij,nj->ni", C_nb, airspeed[:, None] * direction_b))
+
+
+def flown(time: FloatArray, velocity_n: FloatArray, start: FloatArray) -> FloatArray:
+    """Return the latitudes, longitudes [rad] and heights [m], (n, 3), a velocity leads to.
+
+    Picard's iteration in Earth-fixed axes: the axes north, east, down of each sample are taken where the
+    round before came to.
+
+    Parameters
+    ----------
+    time : (n,) array
+        Increasing times [s].
+    velocity_n : (n, 3) array
+        Velocity over the Earth, north, east, down [m/s].
+    start : (3,) array
+        Latitude, longitude [rad] and height [m] at the first time.
+    """
+    here = np.asarray(start, dtype=np.float64)
+    r_start = ecef.position(here[None])
+    position = np.tile(here, (len(time), 1))
+    for _ in range(_ROUNDS):
+        velocity_e = np.einsum("nij,nj->ni", ecef.axes(position[:, 0], position[:, 1]), velocity_n)
+        way = CubicSpline(time, velocity_e).antiderivative()(time)
+        moved = ecef.geodetic(r_start + way)
+        change = np.abs(ecef.position(moved) - ecef.position(position)).max()
+        position = moved
+        if change < _CLOSE:
+            break
+    return position
+
+
+def fit_wind(
+    time: FloatArray, through_air: FloatArray, recorded: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """Return the constant wind and the start with which a flight follows recorded positions best.
+
+    Least squares on all three axes; a vertical wind makes up for what a constant error of the angle of
+    attack or the pitch does.
+
+    Parameters
+    ----------
+    time : (n,) array
+        Increasing times [s].
+    through_air : (n, 3) array
+        Velocity through the air, north, east, down [m/s].
+    recorded : (n, 3) array
+        Recorded latitude, longitude [rad] and height [m].
+
+    Returns
+    -------
+    wind : (3,) array
+        Velocity of the air over the Earth, north, east, down [m/s].
+    start : (3,) array
+        Latitude, longitude [rad] and height [m] at the first time.
+    """
+    wind, start = np.zeros(3), recorded[0].copy()
+    design = np.column_stack((np.ones(len(time)), time - time[0]))
+    for _ in range(_FITS):
+        apart = ecef.way(flown(time, through_air + wind, start), recorded)
+        offset, slope = np.linalg.lstsq(design, apart, rcond=None)[0]
+        wind, start = wind + slope, ecef.moved(start[None], offset[None])[0]
+    return wind, start

@@ -1,0 +1,188 @@
+"""Flight import: from files of a simulator or logger to a mission, with a report to judge it by first."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+
+from lab.missions.errors import MissionError
+from lab.missions.import_report import ImportReport, report
+from lab.missions.import_settings import ImportSettings
+from lab.missions.library import add_mission
+from lab.missions.mission import Mission
+from lab.missions.raw_flight import RawFlight
+from lab.missions.readers import read_raw, reader_of
+from lab.missions.reconstruction import Reconstruction, reconstruct
+from lab.missions.recording import Recording
+from lab.missions.sensor_log import SensorLog
+from lab.missions.sensor_noise import SensorNoise
+from lab.missions.time_repair import AS_RECORDED, RepairedFlight, repair
+
+RECONSTRUCTED = "attitude reconstructed"
+"""Tag of a mission whose attitude is not recorded."""
+IMPORTED = "imported"
+"""Tag of every mission that was imported."""
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class FlightImport:
+    """A flight ready to be added, or not.
+
+    Attributes
+    ----------
+    paths : tuple of Path
+        The files; empty for a flight that was recorded live.
+    raw : RawFlight
+        What they have.
+    flight : RepairedFlight
+        Its longest unbroken stretch, time stamps repaired.
+    rebuilt : Reconstruction
+        The flight rebuilt from that, and how.
+    report : ImportReport
+        What to judge it by.
+    settings : ImportSettings
+        How it was rebuilt.
+    """
+
+    paths: tuple[Path, ...]
+    raw: RawFlight
+    flight: RepairedFlight
+    rebuilt: Reconstruction
+    report: ImportReport
+    settings: ImportSettings
+
+    @property
+    def recording(self) -> Recording:
+        """The flight on a regular grid."""
+        return self.rebuilt.recording
+
+    @cached_property
+    def log(self) -> SensorLog | None:
+        """The recorded IMU and GPS, where the file has both."""
+        if len(self.paths) != 1:
+            return None
+        read_log = reader_of(self.paths[0]).read_log
+        try:
+            return None if read_log is None else read_log(self.paths[0])
+        except MissionError:
+            return None
+
+    @property
+    def origin(self) -> str:
+        """Where the flight comes from and how it was made, in words."""
+        names = ", ".join(path.name for path in self.paths)
+        parts = [f"{self.raw.format}{f' {names}' if names else ''}"]
+        parts.append("as recorded" if self.rebuilt.unchanged else f"rebuilt from {self.rebuilt.curve}")
+        if self.flight.method != AS_RECORDED:
+            parts.append("time stamps repaired")
+        if self.rebuilt.attitude_reconstructed:
+            parts.append(RECONSTRUCTED)
+        return ", ".join(parts)
+
+    def add(
+        self,
+        name: str,
+        title: str = "",
+        *,
+        description: str = "",
+        tags: Sequence[str] = (),
+        folder: str | os.PathLike[str] | None = None,
+        overwrite: bool = False,
+    ) -> Mission:
+        """Add the flight to the user's own missions.
+
+        Parameters
+        ----------
+        name
+            What the mission is to be called.
+        title, description, tags
+            As of `Mission`; without a title it is that of the file.
+        folder
+            Where to write; the user's own folder by default.
+        overwrite
+            True replaces a mission of that name.
+
+        Raises
+        ------
+        MissionError
+            If the name is taken or not accepted, or the folder cannot be written.
+        """
+        file = self.paths[0].name if self.paths else self.raw.format
+        own = (IMPORTED, RECONSTRUCTED) if self.rebuilt.attitude_reconstructed else (IMPORTED,)
+        return add_mission(
+            self.recording,
+            name,
+            title=title or f"Flight of {file}",
+            description=description,
+            origin=self.origin,
+            aircraft=self.raw.vehicle,
+            tags=(*tags, *(tag for tag in own if tag not in tags)),
+            folder=folder,
+            overwrite=overwrite,
+        )
+
+    def __repr__(self) -> str:
+        return f"<FlightImport {self.raw.format}: {self.recording.duration:.1f} s, {self.report.verdict}>"
+
+
+def prepare_import(
+    paths: Sequence[str | os.PathLike[str]] | str | os.PathLike[str],
+    settings: ImportSettings | None = None,
+    units: Mapping[str, str] | None = None,
+    sensor: SensorNoise | None = None,
+) -> FlightImport:
+    """Read a flight of any format, repair and rebuild it, and report; nothing is added yet.
+
+    Parameters
+    ----------
+    paths
+        The file, or the files where a format spreads a flight over several.
+    settings
+        How to rebuild it.
+    units
+        Units that overrule those of the file, by column.
+    sensor
+        An IMU, with whose noise that of the recording is compared.
+
+    Raises
+    ------
+    MissionError
+        If a file cannot be read, or no flight can be made of it.
+    """
+    files = (paths,) if isinstance(paths, str | os.PathLike) else tuple(paths)
+    return prepare_flight(read_raw(files, units), settings, sensor, tuple(Path(file) for file in files))
+
+
+def prepare_flight(
+    raw: RawFlight,
+    settings: ImportSettings | None = None,
+    sensor: SensorNoise | None = None,
+    paths: Sequence[Path] = (),
+) -> FlightImport:
+    """Return the same of a flight that is read already, such as one recorded live.
+
+    Parameters
+    ----------
+    raw
+        The flight as read.
+    settings, sensor
+        As of `prepare_import`.
+    paths
+        The files it was read from.
+
+    Raises
+    ------
+    MissionError
+        If no flight can be made of it.
+    """
+    chosen = ImportSettings() if settings is None else settings.copy()
+    where = f"{paths[0]}: " if paths else ""
+    try:
+        flight = repair(raw, str(chosen.time_stamps), float(chosen.longest_gap))
+        rebuilt = reconstruct(flight, chosen)
+    except MissionError as error:
+        raise MissionError(f"{where}{error}") from error
+    return FlightImport(tuple(paths), raw, flight, rebuilt, report(raw, flight, rebuilt, sensor), chosen)

@@ -1,0 +1,24 @@
+"""Sensor noise: the white noise of an IMU in two numbers, to compare the noise of a recording with."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True)
+class SensorNoise:
+    """White noise of an IMU.
+
+    Attributes
+    ----------
+    name : str
+        What the IMU is called.
+    gyro : float
+        Density of the angular rate's noise, root mean square of the three axes [rad/s/√Hz].
+    accelerometer : float
+        Density of the specific force's noise, likewise [m/s²/√Hz].
+    """
+
+    name: str
+    gyro: float
+    accelerometer: float

@@ -1,0 +1,239 @@
+"""Imported flights: the report judges them rightly and names the likely cause; what is added is theirs."""
+
+from __future__ import annotations
+
+import time
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from raw_flights import raw_of, weave, without
+from scipy.interpolate import CubicSpline
+
+from lab.missions import ImportSettings, MissionError, mission, prepare_import
+from lab.missions.flight_import import prepare_flight
+from lab.missions.import_report import ImportReport
+from lab.missions.plausibility import motion, rate_agreement
+from lab.missions.raw_flight import RawFlight
+from lab.missions.sensor_noise import SensorNoise
+from lab.rotation import C_nb_from_euler
+
+EVEN = np.arange(2000) * 0.05
+
+
+@pytest.fixture
+def msfs(recordings: Path) -> Path:
+    path = recordings / "sim_msfs" / "Data.csv"
+    if not path.is_file():
+        pytest.skip(f"{path} is not there")
+    return path
+
+
+def test_a_real_flight_of_a_simulator_imports_without_hand_work(msfs):
+    read = prepare_import(msfs)
+    moves, rates = motion(read.rebuilt), rate_agreement(read.flight, read.rebuilt)
+    by_air = prepare_import(msfs, ImportSettings(curve="air data"))
+    off = float(np.linalg.norm(by_air.rebuilt.position_residual))
+    print(f"\n{read.flight.method}: stamps moved by {1000 * read.flight.moved_rms:.1f} ms rms")
+    for axis, like in zip("xyz", rates, strict=True):
+        print(f"rate {axis}: slope {like.slope:.4f}, correlation {like.correlation:.5f}")
+    print(
+        f"median acceleration {moves.acceleration:.2f} m/s²; six variables with fitted wind {off:.2f} m rms"
+    )
+    assert read.report.verdict == "plausible"
+    for like in rates:
+        assert like.slope == pytest.approx(1, abs=0.02)
+        assert like.correlation > 0.99
+    assert moves.acceleration < 10
+    assert off < 6
+
+
+def test_its_acceleration_is_the_one_the_simulator_recorded(msfs):
+    # The recorded acceleration is independent of all that the flight is rebuilt from.
+    errors = {}
+    for stamps in ("repaired", "as recorded"):
+        read = prepare_import(msfs, ImportSettings(time_stamps=stamps))
+        raw = read.flight.raw
+        flying = raw.time < 25
+        acceleration = CubicSpline(read.recording.time, read.recording.velocity_n)(raw.time[flying], 1)
+        derived = np.einsum("nji,nj->ni", C_nb_from_euler(raw.euler[flying]), acceleration)
+        errors[stamps] = np.sqrt(np.mean((derived - raw.acceleration_b[flying]) ** 2, axis=0))
+    print("\nderived minus recorded acceleration [m/s² rms, forward, right, down]:", errors)
+    assert (errors["repaired"] < (0.6, 0.5, 0.6)).all()
+    assert (errors["repaired"] < 0.6 * errors["as recorded"]).all()
+
+
+def test_a_good_flight_is_plausible():
+    report = prepare_flight(weave(EVEN)).report
+    assert report.verdict == "plausible"
+    assert report.reasons == ()
+
+
+KNOTS, FEET = 1852 / 3600, 0.3048
+
+
+def broken(name: str) -> RawFlight:
+    """Return a flight with one thing wrong, as a reader would give it that believed a wrong unit or sign."""
+    raw = raw_of(mission("montreal").recording) if name.startswith(("roll", "pitch")) else weave(EVEN)
+    changed = {
+        "velocity in knots": {"velocity_n": raw.velocity_n / KNOTS},
+        "velocity in feet": {"velocity_n": raw.velocity_n / FEET},
+        "down is up": {"velocity_n": raw.velocity_n * (1, 1, -1)},
+        "south is north": {"velocity_n": raw.velocity_n * (-1, 1, 1)},
+        "north and east exchanged": {"velocity_n": raw.velocity_n[:, [1, 0, 2]]},
+        "attitude in radians": {"euler": np.radians(raw.euler)},
+        "heading mirrored": {"euler": raw.euler * (1, 1, -1)},
+        "height in feet": {"height": raw.height / FEET},
+        "time in milliseconds": {"time": raw.time * 1000},
+        "airspeed in knots": {"airspeed": raw.airspeed / KNOTS},
+        "roll sign": {"euler": raw.euler * (-1, 1, 1)},
+        "pitch sign": {"euler": raw.euler * (1, -1, 1)},
+    }
+    return replace(raw, **changed[name])
+
+
+@pytest.mark.parametrize(
+    ("name", "verdict", "words"),
+    [
+        ("velocity in knots", "implausible", "knots read as m/s"),
+        ("velocity in feet", "implausible", "feet read as metres"),
+        ("down is up", "implausible", "its sign is turned round"),
+        ("south is north", "implausible", "The velocity north has its sign turned round"),
+        ("north and east exchanged", "implausible", "north and east look exchanged"),
+        ("attitude in radians", "implausible", "radians read as degrees"),
+        ("heading mirrored", "implausible", "its sign is turned round"),
+        ("height in feet", "implausible", "metres read as feet"),
+        ("airspeed in knots", "questionable", "knots read as m/s"),
+        ("roll sign", "implausible", "its sign is turned round"),
+        ("pitch sign", "implausible", "its sign is turned round"),
+    ],
+)
+def test_what_is_wrong_is_named(name, verdict, words):
+    report = prepare_flight(broken(name)).report
+    assert report.verdict == verdict
+    assert words in " ".join(report.reasons)
+
+
+def test_rates_in_degrees_are_noticed():
+    raw = raw_of(mission("montreal").recording)
+    rates = np.gradient(np.unwrap(raw.euler, axis=0), raw.time, axis=0)
+    report = prepare_flight(replace(raw, body_rate=np.degrees(rates))).report
+    assert report.verdict == "questionable"
+    assert "degrees read as radians" in " ".join(report.reasons)
+    assert prepare_flight(replace(raw, body_rate=rates)).report.verdict == "plausible"
+
+
+def test_noise_that_is_no_motion_is_implausible():
+    raw = without(weave(EVEN), "velocity_n")
+    shaken = replace(raw, height=raw.height + np.random.default_rng(1).normal(size=EVEN.size))
+    report = prepare_flight(shaken, ImportSettings(smoothing="none", curve="position")).report
+    assert report.verdict == "implausible"
+    assert report.specific_force_noise > 500
+    calmed = prepare_flight(shaken, ImportSettings(curve="position")).report
+    assert calmed.specific_force_noise < 2
+
+
+def text_of(report: ImportReport, group: str, name: str = "") -> str:
+    return " | ".join(row.value for row in report.rows if row.group == group and name in row.name)
+
+
+def test_the_report_tells_what_was_found():
+    rounded = replace(weave(EVEN), velocity_n=np.round(weave(EVEN).velocity_n, 2))
+    kept = np.arange(EVEN.size) % 10 != 5
+    latitude = rounded.latitude.copy()
+    latitude[7] = 3.0
+    read = prepare_flight(
+        replace(rounded, latitude=latitude).rows(kept), sensor=SensorNoise("an IMU", 1e-3, 2e-3)
+    )
+    report = read.report
+    assert "2000 rows read, 1799 used" in text_of(report, "File", "Samples")
+    assert "1 with a latitude beyond ±90° (first: sample 7)" in text_of(report, "File", "Left out")
+    assert "grid of 50 ms" in text_of(report, "Time", "Resolution")
+    assert "0.01 m/s" in text_of(report, "Resolution", "Velocity")
+    own = 2e-3 * np.sqrt(3 * 10)
+    assert f"an IMU itself up to 10 Hz: {own:.3g} m/s²" in text_of(report, "Noise", "Specific force")
+    for text in (str(report), report._repr_html_()):
+        assert "Verdict" in text
+        assert "plausible" in text
+        assert "a latitude beyond" in text
+    assert max(len(line) for line in str(report).splitlines()) <= 110
+
+
+def test_units_and_how_they_are_known_are_told(msfs):
+    report = prepare_import(msfs).report
+    assert "ft (guessed)" in text_of(report, "Units", "Plane_Altitude")
+    changed = prepare_import(msfs, units={"Plane_Altitude": "m"}).report
+    assert "m (given by you)" in text_of(changed, "Units", "Plane_Altitude")
+
+
+def test_what_is_added_is_the_flight(tmp_path):
+    read = prepare_flight(without(weave(EVEN), "euler", "airspeed", "alpha", "beta"))
+    added = read.add("woven", folder=tmp_path, tags=("mine",))
+    assert added.tags == ("mine", "imported", "attitude reconstructed")
+    assert "attitude reconstructed" in added.origin
+    np.testing.assert_allclose(added.recording.velocity_n, read.recording.velocity_n, atol=1e-7)
+    with pytest.raises(MissionError, match="name 'woven'"):
+        read.add("woven", folder=tmp_path)
+    read.add("woven", "Again", folder=tmp_path, overwrite=True)
+    assert prepare_flight(weave(EVEN)).add("plain", folder=tmp_path).tags == ("imported",)
+
+
+def test_settings_are_not_kept_by_reference():
+    settings = ImportSettings()
+    read = prepare_flight(weave(EVEN), settings)
+    settings.curve = "position"
+    assert read.settings.curve == "auto"
+
+
+def test_long_flights_take_time_in_proportion():
+    def seconds(samples: int) -> float:
+        raw = without(weave(np.arange(samples) * 0.01), "airspeed", "alpha", "beta")
+        raw = replace(raw, latitude=np.radians(np.round(np.degrees(raw.latitude), 5)))
+        begin = time.process_time()
+        assert prepare_flight(raw).report.verdict == "plausible"
+        return time.process_time() - begin
+
+    seconds(1000)
+    short, long = min(seconds(20_000), seconds(20_000)), seconds(200_000)
+    print(f"\n200,000 samples rebuilt and reported in {long:.2f} s of one core, 20,000 in {short:.2f} s")
+    assert long < 30 * short
+
+
+NUMBERS = st.floats(-1e4, 1e4) | st.floats(allow_nan=False, allow_infinity=False)
+
+
+@given(st.data())
+def test_whatever_the_numbers_there_is_a_report_or_a_message(data):
+    count = data.draw(st.integers(4, 30))
+    column = st.lists(NUMBERS, min_size=count, max_size=count).map(np.array)
+    small = st.lists(st.floats(-1.5, 1.5), min_size=count, max_size=count).map(np.array)
+    three = st.tuples(small | column, small, small).map(lambda parts: np.stack(parts, axis=-1))
+    place = small if data.draw(st.booleans()) else column
+    raw = RawFlight(
+        format="hostile",
+        time=np.sort(data.draw(small)) * data.draw(st.sampled_from([1e-6, 1.0, 100.0])),
+        latitude=data.draw(st.none() | place),
+        longitude=data.draw(st.none() | place),
+        height=data.draw(st.none() | column | small),
+        velocity_n=data.draw(st.none() | three),
+        euler=data.draw(st.none() | three),
+        body_rate=data.draw(st.none() | three),
+        acceleration_b=data.draw(st.none() | three),
+        airspeed=data.draw(st.none() | small),
+    )
+    settings = ImportSettings(
+        curve=data.draw(st.sampled_from(["auto", "velocity", "position", "air data"])),
+        longest_gap=1000.0,
+        wind=data.draw(st.sampled_from(["fitted", "none", "constant"])),
+    )
+    try:
+        read = prepare_flight(raw, settings)
+    except MissionError:
+        return
+    assert str(read.report)
+    assert (np.diff(read.recording.time) > 0).all()
+    for name in ("latitude", "longitude", "height", "velocity_n", "euler"):
+        assert np.isfinite(getattr(read.recording, name)).all()
