@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from enum import StrEnum
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -19,14 +20,22 @@ if TYPE_CHECKING:
 EXAMPLES = """\b
 Examples:
   ins-lab import Data.csv
-  ins-lab import Data.txt --name my_flight --title "Round the lake"
-  ins-lab import insgns-gps.csv insgns-imu.csv --name pair
+  ins-lab import Data.txt --name lake --title "Round the lake"
+  ins-lab import gps.csv imu.csv --name pair
   ins-lab import Data.csv --preview
   ins-lab import Data.csv --unit Plane_Altitude=m --set curve="air data" --set wind=none
   ins-lab import track.gpx --set vehicle=car
+  ins-lab import flight.ulg --as log
 The format is found by what the file holds. --set takes curve, time_stamps, longest_gap, smoothing,
 smoothing_parameter, wind, wind_from, wind_speed, vehicle, start_latitude, start_longitude, start_height and
 rate; a value that is not accepted is answered with those that are."""
+
+
+class Kind(StrEnum):
+    """What a file becomes: the flight it tells of, or the log of the IMU and the GPS receiver in it."""
+
+    FLIGHT = "flight"
+    LOG = "log"
 
 
 def import_flight(
@@ -61,6 +70,10 @@ def import_flight(
             show_default=False,
         ),
     ] = None,
+    kind: Annotated[
+        Kind,
+        typer.Option("--as", help="The flight, to simulate sensors on; or the IMU and GPS recorded on it."),
+    ] = Kind.FLIGHT,
     card: Card = None,
     implausible: Annotated[
         bool, typer.Option("--implausible", help="Add a flight that is implausible, too.")
@@ -69,28 +82,57 @@ def import_flight(
     as_json: AsJson = False,
 ) -> None:
     """Report on a recorded flight of any known format, rebuild it, and add it to your own missions."""
-    from lab.missions.flight_import import prepare_import  # noqa: PLC0415 - takes half a second
-    from lab.missions.import_settings import ImportSettings  # noqa: PLC0415 - rarely needed
-    from lab.missions.library import free_name  # noqa: PLC0415 - rarely needed
+    from lab.missions.flight_import import prepare_import  # noqa: PLC0415 - takes a second
+    from lab.missions.import_settings import ImportSettings  # noqa: PLC0415 - takes half a second
 
+    if kind is Kind.LOG:
+        _add_log(files, name, title, preview, as_json)
+        return
     settings = ImportSettings()
     settings.set_texts(assignments or [])
+    given = _units(units)
     with working(str(files[0])) as progress:
         progress("reading", 0.0)
-        read = prepare_import(files, settings, _units(units), _noise(card))
-        added = ""
+        read = prepare_import(files, settings, given, _noise(card))
+        refused = read.report.verdict == "implausible" and not implausible and not preview
         shown = _preview(read, files[0]) if preview else None
-        if not preview:
-            if read.report.verdict == "implausible" and not implausible:
-                _show(read, as_json, {"added": None})
-                raise CommandError(
-                    f"{files[0]}: not added, since it is implausible; to add it all the same: --implausible"
-                )
+        added = None
+        if not preview and not refused:
             progress("writing", 0.7)
-            added = read.add(name or free_name(files[0].name), title, overwrite=force).name
-    _show(read, as_json, {"added": added or None, "preview": None if shown is None else str(shown)})
-    if not as_json:
-        print(f"Preview: {shown}" if shown else f"Added: {added}. Navigate it: ins-lab run {added}")
+            added = read.add(name or _free_name(files[0]), title, overwrite=force).name
+    _show(read, added, shown, as_json)
+    if refused:
+        raise CommandError(
+            f"{files[0]}: not added, since it is implausible; to add it all the same: --implausible"
+        )
+
+
+def _add_log(files: Sequence[Path], name: str | None, title: str, preview: bool, as_json: bool) -> None:
+    """Add the IMU and GPS of a file as the log they are."""
+    from lab.missions import add_log  # noqa: PLC0415 - beside what it goes with
+    from lab.missions.flight_import import read_log  # noqa: PLC0415 - takes a second
+
+    if preview:
+        raise CommandError("--preview shows flights; a log is shown once it is navigated: ins-lab run NAME")
+    with working(str(files[0])) as progress:
+        progress("reading", 0.0)
+        log = read_log(files)
+        progress("writing", 0.7)
+        added = add_log(log, name or _free_name(files[0]), title=title or f"Log of {files[0].name}").name
+    facts = {"added": added, "duration_s": log.duration, "repairs": list(log.repairs)}
+    if as_json:
+        print_json(facts)
+        return
+    print(f"IMU: {len(log.dtheta)} samples in {log.duration:.1f} s. GPS: {len(log.gnss.time)} fixes.")
+    for repair in log.repairs:
+        print(f"- {repair}")
+    print(f"Added: {added}. Navigate it: ins-lab run {added}")
+
+
+def _free_name(file: Path) -> str:
+    from lab.missions.library import free_name  # noqa: PLC0415 - rarely needed
+
+    return free_name(file.name)
 
 
 def _units(texts: Sequence[str] | None) -> dict[str, str]:
@@ -115,7 +157,7 @@ def _noise(card: str | None) -> SensorNoise:
 
 
 def _preview(read: FlightImport, file: Path) -> Path:
-    """Write the picture of a flight beside where the command is given, and return where."""
+    """Write the picture of a flight into the folder the command is given in, and return where."""
     from lab.views.import_preview import save_preview  # noqa: PLC0415 - Bokeh takes a second
 
     out = Path(f"{file.name}.preview.html")
@@ -126,11 +168,21 @@ def _preview(read: FlightImport, file: Path) -> Path:
     return out
 
 
-def _show(read: FlightImport, as_json: bool, facts: dict[str, Any]) -> None:
+def _show(read: FlightImport, added: str | None, shown: Path | None, as_json: bool) -> None:
+    """Print the report, and what became of the flight."""
+    has_log = read.log is not None
     if as_json:
-        print_json({**_facts(read.report), **facts})
-    else:
-        print(read.report)
+        facts = _facts(read.report)
+        shown_at = None if shown is None else str(shown)
+        print_json({**facts, "added": added, "preview": shown_at, "has_log": has_log})
+        return
+    print(read.report)
+    if has_log:
+        print("The file also holds the IMU and the GPS of the flight: --as log adds those as a log.")
+    if shown is not None:
+        print(f"Preview: {shown}")
+    if added is not None:
+        print(f"Added: {added}. Navigate it: ins-lab run {added}")
 
 
 def _facts(report: ImportReport) -> dict[str, Any]:

@@ -14,7 +14,7 @@ from lab.missions.import_settings import ImportSettings
 from lab.missions.library import add_mission
 from lab.missions.mission import Mission
 from lab.missions.raw_flight import RawFlight
-from lab.missions.readers import read_raw, reader_of
+from lab.missions.readers import READERS, read_raw, reader_of
 from lab.missions.reconstruction import Reconstruction, reconstruct
 from lab.missions.recording import Recording
 from lab.missions.sensor_log import SensorLog
@@ -61,12 +61,9 @@ class FlightImport:
 
     @cached_property
     def log(self) -> SensorLog | None:
-        """The recorded IMU and GPS, where the file has both."""
-        if len(self.paths) != 1:
-            return None
-        read_log = reader_of(self.paths[0]).read_log
+        """The recorded IMU and GPS, where the file has both; read when first asked for."""
         try:
-            return None if read_log is None else read_log(self.paths[0])
+            return read_log(self.paths)
         except MissionError:
             return None
 
@@ -154,6 +151,23 @@ def prepare_import(
     """
     files = (paths,) if isinstance(paths, str | os.PathLike) else tuple(paths)
     return prepare_flight(read_raw(files, units), settings, sensor, tuple(Path(file) for file in files))
+
+
+def read_log(paths: Sequence[Path]) -> SensorLog:
+    """Return the recorded IMU and GPS of a file that has both.
+
+    Raises
+    ------
+    MissionError
+        If it cannot be read, or has not both.
+    """
+    if len(paths) != 1:
+        raise MissionError(f"{len(paths)} files; a log of an IMU and a GPS receiver is read from one")
+    reader = reader_of(paths[0])
+    if reader.read_log is None:
+        logs = ", ".join(other.name for other in READERS if other.read_log is not None)
+        raise MissionError(f"{paths[0]}: is {reader.name}, which has no IMU and GPS; accepted: {logs}")
+    return reader.read_log(paths[0])
 
 
 def prepare_flight(
