@@ -33,9 +33,9 @@ def glyphs(fig: figure, kind: str) -> list[GlyphRenderer]:
 
 def test_every_quantity_has_a_figure_with_samples_and_curve():
     found = figures(read())
-    assert list(found) == [
+    assert set(found) == {
         "Ground track", "Height [m]", "Speed over the Earth [m/s]", "Roll [°]", "Pitch [°]", "Heading [°]",
-    ]  # fmt: skip
+    }  # fmt: skip
     for fig in found.values():
         assert glyphs(fig, "Line")
         assert glyphs(fig, "Scatter")
@@ -52,9 +52,5 @@ def test_the_curve_is_the_recording_in_its_units():
 
 
 def test_a_reconstructed_attitude_is_called_so():
-    titles = list(figures(read(euler=None)))
-    assert titles[-3:] == [
-        "Roll, reconstructed [°]",
-        "Pitch, reconstructed [°]",
-        "Heading, reconstructed [°]",
-    ]
+    titles = set(figures(read(euler=None)))
+    assert {f"{name}, reconstructed [°]" for name in ("Roll", "Pitch", "Heading")} < titles
