@@ -193,3 +193,44 @@ def test_formats_that_grow_without_bound_are_refused_in_no_time():
     data += writer.message("A", struct.pack("<BH", 0, 0) + b"vehicle_attitude")
     log = ULogFile.of(data + writer.message("D", bytes(100)), ("vehicle_attitude",))
     assert log.topic("vehicle_attitude") is None
+
+
+class Topics:
+    """A log of topics given as rows, each of its fields."""
+
+    def __init__(self, **topics: tuple[list[tuple], list[tuple]]) -> None:
+        self.parameters = {"EKF2_GPS_DELAY": 110.0}
+        self._topics = {name: np.array(rows, dtype=kinds) for name, (rows, kinds) in topics.items()}
+
+    def topic(self, name: str) -> np.ndarray | None:
+        """Return a topic, if the log has it."""
+        return self._topics.get(name)
+
+
+def test_the_receiver_of_newer_versions_has_degrees_and_its_own_time():
+    names = ("latitude_deg", "longitude_deg", "altitude_msl_m", "altitude_ellipsoid_m")
+    kinds = [("timestamp", "<u8"), ("timestamp_sample", "<u8"), *((name, "<f8") for name in names)]
+    rows = [(10**6 * t + 150_000, 10**6 * t, -33.0, 151.0, 50.0, 72.0) for t in range(1, 9)]
+    log = Topics(sensor_gps=(rows, kinds))
+    gnss = ulog._gnss(log, ulog._gps(log))
+    np.testing.assert_allclose(gnss.time, np.arange(1.0, 9.0))
+    np.testing.assert_allclose(gnss.position[0], (*np.radians((-33.0, 151.0)), 72.0))
+    assert gnss.latency == 0.0  # the time of the sample has it in
+    without = Topics(sensor_gps=([(row[0], 0, *row[2:]) for row in rows], kinds))
+    assert ulog._gnss(without, ulog._gps(without)).latency == pytest.approx(0.11)
+
+
+def test_an_imu_that_is_logged_as_integrals_gives_rates():
+    kinds = [
+        ("timestamp", "<u8"), ("delta_angle", "<f4", (3,)), ("delta_velocity", "<f4", (3,)),
+        ("delta_angle_dt", "<u4"), ("delta_velocity_dt", "<u4"),
+    ]  # fmt: skip
+    rows = [(5000 * t, (0.001, 0.0, -0.002), (0.0, 0.0, -0.049), 5000, 5000) for t in range(1, 40)]
+    rows[7] = (*rows[7][:3], 0, 5000)
+    imu = ulog._imu(Topics(vehicle_imu=(rows, kinds)))
+    np.testing.assert_allclose(imu.values[0], (0.2, 0, -0.4, 0, 0, -9.8), rtol=1e-6)
+    assert (imu.read, len(imu.time), imu.first_lost) == (39, 38, 8)
+    combined = [("timestamp", "<u8"), ("gyro_rad", "<f4", (3,)), ("accelerometer_m_s2", "<f4", (3,))]
+    seldom = [(100_000 * t, (0.0, 0.0, 1.0), (0.0, 0.0, -9.8)) for t in range(1, 9)]
+    both = Topics(vehicle_imu=(rows, kinds), sensor_combined=(seldom, combined))
+    assert len(ulog._imu(both).time) == 38
