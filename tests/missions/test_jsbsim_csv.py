@@ -120,3 +120,19 @@ def test_a_csv_without_position_has_the_velocity(tmp_path, capfd):
 def test_a_csv_of_rates_alone_is_told_what_to_write(tmp_path, capfd):
     with pytest.raises(MissionError, match="<position>ON</position>"):
         fly(tmp_path, "<rates>ON</rates>")
+
+
+def test_a_cartesian_position_far_from_the_surface_is_left_out(tmp_path):
+    path = tmp_path / "out.csv"
+    place = "13000000.0,0.5,16200000.0"  # 6331 km from the centre
+    rows = [f"{t},20925700.0,{10 * t},0.0" for t in range(12)]
+    rows[3] = "3,0.5,0.25,-900.0"
+    rows[8] = f"8,{place}"
+    path.write_text("Time,X_{ECEF} (ft),Y_{ECEF} (ft),Z_{ECEF} (ft)\n" + "\n".join(rows) + "\n")
+    flight = read_raw(path)
+    assert len(flight.time) == 10
+    assert np.abs(flight.latitude).max() < 1e-3
+    assert [(drop.count, drop.first_row) for drop in flight.dropped] == [(2, 5)]
+    path.write_text(path.read_text().replace("20925700", "20902"))
+    with pytest.raises(MissionError, match=r"0 of 12 rows.*Earth-fixed position"):
+        read_raw(path)

@@ -86,6 +86,8 @@ class Columns:
         As `RawFlight` has them.
     units : dict
         The unit each was read in, by key.
+    lines : (n,) array
+        The line of each row.
     """
 
     values: dict[str, FloatArray]
@@ -93,6 +95,7 @@ class Columns:
     dropped: tuple[Dropped, ...]
     units: dict[str, ColumnUnit]
     remarks: tuple[str, ...]
+    lines: NDArray[np.int32]
 
     def get(self, key: str) -> FloatArray | None:
         """Return a column, or None if the file does not have it."""
@@ -201,7 +204,9 @@ def _believable(
             f"{path}: {kept.sum()} of {table.rows_read} rows of samples can be used ({what}); accepted are "
             f"at least {MIN_ROWS}. If the unit of a column is another one, give it"
         )
-    return Columns(values, table.rows_read, (*table.dropped, *dropped), units, table.remarks)
+    return Columns(
+        values, table.rows_read, (*table.dropped, *dropped), units, table.remarks, table.lines[kept]
+    )
 
 
 def raw_flight(

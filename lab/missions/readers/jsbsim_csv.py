@@ -15,8 +15,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lab import ecef
-from lab.missions.raw_flight import RawFlight
+from lab.missions.errors import MissionError
+from lab.missions.raw_flight import Dropped, RawFlight
 from lab.missions.readers.fields import (
+    LIMITS,
     NAMED,
     Columns,
     Field,
@@ -26,7 +28,7 @@ from lab.missions.readers.fields import (
     recognised,
     refuse_no_motion,
 )
-from lab.missions.readers.table import plain
+from lab.missions.readers.table import MIN_ROWS, plain
 
 FloatArray = NDArray[np.float64]
 
@@ -128,7 +130,25 @@ def read(paths: Sequence[Path], units: Mapping[str, str]) -> RawFlight:
         "the properties position/lat-geod-deg, position/long-gc-deg, position/geod-alt-ft and "
         "velocities/v-north-fps, v-east-fps, v-down-fps.",
     )
-    return flight
+    return flight if place is None else _near_the_earth(path, flight, columns)
+
+
+def _near_the_earth(path: Path, flight: RawFlight, columns: Columns) -> RawFlight:
+    """Leave out the rows whose Cartesian position is where no flight is, such as at the Earth's centre."""
+    low, high = LIMITS["length"]
+    height = columns.values["height"]
+    kept = (height >= low) & (height <= high)
+    if kept.all():
+        return flight
+    reason = f"Earth-fixed position at heights beyond {low:g} to {high:g} m, which is what a flight can have"
+    lost = Dropped(reason, int((~kept).sum()), int(columns.lines[np.argmin(kept)]))
+    if kept.sum() < MIN_ROWS:
+        raise MissionError(
+            f"{path}: {kept.sum()} of {columns.rows_read} rows of samples can be used ({lost.count} from row "
+            f"{lost.first_row} on: {reason}); accepted are at least {MIN_ROWS}. If the unit of a column is "
+            "another one, give it"
+        )
+    return flight.rows(kept, (lost,))
 
 
 def _acceleration(columns: Columns) -> FloatArray | None:
