@@ -162,7 +162,7 @@ def repaired(
     _check_order(name, "IMU", time)
     _check_order(name, "GPS", gnss.time)
     time, samples = _without_repeats(time, samples, increments, repairs)
-    gnss_rows = np.append(True, np.diff(gnss.time) > 0)
+    gnss_rows = np.append(True, np.diff(gnss.time) > 0)[: gnss.time.size]
     _say(repairs, int((~gnss_rows).sum()), "GPS fix with the time of the one before was dropped")
     _check_overlap(name, time, gnss.time[gnss_rows] - gnss.latency)
     dt = np.diff(time)
@@ -208,7 +208,7 @@ def _without_repeats(
     time: FloatArray, samples: FloatArray, increments: bool, repairs: list[str]
 ) -> tuple[FloatArray, FloatArray]:
     """Drop rows with the time, or the very values, of the row before."""
-    kept = np.append(True, np.diff(time) > 0)
+    kept = np.append(True, np.diff(time) > 0)[: time.size]
     _say(repairs, int((~kept).sum()), "IMU sample with the time of the one before was dropped")
     time, samples = time[kept], samples[kept]
     if increments:  # two equal increments are two movements

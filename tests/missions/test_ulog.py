@@ -234,3 +234,13 @@ def test_an_imu_that_is_logged_as_integrals_gives_rates():
     seldom = [(100_000 * t, (0.0, 0.0, 1.0), (0.0, 0.0, -9.8)) for t in range(1, 9)]
     both = Topics(vehicle_imu=(rows, kinds), sensor_combined=(seldom, combined))
     assert len(ulog._imu(both).time) == 38
+
+
+def test_a_log_without_a_fix_is_refused(written, file):
+    log = ULogFile.of(written, ("vehicle_gps_position",))
+    topic = next(one for one in log._topics if one.name == "vehicle_gps_position")
+    nowhere = bytearray(written)
+    for place in topic.places:
+        nowhere[place + topic.layout.fields["fix_type"][1]] = 0
+    with pytest.raises(MissionError, match=r"GPS \(no rows\) have less than 5 s in common"):
+        ulog.read_log(file(bytes(nowhere)))
