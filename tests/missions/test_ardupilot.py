@@ -113,6 +113,14 @@ def test_of_several_cores_and_instances_the_first_is_taken(written, file):
     assert len(flight.time) == pytest.approx(5126 / 2, abs=1)
 
 
+def test_messages_without_a_time_are_not_used(written, file):
+    at = written.index(b"TimeUS,I,Status")
+    without = written[:at] + b"TimeXX" + written[at + 6 :]
+    with pytest.raises(MissionError, match="does not have a GPS"):
+        ardupilot.read_log(file(without))
+    assert len(ardupilot.read([file(without)], {}).time) == 5126
+
+
 def test_broken_bytes_are_left_out_and_said(written, file):
     broken = bytearray(written)
     rng = np.random.default_rng(2)

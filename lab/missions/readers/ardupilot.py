@@ -61,7 +61,7 @@ def read(paths: Sequence[Path], units: Mapping[str, str]) -> RawFlight:
     path = one_file(paths, NAME)
     refuse_units(path, NAME, units)
     log = _log(path, _FLIGHT)
-    gps = _first_instance(log.numbers("GPS"))
+    gps = _messages(log, "GPS")
     velocity = first_usable(
         (*(_stream("velocity", log, name, "VN", "VE", "VD") for name in ("XKF1", "NKF1")), _gps_velocity(gps))
     )
@@ -98,14 +98,14 @@ def read_log(path: Path) -> SensorLog:
     """
     log = _log(path, _SENSORS)
     imu = _stream("IMU", log, "IMU", "GyrX", "GyrY", "GyrZ", "AccX", "AccY", "AccZ")
-    gps = _first_instance(log.numbers("GPS"))
+    gps = _messages(log, "GPS")
     if imu is None or not imu.usable or gps is None:
         missing = "a GPS (GPS)" if gps is None else "an IMU (IMU)"
         raise MissionError(f"{path}: the log does not have {missing}; accepted are logs with both")
     names = [name.rstrip("\0") for name in log.texts("PARM", "Name")]
     values = (log.numbers("PARM") or {}).get("Value", np.empty(0))
     parameters = dict(zip(names, values.tolist(), strict=False))
-    gnss = _gnss(gps, _first_instance(log.numbers("GPA")), _geoid(log), parameters)
+    gnss = _gnss(gps, _messages(log, "GPA"), _geoid(log), parameters)
     made = repaired(str(path), imu.time, imu.values, gnss)
     check_log(made)
     return made
@@ -118,23 +118,26 @@ def _log(path: Path, wanted: Sequence[str]) -> DataFlashFile:
     return DataFlashFile.of(data, wanted)
 
 
-def _first_instance(messages: Messages | None) -> Messages | None:
-    """Return the messages of the lowest instance, or core, there is."""
+def _messages(log: DataFlashFile, name: str) -> Messages | None:
+    """Return the messages of a name that have a time, of the lowest instance, or core, there is."""
+    messages = log.numbers(name)
+    if messages is None or "TimeUS" not in messages:
+        return None
     for key in ("I", "C"):
-        if messages is not None and key in messages:
+        if key in messages:
             rows = messages[key] == messages[key].min()
             return {name: values[rows] for name, values in messages.items()}
     return messages
 
 
 def _values(messages: Messages | None, *names: str) -> FloatArray | None:
-    if messages is None or not {"TimeUS", *names} <= set(messages):
+    if messages is None or not set(names) <= set(messages):
         return None
     return np.column_stack([messages[name] for name in names])
 
 
 def _stream(what: str, log: DataFlashFile, name: str, *fields: str) -> Stream | None:
-    messages = _first_instance(log.numbers(name))
+    messages = _messages(log, name)
     values = _values(messages, *fields)
     if messages is None or values is None:
         return None
@@ -153,7 +156,7 @@ def _believed(place: FloatArray) -> NDArray[np.bool_]:
 
 
 def _position(log: DataFlashFile, name: str) -> Stream | None:
-    messages = log.numbers(name)
+    messages = _messages(log, name)
     place = _place(messages)
     if messages is None or place is None:
         return None
@@ -162,7 +165,7 @@ def _position(log: DataFlashFile, name: str) -> Stream | None:
 
 def _geoid(log: DataFlashFile) -> float | None:
     """Return how far the geoid is above the ellipsoid, as the receiver says [m]; None if it does not."""
-    messages = _first_instance(log.numbers("GPA"))
+    messages = _messages(log, "GPA")
     told = np.empty(0) if messages is None else messages.get("Und", np.empty(0))
     told = told[np.abs(told) < 200]
     return float(np.median(told)) if told.size and told.any() else None
@@ -240,7 +243,7 @@ def _gnss(
 
 def _beside(time: FloatArray, messages: Messages | None, name: str) -> FloatArray:
     """Return what the nearest message says of each time; NaN without one nearby."""
-    if messages is None or name not in messages or "TimeUS" not in messages:
+    if messages is None or name not in messages:
         return np.full_like(time, np.nan)
     order = np.argsort(messages["TimeUS"], kind="stable")
     at, values = messages["TimeUS"][order] * 1e-6, messages[name][order]
