@@ -1,4 +1,4 @@
-"""``ins-lab fly``: a mission flown anew in JSBSim."""
+"""``ins-lab fly``: a plan flown in JSBSim, or a way or a motion carried out without it."""
 
 from __future__ import annotations
 
@@ -19,6 +19,8 @@ from lab.missions import fly_mission
 EXAMPLES = """\b
 Examples:
   ins-lab fly montreal
+  ins-lab fly my_plan.toml
+  ins-lab fly motion_def.csv
   ins-lab fly montreal --seed 12 --out my_missions"""
 
 ENDED_EARLY = 3
@@ -30,7 +32,7 @@ def fly(
         str,
         typer.Argument(
             metavar="MISSION",
-            help="Name of a mission with a flight plan, or its .toml file.",
+            help="Name of a mission with a plan, its .toml file, or a motion definition of gnss-ins-sim.",
             show_default=False,
         ),
     ],
@@ -46,9 +48,10 @@ def fly(
     ] = None,
     force: Force = False,
 ) -> None:
-    """Fly a mission's plan again in JSBSim and record it.
+    """Fly a mission's plan and record it.
 
-    Needs JSBSim: pip install 'ins-lab[fly]'. The same plan and seed give the same flight, bit by bit.
+    A plan lists manoeuvres, flown in JSBSim (pip install 'ins-lab[fly]'), or waypoints or commands, which
+    need no simulator; missions/README.md shows each. The same plan and seed give the same flight, bit by bit.
 
     A flight that ends early (a stall, the ground, a plan that cannot be flown, Ctrl-C) is kept as far as it
     went; the answer says why, with exit code 3.

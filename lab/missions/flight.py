@@ -9,6 +9,7 @@ import tomllib
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -18,9 +19,15 @@ from lab.missions.errors import MissionError
 from lab.missions.flight_csv import write_flight_csv
 from lab.missions.flight_plan import FlightPlan
 from lab.missions.mission import Mission
+from lab.missions.mission_name import suggested_name
 from lab.missions.pilot import PATIENCE, Pilot
 from lab.missions.recording import Recording
 from lab.missions.simulated_aircraft import STEP_MS, Instruments, SimulatedAircraft
+
+if TYPE_CHECKING:
+    from lab.missions.motion_commands import MotionPlan
+    from lab.missions.plan_kinds import Plan
+    from lab.missions.waypoints import WaypointPlan
 
 SAMPLE_MS = 55
 """Time between two samples of the record [ms]."""
@@ -51,7 +58,7 @@ class Flight:
 
 
 def fly(
-    plan: FlightPlan,
+    plan: Plan,
     seed: int | None = None,
     progress: Callable[[float], None] | None = None,
     cancelled: Callable[[], bool] | None = None,
@@ -59,7 +66,8 @@ def fly(
     """Fly a plan and return its record and, where it ended early, why.
 
     The same plan and seed give the same bits on the same machine. The last sample is the first one not before
-    the plan's duration, or the last one before the flight ended.
+    the plan's duration, or the last one before the flight ended. Waypoints and motion commands need no
+    simulator, and are carried out at once.
 
     Parameters
     ----------
@@ -75,8 +83,11 @@ def fly(
     Raises
     ------
     MissionError
-        If JSBSim is missing, or the flight ended before `SHORTEST` seconds were flown.
+        If JSBSim is missing, the flight ended before `SHORTEST` seconds were flown, the way or the motion
+        cannot be carried out, or a seed is given for them, who have no turbulence.
     """
+    if not isinstance(plan, FlightPlan):
+        return _carry_out(plan, seed, progress)
     aeroplane = SimulatedAircraft(plan if seed is None else plan.with_seed(seed))
     pilot = Pilot(plan, PILOT_MS / 1000, aeroplane.trimmed)
     count = math.ceil(round(plan.duration_s * 1000) / SAMPLE_MS) + 1
@@ -92,6 +103,24 @@ def fly(
     if progress is not None and flown == count:
         progress(1.0)
     return Flight(_recording(samples[:flown]), ending)
+
+
+def _carry_out(
+    plan: WaypointPlan | MotionPlan, seed: int | None, progress: Callable[[float], None] | None
+) -> Flight:
+    from lab.missions.motion_commands import MotionPlan, move  # noqa: PLC0415 - SciPy, for those who need it
+    from lab.missions.waypoints import travel  # noqa: PLC0415
+
+    _refuse(seed)
+    recording = move(plan).recording if isinstance(plan, MotionPlan) else travel(plan)
+    if progress is not None:
+        progress(1.0)
+    return Flight(recording)
+
+
+def _refuse(seed: int | None) -> None:
+    if seed is not None:
+        raise MissionError(f"seed = {seed}: waypoints and commands have no turbulence; leave it out")
 
 
 def _fly_samples(
@@ -137,7 +166,8 @@ def fly_mission(
     Parameters
     ----------
     name_or_path
-        As for `mission`; the TOML file has a ``[flight]`` table, its recording need not exist yet.
+        As for `mission`; the TOML file has a ``[flight]`` table, its recording need not exist yet. Or a
+        motion definition csv of gnss-ins-sim, which becomes a mission of the file's name in your own folder.
     seed
         Seed of the turbulence, written into the new TOML file; the plan's own by default.
     folder
@@ -159,12 +189,15 @@ def fly_mission(
     MissionError
         If files exist already and may not be replaced, or as for `fly`; nothing is written then.
     """
+    if _is_motion(Path(name_or_path)):
+        _refuse(seed)
+        return _move_file(Path(name_or_path), folder, overwrite)
     flown = mission(name_or_path)
     plan, source = flown.plan, flown.path
     assert source is not None  # only a TOML file has a plan
     target = _target_folder(source, folder)
     toml, recording_path = target / source.name, target / flown.recording_path.name
-    new_seed = None if seed in {None, plan.seed} else seed
+    new_seed = None if not isinstance(plan, FlightPlan) or seed in {None, plan.seed} else seed
     try:
         same_toml = _holds(toml, _toml(source, new_seed, flown.ending))
         _check_free([recording_path] if same_toml else [recording_path, toml], overwrite)
@@ -178,6 +211,38 @@ def fly_mission(
     except OSError as error:
         raise MissionError(f"{target}: {error.strerror or error}") from error
     return mission(toml)
+
+
+def _is_motion(path: Path) -> bool:
+    from lab.missions.motion_file import is_motion_file  # noqa: PLC0415 - SciPy, for those who need it
+
+    try:
+        with path.open("rb") as file:
+            return is_motion_file(file.read(2**12))
+    except (OSError, ValueError):
+        return False
+
+
+def _move_file(path: Path, folder: str | os.PathLike[str] | None, overwrite: bool) -> Mission:
+    """Carry out a motion definition csv and add it as a mission."""
+    from lab.missions.library import add_mission  # noqa: PLC0415 - SciPy, for those who need it
+    from lab.missions.motion_commands import move  # noqa: PLC0415
+    from lab.missions.motion_file import read_motion_file  # noqa: PLC0415
+
+    plan = read_motion_file(path)
+    motion = move(plan)
+    hidden = ", ".join(f"{start:.6g} to {end:.6g} s" for start, end in motion.without_gps)
+    return add_mission(
+        motion.recording,
+        suggested_name(path.stem),
+        title=path.stem,
+        description=f"The file says there is no GPS from {hidden}: sensors.gps.outages." if hidden else "",
+        origin=f"Commands of {path.name}, a motion definition of gnss-ins-sim, carried out by the lab.",
+        tags=("commands",),
+        flight=plan.to_dict(),
+        folder=folder,
+        overwrite=overwrite,
+    )
 
 
 def _holds(path: Path, content: bytes) -> bool:

@@ -20,11 +20,11 @@ from lab.missions.atomic_file import atomic_file
 from lab.missions.catalogue import mission, own_folder, places, shipped_folder
 from lab.missions.errors import MissionError
 from lab.missions.flight_csv import read_flight_csv, write_flight_csv
-from lab.missions.flight_plan import FlightPlan
 from lab.missions.folder_lock import folder_lock
 from lab.missions.log_mission import LogMission, is_log_folder, is_log_toml
 from lab.missions.mission import MAX_TOML_BYTES, Mission, file_beside, read_toml
 from lab.missions.mission_name import MAX_LETTERS, accepted_name, suggested_name
+from lab.missions.plan_kinds import read_plan
 from lab.missions.recording import Recording
 from lab.missions.sensor_log import SensorLog
 from lab.missions.sensor_log_csv import DESCRIPTION_FILE
@@ -96,7 +96,7 @@ def add_mission(
     values["tags"] = _tags(tags)
     toml = where / f"{name}.toml"
     if flight is not None:
-        FlightPlan.from_dict(flight, f"{name}, flight")
+        read_plan(flight, f"{name}, flight")
     with _telling(where):
         where.mkdir(parents=True, exist_ok=True)
         _check_free(where, name, overwrite)

@@ -9,18 +9,21 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from lab.missions.errors import MissionError
 from lab.missions.flight_csv import read_flight_csv
-from lab.missions.flight_plan import FlightPlan
 from lab.missions.mission_card import mission_html
 from lab.missions.named_columns import MAX_BYTES
+from lab.missions.plan_kinds import read_plan
 from lab.missions.recording import Recording
 from lab.missions.text_blocks import check_file
 from lab.missions.thumbnail import WIDTH, thumbnail
+
+if TYPE_CHECKING:
+    from lab.missions.plan_kinds import Plan
 
 MAX_TOML_BYTES = 2**20
 """Largest TOML file accepted [bytes]."""
@@ -130,7 +133,7 @@ class Mission:
             raise MissionError(f"{self.recording_path}: cannot be read: {error.strerror or error}") from error
 
     @property
-    def plan(self) -> FlightPlan:
+    def plan(self) -> Plan:
         """The flight plan.
 
         Raises
@@ -140,7 +143,7 @@ class Mission:
         """
         if self.flight is None:
             raise MissionError(f"mission {self.name}: has no [flight] table, so it cannot be flown again")
-        return FlightPlan.from_dict(self.flight, f"{self.path}, flight")
+        return read_plan(self.flight, f"{self.path}, flight")
 
     def picture(self, width: int = WIDTH) -> str:
         """Return ground track and height as a small picture (SVG), shown at a width [px].

@@ -9,8 +9,10 @@ from flown import fly
 from motions import NO_FILTER, NO_FIXES
 from numpy.typing import NDArray
 
+import lab.missions
 from lab import earth, rotation
 from lab.analysis.errors import attitude_error, position_error
+from lab.missions.plan_kinds import read_plan
 from lab.missions.recording import Recording
 from lab.navigation.navigator import Fixes, Imu, Solution, Start, navigate
 from lab.trajectory import Trajectory, Truth
@@ -58,6 +60,39 @@ def test_other_imu_rates_close(rate: float) -> None:
     # Second order in the step, down to the roundoff.
     assert metres <= 5e-3 * max(1, (200 / rate) ** 2)
     assert degrees <= 1e-6 * max(1, (200 / rate) ** 2)
+
+
+PLANNED = {
+    "waypoints": {
+        "vehicle": "aircraft",
+        "waypoints": [
+            {"latitude_deg": -33.9, "longitude_deg": 18.6, "height_m": 300, "speed_m_s": 60},
+            {"latitude_deg": -33.85, "longitude_deg": 18.6, "height_m": 500, "speed_m_s": 50},
+            {"latitude_deg": -33.82, "longitude_deg": 18.7, "height_m": 400, "speed_m_s": 70},
+            {"latitude_deg": -33.9, "longitude_deg": 18.72, "height_m": 300, "speed_m_s": 70},
+        ],
+    },
+    "commands": {
+        "start": {"latitude_deg": 45, "longitude_deg": 7, "height_m": 300, "forward_m_s": 20},
+        "commands": [
+            {"type": 1, "yaw": 10, "seconds": 20},
+            {"type": 5, "yaw": -120, "forward": 5, "seconds": 40},
+            {"type": 3, "pitch": 20, "roll": -30, "forward": 10, "seconds": 40},
+            {"type": 1, "seconds": 20},
+        ],
+    },
+}
+
+
+@pytest.mark.parametrize("kind", PLANNED)
+def test_motions_without_a_simulator_close(kind: str) -> None:
+    trajectory = Trajectory.from_recording(lab.missions.fly(read_plan(PLANNED[kind])).recording, 200.0)
+    ideal = trajectory.increments()
+    truth = trajectory.at(ideal.time)
+    metres, degrees = distance(unaided(Imu(ideal.time, ideal.dtheta, ideal.dvelocity), truth), truth)
+    print(f"\n{kind}, {truth.time[-1]:.0f} s: {1e3 * metres:.4f} mm, {degrees:.1e}°")
+    assert metres <= 5e-3
+    assert degrees <= 1e-6
 
 
 def weaving(latitude: float, longitude: float) -> Recording:

@@ -138,5 +138,5 @@ class Flying:
 
 
 def _plans() -> Mapping[str, Mission]:
-    """Return the missions that have a plan."""
-    return {name: one for name, one in missions().items() if one.flight is not None}
+    """Return the missions that have a plan of manoeuvres."""
+    return {name: one for name, one in missions().items() if "manoeuvres" in (one.flight or {})}

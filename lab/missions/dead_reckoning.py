@@ -1,0 +1,54 @@
+"""Dead reckoning: the position a velocity leads to, over the ellipsoid."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.interpolate import CubicSpline
+
+from lab.earth import radii
+
+FloatArray = NDArray[np.float64]
+
+_CONVERGED = 1e-14
+_MAX_ROUNDS = 60
+
+
+def integral(time: FloatArray, values: FloatArray) -> FloatArray:
+    """Return the integral of a cubic spline through values (n,) or (n, k), from the first time on."""
+    curve = CubicSpline(time, values).antiderivative()
+    return np.asarray(curve(time) - curve(time[0]))
+
+
+def position(time: FloatArray, velocity_n: FloatArray, start: FloatArray) -> FloatArray:
+    """Return where a velocity over the Earth leads.
+
+    Solves P. D. Groves, *Principles of GNSS, Inertial and Multisensor Integrated Navigation Systems*, 2nd
+    ed., eq. 2.111, by Picard's iteration on splines: the radii change so slowly that a few rounds do.
+
+    Parameters
+    ----------
+    time : (n,) array
+        Times [s].
+    velocity_n : (n, 3) array
+        Velocity, north, east, down [m/s].
+    start : (3,) array
+        Latitude, longitude [rad] and height above the ellipsoid [m] at the first time.
+
+    Returns
+    -------
+    (n, 3) array
+        Latitude, longitude [rad] and height [m]; the longitude goes on beyond ±π.
+    """
+    height = start[2] - integral(time, velocity_n[:, 2])
+    latitude = np.full_like(time, start[0])
+    for _ in range(_MAX_ROUNDS):
+        meridian, _ = radii(np.sin(latitude))
+        following = start[0] + integral(time, velocity_n[:, 0] / (meridian + height))
+        change = np.abs(following - latitude).max()
+        latitude = following
+        if change < _CONVERGED:
+            break
+    _, transverse = radii(np.sin(latitude))
+    rate = velocity_n[:, 1] / ((transverse + height) * np.cos(latitude))
+    return np.stack((latitude, start[1] + integral(time, rate), height), axis=-1)

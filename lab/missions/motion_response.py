@@ -1,0 +1,89 @@
+"""Motion response: how a vehicle follows commands of attitude and velocity, compiled."""
+
+from __future__ import annotations
+
+import math
+
+import numba
+import numpy as np
+from numpy.typing import NDArray
+
+FloatArray = NDArray[np.float64]
+
+_RATES, _CHANGE, _ATTITUDE, _VELOCITY = 1, 3, 4, 5
+
+
+@numba.njit(error_model="numpy", nogil=True, cache=True)
+def respond(
+    state: FloatArray,
+    table: FloatArray,
+    steps: NDArray[np.int64],
+    limits: FloatArray,
+    stepping: tuple[float, int],
+    samples: FloatArray,
+    ends: FloatArray,
+) -> int:
+    """Fill the samples with the response to the commands; return how many there are.
+
+    Angles follow a rate that lets them stop at their target, the rate follows with a limited acceleration
+    that lags by 0.05 s; velocities follow with a limited acceleration that lags by 0.1 s.
+
+    Parameters
+    ----------
+    state : (6,) array
+        Yaw, pitch, roll [rad] and body velocity [m/s] at the start; changed.
+    table : (k, 7) array
+        Type and six numbers of each command [rad, m/s].
+    steps : (k,) array
+        Longest time of each command, in steps.
+    limits : (3,) array
+        Acceleration [m/s²], turn acceleration [rad/s²], turn rate [rad/s].
+    stepping
+        Length of a step [s], steps per sample.
+    samples : (n, 6) array
+        Filled with the state at the samples.
+    ends : (k,) array
+        Filled with the step at which each command ended.
+    """
+    step, per_sample = stepping
+    acceleration, turn_acceleration, turn_rate = limits
+    first, second = np.zeros(6), np.zeros(6)  # derivatives of the state
+    target = np.zeros(6)
+    done, count = 0, 0
+    for row in range(len(table)):
+        kind = int(table[row, 0])
+        for i in range(6):
+            change = kind == _CHANGE or (kind == _ATTITUDE and i >= 3) or (kind == _VELOCITY and i < 3)
+            target[i] = table[row, i + 1] + (state[i] if change else 0.0)
+        for _ in range(steps[row]):
+            if done % per_sample == 0:
+                samples[count] = state
+                count += 1
+            done += 1
+            reached = kind != _RATES
+            for i in range(6):
+                left = target[i] - state[i]
+                if i < 3:
+                    rate = target[i]
+                    if kind != _RATES:
+                        braking = math.sqrt(1.2 * turn_acceleration * abs(left))
+                        rate = math.copysign(min(abs(left) / 0.5, braking, turn_rate), left)
+                        reached = reached and abs(left) < 1e-4 and abs(first[i]) < 1e-4
+                    wanted = min(max((rate - first[i]) / 0.1, -turn_acceleration), turn_acceleration)
+                    second[i] += (wanted - second[i]) * step / 0.05
+                    state[i] += first[i] * step + 0.5 * second[i] * step**2
+                    first[i] += second[i] * step
+                else:
+                    wanted = target[i]
+                    if kind != _RATES:
+                        wanted = min(max(left / 0.5, -acceleration), acceleration)
+                        reached = reached and abs(left) < 1e-4
+                    state[i] += first[i] * step
+                    first[i] += (wanted - first[i]) * step / 0.1
+            if reached:
+                break
+        ends[row] = done
+    if done % per_sample == 0 and count < len(samples):
+        samples[count] = state
+        count += 1
+    return count
