@@ -127,6 +127,8 @@ def _head(path: Path) -> bytes:
         if head.startswith(b"\x1f\x8b"):
             with gzip.open(path, "rb") as stream:
                 return stream.read(HEAD_BYTES)
+    except MissionError:
+        raise
     except (OSError, EOFError, ValueError, zlib.error) as error:
         raise MissionError(f"{path}: cannot be read: {getattr(error, 'strerror', None) or error}") from error
     return head
