@@ -2,17 +2,14 @@
 
 from __future__ import annotations
 
-import contextlib
-import signal
 import sys
-import threading
-from collections.abc import Iterator
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
 from lab.cli.app import working
+from lab.cli.interrupt import interrupted
 from lab.cli.options import Force
 from lab.missions import fly_mission
 
@@ -56,7 +53,7 @@ def fly(
     A flight that ends early (a stall, the ground, a plan that cannot be flown, Ctrl-C) is kept as far as it
     went; the answer says why, with exit code 3.
     """
-    with working(mission) as progress, _interrupted() as cancelled:
+    with working(mission) as progress, interrupted() as cancelled:
         flown = fly_mission(
             mission,
             seed=seed,
@@ -69,17 +66,3 @@ def fly(
     if flown.ending:
         print(f"ins-lab: {flown.ending}; what was flown until then is kept", file=sys.stderr)
         raise typer.Exit(ENDED_EARLY)
-
-
-@contextlib.contextmanager
-def _interrupted() -> Iterator[threading.Event]:
-    """Give an event that Ctrl-C sets, in place of ending the program."""
-    pressed = threading.Event()
-    if threading.current_thread() is not threading.main_thread():
-        yield pressed
-        return
-    before = signal.signal(signal.SIGINT, lambda *_: pressed.set())
-    try:
-        yield pressed
-    finally:
-        signal.signal(signal.SIGINT, before)

@@ -1,0 +1,22 @@
+"""Interrupt: Ctrl-C as an event, for work that ends by keeping what it has."""
+
+from __future__ import annotations
+
+import contextlib
+import signal
+import threading
+from collections.abc import Iterator
+
+
+@contextlib.contextmanager
+def interrupted() -> Iterator[threading.Event]:
+    """Give an event that Ctrl-C sets, in place of ending the program."""
+    pressed = threading.Event()
+    if threading.current_thread() is not threading.main_thread():
+        yield pressed
+        return
+    before = signal.signal(signal.SIGINT, lambda *_: pressed.set())
+    try:
+        yield pressed
+    finally:
+        signal.signal(signal.SIGINT, before)
