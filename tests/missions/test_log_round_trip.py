@@ -13,7 +13,9 @@ from writers import WRITERS, ardupilot, ulog
 
 from lab import ecef
 from lab.missions import Recording, mission
+from lab.missions.flight_import import prepare_import
 from lab.missions.readers import read_raw
+from lab.rotation import wrap
 from lab.trajectory import Trajectory, Truth
 
 TIMES = np.arange(3.0, 200.0, 0.05)
@@ -55,6 +57,10 @@ def test_the_flight_is_the_same_to_the_precision_of_the_log(name, boot, rate, bo
         flight.time, flight.latitude, flight.longitude, flight.height, flight.velocity_n, flight.euler
     )
     found = errors(truth, Trajectory.from_recording(read, 100.0), flight.time[0] - boot * 1e-6)
+    print(
+        f"\n{name}: position {found[0]:.2g} m, velocity {found[1]:.2g} m/s, attitude {found[2]:.2g}°, "
+        f"specific force {found[3]:.2g} m/s²"
+    )
     for error, bound in zip(found, bounds, strict=True):
         assert error <= bound
     # The format costs a tenth at most of what sampling the flight at its rate does.
@@ -63,3 +69,43 @@ def test_the_flight_is_the_same_to_the_precision_of_the_log(name, boot, rate, bo
         known.time, known.latitude, known.longitude, known.height, known.velocity_n, known.euler
     )
     assert found[3] <= 1.1 * errors(truth, Trajectory.from_recording(sampled, 100.0), 0.0)[3]
+
+
+def along(curve: Trajectory, times: np.ndarray) -> np.ndarray:
+    """Return the specific force in n (n, 3) [m/s²]: of a track the attitude is no measurement."""
+    attitude = Rotation.from_quat(curve.at(times).q_nb, scalar_first=True)
+    return attitude.apply(curve.rates(times)[1])
+
+
+@pytest.mark.parametrize(
+    ("name", "curve", "bounds"),
+    [
+        # One point a second of 7 decimals and 0.1 m.
+        ("GPX", "position", (0.06, 0.1, 0.35)),
+        # 2 cm and 0.1 m; speed and course to 0.001 kt and 0.01°, five times a second.
+        ("NMEA 0183", "velocity", (0.06, 0.1, 0.35)),
+    ],
+)
+def test_the_flight_of_a_track_is_the_same_and_its_attitude_reconstructed(name, curve, bounds, tmp_path):
+    recording = mission("montreal").recording
+    path = tmp_path / "track.dat"
+    path.write_bytes(WRITERS[name](recording))
+    made = prepare_import(path)
+    assert made.rebuilt.curve == curve
+    assert made.report.verdict == "plausible"
+    truth = Trajectory.from_recording(recording, 200.0)
+    read = Trajectory.from_recording(made.recording, 100.0)
+    times = np.clip(TIMES, 0, read.duration)
+    a, b = truth.at(times), read.at(times)
+    found = (
+        rms(ecef.way(a.position, b.position)),
+        rms(b.velocity_n - a.velocity_n),
+        rms(along(read, times) - along(truth, times)),
+    )
+    place, speed, force = found
+    print(f"\n{name}: position {place:.2g} m, velocity {speed:.2g} m/s, specific force {force:.2g} m/s²")
+    for error, bound in zip(found, bounds, strict=True):
+        assert error <= bound
+    # The bank is that of the turns; the angle of attack and the wind stay in pitch and yaw.
+    off = np.degrees(np.sqrt(np.mean(wrap(b.euler - a.euler) ** 2, axis=0)))
+    assert (off < (1.0, 4.0, 4.0)).all()
