@@ -176,7 +176,7 @@ def _listed(raw: RawFlight) -> str:
 
 
 def _dropped(one: Dropped, unit: str) -> ReportRow:
-    return ReportRow("File", "Left out", f"{one.count} with {one.reason} (first: {unit} {one.first_row})")
+    return ReportRow("File", "Left out", f"{one.count} × {one.reason} (first: {unit} {one.first_row})")
 
 
 def _time(flight: RepairedFlight) -> list[ReportRow]:

@@ -150,7 +150,7 @@ def test_the_report_tells_what_was_found():
     )
     report = read.report
     assert "2000 rows read, 1799 used" in text_of(report, "File", "Samples")
-    assert "1 with a latitude beyond ±90° (first: sample 7)" in text_of(report, "File", "Left out")
+    assert "1 × a latitude beyond ±90° (first: sample 7)" in text_of(report, "File", "Left out")
     assert "grid of 50 ms" in text_of(report, "Time", "Resolution")
     assert "0.01 m/s" in text_of(report, "Resolution", "Velocity")
     own = 2e-3 * np.sqrt(3 * 10)

@@ -94,7 +94,7 @@ class Stream:
     def lost(self) -> tuple[Dropped, ...]:
         """What is said of the messages that cannot be used."""
         count = self.read - len(self.time)
-        reason = f"of the {self.what}: not valid, not a number or not in order of time"
+        reason = f"{self.what} not valid, no number or not in order of time"
         return (Dropped(reason, count, self.first_lost),) if count else ()
 
     def known(self, time: FloatArray) -> BoolArray:
@@ -167,7 +167,7 @@ def flight_of(
         known = other.known(base.time)
         lost = kept & ~known
         if lost.any():
-            reason = f"of the {base.what}: while the {other.what} was not logged"
+            reason = f"{base.what} while the {other.what} was not logged"
             dropped.append(Dropped(reason, int(lost.sum()), int(np.argmax(lost)) + 1))
             kept &= known
     time = base.time[kept]
