@@ -73,7 +73,7 @@ def regular(stamps: FloatArray, tick: float) -> FloatArray | None:
     (n,) array or None
         None where the stamps follow no even spacing, being off by half of it and by more than the resolution.
     """
-    time = spread(stamps)
+    time = spread(stamps, tick)
     if time[-1] <= time[0]:
         return None
     count = np.arange(len(time), dtype=np.float64) if time is not stamps else _counts(time, tick)
@@ -104,21 +104,24 @@ def _counts(time: FloatArray, tick: float) -> FloatArray | None:
     return count
 
 
-def spread(time: FloatArray) -> FloatArray:
-    """Return stamps with those that repeat spread evenly up to the next.
+def spread(stamps: FloatArray, tick: float) -> FloatArray:
+    """Return stamps with those that repeat spread evenly up to the next, or over one tick if that is later.
 
     Parameters
     ----------
-    time : (n,) array
+    stamps : (n,) array
         Stamps that do not decrease [s].
+    tick
+        Resolution of the stamps, 0 if not known [s].
     """
-    starts = np.flatnonzero(np.concatenate(([True], np.diff(time) > 0)))
-    if len(starts) == len(time) or len(starts) < 2:
-        return time
-    ticks = time[starts]
-    # The last stamp's samples reach as far as those of the one before.
-    end = 2 * ticks[-1] - ticks[-2]
-    return np.asarray(np.interp(np.arange(len(time)), np.append(starts, len(time)), np.append(ticks, end)))
+    starts = np.flatnonzero(np.concatenate(([True], np.diff(stamps) > 0)))
+    if len(starts) == len(stamps) or len(starts) < 2:
+        return stamps
+    gaps = np.diff(stamps[starts])
+    reach = np.minimum(np.append(gaps, np.inf), tick or float(np.median(gaps)))
+    alike = np.diff(np.append(starts, len(stamps)))
+    part = (np.arange(len(stamps)) - np.repeat(starts, alike)) / np.repeat(alike, alike)
+    return np.asarray(stamps + part * np.repeat(reach, alike))
 
 
 def by_motion(time: FloatArray, place: FloatArray, limit: float) -> FloatArray:

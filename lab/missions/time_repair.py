@@ -102,11 +102,16 @@ def repair(raw: RawFlight, time_stamps: str = REPAIRED, longest_gap: float = 2.0
     started = float(raw.time[0])
     stamps = raw.time - started
     tick = clock.resolution(raw.time)
-    method, times = AS_RECORDED, clock.spread(stamps)
+    method, times = AS_RECORDED, stamps
     calmed = 1.0
     if time_stamps == REPAIRED:
-        method, times, calmed = _best(raw, stamps, times, tick)
+        method, times, calmed = _best(raw, stamps, clock.spread(stamps, tick), tick)
     times = _of_the_same_length(times - times[0], stamps, tick)
+    if np.diff(times).min() < _SHORTEST / 10:
+        raise MissionError(
+            f"the samples lie too close together, {len(times)} in {stamps[-1]:.3g} s; accepted are at least "
+            "0.1 µs from one to the next. Another unit of time is given with --unit COLUMN=UNIT"
+        )
     moved = times - stamps
     step = float(times[-1] / round(times[-1] / np.median(np.diff(times)))) if method == "even" else 0.0
     steps = np.diff(times)
@@ -135,8 +140,11 @@ def _of_the_same_length(times: FloatArray, stamps: FloatArray, tick: float) -> F
 def _one_each(raw: RawFlight, time_stamps: str) -> RawFlight:
     """Return the samples with one for each stamp, unless many share theirs and can be spread."""
     again = np.concatenate(([False], np.diff(raw.time) < _SHORTEST))
-    if not again.any() or (time_stamps == REPAIRED and again.mean() > _SHARED and raw.time[-1] > raw.time[0]):
+    if not again.any():
         return raw
+    if time_stamps == REPAIRED and again.mean() > _SHARED and again.sum() < len(again) - 1:
+        last = np.maximum.accumulate(np.where(again, 0, np.arange(len(again))))
+        return replace(raw, time=raw.time[last])
     said = Dropped("the time stamp of the row before", int(again.sum()), int(np.argmax(again)) + 1)
     return raw.rows(~again, (said,))
 

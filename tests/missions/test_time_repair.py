@@ -198,10 +198,10 @@ def test_whatever_the_stamps_repaired_time_increases_and_keeps_its_length(stamps
     repaired = found.raw.time
     assert repaired[0] == 0
     assert (np.diff(repaired) > 0).all()
-    kept = found.started + repaired
-    within = max(found.tick, np.median(np.diff(repaired)), 1e-6 * np.abs(time).max())
-    assert kept[-1] <= time.max() + within
-    assert found.moved_max <= within + 1e-9
+    steps = np.diff(np.unique(time))
+    within = max(found.tick, np.median(steps), np.median(np.diff(repaired))) + 1e-6 * np.abs(time).max()
+    assert found.started + repaired[-1] <= time.max() + 1.1 * within
+    assert found.moved_max <= 2 * within
 
 
 @given(
