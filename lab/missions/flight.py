@@ -142,6 +142,9 @@ def _fly_samples(
         if now % SAMPLE_MS == 0:
             if cancelled is not None and cancelled():
                 return now // SAMPLE_MS, f"cancelled {now / 1000:.2f} s into the flight"
+            if aeroplane.out_of_fuel():
+                where = f"{now / 1000:.2f} s into the flight, during manoeuvre {pilot.manoeuvre}"
+                return now // SAMPLE_MS, f"the aeroplane ran out of fuel {where}; give duration_s less time"
             samples[now // SAMPLE_MS] = aeroplane.sample()
             if progress is not None and now % (20 * SAMPLE_MS) == 0:
                 progress(now / last)

@@ -19,6 +19,7 @@ SETTLING_MS = 15_000
 _FOOT = 0.3048
 _RANKINE = 1.8
 _LONGITUDINAL = 0
+_NO_FUEL_LBS = 0.01
 _AXES = ("north", "east", "down")
 _STILL = ((), (), ())
 
@@ -210,6 +211,10 @@ class SimulatedAircraft:
             beta=fdm["aero/beta-rad"],
             on_ground=bool(fdm["gear/unit[1]/WOW"] or fdm["gear/unit[2]/WOW"]),
         )
+
+    def out_of_fuel(self) -> bool:
+        """Return whether the tanks are empty."""
+        return bool(self._fdm["propulsion/total-fuel-lbs"] < _NO_FUEL_LBS)
 
     def sample(self) -> tuple[float, ...]:
         """Return what a flight record holds: position, velocity over the Earth, attitude and air data.

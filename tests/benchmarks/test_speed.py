@@ -26,6 +26,7 @@ from numpy.typing import NDArray
 
 from lab.analysis.errors import position_error
 from lab.experiment import CACHE, Experiment, start
+from lab.missions import fly, mission
 from lab.navigation import unscented
 from lab.navigation.belief import belief
 from lab.navigation.error_models import MODELS, with_states
@@ -243,6 +244,13 @@ def test_cold_compilation_is_told(tmp_path: Path) -> None:
     warm = json.loads(fresh(COLD, NUMBA_CACHE_DIR=str(tmp_path)))
     times = {stage: seconds for stage, _, seconds in warm}
     row("the same with a warm cache", [times["Done"] - next(t for s, t in times.items() if s == told)])
+
+
+def test_flying_montreal() -> None:
+    pytest.importorskip("jsbsim")
+    plan = mission("montreal").plan
+    median = row("montreal flown in JSBSim, 205 s at 1 ms", timed(lambda: fly(plan), 3), 10.0)
+    assert median <= 10.0
 
 
 def test_import() -> None:

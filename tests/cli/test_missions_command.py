@@ -46,6 +46,7 @@ def test_a_broken_mission_of_ones_own_is_named_and_the_rest_listed(
     assert [entry["name"] for entry in json.loads(ask("missions", "--json").stdout)] == [
         "los_angeles",
         "montreal",
+        "pacific",
     ]
 
 

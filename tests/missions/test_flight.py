@@ -190,8 +190,9 @@ def test_without_wind_airspeed_is_speed_over_the_earth():
 
 
 def test_flying_again_gives_the_shipped_recordings(tmp_path):
-    for name in ("montreal", "los_angeles"):
+    for name in ("montreal", "los_angeles", "pacific"):
         flown = fly_mission(name, folder=tmp_path)
+        assert flown.ending == ""
         was, now = missions()[name].recording_path.read_bytes(), flown.recording_path.read_bytes()
         assert flown.path.read_bytes() == missions()[name].path.read_bytes()
         if gzip.decompress(was) != gzip.decompress(now):
@@ -296,6 +297,23 @@ def test_a_flight_is_cancelled_at_once_and_kept_from_two_seconds_on(calm):
     np.testing.assert_array_equal(flight.recording.euler, calm.euler[:100])
     with pytest.raises(MissionError, match=r"cancelled 0\.00 s into the flight"):
         fly(FlightPlan.from_dict(SHORT), cancelled=lambda: True)
+
+
+def test_an_aircraft_without_fuel_says_so(monkeypatch):
+    looks = itertools.count()
+    monkeypatch.setattr(SimulatedAircraft, "out_of_fuel", lambda _: next(looks) >= 100)
+    flight = fly(FlightPlan.from_dict(SHORT))
+    assert re.search(r"ran out of fuel 5\.50 s into the flight, during manoeuvre 1 of 3", flight.ending)
+    assert len(flight.recording.time) == 100
+
+
+def test_the_fuel_is_that_of_the_tanks():
+    aircraft = SimulatedAircraft(FlightPlan.from_dict(SHORT))
+    assert not aircraft.out_of_fuel()
+    for tank in (0, 1):
+        aircraft._fdm[f"propulsion/tank[{tank}]/contents-lbs"] = 0.0
+    aircraft.step()
+    assert aircraft.out_of_fuel()
 
 
 def test_a_flight_that_ends_early_is_written_and_says_so_until_flown_to_its_end(tmp_path):

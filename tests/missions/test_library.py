@@ -190,7 +190,7 @@ def test_a_crash_leaves_no_half_mission(own, monkeypatch):
                         circle(samples=300), "one" if overwrite else "two", title="x", overwrite=overwrite
                     )
             assert broken_missions() == {}
-            assert list(missions()) == ["los_angeles", "montreal", "one"]
+            assert list(missions()) == ["los_angeles", "montreal", "pacific", "one"]
             assert len(mission("one").recording.time) == 400
     assert add_mission(circle(samples=300), "two", title="x").duration < mission("one").duration
 
@@ -276,7 +276,7 @@ def test_a_mission_is_renamed_whole(own):
     with pytest.raises(MissionError, match="'montreal': ships"):
         rename_mission("one", "montreal")
     renamed = rename_mission("one", "two")
-    assert (renamed.name, list(missions())) == ("two", ["los_angeles", "montreal", "three", "two"])
+    assert (renamed.name, list(missions())) == ("two", ["los_angeles", "montreal", "pacific", "three", "two"])
     assert renamed.duration == circle().duration
     assert rename_mission("two", "two").name == "two"
     assert add_mission(circle(), "one", title="again").recording_path != mission("two").recording_path
@@ -383,4 +383,4 @@ def test_logs_are_renamed_described_and_deleted(own, outside):
     delete_mission("other")
     assert files(own) == ["full", "other", "other/notes.txt"]
     assert outside.read_text() == "precious"
-    assert list(missions()) == ["los_angeles", "montreal"]
+    assert list(missions()) == ["los_angeles", "montreal", "pacific"]

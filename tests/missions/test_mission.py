@@ -61,14 +61,14 @@ def test_a_mission_is_read(folder):
 def test_own_missions_are_listed_beside_the_shipped(folder):
     add(folder, "circle")
     assert own_folder() == folder
-    assert list(missions()) == ["los_angeles", "montreal", "circle"]
+    assert list(missions()) == ["los_angeles", "montreal", "pacific", "circle"]
     assert {"los_angeles", "montreal"} <= {path.stem for path in shipped_folder().glob("*.toml")}
 
 
 def test_a_missing_own_folder_is_no_error(folder, monkeypatch):
     for named in (str(folder / "nowhere"), "~no_such_user/missions"):
         monkeypatch.setenv("INS_LAB_MISSIONS", named)
-        assert list(missions()) == ["los_angeles", "montreal"]
+        assert list(missions()) == ["los_angeles", "montreal", "pacific"]
     monkeypatch.delenv("INS_LAB_MISSIONS")
     monkeypatch.setenv("XDG_DATA_HOME", str(folder))
     assert own_folder().name == "missions"
@@ -77,7 +77,7 @@ def test_a_missing_own_folder_is_no_error(folder, monkeypatch):
 
 def test_an_own_mission_of_a_shipped_name_hides_nothing(folder):
     add(folder, "montreal")
-    assert list(missions()) == ["los_angeles", "montreal", "user:montreal"]
+    assert list(missions()) == ["los_angeles", "montreal", "pacific", "user:montreal"]
     assert mission("montreal").path == shipped_folder() / "montreal.toml"
     assert mission("user:montreal").path == folder / "montreal.toml"
     assert mission(folder / "montreal.toml").name == "user:montreal"
@@ -103,7 +103,7 @@ def test_a_broken_mission_is_named_and_hides_no_other(folder, toml, message):
     add(folder, "broken", toml)
     add(folder, "sound")
     with pytest.warns(UserWarning, match="broken.toml"):
-        assert list(missions()) == ["los_angeles", "montreal", "sound"]
+        assert list(missions()) == ["los_angeles", "montreal", "pacific", "sound"]
     assert list(broken_missions()) == ["broken"]
     assert re.search(message, broken_missions()["broken"])
     with pytest.raises(MissionError, match=message):
@@ -147,7 +147,8 @@ def test_a_link_that_leads_elsewhere_is_refused(folder):
 def test_an_unknown_name_is_answered_with_those_there_are(folder):
     add(folder, "circle")
     with pytest.raises(
-        MissionError, match=r"'montrael'. Did you mean montreal\? Accepted: los_angeles, montreal, circle"
+        MissionError,
+        match=r"'montrael'. Did you mean montreal\? Accepted: los_angeles, montreal, pacific, circle",
     ):
         mission("montrael")
     with pytest.raises(MissionError, match="there is no mission ''"):

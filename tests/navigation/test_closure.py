@@ -84,6 +84,14 @@ PLANNED = {
 }
 
 
+def test_a_steep_flight_in_the_air_closes() -> None:
+    _, truth, imu = fly("pacific")
+    metres, degrees = distance(unaided(imu, truth), truth)
+    print(f"\npacific, {truth.time[-1]:.0f} s: {1e3 * metres:.4f} mm, {degrees:.1e}°")
+    assert metres <= 5e-3
+    assert degrees <= 1e-6
+
+
 @pytest.mark.parametrize("kind", PLANNED)
 def test_motions_without_a_simulator_close(kind: str) -> None:
     trajectory = Trajectory.from_recording(lab.missions.fly(read_plan(PLANNED[kind])).recording, 200.0)
