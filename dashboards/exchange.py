@@ -19,6 +19,7 @@ from bokeh.document import Document
 from dashboards.computing import POOL
 from dashboards.session import Session
 from lab.experiment import Experiment
+from lab.export import gpx, kml, tracks_of
 from lab.result import Result
 from lab.settings import SettingError
 
@@ -30,7 +31,7 @@ QUIET = 1500
 
 
 class Files:
-    """Buttons for files: results as netCDF and csv, settings as TOML, and settings from TOML."""
+    """Buttons for files: results as netCDF, csv, KML and GPX, settings as TOML, and settings from TOML."""
 
     def __init__(self, session: Session) -> None:
         self._session = session
@@ -39,6 +40,8 @@ class Files:
             callback=self._to_netcdf, filename="result.nc", label="netCDF", **common
         )
         self._csv = pmui.FileDownload(callback=self._to_csv, filename="result.zip", label="csv", **common)
+        self._kml = pmui.FileDownload(callback=self._to_kml, filename="result.kml", label="KML", **common)
+        self._gpx = pmui.FileDownload(callback=self._to_gpx, filename="result.gpx", label="GPX", **common)
         self._toml = pmui.FileDownload(
             callback=self._to_toml, filename="settings.toml", label="Settings", **common
         )
@@ -46,6 +49,7 @@ class Files:
         self._upload.param.watch(self._uploaded, "value")
         card = pmui.Card(
             pn.Row(self._netcdf, self._csv, margin=0, sizing_mode="stretch_width"),
+            pn.Row(self._kml, self._gpx, margin=0, sizing_mode="stretch_width"),
             pn.Row(self._toml, self._upload, margin=0, sizing_mode="stretch_width"),
             title="Files",
             title_variant="subtitle2",
@@ -62,6 +66,8 @@ class Files:
         for widget, filename in (
             (self._netcdf, f"{name}.nc"),
             (self._csv, f"{name}.zip"),
+            (self._kml, f"{name}.kml"),
+            (self._gpx, f"{name}.gpx"),
             (self._toml, f"{name}.toml"),
         ):
             if widget.filename != filename:
@@ -72,6 +78,12 @@ class Files:
 
     async def _to_csv(self) -> io.BytesIO:
         return await self._written(zipped_csv)
+
+    async def _to_kml(self) -> io.BytesIO:
+        return await self._written(kml_file)
+
+    async def _to_gpx(self) -> io.BytesIO:
+        return await self._written(gpx_file)
 
     async def _written(self, write: Any) -> io.BytesIO:
         result = self._session.result
@@ -156,6 +168,16 @@ def netcdf(result: Result) -> bytes:
         path = Path(folder) / "result.nc"
         result.to_netcdf(path)
         return path.read_bytes()
+
+
+def kml_file(result: Result) -> bytes:
+    """Return the paths of a result for Google Earth."""
+    return kml.text(tracks_of(result)).encode()
+
+
+def gpx_file(result: Result) -> bytes:
+    """Return the paths of a result for maps."""
+    return gpx.text(tracks_of(result)).encode()
 
 
 def zipped_csv(result: Result) -> bytes:

@@ -283,6 +283,11 @@ def test_results_are_downloaded(open_page: Open) -> None:
     with zipfile.ZipFile(download.value.path()) as archive:
         assert archive.testzip() is None
         assert {"errors.csv", "gps.csv"} <= {Path(name).name for name in archive.namelist()}
+    for label, ending, words in (("KML", "kml", "<name>Estimate</name>"), ("GPX", "gpx", "<trkpt ")):
+        with page.expect_download() as download:
+            page.get_by_text(label, exact=True).click()
+        assert download.value.suggested_filename == f"montreal_4.{ending}"
+        assert words in download.value.path().read_text(encoding="utf-8")
 
 
 def test_settings_come_from_a_file(open_page: Open) -> None:
