@@ -19,7 +19,7 @@ from lab.missions.derived_motion import roughness, spline_rates
 from lab.missions.import_settings import AUTO, ImportSettings
 from lab.missions.raw_flight import RawFlight
 from lab.missions.smooth_axes import SmoothAxes
-from lab.missions.smoothing import best_smoothing, smoothed, smoothing_spline
+from lab.missions.smoothing import best_smoothing, slope_noise, smoothed, smoothing_spline
 from lab.missions.value_steps import value_steps
 
 FloatArray = NDArray[np.float64]
@@ -30,6 +30,7 @@ LIVELINESS = 0.1
 """Density of the acceleration that coarse positions are trusted to show [(m/s²)²/Hz]."""
 
 _LOOKED_AT = 20_000
+_SLOWEST = 1.0
 
 
 @dataclass(eq=False)
@@ -51,6 +52,8 @@ class FlightCurves:
         λ of what was smoothed [s³].
     wind : (3,) array or None
         Velocity of the air that was added, north, east, down [m/s].
+    slowest : float
+        Speed below which a heading cannot be told, for noise of the positions [m/s].
     remarks : list of str
         What was assumed.
     """
@@ -60,6 +63,7 @@ class FlightCurves:
     grid: FloatArray
     smoothing: dict[str, float] = field(default_factory=dict)
     wind: FloatArray | None = None
+    slowest: float = 0.0
     remarks: list[str] = field(default_factory=list)
 
     def of_velocity(self) -> tuple[FloatArray, FloatArray]:
@@ -82,6 +86,10 @@ class FlightCurves:
         r_e = ecef.position(position * (1.0, 1.0, 0.0))
         steps = value_steps(self.raw)
         way = self._spline("position", r_e - r_e[0], steps["position"][0])
+        if "position" in self.smoothing:
+            off = float(np.sqrt(np.mean((way(self.raw.time) - r_e + r_e[0]) ** 2)))
+            noise = slope_noise(self.raw.time, off, self.smoothing["position"])
+            self.slowest = max(_SLOWEST, 3 * noise)
         climb = self._spline("height", position[:, 2:], steps.get("height", (0.0, "m"))[0])
         there = ecef.geodetic(way(self.grid) + r_e[0])
         there[:, 2] = climb(self.grid)[:, 0]

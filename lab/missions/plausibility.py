@@ -158,7 +158,7 @@ def findings(flight: RepairedFlight, rebuilt: Reconstruction, moves: Motion) -> 
         What it does.
     """
     found = [
-        *_beyond_limits(rebuilt.vehicle, moves),
+        *_beyond_limits(rebuilt, moves),
         *_velocity_against_positions(flight),
         *_attitude_against_path(flight, rebuilt),
         *_rates(flight, rebuilt),
@@ -168,8 +168,11 @@ def findings(flight: RepairedFlight, rebuilt: Reconstruction, moves: Motion) -> 
     return tuple(sorted(found, key=lambda finding: finding.level != IMPLAUSIBLE))
 
 
-def _beyond_limits(vehicle: str, moves: Motion) -> list[Finding]:
-    found = []
+def _beyond_limits(rebuilt: Reconstruction, moves: Motion) -> list[Finding]:
+    vehicle, found = rebuilt.vehicle, []
+    causes = dict(_CAUSES)
+    if rebuilt.attitude_reconstructed:
+        causes["body rate"] = "a heading reconstructed from slow or noisy motion"
     for name, limit in LIMITS[vehicle].items():
         unit, factor = _UNITS[name]
         often = float(np.quantile(getattr(moves, name.replace(" ", "_")), _OFTEN))
@@ -179,7 +182,7 @@ def _beyond_limits(vehicle: str, moves: Motion) -> list[Finding]:
                 Finding(
                     level,
                     f"The {name} reaches {often * factor:.4g} {unit}, and {vehicle}s seldom exceed "
-                    f"{limit.usual * factor:.4g} {unit}. Likely: {_CAUSES[name]}.",
+                    f"{limit.usual * factor:.4g} {unit}. Likely: {causes[name]}.",
                 )
             )
     usual = float(np.median(moves.specific_force))

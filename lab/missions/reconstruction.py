@@ -168,7 +168,10 @@ def _attitude(made: FlightCurves, position: FloatArray, velocity_n: FloatArray, 
     """Return roll, pitch, yaw on the grid: those recorded, or those of a coordinated turn."""
     raw, grid = made.raw, made.grid
     if raw.euler is None:
-        return coordinated_turn.attitude(grid, velocity_n, cast(coordinated_turn.Vehicle, vehicle))
+        # What moves more slowly than the noise of its positions stands still, and keeps its heading.
+        moves = np.hypot(velocity_n[:, 0], velocity_n[:, 1]) > made.slowest
+        seen = velocity_n * np.stack((moves, moves, np.ones_like(moves)), axis=-1)
+        return coordinated_turn.attitude(grid, seen, cast(coordinated_turn.Vehicle, vehicle))
     axes = SmoothAxes(position[:, 0])
     q_fb = axes.attitudes(raw.euler, _interpolated(grid, position, raw.time))
     if made.settings.smoothing == AUTO:

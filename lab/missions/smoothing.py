@@ -86,6 +86,25 @@ def smoothing_spline(time: FloatArray, values: FloatArray, smoothing: float) -> 
     return CubicSpline(time, smoothed(time, values, smoothing), bc_type="natural")
 
 
+def slope_noise(time: FloatArray, sigma: float, smoothing: float) -> float:
+    """Return σ of the slope of a smoothing spline through samples with white noise of σ = `sigma`.
+
+    By the equivalent kernel of bandwidth b = (λ h)^¼: σ² h / b³ ∫ ω² / (1 + ω⁴)² dω / 2π, the integral being
+    0.0884 (Green & Silverman, ch. 3.7).
+
+    Parameters
+    ----------
+    time : (n,) array
+        Increasing times of the samples [s].
+    sigma
+        Their noise.
+    smoothing
+        λ [s³].
+    """
+    step = float(np.mean(np.diff(time)))
+    return sigma * float(np.sqrt(0.0884 * step / (smoothing * step) ** 0.75)) if smoothing else 0.0
+
+
 def best_smoothing(time: FloatArray, values: FloatArray) -> float:
     """Return the λ [s³] that predicts left-out samples best, zero where any smoothing makes it worse.
 

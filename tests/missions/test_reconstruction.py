@@ -184,6 +184,24 @@ def test_without_attitude_it_is_that_of_coordinated_turns_and_said_so():
     assert np.abs(boat.recording.euler[:, :2]).max() == 0
 
 
+def test_the_heading_does_not_follow_the_noise_of_a_standstill():
+    time = np.arange(160.0)
+    east = np.where(time > 80, 10.0 * (time - 80), 0.0)
+    noise = np.random.default_rng(4).normal(size=(2, time.size))
+    raw = RawFlight(
+        format="track",
+        time=time,
+        latitude=0.7 + noise[0] / 6.4e6,
+        longitude=(east + noise[1]) / (6.4e6 * np.cos(0.7)),
+        height=np.zeros(time.size),
+    )
+    found = rebuilt(raw, vehicle="car").recording
+    standing = found.time < 78
+    assert np.ptp(np.unwrap(found.euler[standing, 2])) < np.radians(20)
+    driving = (found.time > 90) & (found.time < 150)
+    assert np.abs(found.euler[driving, 2] - np.pi / 2).max() < np.radians(10)
+
+
 def test_a_rate_that_is_given_is_that_of_the_recording():
     found = rebuilt(weave(EVEN), rate=37)
     np.testing.assert_allclose(np.diff(found.recording.time), 1 / 37, rtol=1e-9)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.interpolate import make_smoothing_spline
 
-from lab.missions.smoothing import best_smoothing, smoothed, smoothing_spline
+from lab.missions.smoothing import best_smoothing, slope_noise, smoothed, smoothing_spline
 
 
 def noisy(sigma: float, samples: int = 400) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -54,3 +54,11 @@ def test_exact_samples_are_left_alone():
     time, true, _ = noisy(0.0)
     curve = smoothed(time, true, best_smoothing(time, true))
     assert np.abs(curve - true).max() < 1e-5
+
+
+@pytest.mark.parametrize("smoothing", [0.01, 1.0, 30.0])
+def test_the_noise_of_the_slope_is_as_said(smoothing):
+    time = np.arange(4000) * 0.1
+    noise = 0.7 * np.random.default_rng(9).normal(size=(4000, 4))
+    slope = smoothing_spline(time, noise, smoothing)(time, 1)[100:-100]
+    assert slope_noise(time, 0.7, smoothing) == pytest.approx(np.std(slope), rel=0.1)
