@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import shutil
 import textwrap
-from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass, fields, replace
 from html import escape
 
 import numpy as np
@@ -24,6 +24,7 @@ from lab.missions.plausibility import (
 )
 from lab.missions.raw_flight import ColumnUnit, Dropped, RawFlight
 from lab.missions.reconstruction import Reconstruction
+from lab.missions.recording import Recording
 from lab.missions.sensor_noise import SensorNoise
 from lab.missions.time_repair import AS_RECORDED, RepairedFlight
 from lab.missions.value_steps import value_steps
@@ -40,6 +41,7 @@ _REPAIRS = {
 }
 _MUCH_LOST = 0.2
 _LOUD, _DEAFENING = 5.0, 50.0
+_MANY = 100_000
 
 
 @dataclass(frozen=True)
@@ -137,9 +139,10 @@ def report(
     sensor
         An IMU, with whose noise that of the recording is compared.
     """
-    moves = motion(rebuilt)
     force, rate = _fast_force(flight, rebuilt), _fast_rate(flight, rebuilt)
-    found = (*findings(flight, rebuilt, moves), *_losses(raw, flight), *_loudness(force))
+    seen, in_fewer = _thinned(flight, rebuilt)
+    moves = motion(in_fewer)
+    found = (*findings(seen, in_fewer, moves), *_losses(raw, flight), *_loudness(force))
     levels = {finding.level for finding in found}
     verdict = next((level for level in (IMPLAUSIBLE, QUESTIONABLE) if level in levels), PLAUSIBLE)
     rows = [
@@ -148,7 +151,7 @@ def report(
         *_resolution(flight),
         *_curve(rebuilt),
         *_noise(flight, force, rate, sensor),
-        *_motion(flight, rebuilt, moves),
+        *_motion(seen, in_fewer, moves),
         *_units(raw.units),
         *(ReportRow("Remarks", "", text) for text in (*raw.remarks, *rebuilt.remarks)),
     ]
@@ -281,19 +284,59 @@ def _noise(flight: RepairedFlight, force: float, rate: float, sensor: SensorNois
     ]
 
 
+def _thinned(flight: RepairedFlight, rebuilt: Reconstruction) -> tuple[RepairedFlight, Reconstruction]:
+    """Return a long flight with every so many samples only: what it does is seen as well in fewer."""
+    raw, recording = flight.raw, rebuilt.recording
+    of_raw, of_recording = (slice(None, None, -(-len(x.time) // _MANY)) for x in (raw, recording))
+    if of_raw.step > 1:
+        flight = replace(flight, raw=raw.rows(np.arange(len(raw.time))[of_raw]))
+    if of_recording.step > 1:
+        rebuilt = replace(rebuilt, recording=_part(recording, of_recording))
+    return flight, rebuilt
+
+
+def _part(recording: Recording, samples: slice) -> Recording:
+    arrays = {field.name: getattr(recording, field.name) for field in fields(recording)}
+    return replace(recording, **{name: each[samples] for name, each in arrays.items() if each is not None})
+
+
+def _stretches(recording: Recording) -> Iterator[Recording]:
+    """Give a flight whole, or of a long one ten stretches of it."""
+    count = len(recording.time)
+    if count <= _MANY:
+        yield recording
+        return
+    for start in np.linspace(0, count - _MANY // 10, 10).astype(int):
+        yield _part(recording, slice(start, start + _MANY // 10))
+
+
+def _evenly(part: Recording, flight: RepairedFlight, rebuilt: Reconstruction) -> FloatArray:
+    """Return times in a stretch at the rate of the samples, or of the recording where that is less."""
+    share = min(1.0, len(flight.raw.time) / len(rebuilt.recording.time))
+    return np.linspace(part.time[0], part.time[-1], max(2, round(share * len(part.time))))
+
+
 def _fast_force(flight: RepairedFlight, rebuilt: Reconstruction) -> float:
     """Return the rms of what is fast in the specific force, at the rate of the samples."""
-    recording = rebuilt.recording
-    at = np.linspace(0.0, recording.time[-1], min(len(flight.raw.time), len(recording.time)))
-    return roughness(CubicSpline(recording.time, recording.velocity_n)(at, 1))
+    return _rms(
+        roughness(CubicSpline(part.time, part.velocity_n)(_evenly(part, flight, rebuilt), 1))
+        for part in _stretches(rebuilt.recording)
+    )
 
 
 def _fast_rate(flight: RepairedFlight, rebuilt: Reconstruction) -> float:
-    recording = rebuilt.recording
-    if rebuilt.unchanged:
-        return roughness(body_rates(recording.time, recording.euler))
-    at = np.linspace(0.0, recording.time[-1], min(len(flight.raw.time), len(recording.time)))
-    return roughness(body_rates(at, euler_at(recording, at)))
+    loudness = []
+    for part in _stretches(rebuilt.recording):
+        if rebuilt.unchanged:
+            loudness.append(roughness(body_rates(part.time, part.euler)))
+        else:
+            at = _evenly(part, flight, rebuilt)
+            loudness.append(roughness(body_rates(at, euler_at(part, at))))
+    return _rms(loudness)
+
+
+def _rms(values: Iterable[float]) -> float:
+    return float(np.sqrt(np.mean(np.square(list(values)))))
 
 
 def _motion(flight: RepairedFlight, rebuilt: Reconstruction, moves: Motion) -> list[ReportRow]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -106,7 +107,11 @@ class RawFlight:
 
     def __post_init__(self) -> None:
         for name in self.quantities:
-            value = np.array(getattr(self, name), dtype=np.float64, order="C")
+            value = getattr(self, name)
+            # Another flight's arrays need no copy: nobody can write to them.
+            own = value.dtype == np.float64 and value.flags.c_contiguous and value.base is None
+            if value.flags.writeable or not own:
+                value = np.array(value, dtype=np.float64, order="C")
             if len(value) != len(self.time) or not np.isfinite(value).all():
                 raise ValueError(f"{name}: {len(value)} values, not all finite or not {len(self.time)}")
             value.setflags(write=False)
@@ -134,5 +139,7 @@ class RawFlight:
         dropped
             What is said of the others, added to what was said before.
         """
-        arrays = {name: getattr(self, name)[kept] for name in self.quantities}
+        arrays: dict[str, Any] = {name: getattr(self, name)[kept] for name in self.quantities}
+        for array in arrays.values():
+            array.setflags(write=False)
         return replace(self, **arrays, dropped=(*self.dropped, *dropped))

@@ -168,14 +168,13 @@ def _best(
     method = AS_RECORDED if spread is stamps else "spread"
     if len(stamps) < 2 * MIN_SAMPLES:
         return method, spread, 1.0
+    even = clock.regular(stamps, tick)
+    if even is not None and np.abs(even - spread).max() <= 2e-9 + 1e-12 * stamps[-1]:
+        return method, spread, 1.0
     evidence = _evidence(raw)
     before = _unsmoothness(spread, evidence)
-    even = clock.regular(stamps, tick)
     if even is not None:
         ratios = _ratios(before, _unsmoothness(even, evidence))
-        off = np.abs(even - spread).max()
-        if off <= 2e-9 + 1e-12 * stamps[-1]:
-            return method, spread, 1.0
         is_rounding = np.abs(even - stamps).max() <= _WITHIN_TICK * tick
         if (is_rounding and max(ratios, default=1.0) < 1.3) or _speaks_for(ratios):
             return "even", even, min(ratios, default=1.0)

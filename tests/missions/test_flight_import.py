@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from raw_flights import raw_of, weave, without
 from scipy.interpolate import CubicSpline
 
-from lab.missions import ImportSettings, MissionError, mission, prepare_import
+from lab.missions import ImportSettings, MissionError, import_report, mission, prepare_import
 from lab.missions.flight_import import prepare_flight
 from lab.missions.import_report import ImportReport
 from lab.missions.plausibility import motion, rate_agreement
@@ -186,6 +186,19 @@ def test_settings_are_not_kept_by_reference():
     read = prepare_flight(weave(EVEN), settings)
     settings.curve = "position"
     assert read.settings.curve == "auto"
+
+
+def test_a_long_flight_is_judged_by_fewer_samples_and_not_otherwise(monkeypatch):
+    whole = prepare_import(mission("montreal").recording_path).report
+    monkeypatch.setattr(import_report, "_MANY", 1000)
+    fewer = prepare_import(mission("montreal").recording_path).report
+    assert fewer.verdict == whole.verdict
+    assert fewer.specific_force_noise == pytest.approx(whole.specific_force_noise, rel=0.3)
+    assert fewer.body_rate_noise == pytest.approx(whole.body_rate_noise, rel=0.3)
+    assert [row.name for row in fewer.rows] == [row.name for row in whole.rows]
+    for one, other in zip(fewer.rows, whole.rows, strict=True):
+        if one.group not in {"Motion", "Noise"}:
+            assert one == other
 
 
 def test_long_flights_take_time_in_proportion():
