@@ -34,8 +34,8 @@ POINTS = 2000
 ANGLES = ("roll", "pitch", "heading")
 
 
-def import_preview(read: FlightImport) -> Row:
-    """Return figures of a flight about to be imported: track, height, speed and attitude.
+def preview_figures(read: FlightImport) -> tuple[figure, list[figure]]:
+    """Return figures of a flight about to be imported: the track, and height, speed and attitude over time.
 
     Parameters
     ----------
@@ -44,15 +44,20 @@ def import_preview(read: FlightImport) -> Row:
 
     Returns
     -------
-    Row
-        Bokeh figures; what the file has as points, what the mission will hold as lines.
+    tuple of figure and list of figures
+        What the file has as points, what the mission will hold as lines.
     """
     axis = TimeAxis()
     axis.span(float(read.recording.time[-1]))
-    plots = [_height(read, axis), _speed(read, axis), *_attitude(read, axis)]
-    times: list[LayoutDOM] = [*plots]
+    return _track(read), [_height(read, axis), _speed(read, axis), *_attitude(read, axis)]
+
+
+def import_preview(read: FlightImport) -> Row:
+    """Return the figures of `preview_figures` beside each other."""
+    track, times = preview_figures(read)
+    children: list[LayoutDOM] = [*times]
     return row(
-        _track(read), column(times, sizing_mode="stretch_both"), sizing_mode="stretch_both", min_height=640
+        track, column(children, sizing_mode="stretch_both"), sizing_mode="stretch_both", min_height=640
     )
 
 

@@ -2,18 +2,23 @@
 
 from __future__ import annotations
 
+import re
 import tomllib
 from collections.abc import Callable, Iterator
+from dataclasses import fields
 from pathlib import Path
 
 import pytest
 from playwright.sync_api import Locator, Page, expect
+from xplane_sender import XPlaneSender
 
-from lab.missions import FlightPlan, add_mission, mission, missions
+from lab.missions import FlightPlan, Recording, add_mission, mission, missions, write_flight_csv
 
 pytestmark = pytest.mark.browser
 
 Open = Callable[..., Page]
+
+expect.set_options(timeout=20_000)
 
 
 @pytest.fixture
@@ -24,6 +29,12 @@ def mine(own_missions: Path) -> Iterator[Path]:
     yield own_missions
     for path in own_missions.iterdir():
         path.unlink()
+
+
+def part_of_montreal() -> Recording:
+    """Return a piece of a turning climb."""
+    whole = mission("montreal").recording
+    return Recording(*(getattr(whole, field.name)[2000:2300] for field in fields(Recording)))
 
 
 def missions_tab(page: Page) -> Page:
@@ -139,3 +150,48 @@ def test_a_plan_is_changed_saved_flown_and_cancelled(open_page: Open, mine: Path
     fly.click()
     page.get_by_role("button", name="Cancel").click()
     expect(page.get_by_text("s into the flight")).to_be_visible()
+
+
+def upload(page: Page, *paths: Path) -> None:
+    page.locator("input[type=file][multiple]").set_input_files(list(paths))
+
+
+def test_a_flight_is_uploaded_judged_and_added(open_page: Open, mine: Path, tmp_path: Path) -> None:
+    flight, broken = tmp_path / "our flight.csv", tmp_path / "bro<b>ken.csv"
+    write_flight_csv(flight, part_of_montreal())
+    broken.write_text("time_s,latitude_deg\n0,1\n", encoding="utf-8")
+    page = missions_tab(open_page("?mission=mine", drawn=False))
+    part(page, "Import")
+    expect(page.get_by_text("X-Plane Data.txt")).to_be_visible()
+    upload(page, broken)
+    problem = page.get_by_role("alert").filter(has_text="bro_b_ken.csv")
+    expect(problem).to_be_visible()
+    expect(problem).to_have_text(re.compile("^bro_b_ken.csv: its content is of no format known here"))
+    upload(page, flight)
+    expect(page.get_by_role("alert").filter(has_text="lausible")).to_be_visible()
+    expect(page.get_by_text("INS Lab flight csv", exact=True)).to_be_visible()
+    expect(page.get_by_role("cell", name="300 rows read, 300 used")).to_be_visible()
+    expect(box(page, "Name")).to_have_value("our flight")
+    box(page, "Name").fill("ours")
+    page.get_by_role("button", name=re.compile("Add mission|Add all the same")).click()
+    expect(page.get_by_text("ours is added and chosen.")).to_be_visible()
+    expect(chooser(page)).to_have_text("Flight of our flight.csv")
+    assert mission("ours").duration == pytest.approx(part_of_montreal().duration, abs=0.3)
+
+
+def test_x_plane_is_recorded(open_page: Open, mine: Path) -> None:
+    page = missions_tab(open_page("?mission=mine", drawn=False))
+    part(page, "X-Plane")
+    box(page, "Port").fill("none")
+    page.get_by_role("button", name="Start").click()
+    expect(page.get_by_text("Port and rate are numbers")).to_be_visible()
+    with XPlaneSender(part_of_montreal()) as sender:
+        sent = iter(range(1, 10_000))
+        sender.received = lambda: next(sent)
+        box(page, "Port").fill(str(sender.port))
+        page.get_by_role("button", name="Start").click()
+        expect(page.get_by_text(re.compile(r"[1-9]\d* samples"))).to_be_visible()
+        assert sender.done.wait(60)
+        page.get_by_role("button", name="Stop").click()
+        expect(page.get_by_role("button", name=re.compile("Add mission|Add all the same"))).to_be_visible()
+        expect(page.get_by_role("cell", name=re.compile("X-Plane"))).to_be_visible()

@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import socket
 import time
+from collections.abc import Callable
+from pathlib import Path
 
 import psutil
 import pytest
@@ -17,7 +20,7 @@ SOON = ("--unused-session-lifetime", "500", "--check-unused-sessions", "200")
 
 def ports(server: psutil.Process) -> int:
     """Return on how many ports a server listens."""
-    return sum(socket.status == psutil.CONN_LISTEN for socket in server.net_connections("tcp"))
+    return sum(one.status == psutil.CONN_LISTEN for one in server.net_connections("tcp"))
 
 
 def leave_when(page: Page) -> None:
@@ -41,6 +44,41 @@ def test_a_closed_page_leaves_no_port_and_no_thread(chromium: Browser) -> None:
             wait_for_ports(server, alone)
             threads.append(server.num_threads())
         assert threads[1] <= threads[0]
+
+
+def test_a_closed_page_leaves_no_upload_and_no_recording(
+    chromium: Browser, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("TMPDIR", str(tmp_path))
+    with serving(*SOON) as (address, process), socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as simulator:
+        simulator.bind(("127.0.0.1", 0))
+        server = psutil.Process(process.pid)
+        context = chromium.new_context()
+        page = context.new_page()
+        page.goto(address)
+        page.wait_for_function(DRAWN)
+        page.get_by_role("tab", name="Missions", exact=True).click()
+        page.get_by_role("button", name="Import", exact=True).click()
+        page.locator("input[type=file][multiple]").set_input_files(
+            {"name": "a.csv", "mimeType": "text/csv", "buffer": b"no flight"}
+        )
+        expect(page.get_by_role("alert").filter(has_text="a.csv")).to_be_visible()
+        assert [path.name for path in tmp_path.glob("ins-lab-upload-*/1/*")] == ["a.csv"]
+        page.get_by_role("button", name="X-Plane", exact=True).click()
+        page.get_by_role("textbox", name="Port").fill(str(simulator.getsockname()[1]))
+        page.get_by_role("button", name="Start").click()
+        expect(page.get_by_text("0 samples")).to_be_visible()
+        assert server.net_connections("udp")
+        context.close()
+        wait_until(lambda: not server.net_connections("udp") and not list(tmp_path.glob("ins-lab-upload-*")))
+
+
+def wait_until(what: Callable[[], bool]) -> None:
+    """Wait for something to become true."""
+    end = time.monotonic() + 30
+    while not what():
+        assert time.monotonic() < end
+        time.sleep(0.1)
 
 
 def wait_for_ports(server: psutil.Process, count: int) -> None:

@@ -8,6 +8,7 @@ from typing import Any
 import panel as pn
 import panel_material_ui as pmui
 
+from dashboards.pages.missions.notice import Notice
 from lab.missions import MissionError
 
 
@@ -34,14 +35,14 @@ class Dialog:
     def __init__(self, title: str, word: str, act: Callable[[], None], color: str = "primary") -> None:
         self._act = act
         self.body = pn.Column(margin=0, sizing_mode="stretch_width")
-        self._problem = pmui.Alert(object="", severity="error", visible=False, margin=(6, 4))
+        self._problem = Notice()
         cancel = pmui.Button(label="Cancel", variant="text", color="default", margin=(6, 4))
         cancel.on_click(lambda _event: self._close())
         button = pmui.Button(label=word, color=color, margin=(6, 4))
         button.on_click(lambda _event: self._try())
         self.view = pmui.Dialog(
             self.body,
-            self._problem,
+            self._problem.view,
             pn.Row(cancel, button, align="end", margin=0),
             title=title,
             title_variant="h6",
@@ -50,7 +51,7 @@ class Dialog:
 
     def open(self) -> None:
         """Ask."""
-        self._problem.param.update(object="", visible=False)
+        self._problem.say("")
         self.view.open = True
 
     def _close(self) -> None:
@@ -60,7 +61,7 @@ class Dialog:
         try:
             self._act()
         except MissionError as error:
-            self._problem.param.update(object=str(error), visible=True)
+            self._problem.say(str(error))
         else:
             self._close()
 

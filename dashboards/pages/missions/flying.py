@@ -15,6 +15,7 @@ from dashboards.computing import Progress, SupersededError
 from dashboards.pages.missions.entry_fields import WHOLE, WRAP, sized
 from dashboards.pages.missions.job import Job
 from dashboards.pages.missions.naming import Naming
+from dashboards.pages.missions.notice import Notice
 from dashboards.pages.missions.plan_editor import PlanEditor
 from dashboards.session import Session
 from lab.missions import FlightPlan, Mission, MissionError, add_mission, fly, missions
@@ -50,7 +51,7 @@ class Flying:
         save = pmui.FileDownload(
             callback=self._toml, filename="flight.toml", label="Save plan", **_SMALL, margin=(10, 4)
         )
-        self._state = pmui.Alert(object="", severity="warning", margin=(6, 4), sizing_mode="stretch_width")
+        self._state = Notice()
         self._naming = Naming("flight", "A flight")
         self._fly = pmui.Button(label="Fly this plan", icon="flight_takeoff", color="primary", margin=(10, 4))
         self._fly.on_click(lambda _event: self._start())
@@ -58,8 +59,8 @@ class Flying:
         self.view = pn.Column(
             pn.Row(self._load, load, save, margin=0, stylesheets=[WRAP], sizing_mode="stretch_width"),
             self._editor.view,
-            self._state,
-            pn.Row(self._naming.view, self._fly, margin=0, sizing_mode="stretch_width"),
+            self._state.view,
+            pn.Row(self._naming.view, self._fly, margin=0, stylesheets=[WRAP], sizing_mode="stretch_width"),
             self._job.view,
             margin=0,
             sizing_mode="stretch_width",
@@ -92,7 +93,7 @@ class Flying:
             self._editor.plan()
         except MissionError as error:
             problem = problem or str(error)
-        self._state.param.update(object=problem, visible=bool(problem))
+        self._state.say(problem, "warning")
         self._fly.disabled = bool(problem)
 
     def _toml(self) -> io.BytesIO:

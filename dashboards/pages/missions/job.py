@@ -12,6 +12,7 @@ import panel_material_ui as pmui
 
 from dashboards.computing import LONG, LatestWins, Outcome, Progress, attempt
 from dashboards.pages.missions.entry_fields import sized
+from dashboards.pages.missions.notice import Notice
 from dashboards.sending import together
 
 TELL = 0.25
@@ -48,10 +49,8 @@ class Job:
             button = pmui.Button(label="Cancel", size="small", variant="outlined", margin=(4, 4))
             button.on_click(lambda _event: cancel())
             self._row.append(button)
-        self._after = pmui.Alert(
-            object="", severity="error", visible=False, margin=(6, 4), sizing_mode="stretch_width"
-        )
-        self.view = pn.Column(self._row, self._after, sizing_mode="stretch_width", margin=0)
+        self._after = Notice()
+        self.view = pn.Column(self._row, self._after.view, sizing_mode="stretch_width", margin=0)
 
     @property
     def busy(self) -> bool:
@@ -77,7 +76,7 @@ class Job:
 
     def say(self, text: str, severity: str = "error") -> None:
         """Say what is wrong, or what was done; nothing is said with no text."""
-        self._after.param.update(object=text, severity=severity, visible=bool(text))
+        self._after.say(text, severity)
 
     def close(self) -> None:
         """Deliver nothing more."""

@@ -12,6 +12,7 @@ import panel_material_ui as pmui
 from dashboards.computing import LONG, LatestWins, Outcome, Progress, attempt
 from dashboards.pages.missions.cards import MissionCards, all_cards
 from dashboards.pages.missions.dialog import Dialog, fill
+from dashboards.pages.missions.notice import Notice
 from dashboards.sending import together
 from dashboards.session import Session
 from lab.experiment import Experiment
@@ -54,16 +55,9 @@ class Library:
         self._what = pn.pane.HTML("", margin=(4, 8), sizing_mode="stretch_width")
         self._deleting.body[:] = [self._what]
         self._about = ""
-        self._message = pmui.Alert(
-            object="",
-            severity="success",
-            closeable=True,
-            visible=False,
-            margin=(4, 4),
-            sizing_mode="stretch_width",
-        )
+        self._message = Notice(closeable=True)
         self.view = pn.Column(
-            self._message,
+            self._message.view,
             self._filter,
             self._cards,
             self._changing.view,
@@ -83,7 +77,7 @@ class Library:
         self._work.submit(self._cards.chosen)
 
     def _say(self, text: str) -> None:
-        self._message.param.update(object=text, visible=True)
+        self._message.say(text, "success")
 
     def close(self) -> None:
         """Show nothing more."""

@@ -11,7 +11,9 @@ import panel_material_ui as pmui
 from dashboards.pages.base import Page
 from dashboards.pages.missions.entry_fields import WHOLE
 from dashboards.pages.missions.flying import Flying
+from dashboards.pages.missions.importing import Importing
 from dashboards.pages.missions.library import Library
+from dashboards.pages.missions.recording import Recording
 from dashboards.session import Session
 from lab.result import Result
 from lab.views.figures import TimeAxis
@@ -31,7 +33,9 @@ class Part(Protocol):
 
 PARTS: dict[str, Callable[[Session], Part]] = {
     "Library": Library,
+    "Import": Importing,
     "Fly": Flying,
+    "X-Plane": Recording,
 }
 """What makes each part, by what its button says."""
 
@@ -55,7 +59,12 @@ class Missions(Page):
     def make(self) -> pn.viewable.Viewable:
         """Return the choice of parts above the part chosen."""
         self._choice = pmui.RadioButtonGroup(
-            options=list(PARTS), value=next(iter(PARTS)), size="small", color="primary", margin=(10, 4, 4, 4)
+            sx={"& button": {"whiteSpace": "nowrap", "padding": "4px 14px"}},
+            options=list(PARTS),
+            value=next(iter(PARTS)),
+            size="small",
+            color="primary",
+            margin=(10, 4, 4, 4),
         )
         self._choice.param.watch(lambda _event: self._turn(), "value")
         self._stage = pn.Column(margin=0, sizing_mode="stretch_width", stylesheets=[WHOLE])

@@ -8,6 +8,7 @@ import panel as pn
 import panel_material_ui as pmui
 
 from dashboards.pages.missions.dialog import fill
+from dashboards.pages.missions.entry_fields import WRAP
 from lab.missions import MissionError
 from lab.missions.library import free_name
 from lab.missions.mission_name import accepted_name
@@ -18,6 +19,7 @@ _FIELD: dict[str, Any] = {
     "sizing_mode": "stretch_width",
     "margin": (8, 4),
 }
+_ROOM = ":host {{ flex: {} 1 {}px !important; width: auto !important; }}"
 
 
 class Naming:
@@ -30,9 +32,15 @@ class Naming:
     """
 
     def __init__(self, name: str, title: str) -> None:
-        self._name = pmui.TextInput(label="Name", max_width=260, **_FIELD)
-        self._title = pmui.TextInput(label="Title", **_FIELD)
-        self.view = pn.Row(self._name, self._title, margin=0, sizing_mode="stretch_width")
+        self._name = pmui.TextInput(label="Name", stylesheets=[_ROOM.format(1, 130)], **_FIELD)
+        self._title = pmui.TextInput(label="Title", stylesheets=[_ROOM.format(3, 170)], **_FIELD)
+        self.view = pn.Row(
+            self._name,
+            self._title,
+            margin=0,
+            sizing_mode="stretch_width",
+            stylesheets=[WRAP, _ROOM.format(1, 310)],
+        )
         self.suggest(name, title)
 
     def suggest(self, name: str, title: str) -> None:

@@ -1,0 +1,206 @@
+"""Draft: a flight that was read and is not yet a mission: its report, its preview, its settings, and Add."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from typing import NamedTuple
+
+import panel as pn
+import panel_material_ui as pmui
+
+from dashboards.computing import Progress
+from dashboards.pages.missions.entry_fields import WHOLE, WRAP
+from dashboards.pages.missions.import_fields import SettingFields, UnitFields
+from dashboards.pages.missions.job import Job
+from dashboards.pages.missions.naming import Naming
+from dashboards.pages.missions.notice import Notice
+from dashboards.pages.missions.report_html import REPORT_STYLE, report_html
+from dashboards.session import Session
+from lab.missions import Mission, MissionError, add_log
+from lab.missions.flight_import import FlightImport, prepare_flight
+from lab.missions.import_settings import ImportSettings
+from lab.missions.raw_flight import RawFlight
+from lab.missions.readers import read_raw
+from lab.sensors.suite import white_noise
+from lab.views.import_preview import preview_figures
+
+SEVERITY = {"plausible": "success", "questionable": "warning", "implausible": "error"}
+GRID = """
+:host { display: grid !important; gap: 12px; grid-template-columns: minmax(0, 5fr) minmax(260px, 2fr);
+        max-height: none !important; }
+@media (max-width: 1150px) { :host { grid-template-columns: minmax(0, 1fr); } }
+"""
+PREVIEW = """
+:host { display: grid !important; gap: 6px; grid-template-columns: repeat(2, minmax(0, 1fr));
+        grid-auto-rows: 124px; height: auto !important; max-height: none !important; }
+.scroll-button { display: none !important; }  /* Panel's own, which would take a cell */
+@media (max-width: 1150px) { :host { grid-template-columns: minmax(0, 1fr); grid-auto-rows: 140px; } }
+"""
+TRACK = """
+:host { grid-area: 1 / 1 / span 5 / span 1 !important; }
+@media (max-width: 1150px) { :host { grid-area: 1 / 1 / span 2 / span 1 !important; } }
+"""
+
+
+class _Read(NamedTuple):
+    flight: FlightImport
+    has_log: bool
+
+
+class Draft:
+    """A flight to be judged and added.
+
+    Parameters
+    ----------
+    session
+        Which flies through the mission then.
+    """
+
+    def __init__(self, session: Session) -> None:
+        self._session = session
+        self._job = Job()
+        self._paths: tuple[Path, ...] = ()
+        self._raw: RawFlight | None = None
+        self._read: _Read | None = None
+        self._settings = ImportSettings()
+        self._verdict = Notice()
+        self._preview = pn.Column(margin=0, sizing_mode="stretch_width", height=640, stylesheets=[PREVIEW])
+        self._report = pn.pane.HTML(
+            "", margin=(4, 4), sizing_mode="stretch_width", stylesheets=[REPORT_STYLE]
+        )
+        self._fields = SettingFields(self._settings, self._rebuild, self._job.say)
+        self._units = UnitFields(self._reread)
+        self._naming = Naming("flight", "")
+        self._add = pmui.Button(label="Add mission", icon="add", color="primary", margin=(10, 4))
+        self._add.on_click(lambda _event: self._start_adding(as_log=False))
+        self._add_log = pmui.Button(
+            label="Add as log",
+            variant="outlined",
+            margin=(10, 4),
+            description="The IMU and the GPS receiver recorded on the flight, as a log of real sensors.",
+        )
+        self._add_log.on_click(lambda _event: self._start_adding(as_log=True))
+        self._body = pn.Column(
+            self._verdict.view,
+            pn.Row(
+                self._naming.view,
+                self._add,
+                self._add_log,
+                margin=0,
+                stylesheets=[WRAP],
+                sizing_mode="stretch_width",
+            ),
+            self._preview,
+            pn.Column(
+                self._report,
+                pn.Column(self._fields.view, self._units.view, margin=0, stylesheets=[WHOLE]),
+                stylesheets=[GRID],
+                margin=0,
+                sizing_mode="stretch_width",
+            ),
+            visible=False,
+            margin=0,
+            sizing_mode="stretch_width",
+            stylesheets=[WHOLE],
+        )
+        self.view = pn.Column(
+            self._job.view, self._body, margin=0, sizing_mode="stretch_width", stylesheets=[WHOLE]
+        )
+
+    def read(self, paths: Sequence[Path]) -> None:
+        """Read files and show what they are."""
+        self._clear()
+        self._paths = tuple(paths)
+        self._naming.suggest(paths[0].name, f"Flight of {paths[0].name}")
+        self._prepare()
+
+    def take(self, raw: RawFlight, name: str, title: str) -> None:
+        """Show a flight that is read already, such as one recorded live."""
+        self._clear()
+        self._raw = raw
+        self._naming.suggest(name, title)
+        self._prepare()
+
+    def say(self, text: str) -> None:
+        """Say what is wrong."""
+        self._job.say(text)
+
+    def close(self) -> None:
+        """Show nothing more."""
+        self._job.close()
+
+    def _clear(self) -> None:
+        self._paths, self._raw, self._read = (), None, None
+        self._units.clear()
+        self._body.visible = False
+
+    def _rebuild(self) -> None:
+        if self._raw is not None:
+            self._prepare()
+
+    def _reread(self) -> None:
+        self._raw = None
+        self._prepare()
+
+    def _prepare(self) -> None:
+        paths, raw, units = self._paths, self._raw, self._units.chosen()
+        settings, sensors = self._settings.copy(), self._session.experiment.sensors.copy()
+
+        def work(progress: Progress) -> _Read:
+            try:
+                progress("Reading", 0.0)
+                flight = read_raw(paths, units) if raw is None else raw
+                progress("Rebuilding", 0.0)
+                read = prepare_flight(flight, settings, white_noise(sensors, "the chosen IMU"), paths)
+            except MissionError as error:
+                # Where it is kept here is nothing to a person.
+                raise MissionError(
+                    str(error).replace(f"{paths[0].parent}/" if paths else "\0", "")
+                ) from error
+            return _Read(read, read.log is not None)
+
+        self._job.start("Reading", work, self._show)
+
+    def _show(self, read: _Read) -> None:
+        self._read, flight = read, read.flight
+        self._raw = flight.raw
+        verdict = flight.report.verdict
+        self._verdict.say(verdict.capitalize(), SEVERITY[verdict], flight.report.reasons)
+        self._add.label = "Add all the same" if verdict == "implausible" else "Add mission"
+        self._add_log.visible = read.has_log
+        self._report.object = report_html(flight.report)
+        self._units.show(flight.raw.units)
+        self._preview[:] = list(_panes(flight))
+        self._body.visible = True
+
+    def _start_adding(self, as_log: bool) -> None:
+        read = self._read
+        if read is None or self._job.busy:
+            return
+        try:
+            name, title = self._naming.checked_name(), self._naming.title
+        except MissionError as error:
+            self._job.say(str(error))
+            return
+
+        def work(_progress: Progress) -> Mission:
+            if not as_log:
+                return read.flight.add(name, title)
+            assert read.flight.log is not None
+            return add_log(read.flight.log, name, title=title)
+
+        self._job.start("Adding", work, self._added)
+
+    def _added(self, added: Mission) -> None:
+        self._clear()
+        self._session.library_changed(added.name)
+        self._job.say(f"{added.name} is added and chosen.", "success")
+
+
+def _panes(flight: FlightImport) -> Iterator[pn.viewable.Viewable]:
+    """Yield the figures of the preview: the track as high as all the others where it is beside them."""
+    track, times = preview_figures(flight)
+    yield pn.pane.Bokeh(track, sizing_mode="stretch_both", margin=0, stylesheets=[TRACK])
+    for one in times:
+        yield pn.pane.Bokeh(one, sizing_mode="stretch_both", margin=0)

@@ -1,0 +1,122 @@
+"""Import fields: how a flight is rebuilt, and the units its columns are read in, as fields."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any
+
+import panel as pn
+import panel_material_ui as pmui
+
+from dashboards.pages.missions.entry_fields import WHOLE
+from dashboards.widgets import Field, field
+from lab.missions.import_settings import ImportSettings
+from lab.missions.raw_flight import ColumnUnit
+from lab.missions.readers.unit_names import UNITS
+from lab.settings import SettingError
+
+
+class SettingFields:
+    """The settings of an import.
+
+    Parameters
+    ----------
+    settings
+        What is shown and changed.
+    changed
+        Called when one was changed.
+    refused
+        Called with the reason when a value is not accepted.
+    """
+
+    def __init__(
+        self, settings: ImportSettings, changed: Callable[[], None], refused: Callable[[str], None]
+    ) -> None:
+        self._settings = settings
+        self._changed = changed
+        self._refused = refused
+        fields = [self._make(path, name) for path, _, name in settings.leaves()]
+        self.view = _card("How it is rebuilt", *(made.view for made in fields))
+
+    def _make(self, path: str, name: str) -> Field:
+        def change(value: Any) -> bool:
+            try:
+                self._settings.set(path, value)
+            except SettingError as error:
+                self._refused(str(error))
+                return False
+            self._changed()
+            return True
+
+        made = field(self._settings.param[name], change)
+        made.show(getattr(self._settings, name))
+        return made
+
+
+class UnitFields:
+    """The units of the columns that were used; choosing another one overrules what was found.
+
+    Parameters
+    ----------
+    changed
+        Called when one was changed.
+    """
+
+    def __init__(self, changed: Callable[[], None]) -> None:
+        self._changed = changed
+        self._chosen: dict[str, str] = {}
+        self._columns: tuple[str, ...] = ()
+        self._list = pn.Column(margin=0, sizing_mode="stretch_width", stylesheets=[WHOLE])
+        self.view = _card("Units", self._list)
+
+    def chosen(self) -> Mapping[str, str]:
+        """Return the units chosen, by column."""
+        return dict(self._chosen)
+
+    def clear(self) -> None:
+        """Forget what was chosen: there is another file."""
+        self._chosen, self._columns, self._list[:] = {}, (), []
+        self.view.visible = False
+
+    def show(self, units: Sequence[ColumnUnit]) -> None:
+        """Show the units of a file."""
+        columns = tuple(one.column for one in units)
+        if columns == self._columns:
+            return
+        self._columns = columns
+        fields = [self._make(one) for one in units if _alike(one.unit)]
+        self._list[:] = fields
+        self.view.visible = bool(fields)
+
+    def _make(self, one: ColumnUnit) -> pn.viewable.Viewable:
+        made = pmui.Select(
+            label=f"{one.column} ({one.source})",
+            options=_alike(one.unit),
+            value=one.unit,
+            size="small",
+            variant="outlined",
+            margin=(8, 0),
+            sizing_mode="stretch_width",
+        )
+        made.param.watch(lambda event: self._choose(one.column, event.new), "value")
+        return made
+
+    def _choose(self, column: str, unit: str) -> None:
+        self._chosen[column] = unit
+        self._changed()
+
+
+def _alike(unit: str) -> list[str]:
+    """Return the units of the same quantity."""
+    return next((list(units) for units in UNITS.values() if unit in units), [])
+
+
+def _card(title: str, *content: pn.viewable.Viewable) -> pn.viewable.Viewable:
+    return pmui.Card(
+        pn.Column(*content, margin=(0, 8, 8, 8), sizing_mode="stretch_width", stylesheets=[WHOLE]),
+        title=title,
+        title_variant="subtitle2",
+        variant="outlined",
+        margin=(4, 0),
+        sizing_mode="stretch_width",
+    )

@@ -1,0 +1,57 @@
+"""Importing: the part of the page that takes files of a simulator or logger and makes a mission of them."""
+
+from __future__ import annotations
+
+import panel as pn
+
+from dashboards.pages.missions.draft import Draft
+from dashboards.pages.missions.entry_fields import WHOLE
+from dashboards.pages.missions.upload import MAX_BYTES, Upload
+from dashboards.session import Session
+from lab.missions.readers import READERS
+
+
+class Importing:
+    """Takes files, reports on the flight in them, and adds it.
+
+    Parameters
+    ----------
+    session
+        Which flies through the mission then.
+    """
+
+    def __init__(self, session: Session) -> None:
+        self._draft = Draft(session)
+        self._upload = Upload(
+            self._draft.read,
+            self._draft.say,
+            label="Choose or drop the files of one flight",
+            variant="outlined",
+            margin=(8, 4),
+            sizing_mode="stretch_width",
+            sx={"borderStyle": "dashed", "padding": "22px"},
+        )
+        formats = ", ".join(reader.name for reader in READERS)
+        note = pn.pane.HTML(
+            f"<p>Found by what they hold, whatever they are called: {formats}. "
+            f"Up to {MAX_BYTES // 2**20} MB.</p>",
+            margin=(0, 6),
+            sizing_mode="stretch_width",
+            styles={"opacity": "0.7", "font-size": "13px"},
+        )
+        self.view = pn.Column(
+            self._upload,
+            note,
+            self._draft.view,
+            margin=0,
+            sizing_mode="stretch_width",
+            stylesheets=[WHOLE],
+        )
+
+    def refresh(self) -> None:
+        """Show what is now: nothing here depends on it."""
+
+    def close(self) -> None:
+        """Delete what was uploaded."""
+        self._draft.close()
+        self._upload.delete()

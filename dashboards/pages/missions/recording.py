@@ -1,0 +1,130 @@
+"""Recording: the part of the page that records a flight from a running X-Plane and makes a mission of it."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import panel as pn
+import panel_material_ui as pmui
+
+from dashboards.computing import Progress
+from dashboards.pages.missions.draft import Draft
+from dashboards.pages.missions.entry_fields import WHOLE, WRAP, sized
+from dashboards.pages.missions.job import Job
+from dashboards.session import Session
+from dashboards.widgets import number
+from lab.missions.raw_flight import RawFlight
+from lab.missions.xplane_live import PORT, XPlaneRecorder
+
+TELL = 500
+"""Time from one word about the recording to the next [ms]."""
+_FIELD: dict[str, Any] = {"size": "small", "variant": "outlined", "margin": (8, 4)}
+
+
+class Recording:
+    """Records from X-Plane, over the network.
+
+    Parameters
+    ----------
+    session
+        Which flies through the mission then.
+    """
+
+    def __init__(self, session: Session) -> None:
+        self._document = pn.state.curdoc
+        self._recorder: XPlaneRecorder | None = None
+        self._watch: Any = None
+        self._closed = False
+        self._host = pmui.TextInput(label="Host", value="127.0.0.1", **_FIELD, **sized(200))
+        self._port = pmui.TextInput(label="Port", value=str(PORT), **_FIELD, **sized(110))
+        self._rate = pmui.TextInput(label="Rate [Hz]", value="50", **_FIELD, **sized(110))
+        self._start = pmui.Button(label="Start", icon="fiber_manual_record", color="error", margin=(10, 4))
+        self._start.on_click(lambda _event: self._begin())
+        self._stop = pmui.Button(label="Stop", icon="stop", margin=(10, 4), disabled=True)
+        self._stop.on_click(lambda _event: self._end())
+        self._counter = pn.pane.HTML("", margin=(16, 8), styles={"font-variant-numeric": "tabular-nums"})
+        self._job = Job()
+        self._draft = Draft(session)
+        note = pn.pane.HTML(
+            "<p>X-Plane sends where it is by itself, once asked: nothing has to be set there but that it "
+            "accepts incoming connections (Settings, Network).</p>",
+            margin=(0, 6),
+            sizing_mode="stretch_width",
+            styles={"opacity": "0.7", "font-size": "13px"},
+        )
+        self.view = pn.Column(
+            pn.Row(
+                self._host,
+                self._port,
+                self._rate,
+                self._start,
+                self._stop,
+                self._counter,
+                margin=0,
+                stylesheets=[WRAP],
+                sizing_mode="stretch_width",
+            ),
+            note,
+            self._job.view,
+            self._draft.view,
+            margin=0,
+            sizing_mode="stretch_width",
+            stylesheets=[WHOLE],
+        )
+
+    def refresh(self) -> None:
+        """Show what is now: nothing here depends on it."""
+
+    def close(self) -> None:
+        """End the recording, and what goes with it."""
+        self._closed = True
+        if self._recorder is not None:
+            self._recorder.close()
+        self._job.close()
+        self._draft.close()
+
+    def _begin(self) -> None:
+        host = str(self._host.value_input or self._host.value).strip()
+        port, rate = number(str(self._port.value)), number(str(self._rate.value))
+        if isinstance(port, str) or isinstance(rate, str) or not port.is_integer():
+            self._job.say("Port and rate are numbers: such as port 49000 and 50 Hz.")
+            return
+
+        def work(_progress: Progress) -> XPlaneRecorder:
+            recorder = XPlaneRecorder(host, int(port), rate)  # asks for the address of the host
+            recorder.start()
+            if self._closed:
+                recorder.close()
+            return recorder
+
+        if not self._job.busy:
+            self._job.start("Asking X-Plane", work, self._started)
+
+    def _started(self, recorder: XPlaneRecorder) -> None:
+        self._recorder = recorder
+        self._start.disabled, self._stop.disabled = True, False
+        assert self._document is not None
+        self._watch = self._document.add_periodic_callback(self._tell, TELL)
+        self._tell()
+
+    def _tell(self) -> None:
+        recorder = self._recorder
+        if recorder is not None:
+            self._counter.object = f"<b>{recorder.seconds:.1f} s</b>, {recorder.samples} samples"
+            self._job.say(recorder.problem, "warning")
+
+    def _end(self) -> None:
+        recorder, self._recorder = self._recorder, None
+        self._unwatch()
+        self._start.disabled, self._stop.disabled = False, True
+        self._job.say("")
+        if recorder is not None:
+            self._job.start("Ending the recording", lambda _progress: recorder.stop(), self._recorded)
+
+    def _unwatch(self) -> None:
+        if self._watch is not None and self._document is not None:
+            self._document.remove_periodic_callback(self._watch)
+        self._watch = None
+
+    def _recorded(self, raw: RawFlight) -> None:
+        self._draft.take(raw, "xplane", "Flight in X-Plane")

@@ -1,0 +1,27 @@
+"""Report html: what an import report tells beside its verdict, as a table in groups."""
+
+from __future__ import annotations
+
+from html import escape
+from itertools import groupby
+
+from lab.missions.import_report import ImportReport
+
+REPORT_STYLE = """
+table { border-collapse: collapse; font: 13px/1.5 Roboto, sans-serif; width: 100%; }
+th { text-align: left; font-weight: 500; padding: 10px 8px 2px 0;
+     border-bottom: 1px solid rgba(128,128,128,.35); }
+td { padding: 2px 10px 2px 0; vertical-align: top; overflow-wrap: anywhere; }
+td:first-child { opacity: .7; white-space: nowrap; width: 1%; }
+"""
+
+
+def report_html(report: ImportReport) -> str:
+    """Return everything else of a report as an HTML table."""
+    parts = []
+    for group, rows in groupby(report.rows, key=lambda row: row.group):
+        parts.append(f'<tr><th colspan="2">{escape(group)}</th></tr>')
+        # All but the note on the command line's --unit.
+        kept = (row for row in rows if row.name or group != "Units")
+        parts += [f"<tr><td>{escape(row.name)}</td><td>{escape(row.value)}</td></tr>" for row in kept]
+    return f"<table>{''.join(parts)}</table>"
