@@ -22,7 +22,7 @@ from lab.missions.plausibility import (
     motion,
     rate_agreement,
 )
-from lab.missions.raw_flight import ColumnUnit, Dropped, RawFlight
+from lab.missions.raw_flight import ColumnUnit, RawFlight
 from lab.missions.reconstruction import Reconstruction
 from lab.missions.recording import Recording
 from lab.missions.sensor_noise import SensorNoise
@@ -166,8 +166,8 @@ def _file(raw: RawFlight, flight: RepairedFlight) -> list[ReportRow]:
         ),
         ReportRow("File", "Quantities", _listed(raw)),
     ]
-    rows += [_dropped(one, "row") for one in raw.dropped]
-    rows += [_dropped(one, "sample") for one in flight.dropped]
+    rows += [_left_out(f"{one.count} × {one.reason} (first: row {one.first_row})") for one in raw.dropped]
+    rows += [_left_out(f"{one.count} × {one.reason}") for one in flight.dropped]
     return rows
 
 
@@ -178,8 +178,8 @@ def _listed(raw: RawFlight) -> str:
     return ", ".join(words.get(name, name) for name in raw.quantities)
 
 
-def _dropped(one: Dropped, unit: str) -> ReportRow:
-    return ReportRow("File", "Left out", f"{one.count} × {one.reason} (first: {unit} {one.first_row})")
+def _left_out(text: str) -> ReportRow:
+    return ReportRow("File", "Left out", text)
 
 
 def _time(flight: RepairedFlight) -> list[ReportRow]:

@@ -63,7 +63,7 @@ def possible(raw: RawFlight) -> RawFlight:
             continue
         slack = 1e-9 * (high - low)
         inside = ((value >= low - slack) & (value <= high + slack)).reshape(len(value), -1).all(axis=1)
-        said += _said(kept & ~inside, words)
+        said += said_of(raw, kept & ~inside, words)
         kept &= inside
     if kept.sum() < max(MIN_SAMPLES, len(kept) / 2):
         worst = max(said, key=lambda one: one.count, default=None)
@@ -91,7 +91,7 @@ def fresh(raw: RawFlight) -> RawFlight:
     ends = np.append(starts[1:], len(first)) - 1
     moving = _moves(raw.time, place(raw), starts, ends)[np.cumsum(first) - 1]
     stale = ~first & moving
-    return raw.rows(~stale, tuple(_said(stale, "the state of the row before though time went on")))
+    return raw.rows(~stale, tuple(said_of(raw, stale, "the state of the row before though time went on")))
 
 
 def _moves(time: FloatArray, places: FloatArray, starts: NDArray[np.intp], ends: NDArray[np.intp]) -> Mask:
@@ -145,7 +145,7 @@ def distinct(raw: RawFlight) -> RawFlight:
         value = getattr(raw, name).reshape(len(raw.time), -1)
         same &= (value[1:] == value[:-1]).all(axis=1)
     repeated = np.concatenate(([False], same))
-    return raw.rows(~repeated, tuple(_said(repeated, "what the row before has, time included")))
+    return raw.rows(~repeated, tuple(said_of(raw, repeated, "what the row before has, time included")))
 
 
 def without_spikes(raw: RawFlight) -> RawFlight:
@@ -158,7 +158,7 @@ def without_spikes(raw: RawFlight) -> RawFlight:
     across = np.linalg.norm(places[2:] - places[:-2], axis=1)
     spike = np.zeros(len(places), dtype=bool)
     spike[1:-1] = far[1:] & far[:-1] & (across < 0.2 * (step[1:] + step[:-1]))
-    return raw.rows(~spike, tuple(_said(spike, "a position far off the way, and back")))
+    return raw.rows(~spike, tuple(said_of(raw, spike, "a position far off the way, and back")))
 
 
 def longest_stretch(
@@ -205,7 +205,7 @@ def longest_stretch(
     kept[edges[best] : edges[best + 1]] = True
     words = "beyond a gap, a jump or a restart: only the longest stretch is taken"
     where = [(float(raw.time[i]), float(raw.time[i + 1])) for i in np.flatnonzero(cut)]
-    return (raw.rows(kept, tuple(_said(~kept, words))) if where else raw), tuple(where)
+    return (raw.rows(kept, tuple(said_of(raw, ~kept, words))) if where else raw), tuple(where)
 
 
 def _too_far(way: FloatArray, steps: FloatArray) -> Mask:
@@ -223,6 +223,19 @@ def place(raw: RawFlight) -> FloatArray:
     return ecef.position(np.stack((raw.latitude, raw.longitude, height), axis=-1))
 
 
-def _said(mask: Mask, words: str) -> list[Dropped]:
-    count = int(mask.sum())
-    return [Dropped(words, count, int(np.argmax(mask)) + 1)] if count else []
+def said_of(raw: RawFlight, mask: Mask, words: str) -> list[Dropped]:
+    """Return what is said of samples left out: why, and when the first of them was, by the file's own clock.
+
+    Parameters
+    ----------
+    raw
+        The flight.
+    mask : (n,) array of bool
+        Which of its samples are left out.
+    words
+        Why.
+    """
+    if not mask.any():
+        return []
+    first = int(np.argmax(mask))
+    return [Dropped(f"{words}, first at {raw.time[first]:.12g} s", int(mask.sum()), first + 1)]

@@ -54,7 +54,7 @@ class RepairedFlight:
     calmed : float
         What was left of the unsmoothness of the motion by it, as a factor.
     dropped : tuple of Dropped
-        Samples left out, with the number of the first among those of the file.
+        Samples left out, each reason with the time of the first; row numbers count what was left by then.
     cuts : tuple of (float, float)
         Clock before and after each gap or jump at which the recording was cut [s].
     gaps : int
@@ -145,8 +145,8 @@ def _one_each(raw: RawFlight, time_stamps: str) -> RawFlight:
     if time_stamps == REPAIRED and again.mean() > _SHARED and again.sum() < len(again) - 1:
         last = np.maximum.accumulate(np.where(again, 0, np.arange(len(again))))
         return replace(raw, time=raw.time[last])
-    said = Dropped("the time stamp of the row before", int(again.sum()), int(np.argmax(again)) + 1)
-    return raw.rows(~again, (said,))
+    said = row_repair.said_of(raw, again, "the time stamp of the row before")
+    return raw.rows(~again, tuple(said))
 
 
 def _check(raw: RawFlight) -> None:

@@ -150,7 +150,7 @@ def test_the_report_tells_what_was_found():
     )
     report = read.report
     assert "2000 rows read, 1799 used" in text_of(report, "File", "Samples")
-    assert "1 × a latitude beyond ±90° (first: sample 7)" in text_of(report, "File", "Left out")
+    assert "1 × a latitude beyond ±90°, first at 0.35 s" in text_of(report, "File", "Left out")
     assert "grid of 50 ms" in text_of(report, "Time", "Resolution")
     assert "0.01 m/s" in text_of(report, "Resolution", "Velocity")
     own = 2e-3 * np.sqrt(3 * 10)
@@ -210,9 +210,9 @@ def test_long_flights_take_time_in_proportion():
         return time.process_time() - begin
 
     seconds(1000)
-    short, long = min(seconds(20_000), seconds(20_000)), seconds(200_000)
-    print(f"\n200,000 samples rebuilt and reported in {long:.2f} s of one core, 20,000 in {short:.2f} s")
-    assert long < 30 * short
+    short, long = min(seconds(20_000), seconds(20_000)), seconds(100_000)
+    print(f"\n100,000 samples rebuilt and reported in {long:.2f} s of one core, 20,000 in {short:.2f} s")
+    assert long < 15 * short
 
 
 NUMBERS = st.floats(-1e4, 1e4) | st.floats(allow_nan=False, allow_infinity=False)
