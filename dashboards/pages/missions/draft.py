@@ -31,16 +31,18 @@ GRID = """
         max-height: none !important; }
 @media (max-width: 1150px) { :host { grid-template-columns: minmax(0, 1fr); } }
 """
+HIGH = 640
+"""Height of the preview [px]."""
 PREVIEW = """
 :host { display: grid !important; gap: 6px; grid-template-columns: repeat(2, minmax(0, 1fr));
-        grid-auto-rows: 124px; height: auto !important; max-height: none !important; }
+        height: auto !important; max-height: none !important; }
 .scroll-button { display: none !important; }  /* Panel's own, which would take a cell */
-@media (max-width: 1150px) { :host { grid-template-columns: minmax(0, 1fr); grid-auto-rows: 140px; } }
+@media (max-width: 1150px) {
+  :host { grid-template-columns: minmax(0, 1fr); }
+  .bk-Figure { height: 360px !important; }
+}
 """
-TRACK = """
-:host { grid-area: 1 / 1 / span 5 / span 1 !important; }
-@media (max-width: 1150px) { :host { grid-area: 1 / 1 / span 2 / span 1 !important; } }
-"""
+"""The track beside the quantities over time, or above them where it is narrow."""
 
 
 class _Read(NamedTuple):
@@ -65,7 +67,7 @@ class Draft:
         self._read: _Read | None = None
         self._settings = ImportSettings()
         self._verdict = Notice()
-        self._preview = pn.Column(margin=0, sizing_mode="stretch_width", height=640, stylesheets=[PREVIEW])
+        self._preview = pn.Column(margin=0, sizing_mode="stretch_width", height=HIGH, stylesheets=[PREVIEW])
         self._report = pn.pane.HTML(
             "", margin=(4, 4), sizing_mode="stretch_width", stylesheets=[REPORT_STYLE]
         )
@@ -199,8 +201,8 @@ class Draft:
 
 
 def _panes(flight: FlightImport) -> Iterator[pn.viewable.Viewable]:
-    """Yield the figures of the preview: the track as high as all the others where it is beside them."""
+    """Yield the figures of the preview: the track, and those of the quantities over time."""
     track, times = preview_figures(flight)
-    yield pn.pane.Bokeh(track, sizing_mode="stretch_both", margin=0, stylesheets=[TRACK])
-    for one in times:
-        yield pn.pane.Bokeh(one, sizing_mode="stretch_both", margin=0)
+    yield pn.pane.Bokeh(track, height=HIGH, sizing_mode="stretch_width", margin=0)
+    panes = [pn.pane.Bokeh(one, height=HIGH // 5, sizing_mode="stretch_width", margin=0) for one in times]
+    yield pn.Column(*panes, margin=0, sizing_mode="stretch_width", stylesheets=[WHOLE])
