@@ -12,7 +12,7 @@ from lab.missions.readers import read_raw
 
 def test_it_is_read_as_everywhere(tmp_path):
     path = tmp_path / "flight.txt"
-    path.write_text("# a remark\n" + csv_text(table(circle(samples=20))))
+    path.write_text("# a remark\n" * 500 + csv_text(table(circle(samples=20))))
     flight, recording = read_raw(path), read_flight_csv(path)
     for name in ("time", "latitude", "longitude", "height", "velocity_n", "euler"):
         np.testing.assert_array_equal(getattr(flight, name), getattr(recording, name))

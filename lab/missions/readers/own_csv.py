@@ -9,7 +9,6 @@ from lab.missions.errors import MissionError
 from lab.missions.flight_csv import COLUMNS, read_flight_csv
 from lab.missions.raw_flight import ColumnUnit, RawFlight
 from lab.missions.readers.fields import NAMED, one_file
-from lab.missions.readers.table import head_lines
 
 NAME = "INS Lab flight csv"
 
@@ -19,7 +18,7 @@ _UNITS = {"s": "s", "deg": "°", "m": "m", "m_s": "m/s"}
 
 def recognises(head: bytes) -> bool:
     """Tell whether a file begins with remarks and a header with at least three of our columns."""
-    for line in head_lines(head):
+    for line in head.decode("utf-8", "replace").splitlines():
         if line.strip() and not line.lstrip("\ufeff").startswith("#"):
             cells = {cell.strip() for cell in line.lstrip("\ufeff").replace(";", ",").split(",")}
             return "time_s" in cells and len(cells & _NAMES) >= 3

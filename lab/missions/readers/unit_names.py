@@ -16,11 +16,10 @@ DEGREE = math.radians(1)
 
 UNITS: dict[str, dict[str, float]] = {
     "time": {"s": 1.0, "ms": 1e-3, "µs": 1e-6, "min": 60.0, "h": 3600.0},
-    "angle": {"°": DEGREE, "rad": 1.0, "1e-7 °": 1e-7 * DEGREE},
-    "length": {"m": 1.0, "ft": FOOT, "km": 1000.0, "mm": 1e-3, "cm": 0.01},
+    "angle": {"°": DEGREE, "rad": 1.0},
+    "length": {"m": 1.0, "ft": FOOT, "km": 1000.0},
     "speed": {
         "m/s": 1.0, "kt": KNOT, "ft/s": FOOT, "km/h": 1 / 3.6, "mph": MILE / 3600, "ft/min": FOOT / 60,
-        "cm/s": 0.01,
     },
     "angular rate": {"°/s": DEGREE, "rad/s": 1.0},
     "acceleration": {"m/s²": 1.0, "g": STANDARD_GRAVITY, "ft/s²": FOOT},
