@@ -25,6 +25,7 @@ SILENCE = 3.0
 
 _WAKE = 0.1
 _BUFFER = 2**20
+_LARGEST = 2**16
 
 
 class XPlaneRecorder:
@@ -182,7 +183,7 @@ class XPlaneRecorder:
         with udp:
             while not self._ended.is_set() and self.samples < MAX_SAMPLES:
                 try:
-                    packet, sender = udp.recvfrom(4096)
+                    packet, sender = udp.recvfrom(_LARGEST)
                     self._take(packet, sender[0], values)
                 except TimeoutError:
                     pass
