@@ -19,6 +19,7 @@ from lab.missions.flight_plan import FlightPlan
 from lab.missions.library import add_log, add_mission, delete_mission, describe_mission, rename_mission
 from lab.missions.log_mission import LogMission
 from lab.missions.mission import Mission
+from lab.missions.plan_kinds import read_plan
 from lab.missions.recording import Recording
 from lab.missions.sensor_log import SensorLog
 from lab.missions.sensor_log_csv import read_sensor_log
@@ -49,6 +50,7 @@ __all__ = [
     "own_folder",
     "prepare_import",
     "read_flight_csv",
+    "read_plan",
     "read_sensor_log",
     "rename_mission",
     "shipped_folder",

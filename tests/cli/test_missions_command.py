@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import itertools
 import json
 import os
+import signal
 import subprocess
 import sys
 from pathlib import Path
@@ -12,6 +14,7 @@ import pytest
 from asking import ask, refused
 
 from lab.missions import add_mission, mission
+from lab.missions.simulated_aircraft import SimulatedAircraft
 
 
 def test_missions_are_a_table() -> None:
@@ -117,3 +120,27 @@ def test_a_person_is_asked_before_a_mission_is_deleted(own: Path, answer: str, k
     assert f"Delete {own / 'mine.toml'} and its recording?" in asked.stderr
     assert asked.stdout == ("" if kept else "mine deleted\n")
     assert (own / "mine.toml").exists() == kept
+
+
+def test_ctrl_c_ends_a_flight_and_keeps_it(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    pytest.importorskip("jsbsim")
+    long = tmp_path / "long.toml"
+    long.write_text(
+        'title = "Long"\nrecording = "long.csv.gz"\n[flight]\nduration_s = 14400.0\n'
+        "[flight.air_start]\nlatitude_deg = 45.0\nlongitude_deg = 7.0\nheight_m = 900.0\nheading_deg = 9.0\n"
+        '[[flight.manoeuvres]]\ndo = "hold"\nseconds = 5.0\n'
+    )
+    steps, honest = itertools.count(), SimulatedAircraft.step
+
+    def step(aircraft: SimulatedAircraft) -> None:
+        if next(steps) == 5000:
+            signal.raise_signal(signal.SIGINT)
+        honest(aircraft)
+
+    monkeypatch.setattr(SimulatedAircraft, "step", step)
+    before = signal.getsignal(signal.SIGINT)
+    answer = ask("fly", str(long))
+    assert answer.exit_code == 3, answer.stderr
+    assert "cancelled 5.00 s into the flight" in answer.stderr
+    assert mission(long).duration == pytest.approx(4.95, abs=0.06)
+    assert signal.getsignal(signal.SIGINT) is before

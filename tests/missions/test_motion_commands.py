@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from scipy.interpolate import CubicSpline
 
@@ -175,6 +175,24 @@ def test_a_wrong_file_is_refused_with_its_line(tmp_path: Path, text: str, messag
     path.write_text(text, encoding="utf-8")
     with pytest.raises(MissionError, match=message):
         read_motion_file(path)
+
+
+@settings(max_examples=150, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@given(data=st.data())
+def test_anything_in_a_file_is_a_plan_or_an_error(tmp_path: Path, data: st.DataObject):
+    content = bytearray(FILE.encode())
+    for _ in range(data.draw(st.integers(1, 4))):
+        at = data.draw(st.integers(0, len(content) - 1))
+        piece = data.draw(
+            st.binary(max_size=3) | st.sampled_from([b"9" * 400, b"inf", b"nan", b'"', b"\n", b","])
+        )
+        content[at : at + data.draw(st.integers(0, 30))] = piece
+    path = tmp_path / "any.csv"
+    path.write_bytes(content)
+    try:
+        read_motion_file(path)
+    except MissionError as error:
+        assert "any.csv" in str(error)
 
 
 def test_commands_that_lead_nowhere_or_over_the_top_say_so():
