@@ -10,9 +10,11 @@ from numpy.typing import NDArray
 
 FloatArray = NDArray[np.float64]
 
-_FACTORS = {
+_ANGLES = {
     180 / math.pi: "degrees read as radians",
     math.pi / 180: "radians read as degrees",
+}
+_SPEEDS = {
     1 / 0.514444: "knots read as m/s",
     0.514444: "m/s read as knots",
     1 / 0.3048: "feet read as metres",
@@ -20,11 +22,11 @@ _FACTORS = {
     3.6: "km/h read as m/s",
     1 / 3.6: "m/s read as km/h",
     60 / 0.3048: "feet per minute read as m/s",
-    9.80665: "m/s² read as g",
-    1 / 9.80665: "g read as m/s²",
     1000.0: "thousandths read as whole units, or seconds as milliseconds",
     0.001: "whole units read as thousandths, or milliseconds as seconds",
 }
+FACTORS = {"angle": _ANGLES, "speed": _SPEEDS}
+"""By kind of quantity: factors by which a wrong unit makes numbers too large, and what it is."""
 _NEAR = 0.05
 
 
@@ -59,14 +61,14 @@ def agreement(reference: FloatArray, other: FloatArray) -> Agreement:
     )
 
 
-def cause(factor: float) -> str:
-    """Return in words what probably makes numbers a factor too large."""
+def cause(factor: float, kind: str) -> str:
+    """Return in words what probably makes numbers of a kind of quantity, a key of `FACTORS`, too large."""
     if not factor or not math.isfinite(factor):
         return "a column of another quantity"
     turned = "its sign is turned round" if factor < 0 else ""
     if abs(abs(factor) - 1) < 3 * _NEAR:
         return turned or "noise"
-    for known, words in _FACTORS.items():
+    for known, words in FACTORS[kind].items():
         if abs(abs(factor) / known - 1) < _NEAR:
             return f"{words}, and {turned}" if turned else words
     return f"another unit, and {turned}" if turned else "another unit or column"

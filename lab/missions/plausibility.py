@@ -170,6 +170,7 @@ def findings(flight: RepairedFlight, rebuilt: Reconstruction, moves: Motion) -> 
 
 def _beyond_limits(rebuilt: Reconstruction, moves: Motion) -> list[Finding]:
     vehicle, found = rebuilt.vehicle, []
+    many = vehicle if vehicle == "aircraft" else f"{vehicle}s"
     causes = dict(_CAUSES)
     if rebuilt.attitude_reconstructed:
         causes["body rate"] = "a heading reconstructed from slow or noisy motion"
@@ -181,7 +182,7 @@ def _beyond_limits(rebuilt: Reconstruction, moves: Motion) -> list[Finding]:
             found.append(
                 Finding(
                     level,
-                    f"The {name} reaches {often * factor:.4g} {unit}, and {vehicle}s seldom exceed "
+                    f"The {name} reaches {often * factor:.4g} {unit}, and {many} seldom exceed "
                     f"{limit.usual * factor:.4g} {unit}. Likely: {causes[name]}.",
                 )
             )
@@ -221,12 +222,9 @@ def _velocity_against_positions(flight: RepairedFlight) -> list[Finding]:
         axes["The vertical velocity"] = agreement(by_position[:, 2], by_velocity[:, 2])
     for name, like in axes.items():
         if abs(like.correlation) > _LIKE and not 0.9 < like.slope < 1.1:
-            found.append(
-                Finding(
-                    IMPLAUSIBLE,
-                    f"{name} is {like.slope:.3g} times what the positions say. Likely: {cause(like.slope)}.",
-                )
-            )
+            words = _cause_of_way(like.slope) if like is level else cause(like.slope, "speed")
+            sentence = f"{name} is {like.slope:.3g} times what the positions say. Likely: {words}."
+            found.append(Finding(IMPLAUSIBLE, sentence))
         elif abs(like.correlation) <= _LIKE:
             found.append(
                 Finding(
@@ -236,6 +234,14 @@ def _velocity_against_positions(flight: RepairedFlight) -> list[Finding]:
                 )
             )
     return found
+
+
+def _cause_of_way(slope: float) -> str:
+    """Return what probably makes a velocity too large for the positions."""
+    # Radians shrink latitude and longitude, and with the latitude the parallels grow.
+    if 20 < abs(slope) < 65:
+        return "latitude and longitude in radians read as degrees"
+    return cause(slope, "speed")
 
 
 def _swapped(by_position: FloatArray, by_velocity: FloatArray) -> Finding | None:
@@ -293,12 +299,15 @@ def _bank(rebuilt: Reconstruction, moving: NDArray[np.bool_]) -> list[Finding]:
     if np.std(expected) < np.radians(4):
         return []
     like = agreement(expected, roll)
+    if like.correlation < _LIKE and agreement(expected, recording.euler[moving, 1]).correlation > 0.95:
+        return [Finding(IMPLAUSIBLE, "Roll and pitch look exchanged.")]
     if abs(like.correlation) < 0.6 or 0.5 < like.slope < 2:
         return []
     return [
         Finding(
             IMPLAUSIBLE,
-            f"The roll is {like.slope:.3g} times what the turns ask for. Likely: {cause(like.slope)}.",
+            f"The roll is {like.slope:.3g} times what the turns ask for. Likely: "
+            f"{cause(like.slope, 'angle')}.",
         )
     ]
 
@@ -313,7 +322,7 @@ def _pitch(velocity: FloatArray, pitch: FloatArray) -> list[Finding]:
             Finding(
                 IMPLAUSIBLE,
                 f"The pitch changes by {like.slope:.3g} times what the path climbs. Likely: "
-                f"{cause(like.slope)}.",
+                f"{cause(like.slope, 'angle')}.",
             )
         ]
     return []
@@ -333,7 +342,7 @@ def _rates(flight: RepairedFlight, rebuilt: Reconstruction) -> list[Finding]:
                     QUESTIONABLE,
                     f"The attitude turns {like.slope:.3g} times as fast as the recorded {axis} rate "
                     "says. Likely: "
-                    f"{cause(1 / like.slope)} in the rate, or the attitude's.",
+                    f"{cause(1 / like.slope, 'angle')} in the rate, or the attitude's.",
                 )
             )
         elif abs(like.correlation) < 0.5:
@@ -352,17 +361,17 @@ def _airspeed(flight: RepairedFlight, rebuilt: Reconstruction) -> list[Finding]:
     if airspeed is None or rebuilt.curve == "air data":
         return []
     speed = np.linalg.norm(recording.velocity_n, axis=1)
-    flying = speed > 15
+    flying = np.maximum(speed, np.abs(airspeed)) > 15
     if flying.sum() < 20:
         return []
-    ratio = float(np.median(airspeed[flying] / speed[flying]))
+    ratio = float(np.median(airspeed[flying] / np.maximum(speed[flying], 0.1)))
     if 0.6 < ratio < 1.6:
         return []
     return [
         Finding(
             QUESTIONABLE,
             f"The airspeed is usually {ratio:.3g} times the speed over the Earth. Likely: "
-            f"{cause(ratio)}, or indicated "
+            f"{cause(ratio, 'speed')}, or indicated "
             "for true airspeed.",
         )
     ]

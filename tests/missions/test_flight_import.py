@@ -77,7 +77,11 @@ KNOTS, FEET = 1852 / 3600, 0.3048
 
 def broken(name: str) -> RawFlight:
     """Return a flight with one thing wrong, as a reader would give it that believed a wrong unit or sign."""
-    raw = raw_of(mission("montreal").recording) if name.startswith(("roll", "pitch")) else weave(EVEN)
+    raw = (
+        raw_of(mission("montreal").recording)
+        if name.startswith(("roll", "pitch", "vertical"))
+        else weave(EVEN)
+    )
     changed = {
         "velocity in knots": {"velocity_n": raw.velocity_n / KNOTS},
         "velocity in feet": {"velocity_n": raw.velocity_n / FEET},
@@ -91,6 +95,12 @@ def broken(name: str) -> RawFlight:
         "airspeed in knots": {"airspeed": raw.airspeed / KNOTS},
         "roll sign": {"euler": raw.euler * (-1, 1, 1)},
         "pitch sign": {"euler": raw.euler * (1, -1, 1)},
+        "roll and pitch exchanged": {"euler": raw.euler[:, [1, 0, 2]]},
+        "position in radians": {
+            "latitude": np.radians(raw.latitude),
+            "longitude": np.radians(raw.longitude),
+        },
+        "vertical in feet per minute": {"velocity_n": raw.velocity_n * (1, 1, 60 / FEET)},
     }
     return replace(raw, **changed[name])
 
@@ -109,6 +119,9 @@ def broken(name: str) -> RawFlight:
         ("airspeed in knots", "questionable", "knots read as m/s"),
         ("roll sign", "implausible", "its sign is turned round"),
         ("pitch sign", "implausible", "its sign is turned round"),
+        ("roll and pitch exchanged", "implausible", "Roll and pitch look exchanged"),
+        ("position in radians", "implausible", "latitude and longitude in radians read as degrees"),
+        ("vertical in feet per minute", "implausible", "feet per minute read as m/s"),
     ],
 )
 def test_what_is_wrong_is_named(name, verdict, words):
