@@ -15,7 +15,7 @@ from lab.missions.readers import MAX_FILES
 
 MAX_BYTES = 512 * 2**20
 """Largest upload accepted, all files together [bytes]."""
-LONGEST_NAME = 80
+LONGEST_NAME = 60
 
 
 class Upload(pmui.FileInput):
