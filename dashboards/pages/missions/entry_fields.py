@@ -74,7 +74,7 @@ class EntryFields:
 
 
 def _field(entry: Entry, value: Any, limits: tuple[float, float]) -> Any:
-    common: dict[str, Any] = {"size": "small", "margin": (6, 4), "variant": "outlined", **sized(148)}
+    common: dict[str, Any] = {"size": "small", "margin": (6, 4), "variant": "outlined", **sized(190)}
     if entry.choices:
         return pmui.Select(
             label=entry.label, options=list(entry.choices), value=value, description=entry.doc, **common

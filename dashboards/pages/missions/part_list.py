@@ -13,7 +13,10 @@ from lab.missions.plan_table import Limits
 
 ROW = """
 :host { border: 1px solid rgba(128,128,128,.3); border-radius: 6px; }
-@media (max-width: 800px) { :host { flex-wrap: wrap; min-width: 0 !important; } }
+@media (max-width: 1000px) {
+  :host { flex-wrap: wrap; min-width: 0 !important; }
+  .bk-Row { flex: 1 1 100% !important; order: 1; }  /* the fields, below title and tools */
+}
 """
 
 

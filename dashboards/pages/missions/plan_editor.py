@@ -47,6 +47,7 @@ class PlanEditor:
         self._general, self._where, self._air = (
             pn.Column(margin=0, sizing_mode="stretch_width") for _ in range(3)
         )
+        self._general.stylesheets = [":host { flex: 1 1 310px !important; }"]
         self.view = pn.Column(
             _card(
                 "Flight",
