@@ -257,7 +257,9 @@ def _executive(aircraft: str) -> Any:
     fdm.set_dt(STEP_MS / 1000)
     if not fdm.load_model(aircraft):
         raise MissionError(f"JSBSim could not load the aircraft {aircraft}")
+    # Some models write files, or open ports to be steered through.
     fdm.disable_output()
+    fdm.disable_input()
     return fdm
 
 

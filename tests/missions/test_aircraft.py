@@ -11,6 +11,7 @@ from scipy.interpolate import CubicSpline
 
 from lab.missions import FlightPlan, MissionError, Recording, fly
 from lab.missions.aircraft import AIRCRAFT
+from lab.missions.simulated_aircraft import SimulatedAircraft
 from lab.missions.weather import Gust
 
 pytest.importorskip("jsbsim", reason="flying needs the extra 'fly'")
@@ -223,6 +224,17 @@ def test_what_jsbsim_cannot_trim_is_refused_silently(capfd):
     }
     with pytest.raises(MissionError, match=r"cannot trim the Boeing 737 at 140 m/s, 9000 m"):
         fly(FlightPlan.from_dict(plan))
+    assert capfd.readouterr() == ("", "")
+
+
+@pytest.mark.parametrize("name", AIRCRAFT)
+def test_no_aircraft_listens_to_the_network_or_prints(name, capfd):
+    # JSBSim's 737 asks for ports to be steered through; a second one then says that they are taken.
+    start = {"latitude_deg": 0, "longitude_deg": 0, "height_m": 1000, "heading_deg": 0}
+    values = {"aircraft": name, "duration_s": 9, "air_start": start, "manoeuvres": [{"do": "level"}]}
+    plan = FlightPlan.from_dict(values)
+    both = SimulatedAircraft(plan), SimulatedAircraft(plan)
+    assert both[0].sample() == both[1].sample()
     assert capfd.readouterr() == ("", "")
 
 
