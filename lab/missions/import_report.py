@@ -199,6 +199,8 @@ def _time(flight: RepairedFlight) -> list[ReportRow]:
     if flight.tick:
         rows.append(ReportRow("Time", "Resolution", f"stamps lie on a grid of {1000 * flight.tick:.4g} ms"))
     text = _REPAIRS[flight.method]
+    if flight.step:
+        text += f" of {1000 * flight.step:.6g} ms"
     if flight.method != AS_RECORDED:
         text += f", moved by {1000 * flight.moved_rms:.3g} ms rms, {1000 * flight.moved_max:.3g} ms at most"
         if flight.calmed < 1:

@@ -175,6 +175,12 @@ def test_the_report_tells_what_was_found():
     assert max(len(line) for line in str(report).splitlines()) <= 110
 
 
+def test_an_even_clock_is_told_with_its_spacing():
+    stamps = np.round(EVEN[:1000] / 3, 3)
+    report = prepare_flight(replace(weave(EVEN[:1000] / 3), time=stamps)).report
+    assert "even spacing of 16.6667 ms" in text_of(report, "Time", "Stamps")
+
+
 def test_units_and_how_they_are_known_are_told(msfs):
     report = prepare_import(msfs).report
     assert "ft (guessed)" in text_of(report, "Units", "Plane_Altitude")
