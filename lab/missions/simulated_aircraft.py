@@ -19,7 +19,6 @@ SETTLING_MS = 15_000
 _FOOT = 0.3048
 _RANKINE = 1.8
 _LONGITUDINAL = 0
-_NO_FUEL_LBS = 0.01
 _AXES = ("north", "east", "down")
 _STILL = ((), (), ())
 
@@ -213,8 +212,9 @@ class SimulatedAircraft:
         )
 
     def out_of_fuel(self) -> bool:
-        """Return whether the tanks are empty."""
-        return bool(self._fdm["propulsion/total-fuel-lbs"] < _NO_FUEL_LBS)
+        """Return whether the engine has stopped, for want of fuel."""
+        # Not all fuel is within reach: one of the t6texan2's two tanks feeds nothing.
+        return not self._fdm["propulsion/engine/set-running"]
 
     def sample(self) -> tuple[float, ...]:
         """Return what a flight record holds: position, velocity over the Earth, attitude and air data.

@@ -238,6 +238,21 @@ def test_no_aircraft_listens_to_the_network_or_prints(name, capfd):
     assert capfd.readouterr() == ("", "")
 
 
+@pytest.mark.parametrize("name", AIRCRAFT)
+def test_an_engine_without_fuel_is_noticed(name):
+    start = {"latitude_deg": 0, "longitude_deg": 0, "height_m": 1000, "heading_deg": 0}
+    values = {"aircraft": name, "duration_s": 9, "air_start": start, "manoeuvres": [{"do": "level"}]}
+    aircraft = SimulatedAircraft(FlightPlan.from_dict(values))
+    aircraft.step()
+    assert not aircraft.out_of_fuel()
+    aircraft._fdm["propulsion/tank[0]/contents-lbs"] = 0.0
+    for tank in (1, 2) if name != "t6texan2" else ():
+        aircraft._fdm[f"propulsion/tank[{tank}]/contents-lbs"] = 0.0
+    for _ in range(500):
+        aircraft.step()
+    assert aircraft.out_of_fuel()
+
+
 def test_an_aircraft_blown_over_on_the_runway_says_so():
     plan = {
         "duration_s": 90.0,

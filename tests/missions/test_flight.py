@@ -307,15 +307,6 @@ def test_an_aircraft_without_fuel_says_so(monkeypatch):
     assert len(flight.recording.time) == 100
 
 
-def test_the_fuel_is_that_of_the_tanks():
-    aircraft = SimulatedAircraft(FlightPlan.from_dict(SHORT))
-    assert not aircraft.out_of_fuel()
-    for tank in (0, 1):
-        aircraft._fdm[f"propulsion/tank[{tank}]/contents-lbs"] = 0.0
-    aircraft.step()
-    assert aircraft.out_of_fuel()
-
-
 def test_a_flight_that_ends_early_is_written_and_says_so_until_flown_to_its_end(tmp_path):
     plan = tmp_path / "plan.toml"
     values = {**SHORT, "duration_s": 20.0, "manoeuvres": SHORT["manoeuvres"][:1]}
