@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import os
+import subprocess
+import sys
 import tempfile
 from collections.abc import Iterator
 from pathlib import Path
@@ -91,6 +94,18 @@ def test_after_the_session_nothing_is_taken(inbox: Inbox, tmp_path: Path) -> Non
     inbox.widget.delete()
     inbox.send(("b.csv", 1, b"x"))
     assert inbox.paths == []
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_server_that_ends_leaves_no_upload(tmp_path: Path) -> None:
+    code = "from dashboards.pages.missions.upload import Upload; kept = Upload(print, print)"
+    ended = subprocess.run(
+        [sys.executable, "-W", "ignore", "-c", code],
+        env={**os.environ, "TMPDIR": str(tmp_path)},
+        cwd=Path(__file__).parents[2],
+        check=False,
+    )
+    assert ended.returncode == 0
     assert list(tmp_path.iterdir()) == []
 
 

@@ -35,7 +35,9 @@ class Upload(pmui.FileInput):
         super().__init__(multiple=True, max_file_size=MAX_BYTES, **params)  # type: ignore[no-untyped-call]
         self._arrived = arrived
         self._refused = refused
-        self._folder = Path(tempfile.mkdtemp(prefix="ins-lab-upload-"))
+        # It goes with the session, or with the server, whichever ends first.
+        self._temporary = tempfile.TemporaryDirectory(prefix="ins-lab-upload-", ignore_cleanup_errors=True)
+        self._folder = Path(self._temporary.name)
         self._number = 0
         self._closed = False
         self._begin()
@@ -43,7 +45,7 @@ class Upload(pmui.FileInput):
     def delete(self) -> None:
         """Delete all files, and take no more."""
         self._closed = True
-        shutil.rmtree(self._folder, ignore_errors=True)
+        self._temporary.cleanup()
 
     def _begin(self) -> None:
         self._paths: dict[str, Path] = {}
