@@ -6,6 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, TypeVar
 
+from lab.missions import airports
 from lab.missions.aircraft import AIRCRAFT, Aircraft
 from lab.missions.errors import MissionError
 from lab.missions.manoeuvres import (
@@ -75,7 +76,8 @@ class FlightPlan:
         Parameters
         ----------
         values
-            Keys as the attributes of `FlightPlan`; each manoeuvre has a key ``do``, one of `MANOEUVRES`.
+            Keys as the attributes of `FlightPlan`; each manoeuvre has a key ``do``, one of `MANOEUVRES`. The
+            runway may be the name of one, see `lab.missions.airports`.
         where
             What to call the mapping in messages.
 
@@ -87,6 +89,8 @@ class FlightPlan:
         values = dict(values)
         aircraft = AIRCRAFT[accept(cls, "aircraft", values.get("aircraft", "c172p"), where)]
         parts: dict[str, Any] = {}
+        if isinstance(values.get("runway"), str):
+            values["runway"] = airports.runway(values["runway"], f"{where}.runway")
         for name, kind in (("runway", Runway), ("air_start", AirStart)):
             if name in values:
                 limits = aircraft.limits if kind is AirStart else None

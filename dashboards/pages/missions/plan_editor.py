@@ -7,10 +7,11 @@ from typing import Any
 
 import panel as pn
 import panel_material_ui as pmui
+import param
 
 from dashboards.pages.missions.entry_fields import WHOLE, WRAP, EntryFields, sized
 from dashboards.pages.missions.part_list import PartList
-from lab.missions import FlightPlan
+from lab.missions import FlightPlan, airports
 from lab.missions.aircraft import AIRCRAFT
 from lab.missions.flight_plan import AirStart, Runway
 from lab.missions.manoeuvres import MANOEUVRES
@@ -40,6 +41,14 @@ class PlanEditor:
         self._start = pmui.Select(
             label="Start", options={"On a runway": "runway", "In the air": "air_start"}, **_SELECT
         )
+        names = airports.airport_names()
+        self._runway = pmui.Select(
+            label="Runway of",
+            options={"choose …": ""}
+            | {f"{names[name.split()[0]]}: {name}": name for name in airports.runways()},
+            **_SELECT,
+        )
+        self._runway.param.watch(self._placed, "value")
         for choice in (self._aircraft, self._start):
             choice.param.watch(lambda _event: self._chosen(), "value")
         self._manoeuvres = PartList(MANOEUVRES, "manoeuvre", self._told)
@@ -47,12 +56,13 @@ class PlanEditor:
         self._general, self._where, self._air = (
             pn.Column(margin=0, sizing_mode="stretch_width") for _ in range(3)
         )
-        self._general.stylesheets = [":host { flex: 1 1 310px !important; }"]
+        for fields in (self._general, self._where):
+            fields.stylesheets = [":host { flex: 1 1 310px !important; }"]
         self.view = pn.Column(
             _card(
                 "Flight",
                 pn.Row(self._aircraft, self._start, self._general, stylesheets=[WRAP], margin=0, **_WIDE),
-                self._where,
+                pn.Row(self._runway, self._where, stylesheets=[WRAP], margin=0, **_WIDE),
             ),
             _card("Manoeuvres", self._manoeuvres.view),
             _card("Air", self._air, self._gusts.view, collapsed=True),
@@ -63,6 +73,8 @@ class PlanEditor:
 
     def load(self, values: Mapping[str, Any]) -> None:
         """Show a plan, as the ``[flight]`` table of a mission has it; without one there are no fields yet."""
+        if isinstance(values.get("runway"), str):
+            values = {**values, "runway": airports.runway(values["runway"])}
         self._loading = True
         try:
             self._aircraft.value = values.get("aircraft", "c172p")
@@ -101,6 +113,7 @@ class PlanEditor:
         self._general_fields = EntryFields(FlightPlan, values, self._told, skip=("aircraft",))
         self._where_fields = EntryFields(STARTS[start], values.get(start, {}), self._told, in_the_air)
         self._air_fields = EntryFields(Air, air, self._told)
+        self._runway.visible = start == "runway"
         self._general[:], self._where[:] = [self._general_fields.view], [self._where_fields.view]
         self._air[:] = [self._air_fields.view]
         self._gusts.load([("gust", gust) for gust in air.get("gusts", [])])
@@ -117,6 +130,12 @@ class PlanEditor:
         accepted = entries(STARTS[start])
         values[start] = {name: value for name, value in values[start].items() if name in accepted}
         self.load(values)
+
+    def _placed(self, event: param.parameterized.Event) -> None:
+        """Put the start on a runway; then another may be chosen, or the fields changed."""
+        if event.new:
+            self.load(self.read() | {"runway": airports.runway(event.new)})
+            self._runway.value = ""
 
     def _told(self) -> None:
         if not self._loading:
