@@ -13,6 +13,7 @@ from playwright.sync_api import Locator, Page, expect
 from xplane_sender import XPlaneSender
 
 from lab.missions import FlightPlan, Recording, add_mission, mission, missions, write_flight_csv
+from lab.missions.airports import runway
 
 pytestmark = pytest.mark.browser
 
@@ -120,6 +121,9 @@ def test_a_plan_is_changed_saved_flown_and_cancelled(open_page: Open, mine: Path
     expect(fly).to_be_disabled()
     box(page, "Duration").fill("12")
     box(page, "Duration").press("Tab")
+    page.get_by_role("combobox", name="Runway of").click()
+    page.get_by_role("menuitem", name="EGYP 10").click()
+    expect(box(page, "Latitude")).to_have_value("-51.8176994")
     for left in (5, 4, 3, 2, 1):
         page.get_by_role("button", name="Remove: 2").click()
         expect(page.get_by_role("button", name="Remove: ")).to_have_count(left)
@@ -134,6 +138,7 @@ def test_a_plan_is_changed_saved_flown_and_cancelled(open_page: Open, mine: Path
         page.get_by_role("button", name="Save plan").click()
     plan = tomllib.loads(download.value.path().read_text(encoding="utf-8"))["flight"]
     assert [one["do"] for one in plan["manoeuvres"]] == ["take_off", "turn_by"]
+    assert plan["runway"] == runway("EGYP 10")
     box(page, "Name").fill("mine")
     fly.click()
     expect(page.get_by_role("alert").filter(has_text="'mine': a mission has it")).to_be_visible()

@@ -72,6 +72,15 @@ class EntryFields:
                 values[name] = value
         return values
 
+    def write(self, numbers: Mapping[str, float]) -> None:
+        """Put other numbers into fields."""
+        for name, value in numbers.items():
+            self._fields[name].value = _text(value)
+
+
+def _text(value: float) -> str:
+    return f"{value:.12g}"
+
 
 def _field(entry: Entry, value: Any, limits: tuple[float, float]) -> Any:
     common: dict[str, Any] = {"size": "small", "margin": (6, 4), "variant": "outlined", **sized(190)}
@@ -85,7 +94,7 @@ def _field(entry: Entry, value: Any, limits: tuple[float, float]) -> Any:
     is_number = isinstance(value, int | float) and math.isfinite(value)
     return pmui.TextInput(
         label=f"{entry.label} [{entry.unit}]" if entry.unit else entry.label,
-        value=f"{value:.12g}" if is_number else "",
+        value=_text(value) if is_number else "",
         placeholder=empty,
         description=f"{entry.doc} {accepted[0].upper()}{accepted[1:]} {entry.unit}".strip(),
         **common,

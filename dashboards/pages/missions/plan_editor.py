@@ -134,7 +134,7 @@ class PlanEditor:
     def _placed(self, event: param.parameterized.Event) -> None:
         """Put the start on a runway; then another may be chosen, or the fields changed."""
         if event.new:
-            self.load(self.read() | {"runway": airports.runway(event.new)})
+            self._where_fields.write(airports.runway(event.new))
             self._runway.value = ""
 
     def _told(self) -> None:
