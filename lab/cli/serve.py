@@ -17,7 +17,9 @@ EXAMPLES = """\b
 Examples:
   ins-lab serve --port 8000
   ins-lab serve --algorithm my_filter.py:MyFilter
-Everything stays on this computer unless you name another address. The page Models compares your algorithm."""
+Everything stays on this computer unless you name another address.
+Whoever opens the page may add, change and delete your own missions.
+The page Models compares your algorithm."""
 
 _NO_ADDRESS = "--address {}: is not an address of this computer, such as 127.0.0.1 or localhost"
 
