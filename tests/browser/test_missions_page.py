@@ -158,7 +158,10 @@ def test_a_plan_is_changed_saved_flown_and_cancelled(open_page: Open, mine: Path
 
 
 def upload(page: Page, *paths: Path) -> None:
-    page.locator("input[type=file][multiple]").set_input_files(list(paths))
+    """Upload files; two seconds after an upload the button empties itself, and what is given to it before."""
+    files = page.locator("input[type=file][multiple]")
+    expect(files).to_have_js_property("value", "")
+    files.set_input_files(list(paths))
 
 
 def test_a_flight_is_uploaded_judged_and_added(open_page: Open, mine: Path, tmp_path: Path) -> None:
