@@ -11,6 +11,7 @@ import param
 
 from dashboards.card_chooser import CardChooser
 from dashboards.covariance_field import CovarianceField
+from dashboards.mission_titles import mission_titles
 from dashboards.other_form import OtherFormField
 from dashboards.session import Session
 from dashboards.widgets import ChoiceField, Field, TextField, field
@@ -78,7 +79,7 @@ class SettingsPanel:
         session.on_rest(self._refresh_forms)
         session.on_library(self._offer_missions)
         self._mission = ChoiceField(
-            session.experiment.param["mission"], self._change("mission"), mission_titles()
+            session.experiment.param["mission"], self._change("mission"), mission_titles(missions())
         )
         self._seed = TextField(session.experiment.param["seed"], self._change("seed"))
         self._fields |= {"mission": self._mission, "seed": self._seed}
@@ -109,7 +110,7 @@ class SettingsPanel:
         self._suit()
 
     def _offer_missions(self) -> None:
-        self._mission.offer(mission_titles(), self._session.experiment.mission)
+        self._mission.offer(mission_titles(missions()), self._session.experiment.mission)
 
     def _suit(self) -> None:
         """Show what changes something: of a log of real sensors nothing is simulated."""
@@ -248,12 +249,3 @@ def matched_variances(experiment: Experiment, name: str) -> list[float]:
     matched = belief(experiment.sensors, plain)
     covariance = {"p0": matched.P0, "q": np.diag(matched.noise), "r": matched.R}[name]
     return [float(variance) for variance in np.diag(covariance)]
-
-
-def mission_titles() -> dict[str, str]:
-    """Return the missions there are: name by title, with the name beside titles that occur twice."""
-    titles: dict[str, str] = {}
-    for name, mission in missions().items():
-        title = mission.title or name
-        titles[title if title not in titles else f"{title} ({name})"] = name
-    return titles

@@ -14,8 +14,7 @@ import numpy as np
 
 from lab.missions.errors import MissionError
 
-FOOT = 0.3048
-"""One foot [m]."""
+_FOOT = 0.3048
 
 
 @cache
@@ -36,7 +35,7 @@ def runways() -> Mapping[str, dict[str, float]]:
             found[f"{code} {name}"] = {
                 "latitude_deg": here[0],
                 "longitude_deg": here[1],
-                "height_m": round(here[2] * FOOT, 1),
+                "height_m": round(here[2] * _FOOT, 1),
                 "heading_deg": round(float(np.degrees(course)) % 360, 2),
             }
     return MappingProxyType(found)

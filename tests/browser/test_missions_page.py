@@ -110,8 +110,13 @@ def box(page: Page, name: str) -> Locator:
 
 def test_a_plan_is_changed_saved_flown_and_cancelled(open_page: Open, mine: Path) -> None:
     pytest.importorskip("jsbsim")
+    shipped = mission("los_angeles")
+    add_mission(shipped.recording, "again", title=shipped.title, flight=shipped.flight)
     page = missions_tab(open_page("?mission=mine", drawn=False))
     part(page, "Fly")
+    page.get_by_role("combobox", name="Plan of").click()
+    expect(page.get_by_role("menuitem", name="Los Angeles", exact=True)).to_be_visible()
+    page.get_by_role("menuitem", name="Los Angeles (again)").click()
     fly = page.get_by_role("button", name="Fly this plan")
     box(page, "Duration").fill("1e9")
     box(page, "Duration").press("Tab")

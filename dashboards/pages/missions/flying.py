@@ -12,6 +12,7 @@ import panel as pn
 import panel_material_ui as pmui
 
 from dashboards.computing import Progress, SupersededError
+from dashboards.mission_titles import mission_titles
 from dashboards.pages.missions.entry_fields import WHOLE, WRAP, sized
 from dashboards.pages.missions.job import Job
 from dashboards.pages.missions.naming import Naming
@@ -41,7 +42,7 @@ class Flying:
         plans = _plans()
         self._load = pmui.Select(
             label="Plan of",
-            options={one.title: name for name, one in plans.items()},
+            options=mission_titles(plans),
             **_SMALL,
             margin=(6, 4),
             **sized(230),
@@ -79,7 +80,7 @@ class Flying:
         self._job.close()
 
     def _offer(self) -> None:
-        self._load.options = {one.title: name for name, one in _plans().items()}
+        self._load.options = mission_titles(_plans())
 
     def _take(self, name: str) -> None:
         found = _plans().get(name)
