@@ -84,6 +84,8 @@ def along(curve: Trajectory, times: np.ndarray) -> np.ndarray:
         ("GPX", "position", (0.06, 0.1, 0.35)),
         # 2 cm and 0.1 m; speed and course to 0.001 kt and 0.01°, five times a second.
         ("NMEA 0183", "velocity", (0.06, 0.1, 0.35)),
+        # One fix a second of 2 cm and 1 m of height.
+        ("IGC", "position", (0.35, 0.2, 0.5)),
     ],
 )
 def test_the_flight_of_a_track_is_the_same_and_its_attitude_reconstructed(name, curve, bounds, tmp_path):

@@ -17,6 +17,7 @@ from lab.missions.readers import (
     flightgear,
     fslogger,
     gpx,
+    igc,
     jsbsim_csv,
     nmea,
     own_csv,
@@ -64,6 +65,7 @@ READERS: tuple[Reader, ...] = (
     Reader(jsbsim_csv.NAME, jsbsim_csv.recognises, jsbsim_csv.read),
     Reader(gpx.NAME, gpx.recognises, gpx.read),
     Reader(nmea.NAME, nmea.recognises, nmea.read),
+    Reader(igc.NAME, igc.recognises, igc.read),
     Reader(ulog.NAME, ulog.recognises, ulog.read, ulog.read_log),
     Reader(ardupilot.NAME, ardupilot.recognises, ardupilot.read, ardupilot.read_log),
 )

@@ -15,6 +15,7 @@ from writers import (
     flightgear,
     fslogger,
     gpx,
+    igc,
     jsbsim_csv,
     nmea,
     own_csv,
@@ -31,6 +32,7 @@ WRITERS: dict[str, Callable[[Recording], bytes | dict[str, bytes]]] = {
     "JSBSim csv": jsbsim_csv.write,
     "GPX": gpx.write,
     "NMEA 0183": nmea.write,
+    "IGC": igc.write,
     "PX4 ULog": ulog.write,
     "ArduPilot DataFlash": ardupilot.write,
 }
