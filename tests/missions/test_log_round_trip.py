@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
-from writers import WRITERS, ardupilot, ulog
+from writers import WRITERS, ardupilot, mavlink, ulog
 
 from lab import ecef
 from lab.missions import Recording, mission
@@ -45,6 +45,8 @@ def errors(truth: Trajectory, curve: Trajectory, late: float) -> tuple[float, fl
         ("PX4 ULog", ulog.BOOT, 10.0, (1e-3, 4e-3, 2e-5, 0.1)),
         # Positions to 1e-7°, angles to 0.01°, all 25 times a second.
         ("ArduPilot DataFlash", ardupilot.BOOT, 25.0, (2e-3, 5e-4, 6e-3, 0.015)),
+        # Positions to 1e-7° ten times, velocities and angles in single precision 20 times a second.
+        ("MAVLink tlog", 1000 * mavlink.BOOT, 20.0, (2e-3, 1e-3, 2e-5, 0.03)),
     ],
 )
 def test_the_flight_is_the_same_to_the_precision_of_the_log(name, boot, rate, bounds, tmp_path):

@@ -19,6 +19,7 @@ from lab.missions.readers import (
     gpx,
     igc,
     jsbsim_csv,
+    mavlink,
     nmea,
     own_csv,
     ulog,
@@ -68,6 +69,7 @@ READERS: tuple[Reader, ...] = (
     Reader(igc.NAME, igc.recognises, igc.read),
     Reader(ulog.NAME, ulog.recognises, ulog.read, ulog.read_log),
     Reader(ardupilot.NAME, ardupilot.recognises, ardupilot.read, ardupilot.read_log),
+    Reader(mavlink.NAME, mavlink.recognises, mavlink.read, mavlink.read_log),
 )
 """All readers; at most one recognises a file."""
 

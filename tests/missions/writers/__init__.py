@@ -17,6 +17,7 @@ from writers import (
     gpx,
     igc,
     jsbsim_csv,
+    mavlink,
     nmea,
     own_csv,
     ulog,
@@ -35,5 +36,6 @@ WRITERS: dict[str, Callable[[Recording], bytes | dict[str, bytes]]] = {
     "IGC": igc.write,
     "PX4 ULog": ulog.write,
     "ArduPilot DataFlash": ardupilot.write,
+    "MAVLink tlog": mavlink.write,
 }
 """By name of the reader: what gives the bytes of a file, or of several by their names."""
