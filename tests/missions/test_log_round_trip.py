@@ -86,6 +86,10 @@ def along(curve: Trajectory, times: np.ndarray) -> np.ndarray:
         ("GPX", "position", (0.06, 0.1, 0.35)),
         # 2 cm and 0.1 m; speed and course to 0.001 kt and 0.01°, five times a second.
         ("NMEA 0183", "velocity", (0.06, 0.1, 0.35)),
+        # Four points a second of 1 mm and 1 cm of height.
+        ("KML", "position", (0.01, 0.05, 0.3)),
+        # One point a second of 9 decimals and 0.1 m.
+        ("TCX", "position", (0.06, 0.1, 0.35)),
         # One fix a second of 2 cm and 1 m of height.
         ("IGC", "position", (0.35, 0.2, 0.5)),
     ],
