@@ -160,6 +160,8 @@ def test_units_are_those_of_the_file_or_given(file):
     assert named["AltGPS"] == ("m", "named in the file")
     assert named["GndSpd"] == ("kt", "named in the file")
     assert "above the sea" in flight.remarks[-1]  # nothing says that these are above the ellipsoid
+    broken = writer.log(lines).decode().replace("ft wgs, kt", "kt, ft wgs")
+    np.testing.assert_array_equal(file(broken.encode()).height, usual.height)
     given = file(writer.log(lines), {"TAS": "m/s"})
     np.testing.assert_allclose(given.airspeed * KNOT, usual.airspeed)
     with pytest.raises(MissionError, match=r"TAX.*do you mean TAS"):

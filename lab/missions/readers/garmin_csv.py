@@ -35,6 +35,7 @@ from lab.missions.readers.fields import (
 )
 from lab.missions.readers.fixes import NO_FIX, UtcClock
 from lab.missions.readers.table import MIN_ROWS, NO_NUMBER, Header, find_header, plain
+from lab.missions.readers.unit_names import UNITS
 from lab.missions.text_blocks import TextBlocks
 from lab.rotation import wrap
 
@@ -169,8 +170,9 @@ def _fields(heading: _Heading) -> list[Field]:
     for field in FIELDS:
         named = [_SPELLINGS.get(plain(heading.units.get(name, ""))) for name in field.names]
         unit = next((one for one in named if one is not None), None)
-        of_the_kind = unit in {"°"} if field.quantity == "angle" else unit != "°"
-        fields.append(replace(field, unit=unit, source=NAMED) if unit and of_the_kind else field)
+        # A damaged head may name a unit of something else.
+        known = unit is not None and unit in UNITS[field.quantity]
+        fields.append(replace(field, unit=unit or "", source=NAMED) if known else field)
     return fields
 
 
