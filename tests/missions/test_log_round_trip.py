@@ -90,6 +90,8 @@ def along(curve: Trajectory, times: np.ndarray) -> np.ndarray:
         ("KML", "position", (0.01, 0.05, 0.3)),
         # One point a second of 9 decimals and 0.1 m.
         ("TCX", "position", (0.06, 0.1, 0.35)),
+        # One record a second of 1 cm and 0.2 m of height.
+        ("FIT", "position", (0.1, 0.1, 0.35)),
         # One fix a second of 2 cm and 1 m of height.
         ("IGC", "position", (0.35, 0.2, 0.5)),
     ],

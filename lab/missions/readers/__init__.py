@@ -13,6 +13,7 @@ from lab.missions.errors import MissionError
 from lab.missions.raw_flight import RawFlight
 from lab.missions.readers import (
     ardupilot,
+    fit,
     flight_recorder,
     flightgear,
     fslogger,
@@ -69,6 +70,7 @@ READERS: tuple[Reader, ...] = (
     Reader(jsbsim_csv.NAME, jsbsim_csv.recognises, jsbsim_csv.read),
     Reader(garmin_csv.NAME, garmin_csv.recognises, garmin_csv.read),
     Reader(gpx.NAME, gpx.recognises, gpx.read),
+    Reader(fit.NAME, fit.recognises, fit.read),
     Reader(kml.NAME, kml.recognises, kml.read),
     Reader(tcx.NAME, tcx.recognises, tcx.read),
     Reader(nmea.NAME, nmea.recognises, nmea.read),

@@ -6,6 +6,7 @@ where they are.
 
 from __future__ import annotations
 
+import math
 from array import array
 from dataclasses import dataclass, field
 from datetime import UTC, datetime
@@ -27,23 +28,45 @@ NO_FIX = "without a fix"
 _EARLIEST = 0.25 * DAY
 
 
-@dataclass(frozen=True)
+@dataclass
 class Fixes:
-    """Points as they are read, in the order of the file; angles in degrees, NaN for what is not known."""
+    """Points with a fix as they are read, in the order of the file; NaN for what is not known.
+
+    Attributes
+    ----------
+    time, latitude, longitude, height : arrays
+        Time [s], position [°], height [m].
+    line : array
+        Line, or number of the message, of each.
+    unfixed, first_unfixed : int
+        How many points without a fix there were besides, and the line of the first.
+    """
 
     time: array[float] = field(default_factory=lambda: array("d"))
     latitude: array[float] = field(default_factory=lambda: array("d"))
     longitude: array[float] = field(default_factory=lambda: array("d"))
     height: array[float] = field(default_factory=lambda: array("d"))
     line: array[int] = field(default_factory=lambda: array("q"))
+    unfixed: int = 0
+    first_unfixed: int = 0
 
-    def add(self, time: float, latitude: float, longitude: float, height: float, line: int) -> None:
-        """Add a point; without a fix its latitude is NaN."""
+    def add(self, time: float, latitude: float, longitude: float, height: float, line: int) -> bool:
+        """Add a point; return whether it has a fix. Those that have none are only counted."""
+        if math.isnan(latitude) or math.isnan(longitude) or latitude == longitude == 0:
+            self.unfixed += 1
+            self.first_unfixed = self.first_unfixed or line
+            return False
         self.time.append(time)
         self.latitude.append(latitude)
         self.longitude.append(longitude)
         self.height.append(height)
         self.line.append(line)
+        return True
+
+    @property
+    def count(self) -> int:
+        """How many points were read, with or without a fix."""
+        return len(self.line) + self.unfixed
 
     def track(
         self,
@@ -51,13 +74,14 @@ class Fixes:
         reader: str,
         columns: tuple[ColumnUnit, ColumnUnit, ColumnUnit],
         *,
+        over_ground: tuple[ColumnUnit, ColumnUnit, array[float], array[float]] | None = None,
         rows: NDArray[np.bool_] | None = None,
         unread: Dropped | None = None,
         dropped: tuple[Dropped, ...] = (),
         remarks: tuple[str, ...] = (),
         vehicle: str = "",
     ) -> Track:
-        """Return the points with a fix as a track without speed and course.
+        """Return the points with a fix as a track.
 
         Parameters
         ----------
@@ -67,6 +91,9 @@ class Fixes:
             Name of the format.
         columns
             What the file calls latitude, longitude and height, with their units.
+        over_ground
+            What the file calls speed and course, and their values [m/s], [°], NaN for what is not known; none
+            by default.
         rows : (n,) array, optional
             Which points are of this track; all by default. The others are in `dropped`.
         unread : Dropped, optional
@@ -75,31 +102,33 @@ class Fixes:
             As of `RawFlight`.
         """
         dropped = (unread, *dropped) if unread is not None and unread.count else dropped
-        latitude, longitude = np.array(self.latitude), np.array(self.longitude)
-        line = np.array(self.line, dtype=np.int64)
-        wanted = np.ones(len(line), dtype=bool) if rows is None else rows
-        fixed = np.isfinite(latitude) & np.isfinite(longitude) & ((latitude != 0) | (longitude != 0))
-        lost = wanted & ~fixed
-        if lost.any():
-            dropped = (*dropped, Dropped(NO_FIX, int(lost.sum()), int(line[np.argmax(lost)])))
-        kept = wanted & fixed
-        unknown = np.full(int(kept.sum()), np.nan)
+        if self.unfixed:
+            dropped = (*dropped, Dropped(NO_FIX, self.unfixed, self.first_unfixed))
+        kept: NDArray[np.bool_] | slice = slice(None) if rows is None or rows.all() else rows
+        unknown = array("d", [UNKNOWN]) * len(self.line)
+        none = (ColumnUnit("", "m/s", ""), ColumnUnit("", "°", ""), unknown, unknown)
+        named_speed, named_course, speed, course = over_ground or none
         return Track(
             path=path,
             format=reader,
-            time=np.array(self.time)[kept],
-            latitude=latitude[kept],
-            longitude=longitude[kept],
-            height=np.array(self.height)[kept],
-            speed=unknown,
-            course=unknown,
-            lines=line[kept],
-            columns=(*columns, ColumnUnit("", "m/s", ""), ColumnUnit("", "°", "")),
-            rows_read=len(line) + (0 if unread is None else unread.count),
+            time=_view(self.time)[kept],
+            latitude=_view(self.latitude)[kept],
+            longitude=_view(self.longitude)[kept],
+            height=_view(self.height)[kept],
+            speed=_view(speed)[kept],
+            course=_view(course)[kept],
+            lines=np.array(self.line, dtype=np.int64)[kept],
+            columns=(*columns, named_speed, named_course),
+            rows_read=self.count + (0 if unread is None else unread.count),
             dropped=dropped,
             remarks=remarks,
             vehicle=vehicle,
         )
+
+
+def _view(values: array[float]) -> NDArray[np.float64]:
+    """Return numbers without a copy: a long track should not be in memory twice."""
+    return np.frombuffer(values, dtype=np.float64) if values else np.empty(0)
 
 
 class UtcClock:

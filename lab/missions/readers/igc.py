@@ -64,7 +64,7 @@ def read(paths: Sequence[Path], units: Mapping[str, str]) -> RawFlight:
         for block in text.blocks():
             records.read(block, text.next_line)
             text.next_line += block.count(b"\n") + 1
-    if not records.fixes.line:
+    if not records.fixes.count:
         raise MissionError(
             f"{path}: has no B record that can be read ({records.broken} are broken); accepted is an IGC "
             "file with fixes"
@@ -129,8 +129,8 @@ class _Records:
         self._now = self._follows(
             3600.0 * int(hour) + 60.0 * int(minute) + float(second + b"." + cells.get("TDS", b"0"))
         )
-        self.fixes.add(self._now, latitude if fixed else UNKNOWN, longitude, _metres(height), line)
-        self.pressure.append(_metres(pressure))
+        if self.fixes.add(self._now, latitude if fixed else UNKNOWN, longitude, _metres(height), line):
+            self.pressure.append(_metres(pressure))
 
     def _unreadable(self, line: int) -> None:
         self.broken += 1
@@ -147,7 +147,7 @@ class _Records:
         dated = _DATE.match(record)
         if dated is not None:
             day = _date(*map(int, dated.groups()))
-            if self.date is None and not self.fixes.line:
+            if self.date is None and not self.fixes.count:
                 self.date = day
             elif self.date is not None and day is not None:
                 self._day = max(0.0, DAY * (day - self.date).days)
@@ -203,10 +203,7 @@ def _about_time(day: date | None) -> str:
 def _heights(records: _Records) -> tuple[str, NDArray[np.float64], tuple[str, ...]]:
     """Return the name of the height, the height [m] of each fix, and what a person should know of it."""
     by_gps, by_pressure = np.array(records.fixes.height), np.array(records.pressure)
-    fixed = np.isfinite(records.fixes.latitude)
-    has_gps, has_pressure = (
-        bool((np.nan_to_num(height[fixed]) != 0).any()) for height in (by_gps, by_pressure)
-    )
+    has_gps, has_pressure = (bool((np.nan_to_num(height) != 0).any()) for height in (by_gps, by_pressure))
     if not has_gps:
         if not has_pressure:
             return "GNSS altitude", np.full_like(by_gps, np.nan), ("The file has no heights.",)
@@ -225,6 +222,6 @@ def _heights(records: _Records) -> tuple[str, NDArray[np.float64], tuple[str, ..
         "write heights above the sea and do not say so are off by the geoid's separation (at most 107 m)."
     ]
     if has_pressure:
-        apart = float(np.nanmedian((by_pressure - by_gps)[fixed]))
+        apart = float(np.nanmedian(by_pressure - by_gps))
         about.append(f"Pressure altitudes are not used; they are {apart:+.0f} m from the heights of the GPS.")
     return "GNSS altitude", by_gps, tuple(about)

@@ -150,19 +150,14 @@ class _Tracks:
         size = self._tracks + 1
         both = np.minimum(np.bincount(of_time, minlength=size), np.bincount(of_place, minlength=size))
         # The n-th time of a track goes with its n-th place.
-        placed, timed = (_before_in_track(of) < both[of] for of in (of_time, of_place))
-        columns = (
-            (self.times, placed),
-            (self.latitude, timed),
-            (self.longitude, timed),
-            (self.height, timed),
-        )
-        time, latitude, longitude, height = (
-            array("d", np.array(column)[rows].tobytes()) for column, rows in columns
-        )
-        line = array("q", np.array(self.line)[placed].tobytes())
+        placed, timed = (np.flatnonzero(_before_in_track(of) < both[of]) for of in (of_time, of_place))
+        fixes, of_fix = Fixes(), array("q")
+        for at, place in zip(placed.tolist(), timed.tolist(), strict=True):
+            where = self.latitude[place], self.longitude[place], self.height[place]
+            if fixes.add(self.times[at], *where, self.line[at]):
+                of_fix.append(self.of_time[at])
         chosen = int(both.argmax())
-        return Fixes(time, latitude, longitude, height, line), chosen, of_time[placed] == chosen
+        return fixes, chosen, np.array(of_fix, dtype=np.int64) == chosen
 
 
 def _before_in_track(track: NDArray[np.int64]) -> NDArray[np.int64]:

@@ -48,14 +48,14 @@ def read(paths: Sequence[Path], units: Mapping[str, str]) -> RawFlight:
     refuse_units(path, NAME, units)
     points = _Points()
     broken = read_elements(path, NAME, points)
-    if not points.of_activity:
+    if not points.fixes.count:
         what = f" It is broken in {broken}." if broken else ""
         raise MissionError(
             f"{path}: has no track points.{what} Accepted is a TCX file with an activity that was recorded "
             "with positions"
         )
-    activities = np.array(points.of_activity)
-    chosen = int(np.bincount(activities).argmax())
+    activities = np.array(points.of_activity, dtype=np.int64)
+    chosen = int(np.bincount(activities, minlength=1).argmax())
     kept = activities == chosen
     dropped: tuple[Dropped, ...] = ()
     if not kept.all():
@@ -115,8 +115,8 @@ class _Points:
                 self._point.get(key, UNKNOWN)
                 for key in ("LatitudeDegrees", "LongitudeDegrees", "AltitudeMeters")
             )
-            self.fixes.add(self._time, latitude, longitude, height, self._line)
-            self.of_activity.append(len(self.sports) - 1)
+            if self.fixes.add(self._time, latitude, longitude, height, self._line):
+                self.of_activity.append(len(self.sports) - 1)
             self._point = None
         elif name == "Time":
             self._time = self.clock.seconds(text)

@@ -11,6 +11,7 @@ from collections.abc import Callable
 from lab.missions import Recording
 from writers import (
     ardupilot,
+    fit,
     flight_recorder,
     flightgear,
     fslogger,
@@ -36,6 +37,7 @@ WRITERS: dict[str, Callable[[Recording], bytes | dict[str, bytes]]] = {
     "JSBSim csv": jsbsim_csv.write,
     "Garmin G1000 csv": garmin_csv.write,
     "GPX": gpx.write,
+    "FIT": fit.write,
     "KML": kml.write,
     "TCX": tcx.write,
     "NMEA 0183": nmea.write,
