@@ -33,6 +33,8 @@ _MAGIC = b".FIT"
 _HEADER_SIZES = (12, 14)
 _RECORD, _GPS, _SESSION, _SPORT = 20, 160, 18, 12
 _SEMICIRCLE = 180 / 2**31
+_SHORTEST = 6
+_MESSAGES = 10_000
 _EPOCH = datetime(1989, 12, 31, tzinfo=UTC)
 _SINCE_EPOCH = 2**28
 _VEHICLES = {"driving": "car", "motorcycling": "car", "boating": "boat", "sailing": "boat", "rowing": "boat"}
@@ -97,7 +99,9 @@ class _Kind:
 
     def add(self, values: Mapping[str, Any]) -> None:
         """Take a message."""
-        time = _first(values, "timestamp") + 1e-3 * np.nan_to_num(_first(values, "timestamp_ms"))
+        time = _first(values, "timestamp")
+        if "timestamp_ms" in values:
+            time += 1e-3 * _first(values, "timestamp_ms")
         fixed = self.fixes.add(
             time,
             _SEMICIRCLE * _first(values, "position_lat"),
@@ -163,9 +167,16 @@ def _messages(path: Path, data: bytes, points: _Points) -> Iterator[tuple[int, d
     }
     try:
         with fitdecode.FitReader(data, **how) as frames:
-            for frame in frames:
+            for count, frame in enumerate(frames):
+                if count > _MESSAGES + len(data) / _SHORTEST:
+                    raise MissionError(
+                        f"{path}: more than {count} messages in {len(data)} bytes; accepted are messages "
+                        f"with positions, of {_SHORTEST} bytes and more"
+                    )
                 if frame.frame_type == fitdecode.FIT_FRAME_DATA and frame.global_mesg_num in wanted:
                     yield frame.global_mesg_num, {field.name: field.value for field in frame.fields}
+    except MissionError:
+        raise
     except (
         # What a decoder that trusts lengths and types in a file comes upon in a damaged one.
         fitdecode.FitError, ArithmeticError, AssertionError, LookupError, TypeError, ValueError, struct.error,
