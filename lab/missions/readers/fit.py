@@ -168,11 +168,7 @@ def _messages(path: Path, data: bytes, points: _Points) -> Iterator[tuple[int, d
     try:
         with fitdecode.FitReader(data, **how) as frames:
             for count, frame in enumerate(frames):
-                if count > _MESSAGES + len(data) / _SHORTEST:
-                    raise MissionError(
-                        f"{path}: more than {count} messages in {len(data)} bytes; accepted are messages "
-                        f"with positions, of {_SHORTEST} bytes and more"
-                    )
+                _refuse_emptiness(path, count, len(data))
                 if frame.frame_type == fitdecode.FIT_FRAME_DATA and frame.global_mesg_num in wanted:
                     yield frame.global_mesg_num, {field.name: field.value for field in frame.fields}
     except MissionError:
@@ -186,6 +182,15 @@ def _messages(path: Path, data: bytes, points: _Points) -> Iterator[tuple[int, d
     size = data[0] + int.from_bytes(data[4:8], "little")
     if fitdecode.utils.compute_crc(data[:size]) != int.from_bytes(data[size : size + 2], "little"):
         points.broken = "its checksum is wrong, so some of its numbers may be"
+
+
+def _refuse_emptiness(path: Path, count: int, size: int) -> None:
+    """Raise if there are more messages than those with positions could be: they would take long to decode."""
+    if count > _MESSAGES + size / _SHORTEST:
+        raise MissionError(
+            f"{path}: more than {count} messages in {size} bytes; accepted are messages with positions, of "
+            f"{_SHORTEST} bytes and more"
+        )
 
 
 def _first(values: Mapping[str, Any], *names: str) -> float:
