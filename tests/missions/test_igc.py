@@ -90,6 +90,10 @@ def test_a_pause_over_half_a_day_and_points_out_of_order_at_midnight(file):
         file(text).time,
         [21_600, 21_601, 21_602, 72_000, 72_001, 72_002, 86_399, day + 1, 86_398, *(day + np.arange(2, 6))],
     )
+    on_the_second_day = HEAD.format(date="311299") + fixes(3, 82_800) + fixes(2, 3600) + fixes(2, 54_000)
+    np.testing.assert_array_equal(
+        file(on_the_second_day).time[2:], [82_802, day + 3600, day + 3601, day + 54_000, day + 54_001]
+    )
     later = HEAD.format(date="311299") + fixes(4) + "HFDTEDATE:030100,02\r\n" + fixes(4)
     np.testing.assert_array_equal(np.diff(file(later).time), [1, 1, 1, 3 * day - 3, 1, 1, 1])
     assert "1999-12-31" in file(later).remarks[0]

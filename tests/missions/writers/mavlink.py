@@ -27,7 +27,8 @@ PARAMETERS = {
     "GPS1_DELAY_MS": 1000 * GPS_DELAY,
     "GPS1_POS_X": LEVER_ARM[0],
     "GPS1_POS_Y": LEVER_ARM[1],
-    "GPS1_POS_Z": LEVER_ARM[2],
+    "GPS1_POS_Z": LEVER_ARM[2] + 0.125,
+    "INS_POS1_Z": 0.125,
 }
 
 
