@@ -49,11 +49,14 @@ def vehicle(system: int = 1, seconds: int = 10, boot: int = 5000, lat: float = 4
     return station
 
 
-def fixes(station: writer.Station, seconds: int = 10, kind: int = 3, stamp: float = 5.0, **more) -> None:
-    """Add the fixes of a receiver that goes east at 10 m/s and climbs at 2 m/s."""
+def fixes(station: writer.Station, seconds: int = 10, kind: int = 3, stamp: float = 5.0) -> None:
+    """Add the fixes of a receiver that goes east at 10 m/s and climbs at 2 m/s, 40 m above the ellipsoid."""
     for t in np.arange(0, seconds, 0.2).tolist():
         place = (450_000_000, round(1e7 * (-73 + t * 1.27e-4)), round(1e3 * (100 + 2 * t)))
-        station.add(t, "GPS_RAW_INT", round(1e6 * (stamp + t)), kind, *place, 70, 110, 1000, 9000, 12, **more)
+        numbers = (*place, 70, 110, 1000, 9000, 12)
+        station.add(
+            t, "GPS_RAW_INT", round(1e6 * (stamp + t)), kind, *numbers, alt_ellipsoid=place[2] + 40_000
+        )
 
 
 def test_an_independent_reader_finds_the_same_numbers(written, file):
@@ -137,6 +140,7 @@ def test_without_a_solution_the_track_of_the_receiver_is_taken(file):
         flight.velocity_n[:, :2], np.tile([0.0, 10.0], (len(flight.time), 1)), atol=1e-9
     )
     np.testing.assert_allclose(flight.velocity_n[:, 2], -2.0, atol=1e-6)
+    np.testing.assert_allclose(flight.height, 140 + 2 * (flight.time - 9.0), atol=1e-3)
     assert flight.time[0] == 9.0
     assert [(one.reason, one.count) for one in flight.dropped] == [("without a fix", 20)]
     assert "track of its GPS" in flight.remarks[0]
