@@ -38,6 +38,8 @@ TO_SI = {
     "mg/K": 1e-3 * earth.STANDARD_GRAVITY,
     "µg/√Hz": 1e-6 * earth.STANDARD_GRAVITY,
     "ppm": 1e-6,
+    "mrad": 1e-3,
+    "°/h/g": math.radians(1) / 3600 / earth.STANDARD_GRAVITY,
     "°/√h": math.radians(1) / 60,
     "°/h/√Hz": math.radians(1) / 3600,
     "µg": 1e-6 * earth.STANDARD_GRAVITY,

@@ -15,8 +15,9 @@ from lab.missions.errors import MissionError
 from lab.missions.sensor_log import SensorLog
 from lab.missions.text_blocks import check_file
 from lab.sensors import imu
-from lab.sensors.cards import TRIADS, Card, Datum
-from lab.sensors.suite import SensorSuite
+from lab.sensors.cards import Card
+from lab.sensors.datum import DENSITY, TWO_SIDED, Datum
+from lab.sensors.suite import TRIADS, SensorSuite
 from lab.units import TO_SI
 
 FloatArray = NDArray[np.float64]
@@ -183,7 +184,12 @@ def card_of(name: str, records: Mapping[str, Record], source: str) -> Card:
         record = records[triad]
         where = f"Allan deviation of {source}: {record.duration:.0f} s at rest, {1 / record.dt:.5g} Hz"
         groups[triad] = {
-            setting: Datum(tuple(float(f"{value:.4g}") for value in fitted["value"]), fitted["unit"], where)
+            setting: Datum(
+                tuple(float(f"{value:.4g}") for value in fitted["value"]),
+                fitted["unit"],
+                where,
+                TWO_SIDED if setting == DENSITY else "",
+            )
             for setting, fitted in in_setting_units(triad, terms).items()
             if (fitted["value"] > _SHOWN * fitted["sigma"]).any()
         }
