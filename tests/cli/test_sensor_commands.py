@@ -91,6 +91,9 @@ def test_a_log_at_rest_becomes_a_table_and_a_card_that_runs(tmp_path: Path) -> N
     assert answer.exit_code == 0, answer.stderr
     header, *rows = answer.stdout.splitlines()
     assert header.split() == ["group", "axis", "term", "fitted", "σ", "unit"]
+    assert sum("Quantisation noise" in row for row in rows) == sum("Rate ramp" in row for row in rows) == 6
+    assert "degrees of freedom" in answer.stdout
+    assert "do not explain" not in answer.stdout
     white = [row for row in rows if "White noise" in row]
     assert [row.split()[:2] for row in white] == [
         [triad, axis] for triad in ("gyro", "accelerometer") for axis in "xyz"
@@ -113,6 +116,9 @@ def test_an_allan_deviation_as_json_holds_the_curve(tmp_path: Path) -> None:
     assert (curve < np.array(gyro["high"])).all()
     assert curve[0] == pytest.approx(np.radians(0.1), rel=0.05)
     assert gyro["terms"]["noise_density"]["unit"] == "°/s/√Hz"
+    assert gyro["terms"]["rate_ramp"]["unit"] == "°/h²"
+    assert len(gyro["fit"]["chi_square"]) == len(gyro["fit"]["degrees_of_freedom"]) == 3
+    assert all(0.001 < p_value <= 1 for p_value in gyro["fit"]["p_value"])
 
 
 def test_a_card_simulated_at_rest_stands_beside_its_own_values() -> None:
