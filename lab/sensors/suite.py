@@ -14,6 +14,15 @@ from lab.units import si
 
 TRIADS = ("gyro", "accelerometer")
 """Groups of the settings of an IMU."""
+_WORDS = {
+    "noise_density": "white noise",
+    "bias_sigma": "turn-on bias",
+    "scale_factor_sigma": "scale factor",
+    "g_sensitivity": "g-sensitivity",
+    "bias_temperature": "temperature",
+    "scale_temperature": "temperature",
+}
+"""What terms are called in a sentence, where it is not their name."""
 
 
 class SensorSuite(Settings):
@@ -58,15 +67,12 @@ class SensorSuite(Settings):
     def assumed_remark(self) -> str:
         """Return the sentence that names what is assumed; empty if nothing is."""
         terms = [
-            f"{triad}: {', '.join(_label(self._triad(triad), name) for name in names)}"
+            f"{triad} {', '.join(dict.fromkeys(_WORDS.get(name, name) for name in names))}"
             for triad, names in self.assumed_terms().items()
         ]
         if not terms:
             return ""
-        return (
-            f"Assumed, as typical of the grade, since the card has no source for it: {'; '.join(terms)} "
-            "(ins-lab cards NAME shows the values; --no-assumed leaves them out)."
-        )
+        return f"Assumed, as typical of the grade, where the card has no source: {'; '.join(terms)}."
 
     def _triad(self, name: str) -> Settings:
         triad = getattr(self, name)
@@ -111,11 +117,6 @@ class SensorSuite(Settings):
             f"The filter has no state for {', '.join(paths)}: where these matter, its errors exceed the σ it "
             f"gives{more}."
         )
-
-
-def _label(triad: Settings, name: str) -> str:
-    label = str(triad.param[name].label)
-    return label if label.startswith("g-") else label[0].lower() + label[1:]
 
 
 def _has(triad: Settings, name: str, text: str) -> bool:

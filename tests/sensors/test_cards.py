@@ -319,8 +319,8 @@ def test_the_result_names_what_is_assumed_and_what_the_filter_has_no_state_for()
     experiment = Experiment(mission="los_angeles").update({"sensors": cards.card("LN-200S").settings()})
     remarks = " ".join(experiment.run().remarks)
     assert "Assumed" in remarks
-    assert "gyro: white noise, flicker, scale factor error, σ" in remarks
-    assert "accelerometer: flicker" in remarks
+    assert "gyro white noise, flicker, scale factor, misalignment, g-sensitivity" in remarks
+    assert "accelerometer flicker" in remarks
     assert "sensors.gyro.scale_factor_sigma" in remarks
     assert "navigator.states 21" in remarks
     experiment.set("navigator.states", 21)
