@@ -13,13 +13,19 @@ from lab.missions.errors import MissionError
 from lab.missions.raw_flight import RawFlight
 from lab.missions.readers import (
     ardupilot,
+    fit,
     flight_recorder,
     flightgear,
     fslogger,
+    garmin_csv,
     gpx,
+    igc,
     jsbsim_csv,
+    kml,
+    mavlink,
     nmea,
     own_csv,
+    tcx,
     ulog,
     xplane_data,
 )
@@ -62,10 +68,16 @@ READERS: tuple[Reader, ...] = (
     Reader(flight_recorder.NAME, flight_recorder.recognises, flight_recorder.read),
     Reader(flightgear.NAME, flightgear.recognises, flightgear.read),
     Reader(jsbsim_csv.NAME, jsbsim_csv.recognises, jsbsim_csv.read),
+    Reader(garmin_csv.NAME, garmin_csv.recognises, garmin_csv.read),
     Reader(gpx.NAME, gpx.recognises, gpx.read),
+    Reader(fit.NAME, fit.recognises, fit.read),
+    Reader(kml.NAME, kml.recognises, kml.read),
+    Reader(tcx.NAME, tcx.recognises, tcx.read),
     Reader(nmea.NAME, nmea.recognises, nmea.read),
+    Reader(igc.NAME, igc.recognises, igc.read),
     Reader(ulog.NAME, ulog.recognises, ulog.read, ulog.read_log),
     Reader(ardupilot.NAME, ardupilot.recognises, ardupilot.read, ardupilot.read_log),
+    Reader(mavlink.NAME, mavlink.recognises, mavlink.read, mavlink.read_log),
 )
 """All readers; at most one recognises a file."""
 

@@ -11,13 +11,19 @@ from collections.abc import Callable
 from lab.missions import Recording
 from writers import (
     ardupilot,
+    fit,
     flight_recorder,
     flightgear,
     fslogger,
+    garmin_csv,
     gpx,
+    igc,
     jsbsim_csv,
+    kml,
+    mavlink,
     nmea,
     own_csv,
+    tcx,
     ulog,
     xplane_data,
 )
@@ -29,9 +35,15 @@ WRITERS: dict[str, Callable[[Recording], bytes | dict[str, bytes]]] = {
     "MSFS Flight Recorder csv": flight_recorder.write,
     "FlightGear insgns-gps and insgns-imu": flightgear.write,
     "JSBSim csv": jsbsim_csv.write,
+    "Garmin G1000 csv": garmin_csv.write,
     "GPX": gpx.write,
+    "FIT": fit.write,
+    "KML": kml.write,
+    "TCX": tcx.write,
     "NMEA 0183": nmea.write,
+    "IGC": igc.write,
     "PX4 ULog": ulog.write,
     "ArduPilot DataFlash": ardupilot.write,
+    "MAVLink tlog": mavlink.write,
 }
 """By name of the reader: what gives the bytes of a file, or of several by their names."""
