@@ -77,6 +77,16 @@ def test_a_thinned_path_keeps_its_length_and_its_turns() -> None:
     assert thin_length == pytest.approx(length, rel=1e-3)
 
 
+def test_samples_at_rest_are_not_spent_on_the_last_digits_of_a_position() -> None:
+    """Minutes on the apron, still but for a micrometre, then a circle of 100 m: that is what is drawn."""
+    rng = np.random.default_rng(4)
+    angle = np.linspace(0, 2 * np.pi, 2000)
+    circle = 100.0 * np.column_stack([np.sin(angle), 1 - np.cos(angle)])
+    path = np.concatenate([rng.normal(scale=1e-6, size=(20_000, 2)), circle])
+    kept = thin_path(path, 400)
+    assert (kept >= 20_000).sum() > 0.95 * len(kept)
+
+
 def test_a_path_that_stands_still_or_has_gaps() -> None:
     assert 0 < len(thin_path(np.zeros((5000, 3)), 100)) <= 100
     broken = np.random.default_rng(1).normal(size=(5000, 2)).cumsum(axis=0)
