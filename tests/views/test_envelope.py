@@ -121,6 +121,40 @@ def test_limits_hold_what_is_drawn(values: list[float], scale: str) -> None:
         assert low == -high
 
 
+@pytest.mark.parametrize("scale", ["symmetric", "free", "logarithmic"])
+@pytest.mark.parametrize("kind", [np.float32, np.float64])
+@pytest.mark.parametrize("value", [0.0, 1e-45, 1e-38, 1e-13, 2.5e-7, 25.0, 300.0, -4e6])
+def test_a_constant_is_neither_at_the_edge_nor_magnified_until_its_last_digit(
+    value: float, kind: type, scale: str
+) -> None:
+    series = np.full(50, value, dtype=kind)
+    low, high = limits([series], scale)
+    assert np.isfinite([low, high]).all()
+    assert low < high
+    if abs(value) < SMALLEST_DRAWN or (scale == "logarithmic" and value < 0):
+        assert (low, high) == ((0.1, 1.0) if scale == "logarithmic" else (-1.0, 1.0))
+    elif scale == "logarithmic":
+        assert low < value < high < 10 * low
+    else:
+        assert 0.05 * abs(value) < high - low < 4 * abs(value)
+        assert low < value < high
+
+
+@pytest.mark.parametrize("scale", ["symmetric", "free", "logarithmic"])
+def test_axes_of_a_ten_millionth_of_a_millionth_fit_what_is_drawn(scale: str) -> None:
+    series = (1e-13 * np.linspace(1, 3, 50)).astype(np.float32)
+    low, high = limits([series], scale)
+    assert low < series.min() < series.max() < high
+    assert high - low < 1e-12
+
+
+def test_single_precision_does_not_magnify_its_own_steps() -> None:
+    """A height that changes by micrometres is constant once it is in single precision."""
+    series = (300 + 1e-6 * np.sin(np.arange(1000.0))).astype(np.float32)
+    low, high = limits([series], "free")
+    assert high - low > 1
+
+
 def test_limits_of_nothing() -> None:
     assert limits([np.full(3, np.nan)], "symmetric") == (-1, 1)
     assert limits([], "logarithmic") == (0.1, 1)
