@@ -140,12 +140,12 @@ def test_settings_have_an_effect_where_they_say_so(folder):
         other.set(path, changed(value, declared.bounds))
         assert (end(other) != plain).any() == has_effect(path, states=15), path
     other = base.copy()
-    other.set("sensors.gps.outages", [(40.0, 50.0)])
+    other.set("sensors.gps.outages", [(1100.0, 1110.0)])
     assert (end(other) != plain).any()
 
 
 def test_an_outage_withholds_fixes(folder):
-    cut = experiment(folder, sensors__gps__outages=[(20.0, 40.0)]).run()
+    cut = experiment(folder, sensors__gps__outages=[(1080.0, 1100.0)]).run()
     assert not ((cut.fixes.time >= 20) & (cut.fixes.time <= 40)).any()
     at = np.searchsorted(cut.time, 39.9)
     assert cut.solution_arrays.variance[at, 0] > 10 * experiment(folder).run().solution_arrays.variance[at, 0]

@@ -102,10 +102,25 @@ def test_a_gap_is_filled_where_rates_change_linearly(tmp_path, log):
     assert "1 gap of the IMU, 1.91 s" in read.repairs[0]
 
 
-def test_a_gap_beyond_two_seconds_is_refused(tmp_path, log):
+def test_a_gap_beyond_two_seconds_breaks_the_log(tmp_path, log):
     cut = np.delete(log.imu, np.s_[300:520], axis=0)
-    with pytest.raises(MissionError, match=r"gap of 2\.21 s after 1062\.99 s.*up to 2 s"):
-        read_sensor_log(write(tmp_path, log._replace(imu=cut)))
+    read = read_sensor_log(write(tmp_path, log._replace(imu=cut)))
+    np.testing.assert_allclose(read.breaks, [[2.99, 5.20]], atol=1e-9)
+    assert not len(read.gaps)
+    assert len(read.dtheta) == len(cut) - 1
+    at = np.searchsorted(read.time, 5.2) - 1
+    assert not read.dtheta[at].any()
+    assert not read.dvelocity[at].any()
+
+
+def test_a_file_does_not_ask_for_more_memory_than_it_is_large(tmp_path, log):
+    """Samples a nanosecond apart and gaps of two seconds: filled at their spacing they would be billions."""
+    times = np.cumsum(np.where(np.arange(len(log.imu)) % 100 == 99, 1.9, 1e-9)) + log.imu[0, 0]
+    write(tmp_path, log)
+    header = "t_s,gx_rad_s,gy_rad_s,gz_rad_s,fx_m_s2,fy_m_s2,fz_m_s2"
+    rows = [",".join(map(repr, row)) for row in np.column_stack((times, log.imu[:, 1:])).tolist()]
+    (tmp_path / "imu.csv").write_text("\n".join((header, *rows)))
+    refused(tmp_path, r"samples of the IMU are usually \S+ s apart, but \d+ gaps last")
 
 
 def test_what_the_receiver_lacks_is_said(tmp_path, log):
