@@ -137,7 +137,7 @@ def _set_log(chosen: Experiment, options: Mapping[str, float | str | None]) -> N
     given = {option: value for option, value in options.items() if value is not None}
     if given and not isinstance(find_mission(chosen.mission), LogMission):
         raise CommandError(
-            f"{', '.join(given)}: is for logs of real sensors; {chosen.mission} is a flight with simulated ones"
+            f"{', '.join(given)}: is for logs of real sensors; {chosen.mission} is a simulated flight"
         )
     for option, value in given.items():
         chosen.set(_LOG_SETTINGS[option], value)

@@ -46,6 +46,7 @@ _STRAIGHT = np.radians(2.0)
 _STRAIGHT_SIGMA = np.radians(0.3)
 _LEAST_STRAIGHT = 10
 _ROUNDS = 3
+_LATE = 0.05  # from where on the lateness of fixes is worth a word [s]
 
 
 class Alignment(NamedTuple):
@@ -92,7 +93,14 @@ class Alignment(NamedTuple):
                 f"{levelled}; the heading is unknown, since no motion and no sensor shows it: it can be "
                 "given as navigator.initial_heading."
             )
-        return f"{levelled}; heading {self.heading.source}, σ {np.degrees(self.heading.sigma):.0f}°."
+        late, sigma = self.heading.late, self.heading.late_sigma
+        clock = ""
+        if abs(late) > max(_LATE, 5 * sigma):
+            clock = (
+                f" The same motion shows the fixes {abs(late):.2f} s {'late' if late > 0 else 'early'} (σ "
+                f"{sigma:.2f} s), which latency_s of the log is to say."
+            )
+        return f"{levelled}; heading {self.heading.source}, σ {np.degrees(self.heading.sigma):.0f}°.{clock}"
 
 
 def align(imu: Imu, fixes: Fixes, velocity_sigma: FloatArray, hints: Hints | None = None) -> Alignment:

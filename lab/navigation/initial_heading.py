@@ -100,6 +100,8 @@ class Found(NamedTuple):
         When it was seen [s]; NaN if nothing showed it.
     gyro_bias, gyro_bias_sigma : (3,) arrays or None
         Gyro bias that was found with it [rad/s].
+    late, late_sigma : float
+        By how much the fixes' stamps are late, as found with it, and its σ [s]; NaN where it was not.
     """
 
     heading: float
@@ -108,6 +110,8 @@ class Found(NamedTuple):
     time: float
     gyro_bias: FloatArray | None = None
     gyro_bias_sigma: FloatArray | None = None
+    late: float = np.nan
+    late_sigma: float = np.nan
 
 
 UNKNOWN = Found(0.0, np.pi, "", np.nan)
@@ -221,6 +225,8 @@ def by_velocity(imu: Imu, fixes: Fixes, velocity_sigma: FloatArray, bias: FloatA
         start,
         found.gyro_bias,
         found.gyro_bias_sigma,
+        -found.lag,
+        found.lag_sigma,
     )
 
 

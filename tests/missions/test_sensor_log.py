@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 from sensor_logs import EPOCH, INCREMENTS, POSITION, RATE, described, tables, write, write_csv
 
 from lab.earth import STANDARD_GRAVITY
@@ -253,3 +254,82 @@ def test_real_recordings(recordings, tmp_path, name, samples, said):
     assert len(read.dtheta) == samples
     assert len(read.repairs) == len(said)
     assert all(part in repair for part, repair in zip(said, read.repairs, strict=True))
+
+
+def test_mounting_turns_the_axes_of_the_imu(tmp_path, log):
+    """An IMU turned in its vehicle: its rates and forces, turned back by these angles, are the vehicle's."""
+    expected = read_sensor_log(write(tmp_path / "straight", log))
+    angles = (10.0, -20.0, 135.0)
+    in_imu = Rotation.from_euler("ZYX", angles[::-1], degrees=True).inv()
+    imu = log.imu.copy()
+    imu[:, 1:4], imu[:, 4:] = in_imu.apply(imu[:, 1:4]), in_imu.apply(imu[:, 4:])
+    read = read_sensor_log(
+        write(tmp_path / "turned", log._replace(imu=imu), f"mounting_deg = {list(angles)}")
+    )
+    np.testing.assert_allclose(read.dtheta, expected.dtheta, atol=1e-12)
+    np.testing.assert_allclose(read.dvelocity, expected.dvelocity, atol=1e-10)
+    # Beside axes: x right, y forward, z up, in an IMU that is turned as before.
+    swapped = imu.copy()
+    swapped[:, 1:] = imu[:, [2, 1, 3, 5, 4, 6]] * (1, 1, -1, 1, 1, -1)
+    toml = f'axes = ["y", "x", "-z"]\nmounting_deg = {list(angles)}'
+    read = read_sensor_log(write(tmp_path / "both", log._replace(imu=swapped), toml))
+    np.testing.assert_allclose(read.dvelocity, expected.dvelocity, atol=1e-10)
+
+
+def test_what_else_was_recorded(tmp_path, log):
+    folder = write(
+        tmp_path, log, 'vehicle = "car"\ndeclination_deg = -12\n[comparisons]\n"their own" = "ekf.csv"'
+    )
+    times = log.gnss[:, 0]
+    write_csv(
+        folder / "mag.csv",
+        ("t_s", "mx_uT", "my_uT", "mz_uT"),
+        np.column_stack((times, *np.eye(3)[:, [0] * len(times)])),
+    )
+    write_csv(
+        folder / "ekf.csv",
+        ("t_s", "roll_deg", "pitch_deg", "heading_deg"),
+        np.column_stack((times, *[times] * 3)) % 300,
+    )
+    columns = np.column_stack((log.gnss[:, :4], times % 360, np.full(len(times), 0.5)))
+    write_csv(folder / "gnss.csv", (*POSITION, "heading_deg", "sd_heading_deg"), columns)
+    read = read_sensor_log(folder)
+    beside = read.beside
+    assert beside.vehicle == "car"
+    np.testing.assert_array_equal(beside.magnetometer.field, np.tile((1.0, 0, 0), (len(times), 1)))
+    assert beside.magnetometer.declination == pytest.approx(np.radians(-12))
+    np.testing.assert_allclose(beside.headings.heading, np.radians(times % 360))
+    np.testing.assert_allclose(beside.headings.time + read.epoch, times)
+    (own,) = beside.comparisons
+    assert own.name == "their own"
+    assert np.isnan(own.position).all()
+    np.testing.assert_allclose(own.euler[:, 1], np.radians(times % 300))
+
+
+def test_a_reference_may_know_the_attitude_alone(tmp_path, log):
+    write(tmp_path, log)
+    attitude = log.reference[:, [0, 7, 8, 9]]
+    write_csv(tmp_path / "ref.csv", ("t_s", "roll_deg", "pitch_deg", "heading_deg"), attitude)
+    read = read_sensor_log(tmp_path).reference
+    np.testing.assert_allclose(read.euler, np.radians(attitude[:, 1:]))
+    assert np.isnan(read.position).all()
+    assert np.isnan(read.velocity_n).all()
+    write_csv(tmp_path / "ref.csv", ("t_s",), attitude[:, :1])
+    refused(tmp_path, "knows neither positions nor velocities nor attitudes")
+
+
+@pytest.mark.parametrize(
+    ("toml", "pattern"),
+    [
+        ('vehicle = "bicycle"', "vehicle = 'bicycle'; accepted are aeroplane, car, boat, copter"),
+        ("vehicle = 3", "vehicle = 3; accepted is text"),
+        ("mounting_deg = [0, 0]", "mounting_deg = .*three numbers from -360 to 360"),
+        ("declination_deg = 200", "declination_deg = 200; accepted is a number from -180 to 180"),
+        ('comparisons = ["ekf.csv"]', "comparisons = .*a table of up to 8 names"),
+        ('[comparisons]\n"x" = "/etc/passwd"', "comparisons = '/etc/passwd'; accepted is the plain name"),
+        ('[comparisons]\n"x" = "none.csv"', "none.csv: there is no such file"),
+        ('magnetometer = "none.csv"', "none.csv: there is no such file"),
+    ],
+)
+def test_what_the_toml_says_beside_is_checked(tmp_path, log, toml, pattern):
+    refused(write(tmp_path, log, toml), pattern)
