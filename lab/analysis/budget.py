@@ -211,9 +211,15 @@ class _Propagation:
             np.array([source.drive(ideal.dt) for source in self.inertial]).reshape(-1, 3),
         )
         # K = P⁺ Hᵀ R⁻¹, whatever P⁺ and R are worth (Gelb 4.2-16b).
-        self.gain = result.solution_arrays.fix_covariance[:, :, :6] @ np.linalg.inv(belief.R)
+        solution = result.solution_arrays
+        used = solution.fix_sample >= 0
+        self.H = solution.fix_H
+        self.gain = np.zeros((self.H.shape[0], solution.states, 6))
+        self.gain[used] = (
+            solution.fix_covariance[used] @ self.H[used].mT @ np.linalg.inv(solution.fix_R[used])
+        )
         self.corrected = _corrections(result)
-        n = self.states = self.gain.shape[1]
+        n = self.states = solution.states
         self.waiting = slice(n, n + BIASES)  # the biases of x̂
         self.own = slice(n + BIASES, n + BIASES + 3)  # c
         self.widths = [source.start.shape[1] for source in constants]
@@ -283,8 +289,9 @@ class _Propagation:
         """Take a fix."""
         K, waiting, own = self.gain[fix], self.waiting, self.own
         U = np.eye(waiting.stop)
-        U[: self.states, :6] -= K
-        U[waiting, :6] = K[NAV:N]
+        n = self.states
+        U[:n, :n] -= K @ self.H[fix]
+        U[waiting, :n] = K[NAV:N] @ self.H[fix]
         noise = np.concatenate((K, -K[NAV:N]))
         if self.corrected[fix]:
             U[waiting] = noise[waiting] = 0.0

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from lab.navigation.error_models import ACCEL_BIAS, ACCEL_SCALE, ATT, GYRO_BIAS, GYRO_SCALE, POS, VEL
-from lab.navigation.kalman import gate
+from lab.navigation.kalman import MEASUREMENTS, gate
 from lab.navigation.settings import NavigatorSettings
 from lab.navigation.solution import Belief, Schedule
 from lab.sensors.imu import AccelerometerErrors, GyroErrors
@@ -17,6 +18,16 @@ from lab.settings import SettingError
 from lab.units import si
 
 FloatArray = NDArray[np.float64]
+
+PLAUSIBLE = 0.999
+"""Part of the good fixes that is plausible to a robust filter without a gate."""
+UNEXPLAINED = 1e-6
+"""Probability of rejected good fixes in a row from which on chance does not explain them."""
+FEWEST_AGREEING = 4
+"""Fewest rejected fixes in a row that accuse the filter if they agree: of four outliers with random
+directions one row in 64 does."""
+FEWEST_SCATTERED = 10
+"""Fewest that accuse it whatever their directions: of 20 % outliers one row in 10 million is as long."""
 
 FLICKER_FLOOR = np.sqrt(2 * np.log(2) / np.pi)
 """Allan deviation of flicker over its coefficient B (IEEE Std 952-1997, annex C)."""
@@ -41,7 +52,18 @@ def belief(sensors: SensorSuite, navigator: NavigatorSettings) -> Belief:
         R=navigator.r_scale * (_given(navigator.r) if navigator.r is not None else matched_r(sensors)),
         noise=navigator.q_scale * np.diag(noise),
         bias_decay=np.concatenate((gyro_decay, accel_decay)),
+        lever_arm=assumed_lever_arm(navigator, si(sensors.gps, "lever_arm")),
     )
+
+
+def assumed_lever_arm(navigator: NavigatorSettings, true: FloatArray) -> FloatArray:
+    """Return the lever arm (3,) that the filter assumes, where that of the receiver is `true` [m]."""
+    return np.array(true if navigator.lever_arm is None else navigator.lever_arm, dtype=np.float64)
+
+
+def assumed_latency(navigator: NavigatorSettings, true: float) -> float:
+    """Return the latency that the filter assumes, where that of the receiver is `true` [s]."""
+    return float(true if navigator.latency is None else navigator.latency)
 
 
 def _given(value: Any) -> FloatArray:
@@ -142,9 +164,27 @@ def schedule_of(navigator: NavigatorSettings, dt: float, samples: int) -> Schedu
         How many there are.
     """
     rate = navigator.filter_rate
+    by_chance = max(1 - suspicion(navigator), UNEXPLAINED)
+    accusing = math.ceil(math.log(UNEXPLAINED) / math.log(by_chance))
     return Schedule(
         feedback=navigator.correction == "feedback",
         correction_period=float(navigator.correction_period),
         stride=max(1, round(min(1 / (rate * dt), samples))) if rate else 1,
         gate=gate(navigator.gate),
+        robust=("none", "huber", "student-t").index(navigator.robust),
+        implausible=implausible(navigator),
+        agreeing=max(FEWEST_AGREEING, accusing),
+        any_of=max(FEWEST_SCATTERED, 2 * accusing),
     )
+
+
+def implausible(navigator: NavigatorSettings, measurements: int = MEASUREMENTS) -> float:
+    """Return the NIS from which on fixes in a row accuse the filter; infinite where every fix is taken."""
+    if not navigator.gate and navigator.robust == "none":
+        return math.inf
+    return gate(suspicion(navigator), measurements)
+
+
+def suspicion(navigator: NavigatorSettings) -> float:
+    """Return which part of the good fixes is plausible: the gate's, or `PLAUSIBLE` without a gate."""
+    return float(navigator.gate) or PLAUSIBLE

@@ -160,7 +160,33 @@ class NavigatorSettings(Settings):
         step=0.001,
         label="Gate",
         doc="Part of the good fixes that the χ² test of their six innovations lets through, such as 0.999; "
-        "the others are rejected. 0 uses every fix.",
+        "the others are rejected. 0 uses every fix. After rejections that chance cannot explain, the filter "
+        "assumes that it is itself in error: it raises P and uses the fix, and the result counts that.",
+    )
+    robust = param.Selector(
+        default="none",
+        objects=["none", "huber", "student-t"],
+        label="Robust update",
+        doc="How much a fix counts that stands out from what the filter expects. none: fully. huber: its "
+        "effect on the estimate is bounded. student-t: the further off it is, the smaller its effect (4 "
+        "degrees of freedom).",
+    )
+    lever_arm = QuantityOrNone(
+        unset="matched",
+        unit="m",
+        axes=("forward", "right", "down"),
+        bounds=(-1000, 1000),
+        label="Lever arm the filter assumes",
+        doc="Place of the GPS antenna, from the IMU forward, right, down, as the filter is told; matched: "
+        "that of the simulated receiver, or of the log.",
+    )
+    latency = QuantityOrNone(
+        unset="matched",
+        unit="s",
+        bounds=(-60, 60),
+        label="Latency the filter assumes",
+        doc="How much older a fix is than its time stamp says, as the filter is told; matched: that of the "
+        "simulated receiver, or of the log.",
     )
     p0_scale = Quantity(
         1.0,
