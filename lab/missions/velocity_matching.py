@@ -34,6 +34,8 @@ _SLOW_SIGMA = 0.1  # what the model leaves out: scale factors, coning between st
 _HEADINGS = np.radians([0.0, 90.0, 180.0, 270.0])
 _ROUGH, _FINE = 3, 8
 _LEAST_FIXES = 8
+_FARTHEST = 1e4
+_NOTHING_KNOWN = 1e6
 _LIVELY = 0.2  # change of the velocity beside a straight line from which a window is worth a look [m/s]
 _G = np.array([0.0, 0.0, STANDARD_GRAVITY])
 
@@ -154,9 +156,10 @@ def lively(log: Arrays, margin: float = 0.0) -> list[tuple[float, float]]:
     for start in np.arange(time[0], max(time[-1] - WINDOW / 2, time[0] + 1e-9), WINDOW):
         first, last = np.searchsorted(at, (start + margin, min(start + WINDOW, time[-1]) - margin))
         if last - first >= _LEAST_FIXES:
-            part = level[first:last]
-            slope = np.polynomial.polynomial.polyfit(at[first:last] - start, part, 1)
-            spread = float(np.std(part - np.polynomial.polynomial.polyval(at[first:last] - start, slope).T))
+            part = level[first:last] - level[first:last].mean(axis=0)
+            since = at[first:last] - at[first:last].mean()
+            slope = since @ part / max(float(since @ since), 1e-12)
+            spread = float(np.std(part - since[:, None] * slope))
             if spread > max(_LIVELY, 2 * float(np.median(noise[first:last]))):
                 found.append((spread, float(start)))
     return found
@@ -223,7 +226,10 @@ def _levelled(window: Window, bias: FloatArray) -> Rotation:
     """Return a rotation that takes the mean force over the window upwards, of no particular heading."""
     steps = np.diff(window.time)[:, None]
     mean = turned(window.dtheta - bias * steps)[:-1].apply(window.dvelocity).sum(axis=0)
-    return Rotation.align_vectors([[0.0, 0.0, -1.0]], [mean / np.linalg.norm(mean)])[0]
+    size = float(np.linalg.norm(mean))
+    if not size > 0:
+        return Rotation.identity()
+    return Rotation.align_vectors([[0.0, 0.0, -1.0]], [mean / size])[0]
 
 
 def _fitted(
@@ -263,7 +269,10 @@ def _fitted(
         off = np.concatenate((np.zeros(3), prior - found, np.zeros(3), [-lag]))
         design = np.concatenate((design, rows))
         residual = np.concatenate((residual, rows @ off))
-        change, *_ = np.linalg.lstsq(design, residual, rcond=1e-12)
+        if not (np.isfinite(design).all() and np.isfinite(residual).all()):
+            return np.inf, C_nb, prior, 0.0, np.eye(13) * _NOTHING_KNOWN, np.inf
+        # Numbers of no physics, as in a damaged file, lead anywhere: not so far that they are no numbers.
+        change = np.clip(np.linalg.lstsq(design, residual, rcond=1e-12)[0], -_FARTHEST, _FARTHEST)
         left = residual - design @ change
         C_nb = Rotation.from_rotvec(change[:3]) * C_nb
         found = found + change[3:9]
