@@ -24,6 +24,7 @@ from lab.navigation.error_models import PHI, WANDER_AZIMUTH, ErrorModel
 from lab.navigation.kalman import MEASUREMENTS
 from lab.navigation.propagation import NAV, layout
 from lab.navigation.solution import EVERY_FIX, Belief, Fixes, Imu, Schedule, Solution, Start, Stretch
+from lab.navigation.standstill import ROOM
 from lab.navigation.strapdown import GYRO_BIAS, VELOCITY
 
 FloatArray = NDArray[np.float64]
@@ -50,6 +51,8 @@ class Filter(NamedTuple):
     R_fix: FloatArray  # of this fix
     H: FloatArray  # how this fix sees the model's own errors
     scalars: FloatArray  # updates of the last fix, or of each; see `kalman.update`
+    rest_sums: FloatArray  # of the rates at rest, see `standstill`
+    rest_scalars: FloatArray  # updates of the last update at rest
     noise: FloatArray
     bias_decay: FloatArray
     lever_arm: FloatArray
@@ -87,6 +90,8 @@ class Filter(NamedTuple):
             np.zeros((MEASUREMENTS, MEASUREMENTS)),
             np.zeros((MEASUREMENTS, n)),
             np.zeros((max(kept_fixes, 1), MEASUREMENTS, 2 * n + 2)),
+            np.zeros(ROOM),
+            np.zeros((3, 2 * n + 2)),
             np.array(belief.noise, dtype=np.float64),
             np.array(belief.bias_decay, dtype=np.float64),
             np.array(belief.lever_arm, dtype=np.float64),

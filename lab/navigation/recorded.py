@@ -36,6 +36,7 @@ from lab.navigation.kalman import MEASUREMENTS, gate
 from lab.navigation.navigator import PolarError
 from lab.navigation.settings import NavigatorSettings
 from lab.navigation.solution import Belief, Fixes, Imu, Solution, Start, Stretch
+from lab.navigation.standstill import at_rest
 from lab.sensors.gps import within
 from lab.sensors.suite import SensorSuite
 from lab.settings import SettingError
@@ -233,6 +234,8 @@ def _solution(
     stretches = _stretches(imu, fixes, log, assumed, navigator, measured)
     if not fixes.time.size:
         assumed = assumed._replace(R=np.eye(6))
+    if navigator.rest_updates and fixes.time.size:
+        imu = imu._replace(rest=at_rest(imu, fixes, assumed))
     arguments = (_shown(imu), _shown(fixes), start, assumed, schedule)
     try:
         if navigator.model == "nonlinear":
@@ -252,10 +255,10 @@ def _solution(
 
 def _shown(arrays: Arrays) -> Arrays:
     """Return read-only views, as a simulated flight's arrays are: the code is compiled for these."""
-    views = [np.ascontiguousarray(values).view() for values in arrays]
-    for view in views:
+    views = {name: np.ascontiguousarray(values).view() for name, values in arrays._asdict().items()}
+    for view in views.values():
         view.setflags(write=False)
-    return type(arrays)(*views)
+    return type(arrays)(**views)
 
 
 def _stretches(

@@ -147,6 +147,23 @@ class NavigatorSettings(Settings):
         doc="Initial attitude error φ beside the drawn one, such as 60° down for a heading 60° too small; P₀ "
         "takes in the second moment of both.",
     )
+    alignment = Quantity(
+        0.0,
+        unit="s",
+        bounds=(0, 3600),
+        softbounds=(0, 120),
+        step=1,
+        label="Alignment before the flight",
+        doc="Rest before the flight in which the constant biases of the gyros are measured, as an autopilot "
+        "does when it is switched on: what is left of them is their noise over that time. 0 starts with the "
+        "whole turn-on bias.",
+    )
+    rest_updates = param.Boolean(
+        default=True,
+        label="Updates at rest",
+        doc="Where the vehicle stands still for 5 s or more, by the GPS velocity and the spread of the IMU, "
+        "the gyros show their biases (zero angular rate updates).",
+    )
     smoother = param.Boolean(
         default=False,
         label="Smoother",
