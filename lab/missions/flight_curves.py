@@ -19,15 +19,19 @@ from lab.missions.derived_motion import roughness, spline_rates
 from lab.missions.import_settings import AUTO, ImportSettings
 from lab.missions.raw_flight import RawFlight
 from lab.missions.smooth_axes import SmoothAxes
-from lab.missions.smoothing import best_smoothing, slope_noise, smoothed, smoothing_spline
+from lab.missions.smoothing import (
+    best_smoothing,
+    slope_noise,
+    smoothed,
+    smoothing_of_steps,
+    smoothing_spline,
+)
 from lab.missions.value_steps import value_steps
 
 FloatArray = NDArray[np.float64]
 
 NOISE_THAT_MATTERS = 0.5
 """Roughness of the acceleration from which a velocity is smoothed [m/s²]."""
-LIVELINESS = 0.1
-"""Density of the acceleration that coarse positions are trusted to show [(m/s²)²/Hz]."""
 
 _LOOKED_AT = 20_000
 _SLOWEST = 1.0
@@ -188,28 +192,6 @@ class FlightCurves:
         if parameter:
             self.smoothing["velocity"] = parameter
         return smoothed(self.raw.time, velocity, parameter)
-
-
-def smoothing_of_steps(time: FloatArray, values: FloatArray, step: float) -> float:
-    """Return the λ [s³] that positions recorded in coarse steps need at least.
-
-    Rounding to a step errs by its √12th part. Samples closer together than the step err alike, which
-    cross-validation takes for motion; so many count as one. λ is the variance over the density of the
-    acceleration, `LIVELINESS`.
-
-    Parameters
-    ----------
-    time : (n,) array
-        Increasing times [s].
-    values : (n, m) array
-        Positions [m].
-    step
-        The step they are recorded in [m].
-    """
-    apart = float(np.mean(np.linalg.norm(np.diff(values, axis=0), axis=1)))
-    alike = max(1.0, step / apart) if apart > 0 else 1.0
-    widest = 300.0**4 * float(np.mean(np.diff(time))) ** 3
-    return min(step**2 / 12 * alike / LIVELINESS, widest)
 
 
 def worthwhile_smoothing(time: FloatArray, values: FloatArray, matters: float) -> float:

@@ -49,6 +49,26 @@ class ColumnUnit:
     source: str
 
 
+@dataclass(frozen=True)
+class Reset:
+    """An instant at which the estimator of an autopilot jumped to another solution.
+
+    Attributes
+    ----------
+    time : float
+        The source's clock at the first sample after it [s].
+    change : str
+        What jumped and how far: "the heading by 47°".
+    """
+
+    time: float
+    change: str
+
+
+VERTICAL_VELOCITY = "vertical velocity"
+"""What `RawFlight.made` says where the vertical velocity is the slope of the heights."""
+
+
 @dataclass(frozen=True, eq=False, repr=False)
 class RawFlight:
     """A flight as read: what the file has, as time-stamped by its source. Arrays are read-only and finite.
@@ -85,6 +105,13 @@ class RawFlight:
         What else a person should know: whole sentences.
     vehicle : str
         What moved, where the file says so.
+    rates : tuple of (str, float)
+        What the file has less often than its samples, such as "velocity", and how often [Hz]: it is
+        interpolated.
+    made : tuple of str
+        What the reader made of other quantities: "vertical velocity", the slope of the heights.
+    resets : tuple of Reset
+        Where the solution jumps though nothing moved like that.
     """
 
     format: str
@@ -104,6 +131,9 @@ class RawFlight:
     units: tuple[ColumnUnit, ...] = ()
     remarks: tuple[str, ...] = ()
     vehicle: str = ""
+    rates: tuple[tuple[str, float], ...] = ()
+    made: tuple[str, ...] = ()
+    resets: tuple[Reset, ...] = ()
 
     def __post_init__(self) -> None:
         for name in self.quantities:

@@ -28,6 +28,8 @@ LIMITS: dict[str, tuple[float, float, str]] = {
     "beta": (-np.pi, np.pi, "a sideslip beyond ±180°"),
 }
 """Smallest and largest value of each quantity, SI, and what a row beyond them is said to have."""
+NO_FIX = "at 0° N 0° E, which is written while there is no fix"
+"""What is said of positions that are none."""
 CHECKED_WITH = ("body_rate", "acceleration_b")
 """Quantities that no curve is made of: where they are impossible they are left out, and not the row."""
 
@@ -37,6 +39,7 @@ _LASTING = 1.0
 _MOST_LATE = 3
 _JUMP = 300.0
 _FAST = 100.0
+_NOWHERE, _CLOSE = 1e-9, 10_000.0
 
 
 def possible(raw: RawFlight) -> RawFlight:
@@ -71,6 +74,38 @@ def possible(raw: RawFlight) -> RawFlight:
         hint = "; is a column in another unit? A unit is given with --unit COLUMN=UNIT" if worst else ""
         raise MissionError(f"{why}{hint}; accepted are at least {MIN_SAMPLES} good ones, and half of all")
     return raw.rows(kept, tuple(said)) if said else raw
+
+
+def somewhere(raw: RawFlight) -> RawFlight:
+    """Return the samples without those at exactly 0° N 0° E, unless the flight comes close to there.
+
+    Receivers and loggers write zeros while they have no position. If they never have one, the velocity makes
+    the flight alone.
+
+    Raises
+    ------
+    MissionError
+        If there is no other position, and no velocity.
+    """
+    if raw.latitude is None or raw.longitude is None:
+        return raw
+    nowhere = (np.abs(raw.latitude) < _NOWHERE) & (np.abs(raw.longitude) < _NOWHERE)
+    if not nowhere.any():
+        return raw
+    if nowhere.all():
+        if raw.velocity_n is None:
+            raise MissionError(
+                f"all {len(nowhere)} positions are {NO_FIX}; accepted are recordings with positions or "
+                "velocities"
+            )
+        if np.abs(raw.velocity_n).max() < _MOVING:
+            return raw
+        remark = f"The positions are not used: all are {NO_FIX}."
+        return replace(raw, latitude=None, longitude=None, remarks=(*raw.remarks, remark))
+    others = place(raw.rows(~nowhere))
+    if np.linalg.norm(others - place(raw)[np.argmax(nowhere)], axis=1).min() < _CLOSE:
+        return raw
+    return raw.rows(~nowhere, tuple(said_of(raw, nowhere, f"a position {NO_FIX}")))
 
 
 def fresh(raw: RawFlight) -> RawFlight:

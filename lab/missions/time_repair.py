@@ -92,7 +92,7 @@ def repair(raw: RawFlight, time_stamps: str = REPAIRED, longest_gap: float = 2.0
         If too few samples are left, or the flight is too long.
     """
     told = len(raw.dropped)
-    raw = row_repair.distinct(row_repair.possible(raw))
+    raw = row_repair.distinct(row_repair.somewhere(row_repair.possible(raw)))
     raw, breaks = row_repair.in_order(raw)
     if not len(breaks):
         raw = row_repair.without_spikes(row_repair.fresh(raw))

@@ -83,6 +83,14 @@ def test_points_that_cannot_be_used_are_counted_with_their_line(file):
     assert len(flight.time) == 6
 
 
+def test_points_without_a_fix_are_left_out_and_counted(file):
+    zeros = "\n".join(POINT.format(lat=0, lon="0.0000000", ele=0, second=i) for i in range(6))
+    flight = file(document(zeros + "\n" + points(9, 6)))
+    assert len(flight.time) == 9
+    assert [(drop.count, drop.first_row) for drop in flight.dropped] == [(6, 2)]
+    assert "0° N 0° E" in flight.dropped[0].reason
+
+
 def test_speed_and_course_are_the_velocity_where_they_are_known(file):
     time = np.arange(40.0)
     course = np.radians(350.0 + 2 * time)
@@ -122,6 +130,10 @@ def test_other_encodings_time_zones_and_no_heights(file):
         (
             document("".join('<trkpt lat="1" lon="2"></trkpt>' for _ in range(9))),
             "none of the 9.*planned routes",
+        ),
+        (
+            document("".join(POINT.format(lat=0, lon=0, ele=3, second=i % 60) for i in range(37))),
+            "0 of 37 points.*37 from row 2 on: at 0° N 0° E",
         ),
         ('<gpx version="1.1"><rte><rtept lat="1" lon="2"/></rte></gpx>', "no track points"),
         ("<gpx <", "no track points. It is broken in row 1"),

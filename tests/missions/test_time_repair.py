@@ -153,6 +153,28 @@ def test_a_jump_elsewhere_cuts():
     assert found.started == pytest.approx(EVEN[500])
 
 
+def test_positions_at_zero_are_left_out_unless_the_flight_is_there():
+    raw = weave(np.arange(0.0, 60.0, 0.1))
+    some = {
+        name: np.where(np.arange(600) < 40, 0.0, getattr(raw, name)) for name in ("latitude", "longitude")
+    }
+    repaired = repair(replace(raw, **some))
+    assert len(repaired.raw.time) == 560
+    assert "0° N 0° E" in repaired.dropped[0].reason
+    here = weave(np.arange(0.0, 60.0, 0.1), latitude=0.0, longitude=0.0)
+    assert len(repair(here).raw.time) == 600
+
+
+def test_positions_that_are_all_zero_are_no_positions():
+    raw = weave(np.arange(0.0, 60.0, 0.1))
+    zero = np.zeros(600)
+    flight = repair(replace(raw, latitude=zero, longitude=zero)).raw
+    assert flight.latitude is None
+    assert "all are at 0° N 0° E" in flight.remarks[-1]
+    with pytest.raises(MissionError, match="all 600 positions are at 0° N 0° E"):
+        repair(replace(without(raw, "velocity_n"), latitude=zero, longitude=zero))
+
+
 def test_impossible_rows_are_counted_and_most_of_them_refused():
     latitude = weave(EVEN).latitude.copy()
     latitude[10:15] = 40.0
