@@ -20,6 +20,7 @@ from lab.missions.readers import (
     jsbsim_csv,
     nmea,
     own_csv,
+    sdlog2,
     ulog,
     xplane_data,
 )
@@ -65,6 +66,7 @@ READERS: tuple[Reader, ...] = (
     Reader(gpx.NAME, gpx.recognises, gpx.read),
     Reader(nmea.NAME, nmea.recognises, nmea.read),
     Reader(ulog.NAME, ulog.recognises, ulog.read, ulog.read_log),
+    Reader(sdlog2.NAME, sdlog2.recognises, sdlog2.read, sdlog2.read_log),
     Reader(ardupilot.NAME, ardupilot.recognises, ardupilot.read, ardupilot.read_log),
 )
 """All readers; at most one recognises a file."""

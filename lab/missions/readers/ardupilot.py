@@ -22,6 +22,7 @@ from lab.missions.content import whole
 from lab.missions.errors import MissionError
 from lab.missions.log_check import check_log
 from lab.missions.raw_flight import VERTICAL_VELOCITY, ColumnUnit, RawFlight
+from lab.missions.readers import sdlog2
 from lab.missions.readers.dataflash_file import MAGIC, DataFlashFile, Log
 from lab.missions.readers.dataflash_text import DataFlashText, is_text
 from lab.missions.readers.dataflash_time import TIME, Messages, MessageTimes
@@ -53,7 +54,7 @@ _WITHOUT_CLIMB = "GPS velocity and climb"
 
 def recognises(head: bytes) -> bool:
     """Tell whether a file starts like a DataFlash log, in bytes or as text."""
-    return head.startswith(MAGIC) or is_text(head)
+    return (head.startswith(MAGIC) and not sdlog2.recognises(head)) or is_text(head)
 
 
 def read(paths: Sequence[Path], units: Mapping[str, str]) -> RawFlight:

@@ -186,19 +186,13 @@ def _global(place: Messages | None) -> Stream | None:
 
 
 def _local_position(local: Messages | None) -> Stream | None:
-    """Return where local coordinates are: PX4 draws them on an azimuthal equidistant map of a sphere."""
+    """Return where local coordinates are."""
     if local is None:
         return None
     values = _columns(local, "ref_lat", "ref_lon", "ref_alt", "x", "y", "z")
     if values is None:
         return None
-    latitude, longitude = np.radians(values[:, :2]).T
-    x, y = values[:, 3:5].T / _MAP_RADIUS
-    angle = np.hypot(x, y)
-    s, c = np.sinc(angle / np.pi), np.cos(angle)  # s is the sine over the angle
-    north = np.arcsin(np.clip(c * np.sin(latitude) + x * s * np.cos(latitude), -1, 1))
-    east = longitude + np.arctan2(y * s, np.cos(latitude) * c - x * np.sin(latitude) * s)
-    position = np.column_stack((north, east, values[:, 2] - values[:, 5]))
+    position = on_map(values[:, :3] * (np.radians(1.0), np.radians(1.0), 1.0), values[:, 3:])
     flag = _column(local, "xy_global")
     return Stream.of(
         "local position",
@@ -206,6 +200,30 @@ def _local_position(local: Messages | None) -> Stream | None:
         position,
         None if flag is None else (flag != 0) & _on_earth(position),
     )
+
+
+def on_map(reference: FloatArray, offset: FloatArray) -> FloatArray:
+    """Return where local coordinates are: PX4 draws them on an azimuthal equidistant map of a sphere.
+
+    Parameters
+    ----------
+    reference : (n, 3) array
+        Latitude, longitude [rad] and height [m] of the origin.
+    offset : (n, 3) array
+        North, east, down of it [m].
+
+    Returns
+    -------
+    (n, 3) array
+        Latitude, longitude [rad], height [m].
+    """
+    latitude, longitude = reference[:, :2].T
+    x, y = offset[:, :2].T / _MAP_RADIUS
+    angle = np.hypot(x, y)
+    s, c = np.sinc(angle / np.pi), np.cos(angle)  # s is the sine over the angle
+    north = np.arcsin(np.clip(c * np.sin(latitude) + x * s * np.cos(latitude), -1, 1))
+    east = longitude + np.arctan2(y * s, np.cos(latitude) * c - x * np.sin(latitude) * s)
+    return np.column_stack((north, east, reference[:, 2] - offset[:, 2]))
 
 
 def _on_earth(position: FloatArray) -> NDArray[np.bool_]:

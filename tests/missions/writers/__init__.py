@@ -18,6 +18,7 @@ from writers import (
     jsbsim_csv,
     nmea,
     own_csv,
+    sdlog2,
     ulog,
     xplane_data,
 )
@@ -32,6 +33,7 @@ WRITERS: dict[str, Callable[[Recording], bytes | dict[str, bytes]]] = {
     "GPX": gpx.write,
     "NMEA 0183": nmea.write,
     "PX4 ULog": ulog.write,
+    "PX4 sdlog2": sdlog2.write,
     "ArduPilot DataFlash": ardupilot.write,
 }
 """By name of the reader: what gives the bytes of a file, or of several by their names."""
