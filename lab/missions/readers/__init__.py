@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import gzip
 import os
+import re
 import zlib
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
@@ -72,6 +73,17 @@ READERS: tuple[Reader, ...] = (
 """All readers; at most one recognises a file."""
 
 
+_NOT_READ = (
+    (re.compile(rb"PK\x03\x04"), "It is a zip archive: unpack it first."),
+    (
+        re.compile(rb"(?s).{0,2000}?\xb5b[\x01-\x2f]"),
+        "It looks like UBX frames of a u-blox receiver, and has no NMEA sentence with a position and a right "
+        "checksum in its first 64 kB: let the receiver send GGA and RMC too.",
+    ),
+)
+"""How files begin that are not read though it is known what they are, and what is said of them."""
+
+
 def reader_of(path: Path) -> Reader:
     """Return the reader of a file, by its content.
 
@@ -84,7 +96,7 @@ def reader_of(path: Path) -> Reader:
     for reader in READERS:
         if reader.recognises(head):
             return reader
-    hint = " It is a zip archive: unpack it first." if head.startswith(b"PK\x03\x04") else ""
+    hint = next((f" {said}" for mark, said in _NOT_READ if mark.match(head)), "")
     raise MissionError(
         f"{path}: its content is of no format known here.{hint} Accepted: "
         f"{', '.join(reader.name for reader in READERS)}"
