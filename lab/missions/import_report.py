@@ -216,7 +216,16 @@ def _gaps(flight: RepairedFlight) -> str:
         return bridged
     where = ", ".join(f"{start:.6g} to {end:.6g} s" for start, end in flight.cuts[:3])
     more = ", ..." if len(flight.cuts) > 3 else ""
-    return f"{bridged}; cut at {len(flight.cuts)} gaps, jumps or restarts ({where}{more})"
+    kept = f". {_what_keeps_more(flight)}" if flight.bridging else ""
+    return f"{bridged}; cut at {len(flight.cuts)} gaps, jumps or restarts ({where}{more}){kept}"
+
+
+def _what_keeps_more(flight: RepairedFlight) -> str:
+    kept = " and ".join(
+        f"--set longest_gap={more.gap:g} keeps {100 * more.share:.0f} % of the samples"
+        for more in flight.bridging
+    )
+    return f"The recording is cut at pauses longer than longest_gap ({flight.longest_gap:g} s): {kept}"
 
 
 def _resolution(flight: RepairedFlight) -> list[ReportRow]:
@@ -379,7 +388,7 @@ def _losses(raw: RawFlight, flight: RepairedFlight) -> Iterable[Finding]:
         yield Finding(
             QUESTIONABLE,
             f"Only {100 * used:.0f} % of the rows are used; what was left out, and why, is listed under "
-            "File.",
+            f"File.{f' {_what_keeps_more(flight)}.' if flight.bridging else ''}",
         )
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -39,6 +39,8 @@ _LASTING = 1.0
 _MOST_LATE = 3
 _JUMP = 300.0
 _FAST = 100.0
+_MOST_BRIDGED = 3600.0
+_TRIED, _PARTS, _WORTHWHILE = 50, (0.5, 0.95), 0.05
 _NOWHERE, _CLOSE = 1e-9, 10_000.0
 
 
@@ -241,6 +243,57 @@ def longest_stretch(
     words = "beyond a gap, a jump or a restart: only the longest stretch is taken"
     where = [(float(raw.time[i]), float(raw.time[i + 1])) for i in np.flatnonzero(cut)]
     return (raw.rows(kept, tuple(said_of(raw, ~kept, words))) if where else raw), tuple(where)
+
+
+@dataclass(frozen=True)
+class Bridging:
+    """What a longer `longest_gap` would keep of a recording.
+
+    Attributes
+    ----------
+    gap : float
+        The setting [s].
+    share : float
+        Which part of the samples it keeps.
+    """
+
+    gap: float
+    share: float
+
+
+def bridging(raw: RawFlight, breaks: NDArray[np.intp], longest_gap: float) -> tuple[Bridging, ...]:
+    """Return by which longer pauses bridged most, or nearly all, of a recording would be kept.
+
+    Parameters
+    ----------
+    raw
+        Samples in order.
+    breaks
+        Where the clock was set back.
+    longest_gap
+        Longest pause between samples that is bridged so far [s].
+    """
+    steps = np.diff(raw.time)
+    usual = float(np.median(steps[steps > 0])) if (steps > 0).any() else 0.0
+    bridged = max(longest_gap, 5 * usual)
+    jumps = np.zeros(len(steps), dtype=bool)
+    if raw.latitude is not None and raw.longitude is not None:
+        jumps = _too_far(np.linalg.norm(np.diff(place(raw), axis=0), axis=1), steps)
+    jumps[breaks - 1] = True
+    pauses = np.unique(np.ceil(steps[~jumps & (steps > bridged) & (steps <= _MOST_BRIDGED)]))
+    if not pauses.size:
+        return ()
+    tried = pauses[np.unique(np.linspace(0, len(pauses) - 1, _TRIED).astype(int))]
+    kept = [_longest(jumps | (steps > gap)) / len(raw.time) for gap in tried]
+    worthwhile = _longest(jumps | (steps > bridged)) / len(raw.time) + _WORTHWHILE
+    enough = dict.fromkeys(int(np.argmax(np.array(kept) >= part * max(kept))) for part in _PARTS)
+    return tuple(Bridging(float(tried[i]), kept[i]) for i in enough if kept[i] > worthwhile)
+
+
+def _longest(cut: Mask) -> int:
+    """Return how many samples the longest piece between cuts has."""
+    edges = np.concatenate(([-1], np.flatnonzero(cut), [len(cut)]))
+    return int(np.diff(edges).max())
 
 
 def _too_far(way: FloatArray, steps: FloatArray) -> Mask:

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from writers import gpx as writer
 
-from lab.missions import MissionError, mission
+from lab.missions import ImportSettings, MissionError, mission, prepare_import
 from lab.missions.readers import gpx, reader_of
 
 POINT = '<trkpt lat="{lat}" lon="{lon}"><ele>{ele}</ele><time>2024-05-17T14:00:{second:06.3f}Z</time></trkpt>'
@@ -65,6 +65,23 @@ def test_the_longest_segment_is_taken_and_the_rest_counted(file):
     np.testing.assert_allclose(np.degrees(flight.latitude), 10 + np.arange(9) * 1e-4)
     assert [(drop.count, drop.first_row) for drop in flight.dropped] == [(11, 2)]
     assert flight.time[0] == 14 * 3600 + 10
+
+
+def test_segments_of_one_way_are_one_track(file, tmp_path):
+    whole = points(40).split("\n")
+    parts = ["\n".join(part) for part in (whole[:9], whole[9:11], whole[14:30], whole[37:])]
+    flight = file(document(*parts))
+    assert len(flight.time) == 30
+    assert not flight.dropped
+    made = prepare_import(tmp_path / "track.gpx")
+    assert len(made.flight.raw.time) == 27  # bridged are five usual steps, not the eight at the end
+    assert "--set longest_gap=8 keeps 100 % of the samples" in str(made.report).replace("\n", " ").replace(
+        "                     ", ""
+    )
+    assert len(prepare_import(tmp_path / "track.gpx", ImportSettings(longest_gap=8.0)).flight.raw.time) == 30
+    # Another receiver at the same time, and one that is elsewhere, are other tracks.
+    flight = file(document(parts[2], parts[2].replace('lon="-73.0"', 'lon="-73.001"'), points(8, 40, lat=46)))
+    assert len(flight.time) == 16
 
 
 def test_points_that_cannot_be_used_are_counted_with_their_line(file):

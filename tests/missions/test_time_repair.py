@@ -120,6 +120,21 @@ def test_a_pause_of_the_simulator_cuts():
     assert {one.count for one in found.dropped} == {1200, 600}
 
 
+def test_what_a_longer_gap_would_keep_is_what_it_keeps():
+    rng = np.random.default_rng(3)
+    # A logger that saves points where the way bends: mostly each second, often after a pause.
+    steps = np.where(rng.random(400) < 0.1, rng.uniform(6, 60, 400), 1.0)
+    raw = weave(np.concatenate(([0.0], np.cumsum(steps))))
+    first = repair(without(raw, "velocity_n", "euler", "airspeed", "alpha", "beta"))
+    assert len(first.raw.time) < 100
+    assert [more.share for more in first.bridging] == sorted(more.share for more in first.bridging)
+    assert first.bridging[-1].share > 0.95
+    for more in first.bridging:
+        again = repair(raw, longest_gap=more.gap)
+        assert len(again.raw.time) == round(more.share * len(raw.time))
+    assert not repair(weave(EVEN)).bridging
+
+
 def test_a_state_written_twice_is_one_sample():
     raw = weave(np.arange(750) * 0.1)
     polled = replace(raw.rows(np.repeat(np.arange(750), 2)), time=np.arange(1500) * 0.05)
