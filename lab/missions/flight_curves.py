@@ -195,7 +195,14 @@ class FlightCurves:
         if self.settings.smoothing == "given":
             parameter = float(self.settings.smoothing_parameter)
         elif self.settings.smoothing == AUTO:
-            parameter = worthwhile_smoothing(self.raw.time, velocity, NOISE_THAT_MATTERS)
+            own = slice(None, None, self.raw.every("velocity"))
+            time = self.raw.time[own]
+            parameter = worthwhile_smoothing(time, velocity[own], NOISE_THAT_MATTERS)
+            if parameter and own.step > 1:
+                # What was interpolated has no noise of its own: it is smoothed where it was measured.
+                self.smoothing["velocity"] = parameter
+                curve = smoothing_spline(time, velocity[own], parameter)
+                return np.asarray(curve(np.minimum(self.raw.time, time[-1])))
         if parameter:
             self.smoothing["velocity"] = parameter
         return smoothed(self.raw.time, velocity, parameter)
@@ -295,12 +302,14 @@ def offered(raw: RawFlight) -> dict[str, float]:
     time = raw.time[window]
     curves: dict[str, float] = {}
     if raw.velocity_n is not None:
-        curves["velocity"] = roughness(spline_rates(time, raw.velocity_n[window], 1))
+        own = slice(window.start, window.stop, raw.every("velocity"))
+        curves["velocity"] = roughness(spline_rates(raw.time[own], raw.velocity_n[own], 1))
     if raw.latitude is not None and raw.longitude is not None:
         height = np.zeros(len(raw.time)) if raw.height is None else raw.height
-        position = np.stack((raw.latitude, raw.longitude, height), axis=-1)[window]
+        own = slice(window.start, window.stop, raw.every("position"))
+        position = np.stack((raw.latitude, raw.longitude, height), axis=-1)[own]
         places = ecef.position(position)
-        curves["position"] = roughness(spline_rates(time, places - places[0], 2))
+        curves["position"] = roughness(spline_rates(raw.time[own], places - places[0], 2))
     if raw.airspeed is not None and raw.euler is not None:
         curves["air data"] = roughness(spline_rates(time, air_velocity(raw)[window], 1))
     return curves

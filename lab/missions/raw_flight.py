@@ -10,6 +10,8 @@ from numpy.typing import NDArray
 
 FloatArray = NDArray[np.float64]
 
+_FEW = 8
+
 
 @dataclass(frozen=True)
 class Dropped:
@@ -153,6 +155,13 @@ class RawFlight:
         return tuple(
             name for name in self.__dataclass_fields__ if isinstance(getattr(self, name), np.ndarray)
         )
+
+    def every(self, name: str) -> int:
+        """Return every how many samples the file has a quantity, 1 unless `rates` names it."""
+        if len(self.time) < _FEW or name not in dict(self.rates):
+            return 1
+        own = float(np.median(np.diff(self.time))) * dict(self.rates)[name]
+        return int(max(1, min(round(1 / own) if own > 0 else 1, len(self.time) // _FEW)))
 
     def __repr__(self) -> str:
         return f"<RawFlight {self.format}: {len(self.time)} samples of {', '.join(self.quantities)}>"

@@ -39,6 +39,7 @@ _LASTING = 1.0
 _MOST_LATE = 3
 _JUMP = 300.0
 _FAST = 100.0
+_ROUNDING = 1e-9
 _MOST_BRIDGED = 3600.0
 _TRIED, _PARTS, _WORTHWHILE = 50, (0.5, 0.95), 0.05
 _NOWHERE, _CLOSE = 1e-9, 10_000.0
@@ -198,6 +199,13 @@ def without_spikes(raw: RawFlight) -> RawFlight:
     return raw.rows(~spike, tuple(said_of(raw, spike, "a position far off the way, and back")))
 
 
+def reset_places(raw: RawFlight) -> NDArray[np.intp]:
+    """Return the indices of the first samples after the estimator of the source was set anew."""
+    times = np.array([reset.time for reset in raw.resets])
+    after = np.searchsorted(np.maximum.accumulate(raw.time), times - _ROUNDING)
+    return np.unique(after[(after > 0) & (after < len(raw.time))])
+
+
 def longest_stretch(
     raw: RawFlight, breaks: NDArray[np.intp], longest_gap: float
 ) -> tuple[RawFlight, tuple[tuple[float, float], ...]]:
@@ -241,6 +249,8 @@ def longest_stretch(
     kept = np.zeros(len(raw.time), dtype=bool)
     kept[edges[best] : edges[best + 1]] = True
     words = "beyond a gap, a jump or a restart: only the longest stretch is taken"
+    if raw.resets:
+        words = words.replace(" or a restart", ", a restart or a reset of the estimator")
     where = [(float(raw.time[i]), float(raw.time[i + 1])) for i in np.flatnonzero(cut)]
     return (raw.rows(kept, tuple(said_of(raw, ~kept, words))) if where else raw), tuple(where)
 

@@ -102,6 +102,7 @@ def repair(raw: RawFlight, time_stamps: str = REPAIRED, longest_gap: float = 2.0
     raw, breaks = row_repair.in_order(raw)
     if not len(breaks):
         raw = row_repair.without_spikes(row_repair.fresh(raw))
+    breaks = np.unique(np.concatenate((breaks, row_repair.reset_places(raw))))
     more = row_repair.bridging(raw, breaks, longest_gap)
     raw, cuts = row_repair.longest_stretch(raw, breaks, longest_gap)
     raw = _one_each(raw, time_stamps)

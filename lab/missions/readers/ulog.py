@@ -64,10 +64,14 @@ def read(paths: Sequence[Path], units: Mapping[str, str]) -> RawFlight:
     gps, attitude = _gps(log), log.topic("vehicle_attitude")
     velocity = first_usable((_local_velocity(local), _gps_velocity(gps)))
     position = first_usable((_global(place), _local_position(local), _gps_position(gps)))
-    quaternion = None if attitude is None else _stream("attitude", attitude, "q", size=4)
+    quaternion = (
+        None
+        if attitude is None
+        else _stream("attitude", attitude, "q", size=4, counters=("quat_reset_counter",))
+    )
     if quaternion is not None:
         fine = np.abs(np.linalg.norm(quaternion.values, axis=1) - 1) < 0.1
-        quaternion = Stream.of("attitude", quaternion.time, quaternion.values, fine)
+        quaternion = Stream.of("attitude", quaternion.time, quaternion.values, fine, quaternion.counter)
     remarks = list(_remarks(log))
     above_ellipsoid = place is not None and "alt_ellipsoid" in (place.dtype.names or ())
     if position is not None and not (above_ellipsoid and position.what == "global position"):
@@ -154,7 +158,12 @@ def _seconds(messages: Messages) -> FloatArray:
 
 
 def _stream(
-    what: str, messages: Messages, *names: str, size: int = 0, valid: Sequence[str] = ()
+    what: str,
+    messages: Messages,
+    *names: str,
+    size: int = 0,
+    valid: Sequence[str] = (),
+    counters: Sequence[str] = (),
 ) -> Stream | None:
     """Return fields, or one field that is an array of a size, where flags say that they are valid."""
     values = _vector(messages, names[0], size) if size else _columns(messages, *names)
@@ -165,13 +174,22 @@ def _stream(
         column = _column(messages, flag)
         if column is not None:
             fine &= column != 0
-    return Stream.of(what, _seconds(messages), values, fine)
+    return Stream.of(what, _seconds(messages), values, fine, _counter(messages, *counters))
+
+
+def _counter(messages: Messages, *names: str) -> FloatArray | None:
+    """Return the sum of the counters of resets, which all only grow; None if there is none."""
+    found = [column for name in names if (column := _column(messages, name)) is not None]
+    return sum(found[1:], start=found[0]) if found else None
 
 
 def _local_velocity(local: Messages | None) -> Stream | None:
     if local is None:
         return None
-    return _stream("local velocity", local, "vx", "vy", "vz", valid=("v_xy_valid", "v_z_valid"))
+    return _stream(
+        "local velocity", local, "vx", "vy", "vz", valid=("v_xy_valid", "v_z_valid"),
+        counters=("vxy_reset_counter", "vz_reset_counter"),
+    )  # fmt: skip
 
 
 def _global(place: Messages | None) -> Stream | None:
@@ -182,7 +200,8 @@ def _global(place: Messages | None) -> Stream | None:
     if height is None or angles is None:
         return None
     values = np.column_stack((np.radians(angles), height))
-    return Stream.of("global position", _seconds(place), values, _on_earth(values))
+    counter = _counter(place, "lat_lon_reset_counter", "alt_reset_counter")
+    return Stream.of("global position", _seconds(place), values, _on_earth(values), counter)
 
 
 def _local_position(local: Messages | None) -> Stream | None:
@@ -199,6 +218,7 @@ def _local_position(local: Messages | None) -> Stream | None:
         _seconds(local),
         position,
         None if flag is None else (flag != 0) & _on_earth(position),
+        _counter(local, "xy_reset_counter", "z_reset_counter"),
     )
 
 
