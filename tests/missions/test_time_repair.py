@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from raw_flights import weave, without
 
-from lab.missions import MissionError, clock
+from lab.missions import MissionError, clock, time_repair
 from lab.missions.raw_flight import RawFlight
 from lab.missions.time_repair import AS_RECORDED, repair
 
@@ -133,6 +133,26 @@ def test_what_a_longer_gap_would_keep_is_what_it_keeps():
         again = repair(raw, longest_gap=more.gap)
         assert len(again.raw.time) == round(more.share * len(raw.time))
     assert not repair(weave(EVEN)).bridging
+
+
+def test_pauses_that_were_bridged_are_counted_and_shorter_ones_are_not():
+    raw = weave(np.arange(1500) / 16)  # exact in binary: three steps are not a bit more than three
+    kept = np.ones(1500, dtype=bool)
+    kept[[200, 600, 601]] = False  # two and three usual steps
+    assert repair(raw.rows(np.flatnonzero(kept)), AS_RECORDED).gaps == 0
+    kept[1000:1003] = kept[1200:1220] = False  # four, and more than one second
+    found = repair(raw.rows(np.flatnonzero(kept)), AS_RECORDED)
+    assert found.gaps == 2
+    assert found.raw.time.size == kept.sum()
+
+
+@pytest.mark.parametrize(("last", "length"), [(9.95, 9.95), (10.05, 10.05), (9.85, 9.9), (10.3, 10.1)])
+def test_a_flight_may_differ_from_its_stamps_by_one_step_and_is_stretched_beyond(last, length):
+    """Stamps of 101 samples over 10 s at 0.1 s, with times that end earlier or later than they do."""
+    stamps, times = np.linspace(0, 10, 101), np.linspace(0, last, 101)
+    kept = time_repair._of_the_same_length(times, stamps, 1e-3)
+    assert kept[-1] == pytest.approx(length, abs=5e-3)
+    np.testing.assert_allclose(kept / kept[-1], times / last, rtol=1e-12)
 
 
 def test_a_state_written_twice_is_one_sample():

@@ -14,15 +14,21 @@ from lab.missions.errors import MissionError
 from lab.missions.raw_flight import RawFlight
 from lab.missions.readers import (
     ardupilot,
+    fit,
     flight_recorder,
     flightgear,
     flightgear_csv,
     fslogger,
+    garmin_csv,
     gpx,
+    igc,
     jsbsim_csv,
+    kml,
+    mavlink,
     nmea,
     own_csv,
     sdlog2,
+    tcx,
     ulog,
     xplane_data,
 )
@@ -66,11 +72,17 @@ READERS: tuple[Reader, ...] = (
     Reader(flightgear.NAME, flightgear.recognises, flightgear.read),
     Reader(flightgear_csv.NAME, flightgear_csv.recognises, flightgear_csv.read),
     Reader(jsbsim_csv.NAME, jsbsim_csv.recognises, jsbsim_csv.read),
+    Reader(garmin_csv.NAME, garmin_csv.recognises, garmin_csv.read),
     Reader(gpx.NAME, gpx.recognises, gpx.read),
+    Reader(fit.NAME, fit.recognises, fit.read),
+    Reader(kml.NAME, kml.recognises, kml.read),
+    Reader(tcx.NAME, tcx.recognises, tcx.read),
     Reader(nmea.NAME, nmea.recognises, nmea.read),
+    Reader(igc.NAME, igc.recognises, igc.read),
     Reader(ulog.NAME, ulog.recognises, ulog.read, ulog.read_log),
     Reader(sdlog2.NAME, sdlog2.recognises, sdlog2.read, sdlog2.read_log),
     Reader(ardupilot.NAME, ardupilot.recognises, ardupilot.read, ardupilot.read_log),
+    Reader(mavlink.NAME, mavlink.recognises, mavlink.read, mavlink.read_log),
 )
 """All readers; at most one recognises a file."""
 

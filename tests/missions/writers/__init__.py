@@ -11,15 +11,21 @@ from collections.abc import Callable
 from lab.missions import Recording
 from writers import (
     ardupilot,
+    fit,
     flight_recorder,
     flightgear,
     flightgear_csv,
     fslogger,
+    garmin_csv,
     gpx,
+    igc,
     jsbsim_csv,
+    kml,
+    mavlink,
     nmea,
     own_csv,
     sdlog2,
+    tcx,
     ulog,
     xplane_data,
 )
@@ -32,10 +38,16 @@ WRITERS: dict[str, Callable[[Recording], bytes | dict[str, bytes]]] = {
     "FlightGear insgns-gps and insgns-imu": flightgear.write,
     "FlightGear csv": flightgear_csv.write,
     "JSBSim csv": jsbsim_csv.write,
+    "Garmin G1000 csv": garmin_csv.write,
     "GPX": gpx.write,
+    "FIT": fit.write,
+    "KML": kml.write,
+    "TCX": tcx.write,
     "NMEA 0183": nmea.write,
+    "IGC": igc.write,
     "PX4 ULog": ulog.write,
     "PX4 sdlog2": sdlog2.write,
     "ArduPilot DataFlash": ardupilot.write,
+    "MAVLink tlog": mavlink.write,
 }
 """By name of the reader: what gives the bytes of a file, or of several by their names."""
