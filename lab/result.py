@@ -138,6 +138,11 @@ class Result:
         return self.recorded.time if self.recorded else self.known_truth("time").time
 
     @property
+    def epoch(self) -> float:
+        """What time 0 is in the clock that outages are given in [s]: of a log, that of its file."""
+        return self.recorded.log.epoch if self.recorded else 0.0
+
+    @property
     def truth_word(self) -> str:
         """What errors are differences to: ``"truth"``, or the ``"reference"`` of a log."""
         return "reference" if self.recorded else "truth"
@@ -392,9 +397,11 @@ class Result:
                 "No GPS fix during the flight (sensors.gps.outages, sensors.gps.period): the navigator ran "
                 "free."
             )
+        sensors = self.experiment.sensors
         if self.recorded:
-            return (*self.recorded.notes, *remarks)
-        return (*remarks, *self.experiment.sensors.remarks())
+            assumed = sensors.assumed_remark()
+            return (*self.recorded.notes, *remarks, *((assumed,) if assumed else ()))
+        return (*remarks, *sensors.remarks(self.experiment.navigator.states))
 
     def datasets(self) -> dict[str, xr.Dataset]:
         """Return by name all datasets that are known of this run; the temperature where a profile is set."""
