@@ -142,7 +142,7 @@ def test_without_a_solution_the_track_of_the_receiver_is_taken(file):
     np.testing.assert_allclose(flight.velocity_n[:, 2], -2.0, atol=1e-6)
     np.testing.assert_allclose(flight.height, 140 + 2 * (flight.time - 9.0), atol=1e-3)
     assert flight.time[0] == 9.0
-    assert [(one.reason, one.count) for one in flight.dropped] == [("without a fix", 20)]
+    assert [(one.reason, one.count, one.first_row) for one in flight.dropped] == [("without a fix", 20, 1)]
     assert "track of its GPS" in flight.remarks[0]
     assert flight.euler is None
 
