@@ -17,6 +17,7 @@ import param
 import tomli_w
 from numpy.typing import NDArray
 
+from lab import earth
 from lab.cache import StageCache, digest
 from lab.ecef import near_pole
 from lab.ideal_imu import IdealImu
@@ -38,6 +39,7 @@ from lab.navigation.choice import chosen_model, is_ready
 from lab.navigation.navigator import PolarError, navigate
 from lab.navigation.settings import NavigatorSettings
 from lab.navigation.solution import Belief, Fixes, Imu, Schedule, Solution, Start
+from lab.navigation.standstill import at_rest
 from lab.result import Result
 from lab.sensors import gps, imu
 from lab.sensors import temperature as thermal
@@ -323,13 +325,11 @@ class _Run:
         check_bias_decay(schedule.stride * ideal.dt, assumed.bias_decay)
         latency = assumed_latency(settings, self.sensors.gps.latency)
         try:
-            solution = self.engine(
-                Imu(ideal.time, dtheta, dvelocity),
-                Fixes(fixes.time - latency, fixes.position, fixes.velocity_n),
-                start(flight.truth, settings, self.experiment.seed),
-                assumed,
-                schedule,
-            )
+            increments = Imu(ideal.time, dtheta, dvelocity)
+            seen = Fixes(fixes.time - latency, fixes.position, fixes.velocity_n)
+            if settings.rest_updates:
+                increments = increments._replace(rest=at_rest(increments, seen, assumed))
+            solution = self.engine(increments, seen, self.start(flight), assumed, schedule)
         except SettingError:
             raise
         except PolarError as error:
@@ -352,8 +352,16 @@ class _Run:
             self.algorithm,
             Imu(flight.ideal.time, dtheta, dvelocity),
             Fixes(fixes.time, fixes.position, fixes.velocity_n),
-            start(flight.truth, self.navigator, self.experiment.seed),
+            self.start(flight),
         )
+
+    def start(self, flight: Flight) -> Start:
+        """Return where the navigator believes it starts, with the gyro bias an alignment found."""
+        begin = start(flight.truth, self.navigator, self.experiment.seed)
+        if not self.navigator.alignment:
+            return begin
+        bias = aligned_gyro_bias(self.sensors, self.experiment.seed, float(self.navigator.alignment))
+        return begin._replace(gyro_bias=bias)
 
     def engine(self, imu: Imu, fixes: Fixes, start: Start, belief: Belief, schedule: Schedule) -> Solution:
         """Navigate with the model and the engine of the settings."""
@@ -373,6 +381,32 @@ class _Run:
             )
         engine = smoother.navigate if self.navigator.smoother else navigate
         return engine(imu, fixes, start, belief, schedule, chosen_model(self.navigator))
+
+
+def aligned_gyro_bias(sensors: SensorSuite, seed: int, length: float) -> FloatArray:
+    """Return the gyro bias (3,) that an alignment at rest before the flight finds [rad/s].
+
+    The constant bias at the temperature of the start and under level gravity, and the noise of its mean over
+    the time. What varies, the instability of the flight, is not known before it.
+
+    Parameters
+    ----------
+    sensors
+        The errors of the sensors.
+    seed
+        Seed of the run.
+    length
+        Length of the rest [s].
+    """
+    errors = sensors.gyro
+    draws = imu.ImuDraws.of(seed, "gyro", 0, instability=False)
+    warmth = thermal.temperature(sensors.temperature, np.zeros(1), np.zeros(1))
+    around = imu.Surroundings(warmth, np.array([[0.0, 0.0, -earth.STANDARD_GRAVITY]]))
+    induced = np.zeros(3)
+    if not sensors.temperature.compensation:
+        induced = np.broadcast_to(imu.induced_bias(errors, around, 1.0), (1, 3))[0]
+    noise = si(errors, "noise_density") / np.sqrt(length) * unit_draws(seed, "alignment", (3,))
+    return np.asarray(imu.turn_on_bias(errors, draws) + induced + noise)
 
 
 def start(truth: Truth, settings: NavigatorSettings, seed: int) -> Start:

@@ -127,6 +127,7 @@ def _check(result: Result) -> None:
     truth, _ = result.true_flight("budget")
     check_latitude(truth)
     check_gains(result)
+    check_rest(result)
 
 
 def check_latitude(flight: Truth) -> None:
@@ -150,6 +151,15 @@ def check_gains(result: Result) -> None:
         raise SettingError(
             "navigator.smoother: this analysis follows the gains of the filter, which a smoothed solution "
             "does not have; accepted here is false"
+        )
+
+
+def check_rest(result: Result) -> None:
+    """Raise `SettingError` of runs with updates at rest, whose gains are not kept."""
+    if result.solution_arrays.rest.any():
+        raise SettingError(
+            "navigator.rest_updates: the error budget follows the gains of fixes, and here the filter was "
+            "also updated while the vehicle stood still; accepted here is false"
         )
 
 

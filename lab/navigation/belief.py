@@ -41,7 +41,7 @@ def belief(sensors: SensorSuite, navigator: NavigatorSettings) -> Belief:
     SettingError
         If P0 is given for another number of states than the filter has.
     """
-    gyro_drive, gyro_decay = bias_process(sensors.gyro)
+    gyro_drive, gyro_decay = bias_process(sensors.gyro, constant_gyro_bias_variance(sensors, navigator))
     accel_drive, accel_decay = bias_process(sensors.accelerometer)
     noise = (
         _given(navigator.q) if navigator.q is not None else matched_noise(sensors, gyro_drive, accel_drive)
@@ -92,7 +92,8 @@ def matched_p0(sensors: SensorSuite, navigator: NavigatorSettings) -> FloatArray
     variance[POS] = si(navigator, "position_sigma") ** 2 + si(navigator, "position_error") ** 2
     variance[VEL] = si(navigator, "velocity_sigma") ** 2 + si(navigator, "velocity_error") ** 2
     variance[ATT] = si(navigator, "attitude_sigma") ** 2 + si(navigator, "attitude_error") ** 2
-    variance[GYRO_BIAS] = _turn_on_variance(sensors.gyro) + si(sensors.gyro, "instability") ** 2
+    constant = constant_gyro_bias_variance(sensors, navigator)
+    variance[GYRO_BIAS] = constant + si(sensors.gyro, "instability") ** 2
     variance[ACCEL_BIAS] = (
         _turn_on_variance(sensors.accelerometer) + si(sensors.accelerometer, "instability") ** 2
     )
@@ -118,7 +119,19 @@ def matched_r(sensors: SensorSuite) -> FloatArray:
     return np.diag(np.concatenate([variance[[1, 0, 2]] for variance in east_north_up]))
 
 
-def bias_process(errors: GyroErrors | AccelerometerErrors) -> tuple[FloatArray, FloatArray]:
+def constant_gyro_bias_variance(sensors: SensorSuite, navigator: NavigatorSettings) -> FloatArray:
+    """Return the second moment (3,) of the constant gyro bias that the filter starts with [rad²/s²].
+
+    After an alignment at rest for a time T that is the noise of its mean, N² / T.
+    """
+    if not navigator.alignment:
+        return _turn_on_variance(sensors.gyro)
+    return np.asarray(si(sensors.gyro, "noise_density") ** 2 / float(navigator.alignment))
+
+
+def bias_process(
+    errors: GyroErrors | AccelerometerErrors, constant: FloatArray | None = None
+) -> tuple[FloatArray, FloatArray]:
     """Return drive density (3,) and decay rate (3,) of the filter's one bias state for each axis.
 
     The true bias is a constant plus Gauss-Markov processes, flicker standing in as one of them; the filter's
@@ -127,7 +140,7 @@ def bias_process(errors: GyroErrors | AccelerometerErrors) -> tuple[FloatArray, 
     """
     instability, (flicker, flicker_time) = si(errors, "instability") ** 2, flicker_process(errors)
     drive = 2 * instability / si(errors, "correlation_time") + 2 * flicker / flicker_time
-    total = _turn_on_variance(errors) + instability + flicker
+    total = (_turn_on_variance(errors) if constant is None else constant) + instability + flicker
     decay = np.divide(drive, 2 * total, out=np.zeros(3), where=total > 0)
     return drive + si(errors, "rate_random_walk") ** 2, decay
 

@@ -40,6 +40,7 @@ from lab.navigation.kalman import (
     normalised_square,
     plausibility,
     predict_fix,
+    scalar_update,
     update,
     weight,
 )
@@ -55,6 +56,7 @@ from lab.navigation.propagation import (
     layout,
 )
 from lab.navigation.solution import Fixes, Imu, Schedule, Solution
+from lab.navigation.standstill import GATE, gather_rest, hold_attitude, see_rest
 from lab.navigation.strapdown import (
     GYRO_BIAS,
     GYRO_SCALE,
@@ -339,6 +341,56 @@ def _observe(
 
 
 @inline_kernel
+def _frame_rate(state: FloatArray) -> Vector:
+    """Return the Earth's rate in the navigation frame."""
+    sine = state[strapdown.SINE]
+    return strapdown.earth_rate(sine, math.sqrt(1 - sine * sine))
+
+
+@inline_kernel
+def _own_attitude(state: FloatArray, seen: Vector) -> Vector:
+    """Return how the model's own attitude error is seen where that of the navigation frame is seen so."""
+    return seen
+
+
+@inline_kernel
+def _own_attitude_in_body(state: FloatArray, seen: Vector) -> Vector:
+    """Return how an attitude error in b is seen where that of the navigation frame is seen so."""
+    at = strapdown.Q_NB
+    C = strapdown.matrix((state[at], state[at + 1], state[at + 2], state[at + 3]))
+    return (
+        C[0][0] * seen[0] + C[1][0] * seen[1] + C[2][0] * seen[2],
+        C[0][1] * seen[0] + C[1][1] * seen[1] + C[2][1] * seen[2],
+        C[0][2] * seen[0] + C[1][2] * seen[1] + C[2][2] * seen[2],
+    )
+
+
+@kernel
+def _observe_rest(run: Filter) -> bool:
+    """Update [P | x] with the mean of the gyros at rest, unless the vehicle turns; say whether it did."""
+    z, H = np.empty(3), np.empty((3, 6))
+    see_rest(run.state, _frame_rate(run.state), run.noise, run.rest_sums, z, H)
+    for m in range(3):
+        done = run.rest_scalars[m]
+        for c in range(STATES):
+            done[c] = 0.0
+        seen = _own_attitude(run.state, (H[m, 0], H[m, 1], H[m, 2]))
+        for i in range(3):
+            done[6 + i] = seen[i]
+            done[NAV + i] = H[m, 3 + i]
+        residual, s = z[m], 1.0
+        for i in range(6, NAV + 3):
+            residual -= done[i] * run.w[WIDTH * i + X]
+            for j in range(6, NAV + 3):
+                s += done[i] * done[j] * run.w[WIDTH * i + j]
+        if residual * residual > GATE * s:
+            return False
+    for m in range(3):
+        scalar_update(run.w, z[m], run.rest_scalars[m])
+    return True
+
+
+@inline_kernel
 def _store_state(out: Solution, k: int, state: FloatArray) -> None:
     """Write position, velocity, attitude, biases and scale factors of sample k."""
     for i in range(3):
@@ -510,8 +562,18 @@ def advance_sample(
         return LOST
     m = run.counts[0]
     fix_due = m < fixes.time.size and fixes.time[m] <= time + 1e-6 * dt
+    if imu.rest.size > 0:
+        hold_attitude(state, run.rest_sums, imu.rest[k])
     _write(state, run.F)
     _predict(run, dt, fix_due, schedule.stride)
+    rests = imu.rest.size > 0 and imu.rest[k]
+    if rests and gather_rest(state, run.rest_sums, dt) and _observe_rest(run):
+        out.rest[k + 1] = True
+        pending = True
+        if schedule.feedback and time - run.clock[0] >= schedule.correction_period - 1e-6 * dt:
+            _correct(state, w, T)
+            run.clock[0] = time
+            pending = False
     while fix_due:
         age = time - fixes.time[m]
         if age <= dt * (1 + 1e-6):
@@ -548,7 +610,10 @@ def kernels(model: ErrorModel, *, summed: bool) -> dict[str, Kernel]:
             "_lost": wander.lost,
             "_difference": wander.difference,
             "_fix_axes": wander.fix_axes,
+            "_frame_rate": wander.frame_rate,
         }
+    if model.in_body:
+        others["_own_attitude"] = _own_attitude_in_body
     if model.write_map:
         others |= _mapped(model)
         others["_corrected"] = _estimation(others["_correct"], model)
@@ -569,6 +634,7 @@ def compiled_for(function: Kernel, model: ErrorModel, *, summed: bool) -> Kernel
     """
     others = kernels(model, summed=summed)
     if others:
+        others["_observe_rest"] = kernel(rebound(_observe_rest, **others))
         others["_sight"] = kernel(rebound(_sight, **others))
         others["_observe"] = kernel(rebound(_observe, **others))
         others["advance_sample"] = inline_kernel(rebound(advance_sample, **others))

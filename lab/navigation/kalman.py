@@ -2,8 +2,8 @@
 
 A fix is z = H x + v. It measures position and velocity of the antenna: H sees the errors of position,
 velocity and, through the lever arm, of the attitude and the gyros. The update is sequential: the six
-measurements are made independent by the Cholesky factor of R and taken one after the other, which needs no matrix inverse and
-subtracts from P only products of the form k kᵀ / s, so that P stays symmetric and positive.
+measurements are made independent by the Cholesky factor of R and taken one after the other, which needs no
+matrix inverse and subtracts from P only products of the form k kᵀ / s: P stays symmetric and positive.
 
 References
 ----------
@@ -116,7 +116,7 @@ def stands_out(
     """Count an implausible fix; return whether the filter, not the fixes, must be wrong.
 
     Good fixes are refused by chance one at a time, and outliers scatter. Fixes in a row whose innovations
-    point the same way (within 60° in the metric of S), or a long row whatever their direction, accuse the filter.
+    point the same way (within 60° in the metric of S), or a long row in any direction, accuse the filter.
 
     Parameters
     ----------
@@ -256,7 +256,7 @@ def update(w: FloatArray, z: FloatArray, H: FloatArray, R: FloatArray, scalars: 
             for i in range(m + 1):
                 total += row[i] * H[i, c]
             done[c] = total
-        _scalar_update(w, whitened, done)
+        scalar_update(w, whitened, done)
 
 
 @kernel
@@ -275,7 +275,7 @@ def _whitening_row(R_root: FloatArray, m: int, row: FloatArray, z: FloatArray) -
 
 
 @kernel
-def _scalar_update(w: FloatArray, z: float, done: FloatArray) -> None:
+def scalar_update(w: FloatArray, z: float, done: FloatArray) -> None:
     """Update with one measurement z of unit variance; `done` holds what it sees, and receives the rest."""
     s = 1.0
     residual = z

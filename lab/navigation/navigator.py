@@ -24,6 +24,7 @@ from lab.navigation.error_models import PHI, WANDER_AZIMUTH, ErrorModel
 from lab.navigation.kalman import MEASUREMENTS
 from lab.navigation.propagation import NAV, layout
 from lab.navigation.solution import EVERY_FIX, Belief, Fixes, Imu, Schedule, Solution, Start, Stretch
+from lab.navigation.standstill import ROOM
 from lab.navigation.strapdown import GYRO_BIAS, VELOCITY
 
 FloatArray = NDArray[np.float64]
@@ -50,6 +51,8 @@ class Filter(NamedTuple):
     R_fix: FloatArray  # of this fix
     H: FloatArray  # how this fix sees the model's own errors
     scalars: FloatArray  # updates of the last fix, or of each; see `kalman.update`
+    rest_sums: FloatArray  # of the rates at rest, see `standstill`
+    rest_scalars: FloatArray  # updates of the last update at rest
     noise: FloatArray
     bias_decay: FloatArray
     lever_arm: FloatArray
@@ -68,6 +71,7 @@ class Filter(NamedTuple):
         state[VELOCITY : VELOCITY + 3] = start.velocity_n
         state[strapdown.Q_NB : strapdown.Q_NB + 4] = start.q_nb
         state[GYRO_BIAS : GYRO_BIAS + 3] = start.gyro_bias
+        _keep_radii(state, in_wander=in_wander)
         n, space = model.states, layout(model.states)
         w = _aligned_zeros(space.size)
         P = w[: space.product].reshape(n, space.WIDTH)
@@ -87,6 +91,8 @@ class Filter(NamedTuple):
             np.zeros((MEASUREMENTS, MEASUREMENTS)),
             np.zeros((MEASUREMENTS, n)),
             np.zeros((max(kept_fixes, 1), MEASUREMENTS, 2 * n + 2)),
+            np.zeros(ROOM),
+            np.zeros((3, 2 * n + 2)),
             np.array(belief.noise, dtype=np.float64),
             np.array(belief.bias_decay, dtype=np.float64),
             np.array(belief.lever_arm, dtype=np.float64),
@@ -107,12 +113,21 @@ def initial_covariance(model: ErrorModel, state: FloatArray, P0: FloatArray) -> 
     """
     if model.write_map is None:
         return P0
-    meridian, transverse = earth.radii(float(state[strapdown.SINE]))
-    state[strapdown.MERIDIAN] = 1 / (meridian + state[strapdown.HEIGHT])
-    state[strapdown.TRANSVERSE] = 1 / (transverse + state[strapdown.HEIGHT])
+    _keep_radii(state, in_wander=model.mechanization == WANDER_AZIMUTH)
     back = np.linalg.inv(model.map(state))
     P = back @ P0 @ back.T
     return np.asarray((P + P.T) / 2)
+
+
+def _keep_radii(state: FloatArray, *, in_wander: bool) -> None:
+    """Fill in the curvatures at the start, which later each step keeps."""
+    sine, height = float(state[strapdown.SINE]), float(state[strapdown.HEIGHT])
+    meridian, transverse = earth.radii(sine)
+    m, t = 1 / (meridian + height), 1 / (transverse + height)
+    state[strapdown.MERIDIAN], state[strapdown.TRANSVERSE] = m, t
+    if in_wander:
+        squared = earth.ECCENTRICITY_SQUARED
+        state[wander.BEND] = transverse * squared / (1 - squared * sine * sine) * m * t
 
 
 def _aligned_zeros(size: int) -> FloatArray:

@@ -33,6 +33,7 @@ from lab.navigation.error_models import (
 )
 from lab.navigation.navigator import initial_covariance
 from lab.navigation.solution import EVERY_FIX, Belief, Fixes, Imu, Schedule, Solution, Start
+from lab.navigation.standstill import GATE, SPAN
 from lab.rotation import wrap
 
 FloatArray = NDArray[np.float64]
@@ -57,22 +58,17 @@ def navigate(
     progress
         Called with the fraction done, from 0 to 1.
     """
-    state = np.zeros(strapdown.LENGTH)
-    strapdown.set_position(state, *start.position)
-    _put(state, strapdown.VELOCITY, start.velocity_n)
-    _put(state, strapdown.Q_NB, start.q_nb)
     n = model.states
-    _put(state, strapdown.GYRO_BIAS, start.gyro_bias)
-    kalman = KalmanFilter(dim_x=n, dim_z=6)
-    kalman.x = np.zeros(n)
-    kalman.P = initial_covariance(model, state, belief.P0).copy()
+    state, kalman = _begin(start, belief, model)
     out = Solution.empty(imu.time.size, fixes.time.size, n)
     _store(out, 0, state, kalman, model)
 
     F, F_sum = np.zeros((n, n)), np.zeros((n, n))
     waited, elapsed, next_fix, corrected = 0, 0.0, 0, imu.time[0]
+    rest = _Rest(belief, model)
     for k, (time, dt) in enumerate(zip(imu.time[1:], np.diff(imu.time), strict=True)):
         strapdown.step(state, tuple(imu.dtheta[k]), tuple(imu.dvelocity[k]), dt)
+        rest.hold(state, imu, k)
         model.write(state, F)
         F_sum += F * dt
         waited += 1
@@ -86,6 +82,11 @@ def navigate(
             )
             F_sum[:] = 0
             waited, elapsed = 0, 0.0
+        if rest.gathered(state, imu, k, dt) and rest.update(kalman, state):
+            out.rest[k + 1] = True
+            if schedule.feedback and time - corrected >= schedule.correction_period - 1e-6 * dt:
+                correct(state, kalman.x, model)
+                kalman.x, corrected = np.zeros(n), time
         for m in due:
             next_fix = m + 1
             age = time - fixes.time[m]
@@ -142,6 +143,67 @@ def _predict(
         Phi += A @ A / 2 + A @ A @ A / 6
         Q = (Q + Phi @ Q @ Phi.T) / 2
     kalman.predict(F=Phi, Q=Q)
+
+
+def _begin(start: Start, belief: Belief, model: ErrorModel) -> tuple[FloatArray, KalmanFilter]:
+    """Return a navigator at its start, and its filter."""
+    state = np.zeros(strapdown.LENGTH)
+    strapdown.set_position(state, *start.position)
+    _put(state, strapdown.VELOCITY, start.velocity_n)
+    _put(state, strapdown.Q_NB, start.q_nb)
+    _put(state, strapdown.GYRO_BIAS, start.gyro_bias)
+    kalman = KalmanFilter(dim_x=model.states, dim_z=6)
+    kalman.x = np.zeros(model.states)
+    kalman.P = initial_covariance(model, state, belief.P0).copy()
+    return state, kalman
+
+
+class _Rest:
+    """The updates at rest: the attitude that is held, and the rates since the last update."""
+
+    def __init__(self, belief: Belief, model: ErrorModel) -> None:
+        self.belief, self.model = belief, model
+        self.held: FloatArray | None = None
+        self.rates: list[FloatArray] = []
+        self.length = 0.0
+
+    def hold(self, state: FloatArray, imu: Imu, k: int) -> None:
+        """Let the error model see the attitude at the beginning of the rest."""
+        if not imu.rest.size or not imu.rest[k]:
+            self.held, self.rates, self.length = None, [], 0.0
+            return
+        if self.held is None:
+            self.held = _get(state, strapdown.C_NB, 9).reshape(3, 3).copy()
+        force = _get(state, strapdown.PREVIOUS_DVELOCITY) * state[strapdown.PER_STEP]
+        _put(state, strapdown.C_NB, self.held.ravel())
+        _put(state, strapdown.FORCE_N, self.held @ force)
+
+    def gathered(self, state: FloatArray, imu: Imu, k: int, dt: float) -> bool:
+        """Add the rate of a sample at rest; return whether there are enough."""
+        if self.held is None:
+            return False
+        self.rates.append(_get(state, strapdown.PREVIOUS_DTHETA) / dt + _get(state, strapdown.GYRO_BIAS))
+        self.length += dt
+        return self.length >= SPAN - 0.5 * dt
+
+    def update(self, kalman: KalmanFilter, state: FloatArray) -> bool:
+        """Update with the mean rate; return whether it was used."""
+        rates, length, held = np.array(self.rates), self.length, self.held
+        assert held is not None
+        self.rates, self.length = [], 0.0
+        C_nb = Rotation.from_quat(_get(state, strapdown.Q_NB, 4), scalar_first=True).as_matrix()
+        latitude = np.arcsin(state[strapdown.SINE])
+        omega_ie = earth.RATE * np.array([np.cos(latitude), 0.0, -np.sin(latitude)])
+        R = np.diag(np.maximum(self.belief.noise[:3] / length, rates.var(axis=0) / rates.shape[0]))
+        H = np.zeros((3, self.model.states))
+        H[:, ATT] = held.T @ _skew(omega_ie) @ (C_nb if self.model.in_body else np.eye(3))
+        H[:, GYRO_BIAS] = -np.eye(3)
+        z = rates.mean(axis=0) - _get(state, strapdown.GYRO_BIAS) - C_nb.T @ omega_ie
+        if ((z - H @ kalman.x) ** 2 > GATE * np.diag(H @ kalman.P @ H.T + R)).any():
+            return False
+        kalman.update(z, R=R, H=H)
+        kalman.P = (kalman.P + kalman.P.T) / 2
+        return True
 
 
 def _fading(belief: Belief, elapsed: float, *, summed: bool) -> FloatArray:

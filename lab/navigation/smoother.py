@@ -18,7 +18,7 @@ from __future__ import annotations
 
 import functools
 from collections.abc import Callable, Sequence
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -59,6 +59,7 @@ class _Kept(NamedTuple):
     state: FloatArray  # (samples, length), navigators at the ends of the samples
     w: FloatArray  # (samples, n · width), [P | x]
     Phi: FloatArray  # (samples, 9, n), rows of the transitions that are not those of the unit matrix
+    rest: FloatArray  # (samples, 3, 2 n + 2), updates at rest
     fixes: NDArray[np.int64]  # (samples + 1,), next fix before each sample, and after the last
 
 
@@ -110,6 +111,7 @@ def navigate(
             np.zeros((end - copy.first, run.state.size)),
             np.zeros((end - copy.first, n * run.P.shape[1])),
             np.zeros((end - copy.first, NAV, n)),
+            np.zeros((end - copy.first if imu.rest.any() else 1, 3, 2 * n + 2)),
             np.zeros(end - copy.first + 1, dtype=np.int64),
         )
         back(copy.run, imu.until(end), fixes, filtered, copy.first, copy.schedule, kept, later, Later, out)
@@ -166,16 +168,15 @@ def _before_step(
 
 
 @inline_kernel
-def _kept_part(decay: FloatArray, c: int) -> float:
+def _kept_part(decay: FloatArray, c: int) -> Any:
     """Return the element of Φ on the diagonal below the navigation rows; zero in these."""
-    kept = 0.0 if c < NAV else 1.0
     if NAV <= c < NAV + BIASES:
-        kept = float(decay[c - NAV])
-    return kept
+        return decay[c - NAV]
+    return 0.0 if c < NAV else 1.0
 
 
 @inline_kernel
-def _column(Phi: FloatArray, decay: FloatArray, v: FloatArray, c: int) -> float:
+def _column(Phi: FloatArray, decay: FloatArray, v: FloatArray, c: int) -> Any:
     """Return element c of Φᵀ v."""
     total = v[c] * _kept_part(decay, c)
     for m in range(NAV):
@@ -184,13 +185,13 @@ def _column(Phi: FloatArray, decay: FloatArray, v: FloatArray, c: int) -> float:
 
 
 @kernel
-def _before_fix(scalars: FloatArray, later: FloatArray, Later: FloatArray, product: FloatArray) -> None:
-    """Take λ and Λ back over a fix, scalar by scalar, the last one first.
+def _before_update(scalars: FloatArray, later: FloatArray, Later: FloatArray, product: FloatArray) -> None:
+    """Take λ and Λ back over an update, scalar by scalar, the last one first.
 
     With h, gain k, innovation ν and its variance s: λ ← (I − k hᵀ)ᵀ λ − h ν / s and
     Λ ← (I − k hᵀ)ᵀ Λ (I − k hᵀ) + h hᵀ / s (Bierman 1973).
     """
-    for scalar in range(MEASUREMENTS - 1, -1, -1):
+    for scalar in range(scalars.shape[0] - 1, -1, -1):
         done = scalars[scalar]
         residual, s = done[2 * STATES], done[2 * STATES + 1]
         along, square = 0.0, 0.0
@@ -255,30 +256,30 @@ def _backwards(model: ErrorModel) -> Callable[..., None]:
             at, dt = k - first, imu.time[k + 1] - imu.time[k]
             left = advance_sample(run, imu, fixes, filtered, k, schedule, z, x, spare, left == 1)
             kept.fixes[at + 1] = run.counts[0]
-            for i in range(run.state.size):
-                kept.state[at, i] = run.state[i]
-            for i in range(kept.w.shape[1]):
-                kept.w[at, i] = run.w[i]
+            kept.state[at] = run.state
+            kept.w[at] = run.w[: kept.w.shape[1]]
+            if filtered.rest[k + 1]:
+                kept.rest[at] = run.rest_scalars
             for i in range(NAV):
                 for j in range(STATES):
                     kept.Phi[at, i, j] = dt * run.F[i, j] + (1.0 if i == j else 0.0)
         for k in range(last - 1, first - 1, -1):
             at, dt = k - first, imu.time[k + 1] - imu.time[k]
-            for i in range(kept.w.shape[1]):
-                run.w[i] = kept.w[at, i]
+            run.w[: kept.w.shape[1]] = kept.w[at]
             _smooth(run.w, later, Later, half, P)
             state = _corrected(kept.state[at], run.w, run.T, x, spare)
             _store(out, k + 1, state, run.w, run.T)
             for m in range(kept.fixes[at + 1] - 1, kept.fixes[at] - 1, -1):
                 if out.fix_sample[m] == k + 1:
                     _store_fix(out, m, state, run.w, run.T)
-                    _before_fix(run.scalars[m], later, Later, x)
+                    _before_update(run.scalars[m], later, Later, x)
+            if out.rest[k + 1]:
+                _before_update(kept.rest[at], later, Later, x)
             for b in range(BIASES):
                 decay[b] = 1 - dt * run.bias_decay[b]
             _before_step(kept.Phi[at], decay, later, Later, half)
         if first == 0:
-            for i in range(kept.w.shape[1]):
-                run.w[i] = start_w[i]
+            run.w[:] = start_w
             _smooth(run.w, later, Later, half, P)
             _store(out, 0, _corrected(start_state, run.w, run.T, x, spare), run.w, run.T)
 

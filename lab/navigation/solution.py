@@ -16,6 +16,20 @@ from lab.trajectory import Truth
 FloatArray = NDArray[np.float64]
 
 
+def _zeros(count: int) -> FloatArray:
+    """Return zeros that nobody can change."""
+    values = np.zeros(count)
+    values.setflags(write=False)
+    return values
+
+
+NO_VECTOR = _zeros(3)
+"""Zero vector (3,), read-only: no lever arm, no bias."""
+NO_REST = _zeros(0).astype(np.bool_)
+"""No sample at rest."""
+NO_REST.setflags(write=False)
+
+
 class Imu(NamedTuple):
     """Increments of the inertial sensors.
 
@@ -25,17 +39,20 @@ class Imu(NamedTuple):
         Ends of the sample intervals, the first one their common start [s].
     dtheta, dvelocity : (n, 3) arrays
         Integrals of angular rate [rad] and specific force [m/s] over each interval, in b.
+    rest : (n,) array
+        Samples in which the vehicle stands still, and the filter may know it; empty if it is not told.
     """
 
     time: FloatArray
     dtheta: FloatArray
     dvelocity: FloatArray
+    rest: NDArray[np.bool_] = NO_REST
 
     def until(self, sample: int) -> Imu:
         """Return the increments up to a sample."""
         if sample == self.dtheta.shape[0]:
             return self
-        return Imu(self.time[: sample + 1], self.dtheta[:sample], self.dvelocity[:sample])
+        return Imu(self.time[: sample + 1], self.dtheta[:sample], self.dvelocity[:sample], self.rest[:sample])
 
 
 class Fixes(NamedTuple):
@@ -54,17 +71,6 @@ class Fixes(NamedTuple):
     time: FloatArray
     position: FloatArray
     velocity_n: FloatArray
-
-
-def _zeros(count: int) -> FloatArray:
-    """Return zeros that nobody can change."""
-    values = np.zeros(count)
-    values.setflags(write=False)
-    return values
-
-
-NO_VECTOR = _zeros(3)
-"""Zero vector (3,), read-only: no lever arm, no bias."""
 
 
 class Start(NamedTuple):
@@ -179,6 +185,8 @@ class Solution(NamedTuple):
     fix_R : (m, 6, 6) array
         Covariance of the fix as it was used: divided by the weight of a robust update, and with the noise of
         the gyros on the lever arm.
+    rest : (n + 1,) array
+        After which samples the filter made an update at rest.
     """
 
     position: FloatArray
@@ -196,6 +204,7 @@ class Solution(NamedTuple):
     fix_recovered: NDArray[np.bool_]
     fix_H: FloatArray
     fix_R: FloatArray
+    rest: NDArray[np.bool_]
 
     @property
     def states(self) -> int:
@@ -230,6 +239,7 @@ class Solution(NamedTuple):
             fix_recovered=np.zeros(fixes, dtype=np.bool_),
             fix_H=np.full((fixes, MEASUREMENTS, states), np.nan),
             fix_R=np.full((fixes, MEASUREMENTS, MEASUREMENTS), np.nan),
+            rest=np.zeros(samples, dtype=np.bool_),
         )
 
 

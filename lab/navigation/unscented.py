@@ -39,6 +39,7 @@ from lab.navigation.lever_arm import see_antenna
 from lab.navigation.navigator import go_through
 from lab.navigation.sigma_points import attitude, displace, gather, spread, transport
 from lab.navigation.solution import EVERY_FIX, Belief, Fixes, Imu, Schedule, Solution, Start, Stretch
+from lab.navigation.standstill import GATE, ROOM, gather_rest, hold_attitude, see_rest
 from lab.navigation.strapdown import (
     GYRO_BIAS,
     LATITUDE,
@@ -93,6 +94,7 @@ class Filter(NamedTuple):
     noise: FloatArray
     bias_decay: FloatArray
     lever_arm: FloatArray
+    rest_sums: FloatArray  # of the rates at rest, see `standstill`
 
     @classmethod
     def begin(cls, start: Start, belief: Belief, time: float = 0.0) -> Filter:
@@ -126,6 +128,7 @@ class Filter(NamedTuple):
             np.array(belief.noise, dtype=np.float64),
             np.array(belief.bias_decay, dtype=np.float64),
             np.array(belief.lever_arm, dtype=np.float64),
+            np.zeros(ROOM),
         )
 
 
@@ -366,6 +369,50 @@ def _update(run: Filter, nu: FloatArray) -> None:
 
 
 @inline_kernel
+def _rests(run: Filter, imu: Imu, k: int, dt: float) -> bool:
+    """Take in whether the vehicle stands still in sample k; return whether an update at rest is due."""
+    if imu.rest.size == 0:
+        return False
+    hold_attitude(run.state, run.rest_sums, imu.rest[k])
+    return bool(imu.rest[k] and gather_rest(run.state, run.rest_sums, dt))
+
+
+@kernel
+def _update_at_rest(run: Filter) -> bool:
+    """Update with the mean of the gyros at rest, unless the vehicle turns; say whether it was used."""
+    P, x, state = run.P, run.x, run.state
+    z, H, gain = np.empty(3), np.empty((3, 6)), np.empty(x.size)
+    sine = state[strapdown.SINE]
+    rate = strapdown.earth_rate(sine, math.sqrt(1 - sine * sine))
+    see_rest(state, rate, run.noise, run.rest_sums, z, H)
+    for m in range(3):
+        s = 1.0
+        for i in range(6):
+            for j in range(6):
+                s += H[m, i] * H[m, j] * P[6 + i, 6 + j]
+        if z[m] * z[m] > GATE * s:
+            return False
+    for i in range(x.size):
+        x[i] = 0.0
+    for m in range(3):
+        s, residual = 1.0, z[m]
+        for i in range(x.size):
+            gain[i] = 0.0
+            for j in range(6):
+                gain[i] += P[i, 6 + j] * H[m, j]
+        for j in range(6):
+            s += H[m, j] * gain[6 + j]
+            residual -= H[m, j] * x[6 + j]
+        for i in range(x.size):
+            x[i] += gain[i] / s * residual
+            for j in range(x.size):
+                P[i, j] -= gain[i] * gain[j] / s
+    displace(state, x)
+    transport(P, (x[6], x[7], x[8]))
+    return True
+
+
+@inline_kernel
 def _store(out: Solution, k: int, run: Filter) -> None:
     """Write sample k of the solution: the mean of the sigma points, as far off the navigator as last seen."""
     mean = run.spare
@@ -430,10 +477,17 @@ def _compile_advance(sources: str) -> Callable[[Filter, Imu, Fixes, Solution, in
                 return k + 1
             m = run.counts[0]
             fix_due = m < fixes.time.size and fixes.time[m] <= time + 1e-6 * dt
-            if fix_due or (run.counts[1] >= schedule.stride and run.clock[0] >= FORMED - 1e-6 * dt):
+            rest_due = _rests(run, imu, k, dt)
+            if (
+                fix_due
+                or rest_due
+                or (run.counts[1] >= schedule.stride and run.clock[0] >= FORMED - 1e-6 * dt)
+            ):
                 _form(run)
-                if fix_due or run.clock[1] >= HELD - 1e-6 * dt:
+                if fix_due or rest_due or run.clock[1] >= HELD - 1e-6 * dt:
                     _centre(run)
+            if rest_due and _update_at_rest(run):
+                out.rest[k + 1] = True
             while fix_due:
                 age = time - fixes.time[m]
                 if age <= dt * (1 + 1e-6):

@@ -275,6 +275,13 @@ def difference(
 
 
 @inline_kernel
+def frame_rate(state: FloatArray) -> Vector:
+    """Return the Earth's rate in w."""
+    x, y, z = get(state, AXIS)
+    return earth.RATE * x, earth.RATE * y, earth.RATE * z
+
+
+@inline_kernel
 def fix_axes(state: FloatArray) -> Matrix:
     """Return north, east and down of the last fix, in w."""
     return get(state, FIX_AXES), get(state, FIX_AXES + 3), get(state, FIX_AXES + 6)
