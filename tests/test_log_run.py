@@ -299,7 +299,7 @@ def test_another_solution_is_compared_with_and_no_truth(tmp_path):
 
 def test_a_vehicle_that_only_the_settings_name(tmp_path):
     """Read as any vehicle's, the log of a copter that looks aside is refused."""
-    folder = write(tmp_path, copter(60, nose=1.6))
+    folder = write(tmp_path, copter(60, nose=1.6, aside=True))
     with pytest.raises(MissionError, match="vehicle"):
         experiment(folder).run()
     result = experiment(folder, navigator__vehicle="copter").run()
