@@ -47,9 +47,11 @@ IN_EFFECT = frozenset(
         "sensors.gps.position_variance",
         "sensors.gps.velocity_variance",
         "sensors.gps.outages",
+        "sensors.assumed",
     )
 )
-"""Settings of the sensors a log's navigation depends on: what its filter assumes of them, and outages."""
+"""Settings of the sensors that say something of a log's navigation: what its filter assumes of them, which of
+them a card assumed in turn, and outages."""
 
 _OF_THE_START = ("position", "velocity", "attitude")
 WITHOUT_EFFECT = frozenset(

@@ -397,9 +397,11 @@ class Result:
                 "No GPS fix during the flight (sensors.gps.outages, sensors.gps.period): the navigator ran "
                 "free."
             )
+        sensors = self.experiment.sensors
         if self.recorded:
-            return (*self.recorded.notes, *remarks)
-        return (*remarks, *self.experiment.sensors.remarks())
+            assumed = sensors.assumed_remark()
+            return (*self.recorded.notes, *remarks, *((assumed,) if assumed else ()))
+        return (*remarks, *sensors.remarks(self.experiment.navigator.states))
 
     def datasets(self) -> dict[str, xr.Dataset]:
         """Return by name all datasets that are known of this run; the temperature where a profile is set."""

@@ -15,6 +15,7 @@ from lab.cli.options import (
     AlgorithmFile,
     AsJson,
     Assignments,
+    Assumed,
     Card,
     Config,
     Force,
@@ -64,6 +65,7 @@ def run(
     mission: Mission,
     config: Config = None,
     card: Card = None,
+    assumed: Assumed = True,
     assignments: Assignments = None,
     seed: Seed = None,
     own: AlgorithmFile = None,
@@ -116,7 +118,7 @@ def run(
     """Navigate a mission; show how large the errors are, and whether the filter knows."""
     check_out(out, force, ".nc", "a netCDF file", "--out")
     check_export(export, force, "--export")
-    chosen = experiment(mission, config, card, assignments, seed)
+    chosen = experiment(mission, config, card, assignments, seed, assumed)
     _set_log(chosen, {"--from": start, "--to": end, "--vehicle": vehicle, "--heading": heading})
     with working(chosen.mission) as progress:
         navigators = algorithms([own] if own else None)

@@ -72,6 +72,16 @@ def test_repeated_samples_are_dropped_and_keep_the_angle(tmp_path, log):
     np.testing.assert_allclose(read.dtheta, slow[1:, 1:4] / 50, rtol=1e-8, atol=1e-12)
 
 
+@pytest.mark.parametrize(("times", "dropped"), [(4, True), (5, False)])
+def test_up_to_four_equal_values_are_polling_and_more_are_a_sensor_at_rest(tmp_path, log, times, dropped):
+    imu = np.delete(log.imu, slice(101, 100 + times), axis=0)
+    held = np.repeat(log.imu[100:101], times, axis=0)
+    held[:, 0] = log.imu[100 : 100 + times, 0]
+    imu = np.concatenate((imu[:100], held, imu[101:]))
+    read = read_sensor_log(write(tmp_path, log._replace(imu=imu)))
+    assert any(f"{times - 1} IMU samples that repeat" in repair for repair in read.repairs) == dropped
+
+
 def test_a_resting_sensor_of_coarse_steps_is_not_polled(tmp_path, log):
     still = log.imu.copy()
     still[:, 1:] = (0, 0, 0, 0, 0, -9.8)
