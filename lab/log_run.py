@@ -151,8 +151,8 @@ def _result(
     unnamed = experiment.navigator.vehicle == "auto" and not vehicle_of(log.beside.vehicle).name
     if unnamed and made.alignment.heading.is_course:
         notes.append(
-            "Nobody named the vehicle: the course is taken for its heading, which the motion does not contradict. "
-            "--vehicle or vehicle in log.toml names it."
+            "Nobody named the vehicle: the course is taken for its heading, which the motion does not "
+            "contradict. --vehicle or vehicle in log.toml names it."
         )
     notes += [comparison_remark(other, made.imu.time, solution) for other in log.beside.comparisons]
     if log.reference is None:

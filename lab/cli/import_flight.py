@@ -134,9 +134,7 @@ def _add_log(files: Sequence[Path], name: str | None, title: str, preview: bool,
     for repair in log.repairs:
         print(f"- {repair}")
     if not vehicle:
-        print(
-            f"- The file does not say what vehicle it is of; ins-lab run --vehicle takes {', '.join(VEHICLES)}."
-        )
+        print(f"- The file does not name its vehicle; ins-lab run --vehicle takes {', '.join(VEHICLES)}.")
     print(f"Added: {added}. Navigate it: ins-lab run {added}")
 
 
