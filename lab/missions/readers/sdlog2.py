@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 from lab.missions.content import whole
 from lab.missions.errors import MissionError
 from lab.missions.log_check import check_log
+from lab.missions.log_parts import Beside
 from lab.missions.raw_flight import ColumnUnit, RawFlight
 from lab.missions.readers.dataflash_file import MAGIC, DataFlashFile
 from lab.missions.readers.fields import OF_THE_FORMAT, SEA_LEVEL, one_file
@@ -114,7 +115,8 @@ def read_log(path: Path) -> SensorLog:
     gnss = _gnss(log, gps)
     if not gnss.time.size:
         raise MissionError(f"{path}: {log.no_fix()}; accepted are logs with fixes")
-    made = repaired(str(path), imu.time, imu.values, gnss)
+    beside = Beside(_VEHICLES.get(int(log.parameters.get("MAV_TYPE", 0)), ""))
+    made = repaired(str(path), imu.time, imu.values, gnss, beside=beside)
     check_log(made)
     return made
 
