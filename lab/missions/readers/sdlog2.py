@@ -128,8 +128,7 @@ class _Messages:
             raise MissionError(f"{path}: is no {NAME} log")
         self._log = DataFlashFile.of(data, wanted)
         self.lost_bytes = self._log.lost_bytes
-        clock = self._log.numbers("TIME")
-        self._stamps = np.empty(0) if clock is None else clock["StartTime"] * 1e-6
+        self._stamps = (self._log.numbers("TIME") or {}).get("StartTime", np.empty(0)) * 1e-6
         self._stamped = self._log.places("TIME")
         names = [name.rstrip("\0") for name in self._log.texts("PARM", "Name")]
         values = (self._log.numbers("PARM") or {}).get("Value", np.empty(0))
