@@ -138,6 +138,11 @@ class Result:
         return self.recorded.time if self.recorded else self.known_truth("time").time
 
     @property
+    def epoch(self) -> float:
+        """What time 0 is in the clock that outages are given in [s]: of a log, that of its file."""
+        return self.recorded.log.epoch if self.recorded else 0.0
+
+    @property
     def truth_word(self) -> str:
         """What errors are differences to: ``"truth"``, or the ``"reference"`` of a log."""
         return "reference" if self.recorded else "truth"

@@ -156,8 +156,8 @@ def see_rest(
 ) -> None:
     """Write what an update at rest sees, each measurement in its σ, and start new sums.
 
-    Rate of the navigator minus C_bn ω_ie, which is −δb + C_bn (ω_ie × φ) and noise: that of the gyros over the
-    time, or what their samples show where that is more.
+    Rate of the navigator minus C_bn ω_ie, which is −δb + C_bn (ω_ie × φ) and noise: that of the gyros over
+    the time, or what their samples show where that is more.
 
     Parameters
     ----------

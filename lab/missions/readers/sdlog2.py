@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 from lab.missions.content import whole
 from lab.missions.errors import MissionError
 from lab.missions.log_check import check_log
+from lab.missions.log_parts import Beside
 from lab.missions.raw_flight import ColumnUnit, RawFlight
 from lab.missions.readers.dataflash_file import MAGIC, DataFlashFile
 from lab.missions.readers.fields import OF_THE_FORMAT, SEA_LEVEL, one_file
@@ -89,7 +90,7 @@ def read(paths: Sequence[Path], units: Mapping[str, str]) -> RawFlight:
             _attitude(log),
             units=tuple(ColumnUnit(name, unit, OF_THE_FORMAT) for name, unit in _UNITS.items()),
             remarks=tuple(remarks),
-            vehicle=_VEHICLES.get(int(log.parameters.get("MAV_TYPE", 0)), ""),
+            vehicle=log.vehicle,
         )
     except MissionError as error:
         raise MissionError(f"{error}. {log.what_there_is()}") from None
@@ -114,7 +115,7 @@ def read_log(path: Path) -> SensorLog:
     gnss = _gnss(log, gps)
     if not gnss.time.size:
         raise MissionError(f"{path}: {log.no_fix()}; accepted are logs with fixes")
-    made = repaired(str(path), imu.time, imu.values, gnss)
+    made = repaired(str(path), imu.time, imu.values, gnss, beside=Beside(log.vehicle))
     check_log(made)
     return made
 
@@ -133,6 +134,10 @@ class _Messages:
         names = [name.rstrip("\0") for name in self._log.texts("PARM", "Name")]
         values = (self._log.numbers("PARM") or {}).get("Value", np.empty(0))
         self.parameters = dict(zip(names, np.nan_to_num(values).tolist(), strict=False))
+
+    @property
+    def vehicle(self) -> str:
+        return _VEHICLES.get(int(self.parameters.get("MAV_TYPE", 0)), "")
 
     def messages(self, name: str) -> dict[str, FloatArray] | None:
         return self._log.numbers(name) if len(self._stamps) else None

@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 from lab.missions.content import whole
 from lab.missions.errors import MissionError
 from lab.missions.log_check import check_log
+from lab.missions.log_parts import Beside, Headings, Magnetometer
 from lab.missions.raw_flight import ColumnUnit, RawFlight
 from lab.missions.readers.fields import OF_THE_FORMAT, SEA_LEVEL, one_file
 from lab.missions.readers.streams import MAX_LOG_BYTES, Stream, first_usable, flight_of
@@ -36,10 +37,14 @@ _FLIGHT = (
     "vehicle_local_position", "vehicle_global_position", "vehicle_attitude", "vehicle_gps_position",
     "sensor_gps", "vehicle_status",
 )  # fmt: skip
-_SENSORS = ("sensor_combined", "vehicle_imu", "vehicle_gps_position", "sensor_gps")
+_SENSORS = (
+    "sensor_combined", "vehicle_imu", "vehicle_gps_position", "sensor_gps", "vehicle_magnetometer",
+    "vehicle_status",
+)  # fmt: skip
 _VEHICLES = {1: "rotary wing", 2: "fixed wing", 3: "rover", 4: "blimp"}
 _NO_TIME = 2**31 - 1
 _THREE_D = 3
+_MICROTESLA = 100.0  # in a gauss
 _UNITS = {"latitude": "°", "longitude": "°", "altitude": "m", "velocity": "m/s"}
 _MAP_RADIUS = 6_371_000.0
 
@@ -105,8 +110,9 @@ def read_log(path: Path) -> SensorLog:
         missing = "an IMU (sensor_combined, vehicle_imu)" if imu is None else "a GPS (vehicle_gps_position)"
         raise MissionError(f"{path}: the log does not have {missing}; accepted are logs with both")
     gnss = _gnss(log, gps)
+    beside = Beside(_vehicle(log), _magnetometer(log), _headings(gps))
     try:
-        made = repaired(str(path), imu.time, imu.values, gnss)
+        made = repaired(str(path), imu.time, imu.values, gnss, beside=beside)
     except MissionError as error:
         raise MissionError(f"{error}{_no_fix(gps, gnss)}") from None
     check_log(made)
@@ -345,6 +351,29 @@ def _gnss(log: ULogFile, gps: Messages) -> GnssLog:
         # The driver's own time of the sample has the delay in it.
         latency=0.0 if stamped else float(np.clip(1e-3 * log.parameters.get("EKF2_GPS_DELAY", 0.0), 0, 1)),
     )
+
+
+def _magnetometer(log: ULogFile) -> Magnetometer | None:
+    """Return the field, calibrated and turned into b by the autopilot, which logs it in gauss."""
+    topic = log.topic("vehicle_magnetometer")
+    field = None if topic is None else _vector(topic, "magnetometer_ga", 3)
+    if topic is None or field is None:
+        return None
+    stream = Stream.of("magnetometer", _seconds(topic), field * _MICROTESLA)
+    return Magnetometer(stream.time, stream.values) if stream.usable else None
+
+
+def _headings(gps: Messages) -> Headings | None:
+    """Return the headings of a receiver with two antennas, their offset taken off by the driver."""
+    heading, sigma = _column(gps, "heading"), _column(gps, "heading_accuracy")
+    if heading is None:
+        return None
+    time, fixed = _seconds(gps), _fixed(gps)
+    fine = np.isfinite(heading) & np.isfinite(time) & fixed & (np.abs(heading) <= 2 * np.pi)
+    unknown = np.full(len(gps), np.nan)
+    sigma = unknown if sigma is None else np.where((sigma > 1e-4) & (sigma < np.pi), sigma, np.nan)
+    # A receiver with one antenna may leave the field at zero.
+    return Headings(time[fine], heading[fine], sigma[fine]) if heading[fine].any() else None
 
 
 def _sigma(values: FloatArray | None) -> FloatArray | None:
