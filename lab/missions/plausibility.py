@@ -26,7 +26,9 @@ FloatArray = NDArray[np.float64]
 QUESTIONABLE, IMPLAUSIBLE = "questionable", "implausible"
 
 _OFTEN = 0.999
-_LEGS = 200
+_LEGS, _FEWEST_LEGS = 200, 20
+# In shorter legs the noise of a receiver is as large as the way [s]; within its noise a receiver stands [m].
+_SHORTEST_LEG, _STANDS = 2.0, 30.0
 _STRIDE = 5
 _MOVING = 5.0
 _LIKE = 0.8
@@ -221,13 +223,16 @@ def _velocity_against_positions(flight: RepairedFlight) -> list[Finding]:
     raw = flight.raw
     if raw.velocity_n is None or raw.latitude is None or raw.longitude is None:
         return []
-    legs = np.unique(np.linspace(0, len(raw.time) - 1, _LEGS + 1).astype(int))
+    count = int(np.clip(raw.time[-1] / _SHORTEST_LEG, _FEWEST_LEGS, _LEGS))
+    legs = np.unique(np.linspace(0, len(raw.time) - 1, count + 1).astype(int))
     height = np.zeros(len(raw.time)) if raw.height is None else raw.height
     position = np.stack((raw.latitude, raw.longitude, height), axis=-1)[legs]
     steps = np.diff(raw.time)[:, None] * (raw.velocity_n[1:] + raw.velocity_n[:-1]) / 2
     travelled = np.concatenate((np.zeros((1, 3)), np.cumsum(steps, axis=0)))[legs]
     by_velocity, by_position = np.diff(travelled, axis=0), ecef.way(position[:-1], position[1:])
     if ecef.near_pole(position[:, 0]).any() or np.abs(by_position[:, :2]).sum() < 100:
+        return []
+    if np.linalg.norm(np.ptp(np.cumsum(by_position[:, :2], axis=0), axis=0)) < _STANDS:
         return []
     swapped = _swapped(by_position, by_velocity)
     if swapped:

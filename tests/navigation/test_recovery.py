@@ -22,7 +22,7 @@ def run(seed: int = 1, **settings: object) -> Result:
 ASTRAY = {
     "far off": {"navigator__position_error": (300.0, -200.0, 50.0), "navigator__p0": [0.1] * 6 + [1e-4] * 9},
     "accelerometers far noisier than assumed": {
-        "sensors__accelerometer__noise_density": 30000.0,
+        "sensors__accelerometer__noise_density": 10000.0,
         "navigator__q": [1e-7] * 3 + [1e-5] * 3 + [1e-10] * 6,
     },
 }

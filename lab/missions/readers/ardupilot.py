@@ -294,6 +294,7 @@ def _gnss(
         # A fix that was logged twice has the time of the week of the first.
         fine[fine] = np.append(True, np.diff(np.maximum.accumulate(time[fine])) > 0)[: fine.sum()]
     late = max(parameters.get("GPS1_DELAY_MS", 0.0), parameters.get("GPS_DELAY_MS", 0.0))
+    late = late or parameters.get("EKF_POS_DELAY", 0.0)  # of the first filter, until 2016
     return GnssLog(
         time=time[fine],
         position=place[fine],

@@ -90,7 +90,7 @@ def read(paths: Sequence[Path], units: Mapping[str, str]) -> RawFlight:
             _attitude(log),
             units=tuple(ColumnUnit(name, unit, OF_THE_FORMAT) for name, unit in _UNITS.items()),
             remarks=tuple(remarks),
-            vehicle=_VEHICLES.get(int(log.parameters.get("MAV_TYPE", 0)), ""),
+            vehicle=log.vehicle,
         )
     except MissionError as error:
         raise MissionError(f"{error}. {log.what_there_is()}") from None
@@ -115,8 +115,7 @@ def read_log(path: Path) -> SensorLog:
     gnss = _gnss(log, gps)
     if not gnss.time.size:
         raise MissionError(f"{path}: {log.no_fix()}; accepted are logs with fixes")
-    beside = Beside(_VEHICLES.get(int(log.parameters.get("MAV_TYPE", 0)), ""))
-    made = repaired(str(path), imu.time, imu.values, gnss, beside=beside)
+    made = repaired(str(path), imu.time, imu.values, gnss, beside=Beside(log.vehicle))
     check_log(made)
     return made
 
@@ -130,12 +129,15 @@ class _Messages:
             raise MissionError(f"{path}: is no {NAME} log")
         self._log = DataFlashFile.of(data, wanted)
         self.lost_bytes = self._log.lost_bytes
-        clock = self._log.numbers("TIME")
-        self._stamps = np.empty(0) if clock is None else clock["StartTime"] * 1e-6
+        self._stamps = (self._log.numbers("TIME") or {}).get("StartTime", np.empty(0)) * 1e-6
         self._stamped = self._log.places("TIME")
         names = [name.rstrip("\0") for name in self._log.texts("PARM", "Name")]
         values = (self._log.numbers("PARM") or {}).get("Value", np.empty(0))
         self.parameters = dict(zip(names, np.nan_to_num(values).tolist(), strict=False))
+
+    @property
+    def vehicle(self) -> str:
+        return _VEHICLES.get(int(self.parameters.get("MAV_TYPE", 0)), "")
 
     def messages(self, name: str) -> dict[str, FloatArray] | None:
         return self._log.numbers(name) if len(self._stamps) else None

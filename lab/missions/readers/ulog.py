@@ -109,8 +109,12 @@ def read_log(path: Path) -> SensorLog:
     if imu is None or gps is None:
         missing = "an IMU (sensor_combined, vehicle_imu)" if imu is None else "a GPS (vehicle_gps_position)"
         raise MissionError(f"{path}: the log does not have {missing}; accepted are logs with both")
+    gnss = _gnss(log, gps)
     beside = Beside(_vehicle(log), _magnetometer(log), _headings(gps))
-    made = repaired(str(path), imu.time, imu.values, _gnss(log, gps), beside=beside)
+    try:
+        made = repaired(str(path), imu.time, imu.values, gnss, beside=beside)
+    except MissionError as error:
+        raise MissionError(f"{error}{_no_fix(gps, gnss)}") from None
     check_log(made)
     return made
 
@@ -253,7 +257,9 @@ def on_map(reference: FloatArray, offset: FloatArray) -> FloatArray:
 
 
 def _on_earth(position: FloatArray) -> NDArray[np.bool_]:
-    return np.asarray((np.abs(position[:, 0]) <= np.pi / 2) & (np.abs(position[:, 1]) <= 2 * np.pi))
+    inside = (np.abs(position[:, 0]) <= np.pi / 2) & (np.abs(position[:, 1]) <= 2 * np.pi)
+    # Zero, zero is what is logged before the first fix.
+    return np.asarray(inside & (position[:, :2] != 0).any(axis=1))
 
 
 def _gps(log: ULogFile) -> Messages | None:
@@ -264,6 +270,15 @@ def _gps(log: ULogFile) -> Messages | None:
 def _fixed(gps: Messages) -> NDArray[np.bool_]:
     kind = _column(gps, "fix_type")
     return np.ones(len(gps), dtype=bool) if kind is None else kind >= _THREE_D
+
+
+def _no_fix(gps: Messages, gnss: GnssLog) -> str:
+    """Return what is added to a refusal where the receiver never had a fix."""
+    if gnss.time.size:
+        return ""
+    kind = _column(gps, "fix_type")
+    best = 0 if kind is None else int(np.nan_to_num(kind).max(initial=0))
+    return f". None of the {len(gps)} GPS messages has a fix with a position (fix_type {best} at most)"
 
 
 def _gps_place(gps: Messages) -> FloatArray | None:
