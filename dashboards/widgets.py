@@ -11,7 +11,7 @@ import panel_material_ui as pmui
 import param
 
 from dashboards.style import TOOLTIP
-from lab.setting_kinds import AxisQuantity, Intervals, MatrixOrNone, Quantity
+from lab.setting_kinds import AxisQuantity, Intervals, MatrixOrNone, Quantity, QuantityOrNone
 
 Change = Callable[[Any], bool]
 
@@ -308,7 +308,8 @@ def shown(value: Any) -> str:
     if isinstance(value, int | float):
         return f"{value:.6g}" if isinstance(value, float) else str(value)
     parts = [
-        "–".join(shown(float(t)) for t in part) if isinstance(part, tuple) else shown(part) for part in value
+        "–".join(f"{float(t):.12g}" for t in part) if isinstance(part, tuple) else shown(part)
+        for part in value
     ]
     return (
         parts[0] if parts and len(set(parts)) == 1 and not isinstance(value[0], tuple) else ", ".join(parts)
@@ -324,6 +325,8 @@ def parsed(declaration: param.Parameter, text: str) -> Any:
     if isinstance(declaration, Intervals):
         stretches = [part.replace("–", "-").split("-") for part in text.replace(" ", "").split(",") if part]
         return [tuple(number(t) for t in stretch) for stretch in stretches]
+    if isinstance(declaration, QuantityOrNone):
+        return per_axis(text, declaration.axes) if numbers(text) else None
     if isinstance(declaration, MatrixOrNone):
         variances = numbers(text)
         return _square(variances, declaration.sizes) if variances else None
@@ -367,4 +370,6 @@ def _label(declaration: param.Parameter) -> str:
 def _placeholder(declaration: param.Parameter) -> str:
     if isinstance(declaration, Intervals):
         return "none; such as 60–75, 120–130"
+    if isinstance(declaration, QuantityOrNone):
+        return str(declaration.unset)
     return "matched" if isinstance(declaration, MatrixOrNone) else ""

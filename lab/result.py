@@ -23,6 +23,7 @@ from lab.datasets import flight, innovations, sensors, tables
 from lab.ideal_imu import IdealImu
 from lab.missions import Mission, SensorLog
 from lab.navigation.alignment import Alignment
+from lab.navigation.belief import assumed_latency
 from lab.navigation.solution import Belief, Fixes, Imu, Solution
 from lab.projection import Projection
 from lab.rotation import euler_from_quaternion
@@ -137,6 +138,11 @@ class Result:
         return self.recorded.time if self.recorded else self.known_truth("time").time
 
     @property
+    def epoch(self) -> float:
+        """What time 0 is in the clock that outages are given in [s]: of a log, that of its file."""
+        return self.recorded.log.epoch if self.recorded else 0.0
+
+    @property
     def truth_word(self) -> str:
         """What errors are differences to: ``"truth"``, or the ``"reference"`` of a log."""
         return "reference" if self.recorded else "truth"
@@ -190,6 +196,14 @@ class Result:
     def euler(self) -> FloatArray:
         """Estimated roll, pitch, heading (n + 1, 3) [rad]."""
         return euler_from_quaternion(self.solution_arrays.q_nb)
+
+    @property
+    def fix_validity(self) -> FloatArray:
+        """Times (m,) that the filter took for those of the fixes' validity [s]."""
+        if self.recorded:
+            return self.fixes.time
+        settings = self.experiment
+        return self.fixes.time - assumed_latency(settings.navigator, settings.sensors.gps.latency)
 
     @cached_property
     def true_bias(self) -> FloatArray:
@@ -336,7 +350,7 @@ class Result:
         return evidence(
             self.solution_arrays,
             self.belief,
-            Fixes(fixes.time, fixes.position, fixes.velocity_n),
+            Fixes(self.fix_validity, fixes.position, fixes.velocity_n),
             Imu(self.time, self.gyro.increments, self.accelerometer.increments),
             reference,
         )
@@ -372,14 +386,22 @@ class Result:
                 f"The filter rejected {rejected} of {self.fixes.time.size} GPS fixes as implausible "
                 f"(navigator.gate {self.experiment.navigator.gate:g})."
             )
+        recovered = int(self.solution_arrays.fix_recovered.sum())
+        if recovered:
+            remarks.append(
+                f"The filter recovered {recovered} time{'s' if recovered > 1 else ''}: fixes in a row were "
+                "so implausible that the filter itself had to be in error; it raised P and used the fix."
+            )
         if not self.fixes.time.size:
             remarks.append(
                 "No GPS fix during the flight (sensors.gps.outages, sensors.gps.period): the navigator ran "
                 "free."
             )
+        sensors = self.experiment.sensors
         if self.recorded:
-            return (*self.recorded.notes, *remarks)
-        return (*remarks, *self.experiment.sensors.remarks())
+            assumed = sensors.assumed_remark()
+            return (*self.recorded.notes, *remarks, *((assumed,) if assumed else ()))
+        return (*remarks, *sensors.remarks(self.experiment.navigator.states))
 
     def datasets(self) -> dict[str, xr.Dataset]:
         """Return by name all datasets that are known of this run; the temperature where a profile is set."""

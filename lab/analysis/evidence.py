@@ -202,7 +202,7 @@ def evidence(
         What the navigator computed, and what it assumed. Innovations that are NaN, of what the receiver does
         not measure, count for nothing: their R is very large.
     fixes, imu
-        What it was given.
+        What it was given; the fixes at the times the filter takes for those of their validity.
     reference
         The truth, where it is known.
     """
@@ -215,7 +215,7 @@ def evidence(
     )
     found = Evidence(
         runs=1,
-        innovations=_innovations(solution, belief, used, imu.time, motion, causes),
+        innovations=_innovations(solution, used, imu.time, motion, causes),
         nis=Squares(np.array(nis.sum()), np.array(float(known.sum()))),
     )
     if reference is None:
@@ -233,7 +233,6 @@ def evidence(
 
 def _innovations(
     solution: Solution,
-    belief: Belief,
     used: NDArray[np.intp],
     time: FloatArray,
     motion: Motion,
@@ -244,7 +243,7 @@ def _innovations(
     sigma = np.sqrt(np.diagonal(S, axis1=1, axis2=2))
     normalised = nu / sigma
     squares, sums, lagged = sizes(normalised)
-    answer = response(solution, belief, used, time, motion, causes)
+    answer = response(solution, used, time, motion, causes)
     root = np.linalg.cholesky(S / (sigma[:, :, None] * sigma[:, None, :]))
     both = np.concatenate((answer, nu[..., None]), axis=2) / sigma[..., None]
     white = np.asarray(np.linalg.solve(root, both), dtype=np.float64)
@@ -294,6 +293,7 @@ def _fix_errors(
     error = np.concatenate(
         (errors.position_error(fixes.position[used], there), velocity_n - there.velocity_n), axis=1
     )
+    error -= causes[:, :, 1:] @ belief.lever_arm  # which the filter is told
     variance = np.diagonal(belief.R)
     error, causes = error / np.sqrt(variance), causes / np.sqrt(variance)[:, None]
     kept = ~outliers(error)

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lab.navigation.error_models import ACCEL_BIAS, ACCEL_SCALE, ATT, GYRO_BIAS, GYRO_SCALE, POS, VEL
-from lab.navigation.solution import Belief, Imu, Solution
+from lab.navigation.solution import Imu, Solution
 from lab.rotation import C_nb_from_euler, euler_from_quaternion
 
 FloatArray = NDArray[np.float64]
@@ -89,7 +89,6 @@ def causes_of(motion: Motion) -> FloatArray:
 
 def response(
     solution: Solution,
-    belief: Belief,
     used: NDArray[np.intp],
     time: FloatArray,
     motion: Motion,
@@ -101,8 +100,8 @@ def response(
 
     Parameters
     ----------
-    solution, belief
-        What the navigator computed, and what it assumed.
+    solution
+        What the navigator computed.
     used : (m,) array
         Numbers of the fixes it used.
     time : (n + 1,) array
@@ -110,7 +109,8 @@ def response(
     motion, causes
         Those of these fixes.
     """
-    gains = solution.fix_covariance[used][:, :, :6] @ np.linalg.inv(belief.fix_covariance(used))
+    H = solution.fix_H[used]
+    gains = solution.fix_covariance[used] @ H.transpose(0, 2, 1) @ np.linalg.inv(solution.fix_R[used])
     n = solution.states
     at = solution.fix_sample[used]
     dt = np.diff(time[at], append=time[-1])[:, None, None]
@@ -128,7 +128,7 @@ def response(
     error = np.zeros((n, CAUSES))
     response = np.empty(causes.shape)
     for k in range(used.size):  # a recursion over fixes, not samples
-        response[k] = error[:6] - causes[k]
+        response[k] = H[k] @ error - causes[k]
         error = transition[k] @ (error - gains[k] @ response[k])
     return response
 

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import param
 
-from lab.setting_kinds import AxisQuantity, MatrixOrNone, Quantity
+from lab.missions.vehicle import VEHICLES
+from lab.setting_kinds import AxisQuantity, MatrixOrNone, Quantity, QuantityOrNone
 from lab.settings import Settings
 
 _AXES_NED = ("north", "east", "down")
@@ -146,6 +147,23 @@ class NavigatorSettings(Settings):
         doc="Initial attitude error φ beside the drawn one, such as 60° down for a heading 60° too small; P₀ "
         "takes in the second moment of both.",
     )
+    alignment = Quantity(
+        0.0,
+        unit="s",
+        bounds=(0, 3600),
+        softbounds=(0, 120),
+        step=1,
+        label="Alignment before the flight",
+        doc="Rest before the flight in which the constant biases of the gyros are measured, as an autopilot "
+        "does when it is switched on: what is left of them is their noise over that time. 0 starts with the "
+        "whole turn-on bias.",
+    )
+    rest_updates = param.Boolean(
+        default=True,
+        label="Updates at rest",
+        doc="Where the vehicle stands still for 5 s or more, by the GPS velocity and the spread of the IMU, "
+        "the gyros show their biases (zero angular rate updates).",
+    )
     smoother = param.Boolean(
         default=False,
         label="Smoother",
@@ -159,7 +177,33 @@ class NavigatorSettings(Settings):
         step=0.001,
         label="Gate",
         doc="Part of the good fixes that the χ² test of their six innovations lets through, such as 0.999; "
-        "the others are rejected. 0 uses every fix.",
+        "the others are rejected. 0 uses every fix. After rejections that chance cannot explain, the filter "
+        "assumes that it is itself in error: it raises P and uses the fix, and the result counts that.",
+    )
+    robust = param.Selector(
+        default="none",
+        objects=["none", "huber", "student-t"],
+        label="Robust update",
+        doc="How much a fix counts that stands out from what the filter expects. none: fully. huber: its "
+        "effect on the estimate is bounded. student-t: the further off it is, the smaller its effect (4 "
+        "degrees of freedom).",
+    )
+    lever_arm = QuantityOrNone(
+        unset="matched",
+        unit="m",
+        axes=("forward", "right", "down"),
+        bounds=(-1000, 1000),
+        label="Lever arm the filter assumes",
+        doc="Place of the GPS antenna, from the IMU forward, right, down, as the filter is told; matched: "
+        "that of the simulated receiver, or of the log.",
+    )
+    latency = QuantityOrNone(
+        unset="matched",
+        unit="s",
+        bounds=(-60, 60),
+        label="Latency the filter assumes",
+        doc="How much older a fix is than its time stamp says, as the filter is told; matched: that of the "
+        "simulated receiver, or of the log.",
     )
     p0_scale = Quantity(
         1.0,
@@ -204,4 +248,42 @@ class NavigatorSettings(Settings):
         label="R",
         doc="Covariance of a fix the filter assumes, SI units: position north, east, down, then "
         "velocity: its diagonal or the whole matrix; unset, matched to the receiver.",
+    )
+    vehicle = param.Selector(
+        default="auto",
+        objects=["auto", *VEHICLES],
+        label="Vehicle of a log",
+        doc="What carried the sensors of a log. Aeroplanes and cars go where their nose points, which shows "
+        "the initial heading and wrong axes; the others need not. auto: what the log says.",
+    )
+    initial_heading = QuantityOrNone(
+        unset="found",
+        unit="°",
+        bounds=(-360, 360),
+        label="Initial heading of a log",
+        doc="True heading of a log at its first sample; found: what antennas, course, motion or magnetometer "
+        "show.",
+    )
+    initial_heading_uncertainty = Quantity(
+        5.0,
+        unit="°",
+        bounds=(1e-3, 180),
+        softbounds=(0.1, 30),
+        step=0.1,
+        label="Initial heading of a log, σ",
+        doc="Standard deviation of the initial heading where it is given.",
+    )
+    log_from = QuantityOrNone(
+        unset="start",
+        unit="s",
+        bounds=(-1e10, 1e10),
+        label="Log from",
+        doc="Where navigation of a log starts, in the clock of its file; start: at its first sample.",
+    )
+    log_to = QuantityOrNone(
+        unset="end",
+        unit="s",
+        bounds=(-1e10, 1e10),
+        label="Log to",
+        doc="Where navigation of a log ends, in the clock of its file; end: at its last sample.",
     )
