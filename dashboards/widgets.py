@@ -10,6 +10,7 @@ import panel as pn
 import panel_material_ui as pmui
 import param
 
+from dashboards.style import TOOLTIP
 from lab.setting_kinds import AxisQuantity, Intervals, MatrixOrNone, Quantity, QuantityOrNone
 
 Change = Callable[[Any], bool]
@@ -109,6 +110,7 @@ class NumberField(Field):
                 width=20,
                 color="default",
                 description="One for each axis",
+                stylesheets=[TOOLTIP],
                 styles=_over(-4),
             )
             more.param.watch(self._unfold, "value")
