@@ -16,14 +16,15 @@ from numpy.typing import NDArray
 
 from lab import report
 from lab.analysis import budget, observability
-from lab.analysis.algorithm_verdict import algorithm_evidence, judge
-from lab.analysis.evidence import Evidence, Reference, evidence
+from lab.analysis.algorithm_verdict import judge
+from lab.analysis.evidence import Evidence
+from lab.analysis.run_evidence import evidence_of
 from lab.analysis.verdict import Verdict
 from lab.datasets import flight, innovations, sensors, tables
 from lab.ideal_imu import IdealImu
 from lab.missions import Mission, SensorLog
 from lab.navigation.alignment import Alignment
-from lab.navigation.solution import Belief, Fixes, Imu, Solution
+from lab.navigation.solution import Belief, Solution
 from lab.projection import Projection
 from lab.rotation import euler_from_quaternion
 from lab.sensors.gps import GpsFixes
@@ -326,20 +327,7 @@ class Result:
     @cached_property
     def evidence(self) -> Evidence:
         """What this run says for and against each assumption of the filter; of a log its innovations."""
-        fixes, reference = self.fixes, None
-        if self.recorded is None:
-            truth, ideal = self.true_flight("evidence")
-            scale = self.true_scale if self.solution_arrays.scale.size else None
-            reference = Reference(truth, self.true_bias, ideal.dtheta, ideal.dvelocity, scale)
-        if self.algorithm:
-            return algorithm_evidence(self.solution_arrays, reference)
-        return evidence(
-            self.solution_arrays,
-            self.belief,
-            Fixes(fixes.time, fixes.position, fixes.velocity_n),
-            Imu(self.time, self.gyro.increments, self.accelerometer.increments),
-            reference,
-        )
+        return evidence_of(self)
 
     @cached_property
     def coverage(self) -> pd.DataFrame:
