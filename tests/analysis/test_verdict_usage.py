@@ -1,4 +1,4 @@
-"""Verdict on what was not used, and on smoothed runs: rejected fixes are judged too, P0 by the filter's start."""
+"""Verdict on smoothed runs and on what was not used: P0 is judged by the filter's start, rejected fixes too."""
 
 from __future__ import annotations
 
