@@ -10,7 +10,7 @@ import panel as pn
 import panel_material_ui as pmui
 import param
 
-from lab.setting_kinds import AxisQuantity, Intervals, MatrixOrNone, Quantity
+from lab.setting_kinds import AxisQuantity, Intervals, MatrixOrNone, Quantity, QuantityOrNone
 
 Change = Callable[[Any], bool]
 
@@ -322,6 +322,8 @@ def parsed(declaration: param.Parameter, text: str) -> Any:
     if isinstance(declaration, Intervals):
         stretches = [part.replace("–", "-").split("-") for part in text.replace(" ", "").split(",") if part]
         return [tuple(number(t) for t in stretch) for stretch in stretches]
+    if isinstance(declaration, QuantityOrNone):
+        return per_axis(text, declaration.axes) if numbers(text) else None
     if isinstance(declaration, MatrixOrNone):
         variances = numbers(text)
         return _square(variances, declaration.sizes) if variances else None
@@ -365,4 +367,6 @@ def _label(declaration: param.Parameter) -> str:
 def _placeholder(declaration: param.Parameter) -> str:
     if isinstance(declaration, Intervals):
         return "none; such as 60–75, 120–130"
+    if isinstance(declaration, QuantityOrNone):
+        return str(declaration.unset)
     return "matched" if isinstance(declaration, MatrixOrNone) else ""

@@ -17,16 +17,18 @@ import param
 import tomli_w
 from numpy.typing import NDArray
 
+from lab import earth
 from lab.cache import StageCache, digest
 from lab.ecef import near_pole
 from lab.ideal_imu import IdealImu
 from lab.log_run import run_log, timed
 from lab.missions import LogMission, Mission, mission
-from lab.navigation import unscented
+from lab.navigation import smoother, unscented
 from lab.navigation.algorithm import Algorithm, run_algorithm
-from lab.navigation.belief import belief, schedule_of
+from lab.navigation.belief import assumed_latency, belief, schedule_of
 from lab.navigation.checks import (
     check_bias_decay,
+    check_engine,
     check_finite,
     check_mechanization,
     check_r,
@@ -36,8 +38,8 @@ from lab.navigation.checks import (
 from lab.navigation.choice import chosen_model, is_ready
 from lab.navigation.navigator import PolarError, navigate
 from lab.navigation.settings import NavigatorSettings
-from lab.navigation.smoother import smooth
 from lab.navigation.solution import Belief, Fixes, Imu, Schedule, Solution, Start
+from lab.navigation.standstill import at_rest
 from lab.result import Result
 from lab.sensors import gps, imu
 from lab.sensors import temperature as thermal
@@ -316,19 +318,18 @@ class _Run:
         """Navigate."""
         settings, ideal = self.navigator, flight.ideal
         check_mechanization(settings)
-        check_smoother(settings)
+        check_engine(settings)
         check_r(assumed.R)
         schedule = schedule_of(settings, ideal.dt, ideal.dtheta.shape[0])
+        check_smoother(settings, schedule)
         check_bias_decay(schedule.stride * ideal.dt, assumed.bias_decay)
-        arguments = (
-            Imu(ideal.time, dtheta, dvelocity),
-            Fixes(fixes.time, fixes.position, fixes.velocity_n),
-            start(flight.truth, settings, self.experiment.seed),
-            assumed,
-            schedule,
-        )
+        latency = assumed_latency(settings, self.sensors.gps.latency)
         try:
-            solution = self.engine(*arguments)
+            increments = Imu(ideal.time, dtheta, dvelocity)
+            seen = Fixes(fixes.time - latency, fixes.position, fixes.velocity_n)
+            if settings.rest_updates:
+                increments = increments._replace(rest=at_rest(increments, seen, assumed))
+            solution = self.engine(increments, seen, self.start(flight), assumed, schedule)
         except SettingError:
             raise
         except PolarError as error:
@@ -340,10 +341,7 @@ class _Run:
         except ValueError as error:  # the reference's linear algebra, which stops at what is no number
             raise diverged("the filter cannot go on", error) from error
         check_finite(solution, ideal.time)
-        if not settings.smoother:
-            return solution
-        self.progress("Smoothing", 0.9)
-        return smooth(arguments[0], solution, assumed)
+        return solution
 
     def own_solution(
         self, flight: Flight, dtheta: FloatArray, dvelocity: FloatArray, fixes: gps.GpsFixes
@@ -354,17 +352,20 @@ class _Run:
             self.algorithm,
             Imu(flight.ideal.time, dtheta, dvelocity),
             Fixes(fixes.time, fixes.position, fixes.velocity_n),
-            start(flight.truth, self.navigator, self.experiment.seed),
+            self.start(flight),
         )
+
+    def start(self, flight: Flight) -> Start:
+        """Return where the navigator believes it starts, with the gyro bias an alignment found."""
+        begin = start(flight.truth, self.navigator, self.experiment.seed)
+        if not self.navigator.alignment:
+            return begin
+        bias = aligned_gyro_bias(self.sensors, self.experiment.seed, float(self.navigator.alignment))
+        return begin._replace(gyro_bias=bias)
 
     def engine(self, imu: Imu, fixes: Fixes, start: Start, belief: Belief, schedule: Schedule) -> Solution:
         """Navigate with the model and the engine of the settings."""
         if self.navigator.model == "nonlinear":
-            if self.navigator.engine == "filterpy":
-                raise SettingError(
-                    "navigator.engine: the reference in filterpy is a linear filter, which the model "
-                    "nonlinear is not; accepted is compiled"
-                )
             return unscented.navigate(imu, fixes, start, belief, schedule)
         if self.navigator.engine == "filterpy":
             from lab.navigation import reference  # noqa: PLC0415 - filterpy takes half a second to import
@@ -378,7 +379,34 @@ class _Run:
                 chosen_model(self.navigator),
                 progress=lambda done: self.progress("Navigating", 0.4 + 0.6 * done),
             )
-        return navigate(imu, fixes, start, belief, schedule, chosen_model(self.navigator))
+        engine = smoother.navigate if self.navigator.smoother else navigate
+        return engine(imu, fixes, start, belief, schedule, chosen_model(self.navigator))
+
+
+def aligned_gyro_bias(sensors: SensorSuite, seed: int, length: float) -> FloatArray:
+    """Return the gyro bias (3,) that an alignment at rest before the flight finds [rad/s].
+
+    The constant bias at the temperature of the start and under level gravity, and the noise of its mean over
+    the time. What varies, the instability of the flight, is not known before it.
+
+    Parameters
+    ----------
+    sensors
+        The errors of the sensors.
+    seed
+        Seed of the run.
+    length
+        Length of the rest [s].
+    """
+    errors = sensors.gyro
+    draws = imu.ImuDraws.of(seed, "gyro", 0, instability=False)
+    warmth = thermal.temperature(sensors.temperature, np.zeros(1), np.zeros(1))
+    around = imu.Surroundings(warmth, np.array([[0.0, 0.0, -earth.STANDARD_GRAVITY]]))
+    induced = np.zeros(3)
+    if not sensors.temperature.compensation:
+        induced = np.broadcast_to(imu.induced_bias(errors, around, 1.0), (1, 3))[0]
+    noise = si(errors, "noise_density") / np.sqrt(length) * unit_draws(seed, "alignment", (3,))
+    return np.asarray(imu.turn_on_bias(errors, draws) + induced + noise)
 
 
 def start(truth: Truth, settings: NavigatorSettings, seed: int) -> Start:

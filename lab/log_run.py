@@ -16,6 +16,7 @@ from lab.cache import StageCache, digest
 from lab.missions import LogMission, SensorLog
 from lab.missions.sensor_log import Reference
 from lab.navigation.algorithm import Algorithm, run_algorithm
+from lab.navigation.belief import assumed_latency
 from lab.navigation.choice import is_ready
 from lab.navigation.recorded import RecordedRun, navigate_log
 from lab.navigation.solution import Solution
@@ -138,7 +139,8 @@ def _result(
 ) -> Result:
     samples, fixes = made.imu.dtheta.shape[0], made.fixes.time.size
     nothing = np.broadcast_to(np.nan, (max(samples, fixes), 3))
-    rows = np.searchsorted(log.gnss.time - log.gnss.latency, made.fixes.time)
+    latency = assumed_latency(experiment.navigator, log.gnss.latency)
+    rows = np.searchsorted(log.gnss.time - latency, made.fixes.time)
     # The filter was given something in place of what the receiver does not measure.
     seen = np.where(np.isnan(log.gnss.velocity_n[rows]), np.nan, made.fixes.velocity_n)
     notes = list(made.remarks)

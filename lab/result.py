@@ -24,6 +24,7 @@ from lab.datasets import flight, innovations, sensors, tables
 from lab.ideal_imu import IdealImu
 from lab.missions import Mission, SensorLog
 from lab.navigation.alignment import Alignment
+from lab.navigation.belief import assumed_latency
 from lab.navigation.solution import Belief, Solution
 from lab.projection import Projection
 from lab.rotation import euler_from_quaternion
@@ -192,6 +193,14 @@ class Result:
         """Estimated roll, pitch, heading (n + 1, 3) [rad]."""
         return euler_from_quaternion(self.solution_arrays.q_nb)
 
+    @property
+    def fix_validity(self) -> FloatArray:
+        """Times (m,) that the filter took for those of the fixes' validity [s]."""
+        if self.recorded:
+            return self.fixes.time
+        settings = self.experiment
+        return self.fixes.time - assumed_latency(settings.navigator, settings.sensors.gps.latency)
+
     @cached_property
     def true_bias(self) -> FloatArray:
         """True gyro and accelerometer biases (n + 1, 6) at the IMU times [rad/s], [m/s²]."""
@@ -359,6 +368,12 @@ class Result:
             remarks.append(
                 f"The filter rejected {rejected} of {self.fixes.time.size} GPS fixes as implausible "
                 f"(navigator.gate {self.experiment.navigator.gate:g})."
+            )
+        recovered = int(self.solution_arrays.fix_recovered.sum())
+        if recovered:
+            remarks.append(
+                f"The filter recovered {recovered} time{'s' if recovered > 1 else ''}: fixes in a row were "
+                "so implausible that the filter itself had to be in error; it raised P and used the fix."
             )
         if not self.fixes.time.size:
             remarks.append(

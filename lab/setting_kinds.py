@@ -107,6 +107,49 @@ class AxisQuantity(param.Parameter):
         return tuple(float(number) for number in components)
 
 
+class QuantityOrNone(param.Parameter):
+    """A number, or one for each named axis, or unset (None).
+
+    Parameters
+    ----------
+    unset
+        What holds while it is unset, in a word such as ``"matched"``; the word is accepted as value, too.
+    unit
+        Unit as shown to a person.
+    axes
+        Names of the components, in order; none for a single number.
+    bounds
+        Hard limits of every component.
+    **kwargs
+        As for `param.Parameter`: ``label``, ``doc``.
+    """
+
+    __slots__ = ["axes", "bounds", "unit", "unset"]
+
+    def __init__(
+        self,
+        *,
+        unset: str,
+        unit: str = "",
+        axes: Sequence[str] = (),
+        bounds: Bounds = (None, None),
+        **kwargs: Any,
+    ) -> None:
+        for name, value in {"axes": tuple(axes), "bounds": bounds, "unit": unit, "unset": unset}.items():
+            object.__setattr__(self, name, value)
+        super().__init__(default=None, allow_None=True, **kwargs)
+
+    def __set__(self, obj: Any, value: Any) -> None:
+        super().__set__(obj, self._checked(value))
+
+    def _checked(self, value: Any) -> float | tuple[float, ...] | None:
+        if value is None or value == self.unset:
+            return None
+        number = AxisQuantity(0.0, unit=self.unit, axes=self.axes or ("value",), bounds=self.bounds)
+        numbers = number.broadcast(value)
+        return numbers if self.axes else numbers[0]
+
+
 class Intervals(param.List):
     """A list of (start, end) times in seconds, each with end > start >= 0."""
 
@@ -221,6 +264,10 @@ _WORDS: dict[type[param.Parameter], Callable[[Any, str], str]] = {
             if p.diagonal_only
             else f", or a symmetric positive semidefinite {_either(f'{n} × {n}' for n in p.sizes)} matrix"
         )
+    ),
+    QuantityOrNone: lambda p, u: (
+        (f"one number, or {len(p.axes)} ({', '.join(p.axes)}), each" if p.axes else "a number")
+        + f"{_range(p.bounds)}{u}, or {p.unset}"
     ),
     AxisQuantity: lambda p, u: (
         f"one number, or {len(p.axes)} ({', '.join(p.axes)}), each{_range(p.bounds)}{u}"

@@ -127,6 +127,7 @@ def _check(result: Result) -> None:
     truth, _ = result.true_flight("budget")
     check_latitude(truth)
     check_gains(result)
+    check_rest(result)
 
 
 def check_latitude(flight: Truth) -> None:
@@ -150,6 +151,15 @@ def check_gains(result: Result) -> None:
         raise SettingError(
             "navigator.smoother: this analysis follows the gains of the filter, which a smoothed solution "
             "does not have; accepted here is false"
+        )
+
+
+def check_rest(result: Result) -> None:
+    """Raise `SettingError` of runs with updates at rest, whose gains are not kept."""
+    if result.solution_arrays.rest.any():
+        raise SettingError(
+            "navigator.rest_updates: the error budget follows the gains of fixes, and here the filter was "
+            "also updated while the vehicle stood still; accepted here is false"
         )
 
 
@@ -211,9 +221,15 @@ class _Propagation:
             np.array([source.drive(ideal.dt) for source in self.inertial]).reshape(-1, 3),
         )
         # K = P⁺ Hᵀ R⁻¹, whatever P⁺ and R are worth (Gelb 4.2-16b).
-        self.gain = result.solution_arrays.fix_covariance[:, :, :6] @ np.linalg.inv(belief.R)
+        solution = result.solution_arrays
+        used = solution.fix_sample >= 0
+        self.H = solution.fix_H
+        self.gain = np.zeros((self.H.shape[0], solution.states, 6))
+        self.gain[used] = (
+            solution.fix_covariance[used] @ self.H[used].mT @ np.linalg.inv(solution.fix_R[used])
+        )
         self.corrected = _corrections(result)
-        n = self.states = self.gain.shape[1]
+        n = self.states = solution.states
         self.waiting = slice(n, n + BIASES)  # the biases of x̂
         self.own = slice(n + BIASES, n + BIASES + 3)  # c
         self.widths = [source.start.shape[1] for source in constants]
@@ -283,8 +299,9 @@ class _Propagation:
         """Take a fix."""
         K, waiting, own = self.gain[fix], self.waiting, self.own
         U = np.eye(waiting.stop)
-        U[: self.states, :6] -= K
-        U[waiting, :6] = K[NAV:N]
+        n = self.states
+        U[:n, :n] -= K @ self.H[fix]
+        U[waiting, :n] = K[NAV:N] @ self.H[fix]
         noise = np.concatenate((K, -K[NAV:N]))
         if self.corrected[fix]:
             U[waiting] = noise[waiting] = 0.0

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lab.analysis.transition import N
+from lab.navigation.belief import constant_gyro_bias_variance
 from lab.navigation.error_models import (
     ACCEL_BIAS,
     ACCEL_SCALE,
@@ -104,8 +105,12 @@ def constants(experiment: Experiment) -> list[Constant]:
         errors = sensors.groups()[name]
         own = slice(3 * number, 3 * number + 3)
         # The estimate starts with zero: the error is the bias, with the other sign.
-        found.append(initial(f"{name} turn-on bias σ", block, -np.diag(si(errors, "bias_sigma"))))
-        found.append(initial(f"{name} turn-on bias, given", block, -si(errors, "bias")[None]))
+        if name == "gyro" and navigator.alignment:
+            left = np.sqrt(constant_gyro_bias_variance(sensors, navigator))
+            found.append(initial("gyro bias after alignment", block, np.diag(left)))
+        else:
+            found.append(initial(f"{name} turn-on bias σ", block, -np.diag(si(errors, "bias_sigma"))))
+            found.append(initial(f"{name} turn-on bias, given", block, -si(errors, "bias")[None]))
         M, scale, drawn = np.zeros((3, 3)), si(errors, "scale_factor"), si(errors, "scale_factor_sigma")
         for axes, value in zip(OFF_DIAGONAL, si(errors, "misalignment"), strict=True):
             M["xyz".index(axes[0]), "xyz".index(axes[1])] = value

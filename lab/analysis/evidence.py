@@ -11,7 +11,7 @@ P. D. Groves, *Principles of GNSS, Inertial and Multisensor Integrated Navigatio
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Self
 
 import numpy as np
@@ -22,7 +22,7 @@ from lab.analysis.fix_causes import causes_of, motion_at_fixes
 from lab.analysis.fix_evidence import FixErrors, fix_errors
 from lab.analysis.innovation_evidence import Innovations, innovations, offered
 from lab.analysis.sensor_evidence import Reference, SensorErrors, sensor_errors
-from lab.analysis.sums import Squares, Sum
+from lab.analysis.sums import Kept, Squares, Sum
 from lab.navigation.error_models import ACCEL_BIAS, ACCEL_SCALE, ATT, GYRO_BIAS, GYRO_SCALE, POS, VEL
 from lab.navigation.solution import Belief, Fixes, Imu, Solution
 
@@ -86,6 +86,8 @@ class Evidence(Sum):
         Of the fixes.
     usage : Usage
         How many of the fixes were used.
+    told : Kept
+        Latency [s] and lever arm [m] that the filter was told, (runs, 4).
     fixes : FixErrors or None
         With the truth.
     sensors : SensorErrors or None
@@ -99,6 +101,7 @@ class Evidence(Sum):
     runs: int
     innovations: Innovations
     usage: Usage
+    told: Kept = field(default_factory=lambda: Kept(np.zeros((1, 4))))
     fixes: FixErrors | None = None
     sensors: SensorErrors | None = None
     start: Squares | None = None
@@ -106,7 +109,7 @@ class Evidence(Sum):
 
     def without_truth(self) -> Self:
         """Return what would be known without the truth."""
-        return type(self)(self.runs, self.innovations, self.usage)
+        return type(self)(self.runs, self.innovations, self.usage, self.told)
 
 
 def evidence(
@@ -117,6 +120,7 @@ def evidence(
     reference: Reference | None = None,
     *,
     gate: float = 0.0,
+    latency: float = 0.0,
     smoothed: Solution | None = None,
 ) -> Evidence:
     """Return what a run says of its filter.
@@ -127,11 +131,13 @@ def evidence(
         What the filter computed, and what it assumed. Innovations that are NaN, of what the receiver does
         not measure, count for nothing: their R is very large.
     fixes, imu
-        What it was given.
+        What it was given; the fixes at the times the filter takes for those of their validity.
     reference
         The truth, where it is known.
     gate
         Part of the good fixes that the filter lets through; 0 where it has no gate.
+    latency
+        That the filter was told [s].
     smoothed
         What a smoother made of the solution: NEES is then that of the smoothed states. All else, the start
         and the innovations among it, is the filter's own.
@@ -141,6 +147,7 @@ def evidence(
         runs=1,
         innovations=innovations(solution, belief, fixes, imu),
         usage=usage(solution, gate),
+        told=Kept(np.append(latency, belief.lever_arm)[None]),
     )
     if reference is None:
         return found

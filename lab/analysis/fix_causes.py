@@ -88,15 +88,13 @@ def causes_of(motion: Motion) -> FloatArray:
 
 
 def matrices(solution: Solution, belief: Belief, fixes: NDArray[np.intp]) -> tuple[FloatArray, FloatArray]:
-    """Return H (m, 6, n) and R (m, 6, 6) of some fixes."""
-    H = np.zeros((fixes.size, 6, solution.states))
-    H[:, :, :6] = np.eye(6)
-    return H, np.broadcast_to(belief.fix_covariance(fixes), (fixes.size, 6, 6))
+    """Return H (m, 6, n) of some fixes and the R (m, 6, 6) they were given, before any robust weight."""
+    return solution.fix_H[fixes], np.broadcast_to(belief.fix_covariance(fixes), (fixes.size, 6, 6))
 
 
-def gains(solution: Solution, belief: Belief, fixes: NDArray[np.intp]) -> FloatArray:
+def gains(solution: Solution, fixes: NDArray[np.intp]) -> FloatArray:
     """Return the gains (m, n, 6) of some fixes, K = P Hᵀ R⁻¹ with P after the fix; zero of rejected ones."""
-    H, R = matrices(solution, belief, fixes)
+    H, R = solution.fix_H[fixes], solution.fix_R[fixes]
     used = solution.fix_sample[fixes] >= 0
     K = np.zeros((fixes.size, solution.states, 6))
     P = solution.fix_covariance[fixes[used]]

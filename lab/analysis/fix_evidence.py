@@ -100,13 +100,14 @@ def fix_errors(
         Which of them the filter rejected.
     """
     times = fixes.time[used]
-    error = _errors(fixes, used, truth, 0.0)
+    told = causes[:, :, 1:] @ belief.lever_arm
+    error = _errors(fixes, used, truth, 0.0) - told
     root = np.sqrt(np.diagonal(belief.R))
     plain = normal_equations(causes / root[:, None], error / root)
     late, gain = _latency(plain)
     if times.size >= FEWEST and gain > LEAST and abs(late) > NONLINEAR:
         # What is far off in time is off by more than its velocity: compared with the truth then.
-        error = _errors(fixes, used, truth, late) + causes[..., 0] * late
+        error = _errors(fixes, used, truth, late) - told + causes[..., 0] * late
     variance = np.diagonal(belief.R)
     error, causes = error / np.sqrt(variance), causes / np.sqrt(variance)[:, None]
     kept = ~outliers(error)

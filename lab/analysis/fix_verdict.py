@@ -27,10 +27,11 @@ ADVICE_CORRELATION = (
 )
 
 
-def judge_fixes(fixes: FixErrors, sizes: FloatArray) -> list[Weighed]:
+def judge_fixes(fixes: FixErrors, sizes: FloatArray, told: FloatArray) -> list[Weighed]:
     """Judge R, the correlation of the fixes, latency and lever arm by the errors of the fixes.
 
-    `sizes` are the rms of the position and the velocity innovations in their σ.
+    `sizes` are the rms of the position and the velocity innovations in their σ, `told` the latency and the
+    lever arm (4,) that the filter was told.
     """
     if not fixes.count:
         return []
@@ -43,7 +44,7 @@ def judge_fixes(fixes: FixErrors, sizes: FloatArray) -> list[Weighed]:
     gain = best.likelihood - white.likelihood
     correlated = gain > RATIO and np.sqrt(ratio) > CORRELATED
     fit = best if correlated else white
-    found = apart + judge_causes(fit.equations)
+    found = apart + judge_causes(fit.equations, told)
     scales = np.array([fit.position, fit.velocity])
     if correlated:
         sigma = float(np.sqrt(scales[0] * ratio * fixes.variance[:3].mean() / fixes.count))
@@ -132,34 +133,38 @@ def _fit(fixes: FixErrors, at: tuple[int, ...]) -> _FixFit:
     return _FixFit(at, equations, float(scales[0]), float(scales[1]), float(likelihood))
 
 
-def judge_causes(fit: Fit) -> list[Weighed]:
-    """Judge latency and lever arm by the normal equations of what they explain, of unit variance."""
+def judge_causes(fit: Fit, told: FloatArray) -> list[Weighed]:
+    """Judge latency and lever arm by the normal equations of what they explain, of unit variance.
+
+    `told` is what the filter was told of them (4,).
+    """
     found = []
     records = Fit(fit.matrix[None], fit.vector[None], fit.squares)
     for entry in select(records, {"latency": (0,), "lever arm": (1, 2, 3)}, LEAST):
         estimate = entry.estimate[0]
         if entry.name == "latency" and abs(estimate[0]) > LATENCY:
-            found.append(Weighed(entry.gain, latency(float(estimate[0]), entry.gain)))
+            found.append(Weighed(entry.gain, latency(float(estimate[0]), entry.gain, told)))
         elif entry.name == "lever arm" and np.linalg.norm(estimate) > LEVER_ARM:
-            found.append(Weighed(entry.gain, lever_arm(estimate, entry.gain)))
+            found.append(Weighed(entry.gain, lever_arm(estimate, entry.gain, told)))
     return found
 
 
-def latency(size: float, gain: float) -> Finding:
-    """Return the finding of fixes that are late by so much [s]."""
+def latency(size: float, gain: float, told: FloatArray) -> Finding:
+    """Return the finding of fixes that are late by so much beyond what the filter was told (4,) [s]."""
     return Finding(
         "GPS latency",
         "not modelled",
         abs(size),
         f"The fixes are {abs(size):.2f} s {'late' if size > 0 else 'early'}: their errors go with the "
         "velocity.",
-        f"Move the times of the fixes by {-size:+.2f} s.",
+        f"Set navigator.latency to {told[0] + size:.2f}.",
         f"latency {size:.3f} s, logarithm of the likelihood ratio {gain:.0f}",
     )
 
 
-def lever_arm(arm: FloatArray, gain: float) -> Finding:
-    """Return the finding of an antenna at a place (3,), forward, right, down [m]."""
+def lever_arm(arm: FloatArray, gain: float, told: FloatArray) -> Finding:
+    """Return the finding of an antenna that is off by (3,) from what the filter was told (4,) [m]."""
+    place = ", ".join(f"{metres:.2f}" for metres in told[1:] + arm)
     where = f"{arm[0]:.1f} m forward, {arm[1]:.1f} m right, {arm[2]:.1f} m down"
     length = float(np.linalg.norm(arm))
     return Finding(
@@ -167,7 +172,7 @@ def lever_arm(arm: FloatArray, gain: float) -> Finding:
         "not modelled",
         length,
         f"The antenna is {length:.1f} m off ({where}): the errors of the fixes turn with the vehicle.",
-        "Take the lever arm off the fixes: position − C_nb l, velocity − C_nb (ω × l).",
+        f"Set navigator.lever_arm to [{place}].",
         f"lever arm {where}, logarithm of the likelihood ratio {gain:.0f}",
     )
 

@@ -103,7 +103,7 @@ def innovations(solution: Solution, belief: Belief, fixes: Fixes, imu: Imu) -> I
     nu, S = np.nan_to_num(solution.innovation[seen]), solution.innovation_covariance[seen]
     normalised = _normalised(nu, S)
     squares, sums, lagged = sizes(normalised[used])
-    record = Record(solution, belief, imu, seen, samples, nu, S, gains(solution, belief, seen))
+    record = Record(solution, belief, imu, seen, samples, nu, S, gains(solution, seen))
     record, apart = _without_outliers(record, known, normalised)
     nu, S = record.innovation, record.covariance
     span = float(imu.time[0]), float(imu.time[-1])

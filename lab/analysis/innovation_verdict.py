@@ -58,7 +58,8 @@ def judge_innovations(evidence: Evidence) -> list[Weighed]:
     if apart and is_right(*rest) and (not found or found[0].gain < apart[0].weight):
         return apart
     if found and found[0].gain > RATIO:
-        return _local(seen, found[0].gain) or [_stated(found, seen)]
+        told = evidence.told.values.mean(axis=0)
+        return _local(seen, found[0].gain) or [_stated(found, seen, told)]
     return _sizes(seen) if suspicious(seen) else []
 
 
@@ -131,7 +132,7 @@ def _local(seen: Innovations, gain: float) -> list[Weighed]:
     return []
 
 
-def _stated(found: list[Explanation], seen: Innovations) -> Weighed:
+def _stated(found: list[Explanation], seen: Innovations, told: FloatArray) -> Weighed:
     """Return the finding of the best explanation, or of GPS or IMU where both explain nearly as much."""
     best = found[0]
     rivals = [one for one in found[1:] if one.source != best.source and GPS in (one.source, best.source)]
@@ -149,7 +150,7 @@ def _stated(found: list[Explanation], seen: Innovations) -> Weighed:
             f"{statistic}, {rival.gain:.0f} of the other",
         )
         return Weighed(best.gain, finding)
-    return Weighed(best.gain, _finding(best, seen, statistic))
+    return Weighed(best.gain, _finding(best, seen, statistic, told))
 
 
 def _words(one: Explanation) -> str:
@@ -169,11 +170,11 @@ def _words(one: Explanation) -> str:
     return f"{one.name} {factor:.2g} × too {wrong}"
 
 
-def _finding(best: Explanation, seen: Innovations, statistic: str) -> Finding:
+def _finding(best: Explanation, seen: Innovations, statistic: str, told: FloatArray) -> Finding:
     if best.name == "GPS latency":
-        return latency(float(best.parts[0]), best.gain)
+        return latency(float(best.parts[0]), best.gain, told)
     if best.name == "GPS lever arm":
-        return lever_arm(best.parts, best.gain)
+        return lever_arm(best.parts, best.gain, told)
     if best.name == "GPS correlation":
         size = np.sqrt(seen.offered.mean[:3].mean())
         return Finding(

@@ -14,9 +14,12 @@ from numpy.typing import NDArray
 
 from lab import earth
 from lab.analysis.error_sources import rounding
-from lab.rotation import C_nb_from_euler
+from lab.analysis.errors import position_error
+from lab.navigation.belief import assumed_latency, assumed_lever_arm
+from lab.rotation import C_nb_from_euler, wrap
 from lab.sensors import gps, imu
 from lab.sensors import temperature as thermal
+from lab.trajectory import Truth
 from lab.units import si
 
 if TYPE_CHECKING:
@@ -123,8 +126,11 @@ _NONE = imu.ImuDraws(*(np.zeros(3),) * 3, *(np.zeros((0, 3)),) * 3, np.zeros((1,
 
 def _of_fixes(result: Result) -> list[Series]:
     """Return what latency and lever arm make of the fixes."""
-    errors, fixes = result.experiment.sensors.gps, result.fixes
-    if not fixes.time.size or not (errors.latency or any(errors.lever_arm)):
+    errors, fixes, navigator = result.experiment.sensors.gps, result.fixes, result.experiment.navigator
+    latency = assumed_latency(navigator, errors.latency)
+    told = assumed_lever_arm(navigator, si(errors, "lever_arm"))
+    is_told = latency == errors.latency and np.array_equal(told, si(errors, "lever_arm"))
+    if not fixes.time.size or is_told:
         return []
     number = np.round(fixes.time / errors.period).astype(np.int64)
     times = errors.period * np.arange(1.0, number[-1] + 1)
@@ -137,20 +143,40 @@ def _of_fixes(result: Result) -> list[Series]:
         axis=1,
     )
     no_inertial = np.zeros((result.time.size - 1, 6))
-    if not any(errors.lever_arm):
-        return [Series("GPS latency", no_inertial, way)]
-    arm = _lever_arm(result) if errors.latency else way
-    return [Series("GPS lever arm", no_inertial, arm), Series("GPS latency", no_inertial, way - arm)]
+    way = way - _moved(result, fixes.time - latency) - _lever_arm(result, fixes.time - latency, told)
+    arm = _lever_arm(result, fixes.time - errors.latency, si(errors, "lever_arm") - told)
+    parts = {"GPS lever arm": arm, "GPS latency": way - arm}
+    apart = {"GPS lever arm": bool(arm.any()), "GPS latency": latency != errors.latency}
+    return [Series(name, no_inertial, part) for name, part in parts.items() if apart[name]]
 
 
-def _lever_arm(result: Result) -> FloatArray:
-    """Return where the antenna is and how it moves (m, 6) beside the IMU, when the fixes saw it."""
-    errors, (truth, ideal) = result.experiment.sensors.gps, result.true_flight("budget")
-    at = np.clip(np.round((result.fixes.time - errors.latency) / ideal.dt).astype(np.int64), 1, None)
-    at = np.minimum(at, ideal.dtheta.shape[0])
+def _moved(result: Result, times: FloatArray) -> FloatArray:
+    """Return where the IMU was at some times (m,) against the time stamps of the fixes, and its velocity."""
+    truth, _ = result.true_flight("budget")
+    now, then = (_truth_at(truth, at) for at in (result.fixes.time, times))
+    position = np.stack((then.latitude, then.longitude, then.height), axis=-1)
+    return np.concatenate((position_error(position, now), then.velocity_n - now.velocity_n), axis=1)
+
+
+def _truth_at(truth: Truth, times: FloatArray) -> Truth:
+    """Return position and velocity at some times, straight between samples."""
+    return Truth(
+        times,
+        np.interp(times, truth.time, truth.latitude),
+        wrap(np.interp(times, truth.time, np.unwrap(truth.longitude))),
+        np.interp(times, truth.time, truth.height),
+        np.stack([np.interp(times, truth.time, v) for v in truth.velocity_n.T], axis=-1),
+        truth.q_nb[:0],
+        truth.euler[:0],
+    )
+
+
+def _lever_arm(result: Result, times: FloatArray, arm: FloatArray) -> FloatArray:
+    """Return where an antenna is and how it moves (m, 6) beside the IMU at some times (m,)."""
+    truth, ideal = result.true_flight("budget")
+    at = np.clip(np.round(times / ideal.dt).astype(np.int64), 1, ideal.dtheta.shape[0])
     C_nb = C_nb_from_euler(truth.euler[at])
     sine, cosine = np.sin(truth.latitude[at]), np.cos(truth.latitude[at])
     omega_ie_n = earth.RATE * np.stack((cosine, np.zeros_like(sine), -sine), axis=-1)
     omega_eb_b = ideal.dtheta[at - 1] / ideal.dt - np.einsum("mij,mi->mj", C_nb, omega_ie_n)
-    arm = si(errors, "lever_arm")
     return np.concatenate((C_nb @ arm, np.einsum("mij,mj->mi", C_nb, np.cross(omega_eb_b, arm))), axis=1)

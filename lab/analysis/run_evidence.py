@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 from lab.analysis.algorithm_verdict import algorithm_evidence
 from lab.analysis.evidence import Evidence, evidence
 from lab.analysis.sensor_evidence import Reference
+from lab.navigation.belief import assumed_latency
 from lab.navigation.solution import Fixes, Imu
 
 if TYPE_CHECKING:
@@ -22,12 +23,21 @@ def evidence_of(result: Result) -> Evidence:
     return evidence(
         filtered(result).solution_arrays,
         result.belief,
-        Fixes(fixes.time, fixes.position, fixes.velocity_n),
+        Fixes(result.fix_validity, fixes.position, fixes.velocity_n),
         Imu(result.time, result.gyro.increments, result.accelerometer.increments),
         reference,
         gate=float(navigator.gate),
+        latency=_latency(result),
         smoothed=result.solution_arrays if navigator.smoother else None,
     )
+
+
+def _latency(result: Result) -> float:
+    """Return the latency that the filter was told [s]."""
+    own = (
+        result.experiment.sensors.gps.latency if result.recorded is None else result.recorded.log.gnss.latency
+    )
+    return assumed_latency(result.experiment.navigator, float(own))
 
 
 def reference_of(result: Result) -> Reference:

@@ -88,7 +88,7 @@ def judge_usage(usage: Usage, refused: int) -> list[Weighed]:
 def _by_truth(evidence: Evidence) -> list[Weighed]:
     assert evidence.fixes is not None
     sizes = np.sqrt(evidence.innovations.squares.mean.reshape(2, 3).mean(axis=1))
-    found = judge_fixes(evidence.fixes, sizes)
+    found = judge_fixes(evidence.fixes, sizes, evidence.told.values.mean(axis=0))
     if evidence.sensors is not None:
         found += judge_sensors(evidence.sensors)
     if evidence.start is not None:

@@ -148,10 +148,10 @@ def described(error: BaseException) -> str:
 
 def _read_only(arrays: Arrays) -> Arrays:
     """Return views that cannot be written through: the cache holds what is behind them."""
-    views = [np.asarray(array).view() for array in arrays]
-    for view in views:
+    views = {name: np.asarray(array).view() for name, array in arrays._asdict().items()}
+    for view in views.values():
         view.setflags(write=False)
-    return type(arrays)(*views)
+    return type(arrays)(**views)
 
 
 def _samples(time: FloatArray, fix_time: FloatArray) -> NDArray[np.int64]:

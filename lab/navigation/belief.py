@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from lab.navigation.error_models import ACCEL_BIAS, ACCEL_SCALE, ATT, GYRO_BIAS, GYRO_SCALE, POS, VEL
-from lab.navigation.kalman import gate
+from lab.navigation.kalman import MEASUREMENTS, gate
 from lab.navigation.settings import NavigatorSettings
 from lab.navigation.solution import Belief, Schedule
 from lab.sensors.imu import AccelerometerErrors, GyroErrors
@@ -17,6 +18,16 @@ from lab.settings import SettingError
 from lab.units import si
 
 FloatArray = NDArray[np.float64]
+
+PLAUSIBLE = 0.999
+"""Part of the good fixes that is plausible to a robust filter without a gate."""
+UNEXPLAINED = 1e-6
+"""Probability of rejected good fixes in a row from which on chance does not explain them."""
+FEWEST_AGREEING = 4
+"""Fewest rejected fixes in a row that accuse the filter if they agree: of four outliers with random
+directions one row in 64 does."""
+FEWEST_SCATTERED = 10
+"""Fewest that accuse it whatever their directions: of 20 % outliers one row in 10 million is as long."""
 
 FLICKER_FLOOR = np.sqrt(2 * np.log(2) / np.pi)
 """Allan deviation of flicker over its coefficient B (IEEE Std 952-1997, annex C)."""
@@ -30,7 +41,7 @@ def belief(sensors: SensorSuite, navigator: NavigatorSettings) -> Belief:
     SettingError
         If P0 is given for another number of states than the filter has.
     """
-    gyro_drive, gyro_decay = bias_process(sensors.gyro)
+    gyro_drive, gyro_decay = bias_process(sensors.gyro, constant_gyro_bias_variance(sensors, navigator))
     accel_drive, accel_decay = bias_process(sensors.accelerometer)
     noise = (
         _given(navigator.q) if navigator.q is not None else matched_noise(sensors, gyro_drive, accel_drive)
@@ -41,7 +52,18 @@ def belief(sensors: SensorSuite, navigator: NavigatorSettings) -> Belief:
         R=navigator.r_scale * (_given(navigator.r) if navigator.r is not None else matched_r(sensors)),
         noise=navigator.q_scale * np.diag(noise),
         bias_decay=np.concatenate((gyro_decay, accel_decay)),
+        lever_arm=assumed_lever_arm(navigator, si(sensors.gps, "lever_arm")),
     )
+
+
+def assumed_lever_arm(navigator: NavigatorSettings, true: FloatArray) -> FloatArray:
+    """Return the lever arm (3,) that the filter assumes, where that of the receiver is `true` [m]."""
+    return np.array(true if navigator.lever_arm is None else navigator.lever_arm, dtype=np.float64)
+
+
+def assumed_latency(navigator: NavigatorSettings, true: float) -> float:
+    """Return the latency that the filter assumes, where that of the receiver is `true` [s]."""
+    return float(true if navigator.latency is None else navigator.latency)
 
 
 def _given(value: Any) -> FloatArray:
@@ -70,7 +92,8 @@ def matched_p0(sensors: SensorSuite, navigator: NavigatorSettings) -> FloatArray
     variance[POS] = si(navigator, "position_sigma") ** 2 + si(navigator, "position_error") ** 2
     variance[VEL] = si(navigator, "velocity_sigma") ** 2 + si(navigator, "velocity_error") ** 2
     variance[ATT] = si(navigator, "attitude_sigma") ** 2 + si(navigator, "attitude_error") ** 2
-    variance[GYRO_BIAS] = _turn_on_variance(sensors.gyro) + si(sensors.gyro, "instability") ** 2
+    constant = constant_gyro_bias_variance(sensors, navigator)
+    variance[GYRO_BIAS] = constant + si(sensors.gyro, "instability") ** 2
     variance[ACCEL_BIAS] = (
         _turn_on_variance(sensors.accelerometer) + si(sensors.accelerometer, "instability") ** 2
     )
@@ -96,7 +119,19 @@ def matched_r(sensors: SensorSuite) -> FloatArray:
     return np.diag(np.concatenate([variance[[1, 0, 2]] for variance in east_north_up]))
 
 
-def bias_process(errors: GyroErrors | AccelerometerErrors) -> tuple[FloatArray, FloatArray]:
+def constant_gyro_bias_variance(sensors: SensorSuite, navigator: NavigatorSettings) -> FloatArray:
+    """Return the second moment (3,) of the constant gyro bias that the filter starts with [rad²/s²].
+
+    After an alignment at rest for a time T that is the noise of its mean, N² / T.
+    """
+    if not navigator.alignment:
+        return _turn_on_variance(sensors.gyro)
+    return np.asarray(si(sensors.gyro, "noise_density") ** 2 / float(navigator.alignment))
+
+
+def bias_process(
+    errors: GyroErrors | AccelerometerErrors, constant: FloatArray | None = None
+) -> tuple[FloatArray, FloatArray]:
     """Return drive density (3,) and decay rate (3,) of the filter's one bias state for each axis.
 
     The true bias is a constant plus Gauss-Markov processes, flicker standing in as one of them; the filter's
@@ -105,7 +140,7 @@ def bias_process(errors: GyroErrors | AccelerometerErrors) -> tuple[FloatArray, 
     """
     instability, (flicker, flicker_time) = si(errors, "instability") ** 2, flicker_process(errors)
     drive = 2 * instability / si(errors, "correlation_time") + 2 * flicker / flicker_time
-    total = _turn_on_variance(errors) + instability + flicker
+    total = (_turn_on_variance(errors) if constant is None else constant) + instability + flicker
     decay = np.divide(drive, 2 * total, out=np.zeros(3), where=total > 0)
     return drive + si(errors, "rate_random_walk") ** 2, decay
 
@@ -142,9 +177,27 @@ def schedule_of(navigator: NavigatorSettings, dt: float, samples: int) -> Schedu
         How many there are.
     """
     rate = navigator.filter_rate
+    by_chance = max(1 - suspicion(navigator), UNEXPLAINED)
+    accusing = math.ceil(math.log(UNEXPLAINED) / math.log(by_chance))
     return Schedule(
         feedback=navigator.correction == "feedback",
         correction_period=float(navigator.correction_period),
         stride=max(1, round(min(1 / (rate * dt), samples))) if rate else 1,
         gate=gate(navigator.gate),
+        robust=("none", "huber", "student-t").index(navigator.robust),
+        implausible=implausible(navigator),
+        agreeing=max(FEWEST_AGREEING, accusing),
+        any_of=max(FEWEST_SCATTERED, 2 * accusing),
     )
+
+
+def implausible(navigator: NavigatorSettings, measurements: int = MEASUREMENTS) -> float:
+    """Return the NIS from which on fixes in a row accuse the filter; infinite where every fix is taken."""
+    if not navigator.gate and navigator.robust == "none":
+        return math.inf
+    return gate(suspicion(navigator), measurements)
+
+
+def suspicion(navigator: NavigatorSettings) -> float:
+    """Return which part of the good fixes is plausible: the gate's, or `PLAUSIBLE` without a gate."""
+    return float(navigator.gate) or PLAUSIBLE

@@ -7,14 +7,14 @@ from numpy.typing import NDArray
 
 from lab.navigation.error_models import MODELS, NORTH_SLAVED
 from lab.navigation.settings import NavigatorSettings
-from lab.navigation.solution import Solution
+from lab.navigation.solution import Schedule, Solution
 from lab.settings import SettingError
 
 FloatArray = NDArray[np.float64]
 
 
 def check_mechanization(settings: NavigatorSettings) -> None:
-    """Raise `SettingError` if a mechanization does not go with the model, the engine or the smoother."""
+    """Raise `SettingError` if a mechanization does not go with the model or the engine."""
     if settings.mechanization == NORTH_SLAVED:
         return
     reason = None
@@ -22,21 +22,47 @@ def check_mechanization(settings: NavigatorSettings) -> None:
         reason = "navigator.model: the sigma points of the model nonlinear are north-slaved navigators"
     elif settings.engine == "filterpy":
         reason = "navigator.engine: the reference in filterpy is a north-slaved navigator"
-    elif settings.smoother:
-        reason = "navigator.smoother: goes back through the flight with the north-slaved model phi"
     if reason:
         raise SettingError(
             f"{reason}, which navigator.mechanization = {settings.mechanization} is not; accepted with it "
-            f"are the models {', '.join(MODELS)}, the compiled engine, and no smoother"
+            f"are the models {', '.join(MODELS)} and the compiled engine"
         )
 
 
-def check_smoother(settings: NavigatorSettings) -> None:
-    """Raise `SettingError` if the smoother does not know the model."""
-    if settings.smoother and settings.model != "phi":
+def check_smoother(settings: NavigatorSettings, schedule: Schedule) -> None:
+    """Raise `SettingError` if the smoother cannot go back over the steps of the filter."""
+    if not settings.smoother:
+        return
+    reason = None
+    if settings.model == "nonlinear":
+        reason = f"goes back over the steps of a linear filter, which the model nonlinear is not; {_SMOOTHED}"
+    elif settings.engine == "filterpy":
+        reason = f"goes back over the steps of the compiled filter, not of the one in filterpy; {_SMOOTHED}"
+    elif schedule.stride > 1:
+        reason = (
+            "goes back sample by sample, and navigator.filter_rate = "
+            f"{settings.filter_rate:g} Hz propagates the covariance less often; {_SMOOTHED}"
+        )
+    if reason:
+        raise SettingError(f"navigator.smoother: {reason}")
+
+
+_SMOOTHED = f"accepted with it are the models {', '.join(MODELS)}, the compiled engine, and filter_rate = 0"
+
+
+def check_engine(settings: NavigatorSettings) -> None:
+    """Raise `SettingError` if the reference in filterpy does not know what the settings ask for."""
+    if settings.engine != "filterpy":
+        return
+    if settings.model == "nonlinear":
         raise SettingError(
-            f"navigator.smoother: smooths the solutions of the model phi only, not of {settings.model}; "
-            "accepted is navigator.model = phi, or false here"
+            "navigator.engine: the reference in filterpy is a linear filter, which the model nonlinear is "
+            "not; accepted is compiled"
+        )
+    if settings.robust != "none":
+        raise SettingError(
+            "navigator.engine: the reference in filterpy takes each fix at its full weight, and "
+            f"navigator.robust = {settings.robust} does not; accepted is compiled, or robust = none"
         )
 
 

@@ -32,7 +32,19 @@ from lab.navigation.compilation import (
     rebound_throughout,
 )
 from lab.navigation.error_models import PHI, WANDER_AZIMUTH, ErrorModel
-from lab.navigation.kalman import MEASUREMENTS, update, update_through
+from lab.navigation.kalman import (
+    EVERY,
+    MEASUREMENTS,
+    RECOVERED,
+    REJECTED,
+    normalised_square,
+    plausibility,
+    predict_fix,
+    scalar_update,
+    update,
+    weight,
+)
+from lab.navigation.lever_arm import see_antenna
 from lab.navigation.propagation import (
     BIASES,
     NAV,
@@ -44,12 +56,14 @@ from lab.navigation.propagation import (
     layout,
 )
 from lab.navigation.solution import Fixes, Imu, Schedule, Solution
+from lab.navigation.standstill import GATE, gather_rest, hold_attitude, see_rest
 from lab.navigation.strapdown import (
     GYRO_BIAS,
     GYRO_SCALE,
     LATITUDE,
     PREVIOUS_VELOCITY,
     VELOCITY,
+    Matrix,
     Vector,
     get,
     put,
@@ -91,51 +105,103 @@ def _add_noise_in_body(w: FloatArray, state: FloatArray, noise: FloatArray, dt: 
         w[(WIDTH + 1) * (NAV + b)] += dt * noise[6 + b]
 
 
+@kernel
+def second_order(A: FloatArray, elapsed: float, bias_decay: FloatArray, E: FloatArray) -> None:
+    """Write E = A + A²/2 + A³/6, so that exp(A) = I + E, for the sum A of F dt over many samples.
+
+    Parameters
+    ----------
+    A : (n, n) array
+        Sum of F dt: the rows of the navigation states; those of the biases are their decay.
+    elapsed
+        Time the sum is over [s].
+    bias_decay : (6,) array
+        Decay rates of the biases [1/s].
+    E : (n, n) array
+        Receives the rows of the navigation states.
+    """
+    states = A.shape[0]  # no constant: the compiler would write all products out
+    power, product = np.empty(states), np.empty(states)
+    for r in range(NAV):
+        for c in range(states):
+            power[c] = A[r, c]
+            E[r, c] = A[r, c]
+        factor = 1.0
+        for order in range(2, 4):
+            factor /= order
+            for c in range(states):
+                product[c] = 0.0
+            for m in range(NAV):
+                for c in range(states):
+                    product[c] += power[m] * A[m, c]
+            for b in range(BIASES):
+                product[NAV + b] -= power[NAV + b] * bias_decay[b] * elapsed
+            for c in range(states):
+                power[c] = product[c]
+                E[r, c] += factor * power[c]
+
+
+@inline_kernel
+def faded(rate: float, elapsed: float) -> float:
+    """Return exp(−rate · elapsed) to third order, as `second_order` has it."""
+    x = rate * elapsed
+    return 1 - x * (1 - x / 2 * (1 - x / 3))
+
+
 def _prediction(model: ErrorModel, *, summed: bool) -> Kernel:
     """Return the kernel that propagates [P | x] of a model, at each sample or with sums of F dt."""
-    propagate = compile_propagation(model)
+    propagate = compile_propagation(model, summed=summed)
     label = f"{model.label} {summed}"
     add_noise = _add_noise_in_body if model.in_body else _add_noise
 
     @inline_kernel
     @named(label)
-    def step(run: Filter, dt: float, elapsed: float) -> None:
-        """Propagate [P | x] with F times dt, and with bias decay and noise over the time elapsed."""
+    def predict(run: Filter, dt: float, fix_due: bool, stride: int) -> None:
+        """Propagate [P | x] over the sample, with F to first order, and the noise after it."""
         decay = (
-            1 - elapsed * run.bias_decay[0],
-            1 - elapsed * run.bias_decay[1],
-            1 - elapsed * run.bias_decay[2],
-            1 - elapsed * run.bias_decay[3],
-            1 - elapsed * run.bias_decay[4],
-            1 - elapsed * run.bias_decay[5],
+            1 - dt * run.bias_decay[0],
+            1 - dt * run.bias_decay[1],
+            1 - dt * run.bias_decay[2],
+            1 - dt * run.bias_decay[3],
+            1 - dt * run.bias_decay[4],
+            1 - dt * run.bias_decay[5],
         )
         propagate(run.F, dt, decay, run.w)
         # What has been fed back decays as what is still in x.
         for b in range(BIASES):
             run.state[GYRO_BIAS + b] *= decay[b]
-        add_noise(run.w, run.state, run.noise, elapsed)
-
-    @inline_kernel
-    @named(label)
-    def predict(run: Filter, dt: float, fix_due: bool, stride: int) -> None:
-        """Propagate [P | x] over the sample."""
-        step(run, dt, dt)
+        add_noise(run.w, run.state, run.noise, dt)
 
     @inline_kernel
     @named(label)
     def predict_summed(run: Filter, dt: float, fix_due: bool, stride: int) -> None:
-        """Add the step to the sum of F dt; when due, propagate [P | x] over all steps since it last was."""
+        """Add the step to the sum of F dt; when due, propagate [P | x] over all steps since it last was.
+
+        The noise enters half before and half after, which is of second order in the time.
+        """
         due = fix_due or run.counts[1] + 1 >= stride
         run.counts[1] += 1
         run.clock[1] += dt
         for i in range(NAV):
             for j in range(STATES):
                 run.F_sum[i, j] += dt * run.F[i, j]
-                if due:
-                    run.F[i, j] = run.F_sum[i, j]
-                    run.F_sum[i, j] = 0.0
         if due:
-            step(run, 1.0, run.clock[1])
+            elapsed = run.clock[1]
+            second_order(run.F_sum, elapsed, run.bias_decay, run.F_step)
+            decay = (
+                faded(run.bias_decay[0], elapsed),
+                faded(run.bias_decay[1], elapsed),
+                faded(run.bias_decay[2], elapsed),
+                faded(run.bias_decay[3], elapsed),
+                faded(run.bias_decay[4], elapsed),
+                faded(run.bias_decay[5], elapsed),
+            )
+            add_noise(run.w, run.state, run.noise, 0.5 * elapsed)
+            propagate(run.F_step, 1.0, decay, run.w)
+            add_noise(run.w, run.state, run.noise, 0.5 * elapsed)
+            for b in range(BIASES):
+                run.state[GYRO_BIAS + b] *= decay[b]
+            run.F_sum[:] = 0.0
             run.counts[1] = 0
             run.clock[1] = 0.0
 
@@ -213,9 +279,115 @@ def _difference(
 
 
 @inline_kernel
-def _observe(run: Filter, z: FloatArray, gate: float, nu: FloatArray, S: FloatArray) -> bool:
-    """Update [P | x] with one fix; return whether it was used."""
-    return update(run.w, z, run.R, run.R_root, nu, S, gate)
+def _fix_axes(state: FloatArray) -> Matrix:
+    """Return north, east and down of the last fix in the navigation frame: its own axes, north-slaved."""
+    return (1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)
+
+
+@inline_kernel
+def _through_map(state: FloatArray, T: FloatArray, H: FloatArray) -> None:
+    """Turn H of the errors into H of the model's own: the same, of `phi`."""
+
+
+@kernel
+def _sight(run: Filter, m: int, age: float, z: FloatArray, out: Solution) -> None:
+    """Write H and R of fix m, `age` seconds old, and move z from the IMU to the antenna."""
+    H, R = run.H, run.R_fix
+    for i in range(MEASUREMENTS):
+        for j in range(MEASUREMENTS):
+            R[i, j] = run.R[min(m, run.R.shape[0] - 1), i, j]
+        for j in range(STATES):
+            H[i, j] = 1.0 if i == j else 0.0
+    see_antenna(run.state, run.lever_arm, age, run.noise, _fix_axes(run.state), z, H, R)
+    for i in range(MEASUREMENTS):
+        for j in range(STATES):
+            out.fix_H[m, i, j] = H[i, j]
+
+
+@kernel
+def _observe(
+    run: Filter, m: int, age: float, time: float, schedule: Schedule, z: FloatArray, out: Solution
+) -> int:
+    """Update [P | x] with fix m, `age` seconds before the sample at `time`; say what became of it.
+
+    z is navigator minus fix, the antenna taken for the IMU.
+    """
+    _sight(run, m, age, z, out)
+    H, R, nu, S = run.H, run.R_fix, out.innovation[m], out.innovation_covariance[m]
+    _through_map(run.state, run.T, H)
+    for i in range(MEASUREMENTS):
+        nu[i] = z[i]
+        for j in range(STATES):
+            nu[i] -= H[i, j] * run.w[WIDTH * j + X]
+    predict_fix(run.P, H, R, S)
+    nis = normalised_square(nu, S)
+    became = plausibility(run.P, run.streak, run.clock, nu, S, nis, time, schedule, STATES)
+    if became == REJECTED:
+        return REJECTED
+    if schedule.robust != EVERY:
+        if became == RECOVERED:
+            raised = np.empty((MEASUREMENTS, MEASUREMENTS))
+            predict_fix(run.P, H, R, raised)
+            nis = normalised_square(nu, raised)
+        per_weight = 1 / weight(schedule.robust, nis)
+        for i in range(MEASUREMENTS):
+            for j in range(MEASUREMENTS):
+                R[i, j] *= per_weight
+    for i in range(MEASUREMENTS):
+        for j in range(MEASUREMENTS):
+            out.fix_R[m, i, j] = R[i, j]
+    update(run.w, z, H, R, run.scalars[min(m, run.scalars.shape[0] - 1)])
+    return became
+
+
+@inline_kernel
+def _frame_rate(state: FloatArray) -> Vector:
+    """Return the Earth's rate in the navigation frame."""
+    sine = state[strapdown.SINE]
+    return strapdown.earth_rate(sine, math.sqrt(1 - sine * sine))
+
+
+@inline_kernel
+def _own_attitude(state: FloatArray, seen: Vector) -> Vector:
+    """Return how the model's own attitude error is seen where that of the navigation frame is seen so."""
+    return seen
+
+
+@inline_kernel
+def _own_attitude_in_body(state: FloatArray, seen: Vector) -> Vector:
+    """Return how an attitude error in b is seen where that of the navigation frame is seen so."""
+    at = strapdown.Q_NB
+    C = strapdown.matrix((state[at], state[at + 1], state[at + 2], state[at + 3]))
+    return (
+        C[0][0] * seen[0] + C[1][0] * seen[1] + C[2][0] * seen[2],
+        C[0][1] * seen[0] + C[1][1] * seen[1] + C[2][1] * seen[2],
+        C[0][2] * seen[0] + C[1][2] * seen[1] + C[2][2] * seen[2],
+    )
+
+
+@kernel
+def _observe_rest(run: Filter) -> bool:
+    """Update [P | x] with the mean of the gyros at rest, unless the vehicle turns; say whether it did."""
+    z, H = np.empty(3), np.empty((3, 6))
+    see_rest(run.state, _frame_rate(run.state), run.noise, run.rest_sums, z, H)
+    for m in range(3):
+        done = run.rest_scalars[m]
+        for c in range(STATES):
+            done[c] = 0.0
+        seen = _own_attitude(run.state, (H[m, 0], H[m, 1], H[m, 2]))
+        for i in range(3):
+            done[6 + i] = seen[i]
+            done[NAV + i] = H[m, 3 + i]
+        residual, s = z[m], 1.0
+        for i in range(6, NAV + 3):
+            residual -= done[i] * run.w[WIDTH * i + X]
+            for j in range(6, NAV + 3):
+                s += done[i] * done[j] * run.w[WIDTH * i + j]
+        if residual * residual > GATE * s:
+            return False
+    for m in range(3):
+        scalar_update(run.w, z[m], run.rest_scalars[m])
+    return True
 
 
 @inline_kernel
@@ -264,9 +436,16 @@ def _mapped(model: ErrorModel) -> dict[str, Kernel]:
 
     @kernel
     @named(model.label)
-    def observe(run: Filter, z: FloatArray, gate: float, nu: FloatArray, S: FloatArray) -> bool:
-        write_fix_map(run.state, run.T)
-        return update_through(run.T, run.w, z, run.R, run.R_root, nu, S, gate)
+    def through_map(state: FloatArray, T: FloatArray, H: FloatArray) -> None:
+        write_fix_map(state, T)
+        row = np.empty(NAV)
+        for i in range(MEASUREMENTS):
+            for c in range(NAV):
+                row[c] = H[i, c]
+            for c in range(NAV):
+                H[i, c] = 0.0
+                for d in range(NAV):
+                    H[i, c] += row[d] * T[d, c]
 
     @kernel
     @named(model.label)
@@ -312,7 +491,7 @@ def _mapped(model: ErrorModel) -> dict[str, Kernel]:
                         P[i, j] += half[i, c] * T[j, c]
                 P[j, i] = P[i, j]
 
-    return {"_observe": observe, "_correct": correct, "_store": store, "_store_fix": store_fix}
+    return {"_through_map": through_map, "_correct": correct, "_store": store, "_store_fix": store_fix}
 
 
 @kernel
@@ -357,18 +536,110 @@ _write = PHI.write
 _predict = _prediction(PHI, summed=False)
 _corrected = _estimation(_correct, PHI)
 
+SETTLED, PENDING, LOST = 0, 1, 2
+"""How a sample leaves the navigator: corrected, with an estimated error not yet taken out, or at a pole."""
 
-def _kernels(model: ErrorModel, *, summed: bool) -> dict[str, Kernel]:
+
+@inline_kernel
+def advance_sample(
+    run: Filter,
+    imu: Imu,
+    fixes: Fixes,
+    out: Solution,
+    k: int,
+    schedule: Schedule,
+    z: FloatArray,
+    x: FloatArray,
+    spare: FloatArray,
+    pending: bool,
+) -> int:
+    """Advance a navigator over sample k, with the fixes that are due; say how it is left."""
+    state, w, T = run.state, run.w, run.T
+    time = imu.time[k + 1]
+    dt = time - imu.time[k]
+    _step(state, get(imu.dtheta[k], 0), get(imu.dvelocity[k], 0), dt)
+    if _lost(state):
+        return LOST
+    m = run.counts[0]
+    fix_due = m < fixes.time.size and fixes.time[m] <= time + 1e-6 * dt
+    if imu.rest.size > 0:
+        hold_attitude(state, run.rest_sums, imu.rest[k])
+    _write(state, run.F)
+    _predict(run, dt, fix_due, schedule.stride)
+    rests = imu.rest.size > 0 and imu.rest[k]
+    if rests and gather_rest(state, run.rest_sums, dt) and _observe_rest(run):
+        out.rest[k + 1] = True
+        pending = True
+        if schedule.feedback and time - run.clock[0] >= schedule.correction_period - 1e-6 * dt:
+            _correct(state, w, T)
+            run.clock[0] = time
+            pending = False
+    while fix_due:
+        age = time - fixes.time[m]
+        if age <= dt * (1 + 1e-6):
+            _difference(state, age, age / dt, fixes.position[m], fixes.velocity_n[m], z)
+            became = _observe(run, m, age, time, schedule, z, out)
+            if became == REJECTED:
+                out.fix_rejected[m] = True
+            else:
+                out.fix_sample[m] = k + 1
+                out.fix_recovered[m] = became == RECOVERED
+                pending = True
+                if schedule.feedback and time - run.clock[0] >= schedule.correction_period - 1e-6 * dt:
+                    _correct(state, w, T)
+                    run.clock[0] = time
+                    pending = False
+                if pending:
+                    _store_fix(out, m, _corrected(state, w, T, x, spare), w, T)
+                else:
+                    _store_fix(out, m, state, w, T)
+        m += 1
+        run.counts[0] = m
+        fix_due = m < fixes.time.size and fixes.time[m] <= time + 1e-6 * dt
+    return PENDING if pending else SETTLED
+
+
+def kernels(model: ErrorModel, *, summed: bool) -> dict[str, Kernel]:
     """Return the kernels that differ from those of `phi` at each sample, by their names here."""
     if model is PHI and not summed:
         return {}
-    kernels: dict[str, Kernel] = {"_write": model.write, "_predict": _prediction(model, summed=summed)}
+    others: dict[str, Kernel] = {"_write": model.write, "_predict": _prediction(model, summed=summed)}
     if model.mechanization == WANDER_AZIMUTH:
-        kernels |= {"_step": wander.step, "_lost": wander.lost, "_difference": wander.difference}
+        others |= {
+            "_step": wander.step,
+            "_lost": wander.lost,
+            "_difference": wander.difference,
+            "_fix_axes": wander.fix_axes,
+            "_frame_rate": wander.frame_rate,
+        }
+    if model.in_body:
+        others["_own_attitude"] = _own_attitude_in_body
     if model.write_map:
-        kernels |= _mapped(model)
-        kernels["_corrected"] = _estimation(kernels["_correct"], model)
-    return kernels
+        others |= _mapped(model)
+        others["_corrected"] = _estimation(others["_correct"], model)
+    return others
+
+
+def compiled_for(function: Kernel, model: ErrorModel, *, summed: bool) -> Kernel:
+    """Return a loop over samples, written with the kernels of `phi`, compiled for another model.
+
+    Parameters
+    ----------
+    function
+        The loop: it calls kernels by their names here, such as `advance_sample`.
+    model
+        The error model.
+    summed
+        For propagating P less often than at every sample.
+    """
+    others = kernels(model, summed=summed)
+    if others:
+        others["_observe_rest"] = kernel(rebound(_observe_rest, **others))
+        others["_sight"] = kernel(rebound(_sight, **others))
+        others["_observe"] = kernel(rebound(_observe, **others))
+        others["advance_sample"] = inline_kernel(rebound(advance_sample, **others))
+    own = rebound(function, **others)
+    return entry_kernel(rebound_throughout(own, **layout(model.states)._asdict()))
 
 
 @functools.cache
@@ -394,47 +665,17 @@ def driver(model: ErrorModel, *, summed: bool) -> Advance:
         z = np.empty(MEASUREMENTS)
         x = np.empty(STATES)
         spare = np.empty(state.size)
-        pending = _has_estimate(w)
+        left = PENDING if _has_estimate(w) else SETTLED
         if first == 0:
             _store(out, 0, state, w, T)
         for k in range(first, imu.dtheta.shape[0]):
-            time = imu.time[k + 1]
-            dt = time - imu.time[k]
-            _step(state, get(imu.dtheta[k], 0), get(imu.dvelocity[k], 0), dt)
-            if _lost(state):
+            left = advance_sample(run, imu, fixes, out, k, schedule, z, x, spare, left == PENDING)
+            if left == LOST:
                 return k + 1
-            m = run.counts[0]
-            fix_due = m < fixes.time.size and fixes.time[m] <= time + 1e-6 * dt
-            _write(state, run.F)
-            _predict(run, dt, fix_due, schedule.stride)
-            while fix_due:
-                age = time - fixes.time[m]
-                if age <= dt * (1 + 1e-6):
-                    _difference(state, age, age / dt, fixes.position[m], fixes.velocity_n[m], z)
-                    if _observe(run, z, schedule.gate, out.innovation[m], out.innovation_covariance[m]):
-                        out.fix_sample[m] = k + 1
-                        pending = True
-                        if (
-                            schedule.feedback
-                            and time - run.clock[0] >= schedule.correction_period - 1e-6 * dt
-                        ):
-                            _correct(state, w, T)
-                            run.clock[0] = time
-                            pending = False
-                        if pending:
-                            _store_fix(out, m, _corrected(state, w, T, x, spare), w, T)
-                        else:
-                            _store_fix(out, m, state, w, T)
-                    else:
-                        out.fix_rejected[m] = True
-                m += 1
-                run.counts[0] = m
-                fix_due = m < fixes.time.size and fixes.time[m] <= time + 1e-6 * dt
-            if pending:
+            if left == PENDING:
                 _store(out, k + 1, _corrected(state, w, T, x, spare), w, T)
             else:
                 _store(out, k + 1, state, w, T)
         return imu.time.size
 
-    own = rebound(advance, **_kernels(model, summed=summed))
-    return entry_kernel(rebound_throughout(own, **layout(model.states)._asdict()))
+    return compiled_for(advance, model, summed=summed)

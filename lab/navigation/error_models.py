@@ -78,8 +78,8 @@ class ErrorModel:
         ``write_map(state, T)`` writes the non-zero elements of T (9, 9), the derivative of the position,
         velocity and attitude errors with respect to the model's own; None where they are the same.
     write_fix_map, write_frame_map
-        As `write_map`, but the first six rows along the axes of the last fix, and all rows as the correction
-        of the navigator takes them; None where they are those of `write_map`.
+        As `write_map`, but along the axes of the last fix, and as the correction of the navigator takes them;
+        None where they are those of `write_map`.
     in_body
         Whether the model's errors are those of the group, resolved in b: white noise of the sensors enters
         them axis by axis, and the navigator is corrected by the group's exponential.

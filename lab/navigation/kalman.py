@@ -1,31 +1,54 @@
-"""Kalman: the update of the error state with a GPS fix, which may be refused as implausible.
+"""Kalman: the update of the error state with a GPS fix, which may be refused or weighed as implausible.
 
-Sequential: the six measurements are made independent by the Cholesky factor of R and taken one after the
-other, which needs no matrix inverse and subtracts from P only products of the form k kᵀ / s, so that P
-stays symmetric and positive.
+A fix is z = H x + v. It measures position and velocity of the antenna: H sees the errors of position,
+velocity and, through the lever arm, of the attitude and the gyros. The update is sequential: the six
+measurements are made independent by the Cholesky factor of R and taken one after the other, which needs no
+matrix inverse and subtracts from P only products of the form k kᵀ / s: P stays symmetric and positive.
 
 References
 ----------
-P. D. Groves, *Principles of GNSS, Inertial and Multisensor Integrated Navigation Systems*, 2nd
-ed., ch. 3.2.7; Y. Bar-Shalom, X. R. Li, T. Kirubarajan, *Estimation with Applications to Tracking and
-Navigation*, ch. 5.
+P. D. Groves, *Principles of GNSS, Inertial and Multisensor Integrated Navigation Systems*, 2nd ed., ch. 3.2.7
+and 14.3; Y. Bar-Shalom, X. R. Li, T. Kirubarajan, *Estimation with Applications to Tracking and Navigation*,
+ch. 5; P. J. Huber, *Robust Statistics*, 2nd ed., ch. 7; G. Chang, *Robust Kalman filtering based on
+Mahalanobis distance as outlier judging criterion*, J. Geodesy 88 (2014); G. Agamennoni, J. I. Nieto, E. M.
+Nebot, *Approximate inference in state-space models with heavy-tailed noise*, IEEE Trans. Signal Processing 60
+(2012).
 """
 
 from __future__ import annotations
 
 import math
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy import special
 
 from lab.navigation.compilation import kernel
-from lab.navigation.propagation import NAV, STATES, WIDTH, X
+from lab.navigation.propagation import STATES, WIDTH, X
+
+if TYPE_CHECKING:
+    from lab.navigation.solution import Schedule
 
 FloatArray = NDArray[np.float64]
 
 MEASUREMENTS = 6
-"""Position north, east, down, then velocity: the first six error states, seen directly (H = [I₆ 0])."""
+"""Position north, east, down, then velocity, of the antenna."""
+
+EVERY, HUBER, STUDENT_T = 0, 1, 2
+"""How an update weighs its fix: fully, or less the more its NIS stands out."""
+
+HUBER_NIS = 12.6
+"""NIS from which on Huber's weight falls: what 95 % of good fixes of six measurements stay below."""
+STUDENT_DEGREES = 4.0
+"""Degrees of freedom of Student's t: the usual choice for heavy tails, with finite variance."""
+
+ATTITUDE_LIMIT = 0.5
+"""Largest σ that a recovery adds to the attitude: 30°, which a linear filter still follows [rad]."""
+BIAS_GROWTH = 4.0
+"""Factor on the variance of biases and scale factors in a recovery: twice the σ."""
+
+_GRAVITY = 9.8  # m/s²
 
 
 def gate(probability: float, measurements: int = MEASUREMENTS) -> float:
@@ -37,87 +60,28 @@ def gate(probability: float, measurements: int = MEASUREMENTS) -> float:
 
 
 @kernel
-def update(
-    w: FloatArray,
-    z: FloatArray,
-    R: FloatArray,
-    R_root: FloatArray,
-    nu: FloatArray,
-    S: FloatArray,
-    gate: float = math.inf,
-) -> bool:
-    """Update [P | x] in the workspace with one fix, unless it is implausible; return whether it was used.
-
-    Parameters
-    ----------
-    w
-        Workspace of the propagation, holding [P | x]; changed in place.
-    z : (6,) array
-        Navigator minus GPS: position [m] and velocity [m/s], north, east, down.
-    R, R_root : (6, 6) arrays
-        Covariance of the fix, and its lower Cholesky factor.
-    nu : (6,) array
-        Receives the innovation z − H x.
-    S : (6, 6) array
-        Receives the innovation's covariance H P Hᵀ + R.
-    gate
-        Largest νᵀ S⁻¹ ν (NIS) of a fix that is used.
-    """
+def predict_fix(P: FloatArray, H: FloatArray, R: FloatArray, S: FloatArray) -> None:
+    """Write the covariance S = H P Hᵀ + R (6, 6) of an innovation; P is (n, ≥ n), H is (6, n)."""
+    n = H.shape[1]
+    row = np.empty(n)
     for i in range(MEASUREMENTS):
-        nu[i] = z[i] - w[WIDTH * i + X]
-        for j in range(MEASUREMENTS):
-            S[i, j] = w[WIDTH * i + j] + R[i, j]
-    if gate < math.inf and _normalised_square(nu, S) > gate:
-        return False
-    gain = np.empty(STATES)
-    row = np.zeros(MEASUREMENTS)
-    for m in range(MEASUREMENTS):
-        whitened = _whitening_row(R_root, m, row, z)
-        _scalar_update(w, row[: m + 1], whitened, gain)
-    return True
+        for c in range(n):
+            row[c] = 0.0
+        for d in range(n):
+            h = H[i, d]
+            if h != 0:
+                for c in range(n):
+                    row[c] += h * P[d, c]
+        for j in range(i + 1):
+            total = R[i, j]
+            for c in range(n):
+                total += row[c] * H[j, c]
+            S[i, j] = total
+            S[j, i] = total
 
 
 @kernel
-def update_through(
-    T: FloatArray,
-    w: FloatArray,
-    z: FloatArray,
-    R: FloatArray,
-    R_root: FloatArray,
-    nu: FloatArray,
-    S: FloatArray,
-    gate: float,
-) -> bool:
-    """Update as `update` where the error states are seen through the first six rows of T (9, 9)."""
-    H_P = np.zeros(NAV)
-    for i in range(MEASUREMENTS):
-        nu[i] = z[i]
-        for c in range(NAV):
-            nu[i] -= T[i, c] * w[WIDTH * c + X]
-            H_P[c] = 0.0
-            for d in range(NAV):
-                H_P[c] += T[i, d] * w[WIDTH * d + c]
-        for j in range(MEASUREMENTS):
-            S[i, j] = R[i, j]
-            for c in range(NAV):
-                S[i, j] += H_P[c] * T[j, c]
-    if gate < math.inf and _normalised_square(nu, S) > gate:
-        return False
-    gain = np.empty(STATES)
-    row = np.zeros(MEASUREMENTS)
-    h = np.empty(NAV)
-    for m in range(MEASUREMENTS):
-        whitened = _whitening_row(R_root, m, row, z)
-        for c in range(NAV):
-            h[c] = 0.0
-            for i in range(m + 1):
-                h[c] += row[i] * T[i, c]
-        _scalar_update(w, h, whitened, gain)
-    return True
-
-
-@kernel
-def _normalised_square(nu: FloatArray, S: FloatArray) -> float:
+def normalised_square(nu: FloatArray, S: FloatArray) -> float:
     """Return νᵀ S⁻¹ ν, by elimination of one measurement after the other."""
     A, v = S.copy(), nu.copy()
     total = 0.0
@@ -129,6 +93,170 @@ def _normalised_square(nu: FloatArray, S: FloatArray) -> float:
             for j in range(m + 1, MEASUREMENTS):
                 A[i, j] -= factor * A[m, j]
     return total
+
+
+@kernel
+def weight(robust: int, nis: float) -> float:
+    """Return the weight w of a fix in a robust update, by which R is divided.
+
+    Huber's is √(c / NIS) beyond c = `HUBER_NIS`, Student's t (ν + 6) / (ν + NIS), at most one, with ν =
+    `STUDENT_DEGREES` (Huber ch. 7; Agamennoni et al. 2012, eq. 23).
+    """
+    if robust == HUBER and nis > HUBER_NIS:
+        return math.sqrt(HUBER_NIS / nis)
+    if robust == STUDENT_T:
+        return min(1.0, (STUDENT_DEGREES + MEASUREMENTS) / (STUDENT_DEGREES + nis))
+    return 1.0
+
+
+@kernel
+def stands_out(
+    streak: FloatArray, nu: FloatArray, S: FloatArray, nis: float, agreeing: int, any_of: int
+) -> bool:
+    """Count an implausible fix; return whether the filter, not the fixes, must be wrong.
+
+    Good fixes are refused by chance one at a time, and outliers scatter. Fixes in a row whose innovations
+    point the same way (within 60° in the metric of S), or a long row in any direction, accuse the filter.
+
+    Parameters
+    ----------
+    streak : (8,) array
+        Implausible fixes in a row, how many of them agree with the one before, and the last innovation.
+    nu, S, nis
+        Innovation, its covariance, and its NIS.
+    agreeing, any_of
+        How many in a row accuse the filter, if they agree, and if they do not.
+    """
+    both = np.empty(MEASUREMENTS)
+    for i in range(MEASUREMENTS):
+        both[i] = streak[2 + i]
+    before = normalised_square(both, S)
+    for i in range(MEASUREMENTS):
+        both[i] += nu[i]
+        streak[2 + i] = nu[i]
+    along = 0.5 * (normalised_square(both, S) - before - nis)
+    agrees = streak[0] > 0 and along > 0.5 * math.sqrt(before * nis)
+    streak[0] += 1
+    streak[1] = streak[1] + 1 if agrees else 1.0
+    return bool(streak[1] >= agreeing or streak[0] >= any_of)
+
+
+@kernel
+def inflate(P: FloatArray, nu: FloatArray, elapsed: float, n: int) -> None:
+    """Add to P what the filter must be wrong by where fixes that agree are implausible.
+
+    Position and velocity may be off by the innovation; the attitude by the tilt that gives such a velocity in
+    the time elapsed; the variance of what else is estimated grows by `BIAS_GROWTH`. All of it is added to the
+    diagonal, so that P stays positive, and alike along all axes, so that it holds in any frame.
+
+    Parameters
+    ----------
+    P : (n, ≥ n) array
+        Covariance, changed in place.
+    nu : (6,) array
+        Innovation [m], [m/s].
+    elapsed
+        Time since the last fix that was used [s].
+    n
+        Number of states.
+    """
+    away = (nu[0] * nu[0] + nu[1] * nu[1] + nu[2] * nu[2]) / 3
+    fast = (nu[3] * nu[3] + nu[4] * nu[4] + nu[5] * nu[5]) / 3
+    tilt = min(math.sqrt(fast) / (_GRAVITY * max(elapsed, 1.0)), ATTITUDE_LIMIT)
+    for i in range(9, n):
+        P[i, i] *= BIAS_GROWTH
+    for i in range(3):
+        P[i, i] += away
+        P[3 + i, 3 + i] += fast
+        P[6 + i, 6 + i] += tilt * tilt
+
+
+REJECTED, USED, RECOVERED = 0, 1, 2
+"""What becomes of a fix: left alone, used, or used after P was raised."""
+
+
+@kernel
+def plausibility(
+    P: FloatArray,
+    streak: FloatArray,
+    clock: FloatArray,
+    nu: FloatArray,
+    S: FloatArray,
+    nis: float,
+    time: float,
+    schedule: Schedule,
+    n: int,
+) -> int:
+    """Say what becomes of a fix by its NIS; raise P if the filter must be in error.
+
+    Parameters
+    ----------
+    P : (n, ≥ n) array
+        Covariance.
+    streak : (8,) array
+        Of implausible fixes, as of `stands_out`.
+    clock : (3,) array
+        The last element is when a fix was last plausible [s].
+    nu, S, nis
+        Innovation, its covariance, and its NIS.
+    time
+        Now [s].
+    schedule
+        The limits.
+    n
+        Number of states.
+    """
+    if nis <= schedule.implausible:
+        streak[0] = 0.0
+        clock[2] = time
+    elif stands_out(streak, nu, S, nis, schedule.agreeing, schedule.any_of):
+        inflate(P, nu, time - clock[2], n)
+        streak[0] = 0.0
+        clock[2] = time
+        return RECOVERED
+    return REJECTED if nis > schedule.gate else USED
+
+
+@kernel
+def cholesky_of_fix(R: FloatArray, root: FloatArray) -> None:
+    """Write the lower Cholesky factor of R (6, 6)."""
+    for j in range(MEASUREMENTS):
+        for i in range(j, MEASUREMENTS):
+            total = R[i, j]
+            for k in range(j):
+                total -= root[i, k] * root[j, k]
+            root[i, j] = math.sqrt(total) if i == j else total / root[j, j]
+
+
+@kernel
+def update(w: FloatArray, z: FloatArray, H: FloatArray, R: FloatArray, scalars: FloatArray) -> None:
+    """Update [P | x] in the workspace with one fix.
+
+    Parameters
+    ----------
+    w
+        Workspace of the propagation, holding [P | x]; changed in place.
+    z : (6,) array
+        Navigator minus GPS: position [m] and velocity [m/s], north, east, down.
+    H : (6, n) array
+        How the fix sees the errors.
+    R : (6, 6) array
+        Covariance of the fix.
+    scalars : (6, 2 n + 2) array
+        Receives the six scalar updates: what each sees (n,), its gain (n,), its innovation and its variance.
+    """
+    root = np.zeros((MEASUREMENTS, MEASUREMENTS))
+    cholesky_of_fix(R, root)
+    row = np.zeros(MEASUREMENTS)
+    for m in range(MEASUREMENTS):
+        whitened = _whitening_row(root, m, row, z)
+        done = scalars[m]
+        for c in range(STATES):
+            total = 0.0
+            for i in range(m + 1):
+                total += row[i] * H[i, c]
+            done[c] = total
+        scalar_update(w, whitened, done)
 
 
 @kernel
@@ -147,22 +275,27 @@ def _whitening_row(R_root: FloatArray, m: int, row: FloatArray, z: FloatArray) -
 
 
 @kernel
-def _scalar_update(w: FloatArray, h: FloatArray, z: float, gain: FloatArray) -> None:
-    """Update with one measurement z of unit variance, seeing the first states through h."""
+def scalar_update(w: FloatArray, z: float, done: FloatArray) -> None:
+    """Update with one measurement z of unit variance; `done` holds what it sees, and receives the rest."""
     s = 1.0
     residual = z
     for i in range(STATES):
-        gain[i] = 0.0
-        for j in range(h.size):
-            gain[i] += w[WIDTH * i + j] * h[j]
-    for j in range(h.size):
-        s += h[j] * gain[j]
-        residual -= h[j] * w[WIDTH * j + X]
+        total = 0.0
+        for j in range(STATES):
+            total += w[WIDTH * i + j] * done[j]
+        done[STATES + i] = total
+    for j in range(STATES):
+        s += done[j] * done[STATES + j]
+        residual -= done[j] * w[WIDTH * j + X]
     per_s = 1 / s
     for i in range(STATES):
-        k = gain[i] * per_s
+        k = done[STATES + i] * per_s
         w[WIDTH * i + X] += k * residual
         for j in range(i, STATES):
-            p = w[WIDTH * i + j] - k * gain[j]
+            p = w[WIDTH * i + j] - k * done[STATES + j]
             w[WIDTH * i + j] = p
             w[WIDTH * j + i] = p
+    for i in range(STATES):
+        done[STATES + i] *= per_s
+    done[2 * STATES] = residual
+    done[2 * STATES + 1] = s

@@ -10,6 +10,7 @@ P. D. Groves, *Principles of GNSS, Inertial and Multisensor Integrated Navigatio
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -19,10 +20,12 @@ from lab import earth
 from lab.navigation import strapdown, wander
 from lab.navigation.compilation import interpreted
 from lab.navigation.driver import driver
-from lab.navigation.error_models import NORTH_SLAVED, PHI, WANDER_AZIMUTH, ErrorModel
+from lab.navigation.error_models import PHI, WANDER_AZIMUTH, ErrorModel
+from lab.navigation.kalman import MEASUREMENTS
 from lab.navigation.propagation import NAV, layout
-from lab.navigation.solution import EVERY_FIX, Belief, Fixes, Imu, Schedule, Solution, Start
-from lab.navigation.strapdown import VELOCITY
+from lab.navigation.solution import EVERY_FIX, Belief, Fixes, Imu, Schedule, Solution, Start, Stretch
+from lab.navigation.standstill import ROOM
+from lab.navigation.strapdown import GYRO_BIAS, VELOCITY
 
 FloatArray = NDArray[np.float64]
 
@@ -36,40 +39,62 @@ class Filter(NamedTuple):
 
     state: FloatArray
     w: FloatArray
+    P: FloatArray  # [P | x] of the workspace, (n, width)
     F: FloatArray
     F_sum: FloatArray  # of F dt since P was last propagated
+    F_step: FloatArray  # what the sum makes of the errors
     T: FloatArray  # derivative of the errors with respect to the model's own
     counts: NDArray[np.int64]  # next fix; samples since P was last propagated
-    clock: FloatArray  # time of the last feedback correction; seconds since P was last propagated
-    R: FloatArray
-    R_root: FloatArray
+    clock: FloatArray  # of the last feedback correction; seconds since P was last propagated; of the last fix
+    streak: FloatArray  # of implausible fixes, see `kalman.stands_out`
+    R: FloatArray  # of all fixes, or of each
+    R_fix: FloatArray  # of this fix
+    H: FloatArray  # how this fix sees the model's own errors
+    scalars: FloatArray  # updates of the last fix, or of each; see `kalman.update`
+    rest_sums: FloatArray  # of the rates at rest, see `standstill`
+    rest_scalars: FloatArray  # updates of the last update at rest
     noise: FloatArray
     bias_decay: FloatArray
+    lever_arm: FloatArray
 
     @classmethod
-    def begin(cls, start: Start, belief: Belief, time: float, model: ErrorModel = PHI) -> Filter:
-        """Return a navigator that starts at a time [s], with the error model it will be advanced with."""
+    def begin(
+        cls, start: Start, belief: Belief, time: float, model: ErrorModel = PHI, kept_fixes: int = 1
+    ) -> Filter:
+        """Return a navigator that starts at a time [s], with the error model it will be advanced with.
+
+        `kept_fixes` is of how many fixes the updates are kept, for a smoother: of all, or of the last one.
+        """
         in_wander = model.mechanization == WANDER_AZIMUTH
         state = np.zeros(wander.LENGTH if in_wander else strapdown.LENGTH)
         interpreted(wander.place if in_wander else strapdown.set_position)(state, *start.position)
         state[VELOCITY : VELOCITY + 3] = start.velocity_n
         state[strapdown.Q_NB : strapdown.Q_NB + 4] = start.q_nb
+        state[GYRO_BIAS : GYRO_BIAS + 3] = start.gyro_bias
         n, space = model.states, layout(model.states)
         w = _aligned_zeros(space.size)
-        w[: space.product].reshape(n, space.WIDTH)[:, :n] = initial_covariance(model, state, belief.P0)
-        R = np.ascontiguousarray(belief.R)
+        P = w[: space.product].reshape(n, space.WIDTH)
+        P[:, :n] = initial_covariance(model, state, belief.P0)
         return cls(
             state,
             w,
+            P,
+            np.zeros((n, n)),
             np.zeros((n, n)),
             np.zeros((n, n)),
             np.zeros((NAV, NAV)),
             np.zeros(2, dtype=np.int64),
-            np.array([time, 0.0]),
-            R,
-            np.asarray(np.linalg.cholesky(R), dtype=np.float64),
-            np.ascontiguousarray(belief.noise),
-            np.ascontiguousarray(belief.bias_decay),
+            np.array([time, 0.0, time]),
+            np.zeros(2 + MEASUREMENTS),
+            np.array(belief.R, dtype=np.float64).reshape(-1, MEASUREMENTS, MEASUREMENTS),
+            np.zeros((MEASUREMENTS, MEASUREMENTS)),
+            np.zeros((MEASUREMENTS, n)),
+            np.zeros((max(kept_fixes, 1), MEASUREMENTS, 2 * n + 2)),
+            np.zeros(ROOM),
+            np.zeros((3, 2 * n + 2)),
+            np.array(belief.noise, dtype=np.float64),
+            np.array(belief.bias_decay, dtype=np.float64),
+            np.array(belief.lever_arm, dtype=np.float64),
         )
 
 
@@ -109,6 +134,7 @@ def navigate(
     belief: Belief,
     schedule: Schedule = EVERY_FIX,
     model: ErrorModel = PHI,
+    stretches: Sequence[Stretch] = (),
 ) -> Solution:
     """Navigate a whole flight with the compiled filter.
 
@@ -117,13 +143,15 @@ def navigate(
     imu, fixes
         The measurements.
     start
-        Initial position, velocity and attitude; initial biases and scale factor errors are zero.
+        Initial position, velocity, attitude and gyro bias; other biases and scale factor errors are zero.
     belief
         What the filter assumes.
     schedule
         When it propagates its covariance and corrects.
     model
         Error model of the filter, with as many states as the belief.
+    stretches
+        Those of a log, up to its end, where not the same holds throughout.
 
     Raises
     ------
@@ -131,13 +159,64 @@ def navigate(
         If a north-slaved navigator comes closer than 0.1° to a pole.
     """
     solution = Solution.empty(imu.time.size, fixes.time.size, model.states)
-    if model.mechanization == NORTH_SLAVED and abs(start.position[0]) > strapdown.MAX_LATITUDE:
-        raise PolarError(POLAR.format(time=imu.time[0]))
-    run = Filter.begin(start, belief, imu.time[0], model)
-    stopped = advance(run, imu, fixes, solution, 0, schedule, model)
-    if stopped < imu.time.size:
-        raise PolarError(POLAR.format(time=imu.time[stopped - 1]))
+    run = Filter.begin(start, belief, float(imu.time[0]), model)
+
+    def onwards(imu: Imu, out: Solution, first: int, schedule: Schedule) -> int:
+        return advance(run, imu, fixes, out, first, schedule, model)
+
+    polar = model.mechanization == WANDER_AZIMUTH
+    go_through(run.state, run.noise, imu, solution, schedule, stretches, onwards, polar=polar)
     return solution
+
+
+Onwards = Callable[[Imu, Solution, int, Schedule], int]
+"""Advances a navigator over increments from number `first` on, writes the solution, says where it stopped."""
+
+
+def go_through(
+    state: FloatArray,
+    noise: FloatArray,
+    imu: Imu,
+    out: Solution,
+    schedule: Schedule,
+    stretches: Sequence[Stretch],
+    onwards: Onwards,
+    longest: int = 0,
+    *,
+    polar: bool = False,
+) -> None:
+    """Take a navigator from its start through a whole flight, stretch by stretch.
+
+    Parameters
+    ----------
+    state, noise
+        The strapdown's state, and the densities of the process noise the filter has, changed in place.
+    imu, out, schedule, stretches
+        As of `navigate`.
+    onwards
+        Advances the navigator.
+    longest
+        Largest number of samples it is advanced over in one go; 0 for no limit.
+    polar
+        Whether its frame works at a pole.
+
+    Raises
+    ------
+    PolarError
+        If a north-slaved navigator comes closer than 0.1° to a pole.
+    """
+    if not polar and abs(state[strapdown.LATITUDE]) > strapdown.MAX_LATITUDE:
+        raise PolarError(POLAR.format(time=imu.time[0]))
+    samples, done = imu.dtheta.shape[0], 0
+    for stretch in stretches or (Stretch(samples, schedule.gate, schedule.implausible, noise.copy()),):
+        noise[:] = stretch.noise
+        schedule = schedule._replace(gate=stretch.gate, implausible=stretch.implausible)
+        while done < stretch.end:
+            end = min(stretch.end, done + longest) if longest else stretch.end
+            stopped = onwards(imu.until(end), out, done, schedule)
+            if stopped < end + 1:
+                raise PolarError(POLAR.format(time=imu.time[stopped - 1]))
+            done = end
 
 
 POLAR = (

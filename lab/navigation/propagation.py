@@ -56,22 +56,32 @@ STATES, WIDTH, X = layout(15)
 """Those the kernels are written for; see `compilation.rebound_throughout` for others."""
 
 
-def compile_propagation(model: ErrorModel) -> Propagate:
+def compile_propagation(model: ErrorModel, *, summed: bool = False) -> Propagate:
     """Return the compiled ``propagate(F, dt, decay, w)`` of an error model.
 
     It replaces [P | x] in the workspace `w` by [Φ P Φᵀ | Φ x] with Φ = I + F dt in the navigation rows and
     the six factors `decay` on the biases.
+
+    Parameters
+    ----------
+    model
+        The error model.
+    summed
+        Whether F is that of `second_order`, of many samples, with the elements of its square.
     """
     namespace: dict[str, Propagate] = {}
-    exec(compile(propagation_source(model), f"<propagation of {model.name}>", "exec"), namespace)
-    return inline_kernel(named(model.label)(namespace["propagate"]))
+    exec(
+        compile(propagation_source(model, summed=summed), f"<propagation of {model.name}>", "exec"), namespace
+    )
+    return inline_kernel(named(f"{model.label} {summed}")(namespace["propagate"]))
 
 
-def propagation_source(model: ErrorModel) -> str:
+def propagation_source(model: ErrorModel, *, summed: bool = False) -> str:
     """Return the source that `compile_propagation` compiles."""
-    terms = {
-        row: [int(c) for c in np.flatnonzero(columns)] for row, columns in enumerate(model.pattern()[:NAV])
-    }
+    pattern = model.pattern()
+    if summed:
+        pattern = np.linalg.matrix_power(pattern | np.eye(pattern.shape[0], dtype=np.bool_), 3)
+    terms = {row: [int(c) for c in np.flatnonzero(columns)] for row, columns in enumerate(pattern[:NAV])}
     space = layout(model.states)
     lines = ["def propagate(F, dt, decay, w):"]
     lines += [f"    f_{row}_{c} = dt * F[{row}, {c}]" for row, columns in terms.items() for c in columns]

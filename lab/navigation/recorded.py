@@ -1,43 +1,46 @@
 """Recorded: the navigator over a log of real sensors: each fix with its own σ, at its own time, of the IMU.
 
-The filter is handed the log piece by piece, wherever something of it changes: the covariance of the fixes, a
-gap of the IMU, and with a lever arm each fix, which is brought from the antenna to the IMU with the attitude
-and rate the navigator has there. It is the very filter of the simulated flights. The biases found at the
-start are no part of what its settings describe, so that they do not fade: they walk.
+It is the very filter of the simulated flights, told the lever arm and the latency of the log. It goes through
+the log in stretches: gaps of the IMU apart, and fixes that measure more apart from those that measure less.
+The biases found at the start are no part of what its settings describe, so that they do not fade: they walk.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Sequence
 from typing import NamedTuple, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial.transform import Rotation
 
 from lab import earth
 from lab.ecef import near_pole
 from lab.missions.errors import MissionError
 from lab.missions.sensor_log import GnssLog, SensorLog
 from lab.navigation import navigator as linear
-from lab.navigation import strapdown, unscented
+from lab.navigation import smoother, unscented
 from lab.navigation.alignment import Alignment, align
-from lab.navigation.belief import belief, schedule_of
+from lab.navigation.belief import (
+    assumed_latency,
+    assumed_lever_arm,
+    belief,
+    implausible,
+    schedule_of,
+)
 from lab.navigation.checks import check_finite, check_mechanization, check_r, check_smoother, diverged
 from lab.navigation.choice import chosen_model
 from lab.navigation.error_models import ATT, GYRO_BIAS, POS, VEL
-from lab.navigation.kalman import gate
+from lab.navigation.kalman import MEASUREMENTS, gate
 from lab.navigation.navigator import PolarError
 from lab.navigation.settings import NavigatorSettings
-from lab.navigation.smoother import smooth
-from lab.navigation.solution import Belief, Fixes, Imu, Schedule, Solution, Start
+from lab.navigation.solution import Belief, Fixes, Imu, Solution, Start, Stretch
+from lab.navigation.standstill import at_rest
 from lab.sensors.gps import within
 from lab.sensors.suite import SensorSuite
 from lab.settings import SettingError
 
 FloatArray = NDArray[np.float64]
 Arrays = TypeVar("Arrays", Imu, Fixes)
-Advance = Callable[[Imu, Fixes, Solution, int, Schedule], int]
 
 UNKNOWN = 1e4
 """σ of a velocity the receiver does not have, which makes it count for nothing [m/s]."""
@@ -55,7 +58,7 @@ class RecordedRun(NamedTuple):
     imu : Imu
         What it was given, from the first fix on; times of the log [s].
     fixes : Fixes
-        The fixes as they were used: at their time of validity, of the IMU.
+        The fixes as they were used: at their time of validity, of the antenna.
     belief : Belief
         What the filter assumed, with an R for each fix.
     alignment : Alignment
@@ -72,14 +75,6 @@ class RecordedRun(NamedTuple):
     alignment: Alignment
     solution: Solution
     remarks: tuple[str, ...]
-
-
-class _Piece(NamedTuple):
-    """Samples the filter goes through in one go, up to number `end`; its fixes begin with number `fix`."""
-
-    end: int
-    fix: int
-    in_gap: bool
 
 
 def navigate_log(
@@ -118,7 +113,7 @@ def navigate_log(
     _check(log, navigator)
     assumed = belief(sensors, navigator)
     check_r(assumed.R)
-    times = log.gnss.time - log.gnss.latency
+    times = log.gnss.time - assumed_latency(navigator, log.gnss.latency)
     first = _first_sample(log, times)
     imu = Imu(log.time[first:], log.dtheta[first:], log.dvelocity[first:])
     gnss, R, variances = _measurements(log, assumed, navigator)
@@ -133,10 +128,12 @@ def navigate_log(
         P0=_initial(assumed, navigator, start, variances[0]),
         R=R[rows],
         bias_decay=np.zeros_like(assumed.bias_decay),
+        lever_arm=assumed_lever_arm(navigator, log.gnss.lever_arm),
     )
     fixes = Fixes(*(values[rows].copy() for values in fixes))
     missing = np.append(np.zeros((int(rows.sum()), 3), bool), np.isnan(log.gnss.velocity_n[rows]), axis=1)
-    solution = _solution(imu, fixes, log, start, assumed, navigator, missing)
+    begin = start.start._replace(gyro_bias=start.gyro_bias)
+    solution = _solution(imu, fixes, log, begin, assumed, navigator, 6 - missing.sum(axis=1))
     solution.innovation[missing] = np.nan
     return RecordedRun(imu, fixes, assumed, start, solution, (*log.repairs, start.remark))
 
@@ -144,16 +141,10 @@ def navigate_log(
 def _check(log: SensorLog, navigator: NavigatorSettings) -> None:
     """Refuse settings that cannot be applied to a log."""
     check_mechanization(navigator)
-    check_smoother(navigator)
     if navigator.engine != "compiled":
         raise SettingError(
-            "navigator.engine: the reference in filterpy takes one R for all fixes and knows no lever arm: "
-            "it cannot navigate a log of real sensors; accepted is compiled"
-        )
-    if navigator.smoother and log.gaps.size:
-        raise SettingError(
-            f"navigator.smoother: cannot smooth over gaps of the IMU, of which {log.name} has "
-            f"{len(log.gaps)}; accepted is false"
+            "navigator.engine: the reference in filterpy knows neither gaps of the IMU nor velocities that "
+            "the receiver does not measure: it cannot navigate a log of real sensors; accepted is compiled"
         )
 
 
@@ -222,16 +213,26 @@ def _solution(
     imu: Imu,
     fixes: Fixes,
     log: SensorLog,
-    alignment: Alignment,
+    start: Start,
     assumed: Belief,
     navigator: NavigatorSettings,
-    missing: NDArray[np.bool_],
+    measured: NDArray[np.int64],
 ) -> Solution:
-    """Navigate, and smooth where asked for; `fixes` are brought to the IMU in place."""
-    usual = float(np.median(np.diff(imu.time)))
-    schedule = schedule_of(navigator, usual, imu.dtheta.shape[0])
+    """Navigate, and smooth where asked for."""
+    schedule = schedule_of(navigator, float(np.median(np.diff(imu.time))), imu.dtheta.shape[0])
+    check_smoother(navigator, schedule)
+    stretches = _stretches(imu, fixes, log, assumed, navigator, measured)
+    if not fixes.time.size:
+        assumed = assumed._replace(R=np.eye(6))
+    if navigator.rest_updates and fixes.time.size:
+        imu = imu._replace(rest=at_rest(imu, fixes, assumed))
+    arguments = (_shown(imu), _shown(fixes), start, assumed, schedule)
     try:
-        solution = _run(imu, fixes, log, alignment, assumed, navigator, missing, schedule)
+        if navigator.model == "nonlinear":
+            solution = unscented.navigate(*arguments, stretches)
+        else:
+            engine = smoother.navigate if navigator.smoother else linear.navigate
+            solution = engine(*arguments, chosen_model(navigator), stretches)
     except PolarError as error:
         if near_pole(log.gnss.position[:, 0]).any():
             raise
@@ -239,109 +240,40 @@ def _solution(
             "the estimate ran off to a pole, which the vehicle did not come near", error
         ) from error
     check_finite(solution, imu.time)
-    return smooth(imu, solution, assumed) if navigator.smoother else solution
-
-
-def _run(
-    imu: Imu,
-    fixes: Fixes,
-    log: SensorLog,
-    alignment: Alignment,
-    assumed: Belief,
-    navigator: NavigatorSettings,
-    missing: NDArray[np.bool_],
-    schedule: Schedule,
-) -> Solution:
-    """Advance the filter from piece to piece."""
-    solution = Solution.empty(imu.time.size, fixes.time.size, assumed.P0.shape[0])
-    R = assumed.R if fixes.time.size else np.eye(6)[None]
-    begun = assumed._replace(R=R[0].copy(), noise=assumed.noise.copy())
-    run, advance = _begin(alignment.start, begun, float(imu.time[0]), navigator, schedule)
-    run.state[strapdown.GYRO_BIAS : strapdown.GYRO_BIAS + 3] = alignment.gyro_bias
-    # A fix with a lever arm just after the start looks there.
-    solution.q_nb[0], solution.bias[0] = alignment.start.q_nb, np.append(alignment.gyro_bias, np.zeros(3))
-    # A copy: SciPy's rotations refuse arrays that are read-only, as those of a kept log are.
-    gap_noise, arm = _gap_noise(imu, log), log.gnss.lever_arm.copy()
-    measured = 6 - missing.sum(axis=1)
-    done = 0
-    for end, fix, in_gap in _pieces(imu, fixes, log, R, measured):
-        run.noise[:6] = assumed.noise[:6] + gap_noise * in_gap
-        if fix < fixes.time.size:
-            run.R[:] = R[fix]
-            if isinstance(run, linear.Filter):
-                run.R_root[:] = np.linalg.cholesky(R[fix])
-            schedule = schedule._replace(gate=gate(navigator.gate, int(measured[fix])))
-            seen = int(np.searchsorted(fixes.time, imu.time[end] + _ROUNDING, side="right"))
-            if arm.any() and seen > fix:
-                _bring_to_imu(fixes, slice(fix, seen), solution, imu, end - 1, arm)
-        piece = _shown(Imu(imu.time[: end + 1], imu.dtheta[:end], imu.dvelocity[:end]))
-        written = advance(piece, _shown(fixes), solution, done, schedule)
-        if written < end + 1:
-            raise PolarError(f"{log.name}: the navigator came closer than 0.1° to a pole")
-        done = end
     return solution
 
 
 def _shown(arrays: Arrays) -> Arrays:
     """Return read-only views, as a simulated flight's arrays are: the code is compiled for these."""
-    views = [values.view() for values in arrays]
-    for view in views:
+    views = {name: np.ascontiguousarray(values).view() for name, values in arrays._asdict().items()}
+    for view in views.values():
         view.setflags(write=False)
-    return type(arrays)(*views)
+    return type(arrays)(**views)
 
 
-def _begin(
-    start: Start, assumed: Belief, time: float, navigator: NavigatorSettings, schedule: Schedule
-) -> tuple[linear.Filter | unscented.Filter, Advance]:
-    """Return a filter of a model at its start, and what takes it onwards."""
-    if navigator.model == "nonlinear":
-        unscented.check(schedule)
-        points = unscented.Filter.begin(start, assumed)
-        return points, lambda *piece: unscented.advance(points, *piece)
-    model = chosen_model(navigator)
-    run = linear.Filter.begin(start, assumed, time, model)
-
-    def onwards(imu: Imu, fixes: Fixes, out: Solution, first: int, schedule: Schedule) -> int:
-        return linear.advance(run, imu, fixes, out, first, schedule, model)
-
-    return run, onwards
-
-
-def _pieces(
-    imu: Imu, fixes: Fixes, log: SensorLog, R: FloatArray, measured: NDArray[np.int64]
-) -> Iterator[_Piece]:
-    """Yield the pieces of a log, each with one R, one number of measurements, and in a gap or not."""
+def _stretches(
+    imu: Imu,
+    fixes: Fixes,
+    log: SensorLog,
+    assumed: Belief,
+    navigator: NavigatorSettings,
+    measured: NDArray[np.int64],
+) -> list[Stretch]:
+    """Return the stretches of a log, each with fixes of one number of measurements, and in a gap or not."""
     sample = np.searchsorted(imu.time, fixes.time - _ROUNDING)  # after which each fix is used
     gaps = np.clip(np.searchsorted(imu.time, log.gaps), 0, imu.time.size - 1)
-    last = imu.time.size - 1
-    ends = {last, *gaps.ravel().tolist()}
-    if log.gnss.lever_arm.any():
-        # The navigator stands at the sample before, whose attitude brings the fix to the IMU.
-        ends |= {*sample.tolist(), *(sample - 1).tolist()}
-    else:
-        changes = (np.diff(R, axis=0) != 0).any(axis=(1, 2)) | (np.diff(measured) != 0)
-        ends |= set(sample[:-1][changes].tolist())
-    done = 0
-    for end in sorted(ends - {0}):
-        fix = int(np.searchsorted(sample, done, side="right"))
-        yield _Piece(end, fix, bool(((gaps[:, 0] <= done) & (end <= gaps[:, 1])).any()))
+    changes = sample[:-1][np.diff(measured) != 0]
+    ends = {imu.time.size - 1, *gaps.ravel().tolist(), *changes.tolist()} - {0}
+    gap_noise = np.append(_gap_noise(imu, log), np.zeros(6))
+    stretches, done = [], 0
+    for end in sorted(ends):
+        fix = min(int(np.searchsorted(sample, done, side="right")), fixes.time.size - 1)
+        count = int(measured[fix]) if fixes.time.size else MEASUREMENTS
+        in_gap = bool(((gaps[:, 0] <= done) & (end <= gaps[:, 1])).any())
+        noise = assumed.noise + gap_noise * in_gap
+        stretches.append(Stretch(end, gate(navigator.gate, count), implausible(navigator, count), noise))
         done = end
-
-
-def _bring_to_imu(
-    fixes: Fixes, rows: slice, solution: Solution, imu: Imu, before: int, lever_arm: FloatArray
-) -> None:
-    """Take the lever arm off fixes, with the attitude at the sample before them and the gyros' rate since."""
-    rate = imu.dtheta[before] / (imu.time[before + 1] - imu.time[before]) - solution.bias[before, :3]
-    turned = rate * (fixes.time[rows, None] - imu.time[before])
-    C_nb = Rotation.from_quat(solution.q_nb[before], scalar_first=True) * Rotation.from_rotvec(turned)
-    north, east, down = C_nb.apply(lever_arm).T
-    latitude, _, height = fixes.position[rows].T
-    meridian, transverse = earth.radii(np.sin(latitude))
-    fixes.position[rows, 0] -= north / (meridian + height)
-    fixes.position[rows, 1] -= east / ((transverse + height) * np.cos(latitude))
-    fixes.position[rows, 2] += down
-    fixes.velocity_n[rows] -= C_nb.apply(np.cross(rate, lever_arm))
+    return stretches
 
 
 def _gap_noise(imu: Imu, log: SensorLog) -> FloatArray:

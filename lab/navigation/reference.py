@@ -18,11 +18,22 @@ from filterpy.kalman import KalmanFilter
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
+from lab import earth
 from lab.navigation import strapdown
 from lab.navigation.driver import bend_estimate
-from lab.navigation.error_models import ACCEL_BIAS, ATT, GYRO_BIAS, PHI, POS, VEL, ErrorModel
+from lab.navigation.error_models import (
+    ACCEL_BIAS,
+    ATT,
+    GYRO_BIAS,
+    GYRO_SCALE,
+    PHI,
+    POS,
+    VEL,
+    ErrorModel,
+)
 from lab.navigation.navigator import initial_covariance
 from lab.navigation.solution import EVERY_FIX, Belief, Fixes, Imu, Schedule, Solution, Start
+from lab.navigation.standstill import GATE, SPAN
 from lab.rotation import wrap
 
 FloatArray = NDArray[np.float64]
@@ -47,23 +58,17 @@ def navigate(
     progress
         Called with the fraction done, from 0 to 1.
     """
-    state = np.zeros(strapdown.LENGTH)
-    strapdown.set_position(state, *start.position)
-    _put(state, strapdown.VELOCITY, start.velocity_n)
-    _put(state, strapdown.Q_NB, start.q_nb)
     n = model.states
-    # A fix sees the position and velocity errors directly, once they are mapped from those of the model.
-    H = np.eye(6, n)
-    kalman = KalmanFilter(dim_x=n, dim_z=6)
-    kalman.x = np.zeros(n)
-    kalman.P, kalman.R = initial_covariance(model, state, belief.P0).copy(), belief.R
+    state, kalman = _begin(start, belief, model)
     out = Solution.empty(imu.time.size, fixes.time.size, n)
     _store(out, 0, state, kalman, model)
 
     F, F_sum = np.zeros((n, n)), np.zeros((n, n))
     waited, elapsed, next_fix, corrected = 0, 0.0, 0, imu.time[0]
+    rest = _Rest(belief, model)
     for k, (time, dt) in enumerate(zip(imu.time[1:], np.diff(imu.time), strict=True)):
         strapdown.step(state, tuple(imu.dtheta[k]), tuple(imu.dvelocity[k]), dt)
+        rest.hold(state, imu, k)
         model.write(state, F)
         F_sum += F * dt
         waited += 1
@@ -71,18 +76,28 @@ def navigate(
         due = [m for m in range(next_fix, fixes.time.size) if fixes.time[m] <= time + 1e-6 * dt]
         if due or waited >= schedule.stride:
             C_nb = np.eye(3) if model.in_body else _get(state, strapdown.C_NB, 9).reshape(3, 3)
-            _predict(kalman, F_sum, belief, C_nb, elapsed)
-            state[strapdown.GYRO_BIAS : strapdown.GYRO_BIAS + 6] *= 1 - elapsed * belief.bias_decay
+            _predict(kalman, F_sum, belief, C_nb, elapsed, summed=schedule.stride > 1)
+            state[strapdown.GYRO_BIAS : strapdown.GYRO_BIAS + 6] *= _fading(
+                belief, elapsed, summed=schedule.stride > 1
+            )
             F_sum[:] = 0
             waited, elapsed = 0, 0.0
+        if rest.gathered(state, imu, k, dt) and rest.update(kalman, state):
+            out.rest[k + 1] = True
+            if schedule.feedback and time - corrected >= schedule.correction_period - 1e-6 * dt:
+                correct(state, kalman.x, model)
+                kalman.x, corrected = np.zeros(n), time
         for m in due:
             next_fix = m + 1
             age = time - fixes.time[m]
             if age > dt * (1 + 1e-6):
                 continue
             before = kalman.x, kalman.P
-            _update(kalman, _difference(state, fixes, m, age, dt), H @ model.map(state))
+            H, way, gyro_noise = _antenna(state, belief, age, dt, n)
+            R = belief.fix_covariance(np.array([m])).reshape(6, 6) + gyro_noise
+            _update(kalman, _difference(state, fixes, m, age, dt) + way, H @ model.map(state), R)
             out.innovation[m], out.innovation_covariance[m] = kalman.y, kalman.S
+            out.fix_H[m], out.fix_R[m] = H, R
             if kalman.y @ np.linalg.solve(kalman.S, kalman.y) > schedule.gate:
                 kalman.x, kalman.P = before
                 out.fix_rejected[m] = True
@@ -108,21 +123,129 @@ def _put(state: FloatArray, at: int, values: FloatArray) -> None:
 
 
 def _predict(
-    kalman: KalmanFilter, F_dt: FloatArray, belief: Belief, C_nb: FloatArray, elapsed: float
+    kalman: KalmanFilter, A: FloatArray, belief: Belief, C_nb: FloatArray, elapsed: float, *, summed: bool
 ) -> None:
-    """Propagate over the time elapsed, given the sum of F dt and the axes of the noise."""
-    Phi = np.eye(F_dt.shape[0]) + F_dt
+    """Propagate over the time elapsed, given the sum A of F dt and the axes of the noise.
+
+    Over one sample to first order in the time, the noise after it; over a sum of samples to third order, half
+    of the noise before it and half after.
+    """
     biases = slice(GYRO_BIAS.start, ACCEL_BIAS.stop)
-    Phi[biases, biases] = np.diag(1 - elapsed * belief.bias_decay)
+    A = A.copy()
+    A[biases, biases] = -elapsed * np.diag(belief.bias_decay)
+    Phi = np.eye(A.shape[0]) + A
     Q = np.zeros_like(Phi)
     Q[ATT, ATT] = C_nb @ np.diag(belief.noise[0:3]) @ C_nb.T
     Q[VEL, VEL] = C_nb @ np.diag(belief.noise[3:6]) @ C_nb.T
     Q[biases, biases] = np.diag(belief.noise[6:])
-    kalman.predict(F=Phi, Q=Q * elapsed)
+    Q *= elapsed
+    if summed:
+        Phi += A @ A / 2 + A @ A @ A / 6
+        Q = (Q + Phi @ Q @ Phi.T) / 2
+    kalman.predict(F=Phi, Q=Q)
 
 
-def _update(kalman: KalmanFilter, z: FloatArray, seen: FloatArray) -> None:
-    kalman.update(z, H=seen)
+def _begin(start: Start, belief: Belief, model: ErrorModel) -> tuple[FloatArray, KalmanFilter]:
+    """Return a navigator at its start, and its filter."""
+    state = np.zeros(strapdown.LENGTH)
+    strapdown.set_position(state, *start.position)
+    _put(state, strapdown.VELOCITY, start.velocity_n)
+    _put(state, strapdown.Q_NB, start.q_nb)
+    _put(state, strapdown.GYRO_BIAS, start.gyro_bias)
+    kalman = KalmanFilter(dim_x=model.states, dim_z=6)
+    kalman.x = np.zeros(model.states)
+    kalman.P = initial_covariance(model, state, belief.P0).copy()
+    return state, kalman
+
+
+class _Rest:
+    """The updates at rest: the attitude that is held, and the rates since the last update."""
+
+    def __init__(self, belief: Belief, model: ErrorModel) -> None:
+        self.belief, self.model = belief, model
+        self.held: FloatArray | None = None
+        self.rates: list[FloatArray] = []
+        self.length = 0.0
+
+    def hold(self, state: FloatArray, imu: Imu, k: int) -> None:
+        """Let the error model see the attitude at the beginning of the rest."""
+        if not imu.rest.size or not imu.rest[k]:
+            self.held, self.rates, self.length = None, [], 0.0
+            return
+        if self.held is None:
+            self.held = _get(state, strapdown.C_NB, 9).reshape(3, 3).copy()
+        force = _get(state, strapdown.PREVIOUS_DVELOCITY) * state[strapdown.PER_STEP]
+        _put(state, strapdown.C_NB, self.held.ravel())
+        _put(state, strapdown.FORCE_N, self.held @ force)
+
+    def gathered(self, state: FloatArray, imu: Imu, k: int, dt: float) -> bool:
+        """Add the rate of a sample at rest; return whether there are enough."""
+        if self.held is None:
+            return False
+        self.rates.append(_get(state, strapdown.PREVIOUS_DTHETA) / dt + _get(state, strapdown.GYRO_BIAS))
+        self.length += dt
+        return self.length >= SPAN - 0.5 * dt
+
+    def update(self, kalman: KalmanFilter, state: FloatArray) -> bool:
+        """Update with the mean rate; return whether it was used."""
+        rates, length, held = np.array(self.rates), self.length, self.held
+        assert held is not None
+        self.rates, self.length = [], 0.0
+        C_nb = Rotation.from_quat(_get(state, strapdown.Q_NB, 4), scalar_first=True).as_matrix()
+        latitude = np.arcsin(state[strapdown.SINE])
+        omega_ie = earth.RATE * np.array([np.cos(latitude), 0.0, -np.sin(latitude)])
+        R = np.diag(np.maximum(self.belief.noise[:3] / length, rates.var(axis=0) / rates.shape[0]))
+        H = np.zeros((3, self.model.states))
+        H[:, ATT] = held.T @ _skew(omega_ie) @ (C_nb if self.model.in_body else np.eye(3))
+        H[:, GYRO_BIAS] = -np.eye(3)
+        z = rates.mean(axis=0) - _get(state, strapdown.GYRO_BIAS) - C_nb.T @ omega_ie
+        if ((z - H @ kalman.x) ** 2 > GATE * np.diag(H @ kalman.P @ H.T + R)).any():
+            return False
+        kalman.update(z, R=R, H=H)
+        kalman.P = (kalman.P + kalman.P.T) / 2
+        return True
+
+
+def _fading(belief: Belief, elapsed: float, *, summed: bool) -> FloatArray:
+    """Return what is left of the biases (6,) after some time, to the order of `_predict`."""
+    x = elapsed * belief.bias_decay
+    return np.asarray(1 - x + (x**2 / 2 - x**3 / 6 if summed else 0))
+
+
+def _antenna(
+    state: FloatArray, belief: Belief, age: float, dt: float, n: int
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return how a fix sees the errors (6, n), the antenna against the IMU (6,), and what adds to R (6, 6).
+
+    Of the antenna, displacement and velocity; to R, the noise of the gyros on the lever arm.
+    """
+    arm = belief.lever_arm
+    rate = _get(state, strapdown.PREVIOUS_DTHETA) / dt
+    C_nb = Rotation.from_quat(_get(state, strapdown.Q_NB, 4), scalar_first=True).as_matrix()
+    C_nb = C_nb @ Rotation.from_rotvec(-age * rate).as_matrix()
+    latitude = np.arcsin(state[strapdown.SINE])
+    omega_ie = earth.RATE * np.array([np.cos(latitude), 0.0, -np.sin(latitude)])
+    way = C_nb @ arm
+    velocity = C_nb @ np.cross(rate, arm) - np.cross(omega_ie, way)
+    H = np.eye(6, n)
+    H[POS, VEL] = -age * np.eye(3)
+    H[POS, ATT], H[VEL, ATT] = _skew(way), _skew(velocity)
+    H[VEL, GYRO_BIAS] = C_nb @ _skew(arm)
+    if n > GYRO_SCALE.start:
+        scale, bias = (_get(state, at) for at in (strapdown.GYRO_SCALE, strapdown.GYRO_BIAS))
+        H[VEL, GYRO_SCALE] = H[VEL, GYRO_BIAS] * ((rate + bias) / (1 + scale))
+    gyro_noise = np.zeros((6, 6))
+    gyro_noise[VEL, VEL] = H[VEL, GYRO_BIAS] * belief.noise[:3] @ H[VEL, GYRO_BIAS].T / dt
+    return H, np.concatenate((way, velocity)), gyro_noise
+
+
+def _skew(v: FloatArray) -> FloatArray:
+    """Return [v ×]."""
+    return np.cross(v, np.eye(3)).T
+
+
+def _update(kalman: KalmanFilter, z: FloatArray, seen: FloatArray, R: FloatArray) -> None:
+    kalman.update(z, R=R, H=seen)
     kalman.P = (kalman.P + kalman.P.T) / 2
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import param
 
-from lab.setting_kinds import AxisQuantity, MatrixOrNone, Quantity
+from lab.setting_kinds import AxisQuantity, MatrixOrNone, Quantity, QuantityOrNone
 from lab.settings import Settings
 
 _AXES_NED = ("north", "east", "down")
@@ -146,6 +146,23 @@ class NavigatorSettings(Settings):
         doc="Initial attitude error φ beside the drawn one, such as 60° down for a heading 60° too small; P₀ "
         "takes in the second moment of both.",
     )
+    alignment = Quantity(
+        0.0,
+        unit="s",
+        bounds=(0, 3600),
+        softbounds=(0, 120),
+        step=1,
+        label="Alignment before the flight",
+        doc="Rest before the flight in which the constant biases of the gyros are measured, as an autopilot "
+        "does when it is switched on: what is left of them is their noise over that time. 0 starts with the "
+        "whole turn-on bias.",
+    )
+    rest_updates = param.Boolean(
+        default=True,
+        label="Updates at rest",
+        doc="Where the vehicle stands still for 5 s or more, by the GPS velocity and the spread of the IMU, "
+        "the gyros show their biases (zero angular rate updates).",
+    )
     smoother = param.Boolean(
         default=False,
         label="Smoother",
@@ -159,7 +176,33 @@ class NavigatorSettings(Settings):
         step=0.001,
         label="Gate",
         doc="Part of the good fixes that the χ² test of their six innovations lets through, such as 0.999; "
-        "the others are rejected. 0 uses every fix.",
+        "the others are rejected. 0 uses every fix. After rejections that chance cannot explain, the filter "
+        "assumes that it is itself in error: it raises P and uses the fix, and the result counts that.",
+    )
+    robust = param.Selector(
+        default="none",
+        objects=["none", "huber", "student-t"],
+        label="Robust update",
+        doc="How much a fix counts that stands out from what the filter expects. none: fully. huber: its "
+        "effect on the estimate is bounded. student-t: the further off it is, the smaller its effect (4 "
+        "degrees of freedom).",
+    )
+    lever_arm = QuantityOrNone(
+        unset="matched",
+        unit="m",
+        axes=("forward", "right", "down"),
+        bounds=(-1000, 1000),
+        label="Lever arm the filter assumes",
+        doc="Place of the GPS antenna, from the IMU forward, right, down, as the filter is told; matched: "
+        "that of the simulated receiver, or of the log.",
+    )
+    latency = QuantityOrNone(
+        unset="matched",
+        unit="s",
+        bounds=(-60, 60),
+        label="Latency the filter assumes",
+        doc="How much older a fix is than its time stamp says, as the filter is told; matched: that of the "
+        "simulated receiver, or of the log.",
     )
     p0_scale = Quantity(
         1.0,

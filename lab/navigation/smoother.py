@@ -1,9 +1,12 @@
-"""Smoother: what the whole flight's fixes say of every sample, for post-processing of the linear filter.
+"""Smoother: what the whole flight's fixes say of every sample, for post-processing of a linear filter.
 
 Fixed-interval smoothing in the form of Bryson and Frazier, which gives what Rauch, Tung and Striebel's does
-but inverts nothing except the innovations' covariance, so that states nobody doubts do no harm. Backwards
-through the flight go λ and Λ, what later innovations say; the error of the filter's solution is then −P λ,
-and its covariance loses P Λ P. P between the fixes is computed anew, one interval at a time.
+but inverts nothing, so that states nobody doubts do no harm. Backwards through the flight go λ and Λ, what
+later innovations say; the error of the navigator is then x − P λ, and its covariance loses P Λ P.
+
+The backward pass uses the filter's own steps: copies of the filter from the forward pass are advanced again,
+so many samples at a time, by the filter's own kernels, and what these did to [P | x] is kept. So Φ, P, gains
+and linearisation are the filter's, whatever its corrections, weights, refused fixes and gaps.
 
 References
 ----------
@@ -14,306 +17,270 @@ F. Tung, C. T. Striebel, *Maximum likelihood estimates of linear dynamic systems
 from __future__ import annotations
 
 import functools
-from collections.abc import Callable
-from typing import NamedTuple
+from collections.abc import Callable, Sequence
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from lab.navigation import strapdown
-from lab.navigation.compilation import SOURCES, entry_kernel, inline_kernel, kernel, rebound_throughout
-from lab.navigation.error_models import PHI, with_states
+from lab.navigation.compilation import SOURCES, inline_kernel, kernel
+from lab.navigation.driver import (
+    SETTLED,
+    _corrected,
+    _has_estimate,
+    _store,
+    _store_fix,
+    advance_sample,
+    compiled_for,
+)
+from lab.navigation.error_models import PHI, WANDER_AZIMUTH, ErrorModel
 from lab.navigation.kalman import MEASUREMENTS
-from lab.navigation.propagation import BIASES, NAV
-from lab.navigation.sigma_points import displace
-from lab.navigation.solution import Belief, Imu, Solution
-from lab.navigation.strapdown import GYRO_BIAS, GYRO_SCALE, LATITUDE, VELOCITY, get
+from lab.navigation.navigator import Filter, advance, go_through
+from lab.navigation.propagation import BIASES, NAV, STATES, WIDTH, X
+from lab.navigation.solution import EVERY_FIX, Belief, Fixes, Imu, Schedule, Solution, Start, Stretch
 
 FloatArray = NDArray[np.float64]
 
-N = 15
-"""Number of states the kernels are written for."""
+GO = 1024
+"""Samples that are kept in memory on the way back, each with some 4 kB."""
 
 
-class Used(NamedTuple):
-    """The fixes a filter used, in order.
+class _Copy(NamedTuple):
+    """A filter before a number of samples, and the schedule that it advances with."""
 
-    Attributes
-    ----------
-    sample : (m,) array
-        Sample after which each was used.
-    innovation : (m, 6) array
-        Innovations.
-    precision : (m, 6, 6) array
-        Inverse of their covariances.
-    kept : (m, n, n) array
-        I − K H, what each fix leaves of an error.
-    covariance : (m, n, n) array
-        P after each fix; becomes that of the smoothed error.
-    """
-
-    sample: NDArray[np.int64]
-    innovation: FloatArray
-    precision: FloatArray
-    kept: FloatArray
-    covariance: FloatArray
-
-    @classmethod
-    def of(cls, solution: Solution, belief: Belief) -> Used:
-        """Return the fixes of a solution; the gain is K = P Hᵀ R⁻¹ with P after the fix (Bierman 1973)."""
-        used = np.flatnonzero(solution.fix_sample >= 0)
-        P = solution.fix_covariance[used]
-        kept = np.tile(np.eye(solution.states), (used.size, 1, 1))
-        kept[:, :, :MEASUREMENTS] -= P[:, :, :MEASUREMENTS] @ np.linalg.inv(belief.fix_covariance(used))
-        precision = np.asarray(np.linalg.inv(solution.innovation_covariance[used]), dtype=np.float64)
-        return cls(solution.fix_sample[used], solution.innovation[used], precision, kept, P)
+    first: int
+    run: Filter
+    schedule: Schedule
 
 
-class Interval(NamedTuple):
-    """Workspace for the samples between two fixes."""
+class _Kept(NamedTuple):
+    """What is kept of samples on the way back."""
 
-    state: FloatArray
-    F: FloatArray
-    Phi: FloatArray  # (samples, n, n), transitions to the next sample
-    P: FloatArray  # (samples + 1, n, n), covariances of the filter
-    product: FloatArray
-    back: FloatArray  # a transition, transposed
-
-    @classmethod
-    def of(cls, samples: int, n: int) -> Interval:
-        """Return room for a number of samples of a filter with n states."""
-        return cls(
-            np.zeros(strapdown.LENGTH),
-            np.zeros((n, n)),
-            np.zeros((samples, n, n)),
-            np.zeros((samples + 1, n, n)),
-            np.zeros((n, n)),
-            np.zeros((n, n)),
-        )
+    state: FloatArray  # (samples, length), navigators at the ends of the samples
+    w: FloatArray  # (samples, n · width), [P | x]
+    Phi: FloatArray  # (samples, 9, n), rows of the transitions that are not those of the unit matrix
+    rest: FloatArray  # (samples, 3, 2 n + 2), updates at rest
+    fixes: NDArray[np.int64]  # (samples + 1,), next fix before each sample, and after the last
 
 
-def smooth(imu: Imu, solution: Solution, belief: Belief) -> Solution:
-    """Smooth the solution of a linear filter over the whole flight.
+def navigate(
+    imu: Imu,
+    fixes: Fixes,
+    start: Start,
+    belief: Belief,
+    schedule: Schedule = EVERY_FIX,
+    model: ErrorModel = PHI,
+    stretches: Sequence[Stretch] = (),
+) -> Solution:
+    """Navigate a whole flight, and smooth the solution over all its fixes.
 
     Parameters
     ----------
-    imu
-        The increments it was computed from.
-    solution
-        What `navigator.navigate` made of them, feedback or feedforward.
-    belief
-        What the filter assumed.
+    imu, fixes, start, belief, schedule, model, stretches
+        As of `navigator.navigate`; P is propagated at every sample (`schedule.stride` is 1).
 
     Returns
     -------
     Solution
         Smoothed position, velocity, attitude, biases and scale factors at all samples with their variances,
         and smoothed covariances at the fixes; innovations remain the filter's.
+
+    Raises
+    ------
+    PolarError
+        If a north-slaved navigator comes closer than 0.1° to a pole.
     """
-    of_fixes = (name for name in Solution._fields if name.startswith(("innovation", "fix")))
-    kept = {name: getattr(solution, name).copy() for name in of_fixes}
-    out = Solution.empty(imu.time.size, solution.fix_sample.size, solution.states)._replace(**kept)
-    used = Used.of(solution, belief)
-    stops = np.concatenate(([0], used.sample, [imu.dtheta.shape[0]]))
-    room = Interval.of(int(np.diff(stops).max()), solution.states)
-    # R is not needed there; one for each fix would compile the code anew.
-    assumed = belief._replace(R=belief.R.reshape(-1, MEASUREMENTS))
-    _backwards(solution.states)(imu, solution, used, room, assumed, out)
-    out.fix_covariance[solution.fix_sample >= 0] = used.covariance
+    assert schedule.stride == 1
+    out = Solution.empty(imu.time.size, fixes.time.size, model.states)
+    run = Filter.begin(start, belief, float(imu.time[0]), model, fixes.time.size)
+    copies: list[_Copy] = []
+
+    def onwards(imu: Imu, out: Solution, first: int, schedule: Schedule) -> int:
+        copies.append(_Copy(first, _copied(run), schedule))
+        return advance(run, imu, fixes, out, first, schedule, model)
+
+    polar = model.mechanization == WANDER_AZIMUTH
+    go_through(run.state, run.noise, imu, out, schedule, stretches, onwards, GO, polar=polar)
+    filtered = out._replace(fix_covariance=out.fix_covariance.copy())
+    n = model.states
+    later, Later = np.zeros(n), np.zeros((n, n))
+    back = _backwards(model)
+    ends = [copy.first for copy in copies[1:]] + [imu.dtheta.shape[0]]
+    for copy, end in zip(reversed(copies), reversed(ends), strict=True):
+        kept = _Kept(
+            np.zeros((end - copy.first, run.state.size)),
+            np.zeros((end - copy.first, n * run.P.shape[1])),
+            np.zeros((end - copy.first, NAV, n)),
+            np.zeros((end - copy.first if imu.rest.any() else 1, 3, 2 * n + 2)),
+            np.zeros(end - copy.first + 1, dtype=np.int64),
+        )
+        back(copy.run, imu.until(end), fixes, filtered, copy.first, copy.schedule, kept, later, Later, out)
     return out
 
 
-_write_phi = PHI.write
-
-
-@inline_kernel
-def _load(state: FloatArray, solution: Solution, k: int) -> None:
-    """Put a navigator where a solution was at sample k."""
-    strapdown.set_position(state, solution.position[k, 0], solution.position[k, 1], solution.position[k, 2])
-    for i in range(3):
-        state[VELOCITY + i] = solution.velocity_n[k, i]
-    for i in range(BIASES):
-        state[GYRO_BIAS + i] = solution.bias[k, i]
-    for i in range(N - NAV - BIASES):
-        state[GYRO_SCALE + i] = solution.scale[k, i]
-    for i in range(4):
-        state[strapdown.Q_NB + i] = solution.q_nb[k, i]
+def _copied(run: Filter) -> Filter:
+    """Return a copy of a filter; the updates by fixes are shared."""
+    own = run._replace(P=run.R_fix, scalars=run.R_fix)
+    copied = Filter(**{name: values.copy() for name, values in own._asdict().items()})
+    w = np.empty(run.w.size + 8)
+    offset = (-w.ctypes.data // 8) % 8
+    w = w[offset : offset + run.w.size]
+    w[:] = run.w
+    return copied._replace(w=w, P=w[: run.P.size].reshape(run.P.shape), scalars=run.scalars)
 
 
 @kernel
 def _multiply(A: FloatArray, B: FloatArray, out: FloatArray) -> None:
-    """Write A B, of which A is sparse."""
-    for i in range(A.shape[0]):
-        for j in range(B.shape[1]):
+    """Write A B."""
+    for i in range(STATES):
+        for j in range(STATES):
             out[i, j] = 0.0
-        for k in range(A.shape[1]):
+        for k in range(STATES):
             a = A[i, k]
             if a != 0:
-                for j in range(B.shape[1]):
+                for j in range(STATES):
                     out[i, j] += a * B[k, j]
 
 
 @kernel
-def _sandwich(A: FloatArray, M: FloatArray, product: FloatArray) -> None:
-    """Replace a symmetric M by A M Aᵀ, of which A is sparse."""
-    _multiply(A, M, product)
-    # (A M)ᵀ = M Aᵀ, so that the sparse factor is on the left again.
-    for i in range(M.shape[0]):
-        for j in range(i):
-            product[i, j], product[j, i] = product[j, i], product[i, j]
-    _multiply(A, product, M)
-    for i in range(M.shape[0]):
-        for j in range(i):
-            M[j, i] = M[i, j]
-
-
-@kernel
-def _copy(A: FloatArray, out: FloatArray) -> None:
-    """Write A."""
-    for i in range(A.shape[0]):
-        for j in range(A.shape[1]):
-            out[i, j] = A[i, j]
-
-
-@kernel
-def _transpose(A: FloatArray, out: FloatArray) -> None:
-    """Write Aᵀ."""
-    for i in range(A.shape[0]):
-        for j in range(A.shape[1]):
-            out[i, j] = A[j, i]
-
-
-@kernel
-def _forward(
-    imu: Imu,
-    solution: Solution,
-    first: int,
-    last: int,
-    belief: Belief,
-    room: Interval,
+def _before_step(
+    Phi: FloatArray, decay: FloatArray, later: FloatArray, Later: FloatArray, half: FloatArray
 ) -> None:
-    """Write the transitions and covariances from sample `first`, where P is given, to sample `last`."""
-    for k in range(first, last):
-        dt = imu.time[k + 1] - imu.time[k]
-        _load(room.state, solution, k)
-        strapdown.step(room.state, get(imu.dtheta[k], 0), get(imu.dvelocity[k], 0), dt)
-        _write_phi(room.state, room.F)
-        Phi, P = room.Phi[k - first], room.P[k - first + 1]
-        for i in range(N):
-            for j in range(N):
-                Phi[i, j] = dt * room.F[i, j]
-                P[i, j] = room.P[k - first, i, j]
-            Phi[i, i] += 1 - (dt * belief.bias_decay[i - NAV] if NAV <= i < NAV + BIASES else 0.0)
-        _sandwich(Phi, P, room.product)
-        _add_noise(room.state, belief.noise, dt, P)
+    """Take λ and Λ back over a step: λ ← Φᵀ λ, Λ ← Φᵀ Λ Φ."""
+    row = half[0]
+    for c in range(STATES):
+        row[c] = _column(Phi, decay, later, c)
+    for c in range(STATES):
+        later[c] = row[c]
+    for i in range(STATES):
+        for c in range(STATES):
+            half[i, c] = _column(Phi, decay, Later[i], c)  # Λ Φ
+    for c in range(STATES):
+        for i in range(STATES):
+            total = half[i, c] * _kept_part(decay, i)
+            for m in range(NAV):
+                total += Phi[m, i] * half[m, c]
+            Later[i, c] = total
+    for i in range(STATES):
+        for c in range(i):
+            mean = 0.5 * (Later[i, c] + Later[c, i])
+            Later[i, c], Later[c, i] = mean, mean
 
 
 @inline_kernel
-def _add_noise(state: FloatArray, noise: FloatArray, dt: float, P: FloatArray) -> None:
-    """Add the process noise of one step to P; white noise enters through C_nb."""
-    for block in range(2):
-        at = 6 - 3 * block  # gyro noise drives the attitude, accelerometer noise the velocity
-        for i in range(3):
-            for j in range(3):
-                for k in range(3):
-                    c = state[strapdown.C_NB + 3 * i + k] * state[strapdown.C_NB + 3 * j + k]
-                    P[at + i, at + j] += dt * noise[3 * block + k] * c
-    for b in range(6):
-        P[NAV + b, NAV + b] += dt * noise[6 + b]
+def _kept_part(decay: FloatArray, c: int) -> Any:
+    """Return the element of Φ on the diagonal below the navigation rows; zero in these."""
+    if NAV <= c < NAV + BIASES:
+        return decay[c - NAV]
+    return 0.0 if c < NAV else 1.0
+
+
+@inline_kernel
+def _column(Phi: FloatArray, decay: FloatArray, v: FloatArray, c: int) -> Any:
+    """Return element c of Φᵀ v."""
+    total = v[c] * _kept_part(decay, c)
+    for m in range(NAV):
+        total += Phi[m, c] * v[m]
+    return total
 
 
 @kernel
-def _add_fix(used: Used, m: int, later: FloatArray, Later: FloatArray, room: Interval) -> None:
-    """Take fix m into λ and Λ: λ ← (I − K H)ᵀ λ − Hᵀ S⁻¹ ν, Λ ← (I − K H)ᵀ Λ (I − K H) + Hᵀ S⁻¹ H."""
-    _transpose(used.kept[m], room.back)
-    _turn(room.back, later, room.product[0])
-    _sandwich(room.back, Later, room.product)
-    for i in range(MEASUREMENTS):
-        for j in range(MEASUREMENTS):
-            later[i] -= used.precision[m, i, j] * used.innovation[m, j]
-            Later[i, j] += used.precision[m, i, j]
+def _before_update(scalars: FloatArray, later: FloatArray, Later: FloatArray, product: FloatArray) -> None:
+    """Take λ and Λ back over an update, scalar by scalar, the last one first.
+
+    With h, gain k, innovation ν and its variance s: λ ← (I − k hᵀ)ᵀ λ − h ν / s and
+    Λ ← (I − k hᵀ)ᵀ Λ (I − k hᵀ) + h hᵀ / s (Bierman 1973).
+    """
+    for scalar in range(scalars.shape[0] - 1, -1, -1):
+        done = scalars[scalar]
+        residual, s = done[2 * STATES], done[2 * STATES + 1]
+        along, square = 0.0, 0.0
+        for i in range(STATES):
+            along += done[STATES + i] * later[i]
+            total = 0.0
+            for j in range(STATES):
+                total += Later[i, j] * done[STATES + j]
+            product[i] = total
+            square += done[STATES + i] * total
+        for i in range(STATES):
+            later[i] -= done[i] * (along + residual / s)
+            for j in range(STATES):
+                Later[i, j] += (
+                    done[i] * done[j] * (square + 1 / s) - done[i] * product[j] - product[i] * done[j]
+                )
 
 
 @kernel
-def _turn(A: FloatArray, later: FloatArray, before: FloatArray) -> None:
-    """Replace λ by A λ; `before` is workspace."""
-    for i in range(N):
-        before[i] = later[i]
-    for i in range(N):
-        later[i] = 0.0
-        for j in range(N):
-            later[i] += A[i, j] * before[j]
-
-
-@kernel
-def _write(
-    solution: Solution,
-    k: int,
-    P: FloatArray,
-    later: FloatArray,
-    Later: FloatArray,
-    room: Interval,
-    out: Solution,
-) -> None:
-    """Write sample k of the smoothed solution, and replace P by the covariance of its error."""
-    _load(room.state, solution, k)
-    error = np.zeros(N)
-    for i in range(N):
-        for j in range(N):
-            error[i] -= P[i, j] * later[j]
-    displace(room.state, error)
-    for i in range(3):
-        out.position[k, i] = room.state[LATITUDE + i]
-        out.velocity_n[k, i] = room.state[VELOCITY + i]
-    for i in range(4):
-        out.q_nb[k, i] = room.state[strapdown.Q_NB + i]
-    for i in range(BIASES):
-        out.bias[k, i] = room.state[GYRO_BIAS + i]
-    for i in range(N - NAV - BIASES):
-        out.scale[k, i] = room.state[GYRO_SCALE + i]
-    _multiply(Later, P, room.product)
-    _multiply(P, room.product, room.back)
-    for i in range(N):
-        for j in range(N):
-            P[i, j] -= 0.5 * (room.back[i, j] + room.back[j, i])
-        out.variance[k, i] = P[i, i]
-    for block in range(2):
-        at = 6 * block
-        out.covariance[k, block, 0] = P[at, at + 1]
-        out.covariance[k, block, 1] = P[at, at + 2]
-        out.covariance[k, block, 2] = P[at + 1, at + 2]
+def _smooth(w: FloatArray, later: FloatArray, Later: FloatArray, half: FloatArray, P: FloatArray) -> None:
+    """Replace [P | x] by that of the smoothed error: P − P Λ P, x − P λ."""
+    for i in range(STATES):
+        for j in range(STATES):
+            P[i, j] = w[WIDTH * i + j]
+            w[WIDTH * i + X] -= P[i, j] * later[j]
+    _multiply(P, Later, half)
+    for i in range(STATES):
+        for j in range(i, STATES):
+            total = P[i, j]
+            for k in range(STATES):
+                total -= half[i, k] * P[k, j]
+            w[WIDTH * i + j] = total
+            w[WIDTH * j + i] = total
 
 
 @functools.cache
-def _backwards(states: int) -> Callable[[Imu, Solution, Used, Interval, Belief, Solution], None]:
-    """Return the way back through a flight, which is compiled, or loaded from the disk, when first called."""
-    identity = SOURCES, states
+def _backwards(model: ErrorModel) -> Callable[..., None]:
+    """Return the backward pass over some samples, compiled, or loaded from the disk, when first called."""
+    identity = SOURCES, model.name, model.mechanization, model.states
 
     def backwards(
-        imu: Imu, solution: Solution, used: Used, room: Interval, belief: Belief, out: Solution
+        run: Filter,
+        imu: Imu,
+        fixes: Fixes,
+        filtered: Solution,
+        first: int,
+        schedule: Schedule,
+        kept: _Kept,
+        later: FloatArray,
+        Later: FloatArray,
+        out: Solution,
     ) -> None:
-        """Write the smoothed solution, interval by interval from the last fix to the start."""
+        """Write the smoothed solution of the samples of `imu` from number `first` on."""
         _ = identity
-        later, Later = np.zeros(N), np.zeros((N, N))
-        fixes = used.sample.size
-        for m in range(fixes, -1, -1):  # from fix m − 1 to fix m
-            first = used.sample[m - 1] if m > 0 else 0
-            last = used.sample[m] if m < fixes else imu.dtheta.shape[0]
-            _copy(used.covariance[m - 1] if m > 0 else belief.P0, room.P[0])
-            _forward(imu, solution, first, last, belief, room)
-            if m < fixes:
-                _add_fix(used, m, later, Later, room)
-            else:
-                _write(solution, last, room.P[last - first], later, Later, room, out)
-            for k in range(last - 1, first - 1, -1):
-                _transpose(room.Phi[k - first], room.back)
-                _turn(room.back, later, room.product[0])
-                _sandwich(room.back, Later, room.product)
-                _write(solution, k, room.P[k - first], later, Later, room, out)
-            if m > 0:
-                # A second fix after the same sample leaves no samples between: what is known is the same.
-                shared = m < fixes and first == last
-                _copy(used.covariance[m] if shared else room.P[0], used.covariance[m - 1])
+        z, x, spare = np.empty(MEASUREMENTS), np.empty(STATES), np.empty(run.state.size)
+        half, P, decay = np.empty((STATES, STATES)), np.empty((STATES, STATES)), np.empty(BIASES)
+        start_state, start_w = run.state.copy(), run.w.copy()
+        left = 1 if _has_estimate(run.w) else SETTLED
+        kept.fixes[0] = run.counts[0]
+        last = imu.dtheta.shape[0]
+        for k in range(first, last):
+            at, dt = k - first, imu.time[k + 1] - imu.time[k]
+            left = advance_sample(run, imu, fixes, filtered, k, schedule, z, x, spare, left == 1)
+            kept.fixes[at + 1] = run.counts[0]
+            kept.state[at] = run.state
+            kept.w[at] = run.w[: kept.w.shape[1]]
+            if filtered.rest[k + 1]:
+                kept.rest[at] = run.rest_scalars
+            for i in range(NAV):
+                for j in range(STATES):
+                    kept.Phi[at, i, j] = dt * run.F[i, j] + (1.0 if i == j else 0.0)
+        for k in range(last - 1, first - 1, -1):
+            at, dt = k - first, imu.time[k + 1] - imu.time[k]
+            run.w[: kept.w.shape[1]] = kept.w[at]
+            _smooth(run.w, later, Later, half, P)
+            state = _corrected(kept.state[at], run.w, run.T, x, spare)
+            _store(out, k + 1, state, run.w, run.T)
+            for m in range(kept.fixes[at + 1] - 1, kept.fixes[at] - 1, -1):
+                if out.fix_sample[m] == k + 1:
+                    _store_fix(out, m, state, run.w, run.T)
+                    _before_update(run.scalars[m], later, Later, x)
+            if out.rest[k + 1]:
+                _before_update(kept.rest[at], later, Later, x)
+            for b in range(BIASES):
+                decay[b] = 1 - dt * run.bias_decay[b]
+            _before_step(kept.Phi[at], decay, later, Later, half)
+        if first == 0:
+            run.w[:] = start_w
+            _smooth(run.w, later, Later, half, P)
+            _store(out, 0, _corrected(start_state, run.w, run.T, x, spare), run.w, run.T)
 
-    write = with_states(PHI, states).write
-    return entry_kernel(rebound_throughout(backwards, N=states, _write_phi=write))
+    return compiled_for(backwards, model, summed=False)

@@ -16,6 +16,20 @@ from lab.trajectory import Truth
 FloatArray = NDArray[np.float64]
 
 
+def _zeros(count: int) -> FloatArray:
+    """Return zeros that nobody can change."""
+    values = np.zeros(count)
+    values.setflags(write=False)
+    return values
+
+
+NO_VECTOR = _zeros(3)
+"""Zero vector (3,), read-only: no lever arm, no bias."""
+NO_REST = _zeros(0).astype(np.bool_)
+"""No sample at rest."""
+NO_REST.setflags(write=False)
+
+
 class Imu(NamedTuple):
     """Increments of the inertial sensors.
 
@@ -25,20 +39,29 @@ class Imu(NamedTuple):
         Ends of the sample intervals, the first one their common start [s].
     dtheta, dvelocity : (n, 3) arrays
         Integrals of angular rate [rad] and specific force [m/s] over each interval, in b.
+    rest : (n,) array
+        Samples in which the vehicle stands still, and the filter may know it; empty if it is not told.
     """
 
     time: FloatArray
     dtheta: FloatArray
     dvelocity: FloatArray
+    rest: NDArray[np.bool_] = NO_REST
+
+    def until(self, sample: int) -> Imu:
+        """Return the increments up to a sample."""
+        if sample == self.dtheta.shape[0]:
+            return self
+        return Imu(self.time[: sample + 1], self.dtheta[:sample], self.dvelocity[:sample], self.rest[:sample])
 
 
 class Fixes(NamedTuple):
-    """GPS fixes.
+    """GPS fixes, of the antenna.
 
     Attributes
     ----------
     time : (m,) array
-        Time of validity, increasing [s].
+        Time of validity, increasing: the time stamp less the latency of the receiver [s].
     position : (m, 3) array
         Latitude, longitude [rad], height [m].
     velocity_n : (m, 3) array
@@ -61,11 +84,14 @@ class Start(NamedTuple):
         Velocity north, east, down [m/s].
     q_nb : (4,) array
         Attitude, scalar first.
+    gyro_bias : (3,) array
+        Gyro bias that an alignment found [rad/s].
     """
 
     position: FloatArray
     velocity_n: FloatArray
     q_nb: FloatArray
+    gyro_bias: FloatArray = NO_VECTOR
 
     @classmethod
     def off(cls, truth: Truth, position: FloatArray, velocity: FloatArray, attitude: FloatArray) -> Start:
@@ -107,12 +133,15 @@ class Belief(NamedTuple):
         [rad²/s³] and accelerometer bias drive [(m/s²)²/s].
     bias_decay : (6,) array
         Decay rates of gyro and accelerometer biases, one over their correlation times [1/s].
+    lever_arm : (3,) array
+        Place of the antenna, from the IMU forward, right, down [m].
     """
 
     P0: FloatArray
     R: FloatArray
     noise: FloatArray
     bias_decay: FloatArray
+    lever_arm: FloatArray = NO_VECTOR
 
     def fix_covariance(self, fixes: NDArray[np.intp]) -> FloatArray:
         """Return R of some fixes, (6, 6) or (m, 6, 6)."""
@@ -148,6 +177,16 @@ class Solution(NamedTuple):
         Sample after which each fix was used; −1 for those outside the time of the IMU, or rejected.
     fix_rejected : (m,) array
         Whether the fix was rejected by the gate; its innovation is kept.
+    fix_recovered : (m,) array
+        Whether the filter took the fix after it had found that it is itself in error, and had raised P; the
+        innovation and its covariance are those before.
+    fix_H : (m, 6, 15) or (m, 6, 21) array
+        How the fix sees the errors: the innovation is H times the error of the navigator, plus noise.
+    fix_R : (m, 6, 6) array
+        Covariance of the fix as it was used: divided by the weight of a robust update, and with the noise of
+        the gyros on the lever arm.
+    rest : (n + 1,) array
+        After which samples the filter made an update at rest.
     """
 
     position: FloatArray
@@ -162,6 +201,10 @@ class Solution(NamedTuple):
     fix_covariance: FloatArray
     fix_sample: NDArray[np.int64]
     fix_rejected: NDArray[np.bool_]
+    fix_recovered: NDArray[np.bool_]
+    fix_H: FloatArray
+    fix_R: FloatArray
+    rest: NDArray[np.bool_]
 
     @property
     def states(self) -> int:
@@ -193,6 +236,10 @@ class Solution(NamedTuple):
             fix_covariance=np.full((fixes, states, states), np.nan),
             fix_sample=np.full(fixes, -1, dtype=np.int64),
             fix_rejected=np.zeros(fixes, dtype=np.bool_),
+            fix_recovered=np.zeros(fixes, dtype=np.bool_),
+            fix_H=np.full((fixes, MEASUREMENTS, states), np.nan),
+            fix_R=np.full((fixes, MEASUREMENTS, MEASUREMENTS), np.nan),
+            rest=np.zeros(samples, dtype=np.bool_),
         )
 
 
@@ -209,13 +256,43 @@ class Schedule(NamedTuple):
     stride : int
         P is propagated once in so many IMU samples, with the sum of F dt over them, and whenever a fix comes.
     gate : float
-        Largest NIS of a fix that is used, a quantile of χ² with 6 degrees of freedom; infinite uses all.
+        Largest NIS of a fix that is used, a quantile of χ² with as many degrees of freedom as the fix has
+        measurements; infinite uses all.
+    robust : int
+        How a fix is weighed: `kalman.EVERY`, `HUBER` or `STUDENT_T`.
+    implausible : float
+        NIS from which on fixes in a row accuse the filter; infinite if it uses every fix as it is.
+    agreeing, any_of : int
+        How many such fixes in a row accuse the filter: if their innovations agree, and if they do not.
     """
 
     feedback: bool = True
     correction_period: float = 0.0
     stride: int = 1
     gate: float = math.inf
+    robust: int = 0
+    implausible: float = math.inf
+    agreeing: int = 4
+    any_of: int = 10
+
+
+class Stretch(NamedTuple):
+    """Samples of a log for which the same holds.
+
+    Attributes
+    ----------
+    end : int
+        The sample it ends with.
+    gate, implausible : float
+        As of `Schedule`, for the measurements that the fixes in it have.
+    noise : (12,) array
+        As of `Belief`, with what is not known in a gap of the IMU.
+    """
+
+    end: int
+    gate: float
+    implausible: float
+    noise: FloatArray
 
 
 EVERY_FIX = Schedule()

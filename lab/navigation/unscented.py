@@ -15,7 +15,7 @@ F. L. Markley, *Unscented filtering for spacecraft attitude estimation*, JGCD 26
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -24,10 +24,22 @@ from numpy.typing import NDArray
 from lab import earth
 from lab.navigation import strapdown
 from lab.navigation.compilation import SOURCES, entry_kernel, inline_kernel, interpreted, kernel
-from lab.navigation.kalman import MEASUREMENTS
-from lab.navigation.navigator import POLAR, PolarError
-from lab.navigation.sigma_points import attitude, cholesky, displace, gather, spread, transport
-from lab.navigation.solution import EVERY_FIX, Belief, Fixes, Imu, Schedule, Solution, Start
+from lab.navigation.error_models import ATT
+from lab.navigation.kalman import (
+    MEASUREMENTS,
+    RECOVERED,
+    REJECTED,
+    cholesky_of_fix,
+    normalised_square,
+    plausibility,
+    predict_fix,
+    weight,
+)
+from lab.navigation.lever_arm import see_antenna
+from lab.navigation.navigator import go_through
+from lab.navigation.sigma_points import attitude, displace, gather, spread, transport
+from lab.navigation.solution import EVERY_FIX, Belief, Fixes, Imu, Schedule, Solution, Start, Stretch
+from lab.navigation.standstill import GATE, ROOM, gather_rest, hold_attitude, see_rest
 from lab.navigation.strapdown import (
     GYRO_BIAS,
     LATITUDE,
@@ -72,14 +84,21 @@ class Filter(NamedTuple):
     driven: FloatArray  # covariance that process noise has brought since the points were spread
     spare: FloatArray  # a navigator
     counts: NDArray[np.int64]  # next fix; samples since mean and covariance were formed
-    clock: FloatArray  # seconds since then; seconds since the points were spread, negative before that
-    R: FloatArray
+    clock: (
+        FloatArray  # seconds since then; since the points were spread, negative before that; of the last fix
+    )
+    streak: FloatArray  # of implausible fixes, see `kalman.stands_out`
+    R: FloatArray  # of all fixes, or of each
+    R_fix: FloatArray  # of this fix
+    H: FloatArray  # how this fix sees the errors
     noise: FloatArray
     bias_decay: FloatArray
+    lever_arm: FloatArray
+    rest_sums: FloatArray  # of the rates at rest, see `standstill`
 
     @classmethod
-    def begin(cls, start: Start, belief: Belief) -> Filter:
-        """Return a filter at its start."""
+    def begin(cls, start: Start, belief: Belief, time: float = 0.0) -> Filter:
+        """Return a filter at its start, at a time [s]."""
         state = np.zeros(strapdown.LENGTH)
         interpreted(strapdown.set_position)(state, *start.position)
         meridian, transverse = earth.radii(state[strapdown.SINE])
@@ -87,6 +106,7 @@ class Filter(NamedTuple):
         state[strapdown.TRANSVERSE] = 1 / (transverse + start.position[2])
         state[VELOCITY : VELOCITY + 3] = start.velocity_n
         state[strapdown.Q_NB : strapdown.Q_NB + 4] = start.q_nb
+        state[GYRO_BIAS : GYRO_BIAS + 3] = start.gyro_bias
         n = belief.P0.shape[0]
         return cls(
             state,
@@ -100,15 +120,25 @@ class Filter(NamedTuple):
             np.zeros((n, n)),
             np.zeros(strapdown.LENGTH),
             np.zeros(2, dtype=np.int64),
-            np.array([0.0, -1.0]),
-            np.ascontiguousarray(belief.R),
-            np.ascontiguousarray(belief.noise),
-            np.ascontiguousarray(belief.bias_decay),
+            np.array([0.0, -1.0, time]),
+            np.zeros(2 + MEASUREMENTS),
+            np.array(belief.R, dtype=np.float64).reshape(-1, MEASUREMENTS, MEASUREMENTS),
+            np.zeros((MEASUREMENTS, MEASUREMENTS)),
+            np.zeros((MEASUREMENTS, n)),
+            np.array(belief.noise, dtype=np.float64),
+            np.array(belief.bias_decay, dtype=np.float64),
+            np.array(belief.lever_arm, dtype=np.float64),
+            np.zeros(ROOM),
         )
 
 
 def navigate(
-    imu: Imu, fixes: Fixes, start: Start, belief: Belief, schedule: Schedule = EVERY_FIX
+    imu: Imu,
+    fixes: Fixes,
+    start: Start,
+    belief: Belief,
+    schedule: Schedule = EVERY_FIX,
+    stretches: Sequence[Stretch] = (),
 ) -> Solution:
     """Navigate a whole flight with the unscented filter; arguments and result as for `navigator.navigate`.
 
@@ -124,13 +154,32 @@ def navigate(
         each fix.
     """
     check(schedule)
+    check_heading(belief.P0)
     solution = Solution.empty(imu.time.size, fixes.time.size, belief.P0.shape[0])
-    stopped = 0
-    if abs(start.position[0]) <= strapdown.MAX_LATITUDE:
-        stopped = advance(Filter.begin(start, belief), imu, fixes, solution, 0, schedule)
-    if stopped < imu.time.size:
-        raise PolarError(POLAR.format(time=imu.time[max(stopped - 1, 0)]))
+    run = Filter.begin(start, belief, float(imu.time[0]))
+
+    def onwards(imu: Imu, out: Solution, first: int, schedule: Schedule) -> int:
+        return advance(run, imu, fixes, out, first, schedule)
+
+    go_through(run.state, run.noise, imu, solution, schedule, stretches, onwards)
     return solution
+
+
+LARGEST_SIGMA = math.radians(60)
+"""Largest σ of an initial attitude error [rad]: the sigma points lie at √3 σ, and from 104° on they meet on
+the other side of the circle."""
+
+
+def check_heading(P0: FloatArray) -> None:
+    """Raise `SettingError` if an initial attitude is too uncertain for sigma points."""
+    sigma = math.sqrt(float(np.max(np.diag(P0)[ATT])))
+    if sigma > LARGEST_SIGMA:
+        raise SettingError(
+            "navigator.model: the sigma points of the model nonlinear do not span an initial attitude with a "
+            f"σ of {math.degrees(sigma):.0f}°; accepted are up to {math.degrees(LARGEST_SIGMA):.0f}° "
+            "(navigator.attitude_sigma, navigator.p0), or the model invariant, which also starts from an "
+            "unknown heading"
+        )
 
 
 def check(schedule: Schedule) -> None:
@@ -250,21 +299,48 @@ def _innovation(
 
 
 @kernel
-def _update(run: Filter, nu: FloatArray, S: FloatArray, gate: float) -> bool:
-    """Update P with an innovation, write its covariance S, and take the estimated error out of the navigator.
-
-    A fix with an NIS beyond the gate is left alone; what is returned is whether it was used.
-
-    A fix sees the first six errors directly: that is linear, where the unscented transform is exact and the
-    update the Kalman filter's (Groves 3.2.7). With S = L Lᵀ and W = P Hᵀ L⁻ᵀ the estimate is W L⁻¹ ν, and P
-    loses W Wᵀ.
-    """
-    P, x = run.P, run.x
+def _judge(
+    run: Filter, m: int, age: float, time: float, schedule: Schedule, nu: FloatArray, out: Solution
+) -> int:
+    """Write H and R of fix m, move its innovation to the antenna, and say what becomes of it."""
+    H, R, S, n = run.H, run.R_fix, out.innovation_covariance[m], run.x.size
     for i in range(MEASUREMENTS):
         for j in range(MEASUREMENTS):
-            S[i, j] = P[i, j] + run.R[i, j]
-    root = np.empty((MEASUREMENTS, MEASUREMENTS))
-    cholesky(S, np.arange(MEASUREMENTS), root)
+            R[i, j] = run.R[min(m, run.R.shape[0] - 1), i, j]
+        for j in range(n):
+            H[i, j] = 1.0 if i == j else 0.0
+    axes = (1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)
+    see_antenna(run.state, run.lever_arm, age, run.noise, axes, nu, H, R)
+    predict_fix(run.P, H, R, S)
+    nis = normalised_square(nu, S)
+    became = plausibility(run.P, run.streak, run.clock, nu, S, nis, time, schedule, n)
+    if became != REJECTED:
+        if became == RECOVERED:
+            nis = 0.0
+        per_weight = 1 / weight(schedule.robust, nis)
+        for i in range(MEASUREMENTS):
+            for j in range(MEASUREMENTS):
+                R[i, j] *= per_weight
+    for i in range(MEASUREMENTS):
+        for j in range(n):
+            out.fix_H[m, i, j] = H[i, j]
+        for j in range(MEASUREMENTS):
+            out.fix_R[m, i, j] = R[i, j]
+    return became
+
+
+@kernel
+def _update(run: Filter, nu: FloatArray) -> None:
+    """Update P with an innovation, and take the estimated error out of the navigator.
+
+    H is linear but for the lever arm, small against the distance at which position errors matter: there the
+    unscented transform is exact and the update the Kalman filter's (Groves 3.2.7). With S = L Lᵀ and
+    W = P Hᵀ L⁻ᵀ the estimate is W L⁻¹ ν, and P loses W Wᵀ.
+    """
+    P, x, H = run.P, run.x, run.H
+    S, root = np.empty((MEASUREMENTS, MEASUREMENTS)), np.zeros((MEASUREMENTS, MEASUREMENTS))
+    predict_fix(P, H, run.R_fix, S)
+    cholesky_of_fix(S, root)
     W = np.empty((x.size, MEASUREMENTS))
     white = np.empty(MEASUREMENTS)
     for m in range(MEASUREMENTS):
@@ -272,15 +348,12 @@ def _update(run: Filter, nu: FloatArray, S: FloatArray, gate: float) -> bool:
         for k in range(m):
             white[m] -= root[m, k] * white[k]
         white[m] /= root[m, m]
-    nis = 0.0
-    for m in range(MEASUREMENTS):
-        nis += white[m] * white[m]
-    if nis > gate:
-        return False
     for i in range(x.size):
         x[i] = 0.0
         for m in range(MEASUREMENTS):
-            W[i, m] = P[i, m]
+            W[i, m] = 0.0
+            for j in range(x.size):
+                W[i, m] += P[i, j] * H[m, j]
             for k in range(m):
                 W[i, m] -= root[m, k] * W[i, k]
             W[i, m] /= root[m, m]
@@ -292,6 +365,49 @@ def _update(run: Filter, nu: FloatArray, S: FloatArray, gate: float) -> bool:
                 total += W[i, m] * W[j, m]
             P[i, j] -= total
     displace(run.state, x)
+    transport(P, (x[6], x[7], x[8]))
+
+
+@inline_kernel
+def _rests(run: Filter, imu: Imu, k: int, dt: float) -> bool:
+    """Take in whether the vehicle stands still in sample k; return whether an update at rest is due."""
+    if imu.rest.size == 0:
+        return False
+    hold_attitude(run.state, run.rest_sums, imu.rest[k])
+    return bool(imu.rest[k] and gather_rest(run.state, run.rest_sums, dt))
+
+
+@kernel
+def _update_at_rest(run: Filter) -> bool:
+    """Update with the mean of the gyros at rest, unless the vehicle turns; say whether it was used."""
+    P, x, state = run.P, run.x, run.state
+    z, H, gain = np.empty(3), np.empty((3, 6)), np.empty(x.size)
+    sine = state[strapdown.SINE]
+    rate = strapdown.earth_rate(sine, math.sqrt(1 - sine * sine))
+    see_rest(state, rate, run.noise, run.rest_sums, z, H)
+    for m in range(3):
+        s = 1.0
+        for i in range(6):
+            for j in range(6):
+                s += H[m, i] * H[m, j] * P[6 + i, 6 + j]
+        if z[m] * z[m] > GATE * s:
+            return False
+    for i in range(x.size):
+        x[i] = 0.0
+    for m in range(3):
+        s, residual = 1.0, z[m]
+        for i in range(x.size):
+            gain[i] = 0.0
+            for j in range(6):
+                gain[i] += P[i, 6 + j] * H[m, j]
+        for j in range(6):
+            s += H[m, j] * gain[6 + j]
+            residual -= H[m, j] * x[6 + j]
+        for i in range(x.size):
+            x[i] += gain[i] / s * residual
+            for j in range(x.size):
+                P[i, j] -= gain[i] * gain[j] / s
+    displace(state, x)
     transport(P, (x[6], x[7], x[8]))
     return True
 
@@ -361,20 +477,29 @@ def _compile_advance(sources: str) -> Callable[[Filter, Imu, Fixes, Solution, in
                 return k + 1
             m = run.counts[0]
             fix_due = m < fixes.time.size and fixes.time[m] <= time + 1e-6 * dt
-            if fix_due or (run.counts[1] >= schedule.stride and run.clock[0] >= FORMED - 1e-6 * dt):
+            rest_due = _rests(run, imu, k, dt)
+            if (
+                fix_due
+                or rest_due
+                or (run.counts[1] >= schedule.stride and run.clock[0] >= FORMED - 1e-6 * dt)
+            ):
                 _form(run)
-                if fix_due or run.clock[1] >= HELD - 1e-6 * dt:
+                if fix_due or rest_due or run.clock[1] >= HELD - 1e-6 * dt:
                     _centre(run)
+            if rest_due and _update_at_rest(run):
+                out.rest[k + 1] = True
             while fix_due:
                 age = time - fixes.time[m]
                 if age <= dt * (1 + 1e-6):
-                    _innovation(
-                        run.state, age, age / dt, fixes.position[m], fixes.velocity_n[m], out.innovation[m]
-                    )
-                    if _update(run, out.innovation[m], out.innovation_covariance[m], schedule.gate):
-                        _store_fix(out, m, k + 1, run)
-                    else:
+                    nu = out.innovation[m]
+                    _innovation(run.state, age, age / dt, fixes.position[m], fixes.velocity_n[m], nu)
+                    became = _judge(run, m, age, time, schedule, nu, out)
+                    if became == REJECTED:
                         out.fix_rejected[m] = True
+                    else:
+                        _update(run, nu)
+                        _store_fix(out, m, k + 1, run)
+                        out.fix_recovered[m] = became == RECOVERED
                 m += 1
                 run.counts[0] = m
                 fix_due = m < fixes.time.size and fixes.time[m] <= time + 1e-6 * dt

@@ -274,11 +274,24 @@ def difference(
             z[3 + i] += axis[j] * (v[j] - fraction * (v[j] - before[j]))
 
 
+@inline_kernel
+def frame_rate(state: FloatArray) -> Vector:
+    """Return the Earth's rate in w."""
+    x, y, z = get(state, AXIS)
+    return earth.RATE * x, earth.RATE * y, earth.RATE * z
+
+
+@inline_kernel
+def fix_axes(state: FloatArray) -> Matrix:
+    """Return north, east and down of the last fix, in w."""
+    return get(state, FIX_AXES), get(state, FIX_AXES + 3), get(state, FIX_AXES + 6)
+
+
 @kernel
 def to_fix(state: FloatArray, T: FloatArray) -> None:
-    """Turn the rows of position and velocity from w to the axes of the last fix."""
+    """Turn the rows of T from w to the axes of the last fix."""
     for j in range(9):
-        for row in range(0, 6, 3):
+        for row in range(0, 9, 3):
             x, y, z = T[row, j], T[row + 1, j], T[row + 2, j]
             for i in range(3):
                 a, b, c = get(state, FIX_AXES + 3 * i)

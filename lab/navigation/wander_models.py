@@ -40,24 +40,17 @@ from lab.navigation.strapdown import (
     SINE,
     TRANSVERSE,
     VELOCITY,
-    Vector,
     cross,
     get,
     matrix,
     plus,
 )
 from lab.navigation.wander import AXIS, BEND, quaternion, to_fix, to_north, turn_of
+from lab.navigation.wander import frame_rate as _earth_rate
 
 FloatArray = NDArray[np.float64]
 
 X, Y = 0, 1  # axes of w beside D
-
-
-@inline_kernel
-def _earth_rate(state: FloatArray) -> Vector:
-    """Return ω_ie in w."""
-    x, y, z = get(state, AXIS)
-    return earth.RATE * x, earth.RATE * y, earth.RATE * z
 
 
 @inline_kernel

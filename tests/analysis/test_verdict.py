@@ -236,7 +236,7 @@ def test_the_response_of_the_innovations_is_that_of_the_filter_itself():
     seen, samples = offered(solution, result.fixes, imu)
     motion = fix_causes.motion_at_fixes(solution, samples, imu)
     causes = fix_causes.causes_of(motion)
-    gains = fix_causes.gains(solution, result.belief, seen)
+    gains = fix_causes.gains(solution, seen)
     response = fix_causes.response(gains, solution, result.belief, seen, samples, imu.time, motion, causes)
     begin = start(result.truth_arrays, result.experiment.navigator, 2)
     meridian, transverse = earth.radii(np.sin(result.fixes.position[:, 0]))

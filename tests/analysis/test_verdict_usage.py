@@ -1,4 +1,4 @@
-"""Verdict on smoothed runs and on what was not used: P0 is judged by the filter's start, rejected fixes too."""
+"""Verdict on smoothed runs and unused fixes: P0 is judged by the start, rejected fixes are judged too."""
 
 from __future__ import annotations
 

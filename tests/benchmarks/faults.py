@@ -62,6 +62,8 @@ class Fault:
         faulty = run.copy()
         if self.source != "filter":
             keep_belief(faulty)
+            faulty.set("navigator.latency", 0.0)
+            faulty.set("navigator.lever_arm", [0.0, 0.0, 0.0])
         self.change(faulty)
         return faulty
 

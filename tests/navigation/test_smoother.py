@@ -15,13 +15,13 @@ from lab import earth
 from lab.analysis.consistency import chi_square_interval, normalised_squares
 from lab.analysis.errors import attitude_error, error_state
 from lab.experiment import CACHE, Experiment
-from lab.navigation import strapdown
+from lab.navigation import smoother, strapdown
 from lab.navigation.error_models import PHI, with_states
 from lab.navigation.navigator import navigate
-from lab.navigation.smoother import smooth
 from lab.navigation.solution import Belief, Fixes, Imu, Schedule, Solution, Start
 from lab.result import Result
 from lab.rotation import wrap
+from lab.settings import SettingError
 
 FloatArray = NDArray[np.float64]
 
@@ -132,7 +132,7 @@ def compare(imu: Imu, fixes: Fixes, begin: Start, belief: Belief, schedule: Sche
     x, variance = adjusted(imu, fixes, free, belief)
     filtered = navigate(imu, fixes, begin, belief, schedule, model)
     assert len(set(filtered.fix_sample)) == fixes.time.size - 1
-    smoothed = smooth(imu, filtered, belief)
+    smoothed = smoother.navigate(imu, fixes, begin, belief, schedule, model)
     sigma = np.sqrt(variance)
     states = np.abs((apart(free, smoothed) - x) / sigma).max()
     deviation = np.abs(np.sqrt(smoothed.variance) / sigma - 1).max()
@@ -165,27 +165,26 @@ def test_with_feedback_it_tends_to_least_squares() -> None:
 def test_without_fixes_nothing_changes() -> None:
     imu, _, begin, belief = short_flight()
     filtered = navigate(imu, NO_FIXES, begin, belief)
-    smoothed = smooth(imu, filtered, belief)
+    smoothed = smoother.navigate(imu, NO_FIXES, begin, belief)
     np.testing.assert_allclose(apart(smoothed, filtered), 0, atol=1e-12)
     np.testing.assert_allclose(smoothed.variance, filtered.variance, rtol=1e-9)
 
 
-def flight(seed: int, **settings: object) -> tuple[Result, Imu]:
-    """Return an experiment on montreal and the increments it navigated with."""
-    experiment = Experiment(mission="montreal", seed=seed)
+def flights(seed: int, mission: str = "montreal", **settings: object) -> tuple[Result, Result]:
+    """Return an experiment filtered and smoothed."""
+    experiment = Experiment(mission=mission, seed=seed)
     for name, value in settings.items():
         experiment.set(name.replace("__", "."), value)
-    result = experiment.run()
-    return result, Imu(result.ideal.time, result.gyro.increments, result.accelerometer.increments)
+    filtered = experiment.run()
+    experiment.set("navigator.smoother", True)
+    return filtered, experiment.run()
 
 
 def test_an_outage_is_bridged_from_both_sides() -> None:
     """With a bias nobody doubts: its covariance has no inverse."""
-    result, imu = flight(3, sensors__gps__outages=[(90, 120)], sensors__gyro__bias_sigma=(0.0, 0.3, 0.3))
-    filtered = result.solution_arrays
-    smoothed = smooth(imu, filtered, result.belief)
-    # P is computed anew, along the solution: after the last fix the two agree to that.
-    assert (smoothed.variance <= filtered.variance * (1 + 1e-6)).all()
+    result, after = flights(3, sensors__gps__outages=[(90, 120)], sensors__gyro__bias_sigma=(0.0, 0.3, 0.3))
+    filtered, smoothed = result.solution_arrays, after.solution_arrays
+    assert (smoothed.variance <= filtered.variance * (1 + 1e-9)).all()
     assert (np.delete(smoothed.variance, 9, axis=1) > 0).all()
     # The last sample has nothing later to learn from.
     np.testing.assert_allclose(smoothed.variance[-1], filtered.variance[-1], rtol=1e-6)
@@ -202,9 +201,8 @@ def test_an_outage_is_bridged_from_both_sides() -> None:
 
 def test_smoothed_errors_are_smaller_and_the_smoother_tells_the_truth() -> None:
     def one(seed: int) -> tuple[FloatArray, FloatArray]:
-        result, imu = flight(seed)
-        filtered = result.solution_arrays
-        smoothed = smooth(imu, filtered, result.belief)
+        result, after = flights(seed)
+        filtered, smoothed = result.solution_arrays, after.solution_arrays
         late = result.fixes.time > 20
         samples = filtered.fix_sample[late]
         x = [error_state(s, samples, result.truth_arrays, result.true_bias) for s in (filtered, smoothed)]
@@ -222,3 +220,73 @@ def test_smoothed_errors_are_smaller_and_the_smoother_tells_the_truth() -> None:
     print(f"NEES {mean.mean():.2f} on average, inside at {100 * inside:.1f} % of epochs")
     assert (smoothed < 0.9 * filtered).all()
     assert inside >= 0.9
+
+
+COMBINATIONS = {
+    "feedforward": {"navigator__correction": "feedforward"},
+    "corrected every 10 s": {"navigator__correction_period": 10.0},
+    "psi": {"navigator__model": "psi"},
+    "invariant": {"navigator__model": "invariant"},
+    "wander azimuth": {"navigator__mechanization": "wander azimuth"},
+    "gate, lever arm, latency": {
+        "navigator__gate": 0.9,
+        "sensors__gps__lever_arm": (3.0, 1.0, -1.0),
+        "sensors__gps__latency": 0.2,
+    },
+    "student-t": {"navigator__robust": "student-t", "sensors__gps__outlier_rate": 0.05},
+}
+
+
+@pytest.mark.parametrize("settings", COMBINATIONS.values(), ids=COMBINATIONS)
+def test_what_the_filter_did_is_undone_exactly(settings: dict[str, object]) -> None:
+    """The smoothed σ is never above the filtered one and never below zero, with the default sensor, too."""
+    filtered, smoothed = (result.solution_arrays for result in flights(2, **settings))
+    assert np.isfinite(smoothed.variance).all()
+    assert (smoothed.variance > 0).all()
+    assert (smoothed.variance <= filtered.variance * (1 + 1e-9)).all()
+    np.testing.assert_allclose(smoothed.variance[-1], filtered.variance[-1], rtol=1e-9)
+    np.testing.assert_allclose(apart(smoothed, filtered)[-1], 0, atol=1e-8)
+
+
+@pytest.mark.parametrize(
+    "settings",
+    [{"navigator__correction_period": 10.0}, {"navigator__model": "invariant"}, {"navigator__states": 21}],
+    ids=["corrected every 10 s", "invariant", "21 states"],
+)
+def test_smoothed_nees_holds_in_combination(settings: dict[str, object]) -> None:
+    seeds = 20
+
+    def one(seed: int) -> FloatArray:
+        _, after = flights(seed, "los_angeles", sensors__gyro__bias_sigma=0.02, **settings)
+        smoothed, late = after.solution_arrays, after.fixes.time > 20
+        x = error_state(
+            smoothed,
+            smoothed.fix_sample[late],
+            after.known_truth("errors"),
+            after.true_bias,
+            after.true_scale,
+        )
+        return normalised_squares(x[:, :15], smoothed.fix_covariance[late][:, :15, :15])
+
+    nees = np.mean([one(seed) for seed in range(1, seeds + 1)])
+    CACHE.clear()
+    print(f"\nsmoothed NEES of 15 states over {seeds} seeds: {nees:.2f}")
+    # A flight smoothed is about four independent epochs.
+    low, high = chi_square_interval(15, 4 * seeds, 0.999)
+    assert low < nees < high
+
+
+@pytest.mark.parametrize(
+    ("settings", "named"),
+    [
+        ({"filter_rate": 1.0}, r"filter_rate = 1 Hz"),
+        ({"model": "nonlinear"}, "nonlinear"),
+        ({"engine": "filterpy"}, "filterpy"),
+    ],
+    ids=["filter rate", "nonlinear", "filterpy"],
+)
+def test_what_cannot_be_smoothed_is_refused(settings: dict[str, object], named: str) -> None:
+    experiment = Experiment(mission="montreal")
+    experiment.update({"navigator": {**settings, "smoother": True}})
+    with pytest.raises(SettingError, match=rf"navigator\.smoother: .*{named}.*accepted"):
+        experiment.run()
