@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lab import report
-from lab.analysis import budget, observability
+from lab.analysis import budget, observability, trial
 from lab.analysis.algorithm_verdict import judge
 from lab.analysis.evidence import Evidence
 from lab.analysis.run_evidence import evidence_of
@@ -327,6 +327,14 @@ class Result:
     def verdict(self) -> Verdict:
         """Whether the filter tells the truth about itself, judged by errors and innovations."""
         return judge(self.evidence)
+
+    @cached_property
+    def tried_verdict(self) -> Verdict:
+        """The verdict, its advice tried: with what it brings, or not given where it makes things worse.
+
+        Costs three runs and more; `verdict` is the same without.
+        """
+        return trial.tried(self)
 
     @cached_property
     def innovation_verdict(self) -> Verdict:

@@ -122,6 +122,7 @@ def evidence(
     gate: float = 0.0,
     latency: float = 0.0,
     smoothed: Solution | None = None,
+    explain: bool = True,
 ) -> Evidence:
     """Return what a run says of its filter.
 
@@ -141,11 +142,13 @@ def evidence(
     smoothed
         What a smoother made of the solution: NEES is then that of the smoothed states. All else, the start
         and the innovations among it, is the filter's own.
+    explain
+        Whether suspicious innovations are explained.
     """
     seen, samples = offered(solution, fixes, imu)
     found = Evidence(
         runs=1,
-        innovations=innovations(solution, belief, fixes, imu),
+        innovations=innovations(solution, belief, fixes, imu, explain=explain),
         usage=usage(solution, gate),
         told=Kept(np.append(latency, belief.lever_arm)[None]),
     )

@@ -26,6 +26,27 @@ NOTHING = "nothing"
 """Basis of a verdict that says only that there is none."""
 
 
+class Change(NamedTuple):
+    """A change of a setting that a finding advises.
+
+    Attributes
+    ----------
+    path : str
+        The setting.
+    value : object
+        What it is set to; or what it is multiplied by.
+    times : bool
+        Whether it is multiplied.
+    rows : tuple of int or None
+        First row that is changed of a matrix, and the one after the last.
+    """
+
+    path: str
+    value: object
+    times: bool = False
+    rows: tuple[int, int] | None = None
+
+
 @dataclass(frozen=True)
 class Finding:
     """One thing that is wrong.
@@ -48,6 +69,8 @@ class Finding:
         What is wrong and what to try, for a person.
     evidence
         The statistic it rests on.
+    changes
+        The settings that the advice changes, which can be tried; empty where it names none.
     """
 
     quantity: str
@@ -56,6 +79,7 @@ class Finding:
     sentence: str
     advice: str
     evidence: str
+    changes: tuple[Change, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -106,9 +130,18 @@ def sorted_findings(weighed: list[Weighed]) -> tuple[Finding, ...]:
 
 
 def judge_size(
-    squares: Squares, quantity: str, sentence: str, advice: str, of_what: str, doubt: float = DOUBT
+    squares: Squares,
+    quantity: str,
+    sentence: str,
+    advice: str,
+    of_what: str,
+    doubt: float = DOUBT,
+    scales: tuple[str, tuple[int, int] | None] | None = None,
 ) -> list[Weighed]:
-    """Judge a variance by the mean square of what it should be the variance of."""
+    """Judge a variance by the mean square of what it should be the variance of.
+
+    `scales` is the setting, and the rows of it, that the advice multiplies by the mean square.
+    """
     total, count = float(squares.total), float(squares.number)
     if not count or is_right(total, count, doubt):
         return []
@@ -127,6 +160,7 @@ def judge_size(
         sentence.format(**words),
         advice.format(**words),
         mean_square(squares, of_what, doubt),
+        () if scales is None else (Change(scales[0], float(f"{ratio:.2g}"), True, scales[1]),),
     )
     return [Weighed(size_weight(total, count), finding)]
 

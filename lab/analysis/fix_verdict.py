@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from lab.analysis.finding import RATIO, Finding, Weighed, judge_size
+from lab.analysis.finding import RATIO, Change, Finding, Weighed, judge_size
 from lab.analysis.fix_causes import CAUSES
 from lab.analysis.fix_evidence import FEWEST, LEAST, RATIOS, TIMES, FixErrors
 from lab.analysis.outliers import CHANCE
@@ -91,6 +91,7 @@ def _size(fixes: FixErrors, kind: int, scale: float, size: float, plain: bool) -
             f"right: R {name} {AXES[axis]} about {{factor}} × too {{wrong}}.",
             f"Multiply the variance of the {name} {AXES[axis]} in navigator.r by {{multiply}}.",
             f"{name} errors {AXES[axis]} of the fixes",
+            scales=("navigator.r", (3 * kind + axis, 3 * kind + axis + 1)),
         )
     return judge_size(
         Squares(np.array(scale) * count, count),
@@ -99,6 +100,7 @@ def _size(fixes: FixErrors, kind: int, scale: float, size: float, plain: bool) -
         "too {wrong}.",
         f"Multiply the {name} variances of navigator.r by {{multiply}}.",
         f"{name} errors of the fixes",
+        scales=("navigator.r", (3 * kind, 3 * kind + 3)),
     )
 
 
@@ -159,6 +161,7 @@ def latency(size: float, gain: float, told: FloatArray) -> Finding:
         "velocity.",
         f"Set navigator.latency to {told[0] + size:.2f}.",
         f"latency {size:.3f} s, logarithm of the likelihood ratio {gain:.0f}",
+        (Change("navigator.latency", float(round(told[0] + size, 2))),),
     )
 
 
@@ -174,6 +177,7 @@ def lever_arm(arm: FloatArray, gain: float, told: FloatArray) -> Finding:
         f"The antenna is {length:.1f} m off ({where}): the errors of the fixes turn with the vehicle.",
         f"Set navigator.lever_arm to [{place}].",
         f"lever arm {where}, logarithm of the likelihood ratio {gain:.0f}",
+        (Change("navigator.lever_arm", [float(round(metres, 2)) for metres in told[1:] + arm]),),
     )
 
 
@@ -203,6 +207,7 @@ def judge_outliers(number: int, fixes: int, what: str) -> list[Weighed]:
         f"{number} of {fixes} fixes have {what} no Gaussian would give: outliers, such as from multipath.",
         "Set navigator.gate to 0.999: the filter then refuses fixes that are implausible.",
         f"{number} of {fixes} beyond what one Gaussian fix in {0.5 / CHANCE:.0e} reaches",
+        (Change("navigator.gate", 0.999),),
     )
     return [Weighed(-number * float(np.log(CHANCE)), finding)]
 

@@ -95,7 +95,9 @@ def offered(solution: Solution, fixes: Fixes, imu: Imu) -> tuple[NDArray[np.intp
     return seen, np.where(used >= 0, used, np.minimum(at, imu.time.size - 1)).astype(np.intp)
 
 
-def innovations(solution: Solution, belief: Belief, fixes: Fixes, imu: Imu) -> Innovations:
+def innovations(
+    solution: Solution, belief: Belief, fixes: Fixes, imu: Imu, *, explain: bool = True
+) -> Innovations:
     """Return what the innovations of a run say; the parameters are those of `evidence.evidence`."""
     seen, samples = offered(solution, fixes, imu)
     used = solution.fix_sample[seen] >= 0
@@ -123,7 +125,7 @@ def innovations(solution: Solution, belief: Belief, fixes: Fixes, imu: Imu) -> I
         outliers=int(np.sum(apart & used)),
         refused=int(np.sum(apart & ~used)),
     )
-    return _explained(found, record, apart) if seen.size else found
+    return _explained(found, record, apart, explain) if seen.size else found
 
 
 def _without_outliers(
@@ -243,7 +245,7 @@ def _nothing() -> Fit:
     return Fit(np.zeros((REGRESSORS, REGRESSORS)), np.zeros(REGRESSORS), np.zeros(()))
 
 
-def _explained(found: Innovations, record: Record, apart: NDArray[np.bool_]) -> Innovations:
+def _explained(found: Innovations, record: Record, apart: NDArray[np.bool_], explain: bool) -> Innovations:
     """Return the same with what causes and, where the innovations are suspicious, hypotheses explain."""
     solution, belief, imu, seen, samples, nu, S, _ = record
     motion = motion_at_fixes(solution, samples, imu)
@@ -255,7 +257,7 @@ def _explained(found: Innovations, record: Record, apart: NDArray[np.bool_]) -> 
     whole.matrix[:CAUSES, :CAUSES], whole.vector[:CAUSES] = fit.matrix, fit.vector
     part = replace(found, causes=whole._replace(squares=fit.squares))
     records = Fit(fit.matrix[None], fit.vector[None], fit.squares)
-    if not suspicious(part) and gain_of(records, range(CAUSES)) < TRIED:
+    if not explain or (not suspicious(part) and gain_of(records, range(CAUSES)) < TRIED):
         return part
     record, kept, causes = record.cut(LONGEST), kept[:LONGEST], causes[:LONGEST]
     ahead = steps(solution, belief, imu, record.samples)

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lab.analysis.evidence import Evidence
-from lab.analysis.finding import MATTERS, RATIO, Finding, Weighed, is_right, judge_size, mean_square
+from lab.analysis.finding import MATTERS, RATIO, Change, Finding, Weighed, is_right, judge_size, mean_square
 from lab.analysis.fix_causes import CAUSES
 from lab.analysis.fix_verdict import (
     ADVICE_CORRELATION,
@@ -126,6 +126,7 @@ def _local(seen: Innovations, gain: float) -> list[Weighed]:
                 f"right: R {name} {AXES[axis]} about {{factor}} × too {{wrong}}.",
                 f"Multiply the variance of the {name} {AXES[axis]} in navigator.r by {{multiply}}.",
                 f"{name} innovations {AXES[axis]}",
+                scales=("navigator.r", (3 * kind + axis, 3 * kind + axis + 1)),
             )
             if found and found[0].weight > (1 - ALIKE) * gain:
                 return found
@@ -212,7 +213,25 @@ def _finding(best: Explanation, seen: Innovations, statistic: str, told: FloatAr
         f"{'little' if too_small else 'much'}; most likely is {_words(best)}.",
         _gain_advice(best),
         statistic,
+        (_gain_change(best),),
     )
+
+
+_ROWS = {
+    "Q gyro": (0, 3),
+    "Q accelerometer": (3, 6),
+    "Q gyro bias": (6, 9),
+    "Q accelerometer bias": (9, 12),
+    "P0 attitude": (6, 9),
+    "P0 gyro bias": (9, 12),
+    "P0 accelerometer bias": (12, 15),
+}
+
+
+def _gain_change(best: Explanation) -> Change:
+    name = f"navigator.{best.name[:2].strip().lower()}"
+    rows = _ROWS.get(best.name)
+    return Change(name if rows else f"{name}_scale", best.size, True, rows)
 
 
 def _gain_advice(best: Explanation) -> str:
@@ -240,6 +259,7 @@ def _size_of_r(best: Explanation, seen: Innovations) -> Finding:
         f"about {factor:.2g} × too {wrong}.",
         f"Multiply the {name} variances of navigator.r by {ratio:.2g}.",
         mean_square(squares, f"{name} innovations"),
+        (Change("navigator.r", ratio, True, (3 * kind, 3 * kind + 3)),),
     )
 
 

@@ -14,8 +14,16 @@ if TYPE_CHECKING:
     from lab.result import Result
 
 
-def evidence_of(result: Result) -> Evidence:
-    """Return what a run says for and against each assumption of its filter; of a log its innovations."""
+def evidence_of(result: Result, *, explain: bool = True) -> Evidence:
+    """Return what a run says for and against each assumption of its filter; of a log its innovations.
+
+    Parameters
+    ----------
+    result
+        The run.
+    explain
+        Whether suspicious innovations are explained, which takes several times as long as the run.
+    """
     reference = None if result.recorded else reference_of(result)
     if result.algorithm:
         return algorithm_evidence(result.solution_arrays, reference)
@@ -27,6 +35,7 @@ def evidence_of(result: Result) -> Evidence:
         Imu(result.time, result.gyro.increments, result.accelerometer.increments),
         reference,
         gate=float(navigator.gate),
+        explain=explain,
         latency=_latency(result),
         smoothed=result.solution_arrays if navigator.smoother else None,
     )

@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 
 from lab.analysis.finding import (
     RATIO,
+    Change,
     Finding,
     Weighed,
     is_right,
@@ -132,6 +133,12 @@ def _stated(entry: Explained, kind: str, sensor: int) -> Weighed:
         _WORDS[entry.name].format(**words),
         _ADVICE[entry.name].format(**words),
         f"logarithm of the likelihood ratio {entry.gain:.0f}",
+        (
+            Change("navigator.states", 21),
+            Change(f"sensors.{kind}.scale_factor_sigma", float(f"{size:.2g}")),
+        )
+        if entry.name == "scale factor"
+        else (),
     )
     return Weighed(entry.gain, finding)
 
@@ -201,6 +208,9 @@ def _bias(errors: SensorErrors, axes: slice, kind: str) -> list[Weighed]:
         if np.isfinite(times)
         else f"Give the {kind} biases a drive: sensors.{kind}.rate_random_walk, or navigator.q.",
         f"logarithm of the likelihood ratio {gain:.0f}",
+        (Change("navigator.q", float(f"{factor:.1g}"), True, (axes.start + 6, axes.stop + 6)),)
+        if np.isfinite(times)
+        else (),
     )
     return [Weighed(gain, finding)]
 
@@ -219,6 +229,7 @@ def _noise(noise: Squares) -> list[Weighed]:
             "Errors grow {root} × as fast as σ says: Q about {factor} × too {wrong}.",
             "Multiply navigator.q_scale by {multiply}.",
             "noise of the inertial sensors",
+            scales=("navigator.q_scale", None),
         )
     found = []
     for index, kind in enumerate(SENSORS):
@@ -228,5 +239,6 @@ def _noise(noise: Squares) -> list[Weighed]:
             sentence.replace("{kind}", kind),
             f"Multiply the {kind} noise in navigator.q by {{multiply}}.",
             f"noise of the {kind}s",
+            scales=("navigator.q", (3 * index, 3 * index + 3)),
         )
     return found

@@ -36,6 +36,7 @@ def judge_start(start: Squares) -> list[Weighed]:
             f"Set {_SETTINGS[name]} to what applies, or the rows of the {name} in navigator.p0.",
             f"{name} at the start",
             doubt,
+            ("navigator.p0", (BLOCKS[name].start, BLOCKS[name].stop)),
         )
         if judged:
             found[name] = judged[0]
@@ -50,6 +51,7 @@ def judge_start(start: Squares) -> list[Weighed]:
         "The error at the start is {root} × its assumed σ: P₀ about {factor} × too {wrong}.",
         "Multiply navigator.p0_scale by {multiply}, or set the initial σ that apply.",
         "start",
+        scales=("navigator.p0_scale", None),
     )
 
 
