@@ -44,6 +44,8 @@ FloatArray = NDArray[np.float64]
 SETTLING = 60.0
 """Time in which a solution forgets its errors, biases more slowly, attitude and position faster [s]: over 100
 runs the mean NEES of flights of 205 s and 105 s varies like that of 3.5 and 2.6 independent epochs."""
+GRID = 1.0
+"""Step of the time grid on which the errors of the position are judged [s]."""
 BLOCKS = {
     "position": POS,
     "velocity": VEL,
@@ -96,6 +98,9 @@ class Evidence(Sum):
         Error at the start against P0, for all states (first) and each of `BLOCKS`.
     nees : Squares or None
         NEES, in total, and its degrees of freedom, discounted for its correlation in time.
+    between : Squares or None
+        NEES of the position on the time grid, once a second, and just before the fixes, where outages show;
+        discounted as `nees`.
     """
 
     runs: int
@@ -106,6 +111,7 @@ class Evidence(Sum):
     sensors: SensorErrors | None = None
     start: Squares | None = None
     nees: Squares | None = None
+    between: Squares | None = None
 
     def without_truth(self) -> Self:
         """Return what would be known without the truth."""
@@ -166,6 +172,7 @@ def evidence(
         ),
         sensors=sensor_errors(belief, imu, reference),
         start=_start(solution, belief, reference),
+        between=between_squares(solution if smoothed is None else smoothed, samples, reference),
         nees=nees_squares(
             solution if smoothed is None else smoothed, np.flatnonzero(solution.fix_sample >= 0), reference
         ),
@@ -205,4 +212,18 @@ def nees_squares(solution: Solution, used: NDArray[np.intp], reference: Referenc
     P = solution.fix_covariance[used]
     nees = consistency.normalised_squares(x, P)
     epochs = max(1.0, float(np.ptp(reference.truth.time)) / SETTLING)
+    return Squares(np.array(epochs * nees.mean()), np.array(epochs * consistency.uncertain(P).size))
+
+
+def between_squares(solution: Solution, samples: NDArray[np.intp], reference: Reference) -> Squares:
+    """Return NEES of the position once a second and just before each fix, at samples (m,); see `Evidence`."""
+    time = reference.truth.time
+    grid = np.searchsorted(time, np.arange(time[0] + GRID, time[-1], GRID))
+    at = np.unique(np.concatenate((grid, np.maximum(samples - 1, 1))))
+    if not at.size:
+        return Squares(np.zeros(()), np.zeros(()))
+    x = errors.error_state(solution, at, reference.truth, reference.bias, reference.scale)[:, POS]
+    P = errors.block_matrices(solution.variance[at][:, POS], solution.covariance[at, 0])
+    nees = consistency.normalised_squares(x, P)
+    epochs = max(1.0, float(np.ptp(time)) / SETTLING)
     return Squares(np.array(epochs * nees.mean()), np.array(epochs * consistency.uncertain(P).size))

@@ -20,9 +20,19 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lab.analysis.imu_causes import Steps
-from lab.navigation.error_models import ACCEL_BIAS, ATT, GYRO_BIAS
+from lab.navigation.error_models import ACCEL_BIAS, ATT, GYRO_BIAS, POS, VEL
 
 FloatArray = NDArray[np.float64]
+
+
+STARTS = {
+    "position": POS,
+    "velocity": VEL,
+    "attitude": ATT,
+    "gyro bias": GYRO_BIAS,
+    "accelerometer bias": ACCEL_BIAS,
+}
+"""Groups of states whose P0 may be wrong alone."""
 
 
 class Hypothesis(NamedTuple):
@@ -38,8 +48,8 @@ class Hypothesis(NamedTuple):
         Factors on R of position and velocity.
     q : (4,) tuple
         On gyro noise, accelerometer noise, and the drives of their biases.
-    p0 : (4,) tuple
-        On P0 altogether, of attitude, of gyro biases, of accelerometer biases.
+    p0 : (6,) tuple
+        On P0 altogether, and of each of `STARTS`.
     correlated : (2,) tuple
         Variance of correlated position errors, in that of R, and their correlation time [s].
     """
@@ -48,7 +58,7 @@ class Hypothesis(NamedTuple):
     factor: float
     r: tuple[float, float] = (1.0, 1.0)
     q: tuple[float, float, float, float] = (1.0, 1.0, 1.0, 1.0)
-    p0: tuple[float, float, float, float] = (1.0, 1.0, 1.0, 1.0)
+    p0: tuple[float, ...] = (1.0,) * 6
     correlated: tuple[float, float] = (0.0, 60.0)
 
 
@@ -76,11 +86,11 @@ class Outcome(NamedTuple):
 
 def _all() -> tuple[Hypothesis, ...]:
     found = [Hypothesis("none", 1.0)]
-    for factor in (0.1, 3.0, 10.0, 100.0):
+    for factor in (0.1, 0.3, 3.0, 10.0, 100.0):
         found.append(Hypothesis("R position", factor, r=(factor, 1.0)))
         found.append(Hypothesis("R velocity", factor, r=(1.0, factor)))
+    found += [Hypothesis("R", factor, r=(factor, factor)) for factor in (0.1, 0.3, 3.0, 10.0)]
     for factor in (0.1, 10.0):
-        found.append(Hypothesis("R", factor, r=(factor, factor)))
         found.append(Hypothesis("Q", factor, q=(factor,) * 4))
     for factor in (0.1, 10.0, 100.0, 1000.0):
         found.append(Hypothesis("Q gyro", factor, q=(factor, 1.0, 1.0, 1.0)))
@@ -88,12 +98,11 @@ def _all() -> tuple[Hypothesis, ...]:
     for factor in (100.0, 1e4, 1e6):
         found.append(Hypothesis("Q gyro bias", factor, q=(1.0, 1.0, factor, 1.0)))
         found.append(Hypothesis("Q accelerometer bias", factor, q=(1.0, 1.0, 1.0, factor)))
-    found += [Hypothesis("P0", factor, p0=(factor, 1.0, 1.0, 1.0)) for factor in (0.1, 10.0, 100.0)]
-    for at, name in enumerate(("attitude", "gyro bias", "accelerometer bias"), start=1):
+    found += [Hypothesis("P0", factor, p0=(factor, *(1.0,) * 5)) for factor in (0.1, 10.0, 100.0)]
+    for at, name in enumerate(STARTS, start=1):
         for factor in (100.0, 1e4):
-            p0 = [1.0] * 4
-            p0[at] = factor
-            found.append(Hypothesis(f"P0 {name}", factor, p0=(p0[0], p0[1], p0[2], p0[3])))
+            p0 = tuple(factor if block == at else 1.0 for block in range(6))
+            found.append(Hypothesis(f"P0 {name}", factor, p0=p0))
     for time in (10.0, 60.0):
         for factor in (1.0, 5.0, 25.0):
             found.append(Hypothesis("GPS correlation", factor, correlated=(factor, time)))
@@ -197,7 +206,7 @@ def _starts(P0: FloatArray, N: int, tried: Sequence[Hypothesis]) -> FloatArray:
     P = np.zeros((len(tried), N, N))
     for at, hypothesis in enumerate(tried):
         scale = np.full(n, np.sqrt(hypothesis.p0[0]))
-        for block, factor in zip((ATT, GYRO_BIAS, ACCEL_BIAS), hypothesis.p0[1:], strict=True):
+        for block, factor in zip(STARTS.values(), hypothesis.p0[1:], strict=True):
             scale[block] *= np.sqrt(factor)
         P[at, :n, :n] = P0 * scale[:, None] * scale
     return P

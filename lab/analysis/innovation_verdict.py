@@ -35,7 +35,7 @@ FloatArray = NDArray[np.float64]
 ALIKE = 0.15
 """Part of the likelihood gained by which the best explanation must surpass that by the other instrument: the
 responses are of first order, and variances are tried in steps."""
-GPS, IMU, START = "GPS", "IMU", "P0"
+GPS, IMU, START, EITHER = "GPS", "IMU", "P0", "GPS or IMU"
 
 
 class Explanation(NamedTuple):
@@ -59,8 +59,9 @@ def judge_innovations(evidence: Evidence) -> list[Weighed]:
         return apart
     if found and found[0].gain > RATIO:
         told = evidence.told.values.mean(axis=0)
-        return _local(seen, found[0].gain) or [_stated(found, seen, told)]
-    return _sizes(seen) if suspicious(seen) else []
+        whose = GPS if found[0].source == GPS and _rival(found) is None else EITHER
+        return _local(seen, found[0].gain, whose) or [_stated(found, seen, told)]
+    return (_local(seen, 0.0, GPS) or _sizes(seen)) if suspicious(seen) else []
 
 
 def explanations(seen: Innovations) -> list[Explanation]:
@@ -96,8 +97,11 @@ def _matters(name: str, parts: FloatArray) -> bool:
     return bool(np.linalg.norm(parts) > least)
 
 
-def _local(seen: Innovations, gain: float) -> list[Weighed]:
-    """Judge a stretch or a channel that is too large where all else is right, if that explains as much."""
+def _local(seen: Innovations, gain: float, whose: str) -> list[Weighed]:
+    """Judge a stretch or a channel that is too large where all else is right, if that explains as much.
+
+    `whose` is ``"GPS"`` where the fixes are likelier than the inertial sensors to be its cause.
+    """
     found = []
     for kind, name in enumerate(("position", "velocity")):
         where = stretch(seen.in_time, kind)
@@ -105,7 +109,7 @@ def _local(seen: Innovations, gain: float) -> list[Weighed]:
             words = stretch_words(where, seen.span)
             found += judge_size(
                 where.squares,
-                f"R {name}",
+                f"R {name}" if whose == GPS else EITHER,
                 f"{words[0].upper()}{words[1:]} the {name} innovations are {{root}} × as large as assumed; "
                 "before and after they are right.",
                 "Look at the receiver in that time (satellites, multipath), and at outages before it.",
@@ -121,7 +125,7 @@ def _local(seen: Innovations, gain: float) -> list[Weighed]:
         if axis is not None and (not others[1] or is_right(*others)):
             found = judge_size(
                 Squares(seen.offered.total[own][axis], seen.offered.number[own][axis]),
-                f"R {name} {AXES[axis]}",
+                f"R {name} {AXES[axis]}" if whose == GPS else EITHER,
                 f"The {name} innovations {AXES[axis]} are {{root}} × as large as assumed, the others are "
                 f"right: R {name} {AXES[axis]} about {{factor}} × too {{wrong}}.",
                 f"Multiply the variance of the {name} {AXES[axis]} in navigator.r by {{multiply}}.",
@@ -136,13 +140,11 @@ def _local(seen: Innovations, gain: float) -> list[Weighed]:
 def _stated(found: list[Explanation], seen: Innovations, told: FloatArray) -> Weighed:
     """Return the finding of the best explanation, or of GPS or IMU where both explain nearly as much."""
     best = found[0]
-    rivals = [one for one in found[1:] if one.source != best.source and GPS in (one.source, best.source)]
-    margin = max(RATIO, ALIKE * best.gain)
-    rival = max(rivals, key=lambda one: one.gain, default=None)
+    rival = _rival(found)
     statistic = f"logarithm of the likelihood ratio {best.gain:.0f}"
-    if rival is not None and rival.gain > best.gain - margin:
+    if rival is not None:
         finding = Finding(
-            "GPS or IMU",
+            EITHER,
             "not modelled",
             float("nan"),
             f"The innovations are not what the filter expects: {_words(best)} explains them, and "
@@ -152,6 +154,16 @@ def _stated(found: list[Explanation], seen: Innovations, told: FloatArray) -> We
         )
         return Weighed(best.gain, finding)
     return Weighed(best.gain, _finding(best, seen, statistic, told))
+
+
+def _rival(found: list[Explanation]) -> Explanation | None:
+    """Return the best explanation by the other instrument where it explains nearly as much as the best."""
+    best = found[0]
+    rivals = [one for one in found[1:] if one.source != best.source and GPS in (one.source, best.source)]
+    rival = max(rivals, key=lambda one: one.gain, default=None)
+    if rival is None or rival.gain <= best.gain - max(RATIO, ALIKE * best.gain):
+        return None
+    return rival
 
 
 def _words(one: Explanation) -> str:
@@ -218,6 +230,8 @@ def _finding(best: Explanation, seen: Innovations, statistic: str, told: FloatAr
 
 
 _ROWS = {
+    "P0 position": (0, 3),
+    "P0 velocity": (3, 6),
     "Q gyro": (0, 3),
     "Q accelerometer": (3, 6),
     "Q gyro bias": (6, 9),

@@ -60,6 +60,7 @@ def judge_states(evidence: Evidence) -> list[Weighed]:
     found = []
     for squares, name, what in (
         (evidence.nees, "NEES", "errors of the states"),
+        (evidence.between, "NEES between fixes", "errors of the position between the fixes"),
         (evidence.innovations.nis, "NIS", "innovations"),
     ):
         if squares is None or not squares.number or is_right(float(squares.total), float(squares.number)):
