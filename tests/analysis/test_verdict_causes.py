@@ -1,4 +1,4 @@
-"""Verdict on causes: errors of the inertial sensors are named, and never blamed on the GPS; where it is wrong."""
+"""Verdict on causes: errors of the inertial sensors are named, and never blamed on the GPS."""
 
 from __future__ import annotations
 
