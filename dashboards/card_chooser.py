@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from html import escape
+
 import panel as pn
 import panel_material_ui as pmui
 import param
@@ -35,27 +37,50 @@ class CardChooser:
             variant="outlined",
             margin=(8, 0),
             sizing_mode="stretch_width",
-            description="Loads the datasheet of a real sensor; terms it has no number for are off.",
+            description="Loads the datasheet of a real sensor, and the number of filter states it needs.",
         )
+        self._switch = pmui.Switch(
+            label="Assume what the datasheet lacks",
+            value=True,
+            description="On: terms the datasheet has no number for are typical of the sensor's grade. Off: "
+            "they are zero.",
+            size="small",
+            margin=(0, 0),
+            sizing_mode="stretch_width",
+        )
+        self._note = pn.pane.HTML("", margin=(0, 0, 4, 0), sizing_mode="stretch_width", visible=False)
         self._widget.param.watch(self._chosen, "value")
+        self._switch.param.watch(lambda _event: self._reload(), "value")
         session.on_settings(self._arrived)
         self._arrived()
 
     @property
     def view(self) -> pn.viewable.Viewable:
         """What is laid out in the page."""
-        return self._widget
+        return pn.Column(self._widget, self._switch, self._note, margin=0, sizing_mode="stretch_width")
 
     def refresh(self) -> None:
-        """Show whether the sensors are still those of the card."""
+        """Show whether the sensors are still those of the card, and which of their terms are assumed."""
+        note = self._session.experiment.sensors.assumed_remark()
+        self._note.param.update(object=f"<small>{escape(note)}</small>", visible=bool(note))
         found = card_in_force(self._session.experiment.sensors)
         self._name = found or self._name
+        if found and card(found).assumed:
+            self._turn(bool(note))
         self._show(found or (f"{self._name}, changed" if self._name else OWN))
 
     def _arrived(self) -> None:
         """Show settings that came as a whole: of these nobody knows what they were changed from."""
         self._name = None
         self.refresh()
+
+    def _turn(self, assumed: bool) -> None:
+        """Show whether the sensors are those of the card with what is assumed."""
+        self._showing = True
+        try:
+            self._switch.value = assumed
+        finally:
+            self._showing = False
 
     def _show(self, text: str) -> None:
         groups = _by_grade() if text in cards() else {IN_FORCE: [text], **_by_grade()}
@@ -70,8 +95,18 @@ class CardChooser:
     def _chosen(self, event: param.parameterized.Event) -> None:
         if self._showing or event.new not in cards():
             return
+        self._load(event.new)
+
+    def _reload(self) -> None:
+        """Load the card in force anew where it has something to assume; one that was changed stays."""
+        found = card_in_force(self._session.experiment.sensors)
+        if not self._showing and found and card(found).assumed:
+            self._load(found)
+
+    def _load(self, name: str) -> None:
         trial = self._session.experiment.copy()
-        self._session.take(trial.update({"sensors": card(event.new).settings()}))
+        card(name, assumed=bool(self._switch.value)).load(trial)
+        self._session.take(trial)
 
 
 def _by_grade() -> dict[str, list[str]]:

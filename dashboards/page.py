@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import logging
+from collections.abc import Iterator
+from contextlib import contextmanager
 from functools import partial
 
 import panel as pn
@@ -14,12 +17,13 @@ from param.parameterized import edit_constant
 
 from dashboards.exchange import Address, Files
 from dashboards.pages.allan import Allan
-from dashboards.pages.base import Page
+from dashboards.pages.base import Page, not_drawn
 from dashboards.pages.budget import Budget
 from dashboards.pages.consistency import Consistency
 from dashboards.pages.ground_track import GroundTrack
 from dashboards.pages.innovations import Innovations
 from dashboards.pages.missions import Missions
+from dashboards.pages.missions.notice import Notice
 from dashboards.pages.models import Models
 from dashboards.pages.summary import Summary
 from dashboards.pages.time_plots import Covariance, Errors, Height, SensorErrors
@@ -32,6 +36,8 @@ from dashboards.style import DRESS, FRAME, SAME_STYLE_ONCE, STAGE, THEME
 from dashboards.time_bar import TimeBar
 from lab.result import Result
 from lab.views.figures import TimeAxis
+
+log = logging.getLogger(__name__)
 
 ZOOM_DEBOUNCE = 60
 """Time without a further zoom before the visible stretch is drawn anew [ms]."""
@@ -73,6 +79,7 @@ class SimulatorPage:
         self._address = Address(self.session, document)
         self._progress = Progress(self.session)
         self._reason = pmui.Alert(object="", severity="info", margin=(16, 20), sizing_mode="stretch_width")
+        self._failure = Notice()
         self._message = pmui.Alert(object="", severity="error", closeable=True, visible=False, margin=(6, 8))
         self._tabs = pmui.Tabs(
             *((page.title, pn.Spacer(height=0)) for page in PAGES),
@@ -132,39 +139,66 @@ class SimulatorPage:
     def _page(self) -> Page:
         index = self._tabs.active
         if index not in self._pages:
-            self._pages[index] = PAGES[index].of(self.axis, self.session)
+            page = PAGES[index].of(self.axis, self.session)
+            page.draw_again = partial(self._show_again, page)
+            self._pages[index] = page
         return self._pages[index]
+
+    def _show_again(self, page: Page) -> None:
+        page.forget()
+        self._show()
 
     def _show(self) -> None:
         """Draw the page that is chosen; it is laid out afterwards, so that it arrives complete."""
-        page, result = self._page, self.session.result
-        reason = page.lacks(result) if result is not None else ""
-        self._reason.object = reason
-        view = self._reason if reason else page.view
-        laid_out = self._stage.objects == [view]
-        if result is not None and not reason:
-            if not laid_out:
-                page.forget()
-            page.show(result)
-            page.show_time(self.axis.time)
-        view = self._reason if reason else page.view  # a page may have changed its plots
-        if self._stage.objects != [view]:
-            self._stage[:] = [view]
+        with self._failures_shown():
+            page, result = self._page, self.session.result
+            reason = page.lacks(result) if result is not None else ""
+            self._reason.object = reason
+            view = self._reason if reason else page.view
+            laid_out = self._stage.objects == [view]
+            if result is not None and not reason:
+                if not laid_out:
+                    page.forget()
+                page.show(result)
+                page.show_time(self.axis.time)
+            view = self._reason if reason else page.view  # a page may have changed its plots
+            if self._stage.objects != [view]:
+                self._stage[:] = [view]
+
+    @contextmanager
+    def _failures_shown(self) -> Iterator[None]:
+        """Show what went wrong while a page was drawn in its place, never the plots of another one."""
+        index = self._tabs.active
+        try:
+            yield
+        except Exception as error:
+            log.exception("the page %s could not be drawn", PAGES[index].title)
+            if index in self._pages:
+                self._pages[index].forget()
+            self._failure.say(not_drawn(PAGES[index].title, error))
+            self._stage[:] = [self._failure.view]
 
     def _prepare(self, result: Result) -> None:
+        """Have a page prepare a result; what goes wrong there is shown when the page is drawn."""
         page = self._pages.get(self._tabs.active)
-        if page is not None and not page.lacks(result):
-            page.prepare(result)
+        try:
+            if page is not None and not page.lacks(result):
+                page.prepare(result)
+        except Exception:
+            log.exception("the page %s could not be prepared", PAGES[self._tabs.active].title)
 
     def _new_result(self, event: param.parameterized.Event) -> None:
         result: Result = event.new
         self.axis.span(float(result.time[-1]))
-        self.axis.show_outages(result.experiment.sensors.gps.outages)
+        outages = result.experiment.sensors.gps.outages
+        self.axis.show_outages([(start - result.epoch, end - result.epoch) for start, end in outages])
         self._time_bar.span()
         self._show()
 
     def _cut(self, start: float, end: float) -> None:
-        """Add a GPS outage; those that touch become one."""
+        """Add a GPS outage at times of the plots; those that touch become one."""
+        epoch = self.session.result.epoch if self.session.result is not None else 0.0
+        start, end = round(start + epoch, 1), round(end + epoch, 1)
         outages: list[tuple[float, float]] = []
         for stretch in sorted([*self.session.experiment.get(OUTAGES), (start, end)]):
             if outages and stretch[0] <= outages[-1][1]:
@@ -175,8 +209,10 @@ class SimulatorPage:
         self._settings.refresh()
 
     def _follow(self, time: float) -> None:
-        if not self._reason.object:
-            self._page.show_time(time)
+        page = self._pages.get(self._tabs.active)
+        if page is not None and self._stage.objects == [page.view]:
+            with self._failures_shown():
+                page.show_time(time)
 
     def _new_problem(self, event: param.parameterized.Event) -> None:
         self._message.param.update(object=event.new, visible=bool(event.new))

@@ -306,7 +306,8 @@ def shown(value: Any) -> str:
     if isinstance(value, int | float):
         return f"{value:.6g}" if isinstance(value, float) else str(value)
     parts = [
-        "–".join(shown(float(t)) for t in part) if isinstance(part, tuple) else shown(part) for part in value
+        "–".join(f"{float(t):.12g}" for t in part) if isinstance(part, tuple) else shown(part)
+        for part in value
     ]
     return (
         parts[0] if parts and len(set(parts)) == 1 and not isinstance(value[0], tuple) else ", ".join(parts)

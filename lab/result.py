@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lab import report
-from lab.analysis import budget, observability, trial
+from lab.analysis import budget, feedforward, observability, trial
 from lab.analysis.algorithm_verdict import judge
 from lab.analysis.evidence import Evidence
 from lab.analysis.run_evidence import evidence_of
@@ -139,6 +139,11 @@ class Result:
         return self.recorded.time if self.recorded else self.known_truth("time").time
 
     @property
+    def epoch(self) -> float:
+        """What time 0 is in the clock that outages are given in [s]: of a log, that of its file."""
+        return self.recorded.log.epoch if self.recorded else 0.0
+
+    @property
     def truth_word(self) -> str:
         """What errors are differences to: ``"truth"``, or the ``"reference"`` of a log."""
         return "reference" if self.recorded else "truth"
@@ -192,6 +197,11 @@ class Result:
     def euler(self) -> FloatArray:
         """Estimated roll, pitch, heading (n + 1, 3) [rad]."""
         return euler_from_quaternion(self.solution_arrays.q_nb)
+
+    @cached_property
+    def feedforward_drift(self) -> float:
+        """Largest attitude error of the free-running navigator of a feedforward filter [rad]; else zero."""
+        return feedforward.drift(self)
 
     @property
     def fix_validity(self) -> FloatArray:
@@ -383,14 +393,23 @@ class Result:
                 f"The filter recovered {recovered} time{'s' if recovered > 1 else ''}: fixes in a row were "
                 "so implausible that the filter itself had to be in error; it raised P and used the fix."
             )
+        drift = self.feedforward_drift
+        if drift > feedforward.LINEAR:
+            remarks.append(
+                f"Feedforward: the free-running navigator is up to {np.degrees(drift):.3g}° off in attitude, "
+                f"and the filter is linear up to {np.degrees(feedforward.LINEAR):g}°: its σ is not that of "
+                "its errors. navigator.correction = feedback keeps the navigator close to the truth."
+            )
         if not self.fixes.time.size:
             remarks.append(
                 "No GPS fix during the flight (sensors.gps.outages, sensors.gps.period): the navigator ran "
                 "free."
             )
+        sensors = self.experiment.sensors
         if self.recorded:
-            return (*self.recorded.notes, *remarks)
-        return (*remarks, *self.experiment.sensors.remarks())
+            assumed = sensors.assumed_remark()
+            return (*self.recorded.notes, *remarks, *((assumed,) if assumed else ()))
+        return (*remarks, *sensors.remarks(self.experiment.navigator.states))
 
     def datasets(self) -> dict[str, xr.Dataset]:
         """Return by name all datasets that are known of this run; the temperature where a profile is set."""

@@ -155,8 +155,10 @@ def test_memory_is_counted_once_and_as_it_is_held():
     block = array(size=4 * KILOBYTE)
     cache.get("stage", "views", lambda: [block[:10], block[10:20], block])
     assert cache.bytes == 4 * KILOBYTE
+    cache.get("stage", "part", lambda: array(size=4 * KILOBYTE)[:10])
+    assert cache.bytes == 8 * KILOBYTE
     cache.get("stage", "broadcast", lambda: np.broadcast_to(np.zeros(3), (1000, 3)))
-    assert cache.bytes == 4 * KILOBYTE + 24
+    assert cache.bytes == 8 * KILOBYTE + 24
 
 
 class Curve:

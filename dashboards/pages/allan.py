@@ -15,6 +15,7 @@ from dashboards.pages.summary import TABLE_STYLE
 from lab.analysis import allan, rest
 from lab.result import Result
 from lab.sensors.cards import card_in_force
+from lab.settings import Settings
 from lab.views.allan import TITLES, AllanFigures
 
 LEAST_REST = 10.0
@@ -24,6 +25,8 @@ WORDS = {
     "noise_density": "White noise N",
     "flicker": "Bias instability B",
     "rate_random_walk": "Random walk K",
+    "quantisation_noise": "Quantisation noise Q",
+    "rate_ramp": "Ramp R",
 }
 
 
@@ -82,17 +85,18 @@ class Allan(ComputedPage):
         sensors = result.experiment.sensors
         self._figures.show(sensors, content.deviations)
         self._table.object = terms_html(result, content)
+        poor = escape(rest.misfit(content.terms))
         if result.recorded:
             return (
                 f"The log of real sensors, {content.durations['gyro']:.0f} s at rest; dashed and as set: "
-                "what the filter assumes of the sensors."
-            )
+                f"what the filter assumes of the sensors. {poor}"
+            ).rstrip()
         hours = {triad: f"{duration / 3600:.3g} h" for triad, duration in content.durations.items()}
         name = card_in_force(sensors) or "Sensors as set, no card"
         return (
             f"{escape(name)}: simulated at rest, the gyros for {hours['gyro']}, the accelerometers for "
-            f"{hours['accelerometer']}."
-        )
+            f"{hours['accelerometer']}. {escape(sensors.assumed_remark())} {poor}"
+        ).rstrip()
 
 
 def terms_html(result: Result, content: AtRest) -> str:
@@ -104,13 +108,30 @@ def terms_html(result: Result, content: AtRest) -> str:
             css = ' class="group"' if number and name == "noise_density" else ""
             pairs = zip(fitted["value"], fitted["sigma"], strict=True)
             cells = "".join(f"<td>{with_sigma(value, sigma)}</td>" for value, sigma in pairs)
-            given = "".join(f"<td>{value:.4g}</td>" for value in np.broadcast_to(getattr(group, name), 3))
+            given = "".join(f"<td>{value}</td>" for value in _set(group, name))
             rows.append(
                 f"<tr{css}><td>{TITLES[triad]}: {WORDS[name]}</td>"
                 f'<td class="unit">{escape(fitted["unit"])}</td>{cells}{given}</tr>'
             )
+        cells = "".join(
+            f"<td>{chi_square:.1f} / {degrees:.0f}, p {p_value:.2g}</td>"
+            for chi_square, degrees, p_value in zip(
+                terms.chi_square, terms.degrees, terms.p_value, strict=True
+            )
+        )
+        rows.append(
+            f'<tr><td>{TITLES[triad]}: goodness of fit, χ² / degrees of freedom</td><td class="unit"></td>'
+            f"{cells}<td></td><td></td><td></td></tr>"
+        )
     head = "".join(f"<th>{word} {axis}</th>" for word in ("fitted", "set") for axis in "xyz")
     return f'<table><tr><th></th><th class="unit">unit</th>{head}</tr>{"".join(rows)}</table>'
+
+
+def _set(group: Settings, name: str) -> list[str]:
+    """Return the values of a setting, one for each axis; nothing for a term that is no setting."""
+    if name not in rest.TERMS.values():
+        return [""] * 3
+    return [f"{value:.4g}" for value in np.broadcast_to(getattr(group, name), 3)]
 
 
 def with_sigma(value: float, sigma: float) -> str:

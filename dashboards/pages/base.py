@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Self
 from weakref import ref
 
@@ -28,6 +28,11 @@ class Page(ABC):
     ----------
     axis
         The time axis all pages share.
+
+    Attributes
+    ----------
+    draw_again : callable
+        Draws the page anew, after a choice on it. It is set by what shows the page, and does nothing before.
     """
 
     title: str
@@ -35,6 +40,7 @@ class Page(ABC):
 
     def __init__(self, axis: TimeAxis) -> None:
         self.axis = axis
+        self.draw_again: Callable[[], None] = lambda: None
         self._drawn: tuple[ref[Result], tuple[float, float]] | None = None
         self.view = self.make()
 
@@ -74,6 +80,14 @@ class Page(ABC):
 
     def close(self) -> None:  # noqa: B027 - most pages have nothing to do
         """Give back what does not go away by itself."""
+
+
+def not_drawn(title: str, error: Exception) -> str:
+    """Return what a person is told of a page that could not be drawn."""
+    return (
+        f"The page {title} could not be drawn ({type(error).__name__}: {error}). This is a fault of the "
+        "program; its log says where. The result is there: look at the other pages, or change the settings."
+    )
 
 
 def plot_grid(

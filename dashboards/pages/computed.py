@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 import time
 from abc import abstractmethod
 from functools import partial
@@ -11,10 +12,12 @@ from typing import Any
 import panel as pn
 
 from dashboards.computing import LONG, LatestWins, Outcome, Progress, attempt
-from dashboards.pages.base import Page
+from dashboards.pages.base import Page, not_drawn
 from dashboards.sending import together
 from lab.result import Result
 from lab.views.figures import TimeAxis
+
+log = logging.getLogger(__name__)
 
 TELL = 0.25
 """Time from one word about the progress to the next [s]."""
@@ -113,4 +116,10 @@ class ComputedPage(Page):
 
     def _paint(self, result: Result, content: Any) -> None:
         self._content = result, content
-        self.words.object = f"<p>{self.paint(result, content)}</p>"
+        try:
+            self.words.object = f"<p>{self.paint(result, content)}</p>"
+        except Exception as error:
+            log.exception("the page %s could not be drawn", self.title)
+            self._content = None
+            self.clear()
+            self.say(not_drawn(self.title, error))

@@ -85,9 +85,9 @@ class Consistency(ComputedPage):
         )
         return pn.Column(*self._parts(self._plots_of_one), sizing_mode="stretch_width", margin=0)
 
-    def _parts(self, plots: pn.viewable.Viewable) -> list[pn.viewable.Viewable]:
+    def _parts(self, *plots: pn.viewable.Viewable) -> list[pn.viewable.Viewable]:
         """Return what stands one below the other."""
-        return [self._choice_and_words, self._verdict, plots, self._tables]
+        return [self._choice_and_words, self._verdict, *plots, self._tables]
 
     @property
     def runs(self) -> int:
@@ -129,8 +129,9 @@ class Consistency(ComputedPage):
         return found
 
     def clear(self) -> None:
-        """Show no words; the plots keep what they have."""
+        """Show neither verdict nor plots."""
         self._verdict.object = self._tables.object = ""
+        self.view[:] = self._parts()
 
     def paint(self, result: Result, content: Ensemble) -> str:
         """Draw averages over the runs in the visible stretch of time, and write what all runs say."""
@@ -157,8 +158,7 @@ class Consistency(ComputedPage):
     def _chosen(self) -> None:
         """Judge the newest result anew."""
         self._wanted = self._content = None
-        if self._result is not None:
-            self.draw(self._result)
+        self.draw_again()
 
 
 _COLOUR = {True: "fine", False: "wrong", None: "unknown"}
@@ -230,6 +230,8 @@ def coverage_html(judged: Result | Ensemble) -> str:
     """Return bias and coverage of the errors as a table, of one run or of many."""
     table = judged.coverage
     many = isinstance(judged, Ensemble)
+    if table["mean [σ]"].isna().all():
+        return '<p class="quiet">Errors in their σ: not known, for want of fixes.</p>'
     limit = f", ±{table['mean ±'].iloc[0]:.2f}" if many else ""
     heads = ("Errors", f"mean [σ]{limit}", "in ±1σ, 68 %", "in ±3σ, 99.7 %")
     rows = [

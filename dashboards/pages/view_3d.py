@@ -77,9 +77,9 @@ class View3D(Page):
             self._server = self._scene = None
 
     def _exaggerate(self, factor: float) -> None:
-        if self._scene is not None and self._result is not None:
+        if self._scene is not None:
             self._scene.exaggeration = factor
-            self._scene.show(self._result, self.axis.time)
+            self.draw_again()
 
 
 def _legend(result: Result, scale: float) -> str:

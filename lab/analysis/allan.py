@@ -1,15 +1,18 @@
 """Allan: the overlapping Allan deviation of an inertial sensor at rest, and the noise terms fitted to it.
 
-White noise N, bias instability B and random walk K of the bias show as slopes −1/2, 0 and +1/2:
+Quantisation noise Q, white noise N, bias instability B, random walk K of the bias and a ramp R of it show as
+slopes −1, −1/2, 0, +1/2 and +1:
 
-    σ²(τ) = N²/τ + (2 ln 2 / π) B² + K² τ/3
+    σ²(τ) = 3 Q²/τ² + N²/τ + (2 ln 2 / π) B² + K² τ/3 + R² τ²/2
 
 References
 ----------
 IEEE Std 952-1997, *Specification Format Guide and Test Procedure for Single-Axis Interferometric Fiber Optic
-Gyros*, Annex C: the variance C.2, white noise C.1.1, bias instability C.1.3, rate random walk C.1.4.
+Gyros*, Annex C: the terms C.1, the variance C.2.
 W. J. Riley, *Handbook of Frequency Stability Analysis*, NIST Special Publication 1065 (2008): overlapping
 estimate 5.2.4, degrees of freedom 5.4.1, table 5.
+E. B. Wilson and M. M. Hilferty, *The Distribution of Chi-Square*, Proc. Natl. Acad. Sci. 17 (1931): the cube
+root of a mean square is close to normal.
 """
 
 from __future__ import annotations
@@ -20,7 +23,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from lab.analysis.allan_covariance import covariance
+from lab.analysis.allan_covariance import LETTERS, covariance
 
 FloatArray = NDArray[np.float64]
 
@@ -31,8 +34,16 @@ FLOOR = math.sqrt(2 * math.log(2) / math.pi)
 MIN_SAMPLES = 16
 """Fewest samples of which a deviation is estimated."""
 
+FITS = 1e-3
+"""p value below which the five terms do not explain a deviation."""
+
 _FEWEST_DEGREES = 3.0
 _REWEIGHTINGS = 20
+_GENERALISED = 6
+"""Rounds in which the covariance of the estimates follows the fit; from the fourth on nothing changes."""
+_DISTINCT = 1e-2
+"""Smallest part of the largest eigenvalue of the estimates' correlations that is used: the estimates of
+neighbouring times are nearly the same, and what tells them apart is rounding and approximation."""
 _BEYOND = 2.0
 """σ of the square of a term beyond which it is taken as there."""
 
@@ -81,19 +92,39 @@ class NoiseTerms(NamedTuple):
     Attributes
     ----------
     N, N_sigma : (axes,) arrays
-        White noise [rad/s/√Hz] or [m/s²/√Hz].
+        White noise [rad/s/√Hz] or [m/s²/√Hz], two-sided.
     B, B_sigma : (axes,) arrays
         Bias instability [rad/s] or [m/s²]; its floor in the deviation is 0.664 B.
     K, K_sigma : (axes,) arrays
         Random walk of the bias [rad/s/√s] or [m/s²/√s].
+    Q, Q_sigma : (axes,) arrays
+        Quantisation noise: white noise of the angle or velocity itself [rad] or [m/s].
+    R, R_sigma : (axes,) arrays
+        Ramp of the bias [rad/s²] or [m/s³], without its sign.
+    chi_square, degrees, p_value : (axes,) arrays
+        Goodness of fit: sum of the squared residuals in their σ, freed of their correlation; its degrees of
+        freedom; and the probability of so large a sum if the five terms are all there is. Below `FITS` they
+        are not, and the terms describe the deviation only roughly.
     """
 
     N: FloatArray
     B: FloatArray
     K: FloatArray
+    Q: FloatArray
+    R: FloatArray
     N_sigma: FloatArray
     B_sigma: FloatArray
     K_sigma: FloatArray
+    Q_sigma: FloatArray
+    R_sigma: FloatArray
+    chi_square: FloatArray
+    degrees: FloatArray
+    p_value: FloatArray
+
+    def deviation(self, tau: FloatArray) -> FloatArray:
+        """Return the Allan deviation (k, axes) that the terms add up to at averaging times (k,) [s]."""
+        squares = np.stack([getattr(self, letter) for letter in LETTERS]) ** 2
+        return np.asarray(np.sqrt(_slopes(np.asarray(tau, dtype=np.float64)) @ squares))
 
 
 def deviation(record: FloatArray, dt: float, *, increments: bool = False) -> AllanDeviation:
@@ -144,7 +175,7 @@ def cluster_lengths(samples: int) -> NDArray[np.int64]:
 def degrees_of_freedom(samples: int, lengths: NDArray[np.int64]) -> FloatArray:
     """Return the degrees of freedom of overlapping estimates (Riley, table 5).
 
-    Those of white, flicker and random-walk noise differ; the fewest are returned.
+    Those of quantisation, white, flicker and random-walk noise differ; the fewest are returned.
 
     Parameters
     ----------
@@ -154,6 +185,7 @@ def degrees_of_freedom(samples: int, lengths: NDArray[np.int64]) -> FloatArray:
         Numbers of samples averaged over.
     """
     phases, m = samples + 1.0, lengths.astype(np.float64)
+    quantisation = (phases + 1) * (phases - 2 * m) / (2 * (phases - m))
     white = (3 * (phases - 1) / (2 * m) - 2 * (phases - 2) / phases) * 4 * m**2 / (4 * m**2 + 5)
     flicker = np.where(
         m == 1,
@@ -161,31 +193,38 @@ def degrees_of_freedom(samples: int, lengths: NDArray[np.int64]) -> FloatArray:
         5 * phases**2 / (4 * m * (phases + 3 * m)),
     )
     walk = (phases - 2) * ((phases - 1) ** 2 - 3 * m * (phases - 1) + 4 * m**2) / (m * (phases - 3) ** 2)
-    return np.minimum(np.minimum(white, flicker), walk)
+    return np.asarray(np.minimum.reduce((quantisation, white, flicker, walk)))
 
 
 def fit(allan: AllanDeviation) -> NoiseTerms:
-    """Fit white noise N, bias instability B and random walk K to an Allan deviation.
+    """Fit quantisation noise Q, white noise N, bias instability B, random walk K and ramp R to a deviation.
 
-    Least squares of the variance, weighted by the fitted variance and its degrees of freedom, with no term
-    below zero. Estimates share their data and vary together; the uncertainties count with the covariance
-    that the fitted terms give them (`allan_covariance`). A term whose square is below twice its own
-    uncertainty is one the record does not show: its σ is the size that would be as uncertain as large.
+    Generalised least squares of the variance. Estimates share their data and vary together: their covariance
+    is the one that the fitted terms give them (`allan_covariance`). Where the five terms do not explain the
+    deviation, weights alone are used, with no term below zero, which keeps the fit close to it. A term whose
+    square is below twice its own uncertainty is one the record does not show: its σ is the size that would
+    be as uncertain as large.
     """
     tau = allan.tau
-    terms = np.stack((1 / tau, np.full_like(tau, FLOOR**2), tau / 3), axis=1)
+    terms = _slopes(tau)
     # The terms per sample interval, and variances of rates whatever the interval.
     dt = float(tau[0])
-    intervals = np.array((1 / dt, 1.0, dt))
+    intervals = np.array((1 / dt**2, 1 / dt, 1.0, dt, dt**2))
     together = covariance(allan.samples, tuple(np.round(tau / dt).astype(int).tolist()))
     together = together * np.multiply.outer(intervals, intervals)[:, :, None, None]
-    columns = [_fit_axis(terms, axis**2, allan.degrees, together) for axis in allan.deviation.T]
-    squares, variances = (np.stack(part, axis=1) for part in zip(*columns, strict=True))
+    axes = [_fit_axis(terms, axis**2, allan.degrees, together) for axis in allan.deviation.T]
+    squares, variances, goodness = (np.stack(part, axis=1) for part in zip(*axes, strict=True))
     values, sigmas = np.sqrt(squares), np.empty_like(squares)
     hidden = squares <= _BEYOND * np.sqrt(variances)
     sigmas[hidden] = variances[hidden] ** 0.25
     sigmas[~hidden] = np.sqrt(variances[~hidden]) / (2 * values[~hidden])
-    return NoiseTerms(*values, *sigmas)
+    order = [LETTERS.index(letter) for letter in "NBKQR"]
+    return NoiseTerms(*values[order], *sigmas[order], *goodness)
+
+
+def _slopes(tau: FloatArray) -> FloatArray:
+    """Return the Allan variance (k, 5) of each term of unit size, in the order of `LETTERS`."""
+    return np.stack((3 / tau**2, 1 / tau, np.full_like(tau, FLOOR**2), tau / 3, tau**2 / 2), axis=1)
 
 
 def _variance(theta: FloatArray, length: int, dt: float) -> FloatArray:
@@ -199,19 +238,99 @@ def _variance(theta: FloatArray, length: int, dt: float) -> FloatArray:
 
 def _fit_axis(
     terms: FloatArray, variance: FloatArray, degrees: FloatArray, together: FloatArray
-) -> tuple[FloatArray, FloatArray]:
-    """Return the squares of N, B and K and the variances of these squares."""
-    from scipy.optimize import nnls  # noqa: PLC0415 - takes a tenth of a second, and only this needs it
-
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return the squares of the terms, the variances of these squares, and the goodness of the fit (3,)."""
     if not variance.any():
-        return np.zeros(3), np.zeros(3)
-    model = np.maximum(variance, 1e-12 * variance.max())
+        return np.zeros(len(LETTERS)), np.zeros(len(LETTERS)), np.array((0.0, 0.0, 1.0))
+    weighted = _weighted(terms, variance, degrees)
+    if not weighted[:-1].any():  # a ramp alone, of which nothing is left to chance
+        return weighted, np.zeros(len(LETTERS)), np.array((0.0, 0.0, 1.0))
+    squares, uncertain, goodness = _generalised(terms, variance, weighted, together)
+    if goodness[2] >= FITS:
+        return squares, uncertain, goodness
+    weights = np.sqrt(degrees / 2) / np.maximum(terms @ weighted, _least(variance))
+    scaled = terms * weights[:, None]
+    norms = _norms(scaled)
+    gain = np.linalg.pinv(scaled / norms) * weights / norms[:, None]
+    spread = np.einsum("a,b,abij->ij", weighted, weighted, together)
+    uncertain = np.maximum(np.einsum("ti,ij,tj->t", gain, spread, gain), 0.0)
+    return weighted, uncertain, goodness
+
+
+def _generalised(
+    terms: FloatArray, variance: FloatArray, squares: FloatArray, together: FloatArray
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return what generalised least squares make of the terms, and the goodness of that.
+
+    Squares may come out below zero on the way, so that a term which is not there does not draw on the
+    others; what is returned is zero then.
+    """
+    for _ in range(_GENERALISED):
+        freed = _freed(squares, together)
+        scaled = freed @ terms
+        norms = _norms(scaled)
+        inverse = np.linalg.pinv(scaled / norms)
+        found = inverse @ (freed @ variance) / norms
+        if not (found[:-1] > 0).any():
+            break
+        squares = np.maximum(found, 0.0)
+    goodness = _goodness(terms, variance, found, squares, together)
+    return squares, np.sum(inverse**2, axis=1) / norms**2, goodness
+
+
+def _weighted(terms: FloatArray, variance: FloatArray, degrees: FloatArray) -> FloatArray:
+    """Return the squares of the terms by least squares, weighted by the fit and its degrees of freedom."""
+    model = np.maximum(variance, _least(variance))
     for _ in range(_REWEIGHTINGS):
         weights = np.sqrt(degrees / 2) / model
-        scaled = terms * weights[:, None]
-        norms = np.linalg.norm(scaled, axis=0)
-        squares = nnls(scaled / norms, variance * weights)[0] / norms
-        model = np.maximum(terms @ squares, 1e-12 * variance.max())
-    gain = np.linalg.pinv(scaled / norms) * weights / norms[:, None]
+        squares = _positive(terms * weights[:, None], variance * weights)
+        model = np.maximum(terms @ squares, _least(variance))
+    return squares
+
+
+def _positive(scaled: FloatArray, wanted: FloatArray) -> FloatArray:
+    """Return the least-squares solution without negative components."""
+    from scipy.optimize import nnls  # noqa: PLC0415 - takes a tenth of a second, and only this needs it
+
+    norms = _norms(scaled)
+    return np.asarray(nnls(scaled / norms, wanted, maxiter=1000)[0] / norms)
+
+
+def _norms(columns: FloatArray) -> FloatArray:
+    norms = np.linalg.norm(columns, axis=0)
+    return np.where(norms > 0, norms, 1.0)
+
+
+def _least(variance: FloatArray) -> float:
+    """Return a variance that is as good as none."""
+    return 1e-12 * float(variance.max())
+
+
+def _freed(squares: FloatArray, together: FloatArray) -> FloatArray:
+    """Return what makes estimates independent, each of unit variance, if the terms are as given (r, k)."""
     spread = np.einsum("a,b,abij->ij", squares, squares, together)
-    return squares, np.maximum(np.einsum("ti,ij,tj->t", gain, spread, gain), 0.0)
+    sigma = np.sqrt(np.diag(spread))
+    sizes, vectors = np.linalg.eigh(spread / np.outer(sigma, sigma))
+    distinct = sizes > _DISTINCT * sizes[-1]
+    return np.asarray((vectors[:, distinct] / np.sqrt(sizes[distinct])).T / sigma)
+
+
+def _goodness(
+    terms: FloatArray, variance: FloatArray, found: FloatArray, squares: FloatArray, together: FloatArray
+) -> FloatArray:
+    """Return χ² of a fit, its degrees of freedom and its p value (3,).
+
+    The residuals are those of the squares found, the covariance is that of those that are not negative. Mean
+    squares of few degrees of freedom are skewed, and would look like a misfit: their cube roots are
+    nearly normal (Wilson and Hilferty).
+    """
+    from scipy import special  # noqa: PLC0415 - takes a tenth of a second, and only this needs it
+
+    model = terms @ squares
+    relative = np.sqrt(np.einsum("a,b,abii->i", squares, squares, together)) / model
+    residual = 3 * model * (np.cbrt(variance / model) - 1 + relative**2 / 9) + model - terms @ found
+    freed = _freed(squares, together)
+    chi_square = float(np.sum((freed @ residual) ** 2))
+    degrees = freed.shape[0] - len(LETTERS)
+    p_value = float(special.gammaincc(degrees / 2, chi_square / 2)) if degrees > 0 else 1.0
+    return np.array((chi_square, max(degrees, 0), p_value))

@@ -5,9 +5,10 @@ integral of the rate. The z of two clusters m and m' have at lag t the covarianc
 
     c(t) = Σ_p Σ_q a_p a_q G(t + p m − q m'),    a = (1, −2, 1),
 
-with the generalised covariance G of θ: −N² |t| / 2 of white noise, B² t² ln|t| / (2π) of bias instability and
-K² |t|³ / 12 of a random walk. What is not in G is a polynomial that the differences take away. Of Gaussian
-noise, the products of two mean squares vary with 2 c².
+with the generalised covariance G of θ: Q² where t = 0 of quantisation noise, −N² |t| / 2 of white noise,
+B² t² ln|t| / (2π) of bias instability and K² |t|³ / 12 of a random walk. What is not in G is a polynomial
+that the differences take away. Of Gaussian noise, the products of two mean squares vary with 2 c². A ramp R
+of the rate is not random: it gives z(k) the mean R m², so that the products vary with 4 c R² m² m'² more.
 
 References
 ----------
@@ -24,8 +25,11 @@ from numpy.typing import NDArray
 
 FloatArray = NDArray[np.float64]
 
-TERMS = 3
-"""White noise, bias instability, random walk: each of unit coefficient."""
+LETTERS = "QNBKR"
+"""Quantisation noise, white noise, bias instability, random walk and ramp: each of unit coefficient."""
+
+_RANDOM = 4
+"""How many of them are random: all but the ramp."""
 
 _CLOSE = 12
 """Lags, in the shorter cluster, that are all taken on both sides of an end of the longer one."""
@@ -50,11 +54,12 @@ def covariance(samples: int, lengths: tuple[int, ...]) -> FloatArray:
 
     Returns
     -------
-    (3, 3, k, k) array
-        W: with the squares s of N, B and K for an interval of one, the covariance is Σ_ab s_a s_b W_ab.
+    (5, 5, k, k) array
+        W: with the squares s of the coefficients in the order of `LETTERS`, for an interval of one, the
+        covariance is Σ_ab s_a s_b W_ab.
     """
     count = len(lengths)
-    W = np.zeros((TERMS, TERMS, count, count))
+    W = np.zeros((len(LETTERS), len(LETTERS), count, count))
     for i in range(count):
         for j in range(i + 1):
             W[:, :, i, j] = W[:, :, j, i] = _pair(samples, lengths[j], lengths[i])
@@ -62,16 +67,38 @@ def covariance(samples: int, lengths: tuple[int, ...]) -> FloatArray:
 
 
 def _pair(samples: int, short: int, long: int) -> FloatArray:
-    """Return W (3, 3) of two clusters."""
+    """Return W (5, 5) of two clusters."""
     # Lag t = k − l of the k-th difference of the short cluster and the l-th of the long one.
     first, last = -(samples - 2 * long), samples - 2 * short
-    lags, weights = _lags(first, last, short, long)
     # How many pairs (k, l) have the lag, of so many differences each.
     kmax, lmax = samples - 2 * short + 1, samples - 2 * long + 1
-    pairs = np.minimum(kmax, lmax + lags) - np.maximum(0, lags)
+
+    def pairs(lags: NDArray[np.int64]) -> FloatArray:
+        return np.asarray(np.minimum(kmax, lmax + lags) - np.maximum(0, lags), dtype=np.float64)
+
+    lags, weights = _lags(first, last, short, long)
     c = _cross_covariance(lags.astype(np.float64), float(short), float(long))
-    scale = 2.0 * kmax * lmax * float(short) ** 2 * float(long) ** 2
-    return np.asarray((c * (weights * pairs)) @ c.T / scale, dtype=np.float64)
+    weighted = c * (weights * pairs(lags))
+    W = np.zeros((len(LETTERS), len(LETTERS)))
+    W[1:_RANDOM, 1:_RANDOM] = 2 * weighted @ c.T
+    ramp = 2.0 * float(short) ** 2 * float(long) ** 2 * weighted.sum(axis=1)
+    # Quantisation noise has a part at single lags alone, which no sum over strides of lags may miss.
+    met, quantum = _meetings(first, last, short, long)
+    at_met = np.vstack((quantum, _cross_covariance(met.astype(np.float64), float(short), float(long))))
+    W[0, :_RANDOM] = W[:_RANDOM, 0] = 2 * at_met @ (quantum * pairs(met))
+    ramp = np.append(2.0 * float(short) ** 2 * float(long) ** 2 * (quantum @ pairs(met)), ramp)
+    W[:_RANDOM, _RANDOM] = W[_RANDOM, :_RANDOM] = ramp
+    return W / (4.0 * kmax * lmax * float(short) ** 2 * float(long) ** 2)
+
+
+def _meetings(first: int, last: int, short: int, long: int) -> tuple[NDArray[np.int64], FloatArray]:
+    """Return the lags at which samples of two clusters meet, and c there of quantisation noise."""
+    lags = (long * np.arange(3) - short * np.arange(3)[:, None]).ravel()
+    products = np.outer((1.0, -2.0, 1.0), (1.0, -2.0, 1.0)).ravel()
+    met, places = np.unique(lags, return_inverse=True)
+    c = np.bincount(places, weights=products)
+    inside = (met >= first) & (met <= last)
+    return met[inside], c[inside]
 
 
 def _lags(first: int, last: int, short: int, long: int) -> tuple[NDArray[np.int64], FloatArray]:
@@ -93,9 +120,9 @@ def _lags(first: int, last: int, short: int, long: int) -> tuple[NDArray[np.int6
 
 
 def _cross_covariance(lags: FloatArray, short: float, long: float) -> FloatArray:
-    """Return c (3, n) of two clusters for each term."""
+    """Return c (3, n) of two clusters for white noise, bias instability and random walk."""
     a = (1.0, -2.0, 1.0)
-    c = np.zeros((TERMS, lags.size))
+    c = np.zeros((3, lags.size))
     for p in range(3):
         for q in range(3):
             t = np.abs(lags + p * short - q * long)

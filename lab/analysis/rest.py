@@ -15,8 +15,9 @@ from lab.missions.errors import MissionError
 from lab.missions.sensor_log import SensorLog
 from lab.missions.text_blocks import check_file
 from lab.sensors import imu
-from lab.sensors.cards import TRIADS, Card, Datum
-from lab.sensors.suite import SensorSuite
+from lab.sensors.cards import Card
+from lab.sensors.datum import DENSITY, TWO_SIDED, Datum
+from lab.sensors.suite import TRIADS, SensorSuite
 from lab.units import TO_SI
 
 FloatArray = NDArray[np.float64]
@@ -32,6 +33,11 @@ SAMPLES = 2**15
 """Number of samples of a simulated record."""
 TERMS = {"N": "noise_density", "B": "flicker", "K": "rate_random_walk"}
 """The setting that each fitted noise term is."""
+OTHER_TERMS = {
+    "Q": ("quantisation_noise", "Quantisation noise", {"gyro": "″", "accelerometer": "mm/s"}),
+    "R": ("rate_ramp", "Rate ramp", {"gyro": "°/h²", "accelerometer": "mg/h"}),
+}
+"""Name, label and units of the fitted terms that no setting is."""
 
 _PER_CORNER = 32
 """Samples within the averaging time at which bias instability outgrows white noise."""
@@ -145,7 +151,9 @@ def noise_terms(records: Mapping[str, Record]) -> dict[str, allan.NoiseTerms]:
 
 
 def in_setting_units(triad: str, terms: allan.NoiseTerms) -> dict[str, dict[str, Any]]:
-    """Return fitted terms by setting: their unit, values and σ, one for each axis.
+    """Return fitted terms by name: label, unit, values and σ, one for each axis.
+
+    Those of `TERMS` are settings, in their units; those of `OTHER_TERMS` follow.
 
     Parameters
     ----------
@@ -155,19 +163,46 @@ def in_setting_units(triad: str, terms: allan.NoiseTerms) -> dict[str, dict[str,
         Its terms in SI units.
     """
     group = SensorSuite().groups()[triad]
+    named = {
+        letter: (name, str(group.param[name].label), group.param[name].unit) for letter, name in TERMS.items()
+    }
+    named |= {letter: (name, label, units[triad]) for letter, (name, label, units) in OTHER_TERMS.items()}
     out = {}
-    for letter, name in TERMS.items():
-        unit = group.param[name].unit
+    for letter, (name, label, unit) in named.items():
         values, sigmas = getattr(terms, letter), getattr(terms, f"{letter}_sigma")
-        out[name] = {"unit": unit, "value": values / TO_SI[unit], "sigma": sigmas / TO_SI[unit]}
+        scale = TO_SI[unit]
+        out[name] = {"label": label, "unit": unit, "value": values / scale, "sigma": sigmas / scale}
     return out
+
+
+def misfit(fitted: Mapping[str, allan.NoiseTerms]) -> str:
+    """Return the sentence that names what the five terms do not explain; empty if they explain all.
+
+    Parameters
+    ----------
+    fitted
+        The terms of each triad.
+    """
+    poor = [
+        f"{triad} {axis} (p {p_value:.1g})"
+        for triad, terms in fitted.items()
+        for axis, p_value in zip("xyz", terms.p_value, strict=True)
+        if p_value < allan.FITS
+    ]
+    if not poor:
+        return ""
+    return (
+        f"The five terms do not explain the Allan deviation of {', '.join(poor)}: there is something else in "
+        "it, such as vibration, a temperature that changes, or a bias with a correlation time."
+    )
 
 
 def card_of(name: str, records: Mapping[str, Record], source: str) -> Card:
     """Return the card of an IMU of one's own from its record at rest.
 
-    A term the record does not show, below twice its σ on every axis, is left out. A record at rest says
-    nothing of turn-on bias, scale factor, range and bandwidth: these are missing too.
+    A term the record does not show, below twice its σ on every axis, is left out; so are quantisation noise
+    and ramp, which are no settings. A record at rest says nothing of turn-on bias, scale factor, range and
+    bandwidth: these are missing too. The note says where the fit is poor.
 
     Parameters
     ----------
@@ -178,16 +213,21 @@ def card_of(name: str, records: Mapping[str, Record], source: str) -> Card:
     source
         Where the records come from.
     """
-    groups = {}
-    for triad, terms in noise_terms(records).items():
+    groups, found = {}, noise_terms(records)
+    for triad, terms in found.items():
         record = records[triad]
         where = f"Allan deviation of {source}: {record.duration:.0f} s at rest, {1 / record.dt:.5g} Hz"
         groups[triad] = {
-            setting: Datum(tuple(float(f"{value:.4g}") for value in fitted["value"]), fitted["unit"], where)
+            setting: Datum(
+                tuple(float(f"{value:.4g}") for value in fitted["value"]),
+                fitted["unit"],
+                where,
+                TWO_SIDED if setting == DENSITY else "",
+            )
             for setting, fitted in in_setting_units(triad, terms).items()
-            if (fitted["value"] > _SHOWN * fitted["sigma"]).any()
+            if setting in TERMS.values() and (fitted["value"] > _SHOWN * fitted["sigma"]).any()
         }
-    return Card(name=name, maker="", grade="own", note="", terms=groups)
+    return Card(name=name, maker="", grade="own", note=misfit(found), terms=groups)
 
 
 def _spacing(errors: Any) -> float:

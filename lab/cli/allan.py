@@ -15,6 +15,7 @@ from lab.cli.terminal import table
 from lab.settings import SettingError
 
 if TYPE_CHECKING:
+    from lab.analysis.allan import NoiseTerms
     from lab.analysis.rest import Record
     from lab.sensors.cards import Card
 
@@ -46,7 +47,7 @@ def allan(
     force: Force = False,
     as_json: AsJson = False,
 ) -> None:
-    """Fit white noise, bias instability and random walk to the Allan deviation of an IMU at rest."""
+    """Fit the noise terms of IEEE 952 to the Allan deviation of an IMU at rest, and say how well they fit."""
     is_log = record.lower().endswith(".csv")
     if out is not None:
         if not is_log:
@@ -57,13 +58,13 @@ def allan(
         card = None if is_log else _card(record)
         records = _records(record, card, seed)
         progress("fitting", 0.5)
-        fitted = _fitted(records)
+        terms = _fitted(records)
         if out is not None:
             _write_card(out, records, Path(record).name)
     if as_json:
-        print_json({"record": record, **_facts(records, fitted)})
+        print_json({"record": record, **_facts(records, terms)})
     else:
-        print(_terms(fitted, card))
+        print("\n\n".join(part for part in (_terms(terms, card), _goodness(terms)) if part))
 
 
 def _card(name: str) -> Card:
@@ -85,36 +86,48 @@ def _records(record: str, card: Card | None, seed: int) -> dict[str, Record]:
     return rest.simulate(SensorSuite().update(card.settings()), seed)
 
 
-def _fitted(records: Mapping[str, Record]) -> dict[str, dict[str, dict[str, Any]]]:
+def _fitted(records: Mapping[str, Record]) -> dict[str, NoiseTerms]:
     from lab.analysis import rest  # noqa: PLC0415 - takes half a second
 
-    return {triad: rest.in_setting_units(triad, terms) for triad, terms in rest.noise_terms(records).items()}
+    return rest.noise_terms(records)
 
 
-def _terms(fitted: Mapping[str, dict[str, dict[str, Any]]], card: Card | None) -> str:
+def _terms(fitted: Mapping[str, NoiseTerms], card: Card | None) -> str:
     """Return the fitted terms as a table, beside those of the card simulated."""
-    from lab.sensors.suite import SensorSuite  # noqa: PLC0415 - takes half a second
+    from lab.analysis import rest  # noqa: PLC0415 - takes half a second
 
-    suite = SensorSuite().groups()
     rows = []
     for triad, terms in fitted.items():
-        for name, term in terms.items():
-            declaration = suite[triad].param[name]
-            own = card.value(triad, name) if card else None
-            for index, axis in enumerate(declaration.axes):
+        for name, term in rest.in_setting_units(triad, terms).items():
+            own = card.value(triad, name) if card and name in rest.TERMS.values() else None
+            for index, axis in enumerate("xyz"):
                 figures = f"{term['value'][index]:.4g}", f"{term['sigma'][index]:.2g}", term["unit"]
                 beside = number(own[index] if isinstance(own, list) else own)
-                rows.append((triad, axis, declaration.label, *figures, beside))
+                rows.append((triad, axis, term["label"], *figures, beside))
     header = ("group", "axis", "term", "fitted", "σ", "unit", "card")
     width = len(header) if card else len(header) - 1
     return table(header[:width], [row[:width] for row in rows], right={3, 4, 6})
 
 
-def _facts(
-    records: Mapping[str, Record], fitted: Mapping[str, dict[str, dict[str, Any]]]
-) -> dict[str, dict[str, Any]]:
-    """Return deviations with their 95 % intervals in SI units, and terms in the units of the settings."""
-    from lab.analysis import allan  # noqa: PLC0415 - takes half a second
+def _goodness(fitted: Mapping[str, NoiseTerms]) -> str:
+    """Return the goodness of the fits as a table, and what it means where they are poor."""
+    from lab.analysis import rest  # noqa: PLC0415 - takes half a second
+
+    rows = [
+        (triad, axis, f"{chi_square:.1f}", f"{degrees:.0f}", f"{p_value:.2g}")
+        for triad, terms in fitted.items()
+        for axis, chi_square, degrees, p_value in zip(
+            "xyz", terms.chi_square, terms.degrees, terms.p_value, strict=True
+        )
+    ]
+    text = table(("group", "axis", "χ² of the fit", "degrees of freedom", "p"), rows, right={2, 3, 4})
+    poor = rest.misfit(fitted)
+    return f"{text}\n\n{poor}" if poor else text
+
+
+def _facts(records: Mapping[str, Record], fitted: Mapping[str, NoiseTerms]) -> dict[str, dict[str, Any]]:
+    """Return deviations with their 95 % intervals in SI units, terms in units of the settings, and fits."""
+    from lab.analysis import allan, rest  # noqa: PLC0415 - takes half a second
 
     answer = {}
     for triad, terms in fitted.items():
@@ -129,7 +142,12 @@ def _facts(
             "deviation": found.deviation,
             "low": low,
             "high": high,
-            "terms": terms,
+            "terms": rest.in_setting_units(triad, terms),
+            "fit": {
+                "chi_square": terms.chi_square,
+                "degrees_of_freedom": terms.degrees,
+                "p_value": terms.p_value,
+            },
         }
     return answer
 

@@ -8,7 +8,7 @@ import numpy as np
 import typer
 
 from lab.cli.app import CommandError, print_json, working
-from lab.cli.options import AsJson, Assignments, Card, Config, Mission, Seed, experiment
+from lab.cli.options import AsJson, Assignments, Assumed, Card, Config, Mission, Seed, experiment
 from lab.cli.terminal import table
 
 if TYPE_CHECKING:
@@ -27,6 +27,7 @@ def error_budget(
     mission: Mission,
     config: Config = None,
     card: Card = None,
+    assumed: Assumed = True,
     assignments: Assignments = None,
     seed: Seed = None,
     at: Annotated[
@@ -36,16 +37,18 @@ def error_budget(
     as_json: AsJson = False,
 ) -> None:
     """Show what each source of error contributes to the errors of a mission's solution."""
-    chosen = experiment(mission, config, card, assignments, seed)
+    chosen = experiment(mission, config, card, assignments, seed, assumed)
     with working(chosen.mission) as progress:
         result = chosen.run(progress)
         _check_time(at, float(result.time[-1]))
         dataset = result.budget
     there = dataset.isel(time=-1) if at is None else dataset.sel(time=at, method="nearest")
     if as_json:
-        print_json({"mission": chosen.mission, "seed": chosen.seed, **_facts(there)})
+        remarks = list(result.remarks)
+        print_json({"mission": chosen.mission, "seed": chosen.seed, "remarks": remarks, **_facts(there)})
     else:
-        print(_budget(there))
+        note = chosen.sensors.assumed_remark()
+        print("\n\n".join((_budget(there), *((note,) if note else ()))))
 
 
 def _check_time(at: float | None, end: float) -> None:

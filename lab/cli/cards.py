@@ -2,26 +2,31 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Sequence
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from lab.cli.app import print_json
-from lab.cli.options import AsJson
+from lab.cli.options import AsJson, Assumed
 from lab.cli.terminal import table
 
 if TYPE_CHECKING:
-    from lab.sensors.cards import Card
+    from lab.sensors.cards import Card, Terms
 
 EXAMPLES = """\b
 Examples:
   ins-lab cards
   ins-lab cards ADIS16470
-  ins-lab run montreal --card ADIS16470"""
+  ins-lab run montreal --card ADIS16470
+  ins-lab run montreal --card ADIS16470 --no-assumed
+What a card has no source for is assumed, as typical of its grade, and marked so; --no-assumed leaves it out.
+White noise is the two-sided N of IEEE 952, which is 1/√2 of a one-sided noise density."""
 
 NOTHING = "–"
 """Stands where a card has no number."""
+ASSUMED = "*"
+"""Stands behind a number that is assumed."""
 
 _COLUMNS = (
     ("gyro", "noise_density", "gyro noise"),
@@ -38,24 +43,27 @@ def list_cards(
             metavar="[NAME]", help="A card, by name or .toml file: all of it.", show_default=False
         ),
     ] = None,
+    assumed: Assumed = True,
     as_json: AsJson = False,
 ) -> None:
-    """List the cards of real sensors there are, or show one with its sources and what is missing."""
+    """List the cards of real sensors, or show one: its sources, what is assumed, what is missing."""
     from lab.sensors.cards import card, cards  # noqa: PLC0415 - takes half a second
 
     if name is None:
-        found = cards()
+        found = [entry if assumed else entry.without_assumed() for entry in cards().values()]
         if as_json:
-            print_json([_facts(entry) for entry in found.values()])
+            print_json([_facts(entry) for entry in found])
         else:
             print(_cards(found))
-    elif as_json:
-        print_json(_facts(card(name)))
+        return
+    one = card(name, assumed=assumed)
+    if as_json:
+        print_json(_facts(one))
     else:
-        print(_card(card(name)))
+        print(_card(one))
 
 
-def _cards(cards: Mapping[str, Card]) -> str:
+def _cards(cards: Sequence[Card]) -> str:
     """Return the cards as a table: white noise and bias instability, in the units of the settings."""
     from lab.sensors.suite import SensorSuite  # noqa: PLC0415 - takes half a second
 
@@ -63,30 +71,47 @@ def _cards(cards: Mapping[str, Card]) -> str:
     units = [suite[group].param[term].unit for group, term, _ in _COLUMNS]
     titles = [f"{title} [{unit}]" for (_, _, title), unit in zip(_COLUMNS, units, strict=True)]
     rows = [
-        (card.name, card.grade, *(number(card.value(group, term)) for group, term, _ in _COLUMNS))
-        for card in cards.values()
+        (card.name, card.grade, *(_marked(card, group, term) for group, term, _ in _COLUMNS))
+        for card in cards
     ]
-    return table(("name", "grade", *titles), rows, right={2, 3, 4, 5})
+    text = table(("name", "grade", *titles), rows, right={2, 3, 4, 5})
+    if any(card.assumed for card in cards):
+        text += f"\n\n{ASSUMED} assumed: typical of the grade, since the card has no source for it"
+    return text
+
+
+def _marked(card: Card, group: str, term: str) -> str:
+    """Return a number of a card in the unit of its setting, marked where it is assumed."""
+    return number(card.value(group, term)) + (ASSUMED if card.is_assumed(group, term) else "")
 
 
 def _card(card: Card) -> str:
-    """Return a whole card: every number with its source, and what is missing."""
-    from lab.sensors.suite import SensorSuite  # noqa: PLC0415 - takes half a second
-
-    suite = SensorSuite().groups()
-    rows = [
-        (group, suite[group].param[name].label, number(datum.value), datum.unit, datum.source)
-        for group, terms in card.terms.items()
-        for name, datum in terms.items()
-    ]
+    """Return a whole card: every number with its source, what is assumed, and what is missing."""
+    head = [f"{card.name}: {', '.join(text for text in (card.maker, f'{card.grade} grade') if text)}"]
+    head += [card.note] if card.note else []
+    lines = [*head, _terms(card.terms)]
+    if card.assumed:
+        lines += ["", "Assumed, for what the card has no source for (--no-assumed leaves it out):"]
+        lines.append(_terms(card.assumed))
     missing = [
         f"No source, off when loaded: {triad}: {'; '.join(labels)}"
         for triad, labels in card.missing().items()
         if labels
     ]
-    head = [f"{card.name}: {', '.join(text for text in (card.maker, f'{card.grade} grade') if text)}"]
-    head += [card.note] if card.note else []
-    return "\n".join([*head, table(("group", "term", "value", "unit", "source"), rows, right={2}), *missing])
+    return "\n".join([*lines, *([""] if missing else []), *missing])
+
+
+def _terms(terms: Terms) -> str:
+    """Return data as a table: as the source has them, and a density with its convention."""
+    from lab.sensors.suite import SensorSuite  # noqa: PLC0415 - takes half a second
+
+    suite = SensorSuite().groups()
+    rows = []
+    for group, data in terms.items():
+        for name, datum in data.items():
+            unit = f"{datum.unit}, {datum.convention}" if datum.convention else datum.unit
+            rows.append((group, suite[group].param[name].label, number(datum.value), unit, datum.source))
+    return table(("group", "term", "value", "unit", "source"), rows, right={2})
 
 
 def _facts(card: Card) -> dict[str, Any]:

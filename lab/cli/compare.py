@@ -14,6 +14,7 @@ from lab.cli.options import (
     AlgorithmFiles,
     AsJson,
     Assignments,
+    Assumed,
     Card,
     Config,
     Mission,
@@ -52,22 +53,24 @@ def compare(
     seeds: Annotated[int, typer.Option("--seeds", min=1, metavar="N", help="Runs with each model.")] = 1,
     config: Config = None,
     card: Card = None,
+    assumed: Assumed = True,
     assignments: Assignments = None,
     seed: Seed = None,
     own: AlgorithmFiles = None,
     as_json: AsJson = False,
 ) -> None:
     """Compare error models on the same flights: errors, consistency, time, verdict."""
-    chosen = experiment(mission, config, card, assignments, seed)
+    chosen = experiment(mission, config, card, assignments, seed, assumed)
     from lab import comparison  # noqa: PLC0415 - takes a second
 
     names = None if models is None else [name.strip() for name in models.split(",")]
     with working(chosen.mission) as progress:
         rows = comparison.compare(chosen, names, seeds, progress, algorithms=algorithms(own))
     if as_json:
-        print_json([asdict(row) for row in rows])
+        print_json([{**asdict(row), "assumed": chosen.sensors.assumed_terms()} for row in rows])
     else:
-        print(_comparison(rows))
+        note = chosen.sensors.assumed_remark()
+        print("\n\n".join((_comparison(rows), *((note,) if note else ()))))
 
 
 def _comparison(rows: Sequence[Compared]) -> str:

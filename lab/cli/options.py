@@ -41,6 +41,13 @@ Card = Annotated[
         show_default=False,
     ),
 ]
+Assumed = Annotated[
+    bool,
+    typer.Option(
+        "--assumed/--no-assumed",
+        help="Numbers the card has no source for: typical of its grade, or off.",
+    ),
+]
 Assignments = Annotated[
     list[str] | None,
     typer.Option("--set", metavar="PATH=VALUE", help="One setting; may be repeated.", show_default=False),
@@ -76,14 +83,17 @@ def experiment(
     card: str | None,
     assignments: Sequence[str] | None,
     seed: int | None,
+    assumed: bool = True,
 ) -> Experiment:
     """Return the experiment of a command: of the file, then the card, then --set, then the other options.
 
     Raises
     ------
     MissionError, SettingError, CommandError
-        If the mission does not exist, or a setting is not accepted.
+        If the mission does not exist, a setting is not accepted, or --no-assumed stands without a card.
     """
+    if card is None and not assumed:
+        raise CommandError("--no-assumed: goes with --card, from which it leaves out what is assumed")
     mission = _single(mission)
     find_mission(mission)
     from lab.experiment import Experiment  # noqa: PLC0415 - takes a second
@@ -92,7 +102,7 @@ def experiment(
     if card is not None:
         from lab.sensors.cards import card as find_card  # noqa: PLC0415 - rarely needed
 
-        chosen.update({"sensors": find_card(card).settings()})
+        find_card(card, assumed=assumed).load(chosen)
     chosen.set_texts(assignments or [])
     chosen.set("mission", mission)
     if seed is not None:

@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-import json
 import math
 import os
-import tomllib
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
@@ -13,11 +11,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from lab.missions.atomic_file import atomic_file
 from lab.missions.catalogue import mission, own_folder, shipped_folder
 from lab.missions.errors import MissionError
-from lab.missions.flight_csv import write_flight_csv
 from lab.missions.flight_plan import FlightPlan
+from lab.missions.flown_mission import add_flown, check_flown
+from lab.missions.library import add_mission
 from lab.missions.mission import Mission
 from lab.missions.mission_name import suggested_name
 from lab.missions.pilot import PATIENCE, Pilot
@@ -176,7 +174,9 @@ def fly_mission(
     folder
         Where to write; by default the user's own folder for a shipped mission, or else the mission's folder.
     overwrite
-        True replaces an existing recording and TOML file of that name.
+        True replaces an existing recording and TOML file of that name. If the TOML file changes, the new
+        recording has a file name of its own, and the old one goes afterwards: a crash leaves the one or the
+        other mission whole.
     progress
         Called about every second of flight with the fraction flown, 0 to 1.
     cancelled
@@ -196,24 +196,15 @@ def fly_mission(
         _refuse(seed)
         return _move_file(Path(name_or_path), folder, overwrite)
     flown = mission(name_or_path)
-    plan, source = flown.plan, flown.path
-    assert source is not None  # only a TOML file has a plan
-    target = _target_folder(source, folder)
-    toml, recording_path = target / source.name, target / flown.recording_path.name
+    plan = flown.plan
+    assert flown.path is not None  # only a TOML file has a plan
+    target = _target_folder(flown.path, folder)
     new_seed = None if not isinstance(plan, FlightPlan) or seed in {None, plan.seed} else seed
-    try:
-        same_toml = _holds(toml, _toml(source, new_seed, flown.ending))
-        _check_free([recording_path] if same_toml else [recording_path, toml], overwrite)
-        flight = fly(plan, seed, progress, cancelled)
-        target.mkdir(parents=True, exist_ok=True)
-        write_flight_csv(recording_path, flight.recording)
-        content = _toml(source, new_seed, flight.ending)
-        if not _holds(toml, content):
-            with atomic_file(toml) as file:
-                file.write(content)
-    except OSError as error:
-        raise MissionError(f"{target}: {error.strerror or error}") from error
-    return mission(toml)
+    check_flown(flown, new_seed, target, overwrite)
+    flight = fly(plan, seed, progress, cancelled)
+    return add_flown(
+        flown, flight.recording, seed=new_seed, ending=flight.ending, folder=target, overwrite=overwrite
+    )
 
 
 def _is_motion(path: Path) -> bool:
@@ -228,8 +219,7 @@ def _is_motion(path: Path) -> bool:
 
 def _move_file(path: Path, folder: str | os.PathLike[str] | None, overwrite: bool) -> Mission:
     """Carry out a motion definition csv and add it as a mission."""
-    from lab.missions.library import add_mission  # noqa: PLC0415 - SciPy, for those who need it
-    from lab.missions.motion_commands import move  # noqa: PLC0415
+    from lab.missions.motion_commands import move  # noqa: PLC0415 - SciPy, for those who need it
     from lab.missions.motion_file import read_motion_file  # noqa: PLC0415
 
     plan = read_motion_file(path)
@@ -248,40 +238,10 @@ def _move_file(path: Path, folder: str | os.PathLike[str] | None, overwrite: boo
     )
 
 
-def _holds(path: Path, content: bytes) -> bool:
-    return path.is_file() and path.read_bytes() == content
-
-
-def _check_free(paths: list[Path], overwrite: bool) -> None:
-    existing = [str(path) for path in paths if path.exists()]
-    if existing and not overwrite:
-        raise MissionError(
-            f"{' and '.join(existing)} would be replaced: allow it with overwrite, or choose another folder"
-        )
-
-
 def _target_folder(source: Path, folder: str | os.PathLike[str] | None) -> Path:
     if folder is not None:
         return Path(folder)
     return own_folder() if source.parent.resolve() == shipped_folder().resolve() else source.parent
-
-
-def _toml(source: Path, seed: int | None, ending: str) -> bytes:
-    """Return a mission's TOML file, word by word but for another seed and the ending in its first line."""
-    content = source.read_bytes()
-    if seed is not None:
-        import tomli_w  # noqa: PLC0415 - rarely needed
-
-        values = tomllib.loads(content.decode("utf-8-sig"))
-        values["flight"]["seed"] = seed
-        content = tomli_w.dumps(values).encode()
-    text = content.decode("utf-8-sig")
-    if tomllib.loads(text).get("ending", "") == ending:
-        return content
-    kept = [line for line in text.splitlines(keepends=True) if not line.startswith("ending = ")]
-    # Only what JSON and TOML quote alike is in these messages.
-    told = f"ending = {json.dumps(ending, ensure_ascii=False)}\n" if ending else ""
-    return (told + "".join(kept)).encode()
 
 
 def _check(seen: Instruments, pilot: Pilot, now_ms: int) -> str:

@@ -11,6 +11,7 @@ from __future__ import annotations
 import contextlib
 import itertools
 import os
+import re
 import tempfile
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
@@ -22,15 +23,16 @@ from lab.missions.errors import MissionError
 from lab.missions.flight_csv import read_flight_csv, write_flight_csv
 from lab.missions.folder_lock import folder_lock
 from lab.missions.log_mission import LogMission, is_log_folder, is_log_toml
+from lab.missions.log_toml import DESCRIPTION_FILE
 from lab.missions.mission import MAX_TOML_BYTES, Mission, file_beside, read_toml
 from lab.missions.mission_name import MAX_LETTERS, accepted_name, suggested_name
+from lab.missions.mission_text import changed_text
 from lab.missions.plan_kinds import read_plan
 from lab.missions.recording import Recording
 from lab.missions.sensor_log import SensorLog
-from lab.missions.sensor_log_csv import DESCRIPTION_FILE
 from lab.missions.sensor_log_writer import write_sensor_log
 
-_LOG_FILES = ("imu.csv", "gnss.csv", "ref.csv")
+_LOG_FILES = ("imu.csv", "gnss.csv", "ref.csv", "mag.csv")
 
 
 def add_mission(
@@ -97,15 +99,15 @@ def add_mission(
     toml = where / f"{name}.toml"
     if flight is not None:
         read_plan(flight, f"{name}, flight")
-    with _telling(where):
+    with file_errors_told(where):
         where.mkdir(parents=True, exist_ok=True)
         _check_free(where, name, overwrite)
-        with _new_recording(where, name, recording) as path, folder_lock(where):
+        with new_recording(where / f"{name}.csv.gz", recording) as path, folder_lock(where):
             _check_free(where, name, overwrite)  # again: writing took a while
-            replaced = _recordings(toml)
+            replaced = recordings_named(toml)
             values["recording"] = path.name
             _write_toml(toml, values | ({} if flight is None else {"flight": flight}))
-            _remove_unused(where, replaced)
+            remove_unused(where, replaced)
     return mission(toml)
 
 
@@ -141,7 +143,7 @@ def add_log(
     where = own_folder() if folder is None else Path(folder)
     name = accepted_name(name)
     title, tags = _title(name, title), _tags(tags)
-    with _telling(where):
+    with file_errors_told(where):
         where.mkdir(parents=True, exist_ok=True)
         _check_free(where, name)
         with tempfile.TemporaryDirectory(dir=where, prefix=".") as temporary:
@@ -197,7 +199,7 @@ def rename_mission(name: str, new: str) -> Mission:
     path, new = own_place(name), accepted_name(new)
     target = path.parent / (new if path.is_dir() else f"{new}.toml")
     if target != path:
-        with _telling(path.parent), folder_lock(path.parent):
+        with file_errors_told(path.parent), folder_lock(path.parent):
             _check_free(path.parent, new)
             if os.path.lexists(target):
                 raise MissionError(f"{target}: is there already; choose another name")
@@ -222,8 +224,6 @@ def describe_mission(
     MissionError
         If it is not the user's own, a text is not acceptable, or the file cannot be read or written.
     """
-    import tomlkit.exceptions  # noqa: PLC0415 - rarely needed
-
     path = own_place(name)
     toml = path / DESCRIPTION_FILE if path.is_dir() else path
     new = {
@@ -231,17 +231,12 @@ def describe_mission(
         "description": description,
         "tags": None if tags is None else _tags(tags),
     }
-    with _telling(path.parent), folder_lock(path.parent):
+    with file_errors_told(path.parent), folder_lock(path.parent):
         old = read_toml(toml) if toml.exists() else {}  # checks its size too
         changed = {key: value for key, value in new.items() if value is not None and value != old.get(key)}
         if changed:
             text = toml.read_bytes().decode("utf-8-sig").replace("\r\n", "\n") if old else ""
-            try:
-                document = tomlkit.parse(text)
-                document.update(changed)
-            except tomlkit.exceptions.TOMLKitError as error:
-                raise MissionError(f"{toml}: cannot be changed: {error}") from error
-            content = _encoded(tomlkit.dumps(document), toml)
+            content = encoded(changed_text(toml, text, changed), toml)
             with atomic_file(toml) as file:
                 file.write(content)
     return mission(path)
@@ -259,19 +254,19 @@ def delete_mission(name: str) -> None:
         If it is not the user's own, or a file cannot be deleted.
     """
     path = own_place(name)
-    with _telling(path.parent), folder_lock(path.parent):
+    with file_errors_told(path.parent), folder_lock(path.parent):
         if path.is_symlink():
             path.unlink()
         elif not path.is_dir():
-            recordings = _recordings(path)
+            recordings = recordings_named(path)
             path.unlink()
-            _remove_unused(path.parent, recordings)
+            remove_unused(path.parent, recordings)
         else:
             _delete_log(path)
 
 
 def _delete_log(folder: Path) -> None:
-    for file in {*_recordings(folder), *(folder / name for name in _LOG_FILES)}:
+    for file in {*recordings_named(folder), *(folder / name for name in _LOG_FILES)}:
         file.unlink(missing_ok=True)
     (folder / DESCRIPTION_FILE).unlink(missing_ok=True)
     if not any(folder.iterdir()):
@@ -295,10 +290,9 @@ def _check_free(folder: Path, name: str, overwrite: bool = False) -> None:
 
 
 @contextlib.contextmanager
-def _new_recording(folder: Path, name: str, recording: Recording) -> Iterator[Path]:
+def new_recording(wanted: Path, recording: Recording) -> Iterator[Path]:
     """Write a recording under a file name nobody has, and check that it can be read; if not used, it goes."""
-    for number in itertools.count(1):
-        path = folder / (f"{name}.csv.gz" if number == 1 else f"{name}.{number}.csv.gz")
+    for path in _numbered(wanted):
         with contextlib.suppress(FileExistsError):
             path.open("xb").close()
             break
@@ -311,15 +305,32 @@ def _new_recording(folder: Path, name: str, recording: Recording) -> Iterator[Pa
         raise
 
 
+def _numbered(wanted: Path) -> Iterator[Path]:
+    """Return a path, and then the same with numbers before its ending, in place of one already there."""
+    yield wanted
+    stem = re.sub(r"(?i)(\.csv)?(\.gz)?$", "", wanted.name)
+    ending, plain = wanted.name.removeprefix(stem), re.sub(r"\.[0-9]{1,3}$", "", stem)
+    yield wanted.with_name(f"{plain}{ending}")
+    for number in itertools.count(2):
+        yield wanted.with_name(f"{plain}.{number}{ending}")
+
+
 def _write_toml(toml: Path, values: Mapping[str, Any]) -> None:
     import tomli_w  # noqa: PLC0415 - rarely needed
 
-    content = _encoded(tomli_w.dumps(values, multiline_strings=True), toml)
+    content = encoded(tomli_w.dumps(values, multiline_strings=True), toml)
     with atomic_file(toml) as file:
         file.write(content)
 
 
-def _encoded(text: str, toml: Path) -> bytes:
+def encoded(text: str, toml: Path) -> bytes:
+    """Return the bytes of a TOML file, if it could be read again.
+
+    Raises
+    ------
+    MissionError
+        If a character cannot be written, or the file would be too large.
+    """
     try:
         content = text.encode()
     except UnicodeEncodeError as error:
@@ -329,7 +340,7 @@ def _encoded(text: str, toml: Path) -> bytes:
     return content
 
 
-def _recordings(place: Path) -> list[Path]:
+def recordings_named(place: Path) -> list[Path]:
     """Return the csv files in its own folder that a mission names; of one that cannot be read, none."""
     if not place.exists() or place.is_symlink():
         return []
@@ -343,12 +354,16 @@ def _recordings(place: Path) -> list[Path]:
     return [path for path in named if path.name.lower().endswith((".csv", ".csv.gz"))]
 
 
-def _remove_unused(folder: Path, recordings: Sequence[Path]) -> None:
+def remove_unused(folder: Path, recordings: Sequence[Path]) -> None:
     """Remove recordings no TOML file in the folder names."""
-    if recordings:
-        used = {path for toml in folder.glob("*.toml") for path in _recordings(toml)}
-        for path in set(recordings) - used:
+    for path in set(recordings):
+        if not named_by_others(path):
             path.unlink(missing_ok=True)
+
+
+def named_by_others(recording: Path, toml: Path | None = None) -> bool:
+    """Return whether a TOML file of the folder, another than that given, names a recording."""
+    return any(recording in recordings_named(one) for one in recording.parent.glob("*.toml") if one != toml)
 
 
 def _title(name: str, title: str) -> str:
@@ -365,7 +380,7 @@ def _tags(tags: Sequence[str]) -> list[str]:
 
 
 @contextlib.contextmanager
-def _telling(folder: Path) -> Iterator[None]:
+def file_errors_told(folder: Path) -> Iterator[None]:
     """Tell what the file system refuses as a `MissionError`."""
     try:
         yield

@@ -17,6 +17,7 @@ from lab import earth, ecef, rotation
 from lab.missions import coordinated_turn
 from lab.missions.agreement import Agreement, agreement, cause
 from lab.missions.derived_motion import body_rates, euler_at, specific_force
+from lab.missions.raw_flight import VERTICAL_VELOCITY
 from lab.missions.reconstruction import Reconstruction
 from lab.missions.time_repair import RepairedFlight
 
@@ -158,7 +159,7 @@ def findings(flight: RepairedFlight, rebuilt: Reconstruction, moves: Motion) -> 
         What it does.
     """
     found = [
-        *_beyond_limits(rebuilt, moves),
+        *_beyond_limits(flight, rebuilt, moves),
         *_velocity_against_positions(flight),
         *_attitude_against_path(flight, rebuilt),
         *_rates(flight, rebuilt),
@@ -168,17 +169,33 @@ def findings(flight: RepairedFlight, rebuilt: Reconstruction, moves: Motion) -> 
     return tuple(sorted(found, key=lambda finding: finding.level != IMPLAUSIBLE))
 
 
-def _beyond_limits(rebuilt: Reconstruction, moves: Motion) -> list[Finding]:
+def _made_here(flight: RepairedFlight, rebuilt: Reconstruction) -> dict[str, str]:
+    """Return which quantities the file does not have but the lab made, and what they were made of."""
+    made = {}
+    if rebuilt.attitude_reconstructed:
+        made["body rate"] = "the attitude is not recorded but reconstructed, from slow or noisy motion"
+    if VERTICAL_VELOCITY in flight.raw.made and rebuilt.curve == "velocity":
+        heights = "the vertical velocity is not recorded but the slope of heights that jump or are noisy"
+        made["climb"] = heights
+        recording = rebuilt.recording
+        level = CubicSpline(recording.time, recording.velocity_n[:, :2])(recording.time, 1)
+        often = float(np.quantile(np.linalg.norm(level, axis=1), _OFTEN))
+        if np.hypot(often, earth.STANDARD_GRAVITY) < LIMITS[rebuilt.vehicle]["specific force"].possible:
+            made["specific force"] = heights
+    return made
+
+
+def _beyond_limits(flight: RepairedFlight, rebuilt: Reconstruction, moves: Motion) -> list[Finding]:
     vehicle, found = rebuilt.vehicle, []
     many = vehicle if vehicle == "aircraft" else f"{vehicle}s"
-    causes = dict(_CAUSES)
-    if rebuilt.attitude_reconstructed:
-        causes["body rate"] = "a heading reconstructed from slow or noisy motion"
+    made = _made_here(flight, rebuilt)
+    causes = {**_CAUSES, **made}
     for name, limit in LIMITS[vehicle].items():
         unit, factor = _UNITS[name]
         often = float(np.quantile(getattr(moves, name.replace(" ", "_")), _OFTEN))
         if often > limit.usual:
-            level = IMPLAUSIBLE if often > limit.possible else QUESTIONABLE
+            # A file is not refused for what the lab itself made of it.
+            level = IMPLAUSIBLE if often > limit.possible and name not in made else QUESTIONABLE
             found.append(
                 Finding(
                     level,
@@ -218,7 +235,8 @@ def _velocity_against_positions(flight: RepairedFlight) -> list[Finding]:
     found = []
     level = agreement(by_position[:, :2].ravel(), by_velocity[:, :2].ravel())
     axes = {"The horizontal velocity": level}
-    if raw.height is not None and np.abs(by_position[:, 2]).sum() > 100:
+    recorded = raw.height is not None and VERTICAL_VELOCITY not in raw.made
+    if recorded and np.abs(by_position[:, 2]).sum() > 100:
         axes["The vertical velocity"] = agreement(by_position[:, 2], by_velocity[:, 2])
     for name, like in axes.items():
         if abs(like.correlation) > _LIKE and not 0.9 < like.slope < 1.1:

@@ -1,8 +1,11 @@
 """Cards: the datasheet numbers of real inertial sensors, each with its unit and its source, ready to load.
 
 The catalogue is ``cards.toml`` beside this file; a card of your own has the same form. A number that has no
-source is not on the card, and its term is off when the card is loaded. What datasheets call in-run bias
-stability or instability is taken as the coefficient B of the Allan deviation, the setting ``flicker``.
+source is not among the given ones of a card. What is typical of the grade (`lab.sensors.typical`) is assumed
+in its place, and kept apart: an error that a sheet leaves out is an error all the same, and without it the
+part whose sheet says least would navigate best. Loaded without what is assumed, such a term is off. What
+datasheets call in-run bias stability or instability is taken as the coefficient B of the Allan deviation, the
+setting ``flicker``.
 """
 
 from __future__ import annotations
@@ -12,63 +15,43 @@ import functools
 import os
 import tomllib
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from lab.sensors.suite import SensorSuite
-from lab.setting_kinds import AxisQuantity
+from lab.sensors.datum import OF_THE_VEHICLE, Datum, check_keys, read_sources, read_terms
+from lab.sensors.suite import TRIADS, SensorSuite
+from lab.sensors.typical import typical
 from lab.settings import SettingError, Settings
-from lab.units import TO_SI
 
 CATALOGUE = Path(__file__).with_name("cards.toml")
 """The cards that ship with the lab."""
 GRADES = ("consumer", "industrial", "tactical", "navigation", "own")
 """Grades of sensors, from the least to the most accurate; own ones come last."""
-TRIADS = ("gyro", "accelerometer")
-"""Groups of the settings of an IMU."""
 GROUPS = (*TRIADS, "gps")
 """Groups of the settings of the sensors that a card may describe."""
 CLASSIC = "MEMSense AccelRate3D"
 """The card of the default settings."""
-EXPECTED = ("noise_density", "flicker", "bias_sigma", "scale_factor_sigma", "range", "bandwidth")
+EXPECTED = (
+    "noise_density",
+    "flicker",
+    "bias_sigma",
+    "scale_factor_sigma",
+    "misalignment",
+    "g_sensitivity",
+    "range",
+    "bandwidth",
+)
 """Terms of a triad a card should have; `Card.missing` names those it has not."""
 MAX_BYTES = 2**20
 """Largest file of cards accepted [bytes]."""
 
-_OF_THE_VEHICLE = frozenset({"vibration_density"})
-"""Settings of a triad that say nothing of the sensor."""
-_ALIKE = (
-    ("°/s/√Hz", "°/h/√Hz", "°/√h"),
-    ("µg/√Hz", "mg/√Hz", "m/s/√h", "ft/s/√h"),
-    ("°/s", "°/h"),
-    ("g", "mg", "µg"),
-    ("%", "ppm"),
-)
-"""Units of the same kind, each of which is accepted for the others."""
 _TEXTS = ("maker", "grade", "note")
-_KEYS = (*_TEXTS, "sources", *GROUPS)
+_KEYS = (*_TEXTS, "sources", *GROUPS, "assumed")
 
-
-@dataclass(frozen=True)
-class Datum:
-    """A number of a card.
-
-    Attributes
-    ----------
-    value : float or tuple of float
-        The number, or one for each axis.
-    unit : str
-        Its unit, as the source has it.
-    source : str
-        Where it comes from: document and revision.
-    """
-
-    value: float | tuple[float, ...]
-    unit: str
-    source: str
+Terms = Mapping[str, Mapping[str, Datum]]
 
 
 @dataclass(frozen=True)
@@ -82,59 +65,107 @@ class Card:
     maker, grade, note : str
         Who makes it, one of `GRADES`, and what else should be known.
     terms : mapping of mappings of Datum
-        The numbers, by group of the settings (``gyro``, ``accelerometer``, ``gps``) and name of the setting.
+        The given numbers, by group of the settings (``gyro``, ``accelerometer``, ``gps``) and name of the
+        setting.
+    assumed : mapping of mappings of Datum
+        Numbers that stand in for those that are not given, in the same form.
     """
 
     name: str
     maker: str
     grade: str
     note: str
-    terms: Mapping[str, Mapping[str, Datum]]
+    terms: Terms
+    assumed: Terms = field(default_factory=dict)
 
-    def settings(self) -> dict[str, dict[str, Any]]:
+    def without_assumed(self) -> Card:
+        """Return the card with the given numbers alone."""
+        return replace(self, assumed={})
+
+    def settings(self) -> dict[str, Any]:
         """Return the settings of the sensors, for ``experiment.update({"sensors": card.settings()})``.
 
-        A triad is set as a whole: a term that is not on the card is off, and without a range nothing
-        saturates. The receiver is left as it is, but for what the card says of it.
+        A triad is set as a whole: a term that is neither given nor assumed is off, and without a range
+        nothing saturates. The receiver is left as it is, but for what the card says of it. The setting
+        ``assumed`` keeps which terms are assumed.
         """
         suite = SensorSuite().groups()
-        triads = () if set(self.terms) == {"gps"} else TRIADS
-        out = {triad: _off(suite[triad]) for triad in triads}
-        for group, terms in self.terms.items():
-            into = out.setdefault(group, {})
-            for name, datum in terms.items():
-                into[name] = _in_setting_unit(datum, suite[group].param[name].unit)
-        return out
+        triads = () if self._receiver_alone() else TRIADS
+        out: dict[str, Any] = {triad: _off(suite[triad]) for triad in triads}
+        marks = []
+        for terms in (self.terms, self.assumed):
+            for group, data in terms.items():
+                into = out.setdefault(group, {})
+                for name, datum in data.items():
+                    into[name] = datum.in_unit(suite[group].param[name].unit)
+                    if terms is self.assumed:
+                        marks.append(f"{group}.{name}={_mark(into[name])}")
+        return out | ({"assumed": ", ".join(marks)} if triads else {})
+
+    def load(self, experiment: Settings) -> None:
+        """Give an experiment the sensors of the card, and its filter states for scale factors that err.
+
+        A filter whose P0 is given keeps its number of states.
+
+        Parameters
+        ----------
+        experiment : Experiment
+            What is changed.
+        """
+        settings: dict[str, Any] = {"sensors": self.settings()}
+        if not self._receiver_alone() and experiment.get("navigator.p0") is None:
+            settings["navigator"] = {"states": self.states}
+        experiment.update(settings)
+
+    @property
+    def states(self) -> int:
+        """States of a filter that suits the sensors: 21 if the scale factors err, otherwise 15."""
+        scales = ("scale_factor", "scale_factor_sigma")
+        values = (self.value(triad, name) for triad in TRIADS for name in scales)
+        return 21 if any(np.any(value) for value in values if value is not None) else 15
 
     def missing(self) -> dict[str, list[str]]:
-        """Return, by group, the labels of the expected terms the card has no source for."""
+        """Return, by group, the labels of the expected terms that are neither given nor assumed."""
         suite = SensorSuite().groups()
         return {
             group: [
                 suite[group].param[name].label
                 for name in EXPECTED
-                if name in suite[group].param and name not in self.terms.get(group, {})
+                if name in suite[group].param and self.datum(group, name) is None
             ]
             for group in TRIADS
         }
 
+    def datum(self, group: str, term: str) -> Datum | None:
+        """Return a number as the card has it, given or assumed; None if it does not have it."""
+        return self.terms.get(group, {}).get(term) or self.assumed.get(group, {}).get(term)
+
     def value(self, group: str, term: str) -> Any:
         """Return a number of the card in the unit of its setting; None if the card does not have it."""
-        datum = self.terms.get(group, {}).get(term)
-        return datum and _in_setting_unit(datum, SensorSuite().groups()[group].param[term].unit)
+        datum = self.datum(group, term)
+        return datum and datum.in_unit(SensorSuite().groups()[group].param[term].unit)
+
+    def is_assumed(self, group: str, term: str) -> bool:
+        """Say whether a number of the card is assumed."""
+        return term in self.assumed.get(group, {})
 
     def to_dict(self) -> dict[str, Any]:
-        """Return the card as its TOML file has it."""
-        sources = sorted({datum.source for terms in self.terms.values() for datum in terms.values()})
+        """Return the card as its TOML file has it, what is assumed in a table of its own."""
+        both = (self.terms, self.assumed)
+        data = [datum for terms in both for group in terms.values() for datum in group.values()]
+        data = [datum for terms in both for group in terms.values() for datum in group.values()]
+        sources = sorted({datum.source for datum in data})
         keys = {source: f"source{number}" for number, source in enumerate(sources, 1)}
         card: dict[str, Any] = {"maker": self.maker, "grade": self.grade, "note": self.note}
         card["sources"] = {key: source for source, key in keys.items()}
-        for group, terms in self.terms.items():
-            card[group] = {
-                name: {"value": _plain(datum.value), "unit": datum.unit, "source": keys[datum.source]}
-                for name, datum in terms.items()
-            }
+        card |= _entries(self.terms, keys)
+        # Empty it says that nothing is assumed, where the grade has something to assume.
+        if self.assumed or typical(self.grade):
+            card["assumed"] = _entries(self.assumed, keys)
         return {self.name: card}
+
+    def _receiver_alone(self) -> bool:
+        return set(self.terms) == {"gps"}
 
     def to_toml(self) -> str:
         """Return the card as the text of a TOML file."""
@@ -148,20 +179,26 @@ def cards() -> dict[str, Card]:
     return dict(_catalogue())
 
 
-def card(name_or_path: str | os.PathLike[str]) -> Card:
+def card(name_or_path: str | os.PathLike[str], *, assumed: bool = True) -> Card:
     """Return a card by its name, or the one card of a TOML file.
 
     Parameters
     ----------
     name_or_path
         A name as `cards` lists it, in capitals or not, or a path ending with ``.toml``.
+    assumed
+        False leaves out what is assumed: terms without a source are off then.
 
     Raises
     ------
     SettingError
         If there is no such card, listing those there are, or its file is not accepted.
     """
-    text = os.fspath(name_or_path)
+    found = _find(os.fspath(name_or_path))
+    return found if assumed else found.without_assumed()
+
+
+def _find(text: str) -> Card:
     if text.lower().endswith(".toml"):
         found = read_cards(Path(text))
         if len(found) != 1:
@@ -194,16 +231,20 @@ def read_cards(path: Path) -> dict[str, Card]:
 
 
 def card_in_force(sensors: SensorSuite) -> str | None:
-    """Return the name of the card of the catalogue the settings are those of; None if they are of none."""
+    """Return the name of the card of the catalogue the settings are those of; None if they are of none.
+
+    With what is assumed, or without.
+    """
     groups = {name: group.to_dict() for name, group in sensors.groups().items()}
-    for name, settings in _catalogue_settings().items():
-        if all(
-            groups[group][term] == value
-            for group, terms in settings.items()
-            for term, value in terms.items()
-            if value is not None
-        ):
-            return name
+    for name, variants in _catalogue_settings().items():
+        for settings in variants:
+            if all(
+                groups[group][term] == value
+                for group, terms in settings.items()
+                for term, value in terms.items()
+                if value is not None
+            ):
+                return name
     return None
 
 
@@ -214,21 +255,25 @@ def _catalogue() -> Mapping[str, Card]:
 
 
 @functools.cache
-def _catalogue_settings() -> Mapping[str, dict[str, dict[str, Any]]]:
-    """Return the settings of every card, as settings give them back."""
-    plain = {}
+def _catalogue_settings() -> Mapping[str, list[dict[str, dict[str, Any]]]]:
+    """Return the settings of every card, with and without what is assumed, as settings give them back."""
+    plain: dict[str, list[dict[str, dict[str, Any]]]] = {}
     for name, entry in _catalogue().items():
-        wanted = entry.settings()
-        groups = SensorSuite().update(wanted).to_dict()
-        plain[name] = {
-            group: {term: groups[group].get(term) for term in terms} for group, terms in wanted.items()
-        }
+        for variant in (entry, entry.without_assumed()):
+            wanted = variant.settings()
+            groups = SensorSuite().update(wanted).to_dict()
+            found = {
+                group: {term: groups[group].get(term) for term in terms}
+                for group, terms in wanted.items()
+                if isinstance(terms, Mapping)
+            }
+            plain.setdefault(name, []).append(found)
     return plain
 
 
 def _off(group: Settings) -> dict[str, Any]:
     """Return the settings of a triad without any errors."""
-    names = [name for _, _, name in group.leaves() if name not in _OF_THE_VEHICLE]
+    names = [name for _, _, name in group.leaves() if name not in OF_THE_VEHICLE]
     off: dict[str, Any] = {name: group.param[name].default for name in names}
     for name in ("noise_density", "bias_sigma"):
         off[name] = 0.0
@@ -236,12 +281,17 @@ def _off(group: Settings) -> dict[str, Any]:
     return {name: _plain(value) for name, value in off.items()}
 
 
-def _in_setting_unit(datum: Datum, unit: str) -> Any:
-    if datum.unit == unit:
-        return _plain(datum.value)
-    # Rounded: a conversion there and back should not show in the last digits.
-    converted = np.asarray(datum.value) * (TO_SI[datum.unit] / TO_SI[unit])
-    return [float(f"{number:.12g}") for number in converted] if converted.ndim else float(f"{converted:.12g}")
+def _entries(terms: Terms, keys: Mapping[str, str]) -> dict[str, Any]:
+    """Return data as a TOML file has them."""
+    return {
+        group: {name: datum.entry(keys[datum.source]) for name, datum in data.items()}
+        for group, data in terms.items()
+    }
+
+
+def _mark(value: Any) -> str:
+    """Return a value of a setting as the setting ``assumed`` keeps it."""
+    return "|".join(f"{number:.12g}" for number in (value if isinstance(value, list) else [value]))
 
 
 def _read_toml(path: Path) -> dict[str, Any]:
@@ -260,78 +310,49 @@ def _read_toml(path: Path) -> dict[str, Any]:
 def _card(where: str, name: str, table: Any) -> Card:
     if not isinstance(table, Mapping):
         raise SettingError(f"{where}: is not a table; accepted is [{name}] with {', '.join(_KEYS)}")
-    _check_keys(where, table, _KEYS)
+    check_keys(where, table, _KEYS)
     texts = {key: table.get(key, "") for key in _TEXTS}
     for key, text in texts.items():
         if not isinstance(text, str):
             raise SettingError(f"{where}, {key}: {text!r} is not text")
     if texts["grade"] not in GRADES:
         raise SettingError(f"{where}, grade: {texts['grade']!r}; accepted is one of {', '.join(GRADES)}")
-    sources = table.get("sources", {})
-    if not isinstance(sources, Mapping) or not all(isinstance(text, str) for text in sources.values()):
-        raise SettingError(f"{where}, sources: accepted is a table of documents, such as sheet = 'Rev. C'")
+    sources = read_sources(where, table)
+    suite = SensorSuite().groups()
     terms = {
-        group: _terms(f"{where}, {group}", group, table[group], sources) for group in GROUPS if group in table
+        group: read_terms(f"{where}, {group}", suite[group], table[group], sources)
+        for group in GROUPS
+        if group in table
     }
     if not any(terms.values()):
         raise SettingError(f"{where}: has no numbers; accepted are tables {', '.join(GROUPS)}")
-    return Card(name=name, terms=terms, **texts)
+    return Card(name=name, terms=terms, assumed=_assumed(where, table, terms, sources), **texts)
 
 
-def _terms(where: str, group: str, table: Any, sources: Mapping[str, str]) -> dict[str, Datum]:
-    declared = SensorSuite().groups()[group]
-    accepted = [
-        name
-        for _, _, name in declared.leaves()
-        if hasattr(declared.param[name], "unit") and name not in _OF_THE_VEHICLE
-    ]
-    if not isinstance(table, Mapping):
-        raise SettingError(f"{where}: is not a table; accepted are {', '.join(accepted)}")
-    _check_keys(where, table, accepted)
-    terms = {}
-    for name, entry in table.items():
-        terms[name] = datum = _datum(f"{where}, {name}", entry, declared.param[name], sources)
-        try:
-            declared.set(name, _in_setting_unit(datum, declared.param[name].unit))
-        except SettingError as error:
-            raise SettingError(f"{where}, {error}") from error
-    return terms
-
-
-def _datum(where: str, entry: Any, parameter: Any, sources: Mapping[str, str]) -> Datum:
-    if not isinstance(entry, Mapping):
-        raise SettingError(f"{where}: {entry!r}; accepted is {{ value = ..., unit = ..., source = ... }}")
-    _check_keys(where, entry, ("value", "unit", "source"))
-    lacking = [key for key in ("value", "unit", "source") if key not in entry]
-    if lacking:
-        raise SettingError(f"{where}: {lacking[0]} is missing; accepted are value, unit and source")
-    units = next((kind for kind in _ALIKE if parameter.unit in kind), (parameter.unit,))
-    if entry["unit"] not in units:
-        raise SettingError(f"{where}, unit: {entry['unit']!r}; accepted is {' or '.join(units)}")
-    if entry["source"] not in sources:
-        known = ", ".join(sources) or "none yet"
-        raise SettingError(
-            f"{where}, source: {entry['source']!r} is not in the table sources; accepted: {known}"
-        )
-    return Datum(_value(where, entry["value"], parameter), entry["unit"], sources[entry["source"]])
-
-
-def _value(where: str, value: Any, parameter: Any) -> float | tuple[float, ...]:
-    axes = parameter.axes if isinstance(parameter, AxisQuantity) else ()
-    numbers = value if isinstance(value, list) else [value]
-    real = all(isinstance(number, int | float) and not isinstance(number, bool) for number in numbers)
-    if not real or (isinstance(value, list) and len(value) != len(axes)):
-        many = f", or {len(axes)} ({', '.join(axes)})" if axes else ""
-        raise SettingError(f"{where}, value: {value!r}; accepted is one number{many}")
-    return tuple(float(number) for number in value) if isinstance(value, list) else float(value)
-
-
-def _check_keys(where: str, table: Mapping[str, Any], accepted: Any) -> None:
-    for key in table:
-        if key not in accepted:
-            close = difflib.get_close_matches(key, accepted, n=1)
-            hint = f" Did you mean {close[0]}?" if close else ""
-            raise SettingError(f"{where}: there is no {key!r}.{hint} Accepted: {', '.join(accepted)}")
+def _assumed(where: str, table: Mapping[str, Any], terms: Terms, sources: Mapping[str, str]) -> Terms:
+    """Return what is assumed: what the file says of it, otherwise what is typical of the grade."""
+    own = table.get("assumed")
+    if own is None:
+        filling = {} if set(terms) == {"gps"} else typical(table["grade"])
+        rest = {
+            triad: {name: datum for name, datum in data.items() if name not in terms.get(triad, {})}
+            for triad, data in filling.items()
+        }
+        return {triad: data for triad, data in rest.items() if data}
+    if not isinstance(own, Mapping):
+        raise SettingError(f"{where}, assumed: is not a table; accepted are tables {', '.join(TRIADS)}")
+    check_keys(f"{where}, assumed", own, TRIADS)
+    suite = SensorSuite().groups()
+    for triad, data in own.items():
+        twice = [name for name in data if name in terms.get(triad, {})] if isinstance(data, Mapping) else []
+        if twice:
+            raise SettingError(
+                f"{where}, assumed.{triad}: {twice[0]} is given already; accepted is one of the two"
+            )
+    return {
+        triad: read_terms(f"{where}, assumed.{triad}", suite[triad], data, sources)
+        for triad, data in own.items()
+    }
 
 
 def _plain(value: Any) -> Any:

@@ -129,8 +129,9 @@ class GyroErrors(Settings):
         softbounds=(0, 0.5),
         step=0.001,
         label="White noise",
-        doc="Density of the white rate noise (angle random walk). Given as noise_variance it is the variance "
-        "of a sample at the IMU rate.",
+        doc="White rate noise: its coefficient N (IEEE 952), the root of the two-sided density. An angle "
+        "random walk in °/√h is 60 N; a data sheet's one-sided noise density in °/s/√Hz is √2 N. Given as "
+        "noise_variance it is the variance N² f of a sample at the IMU rate f.",
     )
     bias = _bias(unit="°/s", bounds=(-20, 20), softbounds=(-1, 1), step=0.01)
     bias_sigma = _bias_sigma(0.1, unit="°/s", bounds=(0, 20), softbounds=(0, 1), step=0.01)
@@ -185,8 +186,9 @@ class AccelerometerErrors(Settings):
         softbounds=(0, 500),
         step=1,
         label="White noise",
-        doc="Density of the white specific-force noise (velocity random walk). Given as noise_variance it is "
-        "the variance of a sample at the IMU rate.",
+        doc="White specific-force noise: its coefficient N (IEEE 952), the root of the two-sided density. A "
+        "velocity random walk is N; a data sheet's one-sided noise density in µg/√Hz is √2 N. Given as "
+        "noise_variance it is the variance N² f of a sample at the IMU rate f.",
     )
     bias = _bias(unit="mg", bounds=(-500, 500), softbounds=(-20, 20), step=0.1)
     bias_sigma = _bias_sigma(2.0, unit="mg", bounds=(0, 500), softbounds=(0, 20), step=0.1)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+import param
 
 from lab.missions.sensor_noise import SensorNoise
 from lab.sensors.gps import GpsErrors
@@ -10,6 +11,18 @@ from lab.sensors.imu import AccelerometerErrors, GyroErrors
 from lab.sensors.temperature import TemperatureSettings
 from lab.settings import Settings, group
 from lab.units import si
+
+TRIADS = ("gyro", "accelerometer")
+"""Groups of the settings of an IMU."""
+_WORDS = {
+    "noise_density": "white noise",
+    "bias_sigma": "turn-on bias",
+    "scale_factor_sigma": "scale factor",
+    "g_sensitivity": "g-sensitivity",
+    "bias_temperature": "temperature",
+    "scale_temperature": "temperature",
+}
+"""What terms are called in a sentence, where it is not their name."""
 
 
 class SensorSuite(Settings):
@@ -23,26 +36,101 @@ class SensorSuite(Settings):
     accelerometer = group(AccelerometerErrors, "Accelerometer errors.")
     temperature = group(TemperatureSettings, "Temperature of the IMU.")
     gps = group(GpsErrors, "GPS errors.")
+    assumed = param.String(
+        default="",
+        label="Assumed terms",
+        doc="Terms that a card set to what is typical of its grade, since it has no source for them, with "
+        "the value set, such as gyro.flicker=4.6; a term that was changed since no longer counts.",
+    )
 
-    def remarks(self) -> tuple[str, ...]:
-        """Say which settings are set and yet change nothing, since others are not."""
-        felt = [
-            f"sensors.{sensor}.{name}"
-            for sensor, errors in (("gyro", self.gyro), ("accelerometer", self.accelerometer))
-            for name in ("bias_temperature", "scale_temperature")
-            if any(getattr(errors, name))
+    def remarks(self, states: int | None = None) -> tuple[str, ...]:
+        """Say what changes nothing, what the filter has no state for, and what a card assumed.
+
+        Parameters
+        ----------
+        states
+            Number of states of the filter, 15 or 21; None says nothing of scale factors.
+        """
+        found = (self._idle_temperature(), self._without_state(states), self.assumed_remark())
+        return tuple(remark for remark in found if remark)
+
+    def assumed_terms(self) -> dict[str, list[str]]:
+        """Return by triad the settings that still have the value that a card assumed for them."""
+        found: dict[str, list[str]] = {}
+        for mark in self.assumed.split(","):
+            path, _, text = mark.strip().partition("=")
+            triad, _, name = path.partition(".")
+            if triad in TRIADS and name in self._triad(triad).param and _has(self._triad(triad), name, text):
+                found.setdefault(triad, []).append(name)
+        return found
+
+    def assumed_remark(self) -> str:
+        """Return the sentence that names what is assumed; empty if nothing is."""
+        terms = [
+            f"{triad} {', '.join(dict.fromkeys(_WORDS.get(name, name) for name in names))}"
+            for triad, names in self.assumed_terms().items()
         ]
+        if not terms:
+            return ""
+        return f"Assumed, as typical of the grade, where the card has no source: {'; '.join(terms)}."
+
+    def _triad(self, name: str) -> Settings:
+        triad = getattr(self, name)
+        assert isinstance(triad, Settings)
+        return triad
+
+    def _idle_temperature(self) -> str:
+        assumed = self.assumed_terms()
+        felt = [
+            (sensor, name)
+            for sensor in TRIADS
+            for name in ("bias_temperature", "scale_temperature")
+            if any(getattr(self._triad(sensor), name))
+        ]
+        wanted = [f"sensors.{sensor}.{name}" for sensor, name in felt if name not in assumed.get(sensor, ())]
         profile = self.temperature.profile
-        if felt and profile == "none":
+        if wanted and profile == "none":
             return (
-                f"There is no temperature profile (sensors.temperature.profile), so {felt[0]} does nothing.",
+                f"There is no temperature profile (sensors.temperature.profile), so {wanted[0]} does nothing."
             )
         if profile != "none" and not felt:
             return (
                 f"No sensor feels the temperature (sensors.temperature.profile is {profile}): all their "
-                "coefficients, such as sensors.gyro.bias_temperature, are zero.",
+                "coefficients, such as sensors.gyro.bias_temperature, are zero."
             )
-        return ()
+        return ""
+
+    def _without_state(self, states: int | None) -> str:
+        """Return the sentence that names the errors which the filter has no state for."""
+        scales = ("scale_factor", "scale_factor_sigma") if states == 15 else ()
+        paths = [
+            f"sensors.{sensor}.{name}"
+            for sensor in TRIADS
+            for name in (*scales, "misalignment", "g_sensitivity")
+            if name in self._triad(sensor).param and any(getattr(self._triad(sensor), name))
+        ]
+        if not paths:
+            return ""
+        scaled = any(".scale_factor" in path for path in paths)
+        more = "; with navigator.states 21 it has states for scale factors" if scaled else ""
+        return (
+            f"The filter has no state for {', '.join(paths)}: where these matter, its errors exceed the σ it "
+            f"gives{more}."
+        )
+
+
+def _has(triad: Settings, name: str, text: str) -> bool:
+    """Say whether a setting has the value of a text, one number or one for each axis."""
+    value = getattr(triad, name)
+    numbers = value if isinstance(value, tuple) else (value,)
+    parts = text.split("|")
+    try:
+        wanted = [float(part) for part in parts]
+    except ValueError:
+        return False
+    return len(wanted) in (1, len(numbers)) and all(
+        float(f"{number:.12g}") == wanted[index % len(wanted)] for index, number in enumerate(numbers)
+    )
 
 
 def white_noise(sensors: SensorSuite, name: str) -> SensorNoise:

@@ -28,6 +28,9 @@ TITLES = {"gyro": "Gyros", "accelerometer": "Accelerometers"}
 def promised(sensors: SensorSuite, triad: str, tau: FloatArray) -> FloatArray:
     """Return the Allan deviation (k, 3) that noise density, flicker and random walk add up to, in SI units.
 
+    With the quantisation of the samples, whose rounding is white, of σ = q/√12 in each sample, where their
+    noise exceeds half a step.
+
     Parameters
     ----------
     sensors
@@ -35,12 +38,13 @@ def promised(sensors: SensorSuite, triad: str, tau: FloatArray) -> FloatArray:
     triad
         ``"gyro"`` or ``"accelerometer"``.
     tau : (k,) array
-        Averaging times [s].
+        Averaging times [s]; the first is the time from sample to sample.
     """
     errors = sensors.groups()[triad]
     white, flicker, walk = (si(errors, name) for name in ("noise_density", "flicker", "rate_random_walk"))
-    t = tau[:, None]
-    return np.asarray(np.sqrt(white**2 / t + (FLOOR * flicker) ** 2 + walk**2 * t / 3))
+    step, t, dt = si(errors, "quantisation"), tau[:, None], float(tau[0])
+    rounded = np.where(white**2 / dt >= (step / 2) ** 2, step**2 * dt / 12, 0.0)
+    return np.asarray(np.sqrt((white**2 + rounded) / t + (FLOOR * flicker) ** 2 + walk**2 * t / 3))
 
 
 class AllanFigures:

@@ -11,6 +11,7 @@ from bokeh.models.sources import ColumnDataSource
 from bokeh.models.tools import HoverTool
 from bokeh.plotting import figure
 
+from lab.views.envelope import SMALLEST_DRAWN
 from lab.views.figures import SMALL, TimeAxis, set_ordinate, time_figure
 from lab.views.quantities import BLUE, FIXES, ORANGE, TRUTH
 
@@ -86,7 +87,7 @@ class BudgetFigures:
         }
         self._curves.data = {"time": here.time.values, **curves}
         values = np.concatenate(list(curves.values()))
-        positive = values[values > 0]
+        positive = values[values > SMALLEST_DRAWN]
         low, high = (positive.min(), positive.max()) if positive.size else (0.1, 1.0)
         room = max((high / low) ** 0.06, np.sqrt(LEAST_RATIO * low / high))
         low, high = low / room, high * room

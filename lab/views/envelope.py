@@ -10,8 +10,11 @@ from numpy.typing import NDArray
 FloatArray = NDArray[np.floating]
 
 BUCKETS = 600
-# Below this a number is zero to any sensor; nearer to the smallest double, powers of ten lose their digits.
-SMALLEST_DRAWN = 1e-300
+SMALLEST_DRAWN = 1e-37
+"""Below this a number counts as zero: it is drawn in single precision, which ends at 1.2e-38."""
+CONSTANT = 1e-6
+"""Relative extent below which a series counts as constant: single precision resolves 6e-8, so its few steps
+would be all there is to see."""
 
 
 def envelope(
@@ -116,6 +119,9 @@ def nice_limit(value: float) -> float:
 def limits(series: Sequence[FloatArray], scale: str) -> tuple[float, float]:
     """Return axis limits that hold all finite values, on round numbers.
 
+    A constant is shown in the middle of its own size, zero between -1 and 1. On a logarithmic axis, zeros
+    have no place.
+
     Parameters
     ----------
     series : sequence of arrays
@@ -130,7 +136,8 @@ def limits(series: Sequence[FloatArray], scale: str) -> tuple[float, float]:
     """
     lows, highs = [], []
     for values in series:
-        finite = values[np.isfinite(values)]
+        # In double precision: in single precision a small threshold would be rounded to zero.
+        finite = values[np.isfinite(values)].astype(np.float64)
         finite = finite[finite >= SMALLEST_DRAWN] if scale == "logarithmic" else finite
         if len(finite):
             lows.append(float(finite.min()))
@@ -143,5 +150,9 @@ def limits(series: Sequence[FloatArray], scale: str) -> tuple[float, float]:
     if scale == "symmetric":
         limit = nice_limit(1.02 * max(abs(low), abs(high)))
         return -limit, limit
-    step = nice_limit(max(high - low, 1e-9 * max(abs(low), abs(high)), 1e-12)) / 10
+    size = max(abs(low), abs(high))
+    if size < SMALLEST_DRAWN:
+        return -1.0, 1.0
+    extent = high - low if high - low > CONSTANT * size else size
+    step = nice_limit(extent) / 10
     return step * np.floor(low / step - 0.2), step * np.ceil(high / step + 0.2)

@@ -18,7 +18,7 @@ from bokeh.models.tickers import FixedTicker
 from bokeh.models.tools import BoxZoomTool, CrosshairTool, HoverTool, WheelPanTool, WheelZoomTool
 from bokeh.plotting import figure
 
-from lab.views.envelope import FloatArray, envelope, limits
+from lab.views.envelope import SMALLEST_DRAWN, FloatArray, envelope, limits
 from lab.views.quantities import CURSOR, Band, Clock, Curve, TimePlot
 
 if TYPE_CHECKING:
@@ -34,6 +34,9 @@ source.setv({data}, {sync: false});
 """
 """Cuts what has arrived in one piece into the columns of a source, without copying or sending them back."""
 
+
+MOST_DECADES = 10
+"""Most decades of a logarithmic axis that have a tick each: a figure of 150 px holds no more."""
 
 SMALL: dict[str, str | None] = {"font-size": "12px"}
 """Style of a legend, whose font the page gives in parts of this one."""
@@ -195,9 +198,11 @@ class TimeFigures:
         for clock, source in self._sources.items():
             source.show(drawn[clock])
         for plot, fig in zip(self.plots, self.figures, strict=True):
-            series = [drawn[clock][name] for clock in drawn for name in _columns(plot, clock)]
-            set_ordinate(fig, *limits(series, plot.scale))
+            series = {name: drawn[clock][name] for clock in drawn for name in _columns(plot, clock)}
+            set_ordinate(fig, *limits(list(series.values()), plot.scale))
             self._show_known(plot, fig, result)
+            if plot.scale == "logarithmic":
+                self._name_zeros(plot, fig, series)
 
     def _thinned(
         self, result: Result | Ensemble, window: tuple[float, float]
@@ -223,6 +228,16 @@ class TimeFigures:
             if curve.name in self._legends:
                 is_known = known.get(curve.name, not whole or _is_known(curve, result))
                 self._legends[curve.name].update(visible=is_known, label=value(_spoken(curve.label, result)))
+
+    def _name_zeros(self, plot: TimePlot, fig: figure, series: dict[str, FloatArray]) -> None:
+        """Say which curves are zero as far as they are visible: a logarithmic axis cannot show them."""
+        zeros = [curve for curve in plot.curves if _is_zero(series[curve.name])]
+        assert isinstance(fig.title, Title)
+        fig.title.text = f"{plot.heading}: zero" if len(zeros) == len(plot.curves) else plot.heading
+        for curve in plot.curves:
+            if curve.name in self._legends:
+                label = f"{curve.label}: zero" if curve in zeros else curve.label
+                self._legends[curve.name].label = value(label)
 
     def _draw(self, plot: TimePlot) -> figure:
         source = self._sources[plot.clock].source
@@ -326,12 +341,19 @@ def set_ordinate(fig: figure, low: float, high: float) -> None:
 
 
 def decade_ticks(low: float, high: float) -> list[float]:
-    """Return ticks of a logarithmic axis: powers of ten; over few decades 1, 2, 5; within one, more."""
+    """Return ticks of a logarithmic axis: powers of ten; over few decades 1, 2, 5; within one, more.
+
+    Over many decades, powers of ten are left out. Ends that a logarithmic axis cannot have give no ticks.
+    """
+    if not 0 < low < high < np.inf:
+        return []
     first, last = int(np.floor(np.log10(low))), int(np.ceil(np.log10(high)))
     mantissas: tuple[float, ...] = (1, 2, 5) if last - first < 4 else (1,)
     if high / low < 10:
-        mantissas = (1, 1.5, 2, 3, 5, 7)
-    return [m * 10.0**e for e in range(first, last + 1) for m in mantissas if low <= m * 10.0**e <= high]
+        mantissas = (1, 1.5, 2, 3, 5, 7) if high / low > 3 else (1, 1.2, 1.5, 2, 2.5, 3, 4, 5, 6, 8)
+    every = -(-(last - first) // MOST_DECADES)
+    ticks = (float(f"{m}e{e}") for e in range(first, last + 1) if e % every == 0 for m in mantissas)
+    return [tick for tick in ticks if low <= tick <= high]
 
 
 def draw_curve(fig: figure, curve: Curve, source: ColumnDataSource, x: str) -> GlyphRenderer[Any]:
@@ -361,6 +383,11 @@ def add_legend(fig: figure, glyphs: dict[str, GlyphRenderer[Any]]) -> dict[str, 
     )
     fig.add_layout(legend)
     return items
+
+
+def _is_zero(values: FloatArray) -> bool:
+    known = np.abs(values[np.isfinite(values)]).astype(np.float64)
+    return bool(known.size and known.max() < SMALLEST_DRAWN)
 
 
 def _is_known(curve: Curve, result: Result | Ensemble) -> bool:

@@ -32,6 +32,16 @@ def _flicker(samples: int, B: float, rng: np.random.Generator) -> np.ndarray:
     return B * fine.reshape(samples, 4, 3).mean(axis=1)
 
 
+def _quantised(samples: int, Q: float, dt: float, rng: np.random.Generator) -> np.ndarray:
+    """Return the rates of which the integral has white noise of the given σ."""
+    return np.diff(Q * rng.standard_normal((samples + 1, 3)), axis=0) / dt
+
+
+def _ramp(samples: int, R: float, dt: float) -> np.ndarray:
+    """Return a rate that grows, the axes in different directions."""
+    return R * dt * np.arange(samples)[:, None] * np.array([1.0, -1.0, 1.0])
+
+
 def _gauss_markov_variance(tau: np.ndarray, sigma: float, correlation_time: float) -> np.ndarray:
     """Return the Allan variance of a first-order Gauss-Markov process (IEEE 952-1997, C.1.7)."""
     r = tau / correlation_time
@@ -91,6 +101,16 @@ def test_closed_forms_lie_within_the_confidence() -> None:
         assert 0.92 < share <= 1.0
 
 
+def test_the_degrees_of_freedom_are_the_fewest_of_three_noises() -> None:
+    """Against allantools; its flicker without averaging is not Riley's, and not the fewest."""
+    samples, lengths = 4999, np.array([1, 2, 3, 5, 10, 30, 100, 300, 600])
+    for m, found in zip(lengths, allan.degrees_of_freedom(samples, lengths), strict=True):
+        noises = (0, -2) if m == 1 else (0, -1, -2)
+        assert found == pytest.approx(
+            min(allantools.edf_simple(samples + 1, m, n) for n in noises), rel=1e-12
+        )
+
+
 def test_the_interval_is_that_of_chi_square() -> None:
     found = allan.AllanDeviation(np.ones(2), np.full((2, 1), 3.0), np.array([4.0, 50.0]), 100)
     low, high = found.interval(0.9)
@@ -119,7 +139,10 @@ def test_fitted_terms_spread_as_their_uncertainties_say() -> None:
         rng = np.random.default_rng(1000 + seed)
         record = _white(8192, N, 1.0, rng) + _flicker(8192, B, rng) + _walk(8192, K, 1.0, rng)
         terms = allan.fit(allan.deviation(record, 1.0))
-        scores.append((np.stack(terms[:3]) - np.array(true)[:, None]) / np.stack(terms[3:]))
+        fitted, sigmas = (
+            np.stack([getattr(terms, f"{name}{of}") for name in "NBK"]) for of in ("", "_sigma")
+        )
+        scores.append((fitted - np.array(true)[:, None]) / sigmas)
     rms = np.sqrt(np.mean(np.square(scores), axis=(0, 2)))
     middle = np.median(scores, axis=(0, 2))
     print("N, B, K: rms", rms.round(2), "and median", middle.round(2), "of the errors in σ")
@@ -127,21 +150,113 @@ def test_fitted_terms_spread_as_their_uncertainties_say() -> None:
     assert np.abs(middle).max() < 0.3
 
 
+SIZES = {"Q": 0.5, "N": 0.3, "B": 0.1, "K": 0.02, "R": 0.0005}
+"""Of each term, so that in 8192 samples of a second none hides another wholly."""
+
+
+def _record(terms: str, samples: int, rng: np.random.Generator) -> np.ndarray:
+    """Return the rates of a sensor that has these terms."""
+    kinds = {
+        "Q": lambda: _quantised(samples, SIZES["Q"], 1.0, rng),
+        "N": lambda: _white(samples, SIZES["N"], 1.0, rng),
+        "B": lambda: _flicker(samples, SIZES["B"], rng),
+        "K": lambda: _walk(samples, SIZES["K"], 1.0, rng),
+        "R": lambda: _ramp(samples, SIZES["R"], 1.0),
+    }
+    return np.asarray(sum(kinds[letter]() for letter in terms))
+
+
+@pytest.mark.parametrize(
+    "present", ["N", "QN", "NB", "NK", "NR", "QK", "QNB", "NBK", "QNR", "NQK", "QNBK", "NBKR", "QNBKR"]
+)
+def test_each_term_errs_by_its_sigma_whichever_others_are_there(present: str) -> None:
+    """90 axes: the error over σ of a term that is there has the rms 1, known to 8 %, and no preferred sign.
+
+    A ramp is the exception, on the safe side: without a random walk, which it can hardly be told from, its
+    error is smaller than its σ. Terms that are absent are rarely taken for present.
+    """
+    scores: dict[str, list[float]] = {letter: [] for letter in SIZES}
+    p_values = []
+    for seed in range(30):
+        rng = np.random.default_rng(3000 + seed)
+        terms = allan.fit(allan.deviation(_record(present, 8192, rng), 1.0))
+        p_values += list(terms.p_value)
+        for letter, size in SIZES.items():
+            error = getattr(terms, letter) - (size if letter in present else 0.0)
+            scores[letter] += list(error / getattr(terms, f"{letter}_sigma"))
+    rms = {letter: float(np.sqrt(np.mean(np.square(values)))) for letter, values in scores.items()}
+    small = float(np.mean(np.less(p_values, 0.05)))
+    print(
+        f"{present}: rms {[f'{letter} {value:.2f}' for letter, value in rms.items()]}, p < 0.05: {small:.0%}"
+    )
+    for letter in SIZES:
+        if letter not in present:
+            assert np.mean(np.array(scores[letter]) > 2) < 0.07, letter
+        elif letter == "R":
+            assert 0.3 < rms[letter] < 1.25
+        else:
+            assert 0.75 < rms[letter] < 1.25, letter
+            assert abs(np.median(scores[letter])) < 0.35, letter
+    assert small < 0.13
+    assert 0.2 < np.mean(np.less(p_values, 0.5)) < 0.7
+
+
+def test_quantisation_of_an_angle_is_told_from_white_noise() -> None:
+    """Angles rounded to a step q have noise of q/√12: found as Q, and N keeps to its σ."""
+    errors = []
+    step = 2.0
+    for seed in range(20):
+        rng = np.random.default_rng(seed)
+        angle = np.cumsum(_white(8192, 0.3, 1.0, rng), axis=0) + 0.37 * np.arange(8192)[:, None]
+        terms = allan.fit(allan.deviation(np.diff(step * np.round(angle / step), axis=0), 1.0))
+        assert np.allclose(terms.Q, step / np.sqrt(12), rtol=0.05)
+        errors.append((terms.N - 0.3) / terms.N_sigma)
+    assert np.sqrt(np.mean(np.square(errors))) < 1.3
+
+
+def test_a_ramp_alone_is_exact() -> None:
+    terms = allan.fit(allan.deviation(_ramp(4000, 0.01, 0.5), 0.5))
+    assert np.allclose(terms.R, 0.01, rtol=1e-6)
+    assert (terms.N < 1e-6).all()
+
+
+def test_what_five_terms_do_not_explain_is_noticed_and_kept_close_to() -> None:
+    """A bias with a correlation time, and an oscillation: of 60 axes none fits, and the curve stays close."""
+    from scipy.signal import lfilter
+
+    p_values = []
+    for seed in range(10):
+        rng = np.random.default_rng(seed)
+        drive = 0.3 * np.sqrt(1 - np.exp(-2 / 50)) * rng.standard_normal((8192, 3))
+        markov = lfilter([1.0], [1.0, -np.exp(-1 / 50)], drive, axis=0)
+        wave = 0.15 * np.sin(2 * np.pi * np.arange(8192) / 60)[:, None]
+        for other in (markov, wave):
+            found = allan.deviation(_white(8192, 0.3, 1.0, rng) + other, 1.0)
+            terms = allan.fit(found)
+            p_values += list(terms.p_value)
+            short = found.tau < 4
+            assert np.allclose(terms.deviation(found.tau)[short], found.deviation[short], rtol=0.2)
+    assert max(p_values) < 0.01
+    assert np.mean(np.less(p_values, allan.FITS)) > 0.95
+
+
 def test_deviations_vary_together_as_their_covariance_says() -> None:
-    """Each term alone, its squared deviations over 900 records: variances and correlations."""
+    """Each random term alone, its squared deviations over 900 records: variances and correlations."""
     samples = 512
     lengths = allan.cluster_lengths(samples)
     W = covariance(samples, tuple(lengths.tolist()))
     kinds = (
+        lambda rng: _quantised(samples, 1.0, 1.0, rng),
         lambda rng: _white(samples, 1.0, 1.0, rng),
         lambda rng: _flicker(samples, 1.0, rng),
         lambda rng: _walk(samples, 1.0, 1.0, rng),
+        lambda rng: _white(samples, 1.0, 1.0, rng) + _ramp(samples, 0.05, 1.0),
     )
     for term, record in enumerate(kinds):
         rng = np.random.default_rng(term)
         squares = [allan.deviation(record(rng), 1.0).deviation.T ** 2 for _ in range(300)]
         found = np.cov(np.concatenate(squares).T)
-        expected = W[term, term]
+        expected = W[term, term] if term < 4 else W[1, 1] + 0.05**2 * (W[1, 4] + W[4, 1])
         scale = np.sqrt(np.diag(expected))
         assert np.abs(np.sqrt(np.diag(found)) / scale - 1).max() < 0.2
         assert np.abs((found - expected) / np.outer(scale, scale)).max() < 0.35

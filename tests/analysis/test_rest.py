@@ -128,6 +128,35 @@ def test_the_card_of_a_log_holds_what_the_log_shows(tmp_path: Path) -> None:
     assert cards.card(path) == card
 
 
+def test_terms_that_no_setting_is_have_names_and_units_too() -> None:
+    """Angles rounded to 10″ and a ramp of 1 °/h in an hour, logged for two hours at 1 Hz."""
+    time = np.arange(7200.0)[:, None] * np.ones(3)
+    angle = np.cumsum(np.radians(0.001) * RNG.standard_normal((7200, 3)), axis=0)
+    angle += np.radians(1 / 3600**2) * time**2 / 2 + np.radians(0.01) * time
+    step = np.radians(10 / 3600)
+    gyro = rest.Record(np.diff(step * np.round(angle / step), axis=0), 1.0)
+    force = rest.Record(1e-3 * RNG.standard_normal((7199, 3)), 1.0)
+    fitted = rest.noise_terms({"gyro": gyro, "accelerometer": force})
+    named = rest.in_setting_units("gyro", fitted["gyro"])
+    assert named["quantisation_noise"]["unit"] == "″"
+    assert np.allclose(named["quantisation_noise"]["value"], 10 / np.sqrt(12), rtol=0.1)
+    assert named["rate_ramp"]["unit"] == "°/h²"
+    assert (np.abs(named["rate_ramp"]["value"] - 1) < 3 * named["rate_ramp"]["sigma"]).all()
+    assert named["noise_density"]["label"] == "White noise"
+    card = rest.card_of("mine", {"gyro": gyro, "accelerometer": force}, "imu.csv")
+    assert set(card.terms["gyro"]) <= set(rest.TERMS.values())
+    assert rest.misfit(fitted) == card.note == ""
+
+
+def test_the_card_of_a_log_says_where_the_fit_is_poor_and_that_its_density_is_two_sided() -> None:
+    shaken = 0.01 * RNG.standard_normal((20_000, 3))
+    shaken[:, 1] += 0.02 * np.sin(np.arange(20_000) / 7)
+    still = rest.Record(np.radians(0.01) * RNG.standard_normal((20_000, 3)), 0.01)
+    card = rest.card_of("mine", {"gyro": still, "accelerometer": rest.Record(shaken, 0.01)}, "imu.csv")
+    assert "do not explain the Allan deviation of accelerometer y (p " in card.note
+    assert card.terms["gyro"]["noise_density"].density == "two-sided"
+
+
 @pytest.mark.skipif(not RECORDINGS.is_dir(), reason=f"no recordings at {RECORDINGS} (INS_LAB_RECORDINGS)")
 def test_a_real_log_at_rest_gives_a_card() -> None:
     """Half a minute shows the white noise, of the size the makers of such sensors give, and no more."""

@@ -223,7 +223,7 @@ FAULTS: dict[str, Fault] = {
     "latency 0.5 s": Fault(("GPS latency",), settings(sensors__gps__latency=0.5), "GPS"),
     "lever arm 2 m forward": Fault(("GPS lever arm",), settings(sensors__gps__lever_arm=[2, 0, 0]), "GPS"),
     "lever arm 3 m up": Fault(("GPS lever arm",), settings(sensors__gps__lever_arm=[0, 0, -3]), "GPS"),
-    "outliers 4 %": Fault(("GPS outliers",), settings(sensors__gps__outlier_rate=0.04), "GPS"),
+    "outliers 7 %": Fault(("GPS outliers",), settings(sensors__gps__outlier_rate=0.07), "GPS"),
     "outliers 5 %": Fault(("GPS outliers",), settings(sensors__gps__outlier_rate=0.05), "GPS"),
     "outliers 10 %": Fault(("GPS outliers",), settings(sensors__gps__outlier_rate=0.10), "GPS"),
     "outliers of 100 m, 5 %": Fault(

@@ -58,3 +58,24 @@ def test_settings_of_no_card_are_called_own(open_page: Open) -> None:
     expect(chooser(page)).to_have_text("HG9900")
     page.get_by_role("button", name="Reset").click()
     expect(chooser(page)).to_have_text(CLASSIC)
+
+
+def assumed(page: Page) -> Locator:
+    return page.get_by_text("Assumed, as typical of the grade")
+
+
+def test_what_is_assumed_is_marked_and_switched_off(open_page: Open) -> None:
+    page = open_page()
+    expect(assumed(page)).to_have_count(0)
+    choose(page, "LN-200S")
+    expect(noise(page)).to_have_value("0.00158333")
+    expect(assumed(page).first).to_be_visible()
+    page.get_by_role("switch", name="Assume what the datasheet lacks").click()
+    expect(noise(page)).to_have_value("0")
+    expect(chooser(page)).to_have_text("LN-200S")
+    expect(assumed(page)).to_have_count(0)
+    choose(page, "HG1700")  # the switch holds for the next card too
+    expect(noise(page)).to_have_value("0.00208333")
+    expect(assumed(page)).to_have_count(0)
+    page.get_by_role("switch", name="Assume what the datasheet lacks").click()
+    expect(assumed(page).first).to_be_visible()

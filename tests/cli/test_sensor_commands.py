@@ -13,9 +13,16 @@ from asking import ask, refused
 def test_cards_are_a_table_from_consumer_to_navigation_grade() -> None:
     from lab import cards
 
-    header, *rows = ask("cards").stdout.splitlines()
+    header, *rows, empty, foot = ask("cards").stdout.splitlines()
     assert header.split()[:2] == ["name", "grade"]
     assert [row.split("  ")[0] for row in rows] == list(cards())
+    assert empty == ""
+    assert foot.startswith("* assumed")
+    bmi088 = next(row for row in rows if row.startswith("BMI088"))
+    assert bmi088.split()[3] == "4.6*"
+    bare = ask("cards", "--no-assumed").stdout.splitlines()
+    assert len(bare) == 1 + len(cards())
+    assert next(row for row in bare if row.startswith("BMI088")).split()[3] == "–"
     stim300 = next(row for row in rows if row.startswith("STIM300"))
     assert stim300.split()[1:] == ["tactical", "0.0025", "0.5", "119", "0.05"]
 
@@ -33,9 +40,35 @@ def test_cards_as_json_hold_sources_settings_and_what_is_missing() -> None:
 def test_one_card_is_shown_with_sources_and_what_is_missing() -> None:
     answer = ask("cards", "HG9900").stdout
     assert answer.startswith("HG9900: Honeywell, navigation grade")
-    assert "0.002  °/√h" in answer
-    assert "brochure N61-1638-000-000" in answer
-    assert "No source, off when loaded: accelerometer: White noise" in answer
+    given, assumed = answer.split("Assumed, for what the card has no source for")
+    assert "0.002  °/√h" in given
+    assert "brochure N61-1638-000-000" in given
+    assert "20  µg/√Hz, two-sided" in assumed
+    assert "No source, off when loaded: accelerometer: Range; Bandwidth" in assumed
+    bare = ask("cards", "HG9900", "--no-assumed").stdout
+    assert "No source, off when loaded: accelerometer: White noise" in bare
+    assert "Assumed" not in bare
+    assert "0.0028  °/s/√Hz, one-sided" in ask("cards", "ICM-42688-P").stdout
+
+
+def test_what_is_assumed_is_said_with_every_answer_and_can_be_left_out() -> None:
+    """In the result, the comparison and the budget; without it a card is what its sheet says."""
+    flight = ("los_angeles", "--card", "LN-200S")
+    run = ask("run", *flight).stdout
+    assert "Assumed, as typical of the grade" in run
+    assert "gyro white noise" in run
+    assert "Assumed" not in ask("run", *flight, "--no-assumed").stdout
+    assert "Assumed" not in ask("run", "los_angeles").stdout
+    settings = json.loads(ask("run", *flight, "--json").stdout)["settings"]
+    assert settings["navigator"]["states"] == 21
+    assert "gyro.flicker=0.5" in settings["sensors"]["assumed"]
+    chosen = ask("run", *flight, "--set", "navigator.states=15", "--json").stdout
+    assert json.loads(chosen)["settings"]["navigator"]["states"] == 15
+    assert "Assumed" in ask("compare", *flight, "--models", "phi").stdout
+    (row,) = json.loads(ask("compare", *flight, "--models", "phi", "--json").stdout)
+    assert "noise_density" in row["assumed"]["gyro"]
+    assert "Assumed" in ask("budget", *flight).stdout
+    refused(ask("run", "los_angeles", "--no-assumed"), "--no-assumed", "--card")
 
 
 def _log(path: Path) -> Path:
@@ -58,6 +91,9 @@ def test_a_log_at_rest_becomes_a_table_and_a_card_that_runs(tmp_path: Path) -> N
     assert answer.exit_code == 0, answer.stderr
     header, *rows = answer.stdout.splitlines()
     assert header.split() == ["group", "axis", "term", "fitted", "σ", "unit"]
+    assert sum("Quantisation noise" in row for row in rows) == sum("Rate ramp" in row for row in rows) == 6
+    assert "degrees of freedom" in answer.stdout
+    assert "do not explain" not in answer.stdout
     white = [row for row in rows if "White noise" in row]
     assert [row.split()[:2] for row in white] == [
         [triad, axis] for triad in ("gyro", "accelerometer") for axis in "xyz"
@@ -80,6 +116,9 @@ def test_an_allan_deviation_as_json_holds_the_curve(tmp_path: Path) -> None:
     assert (curve < np.array(gyro["high"])).all()
     assert curve[0] == pytest.approx(np.radians(0.1), rel=0.05)
     assert gyro["terms"]["noise_density"]["unit"] == "°/s/√Hz"
+    assert gyro["terms"]["rate_ramp"]["unit"] == "°/h²"
+    assert len(gyro["fit"]["chi_square"]) == len(gyro["fit"]["degrees_of_freedom"]) == 3
+    assert all(0.001 < p_value <= 1 for p_value in gyro["fit"]["p_value"])
 
 
 def test_a_card_simulated_at_rest_stands_beside_its_own_values() -> None:

@@ -29,6 +29,7 @@ from lab.missions import (
     shipped_folder,
     write_flight_csv,
 )
+from lab.missions.folder_lock import LOCK_FILE
 from lab.missions.simulated_aircraft import Instruments, SimulatedAircraft
 
 pytest.importorskip("jsbsim", reason="flying needs the extra 'fly'")
@@ -319,7 +320,9 @@ def test_a_flight_that_ends_early_is_written_and_says_so_until_flown_to_its_end(
     assert "cancelled 5.50 s" in flown._repr_html_()
     assert plan.read_text(encoding="utf-8") == f'ending = "{flown.ending}"\n' + text
     again = fly_mission(plan, overwrite=True)
-    assert (again.ending, plan.read_text(encoding="utf-8")) == ("", text)
+    # The words changed, so the recording has another name: neither stands beside the other's.
+    renamed = text.replace("plan.csv.gz", "plan.2.csv.gz")
+    assert (again.ending, plan.read_text(encoding="utf-8")) == ("", renamed)
     with pytest.raises(MissionError, match="cancelled"):
         fly_mission(plan, overwrite=True, cancelled=lambda: True)
     assert mission(plan).duration == again.duration
@@ -346,7 +349,9 @@ def test_existing_files_are_replaced_only_when_allowed(tmp_path):
     assert fly_mission(plan, overwrite=True).recording_path.read_bytes() == first
     assert fly_mission(plan, seed=8, overwrite=True).plan.seed == 8
     assert tomllib.loads(plan.read_text(encoding="utf-8"))["flight"]["runway"] == SHORT["runway"]
-    assert {path.name for path in tmp_path.iterdir()} == {"plan.toml", "plan.csv.gz"}
+    assert {path.name for path in tmp_path.iterdir()} == {"plan.toml", "plan.2.csv.gz", LOCK_FILE}
+    assert fly_mission(plan, seed=9, overwrite=True).recording_path.name == "plan.csv.gz"
+    assert {path.name for path in tmp_path.iterdir()} == {"plan.toml", "plan.csv.gz", LOCK_FILE}
 
 
 def test_a_shipped_mission_is_flown_into_the_users_folder(tmp_path, monkeypatch):

@@ -15,7 +15,15 @@ from hypothesis import given
 from hypothesis import strategies as st
 from sensor_logs import tables, write
 
-from lab.missions import MissionError, broken_missions, mission, missions, shipped_folder
+from lab.missions import (
+    MissionError,
+    add_log,
+    broken_missions,
+    mission,
+    missions,
+    read_sensor_log,
+    shipped_folder,
+)
 from lab.missions import library as shelf
 from lab.missions.catalogue import OWN_FOLDER_VARIABLE
 from lab.missions.folder_lock import LOCK_FILE
@@ -193,6 +201,30 @@ def test_a_crash_leaves_no_half_mission(own, monkeypatch):
             assert list(missions()) == ["los_angeles", "montreal", "pacific", "one"]
             assert len(mission("one").recording.time) == 400
     assert add_mission(circle(samples=300), "two", title="x").duration < mission("one").duration
+
+
+@pytest.mark.parametrize("what", ["flight", "log"])
+def test_a_name_taken_while_the_files_were_written_is_refused(own, monkeypatch, what):
+    """Both found the name free; the one that comes second to the lock leaves nothing behind."""
+    step = {"flight": "write_flight_csv", "log": "write_sensor_log"}[what]
+    honest = getattr(shelf, step)
+
+    def overtaken(*given, **named):
+        monkeypatch.setattr(shelf, step, honest)
+        add_mission(circle(samples=300), "one", title="First")
+        honest(*given, **named)
+
+    own.mkdir()
+    log = read_sensor_log(write(own.parent / "drive", tables(60, 80)))
+    monkeypatch.setattr(shelf, step, overtaken)
+    with pytest.raises(MissionError, match="'one': a mission has it"):
+        if what == "flight":
+            add_mission(circle(), "one", title="Second")
+        else:
+            add_log(log, "one", title="Second")
+    assert mission("one").title == "First"
+    assert len(mission("one").recording.time) == 300
+    assert len(files(own)) == 2
 
 
 def test_several_processes_add_at_once(own):

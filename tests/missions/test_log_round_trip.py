@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
-from writers import WRITERS, ardupilot, ulog
+from writers import WRITERS, ardupilot, mavlink, ulog
 
 from lab import ecef
 from lab.missions import Recording, mission
@@ -45,6 +45,8 @@ def errors(truth: Trajectory, curve: Trajectory, late: float) -> tuple[float, fl
         ("PX4 ULog", ulog.BOOT, 10.0, (1e-3, 4e-3, 2e-5, 0.1)),
         # Positions to 1e-7°, angles to 0.01°, all 25 times a second.
         ("ArduPilot DataFlash", ardupilot.BOOT, 25.0, (2e-3, 5e-4, 6e-3, 0.015)),
+        # Positions to 1e-7° ten times, velocities and angles in single precision 20 times a second.
+        ("MAVLink tlog", 1000 * mavlink.BOOT, 20.0, (2e-3, 1e-3, 2e-5, 0.03)),
     ],
 )
 def test_the_flight_is_the_same_to_the_precision_of_the_log(name, boot, rate, bounds, tmp_path):
@@ -84,6 +86,14 @@ def along(curve: Trajectory, times: np.ndarray) -> np.ndarray:
         ("GPX", "position", (0.06, 0.1, 0.35)),
         # 2 cm and 0.1 m; speed and course to 0.001 kt and 0.01°, five times a second.
         ("NMEA 0183", "velocity", (0.06, 0.1, 0.35)),
+        # Four points a second of 1 mm and 1 cm of height.
+        ("KML", "position", (0.01, 0.05, 0.3)),
+        # One point a second of 9 decimals and 0.1 m.
+        ("TCX", "position", (0.06, 0.1, 0.35)),
+        # One record a second of 1 cm and 0.2 m of height.
+        ("FIT", "position", (0.1, 0.1, 0.35)),
+        # One fix a second of 2 cm and 1 m of height.
+        ("IGC", "position", (0.35, 0.2, 0.5)),
     ],
 )
 def test_the_flight_of_a_track_is_the_same_and_its_attitude_reconstructed(name, curve, bounds, tmp_path):

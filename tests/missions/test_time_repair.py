@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from raw_flights import weave, without
 
-from lab.missions import MissionError, clock
+from lab.missions import MissionError, clock, time_repair
 from lab.missions.raw_flight import RawFlight
 from lab.missions.time_repair import AS_RECORDED, repair
 
@@ -120,6 +120,41 @@ def test_a_pause_of_the_simulator_cuts():
     assert {one.count for one in found.dropped} == {1200, 600}
 
 
+def test_what_a_longer_gap_would_keep_is_what_it_keeps():
+    rng = np.random.default_rng(3)
+    # A logger that saves points where the way bends: mostly each second, often after a pause.
+    steps = np.where(rng.random(400) < 0.1, rng.uniform(6, 60, 400), 1.0)
+    raw = weave(np.concatenate(([0.0], np.cumsum(steps))))
+    first = repair(without(raw, "velocity_n", "euler", "airspeed", "alpha", "beta"))
+    assert len(first.raw.time) < 100
+    assert [more.share for more in first.bridging] == sorted(more.share for more in first.bridging)
+    assert first.bridging[-1].share > 0.95
+    for more in first.bridging:
+        again = repair(raw, longest_gap=more.gap)
+        assert len(again.raw.time) == round(more.share * len(raw.time))
+    assert not repair(weave(EVEN)).bridging
+
+
+def test_pauses_that_were_bridged_are_counted_and_shorter_ones_are_not():
+    raw = weave(np.arange(1500) / 16)  # exact in binary: three steps are not a bit more than three
+    kept = np.ones(1500, dtype=bool)
+    kept[[200, 600, 601]] = False  # two and three usual steps
+    assert repair(raw.rows(np.flatnonzero(kept)), AS_RECORDED).gaps == 0
+    kept[1000:1003] = kept[1200:1220] = False  # four, and more than one second
+    found = repair(raw.rows(np.flatnonzero(kept)), AS_RECORDED)
+    assert found.gaps == 2
+    assert found.raw.time.size == kept.sum()
+
+
+@pytest.mark.parametrize(("last", "length"), [(9.95, 9.95), (10.05, 10.05), (9.85, 9.9), (10.3, 10.1)])
+def test_a_flight_may_differ_from_its_stamps_by_one_step_and_is_stretched_beyond(last, length):
+    """Stamps of 101 samples over 10 s at 0.1 s, with times that end earlier or later than they do."""
+    stamps, times = np.linspace(0, 10, 101), np.linspace(0, last, 101)
+    kept = time_repair._of_the_same_length(times, stamps, 1e-3)
+    assert kept[-1] == pytest.approx(length, abs=5e-3)
+    np.testing.assert_allclose(kept / kept[-1], times / last, rtol=1e-12)
+
+
 def test_a_state_written_twice_is_one_sample():
     raw = weave(np.arange(750) * 0.1)
     polled = replace(raw.rows(np.repeat(np.arange(750), 2)), time=np.arange(1500) * 0.05)
@@ -151,6 +186,28 @@ def test_a_jump_elsewhere_cuts():
     found = repair(replace(raw, longitude=longitude))
     assert found.raw.time.size == 1000
     assert found.started == pytest.approx(EVEN[500])
+
+
+def test_positions_at_zero_are_left_out_unless_the_flight_is_there():
+    raw = weave(np.arange(0.0, 60.0, 0.1))
+    some = {
+        name: np.where(np.arange(600) < 40, 0.0, getattr(raw, name)) for name in ("latitude", "longitude")
+    }
+    repaired = repair(replace(raw, **some))
+    assert len(repaired.raw.time) == 560
+    assert "0° N 0° E" in repaired.dropped[0].reason
+    here = weave(np.arange(0.0, 60.0, 0.1), latitude=0.0, longitude=0.0)
+    assert len(repair(here).raw.time) == 600
+
+
+def test_positions_that_are_all_zero_are_no_positions():
+    raw = weave(np.arange(0.0, 60.0, 0.1))
+    zero = np.zeros(600)
+    flight = repair(replace(raw, latitude=zero, longitude=zero)).raw
+    assert flight.latitude is None
+    assert "all are at 0° N 0° E" in flight.remarks[-1]
+    with pytest.raises(MissionError, match="all 600 positions are at 0° N 0° E"):
+        repair(replace(without(raw, "velocity_n"), latitude=zero, longitude=zero))
 
 
 def test_impossible_rows_are_counted_and_most_of_them_refused():

@@ -84,10 +84,13 @@ def test_flight_along_a_parallel(latitude: float, speed: float) -> None:
     f_n = (rate**2 - earth.RATE**2) * radius * np.array([np.sin(latitude), 0, np.cos(latitude)])
     f_n[2] -= earth.gravity(np.sin(latitude), height)
     imu = increments(time, *(steady(TILTED.apply(x, inverse=True)) for x in (omega_n, f_n)))
-    begin = start(latitude, TILTED, [0, speed, 0], longitude=3.1, height=height)
+    # Close to a pole this crosses the date line, from either side.
+    begin = start(latitude, TILTED, [0, speed, 0], longitude=np.copysign(3.1, speed), height=height)
     flight = unaided(imu, begin)
     way = offset(flight, begin)
     assert np.abs(flight.position[:, 1]).max() <= np.pi
+    if abs(latitude) > np.radians(89):
+        assert flight.position[-1, 1] == pytest.approx(-begin.longitude[0], abs=1.0)
     np.testing.assert_allclose(flight.velocity_n, np.tile([0, speed, 0], (time.size, 1)), atol=1e-6)
     np.testing.assert_allclose(way[:, [0, 2]], 0, atol=2e-5)
     expected = np.angle(np.exp(1j * speed * time / radius)) * radius

@@ -12,6 +12,7 @@ import lab
 from lab import Experiment, SettingError
 from lab.analysis import rest
 from lab.sensors import cards
+from lab.sensors.datum import ALIKE, ONE_SIDED, TWO_SIDED
 from lab.sensors.imu import AccelerometerErrors, GyroErrors
 from lab.sensors.suite import SensorSuite
 from lab.units import TO_SI
@@ -63,10 +64,11 @@ def test_at_least_twenty_cards_have_the_noise_of_both_triads() -> None:
 
 
 def test_what_has_no_source_is_said_to_be_missing() -> None:
-    missing = cards.card("HG9900").missing()
+    missing = cards.card("HG9900", assumed=False).missing()
     assert "White noise" in missing["accelerometer"]
     assert "White noise" not in missing["gyro"]
     assert "Range" in missing["gyro"]
+    assert cards.card("HG9900").missing()["accelerometer"] == ["Range", "Bandwidth"]
 
 
 def test_the_classic_card_is_the_default_to_the_bit() -> None:
@@ -81,6 +83,7 @@ def test_a_card_is_recognised_when_loaded(name: str) -> None:
     suite = SensorSuite(**{"gyro.bias": 3.0, "accelerometer.misalignment": 1.0})
     assert cards.card_in_force(suite) is None
     assert cards.card_in_force(suite.update(cards.card(name).settings())) == name
+    assert cards.card_in_force(suite.update(cards.card(name, assumed=False).settings())) == name
 
 
 def test_a_changed_setting_is_no_card() -> None:
@@ -99,8 +102,9 @@ def test_a_card_leaves_the_receiver_and_the_vehicle_alone() -> None:
 
 
 def test_terms_without_a_number_are_off_and_nothing_saturates() -> None:
-    suite = SensorSuite().update(cards.card("HG9900").settings())
+    suite = SensorSuite().update(cards.card("HG9900", assumed=False).settings())
     assert suite.accelerometer.noise_density == (0.0,) * 3
+    assert suite.assumed == ""
     assert suite.gyro.range == GyroErrors.param["range"].bounds[1]
     assert suite.accelerometer.range == AccelerometerErrors.param["range"].bounds[1]
 
@@ -109,13 +113,17 @@ def test_terms_without_a_number_are_off_and_nothing_saturates() -> None:
     ("name", "group", "term", "value"),
     [
         ("STIM300", "gyro", "noise_density", 0.15 / 60),  # °/√h in °/s/√Hz
-        ("VN-310", "gyro", "noise_density", 5 / 3600),  # °/h/√Hz in °/s/√Hz
+        ("VN-310", "gyro", "noise_density", 5 / 3600 / 2**0.5),  # one-sided °/h/√Hz in °/s/√Hz
+        ("STIM300", "gyro", "g_sensitivity", 1 / 3600),  # °/h/g in °/s/g
+        ("STIM300", "gyro", "misalignment", 1e-3 * 180 / np.pi),  # mrad in °
         ("ADIS16448", "accelerometer", "noise_density", 0.11 / 60 / 9.80665 * 1e6),  # m/s/√h in µg/√Hz
         ("HG1700", "accelerometer", "noise_density", 0.065 * 0.3048 / 60 / 9.80665 * 1e6),  # ft/s/√h
-        ("VN-100", "accelerometer", "noise_density", 140.0),  # mg/√Hz
+        ("VN-100", "accelerometer", "noise_density", 140.0 / 2**0.5),  # one-sided mg/√Hz
+        ("KVH P-1775", "accelerometer", "noise_density", 34.0),  # two-sided µg/√Hz
         ("ADIS16470", "accelerometer", "flicker", 0.013),  # µg in mg
         ("HG9900", "gyro", "bias_sigma", 0.0035 / 3600),  # °/h in °/s
         ("HG9900", "gyro", "scale_factor_sigma", 0.0005),  # ppm in %
+        ("BMI088", "accelerometer", "flicker", 0.036),  # assumed, µg in mg
     ],
 )
 def test_datasheet_units_become_those_of_the_settings(name: str, group: str, term: str, value: float) -> None:
@@ -145,6 +153,7 @@ def test_a_card_flies() -> None:
 
 def test_names_are_found_in_small_letters_too() -> None:
     assert lab.card("adis16470") is cards.card("ADIS16470")
+    assert lab.card("adis16470", assumed=False).assumed == {}
     assert set(lab.cards()) == set(NAMES)
 
 
@@ -181,6 +190,19 @@ FIELD = 'noise_density = { value = 0.3, unit = "°/√h", source = "sheet" }'
         ("value = 0.3", "value = [1, 2]", ["value: [1, 2]", "one number, or 3 (x, y, z)"]),
         (FIELD, "noise_density = 0.3", ["noise_density: 0.3", "{ value = ..., unit = ..., source = ... }"]),
         (FIELD, "", ["Mine: has no numbers", "gyro, accelerometer, gps"]),
+        ('"°/√h",', '"°/√h", density = "one-sided",', ["density: 'one-sided'", "in °/√h is two-sided"]),
+        ('"°/√h",', '"°/s/√Hz", density = 2,', ["density: 2", "one-sided or two-sided"]),
+        ("noise_density =", "flicker =", ["flicker, unit", "°/s or °/h"]),
+        ('value = 0.3, unit = "°/√h"', "value = 1e999, unit = 3", ["unit: 3"]),
+        (OWN, OWN + '["Mine".assumed]\ngyro = 3', ["Mine, assumed.gyro: is not a table"]),
+        (OWN, OWN + '["Mine".assumed.gps]\n', ["Mine, assumed: there is no 'gps'"]),
+        (
+            OWN,
+            OWN + '["Mine".assumed.gyro]\nnoise_density = { value = 1, unit = "°/√h", source = "sheet" }',
+            ["Mine, assumed.gyro: noise_density is given already"],
+        ),
+        (OWN, "assumed = 1\n" + OWN, ["assumed: is not a table"]),
+        (OWN, OWN.replace('grade = "own"', 'grade = "own"\nassumed = 1'), ["Mine, assumed: is not a table"]),
         ('grade = "own"', 'grade = "best"', ["Mine, grade: 'best'", "consumer, industrial, tactical"]),
         ('grade = "own"', "", ["Mine, grade"]),
         ('maker = "Me"', "maker = 3", ["Mine, maker: 3 is not text"]),
@@ -220,6 +242,106 @@ def test_an_unknown_name_is_answered_with_those_there_are() -> None:
 
 
 def test_every_unit_accepted_has_a_factor_and_is_of_one_kind() -> None:
-    accepted = [unit for kind in cards._ALIKE for unit in kind]
+    accepted = [unit for kind in ALIKE for unit in kind]
     assert set(accepted) <= set(TO_SI)
     assert len(accepted) == len(set(accepted))
+
+
+def test_a_card_says_of_each_density_per_root_hertz_which_convention_it_has() -> None:
+    for card in cards.cards().values():
+        for triad in cards.TRIADS:
+            found = card.datum(triad, "noise_density")
+            assert found is not None
+            if found.unit.endswith("/√Hz"):
+                assert found.density in (ONE_SIDED, TWO_SIDED), (card.name, triad)
+            else:
+                assert found.density == ""
+
+
+def test_a_number_that_is_missing_is_assumed_and_kept_apart(tmp_path: Path) -> None:
+    text = OWN.replace('grade = "own"', 'grade = "tactical"')
+    card = cards.card(_write(tmp_path, text))
+    assert list(card.terms) == ["gyro"]
+    assert list(card.terms["gyro"]) == ["noise_density"]
+    assert not card.is_assumed("gyro", "noise_density")
+    assert card.is_assumed("gyro", "flicker")
+    assert card.value("gyro", "flicker") == 0.5
+    assert card.value("accelerometer", "bias_sigma") == 1.0
+    assert cards.card(_write(tmp_path, OWN)).assumed == {}  # of an own grade nothing is known
+
+
+@pytest.mark.parametrize("assumed", [True, False])
+def test_what_is_assumed_stays_apart_in_a_file(assumed: bool, tmp_path: Path) -> None:
+    """A card without what is assumed stays without it, though its grade would have something to assume."""
+    card = cards.card("ICM-42688-P", assumed=assumed)
+    text = card.to_toml()
+    table = tomllib.loads(text)["ICM-42688-P"]
+    assert "flicker" not in table["gyro"]
+    assert ("flicker" in table["assumed"].get("gyro", {})) == assumed
+    assert cards.card(_write(tmp_path, text)) == card
+
+
+def test_own_assumptions_are_taken_as_they_are(tmp_path: Path) -> None:
+    own = OWN.replace('grade = "own"', 'grade = "tactical"') + (
+        '["Mine".assumed.gyro]\nflicker = { value = [1, 2, 3], unit = "°/h", source = "sheet" }\n'
+    )
+    card = cards.card(_write(tmp_path, own))
+    assert card.value("gyro", "flicker") == [1.0, 2.0, 3.0]
+    assert card.value("gyro", "bias_sigma") is None
+    suite = SensorSuite().update(card.settings())
+    assert suite.assumed_terms() == {"gyro": ["flicker"]}
+    suite.set("gyro.flicker", (1.0, 2.0, 4.0))
+    assert suite.assumed_terms() == {}
+
+
+def test_no_part_lacks_a_bias_a_noise_or_a_scale_factor() -> None:
+    """No error is absent because a sheet is silent; the classic experiment alone is as it was."""
+    for name, card in cards.cards().items():
+        for triad in cards.TRIADS if name != cards.CLASSIC else ():
+            for term in ("noise_density", "bias_sigma", "flicker", "scale_factor_sigma", "misalignment"):
+                value = card.value(triad, term)
+                assert value is not None, (name, triad, term)
+                assert np.all(np.array(value) > 0), (name, triad, term)
+
+
+def test_a_card_with_scale_factors_gives_the_filter_states_for_them() -> None:
+    experiment = Experiment(mission="los_angeles")
+    cards.card("STIM300").load(experiment)
+    assert experiment.navigator.states == 21
+    cards.card(cards.CLASSIC).load(experiment)
+    assert experiment.navigator.states == 15
+    experiment.set("navigator.p0", [1.0] * 15)
+    cards.card("STIM300").load(experiment)  # a given P0 is of as many states as it was given for
+    assert experiment.navigator.states == 15
+
+
+def test_the_result_names_what_is_assumed_and_what_the_filter_has_no_state_for() -> None:
+    experiment = Experiment(mission="los_angeles").update({"sensors": cards.card("LN-200S").settings()})
+    remarks = " ".join(experiment.run().remarks)
+    assert "Assumed" in remarks
+    assert "gyro white noise, flicker, scale factor, misalignment, g-sensitivity" in remarks
+    assert "accelerometer flicker" in remarks
+    assert "sensors.gyro.scale_factor_sigma" in remarks
+    assert "navigator.states 21" in remarks
+    experiment.set("navigator.states", 21)
+    remarks = " ".join(experiment.run().remarks)
+    assert "sensors.gyro.misalignment" in remarks
+    assert "scale_factor_sigma" not in remarks
+    cards.card("LN-200S", assumed=False).load(experiment)
+    assert experiment.run().remarks == ()
+
+
+def test_an_assumed_coefficient_of_temperature_is_no_fault_of_the_user() -> None:
+    """Without a profile a coefficient does nothing; who set none is not told so."""
+    suite = SensorSuite().update(cards.card("BMI088").settings())
+    assert any(suite.gyro.bias_temperature)
+    assert not any("temperature profile" in remark for remark in suite.remarks(21))
+    suite.set("gyro.bias_temperature", 0.02)
+    assert any("temperature profile" in remark for remark in suite.remarks(21))
+
+
+@pytest.mark.parametrize(
+    "text", ["gyro.flicker", "gyro.flicker=x", "giro.flicker=1", "gyro.nothing=0", ",=|,."]
+)
+def test_any_text_may_stand_for_what_is_assumed(text: str) -> None:
+    assert SensorSuite(assumed=text).assumed_remark() == ""

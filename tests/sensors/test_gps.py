@@ -85,7 +85,8 @@ def test_four_times_the_variance_doubles_the_same_errors():
 
 @pytest.mark.parametrize(
     ("period", "duration", "count"),
-    [(1, 205.04, 205), (0.3, 10, 33), (0.1, 10, 100), (60, 59.9, 0), (5, 5, 1)],
+    # 0.3 / 0.1 is 2.9999999999999996: the last fix comes at the end all the same.
+    [(1, 205.04, 205), (0.3, 10, 33), (0.1, 10, 100), (60, 59.9, 0), (5, 5, 1), (0.1, 0.3, 3), (0.7, 4.9, 7)],
 )
 def test_fixes_come_at_whole_periods_up_to_the_end(period, duration, count):
     times = fix_times(GpsErrors(period=period), duration)

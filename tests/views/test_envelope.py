@@ -77,6 +77,16 @@ def test_a_thinned_path_keeps_its_length_and_its_turns() -> None:
     assert thin_length == pytest.approx(length, rel=1e-3)
 
 
+def test_samples_at_rest_are_not_spent_on_the_last_digits_of_a_position() -> None:
+    """Minutes on the apron, still but for a micrometre, then a circle of 100 m: that is what is drawn."""
+    rng = np.random.default_rng(4)
+    angle = np.linspace(0, 2 * np.pi, 2000)
+    circle = 100.0 * np.column_stack([np.sin(angle), 1 - np.cos(angle)])
+    path = np.concatenate([rng.normal(scale=1e-6, size=(20_000, 2)), circle])
+    kept = thin_path(path, 400)
+    assert (kept >= 20_000).sum() > 0.95 * len(kept)
+
+
 def test_a_path_that_stands_still_or_has_gaps() -> None:
     assert 0 < len(thin_path(np.zeros((5000, 3)), 100)) <= 100
     broken = np.random.default_rng(1).normal(size=(5000, 2)).cumsum(axis=0)
@@ -109,6 +119,40 @@ def test_limits_hold_what_is_drawn(values: list[float], scale: str) -> None:
     assert np.all(drawn <= high)
     if scale == "symmetric":
         assert low == -high
+
+
+@pytest.mark.parametrize("scale", ["symmetric", "free", "logarithmic"])
+@pytest.mark.parametrize("kind", [np.float32, np.float64])
+@pytest.mark.parametrize("value", [0.0, 1e-45, 1e-38, 1e-13, 2.5e-7, 25.0, 300.0, -4e6])
+def test_a_constant_is_neither_at_the_edge_nor_magnified_until_its_last_digit(
+    value: float, kind: type, scale: str
+) -> None:
+    series = np.full(50, value, dtype=kind)
+    low, high = limits([series], scale)
+    assert np.isfinite([low, high]).all()
+    assert low < high
+    if abs(value) < SMALLEST_DRAWN or (scale == "logarithmic" and value < 0):
+        assert (low, high) == ((0.1, 1.0) if scale == "logarithmic" else (-1.0, 1.0))
+    elif scale == "logarithmic":
+        assert low < value < high < 10 * low
+    else:
+        assert 0.05 * abs(value) < high - low < 4 * abs(value)
+        assert low < value < high
+
+
+@pytest.mark.parametrize("scale", ["symmetric", "free", "logarithmic"])
+def test_axes_of_a_ten_millionth_of_a_millionth_fit_what_is_drawn(scale: str) -> None:
+    series = (1e-13 * np.linspace(1, 3, 50)).astype(np.float32)
+    low, high = limits([series], scale)
+    assert low < series.min() < series.max() < high
+    assert high - low < 1e-12
+
+
+def test_single_precision_does_not_magnify_its_own_steps() -> None:
+    """A height that changes by micrometres is constant once it is in single precision."""
+    series = (300 + 1e-6 * np.sin(np.arange(1000.0))).astype(np.float32)
+    low, high = limits([series], "free")
+    assert high - low > 1
 
 
 def test_limits_of_nothing() -> None:

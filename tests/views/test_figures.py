@@ -5,14 +5,26 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from bokeh.models import ColumnDataSource
+from hypothesis import given
+from hypothesis import strategies as st
 from scipy.stats import chi2
 
 from lab.ensemble import run_ensemble
 from lab.experiment import Experiment
 from lab.result import Result
 from lab.views.autocorrelation import AutocorrelationFigures
-from lab.views.figures import TimeAxis, TimeFigures, set_ordinate, time_figure
-from lab.views.quantities import COVARIANCE, ENSEMBLE_CONSISTENCY, ERRORS, HEIGHT, INNOVATIONS, LAGS
+from lab.views.figures import TimeAxis, TimeFigures, decade_ticks, set_ordinate, time_figure
+from lab.views.quantities import (
+    BLUE,
+    COVARIANCE,
+    ENSEMBLE_CONSISTENCY,
+    ERRORS,
+    HEIGHT,
+    INNOVATIONS,
+    LAGS,
+    Curve,
+    TimePlot,
+)
 from lab.views.track import TrackFigure
 
 
@@ -128,6 +140,45 @@ def test_averages_of_an_ensemble_are_drawn_in_their_narrower_interval(axis: Time
     low, high = chi2.interval(0.95, 4 * 15)
     np.testing.assert_allclose(data["anees_band_low"], low / 4, rtol=1e-5)
     np.testing.assert_allclose(data["anees_band_high"], high / 4, rtol=1e-5)
+
+
+@pytest.mark.parametrize(("low", "high"), [(0.0, 1.0), (-1.0, 1.0), (1.0, 1.0), (np.nan, 1.0), (1.0, np.inf)])
+def test_ends_without_a_logarithm_have_no_ticks(low: float, high: float) -> None:
+    assert decade_ticks(low, high) == []
+
+
+@given(st.floats(-37, 36), st.floats(0.25, 70))
+def test_ticks_lie_on_the_axis_and_are_few_enough_to_be_read(start: float, decades: float) -> None:
+    ends = (np.floor(4 * start) / 4, np.ceil(4 * (start + decades)) / 4)
+    low, high = (10.0**end for end in ends)
+    ticks = np.array(decade_ticks(low, high))
+    assert ((ticks >= low) & (ticks <= high)).all()
+    assert 2 <= ticks.size <= 12
+    assert np.diff(np.log10(ticks)).min() > 0.04 * (ends[1] - ends[0])
+
+
+@pytest.mark.parametrize("tiny", [0.0, 1e-40, 1e-13])
+def test_sigmas_that_are_zero_are_named_and_the_others_drawn(
+    result: Result, axis: TimeAxis, tiny: float
+) -> None:
+    """As σ of a scale factor is, where the sensor has no such error."""
+
+    def constant(value: float) -> Curve:
+        return Curve(f"s{value}", f"σ {value}", BLUE, lambda result: np.full(result.time.shape, value))
+
+    def shown(*values: float) -> tuple[str, list[str], tuple[float, float]]:
+        plot = TimePlot("s", "σ", "m", tuple(map(constant, values)), scale="logarithmic")
+        figures = TimeFigures([plot], axis)
+        figures.show(result)
+        (fig,) = figures.figures
+        labels = [item.label.value for legend in fig.legend for item in legend.items]
+        return fig.title.text, labels, (fig.y_range.start, fig.y_range.end)
+
+    assert shown(tiny)[0] == ("σ [m]" if tiny == 1e-13 else "σ [m]: zero")
+    title, labels, (low, high) = shown(tiny, 2.0)
+    assert title == "σ [m]"
+    assert labels == ([f"σ {tiny}", "σ 2.0"] if tiny == 1e-13 else [f"σ {tiny}: zero", "σ 2.0"])
+    assert low < (tiny if tiny == 1e-13 else 2.0) < 2.1 < high
 
 
 def test_ticks_of_a_logarithmic_axis_do_not_crowd(axis: TimeAxis) -> None:

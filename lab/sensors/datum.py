@@ -1,0 +1,204 @@
+"""Datum: a number of a data sheet with its unit, its convention and its source, and how it becomes a setting.
+
+White noise has two conventions. The setting ``noise_density`` is the coefficient N of IEEE Std 952: the mean
+over an interval Δt has the variance N² / Δt, the Allan deviation is N / √τ, and N² is the *two-sided*
+spectral density. Angle and velocity random walk (°/√h, m/s/√h) are N. What data sheets call noise density
+(°/s/√Hz, µg/√Hz) is read off a spectrum analyser, which folds negative frequencies onto the positive ones:
+its square is the *one-sided* density 2 N², so that noise density times the root of a bandwidth is the rms in
+that band. A datum in such a unit says which of the two it is; `Datum.in_unit` is the one place that converts.
+"""
+
+from __future__ import annotations
+
+import difflib
+import math
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from lab.setting_kinds import AxisQuantity
+from lab.settings import SettingError, Settings
+from lab.units import TO_SI
+
+ONE_SIDED, TWO_SIDED = "one-sided", "two-sided"
+"""Conventions of the density of white noise."""
+DENSITY = "noise_density"
+"""The setting that is a density of white noise."""
+OF_THE_VEHICLE = frozenset({"vibration_density"})
+"""Settings of a triad that say nothing of the sensor."""
+ALIKE = (
+    ("°/s/√Hz", "°/h/√Hz", "°/√h"),
+    ("µg/√Hz", "mg/√Hz", "m/s/√h", "ft/s/√h"),
+    ("°/s", "°/h"),
+    ("°/s/g", "°/h/g"),
+    ("°", "mrad"),
+    ("g", "mg", "µg"),
+    ("%", "ppm"),
+)
+"""Units of the same kind, each of which is accepted for the others."""
+
+_KEYS = ("value", "unit", "source", "density")
+
+
+@dataclass(frozen=True)
+class Datum:
+    """A number of a card.
+
+    Attributes
+    ----------
+    value : float or tuple of float
+        The number, or one for each axis.
+    unit : str
+        Its unit, as the source has it.
+    source : str
+        Where it comes from: document and revision.
+    density : str
+        Of white noise in a unit per √Hz: `ONE_SIDED` or `TWO_SIDED`; empty where the card does not say, which
+        is taken as two-sided.
+    """
+
+    value: float | tuple[float, ...]
+    unit: str
+    source: str
+    density: str = ""
+
+    @property
+    def convention(self) -> str:
+        """Convention of a density in a unit per √Hz, in words; empty for any other number."""
+        stated = self.density or not self.unit.endswith("/√Hz")
+        return self.density if stated else f"not stated, taken as {TWO_SIDED}"
+
+    def in_unit(self, unit: str) -> Any:
+        """Return the number, or one for each axis as a list, in the unit of its setting."""
+        fold = math.sqrt(2) if self.density == ONE_SIDED else 1.0
+        if self.unit == unit and fold == 1.0:
+            return list(self.value) if isinstance(self.value, tuple) else self.value
+        # Rounded: a conversion there and back should not show in the last digits.
+        converted = np.asarray(self.value) * (TO_SI[self.unit] / TO_SI[unit] / fold)
+        if converted.ndim:
+            return [float(f"{number:.12g}") for number in converted]
+        return float(f"{converted:.12g}")
+
+    def entry(self, source: str) -> dict[str, Any]:
+        """Return the datum as a TOML file has it.
+
+        Parameters
+        ----------
+        source
+            Key of its source in the file.
+        """
+        value = list(self.value) if isinstance(self.value, tuple) else self.value
+        plain = {"value": value, "unit": self.unit, "source": source}
+        return plain | ({"density": self.density} if self.density else {})
+
+
+def read_terms(where: str, declared: Settings, table: Any, sources: Mapping[str, str]) -> dict[str, Datum]:
+    """Return the data of a group of settings by name.
+
+    Parameters
+    ----------
+    where
+        What the table is called in a message.
+    declared
+        A group of settings, which declares units and bounds; its values are used up.
+    table
+        What a TOML file holds for the group.
+    sources
+        Documents by key.
+
+    Raises
+    ------
+    SettingError
+        Naming the field: if a name, unit, convention or source is not accepted, or a number is beyond the
+        bounds of its setting.
+    """
+    accepted = [
+        name
+        for _, _, name in declared.leaves()
+        if hasattr(declared.param[name], "unit") and name not in OF_THE_VEHICLE
+    ]
+    if not isinstance(table, Mapping):
+        raise SettingError(f"{where}: is not a table; accepted are {', '.join(accepted)}")
+    check_keys(where, table, accepted)
+    terms = {}
+    for name, entry in table.items():
+        terms[name] = datum = _datum(f"{where}, {name}", entry, declared.param[name], sources)
+        try:
+            declared.set(name, datum.in_unit(declared.param[name].unit))
+        except SettingError as error:
+            raise SettingError(f"{where}, {error}") from error
+    return terms
+
+
+def read_sources(where: str, table: Mapping[str, Any]) -> Mapping[str, str]:
+    """Return the documents of a card by their keys.
+
+    Raises
+    ------
+    SettingError
+        If they are not texts.
+    """
+    sources = table.get("sources", {})
+    if not isinstance(sources, Mapping) or not all(isinstance(text, str) for text in sources.values()):
+        raise SettingError(f"{where}, sources: accepted is a table of documents, such as sheet = 'Rev. C'")
+    return sources
+
+
+def check_keys(where: str, table: Mapping[str, Any], accepted: Iterable[str]) -> None:
+    """Refuse a key that is not accepted.
+
+    Raises
+    ------
+    SettingError
+        Naming it, and those accepted.
+    """
+    accepted = tuple(accepted)
+    for key in table:
+        if key not in accepted:
+            close = difflib.get_close_matches(key, accepted, n=1)
+            hint = f" Did you mean {close[0]}?" if close else ""
+            raise SettingError(f"{where}: there is no {key!r}.{hint} Accepted: {', '.join(accepted)}")
+
+
+def _datum(where: str, entry: Any, parameter: Any, sources: Mapping[str, str]) -> Datum:
+    if not isinstance(entry, Mapping):
+        raise SettingError(f"{where}: {entry!r}; accepted is {{ value = ..., unit = ..., source = ... }}")
+    check_keys(where, entry, _KEYS if parameter.name == DENSITY else _KEYS[:3])
+    lacking = [key for key in _KEYS[:3] if key not in entry]
+    if lacking:
+        raise SettingError(f"{where}: {lacking[0]} is missing; accepted are value, unit and source")
+    units = next((kind for kind in ALIKE if parameter.unit in kind), (parameter.unit,))
+    if entry["unit"] not in units:
+        raise SettingError(f"{where}, unit: {entry['unit']!r}; accepted is {' or '.join(units)}")
+    if entry["source"] not in sources:
+        known = ", ".join(sources) or "none yet"
+        raise SettingError(
+            f"{where}, source: {entry['source']!r} is not in the table sources; accepted: {known}"
+        )
+    density = entry.get("density", "")
+    accepted = (TWO_SIDED,) if _is_random_walk(entry["unit"]) else (ONE_SIDED, TWO_SIDED)
+    if density and density not in accepted:
+        raise SettingError(
+            f"{where}, density: {density!r}; accepted in {entry['unit']} is {' or '.join(accepted)}"
+        )
+    return Datum(_value(where, entry["value"], parameter), entry["unit"], sources[entry["source"]], density)
+
+
+def _value(where: str, value: Any, parameter: Any) -> float | tuple[float, ...]:
+    axes = parameter.axes if isinstance(parameter, AxisQuantity) else ()
+    numbers = value if isinstance(value, list) else [value]
+    real = all(isinstance(number, int | float) and not isinstance(number, bool) for number in numbers)
+    if not real or (isinstance(value, list) and len(value) != len(axes)):
+        many = f", or {len(axes)} ({', '.join(axes)})" if axes else ""
+        raise SettingError(f"{where}, value: {value!r}; accepted is one number{many}")
+    try:
+        return tuple(float(number) for number in value) if isinstance(value, list) else float(value)
+    except OverflowError as error:
+        raise SettingError(f"{where}, value: is too large a number") from error
+
+
+def _is_random_walk(unit: str) -> bool:
+    """Say whether a unit is that of an angle or velocity random walk, which is N by definition."""
+    return "√h" in unit

@@ -1,0 +1,48 @@
+"""Typical: what a number that a card does not have is taken to be, by the grade of the sensor.
+
+The table is ``assumed.toml`` beside this file: every number with its unit and its source.
+"""
+
+from __future__ import annotations
+
+import functools
+import tomllib
+from collections.abc import Mapping
+from pathlib import Path
+
+from lab.sensors.datum import Datum, read_sources, read_terms
+from lab.sensors.imu_errors import AccelerometerErrors, GyroErrors
+from lab.settings import Settings
+
+TABLE = Path(__file__).with_name("assumed.toml")
+"""What is typical of each grade."""
+GROUPS: dict[str, type[Settings]] = {"gyro": GyroErrors, "accelerometer": AccelerometerErrors}
+"""The triads, and what declares their settings."""
+
+Terms = Mapping[str, Mapping[str, Datum]]
+
+
+@functools.cache
+def grades() -> Mapping[str, Terms]:
+    """Return by grade, triad and name of the setting what is typical.
+
+    Raises
+    ------
+    SettingError
+        If the table is not accepted.
+    """
+    tables = tomllib.loads(TABLE.read_text(encoding="utf-8"))
+    return {grade: _terms(f"{TABLE}, {grade}", table) for grade, table in tables.items()}
+
+
+def typical(grade: str) -> Terms:
+    """Return what is typical of a grade; nothing of one that the table does not have, such as own sensors."""
+    return grades().get(grade, {})
+
+
+def _terms(where: str, table: Mapping[str, Mapping[str, object]]) -> Terms:
+    sources = read_sources(where, table)
+    return {
+        triad: read_terms(f"{where}, {triad}", declared(), table.get(triad, {}), sources)
+        for triad, declared in GROUPS.items()
+    }

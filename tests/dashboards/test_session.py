@@ -1,0 +1,46 @@
+"""A session takes changes from widgets and addresses, and is no way to files of the server."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+from bokeh.document import Document
+
+from dashboards.session import Session
+from lab.experiment import Experiment
+from lab.missions import missions
+from lab.settings import SettingError
+
+
+@pytest.fixture
+def session():
+    made = Session(Document())
+    yield made
+    made.close()
+
+
+@pytest.fixture
+def elsewhere(tmp_path: Path) -> str:
+    """Return the path of a flight csv that the experiment itself would accept."""
+    path = tmp_path / "flight.csv.gz"
+    path.write_bytes(missions()["los_angeles"].recording_path.read_bytes())
+    assert Experiment(mission=str(path)).run is not None
+    return str(path)
+
+
+def test_a_mission_is_named_and_never_a_file(session: Session, elsewhere: str) -> None:
+    assert not session.change("mission", elsewhere)
+    assert "there is no such mission" in session.problem
+    assert session.experiment.mission == "montreal"
+    with pytest.raises(SettingError, match="there is no such mission"):
+        session.take(Experiment(mission=elsewhere))
+    assert session.experiment.mission == "montreal"
+    assert session.change("mission", "los_angeles")
+    assert (session.experiment.mission, session.problem) == ("los_angeles", "")
+
+
+def test_a_text_that_looks_like_a_mission_of_another_setting_is_not_asked(session: Session) -> None:
+    """Only the mission is looked up in the catalogue."""
+    assert session.change("navigator.model", "psi")
+    assert session.experiment.navigator.model == "psi"

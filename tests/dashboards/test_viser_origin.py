@@ -1,0 +1,84 @@
+"""The way to a viser server is open to the page's own origin and those the server was told to accept."""
+
+from __future__ import annotations
+
+import asyncio
+import secrets
+from collections.abc import AsyncIterator, Callable
+from contextlib import asynccontextmanager
+
+import pytest
+from tornado.httpserver import HTTPServer
+from tornado.testing import bind_unused_port
+from tornado.web import Application
+from websockets.asyncio.client import connect
+from websockets.asyncio.server import ServerConnection, serve
+from websockets.exceptions import InvalidStatus
+from websockets.typing import Origin, Subprotocol
+
+from dashboards.viser_proxy import SECRET, ViserHandler, sign
+
+PROTOCOL = Subprotocol("viser-test")
+
+
+@asynccontextmanager
+async def proxy(*accepted: str) -> AsyncIterator[tuple[int, str]]:
+    """Serve the proxy in front of a server that echoes; give its port and a valid path."""
+
+    async def echo(connection: ServerConnection) -> None:
+        async for message in connection:
+            await connection.send(message)
+
+    secret = secrets.token_bytes(32)
+    application = Application([(r".*/viser/([\w.-]+)/?", ViserHandler)], **{SECRET: secret})
+    application.websocket_origins = set(accepted)  # type: ignore[attr-defined]  # as Bokeh's application has
+    socket, port = bind_unused_port()
+    server = HTTPServer(application)
+    server.add_socket(socket)
+    async with serve(echo, "127.0.0.1", 0, subprotocols=[PROTOCOL]) as upstream:
+        (listening,) = upstream.sockets
+        yield port, f"/viser/{sign(listening.getsockname()[1], secret)}/"
+        server.stop()
+        await server.close_all_connections()
+
+
+def answer(origin: Callable[[int], str], *accepted: str) -> str | int:
+    """Return what a browser of an origin gets: its own words back, or the status of a refusal."""
+
+    async def ask() -> str | int:
+        async with proxy(*accepted) as (port, path):
+            try:
+                address, allowed = f"ws://127.0.0.1:{port}{path}", Origin(origin(port))
+                async with connect(address, origin=allowed, subprotocols=[PROTOCOL], proxy=None) as way:
+                    await way.send("hello")
+                    return str(await way.recv())
+            except InvalidStatus as error:
+                return error.response.status_code
+
+    return asyncio.run(asyncio.wait_for(ask(), 30))
+
+
+@pytest.mark.parametrize(
+    ("origin", "accepted"),
+    [
+        (lambda port: f"http://127.0.0.1:{port}", ()),
+        (lambda _port: "https://lab.example.org", ("lab.example.org:80",)),
+        (lambda _port: "https://LAB.example.org:8443", ("lab.example.org:8443",)),
+    ],
+)
+def test_the_page_itself_and_named_hosts_get_through(origin: Callable[[int], str], accepted: tuple) -> None:
+    assert answer(origin, *accepted) == "hello"
+
+
+@pytest.mark.parametrize(
+    ("origin", "accepted"),
+    [
+        (lambda _port: "http://evil.example", ()),
+        (lambda port: f"http://localhost.evil.example:{port}", ()),
+        (lambda _port: "http://evil.example", ("lab.example.org:80",)),
+        (lambda port: f"http://127.0.0.1:{port + 1}", ()),
+    ],
+)
+def test_pages_of_others_are_refused(origin: Callable[[int], str], accepted: tuple) -> None:
+    """A page of somebody else in the same browser, with a token it came to know."""
+    assert answer(origin, *accepted) == 403

@@ -1,0 +1,251 @@
+"""Every page under every kind of run: each draws its own content, or says in a sentence why there is none."""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Iterator
+from itertools import product
+
+import pytest
+from sensor_logs import tables, write
+from walking import TITLES, Walk, walking
+
+from dashboards.page import PAGES
+from dashboards.pages.base import Page
+from dashboards.pages.time_plots import Covariance, Errors, Height
+from lab.experiment import Experiment
+from lab.navigation.settings import NavigatorSettings
+from lab.sensors.cards import cards
+
+MODELS, MECHANIZATIONS = (NavigatorSettings.param[name].objects for name in ("model", "mechanization"))
+SLOW = ("Models", "Budget", "Allan")
+"""Pages that compute for long: opened where what they compute differs."""
+CARDS = [name for name, card in cards().items() if card.settings()]
+
+
+@pytest.fixture(scope="module")
+def walk() -> Iterator[Walk]:
+    """Return one page that is open for all walks: what one leaves behind would disturb the next."""
+    with pytest.MonkeyPatch.context() as patch, walking(patch) as opened:
+        yield opened
+
+
+@pytest.fixture(autouse=True)
+def silence(caplog: pytest.LogCaptureFixture) -> Iterator[None]:
+    """Fail where anything was logged as an error."""
+    yield
+    assert [record.message for record in caplog.records if record.levelno >= logging.ERROR] == []
+
+
+def experiment(mission: str = "los_angeles", **settings: object) -> Experiment:
+    """Return a short flight at a low rate, with settings whose paths have __ for the point."""
+    made = Experiment(mission=mission)
+    made.set("trajectory.imu_rate", 50)
+    for path, value in settings.items():
+        made.set(path.replace("__", "."), value)
+    return made
+
+
+def visit(walk: Walk, titles: tuple[str, ...] = TITLES) -> dict[str, list[str]]:
+    """Open tabs one after the other; return by title what is wrong with them."""
+    wrong = {}
+    for title in titles:
+        walk.open(title)
+        if found := walk.complaints():
+            wrong[title] = found
+    return wrong
+
+
+def quick(*more: str) -> tuple[str, ...]:
+    return tuple(title for title in TITLES if title not in SLOW or title in more)
+
+
+@pytest.mark.parametrize(
+    ("model", "mechanization", "states"),
+    list(product(MODELS, MECHANIZATIONS, (15, 21))),
+)
+def test_every_model_mechanization_and_number_of_states(
+    walk: Walk, model: str, mechanization: str, states: int
+) -> None:
+    settings = {"model": model, "mechanization": mechanization, "states": states}
+    outcome = walk.run(experiment(**{f"navigator__{name}": value for name, value in settings.items()}))
+    if outcome.result is None:
+        assert outcome.problem.startswith("navigator.")
+        assert "accepted" in outcome.problem
+        assert model == "nonlinear"
+        return
+    titles = TITLES if (model, states) in {("phi", 21), ("nonlinear", 15)} else quick("Budget")
+    assert visit(walk, titles) == {}
+
+
+@pytest.mark.parametrize("name", CARDS)
+def test_every_card(walk: Walk, name: str) -> None:
+    flown = experiment(navigator__states=21)
+    flown = flown.copy()
+    flown.update({"sensors": cards()[name].settings()})
+    assert walk.run(flown).problem == ""
+    assert (
+        visit(walk, ("Covariance", "Sensor errors", "Innovations", "Consistency", "Allan", "Summary")) == {}
+    )
+    assert "zero" in covariance_titles(walk) or "scale_factor" in str(cards()[name].terms)
+
+
+def covariance_titles(walk: Walk) -> str:
+    walk.open("Covariance")
+    return " ".join(fig.title.text for fig in walk.figures())
+
+
+RUNS: dict[str, dict[str, object]] = {
+    "an outage over everything": {"sensors__gps__outages": [(0.0, 1e4)]},
+    "an outage over everything, 21 states": {"sensors__gps__outages": [(0.0, 1e4)], "navigator__states": 21},
+    "an outage over all but the end": {"sensors__gps__outages": [(0.0, 104.0)]},
+    "one fix": {"sensors__gps__period": 60.0},
+    "a gate that rejects": {"navigator__gate": 0.01},
+    "feedforward": {"navigator__correction": "feedforward"},
+    "smoother": {"navigator__smoother": True},
+    "filter rate": {"navigator__filter_rate": 1.0},
+    "temperature": {"sensors__temperature__profile": "warm_up"},
+    "lever arm and latency": {"sensors__gps__lever_arm": (2.0, 0.0, -1.0), "sensors__gps__latency": 0.2},
+    "tiny": {
+        "navigator__position_sigma": 1e-6,
+        "navigator__velocity_sigma": 1e-6,
+        "navigator__attitude_sigma": 1e-6,
+        "sensors__gyro__noise_density": 0.0,
+        "sensors__gyro__bias_sigma": 0.0,
+        "sensors__accelerometer__noise_density": 0.0,
+        "sensors__accelerometer__bias_sigma": 0.0,
+    },
+}
+
+
+@pytest.mark.parametrize("kind", RUNS)
+def test_every_kind_of_run(walk: Walk, kind: str) -> None:
+    outcome = walk.run(experiment(**RUNS[kind]))
+    assert outcome.problem == ""
+    assert visit(walk, quick("Budget", "Allan")) == {}
+
+
+@pytest.mark.parametrize("reference", [True, False])
+def test_a_log(walk: Walk, tmp_path, reference: bool) -> None:
+    folder = write(tmp_path / "drive", tables(60, 90), 'title = "Drive"')
+    if not reference:
+        (folder / "ref.csv").unlink()
+    assert walk.run(Experiment(mission=str(folder))).problem == ""
+    assert visit(walk) == {}
+    reasons = {}
+    for title in TITLES:
+        walk.open(title)
+        if walk.reason:
+            reasons[title] = walk.reason
+    assert set(reasons) == {"Budget", "Allan"} | (set() if reference else {"Errors"})
+
+
+def test_several_runs_and_one_again(walk: Walk) -> None:
+    for states in (15, 21):
+        walk.run(experiment(navigator__states=states))
+        walk.open("Consistency")
+        for runs in (10, 1):
+            walk.shown._choice.value = runs
+            walk.settle()
+            assert walk.complaints() == []
+            assert ("10 flights" in walk.text()) == (runs == 10)
+            assert len(walk.figures()) == (2 if runs == 10 else 4)
+    walk.shown._choice.value = 10
+    walk.settle()
+    walk.run(experiment(sensors__gps__outages=[(0.0, 1e4)]))
+    assert walk.complaints() == []
+    walk.shown._choice.value = 1
+
+
+def test_21_states_of_a_sensor_without_scale_errors_are_said_to_be_zero(walk: Walk) -> None:
+    walk.run(experiment(navigator__states=21))
+    walk.open("Errors")
+    walk.open("Covariance")
+    titles = [fig.title.text for fig in walk.figures()]
+    assert titles[-2:] == [
+        "σ of the gyro scale factors [%]: zero",
+        "σ of the accelerometer scale factors [%]: zero",
+    ]
+    assert not any(title.endswith("zero") for title in titles[:-2])
+    walk.run(experiment(navigator__states=21, sensors__gyro__scale_factor_sigma=(1.0, 0.0, 0.0)))
+    assert "scale factors [%]: zero" in covariance_titles(walk)
+
+
+STEPS = ("prepare", "show_time", "lacks")
+
+
+@pytest.mark.parametrize(
+    ("kind", "step"),
+    [*((kind, "draw") for kind in PAGES), *product((Errors, Covariance), STEPS)],
+    ids=lambda value: getattr(value, "title", value),
+)
+def test_a_page_that_fails_says_so_in_its_place_and_leaves_no_other_plots(
+    walk: Walk, caplog: pytest.LogCaptureFixture, kind: type[Page], step: str
+) -> None:
+    def broken(*_given: object) -> str:
+        raise OverflowError("cannot convert <b>infinity</b>")
+
+    before, after = experiment(seed=2), experiment(seed=3)
+    other = "Height" if kind is not Height else "Errors"
+    walk.run(before)
+    walk.open(other)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(kind, step, broken)
+        walk.open(kind.title)
+        if step != "prepare":
+            assert_told(walk, kind.title)
+        assert walk.run(after).problem == ""
+        if step != "prepare":
+            assert_told(walk, kind.title)
+        assert any(record.exc_info for record in caplog.records)
+        walk.open(other)
+        assert walk.complaints() == []
+    walk.open(kind.title)
+    assert walk.complaints() == []
+    caplog.clear()
+
+
+def assert_told(walk: Walk, title: str) -> None:
+    assert (
+        f"The page {title} could not be drawn (OverflowError: cannot convert <b>infinity</b>)" in walk.text()
+    )
+    assert walk.figures() == []
+
+
+@pytest.mark.parametrize("title", ["Consistency", "Allan", "Models", "Budget"])
+def test_what_is_worked_out_and_cannot_be_drawn_is_said(
+    walk: Walk, caplog: pytest.LogCaptureFixture, monkeypatch: pytest.MonkeyPatch, title: str
+) -> None:
+    def broken(*_given: object) -> str:
+        raise OverflowError("cannot convert infinity")
+
+    walk.open(title)
+    walk.run(experiment(seed=4))
+    if title == "Consistency":
+        walk.shown._choice.value = 10
+        walk.settle()
+    with monkeypatch.context() as patch:
+        patch.setattr(type(walk.shown), "paint", broken)
+        walk.run(experiment(seed=5))
+        assert "could not be drawn (OverflowError: cannot convert infinity)" in walk.text()
+        assert all(not drawn(fig) for fig in walk.figures())
+        assert any(record.exc_info for record in caplog.records)
+    caplog.clear()
+    walk.run(experiment(seed=6))
+    assert walk.complaints() == []
+    if title == "Consistency":
+        walk.shown._choice.value = 1
+
+
+def drawn(fig: object) -> bool:
+    """Return whether any glyph of a figure has something to draw."""
+    sources = [glyph.data_source for glyph in fig.renderers if hasattr(glyph, "data_source")]
+    return any(
+        len(values) for source in sources if source.name != "GPS outages" for values in source.data.values()
+    )
+
+
+def test_the_pages_are_those_of_the_simulator() -> None:
+    """The walks name some pages; a renamed one would be left out silently."""
+    assert set(SLOW) < set(TITLES)
+    assert {Errors.title, Covariance.title} < set(TITLES)

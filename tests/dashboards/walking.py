@@ -1,0 +1,149 @@
+"""A walk over the pages of the simulator, as a server makes them, without a browser."""
+
+from __future__ import annotations
+
+import re
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from html import unescape
+
+import numpy as np
+import panel as pn
+from bokeh.document import Document
+from bokeh.models import DataRange1d, FixedTicker, LogScale
+from bokeh.plotting import figure
+from bokeh.server.callbacks import NextTickCallback
+from panel.io.state import set_curdoc
+
+from dashboards.computing import Outcome, run
+from dashboards.page import PAGES, SimulatorPage
+from dashboards.pages import view_3d
+from dashboards.pages.base import Page
+from dashboards.pages.computed import ComputedPage
+from lab.experiment import Experiment
+from lab.result import Result
+
+PATIENCE = 120.0
+"""Longest time a page may take to work out what it shows [s]; the first time its kernels are compiled."""
+TITLES = tuple(page.title for page in PAGES)
+
+
+class Walk:
+    """One open page of the simulator, whose tabs are opened one after the other.
+
+    Attributes
+    ----------
+    page : SimulatorPage
+        What a browser would be shown.
+    """
+
+    def __init__(self) -> None:
+        self._document = Document()
+        with set_curdoc(self._document):
+            self.page = SimulatorPage()
+
+    def run(self, experiment: Experiment) -> Outcome:
+        """Run an experiment as the session does, and show its result."""
+        outcome = run(experiment, None, self.page._prepare)
+        if outcome.result is not None:
+            self.show(outcome.result)
+        return outcome
+
+    def show(self, result: Result) -> None:
+        """Have a result arrive."""
+        with set_curdoc(self._document):
+            self.page.session.result = result
+        self.settle()
+
+    def open(self, title: str) -> None:
+        """Open a tab, and wait until it shows what it has to show."""
+        with set_curdoc(self._document):
+            self.page._tabs.active = TITLES.index(title)
+        self.settle()
+
+    def settle(self) -> None:
+        """Do what the document was asked to do later, until nothing is worked on any more."""
+        until = time.monotonic() + PATIENCE
+        while True:
+            # In this order: what is delivered just before the work ends is still seen.
+            busy = isinstance(self.shown, ComputedPage) and self.shown._work.busy
+            waiting = [one for one in self._document.session_callbacks if isinstance(one, NextTickCallback)]
+            for one in waiting:
+                self._document.remove_next_tick_callback(one)
+                with set_curdoc(self._document):
+                    one.callback()
+            if not waiting and not busy:
+                return
+            assert time.monotonic() < until, f"{self.title} is still worked on"
+
+    @property
+    def title(self) -> str:
+        """Title of the tab that is open."""
+        return TITLES[self.page._tabs.active]
+
+    @property
+    def shown(self) -> Page:
+        """The page of the tab that is open."""
+        return self.page._pages[self.page._tabs.active]
+
+    @property
+    def reason(self) -> str:
+        """Why the page has nothing to show; empty if it has."""
+        return str(self.page._reason.object)
+
+    def text(self) -> str:
+        """Return all that is written on the page, without markup."""
+        panes = [pane for part in self.page._stage for pane in part.select(pn.pane.HTML)]
+        return unescape(re.sub(r"<[^>]*>", " ", " ".join(str(pane.object) for pane in panes)))
+
+    def figures(self) -> list[figure]:
+        """Return the figures of the page that are not hidden."""
+        panes = [pane for part in self.page._stage for pane in part.select(pn.pane.Bokeh)]
+        return [pane.object for pane in panes if pane.object.visible]
+
+    def complaints(self) -> list[str]:
+        """Return what is wrong with the page that is open: nothing, if all is well."""
+        found = []
+        (view,) = self.page._stage.objects
+        if self.page._failure.view is view:
+            return [self.text()]
+        if view is not (self.page._reason if self.reason else self.shown.view):
+            found.append("shows what is not this page")
+        if self.reason and not re.search(r"[a-z]{3}.*\.$", self.reason):
+            found.append(f"gives no reason: {self.reason!r}")
+        if match := re.search(r".{0,60}\b(nan|inf|failed|could not|Traceback)\b.{0,80}", self.text()):
+            found.append(f"says {match[0]!r}")
+        if isinstance(self.shown, ComputedPage) and not self.reason and not str(self.shown.words.object):
+            found.append("says nothing about what it works out")
+        return found + [line for fig in ([] if self.reason else self.figures()) for line in _odd_axes(fig)]
+
+
+def _odd_axes(fig: figure) -> Iterator[str]:
+    """Say which axes of a figure cannot be drawn, or hold no tick."""
+    name = getattr(fig.title, "text", fig.title)
+    for axis, scale, where in (
+        (fig.x_range, fig.x_scale, "abscissa"),
+        (fig.y_range, fig.y_scale, "ordinate"),
+    ):
+        if isinstance(axis, DataRange1d):  # follows the data in the browser
+            continue
+        start, end = axis.start, axis.end
+        if not (np.isfinite([start, end]).all() and start < end):
+            yield f"{name}: {where} from {start} to {end}"
+        elif isinstance(scale, LogScale) and start <= 0:
+            yield f"{name}: logarithmic {where} from {start}"
+    ticker = fig.yaxis[0].ticker
+    if isinstance(ticker, FixedTicker) and not 2 <= len(ticker.ticks) <= 16:
+        yield f"{name}: {len(ticker.ticks)} ticks"
+
+
+@contextmanager
+def walking(monkeypatch) -> Iterator[Walk]:
+    """Open the simulator; only the way of the 3-D view through a web server is missing."""
+    monkeypatch.setattr(view_3d, "mount", lambda _document: b"secret")
+    walk = Walk()
+    try:
+        yield walk
+    finally:
+        walk.page.close()
