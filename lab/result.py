@@ -15,16 +15,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lab import report
-from lab.analysis import budget, feedforward, observability
-from lab.analysis.algorithm_verdict import algorithm_evidence, judge
-from lab.analysis.evidence import Evidence, Reference, evidence
+from lab.analysis import budget, feedforward, observability, trial
+from lab.analysis.algorithm_verdict import judge
+from lab.analysis.evidence import Evidence
+from lab.analysis.run_evidence import evidence_of
 from lab.analysis.verdict import Verdict
 from lab.datasets import flight, innovations, sensors, tables
 from lab.ideal_imu import IdealImu
 from lab.missions import Mission, SensorLog
 from lab.navigation.alignment import Alignment
 from lab.navigation.belief import assumed_latency
-from lab.navigation.solution import Belief, Fixes, Imu, Solution
+from lab.navigation.solution import Belief, Solution
 from lab.projection import Projection
 from lab.rotation import euler_from_quaternion
 from lab.sensors.gps import GpsFixes
@@ -338,6 +339,14 @@ class Result:
         return judge(self.evidence)
 
     @cached_property
+    def tried_verdict(self) -> Verdict:
+        """The verdict, its advice tried: with what it brings, or not given where it makes things worse.
+
+        Costs three runs and more; `verdict` is the same without.
+        """
+        return trial.tried(self)
+
+    @cached_property
     def innovation_verdict(self) -> Verdict:
         """The same judged by the innovations alone, as in a flight of which nobody knows the truth."""
         return judge(self.evidence.without_truth())
@@ -345,20 +354,7 @@ class Result:
     @cached_property
     def evidence(self) -> Evidence:
         """What this run says for and against each assumption of the filter; of a log its innovations."""
-        fixes, reference = self.fixes, None
-        if self.recorded is None:
-            truth, ideal = self.true_flight("evidence")
-            scale = self.true_scale if self.solution_arrays.scale.size else None
-            reference = Reference(truth, self.true_bias, ideal.dtheta, ideal.dvelocity, scale)
-        if self.algorithm:
-            return algorithm_evidence(self.solution_arrays, reference)
-        return evidence(
-            self.solution_arrays,
-            self.belief,
-            Fixes(self.fix_validity, fixes.position, fixes.velocity_n),
-            Imu(self.time, self.gyro.increments, self.accelerometer.increments),
-            reference,
-        )
+        return evidence_of(self)
 
     @cached_property
     def coverage(self) -> pd.DataFrame:
@@ -401,8 +397,8 @@ class Result:
         if drift > feedforward.LINEAR:
             remarks.append(
                 f"Feedforward: the free-running navigator is up to {np.degrees(drift):.3g}° off in attitude, "
-                f"and the filter is linear up to {np.degrees(feedforward.LINEAR):g}°: its σ is not that of its "
-                "errors. navigator.correction = feedback keeps the navigator close to the truth."
+                f"and the filter is linear up to {np.degrees(feedforward.LINEAR):g}°: its σ is not that of "
+                "its errors. navigator.correction = feedback keeps the navigator close to the truth."
             )
         if not self.fixes.time.size:
             remarks.append(

@@ -127,7 +127,7 @@ def run(
             _write(result, out, force)
         if export is not None:
             write(result, export, force, "--export")
-        verdict = result.verdict
+        verdict = result.tried_verdict
     if as_json:
         print_json(_facts(result, out, export))
     else:
@@ -160,7 +160,7 @@ def _facts(result: Result, out: Path | None, export: Path | None) -> dict[str, A
         "settings": result.experiment.to_dict(),
         "summary": None if result.lacks("summary") else _renamed(result.summary),
         "remarks": list(result.remarks),
-        "verdict": {**asdict(result.verdict), "consistent": result.verdict.consistent},
+        "verdict": {**asdict(result.tried_verdict), "consistent": result.verdict.consistent},
         "out": None if out is None else str(out),
         "export": None if export is None else str(export),
     }
