@@ -336,7 +336,7 @@ class Result:
     @cached_property
     def verdict(self) -> Verdict:
         """Whether the filter tells the truth about itself, judged by errors and innovations."""
-        return judge(self.evidence)
+        return feedforward.judge(self, judge(self.evidence))
 
     @cached_property
     def tried_verdict(self) -> Verdict:
@@ -349,7 +349,7 @@ class Result:
     @cached_property
     def innovation_verdict(self) -> Verdict:
         """The same judged by the innovations alone, as in a flight of which nobody knows the truth."""
-        return judge(self.evidence.without_truth())
+        return feedforward.judge(self, judge(self.evidence.without_truth()))
 
     @cached_property
     def evidence(self) -> Evidence:

@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from lab.analysis.errors import attitude_error
+from lab.analysis.finding import Change, Finding, Verdict, headline
 from lab.navigation.choice import chosen_model
 from lab.navigation.navigator import PolarError, navigate
 from lab.navigation.solution import Fixes, Imu, Schedule, Start
@@ -26,6 +27,34 @@ if TYPE_CHECKING:
 LINEAR = np.radians(0.5)
 """Attitude error of the free-running navigator up to which the filter is linear enough [rad]. Measured on
 montreal over gyros of all qualities: at 0.8° NEES is 1.4 × too large, at 1.5° 4 ×, at 7° 20 ×."""
+
+
+def judge(result: Result, verdict: Verdict) -> Verdict:
+    """Return a verdict in which feedforward is the cause of what is inconsistent, where it is.
+
+    Beyond its linear model nothing else can be judged.
+
+    Parameters
+    ----------
+    result
+        The run.
+    verdict
+        What its evidence says.
+    """
+    if not verdict.findings or result.feedforward_drift <= LINEAR:
+        return verdict
+    degrees = np.degrees(result.feedforward_drift)
+    finding = Finding(
+        "feedforward",
+        "not modelled",
+        float(result.feedforward_drift),
+        f"The free-running navigator of the feedforward filter is up to {degrees:.3g}° off in attitude, beyond "
+        "its linear model: its σ is not that of its errors.",
+        "Set navigator.correction to feedback.",
+        f"attitude error of the free-running navigator {degrees:.3g}°, limit {np.degrees(LINEAR):g}°",
+        (Change("navigator.correction", "feedback"),),
+    )
+    return Verdict(headline((finding,), ""), (finding,), verdict.basis)
 
 
 def drift(result: Result) -> float:

@@ -159,7 +159,8 @@ def held_out(result: Result) -> float:
     outages = [[float(start), float(start + OUTAGE)] for start in starts]
     experiment = result.experiment.copy()
     experiment.set("navigator.smoother", False)
-    experiment.set("sensors.gps.outages", [*map(list, experiment.sensors.gps.outages), *outages])
+    made = [[start + result.epoch, end + result.epoch] for start, end in outages]
+    experiment.set("sensors.gps.outages", [*map(list, experiment.sensors.gps.outages), *made])
     fixes, times = result.fixes, result.fix_validity
     # Of the last half of each outage, where the errors have grown.
     chosen = np.zeros(times.size, dtype=np.bool_)
