@@ -48,8 +48,8 @@ def judge(result: Result, verdict: Verdict) -> Verdict:
         "feedforward",
         "not modelled",
         float(result.feedforward_drift),
-        f"The free-running navigator of the feedforward filter is up to {degrees:.3g}° off in attitude, beyond "
-        "its linear model: its σ is not that of its errors.",
+        f"The free-running navigator of the feedforward filter is up to {degrees:.3g}° off in attitude, "
+        "beyond its linear model: its σ is not that of its errors.",
         "Set navigator.correction to feedback.",
         f"attitude error of the free-running navigator {degrees:.3g}°, limit {np.degrees(LINEAR):g}°",
         (Change("navigator.correction", "feedback"),),
