@@ -116,7 +116,16 @@ class Walk:
             found.append(f"says {match[0]!r}")
         if isinstance(self.shown, ComputedPage) and not self.reason and not str(self.shown.words.object):
             found.append("says nothing about what it works out")
-        return found + [line for fig in ([] if self.reason else self.figures()) for line in _odd_axes(fig)]
+        if self.refused and "accepted" not in self.text():
+            found.append(f"does not say what is accepted: {self.text()!r}")
+        figures = [] if self.reason or self.refused else self.figures()
+        return found + [line for fig in figures for line in _odd_axes(fig)]
+
+    @property
+    def refused(self) -> bool:
+        """Whether the page could not work out what it shows, and says why in place of it."""
+        shown = self.shown
+        return isinstance(shown, ComputedPage) and shown._wanted is not None and shown._content is None
 
 
 def _odd_axes(fig: figure) -> Iterator[str]:
