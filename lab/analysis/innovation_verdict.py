@@ -143,14 +143,17 @@ def _stated(found: list[Explanation], seen: Innovations, told: FloatArray) -> We
     rival = _rival(found)
     statistic = f"logarithm of the likelihood ratio {best.gain:.0f}"
     if rival is not None:
+        variance = not best.parts.size and best.source != GPS
         finding = Finding(
             EITHER,
             "not modelled",
             float("nan"),
             f"The innovations are not what the filter expects: {_words(best)} explains them, and "
             f"{_words(rival)} nearly as well; they cannot tell GPS from IMU.",
-            "Compare with a reference, or with another IMU or receiver; a flight with more turns tells more.",
+            f"{f'{_gain_advice(best)} ' if variance else ''}Compare with a reference, or with another IMU or "
+            "receiver; a flight with more turns tells more.",
             f"{statistic}, {rival.gain:.0f} of the other",
+            (_gain_change(best),) if variance else (),
         )
         return Weighed(best.gain, finding)
     return Weighed(best.gain, _finding(best, seen, statistic, told))

@@ -28,7 +28,15 @@ def experiment(mission: str, grade: str, seed: int) -> Experiment:
     found.set("sensors.gyro.bias_sigma", bias[0])
     found.set("sensors.accelerometer.bias_sigma", bias[1])
     for triad in ("gyro", "accelerometer"):
-        found.set(f"sensors.{triad}.scale_factor_sigma", 0.0)
+        # What a card has or assumes beyond the states of the filter would be a fault of its own.
+        for term in (
+            "scale_factor_sigma",
+            "scale_factor",
+            "misalignment",
+            "bias_temperature",
+            "scale_temperature",
+        ):
+            found.set(f"sensors.{triad}.{term}", 0.0)
         found.set(f"sensors.{triad}.bandwidth", 0.0)
         # Flicker has no exact model of one state; a Gauss-Markov bias of the same size has.
         found.set(f"sensors.{triad}.flicker", 0.0)
