@@ -13,6 +13,7 @@ from lab.cache import StageCache, digest
 from lab.log_reference import comparison_remark, reference_at
 from lab.missions import LogMission, SensorLog
 from lab.missions.log_pieces import piece
+from lab.missions.vehicle import vehicle_of
 from lab.navigation.algorithm import Algorithm, run_algorithm
 from lab.navigation.belief import assumed_latency
 from lab.navigation.choice import is_ready
@@ -147,6 +148,12 @@ def _result(
     # The filter was given something in place of what the receiver does not measure.
     seen = np.where(np.isnan(log.gnss.velocity_n[rows]), np.nan, made.fixes.velocity_n)
     notes = [*made.remarks, *clock_remarks(log, experiment.sensors.gps.outages)]
+    unnamed = experiment.navigator.vehicle == "auto" and not vehicle_of(log.beside.vehicle).name
+    if unnamed and made.alignment.heading.is_course:
+        notes.append(
+            "Nobody named the vehicle: the course is taken for its heading, which the motion does not "
+            "contradict. --vehicle or vehicle in log.toml names it."
+        )
     notes += [comparison_remark(other, made.imu.time, solution) for other in log.beside.comparisons]
     if log.reference is None:
         notes.append("There is no reference: errors are not known, innovations are.")

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lab import report
-from lab.analysis import budget, observability
+from lab.analysis import budget, feedforward, observability
 from lab.analysis.algorithm_verdict import algorithm_evidence, judge
 from lab.analysis.evidence import Evidence, Reference, evidence
 from lab.analysis.verdict import Verdict
@@ -196,6 +196,11 @@ class Result:
     def euler(self) -> FloatArray:
         """Estimated roll, pitch, heading (n + 1, 3) [rad]."""
         return euler_from_quaternion(self.solution_arrays.q_nb)
+
+    @cached_property
+    def feedforward_drift(self) -> float:
+        """Largest attitude error of the free-running navigator of a feedforward filter [rad]; else zero."""
+        return feedforward.drift(self)
 
     @property
     def fix_validity(self) -> FloatArray:
@@ -391,6 +396,13 @@ class Result:
             remarks.append(
                 f"The filter recovered {recovered} time{'s' if recovered > 1 else ''}: fixes in a row were "
                 "so implausible that the filter itself had to be in error; it raised P and used the fix."
+            )
+        drift = self.feedforward_drift
+        if drift > feedforward.LINEAR:
+            remarks.append(
+                f"Feedforward: the free-running navigator is up to {np.degrees(drift):.3g}° off in attitude, "
+                f"and the filter is linear up to {np.degrees(feedforward.LINEAR):g}°: its σ is not that of its "
+                "errors. navigator.correction = feedback keeps the navigator close to the truth."
             )
         if not self.fixes.time.size:
             remarks.append(

@@ -20,7 +20,13 @@ DRAG = 0.35
 
 
 def copter(
-    duration: float = 120.0, *, late: float = 0.0, rest: float = 0.0, nose: float = 0.7, seed: int = 3
+    duration: float = 120.0,
+    *,
+    late: float = 0.0,
+    rest: float = 0.0,
+    nose: float = 0.7,
+    aside: bool = False,
+    seed: int = 3,
 ) -> Tables:
     """Return what a copter logs that pulls forward and lets go, again and again.
 
@@ -34,6 +40,8 @@ def copter(
         How long it stands before [s].
     nose
         Heading at the start, from which the nose swings to either side while the course stays [rad].
+    aside
+        True lets the nose keep that angle to the course instead.
     seed
         Of the noise.
     """
@@ -47,7 +55,7 @@ def copter(
         (speed * np.cos(course), speed * np.sin(course), -0.4 * flying * np.sin(2 * np.pi * t / 13.0)),
         axis=-1,
     )
-    heading = nose + flying * 0.5 * np.sin(2 * np.pi * t / 23.0)
+    heading = nose + (course if aside else flying * 0.5 * np.sin(2 * np.pi * t / 23.0))
     moving = CubicSpline(fine, velocity)
     g = float(earth.gravity(np.sin(LATITUDE), HEIGHT))
     force_n = moving(fine, 1) - (0, 0, g)

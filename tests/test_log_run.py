@@ -53,6 +53,7 @@ def test_errors_against_the_reference(folder, tmp_path):
     assert {"mean", "std"} <= set(result.summary.columns)
     assert np.isfinite(result.summary[["rms", "max", "mean", "std"]].to_numpy()).all()
     assert "reference, which has errors of its own" in " ".join(result.remarks)
+    assert "Nobody named the vehicle: the course is taken for its heading" in " ".join(result.remarks)
     assert result.verdict.basis == "1 run, innovations only"
     assert "_true" not in " ".join(map(str, (*result.imu, *result.sensor_errors)))
     result.to_netcdf(tmp_path / "result.nc")
@@ -171,14 +172,22 @@ def test_gate_and_smoother_and_feedforward(folder):
         ).all()
 
 
-def test_what_cannot_be_done_is_refused(folder, tmp_path):
-    with pytest.raises(SettingError, match="filterpy takes one R for all fixes"):
-        experiment(folder, navigator__engine="filterpy").run()
+def test_a_log_is_smoothed_over_short_gaps(tmp_path):
     flown = tables(60, 80)
     rows = (flown.imu[:, 0] > 1070.2) & (flown.imu[:, 0] < 1070.9)
     gappy = write(tmp_path / "gap", flown._replace(imu=flown.imu[~rows]))
-    with pytest.raises(SettingError, match=r"cannot smooth over gaps of the IMU, of which .* has 1"):
-        experiment(gappy, navigator__smoother=True).run()
+    made = experiment(gappy, navigator__smoother=True).run()
+    assert any("1 gap of the IMU" in remark for remark in made.remarks)
+    filtered = experiment(gappy).run()
+    at = np.searchsorted(made.time, 10.5)
+    smoothed = made.solution_arrays.variance
+    assert (smoothed[:, :9] > 0).all()
+    assert (smoothed[at, :6] < filtered.solution_arrays.variance[at, :6]).all()
+
+
+def test_what_cannot_be_done_is_refused(folder):
+    with pytest.raises(SettingError, match="reference in filterpy knows neither gaps of the IMU nor"):
+        experiment(folder, navigator__engine="filterpy").run()
     with pytest.raises(ValueError, match="3 runs of a log of real sensors would all be the same"):
         run_ensemble(experiment(folder), 3)
 
@@ -299,10 +308,11 @@ def test_another_solution_is_compared_with_and_no_truth(tmp_path):
 
 def test_a_vehicle_that_only_the_settings_name(tmp_path):
     """Read as any vehicle's, the log of a copter that looks aside is refused."""
-    folder = write(tmp_path, copter(60, nose=1.6))
+    folder = write(tmp_path, copter(60, nose=1.6, aside=True))
     with pytest.raises(MissionError, match="vehicle"):
         experiment(folder).run()
     result = experiment(folder, navigator__vehicle="copter").run()
+    assert not any("Nobody named the vehicle" in remark for remark in result.remarks)
     assert abs(float(result.errors.attitude.sel(angle="heading")[0])) < 5
 
 

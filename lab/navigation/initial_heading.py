@@ -31,6 +31,7 @@ MAGNETIC_SIGMA = np.radians(10.0)
 ANTENNA_SIGMA = np.radians(2.0)
 """σ of a heading by two antennas that come without σ: 1 cm over 0.3 m [rad]."""
 
+_COURSE = "from the course"
 _MATCH_SIGMA = np.radians(2.0)  # what the model of the match leaves out
 _SURE = np.radians(6.0)  # no further windows are looked at
 _WORTH = np.radians(30.0)
@@ -113,6 +114,11 @@ class Found(NamedTuple):
     late: float = np.nan
     late_sigma: float = np.nan
 
+    @property
+    def is_course(self) -> bool:
+        """Whether the heading is the course."""
+        return self.source.startswith(_COURSE)
+
 
 UNKNOWN = Found(0.0, np.pi, "", np.nan)
 """The heading where nothing shows it."""
@@ -172,7 +178,7 @@ def by_course(
     return Found(
         float(wrap(course - np.interp(time, imu.time, turning))),
         float(min(np.pi, np.sqrt(vehicle.sideslip**2 + (sigma[first] / speed[first]) ** 2 + drift**2))),
-        f"from the course at {time:.1f} s",
+        f"{_COURSE} at {time:.1f} s",
         time,
     )
 

@@ -161,7 +161,7 @@ class NavigatorSettings(Settings):
     rest_updates = param.Boolean(
         default=True,
         label="Updates at rest",
-        doc="Where the vehicle stands still for 5 s or more, by the GPS velocity and the spread of the IMU, "
+        doc="Where the vehicle stands still for 10 s or more, by the GPS velocity and the spread of the IMU, "
         "the gyros show their biases (zero angular rate updates).",
     )
     smoother = param.Boolean(

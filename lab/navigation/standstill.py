@@ -28,7 +28,7 @@ FloatArray = NDArray[np.float64]
 
 SPAN = 1.0
 """Time over which the gyros are averaged for one update [s]."""
-SHORTEST = 5
+SHORTEST = 10
 """Seconds in a row that look like rest before any of them counts; a walker pauses for less [s]."""
 SLOW = 16.3
 """Largest square of a GPS velocity in its σ at rest: what 99.9 % of three components stay below."""

@@ -126,7 +126,17 @@ def test_a_healthy_copter_passes_wherever_its_nose_points(tmp_path, nose, late):
 
 
 def test_who_accuses_the_axes_asks_for_the_vehicle(tmp_path):
-    recognised(write(tmp_path, copter(60, nose=1.6)), r'axes or signs.*name it, such as vehicle = "copter"')
+    """A nose that keeps its angle to the course is one of a copter that looks aside, or of turned axes."""
+    recognised(
+        write(tmp_path, copter(60, nose=1.6, aside=True)),
+        r'axes or signs.*name it, such as vehicle = "copter"',
+    )
+
+
+@pytest.mark.parametrize("nose", [0.0, 1.6, 3.1])
+def test_a_nose_that_wanders_is_no_fault_of_axes(tmp_path, nose):
+    """Nobody named the vehicle, but wrong axes would turn the nose by the same angle always."""
+    read_sensor_log(write(tmp_path, copter(60, nose=nose)))
 
 
 @pytest.mark.parametrize("late", [-1.3, 0.6, 2.2])

@@ -21,8 +21,10 @@ from numpy.typing import NDArray
 from lab.missions.content import whole
 from lab.missions.errors import MissionError
 from lab.missions.log_check import check_log
+from lab.missions.log_parts import Beside
 from lab.missions.raw_flight import VERTICAL_VELOCITY, ColumnUnit, RawFlight
 from lab.missions.readers import sdlog2
+from lab.missions.readers.ardupilot_beside import headings_of, magnetometer_of
 from lab.missions.readers.dataflash_file import MAGIC, DataFlashFile, Log
 from lab.missions.readers.dataflash_text import DataFlashText, is_text
 from lab.missions.readers.dataflash_time import TIME, Messages, MessageTimes
@@ -37,7 +39,7 @@ FloatArray = NDArray[np.float64]
 NAME = "ArduPilot DataFlash"
 
 _FLIGHT = ("XKF1", "NKF1", "EKF1", "POS", "AHR2", "XKQ", "NKQ", "ATT", "GPS", "MSG", "GPA")
-_SENSORS = ("IMU", "GPS", "GPA", "PARM")
+_SENSORS = ("IMU", "GPS", "GPA", "PARM", "MAG", "MSG")
 _VEHICLES = {
     "ArduPlane": "fixed wing", "ArduCopter": "rotary wing", "ArduRover": "rover", "APM:Rover": "rover",
     "Rover": "rover", "Blimp": "blimp", "ArduSub": "submarine",
@@ -122,7 +124,9 @@ def read_log(path: Path) -> SensorLog:
     gnss = _gnss(gps, _messages(times, "GPA"), _geoid(times), parameters)
     if not gnss.time.size:
         raise MissionError(f"{path}: {_no_fix(gps)}; accepted are logs with fixes")
-    made = repaired(str(path), imu.time, imu.values, gnss)
+    compass, headings = magnetometer_of(_messages(times, "MAG")), headings_of(gps, _fixed(gps))
+    beside = Beside(_vehicle(log), compass, headings)
+    made = repaired(str(path), imu.time, imu.values, gnss, beside=beside)
     check_log(made)
     if not times.unstamped:
         return made
