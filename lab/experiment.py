@@ -325,11 +325,17 @@ class _Run:
         check_bias_decay(schedule.stride * ideal.dt, assumed.bias_decay)
         latency = assumed_latency(settings, self.sensors.gps.latency)
         try:
-            increments = Imu(ideal.time, dtheta, dvelocity)
+            # What an alignment found is taken off as a calibration: it does not fade as biases in flight do.
+            found = self.aligned_bias()
+            increments = Imu(
+                ideal.time, _read_only(dtheta - found * ideal.dt) if found.any() else dtheta, dvelocity
+            )
             seen = Fixes(fixes.time - latency, fixes.position, fixes.velocity_n)
             if settings.rest_updates:
                 increments = increments._replace(rest=at_rest(increments, seen, assumed))
-            solution = self.engine(increments, seen, self.start(flight), assumed, schedule)
+            begin = start(flight.truth, settings, self.experiment.seed)
+            solution = self.engine(increments, seen, begin, assumed, schedule)
+            solution.bias[:, :3] += found
         except SettingError:
             raise
         except PolarError as error:
@@ -352,16 +358,14 @@ class _Run:
             self.algorithm,
             Imu(flight.ideal.time, dtheta, dvelocity),
             Fixes(fixes.time, fixes.position, fixes.velocity_n),
-            self.start(flight),
+            start(flight.truth, self.navigator, self.experiment.seed)._replace(gyro_bias=self.aligned_bias()),
         )
 
-    def start(self, flight: Flight) -> Start:
-        """Return where the navigator believes it starts, with the gyro bias an alignment found."""
-        begin = start(flight.truth, self.navigator, self.experiment.seed)
+    def aligned_bias(self) -> FloatArray:
+        """Return the gyro bias (3,) that an alignment before the flight found [rad/s]; zero without one."""
         if not self.navigator.alignment:
-            return begin
-        bias = aligned_gyro_bias(self.sensors, self.experiment.seed, float(self.navigator.alignment))
-        return begin._replace(gyro_bias=bias)
+            return np.zeros(3)
+        return aligned_gyro_bias(self.sensors, self.experiment.seed, float(self.navigator.alignment))
 
     def engine(self, imu: Imu, fixes: Fixes, start: Start, belief: Belief, schedule: Schedule) -> Solution:
         """Navigate with the model and the engine of the settings."""
@@ -381,6 +385,12 @@ class _Run:
             )
         engine = smoother.navigate if self.navigator.smoother else navigate
         return engine(imu, fixes, start, belief, schedule, chosen_model(self.navigator))
+
+
+def _read_only(values: FloatArray) -> FloatArray:
+    """Return values that cannot be changed, as those of the cached stages: the code is compiled for these."""
+    values.setflags(write=False)
+    return values
 
 
 def aligned_gyro_bias(sensors: SensorSuite, seed: int, length: float) -> FloatArray:

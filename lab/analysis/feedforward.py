@@ -72,7 +72,7 @@ def drift(result: Result) -> float:
     solution, nothing = result.solution_arrays, np.zeros((0, 3))
     start = Start(solution.position[0], solution.velocity_n[0], solution.q_nb[0], solution.bias[0, :3].copy())
     imu = Imu(result.time, result.gyro.increments, result.accelerometer.increments)
-    alone = result.belief._replace(R=np.eye(6))
+    alone = result.belief._replace(R=np.eye(6), bias_decay=np.zeros(6))
     try:
         model = chosen_model(result.experiment.navigator)
         none = Fixes(np.zeros(0), nothing, nothing)

@@ -34,6 +34,8 @@ GROUPS = (*TRIADS, "gps")
 """Groups of the settings of the sensors that a card may describe."""
 CLASSIC = "MEMSense AccelRate3D"
 """The card of the default settings."""
+ALIGNMENT = 30.0
+"""Rest before the flight that goes with a card [s]: autopilots take 10 to 60 s. The classic card has none."""
 EXPECTED = (
     "noise_density",
     "flicker",
@@ -103,9 +105,11 @@ class Card:
         return out | ({"assumed": ", ".join(marks)} if triads else {})
 
     def load(self, experiment: Settings) -> None:
-        """Give an experiment the sensors of the card, and its filter states for scale factors that err.
+        """Give an experiment the sensors of the card, a filter that suits them, and an alignment.
 
-        A filter whose P0 is given keeps its number of states.
+        21 states for scale factors that err, and `ALIGNMENT` at rest before the flight, as every autopilot
+        takes it: turn-on biases of some °/s are no start for a linear filter. A filter whose P0 is given
+        keeps its number of states.
 
         Parameters
         ----------
@@ -114,7 +118,10 @@ class Card:
         """
         settings: dict[str, Any] = {"sensors": self.settings()}
         if not self._receiver_alone() and experiment.get("navigator.p0") is None:
-            settings["navigator"] = {"states": self.states}
+            settings["navigator"] = {
+                "states": self.states,
+                "alignment": 0.0 if self.name == CLASSIC else ALIGNMENT,
+            }
         experiment.update(settings)
 
     @property
