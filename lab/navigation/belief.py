@@ -94,6 +94,8 @@ def matched_p0(sensors: SensorSuite, navigator: NavigatorSettings) -> FloatArray
     variance[ATT] = si(navigator, "attitude_sigma") ** 2 + si(navigator, "attitude_error") ** 2
     constant = constant_gyro_bias_variance(sensors, navigator)
     variance[GYRO_BIAS] = constant + si(sensors.gyro, "instability") ** 2
+    if navigator.alignment:  # what flicker does beside a whole turn-on bias is nothing
+        variance[GYRO_BIAS] += flicker_process(sensors.gyro)[0]
     variance[ACCEL_BIAS] = (
         _turn_on_variance(sensors.accelerometer) + si(sensors.accelerometer, "instability") ** 2
     )
