@@ -1,0 +1,245 @@
+"""Identify: the noise of a run's sensors, latency and lever arm from its innovations, judged by withheld fixes."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import special
+
+from lab.analysis.consistency import chi_square_interval
+from lab.analysis.identification import HeldOut, Identification
+from lab.analysis.likelihood import Estimate, Parameter, Seen, log_likelihoods, maximise, squares
+from lab.assumptions import LOGARITHMS, OBSERVABLE, Assumed, assumed, changes_of, parameters, rows_of
+from lab.experiment import Experiment
+from lab.renavigation import Subject, subject
+from lab.result import Result, ResultError
+
+FloatArray = NDArray[np.float64]
+Flags = NDArray[np.bool_]
+Progress = Callable[[str, float], None]
+
+SETTLING = 30.0
+"""Time after the start whose innovations are those of the initial errors, not of the sensors [s]."""
+LARGEST_PART = 0.2
+"""Largest part of the run that is left out for that, and largest part of its end."""
+MARGIN = 3.0
+"""Time before the end whose fixes are left out: with another latency they might be beyond it [s]."""
+OUTAGE, EVERY, TURNS = 10.0, 60.0, 3
+"""Length of the outages in which the prediction is judged, time from one to the next [s], and how often that
+is done, each time with the outages elsewhere."""
+FEWEST = 20
+"""Fewest fixes that something can be identified from."""
+BY_CHANCE = 1e-6
+"""Probability of the NIS beyond which a fix is an outlier."""
+MOST_OUTLIERS = 0.05
+"""Part of the fixes above which outliers are none, but a wrong model."""
+REJECTED = 3.84
+"""Twice the loss of log-likelihood at which a value is outside the 95 % interval (χ², 1 degree)."""
+
+
+class _Search(NamedTuple):
+    """What the likelihood is made of."""
+
+    subject: Subject
+    experiment: Experiment  # with a filter that uses every fix
+    begun: Assumed
+    counted: Flags  # fixes after the initial errors
+    dropped: Flags  # outliers
+
+    def run(self, by: FloatArray) -> Seen:
+        """Return the innovations that count, with other assumptions."""
+        seen, _ = self.subject.navigate(self.begun.moved(by).on(self.experiment), self.dropped)
+        counts = self.counted & ~self.dropped
+        return Seen(np.where(counts[:, None], seen.innovation, np.nan)[self.counted], seen.covariance[self.counted])
+
+
+def identify(result: Result, progress: Progress | None = None) -> Identification:
+    """Return what the innovations of a result say of its sensors.
+
+    Parameters
+    ----------
+    result
+        A simulated run, or that of a log.
+    progress
+        Called with a phrase and the fraction done, from 0 to 1.
+
+    Raises
+    ------
+    ResultError
+        If a user's algorithm navigated, or there are too few fixes.
+    ValueError
+        If the filter cannot be run with the settings of the result.
+    """
+    if result.algorithm:
+        raise ResultError("The navigator is your own algorithm: what it assumes is not known here.")
+    tell, begun_at = progress or (lambda _stage, _fraction: None), time.perf_counter()
+    again = subject(result)
+    now, densities = assumed(result)
+    begun = now._replace(noise=densities)
+    first, last = again.span
+    settling = min(SETTLING, LARGEST_PART * (last - first))
+    margin = min(MARGIN, LARGEST_PART * (last - first))
+    counted = (again.stamps > first + settling) & (again.stamps < last - margin)
+    plain = _every_fix(result.experiment)
+    search = _Search(again, plain, begun, counted, np.zeros(counted.size, np.bool_))
+    whole = parameters(now)
+    begin = np.array([parameter.start for parameter in whole])
+    if int(np.isfinite(search.run(begin).innovation).any(axis=1).sum()) < FEWEST:
+        raise ResultError(
+            f"There are too few fixes to identify anything from; accepted are at least {FEWEST} after the first "
+            f"{settling:.0f} s."
+        )
+    estimate = _maximised(search, whole, begin, np.zeros(begin.size, np.bool_), tell, 0.0, 0.5)
+    outliers = _outliers(estimate.seen)
+    if outliers.any():
+        search.dropped[np.flatnonzero(counted)[outliers]] = True
+        estimate = _maximised(search, whole, estimate.value, np.zeros(begin.size, np.bool_), tell, 0.5, 0.6)
+    estimate, shown, bounded = _observable(search, whole, estimate, now, tell)
+    found = _with_what_stays(begun.moved(estimate.value), now, shown)
+    rows = rows_of(result, now, begun, estimate.value, estimate.sigma, shown, bounded)
+    changes = changes_of(result, rows, found)
+    tell("predicting withheld fixes", 0.8)
+    changed = result.experiment.copy().update(changes)
+    masks = _outages(again.stamps, first + settling, last)
+    before, after = (_held_out(again, settings, masks, search.dropped) for settings in (result.experiment, changed))
+    inside = tuple(_inside(again, settings, search) for settings in (result.experiment, changed))
+    tell("done", 1.0)
+    return Identification(
+        mission=result.mission.title or result.mission.name,
+        rows=rows,
+        before=before,
+        after=after,
+        withheld=OUTAGE,
+        every=EVERY,
+        inside=(inside[0], inside[1]),
+        white=estimate.white,
+        outliers=int(search.dropped.sum()),
+        fixes=int((counted & ~search.dropped).sum()),
+        changes=changes,
+        seconds=time.perf_counter() - begun_at,
+    )
+
+
+def _every_fix(experiment: Experiment) -> Experiment:
+    """Return the experiment with a filter that uses every fix fully, at once, forwards."""
+    plain = experiment.copy()
+    navigator = plain.navigator
+    navigator.gate, navigator.robust, navigator.smoother = 0.0, "none", False
+    navigator.correction, navigator.correction_period, navigator.engine = "feedback", 0.0, "compiled"
+    if navigator.model == "nonlinear":
+        navigator.model = "invariant"  # as good with large errors of the attitude, and much faster
+    return plain
+
+
+def _maximised(
+    search: _Search,
+    whole: list[Parameter],
+    begin: FloatArray,
+    held: Flags,
+    tell: Progress,
+    start: float,
+    end: float,
+) -> Estimate:
+    def told(stage: str, fraction: float) -> None:
+        tell(stage, start + (end - start) * fraction)
+
+    return maximise(search.run, whole, begin, held, told)
+
+
+def _outliers(seen: Seen) -> Flags:
+    """Return which fixes no Gaussian gives; none if so many are that the model must be wrong."""
+    nis, degrees = squares(seen)
+    far = (degrees > 0) & (special.gammaincc(np.maximum(degrees, 1) / 2, nis / 2) < BY_CHANCE)
+    few = far.sum() <= MOST_OUTLIERS * max(1, int((degrees > 0).sum()))
+    return np.asarray(far & few)
+
+
+def _observable(
+    search: _Search, whole: list[Parameter], estimate: Estimate, now: Assumed, tell: Progress
+) -> tuple[Estimate, Flags, Flags]:
+    """Return the estimate with what is not observable held where it was, what is, and what has no lower bound.
+
+    A parameter that is poorly known goes back to its start, unless its start is refuted: of a noise that is
+    smaller than anything the log shows, the log shows that it is not larger.
+    """
+    prior = np.array([parameter.prior for parameter in whole])
+    start = np.array([parameter.start for parameter in whole])
+    poor = estimate.sigma > OBSERVABLE * prior
+    bounded = np.zeros(poor.size, np.bool_)
+    for index in np.flatnonzero(poor):
+        back = estimate.value.copy()
+        back[index] = start[index]
+        loss = estimate.log_likelihood - float(log_likelihoods(search.run(back)).sum())
+        if index < LOGARITHMS.stop and 2 * loss > REJECTED:
+            bounded[index] = True
+    held = poor & ~bounded
+    if held.any():
+        begin = np.where(held, start, estimate.value)
+        estimate = _maximised(search, whole, begin, held, tell, 0.6, 0.8)
+    return estimate, ~held, bounded
+
+
+def _with_what_stays(found: Assumed, now: Assumed, shown: Flags) -> Assumed:
+    """Return what was found, with what the filter assumed before in place of what the log does not show."""
+    noise = np.where(np.repeat(shown[:4], 3), found.noise, now.noise)
+    factors = np.where(shown[4:7], found.factors, now.factors)
+    arm = np.where(shown[8:], found.lever_arm, now.lever_arm)
+    return Assumed(noise, factors, found.latency if shown[7] else now.latency, arm)
+
+
+def _outages(stamps: FloatArray, start: float, end: float) -> list[Flags]:
+    """Return which fixes are withheld, in each of the turns."""
+    since = stamps - start
+    masks = []
+    for turn in range(TURNS):
+        within = np.mod(since - turn * EVERY / TURNS, EVERY) < OUTAGE
+        masks.append((since >= turn * EVERY / TURNS) & within & (stamps <= end))
+    return [mask for mask in masks if mask.any()]
+
+
+def _held_out(again: Subject, experiment: Experiment, masks: list[Flags], dropped: Flags) -> HeldOut:
+    """Return how well a filter predicts withheld fixes, outliers apart."""
+
+    def turn(mask: Flags) -> Seen:
+        _, predicted = again.navigate(settings, mask)
+        kept = mask & ~dropped
+        return Seen(predicted.innovation[kept], predicted.covariance[kept])
+
+    settings = experiment.copy()
+    settings.navigator.smoother, settings.navigator.engine = False, "compiled"
+    with ThreadPoolExecutor(max_workers=2) as pool:
+        parts = list(pool.map(turn, masks))
+    seen = Seen(*(np.concatenate(arrays) for arrays in zip(*parts, strict=True)))
+    known = np.isfinite(seen.innovation).any(axis=1)
+    seen = Seen(seen.innovation[known], seen.covariance[known])
+    nis, degrees = squares(seen)
+    position, velocity = (
+        float(np.sqrt(np.mean(np.nansum(block**2, axis=1)))) if np.isfinite(block).any() else float("nan")
+        for block in (seen.innovation[:, :3], seen.innovation[:, 3:])
+    )
+    return HeldOut(
+        int(known.sum()),
+        position,
+        velocity,
+        float(np.sqrt(nis.sum() / max(1, int(degrees.sum())))),
+        float(log_likelihoods(seen).mean()),
+    )
+
+
+def _inside(again: Subject, experiment: Experiment, search: _Search) -> float:
+    """Return which part of the NIS lies in the 95 % interval, each fix from all before it."""
+    settings = _every_fix(experiment)
+    seen, _ = again.navigate(settings, search.dropped)
+    counts = search.counted & ~search.dropped
+    nis, degrees = squares(Seen(seen.innovation[counts], seen.covariance[counts]))
+    nis, degrees = nis[degrees > 0], degrees[degrees > 0]
+    if not nis.size:
+        return float("nan")
+    bounds = {int(count): chi_square_interval(int(count)) for count in np.unique(degrees)}
+    low, high = np.array([bounds[int(count)] for count in degrees]).T
+    return float(np.mean((nis >= low) & (nis <= high)))
