@@ -1,6 +1,6 @@
 """Assumptions: what a filter assumes of its sensors as a few parameters, and as the settings that say so.
 
-One factor for the noise of each triad, one for the drive of its biases, three for a fix; latency and lever arm.
+One factor for the noise of each triad, one for the drive of its biases, three for a fix, latency, lever arm.
 Noise and σ are searched by their logarithms.
 """
 
@@ -51,8 +51,10 @@ ARM = 5.0
 OBSERVABLE = 1 / 3
 """Part of the prior σ below which a parameter counts as observable."""
 MEETING = 60.0
-"""Time at which a drive that nobody assumed is first tried to reach the white noise [s]: below it, a flight of
-minutes does not show it."""
+"""Time at which a drive that nobody assumed is first tried to reach the white noise [s]: a smaller one does
+not show in a flight of minutes."""
+NOTHING = 10.0
+"""Logarithm at which noise is taken as none: 20,000 times less than where the search begins."""
 
 
 class Assumed(NamedTuple):
@@ -123,7 +125,7 @@ def parameters(now: Assumed) -> list[Parameter]:
         Parameter(name, float(arm), -100.0, 100.0, ARM, 1e-2, 5.0)
         for name, arm in zip(NAMES[LEVER_ARM], now.lever_arm, strict=True)
     ]
-    return [*logarithms, Parameter(NAMES[LATENCY], now.latency, -3.0, 3.0, LATE, 5e-3, 0.5), *arms]
+    return [*logarithms, Parameter(NAMES[LATENCY], now.latency, -3.0, 3.0, LATE, 0.05, 0.3, both=True), *arms]
 
 
 def rows_of(

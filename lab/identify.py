@@ -1,20 +1,31 @@
-"""Identify: the noise of a run's sensors, latency and lever arm from its innovations, judged by withheld fixes."""
+"""Identify: noise of a run's sensors, latency and lever arm from its innovations, judged by withheld fixes."""
 
 from __future__ import annotations
 
 import time
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy import special
 
 from lab.analysis.consistency import chi_square_interval
-from lab.analysis.identification import HeldOut, Identification
+from lab.analysis.identification import HeldOut, Identification, Row, better
 from lab.analysis.likelihood import Estimate, Parameter, Seen, log_likelihoods, maximise, squares
-from lab.assumptions import LOGARITHMS, OBSERVABLE, Assumed, assumed, changes_of, parameters, rows_of
+from lab.assumptions import (
+    LOGARITHMS,
+    NOISE,
+    NOTHING,
+    OBSERVABLE,
+    PARAMETERS,
+    Assumed,
+    assumed,
+    changes_of,
+    parameters,
+    rows_of,
+)
 from lab.experiment import Experiment
 from lab.renavigation import Subject, subject
 from lab.result import Result, ResultError
@@ -43,19 +54,48 @@ REJECTED = 3.84
 
 
 class _Search(NamedTuple):
-    """What the likelihood is made of."""
+    """What the likelihood is made of: all fixes one after the other, or those predicted across outages."""
 
     subject: Subject
     experiment: Experiment  # with a filter that uses every fix
     begun: Assumed
     counted: Flags  # fixes after the initial errors
     dropped: Flags  # outliers
+    masks: tuple[Flags, ...] = ()  # fixes in outages
 
     def run(self, by: FloatArray) -> Seen:
         """Return the innovations that count, with other assumptions."""
-        seen, _ = self.subject.navigate(self.begun.moved(by).on(self.experiment), self.dropped)
+        experiment = self.begun.moved(by).on(self.experiment)
         counts = self.counted & ~self.dropped
-        return Seen(np.where(counts[:, None], seen.innovation, np.nan)[self.counted], seen.covariance[self.counted])
+        if not self.masks:
+            seen, _ = self.subject.navigate(experiment, self.dropped)
+            return _of(seen, self.counted, counts)
+        parts = [self.subject.navigate(experiment, self.dropped | mask)[1] for mask in self.masks]
+        thin = _seconds_apart(self.subject.stamps)
+        parts = [_of(part, mask & thin, counts) for part, mask in zip(parts, self.masks, strict=True)]
+        return Seen(*(np.concatenate(arrays) for arrays in zip(*parts, strict=True)))
+
+
+class _Found(NamedTuple):
+    """What a search found, and how well it predicts."""
+
+    estimate: Estimate
+    shown: Flags
+    rows: tuple[Row, ...]
+    changes: dict[str, Any]
+    held_out: HeldOut
+    experiment: Experiment
+    predicting: bool
+
+
+def _of(seen: Seen, rows: Flags, counts: Flags) -> Seen:
+    """Return some rows of what is seen, those that do not count without an innovation."""
+    return Seen(np.where(counts[:, None], seen.innovation, np.nan)[rows], seen.covariance[rows])
+
+
+def _seconds_apart(stamps: FloatArray) -> Flags:
+    """Return which fixes are the first of their second: closer ones say the same of a prediction."""
+    return np.asarray(np.diff(np.floor(stamps + 1e-6), prepend=-1.0) > 0)
 
 
 def identify(result: Result, progress: Progress | None = None) -> Identification:
@@ -91,38 +131,79 @@ def identify(result: Result, progress: Progress | None = None) -> Identification
     begin = np.array([parameter.start for parameter in whole])
     if int(np.isfinite(search.run(begin).innovation).any(axis=1).sum()) < FEWEST:
         raise ResultError(
-            f"There are too few fixes to identify anything from; accepted are at least {FEWEST} after the first "
-            f"{settling:.0f} s."
+            f"There are too few fixes to identify anything from; accepted are at least {FEWEST} after the "
+            f"first {settling:.0f} s."
         )
-    estimate = _maximised(search, whole, begin, np.zeros(begin.size, np.bool_), tell, 0.0, 0.5)
+    free = np.zeros(begin.size, np.bool_)
+    estimate = _maximised(search, whole, begin, free, tell, 0.0, 0.4)
     outliers = _outliers(estimate.seen)
     if outliers.any():
         search.dropped[np.flatnonzero(counted)[outliers]] = True
-        estimate = _maximised(search, whole, estimate.value, np.zeros(begin.size, np.bool_), tell, 0.5, 0.6)
-    estimate, shown, bounded = _observable(search, whole, estimate, now, tell)
-    found = _with_what_stays(begun.moved(estimate.value), now, shown)
-    rows = rows_of(result, now, begun, estimate.value, estimate.sigma, shown, bounded)
-    changes = changes_of(result, rows, found)
-    tell("predicting withheld fixes", 0.8)
-    changed = result.experiment.copy().update(changes)
-    masks = _outages(again.stamps, first + settling, last)
-    before, after = (_held_out(again, settings, masks, search.dropped) for settings in (result.experiment, changed))
-    inside = tuple(_inside(again, settings, search) for settings in (result.experiment, changed))
+        estimate = _maximised(search, whole, estimate.value, free, tell, 0.4, 0.5)
+    masks = _outages(again.stamps, first + settling, last, 0.0)
+    before = _held_out(again, result.experiment, masks, search.dropped)
+    found = _judged(result, search, whole, estimate, now, masks, tell)
+    white = found.estimate.white
+    if not white or not better(before, found.held_out):
+        # The next fix is predicted well by a filter that follows correlated errors of the fixes; what is
+        # withheld for longer is not.
+        between = _outages(again.stamps, first + settling, last, EVERY / TURNS / 2)
+        ahead = search._replace(masks=tuple(between[: _turns(last - first)]))
+        if ahead.masks:
+            estimate = _maximised(ahead, whole, begin, free, tell, 0.7, 0.8)
+            other = _judged(result, ahead, whole, estimate, now, masks, tell)
+            found = _better_of(before, found, other)
+    tell("judging the innovations", 0.95)
+    inside = tuple(_inside(again, settings, search) for settings in (result.experiment, found.experiment))
     tell("done", 1.0)
     return Identification(
         mission=result.mission.title or result.mission.name,
-        rows=rows,
+        rows=found.rows,
         before=before,
-        after=after,
+        after=found.held_out,
         withheld=OUTAGE,
         every=EVERY,
         inside=(inside[0], inside[1]),
-        white=estimate.white,
+        white=white,
+        predicting=found.predicting,
         outliers=int(search.dropped.sum()),
         fixes=int((counted & ~search.dropped).sum()),
-        changes=changes,
+        changes=found.changes,
         seconds=time.perf_counter() - begun_at,
     )
+
+
+def _judged(
+    result: Result,
+    search: _Search,
+    whole: list[Parameter],
+    estimate: Estimate,
+    now: Assumed,
+    masks: list[Flags],
+    tell: Progress,
+) -> _Found:
+    """Return what a search found, with what is not observable left as it was, and how well it predicts."""
+    done = 0.8 if search.masks else 0.5
+    estimate, shown, bounded = _observable(search, whole, estimate, _zero(now), tell, done)
+    begun = search.begun
+    found = _with_what_stays(begun.moved(estimate.value), now, shown)
+    rows = rows_of(result, now, begun, estimate.value, estimate.sigma, shown, bounded)
+    changes = changes_of(result, rows, found)
+    changed = result.experiment.copy().update(changes)
+    tell("predicting withheld fixes", done + 0.1)
+    judged = _held_out(search.subject, changed, masks, search.dropped)
+    return _Found(estimate, shown, rows, changes, judged, changed, bool(search.masks))
+
+
+def _better_of(before: HeldOut, one: _Found, other: _Found) -> _Found:
+    """Return what predicts better; an error that grows counts before the likelihood."""
+    fine = [found for found in (one, other) if better(before, found.held_out)]
+    return max(fine or (one, other), key=lambda found: found.held_out.log_likelihood)
+
+
+def _turns(length: float) -> int:
+    """Return with how many turns of outages a search is made: a long log has enough of them in one."""
+    return TURNS if length < TURNS * EVERY * 2 else 1
 
 
 def _every_fix(experiment: Experiment) -> Experiment:
@@ -160,28 +241,40 @@ def _outliers(seen: Seen) -> Flags:
 
 
 def _observable(
-    search: _Search, whole: list[Parameter], estimate: Estimate, now: Assumed, tell: Progress
+    search: _Search, whole: list[Parameter], estimate: Estimate, zero: Flags, tell: Progress, done: float
 ) -> tuple[Estimate, Flags, Flags]:
-    """Return the estimate with what is not observable held where it was, what is, and what has no lower bound.
+    """Return the estimate with what is not observable held where it was; what is; what has no lower bound.
 
-    A parameter that is poorly known goes back to its start, unless its start is refuted: of a noise that is
-    smaller than anything the log shows, the log shows that it is not larger.
+    A noise that might as well be zero is not observable, unless what was assumed is refuted: then the log
+    shows that it is not larger. Another parameter that is poorly known goes back to its start likewise.
     """
     prior = np.array([parameter.prior for parameter in whole])
     start = np.array([parameter.start for parameter in whole])
     poor = estimate.sigma > OBSERVABLE * prior
-    bounded = np.zeros(poor.size, np.bool_)
-    for index in np.flatnonzero(poor):
-        back = estimate.value.copy()
-        back[index] = start[index]
-        loss = estimate.log_likelihood - float(log_likelihoods(search.run(back)).sum())
-        if index < LOGARITHMS.stop and 2 * loss > REJECTED:
-            bounded[index] = True
-    held = poor & ~bounded
+    bounded, held = np.zeros(poor.size, np.bool_), poor.copy()
+
+    def refuted(index: int, value: float) -> bool:
+        other = estimate.value.copy()
+        other[index] = value
+        return 2 * (estimate.log_likelihood - float(log_likelihoods(search.run(other)).sum())) > REJECTED
+
+    for index in range(LOGARITHMS.stop):
+        if index < NOISE.stop and not refuted(index, -NOTHING):
+            bounded[index] = refuted(index, start[index])
+            held[index] = not bounded[index]
+        elif poor[index] and refuted(index, start[index]):
+            bounded[index], held[index] = True, False
     if held.any():
-        begin = np.where(held, start, estimate.value)
-        estimate = _maximised(search, whole, begin, held, tell, 0.6, 0.8)
+        begin = np.where(held, np.where(zero, -NOTHING, start), estimate.value)
+        estimate = _maximised(search, whole, begin, held, tell, done, done + 0.1)
     return estimate, ~held, bounded
+
+
+def _zero(now: Assumed) -> Flags:
+    """Return which parameters (11,) are noise that the filter assumes to be zero."""
+    zero = np.zeros(PARAMETERS, np.bool_)
+    zero[NOISE] = ~now.noise.reshape(4, 3).any(axis=1)
+    return zero
 
 
 def _with_what_stays(found: Assumed, now: Assumed, shown: Flags) -> Assumed:
@@ -192,9 +285,9 @@ def _with_what_stays(found: Assumed, now: Assumed, shown: Flags) -> Assumed:
     return Assumed(noise, factors, found.latency if shown[7] else now.latency, arm)
 
 
-def _outages(stamps: FloatArray, start: float, end: float) -> list[Flags]:
-    """Return which fixes are withheld, in each of the turns."""
-    since = stamps - start
+def _outages(stamps: FloatArray, start: float, end: float, shift: float) -> list[Flags]:
+    """Return which fixes are withheld, in each of the turns, the first of which begins `shift` later [s]."""
+    since = stamps - start - shift
     masks = []
     for turn in range(TURNS):
         within = np.mod(since - turn * EVERY / TURNS, EVERY) < OUTAGE

@@ -5,7 +5,7 @@ The sensors' output stays: of a simulated run as it was simulated, of a log as i
 
 from __future__ import annotations
 
-from typing import NamedTuple, Protocol
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -135,6 +135,6 @@ def _predicted(solution: Solution, R: FloatArray) -> Seen:
     """
     H = solution.fix_H
     S = H @ solution.fix_covariance @ np.swapaxes(H, 1, 2) + R
-    known = np.isfinite(S).all(axis=(1, 2))
+    known: Flags = np.asarray(np.isfinite(S).all(axis=(1, 2)))
     S[~known] = np.eye(MEASUREMENTS)
     return Seen(np.where(known[:, None], solution.innovation, np.nan), S)

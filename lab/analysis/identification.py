@@ -1,4 +1,4 @@
-"""Identification: what a log's innovations say of its sensors, with error bars, and whether that predicts better.
+"""Identification: what innovations say of the sensors, with error bars, and whether that predicts better.
 
 The table of the parameters before and after, the errors of withheld fixes before and after, and the settings
 and the card that take the parameters over.
@@ -81,6 +81,14 @@ class HeldOut(NamedTuple):
     log_likelihood: float
 
 
+def better(before: HeldOut, after: HeldOut) -> bool:
+    """Say whether withheld fixes are more likely than before, and their error no larger."""
+    return bool(
+        after.log_likelihood > before.log_likelihood
+        and not after.position_error > ALLOWED * before.position_error
+    )
+
+
 @dataclass(frozen=True, eq=False)
 class Identification:
     """What the innovations of a run say of its sensors.
@@ -98,7 +106,10 @@ class Identification:
     inside : (float, float)
         Part of the NIS in their 95 % intervals, before and after; one by one, the next fix from all before.
     white : bool
-        Whether the innovations are white after; if not, the intervals are those of correlated ones.
+        Whether the innovations can be made white; if not, the intervals are those of correlated ones.
+    predicting : bool
+        Whether the likelihood was that of fixes predicted across outages, others than those judged, since
+        that of the next fix leads astray: errors of the fixes are correlated.
     outliers : int
         Fixes that were left out, since no Gaussian would give them.
     fixes : int
@@ -117,6 +128,7 @@ class Identification:
     every: float
     inside: tuple[float, float]
     white: bool
+    predicting: bool
     outliers: int
     fixes: int
     changes: Mapping[str, Any]
@@ -125,10 +137,7 @@ class Identification:
     @property
     def recommended(self) -> bool:
         """Whether withheld fixes are predicted better than before."""
-        return bool(
-            self.after.log_likelihood > self.before.log_likelihood
-            and not self.after.position_error > ALLOWED * self.before.position_error
-        )
+        return better(self.before, self.after)
 
     @property
     def table(self) -> pd.DataFrame:
@@ -140,11 +149,12 @@ class Identification:
     @property
     def sentence(self) -> str:
         """What came of it, in words."""
-        better = "better" if self.after.log_likelihood > self.before.log_likelihood else "no better"
+        word = "better" if self.recommended else "no better"
         text = (
-            f"Fixes withheld for {self.withheld:g} s are predicted {better}: error "
+            f"Fixes withheld for {self.withheld:g} s are predicted {word}: error "
             f"{self.before.position_error:.3g} m before, {self.after.position_error:.3g} m after; in its σ "
-            f"{self.before.in_sigma:.3g} before, {self.after.in_sigma:.3g} after."
+            f"{self.before.in_sigma:.3g} before, {self.after.in_sigma:.3g} after. NIS in its 95 % interval: "
+            f"{100 * self.inside[0]:.0f} % of the fixes before, {100 * self.inside[1]:.0f} % after."
         )
         advice = "Apply the settings." if self.recommended else "The settings are better left as they are."
         return f"{text} {advice}"
@@ -157,6 +167,11 @@ class Identification:
             remarks.append(
                 "The innovations are not white: no values of these parameters explain them. The intervals "
                 "allow for that; the cause is elsewhere, such as errors of the fixes that are correlated."
+            )
+        if self.predicting:
+            remarks.append(
+                "The values are those that predict fixes across outages best: the likelihood of the next fix "
+                "alone leads to a filter that follows correlated errors of the fixes."
             )
         if self.outliers:
             remarks.append(

@@ -1,15 +1,15 @@
 """Likelihood: the parameters of a filter that make its innovations most likely, and how well they are known.
 
 The innovations of the right filter are white, with the covariance S it states; their log-likelihood is
-−½ Σ (ln det S + νᵀ S⁻¹ ν). It is climbed by Fisher scoring: the derivatives of ν and S by differences of whole
-runs of the filter, the expected information in place of the Hessian.
+−½ Σ (ln det S + νᵀ S⁻¹ ν). It is climbed by Fisher scoring: the derivatives of ν and S by differences of
+whole runs of the filter, the expected information in place of the Hessian.
 
 References
 ----------
-N. K. Gupta, R. K. Mehra, *Computational aspects of maximum likelihood estimation and reduction in sensitivity
-function calculations*, IEEE Trans. AC 19 (1974), for score and information; W. K. Newey, K. D. West, *A simple,
-positive semi-definite, heteroskedasticity and autocorrelation consistent covariance matrix*, Econometrica 55
-(1987), for scores that are correlated in time.
+N. K. Gupta, R. K. Mehra, *Computational aspects of maximum likelihood estimation and reduction in
+sensitivity function calculations*, IEEE Trans. AC 19 (1974), for score and information; W. K. Newey, K. D.
+West, *A simple, positive semi-definite, heteroskedasticity and autocorrelation consistent covariance matrix*,
+Econometrica 55 (1987), for scores that are correlated in time.
 """
 
 from __future__ import annotations
@@ -28,12 +28,14 @@ from lab.analysis.consistency import MAX_LAG, autocorrelation, ljung_box
 FloatArray = NDArray[np.float64]
 Progress = Callable[[str, float], None]
 
-ROUNDS = 40
-"""Most steps of the search; those that are needed from parameters ten times off are 5 to 15."""
-SETTLED = 1e-3
+ROUNDS = 15
+"""Most steps of the search; from parameters ten times off 8 to 12 are needed."""
+SETTLED = 0.02
 """A step shorter than this part of each σ ends the search."""
 LARGEST_STEP = 2.0
 """Longest step of a logarithm at once: a factor of e²."""
+ROUGH = 1.0
+"""By how much a step may lower the log-likelihood: so rough it is over the latency."""
 STIFFEST = 1e8
 """Damping at which no step is found and the search ends."""
 
@@ -73,6 +75,9 @@ class Parameter:
         σ of what is known beforehand, about the start.
     step : float
         Step of the differences.
+    both : bool
+        Whether they are taken to both sides. A filter that takes the lever arm at the rate of a single sample
+        makes the likelihood rough over the latency: there the step is long, and to both sides.
     longest : float
         Longest step of the search.
     """
@@ -84,6 +89,7 @@ class Parameter:
     prior: float
     step: float
     longest: float
+    both: bool = False
 
 
 @dataclass(frozen=True)
@@ -194,7 +200,7 @@ def maximise(
                 trial = place.copy()
                 trial[free] = np.clip(place[free] + step, low, high)
                 there, better = _tried(run, trial, trial[free], start, prior)
-                if there is not None and better > value:
+                if there is not None and better > value - ROUGH:
                     moved = True
                     break
                 damping = max(10 * damping, 1e-3)
@@ -202,7 +208,10 @@ def maximise(
                 break
             assert there is not None
             sigma = np.sqrt(np.diag(np.linalg.inv(information)))
-            small = bool(np.all(np.abs(trial[free] - place[free]) < SETTLED * sigma)) or better - value < 1e-4
+            small = (
+                bool(np.all(np.abs(trial[free] - place[free]) < SETTLED * sigma))
+                or abs(better - value) < 0.01
+            )
             place, here, value, damping = trial, there, better, damping / 10
             slopes = _slopes(run, parameters, free, place, here, pool)
             if small:
@@ -239,21 +248,24 @@ def _slopes(
 ) -> _Slopes:
     """Return scores and expected information by differences of runs."""
 
-    def beside(index: int) -> Seen:
+    def beside(step: tuple[int, float]) -> Seen:
         moved = place.copy()
-        moved[index] += steps[index]
+        moved[step[0]] += step[1]
         return run(moved)
 
-    steps = {
-        int(i): parameters[i].step * (1 if place[i] + parameters[i].step <= parameters[i].high else -1)
+    steps = [
+        (int(i), sign * parameters[i].step)
         for i in free
-    }
+        for sign in ((1, -1) if parameters[i].both else (1,))
+    ]
     nu, S = _measured(here)
-    dnu, dS = np.empty((free.size, *nu.shape)), np.empty((free.size, *S.shape))
-    for number, (index, there) in enumerate(zip(steps, pool.map(beside, steps), strict=True)):
+    dnu, dS = np.zeros((free.size, *nu.shape)), np.zeros((free.size, *S.shape))
+    numbers = {int(index): number for number, index in enumerate(free)}
+    for (index, step), there in zip(steps, pool.map(beside, steps), strict=True):
         other_nu, other_S = _measured(there)
-        dnu[number] = (other_nu - nu) / steps[index]
-        dS[number] = (other_S - S) / steps[index]
+        share = step * (2 if parameters[index].both else 1)
+        dnu[numbers[index]] += (other_nu - nu) / share
+        dS[numbers[index]] += (other_S - S) / share
     inverse = np.linalg.inv(S)
     white = np.einsum("mij,mj->mi", inverse, nu)
     relative = inverse @ dS  # S⁻¹ ∂S
