@@ -1,4 +1,4 @@
-"""Identify: noise of a run's sensors, latency and lever arm from its innovations, judged by withheld fixes."""
+"""Identify: noise of sensors, latency and lever arm from the innovations, judged by withheld fixes."""
 
 from __future__ import annotations
 
@@ -260,7 +260,7 @@ def _observable(
 
     for index in range(LOGARITHMS.stop):
         if index < NOISE.stop and not refuted(index, -NOTHING):
-            bounded[index] = refuted(index, start[index])
+            bounded[index] = not zero[index] and refuted(index, start[index])
             held[index] = not bounded[index]
         elif poor[index] and refuted(index, start[index]):
             bounded[index], held[index] = True, False

@@ -67,8 +67,8 @@ def _card(found: Identification, out: Path) -> str:
     card = found.card(out.stem)
     if not card.terms:
         raise CommandError(
-            f"--card {out}: the innovations show nothing of the sensors that a card has; --settings takes what "
-            "the filter assumes"
+            f"--card {out}: the innovations show nothing that a card has; --settings writes what the filter "
+            "assumes"
         )
     return card.to_toml()
 
