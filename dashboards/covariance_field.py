@@ -10,6 +10,7 @@ import panel as pn
 import panel_material_ui as pmui
 import param
 
+from dashboards.style import TOOLTIP
 from dashboards.widgets import Change, TextField, number, shown
 from lab.units import TO_SI
 
@@ -40,6 +41,7 @@ class CovarianceField(TextField):
             width=20,
             color="default",
             description="One σ for each row",
+            stylesheets=[TOOLTIP],
         )
         more.param.watch(self._unfold, "value")
         self._column = pn.Column(

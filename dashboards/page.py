@@ -190,12 +190,15 @@ class SimulatorPage:
     def _new_result(self, event: param.parameterized.Event) -> None:
         result: Result = event.new
         self.axis.span(float(result.time[-1]))
-        self.axis.show_outages(result.experiment.sensors.gps.outages)
+        outages = result.experiment.sensors.gps.outages
+        self.axis.show_outages([(start - result.epoch, end - result.epoch) for start, end in outages])
         self._time_bar.span()
         self._show()
 
     def _cut(self, start: float, end: float) -> None:
-        """Add a GPS outage; those that touch become one."""
+        """Add a GPS outage at times of the plots; those that touch become one."""
+        epoch = self.session.result.epoch if self.session.result is not None else 0.0
+        start, end = round(start + epoch, 1), round(end + epoch, 1)
         outages: list[tuple[float, float]] = []
         for stretch in sorted([*self.session.experiment.get(OUTAGES), (start, end)]):
             if outages and stretch[0] <= outages[-1][1]:

@@ -14,6 +14,7 @@ from dashboards.covariance_field import CovarianceField
 from dashboards.mission_titles import mission_titles
 from dashboards.other_form import OtherFormField
 from dashboards.session import Session
+from dashboards.style import TOOLTIP
 from dashboards.widgets import ChoiceField, Field, TextField, field
 from lab.experiment import Experiment
 from lab.log_run import has_effect
@@ -138,7 +139,12 @@ class SettingsPanel:
 
     def _seed_row(self) -> pn.viewable.Viewable:
         another = pmui.IconButton(
-            icon="casino", description="Another seed", size="1.3em", margin=(10, 0, 0, 2), align="center"
+            icon="casino",
+            description="Another seed",
+            size="1.3em",
+            margin=(10, 0, 0, 2),
+            align="center",
+            stylesheets=[TOOLTIP],
         )
         another.on_click(lambda _event: self._next_seed())
         row = pn.Row(self._seed.view, another, margin=0, sizing_mode="stretch_width")

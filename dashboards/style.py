@@ -41,6 +41,9 @@ WRAP = """
 """
 """A choice and the words about it: below each other where they do not fit side by side."""
 
+TOOLTIP = ".MuiTooltip-tooltip { width: max-content; max-width: 280px; }"
+"""The tooltip of a button with an icon only, which would be as narrow as its button: one word a line."""
+
 SAME_STYLE_ONCE = """
 const {InlineStyleSheet} = Bokeh.require("core/dom");
 const update = InlineStyleSheet.prototype._update;

@@ -11,6 +11,7 @@ import param
 from bokeh.document import Document
 
 from dashboards.sending import together
+from dashboards.style import TOOLTIP
 from dashboards.widgets import Slider
 from lab.views.figures import TimeAxis
 
@@ -66,6 +67,7 @@ class TimeBar:
             size="1.6em",
             margin=(2, 0, 0, 8),
             description="Play, or stop",
+            stylesheets=[TOOLTIP],
         )
         self._play.param.watch(lambda event: self.play() if event.new else self.stop(), "value")
         self._speed = pmui.Select(
@@ -93,10 +95,15 @@ class TimeBar:
             margin=(6, 0, 0, 0),
             description="GPS outage over the visible stretch (drag over a plot to choose one); "
             f"with the whole flight visible, {OUTAGE:g} s from the time cursor on",
+            stylesheets=[TOOLTIP],
         )
         outage.on_click(lambda _event: self._cut_stretch())
         whole = pmui.IconButton(
-            icon="zoom_out_map", size="1.2em", margin=(6, 10, 0, 0), description="Whole flight"
+            icon="zoom_out_map",
+            size="1.2em",
+            margin=(6, 10, 0, 0),
+            description="Whole flight",
+            stylesheets=[TOOLTIP],
         )
         whole.on_click(lambda _event: axis.whole())
         axis.cursor.on_change("location", self._clicked)

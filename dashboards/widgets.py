@@ -10,6 +10,7 @@ import panel as pn
 import panel_material_ui as pmui
 import param
 
+from dashboards.style import TOOLTIP
 from lab.setting_kinds import AxisQuantity, Intervals, MatrixOrNone, Quantity, QuantityOrNone
 
 Change = Callable[[Any], bool]
@@ -109,6 +110,7 @@ class NumberField(Field):
                 width=20,
                 color="default",
                 description="One for each axis",
+                stylesheets=[TOOLTIP],
                 styles=_over(-4),
             )
             more.param.watch(self._unfold, "value")
@@ -306,7 +308,8 @@ def shown(value: Any) -> str:
     if isinstance(value, int | float):
         return f"{value:.6g}" if isinstance(value, float) else str(value)
     parts = [
-        "–".join(shown(float(t)) for t in part) if isinstance(part, tuple) else shown(part) for part in value
+        "–".join(f"{float(t):.12g}" for t in part) if isinstance(part, tuple) else shown(part)
+        for part in value
     ]
     return (
         parts[0] if parts and len(set(parts)) == 1 and not isinstance(value[0], tuple) else ", ".join(parts)

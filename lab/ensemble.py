@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 from lab.analysis import consistency
 from lab.analysis.algorithm_verdict import judge
 from lab.analysis.evidence import Evidence
+from lab.analysis.run_evidence import evidence_of
 from lab.analysis.verdict import Verdict
 from lab.datasets.labelled import ANGLES, EAST_NORTH_UP
 from lab.experiment import Experiment
@@ -40,6 +41,9 @@ QUANTITIES = (
     *(f"attitude {angle}" for angle in ANGLES),
 )
 """The errors that are kept, in this order."""
+EXPLAINED = 8
+"""Runs whose innovations are explained where they are suspicious, which takes several times as long as a run;
+the others add to all that needs no explanation."""
 UNITS = ("m",) * 3 + ("m/s",) * 3 + ("°",) * 3
 
 
@@ -238,7 +242,7 @@ def run_ensemble(
         nonlocal count
         mine = experiment.copy()
         mine.set("seed", seed)
-        kept = _keep(mine.run(algorithm=algorithm))
+        kept = _keep(mine.run(algorithm=algorithm), explain=seed in numbers[:EXPLAINED])
         with lock:
             count += 1
             if progress is not None:
@@ -255,8 +259,11 @@ def run_ensemble(
     return _together(experiment.copy(), numbers, runs)
 
 
-def _keep(result: Result) -> _Run:
-    """Take out of a result what is kept; what is not known of a log is NaN."""
+def _keep(result: Result, *, explain: bool = True) -> _Run:
+    """Take out of a result what is kept; what is not known of a log is NaN.
+
+    `explain` says whether the innovations are explained, if they need it.
+    """
     solution = result.solution_arrays
     used = solution.fix_sample >= 0
     at = solution.fix_sample[used]
@@ -277,7 +284,7 @@ def _keep(result: Result) -> _Run:
         rms=_root_mean_square(error),
         degrees=0 if unknown else int(result.consistency["nees"].attrs["degrees"]),
         nis_degrees=int(result.innovations["nis"].attrs["degrees"]),
-        evidence=result.evidence,
+        evidence=evidence_of(result, explain=explain),
         seconds=result.seconds,
     )
 

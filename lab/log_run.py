@@ -3,25 +3,23 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.interpolate import CubicHermiteSpline
-from scipy.spatial.transform import Rotation, Slerp
 
-from lab import earth
 from lab.cache import StageCache, digest
+from lab.log_reference import comparison_remark, reference_at
 from lab.missions import LogMission, SensorLog
-from lab.missions.sensor_log import Reference
+from lab.missions.log_pieces import piece
+from lab.missions.vehicle import vehicle_of
 from lab.navigation.algorithm import Algorithm, run_algorithm
 from lab.navigation.belief import assumed_latency
 from lab.navigation.choice import is_ready
 from lab.navigation.recorded import RecordedRun, navigate_log
 from lab.navigation.solution import Solution
 from lab.result import Recorded, Result
-from lab.rotation import quaternion_from_euler, wrap
 from lab.sensors.gps import GpsFixes
 from lab.sensors.imu import Measured
 from lab.trajectory import Truth
@@ -64,6 +62,7 @@ WITHOUT_EFFECT = frozenset(
 
 _LONGEST = 1.0
 """Longest time between two rows of a reference that is bridged [s]."""
+_SAME_CLOCK = 1e-3  # from where on the clock of the file differs from the time of the log [s]
 
 
 def has_effect(path: str, states: int = 21) -> bool:
@@ -108,16 +107,19 @@ def run_log(
         If the log cannot be navigated; or if the `algorithm` fails (`AlgorithmError`).
     """
     progress("Reading the log", 0.0)
-    content = mission.content_hash
-    log = cache.get("log", content, lambda: mission.log)
     sensors, navigator = experiment.sensors, experiment.navigator
+    vehicle = "" if navigator.vehicle == "auto" else str(navigator.vehicle)
+    content = digest(mission.content_hash, {"vehicle": vehicle})
+    whole = cache.get("log", content, lambda: mission.log_of(vehicle))
+    log = piece(whole, navigator.log_from, navigator.log_to)
+    outages = outages_in(log, sensors.gps.outages)
     progress("Navigating" if is_ready(navigator) else "Preparing the navigator (compiled once)", 0.4)
     states = navigator.states
     settings = {path: experiment.get(path) for path, *_ in experiment.leaves() if has_effect(path, states)}
     made, seconds = cache.get(
         "log navigation",
         digest(content, settings | {"mission": ""}),
-        lambda: timed(lambda: navigate_log(log, sensors, navigator, sensors.gps.outages)),
+        lambda: timed(lambda: navigate_log(log, sensors, navigator, outages)),
     )
     solution = made.solution
     if algorithm is not None:
@@ -145,7 +147,14 @@ def _result(
     rows = np.searchsorted(log.gnss.time - latency, made.fixes.time)
     # The filter was given something in place of what the receiver does not measure.
     seen = np.where(np.isnan(log.gnss.velocity_n[rows]), np.nan, made.fixes.velocity_n)
-    notes = list(made.remarks)
+    notes = [*made.remarks, *clock_remarks(log, experiment.sensors.gps.outages)]
+    unnamed = experiment.navigator.vehicle == "auto" and not vehicle_of(log.beside.vehicle).name
+    if unnamed and made.alignment.heading.is_course:
+        notes.append(
+            "Nobody named the vehicle: the course is taken for its heading, which the motion does not "
+            "contradict. --vehicle or vehicle in log.toml names it."
+        )
+    notes += [comparison_remark(other, made.imu.time, solution) for other in log.beside.comparisons]
     if log.reference is None:
         notes.append("There is no reference: errors are not known, innovations are.")
     elif truth is None:
@@ -179,67 +188,29 @@ def _result(
     )
 
 
+def outages_in(log: SensorLog, outages: Sequence[tuple[float, float]]) -> list[tuple[float, float]]:
+    """Return outages given in the clock of a log's file in the time of the log [s]."""
+    return [(start - log.epoch, end - log.epoch) for start, end in outages]
+
+
+def clock_remarks(log: SensorLog, outages: Sequence[tuple[float, float]]) -> list[str]:
+    """Say where time 0 is in the clock of the file, and which outages lie outside the log."""
+    remarks = []
+    if abs(log.epoch) > _SAME_CLOCK:
+        remarks.append(
+            f"Time 0 is {log.epoch:.10g} s in the clock of the file, in which --from, --to and outages are "
+            "given."
+        )
+    outside = [f"{a:g} to {b:g} s" for a, b in outages if b <= log.epoch or a >= log.epoch + log.duration]
+    if outside:
+        remarks.append(
+            f"GPS outages outside the log change nothing: {', '.join(outside)}; in the clock of the file it "
+            f"lasts from {log.epoch:.10g} to {log.epoch + log.duration:.10g} s."
+        )
+    return remarks
+
+
 def timed(navigate: Callable[[], T]) -> tuple[T, float]:
     """Return what a navigator gives, and the time it took [s]."""
     begun = time.perf_counter()
     return navigate(), time.perf_counter() - begun
-
-
-def reference_at(reference: Reference, time: FloatArray) -> Truth | None:
-    """Return a reference at other times; None where it has no row within them.
-
-    Positions follow a cubic curve through the rows with their velocities, or straight lines where velocities
-    are not known; velocities straight lines, attitudes rotations at a constant rate. NaN outside the time of
-    the reference, where it does not know, and between rows that are far apart.
-
-    Parameters
-    ----------
-    reference
-        The reference.
-    time : (n,) array
-        Times [s].
-    """
-    rows = reference.time
-    step = np.diff(rows)
-    after = np.clip(np.searchsorted(rows, time), 1, rows.size - 1)
-    far = np.asarray(step > max(_LONGEST, 2.5 * float(np.median(step))))
-    known = (time >= rows[0]) & (time <= rows[-1])
-    known &= ~far[after - 1] | (time >= rows[after])
-    if not known.any():
-        return None
-    position = np.where(known[:, None], _positions(reference, time), np.nan)
-    velocity = np.stack([np.interp(time, rows, column) for column in reference.velocity_n.T], axis=-1)
-    q_nb, euler = _attitudes(reference, time, after)
-    velocity[~known], q_nb[~known], euler[~known] = np.nan, np.nan, np.nan
-    latitude, longitude, height = position.T
-    return Truth(time, latitude, wrap(longitude), height, velocity, q_nb, euler)
-
-
-def _positions(reference: Reference, time: FloatArray) -> FloatArray:
-    latitude, _, height = reference.position.T
-    values = np.column_stack((latitude, np.unwrap(reference.position[:, 1]), height))
-    if np.isnan(reference.velocity_n).any():
-        return np.stack([np.interp(time, reference.time, column) for column in values.T], axis=-1)
-    meridian, transverse = earth.radii(np.sin(latitude))
-    north, east, down = reference.velocity_n.T
-    slopes = np.column_stack(
-        (north / (meridian + height), east / ((transverse + height) * np.cos(latitude)), -down)
-    )
-    return np.asarray(CubicHermiteSpline(reference.time, values, slopes)(time))
-
-
-def _attitudes(
-    reference: Reference, time: FloatArray, after: NDArray[np.intp]
-) -> tuple[FloatArray, FloatArray]:
-    """Return quaternions (n, 4) and Euler angles (n, 3), NaN where either neighbour is not known."""
-    q_nb, euler = np.full((time.size, 4), np.nan), np.full((time.size, 3), np.nan)
-    given = np.asarray(np.isfinite(reference.euler).all(axis=1))
-    if given.sum() < 2:
-        return q_nb, euler
-    attitude = Rotation.from_quat(quaternion_from_euler(reference.euler[given]), scalar_first=True)
-    rows = reference.time[given]
-    between = np.asarray(given[after] & given[after - 1] & (time >= rows[0]) & (time <= rows[-1]))
-    there = Slerp(rows, attitude)(time[between])
-    q_nb[between] = there.as_quat(scalar_first=True)
-    euler[between] = there.as_euler("ZYX")[:, ::-1]
-    return q_nb, euler

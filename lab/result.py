@@ -16,16 +16,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lab import report
-from lab.analysis import budget, observability
-from lab.analysis.algorithm_verdict import algorithm_evidence, judge
-from lab.analysis.evidence import Evidence, Reference, evidence
+from lab.analysis import budget, feedforward, observability, trial
+from lab.analysis.algorithm_verdict import judge
+from lab.analysis.evidence import Evidence
+from lab.analysis.run_evidence import evidence_of
 from lab.analysis.verdict import Verdict
 from lab.datasets import flight, innovations, sensors, tables
 from lab.ideal_imu import IdealImu
 from lab.missions import Mission, SensorLog
 from lab.navigation.alignment import Alignment
 from lab.navigation.belief import assumed_latency
-from lab.navigation.solution import Belief, Fixes, Imu, Solution
+from lab.navigation.solution import Belief, Solution
 from lab.projection import Projection
 from lab.rotation import euler_from_quaternion
 from lab.sensors.gps import GpsFixes
@@ -140,6 +141,11 @@ class Result:
         return self.recorded.time if self.recorded else self.known_truth("time").time
 
     @property
+    def epoch(self) -> float:
+        """What time 0 is in the clock that outages are given in [s]: of a log, that of its file."""
+        return self.recorded.log.epoch if self.recorded else 0.0
+
+    @property
     def truth_word(self) -> str:
         """What errors are differences to: ``"truth"``, or the ``"reference"`` of a log."""
         return "reference" if self.recorded else "truth"
@@ -193,6 +199,11 @@ class Result:
     def euler(self) -> FloatArray:
         """Estimated roll, pitch, heading (n + 1, 3) [rad]."""
         return euler_from_quaternion(self.solution_arrays.q_nb)
+
+    @cached_property
+    def feedforward_drift(self) -> float:
+        """Largest attitude error of the free-running navigator of a feedforward filter [rad]; else zero."""
+        return feedforward.drift(self)
 
     @property
     def fix_validity(self) -> FloatArray:
@@ -327,30 +338,25 @@ class Result:
     @cached_property
     def verdict(self) -> Verdict:
         """Whether the filter tells the truth about itself, judged by errors and innovations."""
-        return judge(self.evidence)
+        return feedforward.judge(self, judge(self.evidence))
+
+    @cached_property
+    def tried_verdict(self) -> Verdict:
+        """The verdict, its advice tried: with what it brings, or not given where it makes things worse.
+
+        Costs three runs and more; `verdict` is the same without.
+        """
+        return trial.tried(self)
 
     @cached_property
     def innovation_verdict(self) -> Verdict:
         """The same judged by the innovations alone, as in a flight of which nobody knows the truth."""
-        return judge(self.evidence.without_truth())
+        return feedforward.judge(self, judge(self.evidence.without_truth()))
 
     @cached_property
     def evidence(self) -> Evidence:
         """What this run says for and against each assumption of the filter; of a log its innovations."""
-        fixes, reference = self.fixes, None
-        if self.recorded is None:
-            truth, ideal = self.true_flight("evidence")
-            scale = self.true_scale if self.solution_arrays.scale.size else None
-            reference = Reference(truth, self.true_bias, ideal.dtheta, ideal.dvelocity, scale)
-        if self.algorithm:
-            return algorithm_evidence(self.solution_arrays, reference)
-        return evidence(
-            self.solution_arrays,
-            self.belief,
-            Fixes(self.fix_validity, fixes.position, fixes.velocity_n),
-            Imu(self.time, self.gyro.increments, self.accelerometer.increments),
-            reference,
-        )
+        return evidence_of(self)
 
     @cached_property
     def coverage(self) -> pd.DataFrame:
@@ -388,6 +394,13 @@ class Result:
             remarks.append(
                 f"The filter recovered {recovered} time{'s' if recovered > 1 else ''}: fixes in a row were "
                 "so implausible that the filter itself had to be in error; it raised P and used the fix."
+            )
+        drift = self.feedforward_drift
+        if drift > feedforward.LINEAR:
+            remarks.append(
+                f"Feedforward: the free-running navigator is up to {np.degrees(drift):.3g}° off in attitude, "
+                f"and the filter is linear up to {np.degrees(feedforward.LINEAR):g}°: its σ is not that of "
+                "its errors. navigator.correction = feedback keeps the navigator close to the truth."
             )
         if not self.fixes.time.size:
             remarks.append(

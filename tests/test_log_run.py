@@ -4,13 +4,15 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from sensor_logs import tables, trajectory, write
+from copter_logs import copter
+from sensor_logs import tables, trajectory, write, write_csv
 
 from lab import Experiment, ResultError, compare, run_ensemble
 from lab.experiment import CACHE
-from lab.log_run import has_effect, reference_at
-from lab.missions import mission, read_sensor_log
-from lab.missions.sensor_log import Reference
+from lab.log_reference import differences, reference_at
+from lab.log_run import has_effect
+from lab.missions import MissionError, mission, read_sensor_log
+from lab.missions.log_parts import Reference
 from lab.navigation.algorithm import Estimate
 from lab.navigation.recorded import navigate_log
 from lab.result import DATASETS
@@ -51,6 +53,7 @@ def test_errors_against_the_reference(folder, tmp_path):
     assert {"mean", "std"} <= set(result.summary.columns)
     assert np.isfinite(result.summary[["rms", "max", "mean", "std"]].to_numpy()).all()
     assert "reference, which has errors of its own" in " ".join(result.remarks)
+    assert "Nobody named the vehicle: the course is taken for its heading" in " ".join(result.remarks)
     assert result.verdict.basis == "1 run, innovations only"
     assert "_true" not in " ".join(map(str, (*result.imu, *result.sensor_errors)))
     result.to_netcdf(tmp_path / "result.nc")
@@ -145,7 +148,7 @@ def test_settings_have_an_effect_where_they_say_so(folder):
 
 
 def test_an_outage_withholds_fixes(folder):
-    cut = experiment(folder, sensors__gps__outages=[(20.0, 40.0)]).run()
+    cut = experiment(folder, sensors__gps__outages=[(1080.0, 1100.0)]).run()
     assert not ((cut.fixes.time >= 20) & (cut.fixes.time <= 40)).any()
     at = np.searchsorted(cut.time, 39.9)
     assert cut.solution_arrays.variance[at, 0] > 10 * experiment(folder).run().solution_arrays.variance[at, 0]
@@ -169,14 +172,22 @@ def test_gate_and_smoother_and_feedforward(folder):
         ).all()
 
 
-def test_what_cannot_be_done_is_refused(folder, tmp_path):
-    with pytest.raises(SettingError, match="filterpy takes one R for all fixes"):
-        experiment(folder, navigator__engine="filterpy").run()
+def test_a_log_is_smoothed_over_short_gaps(tmp_path):
     flown = tables(60, 80)
     rows = (flown.imu[:, 0] > 1070.2) & (flown.imu[:, 0] < 1070.9)
     gappy = write(tmp_path / "gap", flown._replace(imu=flown.imu[~rows]))
-    with pytest.raises(SettingError, match=r"cannot smooth over gaps of the IMU, of which .* has 1"):
-        experiment(gappy, navigator__smoother=True).run()
+    made = experiment(gappy, navigator__smoother=True).run()
+    assert any("1 gap of the IMU" in remark for remark in made.remarks)
+    filtered = experiment(gappy).run()
+    at = np.searchsorted(made.time, 10.5)
+    smoothed = made.solution_arrays.variance
+    assert (smoothed[:, :9] > 0).all()
+    assert (smoothed[at, :6] < filtered.solution_arrays.variance[at, :6]).all()
+
+
+def test_what_cannot_be_done_is_refused(folder):
+    with pytest.raises(SettingError, match="reference in filterpy knows neither gaps of the IMU nor"):
+        experiment(folder, navigator__engine="filterpy").run()
     with pytest.raises(ValueError, match="3 runs of a log of real sensors would all be the same"):
         run_ensemble(experiment(folder), 3)
 
@@ -246,3 +257,72 @@ def test_a_log_is_found_by_its_path_in_settings(folder):
     text = experiment(folder).to_toml()
     assert Experiment.from_toml(text).mission == str(folder)
     assert mission(folder).name == str(folder)
+
+
+def test_a_stretch_and_outages_are_of_the_clock_of_the_file(folder):
+    """The log begins at 1060 s of its file."""
+    part = experiment(folder, navigator__log_from=1070.0, navigator__log_to=1100.0).run()
+    assert part.time[0] == pytest.approx(0, abs=0.02)
+    assert part.time[-1] == pytest.approx(30, abs=0.02)
+    assert any("1070 to 1100 s of the file's clock, as asked" in remark for remark in part.remarks)
+    assert any("Time 0 is 1070 s in the clock of the file" in remark for remark in part.remarks)
+    cut = experiment(
+        folder, navigator__log_from=1070.0, navigator__log_to=1100.0, sensors__gps__outages=[(1080.0, 1090.0)]
+    ).run()
+    withheld = set(np.round(part.fixes.time + 1070, 3)) - set(np.round(cut.fixes.time + 1070, 3))
+    assert withheld == {time for time in np.round(part.fixes.time + 1070, 3) if 1080 <= time <= 1090}
+    aside = experiment(folder, sensors__gps__outages=[(20.0, 40.0)]).run()
+    assert any("outages outside the log change nothing: 20 to 40 s" in remark for remark in aside.remarks)
+
+
+def test_a_reference_of_attitude_alone_gives_its_errors(tmp_path):
+    flown = tables(60, 100)
+    write(tmp_path, flown)
+    names = ("t_s", "roll_deg", "pitch_deg", "heading_deg")
+    write_csv(tmp_path / "ref.csv", names, flown.reference[:, [0, 7, 8, 9]])
+    result = experiment(tmp_path).run()
+    assert list(result.summary["quantity"]) == ["attitude roll", "attitude pitch", "attitude heading"]
+    assert (result.summary["max"] < 12).all()
+    assert np.isnan(result.errors.position).all()
+    assert {"estimated"} <= set(result.track.path.values)
+    result.to_netcdf(tmp_path / "result.nc")
+    assert "estimate minus reference" in result._repr_html_()
+
+
+def test_another_solution_is_compared_with_and_no_truth(tmp_path):
+    flown = tables(60, 100)
+    write(tmp_path, flown, '[comparisons]\n"their filter" = "theirs.csv"')
+    (tmp_path / "ref.csv").rename(tmp_path / "theirs.csv")
+    result = experiment(tmp_path).run()
+    assert result.truth_arrays is None
+    (remark,) = (remark for remark in result.remarks if "their filter" in remark)
+    assert "not the truth" in remark
+    made = differences(read_sensor_log(tmp_path).beside.comparisons[0], result.time, result.solution_arrays)
+    # It is the truth here, so that the differences are the errors.
+    write(tmp_path / "told", flown)
+    errors = experiment(tmp_path / "told").run().errors
+    known = np.isfinite(made["position"][:, 0])
+    np.testing.assert_allclose(made["position"][known][:, 1], errors.position[known, 0], atol=1e-4)
+    np.testing.assert_allclose(np.degrees(made["attitude"][known]), errors.attitude[known], atol=1e-6)
+
+
+def test_a_vehicle_that_only_the_settings_name(tmp_path):
+    """Read as any vehicle's, the log of a copter that looks aside is refused."""
+    folder = write(tmp_path, copter(60, nose=1.6, aside=True))
+    with pytest.raises(MissionError, match="vehicle"):
+        experiment(folder).run()
+    result = experiment(folder, navigator__vehicle="copter").run()
+    assert not any("Nobody named the vehicle" in remark for remark in result.remarks)
+    assert abs(float(result.errors.attitude.sel(angle="heading")[0])) < 5
+
+
+def test_a_log_in_pieces_is_navigated_in_its_longest(tmp_path):
+    flown = tables(60, 140)
+    rows = (flown.imu[:, 0] < 1080) | (flown.imu[:, 0] > 1100)
+    result = experiment(write(tmp_path, flown._replace(imu=flown.imu[rows]))).run()
+    assert result.time[-1] == pytest.approx(40, abs=0.02)
+    assert any("1 gap of more than 2 s, up to 20" in remark for remark in result.remarks)
+    early = slice(10, None)
+    assert float(np.abs(result.errors.position.sel(time=early).mean("time")).max()) < 0.5
+    other = experiment(tmp_path, navigator__log_to=1085.0).run()
+    assert other.time[-1] == pytest.approx(20, abs=0.03)

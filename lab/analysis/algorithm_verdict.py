@@ -6,14 +6,24 @@ its errors and its innovations are as large as it says, and whether its innovati
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from lab.analysis import consistency, verdict
-from lab.analysis.evidence import Evidence, Fit, Innovations, Reference, Squares, nees_squares, sizes
-from lab.analysis.fix_causes import CAUSES
-from lab.analysis.verdict import MANY_SIGMA, NOTHING, Finding, Verdict, Weighed, judge_size
+from lab.analysis.evidence import Evidence, Reference, nees_squares, usage
+from lab.analysis.finding import (
+    MANY_SIGMA,
+    NOTHING,
+    Finding,
+    Verdict,
+    Weighed,
+    headline,
+    judge_size,
+    sorted_findings,
+)
+from lab.analysis.innovation_evidence import none_given, sizes
+from lab.analysis.sums import Squares
 from lab.navigation.kalman import MEASUREMENTS
 from lab.navigation.solution import Solution
 
@@ -37,13 +47,15 @@ def algorithm_evidence(solution: Solution, reference: Reference | None) -> Algor
     given = used[np.isfinite(solution.innovation[used]).all(axis=1)]
     nu, S = solution.innovation[given], solution.innovation_covariance[given]
     squares, sums, lagged = sizes(nu / np.sqrt(np.diagonal(S, axis1=1, axis2=2)))
-    nothing = Fit(np.zeros((CAUSES, CAUSES)), np.zeros(CAUSES), np.zeros(()))
     nis = consistency.normalised_squares(nu, S)
     has_covariance = used.size > 0 and bool(np.isfinite(solution.fix_covariance[used]).all())
     return AlgorithmEvidence(
         runs=1,
-        innovations=Innovations(squares, sums, lagged, nothing, outliers=0),
-        nis=Squares(np.array(nis.sum()), np.array(float(MEASUREMENTS * nis.size))),
+        innovations=replace(
+            none_given(squares, sums, lagged),
+            nis=Squares(np.array(nis.sum()), np.array(float(MEASUREMENTS * nis.size))),
+        ),
+        usage=usage(solution, 0.0),
         nees=nees_squares(solution, used, reference) if has_covariance and reference is not None else None,
     )
 
@@ -52,14 +64,14 @@ def judge(evidence: Evidence) -> Verdict:
     """Return the verdict on runs of the lab's own filter, or of a user's algorithm."""
     if not isinstance(evidence, AlgorithmEvidence):
         return verdict.judge(evidence)
-    parts = {"errors": evidence.nees is not None, "innovations": bool(evidence.nis.number)}
+    parts = {"errors": evidence.nees is not None, "innovations": bool(evidence.innovations.nis.number)}
     judged = " and ".join(name for name, known in parts.items() if known)
     if not judged:
         return Verdict("Not known: there is neither a covariance nor an innovation at any fix.", (), NOTHING)
     weighed = _gain(evidence)
     for squares, quantity, (what, whose, where) in (
         (evidence.nees, "covariance", ("errors", "its", "the sensors and its start")),
-        (evidence.nis, "innovation covariance", ("innovations", "their", "the fixes")),
+        (evidence.innovations.nis, "innovation covariance", ("innovations", "their", "the fixes")),
     ):
         if squares is not None:
             weighed += judge_size(
@@ -70,12 +82,10 @@ def judge(evidence: Evidence) -> Verdict:
                 f"Look at what the algorithm assumes of {where}.",
                 what,
             )
-    findings = tuple(entry.finding for entry in sorted(weighed, key=lambda entry: -entry.weight))
-    headline = f"Consistent: {judged} are as large as the algorithm says."
-    if findings:
-        headline = findings[0].sentence + (f" ({len(findings) - 1} more)" if findings[1:] else "")
+    findings = sorted_findings(weighed)
+    said = headline(findings, f"Consistent: {judged} are as large as the algorithm says.")
     runs = f"{evidence.runs} run{'s' if evidence.runs > 1 else ''}"
-    return Verdict(headline, findings, f"{runs}, {judged}{'' if all(parts.values()) else ' only'}")
+    return Verdict(said, findings, f"{runs}, {judged}{'' if all(parts.values()) else ' only'}")
 
 
 def _gain(evidence: AlgorithmEvidence) -> list[Weighed]:

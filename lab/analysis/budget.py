@@ -28,6 +28,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from lab.analysis import feedforward
 from lab.analysis.error_sources import (
     ACCELEROMETER,
     GPS_POSITION,
@@ -128,6 +129,7 @@ def _check(result: Result) -> None:
     check_latitude(truth)
     check_gains(result)
     check_rest(result)
+    check_feedforward(result)
 
 
 def check_latitude(flight: Truth) -> None:
@@ -160,6 +162,17 @@ def check_rest(result: Result) -> None:
         raise SettingError(
             "navigator.rest_updates: the error budget follows the gains of fixes, and here the filter was "
             "also updated while the vehicle stood still; accepted here is false"
+        )
+
+
+def check_feedforward(result: Result) -> None:
+    """Raise `SettingError` of a feedforward run whose free navigator is beyond the linear model."""
+    drift = feedforward.drift(result)
+    if drift > feedforward.LINEAR:
+        raise SettingError(
+            "navigator.correction: the error budget is linear, and the free-running navigator of this "
+            f"feedforward run is up to {np.degrees(drift):.3g}° off in attitude; accepted are up to "
+            f"{np.degrees(feedforward.LINEAR):g}°, or feedback"
         )
 
 

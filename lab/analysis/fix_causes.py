@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lab.navigation.error_models import ACCEL_BIAS, ACCEL_SCALE, ATT, GYRO_BIAS, GYRO_SCALE, POS, VEL
-from lab.navigation.solution import Imu, Solution
+from lab.navigation.solution import Belief, Imu, Solution
 from lab.rotation import C_nb_from_euler, euler_from_quaternion
 
 FloatArray = NDArray[np.float64]
@@ -36,19 +36,19 @@ class Motion(NamedTuple):
     C_nb: FloatArray
 
 
-def motion_at_fixes(solution: Solution, used: NDArray[np.intp], imu: Imu) -> Motion:
+def motion_at_fixes(solution: Solution, samples: NDArray[np.intp], imu: Imu) -> Motion:
     """Return the motion at the fixes, from the samples before each, which its correction does not touch.
 
     Parameters
     ----------
     solution, imu
         What the navigator computed, and what it was given.
-    used : (m,) array
-        Numbers of the fixes it used.
+    samples : (m,) array
+        Samples of the fixes.
     """
     step = float(np.mean(np.diff(imu.time))) if imu.time.size > 1 else 1.0
     width = max(1, round(RATE_WINDOW / step))
-    last = np.maximum(solution.fix_sample[used] - 1, 0)
+    last = np.maximum(samples - 1, 0)
     first = np.maximum(last - width, 0)
     span = np.maximum(imu.time[last] - imu.time[first], step)[:, None]
     turned = np.concatenate((np.zeros((1, 3)), np.cumsum(imu.dtheta, axis=0)))
@@ -57,18 +57,18 @@ def motion_at_fixes(solution: Solution, used: NDArray[np.intp], imu: Imu) -> Mot
         velocity=solution.velocity_n[last],
         acceleration=(solution.velocity_n[last] - solution.velocity_n[first]) / span,
         rate_b=(turned[last] - turned[first]) / span,
-        force_n=_mean_force(solution, used, imu),
+        force_n=_mean_force(solution, samples, imu),
         C_nb=C_nb,
     )
 
 
-def _mean_force(solution: Solution, used: NDArray[np.intp], imu: Imu) -> FloatArray:
+def _mean_force(solution: Solution, samples: NDArray[np.intp], imu: Imu) -> FloatArray:
     """Return the specific force (m, 3) in n, averaged from each fix to the next [m/s²]."""
     C_nb = C_nb_from_euler(euler_from_quaternion(solution.q_nb[1:]))
     gained = np.concatenate(
         (np.zeros((1, 3)), np.cumsum(np.einsum("nij,nj->ni", C_nb, imu.dvelocity), axis=0))
     )
-    at = np.append(solution.fix_sample[used], imu.time.size - 1)
+    at = np.append(samples, imu.time.size - 1)
     span = np.maximum(imu.time[at[1:]] - imu.time[at[:-1]], 1e-9)[:, None]
     return np.asarray((gained[at[1:]] - gained[at[:-1]]) / span)
 
@@ -87,9 +87,27 @@ def causes_of(motion: Motion) -> FloatArray:
     return causes
 
 
+def matrices(solution: Solution, belief: Belief, fixes: NDArray[np.intp]) -> tuple[FloatArray, FloatArray]:
+    """Return H (m, 6, n) of some fixes and the R (m, 6, 6) they were given, before any robust weight."""
+    return solution.fix_H[fixes], np.broadcast_to(belief.fix_covariance(fixes), (fixes.size, 6, 6))
+
+
+def gains(solution: Solution, fixes: NDArray[np.intp]) -> FloatArray:
+    """Return the gains (m, n, 6) of some fixes, K = P Hᵀ R⁻¹ with P after the fix; zero of rejected ones."""
+    H, R = solution.fix_H[fixes], solution.fix_R[fixes]
+    used = solution.fix_sample[fixes] >= 0
+    K = np.zeros((fixes.size, solution.states, 6))
+    P = solution.fix_covariance[fixes[used]]
+    K[used] = P @ H[used].transpose(0, 2, 1) @ np.linalg.inv(R[used])
+    return K
+
+
 def response(
+    gains: FloatArray,
     solution: Solution,
-    used: NDArray[np.intp],
+    belief: Belief,
+    fixes: NDArray[np.intp],
+    samples: NDArray[np.intp],
     time: FloatArray,
     motion: Motion,
     causes: FloatArray,
@@ -100,21 +118,20 @@ def response(
 
     Parameters
     ----------
-    solution
-        What the navigator computed.
-    used : (m,) array
-        Numbers of the fixes it used.
+    gains : (m, n, 6) array
+        Of the fixes.
+    solution, belief
+        What the navigator computed, and what it assumed.
+    fixes, samples : (m,) arrays
+        Numbers of the fixes it was offered, and the samples they belong to.
     time : (n + 1,) array
         Times of the IMU samples [s].
     motion, causes
         Those of these fixes.
     """
-    H = solution.fix_H[used]
-    gains = solution.fix_covariance[used] @ H.transpose(0, 2, 1) @ np.linalg.inv(solution.fix_R[used])
-    n = solution.states
-    at = solution.fix_sample[used]
-    dt = np.diff(time[at], append=time[-1])[:, None, None]
-    F = np.zeros((used.size, n, n))
+    n, m = solution.states, fixes.size
+    dt = np.diff(time[samples], append=time[-1])[:, None, None]
+    F = np.zeros((m, n, n))
     F[:, POS, VEL] = np.eye(3)
     F[:, VEL, ATT] = _skew(motion.force_n)
     F[:, VEL, ACCEL_BIAS] = -motion.C_nb
@@ -124,13 +141,41 @@ def response(
         F[:, ATT, GYRO_SCALE] = motion.C_nb * motion.rate_b[:, None, :]
         F[:, VEL, ACCEL_SCALE] = -motion.C_nb * force_b[:, None, :]
     step = F * dt
-    transition = np.eye(n) + step + step @ step / 2 + step @ step @ step / 6
-    error = np.zeros((n, CAUSES))
-    response = np.empty(causes.shape)
-    for k in range(used.size):  # a recursion over fixes, not samples
-        response[k] = H[k] @ error - causes[k]
-        error = transition[k] @ (error - gains[k] @ response[k])
-    return response
+    after = np.eye(n) + step + step @ step / 2 + step @ step @ step / 6
+    # The first step ends at the first fix, before which nothing has been off.
+    transition = np.concatenate((np.eye(n)[None], after[:-1]))
+    return respond(
+        gains,
+        matrices(solution, belief, fixes)[0],
+        transition,
+        causes,
+        np.zeros((m, n, causes.shape[2])),
+    )
+
+
+def respond(
+    gains: FloatArray, H: FloatArray, transition: FloatArray, fixes: FloatArray, forced: FloatArray
+) -> FloatArray:
+    """Return what causes make of the innovations (m, 6, p).
+
+    Parameters
+    ----------
+    gains, H : (m, n, 6), (m, 6, n) arrays
+        Of the fixes.
+    transition : (m, n, n) array
+        Of the error, to each fix from the one before.
+    fixes : (m, 6, p) array
+        Error of each fix, for each unit of the causes.
+    forced : (m, n, p) array
+        What the causes add to the error on the way to each fix.
+    """
+    error = np.zeros(forced.shape[1:])
+    answer = np.empty(fixes.shape)
+    for k in range(fixes.shape[0]):  # a recursion over fixes, not samples
+        error = transition[k] @ error + forced[k]
+        answer[k] = H[k] @ error - fixes[k]
+        error = error - gains[k] @ answer[k]
+    return answer
 
 
 def _skew(vectors: FloatArray) -> FloatArray:

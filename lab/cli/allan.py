@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from lab.cli.app import CommandError, print_json, working
-from lab.cli.cards import number
-from lab.cli.options import AsJson, Force, check_out
+from lab.cli.cards import ASSUMED, FOOT, number
+from lab.cli.options import AsJson, Assumed, Force, check_out
 from lab.cli.terminal import table
 from lab.settings import SettingError
 
@@ -44,6 +44,7 @@ def allan(
         int,
         typer.Option("--seed", min=0, max=2**32 - 1, metavar="N", help="Seed of what is simulated."),
     ] = 1,
+    assumed: Assumed = True,
     force: Force = False,
     as_json: AsJson = False,
 ) -> None:
@@ -55,7 +56,7 @@ def allan(
         check_out(out, force, ".toml", "a card", "--card")
     with working(record) as progress:
         progress("reading" if is_log else "simulating", 0.0)
-        card = None if is_log else _card(record)
+        card = None if is_log else _card(record, assumed)
         records = _records(record, card, seed)
         progress("fitting", 0.5)
         terms = _fitted(records)
@@ -67,11 +68,11 @@ def allan(
         print("\n\n".join(part for part in (_terms(terms, card), _goodness(terms)) if part))
 
 
-def _card(name: str) -> Card:
+def _card(name: str, assumed: bool) -> Card:
     from lab.sensors.cards import card  # noqa: PLC0415 - takes half a second
 
     try:
-        return card(name)
+        return card(name, assumed=assumed)
     except SettingError as error:
         hint = "" if name.lower().endswith(".toml") else ", or of a log, ending in .csv"
         raise CommandError(f"{error}{hint}") from error
@@ -103,10 +104,12 @@ def _terms(fitted: Mapping[str, NoiseTerms], card: Card | None) -> str:
             for index, axis in enumerate("xyz"):
                 figures = f"{term['value'][index]:.4g}", f"{term['sigma'][index]:.2g}", term["unit"]
                 beside = number(own[index] if isinstance(own, list) else own)
+                beside += ASSUMED if card and card.is_assumed(triad, name) else ""
                 rows.append((triad, axis, term["label"], *figures, beside))
     header = ("group", "axis", "term", "fitted", "σ", "unit", "card")
     width = len(header) if card else len(header) - 1
-    return table(header[:width], [row[:width] for row in rows], right={3, 4, 6})
+    text = table(header[:width], [row[:width] for row in rows], right={3, 4, 6})
+    return f"{text}\n\n{FOOT}" if any(row[-1].endswith(ASSUMED) for row in rows) else text
 
 
 def _goodness(fitted: Mapping[str, NoiseTerms]) -> str:

@@ -27,6 +27,8 @@ NOTHING = "–"
 """Stands where a card has no number."""
 ASSUMED = "*"
 """Stands behind a number that is assumed."""
+FOOT = f"{ASSUMED} assumed: typical of the grade, since the card has no source for it"
+"""Says what the mark means, below a table."""
 
 _COLUMNS = (
     ("gyro", "noise_density", "gyro noise"),
@@ -76,7 +78,7 @@ def _cards(cards: Sequence[Card]) -> str:
     ]
     text = table(("name", "grade", *titles), rows, right={2, 3, 4, 5})
     if any(card.assumed for card in cards):
-        text += f"\n\n{ASSUMED} assumed: typical of the grade, since the card has no source for it"
+        text += f"\n\n{FOOT}"
     return text
 
 

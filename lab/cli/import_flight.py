@@ -111,6 +111,7 @@ def _add_log(files: Sequence[Path], name: str | None, title: str, preview: bool,
     """Add the IMU and GPS of a file as the log they are."""
     from lab.missions import add_log  # noqa: PLC0415 - beside what it goes with
     from lab.missions.flight_import import read_log  # noqa: PLC0415 - takes a second
+    from lab.missions.vehicle import VEHICLES, vehicle_of  # noqa: PLC0415 - beside what it goes with
 
     if preview:
         raise CommandError("--preview shows flights; a log is shown once it is navigated: ins-lab run NAME")
@@ -119,13 +120,21 @@ def _add_log(files: Sequence[Path], name: str | None, title: str, preview: bool,
         log = read_log(files)
         progress("writing", 0.7)
         added = add_log(log, name or _free_name(files[0]), title=title or f"Log of {files[0].name}").name
-    facts = {"added": added, "duration_s": log.duration, "repairs": list(log.repairs)}
+    vehicle = vehicle_of(log.beside.vehicle).name
+    facts = {
+        "added": added,
+        "duration_s": log.duration,
+        "vehicle": vehicle or None,
+        "repairs": list(log.repairs),
+    }
     if as_json:
         print_json(facts)
         return
     print(f"IMU: {len(log.dtheta)} samples in {log.duration:.1f} s. GPS: {len(log.gnss.time)} fixes.")
     for repair in log.repairs:
         print(f"- {repair}")
+    if not vehicle:
+        print(f"- The file does not name its vehicle; ins-lab run --vehicle takes {', '.join(VEHICLES)}.")
     print(f"Added: {added}. Navigate it: ins-lab run {added}")
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Hashable
+from collections.abc import Hashable, Mapping
 from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -26,11 +26,14 @@ from lab.cli.options import (
     experiment,
 )
 from lab.cli.terminal import table
+from lab.missions import LogMission
+from lab.missions import mission as find_mission
 
 if TYPE_CHECKING:
     import pandas as pd
 
     from lab.analysis.verdict import Verdict
+    from lab.experiment import Experiment
     from lab.result import Result
 
 EXAMPLES = """\b
@@ -43,10 +46,19 @@ Examples:
   ins-lab run montreal --algorithm my_filter.py:MyFilter
   ins-lab run montreal --export montreal.kml
   ins-lab run my_drive --set navigator.gate=0.999
+  ins-lab run my_copter --from 1030 --to 1100 --vehicle copter
 my_drive is the folder of a log, with imu.csv, gnss.csv and perhaps ref.csv and log.toml.
 A FILE.toml holds the same settings in tables, such as
   [sensors.gyro]
   noise_density = 0.02"""
+
+
+_LOG_SETTINGS = {
+    "--from": "navigator.log_from",
+    "--to": "navigator.log_to",
+    "--vehicle": "navigator.vehicle",
+    "--heading": "navigator.initial_heading",
+}
 
 
 def run(
@@ -57,6 +69,34 @@ def run(
     assignments: Assignments = None,
     seed: Seed = None,
     own: AlgorithmFile = None,
+    start: Annotated[
+        float | None,
+        typer.Option(
+            "--from",
+            metavar="SECONDS",
+            help="Where in a log to start, in the clock of its file.",
+            show_default=False,
+        ),
+    ] = None,
+    end: Annotated[
+        float | None,
+        typer.Option("--to", metavar="SECONDS", help="Where in a log to end, likewise.", show_default=False),
+    ] = None,
+    vehicle: Annotated[
+        str | None,
+        typer.Option(
+            "--vehicle", metavar="NAME", help="What carried the sensors of a log.", show_default=False
+        ),
+    ] = None,
+    heading: Annotated[
+        float | None,
+        typer.Option(
+            "--heading",
+            metavar="DEGREES",
+            help="True heading of a log at its first sample, where it is known.",
+            show_default=False,
+        ),
+    ] = None,
     out: Annotated[
         Path | None,
         typer.Option(
@@ -79,6 +119,7 @@ def run(
     check_out(out, force, ".nc", "a netCDF file", "--out")
     check_export(export, force, "--export")
     chosen = experiment(mission, config, card, assignments, seed, assumed)
+    _set_log(chosen, {"--from": start, "--to": end, "--vehicle": vehicle, "--heading": heading})
     with working(chosen.mission) as progress:
         navigators = algorithms([own] if own else None)
         result = chosen.run(progress, algorithm=next(iter(navigators.values()), None))
@@ -86,11 +127,22 @@ def run(
             _write(result, out, force)
         if export is not None:
             write(result, export, force, "--export")
-        verdict = result.verdict
+        verdict = result.tried_verdict
     if as_json:
         print_json(_facts(result, out, export))
     else:
         print("\n\n".join((_errors(result), *_remarks(result), verdict_text(verdict))))
+
+
+def _set_log(chosen: Experiment, options: Mapping[str, float | str | None]) -> None:
+    """Set what the options say of a log."""
+    given = {option: value for option, value in options.items() if value is not None}
+    if given and not isinstance(find_mission(chosen.mission), LogMission):
+        raise CommandError(
+            f"{', '.join(given)}: is for logs of real sensors; {chosen.mission} is a simulated flight"
+        )
+    for option, value in given.items():
+        chosen.set(_LOG_SETTINGS[option], value)
 
 
 def _write(result: Result, out: Path, force: bool) -> None:
@@ -108,7 +160,7 @@ def _facts(result: Result, out: Path | None, export: Path | None) -> dict[str, A
         "settings": result.experiment.to_dict(),
         "summary": None if result.lacks("summary") else _renamed(result.summary),
         "remarks": list(result.remarks),
-        "verdict": {**asdict(result.verdict), "consistent": result.verdict.consistent},
+        "verdict": {**asdict(result.tried_verdict), "consistent": result.verdict.consistent},
         "out": None if out is None else str(out),
         "export": None if export is None else str(export),
     }

@@ -5,6 +5,9 @@ path, lies in its plane of symmetry. That gives the bank; the nose is taken to p
 attack and sideslip 0, no wind). A car follows the slope and does not lean, a boat stays level. What comes out
 is a reconstruction, to be called so wherever it is shown.
 
+Slow motion tells little: the noise of a velocity turns its direction round. Where slow motion would turn the
+heading faster than a vehicle turns, the heading is held; the pitch follows the path only at speed.
+
 Left out, since only the velocity is known: the Coriolis acceleration and the curvature of the Earth (0.04° of
 bank at 50 m/s, 0.2° at 250 m/s), and that gravity is not everywhere the standard one (0.3 % of tan of bank).
 
@@ -36,17 +39,24 @@ TAXIING = 5.0
 FLYING = 10.0
 """Speed from which an aircraft banks fully [m/s]."""
 
+ROLLING = 4.0
+"""Speed from which the pitch of a car is the whole slope of its path [m/s]."""
+
 _LEAST_LIFT = 0.5 * STANDARD_GRAVITY
 _TURN_TIME = 2.0
 _TURN_RATE = np.radians(45.0)
+# Nothing on wheels or wings turns faster at a walk; the direction of noise does, from sample to sample.
+_FASTEST_TURN = np.radians(90.0)
+_SLOW = 8.0
+_REACHES = (0.5, 1.0, 2.0, 4.0, 8.0, 16.0)
 
 
 def attitude(time: FloatArray, velocity_n: FloatArray, vehicle: Vehicle = "aircraft") -> FloatArray:
     """Return the attitude that goes with a velocity.
 
     At a standstill the last heading is kept; if the vehicle leaves in another direction, it turns to it
-    within the last seconds before. Where an aircraft is nearly weightless or worse, its bank is held down
-    instead of rolling it over.
+    within the last seconds before. So it is where the direction of slow motion turns faster than 90 °/s.
+    Where an aircraft is nearly weightless or worse, its bank is held down instead of rolling it over.
 
     Parameters
     ----------
@@ -72,11 +82,13 @@ def attitude(time: FloatArray, velocity_n: FloatArray, vehicle: Vehicle = "aircr
     _check(time, velocity, vehicle)
     north, east, down = velocity.T
     speed = np.hypot(north, east)
-    yaw = _heading(time, speed, np.arctan2(east, north))
+    yaw = _believable_heading(time, speed, np.arctan2(east, north))
     euler = np.zeros_like(velocity)
     euler[:, 2] = wrap(yaw)
     if vehicle != "boat":
-        euler[:, 1] = np.arctan2(-down, _at_least(speed, STANDSTILL))
+        slowest, full = (TAXIING, FLYING) if vehicle == "aircraft" else (STANDSTILL, ROLLING)
+        follows = _smooth_step((np.linalg.norm(velocity, axis=1) - slowest) / (full - slowest))
+        euler[:, 1] = follows * np.arctan2(-down, _at_least(speed, STANDSTILL))
     if vehicle == "aircraft":
         euler[:, 0] = _bank(time, velocity, euler[:, 1], yaw)
     return euler
@@ -96,9 +108,27 @@ def _check(time: FloatArray, velocity: FloatArray, vehicle: str) -> None:
         raise ValueError("time does not increase from sample to sample")
 
 
-def _heading(time: FloatArray, speed: FloatArray, course: FloatArray) -> FloatArray:
+def _believable_heading(time: FloatArray, speed: FloatArray, course: FloatArray) -> FloatArray:
+    """Return the heading, held where slow motion would turn it too fast, and ever longer around there."""
+    moving = speed > STANDSTILL
+    for reach in _REACHES:
+        heading = _heading(time, moving, course)
+        too_fast = np.abs(np.diff(heading)) > _FASTEST_TURN * np.diff(time)
+        turns = time[1:][too_fast & (np.minimum(speed[1:], speed[:-1]) < _SLOW)]
+        if not turns.size:
+            break
+        after = np.searchsorted(turns, time)
+        before = turns[np.maximum(after - 1, 0)]
+        away = np.minimum(np.abs(time - before), np.abs(turns[np.minimum(after, turns.size - 1)] - time))
+        moving &= (away > reach) | (speed >= _SLOW)
+    else:
+        heading = _heading(time, moving, course)
+    return heading
+
+
+def _heading(time: FloatArray, moves: NDArray[np.bool_], course: FloatArray) -> FloatArray:
     """Return the heading without jumps: the course while moving, the last one at a standstill."""
-    moving = np.flatnonzero(speed > STANDSTILL)
+    moving = np.flatnonzero(moves)
     if not moving.size:
         return np.zeros_like(time)
     seen = np.unwrap(course[moving])

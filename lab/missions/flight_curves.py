@@ -15,22 +15,32 @@ from scipy.interpolate import CubicSpline
 from lab import earth, ecef
 from lab.anchoring import anchored_cartesian, anchored_offsets
 from lab.missions import air_data
+from lab.missions.clock import prediction_error
 from lab.missions.derived_motion import roughness, spline_rates
 from lab.missions.import_settings import AUTO, ImportSettings
 from lab.missions.raw_flight import RawFlight
 from lab.missions.smooth_axes import SmoothAxes
-from lab.missions.smoothing import best_smoothing, slope_noise, smoothed, smoothing_spline
+from lab.missions.smoothing import (
+    best_smoothing,
+    slope_noise,
+    smoothed,
+    smoothing_of_steps,
+    smoothing_spline,
+)
 from lab.missions.value_steps import value_steps
 
 FloatArray = NDArray[np.float64]
 
 NOISE_THAT_MATTERS = 0.5
 """Roughness of the acceleration from which a velocity is smoothed [m/s²]."""
-LIVELINESS = 0.1
-"""Density of the acceleration that coarse positions are trusted to show [(m/s²)²/Hz]."""
 
 _LOOKED_AT = 20_000
 _SLOWEST = 1.0
+# The noise of a sample is 1.39 times as large in what neighbours say of it, and its 90 % quantile 1.64 σ.
+_PREDICTED_BY, _OFTEN, _EXPLAINED = 5, 0.9, 1.0
+# Copters and walkers are rough themselves, but not as much as this.
+_DEAFENING = 10.0
+_RAISES, _RAISE, _LEAST_WIDTH, _WIDEST = 24, 4.0, 0.3, 300.0
 
 
 @dataclass(eq=False)
@@ -174,6 +184,7 @@ class FlightCurves:
         elif self.settings.smoothing == AUTO:
             asked_for = best_smoothing(self.raw.time, values)
             parameter = max(asked_for, smoothing_of_steps(self.raw.time, values, step))
+            parameter = calming_smoothing(self.raw.time, values, parameter, 2)
         if parameter:
             self.smoothing[name] = parameter
         return smoothing_spline(self.raw.time, values, parameter)
@@ -184,32 +195,17 @@ class FlightCurves:
         if self.settings.smoothing == "given":
             parameter = float(self.settings.smoothing_parameter)
         elif self.settings.smoothing == AUTO:
-            parameter = worthwhile_smoothing(self.raw.time, velocity, NOISE_THAT_MATTERS)
+            own = slice(None, None, self.raw.every("velocity"))
+            time = self.raw.time[own]
+            parameter = worthwhile_smoothing(time, velocity[own], NOISE_THAT_MATTERS)
+            if parameter and own.step > 1:
+                # What was interpolated has no noise of its own: it is smoothed where it was measured.
+                self.smoothing["velocity"] = parameter
+                curve = smoothing_spline(time, velocity[own], parameter)
+                return np.asarray(curve(np.minimum(self.raw.time, time[-1])))
         if parameter:
             self.smoothing["velocity"] = parameter
         return smoothed(self.raw.time, velocity, parameter)
-
-
-def smoothing_of_steps(time: FloatArray, values: FloatArray, step: float) -> float:
-    """Return the λ [s³] that positions recorded in coarse steps need at least.
-
-    Rounding to a step errs by its √12th part. Samples closer together than the step err alike, which
-    cross-validation takes for motion; so many count as one. λ is the variance over the density of the
-    acceleration, `LIVELINESS`.
-
-    Parameters
-    ----------
-    time : (n,) array
-        Increasing times [s].
-    values : (n, m) array
-        Positions [m].
-    step
-        The step they are recorded in [m].
-    """
-    apart = float(np.mean(np.linalg.norm(np.diff(values, axis=0), axis=1)))
-    alike = max(1.0, step / apart) if apart > 0 else 1.0
-    widest = 300.0**4 * float(np.mean(np.diff(time))) ** 3
-    return min(step**2 / 12 * alike / LIVELINESS, widest)
 
 
 def worthwhile_smoothing(time: FloatArray, values: FloatArray, matters: float) -> float:
@@ -229,9 +225,52 @@ def worthwhile_smoothing(time: FloatArray, values: FloatArray, matters: float) -
     before = roughness(spline_rates(at, samples, 1))
     if before < matters:
         return 0.0
-    parameter = best_smoothing(time, values)
+    parameter = calming_smoothing(time, values, best_smoothing(time, values), 1, _DEAFENING * matters)
     after = roughness(spline_rates(at, smoothed(at, samples, parameter), 1))
     return parameter if after < before / 2 else 0.0
+
+
+def calming_smoothing(
+    time: FloatArray, values: FloatArray, parameter: float, order: int, matters: float = NOISE_THAT_MATTERS
+) -> float:
+    """Return the λ [s³] from a given one on that leaves little roughness, as far as noise explains it.
+
+    Cross-validation takes errors for motion that are alike from sample to sample, such as those of stamps
+    that were spread evenly over bursts of packets. A derivative so rough is none of a vehicle: λ is raised
+    until it is calm, or the curve leaves the samples by more than they miss what their neighbours say.
+
+    Parameters
+    ----------
+    time : (n,) array
+        Increasing times [s].
+    values : (n, m) array
+        Samples.
+    parameter
+        λ to begin with [s³].
+    order
+        Which derivative has to be calm.
+    matters
+        Roughness of that derivative that is calm.
+    """
+    window = middle(len(time))
+    at, samples = time[window], values[window]
+    if len(at) <= _PREDICTED_BY:
+        return parameter
+    misses = np.linalg.norm(prediction_error(at, samples), axis=1)
+    most_off = _EXPLAINED * float(np.quantile(misses, _OFTEN))
+    step = float(np.median(np.diff(at)))
+    found, tried = parameter, parameter
+    for _ in range(_RAISES):
+        curve = smoothed(at, samples, tried)
+        if float(np.sqrt(np.mean(np.sum((curve - samples) ** 2, axis=1)))) > most_off:
+            break
+        found = tried
+        if roughness(spline_rates(at, curve, order)) < matters:
+            break
+        tried = max(_RAISE * tried, _LEAST_WIDTH**4 * step**3)
+        if tried > _WIDEST**4 * step**3:
+            break
+    return found
 
 
 def middle(samples: int) -> slice:
@@ -263,12 +302,14 @@ def offered(raw: RawFlight) -> dict[str, float]:
     time = raw.time[window]
     curves: dict[str, float] = {}
     if raw.velocity_n is not None:
-        curves["velocity"] = roughness(spline_rates(time, raw.velocity_n[window], 1))
+        own = slice(window.start, window.stop, raw.every("velocity"))
+        curves["velocity"] = roughness(spline_rates(raw.time[own], raw.velocity_n[own], 1))
     if raw.latitude is not None and raw.longitude is not None:
         height = np.zeros(len(raw.time)) if raw.height is None else raw.height
-        position = np.stack((raw.latitude, raw.longitude, height), axis=-1)[window]
+        own = slice(window.start, window.stop, raw.every("position"))
+        position = np.stack((raw.latitude, raw.longitude, height), axis=-1)[own]
         places = ecef.position(position)
-        curves["position"] = roughness(spline_rates(time, places - places[0], 2))
+        curves["position"] = roughness(spline_rates(raw.time[own], places - places[0], 2))
     if raw.airspeed is not None and raw.euler is not None:
         curves["air data"] = roughness(spline_rates(time, air_velocity(raw)[window], 1))
     return curves

@@ -4,17 +4,20 @@ from __future__ import annotations
 
 import os
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
+
+import numpy as np
 
 from lab.missions.errors import MissionError
 from lab.missions.import_report import ImportReport, report
 from lab.missions.import_settings import ImportSettings
 from lab.missions.library import add_mission
+from lab.missions.log_parts import Comparison
 from lab.missions.mission import Mission
 from lab.missions.raw_flight import RawFlight
-from lab.missions.readers import READERS, read_raw, reader_of
+from lab.missions.readers import READERS, Reader, read_raw, reader_of
 from lab.missions.reconstruction import Reconstruction, reconstruct
 from lab.missions.recording import Recording
 from lab.missions.sensor_log import SensorLog
@@ -154,7 +157,7 @@ def prepare_import(
 
 
 def read_log(paths: Sequence[Path]) -> SensorLog:
-    """Return the recorded IMU and GPS of a file that has both.
+    """Return the recorded IMU and GPS of a file that has both, and beside them the recorder's own solution.
 
     Raises
     ------
@@ -167,7 +170,33 @@ def read_log(paths: Sequence[Path]) -> SensorLog:
     if reader.read_log is None:
         logs = ", ".join(other.name for other in READERS if other.read_log is not None)
         raise MissionError(f"{paths[0]}: is {reader.name}, which has no IMU and GPS; accepted: {logs}")
-    return reader.read_log(paths[0])
+    log = reader.read_log(paths[0])
+    return replace(log, beside=replace(log.beside, comparisons=own_solution(reader, paths[0], log.epoch)))
+
+
+def own_solution(reader: Reader, path: Path, epoch: float) -> tuple[Comparison, ...]:
+    """Return what the estimator of an autopilot made of its sensors, if that is in the file.
+
+    Parameters
+    ----------
+    reader, path
+        The reader and its file.
+    epoch
+        What time 0 of the log is in the clock of the file [s].
+    """
+    try:
+        raw = reader.read((path,), {})
+    except MissionError:
+        return ()
+    if raw.euler is None or raw.latitude is None or raw.longitude is None or raw.height is None:
+        return ()  # without an attitude it is the receiver's and no estimator's
+    rows = np.append(True, np.diff(raw.time) > 0)[: len(raw.time)]
+    if rows.sum() < 2 or (np.diff(raw.time[rows]) <= 0).any():
+        return ()
+    place = np.column_stack((raw.latitude, raw.longitude, raw.height))
+    velocity = np.full_like(place, np.nan) if raw.velocity_n is None else raw.velocity_n
+    name = f"the autopilot's own solution ({reader.name})"
+    return (Comparison(raw.time[rows] - epoch, place[rows], velocity[rows], raw.euler[rows], name),)
 
 
 def prepare_flight(

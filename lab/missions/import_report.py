@@ -22,7 +22,7 @@ from lab.missions.plausibility import (
     motion,
     rate_agreement,
 )
-from lab.missions.raw_flight import ColumnUnit, RawFlight
+from lab.missions.raw_flight import ColumnUnit, RawFlight, Reset
 from lab.missions.reconstruction import Reconstruction
 from lab.missions.recording import Recording
 from lab.missions.sensor_noise import SensorNoise
@@ -190,7 +190,7 @@ def _time(flight: RepairedFlight) -> list[ReportRow]:
             "Time",
             "Rate",
             f"{1 / usual:.4g} Hz, steps of {1000 * steps.min():.4g} to {1000 * steps.max():.4g} ms, usually "
-            f"{1000 * usual:.4g} ms",
+            f"{1000 * usual:.4g} ms{_interpolated(flight.raw)}",
         ),
         ReportRow(
             "Time", "Duration", f"{flight.raw.time[-1]:.2f} s, from {flight.started:.12g} s of its clock"
@@ -207,7 +207,15 @@ def _time(flight: RepairedFlight) -> list[ReportRow]:
             text += f"; the motion's unsmoothness falls to {100 * flight.calmed:.2g} %"
     rows.append(ReportRow("Time", "Stamps", text))
     rows.append(ReportRow("Time", "Gaps", _gaps(flight)))
+    if flight.raw.resets:
+        rows.append(ReportRow("Time", "Resets", _resets(flight.raw.resets)))
     return rows
+
+
+def _interpolated(raw: RawFlight) -> str:
+    """Return what the file has less often than its samples."""
+    each = " and ".join(f"the {name} (recorded at {rate:.3g} Hz)" for name, rate in raw.rates)
+    return f"; interpolated to them: {each}" if each else ""
 
 
 def _gaps(flight: RepairedFlight) -> str:
@@ -216,7 +224,25 @@ def _gaps(flight: RepairedFlight) -> str:
         return bridged
     where = ", ".join(f"{start:.6g} to {end:.6g} s" for start, end in flight.cuts[:3])
     more = ", ..." if len(flight.cuts) > 3 else ""
-    return f"{bridged}; cut at {len(flight.cuts)} gaps, jumps or restarts ({where}{more})"
+    kept = f". {_what_keeps_more(flight)}" if flight.bridging else ""
+    return f"{bridged}; cut at {len(flight.cuts)} gaps, jumps or restarts ({where}{more}){kept}"
+
+
+def _resets(resets: Sequence[Reset]) -> str:
+    where = "; ".join(f"{reset.change} at {reset.time:.6g} s" for reset in resets[:5])
+    more = f" and {len(resets) - 5} more" if len(resets) > 5 else ""
+    return (
+        "the autopilot's estimator was set anew, which is no motion, and the recording is cut there: "
+        f"{where}{more}"
+    )
+
+
+def _what_keeps_more(flight: RepairedFlight) -> str:
+    kept = " and ".join(
+        f"--set longest_gap={more.gap:g} keeps {100 * more.share:.0f} % of the samples"
+        for more in flight.bridging
+    )
+    return f"The recording is cut at pauses longer than longest_gap ({flight.longest_gap:g} s): {kept}"
 
 
 def _resolution(flight: RepairedFlight) -> list[ReportRow]:
@@ -274,12 +300,13 @@ def _wind(wind: FloatArray) -> str:
 
 
 def _noise(flight: RepairedFlight, force: float, rate: float, sensor: SensorNoise | None) -> list[ReportRow]:
-    band = 0.5 / float(np.median(np.diff(flight.raw.time)))
+    usual = float(np.median(np.diff(flight.raw.time)))
+    bands = [0.5 / (usual * flight.raw.every(name)) for name in ("velocity", "attitude")]
     texts = [f"{force:.3g} m/s² rms in the fast part", f"{np.degrees(rate):.3g} °/s rms in the fast part"]
     if sensor is not None:
-        own = np.sqrt(3 * band) * np.array([sensor.accelerometer, np.degrees(sensor.gyro)])
-        texts[0] += f"; {sensor.name} itself up to {band:.3g} Hz: {own[0]:.3g} m/s²"
-        texts[1] += f"; {sensor.name} itself up to {band:.3g} Hz: {own[1]:.3g} °/s"
+        own = np.sqrt(3 * np.array(bands)) * (sensor.accelerometer, np.degrees(sensor.gyro))
+        texts[0] += f"; {sensor.name} itself up to {bands[0]:.3g} Hz: {own[0]:.3g} m/s²"
+        texts[1] += f"; {sensor.name} itself up to {bands[1]:.3g} Hz: {own[1]:.3g} °/s"
     return [
         ReportRow("Noise", name, text)
         for name, text in zip(("Specific force", "Body rates"), texts, strict=True)
@@ -312,16 +339,16 @@ def _stretches(recording: Recording) -> Iterator[Recording]:
         yield _part(recording, slice(start, start + _MANY // 10))
 
 
-def _evenly(part: Recording, flight: RepairedFlight, rebuilt: Reconstruction) -> FloatArray:
-    """Return times in a stretch at the rate of the samples, or of the recording where that is less."""
-    share = min(1.0, len(flight.raw.time) / len(rebuilt.recording.time))
+def _evenly(part: Recording, flight: RepairedFlight, rebuilt: Reconstruction, name: str) -> FloatArray:
+    """Return times in a stretch at the rate a quantity has, or that of the recording where that is less."""
+    share = min(1.0, len(flight.raw.time) / flight.raw.every(name) / len(rebuilt.recording.time))
     return np.linspace(part.time[0], part.time[-1], max(2, round(share * len(part.time))))
 
 
 def _fast_force(flight: RepairedFlight, rebuilt: Reconstruction) -> float:
     """Return the rms of what is fast in the specific force, at the rate of the samples."""
     return _rms(
-        roughness(CubicSpline(part.time, part.velocity_n)(_evenly(part, flight, rebuilt), 1))
+        roughness(CubicSpline(part.time, part.velocity_n)(_evenly(part, flight, rebuilt, "velocity"), 1))
         for part in _stretches(rebuilt.recording)
     )
 
@@ -332,7 +359,7 @@ def _fast_rate(flight: RepairedFlight, rebuilt: Reconstruction) -> float:
         if rebuilt.unchanged:
             loudness.append(roughness(body_rates(part.time, part.euler)))
         else:
-            at = _evenly(part, flight, rebuilt)
+            at = _evenly(part, flight, rebuilt, "attitude")
             loudness.append(roughness(body_rates(at, euler_at(part, at))))
     return _rms(loudness)
 
@@ -379,7 +406,8 @@ def _losses(raw: RawFlight, flight: RepairedFlight) -> Iterable[Finding]:
         yield Finding(
             QUESTIONABLE,
             f"Only {100 * used:.0f} % of the rows are used; what was left out, and why, is listed under "
-            "File.",
+            f"File.{f' {_what_keeps_more(flight)}.' if flight.bridging else ''}"
+            f"{' It is cut where the estimator of the autopilot was set anew.' if flight.raw.resets else ''}",
         )
 
 

@@ -23,16 +23,16 @@ from lab.missions.errors import MissionError
 from lab.missions.flight_csv import read_flight_csv, write_flight_csv
 from lab.missions.folder_lock import folder_lock
 from lab.missions.log_mission import LogMission, is_log_folder, is_log_toml
+from lab.missions.log_toml import DESCRIPTION_FILE
 from lab.missions.mission import MAX_TOML_BYTES, Mission, file_beside, read_toml
 from lab.missions.mission_name import MAX_LETTERS, accepted_name, suggested_name
 from lab.missions.mission_text import changed_text
 from lab.missions.plan_kinds import read_plan
 from lab.missions.recording import Recording
 from lab.missions.sensor_log import SensorLog
-from lab.missions.sensor_log_csv import DESCRIPTION_FILE
 from lab.missions.sensor_log_writer import write_sensor_log
 
-_LOG_FILES = ("imu.csv", "gnss.csv", "ref.csv")
+_LOG_FILES = ("imu.csv", "gnss.csv", "ref.csv", "mag.csv")
 
 
 def add_mission(

@@ -1,8 +1,9 @@
 """Log check: whether the numbers of a sensor log contradict the units, the axes or the clock they claim.
 
-Gravity is known in size and, of a vehicle that is level on the average, in direction; a vehicle turns as its
-course does and feels the speed it gains. A wrong unit breaks one of these by a known factor, wrong axes show
-them on another axis, and a wrong clock at another time.
+Gravity is known in size and, of a vehicle that is level on the average, in direction. A vehicle that goes
+where its nose points turns as its course does and feels the speed it gains: a wrong unit breaks one of these
+by a known factor, wrong axes show them on another axis. Copters, boats and walkers turn and go as they like,
+and are not judged by it. A wrong clock shows by what every vehicle obeys: velocity changes as the IMU felt.
 """
 
 from __future__ import annotations
@@ -14,7 +15,11 @@ from numpy.typing import NDArray
 
 from lab.earth import STANDARD_GRAVITY, radii
 from lab.missions.errors import MissionError
+from lab.missions.log_pieces import piece
 from lab.missions.sensor_log import SensorLog
+from lab.missions.vehicle import VEHICLES, Vehicle, vehicle_of
+from lab.missions.velocity_matching import Match, Window, liveliest, match, turned
+from lab.rotation import wrap
 
 FloatArray = NDArray[np.float64]
 
@@ -28,9 +33,24 @@ _BANKED = 0.15
 _LIVELY_TURN = np.radians(2.0)
 _LIVELY_SPEED = 0.3
 _LIKE = 0.8
-_LEAST_LAG = 0.4
-_LEAST_GAIN = 12.0  # χ² of one degree of freedom: by chance once in 2000 logs
+_LEAST_LAG = 0.4  # receivers are up to 0.3 s late by themselves, which a navigator is told or finds [s]
 _LEAST_LEGS = 10
+_WINDOWS = 4
+_LEAST_WINDOWS = 2
+_STARTS = (-1.5, 1.5)
+_LAG_SIGMA = 0.1
+_AGREEING = 0.2
+_MOST = 0.6
+_MISFIT = 9.0
+_EXPLAINED = 1.0  # mean square of residuals; of logs at hand up to 0.6, with two axes swapped from 1.2 on
+_CLEAR = np.radians(10.0)
+_ALONG = np.radians(30.0)
+_WANDERING = np.radians(10.0)  # aeroplanes and cars: up to 4° in windows of logs at hand
+_VELOCITY_SIGMA = 0.1  # of a receiver that does not say its own [m/s]
+_OR_ANOTHER_VEHICLE = (
+    ". Of a vehicle that does not go where its nose points, this means nothing: name it, such as vehicle = "
+    f'"copter" in log.toml; accepted are {", ".join(VEHICLES)}'
+)
 
 
 class Motion(NamedTuple):
@@ -53,7 +73,7 @@ class Motion(NamedTuple):
 
 
 def check_log(log: SensorLog) -> None:
-    """Raise if a log is implausible.
+    """Raise if a log is implausible; of a log in pieces the longest is judged.
 
     Raises
     ------
@@ -62,13 +82,21 @@ def check_log(log: SensorLog) -> None:
         or radians for degrees, axes that do not point forward, right, down, or a clock of the receiver that
         is not the IMU's.
     """
+    log = piece(log)
     _check_force(log)
     _check_tumbling(log)
-    motion = motion_of(log)
-    _check_turn(log, motion)
-    _check_bank(log, motion)
-    _check_forward(log, motion)
-    _check_clock(log, motion)
+    windows = _windows(log)
+    matches = [match(window, lags=(0.0,)) for window in windows[:_LEAST_WINDOWS]]
+    vehicle = vehicle_of(log.beside.vehicle)
+    if vehicle.follows_nose and not _explained(windows, matches, vehicle):
+        motion = motion_of(log)
+        try:
+            _check_turn(log, motion)
+            _check_bank(log, motion)
+            _check_forward(log, motion)
+        except MissionError as error:
+            raise MissionError(f"{error}{'' if vehicle.name else _OR_ANOTHER_VEHICLE}") from None
+    _check_clock(log, windows, matches)
 
 
 def motion_of(log: SensorLog) -> Motion:
@@ -205,31 +233,69 @@ def _check_forward(log: SensorLog, motion: Motion) -> None:
         )
 
 
-def _check_clock(log: SensorLog, motion: Motion) -> None:
-    """Look for the offset of the clocks that makes turns and speed agree."""
-    verdicts = []
-    for increments, seen, lively in (
-        (log.dtheta[:, 2], motion.turn, _LIVELY_TURN),
-        (log.dvelocity[:, 0], motion.speed, _LIVELY_SPEED),
-    ):
-        rows = np.isfinite(seen)
-        if rows.sum() < _LEAST_LEGS or np.std(seen[rows]) < lively:
-            continue
-        best, _, lag = _best(log, increments, motion, seen)
-        now, _ = _likeness(log, increments, motion, seen, 0.0)
-        # Twice the logarithm of the likelihood ratio, for residuals that are independent from leg to leg.
-        gain = rows.sum() * np.log((1 - now**2) / (1 - best**2))
-        verdicts.append((best, now, lag, gain))
-    if not verdicts:
+def _windows(log: SensorLog) -> list[Window]:
+    gnss = log.gnss
+    sigma = np.where(np.isfinite(gnss.velocity_sigma), gnss.velocity_sigma, _VELOCITY_SIGMA)
+    arrays = (log.time, log.dtheta, log.dvelocity, gnss.time - gnss.latency, gnss.velocity_n, sigma)
+    return liveliest(arrays, _WINDOWS, MAX_LAG)
+
+
+def _explained(windows: list[Window], matches: list[Match], vehicle: Vehicle) -> bool:
+    """Tell whether the IMU as it is explains the velocities, and nothing is wrong with its axes.
+
+    The nose then points along the course, or, where nobody named the vehicle, now here, now there: wrong axes
+    would turn it by the same angle always.
+    """
+    angles = [_off_course(*pair) for pair in zip(windows, matches, strict=False) if _is_clear(pair[1])]
+    apart = np.concatenate(angles) if angles else np.empty(0)
+    if not apart.size:
+        return False
+    mean = np.exp(1j * apart).mean()
+    spread = np.sqrt(-2 * np.log(max(abs(mean), 1e-12)))  # circular standard deviation
+    return bool(abs(np.angle(mean)) < _ALONG or (not vehicle.name and spread > _WANDERING))
+
+
+def _is_clear(found: Match) -> bool:
+    return bool(found.misfit < _EXPLAINED and found.heading_sigma < _CLEAR)
+
+
+def _off_course(window: Window, found: Match) -> FloatArray:
+    """Return the angle of course minus nose at the fixes that move [rad]."""
+    fast = np.linalg.norm(window.velocity_n[:, :2], axis=1) > _MOVING
+    north, east = window.velocity_n[fast, :2].T
+    steps = np.clip(np.searchsorted(window.time, window.at[fast] + found.lag), 0, len(window.dtheta))
+    turning = turned(window.dtheta - found.gyro_bias * np.diff(window.time)[:, None])
+    nose = (found.C_nb * turning[steps]).apply((1.0, 0.0, 0.0)).reshape(-1, 3)
+    return wrap(np.arctan2(east, north) - np.arctan2(nose[:, 1], nose[:, 0]))
+
+
+def _check_clock(log: SensorLog, windows: list[Window], matches: list[Match]) -> None:
+    """Look for the offset of the clocks with which velocity changes as the IMU felt, in several windows."""
+    lags: list[float] = []
+    for number, window in enumerate(windows):
+        found = matches[number] if number < len(matches) else match(window, lags=(0.0,))
+        if not (_shows_lag(found) and abs(found.lag) < _LEAST_LAG):
+            found = min(found, match(window, lags=_STARTS), key=lambda one: one.cost)
+        if _shows_lag(found):
+            lags.append(found.lag)
+        if len(lags) == _LEAST_WINDOWS and np.abs(lags).max() < _LEAST_LAG:
+            return
+    if len(lags) < _LEAST_WINDOWS:
         return
-    best, now, lag, gain = max(verdicts)
-    if best > _LIKE and abs(lag) >= _LEAST_LAG and gain > _LEAST_GAIN:
+    lag = float(np.median(lags))
+    agreeing = np.abs(np.array(lags) - lag) < _AGREEING
+    if abs(lag) >= _LEAST_LAG and agreeing.mean() > _MOST:
         side = "late" if lag < 0 else "early"
         raise MissionError(
-            f"{log.name}: the stamps of the GPS are about {abs(lag):.1f} s {side} against the IMU's (turns "
-            f"or speed then agree with correlation {best:.2f}, as they are with {now:.2f}): two clocks are "
-            f"likely. latency_s = {log.gnss.latency - lag:.1f} in the TOML would bring them together"
+            f"{log.name}: the stamps of the GPS are about {abs(lag):.1f} s {side} against the IMU's (the "
+            f"velocity changes as the IMU felt it that much {'before' if lag < 0 else 'after'}, in "
+            f"{agreeing.sum()} of {len(lags)} stretches): two clocks are likely. latency_s = "
+            f"{log.gnss.latency - lag:.1f} in the TOML would bring them together"
         )
+
+
+def _shows_lag(found: Match) -> bool:
+    return found.lag_sigma < _LAG_SIGMA and found.misfit < _MISFIT
 
 
 def _best(

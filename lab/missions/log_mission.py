@@ -4,18 +4,19 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
 from typing import Any
 
 from lab.missions.errors import MissionError
+from lab.missions.log_toml import DESCRIPTION_FILE, KEYS
 from lab.missions.mission import Mission, read_toml
 from lab.missions.mission_card import log_html
 from lab.missions.named_columns import MAX_BYTES
 from lab.missions.recording import Recording
 from lab.missions.sensor_log import SensorLog
-from lab.missions.sensor_log_csv import DESCRIPTION_FILE, KEYS, LogFiles, log_files
+from lab.missions.sensor_log_csv import LogFiles, log_files
 from lab.missions.text_blocks import check_file
 from lab.missions.thumbnail import WIDTH, thumbnail
 
@@ -71,6 +72,16 @@ class LogMission(Mission):
         """
         return self.files.read()
 
+    def log_of(self, vehicle: str = "") -> SensorLog:
+        """Return the log as that of a vehicle, which the files need not name; of an empty name, as they say.
+
+        Raises
+        ------
+        MissionError
+            As of `log`.
+        """
+        return replace(self.files, vehicle=vehicle).read() if vehicle else self.log
+
     @property
     def recording(self) -> Recording:
         """A log is no flight recording: raises `MissionError`."""
@@ -104,7 +115,7 @@ class LogMission(Mission):
             If a file cannot be read or is too large.
         """
         files = self.files
-        whole = hashlib.sha256(repr((files.axes, files.lever_arm, files.latency)).encode())
+        whole = hashlib.sha256(repr(files.told).encode())
         for path in files.paths:
             try:
                 check_file(path, MAX_BYTES)

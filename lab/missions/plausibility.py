@@ -17,6 +17,7 @@ from lab import earth, ecef, rotation
 from lab.missions import coordinated_turn
 from lab.missions.agreement import Agreement, agreement, cause
 from lab.missions.derived_motion import body_rates, euler_at, specific_force
+from lab.missions.raw_flight import VERTICAL_VELOCITY
 from lab.missions.reconstruction import Reconstruction
 from lab.missions.time_repair import RepairedFlight
 
@@ -25,7 +26,9 @@ FloatArray = NDArray[np.float64]
 QUESTIONABLE, IMPLAUSIBLE = "questionable", "implausible"
 
 _OFTEN = 0.999
-_LEGS = 200
+_LEGS, _FEWEST_LEGS = 200, 20
+# In shorter legs the noise of a receiver is as large as the way [s]; within its noise a receiver stands [m].
+_SHORTEST_LEG, _STANDS = 2.0, 30.0
 _STRIDE = 5
 _MOVING = 5.0
 _LIKE = 0.8
@@ -158,7 +161,7 @@ def findings(flight: RepairedFlight, rebuilt: Reconstruction, moves: Motion) -> 
         What it does.
     """
     found = [
-        *_beyond_limits(rebuilt, moves),
+        *_beyond_limits(flight, rebuilt, moves),
         *_velocity_against_positions(flight),
         *_attitude_against_path(flight, rebuilt),
         *_rates(flight, rebuilt),
@@ -168,17 +171,33 @@ def findings(flight: RepairedFlight, rebuilt: Reconstruction, moves: Motion) -> 
     return tuple(sorted(found, key=lambda finding: finding.level != IMPLAUSIBLE))
 
 
-def _beyond_limits(rebuilt: Reconstruction, moves: Motion) -> list[Finding]:
+def _made_here(flight: RepairedFlight, rebuilt: Reconstruction) -> dict[str, str]:
+    """Return which quantities the file does not have but the lab made, and what they were made of."""
+    made = {}
+    if rebuilt.attitude_reconstructed:
+        made["body rate"] = "the attitude is not recorded but reconstructed, from slow or noisy motion"
+    if VERTICAL_VELOCITY in flight.raw.made and rebuilt.curve == "velocity":
+        heights = "the vertical velocity is not recorded but the slope of heights that jump or are noisy"
+        made["climb"] = heights
+        recording = rebuilt.recording
+        level = CubicSpline(recording.time, recording.velocity_n[:, :2])(recording.time, 1)
+        often = float(np.quantile(np.linalg.norm(level, axis=1), _OFTEN))
+        if np.hypot(often, earth.STANDARD_GRAVITY) < LIMITS[rebuilt.vehicle]["specific force"].possible:
+            made["specific force"] = heights
+    return made
+
+
+def _beyond_limits(flight: RepairedFlight, rebuilt: Reconstruction, moves: Motion) -> list[Finding]:
     vehicle, found = rebuilt.vehicle, []
     many = vehicle if vehicle == "aircraft" else f"{vehicle}s"
-    causes = dict(_CAUSES)
-    if rebuilt.attitude_reconstructed:
-        causes["body rate"] = "a heading reconstructed from slow or noisy motion"
+    made = _made_here(flight, rebuilt)
+    causes = {**_CAUSES, **made}
     for name, limit in LIMITS[vehicle].items():
         unit, factor = _UNITS[name]
         often = float(np.quantile(getattr(moves, name.replace(" ", "_")), _OFTEN))
         if often > limit.usual:
-            level = IMPLAUSIBLE if often > limit.possible else QUESTIONABLE
+            # A file is not refused for what the lab itself made of it.
+            level = IMPLAUSIBLE if often > limit.possible and name not in made else QUESTIONABLE
             found.append(
                 Finding(
                     level,
@@ -204,7 +223,8 @@ def _velocity_against_positions(flight: RepairedFlight) -> list[Finding]:
     raw = flight.raw
     if raw.velocity_n is None or raw.latitude is None or raw.longitude is None:
         return []
-    legs = np.unique(np.linspace(0, len(raw.time) - 1, _LEGS + 1).astype(int))
+    count = int(np.clip(raw.time[-1] / _SHORTEST_LEG, _FEWEST_LEGS, _LEGS))
+    legs = np.unique(np.linspace(0, len(raw.time) - 1, count + 1).astype(int))
     height = np.zeros(len(raw.time)) if raw.height is None else raw.height
     position = np.stack((raw.latitude, raw.longitude, height), axis=-1)[legs]
     steps = np.diff(raw.time)[:, None] * (raw.velocity_n[1:] + raw.velocity_n[:-1]) / 2
@@ -212,13 +232,16 @@ def _velocity_against_positions(flight: RepairedFlight) -> list[Finding]:
     by_velocity, by_position = np.diff(travelled, axis=0), ecef.way(position[:-1], position[1:])
     if ecef.near_pole(position[:, 0]).any() or np.abs(by_position[:, :2]).sum() < 100:
         return []
+    if np.linalg.norm(np.ptp(np.cumsum(by_position[:, :2], axis=0), axis=0)) < _STANDS:
+        return []
     swapped = _swapped(by_position, by_velocity)
     if swapped:
         return [swapped]
     found = []
     level = agreement(by_position[:, :2].ravel(), by_velocity[:, :2].ravel())
     axes = {"The horizontal velocity": level}
-    if raw.height is not None and np.abs(by_position[:, 2]).sum() > 100:
+    recorded = raw.height is not None and VERTICAL_VELOCITY not in raw.made
+    if recorded and np.abs(by_position[:, 2]).sum() > 100:
         axes["The vertical velocity"] = agreement(by_position[:, 2], by_velocity[:, 2])
     for name, like in axes.items():
         if abs(like.correlation) > _LIKE and not 0.9 < like.slope < 1.1:

@@ -10,6 +10,8 @@ from numpy.typing import NDArray
 
 FloatArray = NDArray[np.float64]
 
+_FEW = 8
+
 
 @dataclass(frozen=True)
 class Dropped:
@@ -49,6 +51,26 @@ class ColumnUnit:
     source: str
 
 
+@dataclass(frozen=True)
+class Reset:
+    """An instant at which the estimator of an autopilot jumped to another solution.
+
+    Attributes
+    ----------
+    time : float
+        The source's clock at the first sample after it [s].
+    change : str
+        What jumped and how far: "the heading by 47°".
+    """
+
+    time: float
+    change: str
+
+
+VERTICAL_VELOCITY = "vertical velocity"
+"""What `RawFlight.made` says where the vertical velocity is the slope of the heights."""
+
+
 @dataclass(frozen=True, eq=False, repr=False)
 class RawFlight:
     """A flight as read: what the file has, as time-stamped by its source. Arrays are read-only and finite.
@@ -85,6 +107,13 @@ class RawFlight:
         What else a person should know: whole sentences.
     vehicle : str
         What moved, where the file says so.
+    rates : tuple of (str, float)
+        What the file has less often than its samples, such as "velocity", and how often [Hz]: it is
+        interpolated.
+    made : tuple of str
+        What the reader made of other quantities: "vertical velocity", the slope of the heights.
+    resets : tuple of Reset
+        Where the solution jumps though nothing moved like that.
     """
 
     format: str
@@ -104,6 +133,9 @@ class RawFlight:
     units: tuple[ColumnUnit, ...] = ()
     remarks: tuple[str, ...] = ()
     vehicle: str = ""
+    rates: tuple[tuple[str, float], ...] = ()
+    made: tuple[str, ...] = ()
+    resets: tuple[Reset, ...] = ()
 
     def __post_init__(self) -> None:
         for name in self.quantities:
@@ -123,6 +155,13 @@ class RawFlight:
         return tuple(
             name for name in self.__dataclass_fields__ if isinstance(getattr(self, name), np.ndarray)
         )
+
+    def every(self, name: str) -> int:
+        """Return every how many samples the file has a quantity, 1 unless `rates` names it."""
+        if len(self.time) < _FEW or name not in dict(self.rates):
+            return 1
+        own = float(np.median(np.diff(self.time))) * dict(self.rates)[name]
+        return int(max(1, min(round(1 / own) if own > 0 else 1, len(self.time) // _FEW)))
 
     def __repr__(self) -> str:
         return f"<RawFlight {self.format}: {len(self.time)} samples of {', '.join(self.quantities)}>"

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -28,6 +28,8 @@ LIMITS: dict[str, tuple[float, float, str]] = {
     "beta": (-np.pi, np.pi, "a sideslip beyond ±180°"),
 }
 """Smallest and largest value of each quantity, SI, and what a row beyond them is said to have."""
+NO_FIX = "at 0° N 0° E, which is written while there is no fix"
+"""What is said of positions that are none."""
 CHECKED_WITH = ("body_rate", "acceleration_b")
 """Quantities that no curve is made of: where they are impossible they are left out, and not the row."""
 
@@ -37,6 +39,10 @@ _LASTING = 1.0
 _MOST_LATE = 3
 _JUMP = 300.0
 _FAST = 100.0
+_ROUNDING = 1e-9
+_MOST_BRIDGED = 3600.0
+_TRIED, _PARTS, _WORTHWHILE = 50, (0.5, 0.95), 0.05
+_NOWHERE, _CLOSE = 1e-9, 10_000.0
 
 
 def possible(raw: RawFlight) -> RawFlight:
@@ -71,6 +77,38 @@ def possible(raw: RawFlight) -> RawFlight:
         hint = "; is a column in another unit? A unit is given with --unit COLUMN=UNIT" if worst else ""
         raise MissionError(f"{why}{hint}; accepted are at least {MIN_SAMPLES} good ones, and half of all")
     return raw.rows(kept, tuple(said)) if said else raw
+
+
+def somewhere(raw: RawFlight) -> RawFlight:
+    """Return the samples without those at exactly 0° N 0° E, unless the flight comes close to there.
+
+    Receivers and loggers write zeros while they have no position. If they never have one, the velocity makes
+    the flight alone.
+
+    Raises
+    ------
+    MissionError
+        If there is no other position, and no velocity.
+    """
+    if raw.latitude is None or raw.longitude is None:
+        return raw
+    nowhere = (np.abs(raw.latitude) < _NOWHERE) & (np.abs(raw.longitude) < _NOWHERE)
+    if not nowhere.any():
+        return raw
+    if nowhere.all():
+        if raw.velocity_n is None:
+            raise MissionError(
+                f"all {len(nowhere)} positions are {NO_FIX}; accepted are recordings with positions or "
+                "velocities"
+            )
+        if np.abs(raw.velocity_n).max() < _MOVING:
+            return raw
+        remark = f"The positions are not used: all are {NO_FIX}."
+        return replace(raw, latitude=None, longitude=None, remarks=(*raw.remarks, remark))
+    others = place(raw.rows(~nowhere))
+    if np.linalg.norm(others - place(raw)[np.argmax(nowhere)], axis=1).min() < _CLOSE:
+        return raw
+    return raw.rows(~nowhere, tuple(said_of(raw, nowhere, f"a position {NO_FIX}")))
 
 
 def fresh(raw: RawFlight) -> RawFlight:
@@ -161,6 +199,13 @@ def without_spikes(raw: RawFlight) -> RawFlight:
     return raw.rows(~spike, tuple(said_of(raw, spike, "a position far off the way, and back")))
 
 
+def reset_places(raw: RawFlight) -> NDArray[np.intp]:
+    """Return the indices of the first samples after the estimator of the source was set anew."""
+    times = np.array([reset.time for reset in raw.resets])
+    after = np.searchsorted(np.maximum.accumulate(raw.time), times - _ROUNDING)
+    return np.unique(after[(after > 0) & (after < len(raw.time))])
+
+
 def longest_stretch(
     raw: RawFlight, breaks: NDArray[np.intp], longest_gap: float
 ) -> tuple[RawFlight, tuple[tuple[float, float], ...]]:
@@ -204,8 +249,61 @@ def longest_stretch(
     kept = np.zeros(len(raw.time), dtype=bool)
     kept[edges[best] : edges[best + 1]] = True
     words = "beyond a gap, a jump or a restart: only the longest stretch is taken"
+    if raw.resets:
+        words = words.replace(" or a restart", ", a restart or a reset of the estimator")
     where = [(float(raw.time[i]), float(raw.time[i + 1])) for i in np.flatnonzero(cut)]
     return (raw.rows(kept, tuple(said_of(raw, ~kept, words))) if where else raw), tuple(where)
+
+
+@dataclass(frozen=True)
+class Bridging:
+    """What a longer `longest_gap` would keep of a recording.
+
+    Attributes
+    ----------
+    gap : float
+        The setting [s].
+    share : float
+        Which part of the samples it keeps.
+    """
+
+    gap: float
+    share: float
+
+
+def bridging(raw: RawFlight, breaks: NDArray[np.intp], longest_gap: float) -> tuple[Bridging, ...]:
+    """Return by which longer pauses bridged most, or nearly all, of a recording would be kept.
+
+    Parameters
+    ----------
+    raw
+        Samples in order.
+    breaks
+        Where the clock was set back.
+    longest_gap
+        Longest pause between samples that is bridged so far [s].
+    """
+    steps = np.diff(raw.time)
+    usual = float(np.median(steps[steps > 0])) if (steps > 0).any() else 0.0
+    bridged = max(longest_gap, 5 * usual)
+    jumps = np.zeros(len(steps), dtype=bool)
+    if raw.latitude is not None and raw.longitude is not None:
+        jumps = _too_far(np.linalg.norm(np.diff(place(raw), axis=0), axis=1), steps)
+    jumps[breaks - 1] = True
+    pauses = np.unique(np.ceil(steps[~jumps & (steps > bridged) & (steps <= _MOST_BRIDGED)]))
+    if not pauses.size:
+        return ()
+    tried = pauses[np.unique(np.linspace(0, len(pauses) - 1, _TRIED).astype(int))]
+    kept = [_longest(jumps | (steps > gap)) / len(raw.time) for gap in tried]
+    worthwhile = _longest(jumps | (steps > bridged)) / len(raw.time) + _WORTHWHILE
+    enough = dict.fromkeys(int(np.argmax(np.array(kept) >= part * max(kept))) for part in _PARTS)
+    return tuple(Bridging(float(tried[i]), kept[i]) for i in enough if kept[i] > worthwhile)
+
+
+def _longest(cut: Mask) -> int:
+    """Return how many samples the longest piece between cuts has."""
+    edges = np.concatenate(([-1], np.flatnonzero(cut), [len(cut)]))
+    return int(np.diff(edges).max())
 
 
 def _too_far(way: FloatArray, steps: FloatArray) -> Mask:

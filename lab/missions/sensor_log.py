@@ -1,50 +1,31 @@
 """Sensor log: what an IMU and a GPS receiver recorded on a vehicle, repaired where it can be.
 
 Time counts from the first usable sample of the IMU. Polled devices repeat samples: a row with the six values
-of the row before is dropped, and the next row's interval reaches back to the last one kept. Gaps of the IMU
-are filled with rates that change linearly from one side to the other.
+of the row before is dropped, and the next row's interval reaches back to the last one kept. Short gaps of the
+IMU are filled with rates that change linearly from one side to the other; longer ones break the log into
+pieces (`lab.missions.log_pieces`).
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
 
 from lab.missions.errors import MissionError
+from lab.missions.log_parts import Beside, Reference
 
 FloatArray = NDArray[np.float64]
 
 MAX_GAP = 2.0
-"""Longest time without samples of the IMU that is bridged [s]."""
+"""Longest time without samples of the IMU that is bridged [s]: what moved in it is not known."""
 MIN_OVERLAP = 5.0
 """Shortest time in which both the IMU and the receiver recorded [s]."""
 
 _GAP = 2.5
 _LONGEST_REPEAT = 4
-
-
-@dataclass(frozen=True, eq=False, repr=False)
-class Reference:
-    """What another, better system says where the vehicle was.
-
-    Attributes
-    ----------
-    time : (k,) array
-        Times, increasing [s].
-    position : (k, 3) array
-        Latitude, longitude [rad], height [m].
-    velocity_n : (k, 3) array
-        Velocity north, east, down [m/s]; NaN where it is not known.
-    euler : (k, 3) array
-        Roll, pitch, yaw [rad]; NaN where it is not known.
-    """
-
-    time: FloatArray
-    position: FloatArray
-    velocity_n: FloatArray
-    euler: FloatArray
+_MOST_FILLED = 10  # a file must not ask for more memory than it is large
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -95,8 +76,11 @@ class SensorLog:
         The fixes, their stamps counted from the same 0.
     reference : Reference or None
         A better solution, where there is one; of the same 0.
-    gaps : (g, 2) array
-        Start and end of the gaps of the IMU that were filled [s].
+    gaps, breaks : (g, 2) arrays
+        Start and end of the gaps of the IMU that were filled, and of those too long for that [s]. In a break
+        there is one interval without increments, which nobody may navigate through.
+    beside : Beside
+        What else was recorded: vehicle, magnetometer, headings, other solutions; of the same 0.
     repairs : tuple of str
         What was repaired and what is missing, for people.
     """
@@ -110,6 +94,8 @@ class SensorLog:
     reference: Reference | None
     gaps: FloatArray
     repairs: tuple[str, ...]
+    breaks: FloatArray = field(default_factory=lambda: np.empty((0, 2)))
+    beside: Beside = field(default_factory=Beside)
 
     @property
     def duration(self) -> float:
@@ -135,6 +121,7 @@ def repaired(
     reference: Reference | None = None,
     *,
     increments: bool = False,
+    beside: Beside | None = None,
 ) -> SensorLog:
     """Return the log of raw rows, repaired.
 
@@ -151,12 +138,13 @@ def repaired(
         The fixes and, where there is one, a better solution, stamped by the same clock.
     increments
         Whether the samples are increments.
+    beside
+        What else was recorded, stamped by the same clock.
 
     Raises
     ------
     MissionError
-        If time runs backwards, a gap of the IMU is longer than `MAX_GAP`, or the IMU and the receiver have
-        recorded less than `MIN_OVERLAP` together.
+        If time runs backwards, or the IMU and the receiver have recorded less than `MIN_OVERLAP` together.
     """
     repairs: list[str] = []
     _check_order(name, "IMU", time)
@@ -169,12 +157,13 @@ def repaired(
     rates = samples[1:] / dt[:, None] if increments else samples[1:]
     rates = np.concatenate((samples[:1] / np.median(dt) if increments else samples[:1], rates))
     stamps = time
-    time, rates, gaps = _without_gaps(name, time, rates, repairs)
+    time, rates, gaps, breaks = _without_gaps(name, time, rates, repairs)
     values = rates[1:] * np.diff(time)[:, None]
     if increments:
         # What was counted during a gap is not known; the rest keeps every bit.
         same = np.searchsorted(time, stamps[1:][dt <= _GAP * np.median(dt)])
         values[same - 1] = samples[1:][dt <= _GAP * np.median(dt)]
+    values[np.searchsorted(time, breaks[:, 1]) - 1] = 0.0
     epoch = float(time[0])
     fixes = _picked(gnss, gnss_rows, epoch)
     _report_missing(fixes, repairs)
@@ -185,11 +174,11 @@ def repaired(
         dtheta=np.ascontiguousarray(values[:, :3]),
         dvelocity=np.ascontiguousarray(values[:, 3:]),
         gnss=fixes,
-        reference=None
-        if reference is None
-        else Reference(reference.time - epoch, reference.position, reference.velocity_n, reference.euler),
+        reference=None if reference is None else reference.later(-epoch),
         gaps=gaps - epoch,
         repairs=tuple(repairs),
+        breaks=breaks - epoch,
+        beside=Beside() if beside is None else beside.later(-epoch),
     )
 
 
@@ -237,28 +226,31 @@ def _span(time: FloatArray) -> str:
 
 def _without_gaps(
     name: str, time: FloatArray, rates: FloatArray, repairs: list[str]
-) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Fill gaps with samples at the usual spacing."""
+) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+    """Fill short gaps with samples at the usual spacing; return gaps filled and breaks left, too."""
     dt = np.diff(time)
     usual = float(np.median(dt))
-    at = np.flatnonzero(dt > _GAP * usual)
+    wide = dt > _GAP * usual
+    at = np.flatnonzero(wide & (dt <= MAX_GAP))
+    broken = np.flatnonzero(wide & (dt > MAX_GAP))
+    breaks = np.stack((time[broken], time[broken + 1]), axis=-1)
     if not at.size:
-        return time, rates, np.empty((0, 2))
-    longest = at[np.argmax(dt[at])]
-    if dt[longest] > MAX_GAP:
+        return time, rates, np.empty((0, 2)), breaks
+    if dt[at].sum() > _MOST_FILLED * time.size * usual:
         raise MissionError(
-            f"{name}: the IMU has a gap of {dt[longest]:.3g} s after {time[longest]:.12g} s; accepted are "
-            f"gaps up to {MAX_GAP:g} s"
+            f"{name}: samples of the IMU are usually {usual:.3g} s apart, but {at.size} gaps last "
+            f"{dt[at].sum():.3g} s in all; accepted are gaps of up to {_MOST_FILLED} times as many samples "
+            "as there are"
         )
     filled = [np.linspace(time[i], time[i + 1], round(dt[i] / usual) + 1)[1:-1] for i in at]
     times = np.sort(np.concatenate((time, *filled)))
     rates = np.stack([np.interp(times, time, column) for column in rates.T], axis=-1)
     count = "1 gap" if at.size == 1 else f"{at.size} gaps"
     repairs.append(
-        f"{count} of the IMU, {dt[at].sum():.3g} s in all and up to {dt[longest]:.3g} s long, filled by "
+        f"{count} of the IMU, {dt[at].sum():.3g} s in all and up to {dt[at].max():.3g} s long, filled by "
         "linear interpolation; the filter is told that it knows little there."
     )
-    return times, rates, np.stack((time[at], time[at + 1]), axis=-1)
+    return times, rates, np.stack((time[at], time[at + 1]), axis=-1), breaks
 
 
 def _picked(gnss: GnssLog, rows: NDArray[np.bool_], epoch: float) -> GnssLog:

@@ -4,11 +4,12 @@
 force ``fx_m_s2, fy_m_s2, fz_m_s2`` (or ``fx_g …``), mean over the interval that ends with the stamp; or
 their integrals over it, ``dtheta_x_rad …`` and ``dvelocity_x_m_s …``. ``gnss.csv``: ``t_s, lat_deg, lon_deg,
 alt_m``, and what the receiver has of ``vn_m_s, ve_m_s, vd_m_s`` and of its σ ``sd_n_m, sd_e_m, sd_d_m,
-sd_vn_m_s, sd_ve_m_s, sd_vd_m_s``. ``ref.csv``, where there is one: ``t_s, lat_deg, lon_deg, alt_m``, and what
-is known of ``vn_m_s …`` and ``roll_deg, pitch_deg, heading_deg``. Of what need not be there, an empty cell is
-not known. All three are stamped by one clock. Heights
-are above the ellipsoid, or all above the same other surface. The TOML, ``log.toml`` in the folder, may
-leave out every key; a folder without it is read with these defaults::
+sd_vn_m_s, sd_ve_m_s, sd_vd_m_s``; of two antennas also ``heading_deg, sd_heading_deg``. ``ref.csv``, where
+there is one: ``t_s`` and what is known of ``lat_deg, lon_deg, alt_m``, ``vn_m_s …`` and ``roll_deg,
+pitch_deg, heading_deg``. ``mag.csv``, where there is one: ``t_s, mx_uT, my_uT, mz_uT``, in the axes of the
+IMU. Of what need not be there, an empty cell is not known. All are stamped by one clock, in which ``--from``,
+``--to`` and outages are given too. Heights are above the ellipsoid, or all above the same other surface. The
+TOML, ``log.toml`` in the folder, may leave out every key; what it does not say is as here, unless noted::
 
     title = "Drive to work"
     description = "..."
@@ -16,19 +17,22 @@ leave out every key; a folder without it is read with these defaults::
     imu = "imu.csv"               # files in the same folder
     gnss = "gnss.csv"
     reference = "ref.csv"         # taken where it exists
+    magnetometer = "mag.csv"      # taken where it exists
+    vehicle = "car"               # left out: not known; aeroplane, car, boat, copter, pedestrian, ...
     axes = ["x", "y", "z"]        # which axes of the IMU point forward, right, down; "-y" for its opposite
+    mounting_deg = [0, 0, 0]      # roll, pitch, yaw of these axes in the vehicle
     lever_arm_m = [0, 0, 0]       # from the IMU to the antenna: forward, right, down
     latency_s = 0                 # by how much the stamps of the fixes are late
+    declination_deg = 11.5        # of the magnetic field, east; left out: of the World Magnetic Model
+    [comparisons]                 # solutions of other estimators, to compare with: as ref.csv
+    "PX4 EKF2" = "ekf.csv"
 """
 
 from __future__ import annotations
 
-import difflib
-import math
 import os
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -36,14 +40,15 @@ from numpy.typing import NDArray
 from lab.earth import STANDARD_GRAVITY
 from lab.missions.errors import MissionError
 from lab.missions.log_check import check_log
-from lab.missions.mission import check_tags, file_beside, read_toml
+from lab.missions.log_parts import Beside, Comparison, Headings, Magnetometer, Reference
+from lab.missions.log_toml import DESCRIPTION_FILE, check_values
+from lab.missions.mission import file_beside, read_toml
 from lab.missions.named_columns import Column, read_columns
-from lab.missions.sensor_log import GnssLog, Reference, SensorLog, repaired
+from lab.missions.sensor_log import GnssLog, SensorLog, repaired
+from lab.rotation import C_nb_from_euler
 
 FloatArray = NDArray[np.float64]
 
-DESCRIPTION_FILE = "log.toml"
-"""Name of the TOML file in the folder of a log."""
 MAX_DURATION = 86_400.0
 """Longest log accepted [s]."""
 MIN_ROWS = 10
@@ -61,7 +66,6 @@ _IMU = (
     *(Column(name, -1e6, 1e6, required=False) for names in (*_GYRO, *_FORCE, *_INCREMENTS) for name in names),
 )
 _POSITION = (
-    _TIME,
     Column("lat_deg", -90, 90),
     Column("lon_deg", -360, 360),
     Column("alt_m", -1000, 100_000),
@@ -73,14 +77,16 @@ _SIGMA = tuple(
     Column(name, 1e-6, 1e6, required=False, may_be_empty=True)
     for name in ("sd_n_m", "sd_e_m", "sd_d_m", "sd_vn_m_s", "sd_ve_m_s", "sd_vd_m_s")
 )
+_HEADING = (
+    Column("heading_deg", -360, 360, required=False, may_be_empty=True),
+    Column("sd_heading_deg", 1e-3, 360, required=False, may_be_empty=True),
+)
 _ATTITUDE = tuple(
     Column(name, -360, 360, required=False, may_be_empty=True)
     for name in ("roll_deg", "pitch_deg", "heading_deg")
 )
-_TEXTS = ("title", "description", "imu", "gnss", "reference")
-_KEYS = (*_TEXTS, "tags", "axes", "lever_arm_m", "latency_s")
-KEYS = frozenset(_KEYS)
-"""Keys of the TOML."""
+_PLACE_IF_KNOWN = tuple(replace(column, required=False, may_be_empty=True) for column in _POSITION)
+_FIELD = tuple(Column(name, -1e4, 1e4, may_be_empty=True) for name in ("mx_uT", "my_uT", "mz_uT"))
 
 
 @dataclass(frozen=True)
@@ -93,35 +99,61 @@ class LogFiles:
         The folder, or the TOML file.
     imu, gnss : Path
         The csv files.
-    reference : Path or None
-        Csv file of the reference, where there is one.
+    reference, magnetometer : Path or None
+        Csv files of the reference and the magnetometer, where there are any.
+    comparisons : tuple of (str, Path)
+        Names and csv files of other solutions.
     title, description : str
         For people.
     tags : tuple of str
         Words to find it by.
+    vehicle : str
+        What carries the sensors; empty if the TOML does not say.
     axes : tuple of str
         Which axes of the IMU point forward, right, down.
+    mounting : tuple of float
+        Roll, pitch, yaw of these axes in the vehicle [°].
     lever_arm : tuple of float
         From the IMU to the antenna, in b [m].
     latency : float
         By how much the stamps of the fixes are late [s].
+    declination : float
+        Of the magnetic field, positive east [°]; NaN if the TOML does not say.
     """
 
     path: Path
     imu: Path
     gnss: Path
     reference: Path | None
+    magnetometer: Path | None
+    comparisons: tuple[tuple[str, Path], ...]
     title: str
     description: str
     tags: tuple[str, ...]
+    vehicle: str
     axes: tuple[str, str, str]
+    mounting: tuple[float, float, float]
     lever_arm: tuple[float, float, float]
     latency: float
+    declination: float
 
     @property
     def paths(self) -> list[Path]:
         """All files there are."""
-        return [path for path in (self.imu, self.gnss, self.reference) if path is not None]
+        named = (
+            self.imu,
+            self.gnss,
+            self.reference,
+            self.magnetometer,
+            *(path for _, path in self.comparisons),
+        )
+        return [path for path in named if path is not None]
+
+    @property
+    def told(self) -> tuple[object, ...]:
+        """What the TOML says that changes how the files are read."""
+        names = tuple(name for name, _ in self.comparisons)
+        return self.axes, self.mounting, self.lever_arm, self.latency, self.vehicle, self.declination, names
 
     def read(self) -> SensorLog:
         """Read the log.
@@ -131,12 +163,20 @@ class LogFiles:
         MissionError
             Naming file, row and column where there is one: if a file cannot be read, a column is missing or
             there in two units, a cell is not a finite number within its limits, time runs backwards, the
-            files do not overlap in time, the IMU has a gap that is too long, or the numbers contradict the
-            units, axes or clock they claim.
+            files do not overlap in time, or the numbers contradict the units, axes or clock they claim.
         """
         time, samples, increments = self._read_imu()
-        reference = None if self.reference is None else self._read_reference(self.reference)
-        log = repaired(str(self.path), time, samples, self._read_gnss(), reference, increments=increments)
+        gnss, headings = self._read_gnss()
+        beside = Beside(
+            vehicle=self.vehicle,
+            magnetometer=None if self.magnetometer is None else self._read_field(self.magnetometer),
+            headings=headings,
+            comparisons=tuple(
+                Comparison(*_read_solution(path), name=name) for name, path in self.comparisons
+            ),
+        )
+        reference = None if self.reference is None else Reference(*_read_solution(self.reference))
+        log = repaired(str(self.path), time, samples, gnss, reference, increments=increments, beside=beside)
         check_log(log)
         return log
 
@@ -158,29 +198,39 @@ class LogFiles:
                 gyro = np.radians(gyro)
             if "fx_g" in table:
                 force = force * STANDARD_GRAVITY
-        C = _axes_matrix(self.path, self.axes)
+        C = self._axes()
         return table["t_s"], np.concatenate((gyro @ C.T, force @ C.T), axis=1), bool(present)
 
-    def _read_gnss(self) -> GnssLog:
-        table, rows = _read(self.gnss, (*_POSITION, *_VELOCITY, *_SIGMA))
-        return GnssLog(
+    def _read_gnss(self) -> tuple[GnssLog, Headings | None]:
+        table, rows = _read(self.gnss, (_TIME, *_POSITION, *_VELOCITY, *_SIGMA, *_HEADING))
+        gnss = GnssLog(
             time=table["t_s"],
-            position=_geodetic(table),
+            position=_geodetic(table, rows),
             velocity_n=_columns(table, _VELOCITY, rows),
             position_sigma=_columns(table, _SIGMA[:3], rows),
             velocity_sigma=_columns(table, _SIGMA[3:], rows),
             lever_arm=np.array(self.lever_arm, dtype=np.float64),
             latency=self.latency,
         )
+        heading, sigma = np.radians(_columns(table, _HEADING, rows)).T
+        known = np.isfinite(heading)
+        if not known.any():
+            return gnss, None
+        # Of the same clock as the fixes, and late by as much.
+        return gnss, Headings(table["t_s"][known] - self.latency, heading[known], sigma[known])
 
-    @staticmethod
-    def _read_reference(path: Path) -> Reference:
-        table, rows = _read(path, (*_POSITION, *_VELOCITY, *_ATTITUDE))
-        time = table["t_s"]
-        if rows < 2 or (np.diff(time) <= 0).any():
-            raise MissionError(f"{path}, column t_s: accepted are at least two rows and time that increases")
-        velocity_n, euler = _columns(table, _VELOCITY, rows), _columns(table, _ATTITUDE, rows)
-        return Reference(time, _geodetic(table), velocity_n, np.radians(euler))
+    def _read_field(self, path: Path) -> Magnetometer:
+        table, _ = _read(path, (_TIME, *_FIELD))
+        field = np.stack([table[column.name] for column in _FIELD], axis=-1)
+        known = np.isfinite(field).all(axis=1)
+        time = table["t_s"][known]
+        if (np.diff(time) < 0).any():
+            raise MissionError(f"{path}, column t_s: accepted is time that increases from row to row")
+        return Magnetometer(time, field[known] @ self._axes().T, float(np.radians(self.declination)))
+
+    def _axes(self) -> FloatArray:
+        """Return the matrix that takes vectors in the axes of the IMU to b."""
+        return np.asarray(C_nb_from_euler(np.radians(self.mounting)) @ _axes_matrix(self.path, self.axes))
 
 
 def log_files(path: str | os.PathLike[str]) -> LogFiles:
@@ -199,10 +249,20 @@ def log_files(path: str | os.PathLike[str]) -> LogFiles:
     path = Path(path)
     described = path / DESCRIPTION_FILE if path.is_dir() else path
     values = read_toml(described) if described.is_file() or not path.is_dir() else {}
-    _check(described, values)
+    check_values(described, values)
     imu, gnss = (file_beside(described, key, values.get(key, f"{key}.csv")) for key in ("imu", "gnss"))
-    reference = file_beside(described, "reference", values.get("reference", "ref.csv"))
-    wanted = [imu, gnss] + ([reference] if "reference" in values else [])
+    reference, magnetometer = (
+        file_beside(described, key, values.get(key, name))
+        for key, name in (("reference", "ref.csv"), ("magnetometer", "mag.csv"))
+    )
+    comparisons = tuple(
+        (name, file_beside(described, "comparisons", file))
+        for name, file in values.get("comparisons", {}).items()
+    )
+    wanted = [imu, gnss, *(file for _, file in comparisons)]
+    wanted += [
+        file for key, file in (("reference", reference), ("magnetometer", magnetometer)) if key in values
+    ]
     for file in wanted:
         if not file.is_file():
             raise MissionError(
@@ -214,12 +274,17 @@ def log_files(path: str | os.PathLike[str]) -> LogFiles:
         imu=imu,
         gnss=gnss,
         reference=reference if reference.is_file() else None,
+        magnetometer=magnetometer if magnetometer.is_file() else None,
+        comparisons=comparisons,
         title=values.get("title", described.parent.name if described.stem == "log" else described.stem),
         description=values.get("description", ""),
         tags=tuple(values.get("tags", ())),
+        vehicle=values.get("vehicle", ""),
         axes=tuple(values.get("axes", ("x", "y", "z"))),
+        mounting=tuple(values.get("mounting_deg", (0.0, 0.0, 0.0))),
         lever_arm=tuple(values.get("lever_arm_m", (0.0, 0.0, 0.0))),
         latency=float(values.get("latency_s", 0.0)),
+        declination=float(values.get("declination_deg", "nan")),
     )
 
 
@@ -257,8 +322,30 @@ def _columns(table: dict[str, FloatArray], columns: tuple[Column, ...], rows: in
     return np.stack([table.get(column.name, np.full(rows, np.nan)) for column in columns], axis=-1)
 
 
-def _geodetic(table: dict[str, FloatArray]) -> FloatArray:
-    return np.stack((np.radians(table["lat_deg"]), np.radians(table["lon_deg"]), table["alt_m"]), axis=-1)
+def _geodetic(table: dict[str, FloatArray], rows: int) -> FloatArray:
+    """Return latitude, longitude [rad], height [m] (n, 3), NaN in rows that lack one of them."""
+    place = _columns(table, _POSITION, rows)
+    place[np.isnan(place).any(axis=1)] = np.nan
+    return np.column_stack((np.radians(place[:, :2]), place[:, 2]))
+
+
+def _read_solution(path: Path) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+    """Return time, position, velocity and attitude of a solution, NaN where it does not know them."""
+    table, rows = _read(path, (_TIME, *_PLACE_IF_KNOWN, *_VELOCITY, *_ATTITUDE))
+    time = table["t_s"]
+    if rows < 2 or (np.diff(time) <= 0).any():
+        raise MissionError(f"{path}, column t_s: accepted are at least two rows and time that increases")
+    parts = (
+        _geodetic(table, rows),
+        _columns(table, _VELOCITY, rows),
+        np.radians(_columns(table, _ATTITUDE, rows)),
+    )
+    if not any(np.isfinite(part).all(axis=1).any() for part in parts):
+        raise MissionError(
+            f"{path}: knows neither positions nor velocities nor attitudes; accepted are the columns "
+            "lat_deg, lon_deg, alt_m, or vn_m_s, ve_m_s, vd_m_s, or roll_deg, pitch_deg, heading_deg, or more"
+        )
+    return (time, *parts)
 
 
 def _axes_matrix(path: Path, axes: tuple[str, ...]) -> FloatArray:
@@ -272,32 +359,3 @@ def _axes_matrix(path: Path, axes: tuple[str, ...]) -> FloatArray:
             'as ["y", "x", "-z"] for an IMU with x right, y forward, z up'
         )
     return C
-
-
-def _check(path: Path, values: dict[str, Any]) -> None:
-    for key in values:
-        if key not in _KEYS:
-            close = difflib.get_close_matches(key, _KEYS, n=1)
-            hint = f" Did you mean {close[0]}?" if close else ""
-            raise MissionError(f"{path}: there is no key {key!r}.{hint} Accepted: {', '.join(_KEYS)}")
-    for key in _TEXTS:
-        if not isinstance(values.get(key, ""), str):
-            raise MissionError(f"{path}: {key} = {values[key]!r}; accepted is text in quotes")
-    check_tags(path, values)
-    axes = values.get("axes", ["x", "y", "z"])
-    known = {"x", "y", "z", "-x", "-y", "-z"}
-    if not (
-        isinstance(axes, list) and len(axes) == 3 and all(isinstance(a, str) and a in known for a in axes)
-    ):
-        raise MissionError(f'{path}: axes = {axes!r}; accepted are three of "x", "-x", "y", "-y", "z", "-z"')
-    arm = values.get("lever_arm_m", [0, 0, 0])
-    if not (isinstance(arm, list) and len(arm) == 3 and all(_within(a, 100) for a in arm)):
-        raise MissionError(f"{path}: lever_arm_m = {arm!r}; accepted are three numbers from -100 to 100")
-    latency = values.get("latency_s", 0)
-    if not _within(latency, 5):
-        raise MissionError(f"{path}: latency_s = {latency!r}; accepted is a number from -5 to 5")
-
-
-def _within(value: Any, limit: float) -> bool:
-    number = isinstance(value, int | float) and not isinstance(value, bool)
-    return number and math.isfinite(value) and abs(value) <= limit

@@ -1,7 +1,7 @@
 """Sensor log writer: a log as a folder of the lab's own csv files, whole or not at all.
 
-What is written reads back as the same log: increments with all their digits, times from 0, gaps of the IMU as
-gaps, so that they are filled in the same way and the filter is told of them again.
+What is written reads back as the same log: increments with all their digits, times of the recorder's clock,
+gaps of the IMU as gaps, so that they are filled in the same way and the filter is told of them again.
 """
 
 from __future__ import annotations
@@ -9,7 +9,7 @@ from __future__ import annotations
 import os
 import shutil
 import tempfile
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -17,11 +17,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lab.missions.errors import MissionError
-from lab.missions.sensor_log import GnssLog, Reference, SensorLog
-from lab.missions.sensor_log_csv import DESCRIPTION_FILE, read_sensor_log
+from lab.missions.log_parts import Headings, Reference
+from lab.missions.log_toml import DESCRIPTION_FILE
+from lab.missions.sensor_log import GnssLog, SensorLog
+from lab.missions.sensor_log_csv import read_sensor_log
+from lab.missions.vehicle import vehicle_of
 
 FloatArray = NDArray[np.float64]
 
+_SAME_TIME = 0.02  # between a fix and a heading of the same solution [s]
 _IMU = (
     "t_s", "dtheta_x_rad", "dtheta_y_rad", "dtheta_z_rad", "dvelocity_x_m_s", "dvelocity_y_m_s",
     "dvelocity_z_m_s",
@@ -29,6 +33,8 @@ _IMU = (
 _PLACE = ("t_s", "lat_deg", "lon_deg", "alt_m", "vn_m_s", "ve_m_s", "vd_m_s")
 _SIGMA = ("sd_n_m", "sd_e_m", "sd_d_m", "sd_vn_m_s", "sd_ve_m_s", "sd_vd_m_s")
 _ATTITUDE = ("roll_deg", "pitch_deg", "heading_deg")
+_HEADING = ("heading_deg", "sd_heading_deg")
+_FIELD = ("t_s", "mx_uT", "my_uT", "mz_uT")
 
 
 def write_sensor_log(
@@ -39,7 +45,7 @@ def write_sensor_log(
     description: str = "",
     tags: Sequence[str] = (),
 ) -> None:
-    """Write a log into a new folder: ``imu.csv``, ``gnss.csv``, ``ref.csv`` if it has one, and ``log.toml``.
+    """Write a log into a new folder: ``imu.csv``, ``gnss.csv``, ``log.toml``, and files for what else it has.
 
     The folder appears when all is written and has been read back.
 
@@ -81,17 +87,32 @@ def write_sensor_log(
 def _write_files(folder: Path, log: SensorLog, title: str, description: str, tags: Sequence[str]) -> None:
     import tomli_w  # noqa: PLC0415 - rarely needed
 
-    _write_csv(folder / "imu.csv", _IMU, _imu_rows(log))
-    _write_csv(folder / "gnss.csv", (*_PLACE, *_SIGMA), _gnss_rows(log.gnss))
+    beside, epoch = log.beside, log.epoch
+    _write_csv(folder / "imu.csv", _IMU, _imu_rows(log), epoch)
+    fixes = np.column_stack((_gnss_rows(log.gnss), _heading_rows(log.gnss, beside.headings)))
+    _write_csv(folder / "gnss.csv", (*_PLACE, *_SIGMA, *_HEADING), fixes, epoch)
     if log.reference is not None:
-        _write_csv(folder / "ref.csv", (*_PLACE, *_ATTITUDE), _reference_rows(log.reference))
-    values: Mapping[str, Any] = {
+        _write_csv(folder / "ref.csv", (*_PLACE, *_ATTITUDE), _reference_rows(log.reference), epoch)
+    if beside.magnetometer is not None:
+        field = np.column_stack((beside.magnetometer.time, beside.magnetometer.field))
+        _write_csv(folder / "mag.csv", _FIELD, field, epoch)
+    others = {}
+    for number, other in enumerate(beside.comparisons, 1):
+        others[other.name] = f"comparison{number}.csv"
+        _write_csv(folder / others[other.name], (*_PLACE, *_ATTITUDE), _reference_rows(other), epoch)
+    values: dict[str, Any] = {
         "title": title,
         "description": "\n".join(part for part in (description, *log.repairs) if part),
         "tags": list(tags),
         "lever_arm_m": [float(one) for one in log.gnss.lever_arm],
         "latency_s": float(log.gnss.latency),
     }
+    if vehicle_of(beside.vehicle).name:
+        values["vehicle"] = vehicle_of(beside.vehicle).name
+    if beside.magnetometer is not None and np.isfinite(beside.magnetometer.declination):
+        values["declination_deg"] = float(np.degrees(beside.magnetometer.declination))
+    if others:
+        values["comparisons"] = others
     (folder / DESCRIPTION_FILE).write_bytes(tomli_w.dumps(values, multiline_strings=True).encode())
 
 
@@ -116,6 +137,17 @@ def _gnss_rows(gnss: GnssLog) -> FloatArray:
     )
 
 
+def _heading_rows(gnss: GnssLog, headings: Headings | None) -> FloatArray:
+    """Return heading and σ beside each fix [°]; NaN where no heading is of its time."""
+    rows = np.full((gnss.time.size, 2), np.nan)
+    if headings is not None and headings.time.size:
+        at = gnss.time - gnss.latency
+        place = np.clip(np.searchsorted(headings.time, at - _SAME_TIME), 0, headings.time.size - 1)
+        same = np.abs(headings.time[place] - at) <= _SAME_TIME
+        rows[same] = np.degrees(np.column_stack((headings.heading, headings.sigma)))[place[same]]
+    return rows
+
+
 def _reference_rows(reference: Reference) -> FloatArray:
     euler = np.degrees(reference.euler)
     return np.column_stack((reference.time, _degrees(reference.position), reference.velocity_n, euler))
@@ -125,8 +157,12 @@ def _degrees(position: FloatArray) -> FloatArray:
     return np.column_stack((np.degrees(position[:, :2]), position[:, 2]))
 
 
-def _write_csv(path: Path, names: Sequence[str], table: FloatArray) -> None:
-    """Write a file with all digits: empty cells for what is not known, no column of which nothing is."""
+def _write_csv(path: Path, names: Sequence[str], table: FloatArray, epoch: float) -> None:
+    """Write a file with all digits: empty cells for unknown values; columns without data are omitted.
+
+    The times in the first column count from `epoch` [s].
+    """
+    table = np.column_stack((table[:, 0] + epoch, table[:, 1:]))
     there = np.flatnonzero(~np.isnan(table).all(axis=0))
     names, table = [names[place] for place in there.tolist()], table[:, there]
     form = ",".join(["%r"] * len(names)) + "\n"

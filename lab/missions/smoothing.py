@@ -3,9 +3,11 @@
 Among all curves g the one with the least Σ (y − g(t))² + λ ∫ g''² dt, so that λ = 0 goes through the
 samples and a large λ gives a straight line. With samples h apart it averages over about (λ h)^¼ seconds.
 
-References ---------- P. J. Green, B. W. Silverman, *Nonparametric Regression and Generalized Linear
-Models*, 1994, ch. 2.3 (Reinsch's algorithm) and 3.2 (generalised cross-validation); M. F. Hutchinson, *A
-stochastic estimator of the trace of the influence matrix*, Commun. Stat. 18 (1989).
+References
+----------
+P. J. Green, B. W. Silverman, *Nonparametric Regression and Generalized Linear Models*, 1994, ch. 2.3
+(Reinsch's algorithm) and 3.2 (generalised cross-validation); M. F. Hutchinson, *A stochastic estimator of the
+trace of the influence matrix*, Commun. Stat. 18 (1989).
 """
 
 from __future__ import annotations
@@ -20,6 +22,9 @@ from scipy.linalg import LinAlgError, solveh_banded
 from lab.missions.errors import MissionError
 
 FloatArray = NDArray[np.float64]
+
+LIVELINESS = 0.1
+"""Density of the acceleration that coarse or noisy positions are trusted to show [(m/s²)²/Hz]."""
 
 _WINDOWS, _WINDOW = 6, 1200
 _PROBES = 8
@@ -136,6 +141,28 @@ def best_smoothing(time: FloatArray, values: FloatArray) -> float:
         scores.append(left / max(freedom, 1e-9) ** 2)
     best = int(np.argmin(scores))
     return float(widths[best - 1] ** 4 / step) if best else 0.0
+
+
+def smoothing_of_steps(time: FloatArray, values: FloatArray, step: float) -> float:
+    """Return the λ [s³] that positions recorded in coarse steps need at least.
+
+    Rounding to a step errs by its √12th part. Samples closer together than the step err alike, which
+    cross-validation takes for motion; so many count as one. λ is the variance over the density of the
+    acceleration, `LIVELINESS`.
+
+    Parameters
+    ----------
+    time : (n,) array
+        Increasing times [s].
+    values : (n, m) array
+        Positions [m].
+    step
+        The step they are recorded in [m].
+    """
+    apart = float(np.mean(np.linalg.norm(np.diff(values, axis=0), axis=1)))
+    alike = max(1.0, step / apart) if apart > 0 else 1.0
+    widest = 300.0**4 * float(np.mean(np.diff(time))) ** 3
+    return min(step**2 / 12 * alike / LIVELINESS, widest)
 
 
 def _windows(samples: int) -> list[slice]:

@@ -59,6 +59,10 @@ class RepairedFlight:
         Clock before and after each gap or jump at which the recording was cut [s].
     gaps : int
         Pauses of more than three usual steps that were bridged.
+    longest_gap : float
+        Longest pause that was to be bridged [s].
+    bridging : tuple of Bridging
+        By which longer one most, and nearly all, of the samples would be kept.
     """
 
     raw: RawFlight
@@ -72,6 +76,8 @@ class RepairedFlight:
     dropped: tuple[Dropped, ...]
     cuts: tuple[tuple[float, float], ...]
     gaps: int
+    longest_gap: float = 0.0
+    bridging: tuple[row_repair.Bridging, ...] = ()
 
 
 def repair(raw: RawFlight, time_stamps: str = REPAIRED, longest_gap: float = 2.0) -> RepairedFlight:
@@ -92,10 +98,12 @@ def repair(raw: RawFlight, time_stamps: str = REPAIRED, longest_gap: float = 2.0
         If too few samples are left, or the flight is too long.
     """
     told = len(raw.dropped)
-    raw = row_repair.distinct(row_repair.possible(raw))
+    raw = row_repair.distinct(row_repair.somewhere(row_repair.possible(raw)))
     raw, breaks = row_repair.in_order(raw)
     if not len(breaks):
         raw = row_repair.without_spikes(row_repair.fresh(raw))
+    breaks = np.unique(np.concatenate((breaks, row_repair.reset_places(raw))))
+    more = row_repair.bridging(raw, breaks, longest_gap)
     raw, cuts = row_repair.longest_stretch(raw, breaks, longest_gap)
     raw = _one_each(raw, time_stamps)
     _check(raw)
@@ -127,6 +135,8 @@ def repair(raw: RawFlight, time_stamps: str = REPAIRED, longest_gap: float = 2.0
         dropped=raw.dropped[told:],
         cuts=cuts,
         gaps=int(np.count_nonzero(steps > 3 * np.median(steps))),
+        longest_gap=longest_gap,
+        bridging=more,
     )
 
 

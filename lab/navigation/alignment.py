@@ -1,8 +1,8 @@
 """Alignment: where a navigator starts with recorded sensors.
 
 At rest the accelerometers show the vertical and the gyros their bias; in motion the acceleration that the
-fixes show is taken off first. The heading is the course of the first motion, carried back to the start by
-the gyros; where nothing ever moves it stays unknown. P. D. Groves, *Principles of GNSS, Inertial and
+fixes show is taken off first. The heading is that of `lab.navigation.initial_heading`, carried back to the
+start by the gyros; where nothing shows it, it stays unknown. P. D. Groves, *Principles of GNSS, Inertial and
 Multisensor Integrated Navigation Systems*, 2nd ed., ch. 5.6.
 """
 
@@ -15,6 +15,17 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from lab import earth
+from lab.navigation.initial_heading import (
+    UNKNOWN,
+    Found,
+    Hints,
+    by_antennas,
+    by_course,
+    by_magnetometer,
+    by_velocity,
+    shows_course,
+    surest,
+)
 from lab.navigation.solution import Fixes, Imu, Start
 from lab.rotation import quaternion_from_euler, wrap
 
@@ -22,10 +33,6 @@ FloatArray = NDArray[np.float64]
 
 REST_SPEED = 0.5
 """A vehicle slower than this may be at rest [m/s]."""
-COURSE_SPEED = 1.0
-"""A vehicle faster than this, and than three σ of its speed, shows its heading by its course [m/s]."""
-SIDESLIP = np.radians(10.0)
-"""σ of heading minus course: wind, sideslip, an IMU not quite straight in its vehicle [rad]."""
 
 _REST_RATE = np.radians(2.0)
 _REST_FORCE = 0.4
@@ -38,6 +45,8 @@ _ALLOWED_BIAS = 0.05
 _STRAIGHT = np.radians(2.0)
 _STRAIGHT_SIGMA = np.radians(0.3)
 _LEAST_STRAIGHT = 10
+_ROUNDS = 3
+_LATE = 0.05  # from where on the lateness of fixes is worth a word [s]
 
 
 class Alignment(NamedTuple):
@@ -55,8 +64,8 @@ class Alignment(NamedTuple):
         σ of the gyro bias [rad/s].
     rest : float
         How long the vehicle was at rest at the start [s].
-    course_time : float
-        When the course gave the heading [s]; NaN where it never did.
+    heading : Found
+        Where the heading comes from.
     """
 
     start: Start
@@ -64,7 +73,12 @@ class Alignment(NamedTuple):
     attitude_sigma: FloatArray
     gyro_bias_sigma: FloatArray
     rest: float
-    course_time: float
+    heading: Found
+
+    @property
+    def course_time(self) -> float:
+        """When the heading was seen [s]; NaN where it never was."""
+        return self.heading.time
 
     @property
     def remark(self) -> str:
@@ -72,14 +86,24 @@ class Alignment(NamedTuple):
         levelled = (
             f"Levelled at rest over {self.rest:.1f} s, gyro biases from the same time"
             if self.rest
-            else "Levelled in motion by the acceleration the fixes show, gyro biases from straight legs"
+            else "Levelled in motion by the acceleration the fixes show, gyro biases from the motion too"
         )
-        if np.isnan(self.course_time):
-            return f"{levelled}; the heading is unknown, since nothing moved fast enough to show it."
-        return f"{levelled}; heading from the course at {self.course_time:.1f} s."
+        if not self.heading.source:
+            return (
+                f"{levelled}; the heading is unknown, since no motion and no sensor shows it: it can be "
+                "given as navigator.initial_heading."
+            )
+        late, sigma = self.heading.late, self.heading.late_sigma
+        clock = ""
+        if abs(late) > max(_LATE, 5 * sigma):
+            clock = (
+                f" The same motion shows the fixes {abs(late):.2f} s {'late' if late > 0 else 'early'} (σ "
+                f"{sigma:.2f} s), which latency_s of the log is to say."
+            )
+        return f"{levelled}; heading {self.heading.source}, σ {np.degrees(self.heading.sigma):.0f}°.{clock}"
 
 
-def align(imu: Imu, fixes: Fixes, velocity_sigma: FloatArray) -> Alignment:
+def align(imu: Imu, fixes: Fixes, velocity_sigma: FloatArray, hints: Hints | None = None) -> Alignment:
     """Return where a navigator starts.
 
     Parameters
@@ -88,18 +112,26 @@ def align(imu: Imu, fixes: Fixes, velocity_sigma: FloatArray) -> Alignment:
         The measurements; the fixes of the IMU itself, all three velocities given.
     velocity_sigma : (m, 3) array
         σ of the velocities [m/s].
+    hints
+        What is known of vehicle and heading beside.
     """
+    hints = Hints() if hints is None else hints
     rest = _rest(imu, fixes)
     position, velocity = (
         _at_start(imu.time[0], fixes, values) for values in (fixes.position, fixes.velocity_n)
     )
-    bias, bias_sigma = (_mean_rate(imu, rest), np.zeros(3)) if rest else _straight(imu, fixes, velocity_sigma)
-    turned = _turned(imu, bias)
-    heading, heading_sigma, course_time = _heading(imu, fixes, velocity_sigma, turned, rest)
     length = rest or _LEVELLING
     force = _mean_force(imu, length)
     g = float(earth.gravity(np.sin(position[0]), position[2]))
     felt = np.array([0.0, 0.0, -g]) if rest else _acceleration(imu, fixes, length) - (0, 0, g)
+    bias, bias_sigma = (_mean_rate(imu, rest), np.zeros(3)) if rest else _straight(imu, fixes, velocity_sigma)
+    found = _heading(imu, fixes, velocity_sigma, hints, bias, rest)
+    if not rest and (found.gyro_bias is not None or not hints.vehicle.follows_nose):
+        bias, bias_sigma = _bias_of_motion(imu, found)
+    tilt = _ALLOWED_BIAS / g if rest else float(_TILT_IN_MOTION)
+    if np.isnan(hints.given):
+        found = _with_compass(imu, hints, found, (force, felt), tilt, length, position)
+    heading, heading_sigma = found.heading, found.sigma
     roll, pitch = level(force, felt, heading)
     q_nb = quaternion_from_euler(np.array([roll, pitch, heading]))
     if rest:
@@ -109,17 +141,15 @@ def align(imu: Imu, fixes: Fixes, velocity_sigma: FloatArray) -> Alignment:
         )
         bias = bias - up
         sigma = np.full(3, max(earth.RATE, np.radians(0.02) / np.sqrt(rest)))
-        tilt = _ALLOWED_BIAS / g
     else:
         sigma = bias_sigma
-        tilt = _TILT_IN_MOTION
     return Alignment(
         Start(position, velocity, q_nb),
         bias,
         np.array([tilt, tilt, heading_sigma]),
         sigma,
         rest,
-        course_time,
+        found,
     )
 
 
@@ -186,7 +216,7 @@ def _straight(imu: Imu, fixes: Fixes, velocity_sigma: FloatArray) -> tuple[Float
     ends = np.arange(imu.time[0], imu.time[-1], _SECOND)
     angle = np.concatenate((np.zeros((1, 3)), np.cumsum(imu.dtheta, axis=0)))
     rates = np.diff([np.interp(ends, imu.time, column) for column in angle.T], axis=1).T / _SECOND
-    fast = _shows_course(fixes, velocity_sigma)
+    fast = shows_course(fixes, velocity_sigma)
     if fast.sum() >= 2:
         course = np.unwrap(np.arctan2(fixes.velocity_n[fast, 1], fixes.velocity_n[fast, 0]))
         turn = np.diff(np.interp(ends, fixes.time[fast], course)) / _SECOND
@@ -195,13 +225,6 @@ def _straight(imu: Imu, fixes: Fixes, velocity_sigma: FloatArray) -> tuple[Float
         if straight.sum() >= _LEAST_STRAIGHT:
             return np.median(rates[straight], axis=0), np.full(3, _STRAIGHT_SIGMA)
     return np.zeros(3), np.abs(_mean_rate(imu, float(imu.time[-1] - imu.time[0])))
-
-
-def _shows_course(fixes: Fixes, velocity_sigma: FloatArray) -> NDArray[np.bool_]:
-    """Return which fixes are fast enough for their course to be the heading, nearly."""
-    speed = np.linalg.norm(fixes.velocity_n[:, :2], axis=1)
-    slowest = np.maximum(COURSE_SPEED, 3 * np.linalg.norm(velocity_sigma[:, :2], axis=1))
-    return np.asarray(speed > slowest)
 
 
 def _mean_force(imu: Imu, length: float) -> FloatArray:
@@ -238,22 +261,48 @@ def _turned(imu: Imu, bias: FloatArray) -> FloatArray:
 
 
 def _heading(
-    imu: Imu, fixes: Fixes, velocity_sigma: FloatArray, turned: FloatArray, rest: float
-) -> tuple[float, float, float]:
-    """Return the heading at the first sample and its σ [rad], and when the course showed it [s]."""
-    speed = np.linalg.norm(fixes.velocity_n[:, :2], axis=1)
-    sigma = np.linalg.norm(velocity_sigma[:, :2], axis=1)
-    fast = _shows_course(fixes, velocity_sigma) & (fixes.time >= imu.time[0] - 1e-6)  # stamps are rounded
-    lasting = fast & np.append(fast[1:], False)
-    if not lasting.any():
-        return 0.0, np.pi, np.nan
-    first = int(np.argmax(lasting))
-    time = float(fixes.time[first])
-    course = np.arctan2(fixes.velocity_n[first, 1], fixes.velocity_n[first, 0])
-    heading = float(wrap(course - np.interp(time, imu.time, turned)))
-    drift = (np.radians(0.02) if rest else np.radians(1.0)) * (time - imu.time[0])
-    return (
-        heading,
-        float(min(np.pi, np.sqrt(SIDESLIP**2 + (sigma[first] / speed[first]) ** 2 + drift**2))),
-        time,
+    imu: Imu, fixes: Fixes, velocity_sigma: FloatArray, hints: Hints, bias: FloatArray, rest: float
+) -> Found:
+    """Return the heading at the first sample, as given, or as antennas, course and velocities show it."""
+    turning = _turned(imu, bias)
+    vehicle = hints.vehicle
+    course = by_course(imu, fixes, velocity_sigma, turning, rest, vehicle)
+    antennas = by_antennas(imu, hints.headings, turning, rest)
+    matched = UNKNOWN
+    if not (vehicle.name and vehicle.follows_nose and course.source):
+        before = bias if rest or vehicle.follows_nose else np.zeros(3)
+        matched = by_velocity(imu, fixes, velocity_sigma, before, rest)
+    if not np.isnan(hints.given):
+        given = Found(float(wrap(hints.given)), hints.given_sigma, "given", float(imu.time[0]))
+        return given._replace(gyro_bias=matched.gyro_bias, gyro_bias_sigma=matched.gyro_bias_sigma)
+    if vehicle.follows_nose and course.source:
+        # The course holds, unless what the IMU felt contradicts it: then nobody knows what vehicle it is.
+        course = course if surest((course, matched)).sigma <= course.sigma else UNKNOWN
+        matched = UNKNOWN if course.source else matched
+    return surest((antennas, course, matched))
+
+
+def _bias_of_motion(imu: Imu, found: Found) -> tuple[FloatArray, FloatArray]:
+    """Return the gyro bias found with the heading, or zero, as uncertain as the mean rate; and its σ."""
+    if found.gyro_bias is not None and found.gyro_bias_sigma is not None:
+        return found.gyro_bias, np.maximum(found.gyro_bias_sigma, _STRAIGHT_SIGMA)
+    return np.zeros(3), np.maximum(
+        np.abs(_mean_rate(imu, float(imu.time[-1] - imu.time[0]))), _STRAIGHT_SIGMA
     )
+
+
+def _with_compass(
+    imu: Imu,
+    hints: Hints,
+    found: Found,
+    forces: tuple[FloatArray, FloatArray],
+    tilt: float,
+    length: float,
+    position: FloatArray,
+) -> Found:
+    """Return the surest heading, the magnetometer's taken in."""
+    compass = found
+    for _ in range(_ROUNDS):  # in motion the vertical depends on the heading
+        attitude = level(*forces, compass.heading)
+        compass = by_magnetometer(imu, hints.magnetometer, attitude, tilt, length, position)
+    return surest((found, compass))

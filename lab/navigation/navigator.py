@@ -71,6 +71,7 @@ class Filter(NamedTuple):
         state[VELOCITY : VELOCITY + 3] = start.velocity_n
         state[strapdown.Q_NB : strapdown.Q_NB + 4] = start.q_nb
         state[GYRO_BIAS : GYRO_BIAS + 3] = start.gyro_bias
+        _keep_radii(state, in_wander=in_wander)
         n, space = model.states, layout(model.states)
         w = _aligned_zeros(space.size)
         P = w[: space.product].reshape(n, space.WIDTH)
@@ -112,12 +113,21 @@ def initial_covariance(model: ErrorModel, state: FloatArray, P0: FloatArray) -> 
     """
     if model.write_map is None:
         return P0
-    meridian, transverse = earth.radii(float(state[strapdown.SINE]))
-    state[strapdown.MERIDIAN] = 1 / (meridian + state[strapdown.HEIGHT])
-    state[strapdown.TRANSVERSE] = 1 / (transverse + state[strapdown.HEIGHT])
+    _keep_radii(state, in_wander=model.mechanization == WANDER_AZIMUTH)
     back = np.linalg.inv(model.map(state))
     P = back @ P0 @ back.T
     return np.asarray((P + P.T) / 2)
+
+
+def _keep_radii(state: FloatArray, *, in_wander: bool) -> None:
+    """Fill in the curvatures at the start, which later each step keeps."""
+    sine, height = float(state[strapdown.SINE]), float(state[strapdown.HEIGHT])
+    meridian, transverse = earth.radii(sine)
+    m, t = 1 / (meridian + height), 1 / (transverse + height)
+    state[strapdown.MERIDIAN], state[strapdown.TRANSVERSE] = m, t
+    if in_wander:
+        squared = earth.ECCENTRICITY_SQUARED
+        state[wander.BEND] = transverse * squared / (1 - squared * sine * sine) * m * t
 
 
 def _aligned_zeros(size: int) -> FloatArray:

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from lab import earth
 from lab.ecef import near_pole
 from lab.missions.errors import MissionError
+from lab.missions.log_pieces import piece
 from lab.missions.sensor_log import GnssLog, SensorLog
 from lab.navigation import navigator as linear
 from lab.navigation import smoother, unscented
@@ -31,6 +32,7 @@ from lab.navigation.belief import (
 from lab.navigation.checks import check_finite, check_mechanization, check_r, check_smoother, diverged
 from lab.navigation.choice import chosen_model
 from lab.navigation.error_models import ATT, GYRO_BIAS, POS, VEL
+from lab.navigation.initial_heading import Hints
 from lab.navigation.kalman import MEASUREMENTS, gate
 from lab.navigation.navigator import PolarError
 from lab.navigation.settings import NavigatorSettings
@@ -117,6 +119,7 @@ def navigate_log(
     ValueError
         If the solution diverges beyond all numbers, or comes too close to a pole.
     """
+    log = piece(log)
     _check(log, navigator)
     assumed = belief(sensors, navigator)
     check_r(assumed.R)
@@ -125,7 +128,7 @@ def navigate_log(
     imu = Imu(log.time[first:], log.dtheta[first:], log.dvelocity[first:])
     gnss, R, variances = _measurements(log, assumed, navigator)
     fixes = Fixes(times, gnss.position, gnss.velocity_n)
-    start = align(imu, fixes, np.sqrt(variances[:, 3:]))
+    start = align(imu, fixes, np.sqrt(variances[:, 3:]), _hints(log, navigator))
     # The last fix before the start gave the start.
     rows = (times > imu.time[0] + _ROUNDING) & (times <= imu.time[-1])
     if not rows.any():
@@ -154,6 +157,13 @@ def _check(log: SensorLog, navigator: NavigatorSettings) -> None:
             "navigator.engine: the reference in filterpy knows neither gaps of the IMU nor velocities that "
             "the receiver does not measure: it cannot navigate a log of real sensors; accepted is compiled"
         )
+
+
+def _hints(log: SensorLog, navigator: NavigatorSettings) -> Hints:
+    """Return what log and settings say of vehicle and heading."""
+    return Hints.of(
+        log.beside, navigator.vehicle, navigator.initial_heading, navigator.initial_heading_uncertainty
+    )
 
 
 def _first_sample(log: SensorLog, times: FloatArray) -> int:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import param
 
+from lab.missions.vehicle import VEHICLES
 from lab.setting_kinds import AxisQuantity, MatrixOrNone, Quantity, QuantityOrNone
 from lab.settings import Settings
 
@@ -160,7 +161,7 @@ class NavigatorSettings(Settings):
     rest_updates = param.Boolean(
         default=True,
         label="Updates at rest",
-        doc="Where the vehicle stands still for 5 s or more, by the GPS velocity and the spread of the IMU, "
+        doc="Where the vehicle stands still for 10 s or more, by the GPS velocity and the spread of the IMU, "
         "the gyros show their biases (zero angular rate updates).",
     )
     smoother = param.Boolean(
@@ -256,4 +257,42 @@ class NavigatorSettings(Settings):
         label="R",
         doc="Covariance of a fix the filter assumes, SI units: position north, east, down, then "
         "velocity: its diagonal or the whole matrix; unset, matched to the receiver.",
+    )
+    vehicle = param.Selector(
+        default="auto",
+        objects=["auto", *VEHICLES],
+        label="Vehicle of a log",
+        doc="What carried the sensors of a log. Aeroplanes and cars go where their nose points, which shows "
+        "the initial heading and wrong axes; the others need not. auto: what the log says.",
+    )
+    initial_heading = QuantityOrNone(
+        unset="found",
+        unit="°",
+        bounds=(-360, 360),
+        label="Initial heading of a log",
+        doc="True heading of a log at its first sample; found: what antennas, course, motion or magnetometer "
+        "show.",
+    )
+    initial_heading_uncertainty = Quantity(
+        5.0,
+        unit="°",
+        bounds=(1e-3, 180),
+        softbounds=(0.1, 30),
+        step=0.1,
+        label="Initial heading of a log, σ",
+        doc="Standard deviation of the initial heading where it is given.",
+    )
+    log_from = QuantityOrNone(
+        unset="start",
+        unit="s",
+        bounds=(-1e10, 1e10),
+        label="Log from",
+        doc="Where navigation of a log starts, in the clock of its file; start: at its first sample.",
+    )
+    log_to = QuantityOrNone(
+        unset="end",
+        unit="s",
+        bounds=(-1e10, 1e10),
+        label="Log to",
+        doc="Where navigation of a log ends, in the clock of its file; end: at its last sample.",
     )

@@ -28,7 +28,7 @@ FloatArray = NDArray[np.float64]
 
 SPAN = 1.0
 """Time over which the gyros are averaged for one update [s]."""
-SHORTEST = 5
+SHORTEST = 10
 """Seconds in a row that look like rest before any of them counts; a walker pauses for less [s]."""
 SLOW = 16.3
 """Largest square of a GPS velocity in its σ at rest: what 99.9 % of three components stay below."""
@@ -156,8 +156,8 @@ def see_rest(
 ) -> None:
     """Write what an update at rest sees, each measurement in its σ, and start new sums.
 
-    Rate of the navigator minus C_bn ω_ie, which is −δb + C_bn (ω_ie × φ) and noise: that of the gyros over the
-    time, or what their samples show where that is more.
+    Rate of the navigator minus C_bn ω_ie, which is −δb + C_bn (ω_ie × φ) and noise: that of the gyros over
+    the time, or what their samples show where that is more.
 
     Parameters
     ----------

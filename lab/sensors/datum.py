@@ -172,14 +172,14 @@ def _datum(where: str, entry: Any, parameter: Any, sources: Mapping[str, str]) -
     units = next((kind for kind in ALIKE if parameter.unit in kind), (parameter.unit,))
     if entry["unit"] not in units:
         raise SettingError(f"{where}, unit: {entry['unit']!r}; accepted is {' or '.join(units)}")
-    if entry["source"] not in sources:
+    if not isinstance(entry["source"], str) or entry["source"] not in sources:
         known = ", ".join(sources) or "none yet"
         raise SettingError(
             f"{where}, source: {entry['source']!r} is not in the table sources; accepted: {known}"
         )
     density = entry.get("density", "")
     accepted = (TWO_SIDED,) if _is_random_walk(entry["unit"]) else (ONE_SIDED, TWO_SIDED)
-    if density and density not in accepted:
+    if "density" in entry and density not in accepted:
         raise SettingError(
             f"{where}, density: {density!r}; accepted in {entry['unit']} is {' or '.join(accepted)}"
         )

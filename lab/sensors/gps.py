@@ -87,7 +87,8 @@ class GpsErrors(Settings):
     outages = Intervals(
         default=[],
         label="Outages",
-        doc="Times without fixes, as [start, end] pairs in seconds since the start.",
+        doc="Times without fixes, as [start, end] pairs in seconds since the start; of a log, in the clock "
+        "of its file.",
     )
     latency = Quantity(
         0.0,

@@ -60,7 +60,7 @@ class SensorSuite(Settings):
         for mark in self.assumed.split(","):
             path, _, text = mark.strip().partition("=")
             triad, _, name = path.partition(".")
-            if triad in TRIADS and name in self._triad(triad).param and _has(self._triad(triad), name, text):
+            if triad in TRIADS and _has(self._triad(triad), name, text):
                 found.setdefault(triad, []).append(name)
         return found
 
@@ -120,7 +120,9 @@ class SensorSuite(Settings):
 
 
 def _has(triad: Settings, name: str, text: str) -> bool:
-    """Say whether a setting has the value of a text, one number or one for each axis."""
+    """Say whether there is such a setting, with the value of a text: one number or one for each axis."""
+    if name not in (leaf for _, _, leaf in triad.leaves()):
+        return False
     value = getattr(triad, name)
     numbers = value if isinstance(value, tuple) else (value,)
     parts = text.split("|")

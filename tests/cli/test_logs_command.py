@@ -72,3 +72,18 @@ def test_models_are_compared_and_seeds_and_budget_refused(own):
     refused(ask("compare", "blind", "--models", "phi", "--seeds", "3"), "runs of a log", "accepted is one")
     refused(ask("budget", "blind"), "Nobody knows the true flight", "the error budget needs")
     refused(ask("run", "broken"), "imu.csv", "1 rows; accepted are at least 10")
+
+
+def test_a_stretch_of_a_log_is_given_in_the_clock_of_its_file(own):
+    answer = ask("run", "drive", "--from", "1065", "--to", "1085", "--vehicle", "aeroplane")
+    assert answer.exit_code == 0, answer.stderr
+    assert "- Navigated is 1065 to 1085 s of the file's clock, as asked." in answer.stdout
+    assert "- Time 0 is 1065 s in the clock of the file" in answer.stdout
+    settings = json.loads(ask("run", "drive", "--from", "1065", "--heading", "20", "--json").stdout)[
+        "settings"
+    ]
+    assert settings["navigator"]["log_from"] == 1065
+    assert settings["navigator"]["initial_heading"] == 20
+    refused(ask("run", "drive", "--from", "5", "--to", "30"), "within 1060 to 1090 s of the file's clock")
+    refused(ask("run", "drive", "--vehicle", "bicycle"), "vehicle", "aeroplane, car, boat, copter")
+    refused(ask("run", "montreal", "--from", "5"), "--from", "for logs of real sensors")

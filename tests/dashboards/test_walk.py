@@ -17,6 +17,9 @@ from lab.experiment import Experiment
 from lab.navigation.settings import NavigatorSettings
 from lab.sensors.cards import cards
 
+pytestmark = pytest.mark.timeout(1800)
+"""Where no kernel is compiled yet, the first test of each model compiles several."""
+
 MODELS, MECHANIZATIONS = (NavigatorSettings.param[name].objects for name in ("model", "mechanization"))
 SLOW = ("Models", "Budget", "Allan")
 """Pages that compute for long: opened where what they compute differs."""

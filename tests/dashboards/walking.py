@@ -24,7 +24,7 @@ from dashboards.pages.computed import ComputedPage
 from lab.experiment import Experiment
 from lab.result import Result
 
-PATIENCE = 120.0
+PATIENCE = 600.0
 """Longest time a page may take to work out what it shows [s]; the first time its kernels are compiled."""
 TITLES = tuple(page.title for page in PAGES)
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import tempfile
+
 import numpy as np
 import pytest
 from pymavlink.DFReader import DFReader_binary
@@ -119,6 +121,87 @@ def test_messages_without_a_time_are_not_used(written, file):
     with pytest.raises(MissionError, match="does not have a GPS"):
         ardupilot.read_log(file(without))
     assert len(ardupilot.read([file(without)], {}).time) == 5126
+
+
+@pytest.fixture(scope="module", params=[2012, 2013, 2014])
+def old(request) -> tuple[int, bytes]:
+    return request.param, writer.write_old(mission("montreal").recording, request.param)
+
+
+def test_old_logs_with_times_in_milliseconds_or_of_the_week_are_read(old, file):
+    year, data = old
+    flight = ardupilot.read([file(data)], {})
+    # 2012 has no clock but that of the GPS week, on which a message is where its fix was, not when written.
+    since = 1e-3 * writer.WEEK_MS if year == 2012 else 1e-6 * writer.BOOT
+    late = 0.0 if year == 2012 else writer.BUS_DELAY
+    truth = autopilot.trajectory(mission("montreal").recording).at(
+        np.clip(flight.time - since - late - autopilot.GPS_DELAY, 0, None)
+    )
+    place = np.column_stack((flight.latitude, flight.longitude, flight.height + writer.GEOID))
+    assert np.sqrt(np.mean(ecef.way(truth.position, place) ** 2)) < 1.5  # noise of 0.5 m, an arm of 1 m
+    assert len(flight.time) > 5000
+    assert (flight.made == ("vertical velocity",)) == (year < 2014)
+    at = autopilot.trajectory(mission("montreal").recording).at(
+        np.clip(flight.time - since + (writer.BUS_DELAY if year == 2012 else 0.0), 0, None)
+    )
+    off = Rotation.from_euler("ZYX", flight.euler[:, ::-1]).inv() * Rotation.from_quat(
+        at.q_nb, scalar_first=True
+    )
+    assert np.degrees(np.sqrt(np.mean(off.magnitude() ** 2))) < (1.0 if year == 2012 else 0.05)
+
+
+def test_the_sensors_of_old_logs_are_read(old, file):
+    year, data = old
+    log = ardupilot.read_log(file(data))
+    seen = autopilot.sensed(mission("montreal").recording, writer.IMU_RATE)
+    turn, force = log.rates
+    start = 0
+    if year == 2012:  # what is written before the first fix has no time
+        start = int(np.searchsorted(seen.imu_time, seen.gps_time[0] + writer.BUS_DELAY))
+    assert len(turn) > len(seen.rates) - start - 40
+    if year > 2012:
+        np.testing.assert_allclose(np.concatenate((turn, force), axis=1), seen.rates[1:], atol=2e-6)
+    else:
+        assert "IMU have no time" in log.repairs[-1]
+    assert len(log.gnss.time) == len(seen.gps_time)
+    # How late the fixes are against the IMU: by the receiver, and where T stamps them by the bus.
+    first = seen.imu_time[start]
+    late = log.gnss.time - (seen.gps_time - first)
+    np.testing.assert_allclose(late, writer.BUS_DELAY, atol=0.03)
+    np.testing.assert_allclose(log.gnss.velocity_n[:, :2], seen.gps_velocity[:, :2], atol=0.02)
+    assert np.isnan(log.gnss.velocity_n[:, 2]).all() == (year < 2014)
+
+
+def as_text(data: bytes) -> bytes:
+    """Return a log as text, as an independent decoder writes it."""
+    with tempfile.NamedTemporaryFile(suffix=".bin") as binary:
+        binary.write(data)
+        binary.flush()
+        reader, lines = DFReader_binary(binary.name), []
+        while (message := reader.recv_msg()) is not None:
+            values = [getattr(message, name) for name in message.get_fieldnames()]
+            lines.append(", ".join([message.get_type(), *map(str, values)]))
+    return "\r\n".join(lines).encode()
+
+
+@pytest.mark.parametrize("year", [2013, 2014])
+def test_a_log_as_text_is_the_log(year, file):
+    data = writer.write_old(mission("montreal").recording, year)
+    data = data[: data.index(writer.MARKS, 200_000)]
+    by_bytes, by_text = ardupilot.read_log(file(data)), ardupilot.read_log(file(as_text(data)))
+    np.testing.assert_allclose(by_text.dvelocity, by_bytes.dvelocity, atol=1e-7)
+    np.testing.assert_allclose(by_text.gnss.position, by_bytes.gnss.position, atol=1e-11)
+    flight = ardupilot.read([file(as_text(data))], {})
+    np.testing.assert_allclose(flight.euler, ardupilot.read([file(data)], {}).euler, atol=1e-6)
+    broken = as_text(data).replace(b"\nIMU, ", b"\nIMU, , ", 3)
+    assert len(ardupilot.read_log(file(broken)).dtheta) == len(by_bytes.dtheta) - 3
+
+
+def test_the_status_of_a_fix_was_2_in_2012_and_none_is_said(file):
+    recording = mission("montreal").recording
+    assert len(ardupilot.read_log(file(writer.write_old(recording, 2012, status=2))).gnss.time) > 900
+    with pytest.raises(MissionError, match=r"none of the \d+ GPS messages has a fix.*Status 1 at most"):
+        ardupilot.read_log(file(writer.write_old(recording, 2013, status=1)))
 
 
 def test_broken_bytes_are_left_out_and_said(written, file):

@@ -97,6 +97,28 @@ def test_a_standstill_keeps_the_heading_and_turns_before_leaving():
     assert np.abs(np.diff(yaw)).max() < np.radians(7.0)
 
 
+@pytest.mark.parametrize("vehicle", ["aircraft", "car", "boat"])
+@pytest.mark.parametrize("noise", [0.1, 0.5, 1.0])
+def test_the_noise_of_a_standing_receiver_turns_nothing(vehicle, noise):
+    rng = np.random.default_rng(8)
+    time = np.arange(0.0, 60.0, 0.2)
+    euler = attitude(time, noise * rng.normal(size=(time.size, 3)) * (1.0, 1.0, 0.5), vehicle)
+    turn = np.abs(np.diff(np.unwrap(euler, axis=0), axis=0)) / 0.2
+    assert np.degrees(turn[:, 2]).max() < 120
+    assert np.degrees(turn[:, :2]).max() < 150
+
+
+def test_a_walk_with_one_wrong_step_keeps_its_heading_elsewhere():
+    time = np.arange(0.0, 120.0, 0.2)
+    course = np.radians(40.0) + 0.02 * time
+    velocity = 1.4 * np.column_stack((np.cos(course), np.sin(course), 0 * time))
+    velocity[300:302, :2] *= -1
+    yaw = attitude(time, velocity, "car")[:, 2]
+    away = np.abs(time - 60.2) > 2.0
+    np.testing.assert_allclose(yaw[away], course[away], atol=1e-9)
+    assert np.abs(np.diff(yaw)).max() < np.radians(90.0) * 0.2
+
+
 def test_a_vehicle_that_never_moves_is_level_and_one_that_starts_late_points_where_it_will_go():
     time = np.arange(0.0, 20.0, 0.5)
     np.testing.assert_array_equal(attitude(time, np.zeros((time.size, 3))), 0.0)

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from writers import gpx as writer
 
-from lab.missions import MissionError, mission
+from lab.missions import ImportSettings, MissionError, mission, prepare_import
 from lab.missions.readers import gpx, reader_of
 
 POINT = '<trkpt lat="{lat}" lon="{lon}"><ele>{ele}</ele><time>2024-05-17T14:00:{second:06.3f}Z</time></trkpt>'
@@ -67,6 +67,23 @@ def test_the_longest_segment_is_taken_and_the_rest_counted(file):
     assert flight.time[0] == 14 * 3600 + 10
 
 
+def test_segments_of_one_way_are_one_track(file, tmp_path):
+    whole = points(40).split("\n")
+    parts = ["\n".join(part) for part in (whole[:9], whole[9:11], whole[14:30], whole[37:])]
+    flight = file(document(*parts))
+    assert len(flight.time) == 30
+    assert not flight.dropped
+    made = prepare_import(tmp_path / "track.gpx")
+    assert len(made.flight.raw.time) == 27  # bridged are five usual steps, not the eight at the end
+    assert "--set longest_gap=8 keeps 100 % of the samples" in str(made.report).replace("\n", " ").replace(
+        "                     ", ""
+    )
+    assert len(prepare_import(tmp_path / "track.gpx", ImportSettings(longest_gap=8.0)).flight.raw.time) == 30
+    # Another receiver at the same time, and one that is elsewhere, are other tracks.
+    flight = file(document(parts[2], parts[2].replace('lon="-73.0"', 'lon="-73.001"'), points(8, 40, lat=46)))
+    assert len(flight.time) == 16
+
+
 def test_points_that_cannot_be_used_are_counted_with_their_line(file):
     lines = points(10).split("\n")
     lines[3] = lines[3].replace('lat="45.0003"', 'lat="north"')
@@ -81,6 +98,14 @@ def test_points_that_cannot_be_used_are_counted_with_their_line(file):
         ("height", 1, 10),
     ]
     assert len(flight.time) == 6
+
+
+def test_points_without_a_fix_are_left_out_and_counted(file):
+    zeros = "\n".join(POINT.format(lat=0, lon="0.0000000", ele=0, second=i) for i in range(6))
+    flight = file(document(zeros + "\n" + points(9, 6)))
+    assert len(flight.time) == 9
+    assert [(drop.count, drop.first_row) for drop in flight.dropped] == [(6, 2)]
+    assert "0° N 0° E" in flight.dropped[0].reason
 
 
 def test_speed_and_course_are_the_velocity_where_they_are_known(file):
@@ -122,6 +147,10 @@ def test_other_encodings_time_zones_and_no_heights(file):
         (
             document("".join('<trkpt lat="1" lon="2"></trkpt>' for _ in range(9))),
             "none of the 9.*planned routes",
+        ),
+        (
+            document("".join(POINT.format(lat=0, lon=0, ele=3, second=i % 60) for i in range(37))),
+            "0 of 37 points.*37 from row 2 on: at 0° N 0° E",
         ),
         ('<gpx version="1.1"><rte><rtept lat="1" lon="2"/></rte></gpx>', "no track points"),
         ("<gpx <", "no track points. It is broken in row 1"),

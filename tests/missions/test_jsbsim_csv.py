@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from lab.missions import MissionError
+from lab.missions import MissionError, mission, prepare_import
 from lab.missions.raw_flight import RawFlight
-from lab.missions.readers import read_raw
+from lab.missions.readers import jsbsim_csv, read_raw, reader_of
 from lab.rotation import C_nb_from_euler
 
 jsbsim = pytest.importorskip("jsbsim")
@@ -120,6 +120,44 @@ def test_a_csv_without_position_has_the_velocity(tmp_path, capfd):
 def test_a_csv_of_rates_alone_is_told_what_to_write(tmp_path, capfd):
     with pytest.raises(MissionError, match="<position>ON</position>"):
         fly(tmp_path, "<rates>ON</rates>")
+
+
+@pytest.mark.parametrize("said", [True, False])
+@pytest.mark.parametrize("degrees", [True, False])
+def test_the_csv_of_the_first_years_is_read(tmp_path, said, degrees):
+    """Headings of 2001: angles in radians without a word, or in degrees with one, or without."""
+    flown = mission("montreal").recording
+    factor, tail = (180 / np.pi, " (Deg)" if said else "") if degrees else (1.0, "")
+    roll, pitch, yaw = factor * flown.euler.T
+    columns = {
+        "Time": flown.time,
+        "P": 0 * roll, "Q": 0 * roll, "R": 0 * roll,
+        "QBar": 0 * roll,
+        "Vtotal": flown.airspeed / FOOT,
+        "UBody": 0 * roll, "VBody": 0 * roll, "WBody": 0 * roll,
+        **dict(zip(("Vn", "Ve", "Vd"), flown.velocity_n.T / FOOT, strict=True)),
+        "Rho": 0 * roll,
+        "Altitude": flown.height / FOOT,
+        f"Phi{tail}": roll, f"Tht{tail}": pitch, f"Psi{tail}": yaw % (2 * np.pi * factor),
+        f"Alpha{tail}": factor * flown.alpha,
+        f"Latitude{tail}": factor * flown.latitude,
+        f"Longitude{tail}": factor * flown.longitude,
+        "Runway Radius": 0 * roll,
+    }  # fmt: skip
+    rows = "\n".join(", ".join(f"{v:.12g}" for v in row) for row in np.column_stack(list(columns.values())))
+    path = tmp_path / "JSBout.csv"
+    path.write_text(", ".join(columns) + "\n" + rows + "\n")
+    assert reader_of(path).name == jsbsim_csv.NAME
+    flight = read_raw(path)
+    np.testing.assert_allclose(flight.latitude, flown.latitude, atol=1e-10)
+    np.testing.assert_allclose(flight.longitude, flown.longitude, atol=1e-10)
+    np.testing.assert_allclose(flight.height, flown.height, rtol=1e-9)
+    np.testing.assert_allclose(flight.velocity_n, flown.velocity_n, atol=1e-8)
+    np.testing.assert_allclose(np.sin(flight.euler - flown.euler), 0.0, atol=1e-9)
+    assert any("geocentric" in remark for remark in flight.remarks)
+    assert any("taken as degrees" in remark for remark in flight.remarks) == (degrees and not said)
+    # On a sphere and on the ellipsoid a degree is within 1 % as long.
+    assert prepare_import(path).report.verdict == "plausible"
 
 
 def test_a_cartesian_position_far_from_the_surface_is_left_out(tmp_path):

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from copter_logs import copter
 from sensor_logs import IMU, INCREMENTS, POSITION, VELOCITY, described, tables, write, write_csv
 
 from lab.earth import STANDARD_GRAVITY
@@ -115,3 +116,33 @@ def test_swapped_gyros(tmp_path):
 @pytest.mark.parametrize("name", ["vn310_static", "rtkx_walk"])
 def test_other_real_recordings_pass(recordings, tmp_path, name):
     read_sensor_log(described(tmp_path / name, recordings / name))
+
+
+@pytest.mark.parametrize("nose", [0.0, 1.6, 3.1])
+@pytest.mark.parametrize("late", [0.0, 0.3])
+def test_a_healthy_copter_passes_wherever_its_nose_points(tmp_path, nose, late):
+    """It leans to gain speed: its accelerometers feel the drag, which lags, and its course is no heading."""
+    read_sensor_log(write(tmp_path, copter(60, nose=nose, late=late), 'vehicle = "copter"'))
+
+
+def test_who_accuses_the_axes_asks_for_the_vehicle(tmp_path):
+    """A nose that keeps its angle to the course is one of a copter that looks aside, or of turned axes."""
+    recognised(
+        write(tmp_path, copter(60, nose=1.6, aside=True)),
+        r'axes or signs.*name it, such as vehicle = "copter"',
+    )
+
+
+@pytest.mark.parametrize("nose", [0.0, 1.6, 3.1])
+def test_a_nose_that_wanders_is_no_fault_of_axes(tmp_path, nose):
+    """Nobody named the vehicle, but wrong axes would turn the nose by the same angle always."""
+    read_sensor_log(write(tmp_path, copter(60, nose=nose)))
+
+
+@pytest.mark.parametrize("late", [-1.3, 0.6, 2.2])
+def test_the_clock_of_a_copter_is_judged_by_what_it_felt(tmp_path, late):
+    folder = write(tmp_path, copter(80, nose=2.0, late=late), 'vehicle = "copter"')
+    side = "late" if late > 0 else "early"
+    recognised(folder, rf"about {abs(late):.1f} s {side}.*latency_s = {late:.1f} in the TOML")
+    (folder / "log.toml").write_text(f'vehicle = "copter"\nlatency_s = {late}')
+    read_sensor_log(folder)

@@ -54,9 +54,8 @@ def fixes(station: writer.Station, seconds: int = 10, kind: int = 3, stamp: floa
     for t in np.arange(0, seconds, 0.2).tolist():
         place = (450_000_000, round(1e7 * (-73 + t * 1.27e-4)), round(1e3 * (100 + 2 * t)))
         numbers = (*place, 70, 110, 1000, 9000, 12)
-        station.add(
-            t, "GPS_RAW_INT", round(1e6 * (stamp + t)), kind, *numbers, alt_ellipsoid=place[2] + 40_000
-        )
+        clock = max(0, round(1e6 * (stamp + t)))
+        station.add(t, "GPS_RAW_INT", clock, kind, *numbers, alt_ellipsoid=place[2] + 40_000)
 
 
 def test_an_independent_reader_finds_the_same_numbers(written, file):
@@ -134,6 +133,7 @@ def test_signs_and_units_of_whole_numbers(file):
 def test_without_a_solution_the_track_of_the_receiver_is_taken(file):
     station = writer.Station()
     fixes(station, 4, kind=1)
+    fixes(station, 1, stamp=-10.0)  # stamped zero, as nothing is known yet
     fixes(station, 30, stamp=9.0)
     flight = mavlink.read([file(writer.log(station))], {})
     np.testing.assert_allclose(
@@ -142,7 +142,11 @@ def test_without_a_solution_the_track_of_the_receiver_is_taken(file):
     np.testing.assert_allclose(flight.velocity_n[:, 2], -2.0, atol=1e-6)
     np.testing.assert_allclose(flight.height, 140 + 2 * (flight.time - 9.0), atol=1e-3)
     assert flight.time[0] == 9.0
-    assert [(one.reason, one.count) for one in flight.dropped] == [("without a fix", 20)]
+    assert [(one.reason, one.count) for one in flight.dropped] == [
+        ("without a fix", 20),
+        ("without a time", 5),
+    ]
+    assert flight.dropped[0].first_row == 1
     assert "track of its GPS" in flight.remarks[0]
     assert flight.euler is None
 

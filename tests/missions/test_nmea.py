@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import struct
 from datetime import UTC, datetime
 
 import numpy as np
@@ -11,6 +12,8 @@ from writers import nmea as writer
 from writers.nmea import sentence
 
 from lab.missions import MissionError, mission
+from lab.missions.derived_motion import body_rates
+from lab.missions.flight_import import prepare_import
 from lab.missions.readers import nmea, reader_of
 
 
@@ -129,6 +132,75 @@ def test_a_logger_may_write_before_a_sentence_and_other_things_between(file):
     lines.insert(4, "boot: receiver ready $$$\r\n" + "x" * 5000 + "\n")
     flight = file("".join(lines))
     assert len(flight.time) == 10
+
+
+@pytest.mark.parametrize("noise", [0.3, 1.5])
+def test_a_standing_receiver_is_no_impossible_flight(tmp_path, noise):
+    """Course of noise, heights that wander and jump by 5 m: nothing of it is the vehicle's motion."""
+    rng = np.random.default_rng(5)
+    lines = []
+    for i in range(120):
+        clock = f"{120000 + i // 120 * 100 + i // 2 % 60:06d}.{5 * (i % 2)}0"
+        height = 100 + noise * rng.normal() - (5.0 if i > 70 else 0.0)
+        where = f"4500.{round(100 + 30 * noise * rng.normal()):05d},N,07330.00000,W"
+        lines += [
+            f"GPGGA,{clock},{where},1,08,0.9,{height:.3f},M,-31.0,M,,",
+            f"GPVTG,{rng.uniform(0, 360):.1f},T,,M,{abs(rng.normal(scale=noise)):.2f},N,,K,A",
+        ]
+    path = tmp_path / "standing.nmea"
+    path.write_text("".join(sentence(line) for line in lines))
+    made = prepare_import(path)
+    assert made.report.verdict != "implausible", made.report
+    rates = np.linalg.norm(body_rates(made.recording.time, made.recording.euler), axis=1)
+    assert np.degrees(rates.max()) < 150
+    assert np.abs(made.recording.velocity_n[:, 2]).max() < 10
+
+
+def test_a_slow_course_that_is_left_out_is_the_last_one_known(file):
+    lines = [line for pair in zip(fixes(20, "GGA"), fixes(20, "VTG"), strict=True) for line in pair]
+    for i in range(11, 21, 2):
+        lines[i] = sentence("GPVTG,,T,,M,1.943844,N,3.6,K,A")
+    flight = file("".join(lines))
+    np.testing.assert_allclose(flight.velocity_n[5:10, :2], np.tile((0.0, 1.0), (5, 1)), atol=1e-6)
+    assert not flight.dropped
+
+
+def ubx(kind: int, payload: bytes) -> bytes:
+    """Return a frame of u-blox's binary protocol."""
+    frame = struct.pack("<BBH", 1, kind, len(payload)) + payload
+    a = b = 0
+    for byte in frame:
+        a = (a + byte) & 255
+        b = (b + a) & 255
+    return b"\xb5\x62" + frame + bytes((a, b))
+
+
+@pytest.mark.parametrize("size", [92, 3000, 60_000])
+def test_binary_frames_between_the_sentences_are_left_out_and_counted(file, size):
+    rng = np.random.default_rng(size)
+    lines = [line.encode() for group in zip(fixes(12), fixes(12, "RMC"), strict=True) for line in group]
+    lines[7] = lines[7].replace(b"10", b"11")
+    pieces, frames = [], 0
+    for i, line in enumerate(lines):
+        pieces.append(line)
+        for _ in range(4 if i % 2 else 0):
+            payload = rng.integers(0, 256, size, dtype=np.uint8).tobytes()
+            frame = ubx(7, b"\r\n$GNGGA,\n*00$" + bytes(20) + payload)
+            pieces.append(frame)
+            frames += len(frame)
+    flight = file(b"# a capture\r\n" + b"".join(pieces) + frame[:50])
+    assert len(flight.time) == 12
+    np.testing.assert_allclose(flight.latitude, np.radians(45 + np.arange(12) * 1e-5 / 60), atol=1e-12)
+    counted = int(next(one for one in flight.remarks if "binary" in one).split()[0])
+    assert counted == pytest.approx(frames, rel=0.02, abs=400)  # line ends in the frames are not all seen
+    assert sum(drop.count for drop in flight.dropped) < 0.2 * frames / 256**2 + 50
+
+
+def test_frames_without_sentences_are_named(tmp_path):
+    path = tmp_path / "capture.ubx"
+    path.write_bytes(ubx(7, bytes(92)) * 50)
+    with pytest.raises(MissionError, match=r"UBX frames of a u-blox receiver.*let the receiver send GGA"):
+        reader_of(path)
 
 
 @pytest.mark.parametrize("ends", ["\n", "\r\n", "\r"])

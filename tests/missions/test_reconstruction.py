@@ -12,6 +12,7 @@ from scipy.interpolate import CubicSpline
 from lab import ecef
 from lab.missions import ImportSettings, MissionError, Recording, mission
 from lab.missions.air_data import fit_wind, flown
+from lab.missions.flight_import import prepare_flight
 from lab.missions.raw_flight import RawFlight
 from lab.missions.reconstruction import Reconstruction, reconstruct
 from lab.missions.time_repair import repair
@@ -217,6 +218,35 @@ def test_a_rate_that_is_given_is_that_of_the_recording():
 def test_what_a_curve_needs_is_said(lacking, settings, message):
     with pytest.raises(MissionError, match=message):
         rebuilt(without(weave(EVEN), *lacking), **settings)
+
+
+@pytest.mark.parametrize("clock", ["ticks", "packets"])
+def test_single_precision_under_stamps_of_packets_is_smoothed_without_being_told(clock):
+    """Frames of a simulator at 60 Hz, stamped by a coarse timer or as they arrive in bursts."""
+    rng = np.random.default_rng(4)
+    frames = np.cumsum(rng.uniform(0.5, 1.5, 6000) / 60)
+    stamps = np.floor(frames / 0.0156) * 0.0156
+    if clock == "packets":
+        stamps = np.maximum.accumulate(frames + rng.exponential(0.02, frames.size))
+    raw = weave(frames)
+
+    def single(values):
+        return np.float32(values).astype(float)
+
+    raw = replace(
+        without(raw, "velocity_n", "airspeed", "alpha", "beta"),
+        time=stamps,
+        latitude=np.radians(single(np.degrees(raw.latitude))),
+        longitude=np.radians(single(np.degrees(raw.longitude))),
+        height=single(raw.height / 0.3048) * 0.3048,
+    )
+    made = prepare_flight(raw)
+    assert made.report.verdict == "plausible", made.report
+    assert made.report.specific_force_noise < 1.0
+    # The way is still the one flown: the smoothing takes out no more than the stamps put in.
+    truth = weave(made.recording.time + frames[0])
+    down = made.recording.velocity_n[:, 2] - truth.velocity_n[:, 2]
+    assert np.sqrt(np.mean(down[30:-30] ** 2)) < 0.5
 
 
 def test_noise_of_a_velocity_is_smoothed_and_shown():

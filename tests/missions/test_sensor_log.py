@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 from sensor_logs import EPOCH, INCREMENTS, POSITION, RATE, described, tables, write, write_csv
 
 from lab.earth import STANDARD_GRAVITY
@@ -112,10 +113,25 @@ def test_a_gap_is_filled_where_rates_change_linearly(tmp_path, log):
     assert "1 gap of the IMU, 1.91 s" in read.repairs[0]
 
 
-def test_a_gap_beyond_two_seconds_is_refused(tmp_path, log):
+def test_a_gap_beyond_two_seconds_breaks_the_log(tmp_path, log):
     cut = np.delete(log.imu, np.s_[300:520], axis=0)
-    with pytest.raises(MissionError, match=r"gap of 2\.21 s after 1062\.99 s.*up to 2 s"):
-        read_sensor_log(write(tmp_path, log._replace(imu=cut)))
+    read = read_sensor_log(write(tmp_path, log._replace(imu=cut)))
+    np.testing.assert_allclose(read.breaks, [[2.99, 5.20]], atol=1e-9)
+    assert not len(read.gaps)
+    assert len(read.dtheta) == len(cut) - 1
+    at = np.searchsorted(read.time, 5.2) - 1
+    assert not read.dtheta[at].any()
+    assert not read.dvelocity[at].any()
+
+
+def test_a_file_does_not_ask_for_more_memory_than_it_is_large(tmp_path, log):
+    """Samples a nanosecond apart and gaps of two seconds: filled at their spacing they would be billions."""
+    times = np.cumsum(np.where(np.arange(len(log.imu)) % 100 == 99, 1.9, 1e-9)) + log.imu[0, 0]
+    write(tmp_path, log)
+    header = "t_s,gx_rad_s,gy_rad_s,gz_rad_s,fx_m_s2,fy_m_s2,fz_m_s2"
+    rows = [",".join(map(repr, row)) for row in np.column_stack((times, log.imu[:, 1:])).tolist()]
+    (tmp_path / "imu.csv").write_text("\n".join((header, *rows)))
+    refused(tmp_path, r"samples of the IMU are usually \S+ s apart, but \d+ gaps last")
 
 
 def test_what_the_receiver_lacks_is_said(tmp_path, log):
@@ -248,3 +264,82 @@ def test_real_recordings(recordings, tmp_path, name, samples, said):
     assert len(read.dtheta) == samples
     assert len(read.repairs) == len(said)
     assert all(part in repair for part, repair in zip(said, read.repairs, strict=True))
+
+
+def test_mounting_turns_the_axes_of_the_imu(tmp_path, log):
+    """An IMU turned in its vehicle: its rates and forces, turned back by these angles, are the vehicle's."""
+    expected = read_sensor_log(write(tmp_path / "straight", log))
+    angles = (10.0, -20.0, 135.0)
+    in_imu = Rotation.from_euler("ZYX", angles[::-1], degrees=True).inv()
+    imu = log.imu.copy()
+    imu[:, 1:4], imu[:, 4:] = in_imu.apply(imu[:, 1:4]), in_imu.apply(imu[:, 4:])
+    read = read_sensor_log(
+        write(tmp_path / "turned", log._replace(imu=imu), f"mounting_deg = {list(angles)}")
+    )
+    np.testing.assert_allclose(read.dtheta, expected.dtheta, atol=1e-12)
+    np.testing.assert_allclose(read.dvelocity, expected.dvelocity, atol=1e-10)
+    # Beside axes: x right, y forward, z up, in an IMU that is turned as before.
+    swapped = imu.copy()
+    swapped[:, 1:] = imu[:, [2, 1, 3, 5, 4, 6]] * (1, 1, -1, 1, 1, -1)
+    toml = f'axes = ["y", "x", "-z"]\nmounting_deg = {list(angles)}'
+    read = read_sensor_log(write(tmp_path / "both", log._replace(imu=swapped), toml))
+    np.testing.assert_allclose(read.dvelocity, expected.dvelocity, atol=1e-10)
+
+
+def test_what_else_was_recorded(tmp_path, log):
+    folder = write(
+        tmp_path, log, 'vehicle = "car"\ndeclination_deg = -12\n[comparisons]\n"their own" = "ekf.csv"'
+    )
+    times = log.gnss[:, 0]
+    write_csv(
+        folder / "mag.csv",
+        ("t_s", "mx_uT", "my_uT", "mz_uT"),
+        np.column_stack((times, *np.eye(3)[:, [0] * len(times)])),
+    )
+    write_csv(
+        folder / "ekf.csv",
+        ("t_s", "roll_deg", "pitch_deg", "heading_deg"),
+        np.column_stack((times, *[times] * 3)) % 300,
+    )
+    columns = np.column_stack((log.gnss[:, :4], times % 360, np.full(len(times), 0.5)))
+    write_csv(folder / "gnss.csv", (*POSITION, "heading_deg", "sd_heading_deg"), columns)
+    read = read_sensor_log(folder)
+    beside = read.beside
+    assert beside.vehicle == "car"
+    np.testing.assert_array_equal(beside.magnetometer.field, np.tile((1.0, 0, 0), (len(times), 1)))
+    assert beside.magnetometer.declination == pytest.approx(np.radians(-12))
+    np.testing.assert_allclose(beside.headings.heading, np.radians(times % 360))
+    np.testing.assert_allclose(beside.headings.time + read.epoch, times)
+    (own,) = beside.comparisons
+    assert own.name == "their own"
+    assert np.isnan(own.position).all()
+    np.testing.assert_allclose(own.euler[:, 1], np.radians(times % 300))
+
+
+def test_a_reference_may_know_the_attitude_alone(tmp_path, log):
+    write(tmp_path, log)
+    attitude = log.reference[:, [0, 7, 8, 9]]
+    write_csv(tmp_path / "ref.csv", ("t_s", "roll_deg", "pitch_deg", "heading_deg"), attitude)
+    read = read_sensor_log(tmp_path).reference
+    np.testing.assert_allclose(read.euler, np.radians(attitude[:, 1:]))
+    assert np.isnan(read.position).all()
+    assert np.isnan(read.velocity_n).all()
+    write_csv(tmp_path / "ref.csv", ("t_s",), attitude[:, :1])
+    refused(tmp_path, "knows neither positions nor velocities nor attitudes")
+
+
+@pytest.mark.parametrize(
+    ("toml", "pattern"),
+    [
+        ('vehicle = "bicycle"', "vehicle = 'bicycle'; accepted are aeroplane, car, boat, copter"),
+        ("vehicle = 3", "vehicle = 3; accepted is text"),
+        ("mounting_deg = [0, 0]", "mounting_deg = .*three numbers from -360 to 360"),
+        ("declination_deg = 200", "declination_deg = 200; accepted is a number from -180 to 180"),
+        ('comparisons = ["ekf.csv"]', "comparisons = .*a table of up to 8 names"),
+        ('[comparisons]\n"x" = "/etc/passwd"', "comparisons = '/etc/passwd'; accepted is the plain name"),
+        ('[comparisons]\n"x" = "none.csv"', "none.csv: there is no such file"),
+        ('magnetometer = "none.csv"', "none.csv: there is no such file"),
+    ],
+)
+def test_what_the_toml_says_beside_is_checked(tmp_path, log, toml, pattern):
+    refused(write(tmp_path, log, toml), pattern)

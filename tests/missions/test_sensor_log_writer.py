@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from sensor_logs import tables, write
@@ -10,6 +12,7 @@ from writers import ardupilot, autopilot, ulog
 from lab import Experiment, ecef
 from lab.missions import LogMission, MissionError, add_log, mission, missions, read_sensor_log
 from lab.missions.catalogue import OWN_FOLDER_VARIABLE
+from lab.missions.log_parts import Beside, Comparison, Headings, Magnetometer
 from lab.missions.readers import reader_of
 from lab.missions.sensor_log import SensorLog
 from lab.missions.sensor_log_writer import write_sensor_log
@@ -58,6 +61,51 @@ def test_a_log_reads_back_the_same(log, tmp_path):
     assert found.tags == ("car",)
     assert all(repair in found.description for repair in log.repairs)
     assert sorted(path.name for path in tmp_path.iterdir()) == ["copy"]
+
+
+def test_the_clock_of_the_recorder_is_kept(log, tmp_path):
+    """What is at a time of its file is at the same time of the file that is written."""
+    write_sensor_log(tmp_path / "copy", log, title="A copy")
+    read = read_sensor_log(tmp_path / "copy")
+    assert read.epoch == log.epoch > 1000
+    first = np.loadtxt(tmp_path / "copy" / "gnss.csv", delimiter=",", skiprows=1, usecols=0)[0]
+    assert first == pytest.approx(log.gnss.time[0] + log.epoch, abs=1e-9)
+
+
+def test_what_was_recorded_beside_is_kept(log, tmp_path):
+    rng = np.random.default_rng(4)
+    times = np.arange(0.0, 20.0, 0.5)
+    other = Comparison(times, *(rng.uniform(0.1, 1, size=(40, 3)) for _ in range(3)), name='"their" own')
+    beside = Beside(
+        "rotary wing",
+        Magnetometer(times, rng.normal(scale=30, size=(40, 3)), -0.2),
+        Headings(
+            log.gnss.time[3:] - log.gnss.latency,
+            rng.uniform(0, 6, len(log.gnss.time) - 3),
+            np.full(len(log.gnss.time) - 3, 0.02),
+        ),
+        (other,),
+    )
+    breaks = np.array([[log.time[1500], log.time[1800]]])
+    rows = np.delete(np.arange(len(log.dtheta)), np.arange(1501, 1800))
+    broken = replace(
+        log, beside=beside, breaks=breaks, time=np.delete(log.time, np.arange(1501, 1800)),
+        dtheta=log.dtheta[rows], dvelocity=log.dvelocity[rows],
+    )  # fmt: skip
+    broken.dtheta[1500] = broken.dvelocity[1500] = 0.0
+    write_sensor_log(tmp_path / "copy", broken, title="A copy")
+    read = read_sensor_log(tmp_path / "copy")
+    np.testing.assert_allclose(read.breaks, breaks, atol=1e-9)
+    np.testing.assert_allclose(read.dtheta, broken.dtheta, rtol=1e-9, atol=1e-18)
+    assert read.beside.vehicle == "copter"
+    np.testing.assert_array_equal(read.beside.magnetometer.field, beside.magnetometer.field)
+    assert read.beside.magnetometer.declination == pytest.approx(-0.2)
+    np.testing.assert_allclose(read.beside.headings.heading, beside.headings.heading, rtol=1e-12)
+    np.testing.assert_allclose(read.beside.headings.time, beside.headings.time, atol=1e-9)
+    (own,) = read.beside.comparisons
+    assert own.name == other.name
+    for name in ("position", "velocity_n", "euler"):
+        np.testing.assert_allclose(getattr(own, name), getattr(other, name), rtol=1e-12)
 
 
 def test_nothing_is_left_of_a_log_that_cannot_be_written(log, tmp_path):

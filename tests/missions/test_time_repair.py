@@ -120,6 +120,21 @@ def test_a_pause_of_the_simulator_cuts():
     assert {one.count for one in found.dropped} == {1200, 600}
 
 
+def test_what_a_longer_gap_would_keep_is_what_it_keeps():
+    rng = np.random.default_rng(3)
+    # A logger that saves points where the way bends: mostly each second, often after a pause.
+    steps = np.where(rng.random(400) < 0.1, rng.uniform(6, 60, 400), 1.0)
+    raw = weave(np.concatenate(([0.0], np.cumsum(steps))))
+    first = repair(without(raw, "velocity_n", "euler", "airspeed", "alpha", "beta"))
+    assert len(first.raw.time) < 100
+    assert [more.share for more in first.bridging] == sorted(more.share for more in first.bridging)
+    assert first.bridging[-1].share > 0.95
+    for more in first.bridging:
+        again = repair(raw, longest_gap=more.gap)
+        assert len(again.raw.time) == round(more.share * len(raw.time))
+    assert not repair(weave(EVEN)).bridging
+
+
 def test_pauses_that_were_bridged_are_counted_and_shorter_ones_are_not():
     raw = weave(np.arange(1500) / 16)  # exact in binary: three steps are not a bit more than three
     kept = np.ones(1500, dtype=bool)
@@ -171,6 +186,28 @@ def test_a_jump_elsewhere_cuts():
     found = repair(replace(raw, longitude=longitude))
     assert found.raw.time.size == 1000
     assert found.started == pytest.approx(EVEN[500])
+
+
+def test_positions_at_zero_are_left_out_unless_the_flight_is_there():
+    raw = weave(np.arange(0.0, 60.0, 0.1))
+    some = {
+        name: np.where(np.arange(600) < 40, 0.0, getattr(raw, name)) for name in ("latitude", "longitude")
+    }
+    repaired = repair(replace(raw, **some))
+    assert len(repaired.raw.time) == 560
+    assert "0° N 0° E" in repaired.dropped[0].reason
+    here = weave(np.arange(0.0, 60.0, 0.1), latitude=0.0, longitude=0.0)
+    assert len(repair(here).raw.time) == 600
+
+
+def test_positions_that_are_all_zero_are_no_positions():
+    raw = weave(np.arange(0.0, 60.0, 0.1))
+    zero = np.zeros(600)
+    flight = repair(replace(raw, latitude=zero, longitude=zero)).raw
+    assert flight.latitude is None
+    assert "all are at 0° N 0° E" in flight.remarks[-1]
+    with pytest.raises(MissionError, match="all 600 positions are at 0° N 0° E"):
+        repair(replace(without(raw, "velocity_n"), latitude=zero, longitude=zero))
 
 
 def test_impossible_rows_are_counted_and_most_of_them_refused():

@@ -80,7 +80,7 @@ def nees(settings: dict[str, float], seeds: int) -> float:
         one = Experiment(mission="montreal", seed=seed)
         one.update({"trajectory": {"imu_rate": 100}})
         for path, value in settings.items():
-            one.set(f"sensors.{path}", value)
+            one.set(path if path.startswith("navigator.") else f"sensors.{path}", value)
         found = one.run().consistency.nees
         means.append(float(found[20:].mean()) / found.attrs["degrees"])
     return float(np.mean(means))
@@ -97,9 +97,9 @@ def test_the_filter_of_a_drifting_sensor_is_consistent(name):
 @pytest.mark.parametrize(
     "settings",
     [
-        {"gps.latency": 0.2},
+        {"gps.latency": 0.2, "navigator.latency": 0.0},
         {"gps.correlated_sigma": 3},
-        {"gps.lever_arm": 2},
+        {"gps.lever_arm": 2, "navigator.lever_arm": 0.0},
         {"gps.outlier_rate": 0.1},
         {"gyro.scale_factor_sigma": 3},
     ],

@@ -46,6 +46,8 @@ class Case(NamedTuple):
     model: str = "phi"
     astray: bool = False
     states: int = 15
+    lever_arm: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    rest: float = 0.0
 
 
 CASES = {
@@ -64,6 +66,9 @@ CASES = {
     ),
     "full R": Case(full_r=True),
     "gate of 50 %": Case(schedule=Schedule(gate=5.35)),
+    "lever arm, fixes between samples": Case(shift=0.0077, lever_arm=(3.0, -1.0, 0.5)),
+    "at rest, feedforward": Case(schedule=Schedule(feedback=False), rest=8.0),
+    "at rest, corrected every 2.5 s": Case(schedule=Schedule(correction_period=2.5), rest=8.0),
 } | {
     f"{model}, {name}": case._replace(model=model)
     for model in ("psi", "invariant")
@@ -75,6 +80,7 @@ CASES = {
         "full R": Case(full_r=True),
         "60° astray": Case(astray=True),
         "gate of 50 %": Case(schedule=Schedule(gate=5.35)),
+        "lever arm, at rest": Case(shift=0.0077, lever_arm=(3.0, -1.0, 0.5), rest=8.0),
     }.items()
 }
 CASES |= {
@@ -82,6 +88,7 @@ CASES |= {
     for name, case in {
         "montreal": Case("montreal", 100.0),
         "feedforward, P every 7 samples": Case(schedule=Schedule(feedback=False, stride=7)),
+        "lever arm, at rest": Case(lever_arm=(3.0, -1.0, 0.5), rest=8.0),
         "psi": Case(schedule=Schedule(correction_period=2.5), model="psi"),
         "psi, gate of 50 %": Case(schedule=Schedule(gate=5.35), model="psi", full_r=True),
         "invariant": Case("montreal", 100.0, model="invariant"),
@@ -103,7 +110,7 @@ def filter_settings(case: Case) -> tuple[SensorSuite, NavigatorSettings]:
 
 def assumption(case: Case) -> Belief:
     """Return what the filter assumes."""
-    assumed = belief(*filter_settings(case))
+    assumed = belief(*filter_settings(case))._replace(lever_arm=np.array(case.lever_arm))
     if case.full_r:
         L = np.tril(np.random.default_rng(3).normal(0, 0.3, (6, 6)), -1) + 0.5 * np.eye(6)
         L *= np.sqrt(np.diag(assumed.R) / np.diag(L @ L.T))[:, None]
@@ -129,7 +136,7 @@ def both(case: Case) -> tuple[Solution, Solution]:
         begin = Start.off(flight.truth, *np.zeros((2, 3)), np.radians([0, 0, 60]))
         assumed.P0[8, 8] = np.radians(60) ** 2
     arguments = (
-        Imu(ideal.time, measured[0], measured[1]),
+        Imu(ideal.time, measured[0], measured[1], ideal.time[1:] < case.rest),
         Fixes(found.time, found.position, found.velocity_n),
         begin,
         assumed,
@@ -177,6 +184,8 @@ def test_compiled_and_filterpy_agree(name: str) -> None:
     print(f"\n{name}: states {state:.1e} σ, σ {sigma:.1e} relative, innovations {innovation:.1e} σ")
     np.testing.assert_array_equal(compiled.fix_sample, in_filterpy.fix_sample)
     np.testing.assert_array_equal(compiled.fix_rejected, in_filterpy.fix_rejected)
+    np.testing.assert_array_equal(compiled.rest, in_filterpy.rest)
+    assert compiled.rest.any() == (CASES[name].rest > 0)
     gated = np.isfinite(CASES[name].schedule.gate)
     assert (compiled.fix_sample[~compiled.fix_rejected] > 0).all()
     assert compiled.fix_rejected.any() == gated

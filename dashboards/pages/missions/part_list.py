@@ -9,6 +9,7 @@ import panel as pn
 import panel_material_ui as pmui
 
 from dashboards.pages.missions.entry_fields import WHOLE, EntryFields, sized
+from dashboards.style import TOOLTIP
 from lab.missions.plan_table import Limits
 
 ROW = """
@@ -100,7 +101,13 @@ class PartList:
     def _tool(self, icon: str, word: str, number: int, step: int, disabled: bool) -> pn.viewable.Viewable:
         what = f"{word}: {number + 1} {spoken(self._parts[number].word)}"
         button = pmui.IconButton(
-            icon=icon, description=what, size="1em", margin=(12, 0), disabled=disabled, color="default"
+            icon=icon,
+            description=what,
+            size="1em",
+            margin=(12, 0),
+            disabled=disabled,
+            color="default",
+            stylesheets=[TOOLTIP],
         )
         button.on_click(lambda _event: self._move(number, step))
         return button

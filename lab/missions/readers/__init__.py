@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import gzip
 import os
+import re
 import zlib
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
@@ -16,6 +17,7 @@ from lab.missions.readers import (
     fit,
     flight_recorder,
     flightgear,
+    flightgear_csv,
     fslogger,
     garmin_csv,
     gpx,
@@ -25,6 +27,7 @@ from lab.missions.readers import (
     mavlink,
     nmea,
     own_csv,
+    sdlog2,
     tcx,
     ulog,
     xplane_data,
@@ -67,6 +70,7 @@ READERS: tuple[Reader, ...] = (
     Reader(fslogger.NAME, fslogger.recognises, fslogger.read),
     Reader(flight_recorder.NAME, flight_recorder.recognises, flight_recorder.read),
     Reader(flightgear.NAME, flightgear.recognises, flightgear.read),
+    Reader(flightgear_csv.NAME, flightgear_csv.recognises, flightgear_csv.read),
     Reader(jsbsim_csv.NAME, jsbsim_csv.recognises, jsbsim_csv.read),
     Reader(garmin_csv.NAME, garmin_csv.recognises, garmin_csv.read),
     Reader(gpx.NAME, gpx.recognises, gpx.read),
@@ -76,10 +80,22 @@ READERS: tuple[Reader, ...] = (
     Reader(nmea.NAME, nmea.recognises, nmea.read),
     Reader(igc.NAME, igc.recognises, igc.read),
     Reader(ulog.NAME, ulog.recognises, ulog.read, ulog.read_log),
+    Reader(sdlog2.NAME, sdlog2.recognises, sdlog2.read, sdlog2.read_log),
     Reader(ardupilot.NAME, ardupilot.recognises, ardupilot.read, ardupilot.read_log),
     Reader(mavlink.NAME, mavlink.recognises, mavlink.read, mavlink.read_log),
 )
 """All readers; at most one recognises a file."""
+
+
+_NOT_READ = (
+    (re.compile(rb"PK\x03\x04"), "It is a zip archive: unpack it first."),
+    (
+        re.compile(rb"(?s).{0,2000}?\xb5b[\x01-\x2f]"),
+        "It looks like UBX frames of a u-blox receiver, and has no NMEA sentence with a position and a right "
+        "checksum in its first 64 kB: let the receiver send GGA and RMC too.",
+    ),
+)
+"""How files begin that are not read though it is known what they are, and what is said of them."""
 
 
 def reader_of(path: Path) -> Reader:
@@ -94,7 +110,7 @@ def reader_of(path: Path) -> Reader:
     for reader in READERS:
         if reader.recognises(head):
             return reader
-    hint = " It is a zip archive: unpack it first." if head.startswith(b"PK\x03\x04") else ""
+    hint = next((f" {said}" for mark, said in _NOT_READ if mark.match(head)), "")
     raise MissionError(
         f"{path}: its content is of no format known here.{hint} Accepted: "
         f"{', '.join(reader.name for reader in READERS)}"

@@ -1,7 +1,8 @@
-"""ArduPilot DataFlash log (.bin): the estimator's solution as a flight, IMU and GPS as a log.
+"""ArduPilot DataFlash log (.bin, or .log as text): its solution as a flight, its IMU and GPS as a log.
 
-Velocity is of the extended Kalman filter (XKF1, before it NKF1), position of POS, attitude of the filter's
-quaternions (XKQ, NKQ) or of ATT. Of several instances or cores the first is taken.
+Velocity is of the extended Kalman filter (XKF1, before it NKF1 and EKF1), position of POS, attitude of the
+filter's quaternions (XKQ, NKQ) or of ATT. Logs from before the filter, of 2012 to 2014, have the GPS's
+velocity. Of several instances or cores the first is taken.
 
 References
 ----------
@@ -20,21 +21,25 @@ from numpy.typing import NDArray
 from lab.missions.content import whole
 from lab.missions.errors import MissionError
 from lab.missions.log_check import check_log
-from lab.missions.raw_flight import ColumnUnit, RawFlight
-from lab.missions.readers.dataflash_file import MAGIC, DataFlashFile
+from lab.missions.log_parts import Beside
+from lab.missions.raw_flight import VERTICAL_VELOCITY, ColumnUnit, RawFlight
+from lab.missions.readers import sdlog2
+from lab.missions.readers.ardupilot_beside import headings_of, magnetometer_of
+from lab.missions.readers.dataflash_file import MAGIC, DataFlashFile, Log
+from lab.missions.readers.dataflash_text import DataFlashText, is_text
+from lab.missions.readers.dataflash_time import TIME, Messages, MessageTimes
 from lab.missions.readers.fields import OF_THE_FORMAT, SEA_LEVEL, one_file
 from lab.missions.readers.streams import MAX_LOG_BYTES, Stream, first_usable, flight_of
-from lab.missions.readers.track import refuse_units
+from lab.missions.readers.track import refuse_units, slope
 from lab.missions.sensor_log import GnssLog, SensorLog, repaired
 from lab.rotation import quaternion_from_euler
 
 FloatArray = NDArray[np.float64]
-Messages = dict[str, FloatArray]
 
 NAME = "ArduPilot DataFlash"
 
-_FLIGHT = ("XKF1", "NKF1", "POS", "AHR2", "XKQ", "NKQ", "ATT", "GPS", "MSG", "GPA")
-_SENSORS = ("IMU", "GPS", "GPA", "PARM")
+_FLIGHT = ("XKF1", "NKF1", "EKF1", "POS", "AHR2", "XKQ", "NKQ", "ATT", "GPS", "MSG", "GPA")
+_SENSORS = ("IMU", "GPS", "GPA", "PARM", "MAG", "MSG")
 _VEHICLES = {
     "ArduPlane": "fixed wing", "ArduCopter": "rotary wing", "ArduRover": "rover", "APM:Rover": "rover",
     "Rover": "rover", "Blimp": "blimp", "ArduSub": "submarine",
@@ -42,12 +47,16 @@ _VEHICLES = {
 _UNITS = {"Lat": "°", "Lng": "°", "Alt": "m", "VN, VE, VD": "m/s", "Roll, Pitch, Yaw": "°"}
 _ABOVE_ELLIPSOID = "Heights are above the ellipsoid: altitude plus the geoid's separation of the receiver"
 _THREE_D = 3
+_FIXED_IN_2012 = 2
+"""Status of a fix in logs from before a 3-D fix had a status of its own."""
 _NEAR = 0.25
+_HEAD = 2**16
+_WITHOUT_CLIMB = "GPS velocity and climb"
 
 
 def recognises(head: bytes) -> bool:
-    """Tell whether a file starts like a DataFlash log."""
-    return head.startswith(MAGIC)
+    """Tell whether a file starts like a DataFlash log, in bytes or as text."""
+    return (head.startswith(MAGIC) and not sdlog2.recognises(head)) or is_text(head)
 
 
 def read(paths: Sequence[Path], units: Mapping[str, str]) -> RawFlight:
@@ -60,32 +69,36 @@ def read(paths: Sequence[Path], units: Mapping[str, str]) -> RawFlight:
     """
     path = one_file(paths, NAME)
     refuse_units(path, NAME, units)
-    log = _log(path, _FLIGHT)
-    gps = _messages(log, "GPS")
-    velocity = first_usable(
-        (*(_stream("velocity", log, name, "VN", "VE", "VD") for name in ("XKF1", "NKF1")), _gps_velocity(gps))
-    )
-    position = first_usable((*(_position(log, name) for name in ("POS", "AHR2")), _gps_position(gps)))
-    geoid = _geoid(log)
+    log, times = _log(path, _FLIGHT)
+    gps = _messages(times, "GPS")
+    filtered = [_stream("velocity", times, name, "VN", "VE", "VD") for name in ("XKF1", "NKF1", "EKF1")]
+    velocity = first_usable((*filtered, _gps_velocity(gps)))
+    position = first_usable((*(_position(times, name) for name in ("POS", "AHR2")), _gps_position(gps)))
+    geoid = _geoid(times)
     if position is not None and geoid is not None:
         position = replace(position, values=position.values + np.array((0.0, 0.0, geoid)))
-    remarks = ["Time counts from when the autopilot was switched on."]
+    climb = velocity is not None and velocity.what == _WITHOUT_CLIMB
+    attitude = _attitude(times)
+    remarks = [_clock_remark(times)]
     remarks.append(SEA_LEVEL if geoid is None else f"{_ABOVE_ELLIPSOID} ({geoid:.1f} m).")
+    if climb:
+        remarks.append("The vertical velocity is not recorded: it is the slope of the GPS's heights.")
     if log.lost_bytes:
         remarks.append(f"{log.lost_bytes} bytes of the file make no sense and are left out.")
     try:
-        return flight_of(
+        flight = flight_of(
             path,
             NAME,
             velocity,
             position,
-            _attitude(log),
+            attitude,
             units=tuple(ColumnUnit(name, unit, OF_THE_FORMAT) for name, unit in _UNITS.items()),
             remarks=tuple(remarks),
             vehicle=_vehicle(log),
         )
     except MissionError as error:
-        raise MissionError(f"{error}. It has {', '.join(log.names) or 'none of the messages used'}") from None
+        raise MissionError(f"{error}. {_what_there_is(log, times, gps)}") from None
+    return replace(flight, made=(VERTICAL_VELOCITY,)) if climb else flight
 
 
 def read_log(path: Path) -> SensorLog:
@@ -96,32 +109,70 @@ def read_log(path: Path) -> SensorLog:
     MissionError
         If the file cannot be read or is too large, has no IMU or no GPS, or they cannot be navigated with.
     """
-    log = _log(path, _SENSORS)
-    imu = _stream("IMU", log, "IMU", "GyrX", "GyrY", "GyrZ", "AccX", "AccY", "AccZ")
-    gps = _messages(log, "GPS")
+    log, times = _log(path, _SENSORS)
+    imu = _stream("IMU", times, "IMU", "GyrX", "GyrY", "GyrZ", "AccX", "AccY", "AccZ")
+    gps = _messages(times, "GPS")
     if imu is None or not imu.usable or gps is None:
         missing = "a GPS (GPS)" if gps is None else "an IMU (IMU)"
-        raise MissionError(f"{path}: the log does not have {missing}; accepted are logs with both")
+        raise MissionError(
+            f"{path}: the log does not have {missing} with a time; accepted are logs with both. "
+            f"{_what_there_is(log, times, gps)}"
+        )
     names = [name.rstrip("\0") for name in log.texts("PARM", "Name")]
     values = (log.numbers("PARM") or {}).get("Value", np.empty(0))
     parameters = dict(zip(names, values.tolist(), strict=False))
-    gnss = _gnss(gps, _messages(log, "GPA"), _geoid(log), parameters)
-    made = repaired(str(path), imu.time, imu.values, gnss)
+    gnss = _gnss(gps, _messages(times, "GPA"), _geoid(times), parameters)
+    if not gnss.time.size:
+        raise MissionError(f"{path}: {_no_fix(gps)}; accepted are logs with fixes")
+    compass, headings = magnetometer_of(_messages(times, "MAG")), headings_of(gps, _fixed(gps))
+    beside = Beside(_vehicle(log), compass, headings)
+    made = repaired(str(path), imu.time, imu.values, gnss, beside=beside)
     check_log(made)
-    return made
+    if not times.unstamped:
+        return made
+    return replace(made, repairs=(*made.repairs, _clock_remark(times)))
 
 
-def _log(path: Path, wanted: Sequence[str]) -> DataFlashFile:
+def _log(path: Path, wanted: Sequence[str]) -> tuple[Log, MessageTimes]:
     data = whole(path, MAX_LOG_BYTES)
-    if not data.startswith(MAGIC):
+    if not recognises(data[:_HEAD]):
         raise MissionError(f"{path}: is no {NAME} log")
-    return DataFlashFile.of(data, wanted)
+    log: Log = DataFlashFile.of(data, wanted) if data.startswith(MAGIC) else DataFlashText(data, wanted)
+    return log, MessageTimes(log, wanted)
 
 
-def _messages(log: DataFlashFile, name: str) -> Messages | None:
+def _clock_remark(times: MessageTimes) -> str:
+    remark = "Time counts from when the autopilot was switched on."
+    if times.of_week:
+        remark = "Time is that of the GPS week: the log has no other."
+    if times.unstamped:
+        remark += (
+            f" The messages {' and '.join(times.unstamped)} have no time: they are timed by their order "
+            "among the others."
+        )
+    return remark
+
+
+def _what_there_is(log: Log, times: MessageTimes, gps: Messages | None) -> str:
+    """Return which messages a log has, and what is wrong with those of the GPS."""
+    said = f"It has {', '.join(log.names) or 'none of the messages used'}"
+    untimed = [name for name in log.names if name not in ("MSG", "PARM") and times.of(name) is None]
+    if untimed:
+        said += f"; of these {', '.join(untimed)} cannot be used: no time (TimeUS, TimeMS), or damaged"
+    if gps is not None and not (_fixed(gps) & np.isfinite(gps[TIME])).any():
+        said += f"; {_no_fix(gps)}"
+    return said
+
+
+def _no_fix(gps: Messages) -> str:
+    highest = int(np.nan_to_num(gps["Status"]).max(initial=0.0)) if "Status" in gps else 0
+    return f"none of the {len(gps[TIME])} GPS messages has a fix with a position (Status {highest} at most)"
+
+
+def _messages(times: MessageTimes, name: str) -> Messages | None:
     """Return the messages of a name that have a time, of the lowest instance, or core, there is."""
-    messages = log.numbers(name)
-    if messages is None or "TimeUS" not in messages:
+    messages = times.of(name)
+    if messages is None:
         return None
     for key in ("I", "C"):
         if key in messages:
@@ -136,12 +187,12 @@ def _values(messages: Messages | None, *names: str) -> FloatArray | None:
     return np.column_stack([messages[name] for name in names])
 
 
-def _stream(what: str, log: DataFlashFile, name: str, *fields: str) -> Stream | None:
-    messages = _messages(log, name)
+def _stream(what: str, times: MessageTimes, name: str, *fields: str) -> Stream | None:
+    messages = _messages(times, name)
     values = _values(messages, *fields)
     if messages is None or values is None:
         return None
-    return Stream.of(what, messages["TimeUS"] * 1e-6, values)
+    return Stream.of(what, messages[TIME], values)
 
 
 def _place(messages: Messages | None) -> FloatArray | None:
@@ -155,17 +206,17 @@ def _believed(place: FloatArray) -> NDArray[np.bool_]:
     return np.asarray((np.abs(place[:, 0]) <= np.pi / 2) & (place[:, :2] != 0).any(axis=1))
 
 
-def _position(log: DataFlashFile, name: str) -> Stream | None:
-    messages = _messages(log, name)
+def _position(times: MessageTimes, name: str) -> Stream | None:
+    messages = _messages(times, name)
     place = _place(messages)
     if messages is None or place is None:
         return None
-    return Stream.of("position", messages["TimeUS"] * 1e-6, place, _believed(place))
+    return Stream.of("position", messages[TIME], place, _believed(place))
 
 
-def _geoid(log: DataFlashFile) -> float | None:
+def _geoid(times: MessageTimes) -> float | None:
     """Return how far the geoid is above the ellipsoid, as the receiver says [m]; None if it does not."""
-    messages = _messages(log, "GPA")
+    messages = _messages(times, "GPA")
     told = np.empty(0) if messages is None else messages.get("Und", np.empty(0))
     told = told[np.abs(told) < 200]
     return float(np.median(told)) if told.size and told.any() else None
@@ -173,23 +224,26 @@ def _geoid(log: DataFlashFile) -> float | None:
 
 def _fixed(gps: Messages) -> NDArray[np.bool_]:
     status = gps.get("Status")
-    return np.ones(len(gps["TimeUS"]), dtype=bool) if status is None else status >= _THREE_D
+    if status is None:
+        return np.ones(len(gps[TIME]), dtype=bool)
+    old = "TimeUS" not in gps and not (status >= _THREE_D).any()
+    return np.asarray(status >= (_FIXED_IN_2012 if old else _THREE_D))
 
 
 def _gps_position(gps: Messages | None) -> Stream | None:
     place = _place(gps)
     if gps is None or place is None:
         return None
-    return Stream.of("GPS position", gps["TimeUS"] * 1e-6, place, _fixed(gps) & _believed(place))
+    return Stream.of("GPS position", gps[TIME], place, _fixed(gps) & _believed(place))
 
 
 def _over_ground(gps: Messages) -> FloatArray | None:
-    """Return velocity north, east, down of speed, course and vertical speed."""
-    values = _values(gps, "Spd", "GCrs", "VZ")
+    """Return velocity north, east, down of speed, course and vertical speed; NaN down if that is missing."""
+    values = _values(gps, "Spd", "GCrs")
     if values is None:
         return None
-    speed, course, down = values.T
-    angle = np.radians(course)
+    speed, angle = values[:, 0], np.radians(values[:, 1])
+    down = gps.get("VZ", np.full(len(speed), np.nan))
     return np.column_stack((speed * np.cos(angle), speed * np.sin(angle), down))
 
 
@@ -197,18 +251,25 @@ def _gps_velocity(gps: Messages | None) -> Stream | None:
     velocity = None if gps is None else _over_ground(gps)
     if gps is None or velocity is None:
         return None
-    return Stream.of("GPS velocity", gps["TimeUS"] * 1e-6, velocity, _fixed(gps))
+    if "VZ" in gps:
+        return Stream.of("GPS velocity", gps[TIME], velocity, _fixed(gps))
+    position = _gps_position(gps)
+    if position is None or not position.usable:
+        return None
+    climb = slope(position.time, position.values[:, 2])
+    velocity[:, 2] = -np.interp(gps[TIME], position.time, climb)
+    return Stream.of(_WITHOUT_CLIMB, gps[TIME], velocity, _fixed(gps))
 
 
-def _attitude(log: DataFlashFile) -> Stream | None:
+def _attitude(times: MessageTimes) -> Stream | None:
     """Return the attitude as quaternions: the filter's own, unless ATT is logged more often."""
-    att = _stream("attitude", log, "ATT", "Roll", "Pitch", "Yaw")
+    att = _stream("attitude", times, "ATT", "Roll", "Pitch", "Yaw")
     found = []
     if att is not None and att.usable:
         values = quaternion_from_euler(np.radians(att.values))
         found.append(Stream(att.what, att.time, values, att.read, att.first_lost))
     for name in ("XKQ", "NKQ"):
-        stream = _stream("attitude", log, name, "Q1", "Q2", "Q3", "Q4")
+        stream = _stream("attitude", times, name, "Q1", "Q2", "Q3", "Q4")
         if stream is not None and stream.usable:
             fine = np.abs(np.linalg.norm(stream.values, axis=1) - 1) < 0.1
             found.append(Stream.of("attitude", stream.time, stream.values, fine))
@@ -218,9 +279,9 @@ def _attitude(log: DataFlashFile) -> Stream | None:
 def _gnss(
     gps: Messages, accuracy: Messages | None, geoid: float | None, parameters: Mapping[str, float]
 ) -> GnssLog:
-    count = len(gps["TimeUS"])
+    count = len(gps[TIME])
     unknown = np.full((count, 3), np.nan)
-    time, place, velocity = gps["TimeUS"] * 1e-6, _place(gps), _over_ground(gps)
+    time, place, velocity = gps[TIME], _place(gps), _over_ground(gps)
     place = unknown if place is None else place
     place = place + np.array((0.0, 0.0, geoid or 0.0))
     told = {name: _beside(time, accuracy, name) for name in ("HAcc", "VAcc", "SAcc")}
@@ -229,7 +290,11 @@ def _gnss(
         for name in ("HAcc", "VAcc", "SAcc")
     )
     fine = _fixed(gps) & np.isfinite(place).all(axis=1) & _believed(place) & np.isfinite(time)
+    if "TimeUS" not in gps:
+        # A fix that was logged twice has the time of the week of the first.
+        fine[fine] = np.append(True, np.diff(np.maximum.accumulate(time[fine])) > 0)[: fine.sum()]
     late = max(parameters.get("GPS1_DELAY_MS", 0.0), parameters.get("GPS_DELAY_MS", 0.0))
+    late = late or parameters.get("EKF_POS_DELAY", 0.0)  # of the first filter, until 2016
     return GnssLog(
         time=time[fine],
         position=place[fine],
@@ -245,8 +310,8 @@ def _beside(time: FloatArray, messages: Messages | None, name: str) -> FloatArra
     """Return what the nearest message says of each time; NaN without one nearby."""
     if messages is None or name not in messages:
         return np.full_like(time, np.nan)
-    order = np.argsort(messages["TimeUS"], kind="stable")
-    at, values = messages["TimeUS"][order] * 1e-6, messages[name][order]
+    order = np.argsort(messages[TIME], kind="stable")
+    at, values = messages[TIME][order], messages[name][order]
     after = np.clip(np.searchsorted(at, time), 0, len(at) - 1)
     before = np.maximum(after - 1, 0)
     nearest = np.where(np.abs(at[before] - time) < np.abs(at[after] - time), before, after)
@@ -263,7 +328,7 @@ def _lever_arm(parameters: Mapping[str, float]) -> FloatArray:
     return np.array(arm) if all(abs(one) <= 100 for one in arm) else np.zeros(3)
 
 
-def _vehicle(log: DataFlashFile) -> str:
+def _vehicle(log: Log) -> str:
     for text in log.texts("MSG", "Message"):
         for name, vehicle in _VEHICLES.items():
             if text.startswith(name):

@@ -14,6 +14,7 @@ from __future__ import annotations
 from array import array
 from collections.abc import Collection
 from dataclasses import dataclass, field
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -37,6 +38,31 @@ _TYPES = {
 }  # fmt: skip
 _SCALES = {"c": 1e-2, "C": 1e-2, "e": 1e-2, "E": 1e-2, "L": 1e-7}
 _SHAPES = {"a": (32,)}
+
+
+class Log(Protocol):
+    """What a log gives, in bytes or as text.
+
+    Attributes
+    ----------
+    lost_bytes : int
+        Bytes that made no sense.
+    """
+
+    lost_bytes: int
+
+    @property
+    def names(self) -> list[str]:
+        """The wanted messages there are."""
+
+    def numbers(self, name: str) -> dict[str, FloatArray] | None:
+        """Return the fields of messages that are numbers; None without any."""
+
+    def places(self, name: str) -> NDArray[np.int64]:
+        """Return where in the file the messages stand that `numbers` returns."""
+
+    def texts(self, name: str, key: str) -> list[str]:
+        """Return a field of messages that is text."""
 
 
 @dataclass(eq=False)
@@ -117,6 +143,11 @@ class DataFlashFile:
                 if letter not in _TEXT and letter not in _SHAPES
             }
 
+    def places(self, name: str) -> NDArray[np.int64]:
+        """Return where in the file the messages stand that `numbers` returns [bytes from its start]."""
+        found = self._kind(name)
+        return np.empty(0, np.int64) if found is None else np.frombuffer(found.places, dtype=np.int64)
+
     def texts(self, name: str, key: str) -> list[str]:
         """Return a field of messages that is text."""
         found = self._messages(name)
@@ -124,10 +155,14 @@ class DataFlashFile:
             return []
         return [text.decode("utf-8", "replace") for text in found[1][key].tolist()]
 
-    def _messages(self, name: str) -> tuple[Kind, NDArray[np.void]] | None:
+    def _kind(self, name: str) -> Kind | None:
         kinds = [kind for kind in self._kinds if kind.name == name and kind.places]
         # A type that is described anew has been given another meaning; the longer part is taken.
         kind = max(kinds, key=lambda one: len(one.places), default=None)
+        return None if kind is None or kind.layout is None else kind
+
+    def _messages(self, name: str) -> tuple[Kind, NDArray[np.void]] | None:
+        kind = self._kind(name)
         if kind is None or kind.layout is None:
             return None
         content = np.frombuffer(self._data, dtype=np.uint8)

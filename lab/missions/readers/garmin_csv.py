@@ -243,13 +243,11 @@ def _north(columns: Columns, time: FloatArray) -> _North:
     usual = _middle(off)
     if variation is None:
         turn = np.full_like(time, usual)
-        if abs(usual) < _NO_DIFFERENCE:
-            turn[:] = 0.0
         return _North(
             turn,
             turn,
             "The file has no magnetic variation. Its directions are turned by the angle between its track "
-            f"and the course from position to position, {np.degrees(turn[0]):+.1f}°.",
+            f"and the course from position to position, {np.degrees(usual):+.1f}°.",
         )
     # East positive, west positive, or a track from true north: whichever the positions bear out.
     signs = (1.0, -1.0, 0.0)

@@ -1,13 +1,15 @@
 """GPX: the track of a satellite receiver, a phone or a watch: position, height and time of each point.
 
 Versions 1.0 and 1.1 (https://www.topografix.com/GPX/1/1). Of several segments and tracks the longest is
-taken; speed and course are read where a file has them (version 1.0, or Garmin's track point extension). The
-file is read as a stream of XML; a document type, in which entities that grow without bound or name other
-files could be declared, is refused.
+taken, with those before and after that it continues, as loggers begin a new one at each pause; speed and
+course are read where a file has them (version 1.0, or Garmin's track point extension). The file is read as a
+stream of XML; a document type, in which entities that grow without bound or name other files could be
+declared, is refused.
 """
 
 from __future__ import annotations
 
+import itertools
 import re
 from array import array
 from collections.abc import Mapping, Sequence
@@ -18,6 +20,7 @@ from xml.parsers import expat
 import numpy as np
 from numpy.typing import NDArray
 
+from lab import ecef
 from lab.missions.content import content
 from lab.missions.errors import MissionError
 from lab.missions.named_columns import MAX_BYTES
@@ -33,6 +36,8 @@ _PIECE = 2**18
 _OF_A_POINT = frozenset(("ele", "time", "speed", "course"))
 _UNITS = {"lat": "°", "lon": "°", "ele": "m", "speed": "m/s", "course": "°"}
 _UNKNOWN = float("nan")
+# What is further away or later than this is another track [m], [m/s], [s].
+_NEAR, _FAST, _LONGEST_PAUSE = 300.0, 100.0, 3600.0
 
 
 def recognises(head: bytes) -> bool:
@@ -42,7 +47,7 @@ def recognises(head: bytes) -> bool:
 
 
 def read(paths: Sequence[Path], units: Mapping[str, str]) -> RawFlight:
-    """Read the longest segment of the tracks in a GPX file.
+    """Read the longest segment of the tracks in a GPX file, and those it continues.
 
     Raises
     ------
@@ -91,7 +96,7 @@ class _Points:
         return not self._broken
 
     def track(self) -> Track:
-        """Return the points of the longest segment.
+        """Return the points of the longest segment and of those it continues.
 
         Raises
         ------
@@ -105,7 +110,7 @@ class _Points:
                 f"{self._path}: has no track points.{what} Accepted is a GPX file with a track (trk); routes "
                 "and waypoints have no time along the way"
             )
-        kept = segments == np.bincount(segments).argmax()
+        kept = self._continued(segments)
         lines = np.array(self._lines, dtype=np.int64)
         dropped = []
         if not kept.all():
@@ -135,6 +140,28 @@ class _Points:
             remarks=self._remarks(values["ele"]),
             vehicle=self._vehicle,
         )
+
+    def _continued(self, segments: NDArray[np.int64]) -> NDArray[np.bool_]:
+        """Return which points are of the longest segment, or of one next to it on the same way."""
+        time, latitude, longitude = (np.array(self._columns[name]) for name in ("time", "lat", "lon"))
+        usable = np.flatnonzero(np.isfinite(time) & (np.abs(latitude) <= 90) & (np.abs(longitude) <= 360))
+        longest = int(np.bincount(segments).argmax())
+        kept: NDArray[np.bool_] = segments == longest
+        edges = np.flatnonzero(np.diff(segments[usable])) + 1
+        parts = [part for part in np.split(usable, edges) if len(part)]
+        at = next((i for i, part in enumerate(parts) if segments[part[0]] == longest), None)
+        if at is None:
+            return kept
+        for follows in (parts[at:], parts[at::-1]):
+            for one, other in itertools.pairwise(follows):
+                first, then = (one, other) if one[0] < other[0] else (other, one)
+                pause = time[then[0]] - time[first[-1]]
+                ends = np.array((first[-1], then[0]))
+                way = np.linalg.norm(np.diff(_place(latitude[ends], longitude[ends]), axis=0))
+                if not (0 <= pause <= _LONGEST_PAUSE and way <= _NEAR + _FAST * pause):
+                    break
+                kept |= segments == segments[other[0]]
+        return kept
 
     def _remarks(self, height: NDArray[np.float64]) -> tuple[str, ...]:
         remarks = [f"Time counts from {self._start:%Y-%m-%d} 00:00 UTC."]
@@ -191,6 +218,12 @@ class _Points:
             except OverflowError:
                 return _UNKNOWN
         return (time - self._start).total_seconds()
+
+
+def _place(latitude: NDArray[np.float64], longitude: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return places on the ellipsoid (n, 3) [m]."""
+    angles = np.radians((latitude, longitude))
+    return ecef.position(np.column_stack((*angles, np.zeros_like(latitude))))
 
 
 def _number(text: str) -> float:

@@ -23,6 +23,7 @@ from numpy.typing import NDArray
 from lab.missions.content import whole
 from lab.missions.errors import MissionError
 from lab.missions.log_check import check_log
+from lab.missions.log_parts import Beside
 from lab.missions.raw_flight import ColumnUnit, Dropped, RawFlight
 from lab.missions.readers.fields import OF_THE_FORMAT, SEA_LEVEL, one_file
 from lab.missions.readers.mavlink_sensors import (
@@ -127,7 +128,7 @@ def read_log(path: Path) -> SensorLog:
     fixes = gnss_of(vehicle, gps)
     if not len(fixes.time):
         raise MissionError(f"{path}: {_no_fix(vehicle)}")
-    made = repaired(str(path), imu.time, imu.values, fixes)
+    made = repaired(str(path), imu.time, imu.values, fixes, beside=Beside(_kind(vehicle)))
     check_log(made)
     return made
 

@@ -2,19 +2,23 @@
 
 Position and height are of GGA (or GNS, or RMC without height), speed and course of RMC (or VTG); sentences of
 one time of day are one point. The height is above the ellipsoid where the receiver says how far the geoid is
-from it. Sentences are found anywhere in a line, so a logger's own time stamps before them do no harm; those
-whose checksum is wrong or missing are left out.
+from it. Sentences are found anywhere in a line, so a logger's own time stamps before them do no harm, nor do
+the binary frames (UBX, SiRF, RTCM) that captures of receivers have between them; sentences whose checksum is
+wrong or missing are left out.
 """
 
 from __future__ import annotations
 
 import csv
 import io
+import itertools
 import re
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from functools import reduce
+from operator import xor
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,19 +27,19 @@ from lab.missions.content import content
 from lab.missions.errors import MissionError
 from lab.missions.named_columns import MAX_BYTES
 from lab.missions.raw_flight import ColumnUnit, Dropped, RawFlight
+from lab.missions.readers.dataflash_file import MAGIC as DATAFLASH
 from lab.missions.readers.fields import OF_THE_FORMAT, SEA_LEVEL, one_file
 from lab.missions.readers.track import Track, refuse_units
+from lab.missions.readers.ulog_file import MAGIC as ULOG
 from lab.missions.readers.unit_names import KNOT
-
-if TYPE_CHECKING:
-    pass
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 
 NAME = "NMEA 0183"
 
-_SENTENCE = re.compile(rb"\$[A-Z]{2}(?:GGA|GNS|RMC),[ -~]{5,120}\*[0-9A-Fa-f]{2}")
+_SENTENCE = re.compile(rb"\$([A-Z]{2}(?:GGA|GNS|RMC),[ -)+-~]{5,120})\*([0-9A-Fa-f]{2})")
+_TRIED = 1000
 _PIECE = 2**20
 _LONGEST = 200
 _MOST_CELLS = 30
@@ -68,8 +72,16 @@ class _Sentences:
 
 
 def recognises(head: bytes) -> bool:
-    """Tell whether the first bytes of a file hold a sentence with a position and a checksum."""
-    return head.count(b"\0") * 100 < len(head) and bool(_SENTENCE.search(head))
+    """Tell whether the first bytes of a file hold a sentence with a position, amid binary a sound one.
+
+    Autopilots log what their receiver sends, too: such a log is none of sentences.
+    """
+    if head.startswith((DATAFLASH, ULOG)):
+        return False
+    if head.count(b"\0") * 100 < len(head):
+        return bool(_SENTENCE.search(head))
+    found = itertools.islice(_SENTENCE.finditer(head), _TRIED)
+    return any(reduce(xor, one[1]) == int(one[2], 16) for one in found)
 
 
 def read(paths: Sequence[Path], units: Mapping[str, str]) -> RawFlight:
@@ -82,19 +94,21 @@ def read(paths: Sequence[Path], units: Mapping[str, str]) -> RawFlight:
     """
     path = one_file(paths, NAME)
     refuse_units(path, NAME, units)
-    sentences, bad, first_bad = _sentences(path)
-    return _track(path, sentences, bad, first_bad).flight()
+    return _track(path, *_sentences(path)).flight()
 
 
-def _sentences(path: Path) -> tuple[_Sentences, int, int]:
-    """Return all sentences, the number of those with a wrong checksum, and the line of the first of these."""
+def _sentences(path: Path) -> tuple[_Sentences, int, int, int]:
+    """Return all sentences; how many have a wrong checksum, and the line of the first; bytes of binary."""
     parts: list[_Sentences] = []
-    line, bad, first_bad = 1, 0, 0
+    line, bad, first_bad, binary = 1, 0, 0, 0
     for piece in _lines(path):
         characters = np.frombuffer(piece, dtype=np.uint8).copy()
         ends = np.flatnonzero(characters == ord("\n"))
         starts, stars = _bounds(characters, ends)
         fine = _checked(characters, starts, stars)
+        binary += _binary(characters, ends, starts[fine], stars[fine])
+        named = fine | _named(characters, starts)
+        starts, stars, fine = starts[named], stars[named], fine[named]
         lines = line + np.searchsorted(ends, starts)
         if not fine.all():
             bad += int((~fine).sum())
@@ -108,7 +122,8 @@ def _sentences(path: Path) -> tuple[_Sentences, int, int]:
         )
     values = {name: np.concatenate([part[name] for part in parts]) for name in (*_NUMBERS, "valid")}
     kind = np.concatenate([part.kind for part in parts])
-    return _Sentences(kind, np.concatenate([part.line for part in parts]), values), bad, first_bad
+    made = _Sentences(kind, np.concatenate([part.line for part in parts]), values)
+    return made, bad, first_bad, binary
 
 
 def _lines(path: Path) -> Iterator[bytes]:
@@ -145,6 +160,27 @@ def _checked(characters: NDArray[np.uint8], starts: IntArray, stars: IntArray) -
     high, low = _HEX[padded[stars + 1]], _HEX[padded[stars + 2]]
     said = (high.astype(int) << 4) | low
     return np.asarray((padded[stars] == ord("*")) & (high < 16) & (low < 16) & (said == computed))
+
+
+def _named(characters: NDArray[np.uint8], starts: IntArray) -> NDArray[np.bool_]:
+    """Return which of the ``$`` begin what looks like a sentence: the sign is in binary data too."""
+    if not len(starts):
+        return np.ones(0, dtype=bool)
+    places = starts[:, None] + np.arange(1, 6)
+    after = characters[np.minimum(places, len(characters) - 1)]
+    return np.asarray((after - ord("A") < 26).all(axis=1))
+
+
+def _binary(characters: NDArray[np.uint8], ends: IntArray, starts: IntArray, stars: IntArray) -> int:
+    """Return how many bytes are in lines that are no text, without those of the sentences there."""
+    strange = (characters > ord("~")) | ((characters < ord(" ")) & (characters != ord("\n")))
+    strange &= characters != ord("\t")
+    if not strange.any():
+        return 0
+    begins = np.concatenate(([0], ends[:-1] + 1))
+    no_text = np.logical_or.reduceat(strange, begins)
+    own = no_text[np.searchsorted(ends, starts)]
+    return int((ends - begins + 1)[no_text].sum() - (stars - starts + 3)[own].sum())
 
 
 def _decoded(
@@ -224,7 +260,7 @@ def _valid(name: str, values: Mapping[str, FloatArray], texts: Mapping[str, Any]
     return np.ones(len(values["speed"]))
 
 
-def _track(path: Path, sentences: _Sentences, bad: int, first_bad: int) -> Track:
+def _track(path: Path, sentences: _Sentences, bad: int, first_bad: int, binary: int) -> Track:
     timed = sentences.kind < _ORDER["VTG"]
     if not timed.any():
         raise MissionError(f"{path}: no sentence has a time; accepted are GGA, GNS and RMC")
@@ -254,6 +290,10 @@ def _track(path: Path, sentences: _Sentences, bad: int, first_bad: int) -> Track
     height = picked["altitude"] + geoid if above_ellipsoid else picked["altitude"]
     time, started = _time(picked["time"], picked["date"])
     remarks = [f"Time counts from {started} UTC."]
+    if binary:
+        remarks.append(
+            f"{binary} bytes between the sentences are binary data, such as UBX frames, and are left out."
+        )
     if np.isfinite(height[fixed]).any():
         remarks.append(
             "Heights are above the ellipsoid: altitude plus the geoid's separation, both of the receiver."

@@ -1,13 +1,13 @@
 """Streams: quantities an autopilot logs each at a rate of its own, brought together on the times of one.
 
 Between its messages a quantity follows a cubic spline, an attitude a rotation spline; where one of them is
-not logged for long, nothing is made up: those times are left out.
+not logged for long, or was set anew, nothing is made up: those times are left out.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
@@ -16,7 +16,8 @@ from scipy.interpolate import CubicSpline
 from scipy.spatial.transform import Rotation, RotationSpline
 
 from lab.missions.errors import MissionError
-from lab.missions.raw_flight import ColumnUnit, Dropped, RawFlight
+from lab.missions.raw_flight import ColumnUnit, Dropped, RawFlight, Reset
+from lab.missions.readers import estimator_resets
 from lab.rotation import euler_from_quaternion
 
 FloatArray = NDArray[np.float64]
@@ -27,6 +28,8 @@ MAX_LOG_BYTES = 512 * 2**20
 MIN_MESSAGES = 4
 """Fewest messages of a quantity that is used."""
 
+_RECEIVER = "GPS"
+_SLOWER = 0.7
 _GAP = 1.0
 _MANY = 5.0
 
@@ -47,6 +50,10 @@ class Stream:
         How many the log has.
     first_lost : int
         Number of the first of them that cannot be used, counted from 1; 0 if all can be.
+    counter : (n,) array or None
+        Which changes where the quantity was set anew, if the log has one.
+    resets : (m,) array
+        Indices of the first messages after the quantity was set anew.
     """
 
     what: str
@@ -54,9 +61,18 @@ class Stream:
     values: FloatArray
     read: int
     first_lost: int
+    counter: FloatArray | None = None
+    resets: NDArray[np.int64] = field(default_factory=lambda: np.empty(0, np.int64))
 
     @classmethod
-    def of(cls, what: str, time: FloatArray, values: FloatArray, valid: BoolArray | None = None) -> Stream:
+    def of(
+        cls,
+        what: str,
+        time: FloatArray,
+        values: FloatArray,
+        valid: BoolArray | None = None,
+        counter: FloatArray | None = None,
+    ) -> Stream:
         """Return the messages that are finite, said to be valid, and later than all before.
 
         Parameters
@@ -69,6 +85,8 @@ class Stream:
             What each says.
         valid : (n,) array, optional
             Which are valid.
+        counter : (n,) array, optional
+            Which changes where the quantity was set anew.
         """
         values = np.asarray(values, dtype=np.float64).reshape(len(time), -1)
         kept = np.isfinite(time) & np.isfinite(values).all(axis=1) & (np.abs(values) < 1e12).all(axis=1)
@@ -78,7 +96,12 @@ class Stream:
         later = time[at] > np.concatenate(([-np.inf], np.maximum.accumulate(time[at])[:-1]))
         kept[at[~later]] = False
         lost = 0 if kept.all() else int(np.argmin(kept)) + 1
-        return cls(what, time[kept], values[kept], len(time), lost)
+        counted = None if counter is None else counter[kept]
+        return cls(what, time[kept], values[kept], len(time), lost, counted)
+
+    def watched(self, kind: estimator_resets.Kind) -> Stream:
+        """Return the stream with the places where its quantity was set anew."""
+        return replace(self, resets=estimator_resets.resets(kind, self.time, self.values, self.counter))
 
     @property
     def usable(self) -> bool:
@@ -102,16 +125,42 @@ class Stream:
         after = np.clip(np.searchsorted(self.time, time), 1, len(self.time) - 1)
         step = np.diff(self.time)[after - 1]
         inside = (time >= self.time[0]) & (time <= self.time[-1])
-        return np.asarray(inside & (step <= max(_GAP, _MANY / self.rate)))
+        known = inside & (step <= max(_GAP, _MANY / self.rate))
+        # Between the last message before a reset and the first after it nothing is known.
+        known &= ~np.isin(after, self.resets) | (time == self.time[after])
+        piece, lengths = self._pieces(time), np.diff(self._edges)
+        return np.asarray(known & (lengths[piece] >= MIN_MESSAGES))
 
     def at(self, time: FloatArray) -> FloatArray:
         """Return values (m, k) at times at which they are known."""
-        return np.asarray(CubicSpline(self.time, self.values)(time))
+        return self._by_pieces(time, lambda t, values, at: CubicSpline(t, values)(at))
 
     def attitude_at(self, time: FloatArray) -> FloatArray:
         """Return quaternions (m, 4) at times at which they are known, of a stream of quaternions."""
-        spline = RotationSpline(self.time, Rotation.from_quat(self.values, scalar_first=True))
-        return np.asarray(spline(time).as_quat(scalar_first=True))
+
+        def between(t: FloatArray, values: FloatArray, at: FloatArray) -> FloatArray:
+            spline = RotationSpline(t, Rotation.from_quat(values, scalar_first=True))
+            return np.asarray(spline(at).as_quat(scalar_first=True))
+
+        return self._by_pieces(time, between)
+
+    @property
+    def _edges(self) -> NDArray[np.int64]:
+        """Where the pieces between resets begin, and the end of the last."""
+        return np.concatenate(([0], self.resets, [len(self.time)])).astype(np.int64)
+
+    def _pieces(self, time: FloatArray) -> NDArray[np.int64]:
+        return np.searchsorted(self.time[self.resets], time, side="right")
+
+    def _by_pieces(
+        self, time: FloatArray, between: Callable[[FloatArray, FloatArray, FloatArray], FloatArray]
+    ) -> FloatArray:
+        piece, edges = self._pieces(time), self._edges
+        found = np.empty((len(time), self.values.shape[1]))
+        for number in np.unique(piece):
+            rows, part = piece == number, slice(edges[number], edges[number + 1])
+            found[rows] = between(self.time[part], self.values[part], time[rows])
+        return found
 
 
 def first_usable(streams: Sequence[Stream | None]) -> Stream | None:
@@ -158,6 +207,7 @@ def flight_of(
             f"{path}: the log has no {missing} that can be used; accepted are logs of a navigation solution "
             "or of a GPS receiver with its velocity"
         )
+    velocity, position, attitude = _watched(velocity, position, attitude)
     base = attitude if attitude is not None and attitude.rate > velocity.rate else velocity
     used = [stream for stream in (velocity, position, attitude) if stream is not None]
     others = [stream for stream in used if stream is not base]
@@ -178,7 +228,7 @@ def flight_of(
         )
     longitude = np.unwrap(position.values[:, 1])
     places = np.column_stack((position.values[:, 0], longitude, position.values[:, 2]))
-    place = np.asarray(CubicSpline(position.time, places)(time))
+    place = replace(position, values=places).at(time)
     euler = None
     if attitude is not None:
         euler = euler_from_quaternion(
@@ -198,4 +248,43 @@ def flight_of(
         units=units,
         remarks=remarks,
         vehicle=vehicle,
+        rates=_slower(base, velocity, position, attitude),
+        resets=_resets(velocity, position, attitude),
+    )
+
+
+def _watched(
+    velocity: Stream, position: Stream, attitude: Stream | None
+) -> tuple[Stream, Stream, Stream | None]:
+    """Return the streams with their resets; a receiver has no estimator, and is noisy."""
+    if _RECEIVER not in velocity.what:
+        velocity = velocity.watched(estimator_resets.VELOCITY)
+    if _RECEIVER not in position.what:
+        position = position.watched(estimator_resets.POSITION)
+    return velocity, position, None if attitude is None else attitude.watched(estimator_resets.ATTITUDE)
+
+
+def _resets(velocity: Stream, position: Stream, attitude: Stream | None) -> tuple[Reset, ...]:
+    found = []
+    for stream, kind in (
+        (attitude, estimator_resets.ATTITUDE), (velocity, estimator_resets.VELOCITY),
+        (position, estimator_resets.POSITION),
+    ):  # fmt: skip
+        if stream is not None:
+            found += [
+                Reset(float(stream.time[at]), estimator_resets.told(kind, stream.values, int(at)))
+                for at in stream.resets
+            ]
+    return tuple(sorted(found, key=lambda one: one.time))
+
+
+def _slower(
+    base: Stream, velocity: Stream, position: Stream, attitude: Stream | None
+) -> tuple[tuple[str, float], ...]:
+    """Return which quantities are logged less often than the samples, and how often [Hz]."""
+    named = (("velocity", velocity), ("position", position), ("attitude", attitude))
+    return tuple(
+        (name, stream.rate)
+        for name, stream in named
+        if stream is not None and stream is not base and stream.rate < _SLOWER * base.rate
     )

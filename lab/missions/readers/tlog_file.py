@@ -73,7 +73,7 @@ class Vehicle:
         if name not in self._rows:
             return None
         fields = self._fields[name]
-        table = np.array(self._rows[name]).reshape(-1, len(fields))
+        table = np.frombuffer(self._rows[name], dtype=np.float64).reshape(-1, len(fields))
         return {key: table[:, place] for place, key in enumerate(fields)}
 
 

@@ -2,7 +2,7 @@
 
 Where speed and course are known, the horizontal velocity is theirs: a receiver measures it by Doppler, far
 better than differences of its rounded positions say. The vertical one is the slope of a smooth curve through
-the heights then.
+the heights then: as smooth as their noise and their steps ask for.
 """
 
 from __future__ import annotations
@@ -13,10 +13,13 @@ from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.interpolate import make_lsq_spline
 
+from lab.missions.clock import prediction_error
 from lab.missions.errors import MissionError
-from lab.missions.raw_flight import ColumnUnit, Dropped, RawFlight
+from lab.missions.raw_flight import VERTICAL_VELOCITY, ColumnUnit, Dropped, RawFlight
+from lab.missions.row_repair import NO_FIX
+from lab.missions.smoothing import LIVELINESS, best_smoothing, smoothing_of_steps, smoothing_spline
+from lab.missions.value_steps import value_step
 
 FloatArray = NDArray[np.float64]
 
@@ -26,8 +29,13 @@ MAX_SPEED = 1000.0
 """Fastest a receiver is believed to move [m/s]."""
 
 _HEIGHTS = (-1000.0, 100_000.0)
-_STANDSTILL = 0.5
-_SPACING = 2.0
+# A decimetre: what is written without a fix is zero, but for rounding.
+_ZERO = 1e-6
+# Up to this speed receivers leave the course out, since it is noise; a standing one has none [m/s].
+_SLOW, _STANDSTILL = 2.0, 0.5
+# Noise of a sample appears so many times as large in what four neighbours say of it.
+_AMPLIFIED = 1.94**0.5
+_WIDEST = 300.0
 _MOST = 0.9
 
 
@@ -85,19 +93,22 @@ class Track:
         self._keep(kept, np.isfinite(self.time), "without a time")
         on_earth = (np.abs(self.latitude) <= 90) & (np.abs(self.longitude) <= 360)
         self._keep(kept, on_earth, "without a position on the Earth")
+        somewhere = (np.abs(self.latitude) > _ZERO) | (np.abs(self.longitude) > _ZERO)
+        self._keep(kept, somewhere, NO_FIX)
         remarks = list(self.remarks)
         has_height = self._has(kept, self.height)
         if has_height:
             believed = (self.height >= _HEIGHTS[0]) & (self.height <= _HEIGHTS[1])
             self._keep(kept, believed, f"without a height from {_HEIGHTS[0]:g} to {_HEIGHTS[1]:g} m")
         course = np.where(self.speed < _STANDSTILL, np.nan_to_num(self.course), self.course)
+        course = _held(course, self.speed < _SLOW)
         has_velocity = has_height and self._has(kept, np.where(self.speed <= MAX_SPEED, course, np.nan))
         if has_velocity:
             believed = (self.speed >= 0) & (self.speed <= MAX_SPEED) & np.isfinite(course)
             self._keep(kept, believed, "without a speed and a course")
             remarks.append(
                 "The horizontal velocity is the receiver's speed and course; the vertical one is the slope "
-                f"of a smooth curve through the heights, with knots {_SPACING:g} s apart."
+                "of a smooth curve through the heights."
             )
         elif np.isfinite(self.speed).any():
             remarks.append("Speed and course are not used: they are known at too few points.")
@@ -105,7 +116,7 @@ class Track:
         velocity = None
         if has_velocity:
             angle, speed = np.radians(course[kept]), self.speed[kept]
-            down = -_slope(self.time[kept], self.height[kept])
+            down = -slope(self.time[kept], self.height[kept])
             velocity = np.stack((speed * np.cos(angle), speed * np.sin(angle), down), axis=-1)
         used = (True, True, has_height, has_velocity, has_velocity)
         return RawFlight(
@@ -120,6 +131,7 @@ class Track:
             units=tuple(unit for unit, there in zip(self.columns, used, strict=True) if there),
             remarks=tuple(remarks),
             vehicle=self.vehicle,
+            made=(VERTICAL_VELOCITY,) if has_velocity else (),
         )
 
     def _keep(self, kept: NDArray[np.bool_], fine: NDArray[np.bool_], reason: str) -> None:
@@ -158,17 +170,43 @@ def refuse_units(path: Path, reader: str, units: Mapping[str, str]) -> None:
         )
 
 
-def _slope(time: FloatArray, values: FloatArray) -> FloatArray:
-    """Return the derivative of a least-squares cubic spline with knots `_SPACING` apart, at the times."""
+def _held(course: FloatArray, slow: NDArray[np.bool_]) -> FloatArray:
+    """Return the course; where a slow receiver leaves it out, the last one known, or the first to come."""
+    known = np.flatnonzero(np.isfinite(course))
+    if not known.size:
+        return course
+    last = np.maximum(np.searchsorted(known, np.arange(len(course)), side="right") - 1, 0)
+    return np.where(slow & ~np.isfinite(course), course[known[last]], course)
+
+
+def slope(time: FloatArray, values: FloatArray) -> FloatArray:
+    """Return the derivative of the smoothing spline through noisy samples, at their times.
+
+    It is as smooth as cross-validation finds best, and at least so smooth that noise and steps of the samples
+    make no liveliness that nothing on a vehicle has: λ is their variance over `LIVELINESS`.
+
+    Parameters
+    ----------
+    time : (n,) array
+        Times as stamped [s]; those that do not increase are interpolated.
+    values : (n,) array
+        Samples, such as heights [m].
+    """
     # Time stamps are not repaired yet; the curve needs those that increase.
     forward = time > np.concatenate(([-np.inf], np.maximum.accumulate(time)[:-1]))
-    t, y = time[forward], values[forward]
+    t, y = time[forward] - time[0], values[forward, None]
     if len(t) < MIN_POINTS:
         return np.zeros_like(time)
-    steps = np.flatnonzero(np.diff(np.floor((t - t[0]) / _SPACING)) > 0)
-    # At least two samples from knot to knot: what is sparse is smoothed by being sparse.
-    at = steps[np.diff(steps, prepend=-2) >= 2]
-    inner = t[at[(at >= 2) & (at <= len(t) - 4)]]
-    knots = np.concatenate((np.full(4, t[0]), inner, np.full(4, t[-1])))
-    spline = make_lsq_spline(t - t[0], y, knots - t[0], k=3).derivative()
-    return np.asarray(spline(np.clip(time - t[0], 0.0, t[-1] - t[0])))
+    noise = 0.0
+    if len(t) > MIN_POINTS:
+        noise = 1.4826 * float(np.median(np.abs(prediction_error(t, y)))) / _AMPLIFIED
+    # Beyond some hundred steps the spline's equations lose their digits.
+    widest = _WIDEST**4 * float(np.median(np.diff(t))) ** 3
+    try:
+        needed = max(
+            best_smoothing(t, y), smoothing_of_steps(t, y, value_step(y[:, 0])), noise**2 / LIVELINESS
+        )
+        spline = smoothing_spline(t, y, min(needed, widest)).derivative()
+    except MissionError:  # stamps too uneven for the equations, which time repair cuts later
+        spline = smoothing_spline(t, y, 0.0).derivative()
+    return np.asarray(spline(np.clip(time - time[0], 0.0, t[-1]))[:, 0])

@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 from lab.missions.content import whole
 from lab.missions.errors import MissionError
 from lab.missions.log_check import check_log
+from lab.missions.log_parts import Beside, Headings, Magnetometer
 from lab.missions.raw_flight import ColumnUnit, RawFlight
 from lab.missions.readers.fields import OF_THE_FORMAT, SEA_LEVEL, one_file
 from lab.missions.readers.streams import MAX_LOG_BYTES, Stream, first_usable, flight_of
@@ -36,10 +37,14 @@ _FLIGHT = (
     "vehicle_local_position", "vehicle_global_position", "vehicle_attitude", "vehicle_gps_position",
     "sensor_gps", "vehicle_status",
 )  # fmt: skip
-_SENSORS = ("sensor_combined", "vehicle_imu", "vehicle_gps_position", "sensor_gps")
+_SENSORS = (
+    "sensor_combined", "vehicle_imu", "vehicle_gps_position", "sensor_gps", "vehicle_magnetometer",
+    "vehicle_status",
+)  # fmt: skip
 _VEHICLES = {1: "rotary wing", 2: "fixed wing", 3: "rover", 4: "blimp"}
 _NO_TIME = 2**31 - 1
 _THREE_D = 3
+_MICROTESLA = 100.0  # in a gauss
 _UNITS = {"latitude": "°", "longitude": "°", "altitude": "m", "velocity": "m/s"}
 _MAP_RADIUS = 6_371_000.0
 
@@ -64,10 +69,14 @@ def read(paths: Sequence[Path], units: Mapping[str, str]) -> RawFlight:
     gps, attitude = _gps(log), log.topic("vehicle_attitude")
     velocity = first_usable((_local_velocity(local), _gps_velocity(gps)))
     position = first_usable((_global(place), _local_position(local), _gps_position(gps)))
-    quaternion = None if attitude is None else _stream("attitude", attitude, "q", size=4)
+    quaternion = (
+        None
+        if attitude is None
+        else _stream("attitude", attitude, "q", size=4, counters=("quat_reset_counter",))
+    )
     if quaternion is not None:
         fine = np.abs(np.linalg.norm(quaternion.values, axis=1) - 1) < 0.1
-        quaternion = Stream.of("attitude", quaternion.time, quaternion.values, fine)
+        quaternion = Stream.of("attitude", quaternion.time, quaternion.values, fine, quaternion.counter)
     remarks = list(_remarks(log))
     above_ellipsoid = place is not None and "alt_ellipsoid" in (place.dtype.names or ())
     if position is not None and not (above_ellipsoid and position.what == "global position"):
@@ -100,7 +109,12 @@ def read_log(path: Path) -> SensorLog:
     if imu is None or gps is None:
         missing = "an IMU (sensor_combined, vehicle_imu)" if imu is None else "a GPS (vehicle_gps_position)"
         raise MissionError(f"{path}: the log does not have {missing}; accepted are logs with both")
-    made = repaired(str(path), imu.time, imu.values, _gnss(log, gps))
+    gnss = _gnss(log, gps)
+    beside = Beside(_vehicle(log), _magnetometer(log), _headings(gps))
+    try:
+        made = repaired(str(path), imu.time, imu.values, gnss, beside=beside)
+    except MissionError as error:
+        raise MissionError(f"{error}{_no_fix(gps, gnss)}") from None
     check_log(made)
     return made
 
@@ -154,7 +168,12 @@ def _seconds(messages: Messages) -> FloatArray:
 
 
 def _stream(
-    what: str, messages: Messages, *names: str, size: int = 0, valid: Sequence[str] = ()
+    what: str,
+    messages: Messages,
+    *names: str,
+    size: int = 0,
+    valid: Sequence[str] = (),
+    counters: Sequence[str] = (),
 ) -> Stream | None:
     """Return fields, or one field that is an array of a size, where flags say that they are valid."""
     values = _vector(messages, names[0], size) if size else _columns(messages, *names)
@@ -165,13 +184,22 @@ def _stream(
         column = _column(messages, flag)
         if column is not None:
             fine &= column != 0
-    return Stream.of(what, _seconds(messages), values, fine)
+    return Stream.of(what, _seconds(messages), values, fine, _counter(messages, *counters))
+
+
+def _counter(messages: Messages, *names: str) -> FloatArray | None:
+    """Return the sum of the counters of resets, which all only grow; None if there is none."""
+    found = [column for name in names if (column := _column(messages, name)) is not None]
+    return sum(found[1:], start=found[0]) if found else None
 
 
 def _local_velocity(local: Messages | None) -> Stream | None:
     if local is None:
         return None
-    return _stream("local velocity", local, "vx", "vy", "vz", valid=("v_xy_valid", "v_z_valid"))
+    return _stream(
+        "local velocity", local, "vx", "vy", "vz", valid=("v_xy_valid", "v_z_valid"),
+        counters=("vxy_reset_counter", "vz_reset_counter"),
+    )  # fmt: skip
 
 
 def _global(place: Messages | None) -> Stream | None:
@@ -182,34 +210,56 @@ def _global(place: Messages | None) -> Stream | None:
     if height is None or angles is None:
         return None
     values = np.column_stack((np.radians(angles), height))
-    return Stream.of("global position", _seconds(place), values, _on_earth(values))
+    counter = _counter(place, "lat_lon_reset_counter", "alt_reset_counter")
+    return Stream.of("global position", _seconds(place), values, _on_earth(values), counter)
 
 
 def _local_position(local: Messages | None) -> Stream | None:
-    """Return where local coordinates are: PX4 draws them on an azimuthal equidistant map of a sphere."""
+    """Return where local coordinates are."""
     if local is None:
         return None
     values = _columns(local, "ref_lat", "ref_lon", "ref_alt", "x", "y", "z")
     if values is None:
         return None
-    latitude, longitude = np.radians(values[:, :2]).T
-    x, y = values[:, 3:5].T / _MAP_RADIUS
-    angle = np.hypot(x, y)
-    s, c = np.sinc(angle / np.pi), np.cos(angle)  # s is the sine over the angle
-    north = np.arcsin(np.clip(c * np.sin(latitude) + x * s * np.cos(latitude), -1, 1))
-    east = longitude + np.arctan2(y * s, np.cos(latitude) * c - x * np.sin(latitude) * s)
-    position = np.column_stack((north, east, values[:, 2] - values[:, 5]))
+    position = on_map(values[:, :3] * (np.radians(1.0), np.radians(1.0), 1.0), values[:, 3:])
     flag = _column(local, "xy_global")
     return Stream.of(
         "local position",
         _seconds(local),
         position,
         None if flag is None else (flag != 0) & _on_earth(position),
+        _counter(local, "xy_reset_counter", "z_reset_counter"),
     )
 
 
+def on_map(reference: FloatArray, offset: FloatArray) -> FloatArray:
+    """Return where local coordinates are: PX4 draws them on an azimuthal equidistant map of a sphere.
+
+    Parameters
+    ----------
+    reference : (n, 3) array
+        Latitude, longitude [rad] and height [m] of the origin.
+    offset : (n, 3) array
+        North, east, down of it [m].
+
+    Returns
+    -------
+    (n, 3) array
+        Latitude, longitude [rad], height [m].
+    """
+    latitude, longitude = reference[:, :2].T
+    x, y = offset[:, :2].T / _MAP_RADIUS
+    angle = np.hypot(x, y)
+    s, c = np.sinc(angle / np.pi), np.cos(angle)  # s is the sine over the angle
+    north = np.arcsin(np.clip(c * np.sin(latitude) + x * s * np.cos(latitude), -1, 1))
+    east = longitude + np.arctan2(y * s, np.cos(latitude) * c - x * np.sin(latitude) * s)
+    return np.column_stack((north, east, reference[:, 2] - offset[:, 2]))
+
+
 def _on_earth(position: FloatArray) -> NDArray[np.bool_]:
-    return np.asarray((np.abs(position[:, 0]) <= np.pi / 2) & (np.abs(position[:, 1]) <= 2 * np.pi))
+    inside = (np.abs(position[:, 0]) <= np.pi / 2) & (np.abs(position[:, 1]) <= 2 * np.pi)
+    # Zero, zero is what is logged before the first fix.
+    return np.asarray(inside & (position[:, :2] != 0).any(axis=1))
 
 
 def _gps(log: ULogFile) -> Messages | None:
@@ -220,6 +270,15 @@ def _gps(log: ULogFile) -> Messages | None:
 def _fixed(gps: Messages) -> NDArray[np.bool_]:
     kind = _column(gps, "fix_type")
     return np.ones(len(gps), dtype=bool) if kind is None else kind >= _THREE_D
+
+
+def _no_fix(gps: Messages, gnss: GnssLog) -> str:
+    """Return what is added to a refusal where the receiver never had a fix."""
+    if gnss.time.size:
+        return ""
+    kind = _column(gps, "fix_type")
+    best = 0 if kind is None else int(np.nan_to_num(kind).max(initial=0))
+    return f". None of the {len(gps)} GPS messages has a fix with a position (fix_type {best} at most)"
 
 
 def _gps_place(gps: Messages) -> FloatArray | None:
@@ -292,6 +351,29 @@ def _gnss(log: ULogFile, gps: Messages) -> GnssLog:
         # The driver's own time of the sample has the delay in it.
         latency=0.0 if stamped else float(np.clip(1e-3 * log.parameters.get("EKF2_GPS_DELAY", 0.0), 0, 1)),
     )
+
+
+def _magnetometer(log: ULogFile) -> Magnetometer | None:
+    """Return the field, calibrated and turned into b by the autopilot, which logs it in gauss."""
+    topic = log.topic("vehicle_magnetometer")
+    field = None if topic is None else _vector(topic, "magnetometer_ga", 3)
+    if topic is None or field is None:
+        return None
+    stream = Stream.of("magnetometer", _seconds(topic), field * _MICROTESLA)
+    return Magnetometer(stream.time, stream.values) if stream.usable else None
+
+
+def _headings(gps: Messages) -> Headings | None:
+    """Return the headings of a receiver with two antennas, their offset taken off by the driver."""
+    heading, sigma = _column(gps, "heading"), _column(gps, "heading_accuracy")
+    if heading is None:
+        return None
+    time, fixed = _seconds(gps), _fixed(gps)
+    fine = np.isfinite(heading) & np.isfinite(time) & fixed & (np.abs(heading) <= 2 * np.pi)
+    unknown = np.full(len(gps), np.nan)
+    sigma = unknown if sigma is None else np.where((sigma > 1e-4) & (sigma < np.pi), sigma, np.nan)
+    # A receiver with one antenna may leave the field at zero.
+    return Headings(time[fine], heading[fine], sigma[fine]) if heading[fine].any() else None
 
 
 def _sigma(values: FloatArray | None) -> FloatArray | None:

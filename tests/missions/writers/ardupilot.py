@@ -111,3 +111,74 @@ def write(recording: Recording) -> bytes:
     start += [message("PARM", BOOT, name.encode(), value, 0.0) for name, value in PARAMETERS.items()]
     start.append(message("RCIN", BOOT, bytes(64)))
     return descriptions() + b"".join(start) + b"".join(one for _, one in messages)
+
+
+WEEK_MS, WEEK = 130_040_903, 1769
+"""GPS time at which the flight begins."""
+BUS_DELAY = 0.07
+"""How long after a fix is valid its message is written [s]."""
+IMU_FIELDS, ATT_FIELDS = "GyrX,GyrY,GyrZ,AccX,AccY,AccZ", "RollIn,Roll,PitchIn,Pitch,YawIn,Yaw"
+OLD_FORMATS = {
+    2012: {
+        "GPS": (130, "BIBcLLeeEe", "Status,Time,NSats,HDop,Lat,Lng,RelAlt,Alt,Spd,GCrs"),
+        "IMU": (131, "ffffff", IMU_FIELDS),
+        "ATT": (1, "cccccC", ATT_FIELDS),
+    },
+    2013: {
+        "GPS": (130, "BIHBcLLeeEe", "Status,TimeMS,Week,NSats,HDop,Lat,Lng,RelAlt,Alt,Spd,GCrs"),
+        "IMU": (131, "Iffffff", f"TimeMS,{IMU_FIELDS}"),
+        "ATT": (1, "IcccccC", f"TimeMS,{ATT_FIELDS}"),
+    },
+    2014: {
+        "GPS": (130, "BIHBcLLeeEefI", "Status,TimeMS,Week,NSats,HDop,Lat,Lng,RelAlt,Alt,Spd,GCrs,VZ,T"),
+        "IMU": (131, "Iffffff", f"TimeMS,{IMU_FIELDS}"),
+        "ATT": (1, "IcccccC", f"TimeMS,{ATT_FIELDS}"),
+        "EKF1": (140, "IccCffffffccc", "TimeMS,Roll,Pitch,Yaw,VN,VE,VD,PN,PE,PD,GX,GY,GZ"),
+    },
+}
+"""Messages of the logs of a year: times in milliseconds since boot, of the GPS week, or none."""
+
+
+def write_old(recording: Recording, year: int, status: int = 3) -> bytes:
+    """Return the log that an autopilot of 2012, 2013 or 2014 would have written."""
+    formats = OLD_FORMATS[year]
+    packers = {
+        name: struct.Struct("<3B" + "".join(CODES[letter] for letter in letters))
+        for name, (_, letters, _) in formats.items()
+    }
+    out: list[tuple[float, bytes]] = []
+
+    def add(name: str, at: float, *values: object) -> None:
+        values = values if "Time" not in formats[name][2][:5] else (BOOT // 1000 + int(1000 * at), *values)
+        out.append((at, packers[name].pack(0xA3, 0x95, formats[name][0], *values)))
+
+    known = solution(recording, 25.0)
+    euler = np.degrees(euler_from_quaternion(known.q_nb))
+    euler[:, 2] %= 360
+    for at, (roll, pitch, yaw), velocity in zip(known.time, euler, known.velocity_n, strict=True):
+        centi = (round(100 * roll), round(100 * pitch), round(100 * yaw) % 36_000)
+        add("ATT", at, 0, centi[0], 0, centi[1], 0, centi[2])
+        if "EKF1" in formats:
+            add("EKF1", at, *centi, *velocity, 0.0, 0.0, 0.0, 0, 0, 0)
+    seen = sensed(recording, IMU_RATE)
+    for at, rates in zip(seen.imu_time, seen.rates, strict=True):
+        add("IMU", at, *rates)
+    north, east, down = seen.gps_velocity.T
+    course = np.degrees(np.arctan2(east, north)) % 360
+    for i, at in enumerate(seen.gps_time):
+        place = [round(1e7 * np.degrees(angle)) for angle in seen.gps_position[i, :2]]
+        height = round(100 * (seen.gps_position[i, 2] - GEOID))
+        week = WEEK_MS + round(1000 * at)
+        values = [status, week, WEEK, 10, 70, *place, 0, height, round(100 * np.hypot(north[i], east[i])),
+                  round(100 * course[i])]  # fmt: skip
+        if year == 2012:
+            del values[2]
+        if year == 2014:
+            values += [down[i], BOOT // 1000 + round(1000 * (at + BUS_DELAY))]
+        out.append((at + BUS_DELAY, packers["GPS"].pack(0xA3, 0x95, 130, *values)))
+    out.sort(key=lambda one: one[0])
+    start = b"".join(
+        message("FMT", number, packers[name].size, name.encode(), letters.encode(), columns.encode())
+        for name, (number, letters, columns) in formats.items()
+    )
+    return start + b"".join(one for _, one in out)

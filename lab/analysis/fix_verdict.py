@@ -1,0 +1,225 @@
+"""Fix verdict: what the true errors of the fixes say of R, and of what is wrong with the receiver."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lab.analysis.finding import RATIO, Change, Finding, Weighed, judge_size
+from lab.analysis.fix_causes import CAUSES
+from lab.analysis.fix_evidence import FEWEST, LEAST, RATIOS, TIMES, FixErrors
+from lab.analysis.outliers import CHANCE
+from lab.analysis.pattern import AXES, channel, stretch, stretch_words
+from lab.analysis.selection import select
+from lab.analysis.sums import Fit, Squares
+
+FloatArray = NDArray[np.float64]
+
+LATENCY, LEVER_ARM = 0.01, 0.2
+"""Latency [s] and length of a lever arm [m] from which on they are stated."""
+CORRELATED = 0.3
+"""Part of the white σ from which on a correlated error is stated."""
+ADVICE_CORRELATION = (
+    "Raise R position to the variance of the correlated error times its correlation time over the period of "
+    "the fixes, or use fewer fixes."
+)
+
+
+def judge_fixes(fixes: FixErrors, sizes: FloatArray, told: FloatArray) -> list[Weighed]:
+    """Judge R, the correlation of the fixes, latency and lever arm by the errors of the fixes.
+
+    `sizes` are the rms of the position and the velocity innovations in their σ, `told` the latency and the
+    lever arm (4,) that the filter was told.
+    """
+    if not fixes.count:
+        return []
+    apart = judge_outliers(fixes.outliers, fixes.count + fixes.outliers, "position or velocity errors")
+    white = _fit(fixes, (0, 0))
+    best = max(
+        (_fit(fixes, at) for at in np.ndindex(len(TIMES), len(RATIOS))), key=lambda fit: fit.likelihood
+    )
+    time, ratio = TIMES[best.at[0]], RATIOS[best.at[1]]
+    gain = best.likelihood - white.likelihood
+    correlated = gain > RATIO and np.sqrt(ratio) > CORRELATED
+    fit = best if correlated else white
+    found = apart + judge_causes(fit.equations, told)
+    scales = np.array([fit.position, fit.velocity])
+    if correlated:
+        sigma = float(np.sqrt(scales[0] * ratio * fixes.variance[:3].mean() / fixes.count))
+        found.append(Weighed(gain, correlation(sigma, time, gain)))
+        # Who gave the filter white and correlated variance together did not make R too large.
+        total = scales[0] * (1 + ratio)
+        scales[0] = scales[0] if scales[0] > 1 else min(total, 1.0)
+    for index, (scale, size) in enumerate(zip(scales, sizes, strict=True)):
+        found += _size(fixes, index, float(scale), float(size), plain=not correlated)
+    return found
+
+
+def _size(fixes: FixErrors, kind: int, scale: float, size: float, plain: bool) -> list[Weighed]:
+    """Judge R of the position (0) or the velocity: in a stretch, in a channel, or altogether.
+
+    `scale` is the variance that remains, in that of R, and `size` the rms of the innovations in their σ;
+    `plain` says whether the fixes are white, as stretches and channels are looked for.
+    """
+    name = ("position", "velocity")[kind]
+    count = np.array(3.0 * fixes.count)
+    own = slice(3 * kind, 3 * kind + 3)
+    squares, capped = (
+        Squares(fixes.channels.total[way, own], fixes.channels.number[way, own]) for way in (0, 1)
+    )
+    where = stretch(fixes.in_time, kind) if plain else None
+    if where is not None:
+        words = stretch_words(where, fixes.span)
+        return judge_size(
+            where.squares,
+            f"R {name}",
+            f"{words[0].upper()}{words[1:]} the {name} errors of the fixes are {{root}} × as large as "
+            f"assumed, R {name} is about {{factor}} × too {{wrong}}; before and after they are right.",
+            "Look at the receiver in that time (satellites, multipath); a larger R position and velocity, or "
+            "navigator.robust, covers it.",
+            f"{name} errors of the fixes {words}",
+        )
+    axis = channel(squares) if plain else None
+    if axis is not None and axis == channel(capped):
+        one = Squares(squares.total[axis], squares.number[axis])
+        return judge_size(
+            one,
+            f"R {name} {AXES[axis]}",
+            f"The {name} errors {AXES[axis]} of the fixes are {{root}} × as large as assumed, the others are "
+            f"right: R {name} {AXES[axis]} about {{factor}} × too {{wrong}}.",
+            f"Multiply the variance of the {name} {AXES[axis]} in navigator.r by {{multiply}}.",
+            f"{name} errors {AXES[axis]} of the fixes",
+            scales=("navigator.r", (3 * kind + axis, 3 * kind + axis + 1)),
+        )
+    return judge_size(
+        Squares(np.array(scale) * count, count),
+        f"R {name}",
+        f"{name.capitalize()} innovations {size:.2g} × as large as assumed: R {name} about {{factor}} × "
+        "too {wrong}.",
+        f"Multiply the {name} variances of navigator.r by {{multiply}}.",
+        f"{name} errors of the fixes",
+        scales=("navigator.r", (3 * kind, 3 * kind + 3)),
+    )
+
+
+class _FixFit(NamedTuple):
+    """Latency and lever arm fitted to the errors of the fixes, and the size of what remains.
+
+    `equations` are the normal equations, of unit variance, and
+    `position` and `velocity` are the variances that remain, in those of R; `at` is which correlation.
+    """
+
+    at: tuple[int, ...]
+    equations: Fit
+    position: float
+    velocity: float
+    likelihood: float
+
+
+def _fit(fixes: FixErrors, at: tuple[int, ...]) -> _FixFit:
+    """Fit latency and lever arm by weighted least squares, the weights being the sizes of what remains."""
+    parts = (Fit(*(figure[at] for figure in fixes.position)), fixes.velocity)
+    count = 3.0 * fixes.count
+    scales = np.ones(2)
+    for _ in range(3):
+        matrix = parts[0].matrix / scales[0] + parts[1].matrix / scales[1]
+        vector = parts[0].vector / scales[0] + parts[1].vector / scales[1]
+        covariance = np.asarray(np.linalg.pinv(matrix, hermitian=True), dtype=np.float64)
+        x = covariance @ vector if fixes.count >= FEWEST else np.zeros(CAUSES)
+        rest = [part.squares - 2 * part.vector @ x + x @ part.matrix @ x for part in parts]
+        scales = np.maximum(np.array(rest) / count, 1e-12)
+    likelihood = -0.5 * (count * np.log(scales).sum() + fixes.log_determinant[at])
+    equations = Fit(matrix, vector, np.array(count))
+    return _FixFit(at, equations, float(scales[0]), float(scales[1]), float(likelihood))
+
+
+def judge_causes(fit: Fit, told: FloatArray) -> list[Weighed]:
+    """Judge latency and lever arm by the normal equations of what they explain, of unit variance.
+
+    `told` is what the filter was told of them (4,).
+    """
+    found = []
+    records = Fit(fit.matrix[None], fit.vector[None], fit.squares)
+    for entry in select(records, {"latency": (0,), "lever arm": (1, 2, 3)}, LEAST):
+        estimate = entry.estimate[0]
+        if entry.name == "latency" and abs(estimate[0]) > LATENCY:
+            found.append(Weighed(entry.gain, latency(float(estimate[0]), entry.gain, told)))
+        elif entry.name == "lever arm" and np.linalg.norm(estimate) > LEVER_ARM:
+            found.append(Weighed(entry.gain, lever_arm(estimate, entry.gain, told)))
+    return found
+
+
+def latency(size: float, gain: float, told: FloatArray) -> Finding:
+    """Return the finding of fixes that are late by so much beyond what the filter was told (4,) [s]."""
+    return Finding(
+        "GPS latency",
+        "not modelled",
+        abs(size),
+        f"The fixes are {abs(size):.2f} s {'late' if size > 0 else 'early'}: their errors go with the "
+        "velocity.",
+        f"Set navigator.latency to {told[0] + size:.2f}.",
+        f"latency {size:.3f} s, logarithm of the likelihood ratio {gain:.0f}",
+        (Change("navigator.latency", float(round(told[0] + size, 2))),),
+    )
+
+
+def lever_arm(arm: FloatArray, gain: float, told: FloatArray) -> Finding:
+    """Return the finding of an antenna that is off by (3,) from what the filter was told (4,) [m]."""
+    place = ", ".join(f"{metres:.2f}" for metres in told[1:] + arm)
+    where = f"{arm[0]:.1f} m forward, {arm[1]:.1f} m right, {arm[2]:.1f} m down"
+    length = float(np.linalg.norm(arm))
+    return Finding(
+        "GPS lever arm",
+        "not modelled",
+        length,
+        f"The antenna is {length:.1f} m off ({where}): the errors of the fixes turn with the vehicle.",
+        f"Set navigator.lever_arm to [{place}].",
+        f"lever arm {where}, logarithm of the likelihood ratio {gain:.0f}",
+        (Change("navigator.lever_arm", [float(round(metres, 2)) for metres in told[1:] + arm]),),
+    )
+
+
+def judge_refused(rejected: int, expected: float, offered: int) -> list[Weighed]:
+    """Judge outliers that the gate rejected, and rightly."""
+    part = rejected / offered
+    finding = Finding(
+        "GPS outliers",
+        "rejected",
+        part,
+        f"The gate rejected {rejected} of {offered} fixes ({100 * part:.2g} %), where chance rejects "
+        f"{expected:.2g}: they stand out from those around them as outliers do, such as from multipath.",
+        "The filter does without them; look at the antenna and its surroundings.",
+        f"{rejected} rejected, expected {expected:.2g}",
+    )
+    return [Weighed(float(rejected - expected), finding)]
+
+
+def judge_outliers(number: int, fixes: int, what: str) -> list[Weighed]:
+    """Judge fixes that stand out from those around them."""
+    if not number:
+        return []
+    finding = Finding(
+        "GPS outliers",
+        "not modelled",
+        number / fixes,
+        f"{number} of {fixes} fixes have {what} no Gaussian would give: outliers, such as from multipath.",
+        "Set navigator.gate to 0.999: the filter then refuses fixes that are implausible.",
+        f"{number} of {fixes} beyond what one Gaussian fix in {0.5 / CHANCE:.0e} reaches",
+        (Change("navigator.gate", 0.999),),
+    )
+    return [Weighed(-number * float(np.log(CHANCE)), finding)]
+
+
+def correlation(sigma: float, time: float, gain: float) -> Finding:
+    """Return the finding of position errors that are correlated, of a σ [m] over a time [s]."""
+    return Finding(
+        "GPS correlation",
+        "not modelled",
+        sigma,
+        f"The position errors of the fixes are correlated, about {sigma:.2g} m over {time:.0f} s; the filter "
+        "takes them for white.",
+        ADVICE_CORRELATION,
+        f"logarithm of the likelihood ratio {gain:.0f}",
+    )

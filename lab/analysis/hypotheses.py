@@ -1,0 +1,212 @@
+"""Hypotheses: how likely the innovations are if one assumption of the filter is wrong, each in turn.
+
+What a filter with another Q, R or P0 would have made of the same flight follows from the innovations and the
+gains of the one that flew, fix by fix: their errors differ by what the gains differ. So the likelihood of the
+innovations under each hypothesis is known without another run, for logs of real sensors too.
+
+References
+----------
+R. K. Mehra, *On the Identification of Variances and Adaptive Kalman Filtering*, IEEE Trans. Automatic Control
+15 (1970); F. C. Schweppe, *Evaluation of Likelihood Functions for Gaussian Signals*, IEEE Trans. Information
+Theory 11 (1965).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lab.analysis.imu_causes import Steps
+from lab.navigation.error_models import ACCEL_BIAS, ATT, GYRO_BIAS, POS, VEL
+
+FloatArray = NDArray[np.float64]
+
+
+STARTS = {
+    "position": POS,
+    "velocity": VEL,
+    "attitude": ATT,
+    "gyro bias": GYRO_BIAS,
+    "accelerometer bias": ACCEL_BIAS,
+}
+"""Groups of states whose P0 may be wrong alone."""
+
+
+class Hypothesis(NamedTuple):
+    """What is wrong: factors on what the filter assumes.
+
+    Attributes
+    ----------
+    name : str
+        Quantity that is wrong.
+    factor : float
+        How many times larger its variance is than assumed.
+    r : (2,) tuple
+        Factors on R of position and velocity.
+    q : (4,) tuple
+        On gyro noise, accelerometer noise, and the drives of their biases.
+    p0 : (6,) tuple
+        On P0 altogether, and of each of `STARTS`.
+    correlated : (2,) tuple
+        Variance of correlated position errors, in that of R, and their correlation time [s].
+    """
+
+    name: str
+    factor: float
+    r: tuple[float, float] = (1.0, 1.0)
+    q: tuple[float, float, float, float] = (1.0, 1.0, 1.0, 1.0)
+    p0: tuple[float, ...] = (1.0,) * 6
+    correlated: tuple[float, float] = (0.0, 60.0)
+
+
+class Outcome(NamedTuple):
+    """What hypotheses make of the innovations.
+
+    Attributes
+    ----------
+    likelihoods : (h,) array
+        Logarithm of the likelihood under each, less that under the first.
+    innovation, covariance : (m, 6), (m, 6, 6) arrays
+        What the innovations would be under the first, and their covariance.
+    gains : (m, n, 6) array
+        Gains of the first; zero of fixes that are skipped.
+    skipped : (m,) array
+        Which are.
+    """
+
+    likelihoods: FloatArray
+    innovation: FloatArray
+    covariance: FloatArray
+    gains: FloatArray
+    skipped: NDArray[np.bool_]
+
+
+def _all() -> tuple[Hypothesis, ...]:
+    found = [Hypothesis("none", 1.0)]
+    for factor in (0.1, 0.3, 3.0, 10.0, 100.0):
+        found.append(Hypothesis("R position", factor, r=(factor, 1.0)))
+        found.append(Hypothesis("R velocity", factor, r=(1.0, factor)))
+    found += [Hypothesis("R", factor, r=(factor, factor)) for factor in (0.1, 0.3, 3.0, 10.0)]
+    for factor in (0.1, 10.0):
+        found.append(Hypothesis("Q", factor, q=(factor,) * 4))
+    for factor in (0.1, 10.0, 100.0, 1000.0):
+        found.append(Hypothesis("Q gyro", factor, q=(factor, 1.0, 1.0, 1.0)))
+        found.append(Hypothesis("Q accelerometer", factor, q=(1.0, factor, 1.0, 1.0)))
+    for factor in (100.0, 1e4, 1e6):
+        found.append(Hypothesis("Q gyro bias", factor, q=(1.0, 1.0, factor, 1.0)))
+        found.append(Hypothesis("Q accelerometer bias", factor, q=(1.0, 1.0, 1.0, factor)))
+    found += [Hypothesis("P0", factor, p0=(factor, *(1.0,) * 5)) for factor in (0.1, 10.0, 100.0)]
+    for at, name in enumerate(STARTS, start=1):
+        for factor in (100.0, 1e4):
+            p0 = tuple(factor if block == at else 1.0 for block in range(6))
+            found.append(Hypothesis(f"P0 {name}", factor, p0=p0))
+    for time in (10.0, 60.0):
+        for factor in (1.0, 5.0, 25.0):
+            found.append(Hypothesis("GPS correlation", factor, correlated=(factor, time)))
+    return tuple(found)
+
+
+HYPOTHESES = _all()
+"""What is tried; the first is that nothing is wrong."""
+
+
+def likelihoods(
+    innovation: FloatArray,
+    correction: FloatArray,
+    steps: Steps,
+    H: FloatArray,
+    R: FloatArray,
+    P0: FloatArray,
+    times: FloatArray,
+    skipped: NDArray[np.bool_],
+    tried: Sequence[Hypothesis] = HYPOTHESES,
+    limit: float = np.inf,
+) -> Outcome:
+    """Return how likely the innovations are under each hypothesis.
+
+    Parameters
+    ----------
+    innovation : (m, 6) array
+        Of the fixes offered; zero where the receiver measures nothing.
+    correction : (m, n) array
+        What the filter took off the error state at each: K ν, zero of a fix it rejected.
+    steps
+        How the error goes on.
+    H, R : (m, 6, n) and (m, 6, 6) arrays
+        Of the fixes.
+    P0 : (n, n) array
+        Covariance at the start.
+    times : (m + 1,) array
+        Of the start and of the fixes [s].
+    skipped : (m,) array
+        Fixes that no hypothesis uses, such as outliers.
+    limit
+        Largest square of position and of velocity innovations, in their covariances, of fixes that are used;
+        judged by the first hypothesis.
+    tried
+        The hypotheses; what the innovations would be is told of the first.
+    """
+    m, n = correction.shape
+    N = n + 3
+    q = np.array([h.q for h in tried])
+    r = np.sqrt(np.array([h.r for h in tried]).repeat(3, axis=1))
+    position = np.mean(np.diagonal(R, axis1=1, axis2=2)[:, :3])
+    variance = position * np.array([h.correlated[0] for h in tried])
+    correlation_time = np.array([h.correlated[1] for h in tried])
+    P = _starts(P0, N, tried)
+    P[:, n:, n:] = variance[:, None, None] * np.eye(3)
+    apart = np.zeros((len(tried), N))
+    total = np.zeros(len(tried))
+    own, covariance, gains = np.zeros((m, 6)), np.zeros((m, 6, 6)), np.zeros((m, n, 6))
+    left = np.zeros(m, dtype=np.bool_)
+    Phi = np.zeros((len(tried), N, N))
+    noise = np.zeros((len(tried), N, N))
+    Haug = np.zeros((6, N))
+    diagonal = np.arange(n, N)
+    for k in range(m):
+        decay = np.exp(-(times[k + 1] - times[k]) / correlation_time)
+        Phi[:, :n, :n] = steps.transition[k]
+        Phi[:, diagonal, diagonal] = decay[:, None]
+        noise[:, :n, :n] = np.tensordot(q, steps.noise[k], axes=1)
+        noise[:, diagonal, diagonal] = (variance * (1 - decay**2))[:, None]
+        P = Phi @ P @ Phi.transpose(0, 2, 1) + noise
+        apart = np.einsum("hij,hj->hi", Phi, apart)
+        Haug[:, :n], Haug[:3, n:] = H[k], -np.eye(3)
+        seen = P @ Haug.T
+        S = Haug @ seen + r[:, :, None] * R[k] * r[:, None, :]
+        nu = innovation[k] - apart @ Haug.T
+        own[k], covariance[k] = nu[0], S[0]
+        apart[:, :n] -= correction[k]
+        if skipped[k] or (limit < np.inf and _beyond(nu[0], S[0], limit)):
+            left[k] = True
+            continue
+        inverse = np.linalg.inv(S)
+        total -= 0.5 * (np.einsum("hi,hij,hj->h", nu, inverse, nu) + np.linalg.slogdet(S)[1])
+        gain = seen @ inverse
+        gains[k] = gain[0, :n]
+        P = P - gain @ seen.transpose(0, 2, 1)
+        P = 0.5 * (P + P.transpose(0, 2, 1))
+        apart += np.einsum("hij,hj->hi", gain, nu)
+    return Outcome(total - total[0], own, covariance, gains, left)
+
+
+def _beyond(nu: FloatArray, S: FloatArray, limit: float) -> bool:
+    """Say whether a position or a velocity innovation exceeds a limit."""
+    return any(
+        float(nu[own] @ np.linalg.solve(S[own, own], nu[own])) > limit for own in (slice(0, 3), slice(3, 6))
+    )
+
+
+def _starts(P0: FloatArray, N: int, tried: Sequence[Hypothesis]) -> FloatArray:
+    """Return P0 under each hypothesis (h, N, N)."""
+    n = P0.shape[0]
+    P = np.zeros((len(tried), N, N))
+    for at, hypothesis in enumerate(tried):
+        scale = np.full(n, np.sqrt(hypothesis.p0[0]))
+        for block, factor in zip(STARTS.values(), hypothesis.p0[1:], strict=True):
+            scale[block] *= np.sqrt(factor)
+        P[at, :n, :n] = P0 * scale[:, None] * scale
+    return P

@@ -1,0 +1,166 @@
+"""IMU causes: errors of the inertial sensors that no state stands for, and what they make of the error.
+
+From fix to fix an error of the sensors, resolved in n, adds to attitude and velocity; the filter takes off
+what its gains make of the innovations. What is left shows in the innovations as that of fix causes does.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lab.navigation.error_models import ACCEL_BIAS, ACCEL_SCALE, ATT, GYRO_BIAS, GYRO_SCALE, POS, VEL
+from lab.navigation.solution import Belief, Imu, Solution
+from lab.rotation import C_nb_from_euler, euler_from_quaternion
+
+FloatArray = NDArray[np.float64]
+
+CAUSES = {
+    "gyro scale factor": ("gyro", "scale"),
+    "gyro misalignment": ("gyro", "cross"),
+    "gyro bias drift": ("gyro", "drift"),
+    "gyro g-sensitivity": ("gyro", "force"),
+    "gyro bandwidth": ("gyro", "slope"),
+    "accelerometer scale factor": ("accelerometer", "scale"),
+    "accelerometer misalignment": ("accelerometer", "cross"),
+    "accelerometer bias drift": ("accelerometer", "drift"),
+    "accelerometer bandwidth": ("accelerometer", "slope"),
+}
+"""Errors that are looked for: the sensor, and what the error goes with."""
+DRIFT_TIME = 60.0
+"""Time in which a drift of one changes a bias by one [s]."""
+NODES = ((-np.sqrt(0.6), 5 / 18), (0.0, 8 / 18), (np.sqrt(0.6), 5 / 18))
+"""Nodes and weights of Gauss and Legendre, exact for the powers that the short-term error has."""
+
+
+class Steps(NamedTuple):
+    """How the error of a filter goes on from fix to fix; the first step is that from the start to fix one.
+
+    Attributes
+    ----------
+    transition : (m, n, n) array
+        From the fix before, or the start, to each fix.
+    noise : (m, 4, n, n) array
+        What gyro noise, accelerometer noise, gyro bias drive and accelerometer bias drive add.
+    forced : (m, n, p) array
+        What the causes add, for each unit of their p regressors.
+    """
+
+    transition: FloatArray
+    noise: FloatArray
+    forced: FloatArray
+
+
+def columns() -> dict[str, list[int]]:
+    """Return the regressors of each cause."""
+    found, first = {}, 0
+    for name, (_, kind) in CAUSES.items():
+        count = 6 if kind == "cross" else 3
+        found[name] = list(range(first, first + count))
+        first += count
+    return found
+
+
+def steps(
+    solution: Solution, belief: Belief, imu: Imu, samples: NDArray[np.intp], *, forced: bool = True
+) -> Steps:
+    """Return how the error goes on over a flight, by its short-term terms alone.
+
+    Parameters
+    ----------
+    solution, belief
+        What the filter computed, and what it assumed.
+    imu
+        What it was given.
+    samples : (m,) array
+        Samples of the fixes.
+    forced
+        Whether the causes are wanted.
+    """
+    starts = np.append(0, samples[:-1])
+    # A fix may share the sample of the one before it.
+    ends = np.maximum(samples, starts + 1)
+    last = min(int(ends.max()), imu.dtheta.shape[0])
+    C_nb = C_nb_from_euler(euler_from_quaternion(solution.q_nb[: last + 1]))
+    C_mid = 0.5 * (C_nb[1:] + C_nb[:-1])
+    cuts = np.minimum(starts, last - 1)
+    duration = np.where(samples > starts, imu.time[np.minimum(ends, last)] - imu.time[cuts], 0.0)
+
+    def gathered(values: FloatArray) -> FloatArray:
+        sums = np.add.reduceat(values, np.append(cuts, last - 1), axis=0)[:-1]
+        return np.where((samples > starts).reshape(-1, *(1,) * (values.ndim - 1)), sums, 0.0)
+
+    dt = np.diff(imu.time[: last + 1])[:, None]
+    mean_C = gathered(C_mid * dt[..., None])
+    safe = np.maximum(duration, 1e-9)[:, None]
+    force_n = gathered(np.einsum("nij,nj->ni", C_mid, imu.dvelocity[:last])) / safe
+    rate_b, force_b = gathered(imu.dtheta[:last]) / safe, gathered(imu.dvelocity[:last]) / safe
+    F = _system_matrix(solution.states, mean_C / safe[..., None], force_n, rate_b, force_b, belief)
+    T = duration[:, None, None]
+    n, density = solution.states, belief.noise
+    noise = np.zeros((samples.size, 4, n, n))
+    for node, weight in NODES:
+        onwards = exponential(F, 0.5 * (1 - node) * T)
+        for block, (rows, sign) in enumerate(((ATT, 1), (VEL, -1), (GYRO_BIAS, 0), (ACCEL_BIAS, 0))):
+            shape = np.sqrt(density[3 * block : 3 * block + 3])
+            into = mean_C / safe[..., None] * shape if sign else np.broadcast_to(np.diag(shape), mean_C.shape)
+            G = onwards[:, :, rows] @ into
+            noise[:, block] += weight * T * (G @ G.transpose(0, 2, 1))
+    if not forced:
+        return Steps(exponential(F, T), noise, np.zeros((samples.size, n, 0)))
+    direct = _forced(imu, C_mid, last, gathered)
+    kick = np.zeros((samples.size, n, direct[0].shape[2] + direct[1].shape[2]))
+    gyros = direct[0].shape[2]
+    kick[:, ATT, :gyros], kick[:, VEL, gyros:] = -direct[0], direct[1]
+    return Steps(exponential(F, T), noise, exponential(F, 0.5 * T) @ kick)
+
+
+def exponential(F: FloatArray, T: FloatArray) -> FloatArray:
+    """Return exp(F T) (m, n, n) to third order, of system matrices (m, n, n) and times (m, 1, 1) [s]."""
+    step = F * T
+    square = step @ step
+    return np.asarray(np.eye(F.shape[-1]) + step + square / 2 + square @ step / 6)
+
+
+def _system_matrix(
+    n: int, C_nb: FloatArray, force_n: FloatArray, rate_b: FloatArray, force_b: FloatArray, belief: Belief
+) -> FloatArray:
+    """Return the short-term terms of F (m, n, n): velocity, specific force, biases and scale factors."""
+    F = np.zeros((C_nb.shape[0], n, n))
+    F[:, POS, VEL] = np.eye(3)
+    F[:, VEL, ATT] = np.cross(force_n[:, None, :], np.eye(3)).transpose(0, 2, 1)
+    F[:, VEL, ACCEL_BIAS] = -C_nb
+    F[:, ATT, GYRO_BIAS] = C_nb
+    F[:, GYRO_BIAS, GYRO_BIAS] = -np.diag(belief.bias_decay[:3])
+    F[:, ACCEL_BIAS, ACCEL_BIAS] = -np.diag(belief.bias_decay[3:])
+    if n > GYRO_SCALE.start:
+        F[:, ATT, GYRO_SCALE] = C_nb * rate_b[:, None, :]
+        F[:, VEL, ACCEL_SCALE] = -C_nb * force_b[:, None, :]
+    return F
+
+
+def _forced(
+    imu: Imu, C_nb: FloatArray, last: int, gathered: type[FloatArray] | object
+) -> tuple[FloatArray, FloatArray]:
+    """Return what the causes of gyros and of accelerometers add (m, 3, p), resolved in n."""
+    assert callable(gathered)
+    dt = np.diff(imu.time[: last + 1])
+    since = (imu.time[1 : last + 1] - imu.time[0]) / DRIFT_TIME * dt
+    parts: dict[str, list[FloatArray]] = {"gyro": [], "accelerometer": []}
+    for sensor, kind in CAUSES.values():
+        increments = (imu.dtheta if sensor == "gyro" else imu.dvelocity)[:last]
+        for axis in range(3):
+            if kind == "cross":
+                felt = [increments[:, (axis + 1) % 3], increments[:, (axis + 2) % 3]]
+            elif kind == "scale":
+                felt = [increments[:, axis]]
+            elif kind == "force":
+                felt = [imu.dvelocity[:last, axis]]
+            elif kind == "slope":
+                felt = [-np.gradient(increments[:, axis] / dt)]
+            else:
+                felt = [since]
+            parts[sensor] += [gathered(C_nb[:, :, axis] * one[:, None]) for one in felt]
+    return np.stack(parts["gyro"], axis=-1), np.stack(parts["accelerometer"], axis=-1)

@@ -1,0 +1,309 @@
+"""Innovation evidence: sizes and correlations of the innovations, and how well each cause explains them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lab.analysis import consistency, hypotheses
+from lab.analysis.consistency import chi_square_interval
+from lab.analysis.finding import DOUBT, MANY_SIGMA, is_right
+from lab.analysis.fix_causes import CAUSES, causes_of, gains, matrices, motion_at_fixes, respond, response
+from lab.analysis.imu_causes import Steps, columns, steps
+from lab.analysis.outliers import CHANCE, NEIGHBOURS, outliers
+from lab.analysis.pattern import BINS, binned
+from lab.analysis.selection import gain_of
+from lab.analysis.sums import Fit, Kept, Squares, Sum, normal_equations
+from lab.navigation.kalman import MEASUREMENTS
+from lab.navigation.solution import Belief, Fixes, Imu, Solution
+
+FloatArray = NDArray[np.float64]
+
+LAGS = 5
+"""Lags at which the innovations are correlated with themselves."""
+REGRESSORS = CAUSES + sum(len(own) for own in columns().values())
+"""Regressors of all causes: those of the fixes first, then those of the inertial sensors."""
+PASSES = 4
+"""How often outliers are looked for, each time among innovations as they would be without those found."""
+OUTLYING = chi_square_interval(3, 1, 1 - 2 * CHANCE)[1]
+"""Square of three components of which Gaussian ones exceed as much as `outliers.CHANCE`."""
+MOST = 0.2
+"""Part of the fixes that can be outliers."""
+TRIED = 5.0
+"""Logarithm of the likelihood ratio of latency and lever arm together from which on everything is tried:
+chance reaches it in 4 % of the runs."""
+LONGEST = 2000
+"""Fixes of one run that hypotheses are tried on; of longer records the first ones, which bounds the time."""
+
+
+@dataclass(frozen=True)
+class Innovations(Sum):
+    """What the innovations say, each divided by its σ; channels are position, then velocity, N, E, D.
+
+    Attributes
+    ----------
+    squares : Squares
+        Of each channel (6,), of the fixes used.
+    sums : (6,) array
+        Of each channel.
+    lagged : (LAGS, 6) array
+        Sums of products with the innovations so many fixes later.
+    offered : Squares
+        Of each channel (6,), of all fixes offered but those that stand out from their neighbours, and as they
+        would be without these.
+    follows : (LAGS, 6) array
+        Sums of their products, as `lagged`.
+    in_time : Squares
+        Of these, of position and velocity in each part of the flight (2, 2, BINS).
+    span : Kept
+        Begin and end of each flight [s].
+    nis : Squares
+        NIS of all fixes offered but those that stand out.
+    causes : Fit
+        Of these innovations, made white, on the filter's response to latency and lever arm, and where they
+        are suspicious also to errors of the inertial sensors (`REGRESSORS`).
+    likelihoods : array
+        Logarithm of the likelihood of each of `hypotheses.HYPOTHESES`, zero where they are not suspicious.
+    outliers, refused : int
+        How many no Gaussian would give, of the fixes used and of those rejected.
+    """
+
+    squares: Squares
+    sums: FloatArray
+    lagged: FloatArray
+    offered: Squares
+    follows: FloatArray
+    in_time: Squares
+    span: Kept
+    nis: Squares
+    causes: Fit
+    likelihoods: FloatArray
+    outliers: int
+    refused: int
+
+
+def offered(solution: Solution, fixes: Fixes, imu: Imu) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+    """Return the numbers of the fixes that the filter used or rejected, and the samples they belong to."""
+    seen = np.flatnonzero((solution.fix_sample >= 0) | solution.fix_rejected)
+    used = solution.fix_sample[seen]
+    step = float(np.median(np.diff(imu.time)))
+    at = np.searchsorted(imu.time, fixes.time[seen] - 1e-6 * step)
+    return seen, np.where(used >= 0, used, np.minimum(at, imu.time.size - 1)).astype(np.intp)
+
+
+def innovations(
+    solution: Solution, belief: Belief, fixes: Fixes, imu: Imu, *, explain: bool = True
+) -> Innovations:
+    """Return what the innovations of a run say; the parameters are those of `evidence.evidence`."""
+    seen, samples = offered(solution, fixes, imu)
+    used = solution.fix_sample[seen] >= 0
+    known = np.isfinite(solution.innovation[seen])
+    nu, S = np.nan_to_num(solution.innovation[seen]), solution.innovation_covariance[seen]
+    normalised = _normalised(nu, S)
+    squares, sums, lagged = sizes(normalised[used])
+    record = Record(solution, belief, imu, seen, samples, nu, S, gains(solution, seen))
+    record, apart = _without_outliers(record, known, normalised)
+    nu, S = record.innovation, record.covariance
+    span = float(imu.time[0]), float(imu.time[-1])
+    values = np.where(known & ~apart[:, None], _normalised(nu, S), np.nan)
+    nis = consistency.normalised_squares(nu[~apart], S[~apart])
+    found = Innovations(
+        squares=Squares(squares.total, known[used].sum(axis=0).astype(np.float64)),
+        sums=sums,
+        lagged=lagged,
+        offered=Squares(np.nansum(values**2, axis=0), np.isfinite(values).sum(axis=0).astype(np.float64)),
+        follows=sizes(np.nan_to_num(values))[2],
+        in_time=binned(values, fixes.time[seen], span),
+        span=Kept(np.array([span])),
+        nis=Squares(np.array(nis.sum()), np.array(float(known[~apart].sum()))),
+        causes=_nothing(),
+        likelihoods=np.zeros(len(hypotheses.HYPOTHESES)),
+        outliers=int(np.sum(apart & used)),
+        refused=int(np.sum(apart & ~used)),
+    )
+    return _explained(found, record, apart, explain) if seen.size else found
+
+
+def _without_outliers(
+    record: Record, known: NDArray[np.bool_], normalised: FloatArray
+) -> tuple[Record, NDArray[np.bool_]]:
+    """Return a record as it had been without outliers, and which fixes (m,) these are.
+
+    Through the filter each outlier reaches the innovations after it, where it hides others. So they are
+    looked for by a filter that refuses them, if that makes all else right; otherwise one after the other.
+    """
+    usual = float(np.median(np.sum(normalised**2, axis=1), axis=0)) / 5.35 if normalised.size else 1.0
+    limit = OUTLYING * max(usual, 1.0)
+    apart = outliers(normalised, settled=NEIGHBOURS // 2)
+    if not apart.any() and not (np.sum(normalised.reshape(-1, 2, 3) ** 2, axis=2) > limit).any():
+        return record, apart
+    refused = record.tried(np.zeros_like(apart), hypotheses.HYPOTHESES[:1], limit=limit).skipped
+    if 0 < refused.mean() <= MOST and not _clustered(record.imu.time[record.samples], refused):
+        without = record.without(refused, known)
+        rest = consistency.normalised_squares(without.innovation[~refused], without.covariance[~refused])
+        if is_right(float(rest.sum()), float(known[~refused].sum())):
+            return without, refused
+    for _ in range(PASSES if apart.any() else 0):
+        record = record.without(apart, known)
+        before, apart = apart, outliers(_normalised(record.innovation, record.covariance))
+        if not (apart & ~before).any():
+            return record, before
+        apart |= before
+    return (record.without(apart, known) if apart.any() else record), apart
+
+
+def _clustered(times: FloatArray, which: NDArray[np.bool_]) -> bool:
+    """Say whether some fixes lie so close together as chance puts them one time in 1,000."""
+    n, length = int(which.sum()), max(float(np.ptp(times)), 1e-9)
+    part = float(np.ptp(times[which])) / length
+    return bool(n > 1 and n * part ** (n - 1) - (n - 1) * part**n < 1e-3)
+
+
+def _normalised(nu: FloatArray, S: FloatArray) -> FloatArray:
+    return np.asarray(nu / np.sqrt(np.diagonal(S, axis1=1, axis2=2)))
+
+
+class Record(NamedTuple):
+    """The m fixes a filter was offered, what it made of them, and where they are in the flight."""
+
+    solution: Solution
+    belief: Belief
+    imu: Imu
+    seen: NDArray[np.intp]
+    samples: NDArray[np.intp]
+    innovation: FloatArray
+    covariance: FloatArray
+    gains: FloatArray
+
+    def without(self, skipped: NDArray[np.bool_], known: NDArray[np.bool_]) -> Record:
+        """Return what it had been if the filter had not used some fixes; `known` is what they measure."""
+        found = self.tried(skipped, hypotheses.HYPOTHESES[:1])
+        return self._replace(
+            innovation=found.innovation * known, covariance=found.covariance, gains=found.gains
+        )
+
+    def cut(self, count: int) -> Record:
+        """Return the first fixes alone."""
+        return self._replace(
+            seen=self.seen[:count],
+            samples=self.samples[:count],
+            innovation=self.innovation[:count],
+            covariance=self.covariance[:count],
+            gains=self.gains[:count],
+        )
+
+    def tried(
+        self,
+        skipped: NDArray[np.bool_],
+        tried: Sequence[hypotheses.Hypothesis],
+        ahead: Steps | None = None,
+        limit: float = np.inf,
+    ) -> hypotheses.Outcome:
+        """Return how likely the innovations are under some hypotheses, without the fixes skipped."""
+        H, R = matrices(self.solution, self.belief, self.seen)
+        return hypotheses.likelihoods(
+            self.innovation,
+            np.einsum("mij,mj->mi", self.gains, self.innovation),
+            ahead or steps(self.solution, self.belief, self.imu, self.samples, forced=False),
+            H,
+            R,
+            self.belief.P0,
+            np.append(self.imu.time[0], self.imu.time[self.samples]),
+            skipped,
+            tried,
+            limit,
+        )
+
+
+def none_given(squares: Squares, sums: FloatArray, lagged: FloatArray) -> Innovations:
+    """Return what is said by sizes and correlations alone, as of a user's algorithm."""
+    empty = Squares(np.zeros((2, 2, BINS)), np.zeros((2, 2, BINS)))
+    nothing = Squares(np.zeros(()), np.zeros(()))
+    likelihoods = np.zeros(len(hypotheses.HYPOTHESES))
+    span = Kept(np.zeros((1, 2)))
+    return Innovations(
+        squares,
+        sums,
+        lagged,
+        squares,
+        lagged,
+        empty,
+        span,
+        nothing,
+        _nothing(),
+        likelihoods,
+        outliers=0,
+        refused=0,
+    )
+
+
+def _nothing() -> Fit:
+    return Fit(np.zeros((REGRESSORS, REGRESSORS)), np.zeros(REGRESSORS), np.zeros(()))
+
+
+def _explained(found: Innovations, record: Record, apart: NDArray[np.bool_], explain: bool) -> Innovations:
+    """Return the same with what causes and, where the innovations are suspicious, hypotheses explain."""
+    solution, belief, imu, seen, samples, nu, S, _ = record
+    motion = motion_at_fixes(solution, samples, imu)
+    causes = causes_of(motion)
+    kept = ~apart
+    answer = response(record.gains, solution, belief, seen, samples, imu.time, motion, causes)
+    fit = _fit(answer[kept], nu[kept], S[kept])
+    whole = _nothing()
+    whole.matrix[:CAUSES, :CAUSES], whole.vector[:CAUSES] = fit.matrix, fit.vector
+    part = replace(found, causes=whole._replace(squares=fit.squares))
+    records = Fit(fit.matrix[None], fit.vector[None], fit.squares)
+    if not explain or (not suspicious(part) and gain_of(records, range(CAUSES)) < TRIED):
+        return part
+    record, kept, causes = record.cut(LONGEST), kept[:LONGEST], causes[:LONGEST]
+    ahead = steps(solution, belief, imu, record.samples)
+    by_fixes = np.zeros((*causes.shape[:2], REGRESSORS))
+    by_fixes[:, :, :CAUSES] = causes
+    by_sensors = np.zeros((causes.shape[0], solution.states, REGRESSORS))
+    by_sensors[:, :, CAUSES:] = ahead.forced
+    H = matrices(solution, belief, record.seen)[0]
+    answer = respond(record.gains, H, ahead.transition, by_fixes, by_sensors)
+    return replace(
+        found,
+        causes=_fit(answer[kept], record.innovation[kept], record.covariance[kept]),
+        likelihoods=record.tried(~kept, hypotheses.HYPOTHESES, ahead).likelihoods,
+    )
+
+
+def _fit(answer: FloatArray, nu: FloatArray, S: FloatArray) -> Fit:
+    """Return the normal equations of innovations, made white, on what causes make of them."""
+    sigma = np.sqrt(np.diagonal(S, axis1=1, axis2=2))
+    root = np.linalg.cholesky(S / (sigma[:, :, None] * sigma[:, None, :]))
+    both = np.concatenate((answer, nu[..., None]), axis=2) / sigma[..., None]
+    white = np.asarray(np.linalg.solve(root, both), dtype=np.float64)
+    return normal_equations(white[..., :-1], white[..., -1])
+
+
+def suspicious(found: Innovations) -> bool:
+    """Say whether innovations are too large, too small, or follow each other, beyond what chance does."""
+    for squares in (found.offered, found.nis):
+        for total, count in zip(np.atleast_1d(squares.total), np.atleast_1d(squares.number), strict=True):
+            if count:
+                low, high = consistency.chi_square_interval(float(count), 1, 1 - DOUBT / 5)
+                if not low <= total <= high:
+                    return True
+    after = found.follows / np.maximum(found.offered.total, 1e-12)
+    count = np.maximum(found.offered.number, 1.0)
+    return bool(
+        (np.abs(after.sum(axis=0)) * np.sqrt(count / after.shape[0]) > MANY_SIGMA).any()
+        or (np.abs(after[0]) * np.sqrt(count) > MANY_SIGMA).any()
+    )
+
+
+def sizes(normalised: FloatArray) -> tuple[Squares, FloatArray, FloatArray]:
+    """Return squares, sums (6,) and lagged products (LAGS, 6) of innovations (m, 6) in their σ."""
+    m = normalised.shape[0]
+    lagged = np.zeros((LAGS, MEASUREMENTS))
+    for lag in range(1, min(LAGS, m - 1) + 1):
+        lagged[lag - 1] = np.sum(normalised[lag:] * normalised[:-lag], axis=0)
+    squares = Squares(np.sum(normalised**2, axis=0), np.full(MEASUREMENTS, float(m)))
+    return squares, normalised.sum(axis=0), lagged

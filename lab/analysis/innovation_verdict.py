@@ -1,0 +1,293 @@
+"""Innovation verdict: what the innovations alone say, as in a flight of which nobody knows the truth.
+
+Everything that may be wrong is an explanation of the same innovations, and all are compared by how likely
+they make them: wrong variances by `hypotheses`, errors of fixes and of inertial sensors by the filter's
+response to them. Where GPS and IMU explain them nearly as well, both are named.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lab.analysis.evidence import Evidence
+from lab.analysis.finding import MATTERS, RATIO, Change, Finding, Weighed, is_right, judge_size, mean_square
+from lab.analysis.fix_causes import CAUSES
+from lab.analysis.fix_verdict import (
+    ADVICE_CORRELATION,
+    LATENCY,
+    LEVER_ARM,
+    judge_outliers,
+    latency,
+    lever_arm,
+)
+from lab.analysis.hypotheses import HYPOTHESES
+from lab.analysis.imu_causes import columns
+from lab.analysis.innovation_evidence import Innovations, suspicious
+from lab.analysis.pattern import AXES, channel, stretch, stretch_words
+from lab.analysis.selection import PRICE, estimates, gain_of
+from lab.analysis.sums import Fit, Squares
+
+FloatArray = NDArray[np.float64]
+
+ALIKE = 0.15
+"""Part of the likelihood gained by which the best explanation must surpass that by the other instrument: the
+responses are of first order, and variances are tried in steps."""
+GPS, IMU, START, EITHER = "GPS", "IMU", "P0", "GPS or IMU"
+
+
+class Explanation(NamedTuple):
+    """Something that may be wrong, and by how much it raises the logarithm of the likelihood."""
+
+    name: str
+    source: str
+    gain: float
+    size: float
+    parts: FloatArray
+
+
+def judge_innovations(evidence: Evidence) -> list[Weighed]:
+    """Return what is wrong by the innovations: altogether, in a stretch, in a channel, or single fixes."""
+    seen = evidence.innovations
+    found = explanations(seen)
+    apart = judge_outliers(seen.outliers, int(seen.squares.number.max()), "innovations")
+    rest = float(seen.nis.total), float(seen.nis.number)
+    # Outliers are stated only where the rest is right.
+    if apart and is_right(*rest) and (not found or found[0].gain < apart[0].weight):
+        return apart
+    if found and found[0].gain > RATIO:
+        told = evidence.told.values.mean(axis=0)
+        whose = GPS if found[0].source == GPS and _rival(found) is None else EITHER
+        return _local(seen, found[0].gain, whose) or [_stated(found, seen, told)]
+    return (_local(seen, 0.0, GPS) or _sizes(seen)) if suspicious(seen) else []
+
+
+def explanations(seen: Innovations) -> list[Explanation]:
+    """Return what may explain the innovations, the best first, the price of its parameters taken off."""
+    found = []
+    for name in dict.fromkeys(hypothesis.name for hypothesis in HYPOTHESES[1:]):
+        gains = [
+            (float(gain), hypothesis.factor)
+            for gain, hypothesis in zip(seen.likelihoods, HYPOTHESES, strict=True)
+            if hypothesis.name == name
+        ]
+        gain, factor = max(gains)
+        source = GPS if name.startswith(("R", "GPS")) else START if name.startswith("P0") else IMU
+        found.append(Explanation(name, source, gain - PRICE, factor, np.zeros(0)))
+    records = Fit(seen.causes.matrix[None], seen.causes.vector[None], seen.causes.squares)
+    causes = {"GPS latency": [0], "GPS lever arm": [1, 2, 3]}
+    causes |= {name: [CAUSES + at for at in own] for name, own in columns().items()}
+    for name, own in causes.items():
+        if not records.matrix[:, own, own].any():
+            continue
+        parts = estimates(records, own)[0]
+        source = GPS if name.startswith("GPS") else IMU
+        if not _matters(name, parts):
+            continue
+        price = PRICE * len(own)
+        size = float(np.linalg.norm(parts))
+        found.append(Explanation(name, source, gain_of(records, own) - price, size, parts))
+    return sorted(found, key=lambda one: -one.gain)
+
+
+def _matters(name: str, parts: FloatArray) -> bool:
+    least = {"GPS latency": LATENCY, "GPS lever arm": LEVER_ARM}.get(name, 0.0)
+    return bool(np.linalg.norm(parts) > least)
+
+
+def _local(seen: Innovations, gain: float, whose: str) -> list[Weighed]:
+    """Judge a stretch or a channel that is too large where all else is right, if that explains as much.
+
+    `whose` is ``"GPS"`` where the fixes are likelier than the inertial sensors to be its cause.
+    """
+    found = []
+    for kind, name in enumerate(("position", "velocity")):
+        where = stretch(seen.in_time, kind)
+        if where is not None:
+            words = stretch_words(where, seen.span)
+            found += judge_size(
+                where.squares,
+                f"R {name}" if whose == GPS else EITHER,
+                f"{words[0].upper()}{words[1:]} the {name} innovations are {{root}} × as large as assumed; "
+                "before and after they are right.",
+                "Look at the receiver in that time (satellites, multipath), and at outages before it.",
+                f"{name} innovations {words}",
+            )
+    if found and sum(entry.weight for entry in found) > (1 - ALIKE) * gain:
+        return found
+    for kind, name in enumerate(("position", "velocity")):
+        own = slice(3 * kind, 3 * kind + 3)
+        axis = channel(Squares(seen.offered.total[own], seen.offered.number[own]))
+        other = slice(3 - 3 * kind, 6 - 3 * kind)
+        others = float(seen.offered.total[other].sum()), float(seen.offered.number[other].sum())
+        if axis is not None and (not others[1] or is_right(*others)):
+            found = judge_size(
+                Squares(seen.offered.total[own][axis], seen.offered.number[own][axis]),
+                f"R {name} {AXES[axis]}" if whose == GPS else EITHER,
+                f"The {name} innovations {AXES[axis]} are {{root}} × as large as assumed, the others are "
+                f"right: R {name} {AXES[axis]} about {{factor}} × too {{wrong}}.",
+                f"Multiply the variance of the {name} {AXES[axis]} in navigator.r by {{multiply}}.",
+                f"{name} innovations {AXES[axis]}",
+                scales=("navigator.r", (3 * kind + axis, 3 * kind + axis + 1)),
+            )
+            if found and found[0].weight > (1 - ALIKE) * gain:
+                return found
+    return []
+
+
+def _stated(found: list[Explanation], seen: Innovations, told: FloatArray) -> Weighed:
+    """Return the finding of the best explanation, or of GPS or IMU where both explain nearly as much."""
+    best = found[0]
+    rival = _rival(found)
+    statistic = f"logarithm of the likelihood ratio {best.gain:.0f}"
+    if rival is not None:
+        finding = Finding(
+            EITHER,
+            "not modelled",
+            float("nan"),
+            f"The innovations are not what the filter expects: {_words(best)} explains them, and "
+            f"{_words(rival)} nearly as well; they cannot tell GPS from IMU.",
+            "Compare with a reference, or with another IMU or receiver; a flight with more turns tells more.",
+            f"{statistic}, {rival.gain:.0f} of the other",
+        )
+        return Weighed(best.gain, finding)
+    return Weighed(best.gain, _finding(best, seen, statistic, told))
+
+
+def _rival(found: list[Explanation]) -> Explanation | None:
+    """Return the best explanation by the other instrument where it explains nearly as much as the best."""
+    best = found[0]
+    rivals = [one for one in found[1:] if one.source != best.source and GPS in (one.source, best.source)]
+    rival = max(rivals, key=lambda one: one.gain, default=None)
+    if rival is None or rival.gain <= best.gain - max(RATIO, ALIKE * best.gain):
+        return None
+    return rival
+
+
+def _words(one: Explanation) -> str:
+    """Return an explanation in words."""
+    if one.parts.size:
+        unit = {"GPS latency": "s", "GPS lever arm": "m"}
+        if one.name in unit:
+            return f"a {one.name} of {one.size:.2g} {unit[one.name]}"
+        if "scale" in one.name:
+            return f"a {one.name} error of {100 * one.size:.2g} %"
+        if "misalignment" in one.name:
+            return f"an {one.name} of {np.degrees(one.size):.2g}°".replace("an gyro", "a gyro")
+        return f"a {one.name}".replace("a acc", "an acc")
+    if one.name == "GPS correlation":
+        return "a correlated error of the fixes"
+    factor, wrong = (one.size, "small") if one.size > 1 else (1 / one.size, "large")
+    return f"{one.name} {factor:.2g} × too {wrong}"
+
+
+def _finding(best: Explanation, seen: Innovations, statistic: str, told: FloatArray) -> Finding:
+    if best.name == "GPS latency":
+        return latency(float(best.parts[0]), best.gain, told)
+    if best.name == "GPS lever arm":
+        return lever_arm(best.parts, best.gain, told)
+    if best.name == "GPS correlation":
+        size = np.sqrt(seen.offered.mean[:3].mean())
+        return Finding(
+            "GPS correlation",
+            "not modelled",
+            float("nan"),
+            f"Position innovations {size:.2g} × as large as assumed follow each other: the errors of the "
+            "fixes are correlated, and the filter takes them for white.",
+            ADVICE_CORRELATION,
+            statistic,
+        )
+    if best.parts.size:
+        sensor = best.name.split()[0]
+        return Finding(
+            best.name,
+            "not modelled",
+            best.size,
+            f"The innovations go with the motion as errors of the {sensor}s do: {_words(best)}.",
+            f"Calibrate the {sensor}s"
+            + (
+                ", or set navigator.states to 21."
+                if "scale" in best.name
+                else f", or raise the {sensor} noise."
+            ),
+            statistic,
+        )
+    if best.name.startswith("R"):
+        return _size_of_r(best, seen)
+    too_small = best.size > 1
+    return Finding(
+        "gain",
+        "too small" if too_small else "too large",
+        best.size if too_small else 1 / best.size,
+        f"The innovations {'follow each other' if too_small else 'alternate'}: the filter corrects too "
+        f"{'little' if too_small else 'much'}; most likely is {_words(best)}.",
+        _gain_advice(best),
+        statistic,
+        (_gain_change(best),),
+    )
+
+
+_ROWS = {
+    "P0 position": (0, 3),
+    "P0 velocity": (3, 6),
+    "Q gyro": (0, 3),
+    "Q accelerometer": (3, 6),
+    "Q gyro bias": (6, 9),
+    "Q accelerometer bias": (9, 12),
+    "P0 attitude": (6, 9),
+    "P0 gyro bias": (9, 12),
+    "P0 accelerometer bias": (12, 15),
+}
+
+
+def _gain_change(best: Explanation) -> Change:
+    name = f"navigator.{best.name[:2].strip().lower()}"
+    rows = _ROWS.get(best.name)
+    return Change(name if rows else f"{name}_scale", best.size, True, rows)
+
+
+def _gain_advice(best: Explanation) -> str:
+    if best.name in ("Q", "P0"):
+        return f"Multiply navigator.{best.name.lower()}_scale by {best.size:.2g}."
+    matrix = "navigator.q" if best.name.startswith("Q") else "navigator.p0"
+    return f"Multiply the {best.name[2:].strip()} variances of {matrix} by {best.size:.2g}."
+
+
+def _size_of_r(best: Explanation, seen: Innovations) -> Finding:
+    """Return the finding that R is wrong, by the size of the innovations of its kind."""
+    kind = 1 if best.name.endswith("velocity") else 0
+    if best.name == "R":
+        kind = int(np.argmax(np.abs(np.log(seen.offered.mean.reshape(2, 3).mean(axis=1)))))
+    name = ("position", "velocity")[kind]
+    own = slice(3 * kind, 3 * kind + 3)
+    squares = Squares(seen.offered.total[own].sum(), seen.offered.number[own].sum())
+    ratio = best.size
+    factor, wrong = (ratio, "small") if ratio > 1 else (1 / ratio, "large")
+    return Finding(
+        f"R {name}",
+        f"too {wrong}",
+        factor,
+        f"{name.capitalize()} innovations {np.sqrt(float(squares.mean)):.2g} × as large as assumed: R {name} "
+        f"about {factor:.2g} × too {wrong}.",
+        f"Multiply the {name} variances of navigator.r by {ratio:.2g}.",
+        mean_square(squares, f"{name} innovations"),
+        (Change("navigator.r", ratio, True, (3 * kind, 3 * kind + 3)),),
+    )
+
+
+def _sizes(seen: Innovations) -> list[Weighed]:
+    """Say that the innovations are too large or too small where nothing that was tried explains it."""
+    total, count = float(seen.nis.total), float(seen.nis.number)
+    if not count or is_right(total, count):
+        return []
+    ratio = max(total / count, 1 / MATTERS**20)
+    return judge_size(
+        seen.nis,
+        "NIS",
+        f"The innovations are {np.sqrt(ratio):.2g} × as large as the filter says, and nothing that was tried "
+        "explains it.",
+        "Look for what the filter does not model.",
+        "innovations (by NIS)",
+    )

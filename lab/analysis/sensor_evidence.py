@@ -1,0 +1,266 @@
+"""Sensor evidence: what a simulated IMU added to the true motion, against what Q assumes of it.
+
+Beside its bias a sensor adds noise, and what goes with the motion: scale factors, misalignments, a lag. The
+bias itself wanders, or follows the time, the temperature or the specific force. The noise is judged by sums
+over windows of `WINDOW`, the wandering by how the bias would be seen through the noise.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lab.analysis.sums import Kept, Squares, Sum
+from lab.navigation.solution import Belief, Imu
+from lab.trajectory import Truth
+
+FloatArray = NDArray[np.float64]
+
+WINDOW = 1.0
+"""Time over which the sensors' noise is summed [s]."""
+MOTION = ("own axis", "second axis", "third axis", "lag", "more lag")
+"""Regressors of what goes with the motion: the rate or force, with its bias, of the axis itself and of the
+two axes after it [1]; what a first-order lag makes of the true one, for each second, and a longer one [s]."""
+DRIFT = ("constant", "time", "temperature", "specific force")
+"""Regressors of the bias: [1], [s], [K], and the specific force of the axis [m/s²]."""
+SHORT, LONG = 5e-3, 1.0
+"""Lag from which on it does more than follow the slope, and longest one: 32 and 0.16 Hz of bandwidth [s]."""
+LONGEST = 256
+"""Most windows that the wandering of a bias is judged by; longer flights have longer windows."""
+FACTORS = np.concatenate(([0.0], np.logspace(-4, 4, 17)))
+"""Bias drives that are tried, in those of the filter."""
+UNSEEN = 0.01
+"""Part of the drive that noise would just hide; it takes the place of a drive of zero."""
+
+
+class Reference(NamedTuple):
+    """The truth of a simulated run.
+
+    Attributes
+    ----------
+    truth : Truth
+        At all samples.
+    bias : (n + 1, 6) array
+        True gyro and accelerometer biases at all samples [rad/s], [m/s²].
+    dtheta, dvelocity : (n, 3) arrays
+        True increments [rad], [m/s].
+    scale : (n + 1, 6) array
+        True scale factor errors of gyros and accelerometers; needed of filters with 21 states only.
+    temperature : (n,) array
+        That of the IMU in each interval [°C]; None where it does not change.
+    saturated : (2,) tuple
+        How many values of gyros and of accelerometers met the end of their range.
+    """
+
+    truth: Truth
+    bias: FloatArray
+    dtheta: FloatArray
+    dvelocity: FloatArray
+    scale: FloatArray | None = None
+    temperature: FloatArray | None = None
+    saturated: tuple[int, int] = (0, 0)
+
+
+@dataclass(frozen=True)
+class SensorErrors(Sum):
+    """What gyros x, y, z and accelerometers x, y, z added, each divided by its assumed σ.
+
+    Attributes
+    ----------
+    matrix : Kept
+        Normal equations of the noise on `MOTION` (runs, 6, 5, 5), vector (runs, 6, 5) and squares (runs, 6).
+    vector, squares, number : Kept
+        See there; the number of windows (runs, 6), zero of axes that are assumed to be without noise.
+    clipped : Squares
+        Of the windows in which the range was exceeded (2,), which the others leave out.
+    drift_matrix : Kept
+        Normal equations of bias and noise, made white under each drive, on `DRIFT`: (runs, 6, drives, 4, 4);
+        the first drive is that of the filter, the others `FACTORS` times it.
+    drift_vector, drift_squares, log_determinant : Kept
+        See there; (runs, 6, drives, 4) and twice (runs, 6, drives).
+    drive : Kept
+        Drive of the filter over the one that was multiplied (runs, 6); zero where the filter has none.
+    """
+
+    matrix: Kept
+    vector: Kept
+    squares: Kept
+    number: Kept
+    clipped: Squares
+    drift_matrix: Kept
+    drift_vector: Kept
+    drift_squares: Kept
+    log_determinant: Kept
+    drive: Kept
+
+
+class _Axis(NamedTuple):
+    """An axis of a sensor, summed over windows of a length [s]."""
+
+    window: float
+    noise: FloatArray  # (windows,) what it added beside its bias, over the time
+    bias: FloatArray
+    motion: FloatArray  # (windows, 5) MOTION
+    drift: FloatArray  # (windows, 4) DRIFT
+    clipped: NDArray[np.bool_]
+
+
+def sensor_errors(belief: Belief, imu: Imu, reference: Reference) -> SensorErrors:
+    """Return what the sensors of a run added.
+
+    Parameters
+    ----------
+    belief
+        What the filter assumed of them.
+    imu
+        What they put out.
+    reference
+        What they should have.
+    """
+    runs, drives = 1, FACTORS.size + 1
+    terms = len(MOTION)
+    matrix, vector = np.zeros((runs, 6, terms, terms)), np.zeros((runs, 6, terms))
+    squares, number, drive = np.zeros((runs, 6)), np.zeros((runs, 6)), np.zeros((runs, 6))
+    clipped = Squares(np.zeros(2), np.zeros(2))
+    drift_matrix, drift_vector = np.zeros((runs, 6, drives, 4, 4)), np.zeros((runs, 6, drives, 4))
+    drift_squares, determinant = np.zeros((runs, 6, drives)), np.zeros((runs, 6, drives))
+    has_scale = belief.P0.shape[0] > 15
+    window = max(WINDOW, float(imu.time[-1] - imu.time[0]) / LONGEST)
+    for axis in np.flatnonzero(belief.noise[:6] > 0):
+        seen = _axis(imu, reference, int(axis), WINDOW, has_scale)
+        wide = seen if window == WINDOW else _axis(imu, reference, int(axis), window, has_scale)
+        root = np.sqrt(belief.noise[axis] / seen.window)
+        noise, motion = seen.noise / root, seen.motion / root
+        kept = ~seen.clipped
+        clipped.total[axis // 3] += np.sum(noise[~kept] ** 2)
+        clipped.number[axis // 3] += np.count_nonzero(~kept)
+        noise, motion = noise[kept], motion[kept]
+        matrix[0, axis], vector[0, axis] = motion.T @ motion, motion.T @ noise
+        squares[0, axis], number[0, axis] = noise @ noise, noise.size
+        spread = np.linalg.lstsq(motion, noise, rcond=None)[0]
+        rest = max(float(np.mean((noise - motion @ spread) ** 2)), 1e-12) if noise.size else 1.0
+        found = _drift(wide, belief, int(axis), rest, spread)
+        drive[0, axis] = found[0]
+        drift_matrix[0, axis], drift_vector[0, axis], drift_squares[0, axis], determinant[0, axis] = found[1:]
+    return SensorErrors(
+        Kept(matrix),
+        Kept(vector),
+        Kept(squares),
+        Kept(number),
+        clipped,
+        Kept(drift_matrix),
+        Kept(drift_vector),
+        Kept(drift_squares),
+        Kept(determinant),
+        Kept(drive),
+    )
+
+
+def _axis(imu: Imu, reference: Reference, axis: int, window: float, has_scale: bool) -> _Axis:
+    """Return what an axis added, averaged over windows."""
+    sensor, own = divmod(axis, 3)
+    measured, true = ((imu.dtheta, reference.dtheta), (imu.dvelocity, reference.dvelocity))[sensor]
+    dt = float(np.mean(np.diff(imu.time)))
+    width = min(max(1, round(window / dt)), true.shape[0])
+    count = true.shape[0] // width
+
+    def mean(values: FloatArray) -> FloatArray:
+        return np.asarray(values[: count * width].reshape(count, width).mean(axis=1))
+
+    bias = reference.bias[1:, axis]
+    added = measured[:, own] / dt - true[:, own] / dt - bias
+    if has_scale and reference.scale is not None:  # scale factors are states, and known exactly
+        added = added - reference.scale[1:, axis] * (true[:, own] / dt + bias)
+    motion = np.empty((count, len(MOTION)))
+    for column in range(3):
+        other = (own + column) % 3
+        motion[:, column] = mean(true[:, other] / dt + reference.bias[1:, 3 * sensor + other])
+    motion[:, 3:] = _lag(true[: count * width, own] / dt, mean(added), count, dt)
+    drift = np.empty((count, 4))
+    drift[:, 0], drift[:, 1] = 1.0, (np.arange(count) + 0.5) * width * dt
+    drift[:, 2] = 0.0 if reference.temperature is None else mean(reference.temperature)
+    drift[:, 3] = 0.0 if sensor else mean(reference.dvelocity[:, own]) / dt
+    clipped = np.zeros(count, dtype=np.bool_)
+    if reference.saturated[sensor]:
+        size = np.abs(measured[: count * width, own])
+        at_end = size >= np.abs(measured).max() * (1 - 1e-9)
+        clipped = at_end.reshape(count, width).any(axis=1)
+    return _Axis(width * dt, mean(added), mean(bias), motion, drift, clipped)
+
+
+def _lag(values: FloatArray, added: FloatArray, windows: int, dt: float) -> FloatArray:
+    """Return what a first-order lag makes of values, for each second of it, and a longer one (windows, 2).
+
+    The lag that fits what was `added` comes first: a slow one does more than follow the slope.
+    """
+    parts = values.reshape(windows, -1)
+    few = max(1, parts.shape[1] // 20)
+    fall = (parts[:, :few].mean(axis=1) - parts[:, -few:].mean(axis=1)) / (parts.shape[1] * dt)
+    lag = _fitted(fall, added)
+    if lag < SHORT:
+        return np.stack((fall, np.zeros(windows)), axis=-1)
+
+    from scipy.signal import lfilter  # noqa: PLC0415 - takes long to import, and few sensors lag so much
+
+    def effect(lag: float) -> FloatArray:
+        forget = float(np.exp(-dt / lag))
+        slow = lfilter([1 - forget], [1, -forget], values, zi=values[:1] * forget)[0]
+        return np.asarray((slow - values).reshape(windows, -1).mean(axis=1) / lag)
+
+    for _ in range(3):
+        lag = float(np.clip(_fitted(effect(lag), added), SHORT, LONG))
+    return np.stack((effect(lag), effect(1.3 * lag)), axis=-1)
+
+
+def _fitted(effect: FloatArray, added: FloatArray) -> float:
+    """Return how many times an effect was added, beside a constant."""
+    centred = effect - effect.mean()
+    return float(centred @ added / max(centred @ centred, 1e-300))
+
+
+def _drift(
+    seen: _Axis, belief: Belief, axis: int, rest: float, spread: FloatArray
+) -> tuple[float, FloatArray, FloatArray, FloatArray, FloatArray]:
+    """Return the drive of the filter, and normal equations of a bias under the drives tried.
+
+    `rest` is the variance of the noise in that assumed, `spread` what goes with the motion (5,).
+    """
+    duration = seen.window * seen.noise.size
+    density = belief.noise[axis] * rest
+    drive, decay = float(belief.noise[6 + axis]), float(belief.bias_decay[axis])
+    base = max(drive, UNSEEN * 3 * density / duration**2)
+    power, basis = spectrum(seen.noise.size, seen.window, decay)
+    # What exceeds the range says nothing of the bias.
+    values = np.where(seen.clipped, 0.0, seen.noise - seen.motion @ spread) + seen.bias
+    values, causes = basis.T @ values, basis.T @ seen.drift
+    white = density / seen.window
+    variance = white + np.append(drive, base * FACTORS)[:, None] * power
+    weight = 1 / variance
+    return (
+        drive / base,
+        np.einsum("dw,wi,wj->dij", weight, causes, causes),
+        np.einsum("dw,wi,w->di", weight, causes, values),
+        np.asarray(weight @ values**2),
+        np.asarray(np.log(variance / white).sum(axis=1)),
+    )
+
+
+@lru_cache(maxsize=32)
+def spectrum(count: int, window: float, decay: float) -> tuple[FloatArray, FloatArray]:
+    """Return eigenvalues (m,) and eigenvectors (m, m) of a process of unit drive that starts at zero.
+
+    Of first order: the covariance of its values at t and t' is (exp(−λ|t − t'|) − exp(−λ(t + t'))) / 2λ, of a
+    random walk the lesser of t and t'.
+    """
+    t = (np.arange(count) + 0.5) * window
+    if decay * t[-1] < 1e-6:
+        covariance = np.minimum(t[:, None], t)
+    else:
+        apart, together = np.abs(t[:, None] - t), t[:, None] + t
+        covariance = (np.exp(-decay * apart) - np.exp(-decay * together)) / (2 * decay)
+    power, basis = np.linalg.eigh(covariance)
+    return np.maximum(power, 0), basis

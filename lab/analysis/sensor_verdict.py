@@ -1,0 +1,244 @@
+"""Sensor verdict: what the true errors of gyros and accelerometers say of Q, and of what nobody models."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lab.analysis.finding import (
+    RATIO,
+    Change,
+    Finding,
+    Weighed,
+    is_right,
+    judge_size,
+    mean_square,
+    size_weight,
+)
+from lab.analysis.selection import PRICE, Explained, estimates, gain_of, select
+from lab.analysis.sensor_evidence import FACTORS, MOTION, SensorErrors
+from lab.analysis.sums import Fit, Squares
+
+FloatArray = NDArray[np.float64]
+
+SENSORS = ("gyro", "accelerometer")
+EXPLAINS = 0.2
+"""Part of the noise's variance that an error must add in windows of 1 s to be stated: an error that goes with
+the motion adds up over a manoeuvre, so it matters earlier than noise."""
+LEFT = 0.1
+"""Part of what the first cause explains that the next must, as first-order regressors leave something."""
+WANDERS = 3.0
+"""Factor from which on a wrong bias drive is stated: σ of a bias goes with its fourth root."""
+
+_CAUSES = {
+    "scale factor": (0,),
+    "misalignment": (1, 2),
+    "bandwidth": (3, 4),
+}
+_WORDS = {
+    "scale factor": "The scale factors of the {kind}s are wrong, by {size:.2g} %: their errors go with what "
+    "they measure.",
+    "misalignment": "The {kind}s are misaligned, by {size:.2g}°: each feels the other axes.",
+    "bandwidth": "The {kind}s lag behind the motion, by {size:.2g} ms: their bandwidth is limited.",
+    "temperature": "The biases of the {kind}s follow the temperature, {size:.2g} {unit} per K.",
+    "g-sensitivity": "The biases of the {kind}s go with the specific force, {size:.2g} °/s per g.",
+    "bias drift": "The biases of the {kind}s drift steadily, {size:.2g} {unit} per minute.",
+}
+_ADVICE = {
+    "scale factor": "Set navigator.states to 21, and sensors.{kind}.scale_factor_sigma to {size:.2g}: the "
+    "filter then estimates the scale factors.",
+    "misalignment": "Calibrate the {kind}s: no state of the filter stands for misalignments; more {kind} "
+    "noise in navigator.q covers a part.",
+    "bandwidth": "Move the times of the {kind}s by −{size:.2g} ms, or use {kind}s of a larger bandwidth "
+    "(sensors.{kind}.bandwidth).",
+    "temperature": "Set sensors.temperature.compensation, or let the {kind} biases walk: a larger bias drive "
+    "in navigator.q.",
+    "g-sensitivity": "Compensate the {kind}s for the specific force; more {kind} noise in navigator.q covers "
+    "a part.",
+    "bias drift": "Let the {kind} biases walk: a larger {kind} bias drive in navigator.q.",
+}
+
+
+def judge_sensors(errors: SensorErrors) -> list[Weighed]:
+    """Return what is wrong with what the filter assumes of the inertial sensors."""
+    found: list[Weighed] = []
+    noise: list[tuple[float, float]] = []
+    wanders: list[Weighed] = []
+    for sensor, kind in enumerate(SENSORS):
+        axes = slice(3 * sensor, 3 * sensor + 3)
+        motion, rest = _motion(errors, sensor, kind)
+        found += _clipped(errors, sensor, kind) + motion
+        noise.append(rest)
+        wanders += _bias(errors, axes, kind)
+    white = _noise(Squares(*(np.array(parts) for parts in zip(*noise, strict=True))))
+    # Who scales Q scales noise and drive alike: that is one fault.
+    accused = {entry.finding.quantity: entry.finding.direction for entry in white}
+    for entry in wanders:
+        kind = entry.finding.quantity.split()[1] if entry.finding.quantity.startswith("Q ") else ""
+        if accused.get("Q", accused.get(f"Q {kind}")) != entry.finding.direction:
+            found.append(entry)
+    return found + white
+
+
+def _motion(errors: SensorErrors, sensor: int, kind: str) -> tuple[list[Weighed], tuple[float, float]]:
+    """Judge what goes with the motion; return also squares and number of what remains."""
+    axes = slice(3 * sensor, 3 * sensor + 3)
+    number = errors.number.values[:, axes]
+    count = float(number.sum())
+    if not count:
+        return [], (0.0, 0.0)
+    fit = _records(
+        errors.matrix.values[:, axes], errors.vector.values[:, axes], errors.squares.values[:, axes]
+    )
+    total = float(fit.squares)
+    scale = max((total - 2 * gain_of(fit, range(len(MOTION)))) / count, 1e-12)
+    chosen = select(Fit(fit.matrix / scale, fit.vector / scale, fit.squares / scale), _CAUSES, RATIO)
+    explained, found = 0.0, []
+    for entry in chosen:
+        explained += 2 * entry.gain * scale
+        if 2 * entry.gain / count > EXPLAINS and entry.gain >= LEFT * chosen[0].gain:
+            found.append(_stated(entry, kind, sensor))
+    rest = total - explained
+    if found and count < rest < count + LEFT * explained:
+        rest = count
+    return found, (rest, count)
+
+
+def _records(matrix: FloatArray, vector: FloatArray, squares: FloatArray) -> Fit:
+    """Return the fits of runs and axes, (runs, axes, p, p) and (runs, axes, p), one after the other."""
+    p = matrix.shape[-1]
+    return Fit(matrix.reshape(-1, p, p), vector.reshape(-1, p), np.array(squares.sum()))
+
+
+def _stated(entry: Explained, kind: str, sensor: int) -> Weighed:
+    unit, to_unit = (("°/s", np.degrees(1.0)), ("mg", 1000 / 9.80665))[sensor]
+    estimate = entry.estimate.sum(axis=1) if entry.name == "bandwidth" else entry.estimate
+    factor = float(np.sqrt(np.mean(estimate**2)))
+    size = (
+        factor
+        * {
+            "scale factor": 100,
+            "misalignment": np.degrees(1.0),
+            "bandwidth": 1000,
+            "temperature": to_unit,
+            "g-sensitivity": to_unit * 9.80665,
+            "bias drift": 60 * to_unit,
+        }[entry.name]
+    )
+    words = {"kind": kind, "size": size, "unit": unit}
+    finding = Finding(
+        f"{kind} {entry.name}",
+        "not modelled",
+        factor,
+        _WORDS[entry.name].format(**words),
+        _ADVICE[entry.name].format(**words),
+        f"logarithm of the likelihood ratio {entry.gain:.0f}",
+        (
+            Change("navigator.states", 21),
+            Change(f"sensors.{kind}.scale_factor_sigma", float(f"{size:.2g}")),
+        )
+        if entry.name == "scale factor"
+        else (),
+    )
+    return Weighed(entry.gain, finding)
+
+
+def _clipped(errors: SensorErrors, sensor: int, kind: str) -> list[Weighed]:
+    """Judge the windows in which the range was exceeded."""
+    total, count = (float(figure[sensor]) for figure in errors.clipped)
+    if not count or total < count or is_right(total, count):
+        return []
+    finding = Finding(
+        f"{kind} range",
+        "not modelled",
+        float(np.sqrt(total / count)),
+        f"The {kind}s met the end of their range in {count:.0f} windows of 1 s: their errors there are "
+        f"{np.sqrt(total / count):.2g} × as large as assumed.",
+        f"Use {kind}s of a larger range (sensors.{kind}.range).",
+        mean_square(Squares(np.array(total), np.array(count)), "errors at the end of the range"),
+    )
+    return [Weighed(size_weight(total, count), finding)]
+
+
+def _bias(errors: SensorErrors, axes: slice, kind: str) -> list[Weighed]:
+    """Judge how the biases wander: by the drive, or with time, temperature or specific force."""
+    number = errors.number.values[:, axes]
+    used = number > 0
+    if not used.any():
+        return []
+    matrix = errors.drift_matrix.values[:, axes][used]
+    vector = errors.drift_vector.values[:, axes][used]
+    squares = errors.drift_squares.values[:, axes][used]
+    determinant = errors.log_determinant.values[:, axes][used]
+    drive = float(np.mean(errors.drive.values[:, axes][used]))
+
+    def likelihood(at: int, columns: tuple[int, ...]) -> float:
+        fit = Fit(matrix[:, at], vector[:, at], np.zeros(()))
+        return gain_of(fit, columns) - 0.5 * float(squares[:, at].sum() + determinant[:, at].sum())
+
+    assumed = likelihood(0, (0,))
+    drives = np.array([likelihood(at + 1, (0,)) for at in range(FACTORS.size)])
+    best = int(np.argmax(drives))
+    candidates = {"bias drift": (0, 1), "temperature": (0, 2), "g-sensitivity": (0, 3)}
+    price = PRICE * matrix.shape[0]
+    gains = {
+        name: likelihood(0, columns) - assumed - price
+        for name, columns in candidates.items()
+        if matrix[:, 0, columns[1], columns[1]].any()
+    }
+    top = max(gains, key=lambda name: gains[name])
+    gain = float(drives[best]) - assumed
+    factor = FACTORS[best] / drive if drive else np.inf
+    if gains[top] > max(gain - RATIO, RATIO) and gains[top] > RATIO:
+        column = candidates[top][1]
+        estimate = estimates(Fit(matrix[:, 0], vector[:, 0], np.zeros(())), (0, column))[:, 1:]
+        return [_stated(Explained(top, gains[top], estimate, estimate * 0), kind, axes.start // 3)]
+    if gain < RATIO or 1 / WANDERS < factor < WANDERS:
+        return []
+    wrong = "small" if factor > 1 else "large"
+    times = factor if factor > 1 else 1 / max(factor, 1e-4)
+    how = f"about {times:.1g} × too {wrong}" if np.isfinite(times) else "zero"
+    finding = Finding(
+        f"Q {kind} bias",
+        f"too {wrong}",
+        float(times),
+        f"The biases of the {kind}s wander {'more' if factor > 1 else 'less'} than assumed: their drive, and "
+        f"so Q, is {how}.",
+        f"Multiply the {kind} bias drive in navigator.q by {factor:.1g}."
+        if np.isfinite(times)
+        else f"Give the {kind} biases a drive: sensors.{kind}.rate_random_walk, or navigator.q.",
+        f"logarithm of the likelihood ratio {gain:.0f}",
+        (Change("navigator.q", float(f"{factor:.1g}"), True, (axes.start + 6, axes.stop + 6)),)
+        if np.isfinite(times)
+        else (),
+    )
+    return [Weighed(gain, finding)]
+
+
+def _noise(noise: Squares) -> list[Weighed]:
+    """Judge Q by what gyros and accelerometers add beside their biases and what goes with the motion."""
+    ratio = noise.mean
+    sentence = (
+        "Errors grow {root} × as fast as σ says: the {kind} noise, and so Q, is about {factor} × too {wrong}."
+    )
+    together = bool(noise.number.all()) and 0.5 < ratio[0] / max(ratio[1], 1e-12) < 2
+    if together:
+        return judge_size(
+            Squares(noise.total.sum(), noise.number.sum()),
+            "Q",
+            "Errors grow {root} × as fast as σ says: Q about {factor} × too {wrong}.",
+            "Multiply navigator.q_scale by {multiply}.",
+            "noise of the inertial sensors",
+            scales=("navigator.q_scale", None),
+        )
+    found = []
+    for index, kind in enumerate(SENSORS):
+        found += judge_size(
+            Squares(noise.total[index], noise.number[index]),
+            f"Q {kind}",
+            sentence.replace("{kind}", kind),
+            f"Multiply the {kind} noise in navigator.q by {{multiply}}.",
+            f"noise of the {kind}s",
+            scales=("navigator.q", (3 * index, 3 * index + 3)),
+        )
+    return found

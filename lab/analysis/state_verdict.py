@@ -1,0 +1,80 @@
+"""State verdict: whether the errors of the states are as large as the filter says, from the start on."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from lab.analysis.evidence import BLOCKS, Evidence
+from lab.analysis.finding import DOUBT, Finding, Weighed, is_right, judge_size, mean_square, size_weight
+from lab.analysis.selection import PRICE
+from lab.analysis.sums import Squares
+
+_SETTINGS = {
+    "position": "navigator.position_sigma",
+    "velocity": "navigator.velocity_sigma",
+    "attitude": "navigator.attitude_sigma",
+    "gyro bias": "sensors.gyro.bias_sigma",
+    "accelerometer bias": "sensors.accelerometer.bias_sigma",
+    "gyro scale": "sensors.gyro.scale_factor_sigma",
+    "accelerometer scale": "sensors.accelerometer.scale_factor_sigma",
+}
+
+
+def judge_start(start: Squares) -> list[Weighed]:
+    """Judge P0 by the error at the start: in one group of states, or altogether."""
+    whole = Squares(start.total[0], start.number[0])
+    doubt = DOUBT / len(BLOCKS)
+    found: dict[str, Weighed] = {}
+    rest = Squares(whole.total.copy(), whole.number.copy())
+    for at, name in enumerate(BLOCKS, start=1):
+        part = Squares(start.total[at], start.number[at])
+        judged = judge_size(
+            part,
+            f"P0 {name}",
+            f"The error of the {name} at the start is {{root}} × its assumed σ: P₀ of the {name} about "
+            "{factor} × too {wrong}.",
+            f"Set {_SETTINGS[name]} to what applies, or the rows of the {name} in navigator.p0.",
+            f"{name} at the start",
+            doubt,
+            ("navigator.p0", (BLOCKS[name].start, BLOCKS[name].stop)),
+        )
+        if judged:
+            found[name] = judged[0]
+            rest = Squares(rest.total - part.total, rest.number - part.number)
+    together = size_weight(float(whole.total), float(whole.number)) if whole.number else 0.0
+    alone = sum(entry.weight for entry in found.values()) - PRICE * (len(found) - 1)
+    if found and alone > together and (not rest.number or is_right(float(rest.total), float(rest.number))):
+        return list(found.values())
+    return judge_size(
+        whole,
+        "P0",
+        "The error at the start is {root} × its assumed σ: P₀ about {factor} × too {wrong}.",
+        "Multiply navigator.p0_scale by {multiply}, or set the initial σ that apply.",
+        "start",
+        scales=("navigator.p0_scale", None),
+    )
+
+
+def judge_states(evidence: Evidence) -> list[Weighed]:
+    """Say that the filter is wrong where it is, and none of the causes above explains it."""
+    found = []
+    for squares, name, what in (
+        (evidence.nees, "NEES", "errors of the states"),
+        (evidence.between, "NEES between fixes", "errors of the position between the fixes"),
+        (evidence.innovations.nis, "NIS", "innovations"),
+    ):
+        if squares is None or not squares.number or is_right(float(squares.total), float(squares.number)):
+            continue
+        ratio = max(float(squares.mean), 1e-12)
+        finding = Finding(
+            name,
+            "too large" if ratio > 1 else "too small",
+            max(ratio, 1 / ratio),
+            f"The {what} are {np.sqrt(ratio):.2g} × as large as the filter says, and neither R, Q, P₀ nor "
+            "the timing or place of the fixes explains it.",
+            "Look for what the filter does not model: scale factors, drifting biases, an error model that "
+            "does not fit.",
+            mean_square(squares, f"{what} (by {name})"),
+        )
+        found.append(Weighed(size_weight(float(squares.total), float(squares.number)), finding))
+    return found

@@ -1,0 +1,65 @@
+"""Sums: figures of one run that add up over runs, or are kept one run after the other."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, fields
+from typing import NamedTuple, Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+FloatArray = NDArray[np.float64]
+
+
+class Squares(NamedTuple):
+    """Sums of squares of what should have unit variance, and how many independent values they are of."""
+
+    total: FloatArray
+    number: FloatArray
+
+    @property
+    def mean(self) -> FloatArray:
+        """Mean squares: one where the assumption holds."""
+        return np.divide(self.total, self.number, out=np.ones_like(self.total), where=self.number > 0)
+
+
+class Fit(NamedTuple):
+    """Normal equations of least squares on p causes (…, p, p), (…, p), and the squares (…)."""
+
+    matrix: FloatArray
+    vector: FloatArray
+    squares: FloatArray
+
+
+class Kept(NamedTuple):
+    """Arrays whose first dimension is the run: those of many runs stand one after the other."""
+
+    values: FloatArray
+
+
+@dataclass(frozen=True)
+class Sum:
+    """Figures that add up over runs."""
+
+    def __add__(self, other: Self) -> Self:
+        return type(self)(*(_add(getattr(self, f.name), getattr(other, f.name)) for f in fields(self)))
+
+
+def _add(one: object, other: object) -> object:
+    if one is None or other is None:
+        return None
+    if isinstance(one, Kept) and isinstance(other, Kept):
+        return Kept(np.concatenate((one.values, other.values)))
+    for kind in (Squares, Fit):
+        if isinstance(one, kind) and isinstance(other, kind):
+            return kind(*(a + b for a, b in zip(one, other, strict=True)))
+    return one + other  # type: ignore[operator]
+
+
+def normal_equations(causes: FloatArray, values: FloatArray) -> Fit:
+    """Return the normal equations of white values (m, c) on causes (m, c, p)."""
+    return Fit(
+        np.einsum("mci,mcj->ij", causes, causes),
+        np.einsum("mci,mc->i", causes, values),
+        np.array(np.sum(values**2)),
+    )

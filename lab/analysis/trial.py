@@ -1,0 +1,188 @@
+"""Trial: advice is tried before it is given: the run with the settings advised, and what it brings.
+
+Three figures judge it, none of which needs the truth: NIS over its degrees of freedom, the correlation of
+the innovations from fix to fix, and the errors across outages of `OUTAGE` every `EVERY`, made on purpose,
+against the fixes held out there. Advice that makes any of them worse is not given.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lab import earth
+from lab.analysis.finding import Change, Finding, Verdict, headline
+from lab.rotation import C_nb_from_euler, euler_from_quaternion, wrap
+from lab.settings import SettingError
+
+if TYPE_CHECKING:
+    from lab.experiment import Experiment
+    from lab.result import Result
+
+FloatArray = NDArray[np.float64]
+
+OUTAGE, EVERY = 10.0, 60.0
+"""Length of the outages made on purpose, and time from one to the next [s]."""
+WORSE = 1.05
+"""Factor by which the errors across outages may grow; less is chance over half a dozen outages."""
+CHANCE = 0.05
+"""Change of NIS per degree of freedom, or of a correlation, that is no worsening."""
+
+
+class Figures(NamedTuple):
+    """What judges a run without the truth.
+
+    Attributes
+    ----------
+    nis : float
+        NIS over its degrees of freedom, of all fixes the filter was offered.
+    correlation : float
+        Largest correlation of a kind of innovation from one fix to the next, as a size.
+    held_out : float
+        Rms of the position errors against fixes held out [m]; NaN where the flight is too short.
+    """
+
+    nis: float
+    correlation: float
+    held_out: float
+
+
+def tried(result: Result) -> Verdict:
+    """Return the verdict on a run, its advice tried and what it brings said.
+
+    Each finding whose advice names settings costs two runs, and the first one more.
+    """
+    verdict = result.verdict
+    if not any(finding.changes for finding in verdict.findings) or result.algorithm:
+        return verdict
+    before = figures(result)
+    findings = tuple(
+        _tried(finding, result, before) if finding.changes else finding for finding in verdict.findings
+    )
+    return Verdict(headline(findings, verdict.headline), findings, verdict.basis)
+
+
+def _tried(finding: Finding, result: Result, before: Figures) -> Finding:
+    """Return a finding with what its advice brings, or without its advice."""
+    try:
+        after = figures(advised(result, finding.changes).run())
+    except (SettingError, ValueError) as error:
+        return replace(
+            finding, advice=f"{finding.advice} (Tried, it cannot be navigated: {error})", changes=()
+        )
+    worse = worsened(before, after)
+    if worse:
+        return replace(
+            finding,
+            advice=f"No advice: what such a finding suggests was tried and makes worse {worse}. It was: "
+            f"{finding.advice}",
+            changes=(),
+        )
+    return replace(finding, advice=f"{finding.advice} Tried: {_words(before, after)}.")
+
+
+def worsened(before: Figures, after: Figures) -> str:
+    """Return what has become worse, in words; empty if nothing has."""
+    found = []
+    if abs(np.log(max(after.nis, 1e-9))) > abs(np.log(max(before.nis, 1e-9))) + CHANCE:
+        found.append(f"NIS per degree of freedom ({before.nis:.2f}, then {after.nis:.2f})")
+    if after.correlation > before.correlation + CHANCE:
+        found.append(
+            f"the correlation of the innovations ({before.correlation:.2f}, then {after.correlation:.2f})"
+        )
+    if after.held_out > WORSE * before.held_out:
+        found.append(
+            f"the error across outages of {OUTAGE:.0f} s ({before.held_out:.2g} m, then "
+            f"{after.held_out:.2g} m)"
+        )
+    return " and ".join(found)
+
+
+def _words(before: Figures, after: Figures) -> str:
+    words = [
+        f"NIS per degree of freedom {before.nis:.2f}, then {after.nis:.2f}",
+        f"correlation of the innovations {before.correlation:.2f}, then {after.correlation:.2f}",
+    ]
+    if np.isfinite(before.held_out):
+        words.append(
+            f"error across outages of {OUTAGE:.0f} s {before.held_out:.2g} m, then {after.held_out:.2g} m"
+        )
+    return "; ".join(words)
+
+
+def advised(result: Result, changes: tuple[Change, ...]) -> Experiment:
+    """Return the experiment of a run with some settings changed.
+
+    Matrices that are matched are taken from what the filter assumed; of a log's fixes, each with its own σ,
+    their mean.
+    """
+    experiment, assumed = result.experiment.copy(), result.belief
+    navigator = experiment.navigator
+    R = assumed.R if assumed.R.ndim == 2 else assumed.R.mean(axis=0)
+    matched = {
+        "navigator.r": np.diag(R) / navigator.r_scale,
+        "navigator.q": assumed.noise / navigator.q_scale,
+        "navigator.p0": np.diag(assumed.P0) / navigator.p0_scale,
+    }
+    for change in changes:
+        value = change.value
+        if change.times:
+            assert isinstance(value, float | int)
+            own = experiment.get(change.path)
+            if change.rows is None:
+                value = float(own) * value
+            else:
+                now = np.array(matched[change.path] if own is None else own, dtype=np.float64)
+                scale = np.ones(now.shape[0])
+                scale[slice(*change.rows)] = value
+                root = np.sqrt(scale)
+                value = (now * scale if now.ndim == 1 else now * root[:, None] * root).tolist()
+        experiment.set(change.path, value)
+    return experiment
+
+
+def figures(result: Result) -> Figures:
+    """Return what judges a run without the truth."""
+    seen = result.evidence.innovations
+    power = seen.squares.total.reshape(2, 3).sum(axis=1)
+    after = seen.lagged[0].reshape(2, 3).sum(axis=1) / np.maximum(power, 1e-12)
+    return Figures(float(seen.nis.mean), float(np.abs(after).max()), held_out(result))
+
+
+def held_out(result: Result) -> float:
+    """Return the rms position error across outages made on purpose, against the fixes held out there [m]."""
+    begin, end = float(result.time[0]), float(result.time[-1])
+    starts = np.arange(begin + EVERY - OUTAGE, end - OUTAGE, EVERY)
+    outages = [[float(start), float(start + OUTAGE)] for start in starts]
+    experiment = result.experiment.copy()
+    experiment.set("navigator.smoother", False)
+    made = [[start + result.epoch, end + result.epoch] for start, end in outages]
+    experiment.set("sensors.gps.outages", [*map(list, experiment.sensors.gps.outages), *made])
+    fixes, times = result.fixes, result.fix_validity
+    # Of the last half of each outage, where the errors have grown.
+    chosen = np.zeros(times.size, dtype=np.bool_)
+    for first, last in outages:
+        chosen |= (times > first + OUTAGE / 2) & (times <= last)
+    if not chosen.any():
+        return float("nan")
+    coasted = experiment.run()
+    solution, time = coasted.solution_arrays, coasted.time
+    at = times[chosen]
+    after = np.clip(np.searchsorted(time, at), 1, time.size - 1)
+    part = ((at - time[after - 1]) / np.maximum(time[after] - time[after - 1], 1e-9))[:, None]
+    there = (1 - part) * solution.position[after - 1] + part * solution.position[after]
+    arm = C_nb_from_euler(euler_from_quaternion(solution.q_nb[after])) @ coasted.belief.lever_arm
+    meridian, transverse = earth.radii(np.sin(there[:, 0]))
+    seen = fixes.position[chosen]
+    error = np.stack(
+        (
+            (there[:, 0] - seen[:, 0]) * (meridian + there[:, 2]) + arm[:, 0],
+            wrap(there[:, 1] - seen[:, 1]) * (transverse + there[:, 2]) * np.cos(there[:, 0]) + arm[:, 1],
+            seen[:, 2] - there[:, 2] + arm[:, 2],
+        ),
+        axis=-1,
+    )
+    return float(np.sqrt(np.mean(np.sum(error**2, axis=1))))

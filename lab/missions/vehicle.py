@@ -1,0 +1,64 @@
+"""Vehicle: what carries the sensors, and whether its course is its heading."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+UNKNOWN = ""
+"""Name of a vehicle nobody named."""
+
+
+class Vehicle(NamedTuple):
+    """A kind of vehicle.
+
+    Attributes
+    ----------
+    name : str
+        As written in ``log.toml`` and settings; empty where nobody named it.
+    sideslip : float
+        σ of heading minus course in motion [rad]; infinite where the course says nothing of the heading.
+    """
+
+    name: str
+    sideslip: float
+
+    @property
+    def follows_nose(self) -> bool:
+        """Whether it goes where its nose points: turns, banks and gains of speed then show axes and clock."""
+        return bool(self.sideslip <= _STRAIGHT)
+
+
+_STRAIGHT = np.radians(15.0)
+_VEHICLES = (
+    # Wind, sideslip, an IMU not quite straight in its vehicle: 10 m/s of crosswind at 55 m/s are 10°.
+    Vehicle("aeroplane", np.radians(10.0)),
+    Vehicle("car", np.radians(10.0)),
+    # A current of 1 m/s across a boat of 2 m/s is 27°.
+    Vehicle("boat", np.radians(30.0)),
+    Vehicle("copter", np.inf),
+    Vehicle("helicopter", np.inf),
+    Vehicle("airship", np.inf),
+    Vehicle("submarine", np.inf),
+    Vehicle("pedestrian", np.inf),
+)
+VEHICLES = tuple(one.name for one in _VEHICLES)
+"""Names that are accepted."""
+
+_WORDS = {
+    "fixed wing": "aeroplane",
+    "aircraft": "aeroplane",
+    "rotary wing": "copter",
+    "rover": "car",
+    "blimp": "airship",
+}
+
+
+def vehicle_of(name: str) -> Vehicle:
+    """Return a kind of vehicle by its name or an autopilot's word for it; an unknown one for other words."""
+    name = _WORDS.get(name, name)
+    for one in _VEHICLES:
+        if one.name == name:
+            return one
+    return Vehicle(UNKNOWN, _VEHICLES[0].sideslip)

@@ -1,0 +1,328 @@
+"""Velocity matching: the attitude that makes what an IMU felt agree with the velocities fixes show.
+
+Over a short window the velocity is v(t) = v₀ + C_nb₀ ∫ C_b₀b (f − b_a) dt + g t with C_b₀b from the gyros,
+whatever the vehicle is and wherever its nose points. Attitude, gyro bias, initial velocity and the lag of the
+fixes' clock are fitted by least squares from several headings; the covariance says how well the motion shows
+them. M. Wu, X. Pan, *Velocity/Position Integration Formula*, IEEE Trans. AES 49 (2013), in its iterated form
+with biases. Left out: Earth rate and transport rate, 0.1° in a window.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
+
+from lab.earth import STANDARD_GRAVITY
+
+FloatArray = NDArray[np.float64]
+Arrays = tuple[FloatArray, FloatArray, FloatArray, FloatArray, FloatArray, FloatArray]
+
+WINDOW = 20.0
+"""Length of a window [s]: long enough for a manoeuvre, short enough for a bias to be constant."""
+GYRO_BIAS_SIGMA = np.radians(5.0)
+"""σ of a gyro bias nobody knows: consumer parts are off by a few °/s [rad/s]."""
+LAG_SIGMA = 2.0
+"""σ of the lag where it is fitted, wide beside what receivers do [s]."""
+
+_STEP = 0.05  # samples are brought together to steps of this length [s]
+_FORCE_BIAS_SIGMA = 0.3  # of a consumer accelerometer [m/s²]
+_SLOW_SIGMA = 0.1  # what the model leaves out: scale factors, coning between steps, vibration [m/s]
+_HEADINGS = np.radians([0.0, 90.0, 180.0, 270.0])
+_ROUGH, _FINE = 3, 8
+_LEAST_FIXES = 8
+_FARTHEST = 1e4
+_NOTHING_KNOWN = 1e6
+_LIVELY = 0.2  # change of the velocity beside a straight line from which a window is worth a look [m/s]
+_G = np.array([0.0, 0.0, STANDARD_GRAVITY])
+
+
+class Window(NamedTuple):
+    """What an IMU and a receiver have in a window.
+
+    Attributes
+    ----------
+    time : (k + 1,) array
+        Ends of the steps, the first from which attitude counts [s].
+    dtheta, dvelocity : (k, 3) arrays
+        Increments of the IMU [rad], [m/s], in b.
+    at : (m,) array
+        Times of the fixes [s].
+    velocity_n : (m, 3) array
+        Their velocities; NaN where not measured [m/s].
+    sigma : (m, 3) array
+        σ of these [m/s].
+    """
+
+    time: FloatArray
+    dtheta: FloatArray
+    dvelocity: FloatArray
+    at: FloatArray
+    velocity_n: FloatArray
+    sigma: FloatArray
+
+
+class Match(NamedTuple):
+    """What a window shows.
+
+    Attributes
+    ----------
+    C_nb : Rotation
+        Attitude at the start of the window.
+    heading_sigma : float
+        σ of its rotation about the vertical [rad].
+    gyro_bias, gyro_bias_sigma : (3,) arrays
+        Gyro bias and its σ [rad/s].
+    lag, lag_sigma : float
+        How much later than the fixes' stamps the IMU felt the same; 0 where it was not fitted [s].
+    misfit : float
+        Mean square of the residuals in their σ: near 1, or less, where the motion is explained.
+    cost : float
+        Sum of squares that was made least.
+    """
+
+    C_nb: Rotation
+    heading_sigma: float
+    gyro_bias: FloatArray
+    gyro_bias_sigma: FloatArray
+    lag: float
+    lag_sigma: float
+    misfit: float
+    cost: float
+
+
+def window_of(log: Arrays, start: float, margin: float = 0.0) -> Window | None:
+    """Return the window that starts at a time; None if too little is in it.
+
+    Parameters
+    ----------
+    log
+        Time, dtheta, dvelocity, at, velocity_n, sigma, as of `Window`, of the whole log.
+    start
+        Start of the window [s].
+    margin
+        How far from its ends fixes keep, so that their clock may be moved [s].
+    """
+    time, dtheta, dvelocity, at, velocity_n, sigma = log
+    ends = np.arange(start, min(start + WINDOW, time[-1]) + 1e-9, _STEP)
+    fixes = (at >= start + margin) & (at <= ends[-1] - margin) if ends.size > 1 else np.zeros(at.size, bool)
+    fixes &= np.isfinite(velocity_n[:, :2]).all(axis=1)
+    if fixes.sum() < _LEAST_FIXES:
+        return None
+    first, last = np.searchsorted(time, (ends[0], ends[-1]))
+    part = slice(max(0, int(first) - 1), min(int(last) + 2, time.size))
+    stepped = [
+        np.diff(
+            [np.interp(ends, time[part], column) for column in _total(values[part.start : part.stop - 1]).T]
+        )
+        for values in (dtheta, dvelocity)
+    ]
+    return Window(ends, stepped[0].T, stepped[1].T, at[fixes], velocity_n[fixes], sigma[fixes])
+
+
+def liveliest(log: Arrays, count: int, margin: float = 0.0) -> list[Window]:
+    """Return the windows in which the velocity changes most, the liveliest first.
+
+    Parameters
+    ----------
+    log
+        Time, dtheta, dvelocity, at, velocity_n, sigma, as of `Window`, of the whole log.
+    count
+        Most windows that are returned.
+    margin
+        As of `window_of`.
+    """
+    found = sorted(lively(log, margin), key=lambda one: -one[0])
+    windows = [window_of(log, start, margin) for _, start in found[:count]]
+    return [window for window in windows if window is not None]
+
+
+def lively(log: Arrays, margin: float = 0.0) -> list[tuple[float, float]]:
+    """Return liveliness and start [s] of the windows in which the velocity changes by more than its noise.
+
+    Parameters
+    ----------
+    log, margin
+        As of `liveliest`.
+    """
+    time, _, _, at, velocity_n, sigma = log
+    level = velocity_n[:, :2]
+    rows = np.isfinite(level).all(axis=1)
+    at, level, noise = at[rows], level[rows], sigma[rows, :2].max(axis=1)
+    found = []
+    for start in np.arange(time[0], max(time[-1] - WINDOW / 2, time[0] + 1e-9), WINDOW):
+        first, last = np.searchsorted(at, (start + margin, min(start + WINDOW, time[-1]) - margin))
+        if last - first >= _LEAST_FIXES:
+            part = level[first:last] - level[first:last].mean(axis=0)
+            since = at[first:last] - at[first:last].mean()
+            slope = since @ part / max(float(since @ since), 1e-12)
+            spread = float(np.std(part - since[:, None] * slope))
+            if spread > max(_LIVELY, 2 * float(np.median(noise[first:last]))):
+                found.append((spread, float(start)))
+    return found
+
+
+def match(
+    window: Window,
+    gyro_bias: FloatArray | None = None,
+    gyro_bias_sigma: FloatArray | float = GYRO_BIAS_SIGMA,
+    lags: Sequence[float] = (),
+) -> Match:
+    """Return what a window shows.
+
+    Parameters
+    ----------
+    window
+        The window.
+    gyro_bias, gyro_bias_sigma : (3,) arrays
+        What is known of the gyro bias before [rad/s].
+    lags
+        Lags from which the lag is fitted too [s]; without any it is 0.
+    """
+    bias = np.zeros(3) if gyro_bias is None else gyro_bias
+    prior = np.concatenate((bias, np.zeros(3)))
+    prior_sigma = np.concatenate((np.broadcast_to(gyro_bias_sigma, 3), np.full(3, _FORCE_BIAS_SIGMA)))
+    level = _levelled(window, bias)
+    starts = [
+        _fitted(
+            window, Rotation.from_euler("z", heading) * level, prior, prior_sigma, lag, _ROUGH, bool(lags)
+        )
+        for heading in _HEADINGS
+        for lag in (lags or (0.0,))
+    ]
+    best = min(starts, key=lambda one: one[0])
+    cost, C_nb, found, lag, covariance, misfit = _fitted(
+        window, best[1], prior, prior_sigma, best[3], _FINE, bool(lags), best[2]
+    )
+    sigma = np.sqrt(np.diagonal(covariance) * max(1.0, misfit))
+    return Match(C_nb, float(sigma[2]), found[:3], sigma[3:6], lag, float(sigma[12]), misfit, cost)
+
+
+def steps(time: FloatArray, increments: FloatArray, start: float, end: float) -> FloatArray:
+    """Return increments (n, 3) of the IMU brought together to steps (k, 3) from a start to an end [s]."""
+    ends = np.append(np.arange(start, end - 1e-9, _STEP), end)
+    return np.diff([np.interp(ends, time, column) for column in _total(increments).T]).T
+
+
+def turned(dtheta: FloatArray) -> Rotation:
+    """Return the attitudes (k + 1,) relative to the first, from angular increments (k, 3) [rad]."""
+    total = Rotation.from_rotvec(np.concatenate((np.zeros((1, 3)), dtheta))).as_quat()
+    reach = 1
+    while reach < len(total):  # each pass doubles how many increments are in each product
+        later = Rotation.from_quat(total[:-reach]) * Rotation.from_quat(total[reach:])
+        total = np.concatenate((total[:reach], later.as_quat()))
+        reach *= 2
+    return Rotation.from_quat(total)
+
+
+def _total(values: FloatArray) -> FloatArray:
+    return np.concatenate((np.zeros((1, values.shape[1])), np.cumsum(values, axis=0)))
+
+
+def _levelled(window: Window, bias: FloatArray) -> Rotation:
+    """Return a rotation that takes the mean force over the window upwards, of no particular heading."""
+    steps = np.diff(window.time)[:, None]
+    mean = turned(window.dtheta - bias * steps)[:-1].apply(window.dvelocity).sum(axis=0)
+    size = float(np.linalg.norm(mean))
+    if not size > 0:
+        return Rotation.identity()
+    return Rotation.align_vectors([[0.0, 0.0, -1.0]], [mean / size])[0]
+
+
+def _fitted(
+    window: Window,
+    C_nb: Rotation,
+    prior: FloatArray,
+    prior_sigma: FloatArray,
+    lag: float,
+    rounds: int,
+    fit_lag: bool,
+    found: FloatArray | None = None,
+) -> tuple[float, Rotation, FloatArray, float, FloatArray, float]:
+    """Return cost, attitude, biases (6,), lag, covariance (13, 13) and misfit after some rounds.
+
+    Unknowns: rotation in n, gyro bias, accelerometer bias, initial velocity, lag.
+    """
+    found = prior.copy() if found is None else found
+    known = np.isfinite(window.velocity_n)
+    weight = 1 / np.sqrt(np.where(known, window.sigma, 1.0) ** 2 + _SLOW_SIGMA**2)
+    seen = np.where(known, window.velocity_n, 0.0)
+    loose = np.concatenate((np.full(3, np.inf), prior_sigma, np.full(3, np.inf), [LAG_SIGMA]))
+    for _ in range(rounds + 1):
+        gained, by_rotation, by_gyro, by_force, by_lag = _model(window, C_nb, found, lag)
+        design = np.concatenate(
+            (
+                by_rotation,
+                by_gyro,
+                by_force,
+                np.broadcast_to(np.eye(3), (len(seen), 3, 3)),
+                fit_lag * by_lag[:, :, None],
+            ),
+            axis=2,
+        )
+        design = (design * weight[:, :, None])[known]
+        residual = ((seen - gained) * weight)[known]
+        rows = np.diag(1 / loose)
+        off = np.concatenate((np.zeros(3), prior - found, np.zeros(3), [-lag]))
+        design = np.concatenate((design, rows))
+        residual = np.concatenate((residual, rows @ off))
+        if not (np.isfinite(design).all() and np.isfinite(residual).all()):
+            return np.inf, C_nb, prior, 0.0, np.eye(13) * _NOTHING_KNOWN, np.inf
+        # Numbers of no physics, as in a damaged file, lead anywhere: not so far that they are no numbers.
+        change = np.clip(np.linalg.lstsq(design, residual, rcond=1e-12)[0], -_FARTHEST, _FARTHEST)
+        left = residual - design @ change
+        C_nb = Rotation.from_rotvec(change[:3]) * C_nb
+        found = found + change[3:9]
+        lag = float(np.clip(lag + change[12], -4, 4))
+    count = int(known.sum())
+    # Scaled, since its unknowns have units of many sizes; a heading that nothing shows is unknown.
+    scale = np.array([1.0] * 3 + [0.01] * 3 + [0.1] * 3 + [1.0] * 4)
+    scaled = design * scale
+    ridge = np.eye(13) * 1e-9
+    covariance = np.linalg.inv(scaled.T @ scaled + ridge) * np.outer(scale, scale)
+    cost = float(left @ left)
+    return cost, C_nb, found, lag, covariance, cost / max(1, count - 9)
+
+
+def _model(
+    window: Window, C_nb: Rotation, bias: FloatArray, lag: float
+) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray, FloatArray]:
+    """Return the velocity gained until each fix (m, 3), and its derivatives by the unknowns."""
+    dt = np.diff(window.time)[:, None]
+    attitude = turned(window.dtheta - bias[:3] * dt)
+    middle = attitude[:-1] * Rotation.from_rotvec(0.5 * (window.dtheta - bias[:3] * dt))
+    C = C_nb.as_matrix() @ middle.as_matrix()
+    force = np.einsum("kij,kj->ki", C, window.dvelocity - bias[3:] * dt)
+    at = window.at + lag
+    swing = np.cumsum(C * dt[:, :, None], axis=0)  # ∫ C dt
+    swing = np.concatenate((np.zeros((1, 3, 3)), swing))
+    half = 0.5 * (swing[1:] + swing[:-1])
+    columns = np.concatenate(
+        (
+            force + _G * dt,
+            _cross(force).reshape(-1, 9),
+            (_cross(force) @ half).reshape(-1, 9),
+        ),
+        axis=1,
+    )
+    total = _total(columns)
+    place = np.clip(np.searchsorted(window.time, at, side="right") - 1, 0, len(dt) - 1)
+    part = ((at - window.time[place]) / dt[place, 0])[:, None]
+    here = total[place] + part * columns[place]
+    by_rotation = -here[:, 3:12].reshape(-1, 3, 3)
+    by_gyro = here[:, 12:].reshape(-1, 3, 3)
+    by_force = -(swing[place] + part[:, :, None] * (C * dt[:, :, None])[place])
+    by_lag = columns[place, :3] / dt[place]
+    return here[:, :3], by_rotation, by_gyro, by_force, by_lag
+
+
+def _cross(vectors: FloatArray) -> FloatArray:
+    """Return the matrices (k, 3, 3) of cross products from the left."""
+    made = np.zeros((len(vectors), 3, 3))
+    x, y, z = vectors.T
+    made[:, 0, 1], made[:, 0, 2], made[:, 1, 2] = -z, y, -x
+    made[:, 1, 0], made[:, 2, 0], made[:, 2, 1] = z, -y, x
+    return made

@@ -1,0 +1,92 @@
+"""Trial: advice is run before it is given, and not given where it makes something worse."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from lab.analysis import trial
+from lab.analysis.finding import Change
+from lab.analysis.trial import Figures
+from lab.experiment import Experiment
+
+BEFORE = Figures(nis=1.5, correlation=0.1, held_out=4.0)
+
+
+@pytest.mark.parametrize(
+    ("after", "word"),
+    [
+        (BEFORE._replace(nis=2.0), "NIS"),
+        (BEFORE._replace(nis=0.3), "NIS"),
+        (BEFORE._replace(correlation=0.3), "correlation"),
+        (BEFORE._replace(held_out=4.3), "outages"),
+    ],
+)
+def test_each_figure_can_veto(after, word):
+    assert word in trial.worsened(BEFORE, after)
+
+
+def test_what_is_as_good_or_better_is_not_vetoed():
+    assert not trial.worsened(BEFORE, BEFORE)
+    assert not trial.worsened(BEFORE, Figures(1.0, 0.02, 3.0))
+    assert not trial.worsened(BEFORE._replace(held_out=np.nan), BEFORE._replace(held_out=np.nan))
+
+
+def test_changes_are_applied_to_what_the_filter_assumed():
+    result = Experiment(seed=1).run()
+    changes = (
+        Change("navigator.r", 4.0, times=True, rows=(3, 6)),
+        Change("navigator.q_scale", 3.0, times=True),
+        Change("navigator.latency", 0.2),
+    )
+    changed = trial.advised(result, changes)
+    assert np.allclose(changed.navigator.r, np.diag(result.belief.R) * [1, 1, 1, 4, 4, 4])
+    assert changed.navigator.q_scale == 3
+    assert changed.navigator.latency == 0.2
+    assert result.experiment.navigator.latency is None
+
+
+def test_advice_that_is_right_is_given_with_what_it_brings():
+    experiment = Experiment(seed=1)
+    experiment.set("sensors.gps.latency", 0.3)
+    experiment.set("navigator.latency", 0.0)
+    result = experiment.run()
+    (finding,) = result.tried_verdict.findings
+    assert finding.advice.startswith("Set navigator.latency to 0.30.")
+    assert "Tried: NIS per degree of freedom" in finding.advice
+    followed = trial.advised(result, finding.changes)
+    assert followed.run().verdict.consistent
+
+
+def test_advice_that_makes_the_prediction_worse_is_not_given(monkeypatch):
+    """The same advice on the same run, refused where it would raise the errors across outages."""
+    experiment = Experiment(seed=1)
+    experiment.set("navigator.r", [0.05] * 3 + [0.2] * 3)
+    result = experiment.run()
+    wrong = Change("navigator.r", 1e-3, times=True, rows=(0, 3))
+    verdict = result.verdict
+    (finding,) = verdict.findings
+    spoilt = trial.replace(verdict, findings=(trial.replace(finding, changes=(wrong,)),))
+    monkeypatch.setitem(result.__dict__, "verdict", spoilt)
+    (refused,) = trial.tried(result).findings
+    assert refused.advice.startswith("No advice")
+    assert not refused.changes
+
+
+def test_errors_across_outages_are_those_of_the_coasted_solution():
+    """Against the truth at the same times, to which the fixes add their own noise of 0.7 m a component."""
+    experiment = Experiment(seed=3)
+    result = experiment.run()
+    found = trial.held_out(result)
+    experiment.set("sensors.gps.outages", [[50, 60], [110, 120], [170, 180]])
+    coasted = experiment.run()
+    at = np.searchsorted(coasted.time, [56, 57, 58, 59, 60, 116, 117, 118, 119, 120, 176, 177, 178, 179, 180])
+    errors = coasted.errors.position.values[at]
+    expected = np.sqrt(np.mean(np.sum(errors**2, axis=1)) + 1.5)
+    assert found == pytest.approx(expected, rel=0.35)
+
+
+def test_a_flight_without_room_for_outages_is_judged_without_them():
+    experiment = Experiment(mission="los_angeles", seed=1)
+    experiment.set("sensors.gps.outages", [[40, 1e6]])
+    assert np.isnan(trial.held_out(experiment.run()))

@@ -1,0 +1,100 @@
+"""Verdict on causes: errors of the inertial sensors are named, and never blamed on the GPS."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from lab.analysis.pattern import BINS, binned, channel, stretch
+from lab.analysis.selection import select
+from lab.analysis.sums import Fit, Squares
+from lab.experiment import Experiment
+
+RNG = np.random.default_rng(11)
+
+SENSOR_FAULTS = {
+    "gyro scale factor": {"sensors.gyro.scale_factor": 3.0},
+    "gyro misalignment": {"sensors.gyro.misalignment": [2.0, -2.0] * 3},
+    "gyro bandwidth": {"sensors.gyro.bandwidth": 3.0},
+    "gyro temperature": {
+        "sensors.temperature.profile": "warm_up",
+        "sensors.temperature.warm_up_time": 60.0,
+        "sensors.gyro.bias_temperature": 0.02,
+    },
+    "accelerometer scale factor": {"sensors.accelerometer.scale_factor": 2.0},
+    "accelerometer bandwidth": {"sensors.accelerometer.bandwidth": 2.0},
+    "Q accelerometer": {"sensors.accelerometer.vibration_density": 2000.0},
+    "gyro range": {"sensors.gyro.range": 4.0},
+}
+
+
+@pytest.mark.parametrize("mission", ["montreal", "los_angeles"])
+@pytest.mark.parametrize("name", SENSOR_FAULTS)
+def test_errors_of_the_sensors_are_named_and_never_blamed_on_the_gps(name, mission):
+    """The filter keeps what it assumed before the error was there, so that it is not told."""
+    experiment = Experiment(mission=mission, seed=4)
+    assumed = experiment.run().belief
+    experiment.set("navigator.q", assumed.noise.tolist())
+    for path, value in SENSOR_FAULTS[name].items():
+        experiment.set(path, value)
+    result = experiment.run()
+    assert [finding.quantity for finding in result.verdict.findings] == [name]
+    for finding in result.innovation_verdict.findings:
+        assert not finding.quantity.startswith(("GPS latency", "GPS lever", "GPS corr", "GPS out", "R "))
+
+
+@pytest.mark.parametrize(("rows", "name"), [(slice(6, 9), "gyro"), (slice(9, 12), "accelerometer")])
+def test_a_wrong_bias_drive_is_named(rows, name):
+    """Biases that wander, with a drive in Q that is 10,000 times too small."""
+    experiment = Experiment(seed=2)
+    experiment.set("sensors.gyro.rate_random_walk", 1000)
+    experiment.set("sensors.accelerometer.rate_random_walk", 20)
+    noise = experiment.run().belief.noise.copy()
+    noise[rows] *= 1e-4
+    experiment.set("navigator.q", noise.tolist())
+    (finding,) = experiment.run().verdict.findings
+    assert (finding.quantity, finding.direction) == (f"Q {name} bias", "too small")
+
+
+def test_scale_times_bias_is_no_noise_to_a_filter_with_scale_states():
+    experiment = Experiment(seed=1)
+    experiment.set("navigator.states", 21)
+    experiment.set("sensors.gyro.scale_factor_sigma", 1.0)
+    experiment.set("sensors.accelerometer.scale_factor_sigma", 1.0)
+    experiment.set("sensors.gyro.noise_density", 0.001)
+    experiment.set("sensors.gyro.bias_sigma", 1.0)
+    found = [finding.quantity for finding in experiment.run().verdict.findings]
+    assert not [quantity for quantity in found if quantity.startswith("Q")]
+
+
+def test_a_stretch_is_found_and_a_single_fix_is_none():
+    values, times = RNG.normal(0, 1, (400, 6)), np.arange(400.0)
+    assert stretch(binned(values, times, (0.0, 400.0)), 0) is None
+    values[200, :3] = 30.0
+    assert stretch(binned(values, times, (0.0, 400.0)), 0) is None
+    values[100:140, :3] *= 3
+    found = stretch(binned(values, times, (0.0, 400.0)), 0)
+    assert (found.first * 400 / BINS, found.last * 400 / BINS) == (100, 140)
+    assert float(found.squares.mean) == pytest.approx(9, rel=0.3)
+    assert stretch(binned(values, times, (0.0, 400.0)), 1) is None
+
+
+def test_a_channel_is_named_only_if_the_others_are_right():
+    number = np.full(3, 200.0)
+    assert channel(Squares(np.array([200.0, 200.0, 200.0]), number)) is None
+    assert channel(Squares(np.array([200.0, 1000.0, 190.0]), number)) == 1
+    assert channel(Squares(np.array([900.0, 1000.0, 190.0]), number)) is None
+
+
+def test_selection_takes_the_true_cause_of_two_that_resemble_each_other():
+    """Two regressors with a correlation of 0.9; values follow the second, and noise."""
+    one = RNG.normal(0, 1, 500)
+    other = 0.9 * one + np.sqrt(1 - 0.81) * RNG.normal(0, 1, 500)
+    values = 0.8 * other + RNG.normal(0, 1, 500)
+    A = np.stack((one, other), axis=1)
+    fit = Fit((A.T @ A)[None], (A.T @ values)[None], np.array(values @ values))
+    (found,) = select(fit, {"one": [0], "other": [1]}, 10.0)
+    assert found.name == "other"
+    assert found.estimate[0, 0] == pytest.approx(0.8, abs=5 * found.sigma[0, 0])
+    nothing = Fit(fit.matrix, (A.T @ RNG.normal(0, 1, 500))[None], fit.squares)
+    assert select(nothing, {"one": [0], "other": [1]}, 10.0) == []

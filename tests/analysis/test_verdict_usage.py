@@ -1,0 +1,76 @@
+"""Verdict on smoothed runs and unused fixes: P0 is judged by the start, rejected fixes are judged too."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from lab.experiment import Experiment
+
+
+def quantities(verdict: object) -> list[str]:
+    """Return what a verdict finds."""
+    return [finding.quantity for finding in verdict.findings]
+
+
+@pytest.mark.parametrize("mission", ["montreal", "los_angeles"])
+def test_a_matched_smoothed_run_is_consistent(mission):
+    """The smoother moves the first sample far inside P0, which says nothing of P0."""
+    judged = []
+    for seed in range(1, 11):
+        experiment = Experiment(mission=mission, seed=seed)
+        experiment.set("navigator.smoother", True)
+        judged.append(experiment.run().verdict)
+    assert sum(not verdict.consistent for verdict in judged) == 0
+
+
+@pytest.mark.parametrize(("scale", "direction"), [(0.05, "too small"), (20, "too large")])
+def test_a_wrong_p0_is_seen_through_the_smoother(scale, direction):
+    experiment = Experiment(seed=2)
+    experiment.set("navigator.smoother", True)
+    experiment.set("navigator.p0_scale", scale)
+    (finding,) = experiment.run().verdict.findings
+    assert (finding.quantity, finding.direction) == ("P0", direction)
+
+
+def test_nees_of_a_smoothed_run_is_that_of_its_smoothed_states():
+    experiment = Experiment(seed=1)
+    experiment.set("navigator.smoother", True)
+    smoothed = experiment.run()
+    experiment.set("navigator.smoother", False)
+    plain = experiment.run()
+    assert smoothed.evidence.nees.total != plain.evidence.nees.total
+    assert np.array_equal(smoothed.evidence.start.total, plain.evidence.start.total)
+    assert smoothed.innovation_verdict == plain.innovation_verdict
+
+
+def test_a_gate_that_rejects_good_fixes_is_never_consistent():
+    """A filter that is too sure of its start rejects nearly all good fixes."""
+    experiment = Experiment(seed=1)
+    experiment.set("navigator.gate", 0.9)
+    experiment.set("navigator.p0", [1e-6] * 15)
+    result = experiment.run()
+    assert result.solution_arrays.fix_rejected.sum() > 20
+    assert "gate" in quantities(result.verdict)
+    assert "gate" in quantities(result.innovation_verdict)
+    assert result.verdict.consistent is False
+    assert result.innovation_verdict.consistent is False
+
+
+@pytest.mark.parametrize("gate", [0.95, 0.99, 0.999])
+def test_what_a_gate_rejects_by_chance_is_no_finding(gate):
+    for seed in range(1, 6):
+        experiment = Experiment(seed=seed)
+        experiment.set("navigator.gate", gate)
+        result = experiment.run()
+        assert result.verdict.consistent, result.verdict
+        assert result.innovation_verdict.consistent, result.innovation_verdict
+
+
+def test_where_no_fix_was_offered_there_is_no_verdict():
+    experiment = Experiment(seed=1)
+    experiment.set("sensors.gps.outages", [[0, 1e6]])
+    result = experiment.run()
+    for verdict in (result.verdict, result.innovation_verdict):
+        assert verdict.consistent is None
+        assert verdict.headline.startswith("No verdict")

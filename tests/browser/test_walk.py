@@ -1,0 +1,71 @@
+"""A walk over all tabs in a browser, of a run with series that are zero; and what buttons say they do."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable
+
+import pytest
+from playwright.sync_api import Page, expect
+
+from tests.browser.conftest import IDLE
+
+pytestmark = pytest.mark.browser
+
+TITLES = (
+    "Array.from(Bokeh.index.query((view) => view.model.title?.text)).map((view) => view.model.title.text)"
+)
+FIRST = {
+    "Errors": "Position error, east [m]",
+    "Covariance": "σ of the position [m]",
+    "Innovations": "Position innovation, east [m]",
+    "Consistency": "NEES: errors of all states, normalised",
+    "Sensor errors": "Gyro bias, x [°/s]",
+    "Allan": "Gyros: Allan deviation [°/h], dashed as set",
+    "Ground track": "Ground track, UTM zone 11 north",
+    "Height": "Height above the ellipsoid [m]",
+    "Budget": "Parts of the variance of heading [%]",
+}
+"""First figure of each tab that has figures."""
+WORDS = {"Missions": "Over the Pacific", "Models": "invariant", "Summary": "position east error"}
+"""What stands on those that have none."""
+PATIENCE = 240_000
+"""What a first run may take where kernels are compiled [ms]."""
+
+
+def test_every_tab_shows_its_own_plots_where_states_are_known_exactly(open_page: Callable[..., Page]) -> None:
+    page = open_page("?mission=los_angeles&navigator.states=21", drawn=False)
+    page.set_default_timeout(PATIENCE)
+    page.wait_for_function(
+        "Bokeh.documents[0].get_model_by_name('time:position_east')?.data.time?.length > 100"
+    )
+    for title in page.get_by_role("tab").all_inner_texts():
+        name = next(name for name in (*FIRST, *WORDS, "3-D") if name.casefold() == title.casefold())
+        page.get_by_role("tab", name=name, exact=True).click()
+        if name in FIRST:
+            page.wait_for_function(f"{TITLES}[0] === {FIRST[name]!r}")
+            page.wait_for_function(IDLE)
+            strange = [first for other, first in FIRST.items() if other != name]
+            assert not set(strange) & set(page.evaluate(TITLES)) - {"Position error, up [m]"}
+        elif name in WORDS:
+            expect(page.get_by_text(WORDS[name]).first).to_be_visible(timeout=PATIENCE)
+        else:
+            expect(page.frame_locator("iframe").get_by_text("Connected")).to_be_visible(timeout=PATIENCE)
+        assert page.get_by_text("could not be drawn").count() == 0
+    page.get_by_role("tab", name="Covariance", exact=True).click()
+    page.wait_for_function(f"{TITLES}.includes('σ of the gyro scale factors [%]: zero')")
+
+
+@pytest.mark.parametrize("name", ["GPS outage", "Whole flight", "Another seed"])
+def test_what_a_button_says_is_wider_than_one_word(open_page: Callable[..., Page], name: str) -> None:
+    page = open_page()
+    page.get_by_role("button", name=re.compile(f"^{name}")).hover()
+    tip = page.get_by_role("tooltip").locator(".MuiTooltip-tooltip")
+    expect(tip).to_contain_text(name)
+    box = tip.bounding_box()
+    assert box is not None
+    lines = 1 if name != "GPS outage" else 5
+    assert box["height"] < 20 * lines
+    assert box["x"] >= 0
+    assert box["x"] + box["width"] <= 1440
+    assert box["y"] + box["height"] <= 900

@@ -1,0 +1,162 @@
+"""Initial heading: of vehicles that go where their nose points and of others, given, and by magnetometers."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from copter_logs import LATITUDE, LONGITUDE, copter
+from scipy.spatial.transform import Rotation
+from sensor_logs import EPOCH, tables, write
+
+from lab.missions import read_sensor_log
+from lab.missions.log_parts import Beside, Headings, Magnetometer
+from lab.missions.velocity_matching import match, turned, window_of
+from lab.navigation.initial_heading import Found, Hints, magnetic_declination, surest
+from lab.navigation.recorded import navigate_log
+from lab.navigation.settings import NavigatorSettings
+from lab.rotation import euler_from_quaternion, wrap
+from lab.sensors.suite import SensorSuite
+
+
+def suite() -> SensorSuite:
+    sensors = SensorSuite()
+    sensors.gyro.bias_sigma, sensors.gyro.noise_density = (0.3,) * 3, (0.02,) * 3
+    sensors.accelerometer.bias_sigma, sensors.accelerometer.noise_density = (5.0,) * 3, (5000.0,) * 3
+    sensors.gps.velocity_variance = (0.01,) * 3
+    return sensors
+
+
+def heading_error(log, alignment, start: float = 0.0) -> float:
+    """Return the error of the heading at the start of the log [°]."""
+    true = np.interp(start, log.reference.time, np.unwrap(log.reference.euler[:, 2]))
+    return float(np.degrees(wrap(euler_from_quaternion(alignment.start.q_nb)[2] - true)))
+
+
+@pytest.mark.parametrize("nose", [0.0, 1.6, 3.1, 4.5])
+@pytest.mark.parametrize("rest", [0.0, 10.0])
+@pytest.mark.parametrize("late", [0.0, 0.3])
+def test_a_copter_is_aligned_by_how_its_velocity_changes(tmp_path, nose, rest, late):
+    """Its course is no heading: taken for it, the start would be off by the angle between nose and course."""
+    flown = copter(60, nose=nose, rest=rest, late=late)
+    log = read_sensor_log(write(tmp_path, flown, 'vehicle = "copter"'))
+    made = navigate_log(log, suite(), NavigatorSettings())
+    sigma = np.degrees(made.alignment.attitude_sigma[2])
+    assert sigma < 5.0
+    assert abs(heading_error(log, made.alignment)) < 2 * sigma
+    assert ("0.3 s late" in made.remarks[-1].replace("0.30", "0.3")) == (late > 0)
+    after = np.searchsorted(made.imu.time, log.reference.time[200:-10])
+    errors = wrap(euler_from_quaternion(made.solution.q_nb)[after] - log.reference.euler[200:-10])
+    assert np.degrees(np.abs(errors)).max() < (5.0 if late else 1.0)
+
+
+def test_where_nothing_shows_the_heading_it_is_unknown(tmp_path):
+    """A copter that flies straight on at one speed: course and speed are known, the heading is not."""
+    flown = tables(60, 80)
+    log = read_sensor_log(write(tmp_path, flown, 'vehicle = "copter"'))
+    log.gnss.velocity_n[:] = (5.0, 3.0, 0.0)
+    made = navigate_log(log, suite(), NavigatorSettings())
+    assert made.alignment.attitude_sigma[2] == np.pi
+    assert "navigator.initial_heading" in made.remarks[-1]
+
+
+def test_a_given_heading_is_taken_with_its_sigma(tmp_path):
+    log = read_sensor_log(write(tmp_path, copter(30, nose=2.0), 'vehicle = "copter"'))
+    settings = NavigatorSettings()
+    settings.initial_heading, settings.initial_heading_uncertainty = 114.0, 3.0
+    made = navigate_log(log, suite(), settings)
+    assert euler_from_quaternion(made.alignment.start.q_nb)[2] == pytest.approx(np.radians(114.0))
+    assert np.sqrt(made.solution.variance[0, 8]) == pytest.approx(np.radians(3.0), rel=1e-3)
+    assert "heading given" in made.remarks[-1]
+
+
+def test_the_vehicle_of_the_settings_rules(tmp_path):
+    log = read_sensor_log(write(tmp_path, copter(40, nose=3.1), 'vehicle = "copter"'))
+    settings = NavigatorSettings()
+    settings.vehicle = "car"
+    assert abs(heading_error(log, navigate_log(log, suite(), settings).alignment)) > 150.0
+
+
+@pytest.mark.parametrize("nose", [0.4, 2.5, 5.0])
+def test_a_magnetometer_shows_the_heading_of_what_stands(tmp_path, nose):
+    flown = copter(12, nose=nose, rest=12.0)
+    log = read_sensor_log(write(tmp_path, flown, 'vehicle = "copter"'))
+    declination, dip = 0.2, 1.1
+    north = np.array((np.cos(dip) * np.cos(declination), np.cos(dip) * np.sin(declination), np.sin(dip)))
+    attitude = Rotation.from_euler("ZYX", log.reference.euler[:, ::-1])
+    field = Magnetometer(log.reference.time, 50.0 * attitude.inv().apply(north), declination)
+    log = replace(log, beside=replace(log.beside, magnetometer=field))
+    made = navigate_log(log, suite(), NavigatorSettings())
+    assert abs(heading_error(log, made.alignment)) < 1.0
+    assert np.degrees(made.alignment.attitude_sigma[2]) == pytest.approx(10, abs=1.5)
+    assert "magnetometer" in made.remarks[-1]
+
+
+def test_two_antennas_are_surest(tmp_path):
+    log = read_sensor_log(write(tmp_path, copter(30, nose=2.0, rest=5.0), 'vehicle = "copter"'))
+    headings = Headings(log.reference.time, log.reference.euler[:, 2], np.full(len(log.reference.time), 0.01))
+    log = replace(log, beside=replace(log.beside, headings=headings))
+    made = navigate_log(log, suite(), NavigatorSettings())
+    assert abs(heading_error(log, made.alignment)) < 1.0
+    assert np.degrees(made.alignment.attitude_sigma[2]) < 1.0
+    assert "two antennas" in made.remarks[-1]
+
+
+def test_declination_is_that_of_the_world_magnetic_model():
+    """Test values of the model's own report, WMM2025 at 2025.0: 80° N 0° E and 80° S 240° E at height 0."""
+    for latitude, longitude, expected in ((80.0, 0.0, 1.28), (0.0, 120.0, -0.16), (-80.0, 240.0, 68.78)):
+        found, horizontal = magnetic_declination(np.array((np.radians(latitude), np.radians(longitude), 0.0)))
+        assert np.degrees(found) == pytest.approx(expected, abs=0.02)
+        assert 5 < horizontal < 45
+
+
+def test_a_contradiction_makes_the_heading_uncertain():
+    course, compass = Found(0.1, 0.05, "one way", 1.0), Found(1.1, 0.1, "another", 2.0)
+    both = surest((compass, course))
+    assert (both.heading, both.sigma) == (0.1, pytest.approx(1.0))
+    assert "57°" in both.source
+    assert surest((course, compass._replace(heading=0.15))) is course
+    assert surest(()).sigma == np.pi
+
+
+def test_the_words_of_autopilots_are_known():
+    for word, follows in (("rotary wing", False), ("fixed wing", True), ("rover", True), ("boat", False)):
+        assert Hints.of(Beside(word), "auto", None, 5.0).vehicle.follows_nose == follows
+    assert Hints.of(Beside("fixed wing"), "copter", None, 5.0).vehicle.name == "copter"
+
+
+def test_matching_over_many_seeds_knows_how_well_it_knows():
+    """Heading, gyro bias and lag of a copter over 20 seeds: errors as large as their σ say."""
+    shown = []
+    for seed in range(20):
+        flown = copter(25, nose=1.0, late=0.1, seed=seed)
+        time = flown.imu[:, 0] - EPOCH
+        log = (
+            time, flown.imu[1:, 1:4] / 100, flown.imu[1:, 4:] / 100, flown.gnss[:, 0] - EPOCH,
+            flown.gnss[:, 4:7], flown.gnss[:, 10:13],
+        )  # fmt: skip
+        found = match(window_of(log, 2.0), lags=(0.0,))
+        true = np.radians(np.interp(2.0, flown.reference[:, 0] - EPOCH, flown.reference[:, 9]))
+        shown.append(
+            (
+                wrap(found.C_nb.as_euler("ZYX")[0] - true) / found.heading_sigma,
+                (found.lag + 0.1) / found.lag_sigma,
+                (found.gyro_bias[2] - np.radians(0.15)) / found.gyro_bias_sigma[2],
+            )
+        )
+    assert (np.sqrt(np.mean(np.square(shown), axis=0)) < 1.3).all()
+
+
+def test_turning_is_the_product_of_the_increments():
+    increments = np.random.default_rng(1).normal(scale=0.2, size=(37, 3))
+    attitude = Rotation.identity()
+    for number, increment in enumerate(increments):
+        attitude = attitude * Rotation.from_rotvec(increment)
+        apart = turned(increments)[number + 1].inv() * attitude
+        assert apart.magnitude() < 1e-12
+
+
+def test_the_place_of_the_test_is_where_the_model_knows_it():
+    found, _ = magnetic_declination(np.array((LATITUDE, LONGITUDE, 120.0)))
+    assert -15 < np.degrees(found) < -9

@@ -1,0 +1,92 @@
+"""What a filter does that its fixes contradict: it recovers; and how it weighs fixes that stand out."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from lab.experiment import Experiment
+from lab.navigation.belief import schedule_of
+from lab.navigation.kalman import HUBER, HUBER_NIS, STUDENT_T, gate, weight
+from lab.navigation.settings import NavigatorSettings
+from lab.result import Result
+
+
+def run(seed: int = 1, **settings: object) -> Result:
+    experiment = Experiment(mission="montreal", seed=seed)
+    for name, value in settings.items():
+        experiment.set(name.replace("__", "."), value)
+    return experiment.run()
+
+
+ASTRAY = {
+    "far off": {"navigator__position_error": (300.0, -200.0, 50.0), "navigator__p0": [0.1] * 6 + [1e-4] * 9},
+    "accelerometers far noisier than assumed": {
+        "sensors__accelerometer__noise_density": 10000.0,
+        "navigator__q": [1e-7] * 3 + [1e-5] * 3 + [1e-10] * 6,
+    },
+}
+
+
+@pytest.mark.parametrize("model", ["phi", "invariant", "nonlinear"])
+@pytest.mark.parametrize("settings", ASTRAY.values(), ids=ASTRAY)
+def test_a_filter_that_is_wrong_comes_back(settings: dict[str, object], model: str) -> None:
+    result = run(**settings, navigator__gate=0.999, navigator__model=model)
+    recovered = int(result.solution_arrays.fix_recovered.sum())
+    late = np.linalg.norm(result.errors.position.values[10000:], axis=1)
+    print(f"\nrecovered {recovered} times, last errors up to {late.max():.1f} m")
+    assert recovered > 0
+    assert late.max() < 30
+    assert any("recovered" in remark for remark in result.remarks)
+
+
+@pytest.mark.parametrize("probability", [0.99, 0.999, 0.9999])
+def test_a_matched_filter_recovers_from_nothing(probability: float) -> None:
+    recovered = [
+        run(seed, navigator__gate=probability).solution_arrays.fix_recovered.sum() for seed in range(1, 11)
+    ]
+    assert sum(recovered) == 0
+
+
+def test_scattered_outliers_do_not_accuse_the_filter() -> None:
+    for seed in range(1, 6):
+        settings = {"sensors__gps__outlier_rate": 0.1, "sensors__gps__outlier_size": 50.0}
+        result = run(seed, navigator__gate=0.999, **settings)
+        assert result.solution_arrays.fix_recovered.sum() <= 1
+        assert np.abs(result.errors.position.values[4000:]).max() < 10
+
+
+@pytest.mark.parametrize("robust", ["huber", "student-t"])
+def test_a_robust_update_withstands_outliers(robust: str) -> None:
+    settings = {"sensors__gps__outlier_rate": 0.1, "sensors__gps__outlier_size": 50.0}
+    plain, weighed = (
+        np.mean(
+            [
+                np.sqrt(
+                    np.mean(run(seed, navigator__robust=kind, **settings).errors.position.values[4000:] ** 2)
+                )
+                for seed in range(1, 6)
+            ]
+        )
+        for kind in ("none", robust)
+    )
+    print(f"\nrms position with 10 % outliers: {plain:.2f} m, {robust} {weighed:.2f} m")
+    assert weighed < 0.5 * plain
+
+
+def test_weights_are_those_of_their_densities() -> None:
+    """Huber's ψ(d) = w d is d, then constant; Student's is (ν + n) d / (ν + d²)."""
+    d = np.linspace(0.1, 30, 50)
+    huber = np.array([weight(HUBER, x**2) * x for x in d])
+    np.testing.assert_allclose(huber, np.minimum(d, np.sqrt(HUBER_NIS)), rtol=1e-12)
+    student = np.array([weight(STUDENT_T, x**2) for x in d])
+    np.testing.assert_allclose(student, np.minimum(1, 10 / (4 + d**2)), rtol=1e-12)
+    assert weight(0, 1e9) == 1
+    assert gate(0.95) == pytest.approx(HUBER_NIS, abs=0.05)
+
+
+def test_rows_of_rejections_that_chance_explains_accuse_nobody() -> None:
+    """Of good fixes a gate of 50 % rejects every second one: twenty in a row once in a million."""
+    lengths = {p: schedule_of(NavigatorSettings(gate=p), 0.005, 1000).agreeing for p in (0.5, 0.9, 0.999)}
+    assert all((1 - p) ** n <= 1e-6 for p, n in lengths.items())
+    assert lengths == {0.5: 20, 0.9: 6, 0.999: 4}
