@@ -6,6 +6,7 @@ for: degrees, datasheet units for the sensors, east-north-up.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -36,6 +37,7 @@ if TYPE_CHECKING:
     import pandas as pd
     import xarray as xr
 
+    from lab.analysis.identification import Identification
     from lab.experiment import Experiment
 
 FloatArray = NDArray[np.float64]
@@ -410,6 +412,26 @@ class Result:
             assumed = sensors.assumed_remark()
             return (*self.recorded.notes, *remarks, *((assumed,) if assumed else ()))
         return (*remarks, *sensors.remarks(self.experiment.navigator.states))
+
+    def identify(self, progress: Callable[[str, float], None] | None = None) -> Identification:
+        """Return what the innovations say of the sensors: noise, bias drive, R, latency and lever arm.
+
+        The most likely values with error bars, and how well fixes that are withheld for 10 s are predicted
+        with them and without; see `lab.analysis.identification`.
+
+        Parameters
+        ----------
+        progress
+            Called with a phrase and the fraction done, from 0 to 1.
+
+        Raises
+        ------
+        ResultError
+            If a user's algorithm navigated, or there are too few fixes.
+        """
+        from lab.identify import identify  # noqa: PLC0415 - it runs experiments, and so imports results
+
+        return identify(self, progress)
 
     def datasets(self) -> dict[str, xr.Dataset]:
         """Return by name all datasets that are known of this run; the temperature where a profile is set."""

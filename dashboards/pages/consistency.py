@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from html import escape
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Self
 
 import numpy as np
 import panel as pn
@@ -11,13 +11,15 @@ import panel_material_ui as pmui
 
 from dashboards.computing import Progress
 from dashboards.ensembles import ensemble
+from dashboards.identifying import Identifying
 from dashboards.pages.base import plot_grid
 from dashboards.pages.computed import ComputedPage
+from dashboards.session import Session
 from dashboards.style import WRAP
 from lab.analysis.verdict import Verdict
 from lab.ensemble import Ensemble
 from lab.result import Result
-from lab.views.figures import TimeFigures
+from lab.views.figures import TimeAxis, TimeFigures
 from lab.views.quantities import CONSISTENCY, ENSEMBLE_CONSISTENCY
 
 if TYPE_CHECKING:
@@ -62,6 +64,15 @@ class Consistency(ComputedPage):
     title = "Consistency"
     depends_on_window = True
 
+    def __init__(self, axis: TimeAxis, session: Session | None = None) -> None:
+        self._identifying = None if session is None else Identifying(session)
+        super().__init__(axis)
+
+    @classmethod
+    def of(cls, axis: TimeAxis, session: Session) -> Self:
+        """Return the page for a session, whose settings it can change to what the innovations say."""
+        return cls(axis, session)
+
     def make(self) -> pn.viewable.Viewable:
         """Return the number of runs, the verdict, the plots and the tables, one below the other."""
         self._result: Result | None = None
@@ -87,7 +98,8 @@ class Consistency(ComputedPage):
 
     def _parts(self, *plots: pn.viewable.Viewable) -> list[pn.viewable.Viewable]:
         """Return what stands one below the other."""
-        return [self._choice_and_words, self._verdict, *plots, self._tables]
+        identifying = [] if self._identifying is None or self.runs > 1 else [self._identifying.view]
+        return [self._choice_and_words, self._verdict, *identifying, *plots, self._tables]
 
     @property
     def runs(self) -> int:
@@ -105,6 +117,8 @@ class Consistency(ComputedPage):
     def draw(self, result: Result) -> None:
         """Draw a result in the visible stretch of time, or have its experiment run with many seeds."""
         self._result = result
+        if self._identifying is not None:
+            self._identifying.show(result)
         self._choice.param.update(visible=not result.recorded, **({"value": 1} if result.recorded else {}))
         if self.runs > 1:
             self.working = f"Running {self.runs} seeds:"
@@ -127,6 +141,12 @@ class Consistency(ComputedPage):
         found = ensemble(result, self.runs, progress)
         _ = found.consistency, found.verdict, found.innovation_verdict, found.whiteness, found.coverage
         return found
+
+    def close(self) -> None:
+        """Draw nothing more."""
+        if self._identifying is not None:
+            self._identifying.close()
+        super().close()
 
     def clear(self) -> None:
         """Show neither verdict nor plots."""

@@ -6,7 +6,20 @@ one message and exit code 2. Commands import what they need when they run, so th
 
 from __future__ import annotations
 
-from lab.cli import allan, budget, cards, compare, export, fly, import_flight, missions, record, run, serve
+from lab.cli import (
+    allan,
+    budget,
+    cards,
+    compare,
+    export,
+    fly,
+    identify,
+    import_flight,
+    missions,
+    record,
+    run,
+    serve,
+)
 from lab.cli.app import app, main
 
 __all__ = ["app", "main"]
@@ -16,6 +29,7 @@ app.command("missions")(missions.list_missions)
 app.command("run", epilog=run.EXAMPLES)(run.run)
 app.command("compare", epilog=compare.EXAMPLES)(compare.compare)
 app.command("budget", epilog=budget.EXAMPLES)(budget.error_budget)
+app.command("identify", epilog=identify.EXAMPLES)(identify.identify)
 app.command("fly", epilog=fly.EXAMPLES)(fly.fly)
 app.command("import", epilog=import_flight.EXAMPLES)(import_flight.import_flight)
 app.command("record", epilog=record.EXAMPLES)(record.record)

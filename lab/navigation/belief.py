@@ -46,10 +46,12 @@ def belief(sensors: SensorSuite, navigator: NavigatorSettings) -> Belief:
     noise = (
         _given(navigator.q) if navigator.q is not None else matched_noise(sensors, gyro_drive, accel_drive)
     )
+    R = _given(navigator.r) if navigator.r is not None else matched_r(sensors)
+    root = np.sqrt(r_factors(navigator))
     return Belief(
         P0=navigator.p0_scale
         * (_given_p0(navigator) if navigator.p0 is not None else matched_p0(sensors, navigator)),
-        R=navigator.r_scale * (_given(navigator.r) if navigator.r is not None else matched_r(sensors)),
+        R=R * np.outer(root, root),
         noise=navigator.q_scale * np.diag(noise),
         bias_decay=np.concatenate((gyro_decay, accel_decay)),
         lever_arm=assumed_lever_arm(navigator, si(sensors.gps, "lever_arm")),
@@ -119,6 +121,13 @@ def matched_r(sensors: SensorSuite) -> FloatArray:
     """Return the covariance (6, 6) of a fix, north, east, down."""
     east_north_up = (si(sensors.gps, "position_variance"), si(sensors.gps, "velocity_variance"))
     return np.diag(np.concatenate([variance[[1, 0, 2]] for variance in east_north_up]))
+
+
+def r_factors(navigator: NavigatorSettings) -> FloatArray:
+    """Return what the variances of a fix are multiplied by (6,), position and velocity north, east, down."""
+    horizontal, vertical, velocity = navigator.r_factors
+    factors = np.array([horizontal, horizontal, vertical, velocity, velocity, velocity])
+    return np.asarray(navigator.r_scale * factors)
 
 
 def constant_gyro_bias_variance(sensors: SensorSuite, navigator: NavigatorSettings) -> FloatArray:

@@ -26,6 +26,7 @@ from lab.navigation.belief import (
     assumed_lever_arm,
     belief,
     implausible,
+    r_factors,
     schedule_of,
 )
 from lab.navigation.checks import check_finite, check_mechanization, check_r, check_smoother, diverged
@@ -46,6 +47,8 @@ Arrays = TypeVar("Arrays", Imu, Fixes)
 
 UNKNOWN = 1e4
 """σ of a velocity the receiver does not have, which makes it count for nothing [m/s]."""
+WITHHELD = 1e6
+"""σ of each measurement of a fix that is withheld [m], [m/s]."""
 NO_VERTICAL_SIGMA = 1.0
 """σ of the initial vertical velocity without any measured [m/s]."""
 
@@ -84,6 +87,7 @@ def navigate_log(
     sensors: SensorSuite,
     navigator: NavigatorSettings,
     outages: Sequence[tuple[float, float]] = (),
+    withheld: NDArray[np.bool_] | None = None,
 ) -> RecordedRun:
     """Navigate a log of real sensors.
 
@@ -102,6 +106,9 @@ def navigate_log(
         log, unless given.
     outages
         Stretches of time [s] of which the filter gets no fix.
+    withheld : (m,) array
+        Which fixes of the log the filter gets with the σ `WITHHELD`, so that they change nothing and their
+        innovations are errors of its prediction. The belief that is returned has their own R.
 
     Raises
     ------
@@ -136,7 +143,8 @@ def navigate_log(
     fixes = Fixes(*(values[rows].copy() for values in fixes))
     missing = np.append(np.zeros((int(rows.sum()), 3), bool), np.isnan(log.gnss.velocity_n[rows]), axis=1)
     begin = start.start._replace(gyro_bias=start.gyro_bias)
-    solution = _solution(imu, fixes, log, begin, assumed, navigator, 6 - missing.sum(axis=1))
+    given = np.ones(fixes.time.size, np.bool_) if withheld is None else ~withheld[rows]
+    solution = _solution(imu, fixes, log, begin, assumed, navigator, 6 - missing.sum(axis=1), given)
     solution.innovation[missing] = np.nan
     return RecordedRun(imu, fixes, assumed, start, solution, (*log.repairs, start.remark))
 
@@ -176,7 +184,7 @@ def _measurements(
     if navigator.r is None:
         own = np.isfinite(sigma)
         at = np.arange(6)
-        R[:, at, at] = np.where(own, navigator.r_scale * sigma**2, R[:, at, at])
+        R[:, at, at] = np.where(own, r_factors(navigator) * sigma**2, R[:, at, at])
     unknown = np.isnan(gnss.velocity_n)
     for axis in range(3):
         rows = unknown[:, axis]
@@ -227,15 +235,19 @@ def _solution(
     assumed: Belief,
     navigator: NavigatorSettings,
     measured: NDArray[np.int64],
+    given: NDArray[np.bool_],
 ) -> Solution:
-    """Navigate, and smooth where asked for."""
+    """Navigate, and smooth where asked for; fixes that are not given count for nothing."""
     schedule = schedule_of(navigator, float(np.median(np.diff(imu.time))), imu.dtheta.shape[0])
     check_smoother(navigator, schedule)
     stretches = _stretches(imu, fixes, log, assumed, navigator, measured)
     if not fixes.time.size:
         assumed = assumed._replace(R=np.eye(6))
-    if navigator.rest_updates and fixes.time.size:
-        imu = imu._replace(rest=at_rest(imu, fixes, assumed))
+    if navigator.rest_updates and given.any():
+        shown = Fixes(*(values[given] for values in fixes))
+        imu = imu._replace(rest=at_rest(imu, shown, assumed._replace(R=assumed.R[given])))
+    if not given.all():
+        assumed = assumed._replace(R=assumed.R + WITHHELD**2 * np.eye(MEASUREMENTS) * ~given[:, None, None])
     arguments = (_shown(imu), _shown(fixes), start, assumed, schedule)
     try:
         if navigator.model == "nonlinear":

@@ -226,6 +226,15 @@ class NavigatorSettings(Settings):
         label="R scale",
         doc="Factor on the measurement noise the filter assumes.",
     )
+    r_factors = AxisQuantity(
+        1.0,
+        axes=("horizontal position", "vertical position", "velocity"),
+        bounds=(1e-6, 1e6),
+        softbounds=(0.01, 100),
+        label="R factors",
+        doc="Factors on the variances of a fix beside the R scale, one for each part: a receiver that states "
+        "its own σ may be too sure of one and not of another.",
+    )
     p0 = MatrixOrNone(
         size=(15, 21),
         rows=_STATE_ROWS,

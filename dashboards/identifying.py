@@ -1,0 +1,149 @@
+"""Identifying: a button that finds what the innovations say of the sensors, and one that applies it."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from functools import partial
+from html import escape
+
+import panel as pn
+import panel_material_ui as pmui
+
+from dashboards.computing import LONG, LatestWins, Outcome, Progress, attempt
+from dashboards.session import Session
+from dashboards.style import WRAP
+from lab.analysis.identification import Identification
+from lab.result import Result
+from lab.settings import SettingError
+
+TELL = 0.25
+"""Time from one word about the progress to the next [s]."""
+
+_STYLE = """
+:host { font: 14px/1.5 Roboto, sans-serif; overflow-x: auto; }
+table { border-collapse: collapse; font-variant-numeric: tabular-nums; margin: 6px 0; }
+th { text-align: right; font-weight: 500; opacity: .72; padding: 3px 10px;
+     border-bottom: 2px solid rgba(128,128,128,.35); }
+td { text-align: right; padding: 3px 10px; border-bottom: 1px solid rgba(128,128,128,.18); }
+th:first-child, td:first-child, th.unit, td.unit { text-align: left; }
+th, td { white-space: nowrap; }
+p { max-width: 1100px; margin: 2px 0; }
+.quiet { opacity: .72; }
+"""
+
+
+class Identifying:
+    """What the innovations of the result shown say of its sensors, when asked.
+
+    Parameters
+    ----------
+    session
+        Whose settings are changed.
+
+    Attributes
+    ----------
+    view : viewable
+        The buttons and the table.
+    """
+
+    def __init__(self, session: Session) -> None:
+        self._session = session
+        self._document = pn.state.curdoc
+        self._result: Result | None = None
+        self._found: Identification | None = None
+        self._told = 0.0
+        self._work = LatestWins(self._attempt, self._deliver, LONG, at_once=True)
+        self._ask = pmui.Button(
+            label="Identify noise from the innovations", size="small", variant="outlined", margin=(8, 8)
+        )
+        self._ask.on_click(lambda _event: self._asked())
+        self._apply = pmui.Button(label="Apply", size="small", margin=(8, 8), visible=False)
+        self._apply.on_click(lambda _event: self._applied())
+        self._text = pn.pane.HTML("", sizing_mode="stretch_width", margin=(4, 12), stylesheets=[_STYLE])
+        buttons = pn.Row(self._ask, self._apply, sizing_mode="stretch_width", margin=0, stylesheets=[WRAP])
+        self.view = pn.Column(buttons, self._text, sizing_mode="stretch_width", margin=0)
+
+    def show(self, result: Result) -> None:
+        """Take a result to identify from; what is shown of another one goes, and the work on it ends."""
+        if result is self._result:
+            return
+        self._work.cancel()
+        self._result, self._found = result, None
+        self._say("")
+        self._ask.disabled = bool(result.algorithm)
+        self._apply.visible = False
+
+    def close(self) -> None:
+        """End the work."""
+        self._work.close()
+        self._result = self._found = None
+
+    def _asked(self) -> None:
+        if self._result is not None:
+            self._apply.visible = False
+            self._say("Identifying …")
+            self._work.submit(self._result)
+
+    def _applied(self) -> None:
+        """Change the settings of the session to what was found."""
+        if self._found is None:
+            return
+        trial = self._session.experiment.copy()
+        try:
+            self._session.take(trial.update(self._found.settings()))
+        except SettingError as error:
+            self._say(str(error))
+
+    def _attempt(self, result: Result, progress: Progress) -> Outcome:
+        def tell(stage: str, fraction: float) -> None:
+            progress(stage, fraction)
+            if time.monotonic() - self._told > TELL:
+                self._told = time.monotonic()
+                words = f"Identifying: {stage}, {100 * fraction:.0f} %"
+                self._later(partial(self._tell, result, words))
+
+        return attempt(lambda: result.identify(tell))
+
+    def _deliver(self, result: Result, outcome: Outcome) -> None:
+        self._later(partial(self._arrive, result, outcome))
+
+    def _later(self, callback: Callable[[], None]) -> None:
+        assert self._document is not None
+        self._document.add_next_tick_callback(callback)
+
+    def _tell(self, result: Result, words: str) -> None:
+        if result is self._result and self._found is None:
+            self._say(words)
+
+    def _arrive(self, result: Result, outcome: Outcome) -> None:
+        if result is not self._result:
+            return
+        if outcome.problem:
+            self._say(outcome.problem)
+            return
+        self._found = outcome.result
+        self._text.object = identification_html(outcome.result)
+        self._apply.param.update(
+            visible=bool(outcome.result.changes),
+            variant="contained" if outcome.result.recommended else "outlined",
+        )
+
+    def _say(self, text: str) -> None:
+        self._text.object = f"<p>{escape(text)}</p>" if text else ""
+
+
+def identification_html(found: Identification) -> str:
+    """Return the parameters as a table, whether they predict better, and what to know."""
+    heads = ("parameter", "unit", "before", "after", "σ", "95 % interval")
+    rows = []
+    for row in found.rows:
+        sigma = f"{row.sigma:.2g}" if row.observable else ""
+        cells = (f"{row.before:.4g}", f"{row.after:.4g}", sigma, row.words)
+        rows.append(
+            f'<tr><td>{escape(row.parameter)}</td><td class="unit">{escape(row.unit)}</td>'
+            f"{''.join(f'<td>{escape(cell)}</td>' for cell in cells)}</tr>"
+        )
+    head = "".join(f'<th class="{"unit" if name == "unit" else ""}">{name}</th>' for name in heads)
+    remarks = "".join(f'<p class="quiet">{escape(remark)}</p>' for remark in found.remarks)
+    return f"<p>{escape(found.sentence)}</p><table><tr>{head}</tr>{''.join(rows)}</table>{remarks}"

@@ -1,0 +1,215 @@
+"""Identification: what innovations say of the sensors, with error bars, and whether that predicts better.
+
+The table of the parameters before and after, the errors of withheld fixes before and after, and the settings
+and the card that take the parameters over.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+
+from lab.sensors.cards import Card
+from lab.sensors.datum import DENSITY, TWO_SIDED, Datum
+from lab.sensors.suite import SensorSuite
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+ALLOWED = 1.05
+"""By how much the error of withheld fixes may grow where their likelihood is better: chance, no more."""
+NORMAL = 1.959964
+"""Half-width of a 95 % interval in σ."""
+
+
+class Row(NamedTuple):
+    """A parameter, before and after.
+
+    Attributes
+    ----------
+    parameter, unit : str
+        What it is; the unit is empty for a factor.
+    before, after : float
+        What the filter assumed, and what it should; the same where the log does not show it.
+    sigma : float
+        Standard deviation of `after`; NaN where the log does not show it.
+    low, high : float
+        95 % interval; from 0 where the log only says that it is not larger than `high`.
+    observable : bool
+        Whether the log shows it.
+    """
+
+    parameter: str
+    unit: str
+    before: float
+    after: float
+    sigma: float
+    low: float
+    high: float
+    observable: bool
+
+    @property
+    def words(self) -> str:
+        """What the log says of it."""
+        if not self.observable:
+            return "not observable from this log"
+        return f"at most {self.high:.3g}" if self.low == 0 else f"{self.low:.4g} to {self.high:.4g}"
+
+
+class HeldOut(NamedTuple):
+    """How well a filter predicts fixes that are withheld from it.
+
+    Attributes
+    ----------
+    fixes : int
+        How many.
+    position_error, velocity_error : float
+        Root mean square, all components together [m], [m/s]; NaN where nothing of it is measured.
+    in_sigma : float
+        Root mean square of each component in its σ: 1 for a filter that knows its errors.
+    log_likelihood : float
+        Mean log-likelihood of a fix.
+    """
+
+    fixes: int
+    position_error: float
+    velocity_error: float
+    in_sigma: float
+    log_likelihood: float
+
+
+def better(before: HeldOut, after: HeldOut) -> bool:
+    """Say whether withheld fixes are more likely than before, and their error no larger."""
+    return bool(
+        after.log_likelihood > before.log_likelihood
+        and not after.position_error > ALLOWED * before.position_error
+    )
+
+
+@dataclass(frozen=True, eq=False)
+class Identification:
+    """What the innovations of a run say of its sensors.
+
+    Attributes
+    ----------
+    mission : str
+        Whose innovations.
+    rows : tuple of Row
+        The parameters.
+    before, after : HeldOut
+        Prediction of fixes that were withheld for `withheld` seconds every `every` seconds.
+    withheld, every : float
+        See there [s].
+    inside : (float, float)
+        Part of the NIS in their 95 % intervals, before and after; one by one, the next fix from all before.
+    white : bool
+        Whether the innovations can be made white; if not, the intervals are those of correlated ones.
+    predicting : bool
+        Whether the likelihood was that of fixes predicted across outages, others than those judged, since
+        that of the next fix leads astray: errors of the fixes are correlated.
+    outliers : int
+        Fixes that were left out, since no Gaussian would give them.
+    fixes : int
+        Fixes that were used.
+    changes : mapping
+        Settings by group, nested, that take the parameters over.
+    seconds : float
+        Time it took [s].
+    """
+
+    mission: str
+    rows: tuple[Row, ...]
+    before: HeldOut
+    after: HeldOut
+    withheld: float
+    every: float
+    inside: tuple[float, float]
+    white: bool
+    predicting: bool
+    outliers: int
+    fixes: int
+    changes: Mapping[str, Any]
+    seconds: float
+
+    @property
+    def recommended(self) -> bool:
+        """Whether withheld fixes are predicted better than before."""
+        return better(self.before, self.after)
+
+    @property
+    def table(self) -> pd.DataFrame:
+        """The rows as a table."""
+        import pandas as pd  # noqa: PLC0415 - takes a while to import, and a run does without
+
+        return pd.DataFrame(self.rows, columns=list(Row._fields))
+
+    @property
+    def sentence(self) -> str:
+        """What came of it, in words."""
+        word = "better" if self.recommended else "no better"
+        text = (
+            f"Fixes withheld for {self.withheld:g} s are predicted {word}: error "
+            f"{self.before.position_error:.3g} m before, {self.after.position_error:.3g} m after; in its σ "
+            f"{self.before.in_sigma:.3g} before, {self.after.in_sigma:.3g} after. NIS in its 95 % interval: "
+            f"{100 * self.inside[0]:.0f} % of the fixes before, {100 * self.inside[1]:.0f} % after."
+        )
+        advice = "Apply the settings." if self.recommended else "The settings are better left as they are."
+        return f"{text} {advice}"
+
+    @property
+    def remarks(self) -> tuple[str, ...]:
+        """What to know before believing it."""
+        remarks = []
+        if not self.white:
+            remarks.append(
+                "The innovations are not white: no values of these parameters explain them. The intervals "
+                "allow for that; the cause is elsewhere, such as errors of the fixes that are correlated."
+            )
+        if self.predicting:
+            remarks.append(
+                "The values are those that predict fixes across outages best: the likelihood of the next fix "
+                "alone leads to a filter that follows correlated errors of the fixes."
+            )
+        if self.outliers:
+            remarks.append(
+                f"{self.outliers} fixes were left out as outliers; a gate or a robust update handles them "
+                "(navigator.gate, navigator.robust)."
+            )
+        return tuple(remarks)
+
+    def settings(self) -> dict[str, Any]:
+        """Return the settings, for ``experiment.update(identification.settings())``."""
+        return {group: dict(values) for group, values in self.changes.items()}
+
+    def card(self, name: str) -> Card:
+        """Return the sensors as a card of one's own: what the log shows of them, and the noise assumed.
+
+        Of a simulated run, too, it is the sensors as identified, not as simulated.
+
+        Parameters
+        ----------
+        name
+            What the card is called.
+        """
+        groups: dict[str, dict[str, Datum]] = {}
+        where = f"Innovations of {self.mission}: {self.fixes} fixes, maximum likelihood"
+        suite = SensorSuite().groups()
+        for group, terms in self.changes.get("sensors", {}).items():
+            for term, value in terms.items():
+                unit = suite[group].param[term].unit
+                density = TWO_SIDED if term == DENSITY else ""
+                numbers = np.atleast_1d(np.asarray(value, dtype=np.float64))
+                if term == "vibration_density":
+                    continue
+                datum = Datum(tuple(float(f"{number:.4g}") for number in numbers), unit, where, density)
+                groups.setdefault(group, {})[term] = datum
+        return Card(
+            name=name, maker="", grade="own", note="In this vehicle, its vibration included.", terms=groups
+        )
+
+    def __repr__(self) -> str:
+        table = self.table.to_string(index=False, float_format=lambda value: f"{value:.4g}")
+        return "\n".join((f"Identification of {self.mission}:", table, self.sentence, *self.remarks))

@@ -1,0 +1,320 @@
+"""Likelihood: the parameters of a filter that make its innovations most likely, and how well they are known.
+
+The innovations of the right filter are white, with the covariance S it states; their log-likelihood is
+−½ Σ (ln det S + νᵀ S⁻¹ ν). It is climbed by Fisher scoring: the derivatives of ν and S by differences of
+whole runs of the filter, the expected information in place of the Hessian.
+
+References
+----------
+N. K. Gupta, R. K. Mehra, *Computational aspects of maximum likelihood estimation and reduction in
+sensitivity function calculations*, IEEE Trans. AC 19 (1974), for score and information; W. K. Newey, K. D.
+West, *A simple, positive semi-definite, heteroskedasticity and autocorrelation consistent covariance matrix*,
+Econometrica 55 (1987), for scores that are correlated in time.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lab.analysis.consistency import MAX_LAG, autocorrelation, ljung_box
+
+FloatArray = NDArray[np.float64]
+Progress = Callable[[str, float], None]
+
+ROUNDS = 15
+"""Most steps of the search; from parameters ten times off 8 to 12 are needed."""
+SETTLED = 0.02
+"""A step shorter than this part of each σ ends the search."""
+LARGEST_STEP = 2.0
+"""Longest step of a logarithm at once: a factor of e²."""
+ROUGH = 1.0
+"""By how much a step may lower the log-likelihood: so rough it is over the latency."""
+STIFFEST = 1e8
+"""Damping at which no step is found and the search ends."""
+
+
+class Seen(NamedTuple):
+    """What a filter says of the fixes, each by its innovation.
+
+    Attributes
+    ----------
+    innovation : (m, 6) array
+        NaN in what is not measured, and in fixes that count for nothing.
+    covariance : (m, 6, 6) array
+        S of the innovations.
+    """
+
+    innovation: FloatArray
+    covariance: FloatArray
+
+
+Run = Callable[[FloatArray], Seen]
+"""Runs the filter with the parameters (p,); the fixes are always the same ones, in the same order."""
+
+
+@dataclass(frozen=True)
+class Parameter:
+    """A parameter of the filter, in the coordinate in which it is searched.
+
+    Attributes
+    ----------
+    name : str
+        What it is called.
+    start : float
+        Where the search begins.
+    low, high : float
+        Its bounds.
+    prior : float
+        σ of what is known beforehand, about the start.
+    step : float
+        Step of the differences.
+    both : bool
+        Whether they are taken to both sides. A filter that takes the lever arm at the rate of a single sample
+        makes the likelihood rough over the latency: there the step is long, and to both sides.
+    longest : float
+        Longest step of the search.
+    """
+
+    name: str
+    start: float
+    low: float
+    high: float
+    prior: float
+    step: float
+    longest: float
+    both: bool = False
+
+
+@dataclass(frozen=True)
+class Estimate:
+    """The most likely parameters.
+
+    Attributes
+    ----------
+    value, sigma : (p,) arrays
+        Estimates and their standard deviations; 0 for a parameter that was held.
+    log_likelihood : float
+        At the estimate.
+    seen : Seen
+        What the filter says there.
+    white : bool
+        Whether the innovations are white; if not, σ is that of correlated scores.
+    rounds : int
+        Steps of the search.
+    """
+
+    value: FloatArray
+    sigma: FloatArray
+    log_likelihood: float
+    seen: Seen
+    white: bool
+    rounds: int
+
+
+class _Slopes(NamedTuple):
+    """Derivatives of the log-likelihood at one place."""
+
+    scores: FloatArray  # (m, p), of each fix
+    information: FloatArray  # (p, p)
+
+
+def log_likelihoods(seen: Seen) -> FloatArray:
+    """Return the log-likelihood of each fix (m,), without the constant; 0 for one that measures nothing."""
+    nu, S = _measured(seen)
+    square = np.einsum("mi,mi->m", nu, np.linalg.solve(S, nu[..., None])[..., 0])
+    return np.asarray(-0.5 * (np.linalg.slogdet(S)[1] + square))
+
+
+def squares(seen: Seen) -> tuple[FloatArray, NDArray[np.int64]]:
+    """Return NIS (m,) and its degrees of freedom (m,), of what each fix measures."""
+    nu, S = _measured(seen)
+    degrees = np.isfinite(seen.innovation).sum(axis=1)
+    return np.einsum("mi,mi->m", nu, np.linalg.solve(S, nu[..., None])[..., 0]), degrees
+
+
+def _measured(seen: Seen) -> tuple[FloatArray, FloatArray]:
+    """Return innovations and covariances with unit variance and zero in place of what is not measured."""
+    known = np.isfinite(seen.innovation)
+    S = np.where(known[:, :, None] & known[:, None, :], seen.covariance, 0.0)
+    at = np.arange(known.shape[1])
+    S[:, at, at] = np.where(known, S[:, at, at], 1.0)
+    return np.where(known, seen.innovation, 0.0), S
+
+
+def maximise(
+    run: Run,
+    parameters: Sequence[Parameter],
+    begin: FloatArray,
+    held: NDArray[np.bool_],
+    progress: Progress = lambda _stage, _fraction: None,
+) -> Estimate:
+    """Return the most likely parameters.
+
+    Parameters
+    ----------
+    run
+        Runs the filter; raises `ValueError` where it cannot.
+    parameters
+        What is searched.
+    begin : (p,) array
+        Where the search begins.
+    held : (p,) array
+        Parameters that stay where they begin.
+    progress
+        Called with a phrase and the fraction done; it may end the search by raising.
+
+    Raises
+    ------
+    ValueError
+        If the filter cannot be run where the search begins.
+    """
+    free = np.flatnonzero(~held)
+    low, high, longest, prior, start = (
+        np.array([getattr(parameter, name) for parameter in parameters])[free]
+        for name in ("low", "high", "longest", "prior", "start")
+    )
+    place = np.array(begin, dtype=np.float64)
+    here = run(place)
+    value = float(log_likelihoods(here).sum()) - _cost(place[free], start, prior)
+    if not np.isfinite(value):
+        raise ValueError("the innovations are no numbers where the search begins")
+    damping, rounds = 1e-3, 0
+    with ThreadPoolExecutor(max_workers=min(4, os.cpu_count() or 1)) as pool:
+        slopes = _slopes(run, parameters, free, place, here, pool)
+        while free.size and rounds < ROUNDS:
+            progress("maximising the likelihood", rounds / ROUNDS)
+            rounds += 1
+            information = slopes.information + np.diag(1 / prior**2)
+            slope = slopes.scores.sum(axis=0) - (place[free] - start) / prior**2
+            moved = False
+            while damping < STIFFEST:
+                step = np.linalg.solve(information + damping * np.diag(np.diag(information)), slope)
+                step = step * min(1.0, float(np.min(longest / np.maximum(np.abs(step), 1e-300))))
+                trial = place.copy()
+                trial[free] = np.clip(place[free] + step, low, high)
+                there, better = _tried(run, trial, trial[free], start, prior)
+                if there is not None and better > value - ROUGH:
+                    moved = True
+                    break
+                damping = max(10 * damping, 1e-3)
+            if not moved:
+                break
+            assert there is not None
+            sigma = np.sqrt(np.diag(np.linalg.inv(information)))
+            small = (
+                bool(np.all(np.abs(trial[free] - place[free]) < SETTLED * sigma))
+                or abs(better - value) < 0.01
+            )
+            place, here, value, damping = trial, there, better, damping / 10
+            slopes = _slopes(run, parameters, free, place, here, pool)
+            if small:
+                break
+    white = is_white(here)
+    sigma = np.zeros(len(parameters))
+    sigma[free] = _sigma(slopes, prior, white)
+    return Estimate(place, sigma, float(log_likelihoods(here).sum()), here, white, rounds)
+
+
+def _cost(values: FloatArray, start: FloatArray, prior: FloatArray) -> float:
+    return 0.5 * float(np.sum(((values - start) / prior) ** 2))
+
+
+def _tried(
+    run: Run, trial: FloatArray, values: FloatArray, start: FloatArray, prior: FloatArray
+) -> tuple[Seen | None, float]:
+    """Return what the filter says at a place, and how likely that is; None where it cannot be run."""
+    try:
+        there = run(trial)
+        likely = float(log_likelihoods(there).sum())
+    except (ValueError, np.linalg.LinAlgError):
+        return None, -np.inf
+    return (there, likely - _cost(values, start, prior)) if np.isfinite(likely) else (None, -np.inf)
+
+
+def _slopes(
+    run: Run,
+    parameters: Sequence[Parameter],
+    free: NDArray[np.intp],
+    place: FloatArray,
+    here: Seen,
+    pool: ThreadPoolExecutor,
+) -> _Slopes:
+    """Return scores and expected information by differences of runs."""
+
+    def beside(step: tuple[int, float]) -> Seen:
+        moved = place.copy()
+        moved[step[0]] += step[1]
+        return run(moved)
+
+    steps = [
+        (int(i), sign * parameters[i].step)
+        for i in free
+        for sign in ((1, -1) if parameters[i].both else (1,))
+    ]
+    nu, S = _measured(here)
+    dnu, dS = np.zeros((free.size, *nu.shape)), np.zeros((free.size, *S.shape))
+    numbers = {int(index): number for number, index in enumerate(free)}
+    for (index, step), there in zip(steps, pool.map(beside, steps), strict=True):
+        other_nu, other_S = _measured(there)
+        share = step * (2 if parameters[index].both else 1)
+        dnu[numbers[index]] += (other_nu - nu) / share
+        dS[numbers[index]] += (other_S - S) / share
+    inverse = np.linalg.inv(S)
+    white = np.einsum("mij,mj->mi", inverse, nu)
+    relative = inverse @ dS  # S⁻¹ ∂S
+    trace = np.trace(relative, axis1=-2, axis2=-1)
+    quadratic = np.einsum("mi,pmij,mj->pm", white, dS, white, optimize=True)
+    scores = -np.einsum("pmi,mi->pm", dnu, white) + 0.5 * (quadratic - trace)
+    information = np.einsum("pmi,mij,qmj->pq", dnu, inverse, dnu, optimize=True)
+    information = information + 0.5 * np.einsum("pmij,qmji->pq", relative, relative, optimize=True)
+    return _Slopes(scores.T, information)
+
+
+def _sigma(slopes: _Slopes, prior: FloatArray, white: bool) -> FloatArray:
+    """Return the σ of the estimates: by the information, and by the scores' own spread if that is larger."""
+    inverse = np.linalg.inv(slopes.information + np.diag(1 / prior**2))
+    variance = np.diag(inverse)
+    if not white and variance.size:
+        spread = inverse @ long_run_covariance(slopes.scores) @ inverse
+        variance = np.maximum(variance, np.diag(spread))
+    return np.sqrt(variance)
+
+
+def long_run_covariance(scores: FloatArray) -> FloatArray:
+    """Return the covariance (p, p) of the sum of scores (m, p) that are correlated in time (Newey, West)."""
+    m = scores.shape[0]
+    centred = scores - scores.mean(axis=0)
+    total = centred.T @ centred
+    lags = max(1, m // 10)
+    for lag in range(1, lags + 1):
+        product = centred[lag:].T @ centred[:-lag]
+        total = total + (1 - lag / (lags + 1)) * (product + product.T)
+    return np.asarray(total)
+
+
+def is_white(seen: Seen, probability: float = 0.001) -> bool:
+    """Say whether no channel of the innovations is correlated with itself over the first lags.
+
+    Parameters
+    ----------
+    seen
+        The innovations.
+    probability
+        Of calling white innovations correlated, for each channel.
+    """
+    normalised = seen.innovation / np.sqrt(np.diagonal(seen.covariance, axis1=1, axis2=2))
+    for channel in normalised.T:
+        known = channel[np.isfinite(channel)]
+        if known.size > 3 * MAX_LAG:
+            found = autocorrelation(known[:, None])
+            _, p = ljung_box(found, known.size)
+            if float(np.min(p)) < probability:
+                return False
+    return True

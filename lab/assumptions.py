@@ -1,0 +1,311 @@
+"""Assumptions: what a filter assumes of its sensors as a few parameters, and as the settings that say so.
+
+One factor for the noise of each triad, one for the drive of its biases, three for a fix, latency, lever arm.
+Noise and σ are searched by their logarithms.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lab.analysis.identification import NORMAL, Row
+from lab.analysis.likelihood import Parameter
+from lab.experiment import Experiment
+from lab.navigation.belief import assumed_latency, assumed_lever_arm, belief
+from lab.result import Result
+from lab.sensors.suite import SensorSuite
+from lab.units import TO_SI, si
+
+FloatArray = NDArray[np.float64]
+
+NOISE, FIX, LATENCY, LEVER_ARM = slice(0, 4), slice(4, 7), 7, slice(8, 11)
+"""Where the parameters are: logarithms of noise and of σ of a fix, then latency [s] and lever arm [m]."""
+LOGARITHMS = slice(0, 7)
+PARAMETERS = 11
+TRIADS = ("gyro", "accelerometer")
+NAMES = (
+    "gyro noise density",
+    "accelerometer noise density",
+    "gyro bias drive",
+    "accelerometer bias drive",
+    "horizontal position variance",
+    "vertical position variance",
+    "velocity variance",
+    "latency",
+    "lever arm forward",
+    "lever arm right",
+    "lever arm down",
+)
+
+FACTOR = 3.5
+"""Prior σ of a logarithm: noise is known within a factor of 1000 beforehand."""
+LATE = 1.0
+"""Prior σ of the latency [s]; receivers are 0 to 0.5 s late."""
+ARM = 5.0
+"""Prior σ of the lever arm [m]: vehicles, up to airliners."""
+OBSERVABLE = 1 / 3
+"""Part of the prior σ below which a parameter counts as observable."""
+MEETING = 60.0
+"""Time at which a drive that nobody assumed is first tried to reach the white noise [s]: a smaller one does
+not show in a flight of minutes."""
+NOTHING = 10.0
+"""Logarithm at which noise is taken as none: 20,000 times less than where the search begins."""
+
+
+class Assumed(NamedTuple):
+    """What a filter assumes.
+
+    Attributes
+    ----------
+    noise : (12,) array
+        Densities of the process noise, as of `Belief`.
+    factors : (3,) array
+        On the variances of a fix: horizontal position, vertical position, velocity.
+    latency : float
+        [s].
+    lever_arm : (3,) array
+        [m].
+    """
+
+    noise: FloatArray
+    factors: FloatArray
+    latency: float
+    lever_arm: FloatArray
+
+    def moved(self, by: FloatArray) -> Assumed:
+        """Return other assumptions, from the parameters (11,): logarithms are those of factors."""
+        noise = self.noise.reshape(4, 3) * np.exp(2 * by[NOISE])[:, None]
+        return Assumed(noise.ravel(), self.factors * np.exp(2 * by[FIX]), float(by[LATENCY]), by[LEVER_ARM])
+
+    def on(self, experiment: Experiment) -> Experiment:
+        """Return a copy of an experiment whose filter assumes this."""
+        changed = experiment.copy()
+        navigator = changed.navigator
+        navigator.q = (self.noise / navigator.q_scale).tolist()
+        navigator.r_factors = self.factors.tolist()
+        navigator.latency = float(np.clip(self.latency, -60, 60))
+        navigator.lever_arm = self.lever_arm.tolist()
+        return changed
+
+
+def assumed(result: Result) -> tuple[Assumed, FloatArray]:
+    """Return what the filter of a result assumes, and what a search begins with: nothing in it is zero."""
+    sensors, navigator = result.experiment.sensors, result.experiment.navigator
+    noise = belief(sensors, navigator).noise
+    if result.recorded:
+        gnss = result.recorded.log.gnss
+        latency, lever_arm = gnss.latency, gnss.lever_arm
+    else:
+        latency, lever_arm = float(sensors.gps.latency), si(sensors.gps, "lever_arm")
+    now = Assumed(
+        noise,
+        np.array(navigator.r_factors),
+        assumed_latency(navigator, latency),
+        assumed_lever_arm(navigator, lever_arm),
+    )
+    begin = noise.reshape(4, 3).copy()
+    usual = SensorSuite().groups()
+    for row, triad in enumerate(TRIADS):
+        if not begin[row].any():
+            begin[row] = si(usual[triad], "noise_density") ** 2
+        if not begin[2 + row].any():
+            begin[2 + row] = 3 * begin[row].mean() / MEETING**2
+    return now, begin.ravel()
+
+
+def parameters(now: Assumed) -> list[Parameter]:
+    """Return what is searched, and within which bounds."""
+    logarithms = [Parameter(name, 0.0, -12.0, 12.0, FACTOR, 1e-3, 2.0) for name in NAMES[LOGARITHMS]]
+    arms = [
+        Parameter(name, float(arm), -100.0, 100.0, ARM, 1e-2, 5.0)
+        for name, arm in zip(NAMES[LEVER_ARM], now.lever_arm, strict=True)
+    ]
+    return [*logarithms, Parameter(NAMES[LATENCY], now.latency, -3.0, 3.0, LATE, 0.05, 0.3, both=True), *arms]
+
+
+def rows_of(
+    result: Result,
+    now: Assumed,
+    begun: Assumed,
+    value: FloatArray,
+    sigma: FloatArray,
+    shown: NDArray[np.bool_],
+    bounded: NDArray[np.bool_],
+) -> tuple[Row, ...]:
+    """Return the table of the parameters.
+
+    Parameters
+    ----------
+    result
+        The run.
+    now, begun
+        What its filter assumes, and what the search began with.
+    value, sigma : (11,) arrays
+        Estimates and their σ.
+    shown : (11,) array
+        Which of them the log shows.
+    bounded : (11,) array
+        Of which of these it shows only that they are not larger.
+    """
+    found, rows = begun.moved(value), []
+    before, after = _shown_values(result, now), _shown_values(result, found)
+    for index, name in enumerate(NAMES):
+        unit, old = before[index]
+        _, new = after[index]
+        if not shown[index]:
+            rows.append(Row(name, unit, old, old, math.nan, math.nan, math.nan, False))
+            continue
+        if index < LOGARITHMS.stop:
+            power = 2.0 if FIX.start <= index < FIX.stop else 1.0
+            spread = math.exp(min(NORMAL * power * sigma[index], 50.0))
+            low = 0.0 if bounded[index] else new / spread
+            rows.append(Row(name, unit, old, new, new * power * sigma[index], low, new * spread, True))
+        else:
+            half = NORMAL * sigma[index]
+            rows.append(Row(name, unit, old, new, float(sigma[index]), new - half, new + half, True))
+    return tuple(rows)
+
+
+def _shown_values(result: Result, of: Assumed) -> list[tuple[str, float]]:
+    """Return unit and value of each parameter as a person reads it; rms over the axes."""
+    units = ("°/s/√Hz", "µg/√Hz", "°/h/√h", "mg/√h")
+    amplitude = np.sqrt(of.noise.reshape(4, 3).mean(axis=1))
+    values = [(unit, float(value / TO_SI[unit])) for unit, value in zip(units, amplitude, strict=True)]
+    variances = _variances(result)
+    for part, factor in enumerate(of.factors):
+        kind = "m²" if part < 2 else "(m/s)²"
+        known = variances[part]
+        values.append(("× own", float(factor)) if known is None else (kind, float(known * factor)))
+    values.append(("s", float(of.latency)))
+    return values + [("m", float(arm)) for arm in of.lever_arm]
+
+
+def own_sigma(result: Result) -> tuple[bool, bool]:
+    """Return whether the fixes of a log state their own σ, of position and of velocity, and it is used."""
+    if not result.recorded or result.experiment.navigator.r is not None:
+        return False, False
+    gnss = result.recorded.log.gnss
+    return bool(np.isfinite(gnss.position_sigma).any()), bool(np.isfinite(gnss.velocity_sigma).any())
+
+
+def _variances(result: Result) -> tuple[float | None, ...]:
+    """Return the variances that the factors are on; None where each fix has its own."""
+    settings = result.experiment.copy()
+    settings.navigator.r_factors = 1.0
+    R = np.diag(belief(settings.sensors, settings.navigator).R)
+    position, velocity = own_sigma(result)
+    horizontal, vertical = float(R[:2].mean()), float(R[2])
+    return (
+        None if position else horizontal,
+        None if position else vertical,
+        None if velocity else float(R[3:].mean()),
+    )
+
+
+def changes_of(result: Result, rows: Sequence[Row], found: Assumed) -> dict[str, Any]:
+    """Return the settings, nested by group, that make the filter of a result assume what was found.
+
+    Of a simulated run the filter's own; of a log those of the sensors, which are what its filter assumes.
+
+    Parameters
+    ----------
+    result
+        The run.
+    rows
+        The table of the parameters; what is not observable stays.
+    found
+        What was found, with what stays in it.
+    """
+    seen = np.array([row.observable for row in rows])
+    navigator: dict[str, Any] = {}
+    if seen[LATENCY]:
+        navigator["latency"] = _digits(found.latency)
+    if seen[LEVER_ARM].any():
+        navigator["lever_arm"] = [_digits(arm) for arm in found.lever_arm]
+    if not result.recorded:
+        if seen[NOISE].any():
+            scale = float(result.experiment.navigator.q_scale)
+            navigator["q"] = [_digits(density / scale) for density in found.noise]
+        if seen[FIX].any():
+            navigator["r_factors"] = [_digits(factor) for factor in found.factors]
+        return {"navigator": navigator}
+    sensors = _noise_settings(result, found, seen)
+    gps, factors = _fix_settings(result, found, seen)
+    if gps:
+        sensors["gps"] = gps
+    if factors:
+        navigator["r_factors"] = factors
+    if seen[NOISE].any() and result.experiment.navigator.q is not None:
+        navigator["q"] = None
+    if seen[NOISE].any() and result.experiment.navigator.q_scale != 1:
+        navigator["q_scale"] = 1.0
+    return {name: group for name, group in (("sensors", sensors), ("navigator", navigator)) if group}
+
+
+def _noise_settings(result: Result, found: Assumed, seen: NDArray[np.bool_]) -> dict[str, Any]:
+    """Return the settings of the triads that make the matched process noise that which was found.
+
+    With Q given or scaled, all of it becomes that of the sensors.
+    """
+    settings, noise = result.experiment, found.noise.reshape(4, 3)
+    every = settings.navigator.q is not None or settings.navigator.q_scale != 1
+    sensors: dict[str, Any] = {}
+    for row, triad in enumerate(TRIADS):
+        group, terms = settings.sensors.groups()[triad], {}
+        if seen[row] or (every and seen[NOISE].any()):
+            unit = group.param["noise_density"].unit
+            bound = float(group.param["noise_density"].bounds[1])
+            wanted = np.sqrt(noise[row]) / TO_SI[unit]
+            terms["noise_density"] = [_digits(value) for value in np.minimum(wanted, bound)]
+            if triad == "accelerometer":
+                rest = np.sqrt(np.maximum(wanted**2 - bound**2, 0))
+                terms["vibration_density"] = [_digits(value) for value in rest]
+        if seen[2 + row] or (every and seen[NOISE].any()):
+            unit = group.param["rate_random_walk"].unit
+            low, high = group.param["rate_random_walk"].bounds
+            walk = np.clip(np.sqrt(noise[2 + row]) / TO_SI[unit], low, high)
+            # What varied by other processes walks now; it stays part of the uncertainty at the start.
+            start = np.hypot(si(group, "bias_sigma"), si(group, "instability"))
+            unit = group.param["bias_sigma"].unit
+            terms |= {
+                "rate_random_walk": [_digits(value) for value in walk],
+                "bias_sigma": [_digits(value) for value in start / TO_SI[unit]],
+                "instability": [0.0] * 3,
+                "flicker": [0.0] * 3,
+            }
+        if terms:
+            sensors[triad] = terms
+    return sensors
+
+
+def _fix_settings(
+    result: Result, found: Assumed, seen: NDArray[np.bool_]
+) -> tuple[dict[str, Any], list[float] | None]:
+    """Return settings of the receiver, and factors where its fixes have their own σ or R is given."""
+    gps: dict[str, Any] = {}
+    if not seen[FIX].any():
+        return gps, None
+    navigator = result.experiment.navigator
+    old, factors = np.array(navigator.r_factors), found.factors.copy()
+    if navigator.r is None and not any(own_sigma(result)):
+        sensors = result.experiment.sensors.gps
+        ratio = factors / old
+        position = np.array(sensors.position_variance) * (ratio[0], ratio[0], ratio[1])
+        for name, values in (
+            ("position_variance", position),
+            ("velocity_variance", np.array(sensors.velocity_variance) * ratio[2]),
+        ):
+            low, high = sensors.param[name].bounds
+            gps[name] = [_digits(value) for value in np.clip(values, low, high)]
+        return gps, None
+    return gps, [_digits(factor) for factor in factors]
+
+
+def _digits(value: float) -> float:
+    """Return a number with as many digits as a setting needs."""
+    return float(f"{value:.6g}")

@@ -1,0 +1,111 @@
+"""``ins-lab identify``: the noise of a log's sensors, latency and lever arm from the innovations."""
+
+from __future__ import annotations
+
+from dataclasses import asdict
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from lab.cli.app import CommandError, print_json, working
+from lab.cli.options import AsJson, Assignments, Config, Force, Mission, Seed, check_out, experiment
+from lab.cli.terminal import table
+
+if TYPE_CHECKING:
+    from lab.analysis.identification import Identification
+
+EXAMPLES = """\b
+Examples:
+  ins-lab identify my_drive
+  ins-lab identify my_drive --card my_imu.toml --settings my_drive_settings.toml
+  ins-lab run my_drive --config my_drive_settings.toml
+  ins-lab identify montreal --set navigator.q_scale=0.01
+The intervals hold 95 %. What the log does not show stays as it is assumed."""
+
+
+def identify(
+    mission: Mission,
+    config: Config = None,
+    assignments: Assignments = None,
+    seed: Seed = None,
+    out: Annotated[
+        Path | None,
+        typer.Option("--card", metavar="OUT.toml", help="Write a card of the sensors.", show_default=False),
+    ] = None,
+    settings: Annotated[
+        Path | None,
+        typer.Option(
+            "--settings",
+            metavar="OUT.toml",
+            help="Write all settings with what was found, for --config.",
+            show_default=False,
+        ),
+    ] = None,
+    force: Force = False,
+    as_json: AsJson = False,
+) -> None:
+    """Find noise, latency and lever arm from the innovations, and whether they predict withheld fixes."""
+    check_out(out, force, ".toml", "a card", "--card")
+    check_out(settings, force, ".toml", "settings", "--settings")
+    chosen = experiment(mission, config, None, assignments, seed)
+    with working(chosen.mission) as progress:
+        found = chosen.run(lambda stage, fraction: progress(stage, 0.1 * fraction)).identify(
+            lambda stage, fraction: progress(stage, 0.1 + 0.9 * fraction)
+        )
+        if out is not None:
+            _write(out, _card(found, out))
+        if settings is not None:
+            _write(settings, chosen.copy().update(found.settings()).to_toml())
+    if as_json:
+        print_json(_facts(found))
+    else:
+        print(_text(found))
+
+
+def _card(found: Identification, out: Path) -> str:
+    card = found.card(out.stem)
+    if not card.terms:
+        raise CommandError(
+            f"--card {out}: the innovations show nothing that a card has; --settings writes what the filter "
+            "assumes"
+        )
+    return card.to_toml()
+
+
+def _write(path: Path, text: str) -> None:
+    from lab.missions.atomic_file import atomic_file  # noqa: PLC0415 - rarely needed
+
+    with atomic_file(path) as file:
+        file.write(text.encode())
+
+
+def _text(found: Identification) -> str:
+    rows = [
+        (
+            row.parameter,
+            row.unit,
+            f"{row.before:.4g}",
+            f"{row.after:.4g}",
+            f"{row.sigma:.2g}" if row.observable else "",
+            row.words,
+        )
+        for row in found.rows
+    ]
+    header = ("parameter", "unit", "before", "after", "σ", "95 % interval")
+    parts = [table(header, rows, right={2, 3, 4}), found.sentence]
+    if found.remarks:
+        parts.append("\n".join(f"- {remark}" for remark in found.remarks))
+    return "\n\n".join(parts)
+
+
+def _facts(found: Identification) -> dict[str, Any]:
+    facts = asdict(found)
+    return {
+        **facts,
+        "rows": [row._asdict() for row in found.rows],
+        "before": found.before._asdict(),
+        "after": found.after._asdict(),
+        "recommended": found.recommended,
+        "remarks": list(found.remarks),
+    }

@@ -1,0 +1,140 @@
+"""Renavigation: a run navigated anew with other settings of the filter, and with fixes that are withheld.
+
+The sensors' output stays: of a simulated run as it was simulated, of a log as it was recorded.
+"""
+
+from __future__ import annotations
+
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lab.analysis.likelihood import Seen
+from lab.experiment import Experiment, aligned_gyro_bias, start
+from lab.navigation import navigator as linear
+from lab.navigation import unscented
+from lab.navigation.belief import assumed_latency, belief, schedule_of
+from lab.navigation.choice import chosen_model
+from lab.navigation.kalman import MEASUREMENTS
+from lab.navigation.recorded import WITHHELD, navigate_log
+from lab.navigation.solution import Fixes, Imu, Solution
+from lab.navigation.standstill import at_rest
+from lab.result import Recorded, Result
+
+FloatArray = NDArray[np.float64]
+Flags = NDArray[np.bool_]
+
+_ROUNDING = 1e-9  # of time stamps [s]
+
+
+class Subject(Protocol):
+    """A run that can be navigated anew.
+
+    Attributes
+    ----------
+    stamps : (m,) array
+        Time stamps of all its fixes [s].
+    span : (float, float)
+        When the IMU begins and ends [s].
+    """
+
+    stamps: FloatArray
+    span: tuple[float, float]
+
+    def navigate(self, experiment: Experiment, withheld: Flags) -> tuple[Seen, Seen]:
+        """Return the innovations of all fixes: with the S of the filter, and with that of fixes withheld.
+
+        Parameters
+        ----------
+        experiment
+            Settings, of which those of what the filter assumes count.
+        withheld : (m,) array
+            Which fixes change nothing.
+        """
+        ...
+
+
+class Simulated:
+    """A simulated run."""
+
+    def __init__(self, result: Result) -> None:
+        truth, _ = result.true_flight("identification")
+        self.stamps = result.fixes.time
+        self.span = (float(result.time[0]), float(result.time[-1]))
+        self._fixes = result.fixes
+        settings = result.experiment
+        navigator = settings.navigator
+        self._start = start(truth, navigator, settings.seed)
+        if navigator.alignment:
+            bias = aligned_gyro_bias(settings.sensors, settings.seed, float(navigator.alignment))
+            self._start = self._start._replace(gyro_bias=bias)
+        imu = Imu(result.time, result.gyro.increments, result.accelerometer.increments)
+        if navigator.rest_updates:
+            fixes = Fixes(result.fix_validity, result.fixes.position, result.fixes.velocity_n)
+            imu = imu._replace(rest=at_rest(imu, fixes, result.belief))
+        self._imu = imu
+
+    def navigate(self, experiment: Experiment, withheld: Flags) -> tuple[Seen, Seen]:
+        """Return the innovations of all fixes; see `Subject`."""
+        navigator, imu = experiment.navigator, self._imu
+        assumed = belief(experiment.sensors, navigator)
+        R = np.broadcast_to(assumed.R, (self.stamps.size, MEASUREMENTS, MEASUREMENTS))
+        given = R + WITHHELD**2 * np.eye(MEASUREMENTS) * withheld[:, None, None]
+        latency = assumed_latency(navigator, experiment.sensors.gps.latency)
+        fixes = Fixes(self.stamps - latency, self._fixes.position, self._fixes.velocity_n)
+        schedule = schedule_of(navigator, float(np.median(np.diff(imu.time))), imu.dtheta.shape[0])
+        arguments = (imu, fixes, self._start, assumed._replace(R=given), schedule)
+        if navigator.model == "nonlinear":
+            solution = unscented.navigate(*arguments)
+        else:
+            solution = linear.navigate(*arguments, chosen_model(navigator))
+        return _seen(solution), _predicted(solution, R)
+
+
+class Logged:
+    """A log of real sensors."""
+
+    def __init__(self, recorded: Recorded) -> None:
+        self._log = recorded.log
+        self.stamps = recorded.log.gnss.time
+        self.span = (float(recorded.time[0]), float(recorded.time[-1]))
+
+    def navigate(self, experiment: Experiment, withheld: Flags) -> tuple[Seen, Seen]:
+        """Return the innovations of all fixes; see `Subject`."""
+        sensors, navigator = experiment.sensors, experiment.navigator
+        run = navigate_log(self._log, sensors, navigator, sensors.gps.outages, withheld)
+        latency = assumed_latency(navigator, self._log.gnss.latency)
+        rows = np.searchsorted(self.stamps - latency, run.fixes.time - _ROUNDING)
+        return (
+            self._of_all(_seen(run.solution), rows),
+            self._of_all(_predicted(run.solution, run.belief.R), rows),
+        )
+
+    def _of_all(self, seen: Seen, rows: NDArray[np.intp]) -> Seen:
+        """Return what is seen of all fixes, where only some were within the time of the run."""
+        innovation = np.full((self.stamps.size, MEASUREMENTS), np.nan)
+        covariance = np.tile(np.eye(MEASUREMENTS), (self.stamps.size, 1, 1))
+        innovation[rows], covariance[rows] = seen
+        return Seen(innovation, covariance)
+
+
+def subject(result: Result) -> Subject:
+    """Return what navigates a result anew."""
+    return Logged(result.recorded) if result.recorded else Simulated(result)
+
+
+def _seen(solution: Solution) -> Seen:
+    return Seen(solution.innovation, solution.innovation_covariance)
+
+
+def _predicted(solution: Solution, R: FloatArray) -> Seen:
+    """Return innovations with their covariance H P Hᵀ + R by the P after each fix.
+
+    A withheld fix leaves P as it was. The filter's own S of it would be the difference of large numbers.
+    """
+    H = solution.fix_H
+    S = H @ solution.fix_covariance @ np.swapaxes(H, 1, 2) + R
+    known: Flags = np.asarray(np.isfinite(S).all(axis=(1, 2)))
+    S[~known] = np.eye(MEASUREMENTS)
+    return Seen(np.where(known[:, None], solution.innovation, np.nan), S)

@@ -1,0 +1,156 @@
+"""Identification: simulated controls, of which the true noise, latency and lever arm are known."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from sensor_logs import tables, write
+
+from lab import Experiment, ResultError
+from lab.missions import read_sensor_log
+from lab.navigation.belief import belief
+from lab.navigation.recorded import navigate_log
+from lab.sensors.cards import read_cards
+from lab.settings import SettingError
+
+LIMIT = 4.0
+"""Errors in σ that none of a dozen estimates has by chance, of Gaussian ones 1 in 1300 runs."""
+
+
+def wrong(seed: int) -> Experiment:
+    """Return an experiment whose filter is wrong in all that is identified."""
+    made = Experiment(mission="montreal", seed=seed)
+    made.sensors.gps.latency = 0.2
+    made.sensors.gps.lever_arm = (2.0, 0.0, 0.0)
+    made.navigator.update({"q_scale": 0.1, "r_scale": 10.0, "latency": 0.0, "lever_arm": (0.0, 0.0, 0.0)})
+    return made
+
+
+@pytest.fixture(scope="module")
+def control():
+    made = wrong(3)
+    return made, made.run().identify()
+
+
+@pytest.fixture(scope="module")
+def drive(tmp_path_factory):
+    """Return the log of an aeroplane that shakes: 0.5 m/s² at 100 Hz, gyros 0.001 rad/s."""
+    log = tables(40, 190, lever_arm=(2.0, 0.0, 0.0))
+    shaking = np.random.default_rng(7).normal(scale=0.5, size=(len(log.imu), 3))
+    shaken = np.column_stack((log.imu[:, :4], log.imu[:, 4:] + shaking))
+    return write(tmp_path_factory.mktemp("logs") / "drive", log._replace(imu=shaken))
+
+
+@pytest.fixture(scope="module")
+def of_the_drive(drive):
+    made = Experiment(mission=str(drive))
+    return made, made.run().identify()
+
+
+def within(row, true: float) -> bool:
+    """Say whether the true value is as near as the error bar says; that of noise in its logarithm."""
+    if row.unit in {"s", "m"}:
+        return abs(row.after - true) < LIMIT * row.sigma
+    half = np.log(row.high / row.after) / 1.96
+    return abs(np.log(row.after / true)) < LIMIT * half
+
+
+def test_what_the_filter_assumes_wrongly_is_found(control):
+    _, found = control
+    rows = {row.parameter: row for row in found.rows}
+    true = {
+        "gyro noise density": 0.05,
+        "horizontal position variance": 0.5,
+        "vertical position variance": 0.5,
+        "velocity variance": 0.2,
+        "latency": 0.2,
+        "lever arm forward": 2.0,
+        "lever arm right": 0.0,
+        "lever arm down": 0.0,
+    }
+    for name, value in true.items():
+        assert rows[name].observable, name
+        assert within(rows[name], value), rows[name]
+    assert rows["horizontal position variance"].before == pytest.approx(5.0)
+    assert rows["gyro noise density"].before == pytest.approx(0.05 * np.sqrt(0.1))
+    assert found.white
+    assert found.recommended
+    assert found.after.position_error < 0.75 * found.before.position_error
+    assert 0.8 < found.after.in_sigma < 1.25
+    assert found.inside[1] > 0.9
+    # The accelerometers' noise is far below what fixes of 0.4 m/s show.
+    assert not rows["accelerometer noise density"].observable
+    assert rows["accelerometer noise density"].after == rows["accelerometer noise density"].before
+
+
+def test_the_settings_change_what_the_filter_assumes_and_not_the_sensors(control):
+    made, found = control
+    changed = made.copy().update(found.settings())
+    assert changed.sensors.to_dict() == made.sensors.to_dict()
+    assumed = belief(changed.sensors, changed.navigator)
+    rows = {row.parameter: row for row in found.rows}
+    assert np.degrees(np.sqrt(assumed.noise[0])) == pytest.approx(rows["gyro noise density"].after, rel=1e-4)
+    assert assumed.R[2, 2] == pytest.approx(rows["vertical position variance"].after, rel=1e-4)
+    assert changed.run().verdict.headline != made.run().verdict.headline
+
+
+def test_the_noise_of_a_log_is_found(of_the_drive):
+    made, found = of_the_drive
+    rows = {row.parameter: row for row in found.rows}
+    true = np.hypot(0.5, 0.02) / np.sqrt(100.0) / 9.80665e-6  # 100 times what is assumed
+    assert within(rows["accelerometer noise density"], true)
+    assert (
+        rows["gyro noise density"].low < np.degrees(1e-3) / np.sqrt(100.0) < rows["gyro noise density"].high
+    )
+    for name in ("horizontal position variance", "vertical position variance", "velocity variance"):
+        assert rows[name].unit == "× own"
+        assert within(rows[name], 1.0), rows[name]
+    assert within(rows["lever arm forward"], 2.0)
+    assert within(rows["latency"], 0.0)
+    assert found.recommended
+    changed = made.copy().update(found.settings())
+    assumed = belief(changed.sensors, changed.navigator)
+    expected = rows["accelerometer noise density"].after * 9.80665e-6
+    assert np.sqrt(assumed.noise[3:6].mean()) == pytest.approx(expected, rel=1e-4)
+    assert changed.run().evidence.nis.mean == pytest.approx(1.0, abs=0.2)
+
+
+def test_a_card_of_a_log_can_be_loaded(of_the_drive, tmp_path):
+    _, found = of_the_drive
+    path = tmp_path / "own.toml"
+    path.write_text(found.card("own").to_toml(), encoding="utf-8")
+    (card,) = read_cards(path).values()
+    told = card.terms["accelerometer"]["noise_density"].value
+    assert told == pytest.approx(found.settings()["sensors"]["accelerometer"]["noise_density"], rel=1e-3)
+
+
+def test_a_withheld_fix_changes_nothing_and_shows_the_error_of_the_prediction(drive):
+    log, made = read_sensor_log(drive), Experiment()
+    times = log.gnss.time
+    withheld = (times >= 60.0) & (times <= 70.0)
+    run = navigate_log(log, made.sensors, made.navigator, withheld=withheld)
+    without = navigate_log(log, made.sensors, made.navigator, [(59.99, 70.01)])
+    np.testing.assert_allclose(run.solution.velocity_n, without.solution.velocity_n, atol=1e-6)
+    np.testing.assert_allclose(run.solution.variance, without.solution.variance, rtol=1e-5)
+    rows = np.flatnonzero((run.fixes.time > 60) & (run.fixes.time < 70))
+    at = np.searchsorted(run.imu.time, run.fixes.time[rows])
+    expected = run.solution.position[at, 2] - run.fixes.position[rows, 2]
+    np.testing.assert_allclose(-run.solution.innovation[rows, 2], expected, atol=0.05)
+
+
+def test_r_factors_are_of_each_part(drive):
+    made = Experiment()
+    made.navigator.update({"r_scale": 2.0, "r_factors": (1.0, 3.0, 5.0)})
+    R = np.diag(belief(made.sensors, made.navigator).R)
+    np.testing.assert_allclose(R, [1.0, 1.0, 3.0, 2.0, 2.0, 2.0])
+    run = navigate_log(read_sensor_log(drive), made.sensors, made.navigator)
+    np.testing.assert_allclose(np.diag(run.belief.R[0]), [0.5, 0.5, 1.5, 0.1, 0.1, 0.1])
+    with pytest.raises(SettingError, match="velocity"):
+        made.set("navigator.r_factors", (1, 1, 0))
+
+
+def test_too_few_fixes_are_refused():
+    made = Experiment(mission="montreal")
+    made.sensors.gps.outages = [(40, 200)]
+    with pytest.raises(ResultError, match="at least 20"):
+        made.run().identify()
