@@ -434,6 +434,6 @@ def test_a_smoothed_run_has_smaller_errors_and_the_same_innovations() -> None:
     np.testing.assert_array_equal(smoothed.innovations["position"], filtered.innovations["position"])
     with pytest.raises(SettingError, match=r"navigator\.smoother"):
         _ = smoothed.budget
-    experiment.set("navigator.model", "psi")
-    with pytest.raises(SettingError, match="phi only"):
+    experiment.set("navigator.model", "nonlinear")
+    with pytest.raises(SettingError, match=r"navigator\.smoother: .*nonlinear"):
         experiment.run()

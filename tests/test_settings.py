@@ -15,7 +15,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from lab.experiment import Experiment
-from lab.setting_kinds import AxisQuantity, Intervals, MatrixOrNone, Quantity, describe
+from lab.setting_kinds import AxisQuantity, Intervals, MatrixOrNone, Quantity, QuantityOrNone, describe
 from lab.settings import SettingError, Settings, group
 
 
@@ -297,6 +297,7 @@ VALUES: dict[type, Callable[[Any], st.SearchStrategy[Any]]] = {
     Intervals: lambda p: _spans(),
     Quantity: lambda p: st.floats(*p.bounds),
     AxisQuantity: _components,
+    QuantityOrNone: lambda p: st.none() | (_components(p) if p.axes else st.floats(*p.bounds)),
     MatrixOrNone: lambda p: (
         st.none()
         | st.sampled_from(p.sizes).flatmap(lambda n: st.lists(st.floats(0, 1e6), min_size=n, max_size=n))

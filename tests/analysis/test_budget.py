@@ -63,7 +63,11 @@ def at_rest(seconds: float, fixes: Sequence[int] = (), gain: float = 0.0) -> Sim
         true_flight=lambda _name: (truth, ideal),
         belief=SimpleNamespace(bias_decay=np.zeros(6), R=np.eye(6)),
         solution_arrays=SimpleNamespace(
-            fix_covariance=covariance, fix_sample=np.array(fixes, dtype=np.int64)
+            fix_covariance=covariance,
+            fix_sample=np.array(fixes, dtype=np.int64),
+            fix_H=np.tile(np.eye(6, 15), (len(fixes), 1, 1)),
+            fix_R=np.tile(np.eye(6), (len(fixes), 1, 1)),
+            states=15,
         ),
         experiment=SimpleNamespace(
             navigator=SimpleNamespace(correction="feedback", correction_period=0.0),

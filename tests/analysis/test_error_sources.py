@@ -48,8 +48,8 @@ GIVEN = {
     "accelerometer misalignment": {"sensors__accelerometer__misalignment": (0.1, 0.1, 0, 0, 0, -0.1)},
     "initial position, given": {"navigator__position_error": (2.0, -1.0, 3.0)},
     "initial attitude, given": {"navigator__attitude_error": (0.05, -0.03, 0.2)},
-    "GPS latency": {"sensors__gps__latency": 0.05},
-    "GPS lever arm": {"sensors__gps__lever_arm": (1.0, -0.5, 0.3)},
+    "GPS latency": {"sensors__gps__latency": 0.05, "navigator__latency": 0.0},
+    "GPS lever arm": {"sensors__gps__lever_arm": (1.0, -0.5, 0.3), "navigator__lever_arm": 0.0},
     "gyro temperature, bias": {
         "sensors__gyro__bias_temperature": (0.002, -0.001, 0.003),
         "sensors__temperature__profile": "warm_up",

@@ -230,9 +230,8 @@ def test_a_filter_over_the_pole_tells_the_truth_about_itself(tmp_path: Path) -> 
     [
         ({"model": "nonlinear"}, r"navigator\.model: .*nonlinear.*accepted with it are the models phi"),
         ({"engine": "filterpy"}, r"navigator\.engine: .*accepted with it .*compiled engine"),
-        ({"smoother": True}, r"navigator\.smoother: .*accepted with it .*no smoother"),
     ],
-    ids=["nonlinear", "filterpy", "smoother"],
+    ids=["nonlinear", "filterpy"],
 )
 def test_what_goes_only_north_slaved_is_refused_with_a_reason(
     settings: dict[str, object], message: str

@@ -65,6 +65,8 @@ def test_every_source_that_can_be_set_has_a_family_of_colours() -> None:
     experiment.set("sensors.gps.correlated_sigma", 1.0)
     experiment.set("sensors.gps.latency", 0.1)
     experiment.set("sensors.gps.lever_arm", 1.0)
+    experiment.set("navigator.latency", 0.0)
+    experiment.set("navigator.lever_arm", 0.0)
     experiment.set("sensors.gps.outlier_rate", 0.1)
     for state in ("position", "velocity", "attitude"):
         experiment.set(f"navigator.{state}_error", 0.1)
