@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from lab.analysis.evidence import LAGS
+from lab.analysis.innovation_evidence import LAGS
 from lab.ensemble import QUANTITIES, Ensemble, _keep, _together, run_ensemble
 from lab.experiment import CACHE, Experiment
 from lab.settings import SettingError
