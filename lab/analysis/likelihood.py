@@ -28,14 +28,15 @@ from lab.analysis.consistency import MAX_LAG, autocorrelation, ljung_box
 FloatArray = NDArray[np.float64]
 Progress = Callable[[str, float], None]
 
-ROUNDS = 15
+ROUNDS = 12
 """Most steps of the search; from parameters ten times off 8 to 12 are needed."""
-SETTLED = 0.02
+SETTLED = 0.1
 """A step shorter than this part of each σ ends the search."""
 LARGEST_STEP = 2.0
 """Longest step of a logarithm at once: a factor of e²."""
-ROUGH = 1.0
-"""By how much a step may lower the log-likelihood: so rough it is over the latency."""
+ROUGH = 5.0
+"""By how much a step may lower the log-likelihood where it is rough: there the root of the score, from longer
+differences, is the estimate, and not the highest of the peaks."""
 STIFFEST = 1e8
 """Damping at which no step is found and the search ends."""
 
@@ -105,7 +106,7 @@ class Estimate:
     seen : Seen
         What the filter says there.
     white : bool
-        Whether the innovations are white; if not, σ is that of correlated scores.
+        Whether the innovations are white.
     rounds : int
         Steps of the search.
     """
@@ -186,6 +187,7 @@ def maximise(
     if not np.isfinite(value):
         raise ValueError("the innovations are no numbers where the search begins")
     damping, rounds = 1e-3, 0
+    rough = ROUGH if any(parameters[i].both for i in map(int, free)) else 0.0
     with ThreadPoolExecutor(max_workers=min(4, os.cpu_count() or 1)) as pool:
         slopes = _slopes(run, parameters, free, place, here, pool)
         while free.size and rounds < ROUNDS:
@@ -200,7 +202,7 @@ def maximise(
                 trial = place.copy()
                 trial[free] = np.clip(place[free] + step, low, high)
                 there, better = _tried(run, trial, trial[free], start, prior)
-                if there is not None and better > value - ROUGH:
+                if there is not None and better > value - rough:
                     moved = True
                     break
                 damping = max(10 * damping, 1e-3)
@@ -208,17 +210,14 @@ def maximise(
                 break
             assert there is not None
             sigma = np.sqrt(np.diag(np.linalg.inv(information)))
-            small = (
-                bool(np.all(np.abs(trial[free] - place[free]) < SETTLED * sigma))
-                or abs(better - value) < 0.01
-            )
+            small = bool(np.all(np.abs(trial[free] - place[free]) < SETTLED * sigma))
             place, here, value, damping = trial, there, better, damping / 10
             slopes = _slopes(run, parameters, free, place, here, pool)
             if small:
                 break
     white = is_white(here)
     sigma = np.zeros(len(parameters))
-    sigma[free] = _sigma(slopes, prior, white)
+    sigma[free] = _sigma(slopes, prior)
     return Estimate(place, sigma, float(log_likelihoods(here).sum()), here, white, rounds)
 
 
@@ -277,11 +276,11 @@ def _slopes(
     return _Slopes(scores.T, information)
 
 
-def _sigma(slopes: _Slopes, prior: FloatArray, white: bool) -> FloatArray:
+def _sigma(slopes: _Slopes, prior: FloatArray) -> FloatArray:
     """Return the σ of the estimates: by the information, and by the scores' own spread if that is larger."""
     inverse = np.linalg.inv(slopes.information + np.diag(1 / prior**2))
     variance = np.diag(inverse)
-    if not white and variance.size:
+    if variance.size:
         spread = inverse @ long_run_covariance(slopes.scores) @ inverse
         variance = np.maximum(variance, np.diag(spread))
     return np.sqrt(variance)

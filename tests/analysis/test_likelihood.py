@@ -7,6 +7,9 @@ import pytest
 
 from lab.analysis.likelihood import Parameter, Seen, is_white, log_likelihoods, long_run_covariance, maximise
 
+SPREAD = 1.5
+"""By how much the spread of the scores may exceed the information: it is known to a fifth from 300 fixes."""
+
 
 def scale(prior=100.0):
     return Parameter("logarithm of σ", 0.0, -20.0, 20.0, prior, 1e-4, 2.0)
@@ -29,7 +32,7 @@ def test_of_gaussian_numbers_it_is_their_standard_deviation():
 
     found = maximise(run, [scale()], np.zeros(1), np.zeros(1, bool))
     assert np.exp(found.value[0]) == pytest.approx(np.sqrt(np.mean(values**2)), rel=2e-3)
-    assert found.sigma[0] == pytest.approx(1 / np.sqrt(2 * values.size), rel=1e-2)
+    assert 0.99 < found.sigma[0] * np.sqrt(2 * values.size) < SPREAD
     assert found.white
 
 
@@ -43,7 +46,7 @@ def test_of_a_line_through_the_origin_it_is_least_squares(both):
 
     found = maximise(run, [slope(both=both)], np.zeros(1), np.zeros(1, bool))
     assert found.value[0] == pytest.approx(np.sum(at * values) / np.sum(at**2), abs=1e-6)
-    assert found.sigma[0] == pytest.approx(0.5 / np.sqrt(np.sum(at**2)), rel=1e-6)
+    assert 1 - 1e-6 < found.sigma[0] / (0.5 / np.sqrt(np.sum(at**2))) < SPREAD
 
 
 def test_what_is_not_measured_counts_for_nothing():
