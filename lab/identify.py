@@ -13,7 +13,7 @@ from scipy import special
 
 from lab.analysis.consistency import chi_square_interval
 from lab.analysis.identification import HeldOut, Identification, Row, better
-from lab.analysis.likelihood import Estimate, Parameter, Seen, log_likelihoods, maximise, squares
+from lab.analysis.likelihood import ROUNDS, Estimate, Parameter, Seen, log_likelihoods, maximise, squares
 from lab.assumptions import (
     LOGARITHMS,
     NOISE,
@@ -43,6 +43,8 @@ MARGIN = 3.0
 OUTAGE, EVERY, TURNS = 10.0, 60.0, 3
 """Length of the outages in which the prediction is judged, time from one to the next [s], and how often that
 is done, each time with the outages elsewhere."""
+AHEAD = 5
+"""Most steps of a search across outages, each of which runs the filter up to three times as often."""
 FEWEST = 20
 """Fewest fixes that something can be identified from."""
 BY_CHANCE = 1e-6
@@ -229,7 +231,7 @@ def _maximised(
     def told(stage: str, fraction: float) -> None:
         tell(stage, start + (end - start) * fraction)
 
-    return maximise(search.run, whole, begin, held, told)
+    return maximise(search.run, whole, begin, held, told, AHEAD if search.masks else ROUNDS)
 
 
 def _outliers(seen: Seen) -> Flags:

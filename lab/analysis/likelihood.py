@@ -155,6 +155,7 @@ def maximise(
     begin: FloatArray,
     held: NDArray[np.bool_],
     progress: Progress = lambda _stage, _fraction: None,
+    most: int = ROUNDS,
 ) -> Estimate:
     """Return the most likely parameters.
 
@@ -170,6 +171,8 @@ def maximise(
         Parameters that stay where they begin.
     progress
         Called with a phrase and the fraction done; it may end the search by raising.
+    most
+        Most steps of the search.
 
     Raises
     ------
@@ -190,8 +193,8 @@ def maximise(
     rough = ROUGH if any(parameters[i].both for i in map(int, free)) else 0.0
     with ThreadPoolExecutor(max_workers=min(4, os.cpu_count() or 1)) as pool:
         slopes = _slopes(run, parameters, free, place, here, pool)
-        while free.size and rounds < ROUNDS:
-            progress("maximising the likelihood", rounds / ROUNDS)
+        while free.size and rounds < most:
+            progress("maximising the likelihood", rounds / most)
             rounds += 1
             information = slopes.information + np.diag(1 / prior**2)
             slope = slopes.scores.sum(axis=0) - (place[free] - start) / prior**2
