@@ -24,7 +24,7 @@ from lab.navigation.solution import Fixes, Imu, Schedule, Start
 if TYPE_CHECKING:
     from lab.result import Result
 
-LINEAR = np.radians(0.5)
+LINEAR = np.radians(0.8)
 """Attitude error of the free-running navigator up to which the filter is linear enough [rad]. Measured on
 montreal over gyros of all qualities: at 0.8° NEES is 1.4 × too large, at 1.5° 4 ×, at 7° 20 ×."""
 

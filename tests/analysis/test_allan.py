@@ -101,11 +101,11 @@ def test_closed_forms_lie_within_the_confidence() -> None:
         assert 0.92 < share <= 1.0
 
 
-def test_the_degrees_of_freedom_are_the_fewest_of_three_noises() -> None:
+def test_the_degrees_of_freedom_are_the_fewest_of_four_noises() -> None:
     """Against allantools; its flicker without averaging is not Riley's, and not the fewest."""
     samples, lengths = 4999, np.array([1, 2, 3, 5, 10, 30, 100, 300, 600])
     for m, found in zip(lengths, allan.degrees_of_freedom(samples, lengths), strict=True):
-        noises = (0, -2) if m == 1 else (0, -1, -2)
+        noises = (2, 0, -2) if m == 1 else (2, 0, -1, -2)
         assert found == pytest.approx(
             min(allantools.edf_simple(samples + 1, m, n) for n in noises), rel=1e-12
         )

@@ -35,7 +35,10 @@ def test_the_version_is_the_one_installed() -> None:
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [
-        (["sail"], ["no command 'sail'", "missions, run, compare, budget, fly", "cards", "allan", "serve"]),
+        (
+            ["sail"],
+            ["no command 'sail'", "missions, run, compare, budget, identify, fly", "cards", "allan", "serve"],
+        ),
         (["--nonsense"], ["--nonsense"]),
         (["run"], ["MISSION"]),
         (["run", "montrael"], ["Did you mean montreal?", "los_angeles"]),

@@ -66,7 +66,8 @@ def test_what_a_fix_sees_is_the_derivative_of_where_the_antenna_is(seed: int, ag
     np.testing.assert_array_equal(R, 0)
     np.testing.assert_array_equal(H[:3, 3:6], -age * np.eye(3))
     size = 1e-6
-    bound = 1e-5 + 2 * age * (1 + np.linalg.norm(rate)) * np.linalg.norm(arm)
+    # Left out beside: how the small ω_ie × l turns with the attitude.
+    bound = (2 * earth.RATE + 2 * age * (1 + np.linalg.norm(rate)) ** 2) * np.linalg.norm(arm) + 1e-6
     for column in (*range(6, 12), *range(15, 18)):
         x = np.zeros(21)
         x[column] = size

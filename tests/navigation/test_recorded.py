@@ -10,6 +10,7 @@ from sensor_logs import LATENCY, POSITION, described, tables, write, write_csv
 
 from lab import earth
 from lab.analysis.evidence import evidence
+from lab.analysis.fix_causes import CAUSES
 from lab.missions import read_sensor_log
 from lab.missions.sensor_log import GnssLog, SensorLog, repaired
 from lab.navigation.alignment import align, level
@@ -186,9 +187,10 @@ def test_latency_of_comma2k19_shows_without_the_reference(recordings):
     sensors = suite()
     sensors.gps.position_variance = (0.05,) * 3
     _, made = run(recordings / "comma2k19", sensors)
-    seen = evidence(made.solution, made.belief, made.fixes, made.imu).innovations.fit
-    covariance = np.linalg.inv(seen.matrix)
-    latency, sigma = (covariance @ seen.vector)[0], np.sqrt(covariance[0, 0])
+    seen = evidence(made.solution, made.belief, made.fixes, made.imu).innovations.causes
+    receiver = slice(0, CAUSES)  # latency and lever arm
+    covariance = np.linalg.inv(seen.matrix[receiver, receiver])
+    latency, sigma = (covariance @ seen.vector[receiver])[0], np.sqrt(covariance[0, 0])
     print(f"\ncomma2k19: latency of the stamps by the innovations {latency:.3f} ± {sigma:.3f} s")
     assert sigma < 0.02
     assert abs(latency - LATENCY["comma2k19"]) < 0.02
