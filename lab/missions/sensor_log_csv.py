@@ -39,7 +39,6 @@ from numpy.typing import NDArray
 
 from lab.earth import STANDARD_GRAVITY
 from lab.missions.errors import MissionError
-from lab.missions.log_check import check_log
 from lab.missions.log_parts import Beside, Comparison, Headings, Magnetometer, Reference
 from lab.missions.log_toml import DESCRIPTION_FILE, check_values
 from lab.missions.mission import file_beside, read_toml
@@ -177,6 +176,8 @@ class LogFiles:
         )
         reference = None if self.reference is None else Reference(*_read_solution(self.reference))
         log = repaired(str(self.path), time, samples, gnss, reference, increments=increments, beside=beside)
+        from lab.missions.log_check import check_log  # noqa: PLC0415 - imports scipy, which takes a while
+
         check_log(log)
         return log
 
