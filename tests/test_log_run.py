@@ -88,7 +88,7 @@ def test_without_reference_errors_are_not_known(blind, tmp_path):
 def test_what_is_not_measured_does_not_count_as_consistent(blind):
     """Five numbers in a fix: NIS of the matched filter is theirs, not that of six."""
     made = experiment(blind, sensors__gps__velocity_variance=0.01, sensors__gps__position_variance=0.25).run()
-    nis = made.evidence.nis
+    nis = made.evidence.innovations.nis
     assert nis.number == 5 * np.count_nonzero(made.solution_arrays.fix_sample >= 0)
     assert 0.7 < nis.mean < 1.3
 
