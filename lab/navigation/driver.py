@@ -367,26 +367,24 @@ def _own_attitude_in_body(state: FloatArray, seen: Vector) -> Vector:
 
 @kernel
 def _observe_rest(run: Filter) -> bool:
-    """Update [P | x] with the mean of the gyros at rest, unless the vehicle turns; say whether it did."""
-    z, H = np.empty(3), np.empty((3, 6))
-    see_rest(run.state, _frame_rate(run.state), run.noise, run.rest_sums, z, H)
-    for m in range(3):
-        done = run.rest_scalars[m]
-        for c in range(STATES):
-            done[c] = 0.0
-        seen = _own_attitude(run.state, (H[m, 0], H[m, 1], H[m, 2]))
-        for i in range(3):
-            done[6 + i] = seen[i]
-            done[NAV + i] = H[m, 3 + i]
-        residual, s = z[m], 1.0
-        for i in range(6, NAV + 3):
-            residual -= done[i] * run.w[WIDTH * i + X]
-            for j in range(6, NAV + 3):
-                s += done[i] * done[j] * run.w[WIDTH * i + j]
-        if residual * residual > GATE * s:
-            return False
-    for m in range(3):
-        scalar_update(run.w, z[m], run.rest_scalars[m])
+    """Update [P | x] with the mean rate about the vertical at rest, unless the vehicle turns; say whether."""
+    H = np.empty(6)
+    z = see_rest(run.state, _frame_rate(run.state), run.noise, run.rest_sums, H)
+    done = run.rest_scalars[0]
+    for c in range(STATES):
+        done[c] = 0.0
+    seen = _own_attitude(run.state, (H[0], H[1], H[2]))
+    for i in range(3):
+        done[6 + i] = seen[i]
+        done[NAV + i] = H[3 + i]
+    residual, s = z, 1.0
+    for i in range(6, NAV + 3):
+        residual -= done[i] * run.w[WIDTH * i + X]
+        for j in range(6, NAV + 3):
+            s += done[i] * done[j] * run.w[WIDTH * i + j]
+    if residual * residual > GATE * s:
+        return False
+    scalar_update(run.w, z, done)
     return True
 
 

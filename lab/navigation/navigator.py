@@ -92,7 +92,7 @@ class Filter(NamedTuple):
             np.zeros((MEASUREMENTS, n)),
             np.zeros((max(kept_fixes, 1), MEASUREMENTS, 2 * n + 2)),
             np.zeros(ROOM),
-            np.zeros((3, 2 * n + 2)),
+            np.zeros((1, 2 * n + 2)),
             np.array(belief.noise, dtype=np.float64),
             np.array(belief.bias_decay, dtype=np.float64),
             np.array(belief.lever_arm, dtype=np.float64),

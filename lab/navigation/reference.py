@@ -194,14 +194,15 @@ class _Rest:
         C_nb = Rotation.from_quat(_get(state, strapdown.Q_NB, 4), scalar_first=True).as_matrix()
         latitude = np.arcsin(state[strapdown.SINE])
         omega_ie = earth.RATE * np.array([np.cos(latitude), 0.0, -np.sin(latitude)])
-        R = np.diag(np.maximum(self.belief.noise[:3] / length, rates.var(axis=0) / rates.shape[0]))
-        H = np.zeros((3, self.model.states))
-        H[:, ATT] = held.T @ _skew(omega_ie) @ (C_nb if self.model.in_body else np.eye(3))
-        H[:, GYRO_BIAS] = -np.eye(3)
-        z = rates.mean(axis=0) - _get(state, strapdown.GYRO_BIAS) - C_nb.T @ omega_ie
-        if ((z - H @ kalman.x) ** 2 > GATE * np.diag(H @ kalman.P @ H.T + R)).any():
+        down = held[2]
+        R = down**2 @ np.maximum(self.belief.noise[:3] / length, rates.var(axis=0) / rates.shape[0])
+        H = np.zeros((1, self.model.states))
+        H[:, ATT] = _skew(omega_ie)[2] @ (C_nb if self.model.in_body else np.eye(3))
+        H[:, GYRO_BIAS] = -down
+        z = down @ (rates.mean(axis=0) - _get(state, strapdown.GYRO_BIAS) - C_nb.T @ omega_ie)
+        if ((z - H @ kalman.x) ** 2 > GATE * (H @ kalman.P @ H.T + R)).any():
             return False
-        kalman.update(z, R=R, H=H)
+        kalman.update(z, R=np.array([[R]]), H=H)
         kalman.P = (kalman.P + kalman.P.T) / 2
         return True
 

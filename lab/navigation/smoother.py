@@ -59,7 +59,7 @@ class _Kept(NamedTuple):
     state: FloatArray  # (samples, length), navigators at the ends of the samples
     w: FloatArray  # (samples, n · width), [P | x]
     Phi: FloatArray  # (samples, 9, n), rows of the transitions that are not those of the unit matrix
-    rest: FloatArray  # (samples, 3, 2 n + 2), updates at rest
+    rest: FloatArray  # (samples, 1, 2 n + 2), updates at rest
     fixes: NDArray[np.int64]  # (samples + 1,), next fix before each sample, and after the last
 
 
@@ -111,7 +111,7 @@ def navigate(
             np.zeros((end - copy.first, run.state.size)),
             np.zeros((end - copy.first, n * run.P.shape[1])),
             np.zeros((end - copy.first, NAV, n)),
-            np.zeros((end - copy.first if imu.rest.any() else 1, 3, 2 * n + 2)),
+            np.zeros((end - copy.first if imu.rest.any() else 1, 1, 2 * n + 2)),
             np.zeros(end - copy.first + 1, dtype=np.int64),
         )
         back(copy.run, imu.until(end), fixes, filtered, copy.first, copy.schedule, kept, later, Later, out)

@@ -152,12 +152,14 @@ def gather_rest(state: FloatArray, sums: FloatArray, dt: float) -> bool:
 
 @kernel
 def see_rest(
-    state: FloatArray, frame_rate: Vector, noise: FloatArray, sums: FloatArray, z: FloatArray, H: FloatArray
-) -> None:
-    """Write what an update at rest sees, each measurement in its σ, and start new sums.
+    state: FloatArray, frame_rate: Vector, noise: FloatArray, sums: FloatArray, H: FloatArray
+) -> float:
+    """Return what an update at rest measures, in its σ, write what it sees, and start new sums.
 
-    Rate of the navigator minus C_bn ω_ie, which is −δb + C_bn (ω_ie × φ) and noise: that of the gyros over
-    the time, or what their samples show where that is more.
+    Rate about the vertical of the navigator minus that of the Earth: −d δb + (ω_ie × φ)_D and noise, with d
+    the vertical in b; the noise is that of the gyros over the time, or what their samples show if more.
+    The level rates are left to the tilt, which the fixes show: it has the same noise of the gyros, and both
+    together would count it twice.
 
     Parameters
     ----------
@@ -169,28 +171,25 @@ def see_rest(
         Densities of the process noise.
     sums
         Of the rates, as of `gather_rest`.
-    z : (3,) array
-        Receives the measurements.
-    H : (3, 6) array
-        Receives how they see the attitude error, in the navigation frame, and the gyro biases.
+    H : (6,) array
+        Receives how the attitude error, in the navigation frame, and the gyro biases are seen.
     """
     at = strapdown.Q_NB
     C = matrix((state[at], state[at + 1], state[at + 2], state[at + 3]))
     back = (C[0][0], C[1][0], C[2][0]), (C[0][1], C[1][1], C[2][1]), (C[0][2], C[1][2], C[2][2])
     turned = rotate(back, frame_rate)
+    down = get(sums, ATTITUDE + 6)
     count = sums[COUNT]
-    bias = get(state, strapdown.GYRO_BIAS)
+    rate, variance = 0.0, 1e-18
     for i in range(3):
         mean = sums[SUMS + i] / count
         shown = max(0.0, sums[SQUARES + i] / count - mean * mean) / count
-        per_sigma = 1 / math.sqrt(max(noise[i] / sums[ELAPSED], shown, 1e-18))
-        z[i] = (mean - bias[i] - turned[i]) * per_sigma
-        x, y, w = sums[ATTITUDE + i], sums[ATTITUDE + 3 + i], sums[ATTITUDE + 6 + i]
-        # Row of C_bn [ω_ie ×].
-        H[i, 0] = (y * frame_rate[2] - w * frame_rate[1]) * per_sigma
-        H[i, 1] = (w * frame_rate[0] - x * frame_rate[2]) * per_sigma
-        H[i, 2] = (x * frame_rate[1] - y * frame_rate[0]) * per_sigma
-        for j in range(3):
-            H[i, 3 + j] = -per_sigma if i == j else 0.0
+        rate += down[i] * (mean - state[strapdown.GYRO_BIAS + i] - turned[i])
+        variance += down[i] * down[i] * max(noise[i] / sums[ELAPSED], shown)
+    per_sigma = 1 / math.sqrt(variance)
+    H[0], H[1], H[2] = -frame_rate[1] * per_sigma, frame_rate[0] * per_sigma, 0.0
+    for i in range(3):
+        H[3 + i] = -down[i] * per_sigma
     for i in range(HELD):
         sums[i] = 0.0
+    return rate * per_sigma

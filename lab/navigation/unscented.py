@@ -379,34 +379,25 @@ def _rests(run: Filter, imu: Imu, k: int, dt: float) -> bool:
 
 @kernel
 def _update_at_rest(run: Filter) -> bool:
-    """Update with the mean of the gyros at rest, unless the vehicle turns; say whether it was used."""
+    """Update with the mean rate about the vertical at rest, unless the vehicle turns; say whether."""
     P, x, state = run.P, run.x, run.state
-    z, H, gain = np.empty(3), np.empty((3, 6)), np.empty(x.size)
+    H, gain = np.empty(6), np.empty(x.size)
     sine = state[strapdown.SINE]
     rate = strapdown.earth_rate(sine, math.sqrt(1 - sine * sine))
-    see_rest(state, rate, run.noise, run.rest_sums, z, H)
-    for m in range(3):
-        s = 1.0
-        for i in range(6):
-            for j in range(6):
-                s += H[m, i] * H[m, j] * P[6 + i, 6 + j]
-        if z[m] * z[m] > GATE * s:
-            return False
+    z = see_rest(state, rate, run.noise, run.rest_sums, H)
+    s = 1.0
     for i in range(x.size):
-        x[i] = 0.0
-    for m in range(3):
-        s, residual = 1.0, z[m]
-        for i in range(x.size):
-            gain[i] = 0.0
-            for j in range(6):
-                gain[i] += P[i, 6 + j] * H[m, j]
+        gain[i] = 0.0
         for j in range(6):
-            s += H[m, j] * gain[6 + j]
-            residual -= H[m, j] * x[6 + j]
-        for i in range(x.size):
-            x[i] += gain[i] / s * residual
-            for j in range(x.size):
-                P[i, j] -= gain[i] * gain[j] / s
+            gain[i] += P[i, 6 + j] * H[j]
+    for j in range(6):
+        s += H[j] * gain[6 + j]
+    if z * z > GATE * s:
+        return False
+    for i in range(x.size):
+        x[i] = gain[i] / s * z
+        for j in range(x.size):
+            P[i, j] -= gain[i] * gain[j] / s
     displace(state, x)
     transport(P, (x[6], x[7], x[8]))
     return True

@@ -41,7 +41,7 @@ def last_errors(result: Result) -> tuple[np.ndarray, np.ndarray]:
     return x[0], np.sqrt(solution.variance[-1])
 
 
-@pytest.mark.parametrize("sigma", [2.0, 40.0])
+@pytest.mark.parametrize("sigma", [2.0, 15.0])
 def test_fifteen_minutes_at_rest_teach_no_heading(standing: Path, sigma: float) -> None:
     """The Earth's rate is far below the biases of these gyros: σ of the heading stays, and is right."""
     found = [
@@ -53,8 +53,7 @@ def test_fifteen_minutes_at_rest_teach_no_heading(standing: Path, sigma: float) 
     print(f"gyro biases {ratio[9:12].round(2)}")
     assert ratio[8] < 1.2
     assert np.degrees(P[:, 8]).mean() > 0.5 * sigma
-    # Of the level gyros the tilt, which GPS shows, has the same noise: the filter takes it for another.
-    assert ratio[11] < 1.3
+    assert (ratio[9:12] < 1.3).all()
     assert (np.degrees(P[:, 9:12]) < 0.01).all()
 
 
