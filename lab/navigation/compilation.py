@@ -34,6 +34,15 @@ def inline_kernel(function: Callable[P, R]) -> Callable[P, R]:
     return numba.njit(error_model="numpy", fastmath={"contract"}, forceinline=True)(function)
 
 
+def embedded_kernel(function: Callable[P, R]) -> Callable[P, R]:
+    """Put the body of a function that is called in one place into its caller, before that is compiled.
+
+    The compiler optimises each kernel by itself, with all that it calls, and again in each caller: what is
+    called once is compiled in half the time where it is no kernel of its own.
+    """
+    return numba.njit(error_model="numpy", fastmath={"contract"}, inline="always")(function)
+
+
 def entry_kernel(function: Callable[P, R]) -> Callable[P, R]:
     """Compile a function called from Python: cached on disk, and running without the interpreter's lock."""
     return numba.njit(error_model="numpy", fastmath={"contract"}, nogil=True, cache=True)(function)

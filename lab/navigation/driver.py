@@ -25,6 +25,7 @@ from lab.navigation import strapdown, wander
 from lab.navigation.compilation import (
     SOURCES,
     entry_kernel,
+    embedded_kernel,
     inline_kernel,
     kernel,
     named,
@@ -154,7 +155,7 @@ def _prediction(model: ErrorModel, *, summed: bool) -> Kernel:
     label = f"{model.label} {summed}"
     add_noise = _add_noise_in_body if model.in_body else _add_noise
 
-    @inline_kernel
+    @embedded_kernel
     @named(label)
     def predict(run: Filter, dt: float, fix_due: bool, stride: int) -> None:
         """Propagate [P | x] over the sample, with F to first order, and the noise after it."""
@@ -172,7 +173,7 @@ def _prediction(model: ErrorModel, *, summed: bool) -> Kernel:
             run.state[GYRO_BIAS + b] *= decay[b]
         add_noise(run.w, run.state, run.noise, dt)
 
-    @inline_kernel
+    @embedded_kernel
     @named(label)
     def predict_summed(run: Filter, dt: float, fix_due: bool, stride: int) -> None:
         """Add the step to the sum of F dt; when due, propagate [P | x] over all steps since it last was.
@@ -289,7 +290,7 @@ def _through_map(state: FloatArray, T: FloatArray, H: FloatArray) -> None:
     """Turn H of the errors into H of the model's own: the same, of `phi`."""
 
 
-@kernel
+@embedded_kernel
 def _sight(run: Filter, m: int, age: float, z: FloatArray, out: Solution) -> None:
     """Write H and R of fix m, `age` seconds old, and move z from the IMU to the antenna."""
     H, R = run.H, run.R_fix
@@ -304,7 +305,7 @@ def _sight(run: Filter, m: int, age: float, z: FloatArray, out: Solution) -> Non
             out.fix_H[m, i, j] = H[i, j]
 
 
-@kernel
+@embedded_kernel
 def _observe(
     run: Filter, m: int, age: float, time: float, schedule: Schedule, z: FloatArray, out: Solution
 ) -> int:
@@ -365,7 +366,7 @@ def _own_attitude_in_body(state: FloatArray, seen: Vector) -> Vector:
     )
 
 
-@kernel
+@embedded_kernel
 def _observe_rest(run: Filter) -> bool:
     """Update [P | x] with the mean rate about the vertical at rest, unless the vehicle turns; say whether."""
     H = np.empty(6)
@@ -538,7 +539,7 @@ SETTLED, PENDING, LOST = 0, 1, 2
 """How a sample leaves the navigator: corrected, with an estimated error not yet taken out, or at a pole."""
 
 
-@inline_kernel
+@embedded_kernel
 def advance_sample(
     run: Filter,
     imu: Imu,
@@ -632,10 +633,10 @@ def compiled_for(function: Kernel, model: ErrorModel, *, summed: bool) -> Kernel
     """
     others = kernels(model, summed=summed)
     if others:
-        others["_observe_rest"] = kernel(rebound(_observe_rest, **others))
-        others["_sight"] = kernel(rebound(_sight, **others))
-        others["_observe"] = kernel(rebound(_observe, **others))
-        others["advance_sample"] = inline_kernel(rebound(advance_sample, **others))
+        others["_observe_rest"] = embedded_kernel(rebound(_observe_rest, **others))
+        others["_sight"] = embedded_kernel(rebound(_sight, **others))
+        others["_observe"] = embedded_kernel(rebound(_observe, **others))
+        others["advance_sample"] = embedded_kernel(rebound(advance_sample, **others))
     own = rebound(function, **others)
     return entry_kernel(rebound_throughout(own, **layout(model.states)._asdict()))
 

@@ -23,7 +23,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from lab.navigation.compilation import SOURCES, inline_kernel, kernel
+from lab.navigation.compilation import SOURCES, embedded_kernel, inline_kernel, kernel
 from lab.navigation.driver import (
     SETTLED,
     _corrected,
@@ -127,6 +127,13 @@ def _copied(run: Filter) -> Filter:
     w = w[offset : offset + run.w.size]
     w[:] = run.w
     return copied._replace(w=w, P=w[: run.P.size].reshape(run.P.shape), scalars=run.scalars)
+
+
+@inline_kernel
+def _copy(values: FloatArray, out: FloatArray) -> None:
+    """Copy as many values as both have; a slice would compile its error messages too: seconds."""
+    for i in range(min(values.size, out.size)):
+        out[i] = values[i]
 
 
 @kernel
@@ -256,16 +263,16 @@ def _backwards(model: ErrorModel) -> Callable[..., None]:
             at, dt = k - first, imu.time[k + 1] - imu.time[k]
             left = advance_sample(run, imu, fixes, filtered, k, schedule, z, x, spare, left == 1)
             kept.fixes[at + 1] = run.counts[0]
-            kept.state[at] = run.state
-            kept.w[at] = run.w[: kept.w.shape[1]]
+            _copy(run.state, kept.state[at])
+            _copy(run.w, kept.w[at])
             if filtered.rest[k + 1]:
-                kept.rest[at] = run.rest_scalars
+                _copy(run.rest_scalars[0], kept.rest[at, 0])
             for i in range(NAV):
                 for j in range(STATES):
                     kept.Phi[at, i, j] = dt * run.F[i, j] + (1.0 if i == j else 0.0)
         for k in range(last - 1, first - 1, -1):
             at, dt = k - first, imu.time[k + 1] - imu.time[k]
-            run.w[: kept.w.shape[1]] = kept.w[at]
+            _copy(kept.w[at], run.w)
             _smooth(run.w, later, Later, half, P)
             state = _corrected(kept.state[at], run.w, run.T, x, spare)
             _store(out, k + 1, state, run.w, run.T)
@@ -279,7 +286,7 @@ def _backwards(model: ErrorModel) -> Callable[..., None]:
                 decay[b] = 1 - dt * run.bias_decay[b]
             _before_step(kept.Phi[at], decay, later, Later, half)
         if first == 0:
-            run.w[:] = start_w
+            _copy(start_w, run.w)
             _smooth(run.w, later, Later, half, P)
             _store(out, 0, _corrected(start_state, run.w, run.T, x, spare), run.w, run.T)
 

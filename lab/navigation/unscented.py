@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 
 from lab import earth
 from lab.navigation import strapdown
-from lab.navigation.compilation import SOURCES, entry_kernel, inline_kernel, interpreted, kernel
+from lab.navigation.compilation import SOURCES, embedded_kernel, entry_kernel, inline_kernel, interpreted, kernel
 from lab.navigation.error_models import ATT
 from lab.navigation.kalman import (
     MEASUREMENTS,
@@ -256,7 +256,7 @@ def _drive(run: Filter, elapsed: float) -> None:
     _add_noise(run, C_nb, 0.5 * elapsed)
 
 
-@kernel
+@embedded_kernel
 def _form(run: Filter) -> None:
     """Form mean and covariance: what the points say, and what noise has brought since they were spread."""
     _decay(run, run.clock[0])
@@ -271,7 +271,7 @@ def _form(run: Filter) -> None:
     run.clock[0] = 0.0
 
 
-@kernel
+@embedded_kernel
 def _centre(run: Filter) -> None:
     """Move the navigator to the mean; its sigma points are to be spread anew."""
     displace(run.state, run.mean)
@@ -282,7 +282,7 @@ def _centre(run: Filter) -> None:
     run.clock[1] = -1.0
 
 
-@kernel
+@embedded_kernel
 def _innovation(
     state: FloatArray, age: float, fraction: float, position: FloatArray, velocity: FloatArray, z: FloatArray
 ) -> None:
@@ -298,7 +298,7 @@ def _innovation(
         z[3 + i] = now - fraction * (now - before) - velocity[i]
 
 
-@kernel
+@embedded_kernel
 def _judge(
     run: Filter, m: int, age: float, time: float, schedule: Schedule, nu: FloatArray, out: Solution
 ) -> int:
@@ -329,7 +329,7 @@ def _judge(
     return became
 
 
-@kernel
+@embedded_kernel
 def _update(run: Filter, nu: FloatArray) -> None:
     """Update P with an innovation, and take the estimated error out of the navigator.
 
@@ -377,7 +377,7 @@ def _rests(run: Filter, imu: Imu, k: int, dt: float) -> bool:
     return bool(imu.rest[k] and gather_rest(run.state, run.rest_sums, dt))
 
 
-@kernel
+@embedded_kernel
 def _update_at_rest(run: Filter) -> bool:
     """Update with the mean rate about the vertical at rest, unless the vehicle turns; say whether."""
     P, x, state = run.P, run.x, run.state
@@ -428,7 +428,7 @@ def _store(out: Solution, k: int, run: Filter) -> None:
         out.covariance[k, block, 2] = run.P[at + 1, at + 2]
 
 
-@kernel
+@embedded_kernel
 def _store_fix(out: Solution, m: int, sample: int, run: Filter) -> None:
     """Write what is kept of fix m."""
     out.fix_sample[m] = sample
@@ -437,7 +437,7 @@ def _store_fix(out: Solution, m: int, sample: int, run: Filter) -> None:
             out.fix_covariance[m, i, j] = run.P[i, j]
 
 
-@kernel
+@embedded_kernel
 def _step(run: Filter, dtheta: Vector, dvelocity: Vector, dt: float) -> None:
     """Take the navigator and its sigma points through one IMU sample."""
     if run.clock[1] < 0:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 import secrets
 from collections.abc import AsyncIterator, Callable
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import asynccontextmanager
 
 import pytest
@@ -55,7 +56,9 @@ def answer(origin: Callable[[int], str], *accepted: str) -> str | int:
             except InvalidStatus as error:
                 return error.response.status_code
 
-    return asyncio.run(asyncio.wait_for(ask(), 30))
+    # In a thread of its own: a browser of other tests may leave a loop running in this one.
+    with ThreadPoolExecutor(1) as thread:
+        return thread.submit(lambda: asyncio.run(asyncio.wait_for(ask(), 30))).result()
 
 
 @pytest.mark.parametrize(
