@@ -5,6 +5,7 @@ PYTHON ?= python3
 PORT ?= 5006
 SECONDS ?= 600
 READER ?=
+WORKERS ?= 2
 VENV := .venv
 BIN := $(VENV)/bin
 PIP_INSTALL := $(BIN)/python -m pip install --disable-pip-version-check
@@ -14,7 +15,7 @@ PIP_INSTALL := $(BIN)/python -m pip install --disable-pip-version-check
 
 help:
 	@echo 'make lab     install and open the dashboard on http://localhost:$(PORT) (another port: make lab PORT=8000)'
-	@echo 'make test    install and run every test'
+	@echo 'make test    install and run every test, in two processes at a time (other: make test WORKERS=4)'
 	@echo 'make bench   install and measure the speed'
 	@echo 'make fuzz    install and attack every reader of flight recordings for 10 minutes (make fuzz SECONDS=60 READER=GPX)'
 	@echo 'make clean   remove $(VENV) and all caches'
@@ -27,7 +28,7 @@ test: $(VENV)/.test browser
 	$(BIN)/ruff check
 	$(BIN)/ruff format --check
 	$(BIN)/mypy
-	$(BIN)/pytest -m 'not benchmark' --durations=10
+	$(BIN)/pytest -m 'not benchmark' --numprocesses $(WORKERS) --dist loadfile --durations=10
 
 bench: $(VENV)/.test browser
 	OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 MKL_NUM_THREADS=1 NUMBA_NUM_THREADS=1 \

@@ -90,7 +90,7 @@ def test_flight_along_a_parallel(latitude: float, speed: float) -> None:
     way = offset(flight, begin)
     assert np.abs(flight.position[:, 1]).max() <= np.pi
     if abs(latitude) > np.radians(89):
-        assert flight.position[-1, 1] == pytest.approx(-begin.longitude[0], abs=1.0)
+        assert flight.position[-1, 1] == pytest.approx(-begin.position[1], abs=1.0)
     np.testing.assert_allclose(flight.velocity_n, np.tile([0, speed, 0], (time.size, 1)), atol=1e-6)
     np.testing.assert_allclose(way[:, [0, 2]], 0, atol=2e-5)
     expected = np.angle(np.exp(1j * speed * time / radius)) * radius

@@ -227,9 +227,9 @@ def test_functions_made_for_one_model_have_names_of_their_own() -> None:
     """Compiled code that is loaded from the disk finds others by their names."""
     seen: dict[tuple[str, str], object] = {}
     for model in (*error_models.MODELS.values(), *MODELS.values()):
-        made = driver._kernels(model, summed=False)
+        made = driver.kernels(model, summed=False)
         parts = {**made, "map": model.write_map, "fix": model.write_fix_map, "frame": model.write_frame_map}
-        parts |= {"summed": driver._kernels(model, summed=True)["_predict"]}
+        parts |= {"summed": driver.kernels(model, summed=True)["_predict"]}
         for part in filter(None, parts.values()):
             function = getattr(part, "py_func", part)
             assert seen.setdefault((function.__module__, function.__qualname__), function) is function
