@@ -275,7 +275,20 @@ class _Run:
             self.sensors.temperature.to_dict(),
             self.sensors.accelerometer.vibration_density if shaken else None,
         )
-        return CACHE.get(sensor, key, lambda: self.measured(errors, flight, draws))
+        measured = CACHE.get(sensor, key, lambda: self.measured(errors, flight, draws))
+        length = float(self.navigator.alignment)
+        if sensor != "gyro" or not length:
+            return measured
+        return CACHE.get(
+            "alignment", digest(key, length), lambda: self.aligned(measured, errors, draws, flight.ideal.dt)
+        )
+
+    def aligned(
+        self, measured: imu.Measured, errors: imu.GyroErrors, draws: imu.ImuDraws, dt: float
+    ) -> imu.Measured:
+        """Return the output of the gyros without the bias that an alignment before the flight found."""
+        found = aligned_gyro_bias(self.sensors, self.experiment.seed, float(self.navigator.alignment))
+        return imu.without_bias(measured, dt, found, imu.cross_coupling(errors, draws))
 
     def measured(
         self, errors: imu.GyroErrors | imu.AccelerometerErrors, flight: Flight, draws: imu.ImuDraws
@@ -325,17 +338,12 @@ class _Run:
         check_bias_decay(schedule.stride * ideal.dt, assumed.bias_decay)
         latency = assumed_latency(settings, self.sensors.gps.latency)
         try:
-            # What an alignment found is taken off as a calibration: it does not fade as biases in flight do.
-            found = self.aligned_bias()
-            increments = Imu(
-                ideal.time, _read_only(dtheta - found * ideal.dt) if found.any() else dtheta, dvelocity
-            )
+            increments = Imu(ideal.time, dtheta, dvelocity)
             seen = Fixes(fixes.time - latency, fixes.position, fixes.velocity_n)
             if settings.rest_updates:
                 increments = increments._replace(rest=at_rest(increments, seen, assumed))
             begin = start(flight.truth, settings, self.experiment.seed)
             solution = self.engine(increments, seen, begin, assumed, schedule)
-            solution.bias[:, :3] += found
         except SettingError:
             raise
         except PolarError as error:
@@ -358,14 +366,8 @@ class _Run:
             self.algorithm,
             Imu(flight.ideal.time, dtheta, dvelocity),
             Fixes(fixes.time, fixes.position, fixes.velocity_n),
-            start(flight.truth, self.navigator, self.experiment.seed)._replace(gyro_bias=self.aligned_bias()),
+            start(flight.truth, self.navigator, self.experiment.seed),
         )
-
-    def aligned_bias(self) -> FloatArray:
-        """Return the gyro bias (3,) that an alignment before the flight found [rad/s]; zero without one."""
-        if not self.navigator.alignment:
-            return np.zeros(3)
-        return aligned_gyro_bias(self.sensors, self.experiment.seed, float(self.navigator.alignment))
 
     def engine(self, imu: Imu, fixes: Fixes, start: Start, belief: Belief, schedule: Schedule) -> Solution:
         """Navigate with the model and the engine of the settings."""
@@ -385,12 +387,6 @@ class _Run:
             )
         engine = smoother.navigate if self.navigator.smoother else navigate
         return engine(imu, fixes, start, belief, schedule, chosen_model(self.navigator))
-
-
-def _read_only(values: FloatArray) -> FloatArray:
-    """Return values that cannot be changed, as those of the cached stages: the code is compiled for these."""
-    values.setflags(write=False)
-    return values
 
 
 def aligned_gyro_bias(sensors: SensorSuite, seed: int, length: float) -> FloatArray:

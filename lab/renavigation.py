@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lab.analysis.likelihood import Seen
-from lab.experiment import Experiment, aligned_gyro_bias, start
+from lab.experiment import Experiment, start
 from lab.navigation import navigator as linear
 from lab.navigation import unscented
 from lab.navigation.belief import assumed_latency, belief, schedule_of
@@ -66,9 +66,6 @@ class Simulated:
         settings = result.experiment
         navigator = settings.navigator
         self._start = start(truth, navigator, settings.seed)
-        if navigator.alignment:
-            bias = aligned_gyro_bias(settings.sensors, settings.seed, float(navigator.alignment))
-            self._start = self._start._replace(gyro_bias=bias)
         imu = Imu(result.time, result.gyro.increments, result.accelerometer.increments)
         if navigator.rest_updates:
             fixes = Fixes(result.fix_validity, result.fixes.position, result.fixes.velocity_n)

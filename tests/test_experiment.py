@@ -437,3 +437,28 @@ def test_a_smoothed_run_has_smaller_errors_and_the_same_innovations() -> None:
     experiment.set("navigator.model", "nonlinear")
     with pytest.raises(SettingError, match=r"navigator\.smoother: .*nonlinear"):
         experiment.run()
+
+
+def test_an_alignment_takes_the_bias_off_as_the_sensor_puts_it_out() -> None:
+    """Scale factors and misalignments have changed the bias of some °/s before anyone sees it."""
+    experiment = Experiment(mission="los_angeles", seed=3)
+    for name, value in {"bias_sigma": 5.0, "scale_factor_sigma": 1.5, "noise_density": 0.003}.items():
+        experiment.set(f"sensors.gyro.{name}", value)
+    experiment.set("sensors.gyro.misalignment", (0.5, -0.4, 0.3, 0.2, -0.5, 0.6))
+    whole = experiment.run()
+    experiment.set("navigator.alignment", 30.0)
+    result = experiment.run()
+    sigma = np.radians(0.003) / np.sqrt(30.0)
+    assert np.abs(whole.true_bias[0, :3]).max() > np.radians(1.0)
+    assert 0 < np.abs(result.true_bias[:, :3]).max() < 4 * sigma
+    # (I + M) (x + b) + noise, with the bias that is left.
+    M = np.diag(np.asarray(result.true_scale[0, :3]))
+    for (row, column), degrees in zip(
+        ((0, 1), (0, 2), (1, 0), (1, 2), (2, 0), (2, 1)), (0.5, -0.4, 0.3, 0.2, -0.5, 0.6), strict=True
+    ):
+        M[row, column] = np.radians(degrees)
+    dt = result.ideal.dt
+    left = (
+        result.gyro.increments / dt - (result.ideal.dtheta / dt + result.true_bias[0, :3]) @ (np.eye(3) + M).T
+    )
+    np.testing.assert_allclose(left.mean(axis=0), 0, atol=4 * np.radians(0.003) / np.sqrt(left.shape[0] * dt))

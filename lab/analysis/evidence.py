@@ -11,6 +11,7 @@ P. D. Groves, *Principles of GNSS, Inertial and Multisensor Integrated Navigatio
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass, field, replace
 from typing import Self
 
@@ -98,6 +99,8 @@ class Evidence(Sum):
         Error at the start against P0, for all states (first) and each of `BLOCKS`.
     nees : Squares or None
         NEES, in total, and its degrees of freedom, discounted for its correlation in time.
+    biases : Squares or None
+        NEES of the gyro biases and of the accelerometer biases (2,), and degrees of freedom, as `nees`.
     between : Squares or None
         NEES of the position on the time grid, once a second, and just before the fixes, where outages show;
         discounted as `nees`.
@@ -111,6 +114,7 @@ class Evidence(Sum):
     sensors: SensorErrors | None = None
     start: Squares | None = None
     nees: Squares | None = None
+    biases: Squares | None = None
     between: Squares | None = None
 
     def without_truth(self) -> Self:
@@ -160,6 +164,7 @@ def evidence(
     )
     if reference is None:
         return found
+    shown, used = solution if smoothed is None else smoothed, np.flatnonzero(solution.fix_sample >= 0)
     return replace(
         found,
         fixes=fix_errors(
@@ -172,10 +177,9 @@ def evidence(
         ),
         sensors=sensor_errors(belief, imu, reference),
         start=_start(solution, belief, reference),
-        between=between_squares(solution if smoothed is None else smoothed, samples, reference),
-        nees=nees_squares(
-            solution if smoothed is None else smoothed, np.flatnonzero(solution.fix_sample >= 0), reference
-        ),
+        between=between_squares(shown, samples, reference),
+        nees=nees_squares(shown, used, reference),
+        biases=_joined(nees_squares(shown, used, reference, block) for block in (GYRO_BIAS, ACCEL_BIAS)),
     )
 
 
@@ -203,16 +207,29 @@ def _correlation(P: FloatArray) -> FloatArray:
     return P * scale[:, None] * scale
 
 
-def nees_squares(solution: Solution, used: NDArray[np.intp], reference: Reference) -> Squares:
-    """Return NEES; it changes slowly, so a flight counts as an epoch for each `SETTLING` seconds."""
+def nees_squares(
+    solution: Solution, used: NDArray[np.intp], reference: Reference, block: slice = slice(None)
+) -> Squares:
+    """Return NEES of a block of states after the fixes used.
+
+    It changes slowly, so a flight counts as an epoch for each `SETTLING` seconds.
+    """
     if not used.size:
         return Squares(np.zeros(()), np.zeros(()))
     at = solution.fix_sample[used]
     x = errors.error_state(solution, at, reference.truth, reference.bias, reference.scale)
-    P = solution.fix_covariance[used]
-    nees = consistency.normalised_squares(x, P)
+    P = solution.fix_covariance[used][:, block, block]
+    nees = consistency.normalised_squares(x[:, block], P)
     epochs = max(1.0, float(np.ptp(reference.truth.time)) / SETTLING)
     return Squares(np.array(epochs * nees.mean()), np.array(epochs * consistency.uncertain(P).size))
+
+
+def _joined(parts: Iterable[Squares]) -> Squares:
+    """Return squares one beside the other."""
+    listed = list(parts)
+    return Squares(
+        np.array([float(part.total) for part in listed]), np.array([float(part.number) for part in listed])
+    )
 
 
 def between_squares(solution: Solution, samples: NDArray[np.intp], reference: Reference) -> Squares:

@@ -59,8 +59,17 @@ _ADVICE = {
 }
 
 
-def judge_sensors(errors: SensorErrors) -> list[Weighed]:
-    """Return what is wrong with what the filter assumes of the inertial sensors."""
+def judge_sensors(errors: SensorErrors, biases: Squares | None = None) -> list[Weighed]:
+    """Return what is wrong with what the filter assumes of the inertial sensors.
+
+    Parameters
+    ----------
+    errors
+        What they added.
+    biases : Squares or None
+        NEES of the gyro biases and of the accelerometer biases, as of `Evidence`. Only they can say that a
+        bias drive is too large: where one state stands for flicker, what the sensors add looks like less.
+    """
     found: list[Weighed] = []
     noise: list[tuple[float, float]] = []
     wanders: list[Weighed] = []
@@ -69,7 +78,7 @@ def judge_sensors(errors: SensorErrors) -> list[Weighed]:
         motion, rest = _motion(errors, sensor, kind)
         found += _clipped(errors, sensor, kind) + motion
         noise.append(rest)
-        wanders += _bias(errors, axes, kind)
+        wanders += _bias(errors, axes, kind, may_be_large=biases is None or _doubted(biases, sensor))
     white = _noise(Squares(*(np.array(parts) for parts in zip(*noise, strict=True))))
     # Who scales Q scales noise and drive alike: that is one fault.
     accused = {entry.finding.quantity: entry.finding.direction for entry in white}
@@ -160,7 +169,13 @@ def _clipped(errors: SensorErrors, sensor: int, kind: str) -> list[Weighed]:
     return [Weighed(size_weight(total, count), finding)]
 
 
-def _bias(errors: SensorErrors, axes: slice, kind: str) -> list[Weighed]:
+def _doubted(biases: Squares, sensor: int) -> bool:
+    """Say whether the errors of the biases are smaller than σ says, beyond doubt."""
+    total, number = float(biases.total[sensor]), float(biases.number[sensor])
+    return number > 0 and total < number and not is_right(total, number)
+
+
+def _bias(errors: SensorErrors, axes: slice, kind: str, *, may_be_large: bool) -> list[Weighed]:
     """Judge how the biases wander: by the drive, or with time, temperature or specific force."""
     number = errors.number.values[:, axes]
     used = number > 0
@@ -193,7 +208,7 @@ def _bias(errors: SensorErrors, axes: slice, kind: str) -> list[Weighed]:
         column = candidates[top][1]
         estimate = estimates(Fit(matrix[:, 0], vector[:, 0], np.zeros(())), (0, column))[:, 1:]
         return [_stated(Explained(top, gains[top], estimate, estimate * 0), kind, axes.start // 3)]
-    if gain < RATIO or 1 / WANDERS < factor < WANDERS:
+    if gain < RATIO or 1 / WANDERS < factor < WANDERS or (factor < 1 and not may_be_large):
         return []
     wrong = "small" if factor > 1 else "large"
     times = factor if factor > 1 else 1 / max(factor, 1e-4)

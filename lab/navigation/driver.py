@@ -24,8 +24,8 @@ from numpy.typing import NDArray
 from lab.navigation import strapdown, wander
 from lab.navigation.compilation import (
     SOURCES,
-    entry_kernel,
     embedded_kernel,
+    entry_kernel,
     inline_kernel,
     kernel,
     named,

@@ -155,8 +155,8 @@ class NavigatorSettings(Settings):
         step=1,
         label="Alignment before the flight",
         doc="Rest before the flight in which the constant biases of the gyros are measured, as an autopilot "
-        "does when it is switched on: what is left of them is their noise over that time. 0 starts with the "
-        "whole turn-on bias.",
+        "does when it is switched on, and taken off their output: what is left of them is their noise over "
+        "that time. 0 starts with the whole turn-on bias.",
     )
     rest_updates = param.Boolean(
         default=True,

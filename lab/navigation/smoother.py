@@ -23,7 +23,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from lab.navigation.compilation import SOURCES, embedded_kernel, inline_kernel, kernel
+from lab.navigation.compilation import SOURCES, inline_kernel, kernel
 from lab.navigation.driver import (
     SETTLED,
     _corrected,

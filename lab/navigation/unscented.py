@@ -23,7 +23,13 @@ from numpy.typing import NDArray
 
 from lab import earth
 from lab.navigation import strapdown
-from lab.navigation.compilation import SOURCES, embedded_kernel, entry_kernel, inline_kernel, interpreted, kernel
+from lab.navigation.compilation import (
+    SOURCES,
+    embedded_kernel,
+    entry_kernel,
+    inline_kernel,
+    interpreted,
+)
 from lab.navigation.error_models import ATT
 from lab.navigation.kalman import (
     MEASUREMENTS,

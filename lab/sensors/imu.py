@@ -34,6 +34,7 @@ __all__ = [
     "induced_bias",
     "measure",
     "turn_on_bias",
+    "without_bias",
 ]
 
 FloatArray = NDArray[np.float64]
@@ -268,6 +269,27 @@ def compensate(
         (1 + measured.scale) / (1 + scale * _warmth(temperature)) - 1,
         measured.saturated,
     )
+
+
+def without_bias(measured: Measured, dt: float, bias: FloatArray, M: FloatArray) -> Measured:
+    """Return the output of a triad without a bias that was found before, as a calibration takes it off.
+
+    A constant rate of the output is all that a calibration at rest sees: scale factors and misalignments
+    have changed the bias in it. The bias that is left is what the found one misses.
+
+    Parameters
+    ----------
+    measured
+        Output of the triad.
+    dt
+        Length of the sample intervals [s].
+    bias : (3,) array
+        The bias that was found [rad/s] or [m/s²].
+    M : (3, 3) array
+        Cross-coupling of the triad, as of `cross_coupling`.
+    """
+    increments = measured.increments - (bias + M @ bias) * dt
+    return measured._replace(increments=increments, bias=measured.bias - bias)
 
 
 def _warmth(temperature: FloatArray) -> FloatArray:

@@ -1,7 +1,7 @@
 """Card matrix: every card on every mission with the defaults a user gets; what is flagged, and the NEES.
 
-Run it with ``python -m tests.benchmarks.card_matrix [seeds] [--no-assumed] [words in the names of cards ...]``.
-A run counts as flagged if the verdict finds what no remark of the result names as its reason.
+Run it with ``python -m tests.benchmarks.card_matrix [seeds] [--no-assumed] [words in names of cards ...]``. A
+run counts as flagged if the verdict finds what no remark of the result names as its reason.
 """
 
 from __future__ import annotations
