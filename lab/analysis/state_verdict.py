@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection
+
 import numpy as np
 
 from lab.analysis.evidence import BLOCKS, Evidence
@@ -20,8 +22,21 @@ _SETTINGS = {
 }
 
 
-def judge_start(start: Squares) -> list[Weighed]:
-    """Judge P0 by the error at the start: in one group of states, or altogether."""
+def judge_start(start: Squares, without: Collection[str] = ()) -> list[Weighed]:
+    """Judge P0 by the error at the start: in one group of states, or altogether.
+
+    Parameters
+    ----------
+    start
+        As of `Evidence`.
+    without
+        Groups of states, as `BLOCKS` names them, whose error at the start has another cause.
+    """
+    explained = [at for at, name in enumerate(BLOCKS, start=1) if name in without]
+    start = Squares(start.total.copy(), start.number.copy())
+    for of in (start.total, start.number):
+        of[0] -= of[explained].sum()
+        of[explained] = 0.0
     whole = Squares(start.total[0], start.number[0])
     doubt = DOUBT / len(BLOCKS)
     found: dict[str, Weighed] = {}

@@ -92,5 +92,7 @@ def _by_truth(evidence: Evidence) -> list[Weighed]:
     if evidence.sensors is not None:
         found += judge_sensors(evidence.sensors, evidence.biases)
     if evidence.start is not None:
-        found += judge_start(evidence.start)
+        # What the specific force does to the gyros looks like a bias at the start that nobody expected.
+        felt = any(entry.finding.quantity == "gyro g-sensitivity" for entry in found)
+        found += judge_start(evidence.start, without=("gyro bias",) if felt else ())
     return found or judge_states(evidence)

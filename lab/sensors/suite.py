@@ -106,7 +106,7 @@ class SensorSuite(Settings):
         paths = [
             f"sensors.{sensor}.{name}"
             for sensor in TRIADS
-            for name in (*scales, "misalignment", "g_sensitivity")
+            for name in (*scales, "misalignment", "g_sensitivity", "bandwidth")
             if name in self._triad(sensor).param and any(getattr(self._triad(sensor), name))
         ]
         if not paths:

@@ -22,6 +22,7 @@ REASONS = {
     "misalignment": ".misalignment",
     "g-sensitivity": ".g_sensitivity",
     "scale factor": ".scale_factor",
+    "bandwidth": ".bandwidth",
 }
 """Findings that a remark names in advance as what the filter has no state for, and the setting it names."""
 
