@@ -16,6 +16,8 @@ from dashboards.pages.base import plot_grid
 from dashboards.pages.computed import ComputedPage
 from dashboards.session import Session
 from dashboards.style import WRAP
+from lab.analysis.finding import Finding
+from lab.analysis.trial import can_be_tried, tried
 from lab.analysis.verdict import Verdict
 from lab.ensemble import Ensemble
 from lab.result import Result
@@ -124,20 +126,23 @@ class Consistency(ComputedPage):
             self.working = f"Running {self.runs} seeds:"
             super().draw(result)
             return
-        self._work.cancel()
-        self._wanted = self._content = None
-        if result.recorded:
-            self.say(
-                "A log of real sensors: nothing of it is drawn, so it is judged alone, by its innovations."
-            )
-        else:
-            self.say(f"The flight shown, seed {result.experiment.seed}.")
+        if result is not self._wanted:
+            self._work.cancel()
+            self._wanted = self._content = None
+        self.say(_what_is_judged(result))
         self._one.show(result)
-        self._write(result)
         self._lay_out(self._plots_of_one)
+        if can_be_tried(result):
+            self._write(result)
+            self.working = _what_is_judged(result)
+            super().draw(result)
+        else:
+            self._write(result, result.verdict)
 
-    def work_out(self, result: Result, progress: Progress) -> Ensemble:
-        """Run the experiment of the result with as many seeds as are chosen, and judge all runs together."""
+    def work_out(self, result: Result, progress: Progress) -> Ensemble | Verdict:
+        """Have the advice on one run tried, or run as many seeds as are chosen and judge them together."""
+        if self.runs == 1:
+            return tried(result, progress)
         found = ensemble(result, self.runs, progress)
         _ = found.consistency, found.verdict, found.innovation_verdict, found.whiteness, found.coverage
         return found
@@ -153,16 +158,24 @@ class Consistency(ComputedPage):
         self._verdict.object = self._tables.object = ""
         self.view[:] = self._parts()
 
-    def paint(self, result: Result, content: Ensemble) -> str:
-        """Draw averages over the runs in the visible stretch of time, and write what all runs say."""
+    def paint(self, result: Result, content: Ensemble | Verdict) -> str:
+        """Draw averages over the runs in the visible stretch of time, and write what all runs say.
+
+        Of one run, what its advice brings is written.
+        """
+        if isinstance(content, Verdict):
+            self._write(result, content)
+            return escape(_what_is_judged(result))
         self._many.show(content)
-        self._write(content)
+        self._write(content, content.verdict)
         self._lay_out(self._plots_of_many)
         return escape(over_seeds(content))
 
-    def _write(self, judged: Result | Ensemble) -> None:
-        """Write verdict and tables; they are about the whole flight."""
-        self._verdict.object = verdict_html(judged.verdict, judged.innovation_verdict)
+    def _write(self, judged: Result | Ensemble, verdict: Verdict | None = None) -> None:
+        """Write verdict and tables; they are about the whole flight. Without a verdict, its advice waits."""
+        self._verdict.object = verdict_html(
+            verdict or judged.verdict, judged.innovation_verdict, tried=verdict is not None
+        )
         tables = [whiteness_html(judged.whiteness)]
         if isinstance(judged, Ensemble) or not judged.lacks("coverage"):
             tables.append(coverage_html(judged))
@@ -188,10 +201,19 @@ def _html() -> pn.pane.HTML:
     return pn.pane.HTML("", sizing_mode="stretch_width", margin=(4, 12), stylesheets=[_STYLE])
 
 
-def verdict_html(verdict: Verdict, by_innovations: Verdict) -> str:
-    """Return a verdict with its findings, and what could be said without the truth."""
+def _what_is_judged(result: Result) -> str:
+    if result.recorded:
+        return "A log of real sensors: nothing of it is drawn, so it is judged alone, by its innovations."
+    return f"The flight shown, seed {result.experiment.seed}."
+
+
+def verdict_html(verdict: Verdict, by_innovations: Verdict, *, tried: bool = True) -> str:
+    """Return a verdict with its findings, and what could be said without the truth.
+
+    Advice is tried before it is given: before that, it is only said that it will come.
+    """
     findings = "".join(
-        f"<p>{f'{escape(finding.sentence)} ' if number else ''}<b>Try:</b> {escape(finding.advice)} "
+        f"<p>{f'{escape(finding.sentence)} ' if number else ''}{_advice(finding, tried=tried)} "
         f'<span class="quiet">({escape(finding.evidence)})</span></p>'
         for number, finding in enumerate(verdict.findings)
     )
@@ -202,6 +224,13 @@ def verdict_html(verdict: Verdict, by_innovations: Verdict) -> str:
         f"<h2>{escape(verdict.headline)}</h2>{findings}"
         f'<p class="quiet">Judged by {escape(verdict.basis)}.{escape(alone)}</p></div>'
     )
+
+
+def _advice(finding: Finding, *, tried: bool) -> str:
+    if finding.changes and not tried:
+        return "Advice is being tried."
+    refused = finding.advice.startswith("No advice:")
+    return f"{'' if refused else '<b>Try:</b> '}{escape(finding.advice)}"
 
 
 def over_seeds(ensemble: Ensemble) -> str:

@@ -7,6 +7,7 @@ against the fixes held out there. Advice that makes any of them worse is not giv
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -50,18 +51,34 @@ class Figures(NamedTuple):
     held_out: float
 
 
-def tried(result: Result) -> Verdict:
+def can_be_tried(result: Result) -> bool:
+    """Say whether any advice of the verdict on a run names settings, which can be tried."""
+    return not result.algorithm and any(finding.changes for finding in result.verdict.findings)
+
+
+def tried(result: Result, progress: Callable[[str, float], None] | None = None) -> Verdict:
     """Return the verdict on a run, its advice tried and what it brings said.
 
     Each finding whose advice names settings costs two runs, and the first one more.
+
+    Parameters
+    ----------
+    result
+        The run.
+    progress
+        Called before each trial with a phrase and the fraction done, from 0 to 1.
     """
     verdict = result.verdict
-    if not any(finding.changes for finding in verdict.findings) or result.algorithm:
+    if not can_be_tried(result):
         return verdict
+    tell = progress or (lambda _phrase, _done: None)
+    tell("Trying the advice", 0.0)
     before = figures(result)
-    findings = tuple(
-        _tried(finding, result, before) if finding.changes else finding for finding in verdict.findings
-    )
+    found = []
+    for number, finding in enumerate(verdict.findings):
+        tell("Trying the advice", (number + 1) / (len(verdict.findings) + 1))
+        found.append(_tried(finding, result, before) if finding.changes else finding)
+    findings = tuple(found)
     return Verdict(headline(findings, verdict.headline), findings, verdict.basis)
 
 
