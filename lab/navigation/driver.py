@@ -446,20 +446,23 @@ def _mapped(model: ErrorModel) -> dict[str, Kernel]:
                 for d in range(NAV):
                     H[i, c] += row[d] * T[d, c]
 
-    @kernel
-    @named(model.label)
-    def correct(state: FloatArray, w: FloatArray, T: FloatArray) -> None:
-        write_frame_map(state, T)
-        x = np.empty(NAV)
-        for c in range(NAV):
-            x[c] = w[WIDTH * c + X]
-        if in_body:
-            bend_estimate(x)
-        for r in range(NAV):
-            w[WIDTH * r + X] = 0.0
+    def correction(*, bent: bool) -> Kernel:
+        @kernel
+        @named(f"{model.label} {bent}")
+        def correct(state: FloatArray, w: FloatArray, T: FloatArray) -> None:
+            write_frame_map(state, T)
+            x = np.empty(NAV)
             for c in range(NAV):
-                w[WIDTH * r + X] += T[r, c] * x[c]
-        correct_state(state, w, T)
+                x[c] = w[WIDTH * c + X]
+            if bent:
+                bend_estimate(x)
+            for r in range(NAV):
+                w[WIDTH * r + X] = 0.0
+                for c in range(NAV):
+                    w[WIDTH * r + X] += T[r, c] * x[c]
+            correct_state(state, w, T)
+
+        return correct
 
     @inline_kernel
     @named(model.label)
@@ -490,7 +493,16 @@ def _mapped(model: ErrorModel) -> dict[str, Kernel]:
                         P[i, j] += half[i, c] * T[j, c]
                 P[j, i] = P[i, j]
 
-    return {"_through_map": through_map, "_correct": correct, "_store": store, "_store_fix": store_fix}
+    correct = correction(bent=in_body)
+    # An estimate that waits is as linear as the fixes that made it: bent, it would leave them, far off.
+    corrected = _estimation(correction(bent=False) if in_body else correct, model)
+    return {
+        "_through_map": through_map,
+        "_correct": correct,
+        "_corrected": corrected,
+        "_store": store,
+        "_store_fix": store_fix,
+    }
 
 
 @kernel
@@ -615,7 +627,6 @@ def kernels(model: ErrorModel, *, summed: bool) -> dict[str, Kernel]:
         others["_own_attitude"] = _own_attitude_in_body
     if model.write_map:
         others |= _mapped(model)
-        others["_corrected"] = _estimation(others["_correct"], model)
     return others
 
 

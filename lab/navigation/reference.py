@@ -272,10 +272,13 @@ def _difference(state: FloatArray, fixes: Fixes, m: int, age: float, dt: float) 
     return np.concatenate((position, velocity))
 
 
-def correct(state: FloatArray, own: FloatArray, model: ErrorModel) -> None:
-    """Take an estimated error, in the coordinates of the model, out of the navigator."""
+def correct(state: FloatArray, own: FloatArray, model: ErrorModel, *, bent: bool = True) -> None:
+    """Take an estimated error, in the coordinates of the model, out of the navigator.
+
+    Of a model in the body it goes along the group, unless it only waits to be taken out: `bent` is false.
+    """
     own = own.copy()
-    if model.in_body:
+    if model.in_body and bent:
         bend_estimate(own)
     x = model.map(state) @ own
     per_latitude, per_longitude = _radii(state)
@@ -298,7 +301,7 @@ def _corrected(state: FloatArray, x: FloatArray, model: ErrorModel) -> FloatArra
     """Return the state with an estimated error taken out."""
     corrected = state.copy()
     if x.any():
-        correct(corrected, x, model)
+        correct(corrected, x, model, bent=False)
     return corrected
 
 

@@ -125,6 +125,19 @@ def test_all_types_agree_with_a_good_sensor(name: str) -> None:
     assert worst <= 0.1
 
 
+@pytest.mark.parametrize("model", ["phi", "psi", "invariant"])
+def test_feedforward_keeps_to_the_fixes_where_the_navigator_runs_off(model: str) -> None:
+    """An uncorrected navigator is soon hundreds of metres and 2.5° off: the estimate is not."""
+    experiment = Experiment(mission="montreal")
+    card("HG9900", assumed=False).load(experiment)
+    experiment.update({"navigator": {"model": model, "correction": "feedforward"}})
+    result = experiment.run()
+    errors = np.abs(result.errors.position.values[4000:])
+    print(f"\n{model}: position error at most {errors.max():.2g} m")
+    assert np.degrees(result.feedforward_drift) > 2
+    assert errors.max() < 2.0
+
+
 def heading_errors(model: str, seed: int) -> tuple[FloatArray, FloatArray, float]:
     """Return time, heading error [°] and mean NEES where the heading starts 60° off, as P₀ says."""
     result = run(model, seed, attitude_error=[0.0, 0.0, 60.0])
