@@ -32,6 +32,8 @@ WORSE = 1.05
 CHANCE = 0.05
 """Change of NIS per degree of freedom, or of a correlation, that is no worsening."""
 
+_TRYING = "Trying the advice"
+
 
 class Figures(NamedTuple):
     """What judges a run without the truth.
@@ -72,14 +74,37 @@ def tried(result: Result, progress: Callable[[str, float], None] | None = None) 
     if not can_be_tried(result):
         return verdict
     tell = progress or (lambda _phrase, _done: None)
-    tell("Trying the advice", 0.0)
+    with_changes = [finding for finding in verdict.findings if finding.changes]
+    tell(_TRYING, 0.0)
     before = figures(result)
+    together = _together(with_changes, result, before, tell) if len(with_changes) > 1 else ""
     found = []
     for number, finding in enumerate(verdict.findings):
-        tell("Trying the advice", (number + 1) / (len(verdict.findings) + 1))
-        found.append(_tried(finding, result, before) if finding.changes else finding)
+        if not finding.changes:
+            found.append(finding)
+        elif together:
+            found.append(replace(finding, advice=f"{finding.advice} Tried, {together}."))
+        else:
+            tell(_TRYING, (number + 1) / (len(verdict.findings) + 1))
+            found.append(_tried(finding, result, before))
     findings = tuple(found)
     return Verdict(headline(findings, verdict.headline), findings, verdict.basis)
+
+
+def _together(
+    findings: list[Finding], result: Result, before: Figures, tell: Callable[[str, float], None]
+) -> str:
+    """Return what all advice brings at once, in words; empty where that makes anything worse.
+
+    What one fault hides of another, its advice alone makes worse.
+    """
+    changes = tuple(change for finding in findings for change in finding.changes)
+    tell(_TRYING, 0.1)
+    try:
+        after = figures(advised(result, changes).run())
+    except (SettingError, ValueError):
+        return ""
+    return "" if worsened(before, after) else f"all advice together: {_words(before, after)}"
 
 
 def _tried(finding: Finding, result: Result, before: Figures) -> Finding:

@@ -90,3 +90,19 @@ def test_a_flight_without_room_for_outages_is_judged_without_them():
     experiment = Experiment(mission="los_angeles", seed=1)
     experiment.set("sensors.gps.outages", [[40, 1e6]])
     assert np.isnan(trial.held_out(experiment.run()))
+
+
+def test_what_one_fault_hides_of_another_is_tried_together() -> None:
+    """With R four times too large, the latency alone would make NIS still smaller."""
+    experiment = Experiment(mission="los_angeles")
+    experiment.update({"sensors": {"gps": {"latency": 0.2}}, "navigator": {"latency": 0.0, "r_scale": 4.0}})
+    result = experiment.run()
+    verdict = result.tried_verdict
+    assert len(verdict.findings) > 1
+    assert all("Tried, all advice together: NIS" in finding.advice for finding in verdict.findings)
+    before = trial.figures(result)
+    changes = tuple(change for finding in verdict.findings for change in finding.changes)
+    after = trial.figures(trial.advised(result, changes).run())
+    assert abs(np.log(after.nis)) < abs(np.log(before.nis)) / 2
+    latency = next(finding for finding in verdict.findings if finding.quantity == "GPS latency")
+    assert trial.worsened(before, trial.figures(trial.advised(result, latency.changes).run()))
