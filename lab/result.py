@@ -411,6 +411,12 @@ class Result:
         if self.recorded:
             assumed = sensors.assumed_remark()
             return (*self.recorded.notes, *remarks, *((assumed,) if assumed else ()))
+        alignment = float(self.experiment.navigator.alignment)
+        if alignment:
+            remarks.append(
+                f"An alignment of {alignment:g} s at rest before the flight (navigator.alignment) took the "
+                "constant gyro biases off: the gyro biases shown, true and estimated, are what is left."
+            )
         return (*remarks, *sensors.remarks(self.experiment.navigator.states))
 
     def identify(self, progress: Callable[[str, float], None] | None = None) -> Identification:

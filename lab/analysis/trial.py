@@ -31,6 +31,8 @@ WORSE = 1.05
 """Factor by which the errors across outages may grow; less is chance over half a dozen outages."""
 CHANCE = 0.05
 """Change of NIS per degree of freedom, or of a correlation, that is no worsening."""
+RARE = 3.0
+"""Standard deviations of a figure of a right filter within which it is as good as right."""
 
 _TRYING = "Trying the advice"
 
@@ -46,11 +48,14 @@ class Figures(NamedTuple):
         Largest correlation of a kind of innovation from one fix to the next, as a size.
     held_out : float
         Rms of the position errors against fixes held out [m]; NaN where the flight is too short.
+    fixes : float
+        Number of fixes that NIS and the correlation are of.
     """
 
     nis: float
     correlation: float
     held_out: float
+    fixes: float
 
 
 def can_be_tried(result: Result) -> bool:
@@ -129,9 +134,12 @@ def _tried(finding: Finding, result: Result, before: Figures) -> Finding:
 def worsened(before: Figures, after: Figures) -> str:
     """Return what has become worse, in words; empty if nothing has."""
     found = []
-    if abs(np.log(max(after.nis, 1e-9))) > abs(np.log(max(before.nis, 1e-9))) + CHANCE:
+    by_chance = RARE / np.sqrt(max(after.fixes, 1.0))
+    off = abs(np.log(max(after.nis, 1e-9)))
+    # The variance of χ² is twice its degrees of freedom, of which a fix has six.
+    if off > max(by_chance * np.sqrt(2 / 6), abs(np.log(max(before.nis, 1e-9))) + CHANCE):
         found.append(f"NIS per degree of freedom ({before.nis:.2f}, then {after.nis:.2f})")
-    if after.correlation > before.correlation + CHANCE:
+    if after.correlation > max(by_chance, before.correlation + CHANCE):
         found.append(
             f"the correlation of the innovations ({before.correlation:.2f}, then {after.correlation:.2f})"
         )
@@ -191,7 +199,9 @@ def figures(result: Result) -> Figures:
     seen = result.evidence.innovations
     power = seen.squares.total.reshape(2, 3).sum(axis=1)
     after = seen.lagged[0].reshape(2, 3).sum(axis=1) / np.maximum(power, 1e-12)
-    return Figures(float(seen.nis.mean), float(np.abs(after).max()), held_out(result))
+    return Figures(
+        float(seen.nis.mean), float(np.abs(after).max()), held_out(result), float(seen.nis.number) / 6
+    )
 
 
 def held_out(result: Result) -> float:
