@@ -52,6 +52,7 @@ def _latency(result: Result) -> float:
 def reference_of(result: Result) -> Reference:
     """Return the truth of a simulated run."""
     truth, ideal = result.true_flight("evidence")
+    sensors = result.experiment.sensors
     return Reference(
         truth,
         result.true_bias,
@@ -60,6 +61,7 @@ def reference_of(result: Result) -> Reference:
         result.true_scale if result.solution_arrays.scale.size else None,
         result.temperature["true"].values if result.has_temperature else None,
         (result.gyro.saturated, result.accelerometer.saturated),
+        (any(sensors.gyro.flicker), any(sensors.accelerometer.flicker)),
     )
 
 

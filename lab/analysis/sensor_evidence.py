@@ -54,6 +54,8 @@ class Reference(NamedTuple):
         That of the IMU in each interval [°C]; None where it does not change.
     saturated : (2,) tuple
         How many values of gyros and of accelerometers met the end of their range.
+    flicker : (2,) tuple
+        Whether the biases of gyros and of accelerometers have 1/f noise, for which the filter has no state.
     """
 
     truth: Truth
@@ -63,6 +65,7 @@ class Reference(NamedTuple):
     scale: FloatArray | None = None
     temperature: FloatArray | None = None
     saturated: tuple[int, int] = (0, 0)
+    flicker: tuple[bool, bool] = (False, False)
 
 
 @dataclass(frozen=True)
@@ -84,6 +87,8 @@ class SensorErrors(Sum):
         See there; (runs, 6, drives, 4) and twice (runs, 6, drives).
     drive : Kept
         Drive of the filter over the one that was multiplied (runs, 6); zero where the filter has none.
+    flicker : Kept
+        Whether gyros and accelerometers have flicker (runs, 2).
     """
 
     matrix: Kept
@@ -96,6 +101,7 @@ class SensorErrors(Sum):
     drift_squares: Kept
     log_determinant: Kept
     drive: Kept
+    flicker: Kept
 
 
 class _Axis(NamedTuple):
@@ -157,6 +163,7 @@ def sensor_errors(belief: Belief, imu: Imu, reference: Reference) -> SensorError
         Kept(drift_squares),
         Kept(determinant),
         Kept(drive),
+        Kept(np.array([reference.flicker])),
     )
 
 

@@ -67,8 +67,8 @@ def judge_sensors(errors: SensorErrors, biases: Squares | None = None) -> list[W
     errors
         What they added.
     biases : Squares or None
-        NEES of the gyro biases and of the accelerometer biases, as of `Evidence`. Only they can say that a
-        bias drive is too large: where one state stands for flicker, what the sensors add looks like less.
+        NEES of the gyro biases and of the accelerometer biases, as of `Evidence`. Where one state stands for
+        flicker only they can say that its drive is too large: what the sensor adds looks like less.
     """
     found: list[Weighed] = []
     noise: list[tuple[float, float]] = []
@@ -78,7 +78,9 @@ def judge_sensors(errors: SensorErrors, biases: Squares | None = None) -> list[W
         motion, rest = _motion(errors, sensor, kind)
         found += _clipped(errors, sensor, kind) + motion
         noise.append(rest)
-        wanders += _bias(errors, axes, kind, may_be_large=biases is None or _doubted(biases, sensor))
+        exact = not errors.flicker.values[:, sensor].any()
+        may_be_large = exact or (biases is not None and _doubted(biases, sensor))
+        wanders += _bias(errors, axes, kind, may_be_large=may_be_large)
     white = _noise(Squares(*(np.array(parts) for parts in zip(*noise, strict=True))))
     # Who scales Q scales noise and drive alike: that is one fault.
     accused = {entry.finding.quantity: entry.finding.direction for entry in white}

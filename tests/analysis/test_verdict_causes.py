@@ -9,6 +9,7 @@ from lab.analysis.pattern import BINS, binned, channel, stretch
 from lab.analysis.selection import select
 from lab.analysis.sums import Fit, Squares
 from lab.experiment import Experiment
+from lab.sensors.cards import card
 
 RNG = np.random.default_rng(11)
 
@@ -54,6 +55,37 @@ def test_a_wrong_bias_drive_is_named(rows, name):
     experiment.set("navigator.q", noise.tolist())
     (finding,) = experiment.run().verdict.findings
     assert (finding.quantity, finding.direction) == (f"Q {name} bias", "too small")
+
+
+@pytest.mark.parametrize("seed", [1, 2, 3])
+def test_a_bias_drive_that_is_too_large_is_named(seed):
+    experiment = Experiment(seed=seed)
+    experiment.set("sensors.gyro.instability", 30.0)
+    noise = experiment.run().belief.noise.copy()
+    noise[6:9] *= 1e3
+    experiment.set("navigator.q", noise.tolist())
+    (finding,) = experiment.run().verdict.findings
+    assert (finding.quantity, finding.direction) == ("Q gyro bias", "too large")
+
+
+@pytest.mark.parametrize("name", ["ADIS16470", "VN-100", "KVH P-1775", "HG4930"])
+def test_what_stands_for_flicker_is_not_called_too_large(name):
+    """By what the sensor adds alone a third of the drive would do; the estimates need it."""
+    experiment = Experiment(seed=1)
+    card(name, assumed=False).load(experiment)
+    assert experiment.run().verdict.consistent
+    noise = experiment.run().belief.noise.copy()
+    noise[6:12] *= 1e5
+    experiment.set("navigator.q", noise.tolist())
+    directions = {(f.quantity, f.direction) for f in experiment.run().verdict.findings}
+    assert ("Q gyro bias", "too large") in directions
+
+
+def test_a_g_sensitive_gyro_is_no_wrong_p0():
+    experiment = Experiment(seed=1)
+    card("MPU-6000", assumed=False).load(experiment)
+    (finding,) = experiment.run().verdict.findings
+    assert finding.quantity == "gyro g-sensitivity"
 
 
 def test_scale_times_bias_is_no_noise_to_a_filter_with_scale_states():
