@@ -547,12 +547,12 @@ _write = PHI.write
 _predict = _prediction(PHI, summed=False)
 _corrected = _estimation(_correct, PHI)
 
-SETTLED, PENDING, LOST = 0, 1, 2
-"""How a sample leaves the navigator: corrected, with an estimated error not yet taken out, or at a pole."""
+SETTLED, PENDING = 0, 1
+"""How measurements leave it: corrected, or with an estimated error that is not yet taken out."""
 
 
-@embedded_kernel
-def advance_sample(
+@kernel
+def take_measurements(
     run: Filter,
     imu: Imu,
     fixes: Fixes,
@@ -564,19 +564,15 @@ def advance_sample(
     spare: FloatArray,
     pending: bool,
 ) -> int:
-    """Advance a navigator over sample k, with the fixes that are due; say how it is left."""
+    """Let a navigator take what is due at sample k; say how it is left.
+
+    Where nothing is due a loop over samples leaves it out: with so many arrays a call costs half a sample.
+    """
     state, w, T = run.state, run.w, run.T
     time = imu.time[k + 1]
     dt = time - imu.time[k]
-    _step(state, get(imu.dtheta[k], 0), get(imu.dvelocity[k], 0), dt)
-    if _lost(state):
-        return LOST
     m = run.counts[0]
     fix_due = m < fixes.time.size and fixes.time[m] <= time + 1e-6 * dt
-    if imu.rest.size > 0:
-        hold_attitude(state, run.rest_sums, imu.rest[k])
-    _write(state, run.F)
-    _predict(run, dt, fix_due, schedule.stride)
     rests = imu.rest.size > 0 and imu.rest[k]
     if rests and gather_rest(state, run.rest_sums, dt) and _observe_rest(run):
         out.rest[k + 1] = True
@@ -636,7 +632,7 @@ def compiled_for(function: Kernel, model: ErrorModel, *, summed: bool) -> Kernel
     Parameters
     ----------
     function
-        The loop: it calls kernels by their names here, such as `advance_sample`.
+        The loop: it calls kernels by their names here, such as `take_measurements`.
     model
         The error model.
     summed
@@ -647,7 +643,7 @@ def compiled_for(function: Kernel, model: ErrorModel, *, summed: bool) -> Kernel
         others["_observe_rest"] = embedded_kernel(rebound(_observe_rest, **others))
         others["_sight"] = embedded_kernel(rebound(_sight, **others))
         others["_observe"] = embedded_kernel(rebound(_observe, **others))
-        others["advance_sample"] = embedded_kernel(rebound(advance_sample, **others))
+        others["take_measurements"] = kernel(rebound(take_measurements, **others))
     own = rebound(function, **others)
     return entry_kernel(rebound_throughout(own, **layout(model.states)._asdict()))
 
@@ -679,9 +675,18 @@ def driver(model: ErrorModel, *, summed: bool) -> Advance:
         if first == 0:
             _store(out, 0, state, w, T)
         for k in range(first, imu.dtheta.shape[0]):
-            left = advance_sample(run, imu, fixes, out, k, schedule, z, x, spare, left == PENDING)
-            if left == LOST:
+            time, dt = imu.time[k + 1], imu.time[k + 1] - imu.time[k]
+            _step(state, get(imu.dtheta[k], 0), get(imu.dvelocity[k], 0), dt)
+            if _lost(state):
                 return k + 1
+            m = run.counts[0]
+            fix_due = m < fixes.time.size and fixes.time[m] <= time + 1e-6 * dt
+            if imu.rest.size > 0:
+                hold_attitude(state, run.rest_sums, imu.rest[k])
+            _write(state, run.F)
+            _predict(run, dt, fix_due, schedule.stride)
+            if fix_due or (imu.rest.size > 0 and imu.rest[k]):
+                left = take_measurements(run, imu, fixes, out, k, schedule, z, x, spare, left == PENDING)
             if left == PENDING:
                 _store(out, k + 1, _corrected(state, w, T, x, spare), w, T)
             else:

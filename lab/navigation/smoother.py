@@ -25,19 +25,25 @@ from numpy.typing import NDArray
 
 from lab.navigation.compilation import SOURCES, inline_kernel, kernel
 from lab.navigation.driver import (
+    PENDING,
     SETTLED,
     _corrected,
     _has_estimate,
+    _predict,
+    _step,
     _store,
     _store_fix,
-    advance_sample,
+    _write,
     compiled_for,
+    take_measurements,
 )
 from lab.navigation.error_models import PHI, WANDER_AZIMUTH, ErrorModel
 from lab.navigation.kalman import MEASUREMENTS
 from lab.navigation.navigator import Filter, advance, go_through
 from lab.navigation.propagation import BIASES, NAV, STATES, WIDTH, X
 from lab.navigation.solution import EVERY_FIX, Belief, Fixes, Imu, Schedule, Solution, Start, Stretch
+from lab.navigation.standstill import hold_attitude
+from lab.navigation.strapdown import get
 
 FloatArray = NDArray[np.float64]
 
@@ -256,12 +262,20 @@ def _backwards(model: ErrorModel) -> Callable[..., None]:
         z, x, spare = np.empty(MEASUREMENTS), np.empty(STATES), np.empty(run.state.size)
         half, P, decay = np.empty((STATES, STATES)), np.empty((STATES, STATES)), np.empty(BIASES)
         start_state, start_w = run.state.copy(), run.w.copy()
-        left = 1 if _has_estimate(run.w) else SETTLED
+        left = PENDING if _has_estimate(run.w) else SETTLED
         kept.fixes[0] = run.counts[0]
         last = imu.dtheta.shape[0]
         for k in range(first, last):
             at, dt = k - first, imu.time[k + 1] - imu.time[k]
-            left = advance_sample(run, imu, fixes, filtered, k, schedule, z, x, spare, left == 1)
+            _step(run.state, get(imu.dtheta[k], 0), get(imu.dvelocity[k], 0), dt)
+            m = run.counts[0]
+            fix_due = m < fixes.time.size and fixes.time[m] <= imu.time[k + 1] + 1e-6 * dt
+            if imu.rest.size > 0:
+                hold_attitude(run.state, run.rest_sums, imu.rest[k])
+            _write(run.state, run.F)
+            _predict(run, dt, fix_due, schedule.stride)
+            if fix_due or (imu.rest.size > 0 and imu.rest[k]):
+                left = take_measurements(run, imu, fixes, filtered, k, schedule, z, x, spare, left == PENDING)
             kept.fixes[at + 1] = run.counts[0]
             _copy(run.state, kept.state[at])
             _copy(run.w, kept.w[at])
