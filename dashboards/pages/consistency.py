@@ -9,7 +9,7 @@ import numpy as np
 import panel as pn
 import panel_material_ui as pmui
 
-from dashboards.computing import Progress
+from dashboards.computing import Outcome, Progress
 from dashboards.ensembles import ensemble
 from dashboards.identifying import Identifying
 from dashboards.pages.base import plot_grid
@@ -132,12 +132,13 @@ class Consistency(ComputedPage):
         self.say(_what_is_judged(result))
         self._one.show(result)
         self._lay_out(self._plots_of_one)
-        if can_be_tried(result):
-            self._write(result)
-            self.working = _what_is_judged(result)
-            super().draw(result)
-        else:
+        if not can_be_tried(result):
             self._write(result, result.verdict)
+            return
+        if self._content is None:
+            self._write(result)
+        self.working = _what_is_judged(result)
+        super().draw(result)
 
     def work_out(self, result: Result, progress: Progress) -> Ensemble | Verdict:
         """Have the advice on one run tried, or run as many seeds as are chosen and judge them together."""
@@ -146,6 +147,12 @@ class Consistency(ComputedPage):
         found = ensemble(result, self.runs, progress)
         _ = found.consistency, found.verdict, found.innovation_verdict, found.whiteness, found.coverage
         return found
+
+    def _arrive(self, result: Result, outcome: Outcome) -> None:
+        """Draw what was worked out, unless another number of runs has been chosen meanwhile."""
+        of_one = isinstance(outcome.result, Verdict)
+        if outcome.problem or of_one == (self.runs == 1):
+            super()._arrive(result, outcome)
 
     def close(self) -> None:
         """Draw nothing more."""
@@ -229,8 +236,7 @@ def verdict_html(verdict: Verdict, by_innovations: Verdict, *, tried: bool = Tru
 def _advice(finding: Finding, *, tried: bool) -> str:
     if finding.changes and not tried:
         return "Advice is being tried."
-    refused = finding.advice.startswith("No advice:")
-    return f"{'' if refused else '<b>Try:</b> '}{escape(finding.advice)}"
+    return escape(finding.counsel).replace("Try:", "<b>Try:</b>", 1)
 
 
 def over_seeds(ensemble: Ensemble) -> str:

@@ -20,6 +20,8 @@ MATTERS = 1.5
 """Factor from which on a wrong variance is worth a statement."""
 MANY_SIGMA = 4.0
 """Standard deviations from which on a correlation of the innovations is stated."""
+WITHHELD = "No advice:"
+"""How advice begins that was tried and made something worse."""
 RATIO = 10.0
 """Logarithm of the likelihood ratio from which on one explanation is preferred to another."""
 NOTHING = "nothing"
@@ -80,6 +82,11 @@ class Finding:
     advice: str
     evidence: str
     changes: tuple[Change, ...] = ()
+
+    @property
+    def counsel(self) -> str:
+        """The advice as it is said: to be tried, or why there is none."""
+        return self.advice if self.advice.startswith(WITHHELD) else f"Try: {self.advice}"
 
 
 @dataclass(frozen=True)

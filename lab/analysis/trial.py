@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lab import earth
-from lab.analysis.finding import Change, Finding, Verdict, headline
+from lab.analysis.finding import WITHHELD, Change, Finding, Verdict, headline
 from lab.rotation import C_nb_from_euler, euler_from_quaternion, wrap
 from lab.settings import SettingError
 
@@ -124,7 +124,7 @@ def _tried(finding: Finding, result: Result, before: Figures) -> Finding:
     if worse:
         return replace(
             finding,
-            advice=f"No advice: what such a finding suggests was tried and makes worse {worse}. It was: "
+            advice=f"{WITHHELD} what such a finding suggests was tried and makes worse {worse}. It was: "
             f"{finding.advice}",
             changes=(),
         )

@@ -202,5 +202,5 @@ def verdict_text(verdict: Verdict) -> str:
     lines = [f"Verdict{basis}: {verdict.headline}"]
     for number, finding in enumerate(verdict.findings):
         lines += [f"  {finding.sentence}"] if number else []
-        lines += [f"  Try: {finding.advice} ({finding.evidence})"]
+        lines += [f"  {finding.counsel} ({finding.evidence})"]
     return "\n".join(lines)

@@ -11,6 +11,8 @@ import pytest
 from sensor_logs import tables, write
 from walking import TITLES, Walk, walking
 
+from dashboards.computing import Outcome
+from dashboards.ensembles import ensemble
 from dashboards.page import PAGES
 from dashboards.pages.base import Page
 from dashboards.pages.time_plots import Covariance, Errors, Height
@@ -163,6 +165,17 @@ def test_several_runs_and_one_again(walk: Walk) -> None:
     walk.run(experiment(sensors__gps__outages=[(0.0, 1e4)]))
     assert walk.complaints() == []
     walk.shown._choice.value = 1
+
+
+def test_runs_that_arrive_after_one_was_chosen_again_are_not_drawn(walk: Walk) -> None:
+    outcome = walk.run(experiment(navigator__q_scale=0.1))
+    walk.open("Consistency")
+    assert outcome.result is not None
+    assert "Tried" in walk.text()
+    late = Outcome(result=ensemble(outcome.result, 2, lambda *_: None))
+    walk.shown._arrive(outcome.result, late)
+    assert len(walk.figures()) == 4
+    assert "Judged by 1 run," in walk.text()
 
 
 def test_21_states_of_a_sensor_without_scale_errors_are_said_to_be_zero(walk: Walk) -> None:
