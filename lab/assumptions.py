@@ -7,14 +7,14 @@ Noise and σ are searched by their logarithms.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from lab.analysis.identification import NORMAL, Row
-from lab.analysis.likelihood import Parameter
+from lab.analysis.identification import Row
+from lab.analysis.likelihood import Estimate, Parameter
 from lab.experiment import Experiment
 from lab.navigation.belief import assumed_latency, assumed_lever_arm, belief
 from lab.result import Result
@@ -132,9 +132,8 @@ def rows_of(
     result: Result,
     now: Assumed,
     begun: Assumed,
-    value: FloatArray,
-    sigma: FloatArray,
-    shown: NDArray[np.bool_],
+    estimate: Estimate,
+    intervals: Mapping[int, tuple[float, float]],
     bounded: NDArray[np.bool_],
 ) -> tuple[Row, ...]:
     """Return the table of the parameters.
@@ -145,29 +144,31 @@ def rows_of(
         The run.
     now, begun
         What its filter assumes, and what the search began with.
-    value, sigma : (11,) arrays
-        Estimates and their σ.
-    shown : (11,) array
-        Which of them the log shows.
+    estimate
+        The parameters found.
+    intervals
+        Of each that the log shows, the ends of its 95 % interval.
     bounded : (11,) array
         Of which of these it shows only that they are not larger.
     """
-    found, rows = begun.moved(value), []
+    found, rows = begun.moved(estimate.value), []
     before, after = _shown_values(result, now), _shown_values(result, found)
     for index, name in enumerate(NAMES):
         unit, old = before[index]
         _, new = after[index]
-        if not shown[index]:
+        if index not in intervals:
             rows.append(Row(name, unit, old, old, math.nan, math.nan, math.nan, False))
             continue
+        low, high = intervals[index]
+        sigma = float(estimate.sigma[index])
         if index < LOGARITHMS.stop:
             power = 2.0 if FIX.start <= index < FIX.stop else 1.0
-            spread = math.exp(min(NORMAL * power * sigma[index], 50.0))
-            low = 0.0 if bounded[index] else new / spread
-            rows.append(Row(name, unit, old, new, new * power * sigma[index], low, new * spread, True))
-        else:
-            half = NORMAL * sigma[index]
-            rows.append(Row(name, unit, old, new, float(sigma[index]), new - half, new + half, True))
+            low, high = (
+                new * math.exp(float(np.clip(power * (end - estimate.value[index]), -50.0, 50.0)))
+                for end in (low, high)
+            )
+            low, sigma = 0.0 if bounded[index] else low, new * power * sigma
+        rows.append(Row(name, unit, old, new, sigma, low, high, True))
     return tuple(rows)
 
 

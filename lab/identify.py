@@ -13,7 +13,16 @@ from scipy import special
 
 from lab.analysis.consistency import chi_square_interval
 from lab.analysis.identification import HeldOut, Identification, Row, better
-from lab.analysis.likelihood import ROUNDS, Estimate, Parameter, Seen, log_likelihoods, maximise, squares
+from lab.analysis.likelihood import (
+    ROUNDS,
+    Estimate,
+    Parameter,
+    Seen,
+    interval,
+    log_likelihoods,
+    maximise,
+    squares,
+)
 from lab.assumptions import (
     LOGARITHMS,
     NOISE,
@@ -189,7 +198,8 @@ def _judged(
     estimate, shown, bounded = _observable(search, whole, estimate, _zero(now), tell, done)
     begun = search.begun
     found = _with_what_stays(begun.moved(estimate.value), now, shown)
-    rows = rows_of(result, now, begun, estimate.value, estimate.sigma, shown, bounded)
+    intervals = _intervals(search, whole, estimate, shown)
+    rows = rows_of(result, now, begun, estimate, intervals, bounded)
     changes = changes_of(result, rows, found)
     changed = result.experiment.copy().update(changes)
     tell("predicting withheld fixes", done + 0.1)
@@ -270,6 +280,16 @@ def _observable(
         begin = np.where(held, np.where(zero, -NOTHING, start), estimate.value)
         estimate = _maximised(search, whole, begin, held, tell, done, done + 0.1)
     return estimate, ~held, bounded
+
+
+def _intervals(
+    search: _Search, whole: list[Parameter], estimate: Estimate, shown: Flags
+) -> dict[int, tuple[float, float]]:
+    """Return the ends of the 95 % interval of each parameter that the log shows."""
+    indices = [int(index) for index in np.flatnonzero(shown & (estimate.sigma > 0))]
+    with ThreadPoolExecutor(max_workers=2) as pool:
+        ends = pool.map(lambda index: interval(search.run, whole, estimate, index), indices)
+        return dict(zip(indices, ends, strict=True))
 
 
 def _zero(now: Assumed) -> Flags:

@@ -21,8 +21,6 @@ if TYPE_CHECKING:
 
 ALLOWED = 1.05
 """By how much the error of withheld fixes may grow where their likelihood is better: chance, no more."""
-NORMAL = 1.959964
-"""Half-width of a 95 % interval in σ."""
 
 
 class Row(NamedTuple):

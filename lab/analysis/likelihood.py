@@ -14,6 +14,7 @@ Econometrica 55 (1987), for scores that are correlated in time.
 
 from __future__ import annotations
 
+import math
 import os
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
@@ -34,9 +35,14 @@ SETTLED = 0.1
 """A step shorter than this part of each σ ends the search."""
 LARGEST_STEP = 2.0
 """Longest step of a logarithm at once: a factor of e²."""
-ROUGH = 5.0
-"""By how much a step may lower the log-likelihood where it is rough: there the root of the score, from longer
-differences, is the estimate, and not the highest of the peaks."""
+NORMAL = 1.959964
+"""Half-width of a 95 % interval in σ."""
+BRACKETS = 4
+"""Most steps to an end of an interval."""
+CLOSE = 0.03
+"""Part of the loss in σ by which an end of an interval may miss."""
+FARTHEST = 2.0
+"""Largest factor from one step to an end of an interval to the next."""
 STIFFEST = 1e8
 """Damping at which no step is found and the search ends."""
 
@@ -77,8 +83,8 @@ class Parameter:
     step : float
         Step of the differences.
     both : bool
-        Whether they are taken to both sides. A filter that takes the lever arm at the rate of a single sample
-        makes the likelihood rough over the latency: there the step is long, and to both sides.
+        Whether they are taken to both sides. The noise of the gyros on the lever arm makes the likelihood
+        uneven over the latency: there the step is long, and to both sides.
     longest : float
         Longest step of the search.
     """
@@ -101,6 +107,8 @@ class Estimate:
     ----------
     value, sigma : (p,) arrays
         Estimates and their standard deviations; 0 for a parameter that was held.
+    covariance : (p, p) array
+        By the information alone: σ may be larger.
     log_likelihood : float
         At the estimate.
     seen : Seen
@@ -113,6 +121,7 @@ class Estimate:
 
     value: FloatArray
     sigma: FloatArray
+    covariance: FloatArray
     log_likelihood: float
     seen: Seen
     white: bool
@@ -190,7 +199,6 @@ def maximise(
     if not np.isfinite(value):
         raise ValueError("the innovations are no numbers where the search begins")
     damping, rounds = 1e-3, 0
-    rough = ROUGH if any(parameters[i].both for i in map(int, free)) else 0.0
     with ThreadPoolExecutor(max_workers=min(4, os.cpu_count() or 1)) as pool:
         slopes = _slopes(run, parameters, free, place, here, pool)
         while free.size and rounds < most:
@@ -205,7 +213,7 @@ def maximise(
                 trial = place.copy()
                 trial[free] = np.clip(place[free] + step, low, high)
                 there, better = _tried(run, trial, trial[free], start, prior)
-                if there is not None and better > value - rough:
+                if there is not None and better > value:
                     moved = True
                     break
                 damping = max(10 * damping, 1e-3)
@@ -221,7 +229,55 @@ def maximise(
     white = is_white(here)
     sigma = np.zeros(len(parameters))
     sigma[free] = _sigma(slopes, prior)
-    return Estimate(place, sigma, float(log_likelihoods(here).sum()), here, white, rounds)
+    covariance = np.zeros((sigma.size, sigma.size))
+    covariance[np.ix_(free, free)] = np.linalg.inv(slopes.information + np.diag(1 / prior**2))
+    return Estimate(place, sigma, covariance, float(log_likelihoods(here).sum()), here, white, rounds)
+
+
+def interval(
+    run: Run, parameters: Sequence[Parameter], estimate: Estimate, index: int
+) -> tuple[float, float]:
+    """Return the 95 % interval of a parameter: where the log-likelihood is 1.92 lower than at the estimate.
+
+    The other parameters move with it as the information says. It is longer on the side on which the
+    log-likelihood falls more slowly; that of correlated innovations is as much longer as their σ is larger
+    than that of the information. Where the filter cannot be run it is estimate ± 1.96 σ.
+
+    Parameters
+    ----------
+    run, parameters
+        As of `maximise`.
+    estimate
+        The most likely parameters.
+    index
+        Which parameter; not one that was held.
+    """
+    start, prior = (np.array([getattr(one, name) for one in parameters]) for name in ("start", "prior"))
+    way = estimate.covariance[:, index] / estimate.covariance[index, index]
+    sigma = float(estimate.sigma[index])
+    wanted = NORMAL * sigma / math.sqrt(estimate.covariance[index, index])
+    moved = way != 0
+    best = estimate.log_likelihood - _cost(estimate.value[moved], start[moved], prior[moved])
+
+    def fall(distance: float) -> float:
+        """Return the loss at a distance, in σ of a parabola."""
+        place = estimate.value + distance * way
+        _, there = _tried(run, place, place[moved], start[moved], prior[moved])
+        return math.sqrt(max(2 * (best - there), 0.0))
+
+    ends = []
+    for side in (-1.0, 1.0):
+        distance = side * NORMAL * sigma
+        for _ in range(BRACKETS):
+            lost = fall(distance)
+            if not math.isfinite(lost):
+                distance = side * NORMAL * sigma
+                break
+            if abs(lost - wanted) < CLOSE * wanted:
+                break
+            distance *= min(max(wanted / max(lost, 1e-9), 1 / FARTHEST), FARTHEST)
+        ends.append(float(estimate.value[index] + distance))
+    return ends[0], ends[1]
 
 
 def _cost(values: FloatArray, start: FloatArray, prior: FloatArray) -> float:

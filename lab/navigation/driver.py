@@ -299,7 +299,8 @@ def _sight(run: Filter, m: int, age: float, z: FloatArray, out: Solution) -> Non
             R[i, j] = run.R[min(m, run.R.shape[0] - 1), i, j]
         for j in range(STATES):
             H[i, j] = 1.0 if i == j else 0.0
-    see_antenna(run.state, run.lever_arm, age, run.noise, _fix_axes(run.state), z, H, R)
+    turn = run.turns[min(m, run.turns.shape[0] - 1)]
+    see_antenna(run.state, run.lever_arm, turn, age, run.noise, _fix_axes(run.state), z, H, R)
     for i in range(MEASUREMENTS):
         for j in range(STATES):
             out.fix_H[m, i, j] = H[i, j]

@@ -22,6 +22,7 @@ from lab.navigation.compilation import interpreted
 from lab.navigation.driver import driver
 from lab.navigation.error_models import PHI, WANDER_AZIMUTH, ErrorModel
 from lab.navigation.kalman import MEASUREMENTS
+from lab.navigation.lever_arm import NO_TURNS, turns
 from lab.navigation.propagation import NAV, layout
 from lab.navigation.solution import EVERY_FIX, Belief, Fixes, Imu, Schedule, Solution, Start, Stretch
 from lab.navigation.standstill import ROOM
@@ -56,14 +57,22 @@ class Filter(NamedTuple):
     noise: FloatArray
     bias_decay: FloatArray
     lever_arm: FloatArray
+    turns: FloatArray  # measured about all fixes, or about each, see `lever_arm.turns`
 
     @classmethod
     def begin(
-        cls, start: Start, belief: Belief, time: float, model: ErrorModel = PHI, kept_fixes: int = 1
+        cls,
+        start: Start,
+        belief: Belief,
+        time: float,
+        model: ErrorModel = PHI,
+        kept_fixes: int = 1,
+        turned: FloatArray = NO_TURNS,
     ) -> Filter:
         """Return a navigator that starts at a time [s], with the error model it will be advanced with.
 
         `kept_fixes` is of how many fixes the updates are kept, for a smoother: of all, or of the last one.
+        `turned` (m, 4) is what the gyros measure about each fix; a navigator with a lever arm needs it.
         """
         in_wander = model.mechanization == WANDER_AZIMUTH
         state = np.zeros(wander.LENGTH if in_wander else strapdown.LENGTH)
@@ -96,6 +105,7 @@ class Filter(NamedTuple):
             np.array(belief.noise, dtype=np.float64),
             np.array(belief.bias_decay, dtype=np.float64),
             np.array(belief.lever_arm, dtype=np.float64),
+            np.array(turned, dtype=np.float64),
         )
 
 
@@ -169,7 +179,9 @@ def navigate(
         If a north-slaved navigator comes closer than 0.1° to a pole.
     """
     solution = Solution.empty(imu.time.size, fixes.time.size, model.states)
-    run = Filter.begin(start, belief, float(imu.time[0]), model)
+    run = Filter.begin(
+        start, belief, float(imu.time[0]), model, turned=turns(imu, fixes.time, belief.lever_arm)
+    )
 
     def onwards(imu: Imu, out: Solution, first: int, schedule: Schedule) -> int:
         return advance(run, imu, fixes, out, first, schedule, model)

@@ -31,6 +31,7 @@ from lab.navigation.error_models import (
     VEL,
     ErrorModel,
 )
+from lab.navigation.lever_arm import turns
 from lab.navigation.navigator import initial_covariance
 from lab.navigation.solution import EVERY_FIX, Belief, Fixes, Imu, Schedule, Solution, Start
 from lab.navigation.standstill import GATE, SPAN
@@ -66,6 +67,7 @@ def navigate(
     F, F_sum = np.zeros((n, n)), np.zeros((n, n))
     waited, elapsed, next_fix, corrected = 0, 0.0, 0, imu.time[0]
     rest = _Rest(belief, model)
+    turned = np.broadcast_to(turns(imu, fixes.time, belief.lever_arm), (fixes.time.size, 4))
     for k, (time, dt) in enumerate(zip(imu.time[1:], np.diff(imu.time), strict=True)):
         strapdown.step(state, tuple(imu.dtheta[k]), tuple(imu.dvelocity[k]), dt)
         rest.hold(state, imu, k)
@@ -93,7 +95,7 @@ def navigate(
             if age > dt * (1 + 1e-6):
                 continue
             before = kalman.x, kalman.P
-            H, way, gyro_noise = _antenna(state, belief, age, dt, n)
+            H, way, gyro_noise = _antenna(state, belief, turned[m], age, n)
             R = belief.fix_covariance(np.array([m])).reshape(6, 6) + gyro_noise
             _update(kalman, _difference(state, fixes, m, age, dt) + way, H @ model.map(state), R)
             out.innovation[m], out.innovation_covariance[m] = kalman.y, kalman.S
@@ -214,14 +216,16 @@ def _fading(belief: Belief, elapsed: float, *, summed: bool) -> FloatArray:
 
 
 def _antenna(
-    state: FloatArray, belief: Belief, age: float, dt: float, n: int
+    state: FloatArray, belief: Belief, turn: FloatArray, age: float, n: int
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Return how a fix sees the errors (6, n), the antenna against the IMU (6,), and what adds to R (6, 6).
 
     Of the antenna, displacement and velocity; to R, the noise of the gyros on the lever arm.
     """
     arm = belief.lever_arm
-    rate = _get(state, strapdown.PREVIOUS_DTHETA) / dt
+    measured, length = turn[:3], turn[3]
+    scale, bias = (_get(state, at) for at in (strapdown.GYRO_SCALE, strapdown.GYRO_BIAS))
+    rate = measured / (1 + scale) - bias
     C_nb = Rotation.from_quat(_get(state, strapdown.Q_NB, 4), scalar_first=True).as_matrix()
     C_nb = C_nb @ Rotation.from_rotvec(-age * rate).as_matrix()
     latitude = np.arcsin(state[strapdown.SINE])
@@ -233,10 +237,9 @@ def _antenna(
     H[POS, ATT], H[VEL, ATT] = _skew(way), _skew(velocity)
     H[VEL, GYRO_BIAS] = C_nb @ _skew(arm)
     if n > GYRO_SCALE.start:
-        scale, bias = (_get(state, at) for at in (strapdown.GYRO_SCALE, strapdown.GYRO_BIAS))
-        H[VEL, GYRO_SCALE] = H[VEL, GYRO_BIAS] * ((rate + bias) / (1 + scale))
+        H[VEL, GYRO_SCALE] = H[VEL, GYRO_BIAS] * (measured / (1 + scale) ** 2)
     gyro_noise = np.zeros((6, 6))
-    gyro_noise[VEL, VEL] = H[VEL, GYRO_BIAS] * belief.noise[:3] @ H[VEL, GYRO_BIAS].T / dt
+    gyro_noise[VEL, VEL] = H[VEL, GYRO_BIAS] * belief.noise[:3] @ H[VEL, GYRO_BIAS].T / length
     return H, np.concatenate((way, velocity)), gyro_noise
 
 

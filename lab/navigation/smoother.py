@@ -39,6 +39,7 @@ from lab.navigation.driver import (
 )
 from lab.navigation.error_models import PHI, WANDER_AZIMUTH, ErrorModel
 from lab.navigation.kalman import MEASUREMENTS
+from lab.navigation.lever_arm import turns
 from lab.navigation.navigator import Filter, advance, go_through
 from lab.navigation.propagation import BIASES, NAV, STATES, WIDTH, X
 from lab.navigation.solution import EVERY_FIX, Belief, Fixes, Imu, Schedule, Solution, Start, Stretch
@@ -98,7 +99,8 @@ def navigate(
     """
     assert schedule.stride == 1
     out = Solution.empty(imu.time.size, fixes.time.size, model.states)
-    run = Filter.begin(start, belief, float(imu.time[0]), model, fixes.time.size)
+    turned = turns(imu, fixes.time, belief.lever_arm)
+    run = Filter.begin(start, belief, float(imu.time[0]), model, fixes.time.size, turned)
     copies: list[_Copy] = []
 
     def onwards(imu: Imu, out: Solution, first: int, schedule: Schedule) -> int:

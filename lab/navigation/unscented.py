@@ -41,7 +41,7 @@ from lab.navigation.kalman import (
     predict_fix,
     weight,
 )
-from lab.navigation.lever_arm import see_antenna
+from lab.navigation.lever_arm import NO_TURNS, see_antenna, turns
 from lab.navigation.navigator import go_through
 from lab.navigation.sigma_points import attitude, displace, gather, spread, transport
 from lab.navigation.solution import EVERY_FIX, Belief, Fixes, Imu, Schedule, Solution, Start, Stretch
@@ -100,11 +100,12 @@ class Filter(NamedTuple):
     noise: FloatArray
     bias_decay: FloatArray
     lever_arm: FloatArray
+    turns: FloatArray  # measured about all fixes, or about each, see `lever_arm.turns`
     rest_sums: FloatArray  # of the rates at rest, see `standstill`
 
     @classmethod
-    def begin(cls, start: Start, belief: Belief, time: float = 0.0) -> Filter:
-        """Return a filter at its start, at a time [s]."""
+    def begin(cls, start: Start, belief: Belief, time: float = 0.0, turned: FloatArray = NO_TURNS) -> Filter:
+        """Return a filter at its start, at a time [s]; for `turned` see `navigator.Filter.begin`."""
         state = np.zeros(strapdown.LENGTH)
         interpreted(strapdown.set_position)(state, *start.position)
         meridian, transverse = earth.radii(state[strapdown.SINE])
@@ -134,6 +135,7 @@ class Filter(NamedTuple):
             np.array(belief.noise, dtype=np.float64),
             np.array(belief.bias_decay, dtype=np.float64),
             np.array(belief.lever_arm, dtype=np.float64),
+            np.array(turned, dtype=np.float64),
             np.zeros(ROOM),
         )
 
@@ -162,7 +164,7 @@ def navigate(
     check(schedule)
     check_heading(belief.P0)
     solution = Solution.empty(imu.time.size, fixes.time.size, belief.P0.shape[0])
-    run = Filter.begin(start, belief, float(imu.time[0]))
+    run = Filter.begin(start, belief, float(imu.time[0]), turns(imu, fixes.time, belief.lever_arm))
 
     def onwards(imu: Imu, out: Solution, first: int, schedule: Schedule) -> int:
         return advance(run, imu, fixes, out, first, schedule)
@@ -316,7 +318,8 @@ def _judge(
         for j in range(n):
             H[i, j] = 1.0 if i == j else 0.0
     axes = (1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)
-    see_antenna(run.state, run.lever_arm, age, run.noise, axes, nu, H, R)
+    turn = run.turns[min(m, run.turns.shape[0] - 1)]
+    see_antenna(run.state, run.lever_arm, turn, age, run.noise, axes, nu, H, R)
     predict_fix(run.P, H, R, S)
     nis = normalised_square(nu, S)
     became = plausibility(run.P, run.streak, run.clock, nu, S, nis, time, schedule, n)

@@ -13,8 +13,9 @@ from lab.analysis.consistency import chi_square_interval, normalised_squares
 from lab.analysis.errors import error_state
 from lab.experiment import CACHE, Experiment
 from lab.navigation import strapdown
-from lab.navigation.lever_arm import see_antenna
+from lab.navigation.lever_arm import WINDOW, see_antenna, turns
 from lab.navigation.sigma_points import displace
+from lab.navigation.solution import Imu
 from lab.result import Result
 
 FloatArray = NDArray[np.float64]
@@ -60,7 +61,7 @@ def test_what_a_fix_sees_is_the_derivative_of_where_the_antenna_is(seed: int, ag
     scale, bias = (state[at : at + 3] for at in (strapdown.GYRO_SCALE, strapdown.GYRO_BIAS))
     measured = (rate + bias) * (1 + scale)
     z, H, R = np.zeros(6), np.eye(6, 21), np.zeros((6, 6))
-    see_antenna(state, arm, age, SILENT, IDENTITY, z, H, R)
+    see_antenna(state, arm, np.append(measured, DT), age, SILENT, IDENTITY, z, H, R)
     here = antenna(state, measured, arm, age)
     np.testing.assert_allclose(z, here, atol=1e-9)
     np.testing.assert_array_equal(R, 0)
@@ -79,25 +80,52 @@ def test_what_a_fix_sees_is_the_derivative_of_where_the_antenna_is(seed: int, ag
 
 
 def test_the_noise_of_the_gyros_is_in_r() -> None:
-    """Over many draws of the last increment the antenna's velocity varies as R says."""
+    """Over many draws of the increments about a fix the antenna's velocity varies as R says."""
     rng = np.random.default_rng(1)
     state, arm, density = navigator(rng), np.array([3.0, -1.0, 0.5]), np.array([1e-4, 4e-4, 1e-5])
     noise = np.append(density, np.zeros(9))
-    R = np.zeros((6, 6))
-    see_antenna(state, arm, 0.0, noise, IDENTITY, np.zeros(6), np.eye(6, 15), R)
+    state[strapdown.GYRO_SCALE : strapdown.GYRO_SCALE + 3] = 0
+    R, samples = np.zeros((6, 6)), 20
+    time, still = np.arange(samples + 1) * DT, np.zeros((samples, 3))
+    turn = turns(Imu(time, still, still), np.array([0.05]), arm)[0]
+    see_antenna(state, arm, turn, 0.0, noise, IDENTITY, np.zeros(6), np.eye(6, 15), R)
     seen = []
     for _ in range(4000):
-        noisy = state.copy()
-        at = slice(strapdown.PREVIOUS_DTHETA, strapdown.PREVIOUS_DTHETA + 3)
-        noisy[at] += rng.normal(size=3) * np.sqrt(density * DT)
+        noisy = Imu(time, rng.normal(size=(samples, 3)) * np.sqrt(density * DT), still)
         z = np.zeros(6)
-        see_antenna(noisy, arm, 0.0, SILENT, IDENTITY, z, np.eye(6, 15), np.zeros((6, 6)))
+        turn = turns(noisy, np.array([0.05]), arm)[0]
+        see_antenna(state, arm, turn, 0.0, SILENT, IDENTITY, z, np.eye(6, 15), np.zeros((6, 6)))
         seen.append(z)
     found = np.cov(np.array(seen).T)
     sigma = np.sqrt(np.diag(R)[3:])
     np.testing.assert_allclose(
         found[3:, 3:] / np.outer(sigma, sigma), R[3:, 3:] / np.outer(sigma, sigma), atol=0.1
     )
+
+
+@given(st.floats(0, 0.05), st.floats(0.004, 0.2), st.floats(-1, 1))
+def test_the_rate_about_a_fix_is_that_of_a_curve(time: float, step: float, growth: float) -> None:
+    """Of a rate that grows evenly it is the rate at the fix, at the ends of the flight halfway to them."""
+    stamps = np.arange(41) * step
+    angle = 0.3 * stamps + growth / 2 * stamps**2
+    imu = Imu(stamps, np.outer(np.diff(angle), (1, -2, 3)), np.zeros((40, 3)))
+    times = np.array([0.0, stamps[-1] / 2 + time * step, stamps[-1] + 1])
+    seen = turns(imu, times, np.ones(3))
+    window = max(WINDOW, 2 * step)
+    middle = np.array([window / 4, times[1], stamps[-1] - window / 4])
+    np.testing.assert_allclose(seen[:, 3], (window / 2, window, window / 2), rtol=1e-9)
+    # The rate of the samples is a staircase: its mean is off by less than a step of it.
+    off = abs(growth) * step / 4 + 1e-9
+    np.testing.assert_allclose(seen[:, :3], np.outer(0.3 + growth * middle, (1, -2, 3)), atol=3 * off)
+
+
+def test_the_rate_about_a_fix_does_not_jump() -> None:
+    """With latency the time of a fix moves on: noise changes the rate by what comes into the window."""
+    rng = np.random.default_rng(2)
+    imu = Imu(np.arange(101) * DT, rng.normal(size=(100, 3)), np.zeros((100, 3)))
+    times = np.linspace(0.2, 0.8, 601)  # a tenth of a sample apart
+    change = np.abs(np.diff(turns(imu, times, np.ones(3))[:, :3], axis=0)).max()
+    assert change < 2 * np.abs(imu.dtheta).max() * (times[1] - times[0]) / DT / WINDOW + 1e-9
 
 
 def run(seed: int, **settings: object) -> Result:
