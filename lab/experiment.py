@@ -17,13 +17,12 @@ import param
 import tomli_w
 from numpy.typing import NDArray
 
-from lab import earth
 from lab.cache import StageCache, digest
 from lab.ecef import near_pole
 from lab.ideal_imu import IdealImu
 from lab.log_run import run_log, timed
 from lab.missions import LogMission, Mission, mission
-from lab.navigation import smoother, unscented
+from lab.navigation import rest_alignment, smoother, unscented
 from lab.navigation.algorithm import Algorithm, run_algorithm
 from lab.navigation.belief import assumed_latency, belief, schedule_of
 from lab.navigation.checks import (
@@ -37,8 +36,9 @@ from lab.navigation.checks import (
 )
 from lab.navigation.choice import chosen_model, is_ready
 from lab.navigation.navigator import PolarError, navigate
+from lab.navigation.rest_alignment import Aligned
 from lab.navigation.settings import NavigatorSettings
-from lab.navigation.solution import Belief, Fixes, Imu, Schedule, Solution, Start
+from lab.navigation.solution import NO_VECTOR, Belief, Fixes, Imu, Schedule, Solution, Start
 from lab.navigation.standstill import at_rest
 from lab.result import Result
 from lab.sensors import gps, imu
@@ -210,21 +210,28 @@ class _Run:
         self.progress("Reading the flight", 0.0)
         flight = CACHE.get("flight", self.flight_key, self.flight)
         self.progress("Simulating the sensors", 0.3)
-        gyro = self.triad("gyro", flight)
+        aligned = begin(flight.truth, self.experiment)
+        gyro = self.triad("gyro", flight, aligned.gyro_bias)
         accelerometer = self.triad("accelerometer", flight)
         fixes = self.fixes(flight)
         ready = self.algorithm is not None or is_ready(self.navigator)
         self.progress("Navigating" if ready else "Preparing the navigator (compiled once)", 0.4)
-        assumed = belief(self.sensors, self.navigator)
+        assumed = belief(self.sensors, self.navigator, aligned.P if self.navigator.alignment else None)
         key = digest(self.flight_key, self.experiment.seed, self.sensors.to_dict(), self.navigator.to_dict())
         solution, seconds = (
-            timed(lambda: self.own_solution(flight, gyro.increments, accelerometer.increments, fixes))
+            timed(
+                lambda: self.own_solution(
+                    flight, gyro.increments, accelerometer.increments, fixes, aligned.start
+                )
+            )
             if self.algorithm is not None
             else CACHE.get(
                 "navigation",
                 key,
                 lambda: timed(
-                    lambda: self.solution(flight, gyro.increments, accelerometer.increments, fixes, assumed)
+                    lambda: self.solution(
+                        flight, gyro.increments, accelerometer.increments, fixes, aligned.start, assumed
+                    )
                 ),
             )
         )
@@ -239,6 +246,7 @@ class _Run:
             fixes=fixes,
             belief=assumed,
             solution_arrays=solution,
+            aligned=aligned,
             seconds=seconds,
             algorithm="" if self.algorithm is None else type(self.algorithm).__name__,
         )
@@ -252,8 +260,11 @@ class _Run:
         ideal = trajectory.increments(settings.imu_rate)
         return Flight(trajectory, trajectory.at(ideal.time), ideal)
 
-    def triad(self, sensor: str, flight: Flight) -> imu.Measured:
-        """Simulate the gyros or the accelerometers, compensated for temperature where asked for."""
+    def triad(self, sensor: str, flight: Flight, found: FloatArray = NO_VECTOR) -> imu.Measured:
+        """Simulate the gyros or the accelerometers, compensated for temperature where asked for.
+
+        A bias that an alignment has found is taken off.
+        """
         errors = self.sensors.groups()[sensor]
         assert isinstance(errors, imu.GyroErrors | imu.AccelerometerErrors)
         seed, samples = self.experiment.seed, flight.ideal.dtheta.shape[0]
@@ -276,19 +287,13 @@ class _Run:
             self.sensors.accelerometer.vibration_density if shaken else None,
         )
         measured = CACHE.get(sensor, key, lambda: self.measured(errors, flight, draws))
-        length = float(self.navigator.alignment)
-        if sensor != "gyro" or not length:
+        if not found.any():
             return measured
         return CACHE.get(
-            "alignment", digest(key, length), lambda: self.aligned(measured, errors, draws, flight.ideal.dt)
+            "alignment",
+            digest(key, found.tolist()),
+            lambda: imu.without_bias(measured, flight.ideal.dt, found, imu.cross_coupling(errors, draws)),
         )
-
-    def aligned(
-        self, measured: imu.Measured, errors: imu.GyroErrors, draws: imu.ImuDraws, dt: float
-    ) -> imu.Measured:
-        """Return the output of the gyros without the bias that an alignment before the flight found."""
-        found = aligned_gyro_bias(self.sensors, self.experiment.seed, float(self.navigator.alignment))
-        return imu.without_bias(measured, dt, found, imu.cross_coupling(errors, draws))
 
     def measured(
         self, errors: imu.GyroErrors | imu.AccelerometerErrors, flight: Flight, draws: imu.ImuDraws
@@ -326,7 +331,13 @@ class _Run:
         )
 
     def solution(
-        self, flight: Flight, dtheta: FloatArray, dvelocity: FloatArray, fixes: gps.GpsFixes, assumed: Belief
+        self,
+        flight: Flight,
+        dtheta: FloatArray,
+        dvelocity: FloatArray,
+        fixes: gps.GpsFixes,
+        begin: Start,
+        assumed: Belief,
     ) -> Solution:
         """Navigate."""
         settings, ideal = self.navigator, flight.ideal
@@ -342,7 +353,6 @@ class _Run:
             seen = Fixes(fixes.time - latency, fixes.position, fixes.velocity_n)
             if settings.rest_updates:
                 increments = increments._replace(rest=at_rest(increments, seen, assumed))
-            begin = start(flight.truth, settings, self.experiment.seed)
             solution = self.engine(increments, seen, begin, assumed, schedule)
         except SettingError:
             raise
@@ -358,7 +368,12 @@ class _Run:
         return solution
 
     def own_solution(
-        self, flight: Flight, dtheta: FloatArray, dvelocity: FloatArray, fixes: gps.GpsFixes
+        self,
+        flight: Flight,
+        dtheta: FloatArray,
+        dvelocity: FloatArray,
+        fixes: gps.GpsFixes,
+        begin: Start,
     ) -> Solution:
         """Navigate with the user's algorithm."""
         assert self.algorithm is not None
@@ -366,7 +381,7 @@ class _Run:
             self.algorithm,
             Imu(flight.ideal.time, dtheta, dvelocity),
             Fixes(fixes.time, fixes.position, fixes.velocity_n),
-            start(flight.truth, self.navigator, self.experiment.seed),
+            begin,
         )
 
     def engine(self, imu: Imu, fixes: Fixes, start: Start, belief: Belief, schedule: Schedule) -> Solution:
@@ -389,34 +404,8 @@ class _Run:
         return engine(imu, fixes, start, belief, schedule, chosen_model(self.navigator))
 
 
-def aligned_gyro_bias(sensors: SensorSuite, seed: int, length: float) -> FloatArray:
-    """Return the gyro bias (3,) that an alignment at rest before the flight finds [rad/s].
-
-    The constant bias at the temperature of the start and under level gravity, and the noise of its mean over
-    the time. What varies, the instability of the flight, is not known before it.
-
-    Parameters
-    ----------
-    sensors
-        The errors of the sensors.
-    seed
-        Seed of the run.
-    length
-        Length of the rest [s].
-    """
-    errors = sensors.gyro
-    draws = imu.ImuDraws.of(seed, "gyro", 0, instability=False)
-    warmth = thermal.temperature(sensors.temperature, np.zeros(1), np.zeros(1))
-    around = imu.Surroundings(warmth, np.array([[0.0, 0.0, -earth.STANDARD_GRAVITY]]))
-    induced = np.zeros(3)
-    if not sensors.temperature.compensation:
-        induced = np.broadcast_to(imu.induced_bias(errors, around, 1.0), (1, 3))[0]
-    noise = si(errors, "noise_density") / np.sqrt(length) * unit_draws(seed, "alignment", (3,))
-    return np.asarray(imu.turn_on_bias(errors, draws) + induced + noise)
-
-
 def start(truth: Truth, settings: NavigatorSettings, seed: int) -> Start:
-    """Return where the navigator believes it starts: the truth with the initial error.
+    """Return where the navigator believes it starts before any alignment: the truth with the initial error.
 
     Parameters
     ----------
@@ -432,3 +421,19 @@ def start(truth: Truth, settings: NavigatorSettings, seed: int) -> Start:
     velocity = si(settings, "velocity_error") + si(settings, "velocity_sigma") * draw[3:6]
     attitude = si(settings, "attitude_error") + si(settings, "attitude_sigma") * draw[6:]
     return Start.off(truth, position, velocity, attitude)
+
+
+def begin(truth: Truth, experiment: Experiment) -> Aligned:
+    """Return where the navigator of an experiment starts, after its alignment if it has one.
+
+    Parameters
+    ----------
+    truth
+        The flight; its first sample is used.
+    experiment
+        Sensors, navigator and seed.
+    """
+    sensors, navigator, seed = experiment.sensors, experiment.navigator, experiment.seed
+    nothing = np.zeros(3)
+    true = Start.off(truth, nothing, nothing, nothing)
+    return rest_alignment.begin(start(truth, navigator, seed), true, sensors, navigator, seed)

@@ -14,6 +14,7 @@ from scipy import special
 from lab.analysis.consistency import chi_square_interval
 from lab.analysis.identification import HeldOut, Identification, Row, better
 from lab.analysis.likelihood import (
+    NORMAL,
     ROUNDS,
     Estimate,
     Parameter,
@@ -24,6 +25,7 @@ from lab.analysis.likelihood import (
     squares,
 )
 from lab.assumptions import (
+    LATENCY,
     LOGARITHMS,
     NOISE,
     NOTHING,
@@ -285,11 +287,17 @@ def _observable(
 def _intervals(
     search: _Search, whole: list[Parameter], estimate: Estimate, shown: Flags
 ) -> dict[int, tuple[float, float]]:
-    """Return the ends of the 95 % interval of each parameter that the log shows."""
-    indices = [int(index) for index in np.flatnonzero(shown & (estimate.sigma > 0))]
+    """Return the ends of the 95 % interval of each parameter that the log shows.
+
+    Those of latency and lever arm follow the likelihood: how well the log shows one depends on the other.
+    """
+    half = NORMAL * estimate.sigma
+    indices = [int(index) for index in np.flatnonzero(shown & (half > 0))]
+    ends = {i: (float(estimate.value[i] - half[i]), float(estimate.value[i] + half[i])) for i in indices}
+    receiver = [index for index in indices if index >= LATENCY]
     with ThreadPoolExecutor(max_workers=2) as pool:
-        ends = pool.map(lambda index: interval(search.run, whole, estimate, index), indices)
-        return dict(zip(indices, ends, strict=True))
+        found = pool.map(lambda index: interval(search.run, whole, estimate, index), receiver)
+        return ends | dict(zip(receiver, found, strict=True))
 
 
 def _zero(now: Assumed) -> Flags:

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lab.analysis.likelihood import Seen
-from lab.experiment import Experiment, start
+from lab.experiment import Experiment
 from lab.navigation import navigator as linear
 from lab.navigation import unscented
 from lab.navigation.belief import assumed_latency, belief, schedule_of
@@ -59,13 +59,15 @@ class Simulated:
     """A simulated run."""
 
     def __init__(self, result: Result) -> None:
-        truth, _ = result.true_flight("identification")
+        result.true_flight("identification")
         self.stamps = result.fixes.time
         self.span = (float(result.time[0]), float(result.time[-1]))
         self._fixes = result.fixes
         settings = result.experiment
         navigator = settings.navigator
-        self._start = start(truth, navigator, settings.seed)
+        assert result.aligned is not None  # of a simulated run
+        self._start = result.aligned.start
+        self._P0 = result.belief.P0
         imu = Imu(result.time, result.gyro.increments, result.accelerometer.increments)
         if navigator.rest_updates:
             fixes = Fixes(result.fix_validity, result.fixes.position, result.fixes.velocity_n)
@@ -75,7 +77,7 @@ class Simulated:
     def navigate(self, experiment: Experiment, withheld: Flags) -> tuple[Seen, Seen]:
         """Return the innovations of all fixes; see `Subject`."""
         navigator, imu = experiment.navigator, self._imu
-        assumed = belief(experiment.sensors, navigator)
+        assumed = belief(experiment.sensors, navigator)._replace(P0=self._P0)
         R = np.broadcast_to(assumed.R, (self.stamps.size, MEASUREMENTS, MEASUREMENTS))
         given = R + WITHHELD**2 * np.eye(MEASUREMENTS) * withheld[:, None, None]
         latency = assumed_latency(navigator, experiment.sensors.gps.latency)

@@ -26,6 +26,7 @@ from lab.ideal_imu import IdealImu
 from lab.missions import Mission, SensorLog
 from lab.navigation.alignment import Alignment
 from lab.navigation.belief import assumed_latency
+from lab.navigation.rest_alignment import Aligned
 from lab.navigation.solution import Belief, Solution
 from lab.projection import Projection
 from lab.rotation import euler_from_quaternion
@@ -120,6 +121,8 @@ class Result:
         Name of the user's algorithm that navigated; empty for the navigator of the settings.
     recorded : Recorded or None
         What a log has beside.
+    aligned : Aligned or None
+        Where the navigator of a simulated run started.
     """
 
     experiment: Experiment
@@ -134,6 +137,7 @@ class Result:
     seconds: float
     algorithm: str = ""
     recorded: Recorded | None = None
+    aligned: Aligned | None = None
 
     @property
     def time(self) -> FloatArray:
@@ -414,8 +418,9 @@ class Result:
         alignment = float(self.experiment.navigator.alignment)
         if alignment:
             remarks.append(
-                f"An alignment of {alignment:g} s at rest before the flight (navigator.alignment) took the "
-                "constant gyro biases off: the gyro biases shown, true and estimated, are what is left."
+                f"An alignment of {alignment:g} s at rest before the flight (navigator.alignment) levelled "
+                "the navigator and took the constant gyro biases off: the gyro biases shown, true and "
+                "estimated, are what is left."
             )
         return (*remarks, *sensors.remarks(self.experiment.navigator.states))
 

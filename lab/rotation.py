@@ -31,6 +31,17 @@ def wrap(angle: ArrayLike) -> FloatArray:
     return np.asarray(angle - 2 * np.pi * np.round(angle / (2 * np.pi)))
 
 
+def skew(v: FloatArray) -> FloatArray:
+    """Return [v ×] (3, 3), so that [v ×] w = v × w.
+
+    Parameters
+    ----------
+    v : (3,) array
+        A vector.
+    """
+    return np.cross(v, np.eye(3)).T
+
+
 def C_nb_from_euler(euler: ArrayLike) -> FloatArray:  # noqa: N802
     """Return the matrix (..., 3, 3) taking b to n (Groves 2.22, transposed).
 

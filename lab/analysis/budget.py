@@ -108,7 +108,8 @@ def error_budget(result: Result) -> xr.Dataset:
     _, ideal = result.true_flight("budget")
     _check(result)
     experiment = result.experiment
-    constant = constants(experiment)
+    assert result.aligned is not None  # of a simulated run
+    constant = constants(experiment, result.aligned)
     random = processes(experiment, ideal, float(result.time[-1]))
     known = known_errors(result)
     epochs = epochs_of(result)

@@ -11,7 +11,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lab.analysis.transition import N
-from lab.navigation.belief import constant_gyro_bias_variance
 from lab.navigation.error_models import (
     ACCEL_BIAS,
     ACCEL_SCALE,
@@ -22,12 +21,13 @@ from lab.navigation.error_models import (
     STATES,
     VEL,
 )
-from lab.sensors.imu_errors import OFF_DIAGONAL
+from lab.sensors import imu
 from lab.units import si
 
 if TYPE_CHECKING:
     from lab.experiment import Experiment
     from lab.ideal_imu import IdealImu
+    from lab.navigation.rest_alignment import Aligned
     from lab.settings import Settings
 
 FloatArray = NDArray[np.float64]
@@ -93,8 +93,16 @@ class Process(NamedTuple):
         return self.variance * (1 - self.decay(elapsed) ** 2)
 
 
-def constants(experiment: Experiment) -> list[Constant]:
-    """Return the constant errors that are not zero."""
+def constants(experiment: Experiment, aligned: Aligned) -> list[Constant]:
+    """Return the constant errors that are not zero.
+
+    Parameters
+    ----------
+    experiment
+        The settings.
+    aligned
+        The start of the navigator: an alignment turns what errs before the flight into what is left.
+    """
     navigator, sensors = experiment.navigator, experiment.sensors
     found: list[Constant] = []
     for name, block in (("position", POS), ("velocity", VEL), ("attitude", ATT)):
@@ -105,24 +113,26 @@ def constants(experiment: Experiment) -> list[Constant]:
         errors = sensors.groups()[name]
         own = slice(3 * number, 3 * number + 3)
         # The estimate starts with zero: the error is the bias, with the other sign.
-        if name == "gyro" and navigator.alignment:
-            left = np.sqrt(constant_gyro_bias_variance(sensors, navigator))
-            found.append(initial("gyro bias after alignment", block, np.diag(left)))
-        else:
-            found.append(initial(f"{name} turn-on bias σ", block, -np.diag(si(errors, "bias_sigma"))))
-            found.append(initial(f"{name} turn-on bias, given", block, -si(errors, "bias")[None]))
-        M, scale, drawn = np.zeros((3, 3)), si(errors, "scale_factor"), si(errors, "scale_factor_sigma")
-        for axes, value in zip(OFF_DIAGONAL, si(errors, "misalignment"), strict=True):
-            M["xyz".index(axes[0]), "xyz".index(axes[1])] = value
-        if navigator.states > N:  # errors of an estimate that starts with zero, as those of the biases
-            found.append(initial(f"{name} scale factor σ", scale_block, -np.diag(drawn)))
-            found.append(initial(f"{name} scale factor, given", scale_block, -scale[None]))
-        else:
+        found.append(initial(f"{name} turn-on bias σ", block, -np.diag(si(errors, "bias_sigma"))))
+        found.append(initial(f"{name} turn-on bias, given", block, -si(errors, "bias")[None]))
+        scale, drawn = si(errors, "scale_factor"), si(errors, "scale_factor_sigma")
+        # In a filter with 21 states they are errors of an estimate that starts with zero, as the biases are.
+        sources = [
+            initial(f"{name} scale factor σ", scale_block, -np.diag(drawn)),
+            initial(f"{name} scale factor, given", scale_block, -scale[None]),
+        ]
+        if navigator.states == N:
             each = np.einsum("c,ci,cj->cij", drawn, np.eye(3), np.eye(3))
-            found.append(coupled(f"{name} scale factor σ", own, own, each))
-            found.append(coupled(f"{name} scale factor, given", own, own, np.diag(scale)[None]))
-        found.append(coupled(f"{name} misalignment", own, own, M[None]))
-    return [source for source in found if source.start.any() or source.coupling.any()]
+            couplings = each, np.diag(scale)[None]
+            sources = [
+                coupled(source.name, own, own, matrices)._replace(start=source.start)
+                for source, matrices in zip(sources, couplings, strict=True)
+            ]
+        found += sources
+        found.append(coupled(f"{name} misalignment", own, own, imu.misalignment(errors)[None]))
+    found = [source._replace(start=aligned.kept @ source.start) for source in found]
+    noise = Constant("noise of the alignment", aligned.noise, np.zeros((aligned.noise.shape[1], 6, 6)))
+    return [source for source in (*found, noise) if source.start.any() or source.coupling.any()]
 
 
 def initial(name: str, block: slice, columns: FloatArray) -> Constant:

@@ -172,10 +172,12 @@ def advised(result: Result, changes: tuple[Change, ...]) -> Experiment:
     experiment, assumed = result.experiment.copy(), result.belief
     navigator = experiment.navigator
     R = assumed.R if assumed.R.ndim == 2 else assumed.R.mean(axis=0)
+    variances = np.diag(assumed.P0)
+    P0 = variances if np.array_equal(np.diag(variances), assumed.P0) else assumed.P0
     matched = {
         "navigator.r": np.diag(R) / navigator.r_scale,
         "navigator.q": assumed.noise / navigator.q_scale,
-        "navigator.p0": np.diag(assumed.P0) / navigator.p0_scale,
+        "navigator.p0": P0 / navigator.p0_scale,
     }
     for change in changes:
         value = change.value

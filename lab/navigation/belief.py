@@ -33,16 +33,26 @@ FLICKER_FLOOR = np.sqrt(2 * np.log(2) / np.pi)
 """Allan deviation of flicker over its coefficient B (IEEE Std 952-1997, annex C)."""
 
 
-def belief(sensors: SensorSuite, navigator: NavigatorSettings) -> Belief:
+def belief(sensors: SensorSuite, navigator: NavigatorSettings, constants: FloatArray | None = None) -> Belief:
     """Return what the filter assumes: P0, Q and R matched, or as given, and scaled.
+
+    Parameters
+    ----------
+    sensors, navigator
+        The errors of the sensors, and the filter.
+    constants : (21, 21) array
+        Covariance of the constant errors that an alignment left; by default those before any alignment.
 
     Raises
     ------
     SettingError
         If P0 is given for another number of states than the filter has.
     """
-    gyro_drive, gyro_decay = bias_process(sensors.gyro, constant_gyro_bias_variance(sensors, navigator))
-    accel_drive, accel_decay = bias_process(sensors.accelerometer)
+    aligned = constants is not None
+    constants = constant_errors(sensors, navigator) if constants is None else constants
+    variance = np.diag(constants)
+    gyro_drive, gyro_decay = bias_process(sensors.gyro, variance[GYRO_BIAS])
+    accel_drive, accel_decay = bias_process(sensors.accelerometer, variance[ACCEL_BIAS])
     noise = (
         _given(navigator.q) if navigator.q is not None else matched_noise(sensors, gyro_drive, accel_drive)
     )
@@ -50,7 +60,11 @@ def belief(sensors: SensorSuite, navigator: NavigatorSettings) -> Belief:
     root = np.sqrt(r_factors(navigator))
     return Belief(
         P0=navigator.p0_scale
-        * (_given_p0(navigator) if navigator.p0 is not None else matched_p0(sensors, navigator)),
+        * (
+            _given_p0(navigator)
+            if navigator.p0 is not None
+            else _matched_p0(sensors, navigator, constants, aligned=aligned)
+        ),
         R=R * np.outer(root, root),
         noise=navigator.q_scale * np.diag(noise),
         bias_decay=np.concatenate((gyro_decay, accel_decay)),
@@ -85,25 +99,32 @@ def _given_p0(navigator: NavigatorSettings) -> FloatArray:
     return P0
 
 
-def matched_p0(sensors: SensorSuite, navigator: NavigatorSettings) -> FloatArray:
-    """Return the second moment of the initial errors, given and drawn, of biases and scale factors.
+def constant_errors(sensors: SensorSuite, navigator: NavigatorSettings) -> FloatArray:
+    """Return the second moment (21, 21) of the initial errors, given and drawn, and of constant biases.
 
-    As many rows as the filter has states. What temperature does to biases and scale factors is not in it.
+    And of scale factors. What temperature does to biases and scale factors is not in it.
     """
     variance = np.empty(21)
     variance[POS] = si(navigator, "position_sigma") ** 2 + si(navigator, "position_error") ** 2
     variance[VEL] = si(navigator, "velocity_sigma") ** 2 + si(navigator, "velocity_error") ** 2
     variance[ATT] = si(navigator, "attitude_sigma") ** 2 + si(navigator, "attitude_error") ** 2
-    constant = constant_gyro_bias_variance(sensors, navigator)
-    variance[GYRO_BIAS] = constant + si(sensors.gyro, "instability") ** 2
-    if navigator.alignment:  # what flicker does beside a whole turn-on bias is nothing
-        variance[GYRO_BIAS] += flicker_process(sensors.gyro)[0]
-    variance[ACCEL_BIAS] = (
-        _turn_on_variance(sensors.accelerometer) + si(sensors.accelerometer, "instability") ** 2
-    )
+    variance[GYRO_BIAS] = _turn_on_variance(sensors.gyro)
+    variance[ACCEL_BIAS] = _turn_on_variance(sensors.accelerometer)
     for block, errors in ((GYRO_SCALE, sensors.gyro), (ACCEL_SCALE, sensors.accelerometer)):
         variance[block] = si(errors, "scale_factor") ** 2 + si(errors, "scale_factor_sigma") ** 2
-    return np.diag(variance[: navigator.states])
+    return np.diag(variance)
+
+
+def _matched_p0(
+    sensors: SensorSuite, navigator: NavigatorSettings, constants: FloatArray, *, aligned: bool
+) -> FloatArray:
+    """Return the covariance of the initial errors, the instability of the biases with them."""
+    varying = np.zeros(21)
+    varying[GYRO_BIAS] = si(sensors.gyro, "instability") ** 2
+    if aligned:  # what flicker does beside a whole turn-on bias is nothing
+        varying[GYRO_BIAS] += flicker_process(sensors.gyro)[0]
+    varying[ACCEL_BIAS] = si(sensors.accelerometer, "instability") ** 2
+    return (constants + np.diag(varying))[: navigator.states, : navigator.states]
 
 
 def matched_noise(sensors: SensorSuite, gyro_drive: FloatArray, accel_drive: FloatArray) -> FloatArray:
@@ -128,16 +149,6 @@ def r_factors(navigator: NavigatorSettings) -> FloatArray:
     horizontal, vertical, velocity = navigator.r_factors
     factors = np.array([horizontal, horizontal, vertical, velocity, velocity, velocity])
     return np.asarray(navigator.r_scale * factors)
-
-
-def constant_gyro_bias_variance(sensors: SensorSuite, navigator: NavigatorSettings) -> FloatArray:
-    """Return the second moment (3,) of the constant gyro bias that the filter starts with [rad²/s²].
-
-    After an alignment at rest for a time T that is the noise of its mean, N² / T.
-    """
-    if not navigator.alignment:
-        return _turn_on_variance(sensors.gyro)
-    return np.asarray(si(sensors.gyro, "noise_density") ** 2 / float(navigator.alignment))
 
 
 def bias_process(

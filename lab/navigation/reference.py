@@ -35,7 +35,7 @@ from lab.navigation.lever_arm import turns
 from lab.navigation.navigator import initial_covariance
 from lab.navigation.solution import EVERY_FIX, Belief, Fixes, Imu, Schedule, Solution, Start
 from lab.navigation.standstill import GATE, SPAN
-from lab.rotation import wrap
+from lab.rotation import skew, wrap
 
 FloatArray = NDArray[np.float64]
 
@@ -199,7 +199,7 @@ class _Rest:
         down = held[2]
         R = down**2 @ np.maximum(self.belief.noise[:3] / length, rates.var(axis=0) / rates.shape[0])
         H = np.zeros((1, self.model.states))
-        H[:, ATT] = _skew(omega_ie)[2] @ (C_nb if self.model.in_body else np.eye(3))
+        H[:, ATT] = skew(omega_ie)[2] @ (C_nb if self.model.in_body else np.eye(3))
         H[:, GYRO_BIAS] = -down
         z = down @ (rates.mean(axis=0) - _get(state, strapdown.GYRO_BIAS) - C_nb.T @ omega_ie)
         if ((z - H @ kalman.x) ** 2 > GATE * (H @ kalman.P @ H.T + R)).any():
@@ -234,18 +234,13 @@ def _antenna(
     velocity = C_nb @ np.cross(rate, arm) - np.cross(omega_ie, way)
     H = np.eye(6, n)
     H[POS, VEL] = -age * np.eye(3)
-    H[POS, ATT], H[VEL, ATT] = _skew(way), _skew(velocity)
-    H[VEL, GYRO_BIAS] = C_nb @ _skew(arm)
+    H[POS, ATT], H[VEL, ATT] = skew(way), skew(velocity)
+    H[VEL, GYRO_BIAS] = C_nb @ skew(arm)
     if n > GYRO_SCALE.start:
         H[VEL, GYRO_SCALE] = H[VEL, GYRO_BIAS] * (measured / (1 + scale) ** 2)
     gyro_noise = np.zeros((6, 6))
     gyro_noise[VEL, VEL] = H[VEL, GYRO_BIAS] * belief.noise[:3] @ H[VEL, GYRO_BIAS].T / length
     return H, np.concatenate((way, velocity)), gyro_noise
-
-
-def _skew(v: FloatArray) -> FloatArray:
-    """Return [v ×]."""
-    return np.cross(v, np.eye(3)).T
 
 
 def _update(kalman: KalmanFilter, z: FloatArray, seen: FloatArray, R: FloatArray) -> None:

@@ -32,7 +32,9 @@ __all__ = [
     "drift",
     "felt",
     "induced_bias",
+    "mean_at_rest",
     "measure",
+    "misalignment",
     "turn_on_bias",
     "without_bias",
 ]
@@ -211,10 +213,41 @@ def induced_bias(
 
 def cross_coupling(errors: GyroErrors | AccelerometerErrors, draws: ImuDraws) -> FloatArray:
     """Return M (3, 3) at 25 °C: scale factor errors on the diagonal, misalignments [rad] off it."""
-    M = np.diag(si(errors, "scale_factor") + si(errors, "scale_factor_sigma") * draws.scale)
+    scale = si(errors, "scale_factor") + si(errors, "scale_factor_sigma") * draws.scale
+    return np.asarray(np.diag(scale) + misalignment(errors))
+
+
+def misalignment(errors: GyroErrors | AccelerometerErrors) -> FloatArray:
+    """Return the misalignments [rad] off the diagonal of a matrix (3, 3)."""
+    M = np.zeros((3, 3))
     for name, value in zip(OFF_DIAGONAL, si(errors, "misalignment"), strict=True):
         M["xyz".index(name[0]), "xyz".index(name[1])] = value
     return M
+
+
+def mean_at_rest(
+    errors: GyroErrors | AccelerometerErrors,
+    draws: ImuDraws,
+    felt: FloatArray,
+    around: Surroundings,
+) -> FloatArray:
+    """Return what a triad at rest puts out on the average (3,), without noise [rad/s] or [m/s²].
+
+    Parameters
+    ----------
+    errors
+        The errors of the triad; its instability, range and quantisation do not show in a mean.
+    draws
+        Unit draws of its constants.
+    felt : (3,) array
+        True rate or specific force in b.
+    around
+        Temperature and specific force at rest, for one second.
+    """
+    bias = turn_on_bias(errors, draws) + induced_bias(errors, around, 1.0).reshape(-1, 3)[0]
+    M = cross_coupling(errors, draws)
+    M = M + np.diag(si(errors, "scale_temperature") * _warmth(around.temperature)[0])
+    return np.asarray((np.eye(3) + M) @ (felt + bias))
 
 
 def felt(errors: AccelerometerErrors, seed: int, dvelocity: FloatArray, dt: float) -> FloatArray:
@@ -284,12 +317,13 @@ def without_bias(measured: Measured, dt: float, bias: FloatArray, M: FloatArray)
     dt
         Length of the sample intervals [s].
     bias : (3,) array
-        The bias that was found [rad/s] or [m/s²].
+        The bias that was found in the output [rad/s] or [m/s²].
     M : (3, 3) array
         Cross-coupling of the triad, as of `cross_coupling`.
     """
-    increments = measured.increments - (bias + M @ bias) * dt
-    return measured._replace(increments=increments, bias=measured.bias - bias)
+    increments = measured.increments - bias * dt
+    inside = np.linalg.solve(np.eye(3) + M, bias)
+    return measured._replace(increments=increments, bias=measured.bias - inside)
 
 
 def _warmth(temperature: FloatArray) -> FloatArray:
