@@ -5,6 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -279,8 +280,13 @@ def _observable(
         elif poor[index] and refuted(index, start[index]):
             bounded[index], held[index] = True, False
     if held.any():
-        begin = np.where(held, np.where(zero, -NOTHING, start), estimate.value)
+        begin, together = np.where(held, np.where(zero, -NOTHING, start), estimate.value), estimate.sigma
         estimate = _maximised(search, whole, begin, held, tell, done, done + 0.1)
+        # A lever arm that is held is not known: along the track it is as good as a latency.
+        unsure = ~held & (np.arange(held.size) >= LATENCY) & held[LATENCY:].any()
+        estimate = replace(
+            estimate, sigma=np.where(unsure, np.maximum(estimate.sigma, together), estimate.sigma)
+        )
     return estimate, ~held, bounded
 
 

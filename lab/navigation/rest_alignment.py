@@ -128,7 +128,7 @@ def align(start: Start, P: FloatArray, means: Means) -> Aligned:
         attitude = Rotation.from_rotvec(x[ATT]) * before
         C_nb = attitude.as_matrix()
         z = np.concatenate((C_nb @ means.force + gravity, C_nb @ (means.rate + x[GYRO_BIAS]) - omega_ie))
-        H = _sight(C_nb, gravity, omega_ie, means)
+        H = _sight(C_nb, gravity, omega_ie, means.force)
         R = np.zeros((6, 6))
         R[:3, :3] = C_nb @ means.force_covariance @ C_nb.T + LEAST_FORCE**2 * np.eye(3)
         R[3:, 3:] = C_nb @ means.rate_covariance @ C_nb.T + LEAST_RATE**2 * np.eye(3)
@@ -204,10 +204,11 @@ def _unmodelled(errors: GyroErrors | AccelerometerErrors, felt: FloatArray, leng
     return np.diag(_noise(errors, length)) + np.outer(M @ felt, M @ felt)
 
 
-def _sight(C_nb: FloatArray, gravity: FloatArray, omega_ie: FloatArray, means: Means) -> FloatArray:
+def _sight(C_nb: FloatArray, gravity: FloatArray, omega_ie: FloatArray, force: FloatArray) -> FloatArray:
     """Return how the errors (21,) show in specific force plus gravity and rate less the Earth's, in n."""
     H = np.zeros((6, 21))
     H[:3, ATT], H[3:, ATT] = -skew(gravity), skew(omega_ie)
     H[:3, ACCEL_BIAS], H[3:, GYRO_BIAS] = -C_nb, -C_nb
-    H[:3, ACCEL_SCALE], H[3:, GYRO_SCALE] = -C_nb * means.force, -C_nb * means.rate
+    # The bias comes off the output of the gyros: their scale factors count for what turns the IMU alone.
+    H[:3, ACCEL_SCALE], H[3:, GYRO_SCALE] = -C_nb * force, -C_nb * (C_nb.T @ omega_ie)
     return H
