@@ -20,6 +20,7 @@ from lab.experiment import Experiment
 from lab.log_run import has_effect
 from lab.missions import LogMission, missions
 from lab.navigation.belief import belief
+from lab.navigation.rest_alignment import usual
 from lab.setting_kinds import MatrixOrNone
 
 SECTIONS = {
@@ -247,11 +248,14 @@ class SettingsPanel:
 
 
 def matched_variances(experiment: Experiment, name: str) -> list[float]:
-    """Return the variances, SI units, the filter takes for p0, q or r while none are given."""
+    """Return the variances, SI units, the filter takes for p0, q or r while none are given.
+
+    Those of p0 after an alignment are of a level vehicle, for its first attitude is not known here.
+    """
     plain = experiment.navigator.copy()
     for setting in ("p0", "q", "r"):
         plain.set(setting, None)
         plain.set(f"{setting}_scale", 1.0)
-    matched = belief(experiment.sensors, plain)
+    matched = belief(experiment.sensors, plain, usual(experiment.sensors, plain))
     covariance = {"p0": matched.P0, "q": np.diag(matched.noise), "r": matched.R}[name]
     return [float(variance) for variance in np.diag(covariance)]

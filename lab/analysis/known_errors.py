@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
 
 from lab import earth
 from lab.analysis.error_sources import rounding
@@ -89,8 +90,12 @@ def _of_triad(result: Result, number: int, name: str) -> list[Series]:
             continue
         quiet = type(errors)(noise_density=0, bias_sigma=0, range=errors.param["range"].bounds[1])
         quiet.set(term, getattr(errors, term))
-        alone = imu.measure(true, ideal.dt, quiet, _NONE, surroundings)
-        add(source, alone.increments - true, term in BIASES)
+        alone = imu.measure(true, ideal.dt, quiet, _NONE, surroundings).increments - true
+        if isinstance(errors, imu.GyroErrors) and term in BIASES and experiment.navigator.alignment:
+            # An alignment took off what of it was there at rest.
+            before = imu.Surroundings(surroundings.temperature[:1], _felt_at_rest(truth))
+            alone = alone - imu.mean_at_rest(quiet, _NONE, np.zeros(3), before) * ideal.dt
+        add(source, alone, term in BIASES)
     felt = imu.felt(experiment.sensors.accelerometer, experiment.seed, ideal.dvelocity, ideal.dt)
     coarse = any(errors.quantisation) and not rounding(errors, ideal.dt).any()
     measured = result.accelerometer if number else result.gyro
@@ -118,6 +123,13 @@ def _of_triad(result: Result, number: int, name: str) -> list[Series]:
     if coarse:
         add("quantisation", as_it_was - simulated(quantisation=0.0))
     return found
+
+
+def _felt_at_rest(truth: Truth) -> FloatArray:
+    """Return the specific force (1, 3) that the IMU would feel at rest in its first attitude [m/s²]."""
+    into_b = Rotation.from_quat(truth.q_nb[0], scalar_first=True).inv()
+    gravity = float(earth.gravity(np.sin(truth.latitude[0]), truth.height[0]))
+    return np.asarray(into_b.apply([[0.0, 0.0, -gravity]]))
 
 
 _NONE = imu.ImuDraws(*(np.zeros(3),) * 3, *(np.zeros((0, 3)),) * 3, np.zeros((1, 3)))

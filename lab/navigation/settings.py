@@ -154,9 +154,9 @@ class NavigatorSettings(Settings):
         softbounds=(0, 120),
         step=1,
         label="Alignment before the flight",
-        doc="Rest before the flight in which the constant biases of the gyros are measured, as an autopilot "
-        "does when it is switched on, and taken off their output: what is left of them is their noise over "
-        "that time. 0 starts with the whole turn-on bias.",
+        doc="Rest before the flight, as an autopilot takes it when it is switched on. The accelerometers "
+        "level the navigator, the gyros show their constant biases, which are taken off their output, and "
+        "north if they are good enough for it. P₀ is what is left. 0 starts with the whole turn-on bias.",
     )
     rest_updates = param.Boolean(
         default=True,

@@ -228,7 +228,9 @@ SCALE_STATES = (
         ("navigator.correction=feedforward",),
         ("navigator.model=psi",),
         ("navigator.model=invariant",),
+        ("navigator.alignment=20",),
         SCALE_STATES,
+        (*SCALE_STATES, "navigator.alignment=20"),
     ],
 )
 def test_of_a_matched_filter_all_sources_sum_to_its_own_covariance(more: tuple[str, ...]) -> None:
@@ -306,6 +308,16 @@ def test_the_total_is_that_of_200_runs(assignments: tuple[str, ...]) -> None:
     print("budget / Monte Carlo:", dict(zip(found.quantity.values, ratio.round(3).tolist(), strict=True)))
     print("believed / Monte Carlo:", (found.believed.values / spread).round(3).tolist())
     assert np.abs(ratio - 1).max() < 0.15
+
+
+@pytest.mark.parametrize("length", [0, 30])
+def test_the_effect_of_a_g_sensitivity_is_the_difference_it_makes(length: int) -> None:
+    """An alignment takes off what of it is there at rest."""
+    settings = *SMALL, f"navigator.alignment={length}", "sensors.gps.outages=[[0, 300]]"
+    sensitive = made(*settings, "sensors.gyro.g_sensitivity=0.0005").run()
+    found = error_budget(sensitive).sigma.sel(source="gyro g-sensitivity").isel(time=-1).values
+    change = np.abs(final_errors(sensitive) - final_errors(made(*settings).run()))
+    np.testing.assert_allclose(found, change, rtol=0.05, atol=0.02 * change.max())
 
 
 def test_outliers_that_a_gate_refuses_are_named_as_left_out() -> None:

@@ -1,0 +1,144 @@
+"""The alignment before a flight: closed forms of levelling and gyro-compassing, and errors against its P."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
+from scipy.stats import chi2
+
+from lab import Experiment, earth
+from lab.navigation.error_models import ACCEL_BIAS, ATT, GYRO_BIAS
+from lab.navigation.rest_alignment import Means, align, begin, usual
+from lab.navigation.solution import Start
+from lab.rotation import quaternion_from_euler
+from lab.sensors import imu
+from lab.sensors.cards import card
+from lab.units import si
+
+FloatArray = NDArray[np.float64]
+
+LATITUDE, HEIGHT = np.radians(50.0), 300.0
+OMEGA_IE = earth.RATE * np.array([np.cos(LATITUDE), 0.0, -np.sin(LATITUDE)])
+G = float(earth.gravity(np.sin(LATITUDE), HEIGHT))
+DEGREE_AN_HOUR = np.radians(1 / 3600)
+
+
+def at(*euler: float) -> Start:
+    """Return a place with an attitude by roll, pitch, heading [°]."""
+    return Start(
+        np.array([LATITUDE, 0.2, HEIGHT]), np.zeros(3), quaternion_from_euler(np.radians(np.array(euler)))
+    )
+
+
+def into_body(start: Start) -> FloatArray:
+    return Rotation.from_quat(start.q_nb, scalar_first=True).as_matrix().T
+
+
+def error(start: Start, true: Start) -> FloatArray:
+    """Return φ (3,) of Ĉ_nb = exp(−[φ×]) C_nb."""
+    found, right = (Rotation.from_quat(one.q_nb, scalar_first=True) for one in (start, true))
+    return -(found * right.inv()).as_rotvec()
+
+
+def off(true: Start, phi: FloatArray) -> Start:
+    q_nb = Rotation.from_rotvec(-phi) * Rotation.from_quat(true.q_nb, scalar_first=True)
+    return true._replace(q_nb=q_nb.as_quat(scalar_first=True))
+
+
+def prior(attitude: float, gyro_bias: float, accelerometer_bias: float) -> FloatArray:
+    """Return the covariance of errors with these σ [rad], [rad/s], [m/s²]; nothing else errs."""
+    sigma = np.zeros(21)
+    sigma[ATT], sigma[GYRO_BIAS], sigma[ACCEL_BIAS] = attitude, gyro_bias, accelerometer_bias
+    return np.diag(sigma**2)
+
+
+def means(true: Start, gyro_bias: FloatArray, accelerometer_bias: FloatArray) -> Means:
+    to_b = into_body(true)
+    nothing = np.zeros((3, 3))
+    return Means(to_b @ [0.0, 0.0, -G] + accelerometer_bias, to_b @ OMEGA_IE + gyro_bias, nothing, nothing)
+
+
+@pytest.mark.parametrize("euler", [(0, 0, 0), (5, -8, 130), (-40, 20, -100)])
+def test_levelling_leaves_the_accelerometer_biases_over_g(euler: tuple[float, float, float]) -> None:
+    """Groves 5.6.1: each level axis is off by the bias across it over g, as the σ says."""
+    true, bias = at(*euler), np.array([0.02, -0.03, 0.01])
+    before = off(true, np.radians([3.0, -2.0, 0.0]))
+    found = align(before, prior(np.radians(5.0), 0.1, 0.02), means(true, np.zeros(3), bias))
+    north, east, _ = into_body(true).T @ bias
+    # Heading is as it was: the Earth's rate is nothing beside the gyros' biases.
+    np.testing.assert_allclose(error(found.start, true)[:2], [east / G, -north / G], rtol=0.02, atol=1e-5)
+    np.testing.assert_allclose(np.sqrt(np.diag(found.P)[6:8]), 0.02 / G, rtol=0.01)
+    # A tilt that comes from a bias comes with it: their correlation is all but complete.
+    correlation = found.P / np.sqrt(np.outer(np.diag(found.P), np.diag(found.P)) + 1e-300)
+    assert np.abs(correlation[6:8, ACCEL_BIAS]).max() > 0.7
+
+
+@pytest.mark.parametrize("heading", [0.0, 75.0, -160.0])
+def test_gyros_that_are_good_enough_find_north(heading: float) -> None:
+    """Groves 5.6.2: the heading is as sure as the east gyro over the level part of the Earth's rate."""
+    true, sigma = at(0, 0, heading), 0.01 * DEGREE_AN_HOUR
+    before = off(true, np.radians([0.5, 0.5, 20.0]))
+    found = align(before, prior(np.radians(20.0), sigma, 1e-5), means(true, np.zeros(3), np.zeros(3)))
+    expected = sigma / (earth.RATE * np.cos(LATITUDE))
+    np.testing.assert_allclose(np.sqrt(found.P[8, 8]), expected, rtol=0.01)
+    assert abs(error(found.start, true)[2]) < 0.1 * expected
+
+
+def test_gyros_that_are_not_leave_the_heading_and_lose_their_biases() -> None:
+    true, bias = at(2, 3, 45), np.radians([0.5, -0.3, 0.8])
+    before = off(true, np.radians([0.0, 0.0, 2.0]))
+    found = align(before, prior(np.radians(2.0), np.radians(0.5), 1e-4), means(true, bias, np.zeros(3)))
+    assert error(found.start, true)[2] == pytest.approx(np.radians(2.0), rel=1e-3)
+    # What is left is the Earth's rate seen in the wrong direction.
+    assert np.abs(found.gyro_bias - bias).max() < 1.1 * earth.RATE * np.radians(2.0)
+    left = np.diag(found.P)[GYRO_BIAS].sum()
+    assert np.sqrt(left) == pytest.approx(earth.RATE * np.cos(LATITUDE) * np.radians(2.0), rel=0.01)
+
+
+def test_the_variances_shown_before_a_run_are_about_those_of_the_run() -> None:
+    experiment = Experiment(mission="los_angeles")
+    card("ICM-20948").load(experiment)
+    shown = usual(experiment.sensors, experiment.navigator)
+    assert shown is not None
+    found = experiment.run().aligned
+    assert found is not None
+    np.testing.assert_allclose(np.diag(shown), np.diag(found.P), rtol=0.15)
+    experiment.set("navigator.alignment", 0.0)
+    assert usual(experiment.sensors, experiment.navigator) is None
+
+
+SEEDS = 60
+
+
+@pytest.mark.parametrize("name", ["ICM-20948", "BMI088", "STIM300", "HG1700"])
+def test_the_errors_left_are_as_large_as_p_says(name: str) -> None:
+    """Attitude, gyro biases and what goes with them, over seeds; with turn-on biases from 1 °/h to 5 °/s."""
+    experiment = Experiment()
+    card(name, assumed=False).load(experiment)
+    true, total, kept = at(4, -3, 60), 0.0, np.r_[6:15]
+    for seed in range(SEEDS):
+        rng = np.random.default_rng([seed, 7])
+        before = off(true, np.radians(rng.normal(size=3) * (0.5, 0.5, 2.0)))
+        found = begin(before, true, experiment.sensors, experiment.navigator, seed)
+        gyro, accelerometer = biases(experiment, seed)
+        x = np.concatenate((error(found.start, true), found.gyro_bias - gyro, -accelerometer))
+        P = found.P[np.ix_(kept, kept)]
+        scale = np.sqrt(np.diag(P))
+        total += (x / scale) @ np.linalg.solve(P / np.outer(scale, scale), x / scale)
+    low, high = chi2.ppf([0.0005, 0.9995], kept.size * SEEDS)
+    print(f"\n{name}: NEES per degree of freedom {total / kept.size / SEEDS:.2f}")
+    assert low < total < high
+
+
+def biases(experiment: Experiment, seed: int) -> tuple[FloatArray, FloatArray]:
+    """Return the true constant biases of gyros, as they put them out, and accelerometers, by formula."""
+    found = []
+    for name in ("gyro", "accelerometer"):
+        errors = experiment.sensors.groups()[name]
+        draws = imu.ImuDraws.of(seed, name, 0, instability=False)
+        bias = si(errors, "bias") + si(errors, "bias_sigma") * draws.bias
+        scale = si(errors, "scale_factor") + si(errors, "scale_factor_sigma") * draws.scale
+        found.append(bias * (1 + scale) if name == "gyro" else bias)
+    return found[0], found[1]
