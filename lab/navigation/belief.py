@@ -121,9 +121,10 @@ def _matched_p0(
     """Return the covariance of the initial errors, the instability of the biases with them."""
     varying = np.zeros(21)
     varying[GYRO_BIAS] = si(sensors.gyro, "instability") ** 2
+    varying[ACCEL_BIAS] = si(sensors.accelerometer, "instability") ** 2
     if aligned:  # what flicker does beside a whole turn-on bias is nothing
         varying[GYRO_BIAS] += flicker_process(sensors.gyro)[0]
-    varying[ACCEL_BIAS] = si(sensors.accelerometer, "instability") ** 2
+        varying[ACCEL_BIAS] += flicker_process(sensors.accelerometer)[0]
     return (constants + np.diag(varying))[: navigator.states, : navigator.states]
 
 
