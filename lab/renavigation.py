@@ -14,6 +14,7 @@ from lab.analysis.likelihood import Seen
 from lab.experiment import Experiment
 from lab.navigation import navigator as linear
 from lab.navigation import unscented
+from lab.navigation.alignment import Alignment
 from lab.navigation.belief import assumed_latency, belief, schedule_of
 from lab.navigation.choice import chosen_model
 from lab.navigation.kalman import MEASUREMENTS
@@ -92,18 +93,24 @@ class Simulated:
 
 
 class Logged:
-    """A log of real sensors."""
+    """A log of real sensors.
+
+    Where it starts is found once for each latency: to match velocities takes longer than to navigate.
+    """
 
     def __init__(self, recorded: Recorded) -> None:
         self._log = recorded.log
+        self._starts: dict[float, Alignment] = {}
         self.stamps = recorded.log.gnss.time
         self.span = (float(recorded.time[0]), float(recorded.time[-1]))
 
     def navigate(self, experiment: Experiment, withheld: Flags) -> tuple[Seen, Seen]:
         """Return the innovations of all fixes; see `Subject`."""
         sensors, navigator = experiment.sensors, experiment.navigator
-        run = navigate_log(self._log, sensors, navigator, sensors.gps.outages, withheld)
         latency = assumed_latency(navigator, self._log.gnss.latency)
+        start = self._starts.get(latency)
+        run = navigate_log(self._log, sensors, navigator, sensors.gps.outages, withheld, start)
+        self._starts.setdefault(latency, run.alignment)
         rows = np.searchsorted(self.stamps - latency, run.fixes.time - _ROUNDING)
         return (
             self._of_all(_seen(run.solution), rows),

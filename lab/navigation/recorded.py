@@ -88,6 +88,7 @@ def navigate_log(
     navigator: NavigatorSettings,
     outages: Sequence[tuple[float, float]] = (),
     withheld: NDArray[np.bool_] | None = None,
+    start: Alignment | None = None,
 ) -> RecordedRun:
     """Navigate a log of real sensors.
 
@@ -109,6 +110,8 @@ def navigate_log(
     withheld : (m,) array
         Which fixes of the log the filter gets with the σ `WITHHELD`, so that they change nothing and their
         innovations are errors of its prediction. The belief that is returned has their own R.
+    start
+        Where the navigator starts, if that has been found before for the same latency.
 
     Raises
     ------
@@ -128,7 +131,7 @@ def navigate_log(
     imu = Imu(log.time[first:], log.dtheta[first:], log.dvelocity[first:])
     gnss, R, variances = _measurements(log, assumed, navigator)
     fixes = Fixes(times, gnss.position, gnss.velocity_n)
-    start = align(imu, fixes, np.sqrt(variances[:, 3:]), _hints(log, navigator))
+    start = start or align(imu, fixes, np.sqrt(variances[:, 3:]), _hints(log, navigator))
     # The last fix before the start gave the start.
     rows = (times > imu.time[0] + _ROUNDING) & (times <= imu.time[-1])
     if not rows.any():
