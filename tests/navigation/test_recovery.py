@@ -126,7 +126,7 @@ def test_a_recovery_adds_the_error_that_the_innovation_shows(
 
 
 def test_a_plausible_fix_and_a_recovery_end_a_streak() -> None:
-    schedule = Schedule(gate=20.0, implausible=25.0, agreeing=3, any_of=9)
+    schedule = Schedule(gate=20.0, implausible=25.0, agreeing=3, any_of=4)
     plausibility = interpreted(kalman.plausibility)
     P, streak, clock = np.eye(15), np.zeros(8), np.zeros(3)
     nu = np.array([0.0, 0.0, 0.0, np.sqrt(30), 0.0, 0.0])
