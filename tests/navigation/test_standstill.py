@@ -144,7 +144,7 @@ def seconds_at_rest(
     second, swing = np.arange(60 * RATE) // RATE, np.tile([1.0, -1.0], 30 * RATE)
     dtheta, dvelocity = np.zeros((60 * RATE, 3)), np.zeros((60 * RATE, 3))
     dvelocity[:, 2] = -9.8 / RATE
-    dtheta[second >= 30, 1] += np.radians(turning) / RATE
+    dtheta[second >= 30, 0] += np.radians(turning) / RATE
     for at, size in (rates or {}).items():
         dtheta[second == at, 0] += (np.radians(size) * swing / RATE)[second == at]
     for at, size in (forces or {}).items():
@@ -188,6 +188,10 @@ def test_an_imu_that_shakes_or_turns_is_not_at_rest() -> None:
     # A turn at a steady rate shows where it begins.
     assert seconds_at_rest(turning=0.049) == MINUTE
     assert seconds_at_rest(turning=0.051) == MINUTE - {30}
+    # Of 20 samples that swing by 0.2°/s the mean is known to 0.2°/s / √20, of which two differ.
+    noisy, limit = dict.fromkeys(range(60), 0.2), 0.05 + 5 * 0.2 * np.sqrt(2 / RATE)
+    assert seconds_at_rest(rates=noisy, turning=0.99 * limit) == MINUTE
+    assert seconds_at_rest(rates=noisy, turning=1.01 * limit) == MINUTE - {30}
 
 
 def test_an_imu_may_be_as_noisy_as_the_filter_assumes() -> None:
