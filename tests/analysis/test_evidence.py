@@ -5,7 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from lab.analysis.evidence import Reference, between_squares, nees_squares, usage
+from lab.analysis.errors import error_state
+from lab.analysis.evidence import BLOCKS, Reference, between_squares, nees_squares, usage
+from lab.experiment import Experiment
+from lab.navigation.belief import belief
 from lab.navigation.error_models import VEL
 from lab.navigation.solution import Solution
 from lab.trajectory import Truth
@@ -65,3 +68,17 @@ def test_usage_counts_what_the_gate_should_reject() -> None:
     assert (found.offered, found.used, found.rejected) == (4, 2, 2)
     assert found.expected == pytest.approx(0.4)
     assert usage(solution, 0.0).expected == 0
+
+
+def test_the_start_is_judged_by_p0_in_whole_and_by_blocks() -> None:
+    experiment = Experiment(mission="montreal", seed=3)
+    result = experiment.run()
+    first = np.zeros(1, dtype=np.int64)
+    x = error_state(result.solution_arrays, first, result.known_truth("errors"), result.true_bias)[0]
+    P0 = belief(experiment.sensors, experiment.navigator).P0
+    found = result.evidence.start
+    assert result.evidence.runs == 1
+    for at, block in enumerate((slice(None), *BLOCKS.values())):
+        expected = x[block] @ np.linalg.solve(P0[block, block], x[block])
+        assert found.total[at] == pytest.approx(expected, rel=1e-9)
+        assert found.number[at] == x[block].size
