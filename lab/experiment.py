@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 from lab import earth
 from lab.cache import StageCache, digest
 from lab.ecef import near_pole
+from lab.histories import LONG
 from lab.ideal_imu import IdealImu
 from lab.log_run import run_log, timed
 from lab.missions import LogMission, Mission, mission
@@ -210,21 +211,26 @@ class _Run:
         self.progress("Reading the flight", 0.0)
         flight = CACHE.get("flight", self.flight_key, self.flight)
         self.progress("Simulating the sensors", 0.3)
+        fixes = self.fixes(flight)
         gyro = self.triad("gyro", flight)
         accelerometer = self.triad("accelerometer", flight)
-        fixes = self.fixes(flight)
+        # From here on the curve and its exact increments are not needed.
+        truth, ideal = flight.truth, flight.ideal.as_kept()
+        del flight
         ready = self.algorithm is not None or is_ready(self.navigator)
         self.progress("Navigating" if ready else "Preparing the navigator (compiled once)", 0.4)
         assumed = belief(self.sensors, self.navigator)
         key = digest(self.flight_key, self.experiment.seed, self.sensors.to_dict(), self.navigator.to_dict())
         solution, seconds = (
-            timed(lambda: self.own_solution(flight, gyro.increments, accelerometer.increments, fixes))
+            timed(lambda: self.own_solution(truth, gyro.increments, accelerometer.increments, fixes))
             if self.algorithm is not None
             else CACHE.get(
                 "navigation",
                 key,
                 lambda: timed(
-                    lambda: self.solution(flight, gyro.increments, accelerometer.increments, fixes, assumed)
+                    lambda: self.solution(
+                        truth, ideal.dt, gyro.increments, accelerometer.increments, fixes, assumed
+                    )
                 ),
             )
         )
@@ -232,8 +238,8 @@ class _Run:
         return Result(
             experiment=self.experiment,
             mission=self.mission,
-            truth_arrays=flight.truth,
-            ideal=flight.ideal,
+            truth_arrays=truth,
+            ideal=ideal,
             gyro=gyro,
             accelerometer=accelerometer,
             fixes=fixes,
@@ -262,11 +268,12 @@ class _Run:
             "flicker": any(errors.flicker),
             "walk": any(errors.rate_random_walk),
         }
-        draws = CACHE.get(
-            "draws",
-            digest(seed, sensor, samples, long),
-            lambda: imu.ImuDraws.of(seed, sensor, samples, **long),
-        )
+
+        def draw() -> imu.ImuDraws:
+            return imu.ImuDraws.of(seed, sensor, samples, **long)
+
+        # Those of a long flight are drawn faster than they are worth their memory.
+        draws = draw() if samples > LONG else CACHE.get("draws", digest(seed, sensor, samples, long), draw)
         shaken = sensor == "accelerometer" or any(self.sensors.gyro.g_sensitivity)
         key = digest(
             self.flight_key,
@@ -275,7 +282,7 @@ class _Run:
             self.sensors.temperature.to_dict(),
             self.sensors.accelerometer.vibration_density if shaken else None,
         )
-        measured = CACHE.get(sensor, key, lambda: self.measured(errors, flight, draws))
+        measured = CACHE.get(sensor, key, lambda: imu.as_kept(self.measured(errors, flight, draws)))
         length = float(self.navigator.alignment)
         if sensor != "gyro" or not length:
             return measured
@@ -326,47 +333,53 @@ class _Run:
         )
 
     def solution(
-        self, flight: Flight, dtheta: FloatArray, dvelocity: FloatArray, fixes: gps.GpsFixes, assumed: Belief
+        self,
+        truth: Truth,
+        dt: float,
+        dtheta: FloatArray,
+        dvelocity: FloatArray,
+        fixes: gps.GpsFixes,
+        assumed: Belief,
     ) -> Solution:
         """Navigate."""
-        settings, ideal = self.navigator, flight.ideal
+        settings = self.navigator
         check_mechanization(settings)
         check_engine(settings)
         check_r(assumed.R)
-        schedule = schedule_of(settings, ideal.dt, ideal.dtheta.shape[0])
+        schedule = schedule_of(settings, dt, dtheta.shape[0])
         check_smoother(settings, schedule)
-        check_bias_decay(schedule.stride * ideal.dt, assumed.bias_decay)
+        check_bias_decay(schedule.stride * dt, assumed.bias_decay)
         latency = assumed_latency(settings, self.sensors.gps.latency)
         try:
-            increments = Imu(ideal.time, dtheta, dvelocity)
+            increments = Imu(truth.time, dtheta, dvelocity)
             seen = Fixes(fixes.time - latency, fixes.position, fixes.velocity_n)
             if settings.rest_updates:
                 increments = increments._replace(rest=at_rest(increments, seen, assumed))
-            begin = start(flight.truth, settings, self.experiment.seed)
+            begin = start(truth, settings, self.experiment.seed)
             solution = self.engine(increments, seen, begin, assumed, schedule)
         except SettingError:
             raise
         except PolarError as error:
-            if near_pole(flight.truth.latitude).any():
+            if near_pole(truth.latitude).any():
                 raise
             raise diverged(
                 "the estimate ran off to a pole, which the flight does not come near", error
             ) from error
         except ValueError as error:  # the reference's linear algebra, which stops at what is no number
             raise diverged("the filter cannot go on", error) from error
-        check_finite(solution, ideal.time)
+        check_finite(solution, truth.time)
         return solution
 
     def own_solution(
-        self, flight: Flight, dtheta: FloatArray, dvelocity: FloatArray, fixes: gps.GpsFixes
+        self, truth: Truth, dtheta: FloatArray, dvelocity: FloatArray, fixes: gps.GpsFixes
     ) -> Solution:
         """Navigate with the user's algorithm."""
         assert self.algorithm is not None
         return run_algorithm(
             self.algorithm,
-            Imu(flight.ideal.time, dtheta, dvelocity),
+            Imu(truth.time, dtheta, dvelocity),
             Fixes(fixes.time, fixes.position, fixes.velocity_n),
-            start(flight.truth, self.navigator, self.experiment.seed),
+            start(truth, self.navigator, self.experiment.seed),
         )
 
     def engine(self, imu: Imu, fixes: Fixes, start: Start, belief: Belief, schedule: Schedule) -> Solution:

@@ -14,6 +14,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from lab.histories import kept
 from lab.sensors import processes
 from lab.sensors.draws import unit_draws
 from lab.sensors.imu_errors import OFF_DIAGONAL, AccelerometerErrors, GyroErrors
@@ -27,6 +28,7 @@ __all__ = [
     "ImuDraws",
     "Measured",
     "Surroundings",
+    "as_kept",
     "compensate",
     "cross_coupling",
     "drift",
@@ -290,6 +292,11 @@ def without_bias(measured: Measured, dt: float, bias: FloatArray, M: FloatArray)
     """
     increments = measured.increments - (bias + M @ bias) * dt
     return measured._replace(increments=increments, bias=measured.bias - bias)
+
+
+def as_kept(measured: Measured) -> Measured:
+    """Return the output of a triad as it is kept: of a long flight the true errors are float32."""
+    return measured._replace(bias=kept(measured.bias), scale=kept(measured.scale))
 
 
 def _warmth(temperature: FloatArray) -> FloatArray:
