@@ -23,6 +23,7 @@ from lab.ecef import near_pole
 from lab.histories import LONG
 from lab.ideal_imu import IdealImu
 from lab.log_run import run_log, timed
+from lab.memory import check_memory
 from lab.missions import LogMission, Mission, mission
 from lab.navigation import smoother, unscented
 from lab.navigation.algorithm import Algorithm, run_algorithm
@@ -179,7 +180,8 @@ class Experiment(Settings):
             If settings do not go together, or the navigator cannot work with them.
         ValueError
             If the flight cannot be navigated, such as across a pole, or the filter diverges beyond all
-            numbers; or if the `algorithm` fails (`AlgorithmError`).
+            numbers; if there is not enough memory (`TooLongError`); or if the `algorithm` fails
+            (`AlgorithmError`).
         """
         settings, tell = self.copy(), progress or (lambda _stage, _fraction: None)
         found = mission(settings.mission)
@@ -252,11 +254,25 @@ class _Run:
     def flight(self) -> Flight:
         """Make the trajectory, and truth and ideal IMU on its grid."""
         settings = self.experiment.trajectory
+        self.check_memory(int(self.mission.recording.duration * settings.imu_rate) + 1)
         trajectory = Trajectory.from_recording(
             self.mission.recording, settings.imu_rate, settings.attitude_curve
         )
         ideal = trajectory.increments(settings.imu_rate)
         return Flight(trajectory, trajectory.at(ideal.time), ideal)
+
+    def check_memory(self, samples: int) -> None:
+        """Refuse a flight of so many samples for which there is not enough memory."""
+        rate, navigator = float(self.experiment.trajectory.imu_rate), self.navigator
+        triads = (self.sensors.gyro, self.sensors.accelerometer)
+        check_memory(
+            samples,
+            int(samples / rate / self.sensors.gps.period),
+            rate,
+            states=navigator.states,
+            drifting=sum(imu.is_drifting(errors) for errors in triads),
+            exact=navigator.smoother or navigator.model == "nonlinear" or navigator.engine == "filterpy",
+        )
 
     def triad(self, sensor: str, flight: Flight) -> imu.Measured:
         """Simulate the gyros or the accelerometers, compensated for temperature where asked for."""
@@ -343,6 +359,7 @@ class _Run:
     ) -> Solution:
         """Navigate."""
         settings = self.navigator
+        self.check_memory(truth.time.size)
         check_mechanization(settings)
         check_engine(settings)
         check_r(assumed.R)

@@ -44,10 +44,12 @@ class SplineWindows(Generic[Spline]):
 
     def __init__(self, times: FloatArray, make: Callable[[slice], Spline]) -> None:
         self.only = make(slice(None)) if times.size <= WINDOW else None
-        self._make = make if self.only is None else None
-        self._starts = np.arange(0, max(times.size - 1, 1), WINDOW)
-        self._ends = times[self._starts[1:]]
         self._knots = times.size
+        if self.only is not None:
+            return
+        self._make = make
+        self._starts = np.arange(0, times.size - 1, WINDOW)
+        self._ends = times[self._starts[1:]]
         # Who goes through a flight in order asks for the same window many times.
         self._last: tuple[int, Spline] | None = None
         self._lock = threading.Lock()
@@ -83,7 +85,6 @@ class SplineWindows(Generic[Spline]):
         """Return the spline of a window."""
         with self._lock:
             if self._last is None or self._last[0] != window:
-                assert self._make is not None
                 start = int(self._starts[window])
                 self._last = None  # not two at a time
                 around = slice(max(start - OVERLAP, 0), start + WINDOW + 1 + OVERLAP)

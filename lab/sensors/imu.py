@@ -34,6 +34,7 @@ __all__ = [
     "drift",
     "felt",
     "induced_bias",
+    "is_drifting",
     "measure",
     "turn_on_bias",
     "without_bias",
@@ -292,6 +293,13 @@ def without_bias(measured: Measured, dt: float, bias: FloatArray, M: FloatArray)
     """
     increments = measured.increments - (bias + M @ bias) * dt
     return measured._replace(increments=increments, bias=measured.bias - bias)
+
+
+def is_drifting(errors: GyroErrors | AccelerometerErrors) -> bool:
+    """Return whether the bias of a triad may change during a flight."""
+    terms = ("instability", "flicker", "rate_random_walk", "bias_temperature", "scale_temperature")
+    felt = isinstance(errors, GyroErrors) and any(errors.g_sensitivity)
+    return felt or any(any(getattr(errors, term)) for term in terms)
 
 
 def as_kept(measured: Measured) -> Measured:
