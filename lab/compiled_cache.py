@@ -19,7 +19,7 @@ DIGEST = hashlib.sha256().digest_size
 """Length of the checksum after the compiled code [bytes]."""
 
 
-class CheckedCacheFile(IndexDataCacheFile):  # type: ignore[misc]
+class CheckedCacheFile(IndexDataCacheFile):
     """The index and the files of one kernel's compiled code, each with a checksum."""
 
     def load(self, key: Any) -> Any:
