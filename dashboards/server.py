@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import warnings
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -32,7 +33,12 @@ def serve(
     if algorithms:
         os.environ[VARIABLE] = ",".join(algorithms)
     import dashboards.page  # noqa: F401, PLC0415 - so that the first visitor does not wait for it
+    from lab.missions import missions  # noqa: PLC0415 - as above
+    from lab.missions.library import sweep_own_folder  # noqa: PLC0415 - as above
 
+    sweep_own_folder()
+    with warnings.catch_warnings(action="ignore"):
+        missions()  # what is read here, no page reads again
     # Listening on all addresses, the names under which this computer is reached are not known here.
     loopback = address in {"127.0.0.1", "localhost"}
     origins = [f"{name}:{port}" for name in ("localhost", "127.0.0.1")] if loopback else ["*"]

@@ -22,6 +22,7 @@ from lab.missions.catalogue import mission, own_folder, places, shipped_folder
 from lab.missions.errors import MissionError
 from lab.missions.flight_csv import read_flight_csv, write_flight_csv
 from lab.missions.folder_lock import folder_lock
+from lab.missions.leftovers import TEMPORARY, sweep, unfinished
 from lab.missions.log_mission import LogMission, is_log_folder, is_log_toml
 from lab.missions.log_toml import DESCRIPTION_FILE
 from lab.missions.mission import MAX_TOML_BYTES, Mission, file_beside, read_toml
@@ -104,6 +105,7 @@ def add_mission(
         _check_free(where, name, overwrite)
         with new_recording(where / f"{name}.csv.gz", recording) as path, folder_lock(where):
             _check_free(where, name, overwrite)  # again: writing took a while
+            sweep(where, named_by_others)
             replaced = recordings_named(toml)
             values["recording"] = path.name
             _write_toml(toml, values | ({} if flight is None else {"flight": flight}))
@@ -146,13 +148,19 @@ def add_log(
     with file_errors_told(where):
         where.mkdir(parents=True, exist_ok=True)
         _check_free(where, name)
-        with tempfile.TemporaryDirectory(dir=where, prefix=".") as temporary:
+        with tempfile.TemporaryDirectory(dir=where, prefix=TEMPORARY) as temporary:
             written = Path(temporary) / name
             write_sensor_log(written, log, title=title, description=description, tags=tags)
             with folder_lock(where):
                 _check_free(where, name)  # again: writing took a while
+                sweep(where, named_by_others)
                 written.rename(where / name)
     return mission(where / name)
+
+
+def sweep_own_folder() -> list[str]:
+    """Remove what killed processes left in the user's own folder a day ago or earlier; return the names."""
+    return sweep(own_folder(), named_by_others)
 
 
 def free_name(text: str) -> str:
@@ -296,13 +304,14 @@ def new_recording(wanted: Path, recording: Recording) -> Iterator[Path]:
         with contextlib.suppress(FileExistsError):
             path.open("xb").close()
             break
-    try:
-        write_flight_csv(path, recording)
-        read_flight_csv(path)
-        yield path
-    except BaseException:
-        path.unlink(missing_ok=True)
-        raise
+    with unfinished(path):
+        try:
+            write_flight_csv(path, recording)
+            read_flight_csv(path)
+            yield path
+        except BaseException:
+            path.unlink(missing_ok=True)
+            raise
 
 
 def _numbered(wanted: Path) -> Iterator[Path]:

@@ -39,7 +39,9 @@ class Library:
     def __init__(self, session: Session) -> None:
         self._session = session
         self._document = pn.state.curdoc
-        self._work: LatestWins[str] = LatestWins(self._list, lambda _thing, _outcome: None, LONG)
+        self._work: LatestWins[str] = LatestWins(
+            self._list, lambda _thing, _outcome: None, LONG, at_once=True
+        )
         self._cards = MissionCards(self._act, sizing_mode="stretch_width", margin=(4, 2))
         self._filter = pmui.TextInput(
             label="Filter", placeholder="words of title, origin, tags …", **FIELD | {"max_width": 420}
@@ -83,9 +85,9 @@ class Library:
         """Show nothing more."""
         self._work.close()
 
-    def _list(self, _chosen: str, _progress: Progress) -> Outcome:
+    def _list(self, _chosen: str, progress: Progress) -> Outcome:
         def work() -> None:
-            for cards in all_cards():
+            for cards in all_cards(progress):
                 assert self._document is not None
                 self._document.add_next_tick_callback(partial(self._show, cards))
 
