@@ -60,9 +60,15 @@ class Picture:
         return len(self.svg)
 
 
-def all_cards() -> Iterator[list[dict[str, Any]]]:
-    """Yield the cards of all missions: at once without the pictures, and then with them."""
-    found, broken, own = missions(), broken_missions(), own_names()
+def all_cards(editable: bool) -> Iterator[list[dict[str, Any]]]:
+    """Yield the cards of all missions: at once without the pictures, and then with them.
+
+    Parameters
+    ----------
+    editable
+        Whether the user's own can be changed.
+    """
+    found, broken, own = missions(), broken_missions(), own_names() if editable else frozenset()
     cards = [card_of(name, mission, name in own) for name, mission in found.items()]
     wrecks = [_card(name, name in own, problem=reason) for name, reason in broken.items()]
     yield [*cards, *wrecks]
