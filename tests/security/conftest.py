@@ -82,9 +82,7 @@ class Served:
         async with self.socket(token, f"http://127.0.0.1:{self.port}") as way:
             visitor = Visitor(way)
             await visitor.answer()  # its acknowledgement
-            await visitor.send("PULL-DOC-REQ", {})
-            while (await visitor.answer())["msgtype"] != "PULL-DOC-REPLY":
-                pass
+            await visitor.pull()
             yield visitor
 
 
@@ -122,6 +120,11 @@ class Visitor:
             message = await self.answer()
             if message["msgtype"] in kinds:
                 return message
+
+    async def pull(self) -> None:
+        """Ask for the document as it is now."""
+        await self.send("PULL-DOC-REQ", {})
+        await self.reply("PULL-DOC-REPLY")
 
     async def wait(self) -> float:
         """Ask for next to nothing, and return how long the answer took [s]."""

@@ -93,7 +93,7 @@ def test_a_refused_handshake_reaches_no_viser_server(run) -> None:
 
 @pytest.fixture
 def served_scene(monkeypatch: pytest.MonkeyPatch) -> Iterator[tuple[ServedScene, Application]]:
-    """A scene that is served through a web application."""
+    """Return a scene that is served through a web application."""
     application = Application()
     monkeypatch.setattr(viser_proxy, "web_application", lambda _document: application)
     made = ServedScene(SimpleNamespace())  # type: ignore[arg-type]  # only its application is asked for
