@@ -52,6 +52,7 @@ def serve(
 
     import dashboards.page  # noqa: F401, PLC0415
     from dashboards.algorithms import VARIABLE  # noqa: PLC0415
+    from dashboards.log_limit import limit_log  # noqa: PLC0415
     from dashboards.messages import MAX_MESSAGE  # noqa: PLC0415
     from dashboards.origins import SETTING, accepted_hosts, check_origins_of_pages, is_loopback  # noqa: PLC0415
     from dashboards.password import Password  # noqa: PLC0415
@@ -62,6 +63,7 @@ def serve(
         os.environ[VARIABLE] = ",".join(algorithms)
     loopback = is_loopback(address)
     allow(visitors or ("edit" if loopback else "run"))
+    limit_log()
     remove_abandoned()
     check_origins_of_pages()
     _on_end(remove_all_here)
