@@ -175,7 +175,7 @@ def test_no_model_is_made_where_others_change(served: Served, run) -> None:
     async def ask() -> list[str]:
         async with served.visitor() as visitor:
             root = visitor.document["roots"][0]["id"]
-            answers = [await visitor.change(root, name=value) for value in (model, "a name")]
+            answers = [await visitor.change(root, tags=[value]) for value in (model, "a tag")]
             return [answer["msgtype"] for answer in answers]
 
     assert run(ask()) == ["ERROR", "OK"]
