@@ -104,7 +104,7 @@ def registered_views(application: Application) -> dict[str, View]:
     """Return the views of a web application by token; at first, have it serve them."""
     if VIEWS not in application.settings:
         application.settings[VIEWS] = {}
-        application.add_handlers(r".*", [(r".*/viser/([\w-]+)/?", ViserHandler)])
+        application.add_handlers(r".*", [(r".*/viser/([\w.-]+)/?", ViserHandler)])
     views: dict[str, View] = application.settings[VIEWS]
     return views
 
