@@ -18,6 +18,7 @@ from bokeh.document import Document
 
 from dashboards.computing import POOL
 from dashboards.session import Session
+from dashboards.upload import Upload
 from lab.experiment import Experiment
 from lab.export import gpx, kml, tracks_of
 from lab.result import Result
@@ -45,8 +46,9 @@ class Files:
         self._toml = pmui.FileDownload(
             callback=self._to_toml, filename="settings.toml", label="Settings", **common
         )
-        self._upload = pmui.FileInput(accept=".toml", label="Load", **common)
-        self._upload.param.watch(self._uploaded, "value")
+        self._upload = Upload(
+            self._uploaded, self._refused, most=1, largest=MAX_TOML, accept=".toml", label="Load", **common
+        )
         card = pmui.Card(
             pn.Row(self._netcdf, self._csv, margin=0, sizing_mode="stretch_width"),
             pn.Row(self._kml, self._gpx, margin=0, sizing_mode="stretch_width"),
@@ -94,14 +96,16 @@ class Files:
     def _to_toml(self) -> io.BytesIO:
         return io.BytesIO(self._session.experiment.to_toml().encode())
 
-    def _uploaded(self, event: param.parameterized.Event) -> None:
-        if event.new is None:
-            return
-        if len(event.new) > MAX_TOML:
-            self._session.problem = "The settings file is too large; accepted are TOML files up to 1 MB."
-            return
+    def close(self) -> None:
+        """Delete what was uploaded."""
+        self._upload.delete()
+
+    def _refused(self, reason: str) -> None:
+        self._session.problem = f"The settings file is not accepted. {reason}"
+
+    def _uploaded(self, paths: list[Path]) -> None:
         try:
-            self._session.take(Experiment.from_toml(event.new.decode("utf-8-sig")))
+            self._session.take(Experiment.from_toml(paths[0].read_bytes().decode("utf-8-sig")))
         except UnicodeDecodeError:
             self._session.problem = "The settings file is not text; accepted are TOML files in UTF-8."
         except SettingError as error:

@@ -132,6 +132,7 @@ class SimulatorPage:
         """End the session."""
         self.session.close()
         self._time_bar.stop()
+        self._files.close()
         for page in self._pages.values():
             page.close()
 

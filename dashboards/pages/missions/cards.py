@@ -60,12 +60,17 @@ class Picture:
         return len(self.svg)
 
 
-def all_cards(tell: Callable[[str, float], None]) -> Iterator[list[dict[str, Any]]]:
+def all_cards(tell: Callable[[str, float], None], editable: bool) -> Iterator[list[dict[str, Any]]]:
     """Yield the cards of all missions: at once without the pictures, and then with them.
 
-    `tell` is called before each picture, with a phrase and the fraction done.
+    Parameters
+    ----------
+    tell
+        Called before each picture, with a phrase and the fraction done.
+    editable
+        Whether the user's own can be changed.
     """
-    found, broken, own = missions(), broken_missions(), own_names()
+    found, broken, own = missions(), broken_missions(), own_names() if editable else frozenset()
     cards = [card_of(name, mission, name in own) for name, mission in found.items()]
     wrecks = [_card(name, name in own, problem=reason) for name, reason in broken.items()]
     yield [*cards, *wrecks]

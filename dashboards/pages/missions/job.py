@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
 from functools import partial
 from typing import Any, NamedTuple
 
@@ -31,6 +32,8 @@ class Job:
     ----------
     cancel
         Called when a person wants an end of it; None where there is no use in that.
+    pool
+        Where the work is done.
 
     Attributes
     ----------
@@ -38,9 +41,9 @@ class Job:
         Progress and what became of it.
     """
 
-    def __init__(self, cancel: Callable[[], None] | None = None) -> None:
+    def __init__(self, cancel: Callable[[], None] | None = None, pool: ThreadPoolExecutor = LONG) -> None:
         self._document = pn.state.curdoc
-        self._work: LatestWins[_Task] = LatestWins(self._attempt, self._deliver, LONG)
+        self._work: LatestWins[_Task] = LatestWins(self._attempt, self._deliver, pool)
         self._told = 0.0
         self._bar = pmui.LinearProgress(value=0, max=100, sizing_mode="stretch_width", margin=(14, 8))
         self._words = pn.pane.HTML("", margin=(4, 4), **sized(210))
