@@ -8,7 +8,6 @@ once.
 from __future__ import annotations
 
 import difflib
-import tomllib
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import Any, ClassVar, NamedTuple, Self
 
@@ -16,6 +15,7 @@ import numpy as np
 import param
 
 from lab.setting_kinds import AxisQuantity, Intervals, describe
+from lab.setting_text import MAX_PATH, value_of
 from lab.settings_card import settings_html
 
 
@@ -131,7 +131,7 @@ class Settings(param.Parameterized):
             raise _refused(path, value, owner.param[name], error) from error
 
     def set_text(self, assignment: str) -> None:
-        """Apply one ``path=value`` assignment, the value written as in TOML (strings need no quotes).
+        """Apply one ``path=value`` assignment, the value read by its declaration (`lab.setting_text`).
 
         Raises
         ------
@@ -140,17 +140,14 @@ class Settings(param.Parameterized):
         """
         path, sign, text = (part.strip() for part in assignment.partition("="))
         if not sign or not path:
-            raise SettingError(f"{assignment!r}: expected path=value, such as sensors.gps.period=0.5")
+            raise SettingError(f"{_show(assignment)}: expected path=value, such as sensors.gps.period=0.5")
+        if len(path) > MAX_PATH:
+            raise SettingError(f"{_show(path)}: there is no setting with a name of {len(path)} characters")
+        declaration = self._declaration(path)
         try:
-            value = tomllib.loads(f"value = {text}")["value"]
-        except tomllib.TOMLDecodeError:
-            value = text
-        if path not in self.OTHER_FORMS:
-            owner, name = self._find(path)
-            if isinstance(owner.param[name], param.String) and not isinstance(value, str):
-                value = text
-            if isinstance(owner.param[name], param.Boolean) and text in {"True", "False"}:  # as in Python
-                value = text == "True"
+            value = value_of(declaration, text)
+        except ValueError as error:
+            raise _refused(path, text, declaration, error) from error
         self.set(path, value)
 
     def set_texts(self, assignments: Sequence[str]) -> None:
@@ -212,6 +209,12 @@ class Settings(param.Parameterized):
             names = [whole.removeprefix(f"{path}.") for whole in (other, self.derived(other).setting)]
             if all(name in group for name in names):
                 raise SettingError(f"{path}: {' and '.join(names)} are two forms of one setting; give one")
+
+    def _declaration(self, path: str) -> param.Parameter:
+        if path in self.OTHER_FORMS:
+            return self.derived(path).declaration
+        owner, name = self._find(path)
+        return owner.param[name]
 
     def _find(self, path: str) -> tuple[Settings, str]:
         owner: Settings = self
