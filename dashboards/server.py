@@ -32,6 +32,7 @@ def serve(
     if algorithms:
         os.environ[VARIABLE] = ",".join(algorithms)
     import dashboards.page  # noqa: F401, PLC0415 - so that the first visitor does not wait for it
+    from dashboards.headers import SecurityHeaders  # noqa: PLC0415 - beside what it goes with
 
     # Listening on all addresses, the names under which this computer is reached are not known here.
     loopback = address in {"127.0.0.1", "localhost"}
@@ -46,4 +47,5 @@ def serve(
         show=show,
         title="INS Lab",
         verbose=False,
+        transforms=[SecurityHeaders],
     )

@@ -26,6 +26,8 @@ from websockets.asyncio.client import ClientConnection, connect
 from websockets.exceptions import ConnectionClosed, InvalidHandshake
 from websockets.typing import Subprotocol
 
+from dashboards.headers import policy, sockets
+
 SECRET = "viser_proxy_secret"
 """Key of the signing secret in the settings of the web application; there once the handler is mounted."""
 
@@ -169,6 +171,8 @@ class ViserHandler(WebSocketHandler):
         self.set_header("Content-Type", "text/html; charset=utf-8")
         self.set_header("Cache-Control", "private, max-age=0, must-revalidate")
         self.set_header("Etag", tag)
+        # It unpacks itself into a script of its own making; no text from outside is ever in it.
+        self.set_header("Content-Security-Policy", policy("'unsafe-inline'", sockets(self.request)))
         if self.check_etag_header():
             self.set_status(304)
             self.finish()

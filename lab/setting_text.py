@@ -15,7 +15,7 @@ import param
 MAX_CHARACTERS = 20_000
 """Longest text of a value accepted; a full covariance of 21 states has 11,000 characters."""
 MAX_PATH = 200
-"""Longest dotted path accepted [characters]; the longest there is has 45."""
+"""Longest dotted path accepted [characters]; the longest there is has about 40."""
 MAX_DIGITS = 400
 """Longest number accepted [characters]; the largest number there is has 309 digits."""
 

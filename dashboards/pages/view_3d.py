@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from html import escape
 from threading import Thread
 
 import panel as pn
@@ -85,4 +86,6 @@ class View3D(Page):
 def _legend(result: Result, scale: float) -> str:
     true = () if result.truth_arrays is None else ((TRUTH, f"{result.truth_word}"),)
     entries = (*true, (ESTIMATE, f"estimate, 3σ ellipsoids × {scale:g}"), (FIXES, "GPS fixes"))
-    return " &emsp; ".join(f'<span style="color:{colour}">●</span> {label}' for colour, label in entries)
+    return " &emsp; ".join(
+        f'<span style="color:{colour}">●</span> {escape(label)}' for colour, label in entries
+    )

@@ -8,7 +8,7 @@ from typing import Any
 import panel as pn
 import panel_material_ui as pmui
 
-from dashboards.pages.missions.notice import Notice
+from dashboards.notice import Notice
 from lab.missions import MissionError
 
 
