@@ -17,7 +17,7 @@ import panel_material_ui as pmui
 import param
 from bokeh.document import Document
 
-from dashboards.computing import LONG, POOL, attempt
+from dashboards.computing import LONG, POOL, LatestWins, Outcome, attempt
 from dashboards.session import Session
 from lab.experiment import Experiment
 from lab.export import gpx, kml, tracks_of
@@ -52,6 +52,13 @@ class Files:
             callback=self._to_toml, filename="settings.toml", label="Settings", **common
         )
         self._upload = pmui.FileInput(accept=".toml", label="Load", **common)
+        document = pn.state.curdoc
+        assert document is not None
+        self._reading: LatestWins[bytes] = LatestWins(
+            lambda content, _progress: attempt(lambda: experiment_of(content)),
+            lambda _content, outcome: document.add_next_tick_callback(partial(self._read, outcome)),
+            LONG,
+        )
         self._upload.param.watch(self._uploaded, "value")
         card = pmui.Card(
             pn.Row(self._netcdf, self._csv, margin=0, sizing_mode="stretch_width"),
@@ -100,12 +107,12 @@ class Files:
     def _to_toml(self) -> io.BytesIO:
         return io.BytesIO(self._session.experiment.to_toml().encode())
 
-    async def _uploaded(self, event: param.parameterized.Event) -> None:
-        """Read a settings file in a thread: other pages must not wait for it."""
-        if event.new is None:
-            return
-        read = partial(attempt, partial(experiment_of, event.new))
-        outcome = await asyncio.get_running_loop().run_in_executor(LONG, read)
+    def _uploaded(self, event: param.parameterized.Event) -> None:
+        """Have a settings file read in a thread: other pages must not wait for it."""
+        if event.new is not None:
+            self._reading.submit(event.new)
+
+    def _read(self, outcome: Outcome) -> None:
         if outcome.problem:
             self._session.problem = outcome.problem
             return

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import asyncio
 import re
 import threading
 import time
@@ -22,6 +21,8 @@ from dashboards import exchange
 from dashboards.exchange import Files, experiment_of, experiment_of_query, query
 from dashboards.session import Session
 from lab import Experiment, SettingError
+
+Uploading = tuple[Files, Session, Document]
 
 SECONDS = 1.0
 """Time an address may take [s]: everybody else waits meanwhile."""
@@ -78,22 +79,28 @@ def test_no_value_whatsoever_raises_anything_but_a_setting_error(text: str, path
 
 
 @pytest.fixture
-def files() -> Iterator[tuple[Files, Session]]:
+def files() -> Iterator[Uploading]:
     pn.extension()
     document = Document()
     with set_curdoc(document):
         session = Session(document)
-        yield Files(session), session
-        session.close()
+        made = Files(session)
+    yield made, session, document
+    session.close()
 
 
-def upload(files: Files, content: bytes) -> None:
-    asyncio.run(files._uploaded(SimpleNamespace(new=content)))
+def upload(files: Uploading, content: bytes) -> None:
+    """Upload a file, and do what the thread that read it asks the page to do."""
+    document = files[2]
+    with set_curdoc(document):
+        files[0]._uploaded(SimpleNamespace(new=content))
+    deadline = time.monotonic() + 10
+    while not (asked := document.session_callbacks) and time.monotonic() < deadline:
+        time.sleep(0.01)
+    asked[0].callback()
 
 
-def test_an_uploaded_file_is_read_in_a_thread(
-    files: tuple[Files, Session], monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_an_uploaded_file_is_read_in_a_thread(files: Uploading, monkeypatch: pytest.MonkeyPatch) -> None:
     threads: list[threading.Thread] = []
 
     def read(content: bytes) -> Experiment:
@@ -101,7 +108,7 @@ def test_an_uploaded_file_is_read_in_a_thread(
         return experiment_of(content)
 
     monkeypatch.setattr(exchange, "experiment_of", read)
-    upload(files[0], b"seed = 5")
+    upload(files, b"seed = 5")
     assert files[1].experiment.seed == 5
     assert threads != [threading.current_thread()]
 
@@ -120,10 +127,8 @@ def test_an_uploaded_file_is_read_in_a_thread(
         (b"mission = '/etc/passwd'", "no such mission"),
     ],
 )
-def test_what_is_wrong_with_an_uploaded_file_is_said(
-    files: tuple[Files, Session], content: bytes, words: str
-) -> None:
-    upload(files[0], content)
+def test_what_is_wrong_with_an_uploaded_file_is_said(files: Uploading, content: bytes, words: str) -> None:
+    upload(files, content)
     assert re.search(words, files[1].problem)
     assert len(files[1].problem) < 1000
 
