@@ -17,7 +17,7 @@ import panel_material_ui as pmui
 import param
 from bokeh.document import Document
 
-from dashboards.computing import LONG, POOL, LatestWins, Outcome, attempt
+from dashboards.computing import POOL, LatestWins, Outcome, attempt
 from dashboards.session import Session
 from lab.experiment import Experiment
 from lab.export import gpx, kml, tracks_of
@@ -56,8 +56,7 @@ class Files:
         assert document is not None
         self._reading: LatestWins[bytes] = LatestWins(
             lambda content, _progress: attempt(lambda: experiment_of(content)),
-            lambda _content, outcome: document.add_next_tick_callback(partial(self._read, outcome)),
-            LONG,
+            partial(self._arrive, document),
         )
         self._upload.param.watch(self._uploaded, "value")
         card = pmui.Card(
@@ -111,6 +110,9 @@ class Files:
         """Have a settings file read in a thread: other pages must not wait for it."""
         if event.new is not None:
             self._reading.submit(event.new)
+
+    def _arrive(self, document: Document, _content: bytes, outcome: Outcome) -> None:
+        document.add_next_tick_callback(partial(self._read, outcome))
 
     def _read(self, outcome: Outcome) -> None:
         if outcome.problem:

@@ -153,7 +153,7 @@ def test_what_a_mission_and_a_file_say_is_text_on_every_page(
     for text, words in FILES.items():
         (tmp_path / "x.toml").write_text(text)
         page.locator("input[type=file][accept='.toml']").set_input_files(tmp_path / "x.toml")
-        expect(page.get_by_role("alert").filter(has_text=words)).to_be_visible()
+        expect(page.get_by_role("alert").filter(has_text=words)).to_be_visible(timeout=PATIENCE * 1000)
 
 
 PATHS = {"": 200, "static/js/bokeh.min.js": 200, "favicon.ico": 200, "nowhere": 404, "static/nowhere": 404}
