@@ -37,7 +37,6 @@ def mark(place: str) -> str:
 FILES = {
     f"mission = '{mark('settings')}'": "stranger-settings",
     f"'{mark('unknown')}' = 1": "stranger-unknown",
-    f"seed = {'1' * 5000}": "1000 characters",
 }
 """Settings files, and what is said of them."""
 
