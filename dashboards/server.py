@@ -53,6 +53,7 @@ def serve(
 
     import dashboards.page  # noqa: F401, PLC0415
     from dashboards.algorithms import VARIABLE  # noqa: PLC0415
+    from dashboards.headers import SecurityHeaders  # noqa: PLC0415
     from dashboards.log_limit import limit_log  # noqa: PLC0415
     from dashboards.messages import MAX_MESSAGE  # noqa: PLC0415
     from dashboards.origins import SETTING, accepted_hosts, check_origins_of_pages, is_loopback  # noqa: PLC0415
@@ -85,6 +86,7 @@ def serve(
         show=show,
         title="INS Lab",
         verbose=False,
+        transforms=[SecurityHeaders],
         secret_key=secrets.token_bytes(32),
         sign_sessions=True,
         websocket_max_message_size=MAX_MESSAGE,

@@ -6,7 +6,6 @@ nothing before it, a change of a gyro's noise does not touch the flight, the acc
 
 from __future__ import annotations
 
-import tomllib
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -50,6 +49,7 @@ from lab.sensors.noise_variance import NOISE_VARIANCES, noise_variance
 from lab.sensors.suite import SensorSuite
 from lab.setting_kinds import Quantity
 from lab.settings import Derived, SettingError, Settings, group
+from lab.toml_file import TomlError, parse_toml, read_toml
 from lab.trajectory import Trajectory, Truth
 from lab.units import si
 
@@ -146,13 +146,8 @@ class Experiment(Settings):
             source = Path(source)
         name = source if isinstance(source, Path) else "settings"
         try:
-            text = source.read_text(encoding="utf-8-sig") if isinstance(source, Path) else source
-            return cls().update(tomllib.loads(text))
-        except OSError as error:
-            raise SettingError(f"{name}: cannot be read: {error.strerror or error}") from error
-        except (UnicodeDecodeError, tomllib.TOMLDecodeError, RecursionError) as error:
-            raise SettingError(f"{name}: is not TOML: {error}") from error
-        except SettingError as error:
+            return cls().update(read_toml(source) if isinstance(source, Path) else parse_toml(source))
+        except (TomlError, SettingError) as error:
             raise SettingError(f"{name}: {error}") from error
 
     def to_toml(self) -> str:

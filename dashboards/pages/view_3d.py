@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from html import escape
+
 import panel as pn
 import panel_material_ui as pmui
 
@@ -80,4 +82,6 @@ class View3D(Page):
 def _legend(result: Result, scale: float) -> str:
     true = () if result.truth_arrays is None else ((TRUTH, f"{result.truth_word}"),)
     entries = (*true, (ESTIMATE, f"estimate, 3σ ellipsoids × {scale:g}"), (FIXES, "GPS fixes"))
-    return " &emsp; ".join(f'<span style="color:{colour}">●</span> {label}' for colour, label in entries)
+    return " &emsp; ".join(
+        f'<span style="color:{colour}">●</span> {escape(label)}' for colour, label in entries
+    )

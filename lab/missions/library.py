@@ -25,13 +25,14 @@ from lab.missions.folder_lock import folder_lock
 from lab.missions.leftovers import TEMPORARY, sweep, unfinished
 from lab.missions.log_mission import LogMission, is_log_folder, is_log_toml
 from lab.missions.log_toml import DESCRIPTION_FILE
-from lab.missions.mission import MAX_TOML_BYTES, Mission, file_beside, read_toml
+from lab.missions.mission import Mission, file_beside, read_toml
 from lab.missions.mission_name import MAX_LETTERS, accepted_name, suggested_name
 from lab.missions.mission_text import changed_text
 from lab.missions.plan_kinds import read_plan
 from lab.missions.recording import Recording
 from lab.missions.sensor_log import SensorLog
 from lab.missions.sensor_log_writer import write_sensor_log
+from lab.toml_file import MAX_BYTES, TomlError, parse_toml
 
 _LOG_FILES = ("imu.csv", "gnss.csv", "ref.csv", "mag.csv")
 
@@ -344,8 +345,12 @@ def encoded(text: str, toml: Path) -> bytes:
         content = text.encode()
     except UnicodeEncodeError as error:
         raise MissionError(f"{toml}: not written: {error.object[error.start]!r} is no character") from error
-    if len(content) > MAX_TOML_BYTES:
+    if len(content) > MAX_BYTES:
         raise MissionError(f"{toml}: not written: its texts are too long; accepted are 1 MB in all")
+    try:
+        parse_toml(text)
+    except TomlError as error:
+        raise MissionError(f"{toml}: not written, since it could not be read again: {error}") from error
     return content
 
 

@@ -91,7 +91,7 @@ class Walk:
     @property
     def reason(self) -> str:
         """Why the page has nothing to show; empty if it has."""
-        return str(self.page._reason.object)
+        return str(self.page._reason.text)
 
     def text(self) -> str:
         """Return all that is written on the page, without markup."""
@@ -109,7 +109,7 @@ class Walk:
         (view,) = self.page._stage.objects
         if self.page._failure.view is view:
             return [self.text()]
-        if view is not (self.page._reason if self.reason else self.shown.view):
+        if view is not (self.page._reason.view if self.reason else self.shown.view):
             found.append("shows what is not this page")
         if self.reason and not re.search(r"[a-z]{3}.*\.$", self.reason):
             found.append(f"gives no reason: {self.reason!r}")

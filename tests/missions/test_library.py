@@ -36,8 +36,9 @@ from lab.missions.library import (
     own_names,
     rename_mission,
 )
-from lab.missions.mission import MAX_TOML_BYTES, read_toml
+from lab.missions.mission import read_toml
 from lab.missions.mission_name import MAX_LETTERS, accepted_name, suggested_name
+from lab.toml_file import MAX_BYTES
 
 PLAN = tomllib.loads((shipped_folder() / "montreal.toml").read_text(encoding="utf-8"))["flight"]
 
@@ -433,10 +434,10 @@ def test_what_a_link_names_is_not_replaced_with_it(own, tmp_path):
 
 def test_the_largest_file_that_is_written_is_the_largest_that_is_read(tmp_path):
     toml = tmp_path / "one.toml"
-    toml.write_bytes(shelf.encoded("#" * MAX_TOML_BYTES, toml))
+    toml.write_bytes(shelf.encoded("#" * MAX_BYTES, toml))
     assert read_toml(toml) == {}
     with pytest.raises(MissionError, match="too long"):
-        shelf.encoded("#" * (MAX_TOML_BYTES + 1), toml)
+        shelf.encoded("#" * (MAX_BYTES + 1), toml)
 
 
 def test_a_log_is_deleted_with_the_files_it_names(own):

@@ -56,7 +56,7 @@ def test_a_settings_file_is_refused_before_it_is_whole(document: Document, tempo
             {"status": "upload_event", "name": "a.toml", "chunk": chunk, "total_chunks": 2400, "data": piece}
         )
         kept = sum(path.stat().st_size for path in temporary.rglob("*") if path.is_file())
-        assert kept <= exchange.MAX_TOML
+        assert kept <= exchange.MAX_BYTES
     assert not upload._file_buffer
     upload._handle_msg({"status": "finished"})
     assert "accepted are up to 1 MB" in session.problem

@@ -6,14 +6,15 @@ import time
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from functools import partial
+from html import escape
 from typing import Any, NamedTuple
 
 import panel as pn
 import panel_material_ui as pmui
 
 from dashboards.computing import LONG, LatestWins, Outcome, Progress, attempt
+from dashboards.notice import Notice
 from dashboards.pages.missions.entry_fields import sized
-from dashboards.pages.missions.notice import Notice
 from dashboards.sending import together
 
 TELL = 0.25
@@ -102,7 +103,7 @@ class Job:
         self._document.add_next_tick_callback(callback)
 
     def _show(self, words: str, fraction: float) -> None:
-        self._words.object = f"{words} …"
+        self._words.object = f"{escape(words)} …"
         self._bar.param.update(
             value=round(100 * fraction), variant="determinate" if fraction else "indeterminate"
         )

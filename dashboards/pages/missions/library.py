@@ -10,9 +10,9 @@ import panel as pn
 import panel_material_ui as pmui
 
 from dashboards.computing import LONG, LatestWins, Outcome, Progress, attempt
+from dashboards.notice import Notice
 from dashboards.pages.missions.cards import MissionCards, all_cards
 from dashboards.pages.missions.dialog import Act, Dialog, fill
-from dashboards.pages.missions.notice import Notice
 from dashboards.sending import together
 from dashboards.session import Session
 from dashboards.visitors import may_edit
