@@ -7,7 +7,6 @@ import threading
 import time
 from collections.abc import Iterator
 from pathlib import Path
-from types import SimpleNamespace
 from urllib.parse import urlencode
 
 import panel as pn
@@ -86,21 +85,25 @@ def files() -> Iterator[Uploading]:
         session = Session(document)
         made = Files(session)
     yield made, session, document
+    made.close()
     session.close()
 
 
-def upload(files: Uploading, content: bytes) -> None:
+def upload(files: Uploading, content: bytes, folder: Path) -> None:
     """Upload a file, and do what the thread that read it asks the page to do."""
-    document = files[2]
+    document, path = files[2], folder / "settings.toml"
+    path.write_bytes(content)
     with set_curdoc(document):
-        files[0]._uploaded(SimpleNamespace(new=content))
+        files[0]._uploaded([path])
     deadline = time.monotonic() + 10
     while not (asked := document.session_callbacks) and time.monotonic() < deadline:
         time.sleep(0.01)
     asked[0].callback()
 
 
-def test_an_uploaded_file_is_read_in_a_thread(files: Uploading, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_an_uploaded_file_is_read_in_a_thread(
+    files: Uploading, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     threads: list[threading.Thread] = []
 
     def read(content: bytes) -> Experiment:
@@ -108,7 +111,7 @@ def test_an_uploaded_file_is_read_in_a_thread(files: Uploading, monkeypatch: pyt
         return experiment_of(content)
 
     monkeypatch.setattr(exchange, "experiment_of", read)
-    upload(files, b"seed = 5")
+    upload(files, b"seed = 5", tmp_path)
     assert files[1].experiment.seed == 5
     assert threads != [threading.current_thread()]
 
@@ -127,8 +130,10 @@ def test_an_uploaded_file_is_read_in_a_thread(files: Uploading, monkeypatch: pyt
         (b"mission = '/etc/passwd'", "no such mission"),
     ],
 )
-def test_what_is_wrong_with_an_uploaded_file_is_said(files: Uploading, content: bytes, words: str) -> None:
-    upload(files, content)
+def test_what_is_wrong_with_an_uploaded_file_is_said(
+    files: Uploading, tmp_path: Path, content: bytes, words: str
+) -> None:
+    upload(files, content, tmp_path)
     assert re.search(words, files[1].problem)
     assert len(files[1].problem) < 1000
 

@@ -18,7 +18,9 @@ from bokeh.server.callbacks import NextTickCallback
 from panel.io.state import set_curdoc
 
 from dashboards import exchange
+from dashboards.computing import LatestWins
 from dashboards.exchange import Files
+from dashboards.pages.missions.job import Job
 from dashboards.pages.missions.library import Library
 from dashboards.session import Session
 from dashboards.upload import PREFIX, Upload, remove_abandoned
@@ -64,6 +66,7 @@ def test_a_settings_file_is_refused_before_it_is_whole(document: Document, tempo
         piece_of = {"name": "b.toml", "chunk": 1, "total_chunks": 1, "data": text}
         upload._handle_msg({"status": "upload_event", **piece_of})
         upload._handle_msg({"status": "finished"})
+        _settle(document, files._reading)
         assert session.experiment.seed == seed
     files.close()
     session.close()
@@ -153,17 +156,17 @@ def test_saving_waits_for_the_folder_in_a_thread(
     assert waiting.wait(60)
     assert missions()["mine"].title == "My flight"
     held.close()
-    _settle(document, library)
+    _settle(document, library._changing._job)
     assert missions()["mine"].title == "Another title"
     assert not library._changing.view.open
     library.close()
 
 
-def _settle(document: Document, library: Library) -> None:
-    """Do what the document was asked to do later, until the dialog has done its work."""
+def _settle(document: Document, work: Job | LatestWins[bytes]) -> None:
+    """Do what the document was asked to do later, until the work is done."""
     until = time.monotonic() + 60
     while True:
-        busy = library._changing._job.busy
+        busy = work.busy
         waiting = [one for one in document.session_callbacks if isinstance(one, NextTickCallback)]
         for one in waiting:
             document.remove_next_tick_callback(one)
