@@ -34,6 +34,7 @@ from dashboards.session import Session
 from dashboards.settings_panel import SettingsPanel
 from dashboards.style import DRESS, FRAME, SAME_STYLE_ONCE, STAGE, THEME
 from dashboards.time_bar import TimeBar
+from dashboards.upload import SAME_FILE_AGAIN
 from lab.result import Result
 from lab.views.figures import TimeAxis
 
@@ -124,7 +125,7 @@ class SimulatorPage:
         _unlink_busy(frame)
         frame.servable()
         pn.state.on_session_destroyed(partial(_close, self))
-        self._document.js_on_event(DocumentReady, CustomJS(code=SAME_STYLE_ONCE))
+        self._document.js_on_event(DocumentReady, CustomJS(code=SAME_STYLE_ONCE + SAME_FILE_AGAIN))
         self._show()
         self._address.read()
 

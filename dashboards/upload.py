@@ -21,6 +21,17 @@ from lab.missions.readers import MAX_FILES
 MAX_BYTES = 512 * 2**20
 """Largest upload of a flight accepted, all files together [bytes]."""
 LONGEST_NAME = 60
+SAME_FILE_AGAIN = """
+document.addEventListener("click", (event) => {
+  const field = event.composedPath()[0];
+  if (field instanceof HTMLInputElement && field.type === "file") field.value = "";
+}, true);
+"""
+"""Lets a person choose the file of before once more, such as after it was corrected.
+
+A browser says nothing of a choice of what the field holds already, and the button empties its field only two
+seconds after an upload, and never after one that it refused.
+"""
 PREFIX = "ins-lab-upload-"
 """How the folders of uploads begin, in the folder for temporary files; the number of the process follows."""
 

@@ -37,6 +37,7 @@ def mark(place: str) -> str:
 FILES = {
     f"mission = '{mark('settings')}'": "stranger-settings",
     f"'{mark('unknown')}' = 1": "stranger-unknown",
+    f"seed = {'1' * 5000}": "1000 characters",
 }
 """Settings files, and what is said of them."""
 
@@ -151,7 +152,9 @@ def test_what_a_mission_and_a_file_say_is_text_on_every_page(
     assert "mine" in download.value.path().read_text(encoding="utf-8")
     for text, words in FILES.items():
         (tmp_path / "x.toml").write_text(text)
-        page.locator("input[type=file][accept='.toml']").set_input_files(tmp_path / "x.toml")
+        with page.expect_file_chooser() as chooser:  # each is the same file, changed, as a person chooses it
+            page.locator("label:has(input[accept='.toml'])").click()
+        chooser.value.set_files(tmp_path / "x.toml")
         expect(page.get_by_role("alert").filter(has_text=words)).to_be_visible(timeout=PATIENCE * 1000)
 
 
