@@ -26,6 +26,8 @@ POOL = ThreadPoolExecutor(max_workers=os.cpu_count(), thread_name_prefix="experi
 """Computes for all sessions; the kernels release the interpreter, so each core is used."""
 LONG = ThreadPoolExecutor(max_workers=os.cpu_count(), thread_name_prefix="long")
 """Computes what takes longer than a run, so that no run has to wait for it."""
+WRITING = ThreadPoolExecutor(max_workers=1, thread_name_prefix="writing")
+"""Changes missions, one at a time, as the lock of their folder wants it: no other pool waits for that."""
 
 T = TypeVar("T")
 Progress = Callable[[str, float], None]

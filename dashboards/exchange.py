@@ -7,6 +7,7 @@ import io
 import json
 import tempfile
 import zipfile
+from functools import partial
 from pathlib import Path
 from typing import Any
 from urllib.parse import parse_qsl, urlencode
@@ -16,15 +17,21 @@ import panel_material_ui as pmui
 import param
 from bokeh.document import Document
 
-from dashboards.computing import POOL
+from dashboards.computing import POOL, LatestWins, Outcome, attempt
 from dashboards.session import Session
+from dashboards.upload import Upload
 from lab.experiment import Experiment
 from lab.export import gpx, kml, tracks_of
 from lab.result import Result
+from lab.setting_kinds import MatrixOrNone
 from lab.settings import SettingError
+from lab.toml_file import MAX_BYTES, TomlError, parse_toml
 
-MAX_TOML = 2**20
-"""Largest settings file accepted [bytes]."""
+MOST_FIELDS = 200
+"""Most settings an address may hold; there are fewer than 100."""
+
+MOST_PROBLEMS = 10
+"""How many settings of an address may be wrong before the rest is left out: finding the words takes time."""
 
 QUIET = 1500
 """The address follows when nothing has changed for this long [ms]."""
@@ -45,8 +52,15 @@ class Files:
         self._toml = pmui.FileDownload(
             callback=self._to_toml, filename="settings.toml", label="Settings", **common
         )
-        self._upload = pmui.FileInput(accept=".toml", label="Load", **common)
-        self._upload.param.watch(self._uploaded, "value")
+        self._upload = Upload(
+            self._uploaded, self._refused, most=1, largest=MAX_BYTES, accept=".toml", label="Load", **common
+        )
+        document = pn.state.curdoc
+        assert document is not None
+        self._reading: LatestWins[bytes] = LatestWins(
+            lambda content, _progress: attempt(lambda: experiment_of(content)),
+            partial(self._arrive, document),
+        )
         card = pmui.Card(
             pn.Row(self._netcdf, self._csv, margin=0, sizing_mode="stretch_width"),
             pn.Row(self._kml, self._gpx, margin=0, sizing_mode="stretch_width"),
@@ -94,18 +108,48 @@ class Files:
     def _to_toml(self) -> io.BytesIO:
         return io.BytesIO(self._session.experiment.to_toml().encode())
 
-    def _uploaded(self, event: param.parameterized.Event) -> None:
-        if event.new is None:
-            return
-        if len(event.new) > MAX_TOML:
-            self._session.problem = "The settings file is too large; accepted are TOML files up to 1 MB."
+    def close(self) -> None:
+        """Delete what was uploaded, and read nothing more."""
+        self._reading.close()
+        self._upload.delete()
+
+    def _refused(self, reason: str) -> None:
+        self._session.problem = f"The settings file is not accepted. {reason}"
+
+    def _uploaded(self, paths: list[Path]) -> None:
+        """Have a settings file parsed in a thread: other pages must not wait for it."""
+        # Its content, since the next upload deletes the file.
+        self._reading.submit(paths[0].read_bytes())
+
+    def _arrive(self, document: Document, _content: bytes, outcome: Outcome) -> None:
+        document.add_next_tick_callback(partial(self._read, outcome))
+
+    def _read(self, outcome: Outcome) -> None:
+        if outcome.problem:
+            self._session.problem = outcome.problem
             return
         try:
-            self._session.take(Experiment.from_toml(event.new.decode("utf-8-sig")))
-        except UnicodeDecodeError:
-            self._session.problem = "The settings file is not text; accepted are TOML files in UTF-8."
+            self._session.take(outcome.result)
         except SettingError as error:
             self._session.problem = str(error)
+
+
+def experiment_of(content: bytes) -> Experiment:
+    """Return the experiment of a settings file, from what is in it.
+
+    Raises
+    ------
+    SettingError
+        If it is not a settings file, or holds what is not accepted.
+    """
+    if len(content) > MAX_BYTES:
+        raise SettingError("The settings file is too large; accepted are TOML files up to 1 MB.")
+    try:
+        return Experiment().update(parse_toml(content.decode("utf-8-sig")))
+    except UnicodeDecodeError as error:
+        raise SettingError("The settings file is not text; accepted are TOML files in UTF-8.") from error
+    except TomlError as error:
+        raise SettingError(f"The settings file: {error}.") from error
 
 
 class Address:
@@ -121,14 +165,7 @@ class Address:
     def read(self) -> None:
         """Take over the settings in the address; what is not accepted is said, and the rest taken."""
         query = self._location.search.removeprefix("?") if self._location is not None else ""
-        trial = Experiment()
-        problems = []
-        # Other forms last: what they mean depends on the rest.
-        for path, text in sorted(parse_qsl(query), key=lambda item: item[0] in Experiment.OTHER_FORMS):
-            try:
-                trial.set_text(f"{path}={text}")
-            except SettingError as error:
-                problems.append(str(error))
+        trial, problems = experiment_of_query(query)
         try:
             self._session.take(trial)
         except SettingError as error:
@@ -149,6 +186,25 @@ class Address:
             self._location.search = search
 
 
+def experiment_of_query(query: str) -> tuple[Experiment, list[str]]:
+    """Return the experiment of the query of an address, and what of it was not accepted."""
+    trial, problems = Experiment(), list[str]()
+    try:
+        fields = parse_qsl(query, max_num_fields=MOST_FIELDS)
+    except ValueError:
+        return trial, [f"The address has too many settings; accepted are up to {MOST_FIELDS}."]
+    # Other forms last: what they mean depends on the rest.
+    for path, text in sorted(fields, key=lambda item: item[0] in Experiment.OTHER_FORMS):
+        try:
+            trial.set_text(path, text)
+        except SettingError as error:
+            problems.append(str(error))
+        if len(problems) == MOST_PROBLEMS:
+            problems.append("The rest of the address is left out.")
+            break
+    return trial, problems
+
+
 def query(experiment: Experiment) -> str:
     """Return the settings that differ from the defaults, as the query of an address."""
     default = Experiment()
@@ -156,8 +212,8 @@ def query(experiment: Experiment) -> str:
     for path, owner, name in experiment.leaves():
         value = getattr(owner, name)
         if value != default.get(path):
-            if isinstance(value, tuple) and len(set(value)) == 1 and not isinstance(value[0], tuple):
-                value = value[0]
+            if not isinstance(owner.param[name], MatrixOrNone) and isinstance(value, tuple):
+                value = value[0] if len(set(value)) == 1 else value
             changed.append((path, value if isinstance(value, str) else json.dumps(value)))
     return urlencode(changed, safe="[], ")
 

@@ -16,6 +16,7 @@ from panel_material_ui.template.base import Page as MaterialPage
 from param.parameterized import edit_constant
 
 from dashboards.exchange import Address, Files
+from dashboards.notice import Notice
 from dashboards.pages.allan import Allan
 from dashboards.pages.base import Page, not_drawn
 from dashboards.pages.budget import Budget
@@ -23,7 +24,6 @@ from dashboards.pages.consistency import Consistency
 from dashboards.pages.ground_track import GroundTrack
 from dashboards.pages.innovations import Innovations
 from dashboards.pages.missions import Missions
-from dashboards.pages.missions.notice import Notice
 from dashboards.pages.models import Models
 from dashboards.pages.summary import Summary
 from dashboards.pages.time_plots import Covariance, Errors, Height, SensorErrors
@@ -34,6 +34,7 @@ from dashboards.session import Session
 from dashboards.settings_panel import SettingsPanel
 from dashboards.style import DRESS, FRAME, SAME_STYLE_ONCE, STAGE, THEME
 from dashboards.time_bar import TimeBar
+from dashboards.upload import SAME_FILE_AGAIN
 from lab.result import Result
 from lab.views.figures import TimeAxis
 
@@ -78,9 +79,9 @@ class SimulatorPage:
         self._files = Files(self.session)
         self._address = Address(self.session, document)
         self._progress = Progress(self.session)
-        self._reason = pmui.Alert(object="", severity="info", margin=(16, 20), sizing_mode="stretch_width")
+        self._reason = Notice(margin=(16, 20))
         self._failure = Notice()
-        self._message = pmui.Alert(object="", severity="error", closeable=True, visible=False, margin=(6, 8))
+        self._message = Notice(closeable=True, margin=(6, 8))
         self._tabs = pmui.Tabs(
             *((page.title, pn.Spacer(height=0)) for page in PAGES),
             active=PAGES.index(Errors),
@@ -109,7 +110,7 @@ class SimulatorPage:
             main=[
                 pn.Column(
                     self._tabs,
-                    self._message,
+                    self._message.view,
                     self._stage,
                     self._time_bar.view,
                     sizing_mode="stretch_both",
@@ -124,7 +125,7 @@ class SimulatorPage:
         _unlink_busy(frame)
         frame.servable()
         pn.state.on_session_destroyed(partial(_close, self))
-        self._document.js_on_event(DocumentReady, CustomJS(code=SAME_STYLE_ONCE))
+        self._document.js_on_event(DocumentReady, CustomJS(code=SAME_STYLE_ONCE + SAME_FILE_AGAIN))
         self._show()
         self._address.read()
 
@@ -132,6 +133,7 @@ class SimulatorPage:
         """End the session."""
         self.session.close()
         self._time_bar.stop()
+        self._files.close()
         for page in self._pages.values():
             page.close()
 
@@ -153,15 +155,15 @@ class SimulatorPage:
         with self._failures_shown():
             page, result = self._page, self.session.result
             reason = page.lacks(result) if result is not None else ""
-            self._reason.object = reason
-            view = self._reason if reason else page.view
+            self._reason.say(reason, "info")
+            view = self._reason.view if reason else page.view
             laid_out = self._stage.objects == [view]
             if result is not None and not reason:
                 if not laid_out:
                     page.forget()
                 page.show(result)
                 page.show_time(self.axis.time)
-            view = self._reason if reason else page.view  # a page may have changed its plots
+            view = self._reason.view if reason else page.view  # a page may have changed its plots
             if self._stage.objects != [view]:
                 self._stage[:] = [view]
 
@@ -215,7 +217,7 @@ class SimulatorPage:
                 page.show_time(time)
 
     def _new_problem(self, event: param.parameterized.Event) -> None:
-        self._message.param.update(object=event.new, visible=bool(event.new))
+        self._message.say(event.new)
 
     def _zoomed(self, _attr: str, _old: object, _new: object) -> None:
         if not self._zooming:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from html import escape
+
 import panel as pn
 import param
 
@@ -26,4 +28,4 @@ class Progress:
     def _changed(self, *_events: param.parameterized.Event) -> None:
         stage, fraction = self._session.stage, self._session.fraction
         share = f" · {fraction:.0%}" if 0 < fraction < 1 else ""
-        self.view.object = f"{stage} …{share}" if stage else ""
+        self.view.object = f"{escape(stage)} …{share}" if stage else ""

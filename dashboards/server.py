@@ -2,15 +2,31 @@
 
 from __future__ import annotations
 
+import contextlib
 import os
-from collections.abc import Sequence
+import secrets
+import signal
+import warnings
+from collections.abc import Callable, Sequence
 from pathlib import Path
+from types import FrameType
+from typing import Any
 
 APP = Path(__file__).with_name("simulator.py")
 
+MAX_BODY = 2**16
+"""Largest body of a request [bytes]: that of the password; files come over the websocket."""
+
 
 def serve(
-    port: int = 5006, address: str = "127.0.0.1", show: bool = False, algorithms: Sequence[str] = ()
+    port: int = 5006,
+    address: str = "127.0.0.1",
+    show: bool = False,
+    algorithms: Sequence[str] = (),
+    *,
+    origins: Sequence[str] = (),
+    visitors: str | None = None,
+    password: str | None = None,
 ) -> None:
     """Serve the simulator until interrupted; the 3-D view goes through the same port.
 
@@ -24,26 +40,70 @@ def serve(
         Whether to open the page in a browser.
     algorithms
         Algorithms of whoever serves, as ``FILE.py:Name``, compared beside the built-in models.
+    origins
+        Further hosts whose pages may talk to the server, such as that of a proxy before it.
+    visitors
+        What whoever opens the page may do: ``"run"``, or ``"edit"`` for missions too; by default edit where
+        only this computer reaches the server, and else run.
+    password
+        What they have to give first; None for nothing.
     """
-    import panel as pn  # noqa: PLC0415 - takes a second
+    # All of these take a second; the first visitor shall not wait for the page.
+    import panel as pn  # noqa: PLC0415
 
-    from dashboards.algorithms import VARIABLE  # noqa: PLC0415 - takes a second
+    import dashboards.page  # noqa: F401, PLC0415
+    from dashboards.algorithms import VARIABLE  # noqa: PLC0415
+    from dashboards.headers import SecurityHeaders  # noqa: PLC0415
+    from dashboards.log_limit import limit_log  # noqa: PLC0415
+    from dashboards.messages import MAX_MESSAGE  # noqa: PLC0415
+    from dashboards.origins import SETTING, accepted_hosts, check_origins_of_pages, is_loopback  # noqa: PLC0415
+    from dashboards.password import Password  # noqa: PLC0415
+    from dashboards.upload import remove_abandoned, remove_all_here  # noqa: PLC0415
+    from dashboards.visitors import allow  # noqa: PLC0415
+    from lab.missions import missions  # noqa: PLC0415
+    from lab.missions.library import sweep_own_folder  # noqa: PLC0415
 
     if algorithms:
         os.environ[VARIABLE] = ",".join(algorithms)
-    import dashboards.page  # noqa: F401, PLC0415 - so that the first visitor does not wait for it
-
-    # Listening on all addresses, the names under which this computer is reached are not known here.
-    loopback = address in {"127.0.0.1", "localhost"}
-    origins = [f"{name}:{port}" for name in ("localhost", "127.0.0.1")] if loopback else ["*"]
+    sweep_own_folder()
+    with warnings.catch_warnings(action="ignore"):
+        missions()  # what is read here, no page reads again
+    loopback = is_loopback(address)
+    allow(visitors or ("edit" if loopback else "run"))
+    limit_log()
+    remove_abandoned()
+    check_origins_of_pages()
+    _on_end(remove_all_here)
+    door: dict[str, Any] = {SETTING: accepted_hosts(address, port, origins)}
+    if password is not None:
+        door |= {"auth_provider": Password(password), "cookie_secret": secrets.token_hex(32)}
     where = "localhost" if loopback else address
     print(f"INS Lab is at http://{where}:{port}/ (stop it with Ctrl-C)", flush=True)
     pn.serve(
         {"/": str(APP)},
         port=port,
         address=address,
-        websocket_origin=origins,
         show=show,
         title="INS Lab",
         verbose=False,
+        transforms=[SecurityHeaders],
+        secret_key=secrets.token_bytes(32),
+        sign_sessions=True,
+        websocket_max_message_size=MAX_MESSAGE,
+        http_server_kwargs={"max_body_size": MAX_BODY},
+        **door,
     )
+
+
+def _on_end(clean: Callable[[], None]) -> None:
+    """Clean up when the system ends this process, which then ends at once, whatever is being computed."""
+
+    def end(number: int, _frame: FrameType | None) -> None:
+        clean()
+        signal.signal(number, signal.SIG_DFL)
+        signal.raise_signal(number)
+
+    with contextlib.suppress(ValueError):  # only the main thread is told of signals
+        for name in ("SIGTERM", "SIGHUP"):
+            if hasattr(signal, name):
+                signal.signal(getattr(signal, name), end)

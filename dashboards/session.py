@@ -178,5 +178,5 @@ def _check_mission(name: str) -> None:
     known = missions()
     if name not in known:
         raise SettingError(
-            f"mission = {name!r}: there is no such mission; accepted is one of {', '.join(known)}"
+            f"mission = {name[:60]!r}: there is no such mission; accepted is one of {', '.join(known)}"
         )

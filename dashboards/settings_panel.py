@@ -12,6 +12,7 @@ import param
 from dashboards.card_chooser import CardChooser
 from dashboards.covariance_field import CovarianceField
 from dashboards.mission_titles import mission_titles
+from dashboards.notice import Notice
 from dashboards.other_form import OtherFormField
 from dashboards.session import Session
 from dashboards.style import TOOLTIP
@@ -60,6 +61,11 @@ COMMON = frozenset(
 )
 """Settings shown at once; the others unfold below them."""
 
+OF_A_LOG = (
+    "A log of real sensors: nothing is simulated. The sensors' settings are what the filter assumes of them; "
+    "those that change nothing are not shown."
+)
+
 
 class SettingsPanel:
     """The settings of a session, as shown in the sidebar.
@@ -86,17 +92,10 @@ class SettingsPanel:
         self._seed = TextField(session.experiment.param["seed"], self._change("seed"))
         self._fields |= {"mission": self._mission, "seed": self._seed}
         self._cards = CardChooser(session)
-        self._note = pmui.Alert(
-            object="A log of real sensors: nothing is simulated. The sensors' settings are what the filter "
-            "assumes of them; those that change nothing are not shown.",
-            severity="info",
-            visible=False,
-            margin=(4, 0, 8, 0),
-            sizing_mode="stretch_width",
-        )
+        self._note = Notice(margin=(4, 0))
         self.view = pn.Column(
             self._mission.view,
-            self._note,
+            self._note.view,
             self._seed_row(),
             self._cards_row(),
             *self._sections(),
@@ -117,7 +116,7 @@ class SettingsPanel:
     def _suit(self) -> None:
         """Show what changes something: of a log of real sensors nothing is simulated."""
         self._is_log = isinstance(missions().get(self._session.experiment.mission), LogMission)
-        self._note.visible = self._is_log
+        self._note.say(OF_A_LOG if self._is_log else "", "info")
         for view, paths in self._views:
             view.visible = not self._is_log or any(map(has_effect, paths))
 

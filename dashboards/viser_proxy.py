@@ -1,8 +1,10 @@
 """Viser proxy: the 3-D view through the port of the page, so that one port is all a browser needs to reach.
 
-Each session has a viser server of its own that listens on this computer only. The page shows it in a frame
-at ``viser/TOKEN/`` beside itself; the handler here serves viser's client there and carries its websocket. The
-token is signed and holds the port, so nobody can make the handler connect to anything else, or guess it.
+Each session has a viser server of its own that listens on this computer only. It sends nothing to whoever
+does not know its key, since any page in a browser on this computer could ask it. The session's page shows the
+scene in a frame at ``viser/TOKEN/`` beside itself. The handler here serves viser's client there and carries
+its websocket. A token is random. It opens the way while its scene is served, and never leads to what uses the
+port afterwards.
 """
 
 from __future__ import annotations
@@ -12,29 +14,44 @@ import hashlib
 import hmac
 import secrets
 from collections.abc import Mapping
+from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
+from threading import Thread
 from typing import Any
 
 import viser
 from bokeh.document import Document
-from bokeh.server.util import check_allowlist
-from bokeh.settings import settings as bokeh_settings
 from tornado.web import Application, HTTPError
 from tornado.websocket import WebSocketClosedError, WebSocketHandler
+from viser.infra import WebsockClientConnection
 from websockets.asyncio.client import ClientConnection, connect
-from websockets.exceptions import ConnectionClosed, InvalidHandshake
+from websockets.exceptions import ConnectionClosed, InvalidHandshake, InvalidMessage
 from websockets.typing import Subprotocol
 
-SECRET = "viser_proxy_secret"
-"""Key of the signing secret in the settings of the web application; there once the handler is mounted."""
+from dashboards.headers import policy, sockets
+from dashboards.origins import is_from_accepted
+
+VIEWS = "ins_lab_3d_views"
+"""Key of the registered views, by token, in the settings of the web application."""
+
+KEY_HEADER = "X-INS-Lab-Key"
+"""Header in which the handler shows a viser server its key."""
 
 MAX_MESSAGE = 64 * 2**20
-"""Largest message carried [bytes]."""
+"""Largest message carried to a browser [bytes]."""
 
 
-def mount(document: Document) -> bytes:
-    """Make the web application that serves a document serve viser too, once; return its signing secret.
+@dataclass(frozen=True)
+class View:
+    """Where a viser server listens on this computer, and the key it asks for."""
+
+    port: int
+    key: str
+
+
+class ServedScene:
+    """A viser server of one session, and the way to it through the web application that serves its page.
 
     Parameters
     ----------
@@ -45,14 +62,52 @@ def mount(document: Document) -> bytes:
     ------
     RuntimeError
         If no browser is connected to the session.
+
+    Attributes
+    ----------
+    server : viser.ViserServer
+        The viser server.
+    address : str
+        Address of viser's client, beside the page.
     """
-    application = web_application(document)
-    if SECRET not in application.settings:
-        # Several server processes understand each other's tokens if they were given a common secret.
-        application.settings[SECRET] = bokeh_settings.secret_key_bytes() or secrets.token_bytes(32)
+
+    def __init__(self, document: Document) -> None:
+        self._views = registered_views(web_application(document))
+        self._token = secrets.token_urlsafe(24)
+        self.address = f"viser/{self._token}/"
+        self.server, self._views[self._token] = guarded_server()
+
+    def end(self) -> None:
+        """Close the way, and stop the server; in a thread, since that takes a moment."""
+        self._views.pop(self._token, None)
+        Thread(target=self.server.stop, name="viser-stop", daemon=True).start()
+
+
+def guarded_server() -> tuple[viser.ViserServer, View]:
+    """Start a viser server on this computer that ends the connection of whoever does not know its key."""
+    server = viser.ViserServer(host="127.0.0.1", port=0, verbose=False)
+    view = View(server.get_port(), secrets.token_urlsafe(24))
+    websockets = server._websock_server
+
+    async def ask_for_key(client: WebsockClientConnection) -> None:
+        # Called before anything is sent; viser itself asks for nothing.
+        connection = websockets._live_connections[client.client_id]
+        given = connection.request.headers.get(KEY_HEADER, "") if connection.request is not None else ""
+        if not hmac.compare_digest(given.encode(), view.key.encode()):
+            await connection.close(1008, "this view belongs to a page")
+
+    websockets.on_client_connect(ask_for_key)
+    websockets.disconnect_all_clients()  # who came before the question
+    return server, view
+
+
+def registered_views(application: Application) -> dict[str, View]:
+    """Return the views of a web application by token; at first, have it serve them."""
+    if VIEWS not in application.settings:
+        application.settings[VIEWS] = {}
         application.add_handlers(r".*", [(r".*/viser/([\w.-]+)/?", ViserHandler)])
-    secret: bytes = application.settings[SECRET]
-    return secret
+    views: dict[str, View] = application.settings[VIEWS]
+    return views
 
 
 def web_application(document: Document) -> Application:
@@ -65,24 +120,6 @@ def web_application(document: Document) -> Application:
     raise RuntimeError("the 3-D view needs a page that is open in a browser")
 
 
-def sign(port: int, secret: bytes) -> str:
-    """Return a token that opens the way to a port of this computer."""
-    text = f"{port}.{secrets.token_hex(8)}"
-    return f"{text}.{_signature(text, secret)}"
-
-
-def port_of(token: str, secret: bytes) -> int | None:
-    """Return the port a token opens the way to, or None if it was not signed here."""
-    text, _, signature = token.rpartition(".")
-    if not hmac.compare_digest(signature.encode(), _signature(text, secret).encode()):
-        return None
-    return int(text.partition(".")[0])
-
-
-def _signature(text: str, secret: bytes) -> str:
-    return hmac.new(secret, f"viser {text}".encode(), hashlib.sha256).hexdigest()[:32]
-
-
 @cache
 def client_page() -> tuple[bytes, str]:
     """Return viser's client, which is a single file, and its entity tag."""
@@ -93,41 +130,51 @@ def client_page() -> tuple[bytes, str]:
 class ViserHandler(WebSocketHandler):
     """Serves viser's client, and carries the messages between it and the session's viser server."""
 
+    _view: View
     _upstream: ClientConnection | None = None
     _pump: asyncio.Task[None] | None = None
+    _ended = False
 
     async def get(self, *args: Any, **kwargs: Any) -> None:
         """Answer with the client, or open the websocket."""
-        port = port_of(str(args[0]), self.application.settings[SECRET])
-        if port is None:
+        view = self.application.settings[VIEWS].get(args[0])
+        if view is None:
             raise HTTPError(403, reason="this address is not valid, or no longer")
         if self.request.headers.get("Upgrade", "").lower() != "websocket":
             self._send_client()
             return
+        if not is_from_accepted(self.request, self.application):
+            raise HTTPError(403)
+        self._view = view
+        await super().get(*args, **kwargs)
+
+    def check_origin(self, origin: str) -> bool:
+        """Accept every origin: whether it is accepted was asked before."""
+        return True
+
+    def select_subprotocol(self, subprotocols: list[str]) -> str | None:
+        """Choose the version the client speaks; a viser server of another closes the connection."""
+        return subprotocols[0] if subprotocols else None
+
+    async def open(self, *_args: str, **_kwargs: str) -> None:
+        """Connect to the viser server, now that the browser's side stands, and carry what it sends."""
+        offered = [self.selected_subprotocol] if self.selected_subprotocol else []
         try:
-            self._upstream = await connect(
-                f"ws://127.0.0.1:{port}/",
-                subprotocols=[Subprotocol(name) for name in self._offered()],
+            upstream = await connect(
+                f"ws://127.0.0.1:{self._view.port}/",
+                subprotocols=[Subprotocol(name) for name in offered],
+                additional_headers={KEY_HEADER: self._view.key},
                 max_size=MAX_MESSAGE,
                 compression=None,
                 proxy=None,
             )
-        except (OSError, InvalidHandshake) as error:
-            raise HTTPError(410, reason="this 3-D view has ended") from error
-        await super().get(*args, **kwargs)
-
-    def check_origin(self, origin: str) -> bool:
-        """Accept the page's own origin, and those the server was told to accept."""
-        allowed = list(getattr(self.application, "websocket_origins", ()))
-        host = origin.partition("://")[2].lower()
-        return super().check_origin(origin) or check_allowlist(host, allowed)
-
-    def select_subprotocol(self, subprotocols: list[str]) -> str | None:
-        """Choose what the viser server chose."""
-        return self._upstream.subprotocol if self._upstream is not None else None
-
-    def open(self, *_args: str, **_kwargs: str) -> None:
-        """Begin to carry what the viser server sends."""
+        except (OSError, InvalidHandshake, InvalidMessage):
+            self.close(1001, "this 3-D view has ended")
+            return
+        if self._ended:
+            await upstream.close()
+            return
+        self._upstream = upstream
         self._pump = asyncio.ensure_future(self._downstream())
 
     async def on_message(self, message: str | bytes) -> None:
@@ -140,6 +187,7 @@ class ViserHandler(WebSocketHandler):
 
     def on_close(self) -> None:
         """End the other half of the connection."""
+        self._ended = True
         if self._pump is not None:
             self._pump.cancel()
         if self._upstream is not None:
@@ -160,15 +208,13 @@ class ViserHandler(WebSocketHandler):
         finally:
             self.close()
 
-    def _offered(self) -> list[str]:
-        header = self.request.headers.get("Sec-WebSocket-Protocol", "")
-        return [name.strip() for name in header.split(",") if name.strip()]
-
     def _send_client(self) -> None:
         page, tag = client_page()
         self.set_header("Content-Type", "text/html; charset=utf-8")
         self.set_header("Cache-Control", "private, max-age=0, must-revalidate")
         self.set_header("Etag", tag)
+        # It unpacks itself into a script of its own making; no text from outside is ever in it.
+        self.set_header("Content-Security-Policy", policy("'unsafe-inline'", sockets(self.request)))
         if self.check_etag_header():
             self.set_status(304)
             self.finish()

@@ -6,7 +6,6 @@ nothing before it, a change of a gyro's noise does not touch the flight, the acc
 
 from __future__ import annotations
 
-import tomllib
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -19,8 +18,10 @@ from numpy.typing import NDArray
 
 from lab.cache import StageCache, digest
 from lab.ecef import near_pole
+from lab.histories import LONG
 from lab.ideal_imu import IdealImu
 from lab.log_run import run_log, timed
+from lab.memory import check_memory
 from lab.missions import LogMission, Mission, mission
 from lab.navigation import rest_alignment, smoother, unscented
 from lab.navigation.algorithm import Algorithm, run_algorithm
@@ -48,6 +49,7 @@ from lab.sensors.noise_variance import NOISE_VARIANCES, noise_variance
 from lab.sensors.suite import SensorSuite
 from lab.setting_kinds import Quantity
 from lab.settings import Derived, SettingError, Settings, group
+from lab.toml_file import TomlError, parse_toml, read_toml
 from lab.trajectory import Trajectory, Truth
 from lab.units import si
 
@@ -144,13 +146,8 @@ class Experiment(Settings):
             source = Path(source)
         name = source if isinstance(source, Path) else "settings"
         try:
-            text = source.read_text(encoding="utf-8-sig") if isinstance(source, Path) else source
-            return cls().update(tomllib.loads(text))
-        except OSError as error:
-            raise SettingError(f"{name}: cannot be read: {error.strerror or error}") from error
-        except (UnicodeDecodeError, tomllib.TOMLDecodeError, RecursionError) as error:
-            raise SettingError(f"{name}: is not TOML: {error}") from error
-        except SettingError as error:
+            return cls().update(read_toml(source) if isinstance(source, Path) else parse_toml(source))
+        except (TomlError, SettingError) as error:
             raise SettingError(f"{name}: {error}") from error
 
     def to_toml(self) -> str:
@@ -178,7 +175,8 @@ class Experiment(Settings):
             If settings do not go together, or the navigator cannot work with them.
         ValueError
             If the flight cannot be navigated, such as across a pole, or the filter diverges beyond all
-            numbers; or if the `algorithm` fails (`AlgorithmError`).
+            numbers; if there is not enough memory (`TooLongError`); or if the `algorithm` fails
+            (`AlgorithmError`).
         """
         settings, tell = self.copy(), progress or (lambda _stage, _fraction: None)
         found = mission(settings.mission)
@@ -211,9 +209,12 @@ class _Run:
         flight = CACHE.get("flight", self.flight_key, self.flight)
         self.progress("Simulating the sensors", 0.3)
         aligned = begin(flight.truth, self.experiment)
+        fixes = self.fixes(flight)
         gyro = self.triad("gyro", flight, aligned.gyro_bias)
         accelerometer = self.triad("accelerometer", flight)
-        fixes = self.fixes(flight)
+        # From here on the curve and its exact increments are not needed.
+        truth, ideal = flight.truth, flight.ideal.as_kept()
+        del flight
         ready = self.algorithm is not None or is_ready(self.navigator)
         self.progress("Navigating" if ready else "Preparing the navigator (compiled once)", 0.4)
         assumed = belief(self.sensors, self.navigator, aligned.P if self.navigator.alignment else None)
@@ -221,7 +222,7 @@ class _Run:
         solution, seconds = (
             timed(
                 lambda: self.own_solution(
-                    flight, gyro.increments, accelerometer.increments, fixes, aligned.start
+                    truth, gyro.increments, accelerometer.increments, fixes, aligned.start
                 )
             )
             if self.algorithm is not None
@@ -230,7 +231,13 @@ class _Run:
                 key,
                 lambda: timed(
                     lambda: self.solution(
-                        flight, gyro.increments, accelerometer.increments, fixes, aligned.start, assumed
+                        truth,
+                        ideal.dt,
+                        gyro.increments,
+                        accelerometer.increments,
+                        fixes,
+                        aligned.start,
+                        assumed,
                     )
                 ),
             )
@@ -239,8 +246,8 @@ class _Run:
         return Result(
             experiment=self.experiment,
             mission=self.mission,
-            truth_arrays=flight.truth,
-            ideal=flight.ideal,
+            truth_arrays=truth,
+            ideal=ideal,
             gyro=gyro,
             accelerometer=accelerometer,
             fixes=fixes,
@@ -254,11 +261,25 @@ class _Run:
     def flight(self) -> Flight:
         """Make the trajectory, and truth and ideal IMU on its grid."""
         settings = self.experiment.trajectory
+        self.check_memory(int(self.mission.recording.duration * settings.imu_rate) + 1)
         trajectory = Trajectory.from_recording(
             self.mission.recording, settings.imu_rate, settings.attitude_curve
         )
         ideal = trajectory.increments(settings.imu_rate)
         return Flight(trajectory, trajectory.at(ideal.time), ideal)
+
+    def check_memory(self, samples: int) -> None:
+        """Refuse a flight of so many samples for which there is not enough memory."""
+        rate, navigator = float(self.experiment.trajectory.imu_rate), self.navigator
+        triads = (self.sensors.gyro, self.sensors.accelerometer)
+        check_memory(
+            samples,
+            int(samples / rate / self.sensors.gps.period),
+            rate,
+            states=navigator.states,
+            drifting=sum(imu.is_drifting(errors) for errors in triads),
+            exact=navigator.smoother or navigator.model == "nonlinear" or navigator.engine == "filterpy",
+        )
 
     def triad(self, sensor: str, flight: Flight, found: FloatArray = NO_VECTOR) -> imu.Measured:
         """Simulate the gyros or the accelerometers, compensated for temperature where asked for.
@@ -273,11 +294,12 @@ class _Run:
             "flicker": any(errors.flicker),
             "walk": any(errors.rate_random_walk),
         }
-        draws = CACHE.get(
-            "draws",
-            digest(seed, sensor, samples, long),
-            lambda: imu.ImuDraws.of(seed, sensor, samples, **long),
-        )
+
+        def draw() -> imu.ImuDraws:
+            return imu.ImuDraws.of(seed, sensor, samples, **long)
+
+        # Those of a long flight are drawn faster than they are worth their memory.
+        draws = draw() if samples > LONG else CACHE.get("draws", digest(seed, sensor, samples, long), draw)
         shaken = sensor == "accelerometer" or any(self.sensors.gyro.g_sensitivity)
         key = digest(
             self.flight_key,
@@ -286,7 +308,7 @@ class _Run:
             self.sensors.temperature.to_dict(),
             self.sensors.accelerometer.vibration_density if shaken else None,
         )
-        measured = CACHE.get(sensor, key, lambda: self.measured(errors, flight, draws))
+        measured = CACHE.get(sensor, key, lambda: imu.as_kept(self.measured(errors, flight, draws)))
         if not found.any():
             return measured
         return CACHE.get(
@@ -332,7 +354,8 @@ class _Run:
 
     def solution(
         self,
-        flight: Flight,
+        truth: Truth,
+        dt: float,
         dtheta: FloatArray,
         dvelocity: FloatArray,
         fixes: gps.GpsFixes,
@@ -340,16 +363,17 @@ class _Run:
         assumed: Belief,
     ) -> Solution:
         """Navigate."""
-        settings, ideal = self.navigator, flight.ideal
+        settings = self.navigator
+        self.check_memory(truth.time.size)
         check_mechanization(settings)
         check_engine(settings)
         check_r(assumed.R)
-        schedule = schedule_of(settings, ideal.dt, ideal.dtheta.shape[0])
+        schedule = schedule_of(settings, dt, dtheta.shape[0])
         check_smoother(settings, schedule)
-        check_bias_decay(schedule.stride * ideal.dt, assumed.bias_decay)
+        check_bias_decay(schedule.stride * dt, assumed.bias_decay)
         latency = assumed_latency(settings, self.sensors.gps.latency)
         try:
-            increments = Imu(ideal.time, dtheta, dvelocity)
+            increments = Imu(truth.time, dtheta, dvelocity)
             seen = Fixes(fixes.time - latency, fixes.position, fixes.velocity_n)
             if settings.rest_updates:
                 increments = increments._replace(rest=at_rest(increments, seen, assumed))
@@ -357,19 +381,19 @@ class _Run:
         except SettingError:
             raise
         except PolarError as error:
-            if near_pole(flight.truth.latitude).any():
+            if near_pole(truth.latitude).any():
                 raise
             raise diverged(
                 "the estimate ran off to a pole, which the flight does not come near", error
             ) from error
         except ValueError as error:  # the reference's linear algebra, which stops at what is no number
             raise diverged("the filter cannot go on", error) from error
-        check_finite(solution, ideal.time)
+        check_finite(solution, truth.time)
         return solution
 
     def own_solution(
         self,
-        flight: Flight,
+        truth: Truth,
         dtheta: FloatArray,
         dvelocity: FloatArray,
         fixes: gps.GpsFixes,
@@ -379,7 +403,7 @@ class _Run:
         assert self.algorithm is not None
         return run_algorithm(
             self.algorithm,
-            Imu(flight.ideal.time, dtheta, dvelocity),
+            Imu(truth.time, dtheta, dvelocity),
             Fixes(fixes.time, fixes.position, fixes.velocity_n),
             begin,
         )

@@ -12,18 +12,21 @@ P. D. Groves, *Principles of GNSS, Inertial and Multisensor Integrated Navigatio
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from lab import earth
+from lab.histories import kept
 
 FloatArray = NDArray[np.float64]
 
 GAUSS_NODES = 0.5 + np.sqrt(0.15) * np.array([-1.0, 0.0, 1.0])
 GAUSS_WEIGHTS = np.array([5.0, 8.0, 5.0]) / 18
+AT_ONCE = 2**16
+"""Intervals that are integrated at once: what is needed meanwhile takes some 2 kB each."""
 
 
 @dataclass(frozen=True)
@@ -46,6 +49,18 @@ class IdealImu:
     dtheta: FloatArray
     dvelocity: FloatArray
     dt: float
+
+    def as_kept(self) -> IdealImu:
+        """Return it as it is kept beside a result: of a long flight the increments are float32."""
+        return replace(self, dtheta=kept(self.dtheta), dvelocity=kept(self.dvelocity))
+
+    def to_compute_on(self) -> IdealImu:
+        """Return it in float64."""
+        return replace(
+            self,
+            dtheta=self.dtheta.astype(np.float64, copy=False),
+            dvelocity=self.dvelocity.astype(np.float64, copy=False),
+        )
 
 
 def velocity(position: FloatArray, rate: FloatArray) -> FloatArray:
@@ -140,17 +155,17 @@ def integrate(
     """
     merge, split = _fit(rate, knot_rate)
     step = 1 / (knot_rate * split)
-    count = intervals * split // merge * merge
-    times = (np.arange(count)[:, None] + GAUSS_NODES) * step
-    omega_ib_b, f_b = rates(times.ravel())
-    dtheta = step * np.einsum("kgi,g->ki", omega_ib_b.reshape(-1, 3, 3), GAUSS_WEIGHTS)
-    dvelocity = step * np.einsum("kgi,g->ki", f_b.reshape(-1, 3, 3), GAUSS_WEIGHTS)
-    return IdealImu(
-        time=np.arange(count // merge + 1) / rate,
-        dtheta=dtheta.reshape(-1, merge, 3).sum(axis=1),
-        dvelocity=dvelocity.reshape(-1, merge, 3).sum(axis=1),
-        dt=1 / rate,
-    )
+    samples = intervals * split // merge
+    dtheta, dvelocity = np.empty((samples, 3)), np.empty((samples, 3))
+    at_once = max(AT_ONCE // merge, 1)
+    for first in range(0, samples, at_once):
+        part = slice(first, min(first + at_once, samples))
+        knots = np.arange(part.start * merge, part.stop * merge)
+        omega_ib_b, f_b = rates(((knots[:, None] + GAUSS_NODES) * step).ravel())
+        for values, out in ((omega_ib_b, dtheta), (f_b, dvelocity)):
+            increments = step * np.einsum("kgi,g->ki", values.reshape(-1, 3, 3), GAUSS_WEIGHTS)
+            out[part] = increments.reshape(-1, merge, 3).sum(axis=1)
+    return IdealImu(time=np.arange(samples + 1) / rate, dtheta=dtheta, dvelocity=dvelocity, dt=1 / rate)
 
 
 def _fit(rate: float, knot_rate: float) -> tuple[int, int]:

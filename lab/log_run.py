@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from lab.cache import StageCache, digest
 from lab.log_reference import comparison_remark, reference_at
+from lab.memory import check_memory
 from lab.missions import LogMission, SensorLog
 from lab.missions.log_pieces import piece
 from lab.missions.vehicle import vehicle_of
@@ -115,6 +116,14 @@ def run_log(
     outages = outages_in(log, sensors.gps.outages)
     progress("Navigating" if is_ready(navigator) else "Preparing the navigator (compiled once)", 0.4)
     states = navigator.states
+    check_memory(
+        log.time.size,
+        log.gnss.time.size,
+        log.time.size / max(log.duration, 1.0),
+        states=states,
+        drifting=0,
+        exact=navigator.smoother or navigator.model == "nonlinear",
+    )
     settings = {path: experiment.get(path) for path, *_ in experiment.leaves() if has_effect(path, states)}
     made, seconds = cache.get(
         "log navigation",

@@ -62,9 +62,8 @@ class PolarTrajectory(Trajectory):
         attitude = RotationCurve(time, Rotation.from_matrix(C_en) * C_nb).resampled(grid)
         return cls(grid, ecef.position(position[:1])[0], offsets, attitude, imu_rate)
 
-    def at(self, times: ArrayLike) -> Truth:
-        """Return the truth at any times within the flight; as `Trajectory.at`."""
-        times = self._within(times)
+    def _at(self, times: FloatArray) -> Truth:
+        """Return the truth at times within the flight."""
         position = ecef.geodetic(self._position(times) + self._origin)
         C_en = ecef.axes(position[:, 0], position[:, 1])
         C_nb = Rotation.from_matrix(C_en).inv() * self._attitude.attitude(times)

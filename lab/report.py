@@ -2,11 +2,16 @@
 
 from __future__ import annotations
 
+import contextlib
+import errno
 import html as markup
+import os
+import shutil
 import tempfile
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from lab.missions.leftovers import TEMPORARY
 from lab.settings_card import settings_html
 
 if TYPE_CHECKING:
@@ -25,10 +30,20 @@ def write_netcdf(result: Result, path: Path, *, overwrite: bool) -> None:
         raise FileNotFoundError(f"{path}: there is no folder {path.parent}")
     tree = xr.DataTree.from_dict({f"/{name}": dataset for name, dataset in result.datasets().items()})
     tree.attrs = {"title": f"INS Lab: {result.mission.title}", "settings": result.experiment.to_toml()}
-    with tempfile.TemporaryDirectory(dir=path.parent, prefix=".") as folder:
+    with tempfile.TemporaryDirectory(dir=path.parent, prefix=TEMPORARY) as folder:
         whole = Path(folder) / path.name
-        tree.to_netcdf(whole, engine="netcdf4")
+        try:
+            tree.to_netcdf(whole, engine="netcdf4")
+        except RuntimeError as error:  # whatever the system refuses the library, that is what it says
+            raise _refused(path, sum(leaf.nbytes for leaf in tree.leaves), error) from error
         whole.replace(path)
+
+
+def _refused(path: Path, size: int, error: RuntimeError) -> OSError:
+    """Return why a file of about a size [bytes] could not be written."""
+    if shutil.disk_usage(path.parent).free < size:
+        return OSError(errno.ENOSPC, os.strerror(errno.ENOSPC), str(path))
+    return OSError(errno.EIO, f"the netCDF library could not write it ({error})", str(path))
 
 
 def write_csv(result: Result, folder: Path, *, overwrite: bool) -> None:
@@ -40,15 +55,24 @@ def write_csv(result: Result, folder: Path, *, overwrite: bool) -> None:
     )
     summary, settings = folder / f"{name}.csv", folder / "settings.toml"
     _refuse_existing([*tables, summary, settings], overwrite)
+    is_new = not folder.exists()
     folder.mkdir(parents=True, exist_ok=True)
-    with tempfile.TemporaryDirectory(dir=folder, prefix=".") as temporary:
-        whole = Path(temporary)
-        for path, frame in tables.items():
-            frame.to_csv(whole / path.name, float_format="%.12g")
-        result_table.to_csv(whole / summary.name, index=False, float_format="%.6g")
-        (whole / settings.name).write_text(result.experiment.to_toml(), encoding="utf-8")
-        for path in (*tables, summary, settings):
-            (whole / path.name).replace(path)
+    try:
+        with tempfile.TemporaryDirectory(dir=folder, prefix=TEMPORARY) as temporary:
+            whole = Path(temporary)
+            for path, frame in tables.items():
+                frame.to_csv(whole / path.name, float_format="%.12g")
+            result_table.to_csv(whole / summary.name, index=False, float_format="%.6g")
+            (whole / settings.name).write_text(result.experiment.to_toml(), encoding="utf-8")
+            for path in (*tables, summary, settings):
+                (whole / path.name).replace(path)
+    except OSError as error:
+        if is_new:
+            with contextlib.suppress(OSError):
+                folder.rmdir()
+        # Where the disk is full, the system does not say which file it was.
+        error.filename = error.filename or str(folder)
+        raise
 
 
 def table(dataset: xr.Dataset) -> pd.DataFrame:

@@ -22,6 +22,7 @@ from lab.analysis.evidence import Evidence
 from lab.analysis.run_evidence import evidence_of
 from lab.analysis.verdict import Verdict
 from lab.datasets import flight, innovations, sensors, tables
+from lab.histories import LONG, made_when_asked
 from lab.ideal_imu import IdealImu
 from lab.missions import Mission, SensorLog
 from lab.navigation.alignment import Alignment
@@ -98,6 +99,16 @@ class Recorded(NamedTuple):
     notes: tuple[str, ...]
 
 
+def _at_samples(gyro: FloatArray, accelerometer: FloatArray) -> FloatArray:
+    """Return what gyros and accelerometers have in each interval (n, 3) as at all samples, (n + 1, 6)."""
+    constant = not (gyro.strides[0] or accelerometer.strides[0])
+    rows = slice(0, 1) if constant else slice(None)
+    values = np.concatenate((gyro[rows], accelerometer[rows]), axis=1)
+    if constant:
+        return np.broadcast_to(values, (gyro.shape[0] + 1, 6))
+    return np.concatenate((values[:1], values))
+
+
 @dataclass(frozen=True, eq=False, repr=False)
 class Result:
     """What one run gave.
@@ -143,6 +154,11 @@ class Result:
     def time(self) -> FloatArray:
         """Times of the IMU samples (n + 1,) [s]."""
         return self.recorded.time if self.recorded else self.known_truth("time").time
+
+    @property
+    def is_long(self) -> bool:
+        """Whether the flight is so long that what is made of its samples is not kept."""
+        return int(self.solution_arrays.position.shape[0]) > LONG
 
     @property
     def epoch(self) -> float:
@@ -197,9 +213,9 @@ class Result:
         truth = self.known_truth(name)
         if self.ideal is None:
             raise ResultError(self.lacks("budget"))
-        return truth, self.ideal
+        return truth, self.ideal.to_compute_on()
 
-    @cached_property
+    @made_when_asked
     def euler(self) -> FloatArray:
         """Estimated roll, pitch, heading (n + 1, 3) [rad]."""
         return euler_from_quaternion(self.solution_arrays.q_nb)
@@ -217,49 +233,47 @@ class Result:
         settings = self.experiment
         return self.fixes.time - assumed_latency(settings.navigator, settings.sensors.gps.latency)
 
-    @cached_property
+    @made_when_asked
     def true_bias(self) -> FloatArray:
         """True gyro and accelerometer biases (n + 1, 6) at the IMU times [rad/s], [m/s²]."""
-        bias = np.concatenate((self.gyro.bias, self.accelerometer.bias), axis=1)
-        return np.concatenate((bias[:1], bias))
+        return _at_samples(self.gyro.bias, self.accelerometer.bias)
 
-    @cached_property
+    @made_when_asked
     def true_scale(self) -> FloatArray:
         """True scale factor errors of gyros and accelerometers (n + 1, 6) at the IMU times."""
-        scale = np.concatenate((self.gyro.scale, self.accelerometer.scale), axis=1)
-        return np.concatenate((scale[:1], scale))
+        return _at_samples(self.gyro.scale, self.accelerometer.scale)
 
-    @cached_property
+    @made_when_asked
     def truth(self) -> xr.Dataset:
         """The true flight; of a log its reference."""
         return flight.truth(self)
 
-    @cached_property
+    @made_when_asked
     def solution(self) -> xr.Dataset:
         """The flight as navigated."""
         return flight.solution(self)
 
-    @cached_property
+    @made_when_asked
     def errors(self) -> xr.Dataset:
         """Errors of the solution: estimate minus truth; of a log minus its reference, NaN without."""
         return flight.errors(self)
 
-    @cached_property
+    @made_when_asked
     def sigma(self) -> xr.Dataset:
         """One standard deviation of the errors, according to the filter."""
         return flight.sigma(self)
 
-    @cached_property
+    @made_when_asked
     def state_sigma(self) -> xr.Dataset:
         """One standard deviation of all error states, according to the filter; each in its own unit."""
         return flight.state_sigma(self)
 
-    @cached_property
+    @made_when_asked
     def imu(self) -> xr.Dataset:
         """What the IMU put out, as mean rates over each sample; if simulated, what a perfect one had."""
         return sensors.imu(self)
 
-    @cached_property
+    @made_when_asked
     def temperature(self) -> xr.Dataset:
         """Temperature of the IMU in each sample interval, and what its thermometer showed."""
         return sensors.temperature(self)
@@ -274,7 +288,7 @@ class Result:
         """The GPS fixes and, if simulated, their errors; those of a log as they were used, of the IMU."""
         return sensors.gps(self)
 
-    @cached_property
+    @made_when_asked
     def track(self) -> xr.Dataset:
         """True and estimated path in metres on the map; of a log the reference, if any, is the true one."""
         return flight.track(self)
@@ -288,7 +302,7 @@ class Result:
         truth = self.known_truth("truth")
         return Projection.at(float(truth.latitude[0]), float(truth.longitude[0]))
 
-    @cached_property
+    @made_when_asked
     def sensor_errors(self) -> xr.Dataset:
         """Biases and their σ as estimated, if simulated as they were; with 21 states also scale factors."""
         return sensors.sensor_errors(self)

@@ -8,7 +8,6 @@ once.
 from __future__ import annotations
 
 import difflib
-import tomllib
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import Any, ClassVar, NamedTuple, Self
 
@@ -16,6 +15,7 @@ import numpy as np
 import param
 
 from lab.setting_kinds import AxisQuantity, Intervals, describe
+from lab.setting_text import MAX_PATH, value_of
 from lab.settings_card import settings_html
 
 
@@ -130,41 +130,34 @@ class Settings(param.Parameterized):
         except (ValueError, TypeError, OverflowError) as error:
             raise _refused(path, value, owner.param[name], error) from error
 
-    def set_text(self, assignment: str) -> None:
-        """Apply one ``path=value`` assignment, the value written as in TOML (strings need no quotes).
+    def set_text(self, path: str, text: str) -> None:
+        """Set the value at a dotted path from a text, read by its declaration (`lab.setting_text`).
 
         Raises
         ------
         SettingError
-            If it is not an assignment, the setting does not exist, or the value is not accepted.
+            If there is no such setting, or it does not accept the value.
         """
-        path, sign, text = (part.strip() for part in assignment.partition("="))
-        if not sign or not path:
-            raise SettingError(f"{assignment!r}: expected path=value, such as sensors.gps.period=0.5")
+        if len(path) > MAX_PATH:
+            raise SettingError(f"{_show(path)}: there is no setting with a name of {len(path)} characters")
+        declaration = self._declaration(path)
         try:
-            value = tomllib.loads(f"value = {text}")["value"]
-        except tomllib.TOMLDecodeError:
-            value = text
-        if path not in self.OTHER_FORMS:
-            owner, name = self._find(path)
-            if isinstance(owner.param[name], param.String) and not isinstance(value, str):
-                value = text
-            if isinstance(owner.param[name], param.Boolean) and text in {"True", "False"}:  # as in Python
-                value = text == "True"
+            value = value_of(declaration, text.strip())
+        except ValueError as error:
+            raise _refused(path, text, declaration, error) from error
         self.set(path, value)
 
     def set_texts(self, assignments: Sequence[str]) -> None:
-        """Apply assignments as `set_text`, `OTHER_FORMS` last: what they mean may depend on the others.
+        """Apply assignments ``path=value`` as `set_text`, `OTHER_FORMS` last: they may depend on the others.
 
         Raises
         ------
         SettingError
-            At the first that is not accepted.
+            At the first that is no assignment, or is not accepted.
         """
-        for assignment in sorted(
-            assignments, key=lambda text: text.partition("=")[0].strip() in self.OTHER_FORMS
-        ):
-            self.set_text(assignment)
+        pairs = [_assignment(text) for text in assignments]
+        for path, text in sorted(pairs, key=lambda pair: pair[0] in self.OTHER_FORMS):
+            self.set_text(path, text)
 
     def to_dict(self) -> dict[str, Any]:
         """Return all settings as nested plain dictionaries, ready for TOML, without the unset (None) ones."""
@@ -213,6 +206,12 @@ class Settings(param.Parameterized):
             if all(name in group for name in names):
                 raise SettingError(f"{path}: {' and '.join(names)} are two forms of one setting; give one")
 
+    def _declaration(self, path: str) -> param.Parameter:
+        if path in self.OTHER_FORMS:
+            return self.derived(path).declaration
+        owner, name = self._find(path)
+        return owner.param[name]
+
     def _find(self, path: str) -> tuple[Settings, str]:
         owner: Settings = self
         *heads, name = path.split(".")
@@ -251,6 +250,13 @@ def _is_group(cls: type[Settings], name: str) -> bool:
             name for name, kind in kinds.items() if isinstance(kind, type) and issubclass(kind, Settings)
         )
     return name in _GROUPS[cls]
+
+
+def _assignment(text: str) -> tuple[str, str]:
+    path, sign, value = (part.strip() for part in text.partition("="))
+    if not sign or not path:
+        raise SettingError(f"{_show(text)}: expected path=value, such as sensors.gps.period=0.5")
+    return path, value
 
 
 def _accept(parameter: param.Parameter, value: Any) -> Any:

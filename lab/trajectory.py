@@ -17,17 +17,18 @@ P. D. Groves, *Principles of GNSS, Inertial and Multisensor Integrated Navigatio
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Literal, Protocol, get_args
+from typing import Any, Literal, Protocol, get_args
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy.interpolate import CubicSpline
 from scipy.spatial.transform import Rotation, RotationSpline
 
 from lab import ecef, ideal_imu, rotation
 from lab.anchoring import anchored_offsets
+from lab.histories import LONG
 from lab.ideal_imu import IdealImu
 from lab.missions.recording import Recording
+from lab.spline_windows import CubicCurve, SplineWindows
 
 FloatArray = NDArray[np.float64]
 AttitudeKind = Literal["rotation", "euler"]
@@ -35,6 +36,8 @@ AttitudeKind = Literal["rotation", "euler"]
 ATTITUDE_CURVES = get_args(AttitudeKind)
 MIN_SAMPLES = 4
 """A cubic needs four points."""
+AT_ONCE = 2**16
+"""Times at which the truth is computed at once: what is needed meanwhile takes some 500 bytes each."""
 
 
 @dataclass(frozen=True)
@@ -70,6 +73,29 @@ class Truth:
         """Latitude, longitude [rad] and height [m], (n, 3)."""
         return np.stack((self.latitude, self.longitude, self.height), axis=-1)
 
+    def taken(self, samples: NDArray[Any] | slice) -> Truth:
+        """Return the truth at some samples: numbers of them, flags, or a slice."""
+        return Truth(**{name: getattr(self, name)[samples] for name in Truth.__dataclass_fields__})
+
+
+class LongTruth(Truth):
+    """The truth of a long flight, whose Euler angles are computed whenever they are asked for."""
+
+    def __init__(self, time: FloatArray, **parts: FloatArray) -> None:
+        for name, values in {"time": time, **parts}.items():
+            object.__setattr__(self, name, values)
+
+    @property
+    def euler(self) -> FloatArray:
+        """Roll, pitch, yaw (n, 3) [rad]."""
+        return rotation.euler_from_quaternion(self.q_nb)
+
+    def taken(self, samples: NDArray[Any] | slice) -> Truth:
+        """Return the truth at some samples: numbers of them, flags, or a slice."""
+        names = [name for name in Truth.__dataclass_fields__ if name != "euler"]
+        part = {name: getattr(self, name)[samples] for name in names}
+        return Truth(**part, euler=rotation.euler_from_quaternion(part["q_nb"]))
+
 
 class AttitudeCurve(Protocol):
     """A twice-differentiable curve of attitudes."""
@@ -96,30 +122,41 @@ class RotationCurve:
     times : (n,) array
         Knots [s].
     attitudes
-        n rotations C_nb.
+        n rotations C_nb; or another curve, through which this one goes.
     """
 
-    def __init__(self, times: FloatArray, attitudes: Rotation) -> None:
-        self._spline = RotationSpline(times, attitudes)
+    def __init__(self, times: FloatArray, attitudes: Rotation | RotationCurve) -> None:
+        def make(part: slice) -> RotationSpline:
+            knots = times[part]
+            given = attitudes.attitude(knots) if isinstance(attitudes, RotationCurve) else attitudes[part]
+            return RotationSpline(knots, given)
+
+        self._spline = SplineWindows(times, make)
+        # A curve of one window is made already.
+        self._through = None if self._spline.only else attitudes
 
     def attitude(self, times: FloatArray) -> Rotation:
         """Return C_nb at the times."""
-        return self._spline(times)
+        if self._spline.only is not None:
+            return self._spline.only(times)
+        return Rotation.from_quat(self._spline(times, lambda spline, at: spline(at).as_quat()))
 
     def rate(self, times: FloatArray) -> FloatArray:
         """Return ω_nb,b (n, 3) at the times [rad/s]."""
-        return self._spline(times, 1)
+        return self._spline(times, lambda spline, at: spline(at, 1))
 
     @property
     def nbytes(self) -> int:
-        """Memory of the curve's coefficients [bytes]."""
-        knots = int(self._spline.times.size)
-        # Beside the coefficients of the rotation vectors: n knots and n quaternions.
-        return int(self._spline.interpolator.c.nbytes) + knots * 5 * 8
+        """Memory of the knots and of the coefficients that are kept [bytes]."""
+        # Coefficients (4, 3) of the rotation vectors, a quaternion and a time at each knot.
+        own = self._spline.kept * (12 + 4 + 1) * 8
+        if isinstance(self._through, RotationCurve):
+            return own + self._through.nbytes
+        return own + (0 if self._through is None else len(self._through) * 4 * 8)
 
     def resampled(self, times: FloatArray) -> RotationCurve:
         """Return a curve through this one with knots at other times."""
-        return RotationCurve(times, self.attitude(times))
+        return RotationCurve(times, self)
 
 
 class EulerCurve:
@@ -134,7 +171,7 @@ class EulerCurve:
     """
 
     def __init__(self, times: FloatArray, euler: FloatArray) -> None:
-        self._spline = CubicSpline(times, euler)
+        self._spline = CubicCurve(times, euler)
 
     def attitude(self, times: FloatArray) -> Rotation:
         """Return C_nb at the times."""
@@ -146,8 +183,8 @@ class EulerCurve:
 
     @property
     def nbytes(self) -> int:
-        """Memory of the curve's coefficients [bytes]."""
-        return int(self._spline.c.nbytes + self._spline.x.nbytes)
+        """Memory of the knots and of the coefficients that are kept [bytes]."""
+        return self._spline.nbytes
 
     def resampled(self, times: FloatArray) -> EulerCurve:
         """Return a curve through this one with knots at other times."""
@@ -199,7 +236,7 @@ class Trajectory:
         self.velocity_residual = np.zeros(3)
         self._time = time
         self._origin = origin
-        self._position = CubicSpline(time, offsets)
+        self._position = CubicCurve(time, offsets)
         self._attitude = attitude
 
     @classmethod
@@ -252,7 +289,7 @@ class Trajectory:
     @property
     def nbytes(self) -> int:
         """Memory of the curve's knots and coefficients [bytes]."""
-        return int(self._time.nbytes + self._position.c.nbytes) + self._attitude.nbytes
+        return int(self._time.nbytes) + self._position.nbytes + self._attitude.nbytes
 
     def at(self, times: ArrayLike) -> Truth:
         """Return the truth at any times within the flight.
@@ -268,6 +305,21 @@ class Trajectory:
             For times outside the flight.
         """
         times = self._within(times)
+        if times.size <= AT_ONCE:
+            return self._at(times)
+        is_long = times.size > LONG
+        widths = {"latitude": (), "longitude": (), "height": (), "velocity_n": (3,), "q_nb": (4,)}
+        widths |= {} if is_long else {"euler": (3,)}
+        whole = {name: np.empty((times.size, *width)) for name, width in widths.items()}
+        for first in range(0, times.size, AT_ONCE):
+            part = slice(first, first + AT_ONCE)
+            there = self._at(times[part])
+            for name, values in whole.items():
+                values[part] = getattr(there, name)
+        return LongTruth(times, **whole) if is_long else Truth(times, **whole)
+
+    def _at(self, times: FloatArray) -> Truth:
+        """Return the truth at times within the flight."""
         position = self._position(times) + self._origin
         q_nb = self._attitude.attitude(times).as_quat(scalar_first=True)
         return Truth(

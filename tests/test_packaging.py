@@ -7,10 +7,14 @@ import shutil
 import subprocess
 import sys
 import tarfile
+import tomllib
 import zipfile
+from importlib.metadata import version
 from pathlib import Path
 
 import pytest
+from packaging.requirements import Requirement
+from packaging.version import Version
 
 ROOT = Path(__file__).parent.parent
 IMPORT_SECONDS = 1.5
@@ -99,3 +103,13 @@ def test_quick_commands_load_neither_compiler_nor_web_server(arguments: list[str
     code, modules = json.loads(done.stdout.splitlines()[-1])
     assert not code
     assert not {"numba", "panel", "bokeh", "holoviews", "viser", "xarray"} & set(modules)
+
+
+@pytest.mark.parametrize("name", ["numba", "bokeh", "panel", "panel-material-ui", "viser"])
+def test_whose_inside_is_used_is_bounded_by_what_was_tested(name: str) -> None:
+    with (ROOT / "pyproject.toml").open("rb") as file:
+        needed = tomllib.load(file)["project"]["dependencies"]
+    (bounds,) = (Requirement(one).specifier for one in needed if Requirement(one).name == name)
+    tested = Version(version(name))
+    assert tested in bounds
+    assert Version(f"{tested.major}.{tested.minor + 1}") not in bounds

@@ -215,8 +215,10 @@ def test_the_groups_of_two_instances_are_apart(aircraft: Aircraft) -> None:
         ("name_of_type=a=b", "a=b"),
     ],
 )
-def test_text_is_read_as_toml_and_strings_need_no_quotes(aircraft: Aircraft, text: str, value: Any) -> None:
-    aircraft.set_text(text)
+def test_text_is_read_by_declaration_and_strings_need_no_quotes(
+    aircraft: Aircraft, text: str, value: Any
+) -> None:
+    aircraft.set_texts([text])
     assert aircraft.get(text.partition("=")[0].strip()) == value
 
 
@@ -225,7 +227,7 @@ def test_text_is_read_as_toml_and_strings_need_no_quotes(aircraft: Aircraft, tex
 )
 def test_text_that_sets_nothing_is_refused(aircraft: Aircraft, text: str) -> None:
     with pytest.raises(SettingError):
-        aircraft.set_text(text)
+        aircraft.set_texts([text])
     assert aircraft.to_dict() == Aircraft().to_dict()
 
 
@@ -331,7 +333,7 @@ def test_every_setting_of_an_experiment_is_documented_and_labelled() -> None:
 def test_no_assignment_whatsoever_raises_anything_but_a_setting_error(text: str) -> None:
     for prefix in ("", "engine.power=", "arm=", "flights=", "inertia=", "engine."):
         try:
-            Aircraft().set_text(prefix + text)
+            Aircraft().set_texts([prefix + text])
         except SettingError as error:
             assert str(error)
 

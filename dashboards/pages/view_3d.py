@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-from threading import Thread
+from html import escape
 
 import panel as pn
 import panel_material_ui as pmui
-import viser
 
 from dashboards.pages.base import AROUND, Page
 from dashboards.style import WRAP
-from dashboards.viser_proxy import mount, sign
+from dashboards.viser_proxy import ServedScene
 from lab.result import Result
 from lab.views.figures import TimeAxis
 from lab.views.quantities import ESTIMATE, FIXES, TRUTH
@@ -26,7 +25,7 @@ class View3D(Page):
     depends_on_window = False
 
     def __init__(self, axis: TimeAxis) -> None:
-        self._server: viser.ViserServer | None = None
+        self._served: ServedScene | None = None
         self._scene: Scene | None = None
         self._result: Result | None = None
         super().__init__(axis)
@@ -35,12 +34,10 @@ class View3D(Page):
         """Start the viser server and return the frame that shows it."""
         document = pn.state.curdoc
         assert document is not None
-        secret = mount(document)
-        self._server = viser.ViserServer(host="127.0.0.1", port=0, verbose=False)
-        self._scene = Scene(self._server)
-        address = f"viser/{sign(self._server.get_port(), secret)}/"
+        self._served = ServedScene(document)
+        self._scene = Scene(self._served.server)
         frame = (
-            f'<iframe src="{address}" title="Flight in three dimensions" allow="fullscreen" '
+            f'<iframe src="{self._served.address}" title="Flight in three dimensions" allow="fullscreen" '
             f'style="border:0;width:100%;height:calc(100vh - {AROUND + 46}px);min-height:360px;display:block;'
             'border-radius:6px;background:#1b1e23"></iframe>'
         )
@@ -71,10 +68,10 @@ class View3D(Page):
             self._scene.show_time(time)
 
     def close(self) -> None:
-        """Stop the viser server; in a thread, since that takes a moment."""
-        if self._server is not None:
-            Thread(target=self._server.stop, name="viser-stop", daemon=True).start()
-            self._server = self._scene = None
+        """Stop the viser server."""
+        if self._served is not None:
+            self._served.end()
+            self._served = self._scene = None
 
     def _exaggerate(self, factor: float) -> None:
         if self._scene is not None:
@@ -85,4 +82,6 @@ class View3D(Page):
 def _legend(result: Result, scale: float) -> str:
     true = () if result.truth_arrays is None else ((TRUTH, f"{result.truth_word}"),)
     entries = (*true, (ESTIMATE, f"estimate, 3σ ellipsoids × {scale:g}"), (FIXES, "GPS fixes"))
-    return " &emsp; ".join(f'<span style="color:{colour}">●</span> {label}' for colour, label in entries)
+    return " &emsp; ".join(
+        f'<span style="color:{colour}">●</span> {escape(label)}' for colour, label in entries
+    )

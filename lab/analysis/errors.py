@@ -88,7 +88,7 @@ def error_state(
     scale : (n, 6) array
         True scale factor errors of gyros and accelerometers at all samples; needed of 21 states only.
     """
-    there = Truth(**{name: getattr(truth, name)[samples] for name in Truth.__dataclass_fields__})
+    there = truth.taken(samples)
     x = np.empty((samples.size, solution.states))
     x[:, POS] = position_error(solution.position[samples], there)
     x[:, VEL] = solution.velocity_n[samples] - there.velocity_n
@@ -96,7 +96,7 @@ def error_state(
     x[:, GYRO_BIAS.start : ACCEL_BIAS.stop] = solution.bias[samples] - bias[samples]
     near = ecef.near_pole(there.latitude)
     if near.any():
-        at_pole = Truth(**{name: getattr(there, name)[near] for name in Truth.__dataclass_fields__})
+        at_pole = there.taken(near)
         x[near, :9] = _error_near_pole(solution, samples[near], at_pole)
     if solution.scale.shape[1]:
         assert scale is not None

@@ -70,7 +70,8 @@ def drift(result: Result) -> float:
     if result.algorithm or result.experiment.navigator.correction != "feedforward":
         return 0.0
     solution, nothing = result.solution_arrays, np.zeros((0, 3))
-    start = Start(solution.position[0], solution.velocity_n[0], solution.q_nb[0], solution.bias[0, :3].copy())
+    bias = solution.bias[0, :3].astype(np.float64)
+    start = Start(solution.position[0], solution.velocity_n[0], solution.q_nb[0], bias)
     imu = Imu(result.time, result.gyro.increments, result.accelerometer.increments)
     alone = result.belief._replace(R=np.eye(6), bias_decay=np.zeros(6))
     try:

@@ -9,6 +9,7 @@ P. D. Groves, *Principles of GNSS, Inertial and Multisensor Integrated Navigatio
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
@@ -22,6 +23,8 @@ FloatArray = NDArray[np.float64]
 
 CAUSES = 4
 """Regressors: latency [s], then the lever arm forward, right, down [m]."""
+AT_ONCE = 2**16
+"""Samples that are summed at once, with some 250 bytes each."""
 RATE_WINDOW = 0.1
 """Time over which angular rate and acceleration at a fix are averaged [s]."""
 
@@ -51,12 +54,12 @@ def motion_at_fixes(solution: Solution, samples: NDArray[np.intp], imu: Imu) -> 
     last = np.maximum(samples - 1, 0)
     first = np.maximum(last - width, 0)
     span = np.maximum(imu.time[last] - imu.time[first], step)[:, None]
-    turned = np.concatenate((np.zeros((1, 3)), np.cumsum(imu.dtheta, axis=0)))
+    turned = sums_at(imu.dtheta, np.concatenate((first, last)))
     C_nb = C_nb_from_euler(euler_from_quaternion(solution.q_nb[last]))
     return Motion(
         velocity=solution.velocity_n[last],
         acceleration=(solution.velocity_n[last] - solution.velocity_n[first]) / span,
-        rate_b=(turned[last] - turned[first]) / span,
+        rate_b=(turned[last.size :] - turned[: last.size]) / span,
         force_n=_mean_force(solution, samples, imu),
         C_nb=C_nb,
     )
@@ -64,13 +67,31 @@ def motion_at_fixes(solution: Solution, samples: NDArray[np.intp], imu: Imu) -> 
 
 def _mean_force(solution: Solution, samples: NDArray[np.intp], imu: Imu) -> FloatArray:
     """Return the specific force (m, 3) in n, averaged from each fix to the next [m/s²]."""
-    C_nb = C_nb_from_euler(euler_from_quaternion(solution.q_nb[1:]))
-    gained = np.concatenate(
-        (np.zeros((1, 3)), np.cumsum(np.einsum("nij,nj->ni", C_nb, imu.dvelocity), axis=0))
-    )
+
+    def gained(part: slice) -> FloatArray:
+        C_nb = C_nb_from_euler(euler_from_quaternion(solution.q_nb[1:][part]))
+        return np.asarray(np.einsum("nij,nj->ni", C_nb, imu.dvelocity[part]))
+
     at = np.append(samples, imu.time.size - 1)
     span = np.maximum(imu.time[at[1:]] - imu.time[at[:-1]], 1e-9)[:, None]
-    return np.asarray((gained[at[1:]] - gained[at[:-1]]) / span)
+    return np.asarray(np.diff(_sums_of(gained, imu.dvelocity.shape[0], at), axis=0) / span)
+
+
+def sums_at(values: FloatArray, samples: NDArray[np.intp]) -> FloatArray:
+    """Return the sums (m, 3) of values (n, 3) before some samples (m,), in any order."""
+    return _sums_of(lambda part: values[part], values.shape[0], samples)
+
+
+def _sums_of(values: Callable[[slice], FloatArray], count: int, samples: NDArray[np.intp]) -> FloatArray:
+    """Return the sums (m, 3) before some samples of `count` values, which are asked for part by part."""
+    sums, carried = np.zeros((samples.size, 3)), np.zeros((1, 3))
+    for first in range(0, count, AT_ONCE):
+        # What went before is the first value, so that all are added in the same order as in one go.
+        running = np.cumsum(np.concatenate((carried, values(slice(first, first + AT_ONCE)))), axis=0)
+        here = (samples >= first) & (samples < first + running.shape[0])
+        sums[here] = running[samples[here] - first]
+        carried = running[-1:]
+    return sums
 
 
 def causes_of(motion: Motion) -> FloatArray:

@@ -150,7 +150,7 @@ def _errors(fixes: Fixes, used: NDArray[np.intp], truth: Truth, late: float) -> 
         height=np.interp(times, truth.time, truth.height),
         velocity_n=np.stack([np.interp(times, truth.time, v) for v in truth.velocity_n.T], axis=-1),
         q_nb=truth.q_nb[:0],
-        euler=truth.euler[:0],
+        euler=np.zeros((0, 3)),
     )
     velocity_n = ecef.turned_near_pole(fixes.velocity_n[used], fixes.position[used], there.position)
     return np.concatenate(

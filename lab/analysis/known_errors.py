@@ -179,7 +179,7 @@ def _truth_at(truth: Truth, times: FloatArray) -> Truth:
         np.interp(times, truth.time, truth.height),
         np.stack([np.interp(times, truth.time, v) for v in truth.velocity_n.T], axis=-1),
         truth.q_nb[:0],
-        truth.euler[:0],
+        np.zeros((0, 3)),
     )
 
 
@@ -187,7 +187,7 @@ def _lever_arm(result: Result, times: FloatArray, arm: FloatArray) -> FloatArray
     """Return where an antenna is and how it moves (m, 6) beside the IMU at some times (m,)."""
     truth, ideal = result.true_flight("budget")
     at = np.clip(np.round(times / ideal.dt).astype(np.int64), 1, ideal.dtheta.shape[0])
-    C_nb = C_nb_from_euler(truth.euler[at])
+    C_nb = C_nb_from_euler(truth.taken(at).euler)
     sine, cosine = np.sin(truth.latitude[at]), np.cos(truth.latitude[at])
     omega_ie_n = earth.RATE * np.stack((cosine, np.zeros_like(sine), -sine), axis=-1)
     omega_eb_b = ideal.dtheta[at - 1] / ideal.dt - np.einsum("mij,mi->mj", C_nb, omega_ie_n)

@@ -210,7 +210,7 @@ def _free_sigma(result: Result) -> FloatArray:
     if result.ideal is None:
         free = _led(result, start, model)
     else:
-        ideal = result.ideal
+        _, ideal = result.true_flight("observability")
         none = Fixes(np.zeros(0), np.zeros((0, 3)), np.zeros((0, 3)))
         free = navigate(
             Imu(ideal.time, ideal.dtheta, ideal.dvelocity), none, start, result.belief, model=model

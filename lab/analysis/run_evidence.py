@@ -51,7 +51,8 @@ def _latency(result: Result) -> float:
 
 def reference_of(result: Result) -> Reference:
     """Return the truth of a simulated run."""
-    truth, ideal = result.true_flight("evidence")
+    truth, ideal = result.known_truth("evidence"), result.ideal
+    assert ideal is not None
     sensors = result.experiment.sensors
     return Reference(
         truth,

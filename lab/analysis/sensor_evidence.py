@@ -7,8 +7,9 @@ over windows of `WINDOW`, the wandering by how the bias would be seen through th
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import lru_cache, partial
 from typing import NamedTuple
 
 import numpy as np
@@ -20,6 +21,8 @@ from lab.trajectory import Truth
 
 FloatArray = NDArray[np.float64]
 
+AT_ONCE = 2**18
+"""Samples that are averaged at once."""
 WINDOW = 1.0
 """Time over which the sensors' noise is summed [s]."""
 MOTION = ("own axis", "second axis", "third axis", "lag", "more lag")
@@ -175,28 +178,45 @@ def _axis(imu: Imu, reference: Reference, axis: int, window: float, has_scale: b
     width = min(max(1, round(window / dt)), true.shape[0])
     count = true.shape[0] // width
 
-    def mean(values: FloatArray) -> FloatArray:
-        return np.asarray(values[: count * width].reshape(count, width).mean(axis=1))
+    def mean(values: Callable[[slice], FloatArray]) -> FloatArray:
+        """Return the means (count,) over the windows of what is computed for some samples at a time."""
+        means, at_once = np.empty(count), max(AT_ONCE // width, 1)
+        for first in range(0, count, at_once):
+            last = min(first + at_once, count)
+            part = values(slice(first * width, last * width)).reshape(last - first, width)
+            means[first:last] = part.mean(axis=1, dtype=np.float64)
+        return means
 
-    bias = reference.bias[1:, axis]
-    added = measured[:, own] / dt - true[:, own] / dt - bias
-    if has_scale and reference.scale is not None:  # scale factors are states, and known exactly
-        added = added - reference.scale[1:, axis] * (true[:, own] / dt + bias)
+    def moving(column: int, part: slice) -> FloatArray:
+        """Return a true rate or force with its bias, as the sensor has it."""
+        bias = reference.bias[1:, 3 * sensor + column]
+        return true[part, column].astype(np.float64, copy=False) / dt + bias[part]
+
+    def added_in(part: slice) -> FloatArray:
+        """Return what the axis added beside its bias."""
+        exact = true[part, own].astype(np.float64, copy=False)
+        added = measured[part, own] / dt - exact / dt - reference.bias[1:, axis][part]
+        if has_scale and reference.scale is not None:  # scale factors are states, and known exactly
+            added = added - reference.scale[1:, axis][part] * moving(own, part)
+        return np.asarray(added)
+
+    added = mean(added_in)
     motion = np.empty((count, len(MOTION)))
     for column in range(3):
-        other = (own + column) % 3
-        motion[:, column] = mean(true[:, other] / dt + reference.bias[1:, 3 * sensor + other])
-    motion[:, 3:] = _lag(true[: count * width, own] / dt, mean(added), count, dt)
+        motion[:, column] = mean(partial(moving, (own + column) % 3))
+    motion[:, 3:] = _lag(true[: count * width, own] / dt, added, count, dt)
     drift = np.empty((count, 4))
     drift[:, 0], drift[:, 1] = 1.0, (np.arange(count) + 0.5) * width * dt
-    drift[:, 2] = 0.0 if reference.temperature is None else mean(reference.temperature)
-    drift[:, 3] = 0.0 if sensor else mean(reference.dvelocity[:, own]) / dt
+    temperature = reference.temperature
+    drift[:, 2] = 0.0 if temperature is None else mean(lambda part: temperature[part])
+    drift[:, 3] = 0.0 if sensor else mean(lambda part: reference.dvelocity[part, own]) / dt
+    bias = mean(lambda part: reference.bias[1:, axis][part])
     clipped = np.zeros(count, dtype=np.bool_)
     if reference.saturated[sensor]:
         size = np.abs(measured[: count * width, own])
         at_end = size >= np.abs(measured).max() * (1 - 1e-9)
         clipped = at_end.reshape(count, width).any(axis=1)
-    return _Axis(width * dt, mean(added), mean(bias), motion, drift, clipped)
+    return _Axis(width * dt, added, bias, motion, drift, clipped)
 
 
 def _lag(values: FloatArray, added: FloatArray, windows: int, dt: float) -> FloatArray:

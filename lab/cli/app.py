@@ -96,7 +96,7 @@ def working(task: str) -> Iterator[Progress]:
     Raises
     ------
     CommandError
-        In place of a `ValueError` that does not name itself what is wrong.
+        In place of a `ValueError` that does not name itself what is wrong, and of a `MemoryError`.
     """
     with contextlib.redirect_stdout(sys.stderr), Progress(task) as progress:
         try:
@@ -105,6 +105,11 @@ def working(task: str) -> Iterator[Progress]:
             raise
         except ValueError as error:
             raise CommandError(f"{task}: {error}") from error
+        except MemoryError as error:
+            raise CommandError(
+                f"{task}: needs more memory than there is; a shorter flight or a lower trajectory.imu_rate "
+                "needs less"
+            ) from error
 
 
 def print_json(data: Any) -> None:

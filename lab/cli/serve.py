@@ -6,6 +6,8 @@ import errno
 import os
 import socket
 import sys
+from enum import StrEnum
+from pathlib import Path
 from typing import Annotated
 
 import typer
@@ -17,11 +19,24 @@ EXAMPLES = """\b
 Examples:
   ins-lab serve --port 8000
   ins-lab serve --algorithm my_filter.py:MyFilter
-Everything stays on this computer unless you name another address.
-Whoever opens the page may add, change and delete your own missions.
+  ins-lab serve --address 0.0.0.0 --password-file secret.txt
+Everything stays on this computer unless you name another address. Then visitors
+run missions and settings, and change no mission unless you add --visitors edit.
 The page Models compares your algorithm."""
 
+MAX_PASSWORD = 1024
+"""Longest password [bytes]."""
+LEAST_PASSWORD = 8
+"""Shortest password [characters]: at eight guesses a second, eight random letters last 800 years."""
+
 _NO_ADDRESS = "--address {}: is not an address of this computer, such as 127.0.0.1 or localhost"
+
+
+class Visitors(StrEnum):
+    """What visitors may do."""
+
+    RUN = "run"
+    EDIT = "edit"
 
 
 def serve(
@@ -33,13 +48,74 @@ def serve(
     ] = "127.0.0.1",
     no_browser: Annotated[bool, typer.Option("--no-browser", help="Do not open the page.")] = False,
     own: AlgorithmFiles = None,
+    origin: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--origin",
+            metavar="HOST[:PORT]",
+            help="A further name under which the page is reached, such as that of a proxy; may be repeated.",
+            show_default=False,
+        ),
+    ] = None,
+    visitors: Annotated[
+        Visitors | None,
+        typer.Option(
+            "--visitors",
+            help="What visitors may do: run, or edit missions too. Default: edit on loopback, else run.",
+            show_default=False,
+        ),
+    ] = None,
+    password_file: Annotated[
+        Path | None,
+        typer.Option(
+            "--password-file",
+            metavar="FILE",
+            help="File with the password that visitors have to give, in one line.",
+            show_default=False,
+        ),
+    ] = None,
 ) -> None:
     """Serve the dashboard and open it where there is a screen."""
     _check_port(address, port)
     algorithms(own)  # what cannot be loaded is said now, not to visitors
+    password = None if password_file is None else read_password(password_file)
     from dashboards import serve as serve_dashboard  # noqa: PLC0415 - takes a second
+    from dashboards.origins import OriginError  # noqa: PLC0415 - takes a second
 
-    serve_dashboard(port=port, address=address, show=not no_browser and _has_screen(), algorithms=own or ())
+    try:
+        serve_dashboard(
+            port=port,
+            address=address,
+            show=not no_browser and _has_screen(),
+            algorithms=own or (),
+            origins=origin or (),
+            visitors=None if visitors is None else visitors.value,
+            password=password,
+        )
+    except OriginError as error:
+        raise CommandError(f"--origin: {error}") from error
+
+
+def read_password(path: Path) -> str:
+    """Return the password in a file: its only line.
+
+    Raises
+    ------
+    CommandError
+        If the file cannot be read, or holds no acceptable password.
+    """
+    accepted = f"accepted is a file with one line of {LEAST_PASSWORD} to {MAX_PASSWORD} characters"
+    if not path.is_file():
+        raise CommandError(f"--password-file {path}: is not a file; {accepted}")
+    try:
+        with path.open("rb") as file:
+            text = file.read(MAX_PASSWORD + 3).decode("utf-8-sig")
+    except (OSError, UnicodeDecodeError) as error:
+        raise CommandError(f"--password-file {path}: cannot be read as text; {accepted}") from error
+    password = text.removesuffix("\n").removesuffix("\r")
+    if not LEAST_PASSWORD <= len(password) <= MAX_PASSWORD or not password.isprintable():
+        raise CommandError(f"--password-file {path}: holds no password; {accepted}")
+    return password
 
 
 def _check_port(address: str, port: int) -> None:

@@ -10,7 +10,9 @@ from numpy.typing import NDArray
 from lab.analysis.errors import euler_sigma, position_error, to_enu
 from lab.datasets.labelled import DEGREE, labelled
 from lab.navigation.error_models import ATT, STATES
-from lab.rotation import wrap
+from lab.navigation.solution import Solution
+from lab.rotation import euler_from_quaternion, wrap
+from lab.trajectory import Truth
 from lab.units import TO_SI
 
 if TYPE_CHECKING:
@@ -22,6 +24,11 @@ FloatArray = NDArray[np.float64]
 
 STATE_UNITS = ("m",) * 3 + ("m/s",) * 3 + ("°",) * 3 + ("°/s",) * 3 + ("mg",) * 3 + ("%",) * 6
 """Units in which the σ of the error states are shown."""
+ERRORS = {"position": ("axis", "m"), "velocity": ("axis", "m/s"), "attitude": ("angle", "°")}
+"""Kinds of errors: the dimension of their components, and their unit."""
+AT_ONCE = 2**16
+"""Samples of a long flight whose errors are computed at once, with some 400 bytes each."""
+_MOTION = ("position", "velocity_n", "q_nb")
 
 
 def truth(result: Result) -> xr.Dataset:
@@ -52,16 +59,40 @@ def _flight(
 
 def errors(result: Result) -> xr.Dataset:
     """Return the errors of the solution; see `Result.errors`."""
-    true, navigated = result.known_truth("errors"), result.solution_arrays
-    position = to_enu(position_error(navigated.position, true))
-    velocity = to_enu(navigated.velocity_n - true.velocity_n)
-    attitude = wrap(result.euler - true.euler) * DEGREE
-    return labelled(
-        result,
-        position=(("time", "axis"), position, "m", "position error"),
-        velocity=(("time", "axis"), velocity, "m/s", "velocity error"),
-        attitude=(("time", "angle"), attitude, "°", "attitude error"),
-    )
+    result.known_truth("errors")
+    kinds = {
+        name: (("time", dim), error_of(result, name), unit, f"{name} error")
+        for name, (dim, unit) in ERRORS.items()
+    }
+    return labelled(result, **kinds)
+
+
+def error_of(result: Result, name: str) -> FloatArray:
+    """Return one of the errors (n + 1, 3) of the solution: one of `ERRORS`, in its unit."""
+    if not result.is_long:
+        return _error(result.solution_arrays, result.known_truth("errors"), result.euler, name)
+    columns = [error_component(result, name, number) for number in range(3)]
+    return np.stack(columns, axis=-1)
+
+
+def error_component(result: Result, name: str, number: int) -> FloatArray:
+    """Return a component (n + 1,) of one of the errors, computed without the memory that the others take."""
+    truth, solution = result.known_truth("errors"), result.solution_arrays
+    component = np.empty(truth.time.size)
+    for first in range(0, component.size, AT_ONCE):
+        part = slice(first, first + AT_ONCE)
+        here = solution._replace(**{kind: getattr(solution, kind)[part] for kind in _MOTION})
+        euler = euler_from_quaternion(here.q_nb)
+        component[part] = _error(here, truth.taken(part), euler, name)[:, number]
+    return component
+
+
+def _error(navigated: Solution, true: Truth, euler: FloatArray, name: str) -> FloatArray:
+    if name == "position":
+        return to_enu(position_error(navigated.position, true))
+    if name == "velocity":
+        return to_enu(navigated.velocity_n - true.velocity_n)
+    return wrap(euler - true.euler) * DEGREE
 
 
 def sigma(result: Result) -> xr.Dataset:

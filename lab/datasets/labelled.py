@@ -22,11 +22,12 @@ EAST_NORTH_UP = ["east", "north", "up"]
 ANGLES = ["roll", "pitch", "heading"]
 BODY_AXES = ["x", "y", "z"]
 
-_COORDINATES: dict[str, list[str]] = {
+COORDINATES: dict[str, list[str]] = {
     "axis": EAST_NORTH_UP,
     "angle": ANGLES,
     "body_axis": BODY_AXES,
 }
+"""Names of the components along each dimension."""
 
 
 def labelled(result: Result, **variables: tuple[tuple[str, ...], FloatArray, str, str]) -> xr.Dataset:
@@ -48,7 +49,7 @@ def labelled(result: Result, **variables: tuple[tuple[str, ...], FloatArray, str
         for dim, values in times.items()
         if dim in used
     }
-    coords |= {dim: names for dim, names in _COORDINATES.items() if dim in used}
+    coords |= {dim: names for dim, names in COORDINATES.items() if dim in used}
     return xr.Dataset(
         {
             name: (dims, values, {"units": unit, "long_name": label})

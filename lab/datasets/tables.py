@@ -2,17 +2,23 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import NDArray
 
 from lab.analysis import consistency
+from lab.datasets import flight
 from lab.datasets.innovations import normalised
+from lab.datasets.labelled import COORDINATES
 
 if TYPE_CHECKING:
     import pandas as pd
 
     from lab.result import Result
+
+FloatArray = NDArray[np.float64]
 
 
 def summary(result: Result) -> pd.DataFrame:
@@ -20,17 +26,29 @@ def summary(result: Result) -> pd.DataFrame:
     import pandas as pd  # noqa: PLC0415 - takes a while to import, and a run does without
 
     rows = []
-    for name, array in result.errors.data_vars.items():
-        for component, column in zip(array[array.dims[1]].values, array.values.T, strict=True):
-            known = column[np.isfinite(column)] if result.recorded else column
-            if not known.size:
-                continue
-            size = np.abs(known)
-            figures = [np.sqrt(np.mean(size**2)), size.max(), np.quantile(size, 0.95)]
-            figures += [known.mean(), known.std()] if result.recorded else []
-            rows.append((f"{name} {component}", array.attrs["units"], *map(float, figures)))
+    for name, unit, column in _columns(result):
+        known = column[np.isfinite(column)] if result.recorded else column
+        if not known.size:
+            continue
+        about = [known.mean(), known.std()] if result.recorded else []
+        size = np.abs(known)
+        figures = [np.sqrt(np.mean(size**2)), size.max(), np.quantile(size, 0.95, overwrite_input=True)]
+        rows.append((name, unit, *map(float, figures + about)))
     columns = ["quantity", "unit", "rms", "max", "95 %", *(["mean", "std"] if result.recorded else [])]
     return pd.DataFrame(rows, columns=columns)
+
+
+def _columns(result: Result) -> Iterator[tuple[str, str, FloatArray]]:
+    """Iterate over all components of the errors: name, unit and values (n + 1,)."""
+    for name, (dim, unit) in flight.ERRORS.items():
+        for number, component in enumerate(COORDINATES[dim]):
+            # The datasets of a long flight are not kept: one component takes a tenth of their memory.
+            values = (
+                flight.error_component(result, name, number)
+                if result.is_long
+                else result.errors[name].values[:, number]
+            )
+            yield f"{name} {component}", unit, values
 
 
 def coverage(result: Result) -> pd.DataFrame:

@@ -36,12 +36,17 @@ def text(tracks: Tracks) -> str:
     )
     return (
         '<?xml version="1.0" encoding="UTF-8"?>\n<kml xmlns="http://www.opengis.net/kml/2.2">\n <Document>\n'
-        f"  <name>{xml(tracks.title)}</name>\n  <open>1</open>\n"
-        f"  <description>{xml(tracks.description)}</description>\n{styles}"
+        f"  <name>{xml(_plain(tracks.title))}</name>\n  <open>1</open>\n"
+        f"  <description>{xml(_plain(tracks.description))}</description>\n{styles}"
         '  <Style id="fixes"><IconStyle><color>ff00d7ff</color><scale>0.4</scale>'
         f"<Icon><href>{_DOT}</href></Icon></IconStyle><LabelStyle><scale>0</scale></LabelStyle></Style>\n"
         f"{''.join(marks)} </Document>\n</kml>\n"
     )
+
+
+def _plain(text: str) -> str:
+    """Return text without the signs of tags: Google Earth takes names and descriptions for HTML."""
+    return text.translate({ord("<"): "‹", ord(">"): "›"})
 
 
 def _line(track: Track, style: str) -> str:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import difflib
-import tomllib
 from collections.abc import Mapping
 from functools import cache
 from importlib.resources import files
@@ -13,6 +12,7 @@ from typing import Any
 import numpy as np
 
 from lab.missions.errors import MissionError
+from lab.toml_file import parse_toml
 
 _FOOT = 0.3048
 
@@ -74,4 +74,4 @@ def runway(name: str, where: str = "runway") -> dict[str, float]:
 
 @cache
 def _airports() -> dict[str, dict[str, Any]]:
-    return tomllib.loads(files("lab.missions").joinpath("airports.toml").read_text("utf-8"))
+    return parse_toml(files("lab.missions").joinpath("airports.toml").read_text("utf-8"))

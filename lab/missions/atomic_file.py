@@ -28,6 +28,8 @@ def atomic_file(path: Path) -> Iterator[BinaryIO]:
         os.umask(umask)
         Path(temporary).chmod(0o666 & ~umask)
         Path(temporary).replace(path)
-    except BaseException:
+    except BaseException as error:
         Path(temporary).unlink(missing_ok=True)
+        if isinstance(error, OSError) and error.filename in {None, temporary}:
+            error.filename = str(path)  # of a full disk the system does not say which file it was
         raise

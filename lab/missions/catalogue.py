@@ -4,8 +4,11 @@ from __future__ import annotations
 
 import difflib
 import os
+import time
 import warnings
+from dataclasses import replace
 from pathlib import Path
+from typing import NamedTuple
 
 from lab.missions.errors import MissionError
 from lab.missions.log_mission import LogMission, is_log_folder, is_log_toml
@@ -13,6 +16,21 @@ from lab.missions.mission import Mission
 
 OWN_FOLDER_VARIABLE = "INS_LAB_MISSIONS"
 """Environment variable that names the folder of the user's own missions."""
+
+
+_SETTLED = 2.0
+"""Age from which on a change of a file shows in its time stamp [s]: some file systems count in 2 s."""
+
+
+class _Read(NamedTuple):
+    """A mission as it was read, and the time stamps, size and number of its file then."""
+
+    stamp: tuple[int, ...]
+    mission: Mission
+
+
+_READ: dict[Path, dict[str, _Read]] = {}
+"""What was read of the folders, by file name: thousands of files are not read again at every change."""
 
 
 def shipped_folder() -> Path:
@@ -143,28 +161,58 @@ def _find() -> tuple[dict[str, Mission], dict[str, str], dict[str, Path]]:
     found: dict[str, Mission] = {}
     broken: dict[str, str] = {}
     places: dict[str, Path] = {}
+    now: dict[Path, dict[str, _Read]] = {}
     folders = [shipped_folder()]
     if own_folder().absolute() != folders[0].absolute():
         folders.append(own_folder())
     for folder in folders:
         try:
-            paths = sorted(folder.glob("*.toml"))
-            logs = sorted(path for path in folder.glob("*/") if is_log_folder(path))
+            with os.scandir(folder) as entries:
+                inside = {entry.name: entry for entry in entries}
+            logs = [folder / name for name in sorted(inside) if inside[name].is_dir()]
+            logs = [path for path in logs if is_log_folder(path)]
+            tomls = [folder / name for name in sorted(inside) if name.endswith(".toml")]
+            paths = [path for path in tomls if path not in logs] if logs else tomls
+        except FileNotFoundError:
+            continue
         except OSError as error:
             broken[str(folder)] = f"{folder}: cannot be listed: {error.strerror or error}"
             continue
-        for path in (*paths, *logs):
-            plain = path.name if path in logs else path.stem
+        read: dict[str, _Read] = {}
+        for path, is_log in (*((path, False) for path in paths), *((path, True) for path in logs)):
+            plain = path.name if is_log else path.stem
             name = f"user:{plain}" if plain in places else plain
             places[name] = path
             try:
-                listed = LogMission.at(path, name) if path in logs else _from_toml(path, name)
+                listed = LogMission.at(path, name) if is_log else _listed(path, name, read)
             except MissionError as error:
                 broken[name] = str(error)
                 continue
-            if listed.recording_path.is_file():
+            recording = listed.recording_path
+            there = inside.get(recording.name) if recording.parent == folder else None
+            if recording.is_file() if there is None else there.is_file():
                 found[name] = listed
             else:
                 hint = "; fly it: ins-lab fly " + str(path) if listed.flight else ""
-                broken[name] = f"{path}: its recording {listed.recording_path.name} does not exist{hint}"
+                broken[name] = f"{path}: its recording {recording.name} does not exist{hint}"
+        now[folder] = read
+    _READ.clear()
+    _READ.update(now)
     return found, broken, places
+
+
+def _listed(path: Path, name: str, read: dict[str, _Read]) -> Mission:
+    """Return what a TOML file describes; read only if it has changed since it was last listed."""
+    try:
+        facts = path.stat()
+    except OSError:
+        return _from_toml(path, name)
+    stamp = (facts.st_mtime_ns, facts.st_ctime_ns, facts.st_size, facts.st_ino)
+    known = _READ.get(path.parent, {}).get(path.name)
+    if known is None or known.stamp != stamp:
+        known = _Read(stamp, _from_toml(path, name))
+    # What was written just now may be written again within the same tick of the clock.
+    if time.time() - max(facts.st_mtime, facts.st_ctime) > _SETTLED:
+        read[path.name] = known
+    # Each listing has missions of its own, so that recordings read through them are let go.
+    return replace(known.mission, name=name)

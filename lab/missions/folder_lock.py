@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import sys
+import time
 from collections.abc import Iterator
 from pathlib import Path
 from typing import BinaryIO
@@ -11,30 +12,66 @@ from typing import BinaryIO
 LOCK_FILE = ".lock"
 """The file that is locked; it stays."""
 
+PATIENCE = 10.0
+"""Longest wait for a lock [s]: it is held for as long as a few small files take to write."""
+
+_PAUSE = 0.02
+"""Time from one attempt to the next [s]: short beside what a person notices."""
+
 
 @contextlib.contextmanager
-def folder_lock(folder: Path) -> Iterator[None]:
+def folder_lock(folder: Path, patience: float = PATIENCE) -> Iterator[None]:
     """Wait until nobody else holds the lock of a folder, and hold it.
+
+    Raises
+    ------
+    TimeoutError
+        If somebody holds it for longer than the patience [s].
+    OSError
+        If the folder cannot be written.
+    """
+    with (folder / LOCK_FILE).open("ab") as file:
+        until = time.monotonic() + patience
+        while not _locked(file):
+            if time.monotonic() >= until:
+                raise TimeoutError(
+                    f"another program has been changing this folder for {patience:g} s; try again later"
+                )
+            time.sleep(_PAUSE)
+        yield
+
+
+def hold(folder: Path) -> BinaryIO | None:
+    """Take the lock of a folder, and hold it until the file returned is closed; None if somebody has it.
 
     Raises
     ------
     OSError
         If the folder cannot be written.
     """
-    with (folder / LOCK_FILE).open("ab") as file:
-        _lock(file)
-        yield
+    file = (folder / LOCK_FILE).open("ab")
+    if _locked(file):
+        return file
+    file.close()
+    return None
 
 
 if sys.platform == "win32":
     import msvcrt
 
-    def _lock(file: BinaryIO) -> None:
-        # Gives up after ten seconds; nobody holds it for so long.
-        msvcrt.locking(file.fileno(), msvcrt.LK_LOCK, 1)
+    def _locked(file: BinaryIO) -> bool:
+        try:
+            msvcrt.locking(file.fileno(), msvcrt.LK_NBLCK, 1)
+        except OSError:
+            return False
+        return True
 
 else:
     import fcntl
 
-    def _lock(file: BinaryIO) -> None:
-        fcntl.flock(file, fcntl.LOCK_EX)
+    def _locked(file: BinaryIO) -> bool:
+        try:
+            fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError:
+            return False
+        return True

@@ -22,15 +22,17 @@ from lab.missions.catalogue import mission, own_folder, places, shipped_folder
 from lab.missions.errors import MissionError
 from lab.missions.flight_csv import read_flight_csv, write_flight_csv
 from lab.missions.folder_lock import folder_lock
+from lab.missions.leftovers import TEMPORARY, sweep, unfinished
 from lab.missions.log_mission import LogMission, is_log_folder, is_log_toml
 from lab.missions.log_toml import DESCRIPTION_FILE
-from lab.missions.mission import MAX_TOML_BYTES, Mission, file_beside, read_toml
+from lab.missions.mission import Mission, file_beside, read_toml
 from lab.missions.mission_name import MAX_LETTERS, accepted_name, suggested_name
 from lab.missions.mission_text import changed_text
 from lab.missions.plan_kinds import read_plan
 from lab.missions.recording import Recording
 from lab.missions.sensor_log import SensorLog
 from lab.missions.sensor_log_writer import write_sensor_log
+from lab.toml_file import MAX_BYTES, TomlError, parse_toml
 
 _LOG_FILES = ("imu.csv", "gnss.csv", "ref.csv", "mag.csv")
 
@@ -104,6 +106,7 @@ def add_mission(
         _check_free(where, name, overwrite)
         with new_recording(where / f"{name}.csv.gz", recording) as path, folder_lock(where):
             _check_free(where, name, overwrite)  # again: writing took a while
+            sweep(where, named_by_others)
             replaced = recordings_named(toml)
             values["recording"] = path.name
             _write_toml(toml, values | ({} if flight is None else {"flight": flight}))
@@ -146,13 +149,19 @@ def add_log(
     with file_errors_told(where):
         where.mkdir(parents=True, exist_ok=True)
         _check_free(where, name)
-        with tempfile.TemporaryDirectory(dir=where, prefix=".") as temporary:
+        with tempfile.TemporaryDirectory(dir=where, prefix=TEMPORARY) as temporary:
             written = Path(temporary) / name
             write_sensor_log(written, log, title=title, description=description, tags=tags)
             with folder_lock(where):
                 _check_free(where, name)  # again: writing took a while
+                sweep(where, named_by_others)
                 written.rename(where / name)
     return mission(where / name)
+
+
+def sweep_own_folder() -> list[str]:
+    """Remove what killed processes left in the user's own folder a day ago or earlier; return the names."""
+    return sweep(own_folder(), named_by_others)
 
 
 def free_name(text: str) -> str:
@@ -296,13 +305,14 @@ def new_recording(wanted: Path, recording: Recording) -> Iterator[Path]:
         with contextlib.suppress(FileExistsError):
             path.open("xb").close()
             break
-    try:
-        write_flight_csv(path, recording)
-        read_flight_csv(path)
-        yield path
-    except BaseException:
-        path.unlink(missing_ok=True)
-        raise
+    with unfinished(path):
+        try:
+            write_flight_csv(path, recording)
+            read_flight_csv(path)
+            yield path
+        except BaseException:
+            path.unlink(missing_ok=True)
+            raise
 
 
 def _numbered(wanted: Path) -> Iterator[Path]:
@@ -335,8 +345,12 @@ def encoded(text: str, toml: Path) -> bytes:
         content = text.encode()
     except UnicodeEncodeError as error:
         raise MissionError(f"{toml}: not written: {error.object[error.start]!r} is no character") from error
-    if len(content) > MAX_TOML_BYTES:
+    if len(content) > MAX_BYTES:
         raise MissionError(f"{toml}: not written: its texts are too long; accepted are 1 MB in all")
+    try:
+        parse_toml(text)
+    except TomlError as error:
+        raise MissionError(f"{toml}: not written, since it could not be read again: {error}") from error
     return content
 
 

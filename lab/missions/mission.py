@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import difflib
 import hashlib
-import tomllib
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
@@ -13,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from lab import toml_file
 from lab.missions.errors import MissionError
 from lab.missions.flight_csv import read_flight_csv
 from lab.missions.mission_card import mission_html
@@ -24,9 +24,6 @@ from lab.missions.thumbnail import WIDTH, thumbnail
 
 if TYPE_CHECKING:
     from lab.missions.plan_kinds import Plan
-
-MAX_TOML_BYTES = 2**20
-"""Largest TOML file accepted [bytes]."""
 
 _TEXTS = ("title", "description", "origin", "aircraft", "airport", "recording", "ending")
 _KEYS = (*_TEXTS, "tags", "flight")
@@ -169,23 +166,17 @@ class Mission:
 
 
 def read_toml(path: Path) -> dict[str, Any]:
-    """Return the tables of a small TOML file.
+    """Return the tables of a TOML file, as `lab.toml_file.read_toml`.
 
     Raises
     ------
     MissionError
-        If it cannot be read, or is too large.
+        If it cannot be read, or is not accepted.
     """
     try:
-        if path.stat().st_size > MAX_TOML_BYTES:
-            raise MissionError(
-                f"{path}: too large; accepted are TOML files up to {MAX_TOML_BYTES // 2**20} MB"
-            )
-        return tomllib.loads(path.read_bytes().decode("utf-8-sig").replace("\r\n", "\n"))
-    except (OSError, ValueError, RecursionError) as error:
-        if isinstance(error, MissionError):
-            raise
-        raise MissionError(f"{path}: cannot be read: {getattr(error, 'strerror', None) or error}") from error
+        return toml_file.read_toml(path)
+    except toml_file.TomlError as error:
+        raise MissionError(f"{path}: {error}") from error
 
 
 def _check_keys(path: Path, values: Mapping[str, Any]) -> None:

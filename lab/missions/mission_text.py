@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-import tomllib
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
 from lab.missions.errors import MissionError
+from lab.toml_file import parse_toml
 
 
 def changed_text(toml: Path, text: str, changes: Mapping[str, Any]) -> str:
@@ -31,12 +31,12 @@ def changed_text(toml: Path, text: str, changes: Mapping[str, Any]) -> str:
     import tomlkit.exceptions  # noqa: PLC0415
 
     try:
+        expected = parse_toml(text)
+        _change(expected, changes)
         document = tomlkit.parse(text)
         _change(document, changes)
         new = tomlkit.dumps(document)
-        expected = tomllib.loads(text)
-        _change(expected, changes)
-        if tomllib.loads(new) == expected:
+        if parse_toml(new) == expected:
             return new
     except (tomlkit.exceptions.TOMLKitError, ValueError, RecursionError) as error:
         raise MissionError(f"{toml}: cannot be changed: {error}") from error
@@ -62,7 +62,7 @@ def flown_text(toml: Path, text: str, *, recording: str, seed: int | None, endin
     MissionError
         As of `changed_text`.
     """
-    old = tomllib.loads(text)
+    old = parse_toml(text)
     changes: dict[str, Any] = {} if old.get("recording") == recording else {"recording": recording}
     if seed is not None and old["flight"].get("seed") != seed:
         changes["flight"] = {"seed": seed}

@@ -15,6 +15,7 @@ from typing import Any
 
 from lab.missions.errors import MissionError
 from lab.missions.motion_commands import MAX_COMMANDS, MotionPlan
+from lab.missions.text_blocks import check_file
 
 MAX_BYTES = 2**22
 """Largest file accepted [bytes]."""
@@ -42,8 +43,7 @@ def read_motion_file(path: Path) -> MotionPlan:
         Naming file, line and value: if the file cannot be read, or a number is missing or not accepted.
     """
     try:
-        if path.stat().st_size > MAX_BYTES:
-            raise MissionError(f"{path}: too large; accepted are up to {MAX_BYTES // 2**20} MB")
+        check_file(path, MAX_BYTES)
         text = path.read_bytes().decode("utf-8-sig")
         rows = [[cell.strip() for cell in row] for row in csv.reader(io.StringIO(text))]
     except (OSError, ValueError, csv.Error) as error:

@@ -8,6 +8,8 @@ import numba
 import numpy as np
 from numpy.typing import NDArray
 
+from lab.compiled_cache import check_files
+
 FloatArray = NDArray[np.float64]
 
 _RATES, _CHANGE, _ATTITUDE, _VELOCITY = 1, 3, 4, 5
@@ -87,3 +89,6 @@ def respond(
         samples[count] = state
         count += 1
     return count
+
+
+check_files(respond)

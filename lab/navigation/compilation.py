@@ -19,6 +19,7 @@ from typing import Any, ParamSpec, TypeVar, cast
 import numba
 
 from lab import earth
+from lab.compiled_cache import check_files
 
 P = ParamSpec("P")
 R = TypeVar("R")
@@ -45,7 +46,9 @@ def embedded_kernel(function: Callable[P, R]) -> Callable[P, R]:
 
 def entry_kernel(function: Callable[P, R]) -> Callable[P, R]:
     """Compile a function called from Python: cached on disk, and running without the interpreter's lock."""
-    return numba.njit(error_model="numpy", fastmath={"contract"}, nogil=True, cache=True)(function)
+    compiled = numba.njit(error_model="numpy", fastmath={"contract"}, nogil=True, cache=True)(function)
+    check_files(compiled)
+    return compiled
 
 
 def interpreted(function: Callable[P, R]) -> Callable[P, R]:

@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lab import earth
+from lab.histories import LONG
 from lab.navigation import strapdown, wander
 from lab.navigation.compilation import interpreted
 from lab.navigation.driver import driver
@@ -29,6 +30,10 @@ from lab.navigation.standstill import ROOM
 from lab.navigation.strapdown import GYRO_BIAS, VELOCITY
 
 FloatArray = NDArray[np.float64]
+
+
+PIECE = 2**16
+"""Samples of a long flight that are navigated in one go, with some 220 bytes each."""
 
 
 class PolarError(ValueError):
@@ -178,16 +183,20 @@ def navigate(
     PolarError
         If a north-slaved navigator comes closer than 0.1° to a pole.
     """
-    solution = Solution.empty(imu.time.size, fixes.time.size, model.states)
+    is_long = imu.time.size > LONG
+    shown = np.float32 if is_long else np.float64
+    solution = Solution.empty(imu.time.size, fixes.time.size, model.states, shown)
     run = Filter.begin(
         start, belief, float(imu.time[0]), model, turned=turns(imu, fixes.time, belief.lever_arm)
     )
 
     def onwards(imu: Imu, out: Solution, first: int, schedule: Schedule) -> int:
-        return advance(run, imu, fixes, out, first, schedule, model)
+        go = _advance_piece if is_long else advance
+        return go(run, imu, fixes, out, first, schedule, model)
 
     polar = model.mechanization == WANDER_AZIMUTH
-    go_through(run.state, run.noise, imu, solution, schedule, stretches, onwards, polar=polar)
+    longest = PIECE if is_long else 0
+    go_through(run.state, run.noise, imu, solution, schedule, stretches, onwards, longest, polar=polar)
     return solution
 
 
@@ -265,6 +274,34 @@ def advance(
     The model must be the one the navigator began with.
     """
     return driver(model, summed=schedule.stride > 1)(run, imu, fixes, out, first, schedule)
+
+
+def _advance_piece(
+    run: Filter,
+    imu: Imu,
+    fixes: Fixes,
+    out: Solution,
+    first: int,
+    schedule: Schedule,
+    model: ErrorModel,
+) -> int:
+    """Advance a navigator as `advance` does, over samples whose variances and biases are kept in float32.
+
+    It is compiled for float64, and so is given room for these samples alone.
+    """
+    before = max(first - 1, 0)  # only the first sample of a flight is written before it is advanced over
+    end, fix = imu.time.size, int(run.counts[0])
+    room = Solution.empty(end - before, 0, model.states)
+    here = {name: getattr(out, name)[before:end] for name in ("position", "velocity_n", "q_nb", "rest")}
+    shown = {name: getattr(room, name) for name in ("bias", "scale", "variance", "covariance")}
+    piece = Imu(imu.time[before:], imu.dtheta[before:], imu.dvelocity[before:], imu.rest[before:])
+    stopped = advance(run, piece, fixes, out._replace(**here, **shown), first - before, schedule, model)
+    written = slice(first + 1 if first else 0, before + stopped)
+    for name, values in shown.items():
+        getattr(out, name)[written] = values[written.start - before : stopped]
+    samples = out.fix_sample[fix : run.counts[0]]
+    samples[samples >= 0] += before
+    return before + stopped
 
 
 def is_compiled(model: ErrorModel = PHI) -> bool:

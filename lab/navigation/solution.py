@@ -6,7 +6,7 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import DTypeLike, NDArray
 from scipy.spatial.transform import Rotation
 
 from lab import earth, ecef
@@ -14,6 +14,13 @@ from lab.navigation.kalman import MEASUREMENTS
 from lab.trajectory import Truth
 
 FloatArray = NDArray[np.float64]
+
+
+def _block(samples: int, widths: dict[str, int], dtype: DTypeLike) -> dict[str, FloatArray]:
+    """Return flat arrays of so many values a sample, by name, in one block of memory."""
+    block = np.empty(samples * sum(widths.values()), dtype=dtype)
+    cuts = np.cumsum([samples * width for width in widths.values()])[:-1]
+    return dict(zip(widths, np.split(block, cuts), strict=True))
 
 
 def _zeros(count: int) -> FloatArray:
@@ -164,7 +171,8 @@ class Solution(NamedTuple):
     scale : (n + 1, 6) array, or (n + 1, 0) of a filter with 15 states
         Estimated scale factor errors of gyros and accelerometers.
     variance : (n + 1, 15) or (n + 1, 21) array
-        Diagonal of P, in the order of `error_models.STATES`.
+        Diagonal of P, in the order of `error_models.STATES`. Of a long flight bias, scale, variance and
+        covariance are float32 (`lab.histories`).
     covariance : (n + 1, 2, 3) array
         Elements (0, 1), (0, 2), (1, 2) of P's position and attitude blocks.
     innovation : (m, 6) array
@@ -212,17 +220,20 @@ class Solution(NamedTuple):
         return int(self.variance.shape[1])
 
     @classmethod
-    def empty(cls, samples: int, fixes: int, states: int = 15) -> Solution:
+    def empty(cls, samples: int, fixes: int, states: int = 15, shown: DTypeLike = np.float64) -> Solution:
         """Return a solution with room for `samples` samples and `fixes` fixes, of a filter with `states`.
+
+        `shown` is the type of what is looked at, not integrated: biases, scale factors and variances.
 
         The histories share one block: the system hands out large blocks in large pages, which saves a fifth
         of a run.
         """
-        widths = {"position": 3, "velocity_n": 3, "q_nb": 4, "bias": 6}
-        widths |= {"scale": states - 15, "variance": states, "covariance": 6}
-        block = np.empty(samples * sum(widths.values()))
-        cuts = np.cumsum([samples * width for width in widths.values()])[:-1]
-        parts = dict(zip(widths, np.split(block, cuts), strict=True))
+        motion = {"position": 3, "velocity_n": 3, "q_nb": 4}
+        others = {"bias": 6, "scale": states - 15, "variance": states, "covariance": 6}
+        if shown == np.float64:
+            parts = _block(samples, motion | others, shown)
+        else:
+            parts = _block(samples, motion, np.float64) | _block(samples, others, shown)
         return cls(
             position=parts["position"].reshape(samples, 3),
             velocity_n=parts["velocity_n"].reshape(samples, 3),

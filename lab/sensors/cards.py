@@ -13,7 +13,6 @@ from __future__ import annotations
 import difflib
 import functools
 import os
-import tomllib
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -25,6 +24,7 @@ from lab.sensors.datum import OF_THE_VEHICLE, Datum, check_keys, read_sources, r
 from lab.sensors.suite import TRIADS, SensorSuite
 from lab.sensors.typical import typical
 from lab.settings import SettingError, Settings
+from lab.toml_file import TomlError, read_toml
 
 CATALOGUE = Path(__file__).with_name("cards.toml")
 """The cards that ship with the lab."""
@@ -47,8 +47,6 @@ EXPECTED = (
     "bandwidth",
 )
 """Terms of a triad a card should have; `Card.missing` names those it has not."""
-MAX_BYTES = 2**20
-"""Largest file of cards accepted [bytes]."""
 
 _TEXTS = ("maker", "grade", "note")
 _KEYS = (*_TEXTS, "sources", *GROUPS, "assumed")
@@ -303,15 +301,9 @@ def _mark(value: Any) -> str:
 
 def _read_toml(path: Path) -> dict[str, Any]:
     try:
-        if path.is_file() and path.stat().st_size > MAX_BYTES:
-            raise SettingError(f"{path}: is larger than {MAX_BYTES // 2**20} MB; accepted is a card's file")
-        return tomllib.loads(path.read_text(encoding="utf-8-sig"))
-    except (OSError, ValueError, RecursionError) as error:
-        if isinstance(error, SettingError):
-            raise
-        if isinstance(error, OSError):
-            raise SettingError(f"{path}: cannot be read: {error.strerror or error}") from error
-        raise SettingError(f"{path}: is not TOML: {error}") from error
+        return read_toml(path)
+    except TomlError as error:
+        raise SettingError(f"{path}: {error}") from error
 
 
 def _card(where: str, name: str, table: Any) -> Card:

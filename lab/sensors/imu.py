@@ -14,6 +14,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from lab.histories import kept
 from lab.sensors import processes
 from lab.sensors.draws import unit_draws
 from lab.sensors.imu_errors import OFF_DIAGONAL, AccelerometerErrors, GyroErrors
@@ -27,11 +28,13 @@ __all__ = [
     "ImuDraws",
     "Measured",
     "Surroundings",
+    "as_kept",
     "compensate",
     "cross_coupling",
     "drift",
     "felt",
     "induced_bias",
+    "is_drifting",
     "mean_at_rest",
     "measure",
     "misalignment",
@@ -324,6 +327,18 @@ def without_bias(measured: Measured, dt: float, bias: FloatArray, M: FloatArray)
     increments = measured.increments - bias * dt
     inside = np.linalg.solve(np.eye(3) + M, bias)
     return measured._replace(increments=increments, bias=measured.bias - inside)
+
+
+def is_drifting(errors: GyroErrors | AccelerometerErrors) -> bool:
+    """Return whether the bias of a triad may change during a flight."""
+    terms = ("instability", "flicker", "rate_random_walk", "bias_temperature", "scale_temperature")
+    felt = isinstance(errors, GyroErrors) and any(errors.g_sensitivity)
+    return felt or any(any(getattr(errors, term)) for term in terms)
+
+
+def as_kept(measured: Measured) -> Measured:
+    """Return the output of a triad as it is kept: of a long flight the true errors are float32."""
+    return measured._replace(bias=kept(measured.bias), scale=kept(measured.scale))
 
 
 def _warmth(temperature: FloatArray) -> FloatArray:

@@ -6,13 +6,13 @@ The table is ``assumed.toml`` beside this file: every number with its unit and i
 from __future__ import annotations
 
 import functools
-import tomllib
 from collections.abc import Mapping
 from pathlib import Path
 
 from lab.sensors.datum import Datum, read_sources, read_terms
 from lab.sensors.imu_errors import AccelerometerErrors, GyroErrors
 from lab.settings import Settings
+from lab.toml_file import read_toml
 
 TABLE = Path(__file__).with_name("assumed.toml")
 """What is typical of each grade."""
@@ -31,7 +31,7 @@ def grades() -> Mapping[str, Terms]:
     SettingError
         If the table is not accepted.
     """
-    tables = tomllib.loads(TABLE.read_text(encoding="utf-8"))
+    tables = read_toml(TABLE)
     return {grade: _terms(f"{TABLE}, {grade}", table) for grade, table in tables.items()}
 
 

@@ -195,8 +195,7 @@ def test_a_constant_gain_filters_start_and_noise_as_a_scalar_filter_does(
 
 def made(*assignments: str, mission: str = "montreal", seed: int = 1) -> Experiment:
     experiment = Experiment(mission=mission, seed=seed)
-    for assignment in assignments:
-        experiment.set_text(assignment)
+    experiment.set_texts(assignments)
     return experiment
 
 

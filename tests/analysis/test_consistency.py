@@ -49,6 +49,13 @@ def test_combinations_without_variance_are_left_out():
     assert np.allclose(squares, np.sum(z**2, axis=1), rtol=1e-6)
 
 
+def test_two_states_that_are_one_count_once():
+    """Of a covariance without any rest there is no Cholesky factor."""
+    P = np.tile(np.array([(1.0, 1.0), (1.0, 1.0)]), (3, 1, 1))
+    v = np.array([(1.0, 1.0), (2.0, 2.0), (-3.0, -3.0)])
+    assert np.allclose(consistency.normalised_squares(v, P), (1.0, 4.0, 9.0))
+
+
 def test_no_epochs_give_no_squares():
     assert consistency.normalised_squares(np.zeros((0, 6)), np.zeros((0, 6, 6))).shape == (0,)
 

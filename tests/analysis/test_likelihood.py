@@ -69,6 +69,61 @@ def test_a_parameter_that_nothing_shows_keeps_its_prior():
     assert found.sigma[1] == pytest.approx(3.5)
 
 
+@pytest.mark.parametrize("begin", [-5.0, 8.0])
+@pytest.mark.parametrize("prior", [0.01, 0.1])
+def test_a_prior_and_fixes_are_weighed_by_their_variances(begin, prior):
+    """The mean of a Gaussian prior about 2 and of as many numbers of σ 1."""
+    values = noise(50, 1.0)
+
+    def run(by):
+        return Seen(values - by[0], np.tile(np.eye(6), (50, 1, 1)))
+
+    known = Parameter("mean", 2.0, -100.0, 100.0, prior, 1e-3, 100.0)
+    found = maximise(run, [known], np.array([begin]), np.zeros(1, bool))
+    expected = (values.sum() + 2.0 / prior**2) / (values.size + 1 / prior**2)
+    assert found.value[0] == pytest.approx(expected, abs=1e-6)
+
+
+def test_errors_that_are_correlated_make_an_estimate_less_certain():
+    """By √((1 + a) / (1 − a)), a first-order process and a slope that changes slowly beside it."""
+    rng, a, m = np.random.default_rng(4), 0.6, 3000
+    errors = rng.normal(size=(m, 6))
+    for k in range(1, m):
+        errors[k] = a * errors[k - 1] + np.sqrt(1 - a**2) * errors[k]
+    at = np.sin(np.arange(m) / 30)[:, None] * np.ones(6)
+
+    def run(by):
+        return Seen(errors - by[0] * at, np.tile(np.eye(6), (m, 1, 1)))
+
+    found = maximise(run, [slope()], np.zeros(1), np.zeros(1, bool))
+    white = 1 / np.sqrt(np.sum(at**2))
+    assert found.sigma[0] / white == pytest.approx(np.sqrt((1 + a) / (1 - a)), rel=0.25)
+
+
+def test_on_a_peak_the_search_stays():
+    """Whichever way it steps from there, the innovations are less likely."""
+    values = noise(100, 1.0)
+
+    def run(by):
+        return Seen(values * (1 + abs(by[0] - 3.0)), np.tile(np.eye(6), (100, 1, 1)))
+
+    found = maximise(run, [slope()], np.array([3.0]), np.zeros(1, bool))
+    assert found.value[0] == 3.0
+    assert found.rounds == 1
+
+
+@pytest.mark.parametrize("most", [1, 2])
+def test_a_search_ends_after_the_most_steps(most):
+    values = noise(100, 1e4)
+
+    def run(by):
+        return Seen(values, np.tile(np.eye(6) * np.exp(2 * by[0]), (100, 1, 1)))
+
+    found = maximise(run, [scale()], np.zeros(1), np.zeros(1, bool), most=most)
+    assert found.rounds == most
+    assert found.value[0] == pytest.approx(2.0 * most)  # as far as a step may go
+
+
 def test_where_the_filter_cannot_be_run_the_search_turns_back():
     values = noise(400, 1.0)
 

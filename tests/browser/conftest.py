@@ -14,6 +14,8 @@ from pathlib import Path
 import pytest
 from playwright.sync_api import Browser, ConsoleMessage, Page, sync_playwright
 
+from dashboards.visitors import VARIABLE
+
 ROOT = Path(__file__).parents[2]
 ARGUMENTS = [
     "--no-sandbox",
@@ -65,7 +67,13 @@ def serving(*flags: str) -> Iterator[tuple[str, subprocess.Popen[str]]]:
     log = ROOT / ".pytest_cache" / f"simulator{port}.log"
     log.parent.mkdir(exist_ok=True)
     process = subprocess.Popen(
-        command, cwd=ROOT, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, bufsize=1
+        command,
+        cwd=ROOT,
+        env={**os.environ, VARIABLE: "edit"},
+        stdout=subprocess.PIPE,
+        stderr=subprocess.STDOUT,
+        text=True,
+        bufsize=1,
     )
     assert process.stdout is not None
     for line in process.stdout:

@@ -13,8 +13,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from dashboards.pages.missions import upload
-from dashboards.pages.missions.upload import LONGEST_NAME, Upload, plain_name
+from dashboards.upload import LONGEST_NAME, Upload, plain_name
+from lab.missions.folder_lock import LOCK_FILE
 
 
 class Inbox:
@@ -23,7 +23,7 @@ class Inbox:
     def __init__(self) -> None:
         self.paths: list[Path] = []
         self.refusals: list[str] = []
-        self.widget = Upload(self.paths.extend, self.refusals.append)
+        self.widget = Upload(self.paths.extend, self.refusals.append, largest=100)
         self.widget._send_msg = lambda _message: None
 
     def send(self, *pieces: tuple[str, int, bytes]) -> None:
@@ -45,7 +45,7 @@ def inbox(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Inbox]:
 
 
 def files(folder: Path) -> list[Path]:
-    return [path for path in folder.rglob("*") if path.is_file()]
+    return [path for path in folder.rglob("*") if path.is_file() and path.name != LOCK_FILE]
 
 
 def test_files_arrive_piece_by_piece_and_replace_those_of_before(inbox: Inbox, tmp_path: Path) -> None:
@@ -77,9 +77,8 @@ def test_names_that_come_to_the_same_are_kept_apart(inbox: Inbox, tmp_path: Path
     ],
 )
 def test_what_is_too_much_or_cut_is_refused_and_gone(
-    inbox: Inbox, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, pieces: list[tuple[str, int, bytes]]
+    inbox: Inbox, tmp_path: Path, pieces: list[tuple[str, int, bytes]]
 ) -> None:
-    monkeypatch.setattr(upload, "MAX_BYTES", 100)
     inbox.send(*pieces)
     assert inbox.paths == []
     assert len(inbox.refusals) == 1
@@ -98,7 +97,11 @@ def test_after_the_session_nothing_is_taken(inbox: Inbox, tmp_path: Path) -> Non
 
 
 def test_a_server_that_ends_leaves_no_upload(tmp_path: Path) -> None:
-    code = "from dashboards.pages.missions.upload import Upload; kept = Upload(print, print)"
+    code = """
+from dashboards.upload import Upload
+kept = Upload(print, print)
+kept._process_chunk({"name": "a.csv", "chunk": 1, "data": b"x"})
+"""
     ended = subprocess.run(
         [sys.executable, "-W", "ignore", "-c", code],
         env={**os.environ, "TMPDIR": str(tmp_path)},

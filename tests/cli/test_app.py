@@ -92,7 +92,7 @@ def test_what_is_wrong_is_answered_with_what_is_accepted(arguments: list[str], w
         ("sensors = 3\n", ["is a group of settings"]),
         ("a = \n", ["TOML", "line 1"]),
         ("\udcff", ["TOML"]),
-        ("a = " + "[" * 5000, ["TOML"]),
+        ("a = " + "[" * 5000, ["brackets inside one another"]),
     ],
 )
 def test_a_bad_file_of_settings_is_named(tmp_path: Path, text: str, words: list[str]) -> None:

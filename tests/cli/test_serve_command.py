@@ -39,7 +39,8 @@ def test_the_page_opens_where_there_is_a_screen(
     monkeypatch.delenv("WAYLAND_DISPLAY", raising=False)
     port = free_port()
     assert ask("serve", "--port", str(port), *flags).exit_code == 0
-    assert asked == [{"port": port, "address": "127.0.0.1", "show": show, "algorithms": ()}]
+    expected = {"port": port, "address": "127.0.0.1", "show": show, "algorithms": ()}
+    assert asked == [expected | {"origins": (), "visitors": None, "password": None}]
 
 
 def _answers(address: str, within: float) -> bool:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import panel as pn
 
-from dashboards.pages.missions.notice import Notice
+from dashboards.notice import Notice
 
 
 def test_names_of_files_are_text() -> None:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import asyncio
-import secrets
 from collections.abc import AsyncIterator, Callable
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import asynccontextmanager
@@ -17,7 +16,7 @@ from websockets.asyncio.server import ServerConnection, serve
 from websockets.exceptions import InvalidStatus
 from websockets.typing import Origin, Subprotocol
 
-from dashboards.viser_proxy import SECRET, ViserHandler, sign
+from dashboards.viser_proxy import View, registered_views
 
 PROTOCOL = Subprotocol("viser-test")
 
@@ -30,15 +29,16 @@ async def proxy(*accepted: str) -> AsyncIterator[tuple[int, str]]:
         async for message in connection:
             await connection.send(message)
 
-    secret = secrets.token_bytes(32)
-    application = Application([(r".*/viser/([\w.-]+)/?", ViserHandler)], **{SECRET: secret})
+    application = Application()
+    views = registered_views(application)
     application.websocket_origins = set(accepted)  # type: ignore[attr-defined]  # as Bokeh's application has
     socket, port = bind_unused_port()
     server = HTTPServer(application)
     server.add_socket(socket)
     async with serve(echo, "127.0.0.1", 0, subprotocols=[PROTOCOL]) as upstream:
         (listening,) = upstream.sockets
-        yield port, f"/viser/{sign(listening.getsockname()[1], secret)}/"
+        views["token"] = View(listening.getsockname()[1], "key")
+        yield port, "/viser/token/"
         server.stop()
         await server.close_all_connections()
 

@@ -15,10 +15,11 @@ from bokeh.models import DataRange1d, FixedTicker, LogScale
 from bokeh.plotting import figure
 from bokeh.server.callbacks import NextTickCallback
 from panel.io.state import set_curdoc
+from tornado.web import Application
 
+from dashboards import viser_proxy
 from dashboards.computing import Outcome, run
 from dashboards.page import PAGES, SimulatorPage
-from dashboards.pages import view_3d
 from dashboards.pages.base import Page
 from dashboards.pages.computed import ComputedPage
 from lab.experiment import Experiment
@@ -90,7 +91,7 @@ class Walk:
     @property
     def reason(self) -> str:
         """Why the page has nothing to show; empty if it has."""
-        return str(self.page._reason.object)
+        return str(self.page._reason.text)
 
     def text(self) -> str:
         """Return all that is written on the page, without markup."""
@@ -108,7 +109,7 @@ class Walk:
         (view,) = self.page._stage.objects
         if self.page._failure.view is view:
             return [self.text()]
-        if view is not (self.page._reason if self.reason else self.shown.view):
+        if view is not (self.page._reason.view if self.reason else self.shown.view):
             found.append("shows what is not this page")
         if self.reason and not re.search(r"[a-z]{3}.*\.$", self.reason):
             found.append(f"gives no reason: {self.reason!r}")
@@ -150,7 +151,8 @@ def _odd_axes(fig: figure) -> Iterator[str]:
 @contextmanager
 def walking(monkeypatch) -> Iterator[Walk]:
     """Open the simulator; only the way of the 3-D view through a web server is missing."""
-    monkeypatch.setattr(view_3d, "mount", lambda _document: b"secret")
+    application = Application()
+    monkeypatch.setattr(viser_proxy, "web_application", lambda _document: application)
     walk = Walk()
     try:
         yield walk

@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import subprocess
 import sys
+import tempfile
 import tomllib
 from pathlib import Path
 
@@ -35,7 +36,9 @@ from lab.missions.library import (
     own_names,
     rename_mission,
 )
+from lab.missions.mission import read_toml
 from lab.missions.mission_name import MAX_LETTERS, accepted_name, suggested_name
+from lab.toml_file import MAX_BYTES
 
 PLAN = tomllib.loads((shipped_folder() / "montreal.toml").read_text(encoding="utf-8"))["flight"]
 
@@ -82,6 +85,7 @@ def test_a_mission_is_added_as_given(own):
     assert found.plan == mission("montreal").plan
     np.testing.assert_allclose(found.recording.latitude, flight.latitude, atol=1e-13)
     assert files(own) == ["round trip.csv.gz", "round trip.toml"]
+    assert "\nRound\n" in (own / "round trip.toml").read_text(encoding="utf-8")  # a line is a line
     assert own_names() == {"round trip"}
 
 
@@ -95,6 +99,26 @@ def test_a_name_taken_is_refused_and_replaced_only_if_asked(own):
     assert replaced.title == "Second"
     assert len(replaced.recording.time) == 300
     assert len(files(own)) == 2
+
+
+def test_a_name_taken_is_refused_before_anything_is_written(own, monkeypatch):
+    log = read_sensor_log(write(own.parent / "drive", tables(60, 80)))
+    add_mission(circle(), "one", title="First")
+    for step in ("write_flight_csv", "write_sensor_log"):
+        monkeypatch.setattr(shelf, step, lambda *_given, **_named: pytest.fail("written"))
+    for add, what in ((add_mission, circle()), (add_log, log)):
+        with pytest.raises(MissionError, match="'one': a mission has it"):
+            add(what, "one", title="Second")
+
+
+def test_the_folder_of_the_library_is_made_with_those_above_it(tmp_path):
+    log = read_sensor_log(write(tmp_path / "drive", tables(60, 80)))
+    add_mission(circle(), "one", title="x", folder=tmp_path / "a" / "b")
+    assert files(tmp_path / "a") == ["b", "b/one.csv.gz", "b/one.toml"]
+    add_log(log, "one", title="x", folder=tmp_path / "c" / "d")
+    assert "d/one/imu.csv" in files(tmp_path / "c")
+    with pytest.raises(MissionError, match="mission two: title = ' '"):
+        add_log(log, "two", title=" ", folder=tmp_path / "c" / "d")
 
 
 def test_names_of_shipped_missions_and_of_logs_are_taken(own):
@@ -160,6 +184,10 @@ def test_free_names_are_counted(own):
     assert free_name("montreal.csv") == "montreal_2"
     add_mission(circle(), "Montreal_2", title="x")
     assert free_name("montreal") == "montreal_3"
+    add_mission(circle(), "x" * MAX_LETTERS, title="x")
+    longest = free_name("x" * MAX_LETTERS)
+    assert accepted_name(longest) == longest
+    assert longest.endswith("x_2")
 
 
 @pytest.mark.parametrize(
@@ -279,13 +307,18 @@ def test_a_folder_that_cannot_be_locked_is_said(own):
     (own / LOCK_FILE).unlink()
     (own / LOCK_FILE).mkdir()
     refuses_all_changes("Is a directory")
+    with pytest.raises(MissionError, match=f"{LOCK_FILE}: cannot be changed"):
+        delete_mission("one")
     assert files(own) == ["one.csv.gz", "one.toml"]
 
 
 def refuses_all_changes(message: str) -> None:
-    """Check that a mission called one cannot be changed, nor another be added."""
+    """Check that a mission called one cannot be changed, nor another or a log be added."""
+    with tempfile.TemporaryDirectory() as folder:
+        log = read_sensor_log(write(Path(folder) / "drive", tables(60, 80)))
     for act in (
         lambda: add_mission(circle(), "two", title="x"),
+        lambda: add_log(log, "two", title="x"),
         lambda: rename_mission("one", "two"),
         lambda: describe_mission("one", title="y"),
         lambda: delete_mission("one"),
@@ -388,6 +421,38 @@ def test_links_are_not_followed(own, outside, tmp_path):
     assert files(own) == ["one.csv.gz"]
 
 
+def test_what_a_link_names_is_not_replaced_with_it(own, tmp_path):
+    add_mission(circle(), "one", title="x", folder=tmp_path / "elsewhere")
+    own.mkdir()
+    (own / "link.toml").symlink_to(tmp_path / "elsewhere" / "one.toml")
+    (own / "one.csv.gz").write_bytes(b"mine")
+    add_mission(circle(), "link", title="y", overwrite=True)
+    assert mission("link").title == "y"
+    assert files(own) == ["link.csv.gz", "link.toml", "one.csv.gz"]
+    assert files(tmp_path / "elsewhere") == ["one.csv.gz", "one.toml"]
+
+
+def test_the_largest_file_that_is_written_is_the_largest_that_is_read(tmp_path):
+    toml = tmp_path / "one.toml"
+    toml.write_bytes(shelf.encoded("#" * MAX_BYTES, toml))
+    assert read_toml(toml) == {}
+    with pytest.raises(MissionError, match="too long"):
+        shelf.encoded("#" * (MAX_BYTES + 1), toml)
+
+
+def test_a_log_is_deleted_with_the_files_it_names(own):
+    own.mkdir()
+    for name, place in (("folder", own / "folder" / "log.toml"), ("single", own / "single.toml")):
+        log = write(place.parent if name == "folder" else own.parent / "source", tables(60, 80))
+        (log / "ref.csv").unlink()
+        for file in ("imu", "gnss"):
+            (log / f"{file}.csv").rename(place.parent / f"{name}_{file}.csv")
+        place.write_text(f'title = "x"\nimu = "{name}_imu.csv"\ngnss = "{name}_gnss.csv"\n')
+        assert mission(name).title == "x"
+        delete_mission(name)
+    assert files(own) == []
+
+
 def test_an_own_folder_that_is_the_shipped_one_is_safe(monkeypatch, tmp_path):
     for named in (shipped_folder(), tmp_path / "link"):
         if not named.exists():
@@ -400,6 +465,9 @@ def test_logs_are_renamed_described_and_deleted(own, outside):
     own.mkdir()
     write(own / "drive", tables(60, 80))
     assert rename_mission("drive", "to work").name == "to work"
+    before = files(own)
+    describe_mission("to work")
+    assert files(own) == before
     described = describe_mission("to work", title="To work", description="By car", tags=["car"])
     assert (described.title, described.description, described.tags) == ("To work", "By car", ("car",))
     write(own / "other", tables(60, 80))

@@ -86,9 +86,9 @@ def test_an_own_mission_of_a_shipped_name_hides_nothing(folder):
 @pytest.mark.parametrize(
     ("toml", "message"),
     [
-        ("title = ", "cannot be read"),
-        ("\0", "cannot be read"),
-        ("a = " + "[" * 5000, "cannot be read"),
+        ("title = ", "is not TOML"),
+        ("\0", "is not TOML"),
+        ("a = " + "[" * 5000, "brackets inside one another"),
         ('recording = "broken.csv"', "title is missing"),
         ('title = "x"', "recording is missing"),
         ('titel = "x"\nrecording = "broken.csv"', r"no key 'titel'. Did you mean title\?"),

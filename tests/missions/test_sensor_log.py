@@ -165,7 +165,7 @@ def refused(folder, pattern):
         ('imu = "../imu.csv"', "imu = .*plain name of a file"),
         ("imu = 3", "accepted is text"),
         ('gnss = "gps.csv"', "gps.csv: there is no such file"),
-        ("title = ", "cannot be read"),
+        ("title = ", "is not TOML"),
     ],
 )
 def test_descriptions_that_are_refused(tmp_path, log, toml, pattern):

@@ -79,6 +79,18 @@ def test_what_a_fix_sees_is_the_derivative_of_where_the_antenna_is(seed: int, ag
         np.testing.assert_allclose((here - there) / size, H[:, column], atol=bound)
 
 
+@pytest.mark.parametrize("axis", [0, 1, 2])
+def test_an_arm_along_one_axis_is_one(axis: int) -> None:
+    """A turn about the arm, or along the velocity it gives, leaves these as they are."""
+    state, z, H = navigator(np.random.default_rng(1)), np.zeros(6), np.eye(6, 15)
+    C_nb = np.array(strapdown.matrix(tuple(state[strapdown.Q_NB : strapdown.Q_NB + 4])))
+    see_antenna(state, np.eye(3)[axis], 0.01, SILENT, IDENTITY, z, H, np.zeros((6, 6)))
+    np.testing.assert_allclose(z[:3], C_nb[:, axis], atol=0.02)  # turned by 0.01 s at 1 rad/s
+    for first in (0, 3):
+        block = H[first : first + 3, 6:9]
+        np.testing.assert_array_equal(block, -block.T)
+
+
 def test_the_noise_of_the_gyros_is_in_r() -> None:
     """Over many draws of the increments about a fix the antenna's velocity varies as R says."""
     rng = np.random.default_rng(1)

@@ -6,9 +6,12 @@ import numpy as np
 import pytest
 
 from lab.experiment import Experiment
+from lab.navigation import kalman
 from lab.navigation.belief import schedule_of
-from lab.navigation.kalman import HUBER, HUBER_NIS, STUDENT_T, gate, weight
+from lab.navigation.compilation import interpreted
+from lab.navigation.kalman import HUBER, HUBER_NIS, RECOVERED, REJECTED, STUDENT_T, USED, gate, weight
 from lab.navigation.settings import NavigatorSettings
+from lab.navigation.solution import Schedule
 from lab.result import Result
 
 
@@ -90,3 +93,49 @@ def test_rows_of_rejections_that_chance_explains_accuse_nobody() -> None:
     lengths = {p: schedule_of(NavigatorSettings(gate=p), 0.005, 1000).agreeing for p in (0.5, 0.9, 0.999)}
     assert all((1 - p) ** n <= 1e-6 for p, n in lengths.items())
     assert lengths == {0.5: 20, 0.9: 6, 0.999: 4}
+
+
+@pytest.mark.parametrize(("angle", "accused"), [(59.0, 4), (61.0, 10)])
+def test_fixes_that_agree_accuse_the_filter_sooner(angle: float, accused: int) -> None:
+    """Innovations that turn by less than 60° from one to the next, in the metric of S, agree."""
+    stands_out = interpreted(kalman.stands_out)
+    A = np.random.default_rng(1).normal(size=(6, 6))
+    streak = np.append([0.0, 3.0], 5 * A[:, 0])  # a streak that has ended is of no account
+    for number in range(1, accused + 1):
+        turn, size = np.radians(angle) * (number - 1), 5.0 + number % 3
+        nu = size * A @ np.append([np.cos(turn), np.sin(turn)], np.zeros(4))
+        assert stands_out(streak, nu, A @ A.T, size**2, 4, 10) == (number == accused)
+
+
+@pytest.mark.parametrize(
+    ("speed", "elapsed", "tilt"),
+    [(3.0, 2.0, np.sqrt(3) / 19.6), (3.0, 0.1, np.sqrt(3) / 9.8), (300.0, 2.0, 0.5)],
+    ids=["a speed over its time", "at least a second", "at most 30°"],
+)
+def test_a_recovery_adds_the_error_that_the_innovation_shows(
+    speed: float, elapsed: float, tilt: float
+) -> None:
+    """Per axis: a position 9 m off, a speed, and the tilt under which gravity gives such a speed."""
+    P = np.random.default_rng(1).normal(size=(15, 24))
+    expected = P[:, :15].copy()
+    expected[np.diag_indices(9)] += np.repeat([27.0, speed**2 / 3, tilt**2], 3)
+    expected[range(9, 15), range(9, 15)] *= 4
+    nu = np.append([3.0, -6.0, 6.0], speed / 3 * np.array([2.0, 1.0, -2.0]))
+    interpreted(kalman.inflate)(P, nu, elapsed, 15)
+    np.testing.assert_allclose(P[:, :15], expected, rtol=1e-12)
+
+
+def test_a_plausible_fix_and_a_recovery_end_a_streak() -> None:
+    schedule = Schedule(gate=20.0, implausible=25.0, agreeing=3, any_of=4)
+    plausibility = interpreted(kalman.plausibility)
+    P, streak, clock = np.eye(15), np.zeros(8), np.zeros(3)
+    nu = np.array([0.0, 0.0, 0.0, np.sqrt(30), 0.0, 0.0])
+    squares = [30.0, 30.0, 25.0, 30.0, 30.0, 20.0, 30.0, 30.0, 30.0, 30.0, 30.0]
+    found = [
+        plausibility(P, streak, clock, nu, np.eye(6), nis, float(time), schedule, 15)
+        for time, nis in enumerate(squares, start=1)
+    ]
+    assert found == [REJECTED] * 5 + [USED] + [REJECTED] * 2 + [RECOVERED] + [REJECTED] * 2
+    # The last plausible fix was three seconds before the recovery.
+    assert P[6, 6] == pytest.approx(1 + 10 / (3 * 9.8) ** 2)
+    assert clock[2] == 9

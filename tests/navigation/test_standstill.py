@@ -6,10 +6,15 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy import stats
+from scipy.spatial.transform import Rotation
 
 from lab.analysis.errors import error_state
 from lab.experiment import Experiment
-from lab.navigation.standstill import SHORTEST
+from lab.navigation import standstill, strapdown
+from lab.navigation.compilation import interpreted
+from lab.navigation.solution import Belief, Fixes, Imu
+from lab.navigation.standstill import SHORTEST, at_rest
 from lab.result import Result
 
 HEADER = (
@@ -103,3 +108,165 @@ def test_an_alignment_leaves_the_noise_of_its_mean() -> None:
             np.degrees(np.sqrt(result.solution_arrays.variance[0, 9:12])), density / np.sqrt(30), rtol=1e-9
         )
     assert np.sqrt(np.mean(np.square(errors))) == pytest.approx(1, abs=0.3)
+
+
+RATE = 20
+"""Samples a second of a minute at rest."""
+
+
+def seconds_at_rest(
+    *,
+    rates: dict[int, float] | None = None,
+    forces: dict[int, float] | None = None,
+    turning: float = 0.0,
+    speeds: dict[int, float] | None = None,
+    speed_sigma: float = 0.1,
+    noise: float = 0.0,
+    silent: range = range(0),
+) -> set[int]:
+    """Return which seconds of a minute at rest are found to be so.
+
+    Parameters
+    ----------
+    rates, forces
+        Amplitudes by which a rate [°/s] and a force [m/s²] swing from sample to sample, in some seconds.
+    turning
+        Rate from the 31st second on [°/s].
+    speeds
+        Speed of the fix in the middle of some seconds [m/s].
+    speed_sigma
+        Its assumed σ [m/s].
+    noise
+        Assumed density of the gyros [rad/s/√Hz] and of the accelerometers [m/s²/√Hz].
+    silent
+        Seconds without a fix.
+    """
+    second, swing = np.arange(60 * RATE) // RATE, np.tile([1.0, -1.0], 30 * RATE)
+    dtheta, dvelocity = np.zeros((60 * RATE, 3)), np.zeros((60 * RATE, 3))
+    dvelocity[:, 2] = -9.8 / RATE
+    dtheta[second >= 30, 0] += np.radians(turning) / RATE
+    for at, size in (rates or {}).items():
+        dtheta[second == at, 0] += (np.radians(size) * swing / RATE)[second == at]
+    for at, size in (forces or {}).items():
+        dvelocity[second == at, 1] += (size * swing / RATE)[second == at]
+    kept = np.array([at for at in range(60) if at not in silent])
+    velocity = np.zeros((60, 3))
+    for at, speed in (speeds or {}).items():
+        velocity[at] = speed * np.array([0.6, 0.0, 0.8])
+    imu = Imu(100 + np.arange(60 * RATE + 1) / RATE, dtheta, dvelocity)
+    fixes = Fixes(100.5 + kept, np.zeros((kept.size, 3)), velocity[kept])
+    belief = Belief(np.eye(15), np.diag([1.0] * 3 + [speed_sigma**2] * 3), np.full(12, noise**2), np.zeros(6))
+    rest = at_rest(imu, fixes, belief).reshape(60, RATE)
+    assert (rest.all(axis=1) == rest.any(axis=1)).all()
+    return set(np.flatnonzero(rest[:, 0]).tolist())
+
+
+MINUTE = set(range(60))
+
+
+def test_a_speed_of_the_gps_ends_a_rest_for_a_second_before_and_after() -> None:
+    assert seconds_at_rest() == MINUTE
+    assert seconds_at_rest(speeds={30: 1.0}) == MINUTE - {29, 30, 31}
+    assert seconds_at_rest(silent=range(20, 40)) == MINUTE - set(range(21, 39))
+    # Ten seconds between two are a rest, nine are none.
+    assert seconds_at_rest(speeds={12: 1.0, 25: 1.0}) == MINUTE - {11, 12, 13, 24, 25, 26}
+    assert seconds_at_rest(speeds={12: 1.0, 24: 1.0}) == MINUTE - set(range(11, 26))
+
+
+@pytest.mark.parametrize(("sigma", "used"), [(0.1, 0.1), (0.01, 0.05)])
+def test_a_speed_that_noise_explains_is_none(sigma: float, used: float) -> None:
+    """Of three components 99.9 %; the receiver is not trusted below 5 cm/s."""
+    limit = used * np.sqrt(stats.chi2.ppf(0.999, 3))
+    assert seconds_at_rest(speeds={30: 0.99 * limit}, speed_sigma=sigma) == MINUTE
+    assert seconds_at_rest(speeds={30: 1.01 * limit}, speed_sigma=sigma) == MINUTE - {29, 30, 31}
+
+
+def test_an_imu_that_shakes_or_turns_is_not_at_rest() -> None:
+    assert seconds_at_rest(rates={30: 0.29}, forces={40: 0.149}) == MINUTE
+    assert seconds_at_rest(rates={30: 0.31}) == MINUTE - {30}
+    assert seconds_at_rest(forces={40: 0.151}) == MINUTE - {40}
+    # A turn at a steady rate shows where it begins.
+    assert seconds_at_rest(turning=0.049) == MINUTE
+    assert seconds_at_rest(turning=0.051) == MINUTE - {30}
+    # Of 20 samples that swing by 0.2°/s the mean is known to 0.2°/s / √20, of which two differ.
+    noisy, limit = dict.fromkeys(range(60), 0.2), 0.05 + 5 * 0.2 * np.sqrt(2 / RATE)
+    assert seconds_at_rest(rates=noisy, turning=0.99 * limit) == MINUTE
+    assert seconds_at_rest(rates=noisy, turning=1.01 * limit) == MINUTE - {30}
+
+
+def test_an_imu_may_be_as_noisy_as_the_filter_assumes() -> None:
+    """Three σ of a sample: at 20 Hz, of a density of 1, √20 each."""
+    for noise, size in ((0.01, 3 * 0.01 * np.sqrt(RATE)), (0.05, 3 * 0.05 * np.sqrt(RATE))):
+        assert seconds_at_rest(rates={30: 0.99 * np.degrees(size)}, noise=noise) == MINUTE
+        assert seconds_at_rest(rates={30: 1.01 * np.degrees(size)}, noise=noise) == MINUTE - {30}
+        far = max(size, 0.15)
+        assert seconds_at_rest(forces={30: 0.99 * far}, noise=noise) == MINUTE
+        assert seconds_at_rest(forces={30: 1.01 * far}, noise=noise) == MINUTE - {30}
+
+
+EARTH_N = np.array([5e-5, 1e-5, -5e-5])
+"""The Earth's rate in a frame that is not turned to the north [rad/s]."""
+ATTITUDE = Rotation.from_euler("ZYX", [2.5, -0.2, 0.3])
+
+
+def gathered(swing: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return a navigator after a second at rest, what was gathered, and the error of its gyro biases.
+
+    Parameters
+    ----------
+    swing
+        Amplitude by which the rates swing from sample to sample [rad/s].
+    """
+    gather, sums = interpreted(standstill.gather_rest), np.zeros(standstill.ROOM)
+    state = np.zeros(strapdown.LENGTH)
+    state[strapdown.Q_NB : strapdown.Q_NB + 4] = ATTITUDE.as_quat(scalar_first=True)
+    bias, error = np.array([1e-3, -2e-3, 3e-3]), np.array([2e-4, 1e-4, -3e-4])
+    state[strapdown.GYRO_BIAS : strapdown.GYRO_BIAS + 3] = bias
+    sums[standstill.ATTITUDE :] = ATTITUDE.as_matrix().ravel()
+    for sample in range(RATE):
+        rate = ATTITUDE.apply(EARTH_N, inverse=True) - error + swing * (-1) ** sample
+        state[strapdown.PREVIOUS_DTHETA : strapdown.PREVIOUS_DTHETA + 3] = rate / RATE
+        assert gather(state, sums, 1 / RATE) == (sample == RATE - 1)
+    return state, sums, error
+
+
+@pytest.mark.parametrize(
+    ("density", "swing"), [((1e-4, 2e-4, 3e-4), 0.0), ((1e-5, 1e-5, 1e-5), 0.01)], ids=["assumed", "shown"]
+)
+def test_an_update_at_rest_sees_the_error_of_the_bias_about_the_vertical(
+    density: tuple[float, ...], swing: float
+) -> None:
+    """The mean over a second has the noise of the gyros, or what the samples show, over so many of them."""
+    state, sums, error = gathered(swing)
+    down = ATTITUDE.as_matrix()[2]
+    sigma = np.linalg.norm(down * np.maximum(density, swing / np.sqrt(RATE)))
+    see, H = interpreted(standstill.see_rest), np.zeros(6)
+    noise = np.append(np.square(density), np.ones(9))
+    z = see(state, tuple(EARTH_N), noise, sums.copy(), H)
+    assert z * sigma == pytest.approx(-down @ error, rel=1e-6)
+    for column, size in enumerate(np.repeat([1e-5, 1e-6], 3)):
+        x, better = size * (np.arange(6) == column), state.copy()
+        turned = Rotation.from_rotvec(x[:3]) * ATTITUDE  # without the error x
+        better[strapdown.Q_NB : strapdown.Q_NB + 4] = turned.as_quat(scalar_first=True)
+        better[strapdown.GYRO_BIAS : strapdown.GYRO_BIAS + 3] -= x[3:]
+        there = see(better, tuple(EARTH_N), noise, sums.copy(), np.zeros(6))
+        assert (z - there) * sigma == pytest.approx(H[column] * sigma * size, rel=1e-4, abs=1e-14)
+    see(state, tuple(EARTH_N), noise, sums, H)
+    np.testing.assert_array_equal(sums[: standstill.HELD], 0)
+    np.testing.assert_array_equal(sums[standstill.ATTITUDE :], ATTITUDE.as_matrix().ravel())
+
+
+def test_the_attitude_of_the_error_model_is_held_while_a_rest_lasts() -> None:
+    hold, sums, state = interpreted(standstill.hold_attitude), np.ones(standstill.ROOM), np.zeros(50)
+    hold(state, sums, False)
+    np.testing.assert_array_equal(sums, 0)
+    state[strapdown.PER_STEP] = 100.0
+    state[strapdown.PREVIOUS_DVELOCITY : strapdown.PREVIOUS_DVELOCITY + 3] = 0.01, 0.02, -0.098
+    for turn in (0.0, 0.3, 0.5):
+        later = (Rotation.from_rotvec([0, 0, turn]) * ATTITUDE).as_matrix()
+        state[strapdown.C_NB : strapdown.C_NB + 9] = later.ravel()
+        hold(state, sums, True)
+        held = state[strapdown.C_NB : strapdown.C_NB + 9]
+        np.testing.assert_allclose(held, ATTITUDE.as_matrix().ravel(), atol=1e-15)
+        force = state[strapdown.FORCE_N : strapdown.FORCE_N + 3]
+        np.testing.assert_allclose(force, ATTITUDE.apply([1.0, 2.0, -9.8]), rtol=1e-12)

@@ -19,6 +19,8 @@ from scipy.spatial.transform import Rotation
 from scipy.special import j1
 
 from lab import earth
+from lab.navigation import strapdown
+from lab.navigation.compilation import interpreted
 from lab.navigation.navigator import Imu, PolarError
 from lab.rotation import euler_from_quaternion
 
@@ -232,6 +234,22 @@ def test_sculling_drifts_as_the_algorithm_must(frequency: float) -> None:
     print(f"\nsculling {frequency:g} Hz: {error:.4e} m/s², closed form {-missed:.4e}, bare {-bare:.4e}")
     assert error == pytest.approx(-missed, rel=0.05, abs=2e-6)
     assert abs(error) < 0.2 * bare
+
+
+@pytest.mark.parametrize("latitude", LATITUDES[1:-1])
+@pytest.mark.parametrize("north", [-300.0, 300.0])
+def test_a_course_that_is_kept_is_a_loxodrome(latitude: float, north: float) -> None:
+    """Within a step the latitude changes too: λ = v_E / v_N times the difference of artanh sin L."""
+    state = np.zeros(strapdown.LENGTH)
+    interpreted(strapdown.set_position)(state, latitude, 0.1, 300.0)
+    state[strapdown.MERIDIAN], state[strapdown.TRANSVERSE] = 1 / 6.3e6, 1 / 6.4e6
+    interpreted(strapdown.move)(state, (north, 200.0, -5.0), 10.0)
+    there = latitude + 10 * north / 6.3e6
+    way = (np.arctanh(np.sin(there)) - np.arctanh(np.sin(latitude))) * 200 / 6.4e6 * 6.3e6 / north
+    # Of third order in a turn of 0.5 mrad.
+    assert state[strapdown.LONGITUDE] - 0.1 == pytest.approx(way, rel=3e-6)
+    found = state[[strapdown.LATITUDE, strapdown.HEIGHT, strapdown.SINE, strapdown.COSINE]]
+    np.testing.assert_allclose(found, (there, 350.0, np.sin(there), np.cos(there)), atol=1e-9)
 
 
 def northward(latitude: float, seconds: float, dt: float = 0.01) -> Imu:

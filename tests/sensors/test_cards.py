@@ -15,6 +15,7 @@ from lab.sensors import cards
 from lab.sensors.datum import ALIKE, ONE_SIDED, TWO_SIDED
 from lab.sensors.imu import AccelerometerErrors, GyroErrors
 from lab.sensors.suite import SensorSuite
+from lab.toml_file import MAX_BYTES
 from lab.units import TO_SI
 
 NAMES = tuple(cards.cards())
@@ -232,8 +233,8 @@ def test_what_is_wrong_in_an_own_card_is_named(old: str, new: str, words: list[s
 def test_what_cannot_be_read_is_named(tmp_path: Path) -> None:
     with pytest.raises(SettingError, match=r"nowhere\.toml: cannot be read"):
         cards.card(tmp_path / "nowhere.toml")
-    with pytest.raises(SettingError, match="larger than 1 MB"):
-        cards.card(_write(tmp_path, "#" * (cards.MAX_BYTES + 1)))
+    with pytest.raises(SettingError, match="too large; accepted are TOML files up to 1 MB"):
+        cards.card(_write(tmp_path, "#" * (MAX_BYTES + 1)))
     (tmp_path / "mine.toml").write_bytes(b"\xff\xfe")
     with pytest.raises(SettingError, match="is not TOML"):
         cards.card(tmp_path / "mine.toml")

@@ -302,6 +302,16 @@ def test_a_late_fix_is_the_truth_of_its_latency_ago(latency):
     assert np.abs(late.velocity_n - then.velocity_n).max() < 6e-4
 
 
+def test_across_a_pole_a_fix_is_where_the_antenna_is():
+    """An IMU 11 m from the pole, an antenna 11 m beyond it: half a turn of longitude apart."""
+    imu, seen = (truth(90 - 1e-4, 5, longitude) for longitude in (-73.7, 106.3))
+    fixes = measure(imu, GpsErrors(**SILENT), GpsDraws.of(1, 5), seen)
+    place = np.stack(pymap3d.geodetic2ecef(*fixes.position.T, deg=False), axis=-1)
+    # What remains is the white noise of 1 mm.
+    assert np.allclose(place, ecef(seen), rtol=0, atol=0.006)
+    assert np.linalg.norm(fixes.position_error, axis=1) == pytest.approx(22.3, abs=0.1)
+
+
 def test_a_reported_error_counts_from_where_the_imu_is_now():
     trajectory, times = turning(), np.arange(1.0, 40)
     errors = GpsErrors(latency=0.3, lever_arm=(1, 2, -3), correlated_sigma=2)

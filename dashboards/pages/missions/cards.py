@@ -60,14 +60,26 @@ class Picture:
         return len(self.svg)
 
 
-def all_cards() -> Iterator[list[dict[str, Any]]]:
-    """Yield the cards of all missions: at once without the pictures, and then with them."""
-    found, broken, own = missions(), broken_missions(), own_names()
+def all_cards(tell: Callable[[str, float], None], editable: bool) -> Iterator[list[dict[str, Any]]]:
+    """Yield the cards of all missions: at once without the pictures, and then with them.
+
+    Parameters
+    ----------
+    tell
+        Called before each picture, with a phrase and the fraction done.
+    editable
+        Whether the user's own can be changed.
+    """
+    found, broken, own = missions(), broken_missions(), own_names() if editable else frozenset()
     cards = [card_of(name, mission, name in own) for name, mission in found.items()]
     wrecks = [_card(name, name in own, problem=reason) for name, reason in broken.items()]
     yield [*cards, *wrecks]
-    drawn = [*(_drawn(card, found[card["name"]]) for card in cards), *wrecks]
-    yield sorted(drawn, key=lambda card: bool(card["problem"]))
+    drawn = []
+    for number, card in enumerate(cards):
+        tell("Drawing the missions", number / len(cards))
+        # A mission that is let go takes its recording along: thousands of them are some gigabytes.
+        drawn.append(_drawn(card, found.pop(card["name"])))
+    yield sorted([*drawn, *wrecks], key=lambda card: bool(card["problem"]))
 
 
 def card_of(name: str, mission: Mission, own: bool) -> dict[str, Any]:

@@ -1,15 +1,30 @@
-"""Dialog: a question over the page with one act, which says in the dialog itself why it was refused."""
+"""Dialog: a question over the page with one act, done in a thread; a refusal is said in the dialog itself."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any
+from typing import Any, NamedTuple
 
 import panel as pn
 import panel_material_ui as pmui
 
-from dashboards.pages.missions.notice import Notice
-from lab.missions import MissionError
+from dashboards.computing import WRITING, Progress
+from dashboards.pages.missions.job import Job
+
+
+class Act(NamedTuple):
+    """What a dialog does.
+
+    Attributes
+    ----------
+    work
+        Called in a thread. A `MissionError` is shown, and the dialog stays.
+    done
+        Called with what it returned, in the page's own thread, once the dialog is closed.
+    """
+
+    work: Callable[[Progress], Any]
+    done: Callable[[Any], None]
 
 
 class Dialog:
@@ -22,7 +37,7 @@ class Dialog:
     word
         What the button of the act says.
     act
-        Called when it is clicked. A `MissionError` is shown, and the dialog stays.
+        Called when it is clicked, to return what is to be done.
     color
         Colour of the button.
 
@@ -32,17 +47,17 @@ class Dialog:
         What is above the buttons.
     """
 
-    def __init__(self, title: str, word: str, act: Callable[[], None], color: str = "primary") -> None:
+    def __init__(self, title: str, word: str, act: Callable[[], Act], color: str = "primary") -> None:
         self._act = act
         self.body = pn.Column(margin=0, sizing_mode="stretch_width")
-        self._problem = Notice()
+        self._job = Job(pool=WRITING)
         cancel = pmui.Button(label="Cancel", variant="text", color="default", margin=(6, 4))
         cancel.on_click(lambda _event: self._close())
         button = pmui.Button(label=word, color=color, margin=(6, 4))
         button.on_click(lambda _event: self._try())
         self.view = pmui.Dialog(
             self.body,
-            self._problem.view,
+            self._job.view,
             pn.Row(cancel, button, align="end", margin=0),
             title=title,
             title_variant="h6",
@@ -51,19 +66,26 @@ class Dialog:
 
     def open(self) -> None:
         """Ask."""
-        self._problem.say("")
+        self._job.say("")
         self.view.open = True
+
+    def close(self) -> None:
+        """Do nothing more."""
+        self._job.close()
 
     def _close(self) -> None:
         self.view.open = False
 
     def _try(self) -> None:
-        try:
-            self._act()
-        except MissionError as error:
-            self._problem.say(str(error))
-        else:
+        if self._job.busy:
+            return
+        act = self._act()
+
+        def done(result: Any) -> None:
             self._close()
+            act.done(result)
+
+        self._job.start("Working", act.work, done)
 
 
 def fill(field: Any, text: str) -> None:

@@ -10,11 +10,11 @@ import panel as pn
 import panel_material_ui as pmui
 
 from dashboards.computing import Progress
+from dashboards.notice import Notice
 from dashboards.pages.missions.entry_fields import WHOLE, WRAP
 from dashboards.pages.missions.import_fields import SettingFields, UnitFields
 from dashboards.pages.missions.job import Job
 from dashboards.pages.missions.naming import Naming
-from dashboards.pages.missions.notice import Notice
 from dashboards.pages.missions.report_html import REPORT_STYLE, report_html
 from dashboards.session import Session
 from lab.missions import Mission, MissionError, add_log

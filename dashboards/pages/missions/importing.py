@@ -6,8 +6,8 @@ import panel as pn
 
 from dashboards.pages.missions.draft import Draft
 from dashboards.pages.missions.entry_fields import WHOLE
-from dashboards.pages.missions.upload import MAX_BYTES, Upload
 from dashboards.session import Session
+from dashboards.upload import MAX_BYTES, Upload
 from lab.missions.readers import READERS
 
 

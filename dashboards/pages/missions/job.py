@@ -4,15 +4,17 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
 from functools import partial
+from html import escape
 from typing import Any, NamedTuple
 
 import panel as pn
 import panel_material_ui as pmui
 
 from dashboards.computing import LONG, LatestWins, Outcome, Progress, attempt
+from dashboards.notice import Notice
 from dashboards.pages.missions.entry_fields import sized
-from dashboards.pages.missions.notice import Notice
 from dashboards.sending import together
 
 TELL = 0.25
@@ -31,6 +33,8 @@ class Job:
     ----------
     cancel
         Called when a person wants an end of it; None where there is no use in that.
+    pool
+        Where the work is done.
 
     Attributes
     ----------
@@ -38,9 +42,9 @@ class Job:
         Progress and what became of it.
     """
 
-    def __init__(self, cancel: Callable[[], None] | None = None) -> None:
+    def __init__(self, cancel: Callable[[], None] | None = None, pool: ThreadPoolExecutor = LONG) -> None:
         self._document = pn.state.curdoc
-        self._work: LatestWins[_Task] = LatestWins(self._attempt, self._deliver, LONG)
+        self._work: LatestWins[_Task] = LatestWins(self._attempt, self._deliver, pool)
         self._told = 0.0
         self._bar = pmui.LinearProgress(value=0, max=100, sizing_mode="stretch_width", margin=(14, 8))
         self._words = pn.pane.HTML("", margin=(4, 4), **sized(210))
@@ -99,7 +103,7 @@ class Job:
         self._document.add_next_tick_callback(callback)
 
     def _show(self, words: str, fraction: float) -> None:
-        self._words.object = f"{words} …"
+        self._words.object = f"{escape(words)} …"
         self._bar.param.update(
             value=round(100 * fraction), variant="determinate" if fraction else "indeterminate"
         )

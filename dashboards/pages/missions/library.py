@@ -10,11 +10,12 @@ import panel as pn
 import panel_material_ui as pmui
 
 from dashboards.computing import LONG, LatestWins, Outcome, Progress, attempt
+from dashboards.notice import Notice
 from dashboards.pages.missions.cards import MissionCards, all_cards
-from dashboards.pages.missions.dialog import Dialog, fill
-from dashboards.pages.missions.notice import Notice
+from dashboards.pages.missions.dialog import Act, Dialog, fill
 from dashboards.sending import together
 from dashboards.session import Session
+from dashboards.visitors import may_edit
 from lab.experiment import Experiment
 from lab.missions import MissionError, delete_mission, describe_mission, missions, rename_mission
 from lab.missions.library import own_place
@@ -39,12 +40,15 @@ class Library:
     def __init__(self, session: Session) -> None:
         self._session = session
         self._document = pn.state.curdoc
-        self._work: LatestWins[str] = LatestWins(self._list, lambda _thing, _outcome: None, LONG)
+        self._work: LatestWins[str] = LatestWins(
+            self._list, lambda _thing, _outcome: None, LONG, at_once=True
+        )
         self._cards = MissionCards(self._act, sizing_mode="stretch_width", margin=(4, 2))
         self._filter = pmui.TextInput(
             label="Filter", placeholder="words of title, origin, tags …", **FIELD | {"max_width": 420}
         )
         self._filter.param.watch(lambda event: self._cards.param.update(filter=event.new), "value_input")
+        self._may_edit = may_edit()
         self._changing = Dialog("Edit mission", "Save", self._change)
         self._name = pmui.TextInput(label="Name", **FIELD)
         self._title = pmui.TextInput(label="Title", **FIELD)
@@ -56,12 +60,13 @@ class Library:
         self._deleting.body[:] = [self._what]
         self._about = ""
         self._message = Notice(closeable=True)
+        # Without dialogs in the page there is nothing a hand-made message could press.
+        dialogs = [self._changing.view, self._deleting.view] if self._may_edit else []
         self.view = pn.Column(
             self._message.view,
             self._filter,
             self._cards,
-            self._changing.view,
-            self._deleting.view,
+            *dialogs,
             sizing_mode="stretch_width",
             margin=0,
         )
@@ -82,10 +87,12 @@ class Library:
     def close(self) -> None:
         """Show nothing more."""
         self._work.close()
+        self._changing.close()
+        self._deleting.close()
 
-    def _list(self, _chosen: str, _progress: Progress) -> Outcome:
+    def _list(self, _chosen: str, progress: Progress) -> Outcome:
         def work() -> None:
-            for cards in all_cards():
+            for cards in all_cards(progress, self._may_edit):
                 assert self._document is not None
                 self._document.add_next_tick_callback(partial(self._show, cards))
 
@@ -107,9 +114,9 @@ class Library:
             self._session.library_changed(name)
         elif what == "filter":
             fill(self._filter, name)
-        elif what == "edit":
+        elif what == "edit" and self._may_edit:
             self._open_changing(name)
-        elif what == "delete":
+        elif what == "delete" and self._may_edit:
             self._open_deleting(name)
 
     def _open_changing(self, name: str) -> None:
@@ -124,19 +131,22 @@ class Library:
         fill(self._tags, ", ".join(mission.tags))
         self._changing.open()
 
-    def _change(self) -> None:
+    def _change(self) -> Act:
         name, new = self._about, self._name.value_input.strip()
-        describe_mission(
-            name,
-            title=self._title.value_input,
-            description=self._words.value_input,
-            tags=self._tags.value_input.split(","),
-        )
-        if new != name.removeprefix("user:"):
-            new = rename_mission(name, new).name
-            self._say(f"{name} is now called {new}.")
-        was_chosen = self._session.experiment.mission == name
-        self._session.library_changed(new if was_chosen else None)
+        title, words = self._title.value_input, self._words.value_input
+        tags = self._tags.value_input.split(",")
+
+        def work(_progress: Progress) -> str:
+            describe_mission(name, title=title, description=words, tags=tags)
+            return name if new == name.removeprefix("user:") else rename_mission(name, new).name
+
+        def done(named: str) -> None:
+            if named != name:
+                self._say(f"{name} is now called {named}.")
+            was_chosen = self._session.experiment.mission == name
+            self._session.library_changed(named if was_chosen else None)
+
+        return Act(work, done)
 
     def _open_deleting(self, name: str) -> None:
         try:
@@ -150,9 +160,12 @@ class Library:
         )
         self._deleting.open()
 
-    def _delete(self) -> None:
+    def _delete(self) -> Act:
         name = self._about
-        delete_mission(name)
-        self._say(f"{name} is deleted.")
-        was_chosen = self._session.experiment.mission == name
-        self._session.library_changed(Experiment().mission if was_chosen else None)
+
+        def done(_nothing: None) -> None:
+            self._say(f"{name} is deleted.")
+            was_chosen = self._session.experiment.mission == name
+            self._session.library_changed(Experiment().mission if was_chosen else None)
+
+        return Act(lambda _progress: delete_mission(name), done)

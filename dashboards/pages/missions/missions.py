@@ -15,6 +15,7 @@ from dashboards.pages.missions.importing import Importing
 from dashboards.pages.missions.library import Library
 from dashboards.pages.missions.recording import Recording
 from dashboards.session import Session
+from dashboards.visitors import may_edit
 from lab.result import Result
 from lab.views.figures import TimeAxis
 
@@ -39,6 +40,9 @@ PARTS: dict[str, Callable[[Session], Part]] = {
 }
 """What makes each part, by what its button says."""
 
+FOR_ALL = ("Library",)
+"""Parts for visitors who may not change the missions; the others are never made."""
+
 
 class Missions(Page):
     """The missions there are, and where new ones come from."""
@@ -49,6 +53,7 @@ class Missions(Page):
     def __init__(self, axis: TimeAxis, session: Session) -> None:
         self._session = session
         self._parts: dict[str, Part] = {}
+        self._titles = list(PARTS) if may_edit() else list(FOR_ALL)
         super().__init__(axis)
 
     @classmethod
@@ -60,11 +65,12 @@ class Missions(Page):
         """Return the choice of parts above the part chosen."""
         self._choice = pmui.RadioButtonGroup(
             sx={"& button": {"whiteSpace": "nowrap", "padding": "4px 14px"}},
-            options=list(PARTS),
-            value=next(iter(PARTS)),
+            options=self._titles,
+            value=self._titles[0],
             size="small",
             color="primary",
             margin=(10, 4, 4, 4),
+            visible=len(self._titles) > 1,
         )
         self._choice.param.watch(lambda _event: self._turn(), "value")
         self._stage = pn.Column(margin=0, sizing_mode="stretch_width", stylesheets=[WHOLE])
@@ -84,6 +90,8 @@ class Missions(Page):
     @property
     def _part(self) -> Part:
         title = self._choice.value
+        if title not in self._titles:  # a hand-made message may choose anything
+            title = self._titles[0]
         if title not in self._parts:
             self._parts[title] = PARTS[title](self._session)
         return self._parts[title]

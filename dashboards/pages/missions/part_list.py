@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from html import escape
 from typing import Any, NamedTuple
 
 import panel as pn
@@ -87,7 +88,7 @@ class PartList:
 
     def _row(self, number: int, part: _Part) -> pn.viewable.Viewable:
         title = pn.pane.HTML(
-            f"<b>{number + 1}</b>&ensp;{spoken(part.word)}", width=120, margin=(16, 6, 4, 10)
+            f"<b>{number + 1}</b>&ensp;{escape(spoken(part.word))}", width=120, margin=(16, 6, 4, 10)
         )
         tools = [
             self._tool("arrow_upward", "Earlier", number, -1, number == 0),

@@ -1,0 +1,56 @@
+"""Log limit: how long a line of the log may be, and how many may come; a visitor can cause any number."""
+
+from __future__ import annotations
+
+import logging
+import time
+
+from panel.io.logging import panel_log_handler
+
+LONGEST = 4000
+"""Longest text of one record, and of its traceback [characters]: a traceback of forty frames fits."""
+AT_ONCE = 100
+"""Records that may come in a row: what one fault in thirty sessions writes."""
+PER_SECOND = 5.0
+"""Records that may come for long [1/s]: more than a person reads, and 40 kB/s if all are of the longest."""
+
+
+class LogLimit(logging.Filter):
+    """Shortens long records, and drops those that come too fast; the next that passes says how many."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self._left, self._filled, self._dropped = float(AT_ONCE), time.monotonic(), 0
+
+    def filter(self, record: logging.LogRecord) -> bool:
+        """Return whether a record is written."""
+        now = time.monotonic()
+        self._left = min(AT_ONCE, self._left + PER_SECOND * (now - self._filled))
+        self._filled = now
+        if self._left < 1:
+            self._dropped += 1
+            return False
+        self._left -= 1
+        text = _shortened(record.getMessage())
+        if self._dropped:
+            text += f" ({self._dropped} records before this one came too fast and were dropped)"
+            self._dropped = 0
+        record.msg, record.args = text, ()
+        if record.exc_info:
+            record.exc_text = _shortened(logging.Formatter().formatException(record.exc_info))
+        return True
+
+
+def _shortened(text: str) -> str:
+    if len(text) <= LONGEST:
+        return text
+    half = LONGEST // 2
+    return f"{text[:half]} … {len(text) - 2 * half} characters left out … {text[-half:]}"
+
+
+def limit_log() -> None:
+    """Limit what this process writes to its log, once."""
+    handlers = [logging.lastResort, panel_log_handler, *logging.getLogger().handlers]
+    for handler in filter(None, handlers):
+        if not any(isinstance(one, LogLimit) for one in handler.filters):
+            handler.addFilter(LogLimit())

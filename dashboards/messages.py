@@ -1,0 +1,140 @@
+"""Messages: what a browser may send over the websocket of a page, and how much of it.
+
+Bokeh's own reading takes whatever its protocol can say: compressed bytes of any size, arrays of any type and
+shape, new models, other documents; and it writes what it cannot read to the log as a whole. A page sends
+little of that. The rest is refused here before it is decoded, and its connection is closed.
+"""
+
+from __future__ import annotations
+
+import logging
+from collections import Counter
+from collections.abc import Iterator
+from typing import Any
+
+from bokeh.protocol.exceptions import ProtocolError
+from bokeh.protocol.message import Message
+from bokeh.protocol.receiver import Receiver
+from bokeh.server.connection import ServerConnection
+from bokeh.server.protocol_handler import ProtocolHandler
+from bokeh.server.views import ws
+
+log = logging.getLogger(__name__)
+
+MAX_TEXT = 64 * 2**10
+"""Longest text of a message [characters]; on a walk over all pages none is longer than 4,000."""
+CHUNK = 2**20
+"""Size of the pieces in which files are uploaded [bytes]: what a message has to have room for."""
+MAX_MESSAGE = CHUNK + 2 * MAX_TEXT
+"""Largest message with all its parts [bytes]."""
+MAX_BUFFERS = 4
+"""Most binary parts of a message; a piece of an upload has one."""
+MAX_EVENTS = 100
+"""Most events of a message; on a walk over all pages none has more than 14."""
+MAX_REASON = 100
+"""Longest reason for a refusal [characters]; the last frame of a websocket holds 123 bytes of it."""
+
+KINDS = frozenset({"ModelChanged", "MessageSent"})
+"""What may happen in a browser: a property of a model changes, or a widget sends something."""
+TYPES = frozenset({"array", "bytes", "event", "map", "number", "object", "set", "typed_array"})
+"""How a browser may encode a value; an object only as one that the page has already."""
+
+
+class BoundedReceiver(Receiver):
+    """Puts messages together, up to the largest accepted."""
+
+    _size = 0
+
+    async def consume(self, fragment: str | bytes) -> Message[Any] | None:
+        """Take the next part of a message; return the message once it is complete.
+
+        Raises
+        ------
+        ProtocolError
+            If it is not a message of a page.
+        """
+        self._size += len(fragment)
+        if self._size > MAX_MESSAGE or (isinstance(fragment, str) and len(fragment) > MAX_TEXT):
+            raise ProtocolError(f"a message is too large; accepted are {MAX_TEXT} characters of text")
+        try:
+            message = await super().consume(fragment)
+            if self._partial is not None:
+                _check_header(self._partial.header)
+            if message is not None:
+                self._size = 0
+                _check_content(message)
+        except ProtocolError as error:
+            raise ProtocolError(ascii(str(error))[1 : 1 + MAX_REASON].removesuffix("'")) from None
+        except Exception as error:  # whatever nonsense makes of Bokeh's own reading
+            raise ProtocolError(f"a message cannot be read: {type(error).__name__}") from None
+        return message
+
+
+class BoundedHandler(ProtocolHandler):
+    """Does what messages ask for, but for another document; what goes wrong is told in a line."""
+
+    async def handle(self, message: Message[Any], connection: ServerConnection) -> Any:
+        """Return the answer to a message."""
+        if message.msgtype not in {"PULL-DOC-REQ", "PATCH-DOC", "SERVER-INFO-REQ"}:
+            raise ProtocolError(f"messages of type {message.msgtype} are not accepted")
+        try:
+            _check_objects(message, connection)
+            return await self._handlers[message.msgtype](message, connection)
+        except Exception as error:
+            log.exception("a message of a page failed")
+            return connection.error(message, f"{type(error).__name__}: {error}"[:MAX_REASON])
+
+
+def _check_header(header: Any) -> None:
+    if not isinstance(header, dict) or not isinstance(header.get("msgid"), str):
+        raise ProtocolError("a message has no identity")
+    parts = header.get("num_buffers", 0)
+    if not isinstance(parts, int) or not 0 <= parts <= MAX_BUFFERS:
+        raise ProtocolError(f"a message has too many binary parts; accepted are {MAX_BUFFERS}")
+
+
+def _check_content(message: Message[Any]) -> None:
+    """Refuse what would become larger than it is, and what a page does not send."""
+    content = message.content
+    events = content.get("events", []) if isinstance(content, dict) else None
+    if not isinstance(events, list) or len(events) > MAX_EVENTS:
+        raise ProtocolError(f"a message is no list of events; accepted are up to {MAX_EVENTS}")
+    if not all(isinstance(event, dict) and event.get("kind") in KINDS for event in events):
+        raise ProtocolError(f"an event is of another kind; accepted are {', '.join(sorted(KINDS))}")
+    used: Counter[str] = Counter()
+    for value in _encoded(content):
+        if value["type"] not in TYPES:
+            raise ProtocolError(f"a value is of a type that pages do not send: {value['type']}")
+        if value["type"] == "bytes":
+            data = value.get("data")
+            if not isinstance(data, dict):
+                raise ProtocolError("bytes are written as text; accepted are binary parts of the message")
+            used[str(data.get("id"))] += 1
+    if used and max(used.values()) > 1:
+        raise ProtocolError("a binary part is used more than once")
+
+
+def _check_objects(message: Message[Any], connection: ServerConnection) -> None:
+    """Refuse models that the page does not have: a browser makes none here."""
+    models = connection.session.document.models
+    for value in _encoded(message.content):
+        if value["type"] == "object" and not (isinstance(value.get("id"), str) and value["id"] in models):
+            raise ValueError("a message names a model that the page does not have")
+
+
+def _encoded(content: Any) -> Iterator[dict[str, Any]]:
+    """Yield the values in a content that name their type."""
+    waiting = [content]
+    while waiting:
+        value = waiting.pop()
+        if isinstance(value, dict):
+            if "type" in value:
+                yield value
+            waiting.extend(value.values())
+        elif isinstance(value, list):
+            waiting.extend(value)
+
+
+def bound_messages() -> None:
+    """Have Bokeh's server read messages with these bounds from now on."""
+    vars(ws).update(Receiver=BoundedReceiver, ProtocolHandler=BoundedHandler)

@@ -1,0 +1,164 @@
+"""Origins: the pages that may talk to the server: its own, under the names and addresses it is reached by."""
+
+from __future__ import annotations
+
+import ipaddress
+import logging
+import socket
+from collections.abc import Iterable
+from typing import Any
+from urllib.parse import urlsplit
+
+from bokeh.server.urls import per_app_patterns
+from bokeh.server.util import check_allowlist
+from panel.io.server import WSHandler
+from tornado.httputil import HTTPServerRequest
+from tornado.web import Application, HTTPError
+
+log = logging.getLogger(__name__)
+
+SETTING = "ins_lab_origins"
+"""Key of the accepted hosts, each with its port, in the settings of the web application."""
+
+WEB_PORT = 80
+"""Port taken for an origin that names none, as Bokeh takes it, for https too."""
+
+
+class OriginError(ValueError):
+    """What was named is not an origin."""
+
+
+def accepted_hosts(address: str, port: int, more: Iterable[str] = ()) -> frozenset[str]:
+    """Return the hosts, each with a port, whose pages may talk to a server.
+
+    Addresses of this computer need not be among them: see `is_accepted`.
+
+    Parameters
+    ----------
+    address
+        Name or address the server listens on.
+    port
+        Port it listens on.
+    more
+        Further hosts, as ``lab.example.org`` or ``lab.example.org:8443``; one without a port is accepted with
+        the server's port and with the usual port of the web.
+
+    Raises
+    ------
+    OriginError
+        If one of them is not a host.
+    """
+    names = {"localhost", "127.0.0.1", "::1", address.lower()} - {"", "0.0.0.0", "::"}
+    if not is_loopback(address):
+        name = socket.gethostname().lower()
+        names |= {name, name.partition(".")[0], f"{name.partition('.')[0]}.local"}
+    hosts = {_with_port(name, port) for name in names}
+    for origin in more:
+        host, own_port = _parsed(origin)
+        hosts |= {_with_port(host, one) for one in ((port, WEB_PORT) if own_port is None else (own_port,))}
+    return frozenset(hosts)
+
+
+def is_loopback(address: str) -> bool:
+    """Return whether only this computer reaches a server that listens on an address."""
+    try:
+        return ipaddress.ip_address(address).is_loopback
+    except ValueError:
+        return address.lower() == "localhost"
+
+
+def is_from_accepted(request: HTTPServerRequest, application: Application) -> bool:
+    """Return whether a request comes from a page that may talk to the server, or from no page at all.
+
+    Tornado's own check lets pass whatever names the same host as origin and as server. With a stranger's name
+    that leads to this computer, a browser does just that for the stranger's page.
+    """
+    origin = request.headers.get("Origin")
+    return origin is None or is_accepted(origin, request, application)
+
+
+def is_accepted(origin: str, request: HTTPServerRequest, application: Application) -> bool:
+    """Return whether a page of an origin may talk to the server.
+
+    It may where the server was told its host, and where its host is the address of this computer that the
+    request arrived at. No name is looked up: a stranger's name may lead here.
+    """
+    try:
+        host, port = _parsed(origin)
+    except OriginError:
+        return False
+    if urlsplit(origin).scheme not in {"http", "https"}:
+        return False
+    port = WEB_PORT if port is None else port
+    told = {*application.settings.get(SETTING, ()), *getattr(application, "websocket_origins", ())}
+    return check_allowlist(_with_port(host, port), sorted(told)) or (host, port) == _reached(request)
+
+
+def _reached(request: HTTPServerRequest) -> tuple[str, int] | None:
+    """Return the address and port of this computer that a request arrived at."""
+    stream: Any = getattr(request.connection, "stream", None)
+    try:
+        address, port, *_ = stream.socket.getsockname()
+        return _plain(address), int(port)
+    except (AttributeError, OSError, ValueError):  # closed meanwhile, or no socket of the internet
+        return None
+
+
+def _parsed(origin: str) -> tuple[str, int | None]:
+    """Return the host and the port of an origin, with or without its scheme."""
+    refusal = OriginError(
+        f"{origin!r} is not a host of a page; accepted are such as lab.example.org and 192.0.2.7:8443"
+    )
+    try:
+        parts = urlsplit(origin if "://" in origin else f"//{origin}")
+        host, port = parts.hostname, parts.port
+    except ValueError as error:
+        raise refusal from error
+    more = parts.path.strip("/") or parts.query or parts.fragment or parts.username is not None
+    if not host or more or not all(sign.isalnum() or sign in "-._:" for sign in host):
+        raise refusal
+    return _plain(host), port
+
+
+def _plain(host: str) -> str:
+    """Return a host in one way of writing it: an IPv4 address inside an IPv6 one as itself."""
+    try:
+        address = ipaddress.ip_address(host)
+    except ValueError:
+        return host.lower()
+    return str(getattr(address, "ipv4_mapped", None) or address)
+
+
+def _with_port(host: str, port: int) -> str:
+    return f"[{host}]:{port}" if ":" in host else f"{host}:{port}"
+
+
+class PageSocket(WSHandler):
+    """The websocket of a page, open to the pages this server accepts."""
+
+    async def get(self, *args: Any, **kwargs: Any) -> None:
+        """Open it for the pages accepted."""
+        if not is_from_accepted(self.request, self.application):
+            origin = self.request.headers["Origin"]
+            log.warning("a page of %.200r was refused; `--origin HOST` accepts one more", origin)
+            raise HTTPError(403)
+        await super().get(*args, **kwargs)
+
+    def check_origin(self, origin: str) -> bool:
+        """Accept every origin: whether it is accepted was asked before."""
+        return True
+
+    def _protocol_error(self, message: str) -> None:
+        """Close with a code that browsers know; Bokeh's own is none, so that they wait for another."""
+        log.warning("the websocket of a page is closed: %s", message)
+        self.close(1008, message)
+
+    _internal_error = _protocol_error
+
+
+def check_origins_of_pages() -> None:
+    """Have the servers made from now on check the origins of pages here; Bokeh's own way knows names only."""
+    per_app_patterns[:] = [
+        (pattern[0], PageSocket) if issubclass(pattern[1], WSHandler) else pattern
+        for pattern in per_app_patterns
+    ]

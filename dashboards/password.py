@@ -1,0 +1,134 @@
+"""Password: the one that whoever opens the page has to give, once in a browser."""
+
+from __future__ import annotations
+
+import asyncio
+import hmac
+from collections.abc import Callable
+from html import escape
+from typing import Any
+from urllib.parse import urlsplit
+
+from bokeh.server.auth_provider import AuthProvider
+from tornado.web import RequestHandler
+
+COOKIE = "ins_lab_visitor"
+DAYS = 7
+"""How long a browser is remembered [days], at the longest until the server ends."""
+PENALTY = 1.0
+"""Time that the answer to a wrong password takes [s]: it bounds how many can be tried."""
+TRIES = 8
+"""Wrong passwords that may wait for their answer at once: eight guesses a second in all."""
+
+_PAGE = """<!DOCTYPE html>
+<html lang="en">
+<head><meta charset="utf-8"><meta name="viewport" content="width=device-width"><title>INS Lab</title></head>
+<body style="font-family: sans-serif; max-width: 22em; margin: 15vh auto; padding: 0 1em">
+<h1>INS Lab</h1>
+<form method="post">
+<p><label>Password <input type="password" name="password" autocomplete="current-password" autofocus></label>
+<button>Open</button></p>
+<p role="alert">{problem}</p>
+</form>
+</body>
+</html>
+"""
+
+
+class Password(AuthProvider):
+    """Lets those in who have given the password.
+
+    Parameters
+    ----------
+    password
+        The password.
+    """
+
+    def __init__(self, password: str) -> None:
+        self._password = password.encode()
+        self.waiting = 0
+        super().__init__()
+
+    def is_right(self, password: str) -> bool:
+        """Return whether a password is the right one, in a time that does not tell how near it is."""
+        return hmac.compare_digest(password.encode(errors="replace"), self._password)
+
+    @property
+    def get_user(self) -> Callable[[Any], Any]:
+        """Function that returns who asks: a visitor who has given the password, or nobody."""
+        return _visitor
+
+    @property
+    def login_url(self) -> str:
+        """Where the password is asked for."""
+        return "/login"
+
+    @property
+    def login_handler(self) -> type[RequestHandler]:
+        """What asks for it."""
+        return PasswordHandler
+
+    @property
+    def get_user_async(self) -> None:
+        """Nothing: who asks is known at once."""
+
+    @property
+    def get_login_url(self) -> None:
+        """Nothing: the password is asked for in one place."""
+
+    @property
+    def logout_url(self) -> None:
+        """Nothing: there is no way out but to forget the cookie."""
+
+    @property
+    def logout_handler(self) -> None:
+        """Nothing, as `logout_url`."""
+
+
+class PasswordHandler(RequestHandler):
+    """Asks for the password, and leads to the page."""
+
+    def get(self) -> None:
+        """Ask."""
+        self._ask("")
+
+    async def post(self) -> None:
+        """Let in whoever gave the password; the answer to a wrong one takes a moment."""
+        provider: Password = self.application.auth_provider  # type: ignore[attr-defined]  # of Bokeh's application
+        if provider.waiting >= TRIES:
+            self.set_status(429)
+            self._ask("Too many wrong passwords were given. Try again in a moment.")
+            return
+        if not provider.is_right(self.get_body_argument("password", "", strip=False)):
+            provider.waiting += 1
+            try:
+                await asyncio.sleep(PENALTY)
+            finally:
+                provider.waiting -= 1
+            self.set_status(403)
+            self._ask("This is not the password.")
+            return
+        secure = self.request.protocol == "https"
+        self.set_signed_cookie(
+            COOKIE, "visitor", expires_days=DAYS, httponly=True, samesite="Lax", secure=secure
+        )
+        self.redirect(_own(self.get_query_argument("next", "/")))
+
+    def _ask(self, problem: str) -> None:
+        self.set_header("Cache-Control", "no-store")
+        self.write(_PAGE.format(problem=escape(problem)))
+
+
+def _visitor(handler: Any) -> str | None:
+    found = handler.get_signed_cookie(COOKIE, max_age_days=DAYS)
+    return None if found is None else "visitor"
+
+
+def _own(address: str) -> str:
+    """Return an address if it is one of this server, and else that of its page."""
+    try:
+        parts = urlsplit(address)
+    except ValueError:
+        return "/"
+    foreign = parts.scheme or parts.netloc or "\\" in address or not address.startswith("/")
+    return "/" if foreign or address.startswith("//") or not address.isprintable() else address

@@ -1,0 +1,118 @@
+"""Spline windows: a spline through very many knots, as splines through windows of them, made when asked for.
+
+A spline through millions of knots takes kilobytes a knot while it is solved. A knot changes a cubic spline
+less by a factor of 3.7 from knot to knot, so a window that reaches `OVERLAP` knots further on both sides
+gives the same curve to the last digit.
+"""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Callable
+from typing import Generic, TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.interpolate import CubicSpline
+
+FloatArray = NDArray[np.float64]
+Spline = TypeVar("Spline")
+
+WINDOW = 2**17
+"""Knots in a window: 11 minutes at 200 Hz, which need some 130 MB while they are solved. A flight with fewer
+is one spline, which is kept."""
+OVERLAP = 64
+"""Knots by which a window reaches over its ends: 3.7 to the power of 64 is 10 to the power of 36, beyond all
+digits."""
+
+
+class SplineWindows(Generic[Spline]):
+    """A spline that is made window by window.
+
+    Parameters
+    ----------
+    times : (n,) array
+        Knots [s].
+    make
+        Gives the spline through the knots of a slice.
+
+    Attributes
+    ----------
+    only
+        The spline, if all knots are in one window; otherwise None.
+    """
+
+    def __init__(self, times: FloatArray, make: Callable[[slice], Spline]) -> None:
+        self.only = make(slice(None)) if times.size <= WINDOW else None
+        self._knots = times.size
+        if self.only is not None:
+            return
+        self._make = make
+        self._starts = np.arange(0, times.size - 1, WINDOW)
+        self._ends = times[self._starts[1:]]
+        # Who goes through a flight in order asks for the same window many times.
+        self._last: tuple[int, Spline] | None = None
+        self._lock = threading.Lock()
+
+    @property
+    def kept(self) -> int:
+        """Knots whose spline is kept, at most."""
+        return min(self._knots, WINDOW + 2 * OVERLAP)
+
+    def __call__(self, times: FloatArray, evaluate: Callable[[Spline, FloatArray], FloatArray]) -> FloatArray:
+        """Return what a function makes of the spline at times in any order, rows in that order.
+
+        Parameters
+        ----------
+        times : (m,) array
+            Times within the knots [s].
+        evaluate
+            Called with the spline of a window and the times in it.
+        """
+        if self.only is not None:
+            return evaluate(self.only, times)
+        windows = np.searchsorted(self._ends, times, side="right")
+        parts = [(windows == window, int(window)) for window in np.unique(windows)]
+        if len(parts) < 2:
+            return evaluate(self._window(parts[0][1] if parts else 0), times)
+        values = [evaluate(self._window(window), times[here]) for here, window in parts]
+        out = np.empty((times.size, *values[0].shape[1:]))
+        for (here, _), value in zip(parts, values, strict=True):
+            out[here] = value
+        return out
+
+    def _window(self, window: int) -> Spline:
+        """Return the spline of a window."""
+        with self._lock:
+            if self._last is None or self._last[0] != window:
+                start = int(self._starts[window])
+                self._last = None  # not two at a time
+                around = slice(max(start - OVERLAP, 0), start + WINDOW + 1 + OVERLAP)
+                self._last = window, self._make(around)
+            return self._last[1]
+
+
+class CubicCurve:
+    """SciPy's `CubicSpline` through values.
+
+    Parameters
+    ----------
+    times : (n,) array
+        Knots [s].
+    values : (n, 3) array
+        Values at the knots.
+    """
+
+    def __init__(self, times: FloatArray, values: FloatArray) -> None:
+        self._spline = SplineWindows(times, lambda part: CubicSpline(times[part], values[part]))
+        self._values = values if self._spline.only is None else values[:0].copy()
+
+    def __call__(self, times: FloatArray, derivative: int = 0) -> FloatArray:
+        """Return the values, or a derivative of them in time, at times within the knots (m, 3)."""
+        return self._spline(times, lambda spline, at: np.asarray(spline(at, derivative)))
+
+    @property
+    def nbytes(self) -> int:
+        """Memory of what is kept, beside the knots [bytes]."""
+        # Four coefficients of each component, and a time.
+        return self._spline.kept * (4 * 3 + 1) * 8 + int(self._values.nbytes)

@@ -1,0 +1,84 @@
+"""Evidence: its sums of squares of hand-made errors, in closed form."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from lab.analysis.errors import error_state
+from lab.analysis.evidence import BLOCKS, Reference, between_squares, nees_squares, usage
+from lab.experiment import Experiment
+from lab.navigation.belief import belief
+from lab.navigation.error_models import VEL
+from lab.navigation.solution import Solution
+from lab.trajectory import Truth
+
+STEP = 0.5
+
+
+def flown(duration: float, fixes: int) -> tuple[Solution, Reference]:
+    """Return a solution without errors, of σ 2 in all states, and the truth of a vehicle at rest."""
+    n = round(duration / STEP) + 1
+    solution = Solution.empty(n, fixes)
+    solution.position[:] = 0.7, 0.1, 500.0
+    solution.q_nb[:] = 1.0, 0.0, 0.0, 0.0
+    solution.variance[:], solution.fix_covariance[:] = 4.0, 4.0 * np.eye(15)
+    for rest in (solution.velocity_n, solution.bias, solution.covariance):
+        rest[:] = 0.0
+    latitude, longitude, height = solution.position.T.copy()
+    zero = np.zeros((n, 3))
+    truth = Truth(100 + STEP * np.arange(n), latitude, longitude, height, zero, solution.q_nb.copy(), zero)
+    return solution, Reference(truth, np.zeros((n, 6)), zero[1:], zero[1:])
+
+
+@pytest.mark.parametrize(("duration", "epochs"), [(240.0, 4), (30.0, 1)])
+def test_nees_counts_the_fixes_used_once_a_minute(duration: float, epochs: int) -> None:
+    solution, reference = flown(duration, 4)
+    solution.fix_sample[:] = 7, 9, -1, 20
+    solution.velocity_n[7], solution.velocity_n[20] = (2.0, 4.0, 0.0), (0.0, 0.0, 2.0)
+    solution.velocity_n[8] = 1e3  # no fix here
+    used = np.array([0, 1, 3])
+    found = nees_squares(solution, used, reference, VEL)
+    assert found.total == pytest.approx(epochs * (5 + 0 + 1) / 3)
+    assert found.number == 3 * epochs
+    assert nees_squares(solution, used, reference).number == 15 * epochs
+    assert nees_squares(solution, used[:0], reference).number == 0
+
+
+def test_between_fixes_the_position_is_judged_each_second_and_just_before_each_fix() -> None:
+    solution, reference = flown(240.0, 0)
+    fixes = np.array([0, 2, 32, 64])  # after 0, 1, 16 and 32 s
+    solution.covariance[:, 0] = 0.0, 2.0, 0.0  # of north and down
+    # 6 m too deep half a second before the fixes, far off where nobody looks.
+    solution.position[1::2, 2] += 1e3
+    solution.position[[1, 31, 63], 2] = 494.0
+    found = between_squares(solution, fixes, reference)
+    # The inverse of [[4, 2], [2, 4]] has 1/3 on its diagonal; 239 whole seconds, and three samples beside.
+    assert found.total == pytest.approx(4 * 3 * 36 / 3 / (239 + 3))
+    assert found.number == 4 * 3
+    still, short = flown(0.5, 0)
+    assert between_squares(still, fixes[:0], short).number == 0
+
+
+def test_usage_counts_what_the_gate_should_reject() -> None:
+    solution, _ = flown(10.0, 5)
+    solution.fix_sample[:] = 3, -1, 5, -1, -1
+    solution.fix_rejected[[1, 3]] = True
+    found = usage(solution, 0.9)
+    assert (found.offered, found.used, found.rejected) == (4, 2, 2)
+    assert found.expected == pytest.approx(0.4)
+    assert usage(solution, 0.0).expected == 0
+
+
+def test_the_start_is_judged_by_p0_in_whole_and_by_blocks() -> None:
+    experiment = Experiment(mission="montreal", seed=3)
+    result = experiment.run()
+    first = np.zeros(1, dtype=np.int64)
+    x = error_state(result.solution_arrays, first, result.known_truth("errors"), result.true_bias)[0]
+    P0 = belief(experiment.sensors, experiment.navigator).P0
+    found = result.evidence.start
+    assert result.evidence.runs == 1
+    for at, block in enumerate((slice(None), *BLOCKS.values())):
+        expected = x[block] @ np.linalg.solve(P0[block, block], x[block])
+        assert found.total[at] == pytest.approx(expected, rel=1e-9)
+        assert found.number[at] == x[block].size

@@ -1,0 +1,177 @@
+"""What strangers write, in links, files and missions, is text on every page; the headers allow no more."""
+
+from __future__ import annotations
+
+import re
+import subprocess
+import sys
+import time
+from collections.abc import Iterator
+from pathlib import Path
+from urllib.error import HTTPError, URLError
+from urllib.parse import urlencode, urlparse
+from urllib.request import urlopen
+
+import pytest
+from playwright.sync_api import Browser, BrowserContext, Page, expect
+
+from lab.missions import add_mission, mission
+from tests.browser.conftest import HARMLESS, IDLE, ROOT, free_port
+
+pytestmark = pytest.mark.browser
+
+Strange = tuple[BrowserContext, list[str]]
+
+RUN = "window.ran = true"
+ATTRIBUTE = f'<img id="tried" src="data:," onerror="{RUN}">'
+
+PATIENCE = 60.0
+"""Time a server may take to answer [s]: it compiles nothing, but imports a lot."""
+
+
+def mark(place: str) -> str:
+    """Return a text that asks the server for something wherever it is taken for HTML, Markdown or TeX."""
+    return f'<img src="/stranger-{place}"> ![{place}](/stranger-{place}) $$\\text{{{place}}}$$'
+
+
+FILES = {
+    f"mission = '{mark('settings')}'": "stranger-settings",
+    f"'{mark('unknown')}' = 1": "stranger-unknown",
+    f"seed = {'1' * 5000}": "1000 characters",
+}
+"""Settings files, and what is said of them."""
+
+
+@pytest.fixture(scope="module")
+def server(own_missions: Path) -> Iterator[str]:
+    """Return the address of the laboratory as people serve it, with a mission and a wreck of a stranger."""
+    add_mission(
+        mission("los_angeles").recording,
+        "mine",
+        title=mark("title"),
+        description=mark("description"),
+        origin=mark("origin"),
+        aircraft=mark("aircraft"),
+        airport=mark("airport"),
+        tags=[mark("tag")],
+        overwrite=True,
+    )
+    wreck = own_missions / "wreck.toml"
+    wreck.write_text(f"title = 'x'\nrecording = 'x.csv'\n'{mark('key')}' = 1\n")
+    port = free_port()
+    command = [sys.executable, "-c", "from lab.cli import main; main()", "serve", "--no-browser"]
+    with subprocess.Popen([*command, "--port", str(port)], cwd=ROOT, stdout=subprocess.DEVNULL) as process:
+        try:
+            _wait(f"http://localhost:{port}/favicon.ico", process)
+            yield f"http://localhost:{port}"
+        finally:
+            process.terminate()
+    for path in own_missions.iterdir():
+        path.unlink()
+
+
+def _wait(address: str, process: subprocess.Popen[bytes]) -> None:
+    deadline = time.monotonic() + PATIENCE
+    while process.poll() is None and time.monotonic() < deadline:
+        try:
+            urlopen(address).close()
+        except URLError:
+            time.sleep(0.1)
+        else:
+            return
+    pytest.fail(f"{address} was not served")
+
+
+@pytest.fixture
+def strange(chromium: Browser) -> Iterator[tuple[BrowserContext, list[str]]]:
+    """Return a browser window, and a list of what it was asked for and complained about."""
+    context, wrong = chromium.new_context(), list[str]()
+    context.set_default_timeout(PATIENCE * 1000)
+    context.on(
+        "request", lambda one: wrong.append(one.url) if "/stranger" in urlparse(one.url).path else None
+    )
+    context.on(
+        "console",
+        lambda message: (
+            wrong.append(message.text)
+            if message.type in {"error", "warning"} and not any(word in message.text for word in HARMLESS)
+            else None
+        ),
+    )
+    context.on("weberror", lambda error: wrong.append(str(error.error)))
+    yield context, wrong
+    context.close()
+    assert wrong == []
+
+
+def opened(strange: Strange, address: str) -> Page:
+    page = strange[0].new_page()
+    page.goto(address)
+    page.wait_for_function(IDLE)
+    return page
+
+
+def test_what_an_address_says_is_text_and_its_scripts_do_not_run(strange: Strange, server: str) -> None:
+    names = ("mission", "seed", "sensors.gyro.noise_density", "navigator.model", mark("name"))
+    page = opened(strange, f"{server}/?{urlencode({name: mark(name) for name in names})}")
+    for name in ("mission", "seed", "noise_density", "model", "name"):
+        expect(page.get_by_role("alert")).to_contain_text(f'{name}"> ![')
+    assert strange[1] == []
+    # Were a text ever taken for markup again, its script would not run.
+    page.evaluate(f"document.body.insertAdjacentHTML('beforeend', {ATTRIBUTE!r})")
+    page.evaluate(f"document.body.append(Object.assign(document.createElement('script'), {{text: {RUN!r}}}))")
+    page.wait_for_function("document.getElementById('tried').complete")
+    assert page.evaluate("window.ran") is None
+    assert {"Content Security Policy" in text for text in strange[1]} == {True}
+    strange[1].clear()
+
+
+def test_what_a_mission_and_a_file_say_is_text_on_every_page(
+    strange: Strange, server: str, tmp_path: Path
+) -> None:
+    page = opened(strange, f"{server}/?mission=mine")
+    page.wait_for_function(
+        "Bokeh.documents[0].get_model_by_name('time:position_east')?.data.time?.length > 100"
+    )
+    for tab in page.get_by_role("tab").all():
+        tab.click()
+        page.wait_for_function(IDLE)
+    page.get_by_role("tab", name="Summary", exact=True).click()
+    expect(page.get_by_text("stranger-title").first).to_be_visible()
+    page.get_by_role("tab", name="3-D", exact=True).click()
+    expect(page.frame_locator("iframe").get_by_text("Connected")).to_be_visible(timeout=PATIENCE * 1000)
+    page.get_by_role("tab", name="Missions", exact=True).click()
+    card = page.locator("article[data-name='mine']")
+    expect(card).to_contain_text('<img src="/stranger-title">')
+    expect(page.locator("article[data-name='wreck']")).to_contain_text("stranger-key")
+    card.get_by_role("button", name="Edit mine").click()
+    expect(page.get_by_role("textbox", name="Title")).to_have_value(re.compile("^<img"))
+    page.get_by_role("button", name="Save").click()
+    with page.expect_download() as download:
+        page.get_by_role("button", name="Settings", exact=True).click()
+    assert "mine" in download.value.path().read_text(encoding="utf-8")
+    for text, words in FILES.items():
+        (tmp_path / "x.toml").write_text(text)
+        with page.expect_file_chooser() as chooser:  # each is the same file, changed, as a person chooses it
+            page.locator("label:has(input[accept='.toml'])").click()
+        chooser.value.set_files(tmp_path / "x.toml")
+        expect(page.get_by_role("alert").filter(has_text=words)).to_be_visible(timeout=PATIENCE * 1000)
+
+
+PATHS = {"": 200, "static/js/bokeh.min.js": 200, "favicon.ico": 200, "nowhere": 404, "static/nowhere": 404}
+
+
+@pytest.mark.parametrize("path", PATHS)
+def test_every_answer_has_the_headers(server: str, path: str) -> None:
+    try:
+        with urlopen(f"{server}/{path}") as answer:
+            status, headers = answer.status, answer.headers
+    except HTTPError as error:
+        status, headers = error.code, error.headers
+    assert status == PATHS[path]
+    assert headers["X-Content-Type-Options"] == "nosniff"
+    assert headers["Referrer-Policy"] == "same-origin"
+    assert "frame-ancestors 'self'" in headers["Content-Security-Policy"]
+    (scripts,) = re.findall(r"script-src ([^;]*)", headers["Content-Security-Policy"])
+    assert "'unsafe-inline'" not in scripts
+    assert "http" not in scripts

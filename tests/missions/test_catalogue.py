@@ -1,0 +1,79 @@
+"""The catalogue: what has not changed is not read again, and what has changed is."""
+
+from __future__ import annotations
+
+import os
+import time
+from pathlib import Path
+
+import pytest
+
+from lab.missions import broken_missions, catalogue, mission, missions
+from lab.missions.catalogue import OWN_FOLDER_VARIABLE
+from lab.missions.mission import Mission
+
+
+@pytest.fixture
+def own(tmp_path, monkeypatch) -> Path:
+    """Return a folder with three missions that were written a while ago."""
+    monkeypatch.setenv(OWN_FOLDER_VARIABLE, str(tmp_path))
+    monkeypatch.setattr(catalogue, "_SETTLED", -1.0)
+    for name in ("one", "two", "three"):
+        write(tmp_path / f"{name}.toml", name)
+        (tmp_path / f"{name}.csv").write_text("never read here")
+    return tmp_path
+
+
+@pytest.fixture
+def read(monkeypatch) -> list[str]:
+    """Return the names of the TOML files that are read from now on."""
+    names: list[str] = []
+    from_toml = Mission.from_toml.__func__
+
+    def told(cls, path, name=None):
+        names.append(path.name)
+        return from_toml(cls, path, name)
+
+    monkeypatch.setattr(Mission, "from_toml", classmethod(told))
+    return names
+
+
+def write(path: Path, title: str) -> None:
+    path.write_text(f'title = "{title}"\nrecording = "{path.stem}.csv"\n')
+
+
+def test_only_what_changed_is_read_again(own, read):
+    assert {"one", "two", "three"} <= set(missions())
+    read.clear()
+    assert mission("two").title == "two"
+    assert {"one", "two", "three"} <= set(missions())
+    assert read == []
+    write(own / "two.toml", "TWO")  # as long as before
+    os.utime(own / "two.toml", (time.time() + 5,) * 2)
+    assert missions()["two"].title == "TWO"
+    assert read == ["two.toml"]
+
+
+@pytest.mark.filterwarnings("ignore:mission left out")
+def test_what_is_new_or_gone_shows_at_once(own):
+    assert "one" in missions()
+    (own / "one.toml").unlink()
+    (own / "two.csv").unlink()
+    write(own / "four.toml", "four")
+    (own / "four.csv").write_text("")
+    found = missions()
+    assert "one" not in found
+    assert "four" in found
+    assert "does not exist" in broken_missions()["two"]
+
+
+def test_what_was_just_written_is_read_again(own, read, monkeypatch):
+    monkeypatch.setattr(catalogue, "_SETTLED", 2.0)
+    missions()
+    read.clear()
+    missions()
+    assert {"one.toml", "two.toml", "three.toml"} <= set(read)
+
+
+def test_a_listing_does_not_keep_what_was_read_through_another(own):
+    assert missions()["one"] is not missions()["one"]

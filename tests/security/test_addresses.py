@@ -1,0 +1,146 @@
+"""An address and an uploaded settings file come from a stranger: bounded, and read by declarations."""
+
+from __future__ import annotations
+
+import re
+import threading
+import time
+from collections.abc import Iterator
+from pathlib import Path
+from urllib.parse import urlencode
+
+import panel as pn
+import pytest
+from bokeh.document import Document
+from hypothesis import given
+from hypothesis import strategies as st
+from panel.io.state import set_curdoc
+
+from dashboards import exchange
+from dashboards.exchange import Files, experiment_of, experiment_of_query, query
+from dashboards.session import Session
+from lab import Experiment, SettingError
+
+Uploading = tuple[Files, Session, Document]
+
+SECONDS = 1.0
+"""Time an address may take [s]: everybody else waits meanwhile."""
+
+LONG = 60_000
+"""Length of the longest address a server takes [characters]."""
+
+HOSTILE = {
+    "TOML after a seed": urlencode({"seed": "1\n" + "a" + ".a" * (LONG // 2) + " = 1"}),
+    "TOML in place of a seed": urlencode({"seed": "{" + "a" + ".a" * (LONG // 2) + " = 1}"}),
+    "many digits": f"seed={'1' * LONG}",
+    "many hexadecimal digits": f"seed=0x{'f' * LONG}",
+    "deep lists": f"sensors.gps.outages={'[' * LONG}",
+    "a deep path": "a" + ".a" * (LONG // 2) + "=1",
+    "a long path": f"{'a' * LONG}=1",
+    "a long mission": f"mission={'a' * LONG}",
+    "many unknown settings": "&".join(f"sed{number}=1" for number in range(190)),
+    "many settings": "&".join("a=1" for _ in range(LONG // 4)),
+    "a long list": f"sensors.gps.outages=[{'[1,2],' * 9000}[3,4]]",
+}
+
+
+@pytest.mark.parametrize("name", HOSTILE)
+def test_a_hostile_address_costs_little_and_is_answered_in_a_sentence(name: str) -> None:
+    begun = time.process_time()
+    experiment, problems = experiment_of_query(HOSTILE[name])
+    assert time.process_time() - begun < SECONDS
+    assert experiment.to_dict() == Experiment().to_dict() or name == "a long mission"
+    assert problems or name == "a long mission"
+    assert len("".join(problems)) < 20_000
+
+
+def test_an_address_sets_only_what_it_names() -> None:
+    experiment, problems = experiment_of_query(urlencode({"seed": "1\nmission = 'los_angeles'"}))
+    assert (experiment.seed, experiment.mission) == (1, "montreal")
+    assert "a whole number" in problems[0]
+
+
+def test_what_an_address_was_made_of_comes_back() -> None:
+    experiment = Experiment(mission="los_angeles", seed=2**32 - 1)
+    experiment.update(
+        {
+            "sensors": {"gps": {"outages": [[3, 5], [7, 8.5]]}, "gyro": {"noise_density": [0.1, 0.2, 0.3]}},
+            "navigator": {"p0": [1e-12] * 15, "states": 15, "smoother": True, "model": "psi"},
+        }
+    )
+    again, problems = experiment_of_query(query(experiment))
+    assert (again.to_dict(), problems) == (experiment.to_dict(), [])
+
+
+@given(st.text(max_size=60), st.sampled_from([path for path, _, _ in Experiment().leaves()]))
+def test_no_value_whatsoever_raises_anything_but_a_setting_error(text: str, path: str) -> None:
+    experiment_of_query(urlencode({path: text}))
+
+
+@pytest.fixture
+def files() -> Iterator[Uploading]:
+    pn.extension()
+    document = Document()
+    with set_curdoc(document):
+        session = Session(document)
+        made = Files(session)
+    yield made, session, document
+    made.close()
+    session.close()
+
+
+def upload(files: Uploading, content: bytes, folder: Path) -> None:
+    """Upload a file, and do what the thread that read it asks the page to do."""
+    document, path = files[2], folder / "settings.toml"
+    path.write_bytes(content)
+    with set_curdoc(document):
+        files[0]._uploaded([path])
+    deadline = time.monotonic() + 10
+    while not (asked := document.session_callbacks) and time.monotonic() < deadline:
+        time.sleep(0.01)
+    asked[0].callback()
+
+
+def test_an_uploaded_file_is_read_in_a_thread(
+    files: Uploading, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    threads: list[threading.Thread] = []
+
+    def read(content: bytes) -> Experiment:
+        threads.append(threading.current_thread())
+        return experiment_of(content)
+
+    monkeypatch.setattr(exchange, "experiment_of", read)
+    upload(files, b"seed = 5", tmp_path)
+    assert files[1].experiment.seed == 5
+    assert threads != [threading.current_thread()]
+
+
+@pytest.mark.parametrize(
+    ("content", "words"),
+    [
+        (b"\xff\xfe", "not text"),
+        (b"#" * (2**20 + 1), "too large"),
+        (b"seed = [", "not TOML"),
+        (b"a" + b".a" * 20_000 + b" = 1", "a key of more than 8 parts"),
+        (b"seed = " + b"1" * 5000, "a number or a key of more than 1000 characters"),
+        (b"seed = " + b"[" * 5000, "brackets inside one another"),
+        (b"<img src=x> = 1", "not TOML"),
+        (b"sede = 1", "Did you mean seed"),
+        (b"mission = '/etc/passwd'", "no such mission"),
+    ],
+)
+def test_what_is_wrong_with_an_uploaded_file_is_said(
+    files: Uploading, tmp_path: Path, content: bytes, words: str
+) -> None:
+    upload(files, content, tmp_path)
+    assert re.search(words, files[1].problem)
+    assert len(files[1].problem) < 1000
+
+
+def test_what_is_in_an_uploaded_file_is_never_the_name_of_another(tmp_path: Path) -> None:
+    secret = tmp_path / "secret.toml"
+    secret.write_text("password = 'beware'")
+    with pytest.raises(SettingError) as caught:
+        experiment_of(str(secret).encode())
+    assert "password" not in str(caught.value)

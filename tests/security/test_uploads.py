@@ -1,0 +1,185 @@
+"""Uploads are bounded, and gone once their server is, however it ended; saving lets others work."""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+import tempfile
+import threading
+import time
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+from bokeh.document import Document
+from bokeh.server.callbacks import NextTickCallback
+from panel.io.state import set_curdoc
+
+from dashboards import exchange
+from dashboards.computing import LatestWins
+from dashboards.exchange import Files
+from dashboards.pages.missions.job import Job
+from dashboards.pages.missions.library import Library
+from dashboards.session import Session
+from dashboards.upload import PREFIX, Upload, remove_abandoned
+from dashboards.visitors import VARIABLE
+from lab.missions import MissionError, add_mission, describe_mission, mission, missions
+from lab.missions import library as mission_library
+from lab.missions.folder_lock import folder_lock, hold
+
+ROOT = Path(__file__).parents[2]
+posix_only = pytest.mark.skipif(sys.platform == "win32", reason="Windows has no such signals")
+
+
+@pytest.fixture
+def temporary(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """Return the folder for temporary files."""
+    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
+    return tmp_path
+
+
+@pytest.fixture
+def document() -> Iterator[Document]:
+    made = Document()
+    with set_curdoc(made):
+        yield made
+
+
+def test_a_settings_file_is_refused_before_it_is_whole(document: Document, temporary: Path) -> None:
+    session = Session(document)
+    files = Files(session)
+    upload = files._upload
+    upload._send_msg = lambda _message: None
+    piece = bytes(2**18)
+    for chunk in range(1, 41):  # 10 MB of the 600 that were taken
+        upload._handle_msg(
+            {"status": "upload_event", "name": "a.toml", "chunk": chunk, "total_chunks": 2400, "data": piece}
+        )
+        kept = sum(path.stat().st_size for path in temporary.rglob("*") if path.is_file())
+        assert kept <= exchange.MAX_BYTES
+    assert not upload._file_buffer
+    upload._handle_msg({"status": "finished"})
+    assert "accepted are up to 1 MB" in session.problem
+    for text, seed in ((b"seed = 7", 7), (b"\xff", 7), (b"seed = 8", 8)):
+        piece_of = {"name": "b.toml", "chunk": 1, "total_chunks": 1, "data": text}
+        upload._handle_msg({"status": "upload_event", **piece_of})
+        upload._handle_msg({"status": "finished"})
+        _settle(document, files._reading)
+        assert session.experiment.seed == seed
+    files.close()
+    session.close()
+    assert list(temporary.iterdir()) == []
+
+
+@pytest.mark.parametrize("data", [10**9, "text", None, [1, 2], {"a": 1}])
+def test_a_piece_that_is_no_bytes_is_empty(temporary: Path, data: object) -> None:
+    arrived: list[Path] = []
+    upload = Upload(arrived.extend, print)
+    upload._process_chunk({"name": "a.csv", "chunk": 1, "data": data})
+    upload._flush_buffer()
+    assert [path.stat().st_size for path in arrived] == [0]
+    upload.delete()
+
+
+CHILD = """
+import os, signal, sys
+from dashboards.server import _on_end
+from dashboards.upload import Upload, remove_all_here
+_on_end(remove_all_here)
+kept = Upload(print, print)
+kept._process_chunk({"name": "a.csv", "chunk": 1, "data": b"flight"})
+print("there", flush=True)
+signal.pause()
+"""
+
+
+@posix_only
+@pytest.mark.parametrize(("number", "left"), [("SIGTERM", 0), ("SIGKILL", 1)])
+def test_a_server_that_is_ended_leaves_none_and_one_that_is_killed_none_for_long(
+    temporary: Path, number: str, left: int
+) -> None:
+    environment = {**os.environ, "TMPDIR": str(temporary)}
+    with subprocess.Popen(
+        [sys.executable, "-W", "ignore", "-c", CHILD], env=environment, cwd=ROOT, stdout=subprocess.PIPE
+    ) as child:
+        assert child.stdout is not None
+        assert child.stdout.readline() == b"there\n"
+        remove_abandoned()
+        assert len(list(temporary.glob(f"{PREFIX}{child.pid}-*/1/a.csv"))) == 1  # its server lives
+        child.send_signal(getattr(signal, number))
+        assert child.wait(timeout=60) == -getattr(signal, number)
+    assert len(list(temporary.iterdir())) == left
+    remove_abandoned()
+    assert list(temporary.iterdir()) == []
+
+
+@posix_only
+def test_links_and_folders_of_others_are_left_alone(temporary: Path) -> None:
+    foreign = temporary / "foreign"
+    foreign.mkdir()
+    (foreign / ".lock").touch()
+    (foreign / "kept").touch()
+    (temporary / f"{PREFIX}1-link").symlink_to(foreign)
+    (temporary / f"{PREFIX}1-file").touch()
+    remove_abandoned()
+    assert (foreign / "kept").exists()
+
+
+@pytest.fixture
+def mine(own_missions: Path) -> Iterator[Path]:
+    """Return the folder of the user's own missions, with one called mine in it."""
+    add_mission(mission("los_angeles").recording, "mine", title="My flight", overwrite=True)
+    yield own_missions
+    for path in own_missions.iterdir():
+        path.unlink()
+
+
+def test_saving_waits_for_the_folder_in_a_thread(
+    document: Document, mine: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv(VARIABLE, "edit")
+    waiting = threading.Event()
+
+    def lock(folder: Path):
+        waiting.set()
+        return folder_lock(folder)
+
+    monkeypatch.setattr(mission_library, "folder_lock", lock)
+    library = Library(Session(document))
+    library._act("edit", "mine")
+    library._title.value_input = "Another title"
+    held = hold(mine)
+    assert held is not None
+    library._changing._try()  # would wait for the lock, held by this very thread
+    assert waiting.wait(60)
+    assert missions()["mine"].title == "My flight"
+    held.close()
+    _settle(document, library._changing._job)
+    assert missions()["mine"].title == "Another title"
+    assert not library._changing.view.open
+    library.close()
+
+
+def _settle(document: Document, work: Job | LatestWins[bytes]) -> None:
+    """Do what the document was asked to do later, until the work is done."""
+    until = time.monotonic() + 60
+    while True:
+        busy = work.busy
+        waiting = [one for one in document.session_callbacks if isinstance(one, NextTickCallback)]
+        for one in waiting:
+            document.remove_next_tick_callback(one)
+            one.callback()
+        if not busy and not waiting:
+            return
+        assert time.monotonic() < until
+
+
+def test_a_folder_that_stays_locked_is_said_to_be(mine: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(mission_library, "folder_lock", lambda folder: folder_lock(folder, 0.05))
+    held = hold(mine)
+    assert held is not None
+    with held, pytest.raises(MissionError, match="another program has been changing this folder"):
+        describe_mission("mine", title="Another title")
+    assert describe_mission("mine", title="Another title").title == "Another title"

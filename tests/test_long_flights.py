@@ -1,0 +1,181 @@
+"""Long flights: in less memory they give what they gave before, or are refused before they begin."""
+
+from __future__ import annotations
+
+import tracemalloc
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+from dashboards.computing import run
+from lab import Experiment, histories, memory, spline_windows, trajectory
+from lab import experiment as stages
+from lab import result as results
+from lab.cli import app
+from lab.navigation import navigator
+from lab.trajectory import Trajectory
+
+SHORT = 2**12
+"""Samples from which on a flight counts as long here: a tenth of that of the tests."""
+
+
+@pytest.fixture
+def everything_is_long(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
+    """Treat a flight of minutes as one of hours."""
+    for module in (histories, trajectory, navigator, stages, results, memory):
+        monkeypatch.setattr(module, "LONG", SHORT)
+    monkeypatch.setattr(spline_windows, "WINDOW", SHORT)
+    monkeypatch.setattr(trajectory, "AT_ONCE", 1000)
+    monkeypatch.setattr(navigator, "PIECE", 777)
+    stages.CACHE.clear()
+    yield
+    stages.CACHE.clear()
+
+
+def settings() -> Experiment:
+    experiment = Experiment(mission="montreal", seed=3)
+    experiment.set("sensors.gyro.instability", 30)
+    experiment.set("navigator.states", 21)
+    experiment.set("navigator.gate", 0.99)
+    experiment.set("navigator.rest_updates", True)
+    return experiment
+
+
+@pytest.fixture
+def exact() -> results.Result:
+    stages.CACHE.clear()
+    return settings().run()
+
+
+def test_what_is_said_of_a_flight_does_not_change(
+    exact: results.Result, request: pytest.FixtureRequest
+) -> None:
+    summary, evidence = exact.summary, exact.evidence
+    between, biases, nees = evidence.between, evidence.biases, evidence.nees
+    assert between is not None
+    assert biases is not None
+    assert nees is not None
+    verdict, coverage, consistency = exact.verdict, exact.coverage, exact.consistency
+    request.getfixturevalue("everything_is_long")
+    long = settings().run()
+    a, b = exact.solution_arrays, long.solution_arrays
+    assert b.variance.dtype == np.float32
+    assert b.position.dtype == b.q_nb.dtype == np.float64
+    np.testing.assert_array_equal(a.fix_sample, b.fix_sample)
+    np.testing.assert_array_equal(a.rest, b.rest)
+    np.testing.assert_allclose(a.position, b.position, rtol=1e-12)
+    np.testing.assert_allclose(a.velocity_n, b.velocity_n, atol=1e-9)
+    np.testing.assert_allclose(a.q_nb, b.q_nb, atol=1e-11)
+    np.testing.assert_allclose(a.fix_covariance, b.fix_covariance, rtol=1e-9, atol=1e-15)
+    # 24 bits: 6 parts in 10⁸.
+    np.testing.assert_allclose(a.variance, b.variance, rtol=1e-7)
+    np.testing.assert_allclose(a.covariance, b.covariance, rtol=1e-7, atol=1e-12)
+    np.testing.assert_allclose(a.bias, b.bias, rtol=1e-7, atol=1e-12)
+    np.testing.assert_allclose(
+        long.summary[["rms", "max", "95 %"]], summary[["rms", "max", "95 %"]], rtol=1e-8
+    )
+    np.testing.assert_allclose(
+        long.consistency["nees"].values, consistency["nees"].values, rtol=1e-6, equal_nan=True
+    )
+    assert long.evidence.nees is not None
+    assert long.evidence.between is not None
+    assert long.evidence.biases is not None
+    assert float(long.evidence.nees.total) == pytest.approx(float(nees.total), rel=1e-6)
+    assert float(long.evidence.between.total) == pytest.approx(float(between.total), rel=1e-6)
+    np.testing.assert_allclose(long.evidence.biases.total, biases.total, rtol=1e-6)
+    assert long.verdict == verdict
+    # A sample that is at one σ to seven digits may count or not: percents of 41,000 samples.
+    np.testing.assert_allclose(
+        long.coverage.select_dtypes("number"), coverage.select_dtypes("number"), atol=1e-2
+    )
+
+
+def test_nothing_made_of_a_long_flight_stays(everything_is_long: None) -> None:
+    result = settings().run()
+    assert result.errors is not result.errors
+    assert result.truth_arrays is not None
+    assert "euler" not in vars(result.truth_arrays)
+
+
+def test_a_curve_takes_little_while_it_is_made(monkeypatch: pytest.MonkeyPatch) -> None:
+    recording = stages.mission("montreal").recording
+    monkeypatch.setattr(spline_windows, "WINDOW", SHORT)
+    tracemalloc.start()
+    try:
+        curve = Trajectory.from_recording(recording, 100.0)
+        _, peak = tracemalloc.get_traced_memory()
+    finally:
+        tracemalloc.stop()
+    # In one window 900 bytes: nine bands of a matrix of three rows a knot, twice.
+    assert peak / curve.time.size < 250
+    whole = curve.time[::97]
+    monkeypatch.setattr(spline_windows, "WINDOW", 2**20)
+    one = Trajectory.from_recording(recording, 100.0)
+    for a, b in zip(curve.rates(whole), one.rates(whole), strict=True):
+        np.testing.assert_allclose(a, b, atol=1e-9)
+
+
+def test_too_long_is_said_before_anything_is_computed(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    stages.CACHE.clear()
+    monkeypatch.setattr(memory, "ALWAYS", 0)
+    monkeypatch.setattr(memory, "available", lambda: 10_000_000)
+    experiment = Experiment(mission="montreal")
+    with pytest.raises(memory.TooLongError, match=r"GB are available.*up to .* s at this\s+rate, or up to"):
+        experiment.run()
+    assert "flight" not in stages.CACHE.computed
+    assert "GB are available" in run(experiment).problem
+    answer = CliRunner().invoke(app, ["run", "montreal"])
+    assert answer.exit_code == 2
+    assert "GB are available" in answer.stderr
+
+
+def test_what_the_system_refuses_is_a_message(monkeypatch: pytest.MonkeyPatch) -> None:
+    def refused(self: Experiment, *_: object, **__: object) -> None:
+        raise MemoryError("Unable to allocate 34 GiB")
+
+    monkeypatch.setattr(Experiment, "run", refused)
+    answer = CliRunner().invoke(app, ["run", "montreal"])
+    assert answer.exit_code == 2
+    assert "needs more memory than there is" in answer.stderr
+
+
+@pytest.mark.parametrize(
+    ("groups", "files"),
+    [
+        (
+            "0::/lab/run\n",
+            {
+                "lab/memory.max": "3000",
+                "lab/memory.current": "2500",
+                "lab/memory.stat": "anon 1\ninactive_file 400\n",
+                "lab/run/memory.max": "max",
+                "lab/run/memory.current": "2000",
+            },
+        ),
+        (
+            "5:cpu,memory:/of/the/host\n",
+            {
+                "memory/memory.limit_in_bytes": "1000",
+                "memory/memory.usage_in_bytes": "200",
+                "memory/memory.stat": "total_inactive_file 100\n",
+            },
+        ),
+    ],
+)
+def test_a_container_has_less(
+    groups: str, files: dict[str, str], monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    for name, text in files.items():
+        (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)
+        (tmp_path / name).write_text(text)
+    read = memory._read
+    monkeypatch.setattr(
+        memory, "_read", lambda path: groups if path == Path("/proc/self/cgroup") else read(path)
+    )
+    monkeypatch.setattr(memory, "_CONTROL_GROUPS", tmp_path)
+    assert memory.available() == 900
