@@ -102,14 +102,14 @@ def test_nothing_made_of_a_long_flight_stays(everything_is_long: None) -> None:
 
 def test_a_curve_takes_little_while_it_is_made(monkeypatch: pytest.MonkeyPatch) -> None:
     recording = stages.mission("montreal").recording
-    monkeypatch.setattr(spline_windows, "WINDOW", SHORT)
+    monkeypatch.setattr(spline_windows, "WINDOW", 2**11)  # a tenth of the flight
     tracemalloc.start()
     try:
         curve = Trajectory.from_recording(recording, 100.0)
         _, peak = tracemalloc.get_traced_memory()
     finally:
         tracemalloc.stop()
-    # In one window 900 bytes: nine bands of a matrix of three rows a knot, twice.
+    # In one window 1600 bytes: nine bands of a matrix of three rows a knot, twice.
     assert peak / curve.time.size < 250
     whole = curve.time[::97]
     monkeypatch.setattr(spline_windows, "WINDOW", 2**20)
