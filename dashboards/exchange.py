@@ -14,7 +14,6 @@ from urllib.parse import parse_qsl, urlencode
 
 import panel as pn
 import panel_material_ui as pmui
-import param
 from bokeh.document import Document
 
 from dashboards.computing import POOL, LatestWins, Outcome, attempt
@@ -72,10 +71,11 @@ class Files:
             sizing_mode="stretch_width",
         )
         self.view = card
-        session.param.watch(self._renamed, "result")
+        session.param.watch(lambda event: self._rename(event.new), "result")
+        if session.result is not None:
+            self._rename(session.result)
 
-    def _renamed(self, event: param.parameterized.Event) -> None:
-        result: Result = event.new
+    def _rename(self, result: Result) -> None:
         name = f"{result.mission.name}_{result.experiment.seed}".replace(":", "_")
         for widget, filename in (
             (self._netcdf, f"{name}.nc"),

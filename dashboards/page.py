@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import logging
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from functools import partial
 
@@ -17,6 +17,7 @@ from param.parameterized import edit_constant
 
 from dashboards.exchange import Address, Files
 from dashboards.notice import Notice
+from dashboards.openings import Openings
 from dashboards.pages.allan import Allan
 from dashboards.pages.base import Page, not_drawn
 from dashboards.pages.budget import Budget
@@ -32,6 +33,7 @@ from dashboards.progress import Progress
 from dashboards.sending import together
 from dashboards.session import Session
 from dashboards.settings_panel import SettingsPanel
+from dashboards.speed import speed_up
 from dashboards.style import DRESS, FRAME, SAME_STYLE_ONCE, STAGE, THEME
 from dashboards.time_bar import TimeBar
 from dashboards.upload import SAME_FILE_AGAIN
@@ -39,6 +41,8 @@ from lab.result import Result
 from lab.views.figures import TimeAxis
 
 log = logging.getLogger(__name__)
+
+speed_up()
 
 ZOOM_DEBOUNCE = 60
 """Time without a further zoom before the visible stretch is drawn anew [ms]."""
@@ -74,9 +78,13 @@ class SimulatorPage:
         self._document = document
         self._zooming = False
         self._pages: dict[int, Page] = {}
-        self._settings = SettingsPanel(self.session)
         self._time_bar = TimeBar(self.axis, document, self._follow, self._cut)
-        self._files = Files(self.session)
+        self._settings: SettingsPanel | None = None
+        self._files: Files | None = None
+        self._sidebar = pn.Column(margin=0, sizing_mode="stretch_width")
+        self._steps: list[Callable[[], None]] = []
+        self._openings = Openings.of(document)
+        self._closed = False
         self._address = Address(self.session, document)
         self._progress = Progress(self.session)
         self._reason = Notice(margin=(16, 20))
@@ -100,11 +108,28 @@ class SimulatorPage:
             self.axis.range.on_change(edge, self._zoomed)
 
     def servable(self) -> None:
-        """Put the page into the document of this session and compute the first result."""
+        """Put the page into the document of this session and compute the first result.
+
+        Alone, it is there at once. While other pages wait to be opened, each gets its frame first, then its
+        plots and its settings.
+        """
+        self._steps += [self._show, self._fill_sidebar]
+        if self._openings is None or not self._openings.crowded:
+            while self._steps:
+                self._steps.pop(0)()
+        frame = self._frame()
+        frame.servable()
+        pn.state.on_session_destroyed(partial(_close, self))
+        self._document.js_on_event(DocumentReady, CustomJS(code=SAME_STYLE_ONCE + SAME_FILE_AGAIN))
+        # A browser ignores changes that overtake the document it has asked for.
+        self._document.on_event(DocumentReady, lambda _event: self._go_on())
+        self._address.read()
+
+    def _frame(self) -> MaterialPage:
         frame = MaterialPage(
             title="INS Lab",
             header=[self._progress.view],
-            sidebar=[self._settings.view, self._files.view],
+            sidebar=[self._sidebar],
             sidebar_width=330,
             sidebar_open=not self._on_phone,
             main=[
@@ -123,17 +148,36 @@ class SimulatorPage:
             busy_indicator=None,
         )
         _unlink_busy(frame)
-        frame.servable()
-        pn.state.on_session_destroyed(partial(_close, self))
-        self._document.js_on_event(DocumentReady, CustomJS(code=SAME_STYLE_ONCE + SAME_FILE_AGAIN))
-        self._show()
-        self._address.read()
+        return frame
+
+    def _go_on(self) -> None:
+        """Ask for the turn of the next step of the opening."""
+        if self._steps and self._openings is not None:
+            self._openings.later(self._document, self._take_step)
+
+    def _take_step(self) -> None:
+        """Take the next step of the opening: one message, after one search for the models that are new."""
+        if self._closed or not self._steps:
+            return
+        step = self._steps.pop(0)
+        try:
+            with together(self._document), self._document.models.freeze():
+                step()
+        finally:
+            self._go_on()
+
+    def _fill_sidebar(self) -> None:
+        self._settings = SettingsPanel(self.session, self._steps.append)
+        self._files = Files(self.session)
+        self._sidebar[:] = [self._settings.view, self._files.view]
 
     def close(self) -> None:
         """End the session."""
+        self._closed = True
         self.session.close()
         self._time_bar.stop()
-        self._files.close()
+        if self._files is not None:
+            self._files.close()
         for page in self._pages.values():
             page.close()
 
@@ -195,7 +239,8 @@ class SimulatorPage:
         outages = result.experiment.sensors.gps.outages
         self.axis.show_outages([(start - result.epoch, end - result.epoch) for start, end in outages])
         self._time_bar.span()
-        self._show()
+        if self._show not in self._steps:
+            self._show()
 
     def _cut(self, start: float, end: float) -> None:
         """Add a GPS outage at times of the plots; those that touch become one."""
@@ -208,7 +253,8 @@ class SimulatorPage:
             else:
                 outages.append(stretch)
         self.session.change(OUTAGES, outages)
-        self._settings.refresh()
+        if self._settings is not None:
+            self._settings.refresh()
 
     def _follow(self, time: float) -> None:
         page = self._pages.get(self._tabs.active)

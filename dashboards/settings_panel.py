@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -74,10 +75,13 @@ class SettingsPanel:
     ----------
     session
         Whose settings are shown and changed.
+    later
+        Called with what fills an open group of settings, one after the other; at once if it is not given.
     """
 
-    def __init__(self, session: Session) -> None:
+    def __init__(self, session: Session, later: Callable[[Callable[[], None]], None] | None = None) -> None:
         self._session = session
+        self._later = later or (lambda fill: fill())
         self._fields: dict[str, Field] = {}
         self._is_log = False
         self._views: list[tuple[pn.viewable.Viewable, list[str]]] = []
@@ -187,7 +191,8 @@ class SettingsPanel:
                 body[:] = [*(self._make(path) for path in common), *([self._more(others)] if others else [])]
 
         card.param.watch(fill, "collapsed")
-        fill()
+        if is_open:
+            self._later(fill)
         return self._suited(card, paths)
 
     def _more(self, paths: list[str]) -> pn.viewable.Viewable:

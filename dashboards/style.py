@@ -26,9 +26,12 @@ DRESS: dict[str, Any] = {
 
 FRAME = """
 :host { display: flex !important; flex-direction: column; overflow: hidden;
-        height: calc(100vh - 48px) !important; }
+        height: calc(100vh - 48px) !important; min-height: 0 !important; }
 """
-"""All below the header: tabs, message, page and time bar share the height of the window."""
+"""All below the header: tabs, message, page and time bar share the height of the window.
+
+Panel asks for the height of all plots, where they are there before the frame.
+"""
 
 STAGE = """
 :host { flex: 1 1 0 !important; min-height: 0 !important; overflow: hidden auto !important; }

@@ -11,6 +11,7 @@ from bokeh.events import DoubleTap, Tap
 from bokeh.models.annotations import Legend, LegendItem, Span, Title
 from bokeh.models.callbacks import CustomJS
 from bokeh.models.formatters import CustomJSTickFormatter
+from bokeh.models.glyphs import Line, Scatter, VArea, VStrip
 from bokeh.models.ranges import Range1d
 from bokeh.models.renderers import GlyphRenderer
 from bokeh.models.sources import ColumnDataSource
@@ -101,7 +102,10 @@ class TimeAxis:
 
     def shade_outages(self, fig: figure) -> None:
         """Have a figure shade the outages; where there are none, it has nothing more to paint."""
-        strip = fig.vstrip("start", "end", source=self.outages, color="#808895", alpha=0.18, level="underlay")
+        area = VStrip(
+            x0="start", x1="end", fill_color="#808895", fill_alpha=0.18, line_color="#808895", line_alpha=0.18
+        )
+        strip = fig.add_glyph(self.outages, area, level="underlay")
         strip.visible = bool(self.outages.data["start"])
         self._strips.append(strip)
 
@@ -359,16 +363,20 @@ def decade_ticks(low: float, high: float) -> list[float]:
 
 def draw_curve(fig: figure, curve: Curve, source: ColumnDataSource, x: str) -> GlyphRenderer[Any]:
     """Draw a curve of a source and return its renderer."""
+    # `add_glyph` makes one glyph; `fig.line` makes two more, of what is selected or muted, and nothing is.
     if curve.style == "points":
-        return fig.scatter(x, curve.name, source=source, size=4, color=curve.colour, line_color=None)
+        points = Scatter(x=x, y=curve.name, size=4, fill_color=curve.colour, line_color=None)
+        return fig.add_glyph(source, points)
     dash = "dashed" if curve.style == "dashed" else "solid"
     width = 1.6 if curve.style == "dashed" else 1.3
-    return fig.line(x, curve.name, source=source, color=curve.colour, line_width=width, line_dash=dash)
+    line = Line(x=x, y=curve.name, line_color=curve.colour, line_width=width, line_dash=dash)
+    return fig.add_glyph(source, line)
 
 
 def draw_band(fig: figure, band: Band, source: ColumnDataSource) -> None:
     """Draw a band of a source over its time."""
-    fig.varea("time", band.low, band.high, source=source, color=band.colour, alpha=0.2)
+    area = VArea(x="time", y1=band.low, y2=band.high, fill_color=band.colour, fill_alpha=0.2)
+    fig.add_glyph(source, area)
 
 
 def add_legend(fig: figure, glyphs: dict[str, GlyphRenderer[Any]]) -> dict[str, LegendItem]:

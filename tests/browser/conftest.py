@@ -107,7 +107,7 @@ def open_page(chromium: Browser, address: str, complaints: list[str]) -> Iterato
         contexts.append(context)
         page = context.new_page()
         page.set_default_timeout(30_000)
-        page.on("console", lambda message: complaints.extend(_complaint(message)))
+        page.on("console", lambda message: complaints.extend(complaint(message)))
         page.on("pageerror", lambda error: complaints.append(str(error)))
         page.goto(address + query)
         page.wait_for_function(DRAWN if drawn else IDLE)
@@ -119,6 +119,7 @@ def open_page(chromium: Browser, address: str, complaints: list[str]) -> Iterato
     assert complaints == []
 
 
-def _complaint(message: ConsoleMessage) -> list[str]:
+def complaint(message: ConsoleMessage) -> list[str]:
+    """Return what a console says, where it is an error or a warning that is worth a look."""
     serious = message.type in {"error", "warning"} and not any(word in message.text for word in HARMLESS)
     return [message.text] if serious else []

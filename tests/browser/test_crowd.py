@@ -1,0 +1,100 @@
+"""Pages opened at the same time, as by a class: each arrives whole and works like one opened alone."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack, contextmanager
+from pathlib import Path
+from urllib.parse import urlparse
+
+import pytest
+from playwright.sync_api import Browser, Page, expect
+
+from tests.browser.conftest import DRAWN, ROOT, complaint
+
+pytestmark = pytest.mark.browser
+
+Open = Callable[..., Page]
+
+PAGES = 4
+HEIGHT = 900
+"""Height of the windows [px], which is that of `open_page` too."""
+PLOTS = "Array.from(Bokeh.index.query((view) => view.model.type === 'Figure')).length"
+DATA = "Bokeh.documents[0].get_model_by_name('time:position_east').data"
+PATIENCE = 120_000
+"""Longest time to wait for one of the pages [ms]: all browsers draw at the same time, on a busy machine."""
+FILES = "[...Bokeh.documents[0].all_models].map((model) => model.data?.filename).filter(Boolean).sort()"
+WATCH = f"""
+const watch = setInterval(() => {{
+  if (!(window.Bokeh?.documents.length === 1 && Bokeh.documents[0].is_idle)) return;
+  window.plots_at_first = {PLOTS};
+  clearInterval(watch);
+}}, 10);
+"""
+"""Notes how many plots a page has once it shows anything."""
+
+
+def start(page: Page, address: str) -> None:
+    """Have a page ask for the simulator, and do not wait for the answer."""
+    with page.expect_request(address):
+        page.evaluate("(address) => { setTimeout(() => location.assign(address)) }", address)
+
+
+@contextmanager
+def crowd(chromium: Browser, address: str, complaints: list[str]) -> Iterator[list[Page]]:
+    """Ask for several pages at the same time, each in a browser of its own; the last one leaves at once."""
+    with ExitStack() as stack:
+        pages = []
+        for _ in range(PAGES + 1):
+            context = stack.enter_context(chromium.new_context(viewport={"width": 1440, "height": HEIGHT}))
+            pages.append(context.new_page())
+        for page in pages:
+            page.set_default_timeout(PATIENCE)
+            page.on("console", lambda message: complaints.extend(complaint(message)))
+            page.on("pageerror", lambda error: complaints.append(str(error)))
+            page.add_init_script(WATCH)
+            start(page, address)
+        *stay, leaves = pages
+        leaves.close()
+        yield stay
+
+
+def written(address: str) -> str:
+    """Return what the server of an address has written so far."""
+    return Path(ROOT / ".pytest_cache" / f"simulator{urlparse(address).port}.log").read_text()
+
+
+def test_pages_opened_at_once_arrive_whole_and_work(
+    open_page: Open, chromium: Browser, address: str, complaints: list[str]
+) -> None:
+    """The first page is alone: the server has what a first visitor needs compiled."""
+    alone = open_page()
+    names = settings(alone)
+    files, time_bar = alone.evaluate(FILES), alone.get_by_role("slider", name="Time").bounding_box()
+    assert "montreal_1.nc" in files
+    assert time_bar is not None
+    assert time_bar["y"] < HEIGHT, "the time bar is below the window"
+    before = len(written(address))
+    with crowd(chromium, address, complaints) as pages:
+        for page in pages:
+            page.wait_for_function(DRAWN)
+            expect(page.get_by_role("slider")).to_have_count(len(names), timeout=PATIENCE)
+            assert settings(page) == names
+            assert page.evaluate(PLOTS) == 9
+            assert page.evaluate(FILES) == files
+            assert page.get_by_role("slider", name="Time").bounding_box() == time_bar
+            expect(page.get_by_role("alert")).to_have_count(0)
+        assert 0 in [page.evaluate("window.plots_at_first") for page in pages], "no page came in steps"
+        for page in pages:
+            page.evaluate(f"window.before = {DATA}")
+            page.get_by_role("slider", name="White noise").first.press("End")
+        for page in pages:
+            page.wait_for_function(f"{DATA} !== window.before")
+            expect(page.get_by_role("alert")).to_have_count(0)
+            page.wait_for_function("location.search.includes('sensors.gyro.noise_density=0.5')")
+    assert "Traceback" not in written(address)[before:]
+
+
+def settings(page: Page) -> list[str | None]:
+    """Return the names of the sliders of a page, from top to bottom."""
+    return [slider.get_attribute("aria-label") for slider in page.get_by_role("slider").all()]

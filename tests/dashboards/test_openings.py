@@ -1,0 +1,56 @@
+"""Pages that open at once take turns."""
+
+from __future__ import annotations
+
+import asyncio
+from types import SimpleNamespace
+from typing import Any
+
+import pytest
+from bokeh.document import Document
+
+from dashboards import openings
+from dashboards.openings import Openings
+
+CONTEXT: Any = SimpleNamespace(destroyed=False)
+
+
+def test_one_page_at_a_time_in_the_order_they_came_and_others_between() -> None:
+    events: list[str] = []
+
+    async def open_page(name: str, turns: Openings) -> None:
+        await turns.on_session_created(CONTEXT)
+        events.append(name)
+
+    async def burst() -> None:
+        turns = Openings()
+        pages = [asyncio.ensure_future(open_page(name, turns)) for name in "abc"]
+        await pages[0]
+        assert turns.crowded
+        events.append("a slider of an open page")
+        await asyncio.gather(*pages)
+        assert not turns.crowded
+
+    asyncio.run(asyncio.wait_for(burst(), 30))
+    assert events == ["a", "a slider of an open page", "b", "c"]
+
+
+def test_a_page_that_has_left_keeps_nobody_waiting(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Neither one that has gone nor one whose browser takes nothing more."""
+    monkeypatch.setattr(openings, "LONGEST", 0.01)
+    taken: list[str] = []
+
+    async def burst() -> None:
+        turns, stuck = Openings(), Document()
+        turns.later(Document(), lambda: taken.append("gone"))
+        context: Any = SimpleNamespace(destroyed=False)
+        stuck._session_context = lambda: context
+        turns.later(stuck, lambda: taken.append("stuck"))
+        await turns.on_session_created(CONTEXT)
+
+    asyncio.run(asyncio.wait_for(burst(), 30))
+    assert taken == []
+
+
+def test_without_a_server_there_are_no_turns() -> None:
+    assert Openings.of(Document()) is None
