@@ -84,7 +84,8 @@ def test_an_arm_along_one_axis_is_one(axis: int) -> None:
     """A turn about the arm, or along the velocity it gives, leaves these as they are."""
     state, z, H = navigator(np.random.default_rng(1)), np.zeros(6), np.eye(6, 15)
     C_nb = np.array(strapdown.matrix(tuple(state[strapdown.Q_NB : strapdown.Q_NB + 4])))
-    see_antenna(state, np.eye(3)[axis], 0.01, SILENT, IDENTITY, z, H, np.zeros((6, 6)))
+    turn = np.array([0.4, -0.7, 0.5, DT])
+    see_antenna(state, np.eye(3)[axis], turn, 0.01, SILENT, IDENTITY, z, H, np.zeros((6, 6)))
     np.testing.assert_allclose(z[:3], C_nb[:, axis], atol=0.02)  # turned by 0.01 s at 1 rad/s
     for first in (0, 3):
         block = H[first : first + 3, 6:9]
