@@ -9,6 +9,7 @@ import json
 import logging
 import sys
 import time
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Any
 
@@ -49,7 +50,9 @@ def received(*fragments: str | bytes) -> Message[Any] | None:
             message = await receiver.consume(fragment)
         return message
 
-    return asyncio.run(consume())
+    # In a thread of its own: a browser of other tests may leave a loop running in this one.
+    with ThreadPoolExecutor(1) as thread:
+        return thread.submit(lambda: asyncio.run(consume())).result()
 
 
 def patch(content: Any, **header: Any) -> tuple[str, str, str]:
