@@ -68,7 +68,7 @@ class Simulated:
         navigator = settings.navigator
         assert result.aligned is not None  # of a simulated run
         self._start = result.aligned.start
-        self._P0 = result.belief.P0
+        self._constants = result.aligned.P if navigator.alignment else None
         imu = Imu(result.time, result.gyro.increments, result.accelerometer.increments)
         if navigator.rest_updates:
             fixes = Fixes(result.fix_validity, result.fixes.position, result.fixes.velocity_n)
@@ -78,7 +78,7 @@ class Simulated:
     def navigate(self, experiment: Experiment, withheld: Flags) -> tuple[Seen, Seen]:
         """Return the innovations of all fixes; see `Subject`."""
         navigator, imu = experiment.navigator, self._imu
-        assumed = belief(experiment.sensors, navigator)._replace(P0=self._P0)
+        assumed = belief(experiment.sensors, navigator, self._constants)
         R = np.broadcast_to(assumed.R, (self.stamps.size, MEASUREMENTS, MEASUREMENTS))
         given = R + WITHHELD**2 * np.eye(MEASUREMENTS) * withheld[:, None, None]
         latency = assumed_latency(navigator, experiment.sensors.gps.latency)

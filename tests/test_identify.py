@@ -10,6 +10,7 @@ from lab import Experiment, ResultError
 from lab.missions import read_sensor_log
 from lab.navigation.belief import belief
 from lab.navigation.recorded import navigate_log
+from lab.renavigation import subject
 from lab.sensors.cards import read_cards
 from lab.settings import SettingError
 
@@ -155,3 +156,13 @@ def test_too_few_fixes_are_refused():
     made.sensors.gps.outages = [(40, 200)]
     with pytest.raises(ResultError, match="at least 20"):
         made.run().identify()
+
+
+def test_a_run_navigated_anew_after_an_alignment_is_that_run():
+    """What an alignment left is in P0, and in how fast the filter lets its biases fade."""
+    made = Experiment(mission="montreal", seed=2)
+    made.update({"sensors": {"gyro": {"instability": 0.05}}, "navigator": {"alignment": 30.0}})
+    result = made.run()
+    again = subject(result)
+    seen, _ = again.navigate(made, np.zeros(again.stamps.size, bool))
+    np.testing.assert_allclose(seen.innovation, result.solution_arrays.innovation, rtol=1e-9, atol=1e-12)
