@@ -172,6 +172,26 @@ def rows_of(
     return tuple(rows)
 
 
+def scaled_rows(result: Result, now: Assumed, r: float, q: float) -> tuple[Row, ...]:
+    """Return the table of the parameters of a filter whose R and Q are multiplied.
+
+    Parameters
+    ----------
+    result
+        The run.
+    now
+        What its filter assumes.
+    r, q
+        The factors on R and on Q.
+    """
+    found = now._replace(noise=q * now.noise, factors=r * now.factors)
+    both = zip(NAMES, _shown_values(result, now), _shown_values(result, found), strict=True)
+    return tuple(
+        Row(name, unit, before, after, math.nan, math.nan, math.nan, False)
+        for name, (unit, before), (_, after) in both
+    )
+
+
 def _shown_values(result: Result, of: Assumed) -> list[tuple[str, float]]:
     """Return unit and value of each parameter as a person reads it; rms over the axes."""
     units = ("°/s/√Hz", "µg/√Hz", "°/h/√h", "mg/√h")

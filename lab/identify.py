@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from scipy import special
 
 from lab.analysis.consistency import chi_square_interval
-from lab.analysis.identification import HeldOut, Identification, Row, better
+from lab.analysis.identification import ChosenBy, HeldOut, Identification, Row, better
 from lab.analysis.likelihood import (
     NORMAL,
     ROUNDS,
@@ -25,6 +25,7 @@ from lab.analysis.likelihood import (
     maximise,
     squares,
 )
+from lab.analysis.spread import spread
 from lab.assumptions import (
     LATENCY,
     LOGARITHMS,
@@ -37,10 +38,13 @@ from lab.assumptions import (
     changes_of,
     parameters,
     rows_of,
+    scaled_rows,
 )
 from lab.experiment import Experiment
+from lab.factors import choose, scaled
 from lab.renavigation import Subject, subject
 from lab.result import Result, ResultError
+from lab.withheld import EVERY, OUTAGE, TURNS, held_out, outages
 
 FloatArray = NDArray[np.float64]
 Flags = NDArray[np.bool_]
@@ -52,9 +56,6 @@ LARGEST_PART = 0.2
 """Largest part of the run that is left out for that, and largest part of its end."""
 MARGIN = 3.0
 """Time before the end whose fixes are left out: with another latency they might be beyond it [s]."""
-OUTAGE, EVERY, TURNS = 10.0, 60.0, 3
-"""Length of the outages in which the prediction is judged, time from one to the next [s], and how often that
-is done, each time with the outages elsewhere."""
 AHEAD = 5
 """Most steps of a search across outages, each of which runs the filter up to three times as often."""
 FEWEST = 20
@@ -93,13 +94,13 @@ class _Search(NamedTuple):
 class _Found(NamedTuple):
     """What a search found, and how well it predicts."""
 
-    estimate: Estimate
-    shown: Flags
     rows: tuple[Row, ...]
     changes: dict[str, Any]
-    held_out: HeldOut
+    before: HeldOut
+    after: HeldOut
     experiment: Experiment
-    predicting: bool
+    white: bool
+    chosen_by: ChosenBy
 
 
 def _of(seen: Seen, rows: Flags, counts: Flags) -> Seen:
@@ -154,32 +155,36 @@ def identify(result: Result, progress: Progress | None = None) -> Identification
     if outliers.any():
         search.dropped[np.flatnonzero(counted)[outliers]] = True
         estimate = _maximised(search, whole, estimate.value, free, tell, 0.4, 0.5)
-    masks = _outages(again.stamps, first + settling, last, 0.0)
-    before = _held_out(again, result.experiment, masks, search.dropped)
-    found = _judged(result, search, whole, estimate, now, masks, tell)
-    white = found.estimate.white
-    if not white or not better(before, found.held_out):
+    masks = outages(again.stamps, first + settling, last)
+    between = outages(again.stamps, first + settling, last, EVERY / TURNS / 2)
+    before = held_out(again, result.experiment, masks, search.dropped)
+    found = _judged(result, search, whole, estimate, now, masks, before, tell)
+    white = found.white
+    if not white or not better(before, found.after):
         # The next fix is predicted well by a filter that follows correlated errors of the fixes; what is
         # withheld for longer is not.
-        between = _outages(again.stamps, first + settling, last, EVERY / TURNS / 2)
         ahead = search._replace(masks=tuple(between[: _turns(last - first)]))
         if ahead.masks:
             estimate = _maximised(ahead, whole, begin, free, tell, 0.7, 0.8)
-            other = _judged(result, ahead, whole, estimate, now, masks, tell)
-            found = _better_of(before, found, other)
+            other = _judged(result, ahead, whole, estimate, now, masks, before, tell)
+            found = _better_of(found, other)
+    if not better(before, found.after):
+        tell("trying factors on R and Q", 0.9)
+        found = _by_factors(result, again, now, [*masks, *between], search.dropped) or found
     tell("judging the innovations", 0.95)
-    inside = tuple(_inside(again, settings, search) for settings in (result.experiment, found.experiment))
+    seen = [_next_fixes(search, settings) for settings in (result.experiment, found.experiment)]
     tell("done", 1.0)
     return Identification(
         mission=result.mission.title or result.mission.name,
         rows=found.rows,
-        before=before,
-        after=found.held_out,
+        before=found.before,
+        after=found.after,
         withheld=OUTAGE,
         every=EVERY,
-        inside=(inside[0], inside[1]),
+        inside=(_inside(seen[0]), _inside(seen[1])),
         white=white,
-        predicting=found.predicting,
+        spread=spread(seen[1]),
+        chosen_by=found.chosen_by,
         outliers=int(search.dropped.sum()),
         fixes=int((counted & ~search.dropped).sum()),
         changes=found.changes,
@@ -194,6 +199,7 @@ def _judged(
     estimate: Estimate,
     now: Assumed,
     masks: list[Flags],
+    before: HeldOut,
     tell: Progress,
 ) -> _Found:
     """Return what a search found, with what is not observable left as it was, and how well it predicts."""
@@ -206,14 +212,28 @@ def _judged(
     changes = changes_of(result, rows, found)
     changed = result.experiment.copy().update(changes)
     tell("predicting withheld fixes", done + 0.1)
-    judged = _held_out(search.subject, changed, masks, search.dropped)
-    return _Found(estimate, shown, rows, changes, judged, changed, bool(search.masks))
+    after = held_out(search.subject, changed, masks, search.dropped)
+    chosen_by: ChosenBy = "outages" if search.masks else "next fixes"
+    return _Found(rows, changes, before, after, changed, estimate.white, chosen_by)
 
 
-def _better_of(before: HeldOut, one: _Found, other: _Found) -> _Found:
+def _by_factors(
+    result: Result, again: Subject, now: Assumed, turns: list[Flags], dropped: Flags
+) -> _Found | None:
+    """Return the factors on R and Q that predict withheld fixes better; None if there are none."""
+    factors = choose(again, result.experiment, turns, dropped)
+    if factors is None:
+        return None
+    changed = scaled(result.experiment, factors.r, factors.q)
+    navigator = {"r_scale": changed.navigator.r_scale, "q_scale": changed.navigator.q_scale}
+    rows = scaled_rows(result, now, factors.r, factors.q)
+    return _Found(rows, {"navigator": navigator}, factors.before, factors.after, changed, False, "factors")
+
+
+def _better_of(one: _Found, other: _Found) -> _Found:
     """Return what predicts better; an error that grows counts before the likelihood."""
-    fine = [found for found in (one, other) if better(before, found.held_out)]
-    return max(fine or (one, other), key=lambda found: found.held_out.log_likelihood)
+    fine = [found for found in (one, other) if better(found.before, found.after)]
+    return max(fine or (one, other), key=lambda found: found.after.log_likelihood)
 
 
 def _turns(length: float) -> int:
@@ -321,51 +341,16 @@ def _with_what_stays(found: Assumed, now: Assumed, shown: Flags) -> Assumed:
     return Assumed(noise, factors, found.latency if shown[7] else now.latency, arm)
 
 
-def _outages(stamps: FloatArray, start: float, end: float, shift: float) -> list[Flags]:
-    """Return which fixes are withheld, in each of the turns, the first of which begins `shift` later [s]."""
-    since = stamps - start - shift
-    masks = []
-    for turn in range(TURNS):
-        within = np.mod(since - turn * EVERY / TURNS, EVERY) < OUTAGE
-        masks.append((since >= turn * EVERY / TURNS) & within & (stamps <= end))
-    return [mask for mask in masks if mask.any()]
-
-
-def _held_out(again: Subject, experiment: Experiment, masks: list[Flags], dropped: Flags) -> HeldOut:
-    """Return how well a filter predicts withheld fixes, outliers apart."""
-
-    def turn(mask: Flags) -> Seen:
-        _, predicted = again.navigate(settings, mask)
-        kept = mask & ~dropped
-        return Seen(predicted.innovation[kept], predicted.covariance[kept])
-
-    settings = experiment.copy()
-    settings.navigator.smoother, settings.navigator.engine = False, "compiled"
-    with ThreadPoolExecutor(max_workers=2) as pool:
-        parts = list(pool.map(turn, masks))
-    seen = Seen(*(np.concatenate(arrays) for arrays in zip(*parts, strict=True)))
-    known = np.isfinite(seen.innovation).any(axis=1)
-    seen = Seen(seen.innovation[known], seen.covariance[known])
-    nis, degrees = squares(seen)
-    position, velocity = (
-        float(np.sqrt(np.mean(np.nansum(block**2, axis=1)))) if np.isfinite(block).any() else float("nan")
-        for block in (seen.innovation[:, :3], seen.innovation[:, 3:])
-    )
-    return HeldOut(
-        int(known.sum()),
-        position,
-        velocity,
-        float(np.sqrt(nis.sum() / max(1, int(degrees.sum())))),
-        float(log_likelihoods(seen).mean()),
-    )
-
-
-def _inside(again: Subject, experiment: Experiment, search: _Search) -> float:
-    """Return which part of the NIS lies in the 95 % interval, each fix from all before it."""
-    settings = _every_fix(experiment)
-    seen, _ = again.navigate(settings, search.dropped)
+def _next_fixes(search: _Search, experiment: Experiment) -> Seen:
+    """Return the innovations that count of a filter with some settings, each fix from all before it."""
+    seen, _ = search.subject.navigate(_every_fix(experiment), search.dropped)
     counts = search.counted & ~search.dropped
-    nis, degrees = squares(Seen(seen.innovation[counts], seen.covariance[counts]))
+    return Seen(seen.innovation[counts], seen.covariance[counts])
+
+
+def _inside(seen: Seen) -> float:
+    """Return which part of the NIS lies in the 95 % interval."""
+    nis, degrees = squares(seen)
     nis, degrees = nis[degrees > 0], degrees[degrees > 0]
     if not nis.size:
         return float("nan")

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 
 import numpy as np
 
@@ -19,6 +19,10 @@ from lab.sensors.suite import SensorSuite
 if TYPE_CHECKING:
     import pandas as pd
 
+ChosenBy = Literal["next fixes", "outages", "factors"]
+
+INSIDE = 0.85
+"""Part of the NIS in their 95 % intervals below which the reason is named."""
 ALLOWED = 1.05
 """By how much the error of withheld fixes may grow where their likelihood is better: chance, no more."""
 
@@ -53,7 +57,8 @@ class Row(NamedTuple):
     def words(self) -> str:
         """What the log says of it."""
         if not self.observable:
-            return "not observable from this log"
+            same = self.after == self.before
+            return "not observable from this log" if same else "chosen by withheld fixes"
         return f"at most {self.high:.3g}" if self.low == 0 else f"{self.low:.4g} to {self.high:.4g}"
 
 
@@ -105,9 +110,12 @@ class Identification:
         Part of the NIS in their 95 % intervals, before and after; one by one, the next fix from all before.
     white : bool
         Whether the innovations can be made white; if not, the intervals are those of correlated ones.
-    predicting : bool
-        Whether the likelihood was that of fixes predicted across outages, others than those judged, since
-        that of the next fix leads astray: errors of the fixes are correlated.
+    spread : str
+        What is wrong with the spread of the innovations afterwards; empty if nothing is.
+    chosen_by : {"next fixes", "outages", "factors"}
+        What the parameters were chosen by: the likelihood of each next fix; that of fixes across outages,
+        others than those judged; or one factor on R and one on Q by the error of withheld fixes, where no
+        parameters predict those better.
     outliers : int
         Fixes that were left out, since no Gaussian would give them.
     fixes : int
@@ -126,7 +134,8 @@ class Identification:
     every: float
     inside: tuple[float, float]
     white: bool
-    predicting: bool
+    spread: str
+    chosen_by: ChosenBy
     outliers: int
     fixes: int
     changes: Mapping[str, Any]
@@ -166,10 +175,18 @@ class Identification:
                 "The innovations are not white: no values of these parameters explain them. The intervals "
                 "allow for that; the cause is elsewhere, such as errors of the fixes that are correlated."
             )
-        if self.predicting:
+        if self.inside[1] < INSIDE and self.spread:
+            remarks.append(self.spread)
+        if self.chosen_by == "outages":
             remarks.append(
                 "The values are those that predict fixes across outages best: the likelihood of the next fix "
                 "alone leads to a filter that follows correlated errors of the fixes."
+            )
+        if self.chosen_by == "factors":
+            remarks.append(
+                "No values of the parameters predict withheld fixes better, one factor on R and one on Q do. "
+                "They are a remedy, not a property of the sensors. Each outage is judged by what the other "
+                "outages choose."
             )
         if self.outliers:
             remarks.append(

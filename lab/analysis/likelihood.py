@@ -43,6 +43,8 @@ CLOSE = 0.03
 """Part of the loss in σ by which an end of an interval may miss."""
 FARTHEST = 2.0
 """Largest factor from one step to an end of an interval to the next."""
+FEWEST = 10
+"""Innovations of a channel above which they can be called correlated: ten have one lag."""
 STIFFEST = 1e8
 """Damping at which no step is found and the search ends."""
 
@@ -370,8 +372,10 @@ def is_white(seen: Seen, probability: float = 0.001) -> bool:
     normalised = seen.innovation / np.sqrt(np.diagonal(seen.covariance, axis1=1, axis2=2))
     for channel in normalised.T:
         known = channel[np.isfinite(channel)]
-        if known.size > 3 * MAX_LAG:
-            found = autocorrelation(known[:, None])
+        if known.size > FEWEST:
+            # With as many lags as a tenth of the values, χ² is wrong by chance three times as often as said;
+            # with a third of them ten times.
+            found = autocorrelation(known[:, None], min(MAX_LAG, known.size // 10))
             _, p = ljung_box(found, known.size)
             if float(np.min(p)) < probability:
                 return False

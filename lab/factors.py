@@ -1,0 +1,124 @@
+"""Factors: one on R and one on Q, chosen by how well the filter predicts withheld fixes.
+
+What remains where no noise of the sensors explains the innovations: errors of the fixes that are correlated,
+a mounting that gives way. The choice is judged by fixes that it was not made by: for each turn of outages it
+is made by the other turns.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
+from itertools import product
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lab.analysis.identification import HeldOut, better
+from lab.analysis.likelihood import Seen
+from lab.experiment import Experiment
+from lab.renavigation import Subject
+from lab.withheld import judged, predicted
+
+Flags = NDArray[np.bool_]
+
+ON_R = (1.0, 0.03, 0.1, 0.3, 3.0, 10.0, 30.0)
+ON_Q = (1.0, 0.1, 10.0, 100.0, 1000.0, 10000.0)
+"""Factors that are tried. Noise of a sensor on the desk is 100 times less than in a vehicle that vibrates: Q
+10,000 times. Receivers state their σ right within a factor of five."""
+FEWEST = 3
+"""Fewest turns of outages: with two, each choice is made by one outage or a few."""
+
+
+class Factors(NamedTuple):
+    """What was chosen.
+
+    Attributes
+    ----------
+    r, q : float
+        Factors on what the filter assumed.
+    before, after : HeldOut
+        Prediction of withheld fixes; `after` of each turn with what the other turns choose.
+    """
+
+    r: float
+    q: float
+    before: HeldOut
+    after: HeldOut
+
+
+def scaled(experiment: Experiment, r: float, q: float) -> Experiment:
+    """Return a copy of an experiment whose filter assumes more or less noise.
+
+    Raises
+    ------
+    SettingError
+        If a scale leaves its bounds.
+    """
+    changed = experiment.copy()
+    changed.set("navigator.r_scale", r * changed.navigator.r_scale)
+    changed.set("navigator.q_scale", q * changed.navigator.q_scale)
+    return changed
+
+
+def choose(
+    subject: Subject, experiment: Experiment, turns: Sequence[Flags], dropped: Flags
+) -> Factors | None:
+    """Return the factors with which withheld fixes are predicted best; None if none are better than 1.
+
+    Parameters
+    ----------
+    subject
+        The run.
+    experiment
+        Its settings.
+    turns
+        Which fixes (m,) are withheld, in each turn.
+    dropped : (m,) array
+        Outliers, by which nothing is judged.
+    """
+    if len(turns) < FEWEST:
+        return None
+    tried = [pair for pair in product(ON_R, ON_Q) if _allowed(experiment, *pair)]
+
+    def turn_by_turn(pair: tuple[float, float]) -> list[Seen] | None:
+        changed = scaled(experiment, *pair)
+        try:
+            return [predicted(subject, changed, mask, dropped) for mask in turns]
+        except ValueError:  # a filter that runs off
+            return None
+
+    with ThreadPoolExecutor(max_workers=2) as pool:
+        found = dict(zip(tried, pool.map(turn_by_turn, tried), strict=True))
+    seen = {pair: parts for pair, parts in found.items() if parts is not None}
+    if (1.0, 1.0) not in seen:
+        return None
+    after = judged([seen[_best(_without(seen, turn))][turn] for turn in range(len(turns))])
+    r, q = _best(seen)
+    chosen = Factors(r, q, judged(seen[1.0, 1.0]), after)
+    return chosen if better(chosen.before, chosen.after) else None
+
+
+def _allowed(experiment: Experiment, r: float, q: float) -> bool:
+    navigator = experiment.navigator
+    bounds = (navigator.param[name].bounds for name in ("r_scale", "q_scale"))
+    values = (r * navigator.r_scale, q * navigator.q_scale)
+    return all(low <= value <= high for value, (low, high) in zip(values, bounds, strict=True))
+
+
+def _without(seen: dict[tuple[float, float], list[Seen]], turn: int) -> dict[tuple[float, float], list[Seen]]:
+    return {pair: parts[:turn] + parts[turn + 1 :] for pair, parts in seen.items()}
+
+
+def _best(seen: dict[tuple[float, float], list[Seen]]) -> tuple[float, float]:
+    """Return the pair with the smallest error, of those with which the fixes are no less likely."""
+    judgements = {pair: judged(parts) for pair, parts in seen.items()}
+    least = judgements[1.0, 1.0].log_likelihood
+    fine = {pair: _error(one) for pair, one in judgements.items() if one.log_likelihood >= least}
+    return min(fine, key=lambda pair: fine[pair])
+
+
+def _error(one: HeldOut) -> float:
+    """Return the error of the positions [m]; of a log without positions that of the velocities [m/s]."""
+    return one.position_error if np.isfinite(one.position_error) else one.velocity_error

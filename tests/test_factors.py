@@ -1,0 +1,99 @@
+"""Factors on R and Q: chosen by withheld fixes, and judged by fixes that they were not chosen by."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from lab import Experiment
+from lab.analysis.identification import better
+from lab.assumptions import assumed, scaled_rows
+from lab.factors import FEWEST, choose, scaled
+from lab.navigation.belief import belief
+from lab.renavigation import subject
+from lab.settings import SettingError
+from lab.withheld import EVERY, OUTAGE, TURNS, held_out, outages
+
+
+def flown(**navigator: float):
+    made = Experiment(mission="los_angeles", seed=5)
+    made.set("trajectory.imu_rate", 50)
+    made.navigator.update(navigator)
+    result = made.run()
+    again = subject(result)
+    turns = [
+        mask
+        for shift in (0.0, EVERY / TURNS / 2)
+        for mask in outages(again.stamps, 10.0, again.span[1], shift)
+    ]
+    return result, again, turns, np.zeros(again.stamps.size, np.bool_)
+
+
+@pytest.fixture(scope="module")
+def wrong():
+    """Return a run whose filter takes R 30 times too large."""
+    return flown(r_scale=30.0)
+
+
+def test_outages_are_of_ten_seconds_every_minute_and_no_fix_is_withheld_twice():
+    stamps = np.arange(0.0, 300.0, 0.5)
+    turns = [*outages(stamps, 30.0, 280.0), *outages(stamps, 30.0, 280.0, EVERY / TURNS / 2)]
+    assert len(turns) == 2 * TURNS
+    assert np.sum(turns, axis=0).max() == 1
+    for mask in turns:
+        withheld = stamps[mask]
+        assert 30.0 <= withheld.min() <= withheld.max() <= 280.0
+        begins = withheld[np.diff(withheld, prepend=-np.inf) > 1]
+        np.testing.assert_array_equal(np.diff(begins), EVERY)
+        assert np.all(np.isin(begins[0] + np.arange(0, OUTAGE, 0.5), withheld))
+
+
+def test_a_factor_that_was_wrong_is_chosen(wrong):
+    result, again, turns, dropped = wrong
+    found = choose(again, result.experiment, turns, dropped)
+    assert found is not None
+    assert found.r <= 0.1
+    assert better(found.before, found.after)
+    right = scaled(result.experiment, 1 / 30, 1.0)
+    assert found.after.position_error < 1.25 * held_out(again, right, turns, dropped).position_error
+    assert found.before == held_out(again, result.experiment, turns, dropped)
+
+
+def test_a_choice_is_judged_by_fixes_it_was_not_made_by(wrong):
+    result, again, turns, dropped = wrong
+    found = choose(again, result.experiment, turns, dropped)
+    assert found is not None
+    best = scaled(result.experiment, found.r, found.q)
+    # The best of all turns, judged by the same turns, looks better than what is told.
+    assert found.after.position_error >= held_out(again, best, turns, dropped).position_error
+
+
+def test_a_filter_that_is_right_is_left_as_it_is():
+    result, again, turns, dropped = flown()
+    found = choose(again, result.experiment, turns, dropped)
+    assert found is None or found.after.position_error > 0.9 * found.before.position_error
+
+
+def test_too_few_outages_choose_nothing(wrong):
+    result, again, turns, dropped = wrong
+    assert choose(again, result.experiment, turns[: FEWEST - 1], dropped) is None
+
+
+def test_factors_that_leave_the_bounds_of_a_setting_are_not_tried():
+    result, again, turns, dropped = flown(r_scale=1e6)
+    found = choose(again, result.experiment, turns, dropped)
+    assert found is not None
+    assert found.r < 1
+    with pytest.raises(SettingError, match="r_scale"):
+        scaled(result.experiment, 10.0, 1.0)
+
+
+def test_the_table_says_what_the_filter_assumes_then(wrong):
+    result, *_ = wrong
+    rows = {row.parameter: row for row in scaled_rows(result, assumed(result)[0], 0.1, 100.0)}
+    changed = scaled(result.experiment, 0.1, 100.0)
+    then = belief(changed.sensors, changed.navigator)
+    assert rows["vertical position variance"].after == pytest.approx(then.R[2, 2])
+    assert rows["gyro noise density"].after == pytest.approx(np.degrees(np.sqrt(then.noise[0])))
+    assert rows["gyro noise density"].words == "chosen by withheld fixes"
+    assert rows["latency"].words == "not observable from this log"
