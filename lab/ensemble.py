@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from lab.analysis import consistency
+from lab.analysis import consistency, trial
 from lab.analysis.algorithm_verdict import judge
 from lab.analysis.evidence import Evidence
 from lab.analysis.run_evidence import evidence_of
@@ -44,6 +44,8 @@ QUANTITIES = (
 EXPLAINED = 8
 """Runs whose innovations are explained where they are suspicious, which takes several times as long as a run;
 the others add to all that needs no explanation."""
+TRIED = 4
+"""Runs on which advice is tried: they average out half of what chance does to one."""
 UNITS = ("m",) * 3 + ("m/s",) * 3 + ("°",) * 3
 
 
@@ -60,6 +62,7 @@ class _Run(NamedTuple):
     nis_degrees: int
     evidence: Evidence
     seconds: float
+    algorithm: str
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -88,6 +91,8 @@ class Ensemble:
         Time the navigator took for each run, next to none where its solution was known already [s].
     evidence : tuple of Evidence
         What each run says of the filter.
+    algorithm : str
+        Name of the user's own navigator; empty for those of the lab.
     """
 
     experiment: Experiment
@@ -102,11 +107,27 @@ class Ensemble:
     rms: FloatArray
     seconds: FloatArray
     evidence: tuple[Evidence, ...]
+    algorithm: str
 
     @cached_property
     def verdict(self) -> Verdict:
         """Whether the filter tells the truth about itself, judged by all runs together."""
         return judge(reduce(operator.add, self.evidence))
+
+    @cached_property
+    def tried_verdict(self) -> Verdict:
+        """The verdict, its advice tried on the first runs: with what it brings, or not given.
+
+        Costs several times as many runs as `TRIED`; `verdict` is the same without.
+        """
+        return self.with_advice_tried()
+
+    def with_advice_tried(self, progress: Progress | None = None) -> Verdict:
+        """Return the verdict, its advice tried on the first runs; `progress` as of `run_ensemble`."""
+        if not trial.can_be_tried(self.verdict, self.algorithm):
+            return self.verdict
+        first = [self.experiment.copy().update({"seed": seed}) for seed in self.seeds[:TRIED]]
+        return trial.tried(self.verdict, [experiment.run() for experiment in first], progress)
 
     @cached_property
     def innovation_verdict(self) -> Verdict:
@@ -286,6 +307,7 @@ def _keep(result: Result, *, explain: bool = True) -> _Run:
         nis_degrees=int(result.innovations["nis"].attrs["degrees"]),
         evidence=evidence_of(result, explain=explain),
         seconds=result.seconds,
+        algorithm=result.algorithm,
     )
 
 
@@ -320,6 +342,7 @@ def _together(experiment: Experiment, seeds: tuple[int, ...], runs: list[_Run]) 
         rms=np.stack([run.rms for run in runs]),
         seconds=np.array([run.seconds for run in runs]),
         evidence=tuple(run.evidence for run in runs),
+        algorithm=runs[0].algorithm,
     )
 
 

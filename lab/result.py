@@ -364,7 +364,9 @@ class Result:
 
         Costs three runs and more; `verdict` is the same without.
         """
-        return trial.tried(self)
+        if not trial.can_be_tried(self.verdict, self.algorithm):
+            return self.verdict
+        return trial.tried(self.verdict, [self])
 
     @cached_property
     def innovation_verdict(self) -> Verdict:

@@ -132,7 +132,7 @@ class Consistency(ComputedPage):
         self.say(_what_is_judged(result))
         self._one.show(result)
         self._lay_out(self._plots_of_one)
-        if not can_be_tried(result):
+        if not can_be_tried(result.verdict, result.algorithm):
             self._write(result, result.verdict)
             return
         if self._content is None:
@@ -143,9 +143,9 @@ class Consistency(ComputedPage):
     def work_out(self, result: Result, progress: Progress) -> Ensemble | Verdict:
         """Have the advice on one run tried, or run as many seeds as are chosen and judge them together."""
         if self.runs == 1:
-            return tried(result, progress)
+            return tried(result.verdict, [result], progress)
         found = ensemble(result, self.runs, progress)
-        _ = found.consistency, found.verdict, found.innovation_verdict, found.whiteness, found.coverage
+        _ = found.consistency, found.innovation_verdict, found.whiteness, found.coverage, found.tried_verdict
         return found
 
     def _arrive(self, result: Result, outcome: Outcome) -> None:
@@ -174,7 +174,7 @@ class Consistency(ComputedPage):
             self._write(result, content)
             return escape(_what_is_judged(result))
         self._many.show(content)
-        self._write(content, content.verdict)
+        self._write(content, content.tried_verdict)
         self._lay_out(self._plots_of_many)
         return escape(over_seeds(content))
 

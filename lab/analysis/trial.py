@@ -7,7 +7,7 @@ against the fixes held out there. Advice that makes any of them worse is not giv
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -38,7 +38,7 @@ _TRYING = "Trying the advice"
 
 
 class Figures(NamedTuple):
-    """What judges a run without the truth.
+    """What judges a run, or several, without the truth.
 
     Attributes
     ----------
@@ -58,31 +58,34 @@ class Figures(NamedTuple):
     fixes: float
 
 
-def can_be_tried(result: Result) -> bool:
-    """Say whether any advice of the verdict on a run names settings, which can be tried."""
-    return not result.algorithm and any(finding.changes for finding in result.verdict.findings)
+def can_be_tried(verdict: Verdict, algorithm: str) -> bool:
+    """Say whether any advice names settings, which can be tried; not those of a user's own navigator."""
+    return not algorithm and any(finding.changes for finding in verdict.findings)
 
 
-def tried(result: Result, progress: Callable[[str, float], None] | None = None) -> Verdict:
-    """Return the verdict on a run, its advice tried and what it brings said.
+def tried(
+    verdict: Verdict, runs: Sequence[Result], progress: Callable[[str, float], None] | None = None
+) -> Verdict:
+    """Return a verdict, its advice tried and what it brings said.
 
-    Each finding whose advice names settings costs two runs, and the first one more.
+    Each finding whose advice names settings costs two runs for each of `runs`, and the first one more.
 
     Parameters
     ----------
-    result
-        The run.
+    verdict
+        The verdict on these runs, or on these and others of the same settings.
+    runs
+        On which the advice is tried: the figures are their averages.
     progress
         Called before each trial with a phrase and the fraction done, from 0 to 1.
     """
-    verdict = result.verdict
-    if not can_be_tried(result):
-        return verdict
     tell = progress or (lambda _phrase, _done: None)
     with_changes = [finding for finding in verdict.findings if finding.changes]
+    if not with_changes:
+        return verdict
     tell(_TRYING, 0.0)
-    before = figures(result)
-    together = _together(with_changes, result, before, tell) if len(with_changes) > 1 else ""
+    before = average([figures(run) for run in runs])
+    together = _together(with_changes, runs, before, tell) if len(with_changes) > 1 else ""
     found = []
     for number, finding in enumerate(verdict.findings):
         if not finding.changes:
@@ -91,13 +94,13 @@ def tried(result: Result, progress: Callable[[str, float], None] | None = None) 
             found.append(replace(finding, advice=f"{finding.advice} Tried, {together}."))
         else:
             tell(_TRYING, (number + 1) / (len(verdict.findings) + 1))
-            found.append(_tried(finding, result, before))
+            found.append(_tried(finding, runs, before))
     findings = tuple(found)
     return Verdict(headline(findings, verdict.headline), findings, verdict.basis)
 
 
 def _together(
-    findings: list[Finding], result: Result, before: Figures, tell: Callable[[str, float], None]
+    findings: list[Finding], runs: Sequence[Result], before: Figures, tell: Callable[[str, float], None]
 ) -> str:
     """Return what all advice brings at once, in words; empty where that makes anything worse.
 
@@ -106,16 +109,21 @@ def _together(
     changes = tuple(change for finding in findings for change in finding.changes)
     tell(_TRYING, 0.1)
     try:
-        after = figures(advised(result, changes).run())
+        after = _followed(runs, changes)
     except (SettingError, ValueError):
         return ""
     return "" if worsened(before, after) else f"all advice together: {_words(before, after)}"
 
 
-def _tried(finding: Finding, result: Result, before: Figures) -> Finding:
+def _followed(runs: Sequence[Result], changes: tuple[Change, ...]) -> Figures:
+    """Return what judges runs with some settings changed."""
+    return average([figures(advised(run, changes).run()) for run in runs])
+
+
+def _tried(finding: Finding, runs: Sequence[Result], before: Figures) -> Finding:
     """Return a finding with what its advice brings, or without its advice."""
     try:
-        after = figures(advised(result, finding.changes).run())
+        after = _followed(runs, finding.changes)
     except (SettingError, ValueError) as error:
         return replace(
             finding, advice=f"{finding.advice} (Tried, it cannot be navigated: {error})", changes=()
@@ -203,6 +211,17 @@ def figures(result: Result) -> Figures:
     after = seen.lagged[0].reshape(2, 3).sum(axis=1) / np.maximum(power, 1e-12)
     return Figures(
         float(seen.nis.mean), float(np.abs(after).max()), held_out(result), float(seen.nis.number) / 6
+    )
+
+
+def average(of: Sequence[Figures]) -> Figures:
+    """Return the figures of several runs together."""
+    nis, correlation, held_out, fixes = np.array(of).T
+    return Figures(
+        float(np.average(nis, weights=np.maximum(fixes, 1.0))),
+        float(np.mean(correlation)),
+        float(np.sqrt(np.mean(held_out**2))),
+        float(fixes.sum()),
     )
 
 

@@ -8,6 +8,7 @@ import pytest
 from lab.analysis import trial
 from lab.analysis.finding import Change
 from lab.analysis.trial import Figures
+from lab.ensemble import TRIED, run_ensemble
 from lab.experiment import Experiment
 
 BEFORE = Figures(nis=1.5, correlation=0.1, held_out=4.0, fixes=400)
@@ -86,7 +87,7 @@ def test_advice_that_makes_the_prediction_worse_is_not_given(monkeypatch):
     (finding,) = verdict.findings
     spoilt = trial.replace(verdict, findings=(trial.replace(finding, changes=(wrong,)),))
     monkeypatch.setitem(result.__dict__, "verdict", spoilt)
-    (refused,) = trial.tried(result).findings
+    (refused,) = trial.tried(result.verdict, [result]).findings
     assert refused.counsel.startswith("No advice: what such a finding suggests was tried")
     assert not refused.changes
 
@@ -124,3 +125,23 @@ def test_what_one_fault_hides_of_another_is_tried_together() -> None:
     assert abs(np.log(after.nis)) < abs(np.log(before.nis)) / 2
     latency = next(finding for finding in verdict.findings if finding.quantity == "GPS latency")
     assert trial.worsened(before, trial.figures(trial.advised(result, latency.changes).run()))
+
+
+def test_advice_on_many_runs_is_tried_on_the_first_of_them() -> None:
+    experiment = Experiment(mission="los_angeles", seed=3)
+    experiment.update({"navigator": {"r_scale": 10.0}})
+    many = run_ensemble(experiment, 6)
+    findings = many.tried_verdict.findings
+    changes = tuple(change for finding in findings for change in finding.changes)
+    assert {change.rows for change in changes} == {(0, 3), (3, 6)}
+    runs = [experiment.copy().update({"seed": seed}).run() for seed in range(3, 3 + TRIED)]
+    before = np.mean([trial.figures(run).nis for run in runs])
+    after = np.mean([trial.figures(trial.advised(run, changes).run()).nis for run in runs])
+    for finding in findings:
+        assert f"NIS per degree of freedom {before:.2f}, then {after:.2f}" in finding.advice
+    assert abs(np.log(after)) < abs(np.log(before)) / 4
+
+
+def test_a_matched_filter_over_many_runs_has_nothing_to_try() -> None:
+    many = run_ensemble(Experiment(mission="los_angeles", seed=3), 3)
+    assert many.tried_verdict is many.verdict
