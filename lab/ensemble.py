@@ -19,8 +19,8 @@ from numpy.typing import NDArray
 
 from lab.analysis import consistency, trial
 from lab.analysis.algorithm_verdict import judge
-from lab.analysis.evidence import Evidence
-from lab.analysis.run_evidence import evidence_of
+from lab.analysis.evidence import Evidence, between, position_nees
+from lab.analysis.run_evidence import evidence_of, reference_of
 from lab.analysis.verdict import Verdict
 from lab.datasets.labelled import ANGLES, EAST_NORTH_UP
 from lab.experiment import Experiment
@@ -55,6 +55,9 @@ class _Run(NamedTuple):
     time: FloatArray
     nees: FloatArray
     nis: FloatArray
+    grid: FloatArray
+    between: FloatArray
+    between_degrees: int
     error: FloatArray
     sigma: FloatArray
     rms: FloatArray
@@ -79,6 +82,12 @@ class Ensemble:
         Times of the fixes all runs have [s].
     nees, nis : (runs, m) arrays
         Consistency at each fix; NaN where a run did not use it.
+    grid : (k,) array
+        Times once a second, just before it, so that outages show [s]; empty for a log of real sensors.
+    between : (runs, k) array
+        NEES of the position there.
+    between_degrees : int
+        Its degrees of freedom.
     degrees : int
         Degrees of freedom of NEES; 0 for a log of real sensors, of which NEES is not known.
     nis_degrees : int
@@ -100,6 +109,9 @@ class Ensemble:
     time: FloatArray
     nees: FloatArray
     nis: FloatArray
+    grid: FloatArray
+    between: FloatArray
+    between_degrees: int
     degrees: int
     nis_degrees: int
     error: FloatArray
@@ -141,20 +153,27 @@ class Ensemble:
 
     @cached_property
     def consistency(self) -> xr.Dataset:
-        """NEES and NIS averaged over the runs at each fix, with their 95 % intervals (5.4.2-9)."""
+        """NEES and NIS averaged over the runs, with their 95 % intervals (5.4.2-9).
+
+        Of all states and of the innovations at each fix, of the position also between the fixes.
+        """
         import xarray as xr  # noqa: PLC0415 - takes a while to import, and a run does without
 
         variables = {}
-        for name, values, degrees in (
-            ("anees", self.nees, self.degrees),
-            ("anis", self.nis, self.nis_degrees),
+        for name, clock, values, degrees in (
+            ("anees", "time_gps", self.nees, self.degrees),
+            ("anis", "time_gps", self.nis, self.nis_degrees),
+            ("anees_between", "time_between", self.between, self.between_degrees),
         ):
             mean, low, high = _averages(values, degrees)
             label = f"{name.upper()}, {degrees} degrees of freedom"
             for suffix, series in (("", mean), ("_low", low), ("_high", high)):
-                variables[name + suffix] = ("time_gps", series, {"units": "", "long_name": label})
-        times = ("time_gps", self.time, {"units": "s", "long_name": "time"})
-        return xr.Dataset(variables, coords={"time_gps": times})
+                variables[name + suffix] = (clock, series, {"units": "", "long_name": label})
+        coords = {
+            name: (name, time, {"units": "s", "long_name": "time"})
+            for name, time in (("time_gps", self.time), ("time_between", self.grid))
+        }
+        return xr.Dataset(variables, coords=coords)
 
     def inside(self, after: float = 0.0) -> tuple[float, float]:
         """Return at which part of the epochs the averages of NEES and of NIS lie in their 95 % intervals.
@@ -293,6 +312,7 @@ def _keep(result: Result, *, explain: bool = True) -> _Run:
         parts = [group[name].values for name in ("position", "velocity", "attitude")]
         return np.concatenate(parts, axis=1)
 
+    grid, apart, apart_degrees = _between(result)
     sigma = nine(result.sigma)
     error = np.full_like(sigma, np.nan) if result.lacks("errors") else nine(result.errors)
     unknown = bool(result.lacks("consistency"))
@@ -300,6 +320,9 @@ def _keep(result: Result, *, explain: bool = True) -> _Run:
         time=result.fixes.time[used],
         nees=np.full(at.size, np.nan) if unknown else result.consistency["nees"].values[used],
         nis=result.innovations["nis"].values[used],
+        grid=grid,
+        between=apart,
+        between_degrees=apart_degrees,
         error=error[at],
         sigma=sigma[at],
         rms=_root_mean_square(error),
@@ -309,6 +332,15 @@ def _keep(result: Result, *, explain: bool = True) -> _Run:
         seconds=result.seconds,
         algorithm=result.algorithm,
     )
+
+
+def _between(result: Result) -> tuple[FloatArray, FloatArray, int]:
+    """Return times between the fixes, NEES of the position there, and its degrees of freedom."""
+    if result.recorded or result.lacks("consistency"):
+        return np.zeros(0), np.zeros(0), 0
+    at = between(result.time)
+    nees, degrees = position_nees(result.solution_arrays, at, reference_of(result))
+    return result.time[at], nees, degrees
 
 
 def _root_mean_square(error: FloatArray) -> FloatArray:
@@ -335,6 +367,9 @@ def _together(experiment: Experiment, seeds: tuple[int, ...], runs: list[_Run]) 
         time=time,
         nees=beside("nees"),
         nis=beside("nis"),
+        grid=runs[0].grid,
+        between=np.stack([run.between for run in runs]),
+        between_degrees=runs[0].between_degrees,
         degrees=runs[0].degrees,
         nis_degrees=runs[0].nis_degrees,
         error=beside("error", len(QUANTITIES)),

@@ -51,6 +51,31 @@ def test_averages_and_intervals_are_those_of_chi_square(many: Ensemble) -> None:
     assert nis > 0.85
 
 
+def test_between_fixes_the_position_is_judged_just_before_them(many: Ensemble) -> None:
+    """Also in an outage, in which there is no fix: by the errors and the covariance at the same times."""
+    gap = Experiment(mission="los_angeles", seed=5)
+    gap.set("sensors.gps.outages", [[40, 70]])
+    together = run_ensemble(gap, 3)
+    assert together.between.shape == (3, together.grid.size)
+    inside = (together.grid > 41) & (together.grid < 69)
+    assert inside.sum() == 28
+    assert not np.isin(together.grid, together.time).any()
+    result = gap.run()
+    at = np.searchsorted(result.time, together.grid)
+    assert np.array_equal(result.time[at], together.grid)
+    x = np.stack([result.errors.position.values[at, axis] for axis in (1, 0, 2)], axis=-1) * [1, 1, -1]
+    sigma = np.sqrt(result.solution_arrays.variance[at][:, :3])
+    lowest = np.max((x / sigma) ** 2, axis=1)  # NEES is at least the square of each error in its σ
+    assert np.all(together.between[0] > 0.999 * lowest)
+    data = many.consistency
+    low, high = stats.chi2.interval(0.95, 3 * SEEDS)
+    assert np.allclose(data["anees_between_low"], low / SEEDS)
+    assert np.allclose(data["anees_between_high"], high / SEEDS)
+    late = many.grid > 20
+    mean = data["anees_between"].values[late]
+    assert np.mean((low / SEEDS < mean) & (mean < high / SEEDS)) > 0.8
+
+
 def test_coverage_of_a_matched_filter_is_that_of_the_normal_distribution(many: Ensemble) -> None:
     """Errors of 40 flights, correlated along each: a percent or two off."""
     table = many.coverage.set_index("quantity")

@@ -235,12 +235,22 @@ def _joined(parts: Iterable[Squares]) -> Squares:
 def between_squares(solution: Solution, samples: NDArray[np.intp], reference: Reference) -> Squares:
     """Return NEES of the position once a second and just before each fix, at samples (m,); see `Evidence`."""
     time = reference.truth.time
-    grid = np.searchsorted(time, np.arange(time[0] + GRID, time[-1], GRID))
-    at = np.unique(np.concatenate((grid, np.maximum(samples - 1, 1))))
+    at = np.unique(np.concatenate((between(time), np.maximum(samples - 1, 1))))
     if not at.size:
         return Squares(np.zeros(()), np.zeros(()))
+    nees, degrees = position_nees(solution, at, reference)
+    epochs = max(1.0, float(np.ptp(time)) / SETTLING)
+    return Squares(np.array(epochs * nees.mean()), np.array(epochs * degrees))
+
+
+def between(time: FloatArray) -> NDArray[np.intp]:
+    """Return samples (k,) once a second, each the last one before: of most receivers just before a fix."""
+    at = np.searchsorted(time, np.arange(time[0] + GRID, time[-1], GRID)) - 1
+    return np.asarray(at[at > 0])
+
+
+def position_nees(solution: Solution, at: NDArray[np.intp], reference: Reference) -> tuple[FloatArray, int]:
+    """Return NEES of the position at samples (k,), and its degrees of freedom."""
     x = errors.error_state(solution, at, reference.truth, reference.bias, reference.scale)[:, POS]
     P = errors.block_matrices(solution.variance[at][:, POS], solution.covariance[at, 0])
-    nees = consistency.normalised_squares(x, P)
-    epochs = max(1.0, float(np.ptp(time)) / SETTLING)
-    return Squares(np.array(epochs * nees.mean()), np.array(epochs * consistency.uncertain(P).size))
+    return consistency.normalised_squares(x, P), consistency.uncertain(P).size

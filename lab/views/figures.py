@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, get_args
 
 import numpy as np
 from bokeh.core.properties import value
@@ -181,7 +181,7 @@ class TimeFigures:
         self._ready: (
             tuple[Result | Ensemble, tuple[float, float], dict[Clock, dict[str, FloatArray]]] | None
         ) = None
-        for clock in ("time", "time_gps"):
+        for clock in get_args(Clock):
             names = [name for plot in self.plots for name in _columns(plot, clock)]
             if names:
                 self._sources[clock] = Columns(("time", *names), f"{clock}:{self.plots[0].name}")
@@ -444,5 +444,7 @@ def _tooltips(plot: TimePlot) -> list[tuple[str, str]]:
 
 
 def _times(result: Result | Ensemble, clock: Clock) -> FloatArray:
-    # Of an ensemble there is one time, that of the fixes.
-    return result.time if clock == "time" else result.fixes.time  # type: ignore[union-attr]
+    # Of an ensemble there is no time of the IMU: its own is that of the fixes.
+    if clock == "time":
+        return result.time
+    return result.grid if clock == "time_between" else result.fixes.time  # type: ignore[union-attr]

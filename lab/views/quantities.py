@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 FloatArray = NDArray[np.floating]
 Reader = Callable[[Any], FloatArray]
 """Takes samples (n,) out of a result, or out of an ensemble."""
-Clock = Literal["time", "time_gps"]
+Clock = Literal["time", "time_gps", "time_between"]
 
 BLUE, GREEN, ORANGE = "#3b8eea", "#12a67c", "#e8862e"
 AXIS_COLOURS = (BLUE, GREEN, ORANGE)
@@ -112,7 +112,8 @@ class TimePlot:
     fixes
         What the GPS fixes say of the same quantity, drawn below the curves at their times.
     clock
-        Coordinate of the samples of curves and band: IMU time or time of the fixes.
+        Coordinate of the samples of curves and band: IMU time, time of the fixes, or, of an ensemble,
+        once a second between them.
     scale
         Zero in the middle; free; or logarithmic.
     """
@@ -365,7 +366,7 @@ def _normalised(variable: str) -> TimePlot:
     )
 
 
-def _average(name: str, variable: str, colour: str) -> TimePlot:
+def _average(name: str, variable: str, colour: str, clock: Clock = "time") -> TimePlot:
     """Return a plot of a χ² averaged over the runs of an ensemble, with its 95 % interval."""
 
     def reader(suffix: str) -> Callable[[Ensemble], FloatArray]:
@@ -384,7 +385,7 @@ def _average(name: str, variable: str, colour: str) -> TimePlot:
         centre=lambda ensemble: (high(ensemble) + low(ensemble)) / 2,
     )
     curve = Curve(variable, "average", colour, reader(""), style="points")
-    return TimePlot(variable, name, "", (curve,), band=band, scale="free")
+    return TimePlot(variable, name, "", (curve,), band=band, clock=clock, scale="free")
 
 
 CONSISTENCY: tuple[TimePlot, ...] = (
@@ -397,6 +398,9 @@ CONSISTENCY: tuple[TimePlot, ...] = (
 ENSEMBLE_CONSISTENCY: tuple[TimePlot, ...] = (
     _average("NEES, average over the runs", "anees", BLUE),
     _average("NIS, average over the runs", "anis", GREEN),
+    _average(
+        "NEES of the position between fixes, average over the runs", "anees_between", BLUE, "time_between"
+    ),
 )
 
 HEIGHT: tuple[TimePlot, ...] = (
