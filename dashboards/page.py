@@ -113,7 +113,7 @@ class SimulatorPage:
         Alone, it is there at once. While other pages wait to be opened, each gets its frame first, then its
         plots and its settings.
         """
-        self._steps += [self._show, self._fill_sidebar]
+        self._steps += [self._show, self._add_settings, self._add_files]
         if self._openings is None or not self._openings.crowded:
             while self._steps:
                 self._steps.pop(0)()
@@ -166,10 +166,13 @@ class SimulatorPage:
         finally:
             self._go_on()
 
-    def _fill_sidebar(self) -> None:
+    def _add_settings(self) -> None:
         self._settings = SettingsPanel(self.session, self._steps.append)
+        self._sidebar.append(self._settings.view)
+
+    def _add_files(self) -> None:
         self._files = Files(self.session)
-        self._sidebar[:] = [self._settings.view, self._files.view]
+        self._sidebar.append(self._files.view)
 
     def close(self) -> None:
         """End the session."""
