@@ -193,6 +193,11 @@ class SimulatorPage:
             self._pages[index] = page
         return self._pages[index]
 
+    def _show_if_begun(self) -> None:
+        """Draw the page that is chosen, unless its first plots have to wait for their turn."""
+        if self._show not in self._steps:
+            self._show()
+
     def _show_again(self, page: Page) -> None:
         page.forget()
         self._show()
@@ -242,8 +247,7 @@ class SimulatorPage:
         outages = result.experiment.sensors.gps.outages
         self.axis.show_outages([(start - result.epoch, end - result.epoch) for start, end in outages])
         self._time_bar.span()
-        if self._show not in self._steps:
-            self._show()
+        self._show_if_begun()
 
     def _cut(self, start: float, end: float) -> None:
         """Add a GPS outage at times of the plots; those that touch become one."""
@@ -276,7 +280,7 @@ class SimulatorPage:
     def _draw_window(self) -> None:
         self._zooming = False
         with together(self._document):
-            self._show()
+            self._show_if_begun()
 
 
 def _unlink_busy(frame: MaterialPage) -> None:
