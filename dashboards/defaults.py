@@ -50,6 +50,13 @@ class RememberedDefaults:
         def has_unstable_default(descriptor: PropertyDescriptor[Any], model: HasProps) -> bool:
             return remembered.is_unstable(descriptor, model)
 
+        apply_theme = HasProps.apply_theme
+
+        def apply(model: HasProps, property_values: dict[str, Any]) -> None:
+            if property_values or themed(model):
+                apply_theme(model, property_values)
+
+        HasProps.apply_theme = apply  # type: ignore[method-assign]
         HasProps.__init__ = begin  # type: ignore[method-assign, assignment]
         HasProps.themed_values = themed  # type: ignore[method-assign, assignment]
         PropertyDescriptor.instance_default = instance_default  # type: ignore[method-assign, assignment]
