@@ -56,7 +56,7 @@ class RememberedDefaults:
             if property_values or themed(model):
                 apply_theme(model, property_values)
 
-        HasProps.apply_theme = apply  # type: ignore[method-assign]
+        HasProps.apply_theme = apply  # type: ignore[method-assign, assignment]
         HasProps.__init__ = begin  # type: ignore[method-assign, assignment]
         HasProps.themed_values = themed  # type: ignore[method-assign, assignment]
         PropertyDescriptor.instance_default = instance_default  # type: ignore[method-assign, assignment]
