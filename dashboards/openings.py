@@ -11,6 +11,8 @@ from bokeh.application.application import SessionContext
 from bokeh.application.handlers.handler import Handler
 from bokeh.document import Document
 
+from dashboards.garbage import Garbage
+
 PAUSE = 0.01
 """Time between two turns [s]: what open pages have asked meanwhile takes a few rounds of the event loop."""
 
@@ -30,6 +32,7 @@ class Openings(Handler):
         super().__init__()
         self._waiting: deque[Turn] = deque()
         self._working: asyncio.Task[None] | None = None
+        self._garbage = Garbage()
 
     @classmethod
     def of(cls, document: Document) -> Openings | None:
@@ -65,6 +68,10 @@ class Openings(Handler):
         self._ask(begin)
         await mine
 
+    async def on_session_destroyed(self, session_context: SessionContext) -> None:
+        """Let go of a page that has ended."""
+        self._garbage.page_ended()
+
     def later(self, document: Document, step: Callable[[], None]) -> None:
         """Take a step of a page once it is its turn, as a callback of its document."""
         self._ask(partial(_step, document, step))
@@ -78,6 +85,7 @@ class Openings(Handler):
         while self._waiting:
             await asyncio.wait({self._waiting.popleft()()}, timeout=LONGEST)
             await asyncio.sleep(PAUSE)
+            self._garbage.keep()
 
 
 def _step(document: Document, step: Callable[[], None]) -> asyncio.Future[None]:

@@ -113,7 +113,7 @@ class SimulatorPage:
         Alone, it is there at once. While other pages wait to be opened, each gets its frame first, then its
         plots and its settings.
         """
-        self._steps += [self._show, self._fill_sidebar]
+        self._steps += [self._show, self._add_settings, self._add_files]
         if self._openings is None or not self._openings.crowded:
             while self._steps:
                 self._steps.pop(0)()
@@ -166,10 +166,13 @@ class SimulatorPage:
         finally:
             self._go_on()
 
-    def _fill_sidebar(self) -> None:
+    def _add_settings(self) -> None:
         self._settings = SettingsPanel(self.session, self._steps.append)
+        self._sidebar.append(self._settings.view)
+
+    def _add_files(self) -> None:
         self._files = Files(self.session)
-        self._sidebar[:] = [self._settings.view, self._files.view]
+        self._sidebar.append(self._files.view)
 
     def close(self) -> None:
         """End the session."""
@@ -189,6 +192,11 @@ class SimulatorPage:
             page.draw_again = partial(self._show_again, page)
             self._pages[index] = page
         return self._pages[index]
+
+    def _show_if_begun(self) -> None:
+        """Draw the page that is chosen, unless its first plots have to wait for their turn."""
+        if self._show not in self._steps:
+            self._show()
 
     def _show_again(self, page: Page) -> None:
         page.forget()
@@ -239,8 +247,7 @@ class SimulatorPage:
         outages = result.experiment.sensors.gps.outages
         self.axis.show_outages([(start - result.epoch, end - result.epoch) for start, end in outages])
         self._time_bar.span()
-        if self._show not in self._steps:
-            self._show()
+        self._show_if_begun()
 
     def _cut(self, start: float, end: float) -> None:
         """Add a GPS outage at times of the plots; those that touch become one."""
@@ -273,7 +280,7 @@ class SimulatorPage:
     def _draw_window(self) -> None:
         self._zooming = False
         with together(self._document):
-            self._show()
+            self._show_if_begun()
 
 
 def _unlink_busy(frame: MaterialPage) -> None:

@@ -1,82 +1,125 @@
-"""Speed: what Bokeh would work out again for each model, worked out once for each class of models.
-
-A page consists of 600 models. Bokeh asks for the default of each of their properties several times, and each
-time it copies and checks the default: half of the time to open a page. A default that is a number, a text, a
-truth value or nothing is the same for all models of a class, so it is remembered.
-"""
+"""Speed: what Bokeh and Panel would work out again for each of the 600 models of a page, worked out once."""
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterator
+from functools import lru_cache, wraps
 from typing import Any
 
 from bokeh.core.has_props import HasProps
 from bokeh.core.property.descriptors import PropertyDescriptor
+from bokeh.core.property.wrappers import PropertyValueContainer
+from bokeh.model import Model, util
 from bokeh.settings import settings
+from panel.custom import ReactiveESM
+from panel.io import resources
+from panel.reactive import Syncable
+from panel.viewable import is_viewable_param
 
-CONSTANT = (type(None), bool, int, float, str)
-"""Types of the defaults that are remembered: what nobody can change in place."""
+from dashboards.defaults import CONSTANT, RememberedDefaults, themed
 
-_Key = tuple[PropertyDescriptor[Any], type[HasProps]]
-
-
-class RememberedDefaults:
-    """The defaults of Bokeh's properties, each worked out once for a class of models.
-
-    A theme may set another default for single models, so what a theme names is always asked of Bokeh.
-    """
-
-    def __init__(self) -> None:
-        self._default = PropertyDescriptor.instance_default
-        self._is_unstable = PropertyDescriptor.has_unstable_default
-        self._defaults: dict[_Key, Any] = {}
-        self._unstable: dict[_Key, bool] = {}
-
-    def install(self) -> None:
-        """Answer in place of Bokeh from now on."""
-        remembered = self
-
-        def instance_default(descriptor: PropertyDescriptor[Any], model: HasProps) -> Any:
-            return remembered.default(descriptor, model)
-
-        def has_unstable_default(descriptor: PropertyDescriptor[Any], model: HasProps) -> bool:
-            return remembered.is_unstable(descriptor, model)
-
-        HasProps.themed_values = _themed  # type: ignore[method-assign, assignment]
-        PropertyDescriptor.instance_default = instance_default  # type: ignore[method-assign, assignment]
-        PropertyDescriptor.has_unstable_default = has_unstable_default  # type: ignore[method-assign, assignment]
-
-    def default(self, descriptor: PropertyDescriptor[Any], model: HasProps) -> Any:
-        """Return the default of a property of a model."""
-        themed = _themed(model)
-        if themed is not None and descriptor.name in themed:
-            return self._default(descriptor, model)
-        key = (descriptor, model.__class__)
-        if key in self._defaults:
-            return self._defaults[key]
-        default = self._default(descriptor, model)
-        if type(default) in CONSTANT and not self.is_unstable(descriptor, model):
-            self._defaults[key] = default
-        return default
-
-    def is_unstable(self, descriptor: PropertyDescriptor[Any], model: HasProps) -> bool:
-        """Return whether each model has a default of its own, such as an empty list."""
-        key = (descriptor, model.__class__)
-        if key not in self._unstable:
-            self._unstable[key] = self._is_unstable(descriptor, model)
-        return self._unstable[key]
-
-
-def _themed(model: HasProps) -> dict[str, Any] | None:
-    """Return what a theme sets on a model; Bokeh's own way asks all properties where there is nothing."""
-    return model.__dict__.get("__themed_values__")
+MOST_PATHS = 1024
+"""Most files and folders of which it is remembered whether one is in the other; a page asks for 60."""
 
 
 def speed_up() -> None:
-    """Have Bokeh remember defaults and leave out the checks that serve those who write pages.
+    """Have Bokeh and Panel remember, and leave out the checks that serve those who write pages.
 
     The checks are those of whole documents and of the arguments of each callback.
     """
-    if PropertyDescriptor.instance_default.__module__ != __name__:
+    if PropertyDescriptor.instance_default.__module__ != RememberedDefaults.__module__:
         RememberedDefaults().install()
+        _look_at_values_that_are_set()
+        _share_declarations()
+        _remember_paths()
     settings.perform_document_validation = False
     settings.perform_error_diagnostics = False
+
+
+def _look_at_values_that_are_set() -> None:
+    """Have Bokeh look for models, and for what it sends, only among values that are no constant defaults."""
+    visit_any = util.visit_immediate_value_references
+    visit_inside = util.visit_value_and_its_immediate_references
+    query_any = HasProps.query_properties_with_values
+
+    def visit(value: Any, visitor: Callable[[Model], None]) -> None:
+        if not isinstance(value, HasProps):
+            visit_any(value, visitor)
+            return
+        own = _own_values(value)
+        for name in value.properties_with_refs():
+            if name in own and type(own[name]) not in CONSTANT:
+                visit_inside(own[name], visitor)
+
+    def query(
+        model: HasProps,
+        query: Callable[[PropertyDescriptor[Any]], bool],
+        *,
+        include_defaults: bool = True,
+        include_undefined: bool = False,
+    ) -> dict[str, Any]:
+        if include_defaults or include_undefined or themed(model):
+            return query_any(
+                model, query, include_defaults=include_defaults, include_undefined=include_undefined
+            )
+        return {name: value for name, value in _changed(model) if query(model.lookup(name))}
+
+    util.visit_immediate_value_references = visit
+    HasProps.query_properties_with_values = query  # type: ignore[method-assign, assignment]
+
+
+def _own_values(model: HasProps) -> dict[str, Any]:
+    """Return the values of a model that are not those of all models of its class."""
+    return {**model._unstable_default_values, **model._unstable_themed_values, **model._property_values}
+
+
+def _changed(model: HasProps) -> Iterator[tuple[str, Any]]:
+    """Yield the properties of a model that a browser cannot know, in Bokeh's order."""
+    own = _own_values(model)
+    for name in model.properties(_with_props=True):
+        if name in own:
+            value = model.lookup(name).get_value(model)
+            if not (isinstance(value, PropertyValueContainer) and name in model._unstable_default_values):
+                yield name, value
+
+
+def _share_declarations() -> None:
+    """Have Panel read the declarations of a component's class, and not copy each of them for the component.
+
+    The copies, 2,700 for a page, are for components that change their own declarations.
+    """
+    get_properties = ReactiveESM._get_properties
+
+    @wraps(get_properties)
+    def properties(component: ReactiveESM, document: Any) -> dict[str, Any]:
+        private = type(component)._param__private
+        before, private.disable_instance_params = private.disable_instance_params, True
+        try:
+            return get_properties(component, document)
+        finally:
+            private.disable_instance_params = before
+
+    def children(
+        component: ReactiveESM, _data: Any, document: Any, root: Any, parent: Any, comm: Any
+    ) -> tuple[dict[str, Any], list[Any]]:
+        models, old, mapping = dict[str, Any](), list[Any](), type(component)._property_mapping
+        for name, declaration in component.param.objects(instance=False).items():
+            if is_viewable_param(declaration) and mapping.get(name, "") is not None:
+                models[name], before = component._get_child_model(
+                    getattr(component, name), document, root, parent, comm
+                )
+                old += before
+        return models, old
+
+    def init_params(component: Syncable) -> dict[str, Any]:
+        synced = component._synced_params  # asked once, not for each of them
+        return {name: value for name in synced if (value := getattr(component, name)) is not None}
+
+    ReactiveESM._get_properties = properties  # type: ignore[method-assign, assignment]
+    ReactiveESM._get_children = children  # type: ignore[method-assign, assignment]
+    Syncable._init_params = init_params  # type: ignore[method-assign, assignment]
+
+
+def _remember_paths() -> None:
+    """Have Panel look once whether a file of a component is in a folder it serves: 700 times for a page."""
+    vars(resources)["_is_subpath"] = lru_cache(MOST_PATHS)(resources._is_subpath)

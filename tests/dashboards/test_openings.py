@@ -10,9 +10,11 @@ from typing import Any
 
 import pytest
 from bokeh.document import Document
+from panel.io.state import set_curdoc
 
 from dashboards import openings
 from dashboards.openings import Openings
+from dashboards.page import SimulatorPage
 
 CONTEXT: Any = SimpleNamespace(destroyed=False)
 
@@ -59,6 +61,20 @@ def test_a_page_that_has_left_keeps_nobody_waiting(monkeypatch: pytest.MonkeyPat
 
     completed(burst)
     assert taken == []
+
+
+def test_a_result_and_a_zoom_do_not_draw_before_the_plots_have_their_turn() -> None:
+    """The first result sets the time axis, which looks like a zoom."""
+    document = Document()
+    with set_curdoc(document):
+        page = SimulatorPage()
+    page._steps = [page._show]
+    page.axis.range.end = 5.0
+    page._draw_window()
+    assert page._stage.objects == []
+    page._take_step()
+    assert page._stage.objects != []
+    page.close()
 
 
 def test_without_a_server_there_are_no_turns() -> None:

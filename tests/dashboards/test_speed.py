@@ -2,8 +2,12 @@
 
 from __future__ import annotations
 
+import panel as pn
+import panel_material_ui as pmui
 import pytest
 from bokeh.core.property.descriptors import PropertyDescriptor
+from bokeh.core.property.wrappers import PropertyValueContainer
+from bokeh.model.util import visit_value_and_its_immediate_references
 from bokeh.models import Line, Model, Range1d
 
 from dashboards.speed import speed_up
@@ -41,3 +45,50 @@ def test_models_share_no_list() -> None:
     one, other = Range1d(), Range1d()
     one.tags.append("seen")
     assert other.tags == []
+
+
+def test_an_empty_default_is_made_anew_as_bokeh_makes_it() -> None:
+    fig = time_figure("a", TimeAxis())
+    asked = 0
+    for model in fig.references():
+        for name in model.properties():
+            descriptor = model.lookup(name)
+            if isinstance(descriptor, PropertyDescriptor) and descriptor.has_unstable_default(model):
+                expected = descriptor.property.themed_default(type(model), name, None)
+                if isinstance(expected, PropertyValueContainer):
+                    made, again = (descriptor.instance_default(model) for _ in range(2))
+                    assert (type(made), made) == (type(expected), expected), (model, name)
+                    assert made is not again
+                    asked += 1
+    assert asked > 100
+
+
+def test_models_are_found_and_sent_as_bokeh_does_it() -> None:
+    fig = time_figure("a", TimeAxis())
+    waiting: list[Model] = [fig]
+    found: set[Model] = set()
+    while waiting:
+        model = waiting.pop()
+        if model not in found:
+            found.add(model)
+            for name in model.properties_with_refs():
+                visit_value_and_its_immediate_references(getattr(model, name), waiting.append)
+    assert fig.references() == found
+    for model in found:
+        every = model.properties_with_values()
+        sent = model.properties_with_values(include_defaults=False)
+        own = {name for name in every if name in model._property_values}
+        assert own <= set(sent)
+        assert list(sent) == [name for name in every if name in sent]
+        assert all(sent[name] is every[name] or sent[name] == every[name] for name in sent)
+
+
+def test_a_component_has_the_properties_of_before_and_copies_no_declaration() -> None:
+    button = pmui.Button(label="Go", icon="add", description="Does it")
+    box = pn.Column(button)
+    model = button.get_root()
+    assert (model.data.label, model.data.icon, model.data.disabled) == ("Go", "add", False)
+    assert len(button._param__private.params) < len(list(button.param)) / 2
+    assert box.get_root().children[0].data.label == "Go"
+    button.param.label.label = "Own"
+    assert pmui.Button.param.label.label != "Own"
