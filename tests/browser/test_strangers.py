@@ -16,6 +16,7 @@ import pytest
 from playwright.sync_api import Browser, BrowserContext, Page, expect
 
 from lab.missions import add_mission, mission
+from lab.toml_file import MAX_BYTES
 from tests.browser.conftest import HARMLESS, IDLE, ROOT, free_port
 
 pytestmark = pytest.mark.browser
@@ -38,6 +39,7 @@ FILES = {
     f"mission = '{mark('settings')}'": "stranger-settings",
     f"'{mark('unknown')}' = 1": "stranger-unknown",
     f"seed = {'1' * 5000}": "1000 characters",
+    "#" * (MAX_BYTES + 1): "The browser did not send",
 }
 """Settings files, and what is said of them."""
 
@@ -156,6 +158,9 @@ def test_what_a_mission_and_a_file_say_is_text_on_every_page(
             page.locator("label:has(input[accept='.toml'])").click()
         chooser.value.set_files(tmp_path / "x.toml")
         expect(page.get_by_role("alert").filter(has_text=words)).to_be_visible(timeout=PATIENCE * 1000)
+    (said,) = strange[1]  # by the button, of the file that is too large
+    assert said.startswith("Upload error")
+    strange[1].clear()
 
 
 PATHS = {"": 200, "static/js/bokeh.min.js": 200, "favicon.ico": 200, "nowhere": 404, "static/nowhere": 404}
