@@ -7,7 +7,10 @@ import subprocess
 import sys
 import time
 from collections.abc import Iterator
+from functools import partial
+from http.server import SimpleHTTPRequestHandler, ThreadingHTTPServer
 from pathlib import Path
+from threading import Thread
 from urllib.error import HTTPError, URLError
 from urllib.parse import urlencode, urlparse
 from urllib.request import urlopen
@@ -125,6 +128,23 @@ def test_what_an_address_says_is_text_and_its_scripts_do_not_run(strange: Strang
     page.wait_for_function("document.getElementById('tried').complete")
     assert page.evaluate("window.ran") is None
     assert {"Content Security Policy" in text for text in strange[1]} == {True}
+    strange[1].clear()
+
+
+def test_a_page_of_another_origin_cannot_frame_the_laboratory(
+    strange: Strange, server: str, tmp_path: Path
+) -> None:
+    (tmp_path / "around.html").write_text(f"<link rel='icon' href='data:,'><iframe src='{server}/'></iframe>")
+    answers = partial(SimpleHTTPRequestHandler, directory=str(tmp_path))
+    page, failures = strange[0].new_page(), list[str | None]()
+    page.on("requestfailed", lambda request: failures.append(request.failure))
+    with ThreadingHTTPServer(("127.0.0.1", 0), answers) as foreign:
+        Thread(target=foreign.serve_forever, daemon=True).start()
+        page.goto(f"http://localhost:{foreign.server_port}/around.html", wait_until="load")
+        foreign.shutdown()
+    (framed,) = page.main_frame.child_frames
+    assert framed.url.startswith("chrome-error:")
+    assert "net::ERR_BLOCKED_BY_RESPONSE" in failures
     strange[1].clear()
 
 
