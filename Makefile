@@ -4,7 +4,7 @@
 PYTHON ?= python3
 PORT ?= 5006
 SECONDS ?= 600
-READER ?=
+NAME ?=
 WORKERS ?= 2
 VENV := .venv
 BIN := $(VENV)/bin
@@ -17,7 +17,7 @@ help:
 	@echo 'make lab     install and open the dashboard on http://localhost:$(PORT) (another port: make lab PORT=8000)'
 	@echo 'make test    install and run every test, in two processes at a time (other: make test WORKERS=4)'
 	@echo 'make bench   install and measure the speed'
-	@echo 'make fuzz    install and attack every reader of flight recordings for 10 minutes (make fuzz SECONDS=60 READER=GPX)'
+	@echo 'make fuzz    install and attack every reader of recordings, and a served laboratory, for 10 minutes each (make fuzz SECONDS=60 NAME=GPX)'
 	@echo 'make clean   remove $(VENV) and all caches'
 	@echo 'Another Python than $(PYTHON): make lab PYTHON=python3.12'
 
@@ -35,7 +35,7 @@ bench: $(VENV)/.test browser
 	$(BIN)/pytest -m benchmark --capture=no --timeout=1800
 
 fuzz: $(VENV)/.fuzz
-	$(BIN)/python tests/fuzz/hunt.py --seconds $(SECONDS) --reader '$(READER)'
+	$(BIN)/python tests/fuzz/hunt.py --seconds $(SECONDS) --name '$(NAME)'
 
 browser:
 	@.ci/browser

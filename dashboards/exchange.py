@@ -7,6 +7,7 @@ import io
 import json
 import tempfile
 import zipfile
+from collections.abc import Callable
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -36,21 +37,28 @@ QUIET = 1500
 """The address follows when nothing has changed for this long [ms]."""
 
 
+class Download(pmui.FileDownload):
+    """A button for a file; where its callback returns None, there is none."""
+
+    def __init__(self, **params: Any) -> None:
+        super().__init__(**params)  # type: ignore[no-untyped-call]
+
+    def _sync_data(self, fileobj: io.BytesIO | None) -> None:
+        if fileobj is not None:
+            super()._sync_data(fileobj)  # type: ignore[no-untyped-call]
+
+
 class Files:
     """Buttons for files: results as netCDF, csv, KML and GPX, settings as TOML, and settings from TOML."""
 
     def __init__(self, session: Session) -> None:
         self._session = session
         common = {"size": "small", "variant": "outlined", "sizing_mode": "stretch_width", "margin": (4, 2)}
-        self._netcdf = pmui.FileDownload(
-            callback=self._to_netcdf, filename="result.nc", label="netCDF", **common
-        )
-        self._csv = pmui.FileDownload(callback=self._to_csv, filename="result.zip", label="csv", **common)
-        self._kml = pmui.FileDownload(callback=self._to_kml, filename="result.kml", label="KML", **common)
-        self._gpx = pmui.FileDownload(callback=self._to_gpx, filename="result.gpx", label="GPX", **common)
-        self._toml = pmui.FileDownload(
-            callback=self._to_toml, filename="settings.toml", label="Settings", **common
-        )
+        self._netcdf = Download(callback=self._to_netcdf, filename="result.nc", label="netCDF", **common)
+        self._csv = Download(callback=self._to_csv, filename="result.zip", label="csv", **common)
+        self._kml = Download(callback=self._to_kml, filename="result.kml", label="KML", **common)
+        self._gpx = Download(callback=self._to_gpx, filename="result.gpx", label="GPX", **common)
+        self._toml = Download(callback=self._to_toml, filename="settings.toml", label="Settings", **common)
         self._upload = Upload(
             self._uploaded, self._refused, most=1, largest=MAX_BYTES, accept=".toml", label="Load", **common
         )
@@ -87,23 +95,29 @@ class Files:
             if widget.filename != filename:
                 widget.filename = filename
 
-    async def _to_netcdf(self) -> io.BytesIO:
+    async def _to_netcdf(self) -> io.BytesIO | None:
         return await self._written(netcdf)
 
-    async def _to_csv(self) -> io.BytesIO:
+    async def _to_csv(self) -> io.BytesIO | None:
         return await self._written(zipped_csv)
 
-    async def _to_kml(self) -> io.BytesIO:
+    async def _to_kml(self) -> io.BytesIO | None:
         return await self._written(kml_file)
 
-    async def _to_gpx(self) -> io.BytesIO:
+    async def _to_gpx(self) -> io.BytesIO | None:
         return await self._written(gpx_file)
 
-    async def _written(self, write: Any) -> io.BytesIO:
+    async def _written(self, write: Callable[[Result], bytes]) -> io.BytesIO | None:
+        """Return the file of the result; where there is none yet, or no room for it, None."""
         result = self._session.result
         if result is None:
-            return io.BytesIO()
-        return io.BytesIO(await asyncio.get_running_loop().run_in_executor(POOL, write, result))
+            return None
+        try:
+            return io.BytesIO(await asyncio.get_running_loop().run_in_executor(POOL, write, result))
+        except OSError as error:
+            reason = error.strerror or str(error)
+            self._session.problem = f"The server could not write the file. The system says: {reason}."
+            return None
 
     def _to_toml(self) -> io.BytesIO:
         return io.BytesIO(self._session.experiment.to_toml().encode())

@@ -96,6 +96,16 @@ class Upload(pmui.FileInput):
                 self._temporary, self._lock = made, lock
         return Path(self._temporary.name)
 
+    def _handle_msg(self, msg: Any) -> None:
+        """Do what the browser says of an upload; the button itself does not expect that it refuses a file."""
+        if isinstance(msg, dict) and msg.get("status") == "error":
+            self._problem = self._problem or (
+                f"The browser did not send the files; accepted are up to {self._largest // 2**20} MB in all."
+            )
+            self._flush_buffer()
+            return
+        super()._handle_msg(msg)
+
     def _process_chunk(self, msg: dict[str, Any]) -> None:
         """Write a piece of a file; what a browser would not send is refused."""
         name, chunk, data = msg.get("name"), msg.get("chunk"), msg.get("data")
@@ -126,16 +136,15 @@ class Upload(pmui.FileInput):
         """Hand the files over."""
         paths, problem = list(self._paths.values()), self._problem
         self._begin()
-        if self._closed or self._temporary is None:
-            if problem and not self._closed:
-                self._refused(problem)
+        if self._closed:
             return
-        shutil.rmtree(self._folder / str(self._number), ignore_errors=True)
-        self._number += 1
         if problem:
-            shutil.rmtree(self._folder / str(self._number), ignore_errors=True)
+            if self._temporary is not None:
+                shutil.rmtree(self._folder / str(self._number + 1), ignore_errors=True)
             self._refused(problem)
         elif paths:
+            shutil.rmtree(self._folder / str(self._number), ignore_errors=True)
+            self._number += 1
             self._arrived(paths)
 
 

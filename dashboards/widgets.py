@@ -283,7 +283,9 @@ class Scale:
         return min(max(value, self.start), self.end)
 
     def value(self, position: float) -> float:
-        """Return the value at a position, on round digits."""
+        """Return the value at a position, on round digits; a position beyond the slider is at its end."""
+        # Ten to the power of a whole number, as a message may hold it, would take for ever.
+        position = min(max(self.start, position), self.end)
         value = 10**position if self.logarithmic else round(position / self.step) * self.step
         return float(f"{value:.3g}" if self.logarithmic else f"{value:.10g}")
 

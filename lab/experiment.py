@@ -279,6 +279,7 @@ class _Run:
             states=navigator.states,
             drifting=sum(imu.is_drifting(errors) for errors in triads),
             exact=navigator.smoother or navigator.model == "nonlinear" or navigator.engine == "filterpy",
+            arm=bool(belief(self.sensors, navigator).lever_arm.any()),
         )
 
     def triad(self, sensor: str, flight: Flight, found: FloatArray = NO_VECTOR) -> imu.Measured:

@@ -15,6 +15,9 @@ BESIDE = 230
 to work in; measured on four hours at 200 Hz."""
 DRIFT = 48
 """What a sample takes for each triad whose bias changes [bytes]."""
+ARM = 49
+"""What a sample takes for the sum of all turns, where a lever arm asks for the rate about each fix [bytes];
+measured, see `lab.navigation.lever_arm.turns`."""
 ALWAYS = 256 * 2**20
 """What a run may take without asking [bytes]: the limit of the cache, which is there anyway."""
 SPARE = 0.9
@@ -27,7 +30,9 @@ class TooLongError(ValueError):
     """A run needs more memory than there is."""
 
 
-def check_memory(samples: int, fixes: int, rate: float, *, states: int, drifting: int, exact: bool) -> None:
+def check_memory(
+    samples: int, fixes: int, rate: float, *, states: int, drifting: int, exact: bool, arm: bool
+) -> None:
     """Refuse a run that needs more memory than is available.
 
     Parameters
@@ -42,13 +47,15 @@ def check_memory(samples: int, fixes: int, rate: float, *, states: int, drifting
         Number of triads whose bias changes.
     exact
         Whether all histories are kept in float64, as by the smoother.
+    arm
+        Whether the filter assumes a lever arm.
 
     Raises
     ------
     TooLongError
         If it needs more; the message says how long a flight may be.
     """
-    each = bytes_per_sample(samples, states=states, drifting=drifting, exact=exact)
+    each = bytes_per_sample(samples, states=states, drifting=drifting, exact=exact, arm=arm)
     needed = samples * each + fixes * bytes_per_fix(states)
     if needed <= ALWAYS:
         return
@@ -62,11 +69,11 @@ def check_memory(samples: int, fixes: int, rate: float, *, states: int, drifting
         )
 
 
-def bytes_per_sample(samples: int, *, states: int, drifting: int, exact: bool) -> int:
+def bytes_per_sample(samples: int, *, states: int, drifting: int, exact: bool, arm: bool) -> int:
     """Return the memory that a sample of a run takes [bytes]; see `check_memory`."""
     motion, shown = 10, states + 12 + (states - 15)
     precise = exact or samples <= LONG
-    return BESIDE + DRIFT * drifting + 8 * motion + (8 if precise else 4) * shown
+    return BESIDE + DRIFT * drifting + ARM * arm + 8 * motion + (8 if precise else 4) * shown
 
 
 def bytes_per_fix(states: int) -> int:

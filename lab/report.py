@@ -7,11 +7,10 @@ import errno
 import html as markup
 import os
 import shutil
-import tempfile
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from lab.missions.leftovers import TEMPORARY
+from lab.missions.leftovers import temporary_folder
 from lab.settings_card import settings_html
 
 if TYPE_CHECKING:
@@ -30,8 +29,8 @@ def write_netcdf(result: Result, path: Path, *, overwrite: bool) -> None:
         raise FileNotFoundError(f"{path}: there is no folder {path.parent}")
     tree = xr.DataTree.from_dict({f"/{name}": dataset for name, dataset in result.datasets().items()})
     tree.attrs = {"title": f"INS Lab: {result.mission.title}", "settings": result.experiment.to_toml()}
-    with tempfile.TemporaryDirectory(dir=path.parent, prefix=TEMPORARY) as folder:
-        whole = Path(folder) / path.name
+    with temporary_folder(path.parent) as folder:
+        whole = folder / path.name
         try:
             tree.to_netcdf(whole, engine="netcdf4")
         except RuntimeError as error:  # whatever the system refuses the library, that is what it says
@@ -58,8 +57,7 @@ def write_csv(result: Result, folder: Path, *, overwrite: bool) -> None:
     is_new = not folder.exists()
     folder.mkdir(parents=True, exist_ok=True)
     try:
-        with tempfile.TemporaryDirectory(dir=folder, prefix=TEMPORARY) as temporary:
-            whole = Path(temporary)
+        with temporary_folder(folder) as whole:
             for path, frame in tables.items():
                 frame.to_csv(whole / path.name, float_format="%.12g")
             result_table.to_csv(whole / summary.name, index=False, float_format="%.6g")

@@ -16,6 +16,8 @@ from lab import experiment as stages
 from lab import result as results
 from lab.cli import app
 from lab.navigation import navigator
+from lab.navigation.lever_arm import turns
+from lab.navigation.solution import Imu
 from lab.trajectory import Trajectory
 
 SHORT = 2**12
@@ -116,6 +118,21 @@ def test_a_curve_takes_little_while_it_is_made(monkeypatch: pytest.MonkeyPatch) 
     one = Trajectory.from_recording(recording, 100.0)
     for a, b in zip(curve.rates(whole), one.rates(whole), strict=True):
         np.testing.assert_allclose(a, b, atol=1e-9)
+
+
+def test_what_a_lever_arm_takes_is_counted() -> None:
+    samples = 200_000
+    imu = Imu(np.arange(samples + 1) / 200, np.zeros((samples, 3)), np.zeros((samples, 3)))
+    tracemalloc.start()
+    try:
+        turns(imu, np.arange(1.0, 900.0), np.array([1.0, 0.0, 0.0]))
+        taken = tracemalloc.get_traced_memory()[1] / samples
+    finally:
+        tracemalloc.stop()
+    plain, with_arm = (
+        memory.bytes_per_sample(samples, states=15, drifting=0, exact=False, arm=arm) for arm in (False, True)
+    )
+    assert with_arm - plain == pytest.approx(taken, rel=0.05)
 
 
 def test_too_long_is_said_before_anything_is_computed(

@@ -9,6 +9,8 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import BinaryIO
 
+from lab.missions.folder_lock import locked
+
 
 @contextlib.contextmanager
 def atomic_file(path: Path) -> Iterator[BinaryIO]:
@@ -22,6 +24,8 @@ def atomic_file(path: Path) -> Iterator[BinaryIO]:
     handle, temporary = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.")
     try:
         with os.fdopen(handle, "wb") as file:
+            with contextlib.suppress(OSError):  # not every file system knows locks
+                locked(file)  # however long it takes, nobody takes it for a leftover
             yield file
         # mkstemp makes files only their owner can read; give it the permissions of an ordinary new file.
         umask = os.umask(0)

@@ -32,7 +32,7 @@ def folder_lock(folder: Path, patience: float = PATIENCE) -> Iterator[None]:
     """
     with (folder / LOCK_FILE).open("ab") as file:
         until = time.monotonic() + patience
-        while not _locked(file):
+        while not locked(file):
             if time.monotonic() >= until:
                 raise TimeoutError(
                     f"another program has been changing this folder for {patience:g} s; try again later"
@@ -49,8 +49,19 @@ def hold(folder: Path) -> BinaryIO | None:
     OSError
         If the folder cannot be written.
     """
-    file = (folder / LOCK_FILE).open("ab")
-    if _locked(file):
+    return hold_file(folder / LOCK_FILE)
+
+
+def hold_file(path: Path) -> BinaryIO | None:
+    """Take the lock of a file, made if there is none, until the file returned is closed; None as of `hold`.
+
+    Raises
+    ------
+    OSError
+        If it cannot be written.
+    """
+    file = path.open("ab")
+    if locked(file):
         return file
     file.close()
     return None
@@ -59,7 +70,8 @@ def hold(folder: Path) -> BinaryIO | None:
 if sys.platform == "win32":
     import msvcrt
 
-    def _locked(file: BinaryIO) -> bool:
+    def locked(file: BinaryIO) -> bool:
+        """Take the lock of an open file, until it is closed; return False if somebody has it."""
         try:
             msvcrt.locking(file.fileno(), msvcrt.LK_NBLCK, 1)
         except OSError:
@@ -69,7 +81,8 @@ if sys.platform == "win32":
 else:
     import fcntl
 
-    def _locked(file: BinaryIO) -> bool:
+    def locked(file: BinaryIO) -> bool:
+        """Take the lock of an open file, until it is closed; return False if somebody has it."""
         try:
             fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except BlockingIOError:

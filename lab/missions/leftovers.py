@@ -1,7 +1,8 @@
 """Leftovers: files that a process left in a folder when it was killed while it wrote; they are swept later.
 
 Only what the lab itself writes under names of its own is swept: temporary files and folders, and recordings
-that stand beside a note that their mission is not written yet.
+that stand beside a note that their mission is not written yet. Whoever writes holds a lock that ends with the
+process; what is locked stays, however old it is.
 """
 
 from __future__ import annotations
@@ -10,16 +11,19 @@ import contextlib
 import os
 import re
 import shutil
+import tempfile
 import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
+
+from lab.missions.folder_lock import LOCK_FILE, hold_file
 
 TEMPORARY = ".ins-lab-"
 """How the names of temporary folders begin."""
 NOTE = ".unfinished"
 """How the names of notes end."""
 OLD = 24 * 3600.0
-"""Age from which on nobody is writing any more [s]: no file of the lab takes an hour."""
+"""Age from which on nobody is writing any more [s], where locks are not known: no file takes an hour."""
 
 _FILE = re.compile(r"\..+\.(toml|csv|csv\.gz)\.[a-z0-9_]{8}")
 
@@ -35,9 +39,44 @@ def unfinished(recording: Path) -> Iterator[None]:
     note = note_of(recording)
     note.touch()
     try:
-        yield
+        with _held(note):
+            yield
     finally:
         note.unlink(missing_ok=True)
+
+
+@contextlib.contextmanager
+def temporary_folder(where: Path) -> Iterator[Path]:
+    """Make a folder that is gone afterwards, for files that then take their places in another one.
+
+    Raises
+    ------
+    OSError
+        If it cannot be made.
+    """
+    with tempfile.TemporaryDirectory(dir=where, prefix=TEMPORARY) as name, _held(Path(name) / LOCK_FILE):
+        yield Path(name)
+
+
+@contextlib.contextmanager
+def _held(path: Path) -> Iterator[None]:
+    """Hold the lock of a file, where the file system knows locks."""
+    lock = None
+    with contextlib.suppress(OSError):
+        lock = hold_file(path)
+    try:
+        yield
+    finally:
+        if lock is not None:
+            lock.close()
+
+
+def _is_held(path: Path) -> bool:
+    """Return whether somebody writes a file, or what is in a folder."""
+    lock = hold_file(path / LOCK_FILE if path.is_dir() else path)
+    if lock is not None:
+        lock.close()
+    return lock is None
 
 
 def sweep(folder: Path, is_named: Callable[[Path], bool], now: float | None = None) -> list[str]:
@@ -62,19 +101,23 @@ def sweep(folder: Path, is_named: Callable[[Path], bool], now: float | None = No
     for entry in hidden:
         path = Path(entry.path)
         with contextlib.suppress(OSError):
-            if _newest(path) > limit or entry.is_symlink():
+            if entry.is_symlink() or not _is_own(entry) or _newest(path) > limit or _is_held(path):
                 continue
-            if entry.is_dir() and entry.name.startswith(TEMPORARY):
+            if entry.is_dir():
                 shutil.rmtree(path)
-            elif entry.is_file() and entry.name.endswith(NOTE):
-                swept += _unwritten(path, is_named)
-                path.unlink()
-            elif entry.is_file() and _FILE.fullmatch(entry.name):
-                path.unlink()
             else:
-                continue
+                if entry.name.endswith(NOTE):
+                    swept += _unwritten(path, is_named)
+                path.unlink()
             swept.append(entry.name)
     return swept
+
+
+def _is_own(entry: os.DirEntry[str]) -> bool:
+    """Return whether the lab gives such names to what it has not finished."""
+    if entry.is_dir():
+        return entry.name.startswith(TEMPORARY)
+    return entry.is_file() and bool(entry.name.endswith(NOTE) or _FILE.fullmatch(entry.name))
 
 
 def _unwritten(note: Path, is_named: Callable[[Path], bool]) -> list[str]:

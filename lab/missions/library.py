@@ -12,7 +12,6 @@ import contextlib
 import itertools
 import os
 import re
-import tempfile
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -22,7 +21,7 @@ from lab.missions.catalogue import mission, own_folder, places, shipped_folder
 from lab.missions.errors import MissionError
 from lab.missions.flight_csv import read_flight_csv, write_flight_csv
 from lab.missions.folder_lock import folder_lock
-from lab.missions.leftovers import TEMPORARY, sweep, unfinished
+from lab.missions.leftovers import sweep, temporary_folder, unfinished
 from lab.missions.log_mission import LogMission, is_log_folder, is_log_toml
 from lab.missions.log_toml import DESCRIPTION_FILE
 from lab.missions.mission import Mission, file_beside, read_toml
@@ -149,8 +148,8 @@ def add_log(
     with file_errors_told(where):
         where.mkdir(parents=True, exist_ok=True)
         _check_free(where, name)
-        with tempfile.TemporaryDirectory(dir=where, prefix=TEMPORARY) as temporary:
-            written = Path(temporary) / name
+        with temporary_folder(where) as temporary:
+            written = temporary / name
             write_sensor_log(written, log, title=title, description=description, tags=tags)
             with folder_lock(where):
                 _check_free(where, name)  # again: writing took a while

@@ -7,7 +7,10 @@ import subprocess
 import sys
 import time
 from collections.abc import Iterator
+from functools import partial
+from http.server import SimpleHTTPRequestHandler, ThreadingHTTPServer
 from pathlib import Path
+from threading import Thread
 from urllib.error import HTTPError, URLError
 from urllib.parse import urlencode, urlparse
 from urllib.request import urlopen
@@ -16,6 +19,7 @@ import pytest
 from playwright.sync_api import Browser, BrowserContext, Page, expect
 
 from lab.missions import add_mission, mission
+from lab.toml_file import MAX_BYTES
 from tests.browser.conftest import HARMLESS, IDLE, ROOT, free_port
 
 pytestmark = pytest.mark.browser
@@ -38,6 +42,7 @@ FILES = {
     f"mission = '{mark('settings')}'": "stranger-settings",
     f"'{mark('unknown')}' = 1": "stranger-unknown",
     f"seed = {'1' * 5000}": "1000 characters",
+    "#" * (MAX_BYTES + 1): "The browser did not send",
 }
 """Settings files, and what is said of them."""
 
@@ -126,6 +131,23 @@ def test_what_an_address_says_is_text_and_its_scripts_do_not_run(strange: Strang
     strange[1].clear()
 
 
+def test_a_page_of_another_origin_cannot_frame_the_laboratory(
+    strange: Strange, server: str, tmp_path: Path
+) -> None:
+    (tmp_path / "around.html").write_text(f"<link rel='icon' href='data:,'><iframe src='{server}/'></iframe>")
+    answers = partial(SimpleHTTPRequestHandler, directory=str(tmp_path))
+    page, failures = strange[0].new_page(), list[str | None]()
+    page.on("requestfailed", lambda request: failures.append(request.failure))
+    with ThreadingHTTPServer(("127.0.0.1", 0), answers) as foreign:
+        Thread(target=foreign.serve_forever, daemon=True).start()
+        page.goto(f"http://localhost:{foreign.server_port}/around.html", wait_until="load")
+        foreign.shutdown()
+    (framed,) = page.main_frame.child_frames
+    assert framed.url.startswith("chrome-error:")
+    assert "net::ERR_BLOCKED_BY_RESPONSE" in failures
+    strange[1].clear()
+
+
 def test_what_a_mission_and_a_file_say_is_text_on_every_page(
     strange: Strange, server: str, tmp_path: Path
 ) -> None:
@@ -156,6 +178,9 @@ def test_what_a_mission_and_a_file_say_is_text_on_every_page(
             page.locator("label:has(input[accept='.toml'])").click()
         chooser.value.set_files(tmp_path / "x.toml")
         expect(page.get_by_role("alert").filter(has_text=words)).to_be_visible(timeout=PATIENCE * 1000)
+    (said,) = strange[1]  # by the button, of the file that is too large
+    assert said.startswith("Upload error")
+    strange[1].clear()
 
 
 PATHS = {"": 200, "static/js/bokeh.min.js": 200, "favicon.ico": 200, "nowhere": 404, "static/nowhere": 404}

@@ -88,6 +88,22 @@ def test_what_is_too_much_or_cut_is_refused_and_gone(
     assert [path.read_bytes() for path in inbox.paths] == [b"sound"]
 
 
+def test_what_the_browser_refuses_is_said_and_leaves_the_files_of_before(
+    inbox: Inbox, tmp_path: Path
+) -> None:
+    inbox.send(("a.csv", 1, b"sound"))
+    kept = list(inbox.paths)
+    piece = {"name": "b.csv", "chunk": 1, "total_chunks": 2, "mime_type": "", "data": b"half"}
+    inbox.widget._handle_msg({"status": "upload_event", **piece})
+    inbox.widget._handle_msg({"status": "error", "error": "<img>", "type": "status"})
+    assert len(inbox.refusals) == 1
+    assert "accepted are up to" in inbox.refusals[0]
+    assert "<img>" not in inbox.refusals[0]
+    assert files(tmp_path) == kept
+    inbox.send(("b.csv", 1, b"sound too"))
+    assert files(tmp_path) == inbox.paths
+
+
 def test_after_the_session_nothing_is_taken(inbox: Inbox, tmp_path: Path) -> None:
     inbox.send(("a.csv", 1, b"x"))
     inbox.widget.delete()

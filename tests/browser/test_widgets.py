@@ -38,6 +38,14 @@ def test_a_scale_in_decades_goes_there_and_back(value: float) -> None:
     assert scale.value(scale.position(value)) == pytest.approx(value, rel=0.005)
 
 
+@pytest.mark.parametrize("path", NUMBERS)
+@pytest.mark.parametrize("position", [10**15, -(10**15), 1e308, -1e308])
+def test_a_position_beyond_the_slider_is_at_its_end(path: str, position: float) -> None:
+    """Such as a message made by hand has it: ten to the power of a large whole number is never computed."""
+    scale = Scale(NUMBERS[path])
+    assert scale.value(position) == scale.value(scale.end if position > 0 else scale.start)
+
+
 def test_one_is_exactly_one() -> None:
     scale = Scale(LEAVES["navigator.q_scale"])
     assert scale.value(scale.position(1.0)) == 1.0

@@ -1,12 +1,14 @@
-"""Hunt: attack every reader for a time; ``make fuzz`` runs it, ``make fuzz SECONDS=30 READER=GPX`` a part.
+"""Hunt: attack every reader for a time, and then a served laboratory; ``make fuzz`` runs it.
 
-Each reader has a process of its own, half of the time with mutations of whole files, half of it led by the
-branches it takes (atheris, where it is installed). What breaks a reader is kept in ``fuzz-findings``.
+``make fuzz SECONDS=30 NAME=GPX`` runs a part. Each reader has a process of its own, half of the time with
+mutations of whole files, half of it led by the branches it takes (atheris, where it is installed). What
+breaks one is kept in ``fuzz-findings``.
 """
 
 from __future__ import annotations
 
 import argparse
+import asyncio
 import faulthandler
 import importlib.util
 import re
@@ -16,6 +18,7 @@ import sys
 import tempfile
 import time
 import traceback
+from collections.abc import Callable, Iterable
 from pathlib import Path
 
 ROOT = Path(__file__).parents[2]
@@ -24,31 +27,31 @@ MEMORY = 4 * 2**30
 """Most address space beyond which an attack counts as lost [bytes]."""
 HANG = 60
 """After how long a single attack is given up [s]."""
+LABORATORY = "served laboratory"
 
 
 def main() -> int:
-    """Attack the readers one after the other; return 1 if one is broken."""
+    """Attack one after the other; return 1 if one is broken."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--seconds", type=float, default=600.0)
-    parser.add_argument("--reader", default="")
-    parser.add_argument("--engine", choices=["mutations", "atheris"], default="")
+    parser.add_argument("--name", default="")
+    parser.add_argument("--engine", choices=list(ENGINES), default="")
     chosen = parser.parse_args()
     sys.path.insert(0, str(ROOT))
     if chosen.engine:
-        return {"mutations": by_mutations, "atheris": by_atheris}[chosen.engine](
-            chosen.reader, chosen.seconds
-        )
+        return ENGINES[chosen.engine](chosen.name, chosen.seconds)
     from attack import BY_NAME
 
-    engines = ["mutations", "atheris"] if importlib.util.find_spec("atheris") else ["mutations"]
-    if len(engines) == 1:
+    of_readers = ["mutations", "atheris"] if importlib.util.find_spec("atheris") else ["mutations"]
+    if len(of_readers) == 1:
         print("atheris is not installed here (Linux and macOS, Python 3.11 to 3.13): mutations only")
     broken = []
-    for name in BY_NAME:
-        if chosen.reader.lower() not in name.lower():
+    for name in (*BY_NAME, LABORATORY):
+        if chosen.name.lower() not in name.lower():
             continue
+        engines = ["doors"] if name == LABORATORY else of_readers
         for engine in engines:
-            command = [sys.executable, __file__, "--engine", engine, "--reader", name]
+            command = [sys.executable, __file__, "--engine", engine, "--name", name]
             command += ["--seconds", str(chosen.seconds / len(engines))]
             begun = time.monotonic()
             code = subprocess.run(command, check=False, cwd=ROOT).returncode
@@ -57,7 +60,7 @@ def main() -> int:
                 flush=True,
             )
             broken += [f"{name} ({engine})"] if code else []
-    print("all readers hold" if not broken else f"broken: {', '.join(broken)}; see {FINDINGS}")
+    print("all hold" if not broken else f"broken: {', '.join(broken)}; see {FINDINGS}")
     return 1 if broken else 0
 
 
@@ -131,6 +134,37 @@ def by_atheris(name: str, seconds: float) -> int:
     atheris.Fuzz()
     return 0
 
+
+def by_doors(name: str, seconds: float) -> int:
+    """Attack a laboratory that is served, by requests, messages, settings files and handshakes."""
+    import numpy as np
+    from doors import besiege
+
+    from tests.security.conftest import serving
+
+    broken: list[str] = []
+    with tempfile.TemporaryDirectory() as temporary:
+        folder = Path(temporary)
+
+        def keep_attacks(what: str, sent: Iterable[tuple[str, bytes]]) -> None:
+            broken.append(what)
+            for number, (door, data) in enumerate(sent):
+                (folder / f"{number:02}_{door.replace(' ', '_')}").write_bytes(data)
+            keep(name, folder, AssertionError(what))
+
+        with serving(folder, "--visitors", "run") as served:
+            end = time.monotonic() + seconds
+            rng = np.random.default_rng()
+            work = besiege(served, rng, lambda _count: time.monotonic() > end, keep_attacks)
+            asyncio.run(work)
+    return 1 if broken else 0
+
+
+ENGINES: dict[str, Callable[[str, float], int]] = {
+    "mutations": by_mutations,
+    "atheris": by_atheris,
+    "doors": by_doors,
+}
 
 if __name__ == "__main__":
     sys.path.insert(0, str(Path(__file__).parent))

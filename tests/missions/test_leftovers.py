@@ -11,8 +11,9 @@ from pathlib import Path
 import pytest
 from flights import circle
 
+from lab.missions.atomic_file import atomic_file
 from lab.missions.catalogue import OWN_FOLDER_VARIABLE
-from lab.missions.leftovers import NOTE, OLD, TEMPORARY
+from lab.missions.leftovers import NOTE, OLD, TEMPORARY, note_of, temporary_folder, unfinished
 from lab.missions.library import add_mission, sweep_own_folder
 
 LEFT = (".mine.toml.k3j_9x0a", ".mine.csv.gz.abcdefgh", "lost.csv.gz", f".lost.csv.gz{NOTE}")
@@ -49,6 +50,20 @@ def test_what_is_old_and_the_labs_own_is_swept(own):
     # The note beside a recording that is named goes, the recording does not.
     assert gone == {*LEFT, half.parent.name, f".listed.csv.gz{NOTE}"}
     assert (own / "listed.csv.gz").is_file()
+
+
+def test_what_somebody_still_writes_stays_however_old_it_is(own):
+    recording, toml = own / "slow.csv.gz", own / "slow.toml"
+    with unfinished(recording), temporary_folder(own) as half, atomic_file(toml) as file:
+        file.write(b"title = ")
+        recording.touch()
+        (half / "imu.csv").touch()
+        for path in own.iterdir():
+            aged(path)
+        assert sweep_own_folder() == []
+        assert {note_of(recording), recording, half} < set(own.iterdir())
+        file.write(b"'Slow'")
+    assert {path.name for path in own.iterdir()} == {"slow.csv.gz", "slow.toml"}
 
 
 def test_a_killed_import_is_swept_by_the_next_one(own):

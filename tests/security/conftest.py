@@ -22,6 +22,8 @@ import pytest
 from websockets.asyncio.client import ClientConnection, connect
 from websockets.typing import Origin, Subprotocol
 
+from lab.missions import add_mission, mission
+
 ROOT = Path(__file__).parents[2]
 START = 120.0
 """What a start may take [s] on a machine that does other work."""
@@ -222,6 +224,15 @@ def run() -> Iterator[Callable[[Awaitable[Any]], Any]]:
             return thread.submit(lambda: asyncio.run(bounded())).result()
 
         yield run_it
+
+
+@pytest.fixture
+def mine(own_missions: Path) -> Iterator[Path]:
+    """Return the folder of the user's own missions, with one called mine in it."""
+    add_mission(mission("los_angeles").recording, "mine", title="My flight", overwrite=True)
+    yield own_missions
+    for path in own_missions.iterdir():
+        path.unlink()
 
 
 def own_addresses() -> Sequence[str]:

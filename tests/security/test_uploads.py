@@ -25,7 +25,7 @@ from dashboards.pages.missions.library import Library
 from dashboards.session import Session
 from dashboards.upload import PREFIX, Upload, remove_abandoned
 from dashboards.visitors import VARIABLE
-from lab.missions import MissionError, add_mission, describe_mission, mission, missions
+from lab.missions import MissionError, describe_mission, missions
 from lab.missions import library as mission_library
 from lab.missions.folder_lock import folder_lock, hold
 
@@ -125,15 +125,6 @@ def test_links_and_folders_of_others_are_left_alone(temporary: Path) -> None:
     (temporary / f"{PREFIX}1-file").touch()
     remove_abandoned()
     assert (foreign / "kept").exists()
-
-
-@pytest.fixture
-def mine(own_missions: Path) -> Iterator[Path]:
-    """Return the folder of the user's own missions, with one called mine in it."""
-    add_mission(mission("los_angeles").recording, "mine", title="My flight", overwrite=True)
-    yield own_missions
-    for path in own_missions.iterdir():
-        path.unlink()
 
 
 def test_saving_waits_for_the_folder_in_a_thread(

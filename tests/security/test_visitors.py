@@ -22,7 +22,7 @@ from dashboards.pages.missions.missions import PARTS, Missions
 from dashboards.password import COOKIE, Password
 from dashboards.session import Session
 from dashboards.visitors import VARIABLE, allow, may_edit
-from lab.missions import add_mission, mission, missions
+from lab.missions import missions
 from lab.views.figures import TimeAxis
 from tests.cli.asking import ask, refused
 from tests.security.conftest import Served
@@ -38,15 +38,6 @@ def missions_page(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatc
         made = Missions(TimeAxis(), Session(document))
         yield made
     made.close()
-
-
-@pytest.fixture
-def mine(own_missions: Path) -> Iterator[Path]:
-    """Return the folder of the user's own missions, with one called mine in it."""
-    add_mission(mission("los_angeles").recording, "mine", title="My flight", overwrite=True)
-    yield own_missions
-    for path in own_missions.iterdir():
-        path.unlink()
 
 
 def models(view: Any) -> str:
