@@ -25,7 +25,17 @@ from lab.navigation.error_models import PHI, WANDER_AZIMUTH, ErrorModel
 from lab.navigation.kalman import MEASUREMENTS
 from lab.navigation.lever_arm import NO_TURNS, turns
 from lab.navigation.propagation import NAV, layout
-from lab.navigation.solution import EVERY_FIX, Belief, Fixes, Imu, Schedule, Solution, Start, Stretch
+from lab.navigation.solution import (
+    EVERY_FIX,
+    Belief,
+    Fixes,
+    Imu,
+    Schedule,
+    Solution,
+    Start,
+    Stretch,
+    read_only,
+)
 from lab.navigation.standstill import ROOM
 from lab.navigation.strapdown import GYRO_BIAS, VELOCITY
 
@@ -273,7 +283,8 @@ def advance(
     close to a pole. The flight may be handed over in one piece or piece by piece: the result is the same.
     The model must be the one the navigator began with.
     """
-    return driver(model, summed=schedule.stride > 1)(run, imu, fixes, out, first, schedule)
+    go = driver(model, summed=schedule.stride > 1)
+    return go(run, read_only(imu), read_only(fixes), out, first, schedule)
 
 
 def _advance_piece(

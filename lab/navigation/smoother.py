@@ -42,7 +42,17 @@ from lab.navigation.kalman import MEASUREMENTS
 from lab.navigation.lever_arm import turns
 from lab.navigation.navigator import Filter, advance, go_through
 from lab.navigation.propagation import BIASES, NAV, STATES, WIDTH, X
-from lab.navigation.solution import EVERY_FIX, Belief, Fixes, Imu, Schedule, Solution, Start, Stretch
+from lab.navigation.solution import (
+    EVERY_FIX,
+    Belief,
+    Fixes,
+    Imu,
+    Schedule,
+    Solution,
+    Start,
+    Stretch,
+    read_only,
+)
 from lab.navigation.standstill import hold_attitude
 from lab.navigation.strapdown import get
 
@@ -98,6 +108,7 @@ def navigate(
         If a north-slaved navigator comes closer than 0.1° to a pole.
     """
     assert schedule.stride == 1
+    imu, fixes = read_only(imu), read_only(fixes)
     out = Solution.empty(imu.time.size, fixes.time.size, model.states)
     turned = turns(imu, fixes.time, belief.lever_arm)
     run = Filter.begin(start, belief, float(imu.time[0]), model, fixes.time.size, turned)

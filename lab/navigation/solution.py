@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
+from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
 from numpy.typing import DTypeLike, NDArray
@@ -78,6 +78,24 @@ class Fixes(NamedTuple):
     time: FloatArray
     position: FloatArray
     velocity_n: FloatArray
+
+
+Input = TypeVar("Input", Imu, Fixes)
+
+
+def read_only(given: Input) -> Input:
+    """Return increments or fixes as read-only views, whatever they were.
+
+    A kernel is compiled anew, for 20 s, for each combination of arrays that may be written to and of arrays
+    that may not: all are given as what every array can be.
+    """
+    return given._replace(**{name: _read_only(values) for name, values in given._asdict().items()})
+
+
+def _read_only(values: NDArray[Any]) -> NDArray[Any]:
+    view = np.ascontiguousarray(values).view()
+    view.flags.writeable = False
+    return view
 
 
 class Start(NamedTuple):

@@ -44,7 +44,17 @@ from lab.navigation.kalman import (
 from lab.navigation.lever_arm import NO_TURNS, see_antenna, turns
 from lab.navigation.navigator import go_through
 from lab.navigation.sigma_points import attitude, displace, gather, spread, transport
-from lab.navigation.solution import EVERY_FIX, Belief, Fixes, Imu, Schedule, Solution, Start, Stretch
+from lab.navigation.solution import (
+    EVERY_FIX,
+    Belief,
+    Fixes,
+    Imu,
+    Schedule,
+    Solution,
+    Start,
+    Stretch,
+    read_only,
+)
 from lab.navigation.standstill import GATE, ROOM, gather_rest, hold_attitude, see_rest
 from lab.navigation.strapdown import (
     GYRO_BIAS,
@@ -518,7 +528,7 @@ def advance(run: Filter, imu: Imu, fixes: Fixes, out: Solution, first: int, sche
     Returns the number of samples written: fewer than there are times in `imu` if the navigator comes too
     close to a pole. The flight may be handed over in one piece or piece by piece: the result is the same.
     """
-    return _advance(run, imu, fixes, out, first, schedule)
+    return _advance(run, read_only(imu), read_only(fixes), out, first, schedule)
 
 
 def is_compiled() -> bool:

@@ -11,6 +11,8 @@ from numpy.typing import NDArray
 
 from lab.analysis.errors import position_error
 from lab.experiment import CACHE, Experiment, start
+from lab.navigation.driver import driver
+from lab.navigation.error_models import PHI
 from lab.navigation.navigator import Filter, Fixes, Imu, Schedule, Solution, Start, advance, navigate
 from lab.navigation.strapdown import ACCEL_BIAS, GYRO_BIAS
 from lab.result import Result
@@ -209,3 +211,19 @@ def test_two_fixes_between_two_samples_are_used_one_after_the_other() -> None:
     np.testing.assert_allclose(back.innovation[:, 3:], forward.innovation[:, 3:], rtol=0, atol=1e-6)
     # The filter takes the position error at the fix for that at the sample, 0.08 s at 0.03 m/s away.
     np.testing.assert_allclose(back.innovation[:, :3], forward.innovation[:, :3], rtol=0, atol=2.5e-3)
+
+
+def test_a_kernel_is_compiled_once_whatever_may_be_written_to() -> None:
+    """A compilation takes 20 s; simulated increments may be written to, those of a log may not."""
+    imu, fixes, begin = inputs(run())
+    belief = run().belief
+    free = Imu(*(values.copy() for values in imu.until(400))), Fixes(*(values[:3].copy() for values in fixes))
+    locked = Imu(*(values.copy() for values in free[0])), Fixes(*(values.copy() for values in free[1]))
+    for values in (*locked[0], *locked[1]):
+        values.flags.writeable = False
+    spaced = Imu(*(np.repeat(values, 2, axis=0)[::2] for values in free[0]))
+    solutions = [navigate(*given, begin, belief) for given in (free, locked, (spaced, free[1]))]
+    for solution in solutions[1:]:
+        assert_same_bits(solutions[0], solution)
+    assert len(driver(PHI, summed=False).signatures) == 1
+    assert free[0].dtheta.flags.writeable  # what was given is left as it was
