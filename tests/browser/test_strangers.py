@@ -183,6 +183,46 @@ def test_what_a_mission_and_a_file_say_is_text_on_every_page(
     strange[1].clear()
 
 
+HEAD = "time_s,latitude_deg,longitude_deg,height_m"
+WAY = [f"{second},{45 + 1e-4 * second},7,{1000 + second}" for second in range(60)]
+POINT = '<trkpt lat="{:.4f}" lon="7"><ele>1000</ele><time>2026-01-01T00:00:{:02d}Z</time></trkpt>'
+RECORDINGS = {
+    "column": "\n".join([f"{HEAD},'{mark('column')}'", *(f"{row},0" for row in WAY)]),
+    "cell": "\n".join([HEAD, *WAY[:-1], f"59,'{mark('cell')}',7,1000"]),
+    "heads": f"'{mark('heads')}','{mark('other')}'\n1,2\n",
+    "track": "<gpx version='1.1' xmlns='http://www.topografix.com/GPX/1/1'><trk><name><![CDATA["
+    + mark("track")
+    + "]]></name><trkseg>"
+    + "".join(POINT.format(45 + 1e-4 * second, second) for second in range(60))
+    + "</trkseg></trk></gpx>",
+    "folder": "<kml xmlns='http://www.opengis.net/kml/2.2'><Placemark><name><![CDATA["
+    + mark("folder")
+    + "]]></name></Placemark></kml>",
+}
+"""What strangers write into recordings: names of columns, cells, names of tracks."""
+
+
+def test_what_a_recording_says_is_text_where_it_is_judged(
+    strange: Strange, server: str, tmp_path: Path
+) -> None:
+    """A file's own name is text as well: a browser hands it over as it is."""
+    page = opened(strange, f"{server}/?mission=los_angeles")
+    page.get_by_role("tab", name="Missions", exact=True).click()
+    page.get_by_role("button", name="Import", exact=True).first.click()
+    for place, text in RECORDINGS.items():
+        path = tmp_path / f"{place}<img src=stranger onerror='{RUN}'>.csv"
+        path.write_text(text)
+        files = page.locator("input[type=file][multiple]")
+        expect(files).to_have_js_property("value", "")
+        files.set_input_files(path)
+        said = page.get_by_role("alert").filter(has_text=place)
+        judged = page.get_by_role("cell").filter(has_text="rows read")
+        expect(said.or_(judged).first).to_be_visible(timeout=PATIENCE * 1000)
+        expect(page.locator("img[src*='stranger']")).to_have_count(0)
+    assert page.evaluate("window.ran") is None
+    assert strange[1] == []
+
+
 PATHS = {"": 200, "static/js/bokeh.min.js": 200, "favicon.ico": 200, "nowhere": 404, "static/nowhere": 404}
 
 
