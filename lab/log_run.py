@@ -16,7 +16,7 @@ from lab.missions import LogMission, SensorLog
 from lab.missions.log_pieces import piece
 from lab.missions.vehicle import vehicle_of
 from lab.navigation.algorithm import Algorithm, run_algorithm
-from lab.navigation.belief import assumed_latency, belief
+from lab.navigation.belief import assumed_latency, assumed_lever_arm
 from lab.navigation.choice import is_ready
 from lab.navigation.recorded import RecordedRun, navigate_log
 from lab.navigation.solution import Solution
@@ -123,7 +123,7 @@ def run_log(
         states=states,
         drifting=0,
         exact=navigator.smoother or navigator.model == "nonlinear",
-        arm=bool(belief(sensors, navigator).lever_arm.any()),
+        arm=bool(assumed_lever_arm(navigator, log.gnss.lever_arm).any()),
     )
     settings = {path: experiment.get(path) for path, *_ in experiment.leaves() if has_effect(path, states)}
     made, seconds = cache.get(
