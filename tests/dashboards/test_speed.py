@@ -2,6 +2,11 @@
 
 from __future__ import annotations
 
+import os
+import re
+import subprocess
+import sys
+
 import panel as pn
 import panel_material_ui as pmui
 import pytest
@@ -12,6 +17,23 @@ from bokeh.models import Line, Model, Range1d
 
 from dashboards.speed import speed_up
 from lab.views.figures import TimeAxis, time_figure
+
+WHOLE_PAGE = """
+import sys
+from dashboards import speed
+if sys.argv[1] == "plain":
+    speed.speed_up = lambda: None
+from bokeh.core.json_encoder import serialize_json
+from bokeh.document import Document
+from panel.io.state import set_curdoc
+from dashboards.page import SimulatorPage
+document = Document()
+with set_curdoc(document):
+    page = SimulatorPage()
+    page._show(), page._add_settings(), page._add_files()
+    document.add_root(page._frame().get_root(document))
+print(serialize_json(document.to_json(deferred=False)))
+"""
 
 
 @pytest.fixture(autouse=True)
@@ -81,6 +103,19 @@ def test_models_are_found_and_sent_as_bokeh_does_it() -> None:
         assert own <= set(sent)
         assert list(sent) == [name for name in every if name in sent]
         assert all(sent[name] is every[name] or sent[name] == every[name] for name in sent)
+
+
+def test_a_whole_page_is_sent_as_it_is_without() -> None:
+    """But for the names of models: Bokeh numbers them, and Panel draws one at random."""
+    sent = []
+    for way in ("fast", "plain"):
+        command = [sys.executable, "-c", WHOLE_PAGE, way]
+        asked = subprocess.run(
+            command, env={**os.environ, "PYTHONHASHSEED": "0"}, capture_output=True, text=True, check=True
+        )
+        sent.append(re.sub(r"Notification[0-9a-f]{32}|p\d{4,}", "", asked.stdout.splitlines()[-1]))
+    assert len(sent[0]) > 100_000
+    assert sent[0] == sent[1]
 
 
 def test_a_component_has_the_properties_of_before_and_copies_no_declaration() -> None:

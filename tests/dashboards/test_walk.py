@@ -160,7 +160,7 @@ def test_several_runs_and_one_again(walk: Walk) -> None:
             walk.settle()
             assert walk.complaints() == []
             assert ("10 flights" in walk.text()) == (runs == 10)
-            assert len(walk.figures()) == (2 if runs == 10 else 4)
+            assert len(walk.figures()) == (3 if runs == 10 else 4)
     walk.shown._choice.value = 10
     walk.settle()
     walk.run(experiment(sensors__gps__outages=[(0.0, 1e4)]))
