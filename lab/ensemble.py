@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from lab.analysis import consistency, trial
 from lab.analysis.algorithm_verdict import judge
-from lab.analysis.evidence import Evidence, between, position_nees
+from lab.analysis.evidence import Evidence, position_nees, whole_seconds
 from lab.analysis.run_evidence import evidence_of, reference_of
 from lab.analysis.verdict import Verdict
 from lab.datasets.labelled import ANGLES, EAST_NORTH_UP
@@ -338,7 +338,7 @@ def _between(result: Result) -> tuple[FloatArray, FloatArray, int]:
     """Return times between the fixes, NEES of the position there, and its degrees of freedom."""
     if result.recorded or result.lacks("consistency"):
         return np.zeros(0), np.zeros(0), 0
-    at = between(result.time)
+    at = np.maximum(whole_seconds(result.time) - 1, 1)
     nees, degrees = position_nees(result.solution_arrays, at, reference_of(result))
     return result.time[at], nees, degrees
 

@@ -235,7 +235,7 @@ def _joined(parts: Iterable[Squares]) -> Squares:
 def between_squares(solution: Solution, samples: NDArray[np.intp], reference: Reference) -> Squares:
     """Return NEES of the position once a second and just before each fix, at samples (m,); see `Evidence`."""
     time = reference.truth.time
-    at = np.unique(np.concatenate((between(time), np.maximum(samples - 1, 1))))
+    at = np.unique(np.concatenate((whole_seconds(time), np.maximum(samples - 1, 1))))
     if not at.size:
         return Squares(np.zeros(()), np.zeros(()))
     nees, degrees = position_nees(solution, at, reference)
@@ -243,10 +243,9 @@ def between_squares(solution: Solution, samples: NDArray[np.intp], reference: Re
     return Squares(np.array(epochs * nees.mean()), np.array(epochs * degrees))
 
 
-def between(time: FloatArray) -> NDArray[np.intp]:
-    """Return samples (k,) once a second, each the last one before: of most receivers just before a fix."""
-    at = np.searchsorted(time, np.arange(time[0] + GRID, time[-1], GRID)) - 1
-    return np.asarray(at[at > 0])
+def whole_seconds(time: FloatArray) -> NDArray[np.intp]:
+    """Return the samples (k,) at whole seconds after the start, or the first ones after them."""
+    return np.searchsorted(time, np.arange(time[0] + GRID, time[-1], GRID))
 
 
 def position_nees(solution: Solution, at: NDArray[np.intp], reference: Reference) -> tuple[FloatArray, int]:
