@@ -36,9 +36,14 @@ STANDSTILL = 30.0
 """Wait beyond which it does not matter whether the server worked [s]."""
 ANSWER = 60.0
 """Time in which an attack itself is answered [s]: a page that opens compiles nothing, but computes."""
-MEMORY = 600 * 2**20
-"""Memory that the attacks may take in all [bytes]: the cache of results is 256 MB, and sessions that were
-left live on for half a minute."""
+MEMORY = 900 * 2**20
+"""Memory that the attacks may take in all [bytes]: the cache of results is 256 MB, two runs at a time may
+take as much each without asking, and sessions that were left live on for half a minute."""
+GROWTH = 200 * 2**20
+"""By how much the most of the second half of the attacks may be above the most of the first [bytes]: the last
+of several runs at a time comes when it comes. Half of the longest attack fills all caches."""
+FEW = 500
+"""Attacks below which a growth is that of caches that fill."""
 DESCRIPTORS = 40
 """Descriptors that may be open beside those of before: a session has about ten for its 3-D view."""
 SILENCE = 0.3
@@ -353,7 +358,7 @@ async def besiege(
     async with _watched(served) as watch, _attacking(served, rng) as attacker:
         opening = 0.0
         before, logged, began = _taken(served), served.log.stat().st_size, time.monotonic()
-        count, longest = Counter[str](), 0.0
+        count, longest, taken = Counter[str](), 0.0, list[int]()
         while not enough(count.total()):
             door = attacker.one_of(list(DOORS))
             count[door] += 1
@@ -371,6 +376,7 @@ async def besiege(
                 broken(f"{door}: somebody else waited for {waited:.1f} s", attacker.sent)
             longest = max(longest, waited)
             watch.forget()
+            taken.append(_taken(served)[0])
             if served.popen.poll() is not None or waited > ANSWER:
                 broken(f"{door}: the server has ended, or will never answer again", attacker.sent)
                 return count
@@ -386,6 +392,8 @@ async def besiege(
         most = 2 * LONGEST * (AT_ONCE + PER_SECOND * (time.monotonic() - began))
         if served.log.stat().st_size - logged > most:
             broken("the log has grown too much", attacker.sent)
+        if (more := _growth(taken)) > GROWTH:
+            broken(f"the second half of the attacks took {more / 1e6:.0f} MB more", attacker.sent)
         if (left := await _more_than(before, served)) is not None:
             broken(left, attacker.sent)
         return count
@@ -416,6 +424,12 @@ async def _attacking(served: Served, rng: np.random.Generator) -> AsyncIterator[
 def _taken(served: Served) -> tuple[int, int]:
     """Return the memory [bytes] and the descriptors that a server has taken."""
     return served.process.memory_info().rss, served.process.num_fds()
+
+
+def _growth(taken: list[int]) -> int:
+    """Return how much more memory the second half of the attacks took than the first [bytes]."""
+    half = len(taken) // 2
+    return max(taken[half:]) - max(taken[:half]) if len(taken) >= FEW else 0
 
 
 async def _more_than(before: tuple[int, int], served: Served) -> str | None:
