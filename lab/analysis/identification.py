@@ -172,8 +172,9 @@ class Identification:
         remarks = []
         if not self.white:
             remarks.append(
-                "The innovations are not white: no values of these parameters explain them. The intervals "
-                "allow for that; the cause is elsewhere, such as errors of the fixes that are correlated."
+                "The innovations are not white: no values of these parameters explain them. The cause is "
+                "elsewhere, such as errors of the fixes that are correlated."
+                + ("" if self.chosen_by == "factors" else " The intervals allow for that.")
             )
         if self.inside[1] < INSIDE and self.spread:
             remarks.append(self.spread)

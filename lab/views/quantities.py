@@ -398,9 +398,7 @@ CONSISTENCY: tuple[TimePlot, ...] = (
 ENSEMBLE_CONSISTENCY: tuple[TimePlot, ...] = (
     _average("NEES, average over the runs", "anees", BLUE),
     _average("NIS, average over the runs", "anis", GREEN),
-    _average(
-        "NEES of the position between fixes, average over the runs", "anees_between", BLUE, "time_between"
-    ),
+    _average("Position NEES between fixes, average over runs", "anees_between", BLUE, "time_between"),
 )
 
 HEIGHT: tuple[TimePlot, ...] = (
