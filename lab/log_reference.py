@@ -8,7 +8,7 @@ from scipy.interpolate import CubicHermiteSpline
 from scipy.spatial.transform import Rotation, Slerp
 
 from lab import earth
-from lab.missions.log_parts import Comparison, Reference
+from lab.logs.auxiliary_data import Comparison, Reference
 from lab.navigation.solution import Solution
 from lab.rotation import euler_from_quaternion, quaternion_from_euler, wrap
 from lab.trajectory import Truth

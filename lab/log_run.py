@@ -11,10 +11,10 @@ from numpy.typing import NDArray
 
 from lab.cache import StageCache, digest
 from lab.log_reference import comparison_remark, reference_at
+from lab.logs.log_section import piece
+from lab.logs.vehicle import vehicle_of
 from lab.memory import check_memory
 from lab.missions import LogMission, SensorLog
-from lab.missions.log_pieces import piece
-from lab.missions.vehicle import vehicle_of
 from lab.navigation.algorithm import Algorithm, run_algorithm
 from lab.navigation.belief import assumed_latency, assumed_lever_arm
 from lab.navigation.choice import is_ready

@@ -18,7 +18,7 @@ from scipy.spatial.transform import Rotation
 
 from lab import earth, ecef, rotation
 from lab.anchoring import anchored_cartesian
-from lab.missions.recording import Recording
+from lab.recordings.recording import Recording
 from lab.trajectory import RotationCurve, Trajectory, Truth
 
 FloatArray = NDArray[np.float64]

@@ -10,7 +10,7 @@ import shutil
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from lab.missions.leftovers import temporary_folder
+from lab.recordings.temporary_files import temporary_folder
 from lab.settings_card import settings_html
 
 if TYPE_CHECKING:

@@ -27,7 +27,7 @@ from lab import ecef, ideal_imu, rotation
 from lab.anchoring import anchored_offsets
 from lab.histories import LONG
 from lab.ideal_imu import IdealImu
-from lab.missions.recording import Recording
+from lab.recordings.recording import Recording
 from lab.spline_windows import CubicCurve, SplineWindows
 
 FloatArray = NDArray[np.float64]

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lab import earth, rotation
-from lab.missions.recording import Recording
+from lab.recordings.recording import Recording
 
 FloatArray = NDArray[np.float64]
 

@@ -16,8 +16,8 @@ import pytest
 
 from lab.experiment import CACHE, Experiment, start
 from lab.missions import Recording, mission, write_flight_csv
-from lab.missions.errors import MissionError
 from lab.navigation.settings import NavigatorSettings
+from lab.recordings.mission_error import MissionError
 from lab.result import Result
 from lab.sensors.draws import unit_draws
 from lab.settings import SettingError

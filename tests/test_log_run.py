@@ -11,8 +11,8 @@ from lab import Experiment, ResultError, compare, run_ensemble
 from lab.experiment import CACHE
 from lab.log_reference import differences, reference_at
 from lab.log_run import has_effect
+from lab.logs.auxiliary_data import Reference
 from lab.missions import MissionError, mission, read_sensor_log
-from lab.missions.log_parts import Reference
 from lab.navigation.algorithm import Estimate
 from lab.navigation.recorded import navigate_log
 from lab.result import DATASETS

@@ -8,8 +8,8 @@ from numpy.typing import NDArray
 
 from lab import earth, ecef, rotation
 from lab.missions import mission
-from lab.missions.recording import Recording
 from lab.polar_trajectory import PolarTrajectory
+from lab.recordings.recording import Recording
 from lab.trajectory import Trajectory
 
 FloatArray = NDArray[np.float64]

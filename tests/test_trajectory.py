@@ -15,7 +15,7 @@ from scipy.spatial.transform import Rotation
 
 from lab import earth, rotation
 from lab.missions import mission
-from lab.missions.recording import Recording
+from lab.recordings.recording import Recording
 from lab.trajectory import AttitudeKind, Trajectory, Truth
 
 FloatArray = NDArray[np.float64]

@@ -11,9 +11,9 @@ from numpy.typing import NDArray
 
 from lab import earth
 from lab.analysis import allan
-from lab.missions.errors import MissionError
-from lab.missions.sensor_log import SensorLog
-from lab.missions.text_blocks import check_file
+from lab.logs.sensor_log import SensorLog
+from lab.recordings.mission_error import MissionError
+from lab.recordings.text_blocks import check_file
 from lab.sensors import imu
 from lab.sensors.cards import Card
 from lab.sensors.datum import DENSITY, TWO_SIDED, Datum

@@ -158,7 +158,7 @@ def _facts(records: Mapping[str, Record], fitted: Mapping[str, NoiseTerms]) -> d
 def _write_card(path: Path, records: Mapping[str, Record], source: str) -> None:
     """Write the card of a record at rest, named as the file."""
     from lab.analysis import rest  # noqa: PLC0415 - takes half a second
-    from lab.missions.atomic_file import atomic_file  # noqa: PLC0415 - rarely needed
+    from lab.recordings.atomic_file import atomic_file  # noqa: PLC0415 - rarely needed
 
     with atomic_file(path) as file:
         file.write(rest.card_of(path.stem, records, source).to_toml().encode())

@@ -74,7 +74,7 @@ def _card(found: Identification, out: Path) -> str:
 
 
 def _write(path: Path, text: str) -> None:
-    from lab.missions.atomic_file import atomic_file  # noqa: PLC0415 - rarely needed
+    from lab.recordings.atomic_file import atomic_file  # noqa: PLC0415 - rarely needed
 
     with atomic_file(path) as file:
         file.write(text.encode())

@@ -13,9 +13,9 @@ from lab.cli.app import CommandError, print_json, working
 from lab.cli.options import AsJson, Card, Force
 
 if TYPE_CHECKING:
+    from lab.importing.import_report import ImportReport
+    from lab.importing.sensor_noise import SensorNoise
     from lab.missions.flight_import import FlightImport
-    from lab.missions.import_report import ImportReport
-    from lab.missions.sensor_noise import SensorNoise
 
 EXAMPLES = """\b
 Examples:
@@ -82,8 +82,8 @@ def import_flight(
     as_json: AsJson = False,
 ) -> None:
     """Report on a recorded flight of any known format, rebuild it, and add it to your own missions."""
+    from lab.importing.import_settings import ImportSettings  # noqa: PLC0415 - takes half a second
     from lab.missions.flight_import import prepare_import  # noqa: PLC0415 - takes a second
-    from lab.missions.import_settings import ImportSettings  # noqa: PLC0415 - takes half a second
 
     if kind is Kind.LOG:
         _add_log(files, name, title, preview, as_json)
@@ -109,9 +109,9 @@ def import_flight(
 
 def _add_log(files: Sequence[Path], name: str | None, title: str, preview: bool, as_json: bool) -> None:
     """Add the IMU and GPS of a file as the log they are."""
+    from lab.logs.vehicle import VEHICLES, vehicle_of  # noqa: PLC0415 - beside what it goes with
     from lab.missions import add_log  # noqa: PLC0415 - beside what it goes with
     from lab.missions.flight_import import read_log  # noqa: PLC0415 - takes a second
-    from lab.missions.vehicle import VEHICLES, vehicle_of  # noqa: PLC0415 - beside what it goes with
 
     if preview:
         raise CommandError("--preview shows flights; a log is shown once it is navigated: ins-lab run NAME")

@@ -18,8 +18,8 @@ from lab.missions import own_folder
 from lab.missions.mission_name import accepted_name
 
 if TYPE_CHECKING:
-    from lab.missions.raw_flight import RawFlight
-    from lab.missions.xplane_live import XPlaneRecorder
+    from lab.importing.xplane_live import XPlaneRecorder
+    from lab.repair.raw_flight import RawFlight
 
 EXAMPLES = """\b
 Examples:
@@ -63,8 +63,8 @@ def record(
 
     Ctrl-C ends the recording and keeps it; so does an X-Plane that falls silent.
     """
+    from lab.importing.xplane_live import XPlaneRecorder  # noqa: PLC0415
     from lab.missions.flight_import import prepare_flight  # noqa: PLC0415 - loads what help does not need
-    from lab.missions.xplane_live import XPlaneRecorder  # noqa: PLC0415
 
     # After an hour's flight it is too late to find that the name is taken.
     name = accepted_name(name)

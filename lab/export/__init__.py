@@ -12,7 +12,7 @@ from pathlib import Path
 from lab.export import gpx, kml
 from lab.export.tracks import Tracks, recording_of, tracks_of
 from lab.missions import Mission, write_flight_csv
-from lab.missions.atomic_file import atomic_file
+from lab.recordings.atomic_file import atomic_file
 from lab.result import Result
 
 TEXTS = {".kml": kml.text, ".gpx": gpx.text}

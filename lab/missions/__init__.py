@@ -11,22 +11,23 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
+from lab.flying.flight import Flight, fly
+from lab.flying.flight_plan import FlightPlan
+from lab.flying.plan_kinds import read_plan
+from lab.logs.sensor_log import SensorLog
+from lab.logs.sensor_log_csv import read_sensor_log
 from lab.missions.catalogue import broken_missions, mission, missions, own_folder, shipped_folder
-from lab.missions.errors import MissionError
-from lab.missions.flight import Flight, fly, fly_mission
-from lab.missions.flight_csv import read_flight_csv, write_flight_csv
-from lab.missions.flight_plan import FlightPlan
+from lab.missions.flown_mission import fly_mission
 from lab.missions.library import add_log, add_mission, delete_mission, describe_mission, rename_mission
 from lab.missions.log_mission import LogMission
 from lab.missions.mission import Mission
-from lab.missions.plan_kinds import read_plan
-from lab.missions.recording import Recording
-from lab.missions.sensor_log import SensorLog
-from lab.missions.sensor_log_csv import read_sensor_log
+from lab.recordings.flight_csv import read_flight_csv, write_flight_csv
+from lab.recordings.mission_error import MissionError
+from lab.recordings.recording import Recording
 
 if TYPE_CHECKING:
+    from lab.importing.import_settings import ImportSettings
     from lab.missions.flight_import import FlightImport, prepare_import
-    from lab.missions.import_settings import ImportSettings
 
 __all__ = [
     "Flight",
@@ -65,7 +66,7 @@ def __getattr__(name: str) -> Any:
 
         return getattr(flight_import, name)
     if name == "ImportSettings":
-        from lab.missions.import_settings import ImportSettings  # noqa: PLC0415
+        from lab.importing.import_settings import ImportSettings  # noqa: PLC0415
 
         return ImportSettings
     raise AttributeError(f"module 'lab.missions' has no attribute {name!r}")

@@ -10,9 +10,9 @@ from dataclasses import replace
 from pathlib import Path
 from typing import NamedTuple
 
-from lab.missions.errors import MissionError
 from lab.missions.log_mission import LogMission, is_log_folder, is_log_toml
 from lab.missions.mission import Mission
+from lab.recordings.mission_error import MissionError
 
 OWN_FOLDER_VARIABLE = "INS_LAB_MISSIONS"
 """Environment variable that names the folder of the user's own missions."""

@@ -10,19 +10,19 @@ from pathlib import Path
 
 import numpy as np
 
-from lab.missions.errors import MissionError
-from lab.missions.import_report import ImportReport, report
-from lab.missions.import_settings import ImportSettings
+from lab.importing.import_report import ImportReport, report
+from lab.importing.import_settings import ImportSettings
+from lab.importing.reconstruction import Reconstruction, reconstruct
+from lab.importing.sensor_noise import SensorNoise
+from lab.logs.auxiliary_data import Comparison
+from lab.logs.sensor_log import SensorLog
 from lab.missions.library import add_mission
-from lab.missions.log_parts import Comparison
 from lab.missions.mission import Mission
-from lab.missions.raw_flight import RawFlight
-from lab.missions.readers import READERS, Reader, read_raw, reader_of
-from lab.missions.reconstruction import Reconstruction, reconstruct
-from lab.missions.recording import Recording
-from lab.missions.sensor_log import SensorLog
-from lab.missions.sensor_noise import SensorNoise
-from lab.missions.time_repair import AS_RECORDED, RepairedFlight, repair
+from lab.readers import READERS, Reader, read_raw, reader_of
+from lab.recordings.mission_error import MissionError
+from lab.recordings.recording import Recording
+from lab.repair.raw_flight import RawFlight
+from lab.repair.time_repair import AS_RECORDED, RepairedFlight, repair
 
 RECONSTRUCTED = "attitude reconstructed"
 """Tag of a mission whose attitude is not recorded."""

@@ -1,14 +1,16 @@
-"""Flown mission: the plan of a mission and what was flown of it, added to the library."""
+"""Flown mission: the plan of a mission is flown, and what was flown of it is added to the library."""
 
 from __future__ import annotations
 
+import os
+from collections.abc import Callable
 from pathlib import Path
 
-from lab.missions.atomic_file import atomic_file
-from lab.missions.catalogue import mission
-from lab.missions.errors import MissionError
-from lab.missions.folder_lock import folder_lock
+from lab.flying.flight import fly, refuse_seed
+from lab.flying.flight_plan import FlightPlan
+from lab.missions.catalogue import mission, own_folder, shipped_folder
 from lab.missions.library import (
+    add_mission,
     encoded,
     file_errors_told,
     named_by_others,
@@ -16,9 +18,108 @@ from lab.missions.library import (
     recordings_named,
     remove_unused,
 )
-from lab.missions.mission import Mission, read_toml
-from lab.missions.mission_text import flown_text
-from lab.missions.recording import Recording
+from lab.missions.mission import Mission
+from lab.missions.mission_name import suggested_name
+from lab.missions.toml_edit import flown_text
+from lab.recordings.atomic_file import atomic_file
+from lab.recordings.description_toml import read_toml
+from lab.recordings.folder_lock import folder_lock
+from lab.recordings.mission_error import MissionError
+from lab.recordings.recording import Recording
+
+
+def fly_mission(
+    name_or_path: str | os.PathLike[str],
+    *,
+    seed: int | None = None,
+    folder: str | os.PathLike[str] | None = None,
+    overwrite: bool = False,
+    progress: Callable[[float], None] | None = None,
+    cancelled: Callable[[], bool] | None = None,
+) -> Mission:
+    """Fly a mission's plan and write the mission: its TOML file and the new recording beside it.
+
+    With the mission's own seed, the recording is the same, bit by bit. A flight that ended early is written
+    as far as it went, and the mission's `ending` says why.
+
+    Parameters
+    ----------
+    name_or_path
+        As for `mission`; the TOML file has a ``[flight]`` table, its recording need not exist yet. Or a
+        motion definition csv of gnss-ins-sim, which becomes a mission of the file's name in your own folder.
+    seed
+        Seed of the turbulence, written into the new TOML file; the plan's own by default.
+    folder
+        Where to write; by default the user's own folder for a shipped mission, or else the mission's folder.
+    overwrite
+        True replaces an existing recording and TOML file of that name. If the TOML file changes, the new
+        recording has a file name of its own, and the old one goes afterwards: a crash leaves the one or the
+        other mission whole.
+    progress
+        Called about every second of flight with the fraction flown, 0 to 1.
+    cancelled
+        Asked at every sample whether to end the flight here.
+
+    Returns
+    -------
+    Mission
+        As written.
+
+    Raises
+    ------
+    MissionError
+        If files exist already and may not be replaced, or as for `fly`; nothing is written then.
+    """
+    if _is_motion(Path(name_or_path)):
+        refuse_seed(seed)
+        return _move_file(Path(name_or_path), folder, overwrite)
+    flown = mission(name_or_path)
+    plan = flown.plan
+    assert flown.path is not None  # only a TOML file has a plan
+    target = _target_folder(flown.path, folder)
+    new_seed = None if not isinstance(plan, FlightPlan) or seed in {None, plan.seed} else seed
+    check_flown(flown, new_seed, target, overwrite)
+    flight = fly(plan, seed, progress, cancelled)
+    return add_flown(
+        flown, flight.recording, seed=new_seed, ending=flight.ending, folder=target, overwrite=overwrite
+    )
+
+
+def _is_motion(path: Path) -> bool:
+    from lab.flying.motion_file import is_motion_file  # noqa: PLC0415 - SciPy, for those who need it
+
+    try:
+        with path.open("rb") as file:
+            return is_motion_file(file.read(2**12))
+    except (OSError, ValueError):
+        return False
+
+
+def _move_file(path: Path, folder: str | os.PathLike[str] | None, overwrite: bool) -> Mission:
+    """Carry out a motion definition csv and add it as a mission."""
+    from lab.flying.motion_commands import move  # noqa: PLC0415 - SciPy, for those who need it
+    from lab.flying.motion_file import read_motion_file  # noqa: PLC0415
+
+    plan = read_motion_file(path)
+    motion = move(plan)
+    hidden = ", ".join(f"{start:.6g} to {end:.6g} s" for start, end in motion.without_gps)
+    return add_mission(
+        motion.recording,
+        suggested_name(path.stem),
+        title=path.stem,
+        description=f"The file says there is no GPS from {hidden}: sensors.gps.outages." if hidden else "",
+        origin=f"Commands of {path.name}, a motion definition of gnss-ins-sim, carried out by the lab.",
+        tags=("commands",),
+        flight=plan.to_dict(),
+        folder=folder,
+        overwrite=overwrite,
+    )
+
+
+def _target_folder(source: Path, folder: str | os.PathLike[str] | None) -> Path:
+    if folder is not None:
+        return Path(folder)
+    return own_folder() if source.parent.resolve() == shipped_folder().resolve() else source.parent
 
 
 def add_flown(

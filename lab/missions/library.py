@@ -16,21 +16,22 @@ from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from lab.missions.atomic_file import atomic_file
+from lab.flying.plan_kinds import read_plan
+from lab.logs.log_toml import DESCRIPTION_FILE
+from lab.logs.sensor_log import SensorLog
+from lab.logs.sensor_log_writer import write_sensor_log
 from lab.missions.catalogue import mission, own_folder, places, shipped_folder
-from lab.missions.errors import MissionError
-from lab.missions.flight_csv import read_flight_csv, write_flight_csv
-from lab.missions.folder_lock import folder_lock
-from lab.missions.leftovers import sweep, temporary_folder, unfinished
 from lab.missions.log_mission import LogMission, is_log_folder, is_log_toml
-from lab.missions.log_toml import DESCRIPTION_FILE
-from lab.missions.mission import Mission, file_beside, read_toml
+from lab.missions.mission import Mission
 from lab.missions.mission_name import MAX_LETTERS, accepted_name, suggested_name
-from lab.missions.mission_text import changed_text
-from lab.missions.plan_kinds import read_plan
-from lab.missions.recording import Recording
-from lab.missions.sensor_log import SensorLog
-from lab.missions.sensor_log_writer import write_sensor_log
+from lab.missions.toml_edit import changed_text
+from lab.recordings.atomic_file import atomic_file
+from lab.recordings.description_toml import file_beside, read_toml
+from lab.recordings.flight_csv import read_flight_csv, write_flight_csv
+from lab.recordings.folder_lock import folder_lock
+from lab.recordings.mission_error import MissionError
+from lab.recordings.recording import Recording
+from lab.recordings.temporary_files import sweep, temporary_folder, unfinished
 from lab.toml_file import MAX_BYTES, TomlError, parse_toml
 
 _LOG_FILES = ("imu.csv", "gnss.csv", "ref.csv", "mag.csv")

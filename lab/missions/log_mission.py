@@ -9,16 +9,17 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any
 
-from lab.missions.errors import MissionError
-from lab.missions.log_toml import DESCRIPTION_FILE, KEYS
-from lab.missions.mission import Mission, read_toml
-from lab.missions.mission_card import log_html
-from lab.missions.named_columns import MAX_BYTES
-from lab.missions.recording import Recording
-from lab.missions.sensor_log import SensorLog
-from lab.missions.sensor_log_csv import LogFiles, log_files
-from lab.missions.text_blocks import check_file
-from lab.missions.thumbnail import WIDTH, thumbnail
+from lab.logs.log_toml import DESCRIPTION_FILE, KEYS
+from lab.logs.sensor_log import SensorLog
+from lab.logs.sensor_log_csv import LogFiles, log_files
+from lab.missions.mission import Mission
+from lab.recordings.description_toml import read_toml
+from lab.recordings.mission_error import MissionError
+from lab.recordings.named_columns import MAX_BYTES
+from lab.recordings.recording import Recording
+from lab.recordings.text_blocks import check_file
+from lab.views.mission_card import log_html
+from lab.views.thumbnail import WIDTH, thumbnail
 
 
 @dataclass(frozen=True, eq=False, repr=False)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import difflib
 import hashlib
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -12,18 +11,18 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from lab import toml_file
-from lab.missions.errors import MissionError
-from lab.missions.flight_csv import read_flight_csv
-from lab.missions.mission_card import mission_html
-from lab.missions.named_columns import MAX_BYTES
-from lab.missions.plan_kinds import read_plan
-from lab.missions.recording import Recording
-from lab.missions.text_blocks import check_file
-from lab.missions.thumbnail import WIDTH, thumbnail
+from lab.flying.plan_kinds import read_plan
+from lab.recordings.description_toml import check_keys, file_beside, read_toml
+from lab.recordings.flight_csv import read_flight_csv
+from lab.recordings.mission_error import MissionError
+from lab.recordings.named_columns import MAX_BYTES
+from lab.recordings.recording import Recording
+from lab.recordings.text_blocks import check_file
+from lab.views.mission_card import mission_html
+from lab.views.thumbnail import WIDTH, thumbnail
 
 if TYPE_CHECKING:
-    from lab.missions.plan_kinds import Plan
+    from lab.flying.plan_kinds import Plan
 
 _TEXTS = ("title", "description", "origin", "aircraft", "airport", "recording", "ending")
 _KEYS = (*_TEXTS, "tags", "flight")
@@ -84,7 +83,7 @@ class Mission:
             If the file cannot be read, or has a key or value that is not accepted.
         """
         values = read_toml(path)
-        _check_keys(path, values)
+        _check(path, values)
         texts = {key: values[key] for key in _TEXTS if key in values and key != "recording"}
         recording = file_beside(path, "recording", values["recording"])
         tags, flight = tuple(values.get("tags", ())), values.get("flight")
@@ -165,78 +164,10 @@ class Mission:
             return mission_html(self, str(error))
 
 
-def read_toml(path: Path) -> dict[str, Any]:
-    """Return the tables of a TOML file, as `lab.toml_file.read_toml`.
-
-    Raises
-    ------
-    MissionError
-        If it cannot be read, or is not accepted.
-    """
-    try:
-        return toml_file.read_toml(path)
-    except toml_file.TomlError as error:
-        raise MissionError(f"{path}: {error}") from error
-
-
-def _check_keys(path: Path, values: Mapping[str, Any]) -> None:
-    for key in values:
-        if key not in _KEYS:
-            close = difflib.get_close_matches(key, _KEYS, n=1)
-            hint = f" Did you mean {close[0]}?" if close else ""
-            raise MissionError(f"{path}: there is no key {key!r}.{hint} Accepted: {', '.join(_KEYS)}")
+def _check(path: Path, values: Mapping[str, Any]) -> None:
+    check_keys(path, values, _KEYS, _TEXTS)
     for key in ("title", "recording"):
         if not values.get(key):
             raise MissionError(f"{path}: {key} is missing; a mission has at least a title and a recording")
-    for key in _TEXTS:
-        if not isinstance(values.get(key, ""), str):
-            raise MissionError(f"{path}: {key} = {values[key]!r}; accepted is text in quotes")
-    check_tags(path, values)
     if not isinstance(values.get("flight", {}), dict):
         raise MissionError(f"{path}: flight is not a table; accepted is a [flight] section")
-
-
-def check_tags(path: Path, values: Mapping[str, Any]) -> None:
-    """Refuse tags in the values of a TOML file that are not a list of texts.
-
-    Raises
-    ------
-    MissionError
-        If they are not.
-    """
-    tags = values.get("tags", [])
-    if not isinstance(tags, list) or not all(isinstance(tag, str) for tag in tags):
-        raise MissionError(f'{path}: tags = {tags!r}; accepted is a list of texts, such as ["turns", "wind"]')
-
-
-def file_beside(path: Path, key: str, name: str) -> Path:
-    """Return the path of a file beside the TOML file that names it, refusing names that lead elsewhere.
-
-    Parameters
-    ----------
-    path
-        The TOML file.
-    key, name
-        The key in it, and the name it gives.
-
-    Raises
-    ------
-    MissionError
-        If the name is not that of a file in the same folder.
-    """
-    where = path.parent / name
-    plain = not set("/\\:\0") & set(name) and name not in {"", ".", ".."}
-    if not plain or _leads_out(where):
-        raise MissionError(
-            f"{path}: {key} = {name!r}; accepted is the plain name of a file in the same folder, "
-            f'such as "{path.stem}.csv.gz"'
-        )
-    return where
-
-
-def _leads_out(path: Path) -> bool:
-    """Return whether a plain name in a folder is a link to somewhere else."""
-    try:
-        return path.is_symlink() and path.resolve().parent != path.parent.resolve()
-    except (OSError, RuntimeError):  # a loop of links
-        return True

@@ -2,7 +2,7 @@
 
 A given heading is taken as it is. Otherwise the surest of these: headings measured with two antennas, the
 course of a vehicle that goes where its nose points, the velocities matched with what the IMU felt (any
-vehicle, `lab.missions.velocity_matching`), and a magnetometer. Where two contradict each other, σ is their
+vehicle, `lab.logs.velocity_matching`), and a magnetometer. Where two contradict each other, σ is their
 difference. P. D. Groves, *Principles of GNSS, Inertial and Multisensor Integrated Navigation Systems*,
 2nd ed., ch. 5.6, 6.1.
 """
@@ -16,9 +16,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from lab.missions.log_parts import Beside, Headings, Magnetometer
-from lab.missions.vehicle import Vehicle, vehicle_of
-from lab.missions.velocity_matching import WINDOW, Match, lively, match, steps, turned, window_of
+from lab.logs.auxiliary_data import Beside, Headings, Magnetometer
+from lab.logs.vehicle import Vehicle, vehicle_of
+from lab.logs.velocity_matching import WINDOW, Match, lively, match, steps, turned, window_of
 from lab.navigation.solution import Fixes, Imu
 from lab.rotation import wrap
 

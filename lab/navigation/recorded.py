@@ -15,9 +15,8 @@ from numpy.typing import NDArray
 
 from lab import earth
 from lab.ecef import near_pole
-from lab.missions.errors import MissionError
-from lab.missions.log_pieces import piece
-from lab.missions.sensor_log import GnssLog, SensorLog
+from lab.logs.log_section import piece
+from lab.logs.sensor_log import GnssLog, SensorLog
 from lab.navigation import navigator as linear
 from lab.navigation import smoother, unscented
 from lab.navigation.alignment import Alignment, align
@@ -38,6 +37,7 @@ from lab.navigation.navigator import PolarError
 from lab.navigation.settings import NavigatorSettings
 from lab.navigation.solution import Belief, Fixes, Imu, Solution, Start, Stretch
 from lab.navigation.standstill import at_rest
+from lab.recordings.mission_error import MissionError
 from lab.sensors.gps import within
 from lab.sensors.suite import SensorSuite
 from lab.settings import SettingError

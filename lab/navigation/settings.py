@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import param
 
-from lab.missions.vehicle import VEHICLES
+from lab.logs.vehicle import VEHICLES
 from lab.setting_kinds import AxisQuantity, MatrixOrNone, Quantity, QuantityOrNone
 from lab.settings import Settings
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import param
 
-from lab.missions.sensor_noise import SensorNoise
+from lab.importing.sensor_noise import SensorNoise
 from lab.sensors.gps import GpsErrors
 from lab.sensors.imu import AccelerometerErrors, GyroErrors
 from lab.sensors.temperature import TemperatureSettings

@@ -21,8 +21,8 @@ from bokeh.resources import INLINE
 from numpy.typing import NDArray
 
 from lab import ecef
-from lab.missions.atomic_file import atomic_file
 from lab.missions.flight_import import FlightImport
+from lab.recordings.atomic_file import atomic_file
 from lab.views.envelope import envelope, limits, thin_path
 from lab.views.figures import TimeAxis, add_legend, plain_figure, set_ordinate, time_figure
 from lab.views.quantities import ESTIMATE, FIXES

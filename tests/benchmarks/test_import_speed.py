@@ -15,10 +15,10 @@ import numpy as np
 import pytest
 
 from lab.missions import Recording, mission, prepare_import, write_flight_csv
-from lab.missions.readers import read_raw
+from lab.readers import read_raw
 
 TESTS = Path(__file__).parents[1]
-sys.path.append(str(TESTS / "missions"))
+sys.path.append(str(TESTS))
 
 from writers import WRITERS  # noqa: E402 - the writers stand beside the tests of missions
 

@@ -12,8 +12,8 @@ import pytest
 from playwright.sync_api import Locator, Page, expect
 from xplane_sender import XPlaneSender
 
+from lab.flying.airports import runway
 from lab.missions import FlightPlan, Recording, add_mission, mission, missions, write_flight_csv
-from lab.missions.airports import runway
 
 pytestmark = pytest.mark.browser
 

@@ -13,7 +13,7 @@ from asking import ask, refused
 
 from lab.missions import ImportSettings, Recording, mission, missions, write_flight_csv
 
-sys.path.insert(0, str(Path(__file__).parents[1] / "missions"))
+sys.path.insert(0, str(Path(__file__).parents[1]))
 from writers import WRITERS
 
 

@@ -13,8 +13,8 @@ from pathlib import Path
 import pytest
 from asking import ask, refused
 
+from lab.flying.simulated_aircraft import SimulatedAircraft
 from lab.missions import add_mission, mission
-from lab.missions.simulated_aircraft import SimulatedAircraft
 
 
 def test_missions_are_a_table() -> None:

@@ -18,9 +18,10 @@ import pytest
 from asking import ask, refused
 
 from lab.cli import record
-from lab.missions import Recording, mission, xplane_live
+from lab.importing import xplane_live
+from lab.missions import Recording, mission
 
-sys.path.append(str(Path(__file__).parents[1] / "missions"))
+sys.path.append(str(Path(__file__).parents[1]))
 from xplane_sender import XPlaneSender
 
 

@@ -16,7 +16,7 @@ from lab.export import tracks_of
 from lab.export.kml import MAX_FIXES, MAX_POINTS
 from lab.export.tracks import HEIGHTS, Track, Tracks
 from lab.missions import MissionError, mission, read_flight_csv
-from lab.missions.readers import read_raw
+from lab.readers import read_raw
 from lab.rotation import wrap
 
 KML = "{http://www.opengis.net/kml/2.2}"

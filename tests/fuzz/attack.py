@@ -15,13 +15,13 @@ from pathlib import Path
 
 import numpy as np
 
-sys.path.insert(0, str(Path(__file__).parents[1] / "missions"))
+sys.path.insert(0, str(Path(__file__).parents[1]))
 
 from writers import WRITERS
 
 from lab.missions import MissionError, Recording, mission
-from lab.missions.raw_flight import RawFlight
-from lab.missions.readers import HEAD_BYTES, READERS, Reader, read_raw
+from lab.readers import HEAD_BYTES, READERS, Reader, read_raw
+from lab.repair.raw_flight import RawFlight
 
 SECONDS_PER_MEGABYTE = 5.0
 TIMES_THE_FILES = 10.0

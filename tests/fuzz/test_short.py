@@ -13,9 +13,9 @@ from mutations import mutated
 from writers import WRITERS
 
 from lab.missions import MissionError
-from lab.missions.content import whole
-from lab.missions.readers import read_raw
-from lab.missions.text_blocks import TextBlocks
+from lab.readers import read_raw
+from lab.recordings.decompression import whole
+from lab.recordings.text_blocks import TextBlocks
 
 ATTACKS = 30
 

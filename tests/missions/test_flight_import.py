@@ -13,12 +13,13 @@ from hypothesis import strategies as st
 from raw_flights import raw_of, weave, without
 from scipy.interpolate import CubicSpline
 
-from lab.missions import ImportSettings, MissionError, import_report, mission, prepare_import
+from lab.importing import import_report
+from lab.importing.import_report import ImportReport
+from lab.importing.plausibility import motion, rate_agreement
+from lab.importing.sensor_noise import SensorNoise
+from lab.missions import ImportSettings, MissionError, mission, prepare_import
 from lab.missions.flight_import import prepare_flight
-from lab.missions.import_report import ImportReport
-from lab.missions.plausibility import motion, rate_agreement
-from lab.missions.raw_flight import RawFlight
-from lab.missions.sensor_noise import SensorNoise
+from lab.repair.raw_flight import RawFlight
 from lab.rotation import C_nb_from_euler
 
 EVEN = np.arange(2000) * 0.05

@@ -8,10 +8,10 @@ from pathlib import Path
 
 import pytest
 
-from lab.missions import MissionError, add_mission, describe_mission, fly_mission, mission
+from lab.missions import Flight, MissionError, add_mission, describe_mission, fly, fly_mission, mission
 from lab.missions import flown_mission as writer
 from lab.missions.catalogue import OWN_FOLDER_VARIABLE
-from lab.missions.folder_lock import LOCK_FILE
+from lab.recordings.folder_lock import LOCK_FILE
 
 # Carried out by the lab itself: JSBSim is not needed.
 PLAN = """\
@@ -56,10 +56,7 @@ def files(folder: Path) -> set[str]:
 
 def ended_early(monkeypatch, ending: str) -> None:
     """Have the next flights end early, for a reason."""
-    from lab.missions import flight
-
-    honest = flight.fly
-    monkeypatch.setattr(flight, "fly", lambda *given: flight.Flight(honest(*given).recording, ending))
+    monkeypatch.setattr(writer, "fly", lambda *given: Flight(fly(*given).recording, ending))
 
 
 def test_a_line_of_the_description_that_looks_like_the_ending_stays(plan, monkeypatch):

@@ -27,7 +27,6 @@ from lab.missions import (
 )
 from lab.missions import library as shelf
 from lab.missions.catalogue import OWN_FOLDER_VARIABLE
-from lab.missions.folder_lock import LOCK_FILE
 from lab.missions.library import (
     add_mission,
     delete_mission,
@@ -38,6 +37,7 @@ from lab.missions.library import (
 )
 from lab.missions.mission import read_toml
 from lab.missions.mission_name import MAX_LETTERS, accepted_name, suggested_name
+from lab.recordings.folder_lock import LOCK_FILE
 from lab.toml_file import MAX_BYTES
 
 PLAN = tomllib.loads((shipped_folder() / "montreal.toml").read_text(encoding="utf-8"))["flight"]
@@ -257,7 +257,7 @@ def test_a_name_taken_while_the_files_were_written_is_refused(own, monkeypatch, 
 
 def test_several_processes_add_at_once(own):
     code = (
-        "import sys; sys.path.insert(0, 'tests/missions')\n"
+        "import sys; sys.path.insert(0, 'tests')\n"
         "from flights import circle\nfrom lab.missions import MissionError\n"
         "from lab.missions.library import add_mission\n"
         "flight = circle(samples=300 + int(sys.argv[1]))\n"

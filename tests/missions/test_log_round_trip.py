@@ -14,7 +14,7 @@ from writers import WRITERS, ardupilot, mavlink, ulog
 from lab import ecef
 from lab.missions import Recording, mission
 from lab.missions.flight_import import prepare_import
-from lab.missions.readers import read_raw
+from lab.readers import read_raw
 from lab.rotation import wrap
 from lab.trajectory import Trajectory, Truth
 

@@ -16,7 +16,7 @@ from writers import WRITERS
 
 from lab import ecef
 from lab.missions import mission, prepare_import
-from lab.missions.readers import READERS, read_raw, reader_of
+from lab.readers import READERS, read_raw, reader_of
 from lab.trajectory import Trajectory
 
 RATE = 100.0

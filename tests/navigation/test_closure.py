@@ -12,9 +12,9 @@ from numpy.typing import NDArray
 import lab.missions
 from lab import earth, rotation
 from lab.analysis.errors import attitude_error, position_error
-from lab.missions.plan_kinds import read_plan
-from lab.missions.recording import Recording
+from lab.flying.plan_kinds import read_plan
 from lab.navigation.navigator import Fixes, Imu, Solution, Start, navigate
+from lab.recordings.recording import Recording
 from lab.trajectory import Trajectory, Truth
 
 FloatArray = NDArray[np.float64]

@@ -10,9 +10,9 @@ from copter_logs import LATITUDE, LONGITUDE, copter
 from scipy.spatial.transform import Rotation
 from sensor_logs import EPOCH, tables, write
 
+from lab.logs.auxiliary_data import Beside, Headings, Magnetometer
+from lab.logs.velocity_matching import match, turned, window_of
 from lab.missions import read_sensor_log
-from lab.missions.log_parts import Beside, Headings, Magnetometer
-from lab.missions.velocity_matching import match, turned, window_of
 from lab.navigation.initial_heading import Found, Hints, magnetic_declination, surest
 from lab.navigation.recorded import navigate_log
 from lab.navigation.settings import NavigatorSettings

@@ -11,8 +11,8 @@ from sensor_logs import LATENCY, POSITION, described, tables, write, write_csv
 from lab import earth
 from lab.analysis.evidence import evidence
 from lab.analysis.fix_causes import CAUSES
+from lab.logs.sensor_log import GnssLog, SensorLog, repaired
 from lab.missions import read_sensor_log
-from lab.missions.sensor_log import GnssLog, SensorLog, repaired
 from lab.navigation.alignment import align, level
 from lab.navigation.navigator import navigate
 from lab.navigation.recorded import RecordedRun, navigate_log

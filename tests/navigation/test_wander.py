@@ -18,7 +18,6 @@ from lab import ecef
 from lab.analysis.consistency import chi_square_interval
 from lab.analysis.errors import position_error
 from lab.experiment import Experiment, start
-from lab.missions.flight_csv import write_flight_csv
 from lab.navigation import wander_models
 from lab.navigation.navigator import (
     Filter,
@@ -31,6 +30,7 @@ from lab.navigation.navigator import (
     advance,
     navigate,
 )
+from lab.recordings.flight_csv import write_flight_csv
 from lab.result import Result
 from lab.settings import SettingError
 from lab.trajectory import Trajectory

@@ -8,7 +8,7 @@ from xml.etree import ElementTree
 from lab.export import gpx, kml
 from lab.export.tracks import Tracks
 from lab.missions import Mission
-from lab.missions.mission_card import mission_html
+from lab.views.mission_card import mission_html
 
 MARK = '<img src="x" onerror="alert(1)"></description>&lt;b&gt;]]>'
 

@@ -16,9 +16,9 @@ from typer.testing import CliRunner
 
 from lab import Experiment, MissionError, SettingError
 from lab.cli import app
+from lab.flying.motion_file import read_motion_file
+from lab.logs.sensor_log_csv import log_files
 from lab.missions import mission
-from lab.missions.motion_file import read_motion_file
-from lab.missions.sensor_log_csv import log_files
 from lab.sensors.cards import read_cards
 from lab.toml_file import MAX_BYTES, MAX_PARTS, TomlError, parse_toml
 

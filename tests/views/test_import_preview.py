@@ -10,7 +10,7 @@ from bokeh.plotting import figure
 
 from lab.missions import mission
 from lab.missions.flight_import import FlightImport, prepare_flight
-from lab.missions.raw_flight import RawFlight
+from lab.repair.raw_flight import RawFlight
 from lab.views.import_preview import POINTS, import_preview
 
 

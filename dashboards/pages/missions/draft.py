@@ -17,11 +17,11 @@ from dashboards.pages.missions.job import Job
 from dashboards.pages.missions.naming import Naming
 from dashboards.pages.missions.report_html import REPORT_STYLE, report_html
 from dashboards.session import Session
+from lab.importing.import_settings import ImportSettings
 from lab.missions import Mission, MissionError, add_log
 from lab.missions.flight_import import FlightImport, prepare_flight
-from lab.missions.import_settings import ImportSettings
-from lab.missions.raw_flight import RawFlight
-from lab.missions.readers import read_raw
+from lab.readers import read_raw
+from lab.repair.raw_flight import RawFlight
 from lab.sensors.suite import white_noise
 from lab.views.import_preview import preview_figures
 

@@ -11,7 +11,7 @@ import panel as pn
 import panel_material_ui as pmui
 
 from dashboards.widgets import number
-from lab.missions.plan_table import Entry, Limits, entries
+from lab.flying.plan_table import Entry, Limits, entries
 
 WRAP = ":host { flex-wrap: wrap; min-width: 0 !important; }"
 """Has fields that do not fit beside each other go on in a further line."""

@@ -10,9 +10,9 @@ import panel_material_ui as pmui
 
 from dashboards.pages.missions.entry_fields import WHOLE
 from dashboards.widgets import Field, field
-from lab.missions.import_settings import ImportSettings
-from lab.missions.raw_flight import ColumnUnit
-from lab.missions.readers.unit_names import UNITS
+from lab.importing.import_settings import ImportSettings
+from lab.readers.unit_names import UNITS
+from lab.repair.raw_flight import ColumnUnit
 from lab.settings import SettingError
 
 

@@ -8,7 +8,7 @@ from dashboards.pages.missions.draft import Draft
 from dashboards.pages.missions.entry_fields import WHOLE
 from dashboards.session import Session
 from dashboards.upload import MAX_BYTES, Upload
-from lab.missions.readers import READERS
+from lab.readers import READERS
 
 
 class Importing:

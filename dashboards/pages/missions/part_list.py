@@ -11,7 +11,7 @@ import panel_material_ui as pmui
 
 from dashboards.pages.missions.entry_fields import WHOLE, EntryFields, sized
 from dashboards.style import TOOLTIP
-from lab.missions.plan_table import Limits
+from lab.flying.plan_table import Limits
 
 ROW = """
 :host { border: 1px solid rgba(128,128,128,.3); border-radius: 6px; }

@@ -11,12 +11,13 @@ import param
 
 from dashboards.pages.missions.entry_fields import WHOLE, WRAP, EntryFields, sized
 from dashboards.pages.missions.part_list import PartList
-from lab.missions import FlightPlan, airports
-from lab.missions.aircraft import AIRCRAFT
-from lab.missions.flight_plan import AirStart, Runway
-from lab.missions.manoeuvres import MANOEUVRES
-from lab.missions.plan_table import entries
-from lab.missions.weather import Air, Gust
+from lab.flying import airports
+from lab.flying.aircraft import AIRCRAFT
+from lab.flying.flight_plan import AirStart, Runway
+from lab.flying.manoeuvres import MANOEUVRES
+from lab.flying.plan_table import entries
+from lab.flying.weather import Air, Gust
+from lab.missions import FlightPlan
 
 _WIDE: dict[str, Any] = {"sizing_mode": "stretch_width"}
 STARTS: dict[str, type] = {"runway": Runway, "air_start": AirStart}

@@ -13,8 +13,8 @@ from dashboards.pages.missions.entry_fields import WHOLE, WRAP, sized
 from dashboards.pages.missions.job import Job
 from dashboards.session import Session
 from dashboards.widgets import number
-from lab.missions.raw_flight import RawFlight
-from lab.missions.xplane_live import PORT, XPlaneRecorder
+from lab.importing.xplane_live import PORT, XPlaneRecorder
+from lab.repair.raw_flight import RawFlight
 
 TELL = 500
 """Time from one word about the recording to the next [ms]."""

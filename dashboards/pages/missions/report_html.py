@@ -5,7 +5,7 @@ from __future__ import annotations
 from html import escape
 from itertools import groupby
 
-from lab.missions.import_report import ImportReport
+from lab.importing.import_report import ImportReport
 
 REPORT_STYLE = """
 table { border-collapse: collapse; font: 13px/1.5 Roboto, sans-serif; width: 100%; }

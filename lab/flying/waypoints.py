@@ -1,0 +1,252 @@
+"""WaypointPlan: a way from point to point as a smooth motion of a car, an aircraft or a boat.
+
+Legs are geodesics. A corner is flown by: the turn begins before the waypoint and ends after it, its rate
+builds up smoothly, stays constant (a circle) and dies away as it came, at the speed of the slower of its two
+legs. A leg is accelerated on at its begin and slowed down on at its end, and its height follows one smooth S.
+A waypoint with a wait is stopped at. Attitude is that of a coordinated turn.
+
+Speeds are those over the ellipsoid at height 0; 1 km higher it is 0.016 % more.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, cast
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lab.earth import STANDARD_GRAVITY, radii
+from lab.flying.coordinated_turn import VEHICLES, Vehicle, attitude
+from lab.flying.dead_reckoning import integral
+from lab.flying.geodesic import geodesic
+from lab.flying.manoeuvres import MAX_DURATION
+from lab.flying.path_profile import Leg, Turn, profile
+from lab.flying.plan_table import choice, number, plain_part, read_part
+from lab.recordings.mission_error import MissionError
+from lab.recordings.recording import Recording
+from lab.rotation import wrap
+
+FloatArray = NDArray[np.float64]
+
+SAMPLE = 0.05
+"""Longest time between two samples of the recording [s]."""
+MAX_WAYPOINTS = 10_000
+"""Most waypoints in one plan."""
+SHARPEST = math.radians(150.0)
+"""Largest change of course at a waypoint that is not stopped at [rad]."""
+
+STEEPEST = 0.5
+"""Largest slope of a climb or descent."""
+
+_ROUNDS = 80
+_CONVERGED = 1e-13
+_DEFAULTS = {  # acceleration, lateral acceleration [m/s²], turn rate [rad/s], time to build up a turn [s]
+    "aircraft": (1.5, STANDARD_GRAVITY * math.tan(math.radians(25)), math.radians(20), 4.0),
+    "car": (2.0, 2.5, math.radians(30), 1.5),
+    "boat": (0.5, 0.7, math.radians(6), 4.0),
+}
+
+
+@dataclass(frozen=True)
+class Waypoint:
+    """A point of the way and how it is passed."""
+
+    latitude_deg: float = number("Latitude", "°", (-85, 85), "Geodetic latitude on WGS-84.")
+    longitude_deg: float = number("Longitude", "°", (-360, 360), "Longitude on WGS-84, east positive.")
+    height_m: float = number("Height", "m", (-500, 20_000), "Height above the ellipsoid.")
+    speed_m_s: float = number(
+        "Speed", "m/s", (0, 350), "Horizontal speed from here on; that of the last one is its own."
+    )
+    wait_s: float = number("Wait", "s", (0, MAX_DURATION), "Time to stand still here.", default=0.0)
+
+
+@dataclass(frozen=True)
+class WaypointPlan:
+    """A way from point to point."""
+
+    waypoints: tuple[Waypoint, ...]
+    vehicle: str = choice(
+        "Vehicle", VEHICLES, "An aircraft banks, a car does not, a boat stays level.", default="car"
+    )
+    acceleration_m_s2: float | None = number(
+        "Acceleration",
+        "m/s²",
+        (0.01, 30),
+        "Largest along the way; the vehicle's own by default.",
+        default=None,
+    )
+    lateral_acceleration_m_s2: float | None = number(
+        "Lateral acceleration", "m/s²", (0.01, 30), "Largest in a turn; 4.6 is 25° of bank.", default=None
+    )
+    turn_rate_deg_s: float | None = number("Turn rate", "°/s", (0.1, 180), "Largest in a turn.", default=None)
+
+    @classmethod
+    def from_dict(cls, values: Mapping[str, Any], where: str = "flight") -> WaypointPlan:
+        """Return the plan in a mapping, such as the ``[flight]`` table of a mission's TOML file.
+
+        Parameters
+        ----------
+        values
+            ``waypoints``, a list of tables as `Waypoint`; the vehicle and its limits.
+        where
+            What to call the mapping in messages.
+
+        Raises
+        ------
+        MissionError
+            If a key is unknown or missing, or a value is not accepted.
+        """
+        values = dict(values)
+        parts: dict[str, Any] = {}
+        if "waypoints" in values:
+            entries, here = values.pop("waypoints"), f"{where}.waypoints"
+            listed = isinstance(entries, Sequence) and not isinstance(entries, str)
+            if not listed or not 2 <= len(entries) <= MAX_WAYPOINTS:
+                raise MissionError(f"{here}: expected a list of 2 to {MAX_WAYPOINTS} waypoints")
+            parts["waypoints"] = tuple(
+                read_part(Waypoint, entry, f"{here}, number {count}")
+                for count, entry in enumerate(entries, 1)
+            )
+        return read_part(cls, values, where, parts)
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the plan as plain data, what is as by default left out: `from_dict` gives the plan again."""
+        return {**plain_part(self), "waypoints": [plain_part(waypoint) for waypoint in self.waypoints]}
+
+
+def travel(plan: WaypointPlan) -> Recording:
+    """Return the motion along the waypoints.
+
+    Raises
+    ------
+    MissionError
+        If waypoints coincide or lie too near each other for their turns and changes of speed, turn back too
+        sharply or climb too steeply, or the way takes too long.
+    """
+    points = plan.waypoints
+    distance, course = _geodesics(points)
+    turns = [Turn(lasts_still=points[0].wait_s), *_corners(plan, course), Turn(lasts_still=points[-1].wait_s)]
+    legs = [_leg(plan, number, length, turns) for number, length in enumerate(distance.tolist())]
+    total = sum(leg.lasts for leg in legs) + sum(turn.lasts for turn in turns)
+    if not 4 * SAMPLE <= total <= MAX_DURATION:
+        raise MissionError(
+            f"the way takes {total:.6g} s; accepted are {4 * SAMPLE:g} to {MAX_DURATION:g} s: change "
+            "speeds or waypoints"
+        )
+    time = np.linspace(0.0, total, math.ceil(total / SAMPLE) + 1)
+    position, velocity = _over_the_ellipsoid(points[0], time, course[0, 0], *profile(turns, legs, time))
+    euler = attitude(time, velocity, cast(Vehicle, plan.vehicle))
+    return Recording(time, *position, velocity, euler)
+
+
+def _geodesics(points: Sequence[Waypoint]) -> tuple[FloatArray, FloatArray]:
+    """Return length [m] and course at both ends [rad] of every leg: (n,), (n, 2)."""
+    latitude = np.radians([point.latitude_deg for point in points])
+    longitude = np.radians([point.longitude_deg for point in points])
+    distance, out, arriving = geodesic(latitude[:-1], longitude[:-1], latitude[1:], longitude[1:])
+    short = np.flatnonzero(~(distance > 1e-3))
+    if short.size:
+        first = int(short[0]) + 1
+        raise MissionError(
+            f"waypoints {first} and {first + 1} are at one place, or opposite each other on the Earth; "
+            "accepted are waypoints with one shortest way between them"
+        )
+    return distance, np.stack((out, arriving), axis=-1)
+
+
+def _limits(plan: WaypointPlan) -> tuple[float, float, float, float]:
+    """Return acceleration, lateral acceleration, turn rate and the time to build up a turn."""
+    along, lateral, rate, ramp = _DEFAULTS[plan.vehicle]
+    along = along if plan.acceleration_m_s2 is None else plan.acceleration_m_s2
+    if plan.lateral_acceleration_m_s2 is not None:
+        ramp *= max(1.0, plan.lateral_acceleration_m_s2 / lateral)
+        lateral = plan.lateral_acceleration_m_s2
+    rate = rate if plan.turn_rate_deg_s is None else math.radians(plan.turn_rate_deg_s)
+    return along, lateral, rate, ramp
+
+
+def _corners(plan: WaypointPlan, course: FloatArray) -> list[Turn]:
+    """Return the turns at the waypoints between the first and the last."""
+    _, lateral, most, ramp = _limits(plan)
+    turns = []
+    for number_, change in enumerate(wrap(course[1:, 0] - course[:-1, 1]).tolist(), 1):
+        here, speed = plan.waypoints[number_], _corner_speed(plan, number_)
+        if here.wait_s:
+            turns.append(Turn(change, lasts_still=here.wait_s))
+        elif abs(change) > SHARPEST:
+            raise MissionError(
+                f"waypoint {number_ + 1} turns back by {math.degrees(abs(change)):.0f}°; accepted are up to "
+                f"{math.degrees(SHARPEST):.0f}°, or a wait_s there"
+            )
+        else:
+            turns.append(Turn.at_speed(change, speed, min(most, lateral / speed), ramp))
+    return turns
+
+
+def _corner_speed(plan: WaypointPlan, number_: int) -> float:
+    """Return the speed at a waypoint, counted from 0."""
+    points = plan.waypoints
+    if points[number_].wait_s:
+        return 0.0
+    before = points[max(number_ - 1, 0)].speed_m_s
+    return min(before, points[number_].speed_m_s)
+
+
+def _leg(plan: WaypointPlan, number_: int, distance: float, turns: Sequence[Turn]) -> Leg:
+    here, there = plan.waypoints[number_ : number_ + 2]
+    between = f"waypoints {number_ + 1} and {number_ + 2}"
+    if here.speed_m_s < 0.1:
+        raise MissionError(
+            f"waypoint {number_ + 1}: speed_m_s = {here.speed_m_s:g} leads nowhere; at least 0.1"
+        )
+    straight = distance - turns[number_].reach - turns[number_ + 1].reach
+    speeds = (_corner_speed(plan, number_), _corner_speed(plan, number_ + 1))
+    acceleration = _limits(plan)[0]
+    leg = Leg.between(straight, speeds, here.speed_m_s, acceleration, (here.height_m, there.height_m))
+    if leg is None:
+        raise MissionError(
+            f"{between} are {distance:.0f} m apart, too near for the turns ({distance - straight:.0f} m) "
+            "and the change of speed between them: move them apart, or ask for less speed or wider limits"
+        )
+    if leg.steepest > STEEPEST:
+        raise MissionError(
+            f"the way between {between} climbs or descends by {leg.steepest:.2g} m per m; accepted is up to "
+            f"{STEEPEST:g}"
+        )
+    return leg
+
+
+def _over_the_ellipsoid(
+    first: Waypoint,
+    time: FloatArray,
+    course: float,
+    speed: FloatArray,
+    turned: FloatArray,
+    height: FloatArray,
+    climb: FloatArray,
+) -> tuple[tuple[FloatArray, FloatArray, FloatArray], FloatArray]:
+    """Return latitude, longitude and height, and velocity (n, 3), by Picard's iteration.
+
+    Along a geodesic the course changes by sin(course) tan(latitude) / N per metre (Clairaut's relation,
+    differentiated).
+    """
+    start = math.radians(first.latitude_deg)
+    latitude, bearing = np.full_like(time, start), course + turned
+    for _ in range(_ROUNDS):
+        meridian, transverse = radii(np.sin(latitude))
+        north = speed * np.cos(bearing)
+        turning = integral(time, speed * np.sin(bearing) * np.tan(latitude) / transverse)
+        there = start + integral(time, north / meridian)
+        changes = np.abs(there - latitude).max(), np.abs(course + turned + turning - bearing).max()
+        latitude, bearing = np.clip(there, -1.5, 1.5), course + turned + turning
+        if max(changes) < _CONVERGED:
+            break
+    meridian, transverse = radii(np.sin(latitude))
+    north, east = speed * np.cos(bearing), speed * np.sin(bearing)
+    longitude = math.radians(first.longitude_deg) + integral(time, east / (transverse * np.cos(latitude)))
+    longitude = wrap(longitude)
+    velocity = np.stack((north * (1 + height / meridian), east * (1 + height / transverse), -climb), axis=-1)
+    return (latitude, longitude, height), velocity

@@ -1,0 +1,423 @@
+"""Plausibility: whether a vehicle could make a rebuilt flight, and whether the file agrees with itself.
+
+Position, velocity, attitude, airspeed and recorded rates tell of one motion; a wrong unit or a turned sign
+breaks the agreement by a known factor, which names the likely cause.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.interpolate import CubicSpline
+
+from lab import earth, ecef, rotation
+from lab.flying import coordinated_turn
+from lab.importing.derived_motion import body_rates, euler_at, specific_force
+from lab.importing.reconstruction import Reconstruction
+from lab.importing.wrong_units import Agreement, agreement, cause
+from lab.repair.raw_flight import VERTICAL_VELOCITY
+from lab.repair.time_repair import RepairedFlight
+
+FloatArray = NDArray[np.float64]
+
+QUESTIONABLE, IMPLAUSIBLE = "questionable", "implausible"
+
+_OFTEN = 0.999
+_LEGS, _FEWEST_LEGS = 200, 20
+# In shorter legs the noise of a receiver is as large as the way [s]; within its noise a receiver stands [m].
+_SHORTEST_LEG, _STANDS = 2.0, 30.0
+_STRIDE = 5
+_MOVING = 5.0
+_LIKE = 0.8
+
+
+@dataclass(frozen=True)
+class Finding:
+    """Something about a flight that is hard to believe.
+
+    Attributes
+    ----------
+    level : str
+        "questionable" or "implausible".
+    sentence : str
+        What it is, and the likely cause.
+    """
+
+    level: str
+    sentence: str
+
+
+@dataclass(frozen=True)
+class Range:
+    """What a quantity of a vehicle usually stays below, and what it cannot exceed."""
+
+    usual: float
+    possible: float
+
+
+LIMITS: Mapping[str, Mapping[str, Range]] = {
+    "aircraft": {
+        "specific force": Range(50.0, 120.0),
+        "body rate": Range(np.radians(150), np.radians(500)),
+        "climb": Range(80.0, 250.0),
+        "speed": Range(350.0, 1000.0),
+    },
+    "car": {
+        "specific force": Range(30.0, 100.0),
+        "body rate": Range(np.radians(120), np.radians(500)),
+        "climb": Range(10.0, 50.0),
+        "speed": Range(80.0, 200.0),
+    },
+    "boat": {
+        "specific force": Range(25.0, 100.0),
+        "body rate": Range(np.radians(90), np.radians(500)),
+        "climb": Range(3.0, 20.0),
+        "speed": Range(40.0, 120.0),
+    },
+}
+"""For each vehicle: specific force [m/s²], body rate [rad/s], vertical and whole speed [m/s]."""
+
+_UNITS = {
+    "specific force": ("m/s²", 1.0),
+    "body rate": ("°/s", np.degrees(1.0)),
+    "climb": ("m/s", 1.0),
+    "speed": ("m/s", 1.0),
+}
+_CAUSES = {
+    "specific force": "noise of the positions, wrong time stamps, or feet for metres",
+    "body rate": "noise of the attitude, wrong time stamps, or radians for degrees",
+    "climb": "feet for metres, or feet per minute for m/s",
+    "speed": "knots for m/s, milliseconds for seconds, or radians for degrees",
+}
+
+
+@dataclass(frozen=True, eq=False)
+class Motion:
+    """What a rebuilt flight does, at the recording's own rate.
+
+    Attributes
+    ----------
+    specific_force, body_rate, climb, speed : (n,) arrays
+        Lengths of the specific force [m/s²] and the body rate [rad/s]; vertical speed, without sign, and
+        speed [m/s].
+    acceleration : float
+        Median length of the acceleration over the Earth [m/s²].
+    """
+
+    specific_force: FloatArray
+    body_rate: FloatArray
+    climb: FloatArray
+    speed: FloatArray
+    acceleration: float
+
+
+def motion(rebuilt: Reconstruction) -> Motion:
+    """Return what a rebuilt flight does."""
+    recording = rebuilt.recording
+    position = np.stack((recording.latitude, recording.longitude, recording.height), axis=-1)
+    acceleration = CubicSpline(recording.time, recording.velocity_n)(recording.time, 1)
+    near = ecef.near_pole(recording.latitude)
+    force = specific_force(position, recording.velocity_n, acceleration)
+    rates = np.linalg.norm(body_rates(recording.time, recording.euler), axis=1)
+    elsewhere = ~near if not near.all() else near
+    return Motion(
+        specific_force=np.linalg.norm(force, axis=1)[elsewhere],
+        body_rate=rates[elsewhere[1:]] if elsewhere[1:].any() else rates,
+        climb=np.abs(recording.velocity_n[:, 2]),
+        speed=np.linalg.norm(recording.velocity_n, axis=1),
+        acceleration=float(np.median(np.linalg.norm(acceleration, axis=1)[elsewhere])),
+    )
+
+
+def rate_agreement(flight: RepairedFlight, rebuilt: Reconstruction) -> tuple[Agreement, ...] | None:
+    """Return how the recorded body rates agree with those of the rebuilt attitude, about x, y, z.
+
+    Both as increments over five samples; None where the file has no rates.
+    """
+    raw = flight.raw
+    if raw.body_rate is None or raw.euler is None or len(raw.time) <= 2 * _STRIDE:
+        return None
+    euler = euler_at(rebuilt.recording, raw.time)
+    derived = body_rates(raw.time, euler, _STRIDE) * (raw.time[_STRIDE:] - raw.time[:-_STRIDE])[:, None]
+    steps = np.diff(raw.time)[:, None] * (raw.body_rate[1:] + raw.body_rate[:-1]) / 2
+    turned = np.concatenate((np.zeros((1, 3)), np.cumsum(steps, axis=0)))
+    recorded = turned[_STRIDE:] - turned[:-_STRIDE]
+    return tuple(agreement(recorded[:, axis], derived[:, axis]) for axis in range(3))
+
+
+def findings(flight: RepairedFlight, rebuilt: Reconstruction, moves: Motion) -> tuple[Finding, ...]:
+    """Return what is hard to believe of a flight, the worst first.
+
+    Parameters
+    ----------
+    flight
+        The samples it was rebuilt from.
+    rebuilt
+        The flight.
+    moves
+        What it does.
+    """
+    found = [
+        *_beyond_limits(flight, rebuilt, moves),
+        *_velocity_against_positions(flight),
+        *_attitude_against_path(flight, rebuilt),
+        *_rates(flight, rebuilt),
+        *_airspeed(flight, rebuilt),
+        *_residuals(rebuilt),
+    ]
+    return tuple(sorted(found, key=lambda finding: finding.level != IMPLAUSIBLE))
+
+
+def _made_here(flight: RepairedFlight, rebuilt: Reconstruction) -> dict[str, str]:
+    """Return which quantities the file does not have but the lab made, and what they were made of."""
+    made = {}
+    if rebuilt.attitude_reconstructed:
+        made["body rate"] = "the attitude is not recorded but reconstructed, from slow or noisy motion"
+    if VERTICAL_VELOCITY in flight.raw.made and rebuilt.curve == "velocity":
+        heights = "the vertical velocity is not recorded but the slope of heights that jump or are noisy"
+        made["climb"] = heights
+        recording = rebuilt.recording
+        level = CubicSpline(recording.time, recording.velocity_n[:, :2])(recording.time, 1)
+        often = float(np.quantile(np.linalg.norm(level, axis=1), _OFTEN))
+        if np.hypot(often, earth.STANDARD_GRAVITY) < LIMITS[rebuilt.vehicle]["specific force"].possible:
+            made["specific force"] = heights
+    return made
+
+
+def _beyond_limits(flight: RepairedFlight, rebuilt: Reconstruction, moves: Motion) -> list[Finding]:
+    vehicle, found = rebuilt.vehicle, []
+    many = vehicle if vehicle == "aircraft" else f"{vehicle}s"
+    made = _made_here(flight, rebuilt)
+    causes = {**_CAUSES, **made}
+    for name, limit in LIMITS[vehicle].items():
+        unit, factor = _UNITS[name]
+        often = float(np.quantile(getattr(moves, name.replace(" ", "_")), _OFTEN))
+        if often > limit.usual:
+            # A file is not refused for what the lab itself made of it.
+            level = IMPLAUSIBLE if often > limit.possible and name not in made else QUESTIONABLE
+            found.append(
+                Finding(
+                    level,
+                    f"The {name} reaches {often * factor:.4g} {unit}, and {many} seldom exceed "
+                    f"{limit.usual * factor:.4g} {unit}. Likely: {causes[name]}.",
+                )
+            )
+    usual = float(np.median(moves.specific_force))
+    if not 0.6 < usual / earth.STANDARD_GRAVITY < 1.6:
+        found.append(
+            Finding(
+                QUESTIONABLE,
+                f"The specific force is usually {usual:.3g} m/s², and not about gravity's 9.8. Likely: "
+                "a wrong unit of "
+                "height, velocity or time.",
+            )
+        )
+    return found
+
+
+def _velocity_against_positions(flight: RepairedFlight) -> list[Finding]:
+    """Compare the way by positions with the integral of the recorded velocity, in legs."""
+    raw = flight.raw
+    if raw.velocity_n is None or raw.latitude is None or raw.longitude is None:
+        return []
+    count = int(np.clip(raw.time[-1] / _SHORTEST_LEG, _FEWEST_LEGS, _LEGS))
+    legs = np.unique(np.linspace(0, len(raw.time) - 1, count + 1).astype(int))
+    height = np.zeros(len(raw.time)) if raw.height is None else raw.height
+    position = np.stack((raw.latitude, raw.longitude, height), axis=-1)[legs]
+    steps = np.diff(raw.time)[:, None] * (raw.velocity_n[1:] + raw.velocity_n[:-1]) / 2
+    travelled = np.concatenate((np.zeros((1, 3)), np.cumsum(steps, axis=0)))[legs]
+    by_velocity, by_position = np.diff(travelled, axis=0), ecef.way(position[:-1], position[1:])
+    if ecef.near_pole(position[:, 0]).any() or np.abs(by_position[:, :2]).sum() < 100:
+        return []
+    if np.linalg.norm(np.ptp(np.cumsum(by_position[:, :2], axis=0), axis=0)) < _STANDS:
+        return []
+    swapped = _swapped(by_position, by_velocity)
+    if swapped:
+        return [swapped]
+    found = []
+    level = agreement(by_position[:, :2].ravel(), by_velocity[:, :2].ravel())
+    axes = {"The horizontal velocity": level}
+    recorded = raw.height is not None and VERTICAL_VELOCITY not in raw.made
+    if recorded and np.abs(by_position[:, 2]).sum() > 100:
+        axes["The vertical velocity"] = agreement(by_position[:, 2], by_velocity[:, 2])
+    for name, like in axes.items():
+        if abs(like.correlation) > _LIKE and not 0.9 < like.slope < 1.1:
+            words = _cause_of_way(like.slope) if like is level else cause(like.slope, "speed")
+            sentence = f"{name} is {like.slope:.3g} times what the positions say. Likely: {words}."
+            found.append(Finding(IMPLAUSIBLE, sentence))
+        elif abs(like.correlation) <= _LIKE:
+            found.append(
+                Finding(
+                    QUESTIONABLE,
+                    f"{name} has little to do with the change of the positions (correlation "
+                    f"{like.correlation:.2f}). Likely: other axes than north, east, down, or another clock.",
+                )
+            )
+    return found
+
+
+def _cause_of_way(slope: float) -> str:
+    """Return what probably makes a velocity too large for the positions."""
+    # Radians shrink latitude and longitude, and with the latitude the parallels grow.
+    if 20 < abs(slope) < 65:
+        return "latitude and longitude in radians read as degrees"
+    return cause(slope, "speed")
+
+
+def _swapped(by_position: FloatArray, by_velocity: FloatArray) -> Finding | None:
+    straight = agreement(by_position[:, :2].ravel(), by_velocity[:, :2].ravel()).correlation
+    across = agreement(by_position[:, :2].ravel(), by_velocity[:, 1::-1].ravel()).correlation
+    if across > 0.95 and straight < _LIKE:
+        return Finding(IMPLAUSIBLE, "The velocities north and east look exchanged.")
+    for axis, name in enumerate(("north", "east")):
+        if np.abs(by_position[:, axis]).sum() > 100:
+            one = agreement(by_position[:, axis], by_velocity[:, axis])
+            if one.correlation < -0.95:
+                return Finding(IMPLAUSIBLE, f"The velocity {name} has its sign turned round.")
+    return None
+
+
+def _attitude_against_path(flight: RepairedFlight, rebuilt: Reconstruction) -> list[Finding]:
+    """Compare heading, roll and pitch with where the vehicle goes."""
+    recording = rebuilt.recording
+    if rebuilt.attitude_reconstructed:
+        return []
+    velocity, euler = recording.velocity_n, recording.euler
+    moving = np.hypot(velocity[:, 0], velocity[:, 1]) > _MOVING
+    if moving.sum() < 20:
+        return []
+    found = _heading(velocity[moving], euler[moving, 2])
+    if rebuilt.vehicle == "aircraft" and not found:
+        found += _bank(rebuilt, moving)
+        found += _pitch(velocity[moving], euler[moving, 1])
+    return found
+
+
+def _heading(velocity: FloatArray, yaw: FloatArray) -> list[Finding]:
+    course = np.arctan2(velocity[:, 1], velocity[:, 0])
+    off = _usual_angle(yaw - course)
+    if off < np.radians(35):
+        return []
+    guesses = {
+        "radians read as degrees": np.degrees(yaw),
+        "degrees read as radians": np.radians(yaw),
+        "its sign is turned round": -yaw,
+        "counted from east, anticlockwise": np.pi / 2 - yaw,
+        "it is 180° off, as the way back": yaw + np.pi,
+    }
+    best = min(guesses, key=lambda name: _usual_angle(guesses[name] - course))
+    sentence = f"The heading is usually {np.degrees(off):.0f}° from the direction of motion"
+    if _usual_angle(guesses[best] - course) < off / 3:
+        return [Finding(IMPLAUSIBLE, f"{sentence}. Likely: {best}.")]
+    return [Finding(QUESTIONABLE, f"{sentence}. Likely: another column, or a vehicle that moves sideways.")]
+
+
+def _bank(rebuilt: Reconstruction, moving: NDArray[np.bool_]) -> list[Finding]:
+    recording = rebuilt.recording
+    expected = coordinated_turn.attitude(recording.time, recording.velocity_n, "aircraft")[moving, 0]
+    roll = rotation.wrap(recording.euler[moving, 0])
+    if np.std(expected) < np.radians(4):
+        return []
+    like = agreement(expected, roll)
+    if like.correlation < _LIKE and agreement(expected, recording.euler[moving, 1]).correlation > 0.95:
+        return [Finding(IMPLAUSIBLE, "Roll and pitch look exchanged.")]
+    if abs(like.correlation) < 0.6 or 0.5 < like.slope < 2:
+        return []
+    return [
+        Finding(
+            IMPLAUSIBLE,
+            f"The roll is {like.slope:.3g} times what the turns ask for. Likely: "
+            f"{cause(like.slope, 'angle')}.",
+        )
+    ]
+
+
+def _pitch(velocity: FloatArray, pitch: FloatArray) -> list[Finding]:
+    climb = np.arctan2(-velocity[:, 2], np.hypot(velocity[:, 0], velocity[:, 1]))
+    if np.std(climb) < np.radians(1.5):
+        return []
+    like = agreement(climb - climb.mean(), pitch - pitch.mean())
+    if like.correlation < -0.6 or (like.correlation > 0.6 and not 0.2 < like.slope < 5):
+        return [
+            Finding(
+                IMPLAUSIBLE,
+                f"The pitch changes by {like.slope:.3g} times what the path climbs. Likely: "
+                f"{cause(like.slope, 'angle')}.",
+            )
+        ]
+    return []
+
+
+def _rates(flight: RepairedFlight, rebuilt: Reconstruction) -> list[Finding]:
+    agreements = rate_agreement(flight, rebuilt)
+    if agreements is None:
+        return []
+    found = []
+    for axis, like in zip(("roll", "pitch", "yaw"), agreements, strict=True):
+        if like.strength < np.radians(0.2):
+            continue
+        if abs(like.correlation) > _LIKE and not 0.8 < like.slope < 1.25:
+            found.append(
+                Finding(
+                    QUESTIONABLE,
+                    f"The attitude turns {like.slope:.3g} times as fast as the recorded {axis} rate "
+                    "says. Likely: "
+                    f"{cause(1 / like.slope, 'angle')} in the rate, or the attitude's.",
+                )
+            )
+        elif abs(like.correlation) < 0.5:
+            found.append(
+                Finding(
+                    QUESTIONABLE,
+                    f"The recorded {axis} rate has little to do with the attitude (correlation "
+                    f"{like.correlation:.2f}). Likely: another axis, or wrong time stamps.",
+                )
+            )
+    return found
+
+
+def _airspeed(flight: RepairedFlight, rebuilt: Reconstruction) -> list[Finding]:
+    airspeed, recording = rebuilt.recording.airspeed, rebuilt.recording
+    if airspeed is None or rebuilt.curve == "air data":
+        return []
+    speed = np.linalg.norm(recording.velocity_n, axis=1)
+    flying = np.maximum(speed, np.abs(airspeed)) > 15
+    if flying.sum() < 20:
+        return []
+    ratio = float(np.median(airspeed[flying] / np.maximum(speed[flying], 0.1)))
+    if 0.6 < ratio < 1.6:
+        return []
+    return [
+        Finding(
+            QUESTIONABLE,
+            f"The airspeed is usually {ratio:.3g} times the speed over the Earth. Likely: "
+            f"{cause(ratio, 'speed')}, or indicated "
+            "for true airspeed.",
+        )
+    ]
+
+
+def _residuals(rebuilt: Reconstruction) -> list[Finding]:
+    residual = rebuilt.position_residual
+    if residual is None:
+        return []
+    off = float(np.linalg.norm(residual))
+    limit = 500.0 if rebuilt.curve == "air data" else 10.0
+    if off < limit:
+        return []
+    level = IMPLAUSIBLE if off > 20 * limit else QUESTIONABLE
+    return [
+        Finding(
+            level,
+            f"The curve from {rebuilt.curve} is {off:.3g} m (rms) from the recorded positions. Likely: "
+            "velocity and "
+            "position of different clocks or units; another curve may do better (setting curve).",
+        )
+    ]
+
+
+def _usual_angle(angle: FloatArray) -> float:
+    return float(np.median(np.abs(rotation.wrap(angle))))

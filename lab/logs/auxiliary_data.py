@@ -1,0 +1,137 @@
+"""Log parts: what a log may hold beside IMU and GPS: vehicle, magnetometer, headings, other solutions."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, fields, replace
+from typing import Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+FloatArray = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Reference:
+    """What another, better system says where the vehicle was.
+
+    Attributes
+    ----------
+    time : (k,) array
+        Times, increasing [s].
+    position : (k, 3) array
+        Latitude, longitude [rad], height [m]; NaN where it is not known.
+    velocity_n : (k, 3) array
+        Velocity north, east, down [m/s]; NaN where it is not known.
+    euler : (k, 3) array
+        Roll, pitch, yaw [rad]; NaN where it is not known.
+    """
+
+    time: FloatArray
+    position: FloatArray
+    velocity_n: FloatArray
+    euler: FloatArray
+
+    def later(self, seconds: float) -> Self:
+        """Return the same with later times."""
+        return replace(self, time=self.time + seconds)
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Comparison(Reference):
+    """What another estimator, such as the autopilot's, made of the same sensors: to compare with, no truth.
+
+    Attributes
+    ----------
+    name : str
+        What it is called, such as "PX4 EKF2".
+    """
+
+    name: str = ""
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Magnetometer:
+    """The magnetic field as measured, hard iron taken off as far as is known.
+
+    Attributes
+    ----------
+    time : (k,) array
+        Times, increasing [s].
+    field : (k, 3) array
+        Field in b: forward, right, down [µT].
+    declination : float
+        Magnetic declination, positive east [rad]; NaN where the log does not say.
+    """
+
+    time: FloatArray
+    field: FloatArray
+    declination: float = np.nan
+
+    def later(self, seconds: float) -> Self:
+        """Return the same with later times."""
+        return replace(self, time=self.time + seconds)
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Headings:
+    """Headings as measured, such as by a receiver with two antennas.
+
+    Attributes
+    ----------
+    time : (k,) array
+        Times, increasing [s].
+    heading : (k,) array
+        True heading [rad].
+    sigma : (k,) array
+        σ [rad]; NaN where it is not known.
+    """
+
+    time: FloatArray
+    heading: FloatArray
+    sigma: FloatArray
+
+    def later(self, seconds: float) -> Self:
+        """Return the same with later times."""
+        return replace(self, time=self.time + seconds)
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Beside:
+    """What a log holds beside IMU and GPS.
+
+    Attributes
+    ----------
+    vehicle : str
+        Name of the vehicle, one of `lab.logs.vehicle.VEHICLES`, or an autopilot's word for it; empty
+        where nobody named it.
+    magnetometer : Magnetometer or None
+        The magnetometer.
+    headings : Headings or None
+        Headings as measured.
+    comparisons : tuple of Comparison
+        Other solutions.
+    """
+
+    vehicle: str = ""
+    magnetometer: Magnetometer | None = None
+    headings: Headings | None = None
+    comparisons: tuple[Comparison, ...] = ()
+
+    def later(self, seconds: float) -> Beside:
+        """Return the same with later times."""
+        moved = {
+            name: None if part is None else part.later(seconds)
+            for name, part in (("magnetometer", self.magnetometer), ("headings", self.headings))
+        }
+        others = tuple(one.later(seconds) for one in self.comparisons)
+        return Beside(self.vehicle, comparisons=others, **moved)  # type: ignore[arg-type]  # each its own kind
+
+    def named(self, vehicle: str) -> Beside:
+        """Return the same of another vehicle."""
+        return replace(self, vehicle=vehicle)
+
+    @property
+    def is_empty(self) -> bool:
+        """Whether nothing is held."""
+        return all(getattr(self, field.name) in (None, "", ()) for field in fields(self))

@@ -1,0 +1,323 @@
+"""Log check: whether the numbers of a sensor log contradict the units, the axes or the clock they claim.
+
+Gravity is known in size and, of a vehicle that is level on the average, in direction. A vehicle that goes
+where its nose points turns as its course does and feels the speed it gains: a wrong unit breaks one of these
+by a known factor, wrong axes show them on another axis. Copters, boats and walkers turn and go as they like,
+and are not judged by it. A wrong clock shows by what every vehicle obeys: velocity changes as the IMU felt.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lab.earth import STANDARD_GRAVITY, radii
+from lab.logs.log_section import piece
+from lab.logs.sensor_log import SensorLog
+from lab.logs.vehicle import VEHICLES, Vehicle, vehicle_of
+from lab.logs.velocity_matching import Match, Window, liveliest, match, turned
+from lab.recordings.mission_error import MissionError
+from lab.rotation import wrap
+
+FloatArray = NDArray[np.float64]
+
+MAX_LAG = 3.0
+"""Largest clock offset looked for [s]."""
+
+_LEG = 1.0
+_MOVING = 2.0
+_TUMBLING = np.radians(25.0)
+_BANKED = 0.15
+_LIVELY_TURN = np.radians(2.0)
+_LIVELY_SPEED = 0.3
+_LIKE = 0.8
+_LEAST_LAG = 0.4  # receivers are up to 0.3 s late by themselves, which a navigator is told or finds [s]
+_LEAST_LEGS = 10
+_WINDOWS = 4
+_LEAST_WINDOWS = 2
+_STARTS = (-1.5, 1.5)
+_LAG_SIGMA = 0.1
+_AGREEING = 0.2
+_MOST = 0.6
+_MISFIT = 9.0
+_EXPLAINED = 1.0  # mean square of residuals; of logs at hand up to 0.6, with two axes swapped from 1.2 on
+_CLEAR = np.radians(10.0)
+_ALONG = np.radians(30.0)
+_WANDERING = np.radians(10.0)  # aeroplanes and cars: up to 4° in windows of logs at hand
+_VELOCITY_SIGMA = 0.1  # of a receiver that does not say its own [m/s]
+_OR_ANOTHER_VEHICLE = (
+    ". Of a vehicle that does not go where its nose points, this means nothing: name it, such as vehicle = "
+    f'"copter" in log.toml; accepted are {", ".join(VEHICLES)}'
+)
+
+
+class Motion(NamedTuple):
+    """What the fixes say of the motion in legs of about a second.
+
+    Attributes
+    ----------
+    start, end : (k,) arrays
+        The legs, in the time of the IMU [s].
+    turn : (k,) array
+        Mean rate of the course, positive to the right [rad/s]; NaN where the vehicle hardly moves.
+    speed : (k,) array
+        Mean change of the speed [m/s²].
+    """
+
+    start: FloatArray
+    end: FloatArray
+    turn: FloatArray
+    speed: FloatArray
+
+
+def check_log(log: SensorLog) -> None:
+    """Raise if a log is implausible; of a log in pieces the longest is judged.
+
+    Raises
+    ------
+    MissionError
+        Naming the likely cause: g for m/s², rates for increments or increments for rates, degrees for radians
+        or radians for degrees, axes that do not point forward, right, down, or a clock of the receiver that
+        is not the IMU's.
+    """
+    log = piece(log)
+    _check_force(log)
+    _check_tumbling(log)
+    windows = _windows(log)
+    matches = [match(window, lags=(0.0,)) for window in windows[:_LEAST_WINDOWS]]
+    vehicle = vehicle_of(log.beside.vehicle)
+    if vehicle.follows_nose and not _explained(windows, matches, vehicle):
+        motion = motion_of(log)
+        try:
+            _check_turn(log, motion)
+            _check_bank(log, motion)
+            _check_forward(log, motion)
+        except MissionError as error:
+            raise MissionError(f"{error}{'' if vehicle.name else _OR_ANOTHER_VEHICLE}") from None
+    _check_clock(log, windows, matches)
+
+
+def motion_of(log: SensorLog) -> Motion:
+    """Return what the fixes of a log say of its motion."""
+    gnss = log.gnss
+    time = gnss.time - gnss.latency
+    inside = np.flatnonzero((time >= MAX_LAG) & (time <= log.duration - MAX_LAG))
+    if inside.size < 2:
+        empty = np.empty(0)
+        return Motion(empty, empty, empty, empty)
+    step = max(1, round(_LEG / float(np.median(np.diff(time)))))
+    at = inside[::step]
+    velocity = gnss.velocity_n[:, :2]
+    if np.isnan(velocity).any():
+        meridian, transverse = radii(np.sin(gnss.position[:, 0]))
+        north = np.gradient(gnss.position[:, 0], time) * meridian
+        east = np.gradient(np.unwrap(gnss.position[:, 1]), time) * transverse
+        velocity = np.stack((north, east * np.cos(gnss.position[:, 0])), axis=-1)
+    velocity, time = velocity[at], time[at]
+    speed = np.linalg.norm(velocity, axis=1)
+    course = np.unwrap(np.arctan2(velocity[:, 1], velocity[:, 0]))
+    dt = np.diff(time)
+    turn = np.where(np.minimum(speed[1:], speed[:-1]) > _MOVING, np.diff(course) / dt, np.nan)
+    # A course that jumps by more than a right angle in a leg is noise or a U-turn on the spot.
+    turn[np.abs(np.diff(course)) > np.pi / 2] = np.nan
+    short = dt < 2.5 * _LEG
+    return Motion(time[:-1][short], time[1:][short], turn[short], (np.diff(speed) / dt)[short])
+
+
+def _check_force(log: SensorLog) -> None:
+    _, force = log.rates
+    size = float(np.median(np.linalg.norm(force, axis=1))) / STANDARD_GRAVITY
+    dt = float(np.median(np.diff(log.time)))
+    causes = {
+        1 / STANDARD_GRAVITY: "the accelerometers' numbers look like g where m/s² are declared",
+        STANDARD_GRAVITY: "the accelerometers' numbers look like m/s² where g are declared",
+        1 / dt: "the numbers look like rates where increments are declared",
+        dt: "the numbers look like increments where rates are declared",
+    }
+    near = min(causes, key=lambda factor: abs(np.log(max(size, 1e-12) / factor)))
+    what = f"{log.name}: the IMU feels {size:.3g} times gravity (median over the log): "
+    if not 0.7 < size < 1.5:
+        likely = causes[near] if 0.7 < size / near < 1.4 else "another unit than declared is likely"
+        raise MissionError(
+            f"{what}{likely}. The columns' names declare the unit (fx_m_s2, fx_g, dvelocity_x_m_s)"
+        )
+    mean = np.median(force, axis=0)
+    axis = int(np.argmax(np.abs(mean)))
+    if axis != 2 or mean[2] > 0:
+        felt = ("forward", "right", "down")[axis]
+        sign = "" if mean[axis] > 0 else "minus "
+        raise MissionError(
+            f"{log.name}: the support against gravity is felt along {sign}{felt}, where a level vehicle "
+            "feels it along minus down: swapped axes or signs are likely. axes in the TOML says which axes "
+            "of the IMU point forward, right, down"
+        )
+
+
+def _check_tumbling(log: SensorLog) -> None:
+    """Refuse a mean rate about a horizontal axis that would tip over a vehicle that stays level."""
+    mean = float(np.linalg.norm(log.dtheta[:, :2].sum(axis=0))) / log.duration
+    if mean > _TUMBLING:
+        raise MissionError(
+            f"{log.name}: the gyros show {np.degrees(mean):.3g} °/s about a horizontal axis on the average, "
+            "which would tip the vehicle over again and again, but gravity stays where it is: the numbers "
+            "look like degrees where radians are declared (columns gx_rad_s, gx_deg_s)"
+        )
+
+
+def _check_turn(log: SensorLog, motion: Motion) -> None:
+    """Compare the course's rate with the gyros, each axis at its best time."""
+    rows = np.isfinite(motion.turn)
+    if rows.sum() < _LEAST_LEGS or np.std(motion.turn[rows]) < _LIVELY_TURN:
+        return
+    likeness = np.array([_best(log, log.dtheta[:, axis], motion, motion.turn) for axis in range(3)])
+    best = int(np.argmax(np.abs(likeness[:, 0])))
+    correlation, factor = likeness[2, :2]
+    if abs(correlation) < _LIKE and best != 2 and abs(likeness[best, 0]) > _LIKE:
+        raise MissionError(
+            f"{log.name}: the vehicle turns as the GPS says about the axis called "
+            f"{('forward', 'right')[best]}, not about down (correlation {likeness[best, 0]:.2f} against "
+            f"{correlation:.2f}): swapped axes of the gyros are likely"
+        )
+    if abs(correlation) < _LIKE:
+        return
+    degree = 180 / np.pi
+    for scale, numbers in (
+        (degree, "degrees where radians"),
+        (1 / degree, "radians where degrees"),
+    ):
+        if 0.5 < abs(factor) / scale < 2:
+            raise MissionError(
+                f"{log.name}: the gyros turn {abs(factor):.3g} times as fast as the course: the numbers look "
+                f"like {numbers} are declared (columns gx_rad_s, gx_deg_s)"
+            )
+    if correlation < 0:
+        raise MissionError(
+            f"{log.name}: the gyro called down turns against the course (correlation {correlation:.2f}): "
+            "swapped axes or signs of the gyros are likely"
+        )
+
+
+def _check_bank(log: SensorLog, motion: Motion) -> None:
+    """Look for the pitch rate of banked turns, which is upwards in turns to either side.
+
+    A vehicle that leans into its turns at bank φ and yaws at ψ̇ pitches at ψ̇ sin φ (Groves, ch. 2.3); one
+    that does not shows nothing here.
+    """
+    rows = np.isfinite(motion.turn)
+    if rows.sum() < _LEAST_LEGS or np.std(motion.turn[rows]) < _LIVELY_TURN:
+        return
+    for axis, wrong_sign in ((0, 0), (1, -1)):
+        correlation, factor, _ = _best(log, log.dtheta[:, axis], motion, np.abs(motion.turn))
+        wrong = correlation < -_LIKE if wrong_sign else abs(correlation) > _LIKE
+        if wrong and factor > _BANKED:
+            raise MissionError(
+                f"{log.name}: in banked turns the nose goes up about the axis called "
+                f"{('forward', 'minus right')[axis]} (correlation {abs(correlation):.2f}), not about right: "
+                "swapped axes or signs are likely"
+            )
+
+
+def _check_forward(log: SensorLog, motion: Motion) -> None:
+    """Compare the change of the speed with the horizontal accelerometers, each at its best time."""
+    if motion.speed.size < _LEAST_LEGS or np.std(motion.speed) < _LIVELY_SPEED:
+        return
+    forward, right = (_best(log, log.dvelocity[:, axis], motion, motion.speed)[0] for axis in (0, 1))
+    backward = forward < -_LIKE
+    if backward or (abs(right) > _LIKE and forward < abs(right) - 0.3):
+        axis, value = ("minus forward", forward) if backward else ("right", right)
+        raise MissionError(
+            f"{log.name}: the speed the GPS shows is gained along the axis called {axis} (correlation "
+            f"{value:.2f}, along forward {forward:.2f}): swapped axes or signs are likely"
+        )
+
+
+def _windows(log: SensorLog) -> list[Window]:
+    gnss = log.gnss
+    sigma = np.where(np.isfinite(gnss.velocity_sigma), gnss.velocity_sigma, _VELOCITY_SIGMA)
+    arrays = (log.time, log.dtheta, log.dvelocity, gnss.time - gnss.latency, gnss.velocity_n, sigma)
+    return liveliest(arrays, _WINDOWS, MAX_LAG)
+
+
+def _explained(windows: list[Window], matches: list[Match], vehicle: Vehicle) -> bool:
+    """Tell whether the IMU as it is explains the velocities, and nothing is wrong with its axes.
+
+    The nose then points along the course, or, where nobody named the vehicle, now here, now there: wrong axes
+    would turn it by the same angle always.
+    """
+    angles = [_off_course(*pair) for pair in zip(windows, matches, strict=False) if _is_clear(pair[1])]
+    apart = np.concatenate(angles) if angles else np.empty(0)
+    if not apart.size:
+        return False
+    mean = np.exp(1j * apart).mean()
+    spread = np.sqrt(-2 * np.log(max(abs(mean), 1e-12)))  # circular standard deviation
+    return bool(abs(np.angle(mean)) < _ALONG or (not vehicle.name and spread > _WANDERING))
+
+
+def _is_clear(found: Match) -> bool:
+    return bool(found.misfit < _EXPLAINED and found.heading_sigma < _CLEAR)
+
+
+def _off_course(window: Window, found: Match) -> FloatArray:
+    """Return the angle of course minus nose at the fixes that move [rad]."""
+    fast = np.linalg.norm(window.velocity_n[:, :2], axis=1) > _MOVING
+    north, east = window.velocity_n[fast, :2].T
+    steps = np.clip(np.searchsorted(window.time, window.at[fast] + found.lag), 0, len(window.dtheta))
+    turning = turned(window.dtheta - found.gyro_bias * np.diff(window.time)[:, None])
+    nose = (found.C_nb * turning[steps]).apply((1.0, 0.0, 0.0)).reshape(-1, 3)
+    return wrap(np.arctan2(east, north) - np.arctan2(nose[:, 1], nose[:, 0]))
+
+
+def _check_clock(log: SensorLog, windows: list[Window], matches: list[Match]) -> None:
+    """Look for the offset of the clocks with which velocity changes as the IMU felt, in several windows."""
+    lags: list[float] = []
+    for number, window in enumerate(windows):
+        found = matches[number] if number < len(matches) else match(window, lags=(0.0,))
+        if not (_shows_lag(found) and abs(found.lag) < _LEAST_LAG):
+            found = min(found, match(window, lags=_STARTS), key=lambda one: one.cost)
+        if _shows_lag(found):
+            lags.append(found.lag)
+        if len(lags) == _LEAST_WINDOWS and np.abs(lags).max() < _LEAST_LAG:
+            return
+    if len(lags) < _LEAST_WINDOWS:
+        return
+    lag = float(np.median(lags))
+    agreeing = np.abs(np.array(lags) - lag) < _AGREEING
+    if abs(lag) >= _LEAST_LAG and agreeing.mean() > _MOST:
+        side = "late" if lag < 0 else "early"
+        raise MissionError(
+            f"{log.name}: the stamps of the GPS are about {abs(lag):.1f} s {side} against the IMU's (the "
+            f"velocity changes as the IMU felt it that much {'before' if lag < 0 else 'after'}, in "
+            f"{agreeing.sum()} of {len(lags)} stretches): two clocks are likely. latency_s = "
+            f"{log.gnss.latency - lag:.1f} in the TOML would bring them together"
+        )
+
+
+def _shows_lag(found: Match) -> bool:
+    return found.lag_sigma < _LAG_SIGMA and found.misfit < _MISFIT
+
+
+def _best(
+    log: SensorLog, increments: FloatArray, motion: Motion, seen: FloatArray
+) -> tuple[float, float, float]:
+    """Return correlation, factor and lag where the two are most alike, of either sign."""
+    lags = np.arange(-MAX_LAG, MAX_LAG + 0.05, 0.1)
+    found = [(*_likeness(log, increments, motion, seen, lag), float(lag)) for lag in lags]
+    return max(found, key=lambda one: abs(one[0]))
+
+
+def _likeness(
+    log: SensorLog, increments: FloatArray, motion: Motion, seen: FloatArray, lag: float
+) -> tuple[float, float]:
+    """Return the correlation of an IMU axis, `lag` later, with what the fixes saw, and the factor on it."""
+    total = np.concatenate(([0.0], np.cumsum(increments)))
+    felt = np.interp(motion.end + lag, log.time, total) - np.interp(motion.start + lag, log.time, total)
+    rows = np.isfinite(seen)
+    a, b = (felt / (motion.end - motion.start))[rows], seen[rows]
+    a, b = a - a.mean(), b - b.mean()
+    power = float(np.sqrt((a @ a) * (b @ b)))
+    if power == 0:
+        return 0.0, 0.0
+    # The factor from the ratio of sizes: regression would shrink it by the noise of the course.
+    return float(a @ b) / power, float(np.sqrt((a @ a) / (b @ b)))

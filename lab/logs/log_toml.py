@@ -1,0 +1,83 @@
+"""Log TOML: what ``log.toml`` says of a log, checked key by key; `lab.logs.sensor_log_csv` shows one."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from lab.logs.vehicle import VEHICLES
+from lab.recordings.description_toml import check_keys
+from lab.recordings.mission_error import MissionError
+
+DESCRIPTION_FILE = "log.toml"
+"""Name of the TOML file in the folder of a log."""
+
+_TEXTS = ("title", "description", "imu", "gnss", "reference", "magnetometer", "vehicle")
+_KEYS = (
+    *_TEXTS, "tags", "axes", "mounting_deg", "lever_arm_m", "latency_s", "declination_deg", "comparisons",
+)  # fmt: skip
+KEYS = frozenset(_KEYS)
+"""Keys of the TOML."""
+
+_MOST_COMPARISONS = 8
+
+
+def check_values(path: Path, values: Mapping[str, Any]) -> None:
+    """Refuse a key or a value that is not accepted.
+
+    Parameters
+    ----------
+    path
+        The TOML file, for messages.
+    values
+        What is in it.
+
+    Raises
+    ------
+    MissionError
+        Naming the key, and what is accepted.
+    """
+    check_keys(path, values, _KEYS, _TEXTS)
+    vehicle = values.get("vehicle", "")
+    if vehicle not in ("", *VEHICLES):
+        raise MissionError(f"{path}: vehicle = {vehicle!r}; accepted are {', '.join(VEHICLES)}")
+    _check_axes(path, values.get("axes", ["x", "y", "z"]))
+    for key, limit in (("mounting_deg", 360.0), ("lever_arm_m", 100.0)):
+        _check_three(path, key, values.get(key, [0, 0, 0]), limit)
+    for key, limit in (("latency_s", 5.0), ("declination_deg", 180.0)):
+        if not _within(values.get(key, 0), limit):
+            raise MissionError(
+                f"{path}: {key} = {values[key]!r}; accepted is a number from {-limit:g} to {limit:g}"
+            )
+    _check_comparisons(path, values.get("comparisons", {}))
+
+
+def _check_axes(path: Path, axes: Any) -> None:
+    known = {"x", "y", "z", "-x", "-y", "-z"}
+    if not (
+        isinstance(axes, list) and len(axes) == 3 and all(isinstance(a, str) and a in known for a in axes)
+    ):
+        raise MissionError(f'{path}: axes = {axes!r}; accepted are three of "x", "-x", "y", "-y", "z", "-z"')
+
+
+def _check_three(path: Path, key: str, numbers: Any, limit: float) -> None:
+    if not (isinstance(numbers, list) and len(numbers) == 3 and all(_within(a, limit) for a in numbers)):
+        raise MissionError(
+            f"{path}: {key} = {numbers!r}; accepted are three numbers from {-limit:g} to {limit:g}"
+        )
+
+
+def _check_comparisons(path: Path, table: Any) -> None:
+    fine = isinstance(table, Mapping) and all(isinstance(name, str) for name in table.values())
+    if not fine or len(table) > _MOST_COMPARISONS or not all(name.strip() for name in table):
+        raise MissionError(
+            f"{path}: comparisons = {table!r}; accepted is a table of up to {_MOST_COMPARISONS} names, each "
+            'with a file, such as "PX4 EKF2" = "ekf.csv"'
+        )
+
+
+def _within(value: Any, limit: float) -> bool:
+    number = isinstance(value, int | float) and not isinstance(value, bool)
+    return number and math.isfinite(value) and abs(value) <= limit

@@ -1,0 +1,299 @@
+"""Sensor log: what an IMU and a GPS receiver recorded on a vehicle, repaired where it can be.
+
+Time counts from the first usable sample of the IMU. Polled devices repeat samples: a row with the six values
+of the row before is dropped, and the next row's interval reaches back to the last one kept. Short gaps of the
+IMU are filled with rates that change linearly from one side to the other; longer ones break the log into
+pieces (`lab.logs.log_section`).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lab.logs.auxiliary_data import Beside, Reference
+from lab.recordings.mission_error import MissionError
+
+FloatArray = NDArray[np.float64]
+
+MAX_GAP = 2.0
+"""Longest time without samples of the IMU that is bridged [s]: what moved in it is not known."""
+MIN_OVERLAP = 5.0
+"""Shortest time in which both the IMU and the receiver recorded [s]."""
+
+_GAP = 2.5
+_LONGEST_REPEAT = 4
+_MOST_FILLED = 10  # a file must not ask for more memory than it is large
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class GnssLog:
+    """The fixes of a receiver, as it stamped them: of the antenna, and late by the latency.
+
+    Attributes
+    ----------
+    time : (m,) array
+        Time stamps, increasing [s].
+    position : (m, 3) array
+        Latitude, longitude [rad], height [m] of the antenna.
+    velocity_n : (m, 3) array
+        Velocity of the antenna north, east, down [m/s]; NaN in a column the receiver does not have.
+    position_sigma, velocity_sigma : (m, 3) arrays
+        Its own σ, north, east, down [m], [m/s]; NaN in a column it does not have.
+    lever_arm : (3,) array
+        From the IMU to the antenna, in b [m].
+    latency : float
+        Time stamp minus time of validity [s].
+    """
+
+    time: FloatArray
+    position: FloatArray
+    velocity_n: FloatArray
+    position_sigma: FloatArray
+    velocity_sigma: FloatArray
+    lever_arm: FloatArray
+    latency: float
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class SensorLog:
+    """An IMU and a GPS receiver recorded together.
+
+    Attributes
+    ----------
+    name : str
+        Where it comes from, for messages.
+    epoch : float
+        The recorder's time at time 0 [s].
+    time : (n + 1,) array
+        Ends of the sample intervals, from 0; they need not be equally long [s].
+    dtheta, dvelocity : (n, 3) arrays
+        Integrals of angular rate [rad] and specific force [m/s] over each interval, in b: forward, right,
+        down.
+    gnss : GnssLog
+        The fixes, their stamps counted from the same 0.
+    reference : Reference or None
+        A better solution, where there is one; of the same 0.
+    gaps, breaks : (g, 2) arrays
+        Start and end of the gaps of the IMU that were filled, and of those too long for that [s]. In a break
+        there is one interval without increments, which nobody may navigate through.
+    beside : Beside
+        What else was recorded: vehicle, magnetometer, headings, other solutions; of the same 0.
+    repairs : tuple of str
+        What was repaired and what is missing, for people.
+    """
+
+    name: str
+    epoch: float
+    time: FloatArray
+    dtheta: FloatArray
+    dvelocity: FloatArray
+    gnss: GnssLog
+    reference: Reference | None
+    gaps: FloatArray
+    repairs: tuple[str, ...]
+    breaks: FloatArray = field(default_factory=lambda: np.empty((0, 2)))
+    beside: Beside = field(default_factory=Beside)
+
+    @property
+    def duration(self) -> float:
+        """Time from the first sample of the IMU to the last [s]."""
+        return float(self.time[-1])
+
+    @property
+    def rates(self) -> tuple[FloatArray, FloatArray]:
+        """Mean angular rate [rad/s] and specific force [m/s²] over each interval, (n, 3) each, in b."""
+        dt = np.diff(self.time)[:, None]
+        return self.dtheta / dt, self.dvelocity / dt
+
+    def __repr__(self) -> str:
+        n, m = len(self.dtheta), len(self.gnss.time)
+        return f"<SensorLog {self.name}: {n} samples of the IMU in {self.duration:.1f} s, {m} fixes>"
+
+
+def repaired(
+    name: str,
+    time: FloatArray,
+    samples: FloatArray,
+    gnss: GnssLog,
+    reference: Reference | None = None,
+    *,
+    increments: bool = False,
+    beside: Beside | None = None,
+) -> SensorLog:
+    """Return the log of raw rows, repaired.
+
+    Parameters
+    ----------
+    name
+        Where the rows come from, for messages.
+    time : (n,) array
+        Time stamps of the IMU; each row is of the interval that ends with it [s].
+    samples : (n, 6) array
+        Angular rate [rad/s] and specific force [m/s²], in b; or with `increments` their integrals over the
+        interval [rad], [m/s].
+    gnss, reference
+        The fixes and, where there is one, a better solution, stamped by the same clock.
+    increments
+        Whether the samples are increments.
+    beside
+        What else was recorded, stamped by the same clock.
+
+    Raises
+    ------
+    MissionError
+        If time runs backwards, or the IMU and the receiver have recorded less than `MIN_OVERLAP` together.
+    """
+    repairs: list[str] = []
+    _check_order(name, "IMU", time)
+    _check_order(name, "GPS", gnss.time)
+    time, samples = _without_repeats(time, samples, increments, repairs)
+    gnss_rows = np.append(True, np.diff(gnss.time) > 0)[: gnss.time.size]
+    _say(repairs, int((~gnss_rows).sum()), "GPS fix with the time of the one before was dropped")
+    _check_overlap(name, time, gnss.time[gnss_rows] - gnss.latency)
+    dt = np.diff(time)
+    rates = samples[1:] / dt[:, None] if increments else samples[1:]
+    rates = np.concatenate((samples[:1] / np.median(dt) if increments else samples[:1], rates))
+    stamps = time
+    time, rates, gaps, breaks = _without_gaps(name, time, rates, repairs)
+    values = rates[1:] * np.diff(time)[:, None]
+    if increments:
+        # What was counted during a gap is not known; the rest keeps every bit.
+        same = np.searchsorted(time, stamps[1:][dt <= _GAP * np.median(dt)])
+        values[same - 1] = samples[1:][dt <= _GAP * np.median(dt)]
+    values[np.searchsorted(time, breaks[:, 1]) - 1] = 0.0
+    epoch = float(time[0])
+    fixes = _picked(gnss, gnss_rows, epoch)
+    _report_missing(fixes, repairs)
+    return SensorLog(
+        name=name,
+        epoch=epoch,
+        time=time - epoch,
+        dtheta=np.ascontiguousarray(values[:, :3]),
+        dvelocity=np.ascontiguousarray(values[:, 3:]),
+        gnss=fixes,
+        reference=None if reference is None else reference.later(-epoch),
+        gaps=gaps - epoch,
+        repairs=tuple(repairs),
+        breaks=breaks - epoch,
+        beside=Beside() if beside is None else beside.later(-epoch),
+    )
+
+
+def _check_order(name: str, what: str, time: FloatArray) -> None:
+    back = np.flatnonzero(np.diff(time) < 0)
+    if len(back):
+        row = int(back[0]) + 1
+        raise MissionError(
+            f"{name}: the time of the {what} runs backwards, from {time[row - 1]:.12g} s to "
+            f"{time[row]:.12g} s; accepted is time that increases from row to row (a time that repeats is "
+            "repaired)"
+        )
+
+
+def _without_repeats(
+    time: FloatArray, samples: FloatArray, increments: bool, repairs: list[str]
+) -> tuple[FloatArray, FloatArray]:
+    """Drop rows with the time, or the very values, of the row before."""
+    kept = np.append(True, np.diff(time) > 0)[: time.size]
+    _say(repairs, int((~kept).sum()), "IMU sample with the time of the one before was dropped")
+    time, samples = time[kept], samples[kept]
+    if increments:  # two equal increments are two movements
+        return time, samples
+    same = np.append(False, (np.diff(samples, axis=0) == 0).all(axis=1))
+    start = np.maximum.accumulate(np.where(same, 0, np.arange(same.size)))
+    # A sensor that shows one value for long is at rest, or stuck: that is no polling faster than it samples.
+    runs = np.bincount(start, minlength=same.size)[start]
+    kept = ~(same & (runs <= _LONGEST_REPEAT))
+    _say(repairs, int((~kept).sum()), "IMU sample that repeats the values of the one before was dropped")
+    return time[kept], samples[kept]
+
+
+def _check_overlap(name: str, imu: FloatArray, gnss: FloatArray) -> None:
+    both = min(imu[-1], gnss[-1]) - max(imu[0], gnss[0]) if imu.size and gnss.size else 0.0
+    if both < MIN_OVERLAP:
+        raise MissionError(
+            f"{name}: the IMU ({_span(imu)}) and the GPS ({_span(gnss)}) have less than {MIN_OVERLAP:g} s "
+            "in common; accepted are logs of one clock, recorded together"
+        )
+
+
+def _span(time: FloatArray) -> str:
+    return f"{time[0]:.6g} to {time[-1]:.6g} s" if time.size else "no rows"
+
+
+def _without_gaps(
+    name: str, time: FloatArray, rates: FloatArray, repairs: list[str]
+) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+    """Fill short gaps with samples at the usual spacing; return gaps filled and breaks left, too."""
+    dt = np.diff(time)
+    usual = float(np.median(dt))
+    wide = dt > _GAP * usual
+    at = np.flatnonzero(wide & (dt <= MAX_GAP))
+    broken = np.flatnonzero(wide & (dt > MAX_GAP))
+    breaks = np.stack((time[broken], time[broken + 1]), axis=-1)
+    if not at.size:
+        return time, rates, np.empty((0, 2)), breaks
+    if dt[at].sum() > _MOST_FILLED * time.size * usual:
+        raise MissionError(
+            f"{name}: samples of the IMU are usually {usual:.3g} s apart, but {at.size} gaps last "
+            f"{dt[at].sum():.3g} s in all; accepted are gaps of up to {_MOST_FILLED} times as many samples "
+            "as there are"
+        )
+    filled = [np.linspace(time[i], time[i + 1], round(dt[i] / usual) + 1)[1:-1] for i in at]
+    times = np.sort(np.concatenate((time, *filled)))
+    rates = np.stack([np.interp(times, time, column) for column in rates.T], axis=-1)
+    count = "1 gap" if at.size == 1 else f"{at.size} gaps"
+    repairs.append(
+        f"{count} of the IMU, {dt[at].sum():.3g} s in all and up to {dt[at].max():.3g} s long, filled by "
+        "linear interpolation; the filter is told that it knows little there."
+    )
+    return times, rates, np.stack((time[at], time[at + 1]), axis=-1), breaks
+
+
+def _picked(gnss: GnssLog, rows: NDArray[np.bool_], epoch: float) -> GnssLog:
+    return GnssLog(
+        time=gnss.time[rows] - epoch,
+        position=gnss.position[rows],
+        velocity_n=gnss.velocity_n[rows],
+        position_sigma=gnss.position_sigma[rows],
+        velocity_sigma=gnss.velocity_sigma[rows],
+        lever_arm=gnss.lever_arm,
+        latency=gnss.latency,
+    )
+
+
+def _report_missing(gnss: GnssLog, repairs: list[str]) -> None:
+    unknown = np.isnan(gnss.velocity_n)
+    if unknown[:, :2].any(axis=1).all():
+        repairs.append("The GPS has no velocity: only its positions are used.")
+    elif unknown[:, 2].all():
+        repairs.append("The GPS has no vertical velocity: the filter uses the two horizontal ones.")
+    _report_some(repairs, unknown, "no velocity, or not all of it: the filter uses the rest")
+    missing = []
+    for word, sigma in (("position", gnss.position_sigma), ("velocity", gnss.velocity_sigma)):
+        if np.isnan(sigma).all(axis=0).any():
+            missing.append(word)
+        _report_some(repairs, np.isnan(sigma), f"no σ of the {word}: the variance of the settings stands in")
+    if missing:
+        repairs.append(
+            f"The GPS gives no σ of its {' and '.join(missing)}: the variances of the settings stand in."
+        )
+
+
+def _report_some(repairs: list[str], unknown: NDArray[np.bool_], what: str) -> None:
+    """Report how many fixes lack a value (m, 3) that others have."""
+    count = int((unknown & ~unknown.all(axis=0)).any(axis=1).sum())
+    if count:
+        repairs.append(f"{count} of {len(unknown)} fixes {'has' if count == 1 else 'have'} {what}.")
+
+
+def _say(repairs: list[str], count: int, what: str) -> None:
+    """Report a number of repairs in one sentence, given for one."""
+    if count == 1:
+        repairs.append(f"1 {what}.")
+    elif count:
+        plural = what.replace("sample", "samples", 1).replace("fix ", "fixes ", 1).replace("was", "were")
+        repairs.append(f"{count} {plural.replace('repeats', 'repeat').replace('of the one', 'of those')}.")

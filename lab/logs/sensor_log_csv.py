@@ -1,0 +1,362 @@
+"""Sensor log files: a folder with the csv files of an IMU and a GPS receiver, and a small TOML about them.
+
+``imu.csv``: ``t_s``, then angular rate ``gx_rad_s, gy_rad_s, gz_rad_s`` (or ``gx_deg_s …``) and specific
+force ``fx_m_s2, fy_m_s2, fz_m_s2`` (or ``fx_g …``), mean over the interval that ends with the stamp; or
+their integrals over it, ``dtheta_x_rad …`` and ``dvelocity_x_m_s …``. ``gnss.csv``: ``t_s, lat_deg, lon_deg,
+alt_m``, and what the receiver has of ``vn_m_s, ve_m_s, vd_m_s`` and of its σ ``sd_n_m, sd_e_m, sd_d_m,
+sd_vn_m_s, sd_ve_m_s, sd_vd_m_s``; of two antennas also ``heading_deg, sd_heading_deg``. ``ref.csv``, where
+there is one: ``t_s`` and what is known of ``lat_deg, lon_deg, alt_m``, ``vn_m_s …`` and ``roll_deg,
+pitch_deg, heading_deg``. ``mag.csv``, where there is one: ``t_s, mx_uT, my_uT, mz_uT``, in the axes of the
+IMU. Of what need not be there, an empty cell is not known. All are stamped by one clock, in which ``--from``,
+``--to`` and outages are given too. Heights are above the ellipsoid, or all above the same other surface. The
+TOML, ``log.toml`` in the folder, may leave out every key; what it does not say is as here, unless noted::
+
+    title = "Drive to work"
+    description = "..."
+    tags = ["car", "city"]
+    imu = "imu.csv"               # files in the same folder
+    gnss = "gnss.csv"
+    reference = "ref.csv"         # taken where it exists
+    magnetometer = "mag.csv"      # taken where it exists
+    vehicle = "car"               # left out: not known; aeroplane, car, boat, copter, pedestrian, ...
+    axes = ["x", "y", "z"]        # which axes of the IMU point forward, right, down; "-y" for its opposite
+    mounting_deg = [0, 0, 0]      # roll, pitch, yaw of these axes in the vehicle
+    lever_arm_m = [0, 0, 0]       # from the IMU to the antenna: forward, right, down
+    latency_s = 0                 # by how much the stamps of the fixes are late
+    declination_deg = 11.5        # of the magnetic field, east; left out: of the World Magnetic Model
+    [comparisons]                 # solutions of other estimators, to compare with: as ref.csv
+    "PX4 EKF2" = "ekf.csv"
+"""
+
+from __future__ import annotations
+
+import os
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lab.earth import STANDARD_GRAVITY
+from lab.logs.auxiliary_data import Beside, Comparison, Headings, Magnetometer, Reference
+from lab.logs.log_toml import DESCRIPTION_FILE, check_values
+from lab.logs.sensor_log import GnssLog, SensorLog, repaired
+from lab.recordings.description_toml import file_beside, read_toml
+from lab.recordings.mission_error import MissionError
+from lab.recordings.named_columns import Column, read_columns
+from lab.rotation import C_nb_from_euler
+
+FloatArray = NDArray[np.float64]
+
+MAX_DURATION = 86_400.0
+"""Longest log accepted [s]."""
+MIN_ROWS = 10
+"""Fewest rows of the IMU accepted."""
+
+_TIME = Column("t_s", -1e10, 1e10)
+_GYRO = (("gx_rad_s", "gy_rad_s", "gz_rad_s"), ("gx_deg_s", "gy_deg_s", "gz_deg_s"))
+_FORCE = (("fx_m_s2", "fy_m_s2", "fz_m_s2"), ("fx_g", "fy_g", "fz_g"))
+_INCREMENTS = (
+    ("dtheta_x_rad", "dtheta_y_rad", "dtheta_z_rad"),
+    ("dvelocity_x_m_s", "dvelocity_y_m_s", "dvelocity_z_m_s"),
+)
+_IMU = (
+    _TIME,
+    *(Column(name, -1e6, 1e6, required=False) for names in (*_GYRO, *_FORCE, *_INCREMENTS) for name in names),
+)
+_POSITION = (
+    Column("lat_deg", -90, 90),
+    Column("lon_deg", -360, 360),
+    Column("alt_m", -1000, 100_000),
+)
+_VELOCITY = tuple(
+    Column(name, -1000, 1000, required=False, may_be_empty=True) for name in ("vn_m_s", "ve_m_s", "vd_m_s")
+)
+_SIGMA = tuple(
+    Column(name, 1e-6, 1e6, required=False, may_be_empty=True)
+    for name in ("sd_n_m", "sd_e_m", "sd_d_m", "sd_vn_m_s", "sd_ve_m_s", "sd_vd_m_s")
+)
+_HEADING = (
+    Column("heading_deg", -360, 360, required=False, may_be_empty=True),
+    Column("sd_heading_deg", 1e-3, 360, required=False, may_be_empty=True),
+)
+_ATTITUDE = tuple(
+    Column(name, -360, 360, required=False, may_be_empty=True)
+    for name in ("roll_deg", "pitch_deg", "heading_deg")
+)
+_PLACE_IF_KNOWN = tuple(replace(column, required=False, may_be_empty=True) for column in _POSITION)
+_FIELD = tuple(Column(name, -1e4, 1e4, may_be_empty=True) for name in ("mx_uT", "my_uT", "mz_uT"))
+
+
+@dataclass(frozen=True)
+class LogFiles:
+    """The files of a log, and what its TOML says about them; nothing is read yet.
+
+    Attributes
+    ----------
+    path : Path
+        The folder, or the TOML file.
+    imu, gnss : Path
+        The csv files.
+    reference, magnetometer : Path or None
+        Csv files of the reference and the magnetometer, where there are any.
+    comparisons : tuple of (str, Path)
+        Names and csv files of other solutions.
+    title, description : str
+        For people.
+    tags : tuple of str
+        Words to find it by.
+    vehicle : str
+        What carries the sensors; empty if the TOML does not say.
+    axes : tuple of str
+        Which axes of the IMU point forward, right, down.
+    mounting : tuple of float
+        Roll, pitch, yaw of these axes in the vehicle [°].
+    lever_arm : tuple of float
+        From the IMU to the antenna, in b [m].
+    latency : float
+        By how much the stamps of the fixes are late [s].
+    declination : float
+        Of the magnetic field, positive east [°]; NaN if the TOML does not say.
+    """
+
+    path: Path
+    imu: Path
+    gnss: Path
+    reference: Path | None
+    magnetometer: Path | None
+    comparisons: tuple[tuple[str, Path], ...]
+    title: str
+    description: str
+    tags: tuple[str, ...]
+    vehicle: str
+    axes: tuple[str, str, str]
+    mounting: tuple[float, float, float]
+    lever_arm: tuple[float, float, float]
+    latency: float
+    declination: float
+
+    @property
+    def paths(self) -> list[Path]:
+        """All files there are."""
+        named = (
+            self.imu,
+            self.gnss,
+            self.reference,
+            self.magnetometer,
+            *(path for _, path in self.comparisons),
+        )
+        return [path for path in named if path is not None]
+
+    @property
+    def told(self) -> tuple[object, ...]:
+        """What the TOML says that changes how the files are read."""
+        names = tuple(name for name, _ in self.comparisons)
+        return self.axes, self.mounting, self.lever_arm, self.latency, self.vehicle, self.declination, names
+
+    def read(self) -> SensorLog:
+        """Read the log.
+
+        Raises
+        ------
+        MissionError
+            Naming file, row and column where there is one: if a file cannot be read, a column is missing or
+            there in two units, a cell is not a finite number within its limits, time runs backwards, the
+            files do not overlap in time, or the numbers contradict the units, axes or clock they claim.
+        """
+        time, samples, increments = self._read_imu()
+        gnss, headings = self._read_gnss()
+        beside = Beside(
+            vehicle=self.vehicle,
+            magnetometer=None if self.magnetometer is None else self._read_field(self.magnetometer),
+            headings=headings,
+            comparisons=tuple(
+                Comparison(*_read_solution(path), name=name) for name, path in self.comparisons
+            ),
+        )
+        reference = None if self.reference is None else Reference(*_read_solution(self.reference))
+        log = repaired(str(self.path), time, samples, gnss, reference, increments=increments, beside=beside)
+        from lab.logs.log_check import check_log  # noqa: PLC0415 - imports scipy, which takes a while
+
+        check_log(log)
+        return log
+
+    def _read_imu(self) -> tuple[FloatArray, FloatArray, bool]:
+        table, _ = _read(self.imu, _IMU)
+        if len(table["t_s"]) < MIN_ROWS:
+            raise MissionError(f"{self.imu}: {len(table['t_s'])} rows; accepted are at least {MIN_ROWS}")
+        present = [name for name in (*_INCREMENTS[0], *_INCREMENTS[1]) if name in table]
+        rates = [name for group in (*_GYRO, *_FORCE) for name in group if name in table]
+        if present and rates:
+            raise MissionError(
+                f"{self.imu}: has both increments ({present[0]}) and rates ({rates[0]}); accepted are either"
+            )
+        if present:
+            gyro, force = _one_of(self.imu, table, _INCREMENTS[:1]), _one_of(self.imu, table, _INCREMENTS[1:])
+        else:
+            gyro, force = _one_of(self.imu, table, _GYRO), _one_of(self.imu, table, _FORCE)
+            if "gx_deg_s" in table:
+                gyro = np.radians(gyro)
+            if "fx_g" in table:
+                force = force * STANDARD_GRAVITY
+        C = self._axes()
+        return table["t_s"], np.concatenate((gyro @ C.T, force @ C.T), axis=1), bool(present)
+
+    def _read_gnss(self) -> tuple[GnssLog, Headings | None]:
+        table, rows = _read(self.gnss, (_TIME, *_POSITION, *_VELOCITY, *_SIGMA, *_HEADING))
+        gnss = GnssLog(
+            time=table["t_s"],
+            position=_geodetic(table, rows),
+            velocity_n=_columns(table, _VELOCITY, rows),
+            position_sigma=_columns(table, _SIGMA[:3], rows),
+            velocity_sigma=_columns(table, _SIGMA[3:], rows),
+            lever_arm=np.array(self.lever_arm, dtype=np.float64),
+            latency=self.latency,
+        )
+        heading, sigma = np.radians(_columns(table, _HEADING, rows)).T
+        known = np.isfinite(heading)
+        if not known.any():
+            return gnss, None
+        # Of the same clock as the fixes, and late by as much.
+        return gnss, Headings(table["t_s"][known] - self.latency, heading[known], sigma[known])
+
+    def _read_field(self, path: Path) -> Magnetometer:
+        table, _ = _read(path, (_TIME, *_FIELD))
+        field = np.stack([table[column.name] for column in _FIELD], axis=-1)
+        known = np.isfinite(field).all(axis=1)
+        time = table["t_s"][known]
+        if (np.diff(time) < 0).any():
+            raise MissionError(f"{path}, column t_s: accepted is time that increases from row to row")
+        return Magnetometer(time, field[known] @ self._axes().T, float(np.radians(self.declination)))
+
+    def _axes(self) -> FloatArray:
+        """Return the matrix that takes vectors in the axes of the IMU to b."""
+        return np.asarray(C_nb_from_euler(np.radians(self.mounting)) @ _axes_matrix(self.path, self.axes))
+
+
+def log_files(path: str | os.PathLike[str]) -> LogFiles:
+    """Return the files of a log.
+
+    Parameters
+    ----------
+    path
+        A folder, with or without ``log.toml`` in it, or a TOML file of any name beside the csv files.
+
+    Raises
+    ------
+    MissionError
+        If the TOML cannot be read or has a key or value that is not accepted, or a file does not exist.
+    """
+    path = Path(path)
+    described = path / DESCRIPTION_FILE if path.is_dir() else path
+    values = read_toml(described) if described.is_file() or not path.is_dir() else {}
+    check_values(described, values)
+    imu, gnss = (file_beside(described, key, values.get(key, f"{key}.csv")) for key in ("imu", "gnss"))
+    reference, magnetometer = (
+        file_beside(described, key, values.get(key, name))
+        for key, name in (("reference", "ref.csv"), ("magnetometer", "mag.csv"))
+    )
+    comparisons = tuple(
+        (name, file_beside(described, "comparisons", file))
+        for name, file in values.get("comparisons", {}).items()
+    )
+    wanted = [imu, gnss, *(file for _, file in comparisons)]
+    wanted += [
+        file for key, file in (("reference", reference), ("magnetometer", magnetometer)) if key in values
+    ]
+    for file in wanted:
+        if not file.is_file():
+            raise MissionError(
+                f"{file}: there is no such file; a log is a folder with imu.csv and gnss.csv, or a TOML that "
+                "names them"
+            )
+    return LogFiles(
+        path=path,
+        imu=imu,
+        gnss=gnss,
+        reference=reference if reference.is_file() else None,
+        magnetometer=magnetometer if magnetometer.is_file() else None,
+        comparisons=comparisons,
+        title=values.get("title", described.parent.name if described.stem == "log" else described.stem),
+        description=values.get("description", ""),
+        tags=tuple(values.get("tags", ())),
+        vehicle=values.get("vehicle", ""),
+        axes=tuple(values.get("axes", ("x", "y", "z"))),
+        mounting=tuple(values.get("mounting_deg", (0.0, 0.0, 0.0))),
+        lever_arm=tuple(values.get("lever_arm_m", (0.0, 0.0, 0.0))),
+        latency=float(values.get("latency_s", 0.0)),
+        declination=float(values.get("declination_deg", "nan")),
+    )
+
+
+def read_sensor_log(path: str | os.PathLike[str]) -> SensorLog:
+    """Read a log from its folder or its TOML file; see `log_files` and `LogFiles.read`."""
+    return log_files(path).read()
+
+
+def _read(path: Path, accepted: tuple[Column, ...]) -> tuple[dict[str, FloatArray], int]:
+    columns, table, first_line = read_columns(path, accepted)
+    if len(table) and table[:, 0].max() - table[:, 0].min() > MAX_DURATION:
+        raise MissionError(
+            f"{path}, from row {first_line}, column t_s: more than {MAX_DURATION:g} s from the first to the "
+            "last row; accepted are shorter logs, with time in seconds"
+        )
+    return {column.name: table[:, i] for i, column in enumerate(columns)}, len(table)
+
+
+def _one_of(path: Path, table: dict[str, FloatArray], groups: tuple[tuple[str, str, str], ...]) -> FloatArray:
+    """Return the one group of three columns that is there."""
+    started = [group for group in groups if any(name in table for name in group)]
+    choices = " or ".join(", ".join(group) for group in groups)
+    if len(started) > 1:
+        raise MissionError(
+            f"{path}: {started[0][0]} and {started[1][0]} are the same in two units; {choices}"
+        )
+    missing = [name for name in (started or groups)[0] if name not in table]
+    if missing:
+        raise MissionError(f"{path}: column {', '.join(missing)} missing in the header; accepted: {choices}")
+    return np.stack([table[name] for name in started[0]], axis=-1)
+
+
+def _columns(table: dict[str, FloatArray], columns: tuple[Column, ...], rows: int) -> FloatArray:
+    """Return columns (n, 3), NaN for those that are not there."""
+    return np.stack([table.get(column.name, np.full(rows, np.nan)) for column in columns], axis=-1)
+
+
+def _geodetic(table: dict[str, FloatArray], rows: int) -> FloatArray:
+    """Return latitude, longitude [rad], height [m] (n, 3), NaN in rows that lack one of them."""
+    place = _columns(table, _POSITION, rows)
+    place[np.isnan(place).any(axis=1)] = np.nan
+    return np.column_stack((np.radians(place[:, :2]), place[:, 2]))
+
+
+def _read_solution(path: Path) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+    """Return time, position, velocity and attitude of a solution, NaN where it does not know them."""
+    table, rows = _read(path, (_TIME, *_PLACE_IF_KNOWN, *_VELOCITY, *_ATTITUDE))
+    time = table["t_s"]
+    if rows < 2 or (np.diff(time) <= 0).any():
+        raise MissionError(f"{path}, column t_s: accepted are at least two rows and time that increases")
+    parts = (
+        _geodetic(table, rows),
+        _columns(table, _VELOCITY, rows),
+        np.radians(_columns(table, _ATTITUDE, rows)),
+    )
+    if not any(np.isfinite(part).all(axis=1).any() for part in parts):
+        raise MissionError(
+            f"{path}: knows neither positions nor velocities nor attitudes; accepted are the columns "
+            "lat_deg, lon_deg, alt_m, or vn_m_s, ve_m_s, vd_m_s, or roll_deg, pitch_deg, heading_deg, or more"
+        )
+    return (time, *parts)
+
+
+def _axes_matrix(path: Path, axes: tuple[str, ...]) -> FloatArray:
+    """Return the matrix that takes vectors in the axes of the IMU to forward, right, down."""
+    C = np.zeros((3, 3))
+    for row, axis in enumerate(axes):
+        C[row, "xyz".index(axis[-1])] = -1 if axis.startswith("-") else 1
+    if np.linalg.det(C) < 0.5:
+        raise MissionError(
+            f"{path}: axes = {list(axes)} are not a right-handed set; accepted are three different axes such "
+            'as ["y", "x", "-z"] for an IMU with x right, y forward, z up'
+        )
+    return C

@@ -1,0 +1,162 @@
+"""Readers: one file for each format of flight recording, found by what a file holds and not by its name."""
+
+from __future__ import annotations
+
+import gzip
+import os
+import re
+import zlib
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from lab.logs.sensor_log import SensorLog
+from lab.readers import (
+    ardupilot,
+    fit,
+    flight_recorder,
+    flightgear,
+    flightgear_csv,
+    fslogger,
+    garmin_csv,
+    gpx,
+    igc,
+    jsbsim_csv,
+    kml,
+    mavlink,
+    nmea,
+    own_csv,
+    sdlog2,
+    tcx,
+    ulog,
+    xplane_data,
+)
+from lab.recordings.mission_error import MissionError
+from lab.recordings.text_blocks import check_file
+from lab.repair.raw_flight import RawFlight
+
+HEAD_BYTES = 2**16
+"""How much of a file the readers look at to tell whether it is theirs [bytes, decompressed]."""
+MAX_FILES = 4
+"""Most files one flight may be spread over."""
+
+
+@dataclass(frozen=True)
+class Reader:
+    """A format the lab can read.
+
+    Attributes
+    ----------
+    name : str
+        What people call it, such as "X-Plane Data.txt".
+    recognises : callable
+        Tells from the first `HEAD_BYTES` of a file whether it is of this format; never raises.
+    read : callable
+        Reads the files of one flight, with units (column to unit name) that overrule what the file says.
+        Raises `MissionError` for whatever is wrong, and nothing else.
+    read_log : callable or None
+        Reads the recorded IMU and GPS of a log that has both.
+    """
+
+    name: str
+    recognises: Callable[[bytes], bool]
+    read: Callable[[Sequence[Path], Mapping[str, str]], RawFlight]
+    read_log: Callable[[Path], SensorLog] | None = None
+
+
+READERS: tuple[Reader, ...] = (
+    Reader(own_csv.NAME, own_csv.recognises, own_csv.read),
+    Reader(xplane_data.NAME, xplane_data.recognises, xplane_data.read),
+    Reader(fslogger.NAME, fslogger.recognises, fslogger.read),
+    Reader(flight_recorder.NAME, flight_recorder.recognises, flight_recorder.read),
+    Reader(flightgear.NAME, flightgear.recognises, flightgear.read),
+    Reader(flightgear_csv.NAME, flightgear_csv.recognises, flightgear_csv.read),
+    Reader(jsbsim_csv.NAME, jsbsim_csv.recognises, jsbsim_csv.read),
+    Reader(garmin_csv.NAME, garmin_csv.recognises, garmin_csv.read),
+    Reader(gpx.NAME, gpx.recognises, gpx.read),
+    Reader(fit.NAME, fit.recognises, fit.read),
+    Reader(kml.NAME, kml.recognises, kml.read),
+    Reader(tcx.NAME, tcx.recognises, tcx.read),
+    Reader(nmea.NAME, nmea.recognises, nmea.read),
+    Reader(igc.NAME, igc.recognises, igc.read),
+    Reader(ulog.NAME, ulog.recognises, ulog.read, ulog.read_log),
+    Reader(sdlog2.NAME, sdlog2.recognises, sdlog2.read, sdlog2.read_log),
+    Reader(ardupilot.NAME, ardupilot.recognises, ardupilot.read, ardupilot.read_log),
+    Reader(mavlink.NAME, mavlink.recognises, mavlink.read, mavlink.read_log),
+)
+"""All readers; at most one recognises a file."""
+
+
+_NOT_READ = (
+    (re.compile(rb"PK\x03\x04"), "It is a zip archive: unpack it first."),
+    (
+        re.compile(rb"(?s).{0,2000}?\xb5b[\x01-\x2f]"),
+        "It looks like UBX frames of a u-blox receiver, and has no NMEA sentence with a position and a right "
+        "checksum in its first 64 kB: let the receiver send GGA and RMC too.",
+    ),
+)
+"""How files begin that are not read though it is known what they are, and what is said of them."""
+
+
+def reader_of(path: Path) -> Reader:
+    """Return the reader of a file, by its content.
+
+    Raises
+    ------
+    MissionError
+        If the file cannot be read, or is of no format we know, listing those.
+    """
+    head = _head(path)
+    for reader in READERS:
+        if reader.recognises(head):
+            return reader
+    hint = next((f" {said}" for mark, said in _NOT_READ if mark.match(head)), "")
+    raise MissionError(
+        f"{path}: its content is of no format known here.{hint} Accepted: "
+        f"{', '.join(reader.name for reader in READERS)}"
+    )
+
+
+def read_raw(
+    paths: Sequence[str | os.PathLike[str]] | str | os.PathLike[str], units: Mapping[str, str] | None = None
+) -> RawFlight:
+    """Read a flight recording of any format.
+
+    Parameters
+    ----------
+    paths
+        The file, or the files where a format spreads a flight over several, in any order.
+    units
+        Units that overrule what the file says or the reader guesses, by name of the column.
+
+    Raises
+    ------
+    MissionError
+        For whatever is wrong with a file.
+    """
+    files = [Path(paths)] if isinstance(paths, str | os.PathLike) else [Path(path) for path in paths]
+    if not 1 <= len(files) <= MAX_FILES:
+        raise MissionError(f"{len(files)} files given; accepted are 1 to {MAX_FILES} of one flight")
+    readers = [reader_of(path) for path in files]
+    for path, reader in zip(files, readers, strict=True):
+        if reader is not readers[0]:
+            raise MissionError(
+                f"{path}: is {reader.name}, and {files[0]} is {readers[0].name}; accepted are files of one "
+                "flight in one format"
+            )
+    return readers[0].read(files, units or {})
+
+
+def _head(path: Path) -> bytes:
+    try:
+        check_file(path, 2**40)
+        with path.open("rb") as file:
+            head = file.read(HEAD_BYTES)
+        if head.startswith(b"\x1f\x8b"):
+            with gzip.open(path, "rb") as stream:
+                return stream.read(HEAD_BYTES)
+    except MissionError:
+        raise
+    except (OSError, EOFError, ValueError, zlib.error) as error:
+        raise MissionError(f"{path}: cannot be read: {getattr(error, 'strerror', None) or error}") from error
+    return head

@@ -1,0 +1,336 @@
+"""ArduPilot DataFlash log (.bin, or .log as text): its solution as a flight, its IMU and GPS as a log.
+
+Velocity is of the extended Kalman filter (XKF1, before it NKF1 and EKF1), position of POS, attitude of the
+filter's quaternions (XKQ, NKQ) or of ATT. Logs from before the filter, of 2012 to 2014, have the GPS's
+velocity. Of several instances or cores the first is taken.
+
+References
+----------
+ArduPilot, *Onboard Message Log Messages*, https://ardupilot.org/plane/docs/logmessages.html
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lab.logs.auxiliary_data import Beside
+from lab.logs.log_check import check_log
+from lab.logs.sensor_log import GnssLog, SensorLog, repaired
+from lab.readers import sdlog2
+from lab.readers.ardupilot_auxiliary import headings_of, magnetometer_of
+from lab.readers.dataflash_file import MAGIC, DataFlashFile, Log
+from lab.readers.dataflash_text import DataFlashText, is_text
+from lab.readers.dataflash_time import TIME, Messages, MessageTimes
+from lab.readers.fields import OF_THE_FORMAT, SEA_LEVEL, one_file
+from lab.readers.streams import MAX_LOG_BYTES, Stream, first_usable, flight_of
+from lab.readers.track import refuse_units, slope
+from lab.recordings.decompression import whole
+from lab.recordings.mission_error import MissionError
+from lab.repair.raw_flight import VERTICAL_VELOCITY, ColumnUnit, RawFlight
+from lab.rotation import quaternion_from_euler
+
+FloatArray = NDArray[np.float64]
+
+NAME = "ArduPilot DataFlash"
+
+_FLIGHT = ("XKF1", "NKF1", "EKF1", "POS", "AHR2", "XKQ", "NKQ", "ATT", "GPS", "MSG", "GPA")
+_SENSORS = ("IMU", "GPS", "GPA", "PARM", "MAG", "MSG")
+_VEHICLES = {
+    "ArduPlane": "fixed wing", "ArduCopter": "rotary wing", "ArduRover": "rover", "APM:Rover": "rover",
+    "Rover": "rover", "Blimp": "blimp", "ArduSub": "submarine",
+}  # fmt: skip
+_UNITS = {"Lat": "°", "Lng": "°", "Alt": "m", "VN, VE, VD": "m/s", "Roll, Pitch, Yaw": "°"}
+_ABOVE_ELLIPSOID = "Heights are above the ellipsoid: altitude plus the geoid's separation of the receiver"
+_THREE_D = 3
+_FIXED_IN_2012 = 2
+"""Status of a fix in logs from before a 3-D fix had a status of its own."""
+_NEAR = 0.25
+_HEAD = 2**16
+_WITHOUT_CLIMB = "GPS velocity and climb"
+
+
+def recognises(head: bytes) -> bool:
+    """Tell whether a file starts like a DataFlash log, in bytes or as text."""
+    return (head.startswith(MAGIC) and not sdlog2.recognises(head)) or is_text(head)
+
+
+def read(paths: Sequence[Path], units: Mapping[str, str]) -> RawFlight:
+    """Read the flight as the autopilot's estimator has it.
+
+    Raises
+    ------
+    MissionError
+        If the file cannot be read or is too large, or has no velocity and position that can be used.
+    """
+    path = one_file(paths, NAME)
+    refuse_units(path, NAME, units)
+    log, times = _log(path, _FLIGHT)
+    gps = _messages(times, "GPS")
+    filtered = [_stream("velocity", times, name, "VN", "VE", "VD") for name in ("XKF1", "NKF1", "EKF1")]
+    velocity = first_usable((*filtered, _gps_velocity(gps)))
+    position = first_usable((*(_position(times, name) for name in ("POS", "AHR2")), _gps_position(gps)))
+    geoid = _geoid(times)
+    if position is not None and geoid is not None:
+        position = replace(position, values=position.values + np.array((0.0, 0.0, geoid)))
+    climb = velocity is not None and velocity.what == _WITHOUT_CLIMB
+    attitude = _attitude(times)
+    remarks = [_clock_remark(times)]
+    remarks.append(SEA_LEVEL if geoid is None else f"{_ABOVE_ELLIPSOID} ({geoid:.1f} m).")
+    if climb:
+        remarks.append("The vertical velocity is not recorded: it is the slope of the GPS's heights.")
+    if log.lost_bytes:
+        remarks.append(f"{log.lost_bytes} bytes of the file make no sense and are left out.")
+    try:
+        flight = flight_of(
+            path,
+            NAME,
+            velocity,
+            position,
+            attitude,
+            units=tuple(ColumnUnit(name, unit, OF_THE_FORMAT) for name, unit in _UNITS.items()),
+            remarks=tuple(remarks),
+            vehicle=_vehicle(log),
+        )
+    except MissionError as error:
+        raise MissionError(f"{error}. {_what_there_is(log, times, gps)}") from None
+    return replace(flight, made=(VERTICAL_VELOCITY,)) if climb else flight
+
+
+def read_log(path: Path) -> SensorLog:
+    """Read the IMU and the GPS receiver the autopilot recorded.
+
+    Raises
+    ------
+    MissionError
+        If the file cannot be read or is too large, has no IMU or no GPS, or they cannot be navigated with.
+    """
+    log, times = _log(path, _SENSORS)
+    imu = _stream("IMU", times, "IMU", "GyrX", "GyrY", "GyrZ", "AccX", "AccY", "AccZ")
+    gps = _messages(times, "GPS")
+    if imu is None or not imu.usable or gps is None:
+        missing = "a GPS (GPS)" if gps is None else "an IMU (IMU)"
+        raise MissionError(
+            f"{path}: the log does not have {missing} with a time; accepted are logs with both. "
+            f"{_what_there_is(log, times, gps)}"
+        )
+    names = [name.rstrip("\0") for name in log.texts("PARM", "Name")]
+    values = (log.numbers("PARM") or {}).get("Value", np.empty(0))
+    parameters = dict(zip(names, values.tolist(), strict=False))
+    gnss = _gnss(gps, _messages(times, "GPA"), _geoid(times), parameters)
+    if not gnss.time.size:
+        raise MissionError(f"{path}: {_no_fix(gps)}; accepted are logs with fixes")
+    compass, headings = magnetometer_of(_messages(times, "MAG")), headings_of(gps, _fixed(gps))
+    beside = Beside(_vehicle(log), compass, headings)
+    made = repaired(str(path), imu.time, imu.values, gnss, beside=beside)
+    check_log(made)
+    if not times.unstamped:
+        return made
+    return replace(made, repairs=(*made.repairs, _clock_remark(times)))
+
+
+def _log(path: Path, wanted: Sequence[str]) -> tuple[Log, MessageTimes]:
+    data = whole(path, MAX_LOG_BYTES)
+    if not recognises(data[:_HEAD]):
+        raise MissionError(f"{path}: is no {NAME} log")
+    log: Log = DataFlashFile.of(data, wanted) if data.startswith(MAGIC) else DataFlashText(data, wanted)
+    return log, MessageTimes(log, wanted)
+
+
+def _clock_remark(times: MessageTimes) -> str:
+    remark = "Time counts from when the autopilot was switched on."
+    if times.of_week:
+        remark = "Time is that of the GPS week: the log has no other."
+    if times.unstamped:
+        remark += (
+            f" The messages {' and '.join(times.unstamped)} have no time: they are timed by their order "
+            "among the others."
+        )
+    return remark
+
+
+def _what_there_is(log: Log, times: MessageTimes, gps: Messages | None) -> str:
+    """Return which messages a log has, and what is wrong with those of the GPS."""
+    said = f"It has {', '.join(log.names) or 'none of the messages used'}"
+    untimed = [name for name in log.names if name not in ("MSG", "PARM") and times.of(name) is None]
+    if untimed:
+        said += f"; of these {', '.join(untimed)} cannot be used: no time (TimeUS, TimeMS), or damaged"
+    if gps is not None and not (_fixed(gps) & np.isfinite(gps[TIME])).any():
+        said += f"; {_no_fix(gps)}"
+    return said
+
+
+def _no_fix(gps: Messages) -> str:
+    highest = int(np.nan_to_num(gps["Status"]).max(initial=0.0)) if "Status" in gps else 0
+    return f"none of the {len(gps[TIME])} GPS messages has a fix with a position (Status {highest} at most)"
+
+
+def _messages(times: MessageTimes, name: str) -> Messages | None:
+    """Return the messages of a name that have a time, of the lowest instance, or core, there is."""
+    messages = times.of(name)
+    if messages is None:
+        return None
+    for key in ("I", "C"):
+        if key in messages:
+            rows = messages[key] == messages[key].min()
+            return {name: values[rows] for name, values in messages.items()}
+    return messages
+
+
+def _values(messages: Messages | None, *names: str) -> FloatArray | None:
+    if messages is None or not set(names) <= set(messages):
+        return None
+    return np.column_stack([messages[name] for name in names])
+
+
+def _stream(what: str, times: MessageTimes, name: str, *fields: str) -> Stream | None:
+    messages = _messages(times, name)
+    values = _values(messages, *fields)
+    if messages is None or values is None:
+        return None
+    return Stream.of(what, messages[TIME], values)
+
+
+def _place(messages: Messages | None) -> FloatArray | None:
+    """Return latitude, longitude [rad] and height [m]."""
+    values = _values(messages, "Lat", "Lng", "Alt")
+    return None if values is None else np.column_stack((np.radians(values[:, :2]), values[:, 2]))
+
+
+def _believed(place: FloatArray) -> NDArray[np.bool_]:
+    # Zero, zero is what is logged before the first fix.
+    return np.asarray((np.abs(place[:, 0]) <= np.pi / 2) & (place[:, :2] != 0).any(axis=1))
+
+
+def _position(times: MessageTimes, name: str) -> Stream | None:
+    messages = _messages(times, name)
+    place = _place(messages)
+    if messages is None or place is None:
+        return None
+    return Stream.of("position", messages[TIME], place, _believed(place))
+
+
+def _geoid(times: MessageTimes) -> float | None:
+    """Return how far the geoid is above the ellipsoid, as the receiver says [m]; None if it does not."""
+    messages = _messages(times, "GPA")
+    told = np.empty(0) if messages is None else messages.get("Und", np.empty(0))
+    told = told[np.abs(told) < 200]
+    return float(np.median(told)) if told.size and told.any() else None
+
+
+def _fixed(gps: Messages) -> NDArray[np.bool_]:
+    status = gps.get("Status")
+    if status is None:
+        return np.ones(len(gps[TIME]), dtype=bool)
+    old = "TimeUS" not in gps and not (status >= _THREE_D).any()
+    return np.asarray(status >= (_FIXED_IN_2012 if old else _THREE_D))
+
+
+def _gps_position(gps: Messages | None) -> Stream | None:
+    place = _place(gps)
+    if gps is None or place is None:
+        return None
+    return Stream.of("GPS position", gps[TIME], place, _fixed(gps) & _believed(place))
+
+
+def _over_ground(gps: Messages) -> FloatArray | None:
+    """Return velocity north, east, down of speed, course and vertical speed; NaN down if that is missing."""
+    values = _values(gps, "Spd", "GCrs")
+    if values is None:
+        return None
+    speed, angle = values[:, 0], np.radians(values[:, 1])
+    down = gps.get("VZ", np.full(len(speed), np.nan))
+    return np.column_stack((speed * np.cos(angle), speed * np.sin(angle), down))
+
+
+def _gps_velocity(gps: Messages | None) -> Stream | None:
+    velocity = None if gps is None else _over_ground(gps)
+    if gps is None or velocity is None:
+        return None
+    if "VZ" in gps:
+        return Stream.of("GPS velocity", gps[TIME], velocity, _fixed(gps))
+    position = _gps_position(gps)
+    if position is None or not position.usable:
+        return None
+    climb = slope(position.time, position.values[:, 2])
+    velocity[:, 2] = -np.interp(gps[TIME], position.time, climb)
+    return Stream.of(_WITHOUT_CLIMB, gps[TIME], velocity, _fixed(gps))
+
+
+def _attitude(times: MessageTimes) -> Stream | None:
+    """Return the attitude as quaternions: the filter's own, unless ATT is logged more often."""
+    att = _stream("attitude", times, "ATT", "Roll", "Pitch", "Yaw")
+    found = []
+    if att is not None and att.usable:
+        values = quaternion_from_euler(np.radians(att.values))
+        found.append(Stream(att.what, att.time, values, att.read, att.first_lost))
+    for name in ("XKQ", "NKQ"):
+        stream = _stream("attitude", times, name, "Q1", "Q2", "Q3", "Q4")
+        if stream is not None and stream.usable:
+            fine = np.abs(np.linalg.norm(stream.values, axis=1) - 1) < 0.1
+            found.append(Stream.of("attitude", stream.time, stream.values, fine))
+    return max((one for one in found[::-1] if one.usable), key=lambda one: round(one.rate), default=None)
+
+
+def _gnss(
+    gps: Messages, accuracy: Messages | None, geoid: float | None, parameters: Mapping[str, float]
+) -> GnssLog:
+    count = len(gps[TIME])
+    unknown = np.full((count, 3), np.nan)
+    time, place, velocity = gps[TIME], _place(gps), _over_ground(gps)
+    place = unknown if place is None else place
+    place = place + np.array((0.0, 0.0, geoid or 0.0))
+    told = {name: _beside(time, accuracy, name) for name in ("HAcc", "VAcc", "SAcc")}
+    level, vertical, speed = (
+        np.where((told[name] > 1e-6) & (told[name] < 1e6), told[name], np.nan)
+        for name in ("HAcc", "VAcc", "SAcc")
+    )
+    fine = _fixed(gps) & np.isfinite(place).all(axis=1) & _believed(place) & np.isfinite(time)
+    if "TimeUS" not in gps:
+        # A fix that was logged twice has the time of the week of the first.
+        fine[fine] = np.append(True, np.diff(np.maximum.accumulate(time[fine])) > 0)[: fine.sum()]
+    late = max(parameters.get("GPS1_DELAY_MS", 0.0), parameters.get("GPS_DELAY_MS", 0.0))
+    late = late or parameters.get("EKF_POS_DELAY", 0.0)  # of the first filter, until 2016
+    return GnssLog(
+        time=time[fine],
+        position=place[fine],
+        velocity_n=(unknown if velocity is None else velocity)[fine],
+        position_sigma=np.column_stack((level, level, vertical))[fine],
+        velocity_sigma=np.column_stack((speed, speed, speed))[fine],
+        lever_arm=_lever_arm(parameters),
+        latency=1e-3 * late if 0 <= late <= 1000 else 0.0,
+    )
+
+
+def _beside(time: FloatArray, messages: Messages | None, name: str) -> FloatArray:
+    """Return what the nearest message says of each time; NaN without one nearby."""
+    if messages is None or name not in messages:
+        return np.full_like(time, np.nan)
+    order = np.argsort(messages[TIME], kind="stable")
+    at, values = messages[TIME][order], messages[name][order]
+    after = np.clip(np.searchsorted(at, time), 0, len(at) - 1)
+    before = np.maximum(after - 1, 0)
+    nearest = np.where(np.abs(at[before] - time) < np.abs(at[after] - time), before, after)
+    return np.where(np.abs(at[nearest] - time) <= _NEAR, values[nearest], np.nan)
+
+
+def _lever_arm(parameters: Mapping[str, float]) -> FloatArray:
+    """Return the way from the IMU to the antenna as the autopilot was told it [m]."""
+    arm = [
+        parameters.get(f"GPS1_POS_{axis}", parameters.get(f"GPS_POS1_{axis}", 0.0))
+        - parameters.get(f"INS_POS1_{axis}", 0.0)
+        for axis in "XYZ"
+    ]
+    return np.array(arm) if all(abs(one) <= 100 for one in arm) else np.zeros(3)
+
+
+def _vehicle(log: Log) -> str:
+    for text in log.texts("MSG", "Message"):
+        for name, vehicle in _VEHICLES.items():
+            if text.startswith(name):
+                return vehicle
+    return ""

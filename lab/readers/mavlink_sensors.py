@@ -1,0 +1,163 @@
+"""MAVLink sensors: what messages of a receiver and an IMU say, in SI, and the sensor log that they make.
+
+References
+----------
+MAVLink, *Common Message Set*, https://mavlink.io/en/messages/common.html
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lab.earth import STANDARD_GRAVITY
+from lab.logs.sensor_log import GnssLog
+from lab.readers.streams import Stream
+from lab.readers.tlog_file import Vehicle
+
+FloatArray = NDArray[np.float64]
+BoolArray = NDArray[np.bool_]
+Messages = dict[str, FloatArray]
+
+FIELDS = {
+    "HEARTBEAT": ("type", "autopilot"),
+    "SYSTEM_TIME": ("time_unix_usec", "time_boot_ms"),
+    "GPS_RAW_INT": (
+        "time_usec", "fix_type", "lat", "lon", "alt", "vel", "cog", "alt_ellipsoid", "h_acc", "v_acc",
+        "vel_acc",
+    ),
+    "ATTITUDE": ("time_boot_ms", "roll", "pitch", "yaw"),
+    "ATTITUDE_QUATERNION": ("time_boot_ms", "q1", "q2", "q3", "q4"),
+    "LOCAL_POSITION_NED": ("time_boot_ms", "vx", "vy", "vz"),
+    "GLOBAL_POSITION_INT": ("time_boot_ms", "lat", "lon", "alt", "vx", "vy", "vz"),
+}  # fmt: skip
+"""Fields that are read of the messages of a navigation solution and of a receiver."""
+_AXES = ("xgyro", "ygyro", "zgyro", "xacc", "yacc", "zacc")
+IMUS = {
+    "RAW_IMU": ("time_usec", "id", *_AXES),
+    "SCALED_IMU": ("time_boot_ms", *_AXES),
+    "HIGHRES_IMU": ("time_usec", "id", *_AXES),
+}
+"""Fields that are read of the messages of an IMU."""
+_ARMS = (("GPS1_POS_", "INS_POS1_"), ("GPS_POS1_", "INS_POS1_"), ("EKF2_GPS_POS_", "EKF2_IMU_POS_"))
+_DELAYS = ("GPS1_DELAY_MS", "GPS_DELAY_MS", "EKF2_GPS_DELAY")
+PARAMETERS = frozenset(_DELAYS) | {f"{name}{axis}" for pair in _ARMS for name in pair for axis in "XYZ"}
+"""Parameters of an autopilot that say where the antenna is and how late its fixes are."""
+_THREE_D = 3
+_UNKNOWN = 65_535
+_SINCE_1970 = 1e9
+_MILLI_G = 1e-3 * STANDARD_GRAVITY
+_ONE_G = (0.5, 2.0)
+
+
+def since_boot(vehicle: Vehicle, messages: Messages) -> FloatArray:
+    """Return the time of messages since the autopilot was switched on [s]; NaN where it is not known."""
+    if "time_boot_ms" in messages:
+        return messages["time_boot_ms"] * 1e-3
+    time = messages["time_usec"] * 1e-6
+    of_day = time > _SINCE_1970
+    if of_day.any():
+        # Either is allowed; the autopilot's own clock says how far they are apart.
+        clock = vehicle.numbers("SYSTEM_TIME")
+        known = (
+            np.empty(0) if clock is None else clock["time_unix_usec"] * 1e-6 - clock["time_boot_ms"] * 1e-3
+        )
+        known = known[known > _SINCE_1970]
+        time[of_day] -= np.median(known) if known.size else np.nan
+    return np.where(messages["time_usec"] > 0, time, np.nan)
+
+
+def place_of(messages: Messages) -> FloatArray:
+    """Return latitude, longitude [rad] and height above the sea [m], (n, 3), of messages in 1e-7° and mm."""
+    angles = np.radians(1e-7 * np.column_stack((messages["lat"], messages["lon"])))
+    return np.column_stack((angles, 1e-3 * messages["alt"]))
+
+
+def believed(place: FloatArray) -> BoolArray:
+    """Return which places are on the Earth and known."""
+    # Zero, zero is what is sent before the first fix.
+    return np.asarray((np.abs(place[:, 0]) <= np.pi / 2) & (place[:, :2] != 0).any(axis=1))
+
+
+def fixed(gps: Messages) -> BoolArray:
+    """Return which messages of GPS_RAW_INT have a three-dimensional fix."""
+    return (gps["fix_type"] >= _THREE_D) & believed(place_of(gps))
+
+
+def geoid_of(vehicle: Vehicle) -> float | None:
+    """Return how far the geoid is above the ellipsoid, as the receiver says [m]; None if it does not."""
+    gps = vehicle.numbers("GPS_RAW_INT")
+    if gps is None:
+        return None
+    told = 1e-3 * (gps["alt_ellipsoid"] - gps["alt"])[fixed(gps) & (gps["alt_ellipsoid"] != 0)]
+    told = told[np.abs(told) < 200]
+    return float(np.median(told)) if told.size and told.any() else None
+
+
+def over_ground(gps: Messages) -> tuple[FloatArray, FloatArray]:
+    """Return speed [m/s] and course [°]; NaN where they are not known."""
+    return (
+        np.where(gps["vel"] < _UNKNOWN, 1e-2 * gps["vel"], np.nan),
+        np.where(gps["cog"] < _UNKNOWN, 1e-2 * gps["cog"], np.nan),
+    )
+
+
+def imu_of(vehicle: Vehicle) -> Stream | None:
+    """Return angular rate [rad/s] and specific force [m/s²], from the message that is sent most often."""
+    found = []
+    for name, gyro, force in (
+        ("HIGHRES_IMU", 1.0, 1.0),
+        ("SCALED_IMU", 1e-3, _MILLI_G),
+        ("RAW_IMU", 1e-3, _MILLI_G),
+    ):
+        messages = vehicle.numbers(name)
+        if messages is None:
+            continue
+        values = np.column_stack([messages[key] for key in _AXES]) * np.repeat((gyro, force), 3)
+        first = messages["id"] == messages["id"].min() if "id" in messages else None
+        stream = Stream.of("IMU", since_boot(vehicle, messages), values, first)
+        # Raw numbers may be counts of any size; those of ArduPilot are mrad/s and thousandths of g.
+        size = float(np.median(np.linalg.norm(stream.values[:, 3:], axis=1))) if stream.usable else 0.0
+        if _ONE_G[0] < size / STANDARD_GRAVITY < _ONE_G[1]:
+            found.append(stream)
+    return max(found, key=lambda one: len(one.time), default=None)
+
+
+def gnss_of(vehicle: Vehicle, gps: Messages) -> GnssLog:
+    """Return the fixes of GPS_RAW_INT; it has no vertical velocity."""
+    time, place = since_boot(vehicle, gps), place_of(gps)
+    place[:, 2] += geoid_of(vehicle) or 0.0
+    speed, course = over_ground(gps)
+    angle = np.radians(course)
+    velocity = np.column_stack((speed * np.cos(angle), speed * np.sin(angle), np.full(len(time), np.nan)))
+    level, vertical, rate = (
+        np.where((gps[name] > 0) & (gps[name] < 1e9), 1e-3 * gps[name], np.nan)
+        for name in ("h_acc", "v_acc", "vel_acc")
+    )
+    fine = fixed(gps) & np.isfinite(time)
+    delay = max(vehicle.parameters.get(name, 0.0) for name in _DELAYS)
+    return GnssLog(
+        time=time[fine],
+        position=place[fine],
+        velocity_n=velocity[fine],
+        position_sigma=np.column_stack((level, level, vertical))[fine],
+        velocity_sigma=np.column_stack((rate, rate, rate))[fine],
+        lever_arm=_lever_arm(vehicle.parameters),
+        latency=1e-3 * delay if 0 <= delay <= 1000 else 0.0,
+    )
+
+
+def _lever_arm(parameters: Mapping[str, float]) -> FloatArray:
+    """Return the way from the IMU to the antenna as the autopilot was told it [m]."""
+    for antenna, imu in _ARMS:
+        if any(f"{antenna}{axis}" in parameters for axis in "XYZ"):
+            arm = np.array(
+                [
+                    parameters.get(f"{antenna}{axis}", 0.0) - parameters.get(f"{imu}{axis}", 0.0)
+                    for axis in "XYZ"
+                ]
+            )
+            return arm if bool((np.abs(arm) <= 100).all()) else np.zeros(3)
+    return np.zeros(3)

@@ -1,0 +1,93 @@
+"""Unit names: how files and people spell units, and what each is in SI."""
+
+from __future__ import annotations
+
+import difflib
+import math
+from collections.abc import Collection, Mapping
+
+from lab.earth import STANDARD_GRAVITY
+from lab.recordings.mission_error import MissionError
+
+FOOT = 0.3048
+KNOT = 1852 / 3600
+MILE = 1609.344
+DEGREE = math.radians(1)
+
+UNITS: dict[str, dict[str, float]] = {
+    "time": {"s": 1.0, "ms": 1e-3, "µs": 1e-6, "min": 60.0, "h": 3600.0},
+    "angle": {"°": DEGREE, "rad": 1.0},
+    "length": {"m": 1.0, "ft": FOOT, "km": 1000.0},
+    "speed": {
+        "m/s": 1.0, "kt": KNOT, "ft/s": FOOT, "km/h": 1 / 3.6, "mph": MILE / 3600, "ft/min": FOOT / 60,
+    },
+    "angular rate": {"°/s": DEGREE, "rad/s": 1.0},
+    "acceleration": {"m/s²": 1.0, "g": STANDARD_GRAVITY, "ft/s²": FOOT},
+}  # fmt: skip
+"""Factor to SI of each unit, by quantity; angles in radians."""
+
+_SPELLINGS = {
+    "seconds": "s", "second": "s", "sec": "s", "milliseconds": "ms", "microseconds": "µs", "us": "µs",
+    "minutes": "min", "hours": "h",
+    "deg": "°", "degrees": "°", "degree": "°", "radians": "rad", "radian": "rad",
+    "metres": "m", "meters": "m", "metre": "m", "meter": "m", "feet": "ft", "foot": "ft",
+    "ftmsl": "ft", "ftagl": "ft",
+    "mps": "m/s", "knots": "kt", "knot": "kt", "kts": "kt", "ktas": "kt", "fps": "ft/s", "kmh": "km/h",
+    "kph": "km/h", "fpm": "ft/min",
+    "deg/s": "°/s", "degps": "°/s", "degreespersecond": "°/s", "radps": "rad/s", "rad/sec": "rad/s",
+    "radianspersecond": "rad/s", "rad_sec": "rad/s",
+    "m/s2": "m/s²", "m/s^2": "m/s²", "mps2": "m/s²", "gforce": "g", "ft/s2": "ft/s²", "ft/s^2": "ft/s²",
+    "ft/sec^2": "ft/s²",
+    "metrespersecond": "m/s", "meterspersecond": "m/s", "feetpersecond": "ft/s",
+}  # fmt: skip
+
+
+def unit_name(quantity: str, spelling: str) -> str:
+    """Return a unit as `UNITS` has it.
+
+    Parameters
+    ----------
+    quantity
+        Of what, as a key of `UNITS`.
+    spelling
+        As a person or a file writes it.
+
+    Raises
+    ------
+    MissionError
+        If this is no unit of the quantity, listing those that are.
+    """
+    text = "".join(spelling.split())
+    for candidate in (text, text.lower()):
+        name = _SPELLINGS.get(candidate, candidate)
+        if name in UNITS[quantity]:
+            return name
+    raise MissionError(
+        f"{spelling!r} is no unit of {quantity} known here; accepted are {', '.join(UNITS[quantity])}"
+    )
+
+
+def refuse_unknown(path: object, units: Mapping[str, str], columns: Collection[str]) -> None:
+    """Raise if units are given for columns that are not there.
+
+    Parameters
+    ----------
+    path
+        The file, for the message.
+    units
+        Units by column, as given.
+    columns
+        The columns that are read.
+
+    Raises
+    ------
+    MissionError
+        Naming the first such column, and those that are there.
+    """
+    for column in units:
+        if column not in columns:
+            near = difflib.get_close_matches(column, list(columns), n=1)
+            raise MissionError(
+                f"{path}: a unit is given for the column {column}, which is not read from this file"
+                f"{f' (do you mean {near[0]}?)' if near else ''}; accepted are {', '.join(columns)}"
+            )

@@ -1,0 +1,39 @@
+"""Atomic file: a file that appears whole under its name, or not at all."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import tempfile
+from collections.abc import Iterator
+from pathlib import Path
+from typing import BinaryIO
+
+from lab.recordings.folder_lock import locked
+
+
+@contextlib.contextmanager
+def atomic_file(path: Path) -> Iterator[BinaryIO]:
+    """Open a file for writing bytes that takes its name only when everything has been written to it.
+
+    Raises
+    ------
+    OSError
+        If it cannot be written; a file already there is left as it was.
+    """
+    handle, temporary = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.")
+    try:
+        with os.fdopen(handle, "wb") as file:
+            with contextlib.suppress(OSError):  # not every file system knows locks
+                locked(file)  # however long it takes, nobody takes it for a leftover
+            yield file
+        # mkstemp makes files only their owner can read; give it the permissions of an ordinary new file.
+        umask = os.umask(0)
+        os.umask(umask)
+        Path(temporary).chmod(0o666 & ~umask)
+        Path(temporary).replace(path)
+    except BaseException as error:
+        Path(temporary).unlink(missing_ok=True)
+        if isinstance(error, OSError) and error.filename in {None, temporary}:
+            error.filename = str(path)  # of a full disk the system does not say which file it was
+        raise

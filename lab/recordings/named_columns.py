@@ -1,0 +1,198 @@
+"""Named columns: a csv file of numbers, each column known by its name in the header.
+
+One header line, then one row per sample, cells separated by commas, ``.csv`` or ``.csv.gz``. The columns may
+stand in any order; columns with other names are ignored. Lines starting with ``#`` may precede the header.
+UTF-8, with or without byte order mark; line ends LF or CRLF. Cells are not quoted.
+"""
+
+from __future__ import annotations
+
+import csv
+import io
+import itertools
+import re
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lab.recordings.mission_error import MissionError
+from lab.recordings.text_blocks import TextBlocks
+
+FloatArray = NDArray[np.float64]
+
+MAX_BYTES = 256 * 2**20
+"""Largest file accepted, as stored and as decompressed [bytes]."""
+
+_HEADER_WITHIN = 1000
+_NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)(e[+-]?\d+)?", re.IGNORECASE | re.ASCII)
+
+
+@dataclass(frozen=True)
+class Column:
+    """A column of a csv file.
+
+    Attributes
+    ----------
+    name : str
+        Name in the header, which ends with the unit.
+    low, high : float
+        Smallest and largest value accepted, in that unit.
+    decimals : int
+        Decimals written, where it is.
+    required : bool
+        False for columns that may be absent.
+    may_be_empty : bool
+        True for columns in which an empty cell, or ``nan``, says that the value is not known.
+    """
+
+    name: str
+    low: float
+    high: float
+    decimals: int = 9
+    required: bool = True
+    may_be_empty: bool = False
+
+    @property
+    def accepted(self) -> str:
+        """What is accepted, in words."""
+        return f"a number from {self.low:.12g} to {self.high:.12g}"
+
+
+def read_columns(path: Path, accepted: tuple[Column, ...]) -> tuple[list[Column], FloatArray, int]:
+    """Read the columns of a csv file that are asked for.
+
+    Parameters
+    ----------
+    path
+        A ``.csv`` file, or a gzip-compressed ``.csv.gz``.
+    accepted
+        The columns to look for.
+
+    Returns
+    -------
+    columns
+        Those of them the file has, in the order of `accepted`.
+    table : (n, columns) array
+        Their values, in the units of the file; NaN for empty cells where these are accepted.
+    first_line
+        Number of the line of the first row, as an editor shows it.
+
+    Raises
+    ------
+    MissionError
+        Naming file, row and column: if the file cannot be read or is too large, a required column is missing,
+        or a cell is not a finite number within its limits.
+    """
+    with TextBlocks(path, MAX_BYTES) as text:
+        columns, indices, cells = _header(path, text, accepted)
+        first_line = text.next_line
+        parsed = [np.empty((0, len(columns)))]
+        blank_line = 0
+        for block in text.blocks():
+            rows = block.rstrip()
+            if rows:
+                if blank_line:
+                    raise MissionError(_blank(path, blank_line))
+                values = _parse(rows, cells, columns, indices)
+                if values is None:
+                    lines = text.decode(rows, text.next_line).split("\n")
+                    raise MissionError(_first_fault(path, lines, text.next_line, cells, columns, indices))
+                parsed.append(values)
+            if block.count(b"\n", len(rows)) or not rows:
+                blank_line = blank_line or text.next_line + (rows.count(b"\n") + 1 if rows else 0)
+            text.next_line += block.count(b"\n") + 1
+    return columns, np.concatenate(parsed), first_line
+
+
+def _header(
+    path: Path, text: TextBlocks, accepted: tuple[Column, ...]
+) -> tuple[list[Column], list[int], int]:
+    """Read up to the header; return our columns, their places in it, and how many cells it has."""
+    for line in itertools.islice(text.lines(), _HEADER_WITHIN):
+        if line.strip() and not line.startswith("#"):
+            header = [cell.strip() for cell in line.split(",")]
+            return *_find_columns(path, header, text.next_line - 1, accepted), len(header)
+    if text.next_line > _HEADER_WITHIN:
+        raise MissionError(f"{path}: no header; accepted is one within the first {_HEADER_WITHIN} lines")
+    raise MissionError(
+        f"{path}: the file is empty; accepted is a header line and rows. {_all_columns(accepted)}"
+    )
+
+
+def _find_columns(
+    path: Path, header: list[str], line: int, accepted: tuple[Column, ...]
+) -> tuple[list[Column], list[int]]:
+    missing = [column.name for column in accepted if column.required and column.name not in header]
+    if missing:
+        hint = " Cells are separated by commas, not semicolons." if ";" in "".join(header) else ""
+        noun = "column" if len(missing) == 1 else "columns"
+        raise MissionError(
+            f"{path}, row {line}: {noun} {', '.join(missing)} missing in the header.{hint} "
+            f"{_all_columns(accepted)}"
+        )
+    columns = [column for column in accepted if column.name in header]
+    for column in columns:
+        if header.count(column.name) > 1:
+            raise MissionError(f"{path}, row {line}: column {column.name} occurs twice; accepted once")
+    return columns, [header.index(column.name) for column in columns]
+
+
+def _parse(rows: bytes, cells: int, columns: list[Column], indices: list[int]) -> FloatArray | None:
+    """Return the values of whole rows, or None if there is anything wrong in them."""
+    import pandas as pd  # noqa: PLC0415 - slow to import, and only reading needs it
+
+    if not _have_cells(rows, cells):
+        return None
+    try:
+        frame = pd.read_csv(
+            io.BytesIO(rows), header=None, index_col=False, usecols=indices, dtype=np.float64, engine="c",
+            na_filter=any(column.may_be_empty for column in columns), na_values=["", "nan", "NaN"],
+            keep_default_na=False, quoting=csv.QUOTE_NONE, skip_blank_lines=False, low_memory=False,
+        )  # fmt: skip
+    except (ValueError, OverflowError):
+        return None
+    values = np.ascontiguousarray(frame[indices].to_numpy())
+    low, high = np.array([(column.low, column.high) for column in columns]).T
+    unknown = np.isnan(values) & [column.may_be_empty for column in columns]
+    return values if (((values >= low) & (values <= high)) | unknown).all() else None
+
+
+def _have_cells(rows: bytes, cells: int) -> bool:
+    characters = np.frombuffer(rows, dtype=np.uint8)
+    ends = np.append(np.flatnonzero(characters == ord("\n")), len(characters))
+    commas = np.searchsorted(np.flatnonzero(characters == ord(",")), ends)
+    # A zero byte would end a number early.
+    return bool(characters.all() and (np.diff(commas, prepend=0) == cells - 1).all())
+
+
+def _first_fault(
+    path: Path, rows: list[str], line: int, cells: int, columns: list[Column], indices: list[int]
+) -> str:
+    """Return the message for the first row with something wrong; slow, and only called when there is one."""
+    for number, row in enumerate(rows, line):
+        texts = row.split(",")
+        if not row.strip():
+            return _blank(path, number)
+        if len(texts) != cells:
+            return f"{path}, row {number}: {len(texts)} cells; accepted are {cells}, as many as in the header"
+        for column, index in zip(columns, indices, strict=True):
+            text = texts[index].strip()
+            if column.may_be_empty and text in {"", "nan", "NaN"}:
+                continue
+            if not (_NUMBER.fullmatch(text) and column.low <= float(text) <= column.high):
+                shown = text if len(text) <= 40 else text[:37] + "..."
+                what = f"{shown!r} is not accepted" if shown else "the cell is empty"
+                return f"{path}, row {number}, column {column.name}: {what}; accepted is {column.accepted}"
+    return f"{path}, from row {line}: the rows cannot be read as numbers"
+
+
+def _blank(path: Path, line: int) -> str:
+    return f"{path}, row {line}: the row is empty; accepted is one sample per row"
+
+
+def _all_columns(accepted: tuple[Column, ...]) -> str:
+    required = ", ".join(column.name for column in accepted if column.required)
+    optional = ", ".join(column.name for column in accepted if not column.required)
+    return f"Columns: {required}; optional: {optional}." if optional else f"Columns: {required}."

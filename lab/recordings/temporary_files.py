@@ -1,0 +1,135 @@
+"""Leftovers: files that a process left in a folder when it was killed while it wrote; they are swept later.
+
+Only what the lab itself writes under names of its own is swept: temporary files and folders, and recordings
+that stand beside a note that their mission is not written yet. Whoever writes holds a lock that ends with the
+process; what is locked stays, however old it is.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import re
+import shutil
+import tempfile
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+from lab.recordings.folder_lock import LOCK_FILE, hold_file
+
+TEMPORARY = ".ins-lab-"
+"""How the names of temporary folders begin."""
+NOTE = ".unfinished"
+"""How the names of notes end."""
+OLD = 24 * 3600.0
+"""Age from which on nobody is writing any more [s], where locks are not known: no file takes an hour."""
+
+_FILE = re.compile(r"\..+\.(toml|csv|csv\.gz)\.[a-z0-9_]{8}")
+
+
+def note_of(recording: Path) -> Path:
+    """Return the file that stands beside a recording while its mission is not written."""
+    return recording.with_name(f".{recording.name}{NOTE}")
+
+
+@contextlib.contextmanager
+def unfinished(recording: Path) -> Iterator[None]:
+    """Note that a recording has no mission yet, until it has or is gone."""
+    note = note_of(recording)
+    note.touch()
+    try:
+        with _held(note):
+            yield
+    finally:
+        note.unlink(missing_ok=True)
+
+
+@contextlib.contextmanager
+def temporary_folder(where: Path) -> Iterator[Path]:
+    """Make a folder that is gone afterwards, for files that then take their places in another one.
+
+    Raises
+    ------
+    OSError
+        If it cannot be made.
+    """
+    with tempfile.TemporaryDirectory(dir=where, prefix=TEMPORARY) as name, _held(Path(name) / LOCK_FILE):
+        yield Path(name)
+
+
+@contextlib.contextmanager
+def _held(path: Path) -> Iterator[None]:
+    """Hold the lock of a file, where the file system knows locks."""
+    lock = None
+    with contextlib.suppress(OSError):
+        lock = hold_file(path)
+    try:
+        yield
+    finally:
+        if lock is not None:
+            lock.close()
+
+
+def _is_held(path: Path) -> bool:
+    """Return whether somebody writes a file, or what is in a folder."""
+    lock = hold_file(path / LOCK_FILE if path.is_dir() else path)
+    if lock is not None:
+        lock.close()
+    return lock is None
+
+
+def sweep(folder: Path, is_named: Callable[[Path], bool], now: float | None = None) -> list[str]:
+    """Remove what killed processes left in a folder, and return the names of it.
+
+    Parameters
+    ----------
+    folder
+        The folder; it need not exist.
+    is_named
+        Says whether a mission names a recording, which then stays.
+    now
+        The time [s]; by default that of the clock.
+    """
+    limit = (time.time() if now is None else now) - OLD
+    try:
+        with os.scandir(folder) as entries:
+            hidden = [entry for entry in entries if entry.name.startswith(".")]
+    except OSError:
+        return []
+    swept = []
+    for entry in hidden:
+        path = Path(entry.path)
+        with contextlib.suppress(OSError):
+            if entry.is_symlink() or not _is_own(entry) or _newest(path) > limit or _is_held(path):
+                continue
+            if entry.is_dir():
+                shutil.rmtree(path)
+            else:
+                if entry.name.endswith(NOTE):
+                    swept += _unwritten(path, is_named)
+                path.unlink()
+            swept.append(entry.name)
+    return swept
+
+
+def _is_own(entry: os.DirEntry[str]) -> bool:
+    """Return whether the lab gives such names to what it has not finished."""
+    if entry.is_dir():
+        return entry.name.startswith(TEMPORARY)
+    return entry.is_file() and bool(entry.name.endswith(NOTE) or _FILE.fullmatch(entry.name))
+
+
+def _unwritten(note: Path, is_named: Callable[[Path], bool]) -> list[str]:
+    """Remove the recording of a note, unless a mission names it."""
+    recording = note.with_name(note.name.removeprefix(".").removesuffix(NOTE))
+    if not recording.is_file() or recording.is_symlink() or is_named(recording):
+        return []
+    recording.unlink()
+    return [recording.name]
+
+
+def _newest(path: Path) -> float:
+    """Return when a file, or anything in a folder, was last changed [s]."""
+    inside = path.rglob("*") if path.is_dir() and not path.is_symlink() else ()
+    return float(max(one.lstat().st_mtime for one in (path, *inside)))

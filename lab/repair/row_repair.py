@@ -1,0 +1,339 @@
+"""Row repair: which samples of a raw flight make one unbroken flight, in order; the others are counted."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lab import ecef
+from lab.recordings.flight_csv import MIN_SAMPLES
+from lab.recordings.mission_error import MissionError
+from lab.repair.raw_flight import Dropped, RawFlight
+
+FloatArray = NDArray[np.float64]
+Mask = NDArray[np.bool_]
+
+LIMITS: dict[str, tuple[float, float, str]] = {
+    "time": (-1e13, 1e13, "a time stamp beyond ±10¹³ s"),
+    "latitude": (-np.pi / 2, np.pi / 2, "a latitude beyond ±90°"),
+    "longitude": (-2 * np.pi, 2 * np.pi, "a longitude beyond ±360°"),
+    "height": (-1000.0, 100_000.0, "a height outside −1 to 100 km"),
+    "velocity_n": (-1000.0, 1000.0, "a velocity beyond 1000 m/s"),
+    "euler": (-4 * np.pi, 4 * np.pi, "an angle of attitude beyond two turns"),
+    "airspeed": (-1000.0, 1000.0, "an airspeed beyond 1000 m/s"),
+    "alpha": (-np.pi, np.pi, "an angle of attack beyond ±180°"),
+    "beta": (-np.pi, np.pi, "a sideslip beyond ±180°"),
+}
+"""Smallest and largest value of each quantity, SI, and what a row beyond them is said to have."""
+NO_FIX = "at 0° N 0° E, which is written while there is no fix"
+"""What is said of positions that are none."""
+CHECKED_WITH = ("body_rate", "acceleration_b")
+"""Quantities that no curve is made of: where they are impossible they are left out, and not the row."""
+
+_NOT_USED: dict[str, Any] = {name: {name: None} for name in CHECKED_WITH}
+_MOVING, _AT_SPEED = 0.5, 5.0
+_LASTING = 1.0
+_MOST_LATE = 3
+_JUMP = 300.0
+_FAST = 100.0
+_ROUNDING = 1e-9
+_MOST_BRIDGED = 3600.0
+_TRIED, _PARTS, _WORTHWHILE = 50, (0.5, 0.95), 0.05
+_NOWHERE, _CLOSE = 1e-9, 10_000.0
+
+
+def possible(raw: RawFlight) -> RawFlight:
+    """Return the samples whose numbers lie within `LIMITS`.
+
+    Raises
+    ------
+    MissionError
+        If less than half of them do, or fewer than a curve needs.
+    """
+    if (raw.latitude is None) != (raw.longitude is None):
+        raw = replace(raw, latitude=None, longitude=None)
+    for name in CHECKED_WITH:
+        value = getattr(raw, name)
+        if value is not None and np.abs(value).max(initial=0.0) > 1e4:
+            words = name.removesuffix("_b").replace("_", " ")
+            remark = f"The recorded {words} is beyond all reason and not used."
+            raw = replace(raw, remarks=(*raw.remarks, remark), **_NOT_USED[name])
+    kept = np.ones(len(raw.time), dtype=bool)
+    said: list[Dropped] = []
+    for name, (low, high, words) in LIMITS.items():
+        value = getattr(raw, name)
+        if value is None:
+            continue
+        slack = 1e-9 * (high - low)
+        inside = ((value >= low - slack) & (value <= high + slack)).reshape(len(value), -1).all(axis=1)
+        said += said_of(raw, kept & ~inside, words)
+        kept &= inside
+    if kept.sum() < max(MIN_SAMPLES, len(kept) / 2):
+        worst = max(said, key=lambda one: one.count, default=None)
+        why = f"{worst.count} of {len(kept)} samples have {worst.reason}" if worst else f"{len(kept)} samples"
+        hint = "; is a column in another unit? A unit is given with --unit COLUMN=UNIT" if worst else ""
+        raise MissionError(f"{why}{hint}; accepted are at least {MIN_SAMPLES} good ones, and half of all")
+    return raw.rows(kept, tuple(said)) if said else raw
+
+
+def somewhere(raw: RawFlight) -> RawFlight:
+    """Return the samples without those at exactly 0° N 0° E, unless the flight comes close to there.
+
+    Receivers and loggers write zeros while they have no position. If they never have one, the velocity makes
+    the flight alone.
+
+    Raises
+    ------
+    MissionError
+        If there is no other position, and no velocity.
+    """
+    if raw.latitude is None or raw.longitude is None:
+        return raw
+    nowhere = (np.abs(raw.latitude) < _NOWHERE) & (np.abs(raw.longitude) < _NOWHERE)
+    if not nowhere.any():
+        return raw
+    if nowhere.all():
+        if raw.velocity_n is None:
+            raise MissionError(
+                f"all {len(nowhere)} positions are {NO_FIX}; accepted are recordings with positions or "
+                "velocities"
+            )
+        if np.abs(raw.velocity_n).max() < _MOVING:
+            return raw
+        remark = f"The positions are not used: all are {NO_FIX}."
+        return replace(raw, latitude=None, longitude=None, remarks=(*raw.remarks, remark))
+    others = place(raw.rows(~nowhere))
+    if np.linalg.norm(others - place(raw)[np.argmax(nowhere)], axis=1).min() < _CLOSE:
+        return raw
+    return raw.rows(~nowhere, tuple(said_of(raw, nowhere, f"a position {NO_FIX}")))
+
+
+def fresh(raw: RawFlight) -> RawFlight:
+    """Return the samples without those that repeat the one before in everything though the vehicle moves.
+
+    A logger that asks faster than the simulator moves on writes the same state again under a new time; a
+    simulator that pauses does so for long.
+    """
+    same = np.ones(len(raw.time) - 1, dtype=bool)
+    for name in raw.quantities:
+        if name != "time":
+            value = getattr(raw, name).reshape(len(raw.time), -1)
+            same &= (value[1:] == value[:-1]).all(axis=1)
+    if not same.any() or raw.latitude is None or raw.longitude is None:
+        return raw
+    first = np.concatenate(([True], ~same))
+    starts = np.flatnonzero(first)
+    ends = np.append(starts[1:], len(first)) - 1
+    moving = _moves(raw.time, place(raw), starts, ends)[np.cumsum(first) - 1]
+    stale = ~first & moving
+    return raw.rows(~stale, tuple(said_of(raw, stale, "the state of the row before though time went on")))
+
+
+def _moves(time: FloatArray, places: FloatArray, starts: NDArray[np.intp], ends: NDArray[np.intp]) -> Mask:
+    """Return after which runs of equal rows, from `starts` to `ends`, the vehicle is seen to be moving.
+
+    A run that lasts is a stop, unless the vehicle is at speed at once: rounded positions start with a jump
+    too.
+    """
+    lasts = time[ends] - time[starts] > _LASTING
+    after = np.where(lasts, np.searchsorted(time, time[ends] + _LASTING), ends + 1)
+    seen = after < len(time)
+    # The last run is judged by what was before it.
+    here = np.where(seen, ends, np.maximum(starts - 1, 0))
+    there = np.where(seen, np.minimum(after, len(time) - 1), starts)
+    way = np.linalg.norm(places[there] - places[here], axis=1)
+    return np.asarray(way > np.where(lasts, _AT_SPEED, _MOVING) * np.abs(time[there] - time[here]))
+
+
+def in_order(raw: RawFlight) -> tuple[RawFlight, NDArray[np.intp]]:
+    """Return the samples with those that came a little late put in place, and where a new recording begins.
+
+    Returns
+    -------
+    raw : RawFlight
+        Time does not decrease between breaks; stamps may still repeat.
+    breaks : (m,) array
+        Indices of the first samples after the clock was set back.
+    """
+    raw = _sorted(raw)
+    return raw, np.flatnonzero(np.diff(raw.time) < 0) + 1
+
+
+def _sorted(raw: RawFlight) -> RawFlight:
+    """Return the samples with runs of a few that came late put in place."""
+    late = raw.time < np.maximum.accumulate(raw.time)
+    if not late.any():
+        return raw
+    edges = np.flatnonzero(np.diff(np.concatenate(([False], late, [False])).astype(int)))
+    starts, ends = edges[::2], edges[1::2]
+    if (ends - starts > _MOST_LATE).any():
+        return raw
+    order = np.argsort(raw.time, kind="stable")
+    remark = f"{int(late.sum())} rows came out of order and were put in place."
+    return replace(raw.rows(order), remarks=(*raw.remarks, remark))
+
+
+def distinct(raw: RawFlight) -> RawFlight:
+    """Return the samples without those that repeat the one before in everything, time included."""
+    same = np.ones(len(raw.time) - 1, dtype=bool)
+    for name in raw.quantities:
+        value = getattr(raw, name).reshape(len(raw.time), -1)
+        same &= (value[1:] == value[:-1]).all(axis=1)
+    repeated = np.concatenate(([False], same))
+    return raw.rows(~repeated, tuple(said_of(raw, repeated, "what the row before has, time included")))
+
+
+def without_spikes(raw: RawFlight) -> RawFlight:
+    """Return the samples without single positions far off the way between their neighbours."""
+    if raw.latitude is None or raw.longitude is None or len(raw.time) < 5:
+        return raw
+    places = place(raw)
+    step = np.linalg.norm(np.diff(places, axis=0), axis=1)
+    far = _too_far(step, np.diff(raw.time))
+    across = np.linalg.norm(places[2:] - places[:-2], axis=1)
+    spike = np.zeros(len(places), dtype=bool)
+    spike[1:-1] = far[1:] & far[:-1] & (across < 0.2 * (step[1:] + step[:-1]))
+    return raw.rows(~spike, tuple(said_of(raw, spike, "a position far off the way, and back")))
+
+
+def reset_places(raw: RawFlight) -> NDArray[np.intp]:
+    """Return the indices of the first samples after the estimator of the source was set anew."""
+    times = np.array([reset.time for reset in raw.resets])
+    after = np.searchsorted(np.maximum.accumulate(raw.time), times - _ROUNDING)
+    return np.unique(after[(after > 0) & (after < len(raw.time))])
+
+
+def longest_stretch(
+    raw: RawFlight, breaks: NDArray[np.intp], longest_gap: float
+) -> tuple[RawFlight, tuple[tuple[float, float], ...]]:
+    """Return the longest stretch of a recording without a gap, a restart or a jump of the place.
+
+    Parameters
+    ----------
+    raw
+        Samples in order.
+    breaks
+        Where the clock was set back.
+    longest_gap
+        Longest pause between samples that is bridged [s]; at least five times the usual step is.
+
+    Returns
+    -------
+    raw : RawFlight
+        The stretch that lasts longest.
+    cuts : tuple of (float, float)
+        Time of the samples before and after each gap or jump that was cut at [s].
+
+    Raises
+    ------
+    MissionError
+        If no stretch has samples enough.
+    """
+    steps = np.diff(raw.time)
+    usual = float(np.median(steps[steps > 0])) if (steps > 0).any() else 0.0
+    cut = steps > max(longest_gap, 5 * usual)
+    if raw.latitude is not None and raw.longitude is not None:
+        cut |= _too_far(np.linalg.norm(np.diff(place(raw), axis=0), axis=1), steps)
+    cut[breaks - 1] = True
+    edges = np.concatenate(([0], np.flatnonzero(cut) + 1, [len(raw.time)]))
+    lengths = np.where(np.diff(edges) >= MIN_SAMPLES, raw.time[edges[1:] - 1] - raw.time[edges[:-1]], -1.0)
+    best = int(np.argmax(lengths))
+    if lengths[best] <= 0:
+        raise MissionError(
+            f"no stretch of {MIN_SAMPLES} samples without a gap in time or a jump of the position: the "
+            f"samples are usually {usual:.3g} s apart; longer gaps are bridged with --set longest_gap=SECONDS"
+        )
+    kept = np.zeros(len(raw.time), dtype=bool)
+    kept[edges[best] : edges[best + 1]] = True
+    words = "beyond a gap, a jump or a restart: only the longest stretch is taken"
+    if raw.resets:
+        words = words.replace(" or a restart", ", a restart or a reset of the estimator")
+    where = [(float(raw.time[i]), float(raw.time[i + 1])) for i in np.flatnonzero(cut)]
+    return (raw.rows(kept, tuple(said_of(raw, ~kept, words))) if where else raw), tuple(where)
+
+
+@dataclass(frozen=True)
+class Bridging:
+    """What a longer `longest_gap` would keep of a recording.
+
+    Attributes
+    ----------
+    gap : float
+        The setting [s].
+    share : float
+        Which part of the samples it keeps.
+    """
+
+    gap: float
+    share: float
+
+
+def bridging(raw: RawFlight, breaks: NDArray[np.intp], longest_gap: float) -> tuple[Bridging, ...]:
+    """Return by which longer pauses bridged most, or nearly all, of a recording would be kept.
+
+    Parameters
+    ----------
+    raw
+        Samples in order.
+    breaks
+        Where the clock was set back.
+    longest_gap
+        Longest pause between samples that is bridged so far [s].
+    """
+    steps = np.diff(raw.time)
+    usual = float(np.median(steps[steps > 0])) if (steps > 0).any() else 0.0
+    bridged = max(longest_gap, 5 * usual)
+    jumps = np.zeros(len(steps), dtype=bool)
+    if raw.latitude is not None and raw.longitude is not None:
+        jumps = _too_far(np.linalg.norm(np.diff(place(raw), axis=0), axis=1), steps)
+    jumps[breaks - 1] = True
+    pauses = np.unique(np.ceil(steps[~jumps & (steps > bridged) & (steps <= _MOST_BRIDGED)]))
+    if not pauses.size:
+        return ()
+    tried = pauses[np.unique(np.linspace(0, len(pauses) - 1, _TRIED).astype(int))]
+    kept = [_longest(jumps | (steps > gap)) / len(raw.time) for gap in tried]
+    worthwhile = _longest(jumps | (steps > bridged)) / len(raw.time) + _WORTHWHILE
+    enough = dict.fromkeys(int(np.argmax(np.array(kept) >= part * max(kept))) for part in _PARTS)
+    return tuple(Bridging(float(tried[i]), kept[i]) for i in enough if kept[i] > worthwhile)
+
+
+def _longest(cut: Mask) -> int:
+    """Return how many samples the longest piece between cuts has."""
+    edges = np.concatenate(([-1], np.flatnonzero(cut), [len(cut)]))
+    return int(np.diff(edges).max())
+
+
+def _too_far(way: FloatArray, steps: FloatArray) -> Mask:
+    """Return which ways between samples no vehicle could have gone."""
+    speed = way / np.maximum(steps, 1e-3)
+    usual = float(np.median(speed)) if len(speed) else 0.0
+    return np.asarray((way > _JUMP) & (speed > 8 * usual + _FAST))
+
+
+def place(raw: RawFlight) -> FloatArray:
+    """Return the positions in Earth-fixed axes (n, 3) [m]; without heights, those on the ellipsoid."""
+    assert raw.latitude is not None
+    assert raw.longitude is not None
+    height = np.zeros_like(raw.latitude) if raw.height is None else raw.height
+    return ecef.position(np.stack((raw.latitude, raw.longitude, height), axis=-1))
+
+
+def said_of(raw: RawFlight, mask: Mask, words: str) -> list[Dropped]:
+    """Return what is said of samples left out: why, and when the first of them was, by the file's own clock.
+
+    Parameters
+    ----------
+    raw
+        The flight.
+    mask : (n,) array of bool
+        Which of its samples are left out.
+    words
+        Why.
+    """
+    if not mask.any():
+        return []
+    first = int(np.argmax(mask))
+    return [Dropped(f"{words}, first at {raw.time[first]:.12g} s", int(mask.sum()), first + 1)]

@@ -1,0 +1,199 @@
+"""Clock: how finely a recording is stamped in time, and the times at which its samples were really taken.
+
+A stamp may be rounded (to a millisecond, or to the 55.5 ms of an old timer) or late by what a computer was
+busy with. A sample stamped wrongly by δ lies off the curve by δ times the velocity, in the direction of
+flight and in no other: where the curve is known from the neighbours, this tells δ.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lab.repair.smoothing import smoothing_spline
+
+FloatArray = NDArray[np.float64]
+
+LEAST_SPEED = 2.0
+"""Below this speed positions say little of time [m/s]."""
+LIVELINESS = 1.0
+"""Density of the acceleration along the way that is taken to be motion [(m/s²)²/Hz]."""
+
+_LOOKED_AT = 20_000
+_FINEST = 1e-6
+_ROUNDS = 3
+_LEAST_SMOOTHING = 1e-9
+
+
+def resolution(time: FloatArray) -> float:
+    """Return the spacing of the grid that time stamps lie on [s], zero where it is below 1 µs.
+
+    Parameters
+    ----------
+    time : (n,) array
+        Increasing stamps [s].
+    """
+    steps = np.diff(time[:_LOOKED_AT])
+    steps[steps < _FINEST] = 0.0
+    if not steps.any():
+        return 0.0
+    rounding = max(4e-15 * float(np.abs(time).max()), 1e-9)
+    for decimals in range(7):
+        tick = 10.0**-decimals
+        whole = np.round(time[:_LOOKED_AT] / tick)
+        if np.abs(time[:_LOOKED_AT] - whole * tick).max() < max(0.01 * tick, rounding):
+            # Not every decimal is used: stamps to 20 ms have two decimals as well.
+            return float(tick * np.gcd.reduce(np.diff(whole).astype(np.int64)))
+    return _tick(steps)
+
+
+def _tick(steps: FloatArray) -> float:
+    """Return the length of which all steps are multiples, if they are several ones; zero if there is none."""
+    tick = float(np.quantile(steps[steps > 0], 0.02))
+    for _ in range(3):
+        multiple = np.where(steps > 0, np.maximum(np.round(steps / tick), 1), 0)
+        tick = float(steps @ multiple / (multiple @ multiple))
+    off = np.abs(steps - multiple * tick)
+    is_grid = len(np.unique(multiple)) > 1 and np.quantile(off, 0.95) < 0.03 * tick and tick > 1e-4
+    return tick if is_grid else 0.0
+
+
+def regular(stamps: FloatArray, tick: float) -> FloatArray | None:
+    """Return the evenly spaced times of which stamps are a rounded or disturbed copy, with samples left out.
+
+    Parameters
+    ----------
+    stamps : (n,) array
+        Stamps that do not decrease [s]; where many repeat, no sample is taken to be left out.
+    tick
+        Resolution of the stamps [s].
+
+    Returns
+    -------
+    (n,) array or None
+        None where the stamps follow no even spacing, being off by half of it and by more than the resolution.
+    """
+    time = spread(stamps, tick)
+    if time[-1] <= time[0]:
+        return None
+    count = np.arange(len(time), dtype=np.float64) if time is not stamps else _counts(time, tick)
+    if count is None:
+        return None
+    middle, centre = count.mean(), time.mean()
+    step = float((count - middle) @ (time - centre) / ((count - middle) @ (count - middle)))
+    even = centre + step * (count - middle)
+    off = stamps - even
+    even += (off.max() + off.min()) / 2
+    return even if np.ptp(off) / 2 < max(0.5 * step, 0.55 * tick) else None
+
+
+def _counts(time: FloatArray, tick: float) -> FloatArray | None:
+    """Return how many even steps after the first each sample is, following the stamps."""
+    steps = np.diff(time)
+    step = float(np.median(steps))
+    if step < 20 * tick:  # the median is rounded itself
+        step = float(np.mean(steps[steps < 1.5 * step + tick]))
+    for _ in range(3):
+        if not step > 0:
+            return None
+        count = np.concatenate(([0.0], np.cumsum(np.maximum(np.round(steps / step), 1))))
+        # Steps rounded one by one may drift; the whole may not.
+        if abs(count[-1] * step - (time[-1] - time[0])) > max(0.02 * count[-1], 2) * step:
+            return None
+        step = float((time[-1] - time[0]) / count[-1])
+    return count
+
+
+def spread(stamps: FloatArray, tick: float) -> FloatArray:
+    """Return stamps with those that repeat spread evenly up to the next, or over one tick if that is later.
+
+    Parameters
+    ----------
+    stamps : (n,) array
+        Stamps that do not decrease [s].
+    tick
+        Resolution of the stamps, 0 if not known [s].
+    """
+    starts = np.flatnonzero(np.concatenate(([True], np.diff(stamps) > 0)))
+    if len(starts) == len(stamps) or len(starts) < 2:
+        return stamps
+    gaps = np.diff(stamps[starts])
+    reach = np.minimum(np.append(gaps, np.inf), tick or float(np.median(gaps)))
+    alike = np.diff(np.append(starts, len(stamps)))
+    part = (np.arange(len(stamps)) - np.repeat(starts, alike)) / np.repeat(alike, alike)
+    return np.asarray(stamps + part * np.repeat(reach, alike))
+
+
+def by_motion(time: FloatArray, place: FloatArray, limit: float) -> FloatArray:
+    """Return the times at which samples of position were taken, as the way between them tells.
+
+    Stamps wrong by anything up to `limit` put the samples σ = v · limit / √12 off along the way. The speed
+    changes by white acceleration of the density `LIVELINESS`; then the smoothing spline with λ = σ² /
+    density is the most likely way, and what the samples are off it, along it, is time.
+
+    Parameters
+    ----------
+    time : (n,) array
+        Increasing stamps [s].
+    place : (n, 3) array
+        Positions in Cartesian axes [m].
+    limit
+        By how much a stamp may be wrong [s].
+
+    Returns
+    -------
+    (n,) array
+        Increasing times, none further than `limit` from its stamp.
+    """
+    steps = np.diff(time)
+    speed = float(np.sqrt(np.mean(np.sum(np.diff(place, axis=0) ** 2, axis=1))) / np.mean(steps))
+    smoothing = (speed * limit) ** 2 / 12 / LIVELINESS
+    # Beyond three hundred steps the spline's equations lose their digits.
+    smoothing = min(max(smoothing, _LEAST_SMOOTHING), 300.0**4 * float(np.mean(steps)) ** 3)
+    times = time
+    for _ in range(_ROUNDS):
+        curve = smoothing_spline(times, place, smoothing)
+        velocity = curve(times, 1)
+        # In slow motion the position's own noise would be taken for time: what is left of it fades out.
+        late = np.sum((place - curve(times)) * velocity, axis=1) / (
+            np.sum(velocity**2, axis=1) + LEAST_SPEED**2
+        )
+        times = _increasing(time + np.clip(times + late - time, -limit, limit), time)
+    return times
+
+
+def _increasing(times: FloatArray, stamps: FloatArray) -> FloatArray:
+    """Return times that increase, drawn back towards increasing stamps where they do not."""
+    least = 0.05 * np.diff(stamps)
+    for _ in range(8):
+        short = np.diff(times) < least
+        if not short.any():
+            return times
+        held = np.concatenate((short, [False])) | np.concatenate(([False], short))
+        times = np.where(held, (times + stamps) / 2, times)
+    return np.asarray(times if (np.diff(times) > 0).all() else stamps)
+
+
+def prediction_error(time: FloatArray, values: FloatArray) -> FloatArray:
+    """Return samples minus what the cubic through two neighbours on each side says of them, (n − 4, m).
+
+    Small for smooth motion sampled densely; noise of the samples appears √1.94 times as large.
+
+    Parameters
+    ----------
+    time : (n,) array
+        Increasing times, at least five [s].
+    values : (n, m) array
+        Samples.
+    """
+    middle = time[2:-2]
+    count = len(middle)
+    near = [time[start : start + count] - middle for start in (0, 1, 3, 4)]
+    predicted = np.zeros_like(values[2:-2])
+    for i, start in enumerate((0, 1, 3, 4)):
+        weight = np.ones(count)
+        for j in range(4):
+            if j != i:
+                weight *= near[j] / (near[j] - near[i])
+        predicted += weight[:, None] * values[start : start + count]
+    return np.asarray(values[2:-2] - predicted)

@@ -1,0 +1,70 @@
+"""Time grid: the evenly spaced times a flight is rebuilt at."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lab.recordings.mission_error import MissionError
+
+FloatArray = NDArray[np.float64]
+
+MAX_SAMPLES = 20_000_000
+"""Most samples a rebuilt flight may have."""
+
+_NICE = np.array([1.0, 2.0, 4.0, 5.0, 8.0])
+_EVEN = 1e-4
+
+
+def regular_grid(time: FloatArray, rate: float, least_rate: float) -> FloatArray:
+    """Return evenly spaced times from the first sample to the last.
+
+    Evenly spaced samples keep their times; others get two times for each usual step.
+
+    Parameters
+    ----------
+    time : (n,) array
+        Increasing times of the samples, from 0 [s].
+    rate
+        Rate of the grid; 0 for one that suits the samples [Hz].
+    least_rate
+        The grid is at least as dense as this, by a whole multiple of the samples' own rate [Hz].
+
+    Raises
+    ------
+    MissionError
+        If the grid would have more than `MAX_SAMPLES`.
+    """
+    steps = np.diff(time)
+    usual, span = float(np.median(steps)), float(time[-1])
+    if rate:
+        step = 1 / rate
+    elif _is_even(time, usual):
+        step = span / max(round(span / usual), 1)
+        step /= max(np.ceil(least_rate * step - 1e-6), 1)
+    else:
+        # A few samples in quick succession do not make the whole flight dense.
+        wanted = max(min(2 / usual, 4 * len(time) / span), least_rate)
+        decade = 10.0 ** np.floor(np.log10(wanted))
+        step = (
+            1 / (decade * _NICE[_NICE * decade >= wanted * 0.999][0])
+            if wanted <= 8 * decade
+            else 0.1 / decade
+        )
+    count = int(span / step + 1e-6)
+    if count > MAX_SAMPLES:
+        raise MissionError(
+            f"{span:.6g} s at {1 / step:.4g} Hz are more than {MAX_SAMPLES} samples; accepted is a "
+            "lower rate "
+            "(setting rate), or a shorter flight"
+        )
+    grid = np.arange(count + 1) * step
+    # Rounding must not carry the last point beyond the last sample.
+    return np.minimum(grid, span) if count > 2 else np.linspace(0.0, span, 4)
+
+
+def _is_even(time: FloatArray, step: float) -> bool:
+    """Return whether samples are evenly spaced, some perhaps missing."""
+    count = np.round(time / step)
+    step = float(time[-1] / max(count[-1], 1))
+    return bool(np.abs(time - step * np.round(time / step)).max() < _EVEN * step)

@@ -1,0 +1,252 @@
+"""Time repair: from samples as their source stamped them to samples at the times they were taken.
+
+The source's own clock is kept. Where its stamps repeat, are rounded or jitter, the samples get the times
+that fit both the stamps and the motion; what was changed, and by how much, is said.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lab.recordings.flight_csv import MAX_DURATION, MIN_SAMPLES
+from lab.recordings.mission_error import MissionError
+from lab.repair import row_repair
+from lab.repair import sample_times as clock
+from lab.repair.raw_flight import Dropped, RawFlight
+from lab.repair.smooth_axes import SmoothAxes
+
+FloatArray = NDArray[np.float64]
+
+AS_RECORDED, REPAIRED = "as recorded", "repaired"
+TIME_STAMPS = (REPAIRED, AS_RECORDED)
+"""What may be done with time stamps."""
+
+_SHARED = 0.05
+_SHORTEST = 1e-6
+_WITHIN_TICK = 0.55
+_BETTER, _WORSE = 0.8, 1.1
+_ALONG = 2.0
+_FLOORS = {"position": 1e-3, "velocity": 1e-4, "attitude": 1e-5}
+
+
+@dataclass(frozen=True, eq=False)
+class RepairedFlight:
+    """The samples of one unbroken flight, at increasing times from 0.
+
+    Attributes
+    ----------
+    raw : RawFlight
+        The samples; its `dropped` and `remarks` are those of the file.
+    started : float
+        The source's clock at the first of them [s].
+    tick : float
+        Resolution of the stamps [s]; zero where finer than 1 µs.
+    method : str
+        "as recorded"; "spread" for repeated stamps spread evenly; "even" for the even spacing that the stamps
+        are a rounded or jittering copy of; "by motion" for the times that the way between the samples tells.
+    step : float
+        The even spacing [s], zero for another method.
+    moved_rms, moved_max : float
+        By how much stamps were moved [s].
+    calmed : float
+        What was left of the unsmoothness of the motion by it, as a factor.
+    dropped : tuple of Dropped
+        Samples left out, each reason with the time of the first; row numbers count what was left by then.
+    cuts : tuple of (float, float)
+        Clock before and after each gap or jump at which the recording was cut [s].
+    gaps : int
+        Pauses of more than three usual steps that were bridged.
+    longest_gap : float
+        Longest pause that was to be bridged [s].
+    bridging : tuple of Bridging
+        By which longer one most, and nearly all, of the samples would be kept.
+    """
+
+    raw: RawFlight
+    started: float
+    tick: float
+    method: str
+    step: float
+    moved_rms: float
+    moved_max: float
+    calmed: float
+    dropped: tuple[Dropped, ...]
+    cuts: tuple[tuple[float, float], ...]
+    gaps: int
+    longest_gap: float = 0.0
+    bridging: tuple[row_repair.Bridging, ...] = ()
+
+
+def repair(raw: RawFlight, time_stamps: str = REPAIRED, longest_gap: float = 2.0) -> RepairedFlight:
+    """Return the longest unbroken stretch of a recording with its time stamps repaired.
+
+    Parameters
+    ----------
+    raw
+        A flight as read.
+    time_stamps
+        "repaired", or "as recorded", which only leaves out samples whose stamp does not increase.
+    longest_gap
+        Longest pause between samples that is bridged [s].
+
+    Raises
+    ------
+    MissionError
+        If too few samples are left, or the flight is too long.
+    """
+    told = len(raw.dropped)
+    raw = row_repair.distinct(row_repair.somewhere(row_repair.possible(raw)))
+    raw, breaks = row_repair.in_order(raw)
+    if not len(breaks):
+        raw = row_repair.without_spikes(row_repair.fresh(raw))
+    breaks = np.unique(np.concatenate((breaks, row_repair.reset_places(raw))))
+    more = row_repair.bridging(raw, breaks, longest_gap)
+    raw, cuts = row_repair.longest_stretch(raw, breaks, longest_gap)
+    raw = _one_each(raw, time_stamps)
+    _check(raw)
+    started = float(raw.time[0])
+    stamps = raw.time - started
+    tick = clock.resolution(raw.time)
+    method, times = AS_RECORDED, stamps
+    calmed = 1.0
+    if time_stamps == REPAIRED:
+        method, times, calmed = _best(raw, stamps, clock.spread(stamps, tick), tick)
+    times = _of_the_same_length(times - times[0], stamps, tick)
+    if np.diff(times).min() < _SHORTEST / 10:
+        raise MissionError(
+            f"the samples lie too close together, {len(times)} in {stamps[-1]:.3g} s; accepted are at least "
+            "0.1 µs from one to the next. Another unit of time is given with --unit COLUMN=UNIT"
+        )
+    moved = times - stamps
+    step = float(times[-1] / round(times[-1] / np.median(np.diff(times)))) if method == "even" else 0.0
+    steps = np.diff(times)
+    return RepairedFlight(
+        raw=replace(raw, time=times, dropped=raw.dropped[:told]),
+        started=started,
+        tick=tick,
+        method=method,
+        step=step,
+        moved_rms=float(np.std(moved)),
+        moved_max=float(np.abs(moved - np.mean(moved)).max()),
+        calmed=calmed,
+        dropped=raw.dropped[told:],
+        cuts=cuts,
+        gaps=int(np.count_nonzero(steps > 3 * np.median(steps))),
+        longest_gap=longest_gap,
+        bridging=more,
+    )
+
+
+def _of_the_same_length(times: FloatArray, stamps: FloatArray, tick: float) -> FloatArray:
+    """Return times stretched, if need be, to last as long as the stamps within one step of them."""
+    step = max(tick, float(np.median(np.diff(times))))
+    longer = float(times[-1] - stamps[-1])
+    return times if abs(longer) <= step else times * ((stamps[-1] + np.sign(longer) * step) / times[-1])
+
+
+def _one_each(raw: RawFlight, time_stamps: str) -> RawFlight:
+    """Return the samples with one for each stamp, unless many share theirs and can be spread."""
+    again = np.concatenate(([False], np.diff(raw.time) < _SHORTEST))
+    if not again.any():
+        return raw
+    if time_stamps == REPAIRED and again.mean() > _SHARED and again.sum() < len(again) - 1:
+        last = np.maximum.accumulate(np.where(again, 0, np.arange(len(again))))
+        return replace(raw, time=raw.time[last])
+    said = row_repair.said_of(raw, again, "the time stamp of the row before")
+    return raw.rows(~again, tuple(said))
+
+
+def _check(raw: RawFlight) -> None:
+    if len(raw.time) < MIN_SAMPLES or not raw.time[-1] > raw.time[0]:
+        raise MissionError(
+            f"only {len(raw.time)} samples with times of their own; accepted are at least {MIN_SAMPLES}"
+        )
+    if raw.time[-1] - raw.time[0] > MAX_DURATION:
+        raise MissionError(
+            f"the recording lasts {raw.time[-1] - raw.time[0]:.6g} s; accepted are flights up to "
+            f"{MAX_DURATION:g} s. If its time is in milliseconds, say so with --unit COLUMN=ms"
+        )
+
+
+def _best(
+    raw: RawFlight, stamps: FloatArray, spread: FloatArray, tick: float
+) -> tuple[str, FloatArray, float]:
+    """Return the repair the motion speaks for: its name, its times, and what is left of unsmoothness."""
+    method = AS_RECORDED if spread is stamps else "spread"
+    if len(stamps) < 2 * MIN_SAMPLES:
+        return method, spread, 1.0
+    even = clock.regular(stamps, tick)
+    if even is not None and np.abs(even - spread).max() <= 2e-9 + 1e-12 * stamps[-1]:
+        return method, spread, 1.0
+    evidence = _evidence(raw)
+    before = _unsmoothness(spread, evidence)
+    if even is not None:
+        ratios = _ratios(before, _unsmoothness(even, evidence))
+        is_rounding = np.abs(even - stamps).max() <= _WITHIN_TICK * tick
+        if (is_rounding and max(ratios, default=1.0) < 1.3) or _speaks_for(ratios):
+            return "even", even, min(ratios, default=1.0)
+    if "position" not in evidence or not _is_off_along_the_way(spread, evidence["position"]):
+        return method, spread, 1.0
+    usual = float(np.median(np.diff(spread)))
+    limit = tick + float(np.abs(spread - stamps).max()) if tick > 0.02 * usual else 0.5 * usual
+    times = clock.by_motion(spread, evidence["position"], limit)
+    after = _unsmoothness(times, evidence)
+    # The positions made these times: the others have to bear them out, where there are others.
+    judges = {name: error for name, error in before.items() if name != "position"} or before
+    ratios = _ratios(judges, after)
+    return ("by motion", times, min(ratios)) if _speaks_for(ratios) else (method, spread, 1.0)
+
+
+def _evidence(raw: RawFlight) -> dict[str, FloatArray]:
+    """Return what shows whether times are right, each in Cartesian components without jumps."""
+    evidence: dict[str, FloatArray] = {}
+    if raw.latitude is not None and raw.longitude is not None:
+        places = row_repair.place(raw)
+        evidence["position"] = places - places[0]
+    position = np.zeros((len(raw.time), 3))
+    if raw.latitude is not None and raw.longitude is not None:
+        position[:, 0], position[:, 1] = raw.latitude, raw.longitude
+    axes = SmoothAxes(position[:, 0])
+    if raw.velocity_n is not None:
+        evidence["velocity"] = axes.vectors(raw.velocity_n, position)
+    if raw.euler is not None:
+        evidence["attitude"] = axes.attitudes(raw.euler, position)
+    return evidence
+
+
+def _unsmoothness(times: FloatArray, evidence: Mapping[str, FloatArray]) -> dict[str, float]:
+    """Return by how much the samples usually miss what their neighbours say of them."""
+    return {
+        name: float(np.sqrt(np.mean(np.minimum(error := _miss(times, values), 5 * np.median(error)) ** 2)))
+        + _FLOORS[name]
+        for name, values in evidence.items()
+    }
+
+
+def _miss(times: FloatArray, values: FloatArray) -> FloatArray:
+    return np.asarray(np.linalg.norm(clock.prediction_error(times, values), axis=1))
+
+
+def _ratios(before: Mapping[str, float], after: Mapping[str, float]) -> list[float]:
+    return [after[name] / error for name, error in before.items()]
+
+
+def _speaks_for(ratios: list[float]) -> bool:
+    return bool(ratios) and min(ratios) < _BETTER and max(ratios) < _WORSE
+
+
+def _is_off_along_the_way(times: FloatArray, places: FloatArray) -> bool:
+    """Return whether positions miss what their neighbours say mainly in the direction of motion."""
+    error = clock.prediction_error(times, places)
+    way = places[3:-1] - places[1:-3]
+    length = np.linalg.norm(way, axis=1)
+    moving = length > clock.LEAST_SPEED * (times[3:-1] - times[1:-3])
+    if moving.sum() < MIN_SAMPLES:
+        return False
+    along = np.sum(error * way, axis=1)[moving] / length[moving]
+    across = np.sqrt(np.maximum(np.sum(error[moving] ** 2, axis=1) - along**2, 0) / 2)
+    return bool(np.median(np.abs(along)) > _ALONG * np.median(across))

@@ -1,0 +1,115 @@
+"""Mission card: a mission, or a log, shown in Jupyter: key facts beside the picture of its flight."""
+
+from __future__ import annotations
+
+from html import escape
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from lab.logs.sensor_log import SensorLog
+from lab.recordings.recording import Recording
+
+if TYPE_CHECKING:
+    from lab.missions.log_mission import LogMission
+    from lab.missions.mission import Mission
+
+CARD_WIDTH = 400
+"""Width of the picture [px]."""
+
+
+def mission_html(mission: Mission, recording: Recording | str) -> str:
+    """Return a card of a mission as HTML.
+
+    Parameters
+    ----------
+    mission
+        What to show.
+    recording
+        Its recording, or the reason why there is none.
+    """
+    if isinstance(recording, str):
+        return _card(mission, f"<p>No recording: {escape(recording)}</p>")
+    facts = {
+        "Aircraft": mission.aircraft,
+        "Airport": mission.airport,
+        **_facts(recording),
+        "Origin": mission.origin,
+        "Ended early": mission.ending,
+    }
+    return _card(mission, _body(facts, mission.picture(CARD_WIDTH)))
+
+
+def log_html(mission: LogMission, log: SensorLog | str) -> str:
+    """Return a card of a log as HTML.
+
+    Parameters
+    ----------
+    mission
+        What to show.
+    log
+        Its log, or the reason why there is none.
+    """
+    if isinstance(log, str):
+        return _card(mission, f"<p>No log: {escape(log)}</p>")
+    repairs = "".join(f"<li>{escape(repair)}</li>" for repair in log.repairs)
+    body = _body(_log_facts(log) | {"Origin": mission.origin}, mission.picture(CARD_WIDTH))
+    return _card(mission, f"{body}{f'<ul>{repairs}</ul>' if repairs else ''}")
+
+
+def _card(mission: Mission, body: str) -> str:
+    title = f"<b>{escape(mission.title or mission.name)}</b> <code>{escape(mission.name)}</code>"
+    description = f"<p>{escape(mission.description)}</p>" if mission.description else ""
+    return f"<div>{title}{description}{body}</div>"
+
+
+def _body(facts: dict[str, str], picture: str) -> str:
+    """Return a table of facts beside a picture."""
+    rows = "".join(
+        f'<tr><td style="text-align:left">{name}</td><td style="text-align:left">{escape(text)}</td></tr>'
+        for name, text in facts.items()
+        if text
+    )
+    return (
+        '<div style="display:flex;flex-wrap:wrap;gap:16px;align-items:flex-start">'
+        f'<table style="max-width:440px">{rows}</table>{picture}</div>'
+    )
+
+
+def _log_facts(log: SensorLog) -> dict[str, str]:
+    gnss, start = log.gnss, np.degrees(log.gnss.position[0, :2])
+    gaps = f"{len(log.gaps)}, {np.diff(log.gaps, axis=1).sum():.3g} s in all" if len(log.gaps) else "none"
+    span = "" if log.reference is None else f"{np.ptp(log.reference.time):.1f} s, {_known(log)}"
+    arm = ", ".join(f"{length:g}" for length in gnss.lever_arm)
+    return {
+        "Duration": f"{log.duration:.2f} s",
+        "IMU": f"{len(log.dtheta)} samples, {1 / np.median(np.diff(log.time)):.4g} Hz",
+        "GPS": f"{len(gnss.time)} fixes, {1 / np.median(np.diff(gnss.time)):.3g} Hz",
+        "Gaps of the IMU": gaps,
+        "Reference": span or "none",
+        "Start": f"{start[0]:.5f}° latitude, {start[1]:.5f}° longitude",
+        "Antenna": f"{arm} m forward, right, down of the IMU" if gnss.lever_arm.any() else "",
+        "Latency": f"{gnss.latency:g} s" if gnss.latency else "",
+    }
+
+
+def _known(log: SensorLog) -> str:
+    assert log.reference is not None
+    parts = {"velocity": log.reference.velocity_n, "attitude": log.reference.euler}
+    return ", ".join(("position", *(word for word, part in parts.items() if np.isfinite(part).any())))
+
+
+def _facts(recording: Recording) -> dict[str, str]:
+    speed = np.linalg.norm(recording.velocity_n, axis=1)
+    step = np.median(np.diff(recording.time))
+    path = np.sum(np.diff(recording.time) * (speed[1:] + speed[:-1]) / 2)
+    roll = np.degrees(recording.euler[:, 0])
+    start = np.degrees([recording.latitude[0], recording.longitude[0]])
+    return {
+        "Duration": f"{recording.duration:.2f} s, {len(recording.time)} samples every {1000 * step:.3g} ms",
+        "Start": f"{start[0]:.5f}° latitude, {start[1]:.5f}° longitude",
+        "Height": f"{recording.height.min():.0f} to {recording.height.max():.0f} m above the ellipsoid",
+        "Speed": f"up to {speed.max():.1f} m/s over the Earth",
+        "Path": f"{path / 1000:.2f} km",
+        "Roll": f"{roll.min():.0f}° to {roll.max():.0f}°",
+    }
