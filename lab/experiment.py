@@ -13,7 +13,6 @@ from typing import Any, Self
 
 import numpy as np
 import param
-import tomli_w
 from numpy.typing import NDArray
 
 from lab.cache import StageCache, digest
@@ -49,7 +48,7 @@ from lab.sensors.noise_variance import NOISE_VARIANCES, noise_variance
 from lab.sensors.suite import SensorSuite
 from lab.setting_kinds import Quantity
 from lab.settings import Derived, SettingError, Settings, group
-from lab.toml_file import TomlError, parse_toml, read_toml
+from lab.toml_file import TomlError, parse_toml, read_toml, toml_text
 from lab.trajectory import Trajectory, Truth
 from lab.units import si
 
@@ -152,7 +151,7 @@ class Experiment(Settings):
 
     def to_toml(self) -> str:
         """Return all settings as TOML text."""
-        return tomli_w.dumps(self.to_dict())
+        return toml_text(self.to_dict())
 
     def run(self, progress: Progress | None = None, *, algorithm: Algorithm | None = None) -> Result:
         """Compute this experiment, using every stage already computed for the same settings.

@@ -1,4 +1,4 @@
-"""TOML file: the one reader of TOML text and files, which says what is too much before anything is parsed.
+"""TOML file: the one reader and the one writer of TOML; what is too much is refused before it is parsed.
 
 `tomllib` takes time and memory that grow with the square of the parts of a dotted key, ends with a
 `RecursionError` where values are nested deeply, and gives integers so long that Python refuses to print them.
@@ -11,6 +11,7 @@ import os
 import re
 import stat
 import tomllib
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -58,6 +59,27 @@ def parse_toml(text: str) -> dict[str, Any]:
         return tomllib.loads(text)
     except (ValueError, RecursionError) as error:
         raise TomlError(f"is not TOML: {error}") from error
+
+
+def toml_text(values: Mapping[str, Any]) -> str:
+    """Return values as TOML text; `parse_toml` gives them back.
+
+    Parameters
+    ----------
+    values
+        Texts, numbers, truth values, and lists and tables of them.
+    """
+    import tomlkit  # noqa: PLC0415 - takes 0.1 s, and only writing needs it
+
+    def written(value: Any) -> Any:
+        if isinstance(value, str):
+            # A carriage return within a text of several lines would be read as the end of a line.
+            return tomlkit.string(value, multiline="\n" in value and "\r" not in value)
+        if isinstance(value, Mapping):
+            return {key: written(item) for key, item in value.items()}
+        return [written(item) for item in value] if isinstance(value, list | tuple) else value
+
+    return tomlkit.dumps(written(values))
 
 
 def read_toml(path: Path) -> dict[str, Any]:

@@ -10,13 +10,13 @@ from typing import Any
 import numpy as np
 import param
 import pytest
-import tomli_w
 from hypothesis import given
 from hypothesis import strategies as st
 
 from lab.experiment import Experiment
 from lab.setting_kinds import AxisQuantity, Intervals, MatrixOrNone, Quantity, QuantityOrNone, describe
 from lab.settings import SettingError, Settings, group
+from lab.toml_file import toml_text
 
 
 class Engine(Settings):
@@ -313,7 +313,7 @@ def test_any_experiment_comes_back_from_toml_as_it_was(data: st.DataObject) -> N
     leaves = list(experiment.leaves())
     for path, owner, name in data.draw(st.lists(st.sampled_from(leaves), max_size=8)):
         experiment.set(path, data.draw(VALUES[type(owner.param[name])](owner.param[name])))
-    text = tomli_w.dumps(experiment.to_dict())
+    text = toml_text(experiment.to_dict())
     again = Experiment().update(tomllib.loads(text))
     assert again.to_dict() == experiment.to_dict()
     assert [getattr(owner, name) for _, owner, name in again.leaves()] == [

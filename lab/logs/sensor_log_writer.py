@@ -22,6 +22,7 @@ from lab.logs.sensor_log import GnssLog, SensorLog
 from lab.logs.sensor_log_csv import read_sensor_log
 from lab.logs.vehicle import vehicle_of
 from lab.recordings.mission_error import MissionError
+from lab.toml_file import toml_text
 
 FloatArray = NDArray[np.float64]
 
@@ -85,8 +86,6 @@ def write_sensor_log(
 
 
 def _write_files(folder: Path, log: SensorLog, title: str, description: str, tags: Sequence[str]) -> None:
-    import tomli_w  # noqa: PLC0415 - rarely needed
-
     beside, epoch = log.beside, log.epoch
     _write_csv(folder / "imu.csv", _IMU, _imu_rows(log), epoch)
     fixes = np.column_stack((_gnss_rows(log.gnss), _heading_rows(log.gnss, beside.headings)))
@@ -113,7 +112,7 @@ def _write_files(folder: Path, log: SensorLog, title: str, description: str, tag
         values["declination_deg"] = float(np.degrees(beside.magnetometer.declination))
     if others:
         values["comparisons"] = others
-    (folder / DESCRIPTION_FILE).write_bytes(tomli_w.dumps(values, multiline_strings=True).encode())
+    (folder / DESCRIPTION_FILE).write_bytes(toml_text(values).encode())
 
 
 def _imu_rows(log: SensorLog) -> FloatArray:

@@ -32,7 +32,7 @@ from lab.recordings.folder_lock import folder_lock
 from lab.recordings.mission_error import MissionError
 from lab.recordings.recording import Recording
 from lab.recordings.temporary_files import sweep, temporary_folder, unfinished
-from lab.toml_file import MAX_BYTES, TomlError, parse_toml
+from lab.toml_file import MAX_BYTES, TomlError, parse_toml, toml_text
 
 _LOG_FILES = ("imu.csv", "gnss.csv", "ref.csv", "mag.csv")
 
@@ -326,9 +326,7 @@ def _numbered(wanted: Path) -> Iterator[Path]:
 
 
 def _write_toml(toml: Path, values: Mapping[str, Any]) -> None:
-    import tomli_w  # noqa: PLC0415 - rarely needed
-
-    content = encoded(tomli_w.dumps(values, multiline_strings=True), toml)
+    content = encoded(toml_text(values), toml)
     with atomic_file(toml) as file:
         file.write(content)
 

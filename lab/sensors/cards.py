@@ -24,7 +24,7 @@ from lab.sensors.datum import OF_THE_VEHICLE, Datum, check_keys, read_sources, r
 from lab.sensors.suite import TRIADS, SensorSuite
 from lab.sensors.typical import typical
 from lab.settings import SettingError, Settings
-from lab.toml_file import TomlError, read_toml
+from lab.toml_file import TomlError, read_toml, toml_text
 
 CATALOGUE = Path(__file__).with_name("cards.toml")
 """The cards that ship with the lab."""
@@ -174,9 +174,7 @@ class Card:
 
     def to_toml(self) -> str:
         """Return the card as the text of a TOML file."""
-        import tomli_w  # noqa: PLC0415 - only writing needs it
-
-        return tomli_w.dumps(self.to_dict())
+        return toml_text(self.to_dict())
 
 
 def cards() -> dict[str, Card]:

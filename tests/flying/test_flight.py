@@ -15,7 +15,6 @@ import tomllib
 import numpy as np
 import pymap3d
 import pytest
-import tomli_w
 from scipy.interpolate import CubicSpline
 
 from lab.flying.simulated_aircraft import Instruments, SimulatedAircraft
@@ -31,6 +30,7 @@ from lab.missions import (
     write_flight_csv,
 )
 from lab.recordings.folder_lock import LOCK_FILE
+from lab.toml_file import toml_text
 
 pytest.importorskip("jsbsim", reason="flying needs the extra 'fly'")
 
@@ -311,7 +311,7 @@ def test_an_aircraft_without_fuel_says_so(monkeypatch):
 def test_a_flight_that_ends_early_is_written_and_says_so_until_flown_to_its_end(tmp_path):
     plan = tmp_path / "plan.toml"
     values = {**SHORT, "duration_s": 20.0, "manoeuvres": SHORT["manoeuvres"][:1]}
-    text = "# mine\n" + tomli_w.dumps({"title": "Plan", "recording": "plan.csv.gz", "flight": values})
+    text = "# mine\n" + toml_text({"title": "Plan", "recording": "plan.csv.gz", "flight": values})
     plan.write_bytes(text.encode())
     asked = itertools.count()
     flown = fly_mission(plan, cancelled=lambda: next(asked) >= 100)
@@ -337,7 +337,7 @@ def test_without_jsbsim_the_extra_is_named(monkeypatch):
 def test_existing_files_are_replaced_only_when_allowed(tmp_path):
     plan = tmp_path / "plan.toml"
     values = {**SHORT, "duration_s": 20.0, "manoeuvres": SHORT["manoeuvres"][:1]}
-    plan.write_bytes(tomli_w.dumps({"title": "Plan", "recording": "plan.csv.gz", "flight": values}).encode())
+    plan.write_bytes(toml_text({"title": "Plan", "recording": "plan.csv.gz", "flight": values}).encode())
     flown = fly_mission(plan)
     assert flown.recording_path == tmp_path / "plan.csv.gz"
     first = flown.recording_path.read_bytes()

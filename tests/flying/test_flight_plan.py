@@ -8,7 +8,6 @@ import math
 import tomllib
 
 import pytest
-import tomli_w
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -18,6 +17,7 @@ from lab.flying.manoeuvres import MANOEUVRES, Climb, Descend, Hold, TakeOff, Tur
 from lab.flying.plan_table import entries
 from lab.flying.weather import Air, Gust
 from lab.missions import FlightPlan, MissionError
+from lab.toml_file import toml_text
 
 PLAN = {
     "duration_s": 60,
@@ -134,7 +134,7 @@ IN_THE_AIR = {
 def test_a_plan_as_plain_data_gives_the_plan_again(values):
     plan = FlightPlan.from_dict(values)
     assert FlightPlan.from_dict(plan.to_dict()) == plan
-    assert FlightPlan.from_dict(tomllib.loads(tomli_w.dumps(plan.to_dict()))) == plan
+    assert FlightPlan.from_dict(tomllib.loads(toml_text(plan.to_dict()))) == plan
 
 
 def without(values: dict, *keys: str) -> dict:

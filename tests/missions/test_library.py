@@ -85,7 +85,7 @@ def test_a_mission_is_added_as_given(own):
     assert found.plan == mission("montreal").plan
     np.testing.assert_allclose(found.recording.latitude, flight.latitude, atol=1e-13)
     assert files(own) == ["round trip.csv.gz", "round trip.toml"]
-    assert "\nRound\n" in (own / "round trip.toml").read_text(encoding="utf-8")  # a line is a line
+    assert '"""Round\n' in (own / "round trip.toml").read_text(encoding="utf-8")  # a line is a line
     assert own_names() == {"round trip"}
 
 

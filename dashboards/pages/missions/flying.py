@@ -20,6 +20,7 @@ from dashboards.pages.missions.naming import Naming
 from dashboards.pages.missions.plan_editor import PlanEditor
 from dashboards.session import Session
 from lab.missions import FlightPlan, Mission, MissionError, add_mission, fly, missions
+from lab.toml_file import toml_text
 
 MISSING = "Flying needs JSBSim, which is not installed on this server: pip install 'ins-lab[fly]'"
 _SMALL: dict[str, Any] = {"size": "small", "variant": "outlined"}
@@ -98,9 +99,7 @@ class Flying:
         self._fly.disabled = bool(problem)
 
     def _toml(self) -> io.BytesIO:
-        import tomli_w  # noqa: PLC0415 - rarely needed
-
-        return io.BytesIO(tomli_w.dumps({"flight": self._editor.read()}).encode())
+        return io.BytesIO(toml_text({"flight": self._editor.read()}).encode())
 
     def _start(self) -> None:
         if self._job.busy:
