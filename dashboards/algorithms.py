@@ -3,13 +3,25 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Sequence
 
 from lab.algorithm_file import load_algorithm
 from lab.navigation.algorithm import Algorithm, AlgorithmError, Estimate
 from lab.navigation.solution import Fixes, Imu, Start
 
 VARIABLE = "INS_LAB_ALGORITHMS"
-"""Environment variable that names them, as ``FILE.py:Name``, with commas between; no visitor can set it."""
+"""Environment variable that names them for ``panel serve``: ``FILE.py:Name`` with commas between.
+
+No visitor can set it.
+"""
+
+_given: list[str] = []
+"""Algorithms of the server of this process, which stand in place of those of the environment."""
+
+
+def use_algorithms(places: Sequence[str]) -> None:
+    """Have all sessions of this process compare these algorithms, as ``FILE.py:Name``."""
+    _given[:] = places
 
 
 class Unusable:
@@ -30,9 +42,10 @@ class Unusable:
 
 
 def served_algorithms() -> dict[str, Algorithm]:
-    """Return the algorithms of the environment by name, loaded anew: sessions share no object of them."""
+    """Return the server's algorithms by name, loaded anew: sessions share no object of them."""
     found: dict[str, Algorithm] = {}
-    for place in filter(None, (part.strip() for part in os.environ.get(VARIABLE, "").split(","))):
+    places = _given or [part.strip() for part in os.environ.get(VARIABLE, "").split(",")]
+    for place in filter(None, places):
         name = place.rpartition(":")[2]
         try:
             algorithm = load_algorithm(place)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import contextlib
-import os
 import secrets
 import signal
 import warnings
@@ -52,7 +51,7 @@ def serve(
     import panel as pn  # noqa: PLC0415
 
     import dashboards.page  # noqa: F401, PLC0415
-    from dashboards.algorithms import VARIABLE  # noqa: PLC0415
+    from dashboards.algorithms import use_algorithms  # noqa: PLC0415
     from dashboards.headers import SecurityHeaders  # noqa: PLC0415
     from dashboards.log_limit import limit_log  # noqa: PLC0415
     from dashboards.messages import MAX_MESSAGE  # noqa: PLC0415
@@ -63,8 +62,7 @@ def serve(
     from lab.missions import missions  # noqa: PLC0415
     from lab.missions.library import sweep_own_folder  # noqa: PLC0415
 
-    if algorithms:
-        os.environ[VARIABLE] = ",".join(algorithms)
+    use_algorithms(algorithms)
     sweep_own_folder()
     with warnings.catch_warnings(action="ignore"):
         missions()  # what is read here, no page reads again

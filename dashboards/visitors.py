@@ -5,10 +5,13 @@ from __future__ import annotations
 import os
 
 VARIABLE = "INS_LAB_VISITORS"
-"""Environment variable that decides it; no visitor can set it."""
+"""Environment variable that decides it for ``panel serve``; no visitor can set it."""
 
 CHOICES = ("run", "edit")
 """Run: all missions and settings. Edit: also add, change, delete, fly and record missions."""
+
+_decided: dict[str, str] = {}
+"""What the server of this process decided, which overrules the environment."""
 
 
 def allow(choice: str) -> None:
@@ -21,7 +24,7 @@ def allow(choice: str) -> None:
     """
     if choice not in CHOICES:
         raise ValueError(f"visitors = {choice!r}; accepted is one of {', '.join(CHOICES)}")
-    os.environ[VARIABLE] = choice
+    _decided[VARIABLE] = choice
 
 
 def may_edit() -> bool:
@@ -29,4 +32,4 @@ def may_edit() -> bool:
 
     Where nothing was decided they may not: ``panel serve`` listens on all addresses.
     """
-    return os.environ.get(VARIABLE) == "edit"
+    return _decided.get(VARIABLE, os.environ.get(VARIABLE)) == "edit"

@@ -31,6 +31,12 @@ def own_missions(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
         yield folder
 
 
+@pytest.fixture(autouse=True)
+def undecided(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Have each test begin in a process where no server has decided what visitors may do."""
+    monkeypatch.setattr("dashboards.visitors._decided", {})
+
+
 @pytest.fixture(scope="session")
 def recordings() -> Path:
     """Return the folder of real sensor recordings, which are too large to ship."""

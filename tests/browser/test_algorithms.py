@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from dashboards.algorithms import VARIABLE, served_algorithms
+from dashboards.algorithms import VARIABLE, served_algorithms, use_algorithms
 from dashboards.pages.consistency import coverage_html, verdict_html, whiteness_html
 from dashboards.pages.models import models_html
 from lab import Experiment, compare
@@ -48,6 +48,17 @@ def test_sessions_share_no_algorithm() -> None:
     first, second = served_algorithms(), served_algorithms()
     assert list(first) == ["Still", "Broken", "Nobody"]
     assert all(first[name] is not second[name] for name in first)
+
+
+@pytest.mark.usefixtures("places")
+def test_those_of_the_server_stand_in_place_of_those_of_the_environment(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("dashboards.algorithms._given", [])
+    use_algorithms([f"{tmp_path / 'mine.py'}:Broken"])
+    assert list(served_algorithms()) == ["Broken"]
+    use_algorithms([])
+    assert list(served_algorithms()) == ["Still", "Broken", "Nobody"]
 
 
 @pytest.mark.usefixtures("places")

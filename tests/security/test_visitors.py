@@ -29,9 +29,8 @@ from tests.security.conftest import Served
 
 
 @pytest.fixture
-def missions_page(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> Iterator[Missions]:
+def missions_page(request: pytest.FixtureRequest) -> Iterator[Missions]:
     """Return the page of missions, for visitors who may do what the test says."""
-    monkeypatch.setenv(VARIABLE, "run")
     allow(request.param)
     document = Document()
     with set_curdoc(document):
@@ -82,6 +81,13 @@ def test_where_nothing_was_decided_visitors_run(monkeypatch: pytest.MonkeyPatch)
         assert not may_edit()
         with pytest.raises(ValueError, match="accepted is one of run, edit"):
             allow(wrong)
+
+
+@pytest.mark.parametrize("choice", ["run", "edit"])
+def test_the_server_overrules_the_environment(monkeypatch: pytest.MonkeyPatch, choice: str) -> None:
+    monkeypatch.setenv(VARIABLE, "edit" if choice == "run" else "run")
+    allow(choice)
+    assert may_edit() == (choice == "edit")
 
 
 @pytest.mark.parametrize(
