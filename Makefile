@@ -51,9 +51,9 @@ $(VENV)/.lab: pyproject.toml | $(BIN)/pip
 	$(PIP_INSTALL) --editable '.[fit,fly,mavlink]'
 	@touch $@
 
-# The test extra contains all that the laboratory needs.
+# The test extra contains all that the laboratory needs. Python compiles what a test imports, and no other module.
 $(VENV)/.test: pyproject.toml | $(BIN)/pip
-	$(PIP_INSTALL) --editable '.[test]'
+	$(PIP_INSTALL) --no-compile --editable '.[test]'
 	@touch $@ $(VENV)/.lab
 
 $(VENV)/.fuzz: pyproject.toml | $(BIN)/pip
