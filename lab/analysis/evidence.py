@@ -11,7 +11,6 @@ P. D. Groves, *Principles of GNSS, Inertial and Multisensor Integrated Navigatio
 
 from __future__ import annotations
 
-from collections.abc import Iterable
 from dataclasses import dataclass, field, replace
 from typing import Self
 
@@ -99,8 +98,6 @@ class Evidence(Sum):
         Error at the start against P0, for all states (first) and each of `BLOCKS`.
     nees : Squares or None
         NEES, in total, and its degrees of freedom, discounted for its correlation in time.
-    biases : Squares or None
-        NEES of the gyro biases and of the accelerometer biases (2,), and degrees of freedom, as `nees`.
     between : Squares or None
         NEES of the position on the time grid, once a second, and just before the fixes, where outages show;
         discounted as `nees`.
@@ -114,7 +111,6 @@ class Evidence(Sum):
     sensors: SensorErrors | None = None
     start: Squares | None = None
     nees: Squares | None = None
-    biases: Squares | None = None
     between: Squares | None = None
 
     def without_truth(self) -> Self:
@@ -179,7 +175,6 @@ def evidence(
         start=_start(solution, belief, reference),
         between=between_squares(shown, samples, reference),
         nees=nees_squares(shown, used, reference),
-        biases=_joined(nees_squares(shown, used, reference, block) for block in (GYRO_BIAS, ACCEL_BIAS)),
     )
 
 
@@ -222,14 +217,6 @@ def nees_squares(
     nees = consistency.normalised_squares(x[:, block], P)
     epochs = max(1.0, float(np.ptp(reference.truth.time)) / SETTLING)
     return Squares(np.array(epochs * nees.mean()), np.array(epochs * consistency.uncertain(P).size))
-
-
-def _joined(parts: Iterable[Squares]) -> Squares:
-    """Return squares one beside the other."""
-    listed = list(parts)
-    return Squares(
-        np.array([float(part.total) for part in listed]), np.array([float(part.number) for part in listed])
-    )
 
 
 def between_squares(solution: Solution, samples: NDArray[np.intp], reference: Reference) -> Squares:

@@ -4,10 +4,12 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from lab.analysis.algorithm_verdict import algorithm_evidence
 from lab.analysis.evidence import Evidence, evidence
 from lab.analysis.sensor_evidence import Reference
-from lab.navigation.belief import assumed_latency
+from lab.navigation.belief import assumed_latency, bias_processes
 from lab.navigation.solution import Fixes, Imu
 
 if TYPE_CHECKING:
@@ -53,7 +55,8 @@ def reference_of(result: Result) -> Reference:
     """Return the truth of a simulated run."""
     truth, ideal = result.known_truth("evidence"), result.ideal
     assert ideal is not None
-    sensors = result.experiment.sensors
+    experiment, aligned = result.experiment, result.aligned
+    constants = np.diag(aligned.P) if aligned is not None and experiment.navigator.alignment else None
     return Reference(
         truth,
         result.true_bias,
@@ -62,7 +65,7 @@ def reference_of(result: Result) -> Reference:
         result.true_scale if result.solution_arrays.scale.size else None,
         result.temperature["true"].values if result.has_temperature else None,
         (result.gyro.saturated, result.accelerometer.saturated),
-        (any(sensors.gyro.flicker), any(sensors.accelerometer.flicker)),
+        bias_processes(experiment.sensors, constants)[0],
     )
 
 

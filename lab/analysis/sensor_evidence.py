@@ -40,6 +40,10 @@ UNSEEN = 0.01
 """Part of the drive that noise would just hide; it takes the place of a drive of zero."""
 
 
+SLOW = 1e-6
+"""Part of its correlation time below which a flight cannot tell a first-order process from a random walk."""
+
+
 class Reference(NamedTuple):
     """The truth of a simulated run.
 
@@ -57,8 +61,9 @@ class Reference(NamedTuple):
         That of the IMU in each interval [°C]; None where it does not change.
     saturated : (2,) tuple
         How many values of gyros and of accelerometers met the end of their range.
-    flicker : (2,) tuple
-        Whether the biases of gyros and of accelerometers have 1/f noise, for which the filter has no state.
+    bias_drive : (6,) array
+        Drive of the gyro and accelerometer biases [rad²/s³], [(m/s²)²/s] that a filter matched to the sensors
+        has; None where it is not known.
     """
 
     truth: Truth
@@ -68,7 +73,7 @@ class Reference(NamedTuple):
     scale: FloatArray | None = None
     temperature: FloatArray | None = None
     saturated: tuple[int, int] = (0, 0)
-    flicker: tuple[bool, bool] = (False, False)
+    bias_drive: FloatArray | None = None
 
 
 @dataclass(frozen=True)
@@ -85,13 +90,13 @@ class SensorErrors(Sum):
         Of the windows in which the range was exceeded (2,), which the others leave out.
     drift_matrix : Kept
         Normal equations of bias and noise, made white under each drive, on `DRIFT`: (runs, 6, drives, 4, 4);
-        the first drive is that of the filter, the others `FACTORS` times it.
+        the first drive is that of the filter, the second that of a filter matched to the sensor, zero where
+        it is not known, the others `FACTORS` times the filter's.
     drift_vector, drift_squares, log_determinant : Kept
         See there; (runs, 6, drives, 4) and twice (runs, 6, drives).
     drive : Kept
-        Drive of the filter over the one that was multiplied (runs, 6); zero where the filter has none.
-    flicker : Kept
-        Whether gyros and accelerometers have flicker (runs, 2).
+        Drives of the filter and of the matched one over the one that was multiplied (runs, 6, 2); zero where
+        there is none.
     """
 
     matrix: Kept
@@ -104,7 +109,6 @@ class SensorErrors(Sum):
     drift_squares: Kept
     log_determinant: Kept
     drive: Kept
-    flicker: Kept
 
 
 class _Axis(NamedTuple):
@@ -130,10 +134,11 @@ def sensor_errors(belief: Belief, imu: Imu, reference: Reference) -> SensorError
     reference
         What they should have.
     """
-    runs, drives = 1, FACTORS.size + 1
+    runs, drives = 1, FACTORS.size + 2
     terms = len(MOTION)
     matrix, vector = np.zeros((runs, 6, terms, terms)), np.zeros((runs, 6, terms))
-    squares, number, drive = np.zeros((runs, 6)), np.zeros((runs, 6)), np.zeros((runs, 6))
+    squares, number, drive = np.zeros((runs, 6)), np.zeros((runs, 6)), np.zeros((runs, 6, 2))
+    matched = np.zeros(6) if reference.bias_drive is None else reference.bias_drive
     clipped = Squares(np.zeros(2), np.zeros(2))
     drift_matrix, drift_vector = np.zeros((runs, 6, drives, 4, 4)), np.zeros((runs, 6, drives, 4))
     drift_squares, determinant = np.zeros((runs, 6, drives)), np.zeros((runs, 6, drives))
@@ -152,7 +157,7 @@ def sensor_errors(belief: Belief, imu: Imu, reference: Reference) -> SensorError
         squares[0, axis], number[0, axis] = noise @ noise, noise.size
         spread = np.linalg.lstsq(motion, noise, rcond=None)[0]
         rest = max(float(np.mean((noise - motion @ spread) ** 2)), 1e-12) if noise.size else 1.0
-        found = _drift(wide, belief, int(axis), rest, spread)
+        found = _drift(wide, belief, int(axis), float(matched[axis]), rest, spread)
         drive[0, axis] = found[0]
         drift_matrix[0, axis], drift_vector[0, axis], drift_squares[0, axis], determinant[0, axis] = found[1:]
     return SensorErrors(
@@ -166,7 +171,6 @@ def sensor_errors(belief: Belief, imu: Imu, reference: Reference) -> SensorError
         Kept(drift_squares),
         Kept(determinant),
         Kept(drive),
-        Kept(np.array([reference.flicker])),
     )
 
 
@@ -250,11 +254,12 @@ def _fitted(effect: FloatArray, added: FloatArray) -> float:
 
 
 def _drift(
-    seen: _Axis, belief: Belief, axis: int, rest: float, spread: FloatArray
-) -> tuple[float, FloatArray, FloatArray, FloatArray, FloatArray]:
-    """Return the drive of the filter, and normal equations of a bias under the drives tried.
+    seen: _Axis, belief: Belief, axis: int, matched: float, rest: float, spread: FloatArray
+) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray, FloatArray]:
+    """Return the first two drives, and normal equations of a bias under all drives tried.
 
-    `rest` is the variance of the noise in that assumed, `spread` what goes with the motion (5,).
+    `matched` is the drive of a filter that is matched to the sensor, `rest` the variance of the noise in that
+    assumed, `spread` what goes with the motion (5,).
     """
     duration = seen.window * seen.noise.size
     density = belief.noise[axis] * rest
@@ -265,10 +270,11 @@ def _drift(
     values = np.where(seen.clipped, 0.0, seen.noise - seen.motion @ spread) + seen.bias
     values, causes = basis.T @ values, basis.T @ seen.drift
     white = density / seen.window
-    variance = white + np.append(drive, base * FACTORS)[:, None] * power
+    own = np.array((drive, matched))
+    variance = white + np.append(own, base * FACTORS)[:, None] * power
     weight = 1 / variance
     return (
-        drive / base,
+        own / base,
         np.einsum("dw,wi,wj->dij", weight, causes, causes),
         np.einsum("dw,wi,w->di", weight, causes, values),
         np.asarray(weight @ values**2),
@@ -278,16 +284,26 @@ def _drift(
 
 @lru_cache(maxsize=32)
 def spectrum(count: int, window: float, decay: float) -> tuple[FloatArray, FloatArray]:
-    """Return eigenvalues (m,) and eigenvectors (m, m) of a process of unit drive that starts at zero.
+    """Return eigenvalues (m,) and eigenvectors (m, m) of what a process of unit drive grows from its start.
 
-    Of first order: the covariance of its values at t and t' is (exp(−λ|t − t'|) − exp(−λ(t + t'))) / 2λ, of a
-    random walk the lesser of t and t'.
+    It is stationary and of first order, and averaged over windows. The covariance of its growth up to t and
+    up to t' is (exp(−λ|t − t'|) + 1 − exp(−λt) − exp(−λt')) / 2λ; for a random walk it is the lesser of both.
+
+    Parameters
+    ----------
+    count, window
+        Number and length [s] of the windows.
+    decay
+        Decay rate λ of the process [1/s].
     """
-    t = (np.arange(count) + 0.5) * window
-    if decay * t[-1] < 1e-6:
-        covariance = np.minimum(t[:, None], t)
+    t, turns = (np.arange(count) + 0.5) * window, decay * window
+    if decay * t[-1] < SLOW:
+        covariance = np.minimum(t[:, None], t) - window / 6 * np.eye(count)
     else:
-        apart, together = np.abs(t[:, None] - t), t[:, None] + t
-        covariance = (np.exp(-decay * apart) - np.exp(-decay * together)) / (2 * decay)
+        mean = np.sinh(turns / 2) / (turns / 2)
+        at_start = mean * np.exp(-decay * t)
+        apart = mean**2 * np.exp(-decay * np.abs(t[:, None] - t))
+        np.fill_diagonal(apart, 2 * (turns + np.expm1(-turns)) / turns**2)
+        covariance = (apart + 1 - at_start[:, None] - at_start) / (2 * decay)
     power, basis = np.linalg.eigh(covariance)
     return np.maximum(power, 0), basis

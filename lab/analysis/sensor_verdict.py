@@ -59,17 +59,8 @@ _ADVICE = {
 }
 
 
-def judge_sensors(errors: SensorErrors, biases: Squares | None = None) -> list[Weighed]:
-    """Return what is wrong with what the filter assumes of the inertial sensors.
-
-    Parameters
-    ----------
-    errors
-        What they added.
-    biases : Squares or None
-        NEES of the gyro biases and of the accelerometer biases, as of `Evidence`. Where one state stands for
-        flicker only they can say that its drive is too large: what the sensor adds looks like less.
-    """
+def judge_sensors(errors: SensorErrors) -> list[Weighed]:
+    """Return what is wrong with what the filter assumes of the inertial sensors, by what they added."""
     found: list[Weighed] = []
     noise: list[tuple[float, float]] = []
     wanders: list[Weighed] = []
@@ -78,9 +69,7 @@ def judge_sensors(errors: SensorErrors, biases: Squares | None = None) -> list[W
         motion, rest = _motion(errors, sensor, kind)
         found += _clipped(errors, sensor, kind) + motion
         noise.append(rest)
-        exact = not errors.flicker.values[:, sensor].any()
-        may_be_large = exact or (biases is not None and _doubted(biases, sensor))
-        wanders += _bias(errors, axes, kind, may_be_large=may_be_large)
+        wanders += _bias(errors, axes, kind)
     white = _noise(Squares(*(np.array(parts) for parts in zip(*noise, strict=True))))
     # Who scales Q scales noise and drive alike: that is one fault.
     accused = {entry.finding.quantity: entry.finding.direction for entry in white}
@@ -171,14 +160,13 @@ def _clipped(errors: SensorErrors, sensor: int, kind: str) -> list[Weighed]:
     return [Weighed(size_weight(total, count), finding)]
 
 
-def _doubted(biases: Squares, sensor: int) -> bool:
-    """Say whether the errors of the biases are smaller than σ says, beyond doubt."""
-    total, number = float(biases.total[sensor]), float(biases.number[sensor])
-    return number > 0 and total < number and not is_right(total, number)
+def _bias(errors: SensorErrors, axes: slice, kind: str) -> list[Weighed]:
+    """Judge how the biases wander: by the drive, or with time, temperature or specific force.
 
-
-def _bias(errors: SensorErrors, axes: slice, kind: str, *, may_be_large: bool) -> list[Weighed]:
-    """Judge how the biases wander: by the drive, or with time, temperature or specific force."""
+    One state stands for turn-on bias, instability and flicker together. What the sensor adds may then be
+    likelier with a smaller drive than the one that keeps the estimates consistent. So a drive is compared
+    with a smaller one only down to that of a filter that is matched to the sensor.
+    """
     number = errors.number.values[:, axes]
     used = number > 0
     if not used.any():
@@ -187,15 +175,18 @@ def _bias(errors: SensorErrors, axes: slice, kind: str, *, may_be_large: bool) -
     vector = errors.drift_vector.values[:, axes][used]
     squares = errors.drift_squares.values[:, axes][used]
     determinant = errors.log_determinant.values[:, axes][used]
-    drive = float(np.mean(errors.drive.values[:, axes][used]))
+    drive, matched = errors.drive.values[:, axes][used].mean(axis=0).tolist()
 
     def likelihood(at: int, columns: tuple[int, ...]) -> float:
         fit = Fit(matrix[:, at], vector[:, at], np.zeros(()))
         return gain_of(fit, columns) - 0.5 * float(squares[:, at].sum() + determinant[:, at].sum())
 
     assumed = likelihood(0, (0,))
-    drives = np.array([likelihood(at + 1, (0,)) for at in range(FACTORS.size)])
+    drives = np.array([likelihood(at + 2, (0,)) for at in range(FACTORS.size)])
     best = int(np.argmax(drives))
+    gain, likeliest = float(drives[best]) - assumed, float(FACTORS[best])
+    if likeliest < min(drive, matched):
+        gain, likeliest = (likelihood(1, (0,)) - assumed, matched) if matched < drive else (0.0, drive)
     candidates = {"bias drift": (0, 1), "temperature": (0, 2), "g-sensitivity": (0, 3)}
     price = PRICE * matrix.shape[0]
     gains = {
@@ -204,13 +195,12 @@ def _bias(errors: SensorErrors, axes: slice, kind: str, *, may_be_large: bool) -
         if matrix[:, 0, columns[1], columns[1]].any()
     }
     top = max(gains, key=lambda name: gains[name])
-    gain = float(drives[best]) - assumed
-    factor = FACTORS[best] / drive if drive else np.inf
+    factor = likeliest / drive if drive else np.inf
     if gains[top] > max(gain - RATIO, RATIO) and gains[top] > RATIO:
         column = candidates[top][1]
         estimate = estimates(Fit(matrix[:, 0], vector[:, 0], np.zeros(())), (0, column))[:, 1:]
         return [_stated(Explained(top, gains[top], estimate, estimate * 0), kind, axes.start // 3)]
-    if gain < RATIO or 1 / WANDERS < factor < WANDERS or (factor < 1 and not may_be_large):
+    if gain < RATIO or 1 / WANDERS < factor < WANDERS:
         return []
     wrong = "small" if factor > 1 else "large"
     times = factor if factor > 1 else 1 / max(factor, 1e-4)

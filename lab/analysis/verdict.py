@@ -90,7 +90,7 @@ def _by_truth(evidence: Evidence) -> list[Weighed]:
     sizes = np.sqrt(evidence.innovations.squares.mean.reshape(2, 3).mean(axis=1))
     found = judge_fixes(evidence.fixes, sizes, evidence.told.values.mean(axis=0))
     if evidence.sensors is not None:
-        found += judge_sensors(evidence.sensors, evidence.biases)
+        found += judge_sensors(evidence.sensors)
     if evidence.start is not None:
         # What the specific force does to the gyros looks like a bias at the start that nobody expected.
         felt = any(entry.finding.quantity == "gyro g-sensitivity" for entry in found)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from scipy.linalg import solve_continuous_are
 
 from lab import Experiment
 from lab.navigation.belief import belief, bias_process, flicker_process
@@ -28,6 +29,24 @@ def test_a_random_walk_adds_to_the_drive_of_a_gauss_markov_process_and_leaves_it
     assert np.allclose(plain[1], 1 / 100, rtol=1e-12)
     assert np.array_equal(walking[1], plain[1])
     assert np.allclose((walking[0] - plain[0]) * 3600, (5 * DEGREE / 3600) ** 2, rtol=1e-12)
+
+
+def test_an_instability_that_the_noise_hides_leaves_a_bias_known_to_its_variance():
+    """By the Riccati equation of a rate whose integral is seen, here through SciPy."""
+    noise, instability = 0.05, 30 / 3600
+    drive, _ = bias_process(GyroErrors(noise_density=noise, instability=30, correlation_time=1))
+    settled = solve_continuous_are(
+        np.zeros((1, 1)), np.ones((1, 1)), drive[:1, None] / DEGREE**2, np.array([[noise**2]])
+    )
+    # The turn-on bias of 0.1 °/s adds the factor √(1 + σ²/C).
+    assert settled[0, 0] == pytest.approx(np.sqrt(2 * (1 + (instability / 0.1) ** 2)) * instability**2)
+
+
+@pytest.mark.parametrize("sigma", [0, 1e-6])
+def test_without_a_constant_the_process_is_the_instability_itself(sigma):
+    drive, decay = bias_process(GyroErrors(bias_sigma=sigma, instability=30, correlation_time=1))
+    assert np.allclose(drive, 2 * (30 * DEGREE / 3600) ** 2, rtol=1e-6)
+    assert np.allclose(decay, 1, rtol=1e-6)
 
 
 def test_flicker_alone_is_the_process_that_stands_for_it():
@@ -62,6 +81,7 @@ DRIFTS = {
     "flicker of a good gyro": {"gyro.flicker": 5, "gyro.noise_density": 0.005, "gyro.bias_sigma": 0.002},
     "strong flicker": {"gyro.flicker": 200, "gyro.bias_sigma": 0.06},
     "random walk": {"gyro.rate_random_walk": 300, "accelerometer.rate_random_walk": 20},
+    "fast instability": {"gyro.instability": 100, "gyro.correlation_time": 0.5},
     "vibration": {"accelerometer.vibration_density": 3000},
     "all": {
         "gyro.rate_random_walk": 100,

@@ -1,0 +1,109 @@
+"""Bias verdict: one state for turn-on bias and instability is not called wrong, and a wrong drive is."""
+
+from __future__ import annotations
+
+import operator
+from functools import reduce
+
+import numpy as np
+import pytest
+
+from lab.analysis.finding import Finding
+from lab.analysis.run_evidence import reference_of
+from lab.analysis.sensor_evidence import sensor_errors, spectrum
+from lab.analysis.sensor_verdict import judge_sensors
+from lab.ensemble import run_ensemble
+from lab.experiment import Experiment
+from lab.navigation.solution import Imu
+from lab.result import Result
+
+MATCHED = [
+    ("gyro", 30.0, 0.5),
+    ("gyro", 30.0, 50.0),
+    ("accelerometer", 0.05, 0.5),
+    ("accelerometer", 5.0, 5.0),
+]
+"""Sensor, instability [°/h] or [mg], and correlation time [s]: far below the turn-on bias, and above it."""
+
+
+def unstable(sensor: str, instability: float, correlation_time: float, seed: int = 1) -> Experiment:
+    """Return an experiment whose filter is matched to an instability beside the turn-on bias."""
+    experiment = Experiment(mission="los_angeles", seed=seed)
+    experiment.set(f"sensors.{sensor}.instability", instability)
+    experiment.set(f"sensors.{sensor}.correlation_time", correlation_time)
+    return experiment
+
+
+@pytest.mark.parametrize(("sensor", "instability", "correlation_time"), MATCHED)
+def test_a_filter_matched_to_an_instability_is_not_accused(
+    sensor: str, instability: float, correlation_time: float
+) -> None:
+    """Neither by one run nor by ten together."""
+    ensemble = run_ensemble(unstable(sensor, instability, correlation_time), 10)
+    print(f"\n{sensor}, {instability}, {correlation_time} s: {ensemble.verdict}")
+    assert ensemble.verdict.consistent
+    assert all(verdict.consistent for verdict in ensemble.verdicts)
+
+
+@pytest.fixture(scope="module", params=[("gyro", 30.0, 5.0), ("accelerometer", 0.5, 0.5)], ids=lambda p: p[0])
+def ten(request: pytest.FixtureRequest) -> tuple[str, list[Result]]:
+    """Return a sensor and ten runs with a filter that is matched to its instability."""
+    sensor = request.param[0]
+    return sensor, [unstable(*request.param, seed=seed).run() for seed in range(1, 11)]
+
+
+def judged(sensor: str, runs: list[Result], factor: float) -> list[Finding]:
+    """Return what is said of filters whose bias drive is a number of times the matched one."""
+    rows = slice(6, 9) if sensor == "gyro" else slice(9, 12)
+    parts = []
+    for run in runs:
+        noise = run.belief.noise.copy()
+        noise[rows] *= factor
+        imu = Imu(run.time, run.gyro.increments, run.accelerometer.increments)
+        parts.append(sensor_errors(run.belief._replace(noise=noise), imu, reference_of(run)))
+    return [entry.finding for entry in judge_sensors(reduce(operator.add, parts))]
+
+
+@pytest.mark.parametrize("factor", [10.0, 100.0])
+def test_a_larger_drive_is_too_large_by_what_it_exceeds_the_matched_one(
+    ten: tuple[str, list[Result]], factor: float
+) -> None:
+    sensor, runs = ten
+    (finding,) = judged(sensor, runs, factor)
+    assert (finding.quantity, finding.direction) == (f"Q {sensor} bias", "too large")
+    assert finding.factor == pytest.approx(factor, rel=1e-6)
+
+
+def test_a_smaller_drive_is_never_too_large(ten: tuple[str, list[Result]]) -> None:
+    """The noise hides this instability of the gyros, so that nothing tells of a drive that is too small."""
+    sensor, runs = ten
+    assert judged(sensor, runs, 0.3) == []
+    found = [(finding.quantity, finding.direction) for finding in judged(sensor, runs, 0.01)]
+    assert found == ([] if sensor == "gyro" else [("Q accelerometer bias", "too small")])
+
+
+@pytest.mark.parametrize("correlation_time", [0.3, 4.0, 1e3, 1e9])
+def test_the_growth_of_a_process_is_that_of_drawn_ones(correlation_time: float) -> None:
+    """Means over windows of 1 s, less the value at the start, of processes with their stationary variance."""
+    rng = np.random.default_rng(5)
+    windows, steps, paths = 6, 50, 20_000
+    dt = 1 / steps
+    decay = np.exp(-dt / correlation_time)
+    # Of unit drive: what a process of first order, or a random walk, adds in a step.
+    added = np.sqrt(-np.expm1(-2 * dt / correlation_time) * correlation_time / 2)
+    # Growth is linear in the start, whose variance is large where the process hardly decays.
+    start = rng.normal(0, np.sqrt(correlation_time / 2), paths)
+    grown, fallen = np.zeros(paths), 1.0
+    means = np.zeros((windows, paths))
+    for window in range(windows):
+        for _ in range(steps):
+            before, fell = grown.copy(), fallen
+            grown, fallen = decay * grown + added * rng.standard_normal(paths), decay * fallen
+            middle = (fell + fallen) / 2 - 1 if correlation_time < 1e6 else 0.0
+            means[window] += ((before + grown) / 2 + middle * start) / steps
+    power, basis = spectrum(windows, 1.0, 1 / correlation_time)
+    expected = basis * power @ basis.T
+    drawn = means @ means.T / paths
+    # σ of a covariance of n draws is √((Vᵢⱼ² + Vᵢᵢ Vⱼⱼ) / n).
+    sigma = np.sqrt((expected**2 + np.outer(np.diag(expected), np.diag(expected))) / paths)
+    assert (np.abs(drawn - expected) < 4.5 * sigma).all()
