@@ -38,8 +38,9 @@ from lab.navigation.checks import (
 from lab.navigation.choice import chosen_model, is_ready
 from lab.navigation.navigator import PolarError, navigate
 from lab.navigation.rest_alignment import Aligned
+from lab.navigation.schedule import Schedule
 from lab.navigation.settings import NavigatorSettings
-from lab.navigation.solution import NO_VECTOR, Belief, Fixes, Imu, Schedule, Solution, Start
+from lab.navigation.solution import NO_VECTOR, Belief, Fixes, Imu, Solution, Start
 from lab.navigation.standstill import at_rest
 from lab.result import Result
 from lab.sensors import gps, imu

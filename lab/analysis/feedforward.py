@@ -19,7 +19,8 @@ from lab.analysis.errors import attitude_error
 from lab.analysis.finding import Change, Finding, Verdict, headline
 from lab.navigation.choice import chosen_model
 from lab.navigation.navigator import PolarError, navigate
-from lab.navigation.solution import Fixes, Imu, Schedule, Start
+from lab.navigation.schedule import Schedule
+from lab.navigation.solution import Fixes, Imu, Start
 
 if TYPE_CHECKING:
     from lab.result import Result

@@ -20,8 +20,10 @@ from lab.analysis.errors import euler_sigma
 from lab.navigation import strapdown
 from lab.navigation.compilation import interpreted
 from lab.navigation.error_models import ATT, PHI, ErrorModel, with_states
-from lab.navigation.navigator import Filter, advance, navigate
-from lab.navigation.solution import EVERY_FIX, Fixes, Imu, Solution, Start
+from lab.navigation.filter import Filter
+from lab.navigation.navigator import advance, navigate
+from lab.navigation.schedule import EVERY_FIX
+from lab.navigation.solution import Fixes, Imu, Solution, Start
 from lab.trajectory import Truth
 from lab.units import TO_SI
 
