@@ -28,6 +28,8 @@ from __future__ import annotations
 import importlib
 from typing import TYPE_CHECKING, Any
 
+from lab.views.cards import register_cards
+
 if TYPE_CHECKING:
     from lab.analysis import allan, budget
     from lab.comparison import compare
@@ -37,7 +39,8 @@ if TYPE_CHECKING:
     from lab.missions import Mission, MissionError, Recording
     from lab.missions.catalogue import mission
     from lab.navigation.algorithm import Algorithm, Estimate
-    from lab.result import Result, ResultError
+    from lab.result import Result
+    from lab.run import ResultError
     from lab.sensors.cards import card, cards
     from lab.settings import SettingError
     from lab.trajectory import Trajectory
@@ -78,7 +81,7 @@ _HOMES = {
     "MissionError": "lab.missions",
     "Recording": "lab.missions",
     "Result": "lab.result",
-    "ResultError": "lab.result",
+    "ResultError": "lab.run",
     "SettingError": "lab.settings",
     "Trajectory": "lab.trajectory",
     "card": "lab.sensors.cards",
@@ -89,6 +92,9 @@ _HOMES = {
     "run_ensemble": "lab.ensemble",
 }
 _MODULES = {"allan": "lab.analysis.allan", "budget": "lab.analysis.budget", "plots": "lab.views.plots"}
+
+
+register_cards()
 
 
 def __getattr__(name: str) -> Any:

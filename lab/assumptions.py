@@ -15,9 +15,9 @@ from numpy.typing import NDArray
 
 from lab.analysis.identification import Row
 from lab.analysis.likelihood import Estimate, Parameter
-from lab.experiment import Experiment
+from lab.experiment_settings import ExperimentSettings
 from lab.navigation.belief import assumed_latency, assumed_lever_arm, belief
-from lab.result import Result
+from lab.run import Run
 from lab.sensors.suite import SensorSuite
 from lab.units import TO_SI, si
 
@@ -82,7 +82,7 @@ class Assumed(NamedTuple):
         noise = self.noise.reshape(4, 3) * np.exp(2 * by[NOISE])[:, None]
         return Assumed(noise.ravel(), self.factors * np.exp(2 * by[FIX]), float(by[LATENCY]), by[LEVER_ARM])
 
-    def on(self, experiment: Experiment) -> Experiment:
+    def on(self, experiment: ExperimentSettings) -> ExperimentSettings:
         """Return a copy of an experiment whose filter assumes this."""
         changed = experiment.copy()
         navigator = changed.navigator
@@ -93,12 +93,12 @@ class Assumed(NamedTuple):
         return changed
 
 
-def assumed(result: Result) -> tuple[Assumed, FloatArray]:
-    """Return what the filter of a result assumes, and what a search begins with: nothing in it is zero."""
-    sensors, navigator = result.experiment.sensors, result.experiment.navigator
+def assumed(run: Run) -> tuple[Assumed, FloatArray]:
+    """Return what the filter of a run assumes, and what a search begins with: nothing in it is zero."""
+    sensors, navigator = run.experiment.sensors, run.experiment.navigator
     noise = belief(sensors, navigator).noise
-    if result.recorded:
-        gnss = result.recorded.log.gnss
+    if run.recorded:
+        gnss = run.recorded.log.gnss
         latency, lever_arm = gnss.latency, gnss.lever_arm
     else:
         latency, lever_arm = float(sensors.gps.latency), si(sensors.gps, "lever_arm")
@@ -129,7 +129,7 @@ def parameters(now: Assumed) -> list[Parameter]:
 
 
 def rows_of(
-    result: Result,
+    run: Run,
     now: Assumed,
     begun: Assumed,
     estimate: Estimate,
@@ -140,7 +140,7 @@ def rows_of(
 
     Parameters
     ----------
-    result
+    run
         The run.
     now, begun
         What its filter assumes, and what the search began with.
@@ -152,7 +152,7 @@ def rows_of(
         Of which of these it shows only that they are not larger.
     """
     found, rows = begun.moved(estimate.value), []
-    before, after = _shown_values(result, now), _shown_values(result, found)
+    before, after = _shown_values(run, now), _shown_values(run, found)
     for index, name in enumerate(NAMES):
         unit, old = before[index]
         _, new = after[index]
@@ -172,12 +172,12 @@ def rows_of(
     return tuple(rows)
 
 
-def scaled_rows(result: Result, now: Assumed, r: float, q: float) -> tuple[Row, ...]:
+def scaled_rows(run: Run, now: Assumed, r: float, q: float) -> tuple[Row, ...]:
     """Return the table of the parameters of a filter whose R and Q are multiplied.
 
     Parameters
     ----------
-    result
+    run
         The run.
     now
         What its filter assumes.
@@ -185,19 +185,19 @@ def scaled_rows(result: Result, now: Assumed, r: float, q: float) -> tuple[Row, 
         The factors on R and on Q.
     """
     found = now._replace(noise=q * now.noise, factors=r * now.factors)
-    both = zip(NAMES, _shown_values(result, now), _shown_values(result, found), strict=True)
+    both = zip(NAMES, _shown_values(run, now), _shown_values(run, found), strict=True)
     return tuple(
         Row(name, unit, before, after, math.nan, math.nan, math.nan, False)
         for name, (unit, before), (_, after) in both
     )
 
 
-def _shown_values(result: Result, of: Assumed) -> list[tuple[str, float]]:
+def _shown_values(run: Run, of: Assumed) -> list[tuple[str, float]]:
     """Return unit and value of each parameter as a person reads it; rms over the axes."""
     units = ("°/s/√Hz", "µg/√Hz", "°/h/√h", "mg/√h")
     amplitude = np.sqrt(of.noise.reshape(4, 3).mean(axis=1))
     values = [(unit, float(value / TO_SI[unit])) for unit, value in zip(units, amplitude, strict=True)]
-    variances = _variances(result)
+    variances = _variances(run)
     for part, factor in enumerate(of.factors):
         kind = "m²" if part < 2 else "(m/s)²"
         known = variances[part]
@@ -206,20 +206,20 @@ def _shown_values(result: Result, of: Assumed) -> list[tuple[str, float]]:
     return values + [("m", float(arm)) for arm in of.lever_arm]
 
 
-def own_sigma(result: Result) -> tuple[bool, bool]:
+def own_sigma(run: Run) -> tuple[bool, bool]:
     """Return whether the fixes of a log state their own σ, of position and of velocity, and it is used."""
-    if not result.recorded or result.experiment.navigator.r is not None:
+    if not run.recorded or run.experiment.navigator.r is not None:
         return False, False
-    gnss = result.recorded.log.gnss
+    gnss = run.recorded.log.gnss
     return bool(np.isfinite(gnss.position_sigma).any()), bool(np.isfinite(gnss.velocity_sigma).any())
 
 
-def _variances(result: Result) -> tuple[float | None, ...]:
+def _variances(run: Run) -> tuple[float | None, ...]:
     """Return the variances that the factors are on; None where each fix has its own."""
-    settings = result.experiment.copy()
+    settings = run.experiment.copy()
     settings.navigator.r_factors = 1.0
     R = np.diag(belief(settings.sensors, settings.navigator).R)
-    position, velocity = own_sigma(result)
+    position, velocity = own_sigma(run)
     horizontal, vertical = float(R[:2].mean()), float(R[2])
     return (
         None if position else horizontal,
@@ -228,14 +228,14 @@ def _variances(result: Result) -> tuple[float | None, ...]:
     )
 
 
-def changes_of(result: Result, rows: Sequence[Row], found: Assumed) -> dict[str, Any]:
-    """Return the settings, nested by group, that make the filter of a result assume what was found.
+def changes_of(run: Run, rows: Sequence[Row], found: Assumed) -> dict[str, Any]:
+    """Return the settings, nested by group, that make the filter of a run assume what was found.
 
     Of a simulated run the filter's own; of a log those of the sensors, which are what its filter assumes.
 
     Parameters
     ----------
-    result
+    run
         The run.
     rows
         The table of the parameters; what is not observable stays.
@@ -248,32 +248,32 @@ def changes_of(result: Result, rows: Sequence[Row], found: Assumed) -> dict[str,
         navigator["latency"] = _digits(found.latency)
     if seen[LEVER_ARM].any():
         navigator["lever_arm"] = [_digits(arm) for arm in found.lever_arm]
-    if not result.recorded:
+    if not run.recorded:
         if seen[NOISE].any():
-            scale = float(result.experiment.navigator.q_scale)
+            scale = float(run.experiment.navigator.q_scale)
             navigator["q"] = [_digits(density / scale) for density in found.noise]
         if seen[FIX].any():
             navigator["r_factors"] = [_digits(factor) for factor in found.factors]
         return {"navigator": navigator}
-    sensors = _noise_settings(result, found, seen)
-    gps, factors = _fix_settings(result, found, seen)
+    sensors = _noise_settings(run, found, seen)
+    gps, factors = _fix_settings(run, found, seen)
     if gps:
         sensors["gps"] = gps
     if factors:
         navigator["r_factors"] = factors
-    if seen[NOISE].any() and result.experiment.navigator.q is not None:
+    if seen[NOISE].any() and run.experiment.navigator.q is not None:
         navigator["q"] = None
-    if seen[NOISE].any() and result.experiment.navigator.q_scale != 1:
+    if seen[NOISE].any() and run.experiment.navigator.q_scale != 1:
         navigator["q_scale"] = 1.0
     return {name: group for name, group in (("sensors", sensors), ("navigator", navigator)) if group}
 
 
-def _noise_settings(result: Result, found: Assumed, seen: NDArray[np.bool_]) -> dict[str, Any]:
+def _noise_settings(run: Run, found: Assumed, seen: NDArray[np.bool_]) -> dict[str, Any]:
     """Return the settings of the triads that make the matched process noise that which was found.
 
     With Q given or scaled, all of it becomes that of the sensors.
     """
-    settings, noise = result.experiment, found.noise.reshape(4, 3)
+    settings, noise = run.experiment, found.noise.reshape(4, 3)
     every = settings.navigator.q is not None or settings.navigator.q_scale != 1
     sensors: dict[str, Any] = {}
     for row, triad in enumerate(TRIADS):
@@ -305,16 +305,16 @@ def _noise_settings(result: Result, found: Assumed, seen: NDArray[np.bool_]) -> 
 
 
 def _fix_settings(
-    result: Result, found: Assumed, seen: NDArray[np.bool_]
+    run: Run, found: Assumed, seen: NDArray[np.bool_]
 ) -> tuple[dict[str, Any], list[float] | None]:
     """Return settings of the receiver, and factors where its fixes have their own σ or R is given."""
     gps: dict[str, Any] = {}
     if not seen[FIX].any():
         return gps, None
-    navigator = result.experiment.navigator
+    navigator = run.experiment.navigator
     old, factors = np.array(navigator.r_factors), found.factors.copy()
-    if navigator.r is None and not any(own_sigma(result)):
-        sensors = result.experiment.sensors.gps
+    if navigator.r is None and not any(own_sigma(run)):
+        sensors = run.experiment.sensors.gps
         ratio = factors / old
         position = np.array(sensors.position_variance) * (ratio[0], ratio[0], ratio[1])
         for name, values in (

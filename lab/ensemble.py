@@ -328,7 +328,7 @@ def _keep(result: Result, *, explain: bool = True) -> _Run:
         rms=_root_mean_square(error),
         degrees=0 if unknown else int(result.consistency["nees"].attrs["degrees"]),
         nis_degrees=int(result.innovations["nis"].attrs["degrees"]),
-        evidence=evidence_of(result, explain=explain),
+        evidence=evidence_of(result, result.filtered, explain=explain),
         seconds=result.seconds,
         algorithm=result.algorithm,
     )

@@ -6,13 +6,10 @@ nothing before it, a change of a gyro's noise does not touch the flight, the acc
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import dataclass
-from pathlib import Path
-from typing import Any, Self
 
 import numpy as np
-import param
 from numpy.typing import NDArray
 
 from lab.cache import StageCache, digest
@@ -37,18 +34,17 @@ from lab.navigation.checks import (
 from lab.navigation.choice import chosen_model, is_ready
 from lab.navigation.navigator import PolarError, navigate
 from lab.navigation.rest_alignment import Aligned
+from lab.navigation.schedule import Schedule
 from lab.navigation.settings import NavigatorSettings
-from lab.navigation.solution import NO_VECTOR, Belief, Fixes, Imu, Schedule, Solution, Start
+from lab.navigation.solution import NO_VECTOR, Belief, Fixes, Imu, Solution, Start
 from lab.navigation.standstill import at_rest
-from lab.result import Result
+from lab.result import Result, Runnable
 from lab.sensors import gps, imu
 from lab.sensors import temperature as thermal
 from lab.sensors.draws import unit_draws
-from lab.sensors.noise_variance import NOISE_VARIANCES, noise_variance
 from lab.sensors.suite import SensorSuite
-from lab.setting_kinds import Quantity
-from lab.settings import Derived, SettingError, Settings, group
-from lab.toml_file import TomlError, parse_toml, read_toml, toml_text
+from lab.settings import SettingError
+from lab.simulated_result import SimulatedResult
 from lab.trajectory import Trajectory, Truth
 from lab.units import si
 
@@ -57,26 +53,6 @@ Progress = Callable[[str, float], None]
 
 CACHE = StageCache(limit=256 * 2**20)
 """Results of the stages of all experiments of this process."""
-
-
-class TrajectorySettings(Settings):
-    """How the recording becomes a smooth true trajectory."""
-
-    imu_rate = Quantity(
-        200.0,
-        unit="Hz",
-        bounds=(10, 2000),
-        softbounds=(50, 1000),
-        step=10,
-        label="IMU rate",
-        doc="Rate of the IMU samples, and of the truth beside them.",
-    )
-    attitude_curve = param.Selector(
-        default="rotation",
-        objects=["rotation", "euler"],
-        label="Attitude curve",
-        doc="Rotation spline (no gimbal lock), or the classic cubic spline on the Euler angles.",
-    )
 
 
 @dataclass(frozen=True)
@@ -88,7 +64,7 @@ class Flight:
     ideal: IdealImu
 
 
-class Experiment(Settings):
+class Experiment(Runnable):
     """One run: a mission, a seed, and all settings.
 
     >>> from lab import Experiment
@@ -96,62 +72,6 @@ class Experiment(Settings):
     >>> experiment.set("sensors.gyro.noise_density", 0.02)
     >>> result = experiment.run()
     """
-
-    mission = param.String(
-        default="montreal",
-        label="Mission",
-        doc="Name of a mission, path of a flight csv, or folder with the log of an IMU and a GPS receiver.",
-    )
-    seed = param.Integer(default=1, bounds=(0, 2**32 - 1), label="Seed", doc="Seed of all random draws.")
-    trajectory = group(TrajectorySettings, "Trajectory.")
-    sensors = group(SensorSuite, "Sensors.")
-    navigator = group(NavigatorSettings, "Navigator.")
-
-    OTHER_FORMS = NOISE_VARIANCES
-
-    def derived(self, path: str) -> Derived:
-        """Return a noise density's other form: the variance of a sample at the IMU rate."""
-        return noise_variance(self.get(path.rpartition(".")[0]), path, float(self.trajectory.imu_rate))
-
-    def update(self, values: Mapping[str, Any]) -> Self:
-        """Set everything in a nested mapping, all or nothing, and return self.
-
-        The trajectory comes first: variances of a sample are those at its IMU rate.
-
-        Raises
-        ------
-        SettingError
-            If a key does not exist or a value is not accepted; nothing is changed then.
-        """
-        first = {name: values[name] for name in ("trajectory",) if name in values}
-        return super().update({**first, **values})
-
-    @classmethod
-    def from_toml(cls, source: str | Path) -> Self:
-        """Return an experiment from a TOML file or TOML text; settings it leaves out keep their defaults.
-
-        Parameters
-        ----------
-        source
-            A path; or text, which is taken for the name of a file if it ends with ``.toml``.
-
-        Raises
-        ------
-        SettingError
-            If the file cannot be read, is not TOML, or holds a setting that does not exist or is not
-            accepted.
-        """
-        if isinstance(source, str) and source.endswith(".toml"):
-            source = Path(source)
-        name = source if isinstance(source, Path) else "settings"
-        try:
-            return cls().update(read_toml(source) if isinstance(source, Path) else parse_toml(source))
-        except (TomlError, SettingError) as error:
-            raise SettingError(f"{name}: {error}") from error
-
-    def to_toml(self) -> str:
-        """Return all settings as TOML text."""
-        return toml_text(self.to_dict())
 
     def run(self, progress: Progress | None = None, *, algorithm: Algorithm | None = None) -> Result:
         """Compute this experiment, using every stage already computed for the same settings.
@@ -202,7 +122,7 @@ class _Run:
         self.navigator: NavigatorSettings = experiment.navigator
         self.flight_key = digest(self.mission.content_hash, experiment.trajectory.to_dict())
 
-    def result(self) -> Result:
+    def result(self) -> SimulatedResult:
         """Compute the stages in order."""
         self.progress("Reading the flight", 0.0)
         flight = CACHE.get("flight", self.flight_key, self.flight)
@@ -242,7 +162,7 @@ class _Run:
             )
         )
         self.progress("Done", 1.0)
-        return Result(
+        return SimulatedResult(
             experiment=self.experiment,
             mission=self.mission,
             truth_arrays=truth,

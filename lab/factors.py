@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from lab.analysis.identification import HeldOut, better
 from lab.analysis.likelihood import Seen
-from lab.experiment import Experiment
+from lab.experiment_settings import ExperimentSettings
 from lab.renavigation import Subject
 from lab.withheld import judged, predicted
 
@@ -48,7 +48,7 @@ class Factors(NamedTuple):
     after: HeldOut
 
 
-def scaled(experiment: Experiment, r: float, q: float) -> Experiment:
+def scaled(experiment: ExperimentSettings, r: float, q: float) -> ExperimentSettings:
     """Return a copy of an experiment whose filter assumes more or less noise.
 
     Raises
@@ -63,7 +63,7 @@ def scaled(experiment: Experiment, r: float, q: float) -> Experiment:
 
 
 def choose(
-    subject: Subject, experiment: Experiment, turns: Sequence[Flags], dropped: Flags
+    subject: Subject, experiment: ExperimentSettings, turns: Sequence[Flags], dropped: Flags
 ) -> Factors | None:
     """Return the factors with which withheld fixes are predicted best; None if none are better than 1.
 
@@ -100,7 +100,7 @@ def choose(
     return chosen if better(chosen.before, chosen.after) else None
 
 
-def _allowed(experiment: Experiment, r: float, q: float) -> bool:
+def _allowed(experiment: ExperimentSettings, r: float, q: float) -> bool:
     navigator = experiment.navigator
     bounds = (navigator.param[name].bounds for name in ("r_scale", "q_scale"))
     values = (r * navigator.r_scale, q * navigator.q_scale)

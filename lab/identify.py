@@ -40,10 +40,10 @@ from lab.assumptions import (
     rows_of,
     scaled_rows,
 )
-from lab.experiment import Experiment
+from lab.experiment_settings import ExperimentSettings
 from lab.factors import choose, scaled
 from lab.renavigation import Subject, subject
-from lab.result import Result, ResultError
+from lab.run import ResultError, Run
 from lab.withheld import EVERY, OUTAGE, TURNS, held_out, outages
 
 FloatArray = NDArray[np.float64]
@@ -72,7 +72,7 @@ class _Search(NamedTuple):
     """What the likelihood is made of: all fixes one after the other, or those predicted across outages."""
 
     subject: Subject
-    experiment: Experiment  # with a filter that uses every fix
+    experiment: ExperimentSettings  # with a filter that uses every fix
     begun: Assumed
     counted: Flags  # fixes after the initial errors
     dropped: Flags  # outliers
@@ -98,7 +98,7 @@ class _Found(NamedTuple):
     changes: dict[str, Any]
     before: HeldOut
     after: HeldOut
-    experiment: Experiment
+    experiment: ExperimentSettings
     white: bool
     chosen_by: ChosenBy
 
@@ -113,12 +113,12 @@ def _seconds_apart(stamps: FloatArray) -> Flags:
     return np.asarray(np.diff(np.floor(stamps + 1e-6), prepend=-1.0) > 0)
 
 
-def identify(result: Result, progress: Progress | None = None) -> Identification:
-    """Return what the innovations of a result say of its sensors.
+def identify(run: Run, progress: Progress | None = None) -> Identification:
+    """Return what the innovations of a run say of its sensors.
 
     Parameters
     ----------
-    result
+    run
         A simulated run, or that of a log.
     progress
         Called with a phrase and the fraction done, from 0 to 1.
@@ -128,19 +128,19 @@ def identify(result: Result, progress: Progress | None = None) -> Identification
     ResultError
         If a user's algorithm navigated, or there are too few fixes.
     ValueError
-        If the filter cannot be run with the settings of the result.
+        If the filter cannot be run with the settings of the run.
     """
-    if result.algorithm:
+    if run.algorithm:
         raise ResultError("The navigator is your own algorithm: what it assumes is not known here.")
     tell, begun_at = progress or (lambda _stage, _fraction: None), time.perf_counter()
-    again = subject(result)
-    now, densities = assumed(result)
+    again = subject(run)
+    now, densities = assumed(run)
     begun = now._replace(noise=densities)
     first, last = again.span
     settling = min(SETTLING, LARGEST_PART * (last - first))
     margin = min(MARGIN, LARGEST_PART * (last - first))
     counted = (again.stamps > first + settling) & (again.stamps < last - margin)
-    plain = _every_fix(result.experiment)
+    plain = _every_fix(run.experiment)
     search = _Search(again, plain, begun, counted, np.zeros(counted.size, np.bool_))
     whole = parameters(now)
     begin = np.array([parameter.start for parameter in whole])
@@ -157,8 +157,8 @@ def identify(result: Result, progress: Progress | None = None) -> Identification
         estimate = _maximised(search, whole, estimate.value, free, tell, 0.4, 0.5)
     masks = outages(again.stamps, first + settling, last)
     between = outages(again.stamps, first + settling, last, EVERY / TURNS / 2)
-    before = held_out(again, result.experiment, masks, search.dropped)
-    found = _judged(result, search, whole, estimate, now, masks, before, tell)
+    before = held_out(again, run.experiment, masks, search.dropped)
+    found = _judged(run, search, whole, estimate, now, masks, before, tell)
     white = found.white
     if not white or not better(before, found.after):
         # The next fix is predicted well by a filter that follows correlated errors of the fixes; what is
@@ -166,16 +166,16 @@ def identify(result: Result, progress: Progress | None = None) -> Identification
         ahead = search._replace(masks=tuple(between[: _turns(last - first)]))
         if ahead.masks:
             estimate = _maximised(ahead, whole, begin, free, tell, 0.7, 0.8)
-            other = _judged(result, ahead, whole, estimate, now, masks, before, tell)
+            other = _judged(run, ahead, whole, estimate, now, masks, before, tell)
             found = _better_of(found, other)
     if not better(before, found.after):
         tell("trying factors on R and Q", 0.9)
-        found = _by_factors(result, again, now, [*masks, *between], search.dropped) or found
+        found = _by_factors(run, again, now, [*masks, *between], search.dropped) or found
     tell("judging the innovations", 0.95)
-    seen = [_next_fixes(search, settings) for settings in (result.experiment, found.experiment)]
+    seen = [_next_fixes(search, settings) for settings in (run.experiment, found.experiment)]
     tell("done", 1.0)
     return Identification(
-        mission=result.mission.title or result.mission.name,
+        mission=run.mission.title or run.mission.name,
         rows=found.rows,
         before=found.before,
         after=found.after,
@@ -193,7 +193,7 @@ def identify(result: Result, progress: Progress | None = None) -> Identification
 
 
 def _judged(
-    result: Result,
+    run: Run,
     search: _Search,
     whole: list[Parameter],
     estimate: Estimate,
@@ -208,25 +208,23 @@ def _judged(
     begun = search.begun
     found = _with_what_stays(begun.moved(estimate.value), now, shown)
     intervals = _intervals(search, whole, estimate, shown)
-    rows = rows_of(result, now, begun, estimate, intervals, bounded)
-    changes = changes_of(result, rows, found)
-    changed = result.experiment.copy().update(changes)
+    rows = rows_of(run, now, begun, estimate, intervals, bounded)
+    changes = changes_of(run, rows, found)
+    changed = run.experiment.copy().update(changes)
     tell("predicting withheld fixes", done + 0.1)
     after = held_out(search.subject, changed, masks, search.dropped)
     chosen_by: ChosenBy = "outages" if search.masks else "next fixes"
     return _Found(rows, changes, before, after, changed, estimate.white, chosen_by)
 
 
-def _by_factors(
-    result: Result, again: Subject, now: Assumed, turns: list[Flags], dropped: Flags
-) -> _Found | None:
+def _by_factors(run: Run, again: Subject, now: Assumed, turns: list[Flags], dropped: Flags) -> _Found | None:
     """Return the factors on R and Q that predict withheld fixes better; None if there are none."""
-    factors = choose(again, result.experiment, turns, dropped)
+    factors = choose(again, run.experiment, turns, dropped)
     if factors is None:
         return None
-    changed = scaled(result.experiment, factors.r, factors.q)
+    changed = scaled(run.experiment, factors.r, factors.q)
     navigator = {"r_scale": changed.navigator.r_scale, "q_scale": changed.navigator.q_scale}
-    rows = scaled_rows(result, now, factors.r, factors.q)
+    rows = scaled_rows(run, now, factors.r, factors.q)
     return _Found(rows, {"navigator": navigator}, factors.before, factors.after, changed, False, "factors")
 
 
@@ -241,7 +239,7 @@ def _turns(length: float) -> int:
     return TURNS if length < TURNS * EVERY * 2 else 1
 
 
-def _every_fix(experiment: Experiment) -> Experiment:
+def _every_fix(experiment: ExperimentSettings) -> ExperimentSettings:
     """Return the experiment with a filter that uses every fix fully, at once, forwards."""
     plain = experiment.copy()
     navigator = plain.navigator
@@ -341,7 +339,7 @@ def _with_what_stays(found: Assumed, now: Assumed, shown: Flags) -> Assumed:
     return Assumed(noise, factors, found.latency if shown[7] else now.latency, arm)
 
 
-def _next_fixes(search: _Search, experiment: Experiment) -> Seen:
+def _next_fixes(search: _Search, experiment: ExperimentSettings) -> Seen:
     """Return the innovations that count of a filter with some settings, each fix from all before it."""
     seen, _ = search.subject.navigate(_every_fix(experiment), search.dropped)
     counts = search.counted & ~search.dropped

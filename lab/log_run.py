@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Sequence
-from typing import TYPE_CHECKING, TypeVar
+from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from lab.cache import StageCache, digest
 from lab.log_reference import comparison_remark, reference_at
+from lab.log_result import LogResult
 from lab.logs.log_section import piece
 from lab.logs.vehicle import vehicle_of
 from lab.memory import check_memory
@@ -20,13 +21,11 @@ from lab.navigation.belief import assumed_latency, assumed_lever_arm
 from lab.navigation.choice import is_ready
 from lab.navigation.recorded import RecordedRun, navigate_log
 from lab.navigation.solution import Solution
-from lab.result import Recorded, Result
+from lab.result import Runnable
+from lab.run import Recorded
 from lab.sensors.gps import GpsFixes
 from lab.sensors.imu import Measured
 from lab.trajectory import Truth
-
-if TYPE_CHECKING:
-    from lab.experiment import Experiment
 
 FloatArray = NDArray[np.float64]
 T = TypeVar("T")
@@ -76,12 +75,12 @@ def has_effect(path: str, states: int = 21) -> bool:
 
 
 def run_log(
-    experiment: Experiment,
+    experiment: Runnable,
     mission: LogMission,
     cache: StageCache,
     progress: Callable[[str, float], None],
     algorithm: Algorithm | None = None,
-) -> Result:
+) -> LogResult:
     """Return what an experiment on a log gives.
 
     Parameters
@@ -142,7 +141,7 @@ def run_log(
 
 
 def _result(
-    experiment: Experiment,
+    experiment: Runnable,
     mission: LogMission,
     log: SensorLog,
     made: RecordedRun,
@@ -150,7 +149,7 @@ def _result(
     seconds: float,
     truth: Truth | None,
     algorithm: Algorithm | None,
-) -> Result:
+) -> LogResult:
     samples, fixes = made.imu.dtheta.shape[0], made.fixes.time.size
     nothing = np.broadcast_to(np.nan, (max(samples, fixes), 3))
     latency = assumed_latency(experiment.navigator, log.gnss.latency)
@@ -182,11 +181,10 @@ def _result(
     ]
     if idle:
         notes.append(f"Nothing is simulated for a log: {', '.join(idle)} changes nothing.")
-    return Result(
+    return LogResult(
         experiment=experiment,
         mission=mission,
         truth_arrays=truth,
-        ideal=None,
         gyro=Measured(made.imu.dtheta, nothing[:samples], nothing[:samples], 0),
         accelerometer=Measured(made.imu.dvelocity, nothing[:samples], nothing[:samples], 0),
         fixes=GpsFixes(made.fixes.time, made.fixes.position, seen, nothing[:fixes], nothing[:fixes]),

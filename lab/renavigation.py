@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lab.analysis.likelihood import Seen
-from lab.experiment import Experiment
+from lab.experiment_settings import ExperimentSettings
 from lab.navigation import navigator as linear
 from lab.navigation import unscented
 from lab.navigation.alignment import Alignment
@@ -21,7 +21,7 @@ from lab.navigation.kalman import MEASUREMENTS
 from lab.navigation.recorded import WITHHELD, navigate_log
 from lab.navigation.solution import Fixes, Imu, Solution
 from lab.navigation.standstill import at_rest
-from lab.result import Recorded, Result
+from lab.run import Recorded, Run
 
 FloatArray = NDArray[np.float64]
 Flags = NDArray[np.bool_]
@@ -43,7 +43,7 @@ class Subject(Protocol):
     stamps: FloatArray
     span: tuple[float, float]
 
-    def navigate(self, experiment: Experiment, withheld: Flags) -> tuple[Seen, Seen]:
+    def navigate(self, experiment: ExperimentSettings, withheld: Flags) -> tuple[Seen, Seen]:
         """Return the innovations of all fixes: with the S of the filter, and with that of fixes withheld.
 
         Parameters
@@ -59,23 +59,23 @@ class Subject(Protocol):
 class Simulated:
     """A simulated run."""
 
-    def __init__(self, result: Result) -> None:
-        result.true_flight("identification")
-        self.stamps = result.fixes.time
-        self.span = (float(result.time[0]), float(result.time[-1]))
-        self._fixes = result.fixes
-        settings = result.experiment
+    def __init__(self, run: Run) -> None:
+        run.true_flight("identification")
+        self.stamps = run.fixes.time
+        self.span = (float(run.time[0]), float(run.time[-1]))
+        self._fixes = run.fixes
+        settings = run.experiment
         navigator = settings.navigator
-        assert result.aligned is not None  # of a simulated run
-        self._start = result.aligned.start
-        self._constants = result.aligned.P if navigator.alignment else None
-        imu = Imu(result.time, result.gyro.increments, result.accelerometer.increments)
+        assert run.aligned is not None  # of a simulated run
+        self._start = run.aligned.start
+        self._constants = run.aligned.P if navigator.alignment else None
+        imu = Imu(run.time, run.gyro.increments, run.accelerometer.increments)
         if navigator.rest_updates:
-            fixes = Fixes(result.fix_validity, result.fixes.position, result.fixes.velocity_n)
-            imu = imu._replace(rest=at_rest(imu, fixes, result.belief))
+            fixes = Fixes(run.fix_validity, run.fixes.position, run.fixes.velocity_n)
+            imu = imu._replace(rest=at_rest(imu, fixes, run.belief))
         self._imu = imu
 
-    def navigate(self, experiment: Experiment, withheld: Flags) -> tuple[Seen, Seen]:
+    def navigate(self, experiment: ExperimentSettings, withheld: Flags) -> tuple[Seen, Seen]:
         """Return the innovations of all fixes; see `Subject`."""
         navigator, imu = experiment.navigator, self._imu
         assumed = belief(experiment.sensors, navigator, self._constants)
@@ -104,7 +104,7 @@ class Logged:
         self.stamps = recorded.log.gnss.time
         self.span = (float(recorded.time[0]), float(recorded.time[-1]))
 
-    def navigate(self, experiment: Experiment, withheld: Flags) -> tuple[Seen, Seen]:
+    def navigate(self, experiment: ExperimentSettings, withheld: Flags) -> tuple[Seen, Seen]:
         """Return the innovations of all fixes; see `Subject`."""
         sensors, navigator = experiment.sensors, experiment.navigator
         latency = assumed_latency(navigator, self._log.gnss.latency)
@@ -125,9 +125,9 @@ class Logged:
         return Seen(innovation, covariance)
 
 
-def subject(result: Result) -> Subject:
-    """Return what navigates a result anew."""
-    return Logged(result.recorded) if result.recorded else Simulated(result)
+def subject(run: Run) -> Subject:
+    """Return what navigates a run anew."""
+    return Logged(run.recorded) if run.recorded else Simulated(run)
 
 
 def _seen(solution: Solution) -> Seen:

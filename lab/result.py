@@ -1,48 +1,44 @@
-"""Result: everything one run of an experiment gave, as labelled datasets with units.
+"""Result: the desk on top of a run: its datasets with units, its tables, its verdict, its files.
 
-Inside, the arrays of the stages; what a person takes out is an `xarray.Dataset`, built when first asked
-for: degrees, datasheet units for the sensors, east-north-up.
+The arrays are those of the `Run` that a result is; what a person takes out is an `xarray.Dataset`, built when
+first asked for: degrees, datasheet units for the sensors, east-north-up. A result is that of a simulation
+(`lab.simulated_result`) or that of a log of real sensors (`lab.log_result`).
 """
 
 from __future__ import annotations
 
+from abc import abstractmethod
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
-from lab import report
+from lab import result_files
 from lab.analysis import budget, feedforward, observability, trial
 from lab.analysis.algorithm_verdict import judge
 from lab.analysis.evidence import Evidence
 from lab.analysis.run_evidence import evidence_of
+from lab.analysis.trial import Repeatable
 from lab.analysis.verdict import Verdict
 from lab.datasets import flight, innovations, sensors, tables
-from lab.histories import LONG, made_when_asked
-from lab.ideal_imu import IdealImu
-from lab.missions import Mission, SensorLog
-from lab.navigation.alignment import Alignment
-from lab.navigation.belief import assumed_latency
-from lab.navigation.rest_alignment import Aligned
-from lab.navigation.solution import Belief, Solution
+from lab.experiment_settings import ExperimentSettings
+from lab.histories import made_when_asked
+from lab.identify import identify
+from lab.navigation.algorithm import Algorithm
+from lab.navigation.solution import Solution
+from lab.notebook_card import NotebookCard
 from lab.projection import Projection
-from lab.rotation import euler_from_quaternion
-from lab.sensors.gps import GpsFixes
-from lab.sensors.imu import Measured
-from lab.trajectory import Truth
 
 if TYPE_CHECKING:
     import pandas as pd
     import xarray as xr
 
     from lab.analysis.identification import Identification
-    from lab.experiment import Experiment
 
-FloatArray = NDArray[np.float64]
+Progress = Callable[[str, float], None]
 
 DATASETS = (
     "truth",
@@ -60,57 +56,17 @@ DATASETS = (
 )
 """Names of the datasets every result has, as they are written to files."""
 
-NEEDS_TRUTH = frozenset(("truth", "errors", "summary"))
-"""What is not known of a log without a reference."""
-NEEDS_SIMULATION = frozenset(("consistency", "coverage", "budget", "temperature"))
-"""What is not known of any log: a reference knows neither the biases nor its own errors."""
 
-_KNOWN = "the innovations and the verdict on them tell whether the filter is right."
-_SPOKEN = {
-    "consistency": "NEES",
-    "coverage": "the coverage of the errors",
-    "budget": "the error budget",
-    "temperature": "a simulated temperature",
-}
+class Runnable(ExperimentSettings):
+    """Settings that can be run: the experiment as a result knows it."""
+
+    def run(self, progress: Progress | None = None, *, algorithm: Algorithm | None = None) -> Result:
+        """Compute the experiment; see `lab.experiment.Experiment.run`."""
+        raise NotImplementedError
 
 
-class ResultError(ValueError):
-    """What was asked for is not known of this run; the message says why, and what is known."""
-
-
-class Recorded(NamedTuple):
-    """What a log of real sensors has, of which nothing is simulated.
-
-    Attributes
-    ----------
-    log : SensorLog
-        The log, repaired.
-    time : (n + 1,) array
-        Times of the IMU samples that were navigated [s].
-    alignment : Alignment
-        Where the navigator started, and how that was found.
-    notes : tuple of str
-        What was repaired and assumed, for people.
-    """
-
-    log: SensorLog
-    time: FloatArray
-    alignment: Alignment
-    notes: tuple[str, ...]
-
-
-def _at_samples(gyro: FloatArray, accelerometer: FloatArray) -> FloatArray:
-    """Return what gyros and accelerometers have in each interval (n, 3) as at all samples, (n + 1, 6)."""
-    constant = not (gyro.strides[0] or accelerometer.strides[0])
-    rows = slice(0, 1) if constant else slice(None)
-    values = np.concatenate((gyro[rows], accelerometer[rows]), axis=1)
-    if constant:
-        return np.broadcast_to(values, (gyro.shape[0] + 1, 6))
-    return np.concatenate((values[:1], values))
-
-
-@dataclass(frozen=True, eq=False, repr=False)
-class Result:
+@dataclass(frozen=True, eq=False, repr=False, kw_only=True)
+class Result(NotebookCard, Repeatable):
     """What one run gave.
 
     The datasets are made from the arrays when first asked for. Two threads that ask at once may both make
@@ -120,128 +76,32 @@ class Result:
     Attributes
     ----------
     experiment : Experiment
-        The settings it was computed with.
-    mission : Mission
-        The mission that was flown.
-    truth_arrays, ideal, gyro, accelerometer, fixes, belief, solution_arrays
-        What the stages computed, in SI units. Of a log there is no `ideal`, the biases and the errors of the
-        fixes are NaN, and the truth is its reference, NaN where that knows nothing, or None.
-    seconds
-        Time the navigator took when it computed the solution [s].
-    algorithm
-        Name of the user's algorithm that navigated; empty for the navigator of the settings.
-    recorded : Recorded or None
-        What a log has beside.
-    aligned : Aligned or None
-        Where the navigator of a simulated run started.
+        The settings it was computed with. The arrays are those of `Run`.
     """
 
-    experiment: Experiment
-    mission: Mission
-    truth_arrays: Truth | None
-    ideal: IdealImu | None
-    gyro: Measured
-    accelerometer: Measured
-    fixes: GpsFixes
-    belief: Belief
-    solution_arrays: Solution
-    seconds: float
-    algorithm: str = ""
-    recorded: Recorded | None = None
-    aligned: Aligned | None = None
+    CARD = "result"
+
+    experiment: Runnable
 
     @property
-    def time(self) -> FloatArray:
-        """Times of the IMU samples (n + 1,) [s]."""
-        return self.recorded.time if self.recorded else self.known_truth("time").time
-
-    @property
-    def is_long(self) -> bool:
-        """Whether the flight is so long that what is made of its samples is not kept."""
-        return int(self.solution_arrays.position.shape[0]) > LONG
-
-    @property
-    def epoch(self) -> float:
-        """What time 0 is in the clock that outages are given in [s]: of a log, that of its file."""
-        return self.recorded.log.epoch if self.recorded else 0.0
-
-    @property
+    @abstractmethod
     def truth_word(self) -> str:
         """What errors are differences to: ``"truth"``, or the ``"reference"`` of a log."""
-        return "reference" if self.recorded else "truth"
 
-    def lacks(self, name: str) -> str:
-        """Return why something is not known of this run, in a sentence; empty if it is.
+    @property
+    @abstractmethod
+    def realisation(self) -> str:
+        """What tells this run from others of the same settings: ``"seed 1"``; empty of a log."""
 
-        Parameters
-        ----------
-        name
-            Name of a dataset, or ``"summary"``, ``"coverage"``, ``"budget"``.
-        """
-        if self.recorded is None:
-            return ""
-        if name in NEEDS_SIMULATION:
-            return (
-                "Nobody knows the true flight and the true biases of a log of real sensors, which "
-                f"{_SPOKEN.get(name, name)} needs; {_KNOWN}"
-            )
-        if name in NEEDS_TRUTH and self.truth_arrays is None:
-            return f"This log of real sensors has no reference, so its errors are not known; {_KNOWN}"
-        return ""
-
-    def known_truth(self, name: str) -> Truth:
-        """Return the truth, or the reference of a log, for what is called `name`.
-
-        Raises
-        ------
-        ResultError
-            If it is not known.
-        """
-        reason = self.lacks(name)
-        if reason or self.truth_arrays is None:
-            raise ResultError(reason or self.lacks("truth"))
-        return self.truth_arrays
-
-    def true_flight(self, name: str) -> tuple[Truth, IdealImu]:
-        """Return truth and ideal IMU of a simulated run, for what is called `name`.
-
-        Raises
-        ------
-        ResultError
-            If the run is that of a log.
-        """
-        truth = self.known_truth(name)
-        if self.ideal is None:
-            raise ResultError(self.lacks("budget"))
-        return truth, self.ideal.to_compute_on()
-
-    @made_when_asked
-    def euler(self) -> FloatArray:
-        """Estimated roll, pitch, heading (n + 1, 3) [rad]."""
-        return euler_from_quaternion(self.solution_arrays.q_nb)
+    @property
+    @abstractmethod
+    def has_temperature(self) -> bool:
+        """Whether a temperature profile is simulated; without one the IMU is at 25 °C."""
 
     @cached_property
     def feedforward_drift(self) -> float:
         """Largest attitude error of the free-running navigator of a feedforward filter [rad]; else zero."""
-        return feedforward.drift(self)
-
-    @property
-    def fix_validity(self) -> FloatArray:
-        """Times (m,) that the filter took for those of the fixes' validity [s]."""
-        if self.recorded:
-            return self.fixes.time
-        settings = self.experiment
-        return self.fixes.time - assumed_latency(settings.navigator, settings.sensors.gps.latency)
-
-    @made_when_asked
-    def true_bias(self) -> FloatArray:
-        """True gyro and accelerometer biases (n + 1, 6) at the IMU times [rad/s], [m/s²]."""
-        return _at_samples(self.gyro.bias, self.accelerometer.bias)
-
-    @made_when_asked
-    def true_scale(self) -> FloatArray:
-        """True scale factor errors of gyros and accelerometers (n + 1, 6) at the IMU times."""
-        return _at_samples(self.gyro.scale, self.accelerometer.scale)
+        return feedforward.drift_of(self)
 
     @made_when_asked
     def truth(self) -> xr.Dataset:
@@ -278,29 +138,26 @@ class Result:
         """Temperature of the IMU in each sample interval, and what its thermometer showed."""
         return sensors.temperature(self)
 
-    @property
-    def has_temperature(self) -> bool:
-        """Whether a temperature profile is simulated; without one the IMU is at 25 °C."""
-        return self.recorded is None and bool(self.experiment.sensors.temperature.profile != "none")
-
     @cached_property
     def gps(self) -> xr.Dataset:
         """The GPS fixes and, if simulated, their errors; those of a log as they were used, of the IMU."""
-        return sensors.gps(self)
+        return sensors.gps(self, self.projection)
 
     @made_when_asked
     def track(self) -> xr.Dataset:
         """True and estimated path in metres on the map; of a log the reference, if any, is the true one."""
-        return flight.track(self)
+        return flight.track(self, self.projection)
 
     @cached_property
     def projection(self) -> Projection:
         """Map projection of the flight."""
-        if self.recorded:
-            start = self.solution_arrays.position[0]
-            return Projection.at(float(start[0]), float(start[1]))
-        truth = self.known_truth("truth")
-        return Projection.at(float(truth.latitude[0]), float(truth.longitude[0]))
+        latitude, longitude = self._origin
+        return Projection.at(float(latitude), float(longitude))
+
+    @property
+    @abstractmethod
+    def _origin(self) -> tuple[float, float]:
+        """Latitude and longitude [rad] about which the flight is projected."""
 
     @made_when_asked
     def sensor_errors(self) -> xr.Dataset:
@@ -319,7 +176,7 @@ class Result:
     @cached_property
     def autocorrelation(self) -> xr.Dataset:
         """Normalised autocorrelation of the innovations; attribute `band`: half-width of the 95 % band."""
-        return innovations.autocorrelation(self)
+        return innovations.autocorrelation(self, self.innovations)
 
     @cached_property
     def consistency(self) -> xr.Dataset:
@@ -346,17 +203,13 @@ class Result:
 
     @cached_property
     def summary(self) -> pd.DataFrame:
-        """Table of the errors over the whole flight: rms, largest, and what 95 % stay below.
-
-        Of a log, of what the reference knows; with mean and standard deviation, since a reference may be
-        off by a constant.
-        """
-        return tables.summary(self)
+        """Table of the errors over the whole flight: rms, largest, and what 95 % stay below."""
+        return tables.summary(self, None if self.is_long else self.errors, moments=False)
 
     @cached_property
     def verdict(self) -> Verdict:
         """Whether the filter tells the truth about itself, judged by errors and innovations."""
-        return feedforward.judge(self, judge(self.evidence))
+        return feedforward.judge(self.feedforward_drift, judge(self.evidence))
 
     @cached_property
     def tried_verdict(self) -> Verdict:
@@ -371,17 +224,32 @@ class Result:
     @cached_property
     def innovation_verdict(self) -> Verdict:
         """The same judged by the innovations alone, as in a flight of which nobody knows the truth."""
-        return feedforward.judge(self, judge(self.evidence.without_truth()))
+        return feedforward.judge(self.feedforward_drift, judge(self.evidence.without_truth()))
 
     @cached_property
     def evidence(self) -> Evidence:
         """What this run says for and against each assumption of the filter; of a log its innovations."""
-        return evidence_of(self)
+        return evidence_of(self, self.filtered)
+
+    @property
+    def filtered(self) -> Solution:
+        """What the filter alone computed: of a smoothed run its own run, otherwise the solution."""
+        if self.algorithm or not self.experiment.navigator.smoother:
+            return self.solution_arrays
+        alone = self.experiment.copy()
+        alone.set("navigator.smoother", False)
+        return alone.run().solution_arrays
+
+    def repeated(self, experiment: ExperimentSettings) -> Result:
+        """Return the run with other settings, from a changed copy of its own."""
+        assert isinstance(experiment, Runnable)
+        return experiment.run()
 
     @cached_property
     def coverage(self) -> pd.DataFrame:
         """Table of the errors in their σ: their mean, and how many percent lie within ±1σ and ±3σ."""
-        return tables.coverage(self)
+        self.known_truth("coverage")
+        return tables.coverage(self.errors, self.sigma)
 
     @cached_property
     def whiteness(self) -> pd.DataFrame:
@@ -390,11 +258,15 @@ class Result:
         The columns are those of `lab.analysis.consistency.whiteness_table`. What the receiver of a log does
         not measure has no row.
         """
-        return tables.whiteness(self)
+        return tables.whiteness(self.innovations)
 
     @cached_property
+    @abstractmethod
     def remarks(self) -> tuple[str, ...]:
         """What to know before believing the result: a saturated sensor, rejected fixes, or none at all."""
+
+    def _run_remarks(self) -> list[str]:
+        """Return what the run itself gives reason to remark."""
         remarks = []
         for sensor, measured in (("gyro", self.gyro), ("accelerometer", self.accelerometer)):
             if measured.saturated:
@@ -427,20 +299,9 @@ class Result:
                 "No GPS fix during the flight (sensors.gps.outages, sensors.gps.period): the navigator ran "
                 "free."
             )
-        sensors = self.experiment.sensors
-        if self.recorded:
-            assumed = sensors.assumed_remark()
-            return (*self.recorded.notes, *remarks, *((assumed,) if assumed else ()))
-        alignment = float(self.experiment.navigator.alignment)
-        if alignment:
-            remarks.append(
-                f"An alignment of {alignment:g} s at rest before the flight (navigator.alignment) levelled "
-                "the navigator and took the constant gyro biases off: the gyro biases shown, true and "
-                "estimated, are what is left."
-            )
-        return (*remarks, *sensors.remarks(self.experiment.navigator.states))
+        return remarks
 
-    def identify(self, progress: Callable[[str, float], None] | None = None) -> Identification:
+    def identify(self, progress: Progress | None = None) -> Identification:
         """Return what the innovations say of the sensors: noise, bias drive, R, latency and lever arm.
 
         The most likely values with error bars, and how well fixes that are withheld for 10 s are predicted
@@ -456,8 +317,6 @@ class Result:
         ResultError
             If a user's algorithm navigated, or there are too few fixes.
         """
-        from lab.identify import identify  # noqa: PLC0415 - it runs experiments, and so imports results
-
         return identify(self, progress)
 
     def datasets(self) -> dict[str, xr.Dataset]:
@@ -475,7 +334,9 @@ class Result:
         FileNotFoundError
             If the folder does not exist.
         """
-        report.write_netcdf(self, Path(path), overwrite=overwrite)
+        title = f"INS Lab: {self.mission.title}"
+        settings = self.experiment.to_toml()
+        result_files.write_netcdf(Path(path), self.datasets, title, settings, overwrite=overwrite)
 
     def to_csv(self, folder: str | Path, *, overwrite: bool = False) -> None:
         """Write each dataset as a csv file in a folder, units in the column names, and the settings as TOML.
@@ -485,13 +346,16 @@ class Result:
         FileExistsError
             If one of the files exists and `overwrite` is not given.
         """
-        report.write_csv(self, Path(folder), overwrite=overwrite)
+        settings = self.experiment.to_toml()
+        result_files.write_csv(Path(folder), self.datasets(), self.overview, settings, overwrite=overwrite)
+
+    @property
+    def overview(self) -> tuple[str, pd.DataFrame]:
+        """Name and content of the table that says most: the errors, or where unknown the innovations."""
+        return ("whiteness", self.whiteness) if self.lacks("summary") else ("summary", self.summary)
 
     def __repr__(self) -> str:
-        table = self.whiteness if self.lacks("summary") else self.summary
+        _, table = self.overview
         lines = table.to_string(index=False, float_format=lambda value: f"{value:.4g}")
-        seed = "" if self.recorded else f", seed {self.experiment.seed}"
-        return "\n".join((f"Result of {self.mission.name}{seed}:", lines, *self.remarks))
-
-    def _repr_html_(self) -> str:
-        return report.html(self)
+        name = ", ".join(part for part in (self.mission.name, self.realisation) if part)
+        return "\n".join((f"Result of {name}:", lines, *self.remarks))

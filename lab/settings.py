@@ -14,9 +14,9 @@ from typing import Any, ClassVar, NamedTuple, Self
 import numpy as np
 import param
 
+from lab.notebook_card import NotebookCard
 from lab.setting_kinds import AxisQuantity, Intervals, describe
 from lab.setting_text import MAX_PATH, value_of
-from lab.settings_card import settings_html
 
 
 class SettingError(ValueError):
@@ -44,12 +44,13 @@ class Derived(NamedTuple):
     back: Callable[[Any], Any]
 
 
-class Settings(param.Parameterized):
+class Settings(NotebookCard, param.Parameterized):
     """A group of settings, itself made of parameters and of further groups, addressed by dotted paths.
 
     A subclass declares a group inside it with `group`. Every instance owns its groups.
     """
 
+    CARD = "settings"
     OTHER_FORMS: ClassVar[tuple[str, ...]] = ()
     """Dotted paths with which settings can be given in another form."""
 
@@ -188,9 +189,6 @@ class Settings(param.Parameterized):
         twin = type(self)()
         twin._take(self)
         return twin
-
-    def _repr_html_(self) -> str:
-        return settings_html(self)
 
     def _take(self, other: Self) -> None:
         # Only what differs: setting a parameter costs far more than reading it, and tells every watcher.

@@ -3,7 +3,8 @@
 The recorded velocity is splined, integrated over the ellipsoid and anchored on the position fixes by a slow
 correction: differentiating velocity once costs far less noise than differentiating rounded positions twice.
 One C2 curve with its knots on the IMU grid is then put through latitude, longitude, height and attitude
-(close to a pole, where longitude fails, through Cartesian position and attitude: `polar_trajectory`).
+(`geodetic_path`; close to a pole, where longitude fails, through Cartesian position and attitude:
+`polar_path`).
 Truth and ideal IMU are exact derivatives of that curve, and the IMU's increments are integrals over intervals
 that contain no knot, so a navigator fed with them must return to the truth.
 
@@ -17,23 +18,21 @@ P. D. Groves, *Principles of GNSS, Inertial and Multisensor Integrated Navigatio
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any, Literal, Protocol, get_args
+from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy.spatial.transform import Rotation, RotationSpline
 
 from lab import ecef, ideal_imu, rotation
-from lab.anchoring import anchored_offsets
+from lab.attitude_curve import ATTITUDE_CURVES, AttitudeKind
+from lab.geodetic_path import GeodeticPath
 from lab.histories import LONG
 from lab.ideal_imu import IdealImu
+from lab.polar_path import PolarPath
 from lab.recordings.recording import Recording
-from lab.spline_windows import CubicCurve, SplineWindows
 
 FloatArray = NDArray[np.float64]
-AttitudeKind = Literal["rotation", "euler"]
 
-ATTITUDE_CURVES = get_args(AttitudeKind)
 MIN_SAMPLES = 4
 """A cubic needs four points."""
 AT_ONCE = 2**16
@@ -97,98 +96,31 @@ class LongTruth(Truth):
         return Truth(**part, euler=rotation.euler_from_quaternion(part["q_nb"]))
 
 
-class AttitudeCurve(Protocol):
-    """A twice-differentiable curve of attitudes."""
+class FlightPath(Protocol):
+    """A twice-differentiable curve of position and attitude, in whatever coordinates."""
 
-    def attitude(self, times: FloatArray) -> Rotation:
-        """Return C_nb at the times."""
+    def motion(self, times: FloatArray) -> tuple[FloatArray, ...]:
+        """Return where and how the vehicle is at the times.
+
+        Returns
+        -------
+        latitude, longitude, height : (n,) arrays
+            Geodetic position [rad], longitude within ±π; height above the ellipsoid [m].
+        velocity_n : (n, 3) array
+            Velocity over the Earth, north, east, down [m/s].
+        q_nb : (n, 4) array
+            Attitude quaternion, scalar first.
+        """
         ...
 
-    def rate(self, times: FloatArray) -> FloatArray:
-        """Return ω_nb,b (n, 3) at the times [rad/s]."""
+    def rates(self, times: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return ω_ib,b (n, 3) [rad/s] and f_b (n, 3) [m/s²] at the times."""
         ...
 
     @property
     def nbytes(self) -> int:
         """Memory of the curve's coefficients [bytes]."""
         ...
-
-
-class RotationCurve:
-    """SciPy's `RotationSpline` through the attitudes: no gimbal lock, nothing to unwrap.
-
-    Parameters
-    ----------
-    times : (n,) array
-        Knots [s].
-    attitudes
-        n rotations C_nb; or another curve, through which this one goes.
-    """
-
-    def __init__(self, times: FloatArray, attitudes: Rotation | RotationCurve) -> None:
-        def make(part: slice) -> RotationSpline:
-            knots = times[part]
-            given = attitudes.attitude(knots) if isinstance(attitudes, RotationCurve) else attitudes[part]
-            return RotationSpline(knots, given)
-
-        self._spline = SplineWindows(times, make)
-        # A curve of one window is made already.
-        self._through = None if self._spline.only else attitudes
-
-    def attitude(self, times: FloatArray) -> Rotation:
-        """Return C_nb at the times."""
-        if self._spline.only is not None:
-            return self._spline.only(times)
-        return Rotation.from_quat(self._spline(times, lambda spline, at: spline(at).as_quat()))
-
-    def rate(self, times: FloatArray) -> FloatArray:
-        """Return ω_nb,b (n, 3) at the times [rad/s]."""
-        return self._spline(times, lambda spline, at: spline(at, 1))
-
-    @property
-    def nbytes(self) -> int:
-        """Memory of the knots and of the coefficients that are kept [bytes]."""
-        # Coefficients (4, 3) of the rotation vectors, a quaternion and a time at each knot.
-        own = self._spline.kept * (12 + 4 + 1) * 8
-        if isinstance(self._through, RotationCurve):
-            return own + self._through.nbytes
-        return own + (0 if self._through is None else len(self._through) * 4 * 8)
-
-    def resampled(self, times: FloatArray) -> RotationCurve:
-        """Return a curve through this one with knots at other times."""
-        return RotationCurve(times, self)
-
-
-class EulerCurve:
-    """Cubic spline through roll, pitch and yaw: the classic choice, for flights away from ±90° of pitch.
-
-    Parameters
-    ----------
-    times : (n,) array
-        Knots [s].
-    euler : (n, 3) array
-        Roll, pitch, yaw without jumps [rad].
-    """
-
-    def __init__(self, times: FloatArray, euler: FloatArray) -> None:
-        self._spline = CubicCurve(times, euler)
-
-    def attitude(self, times: FloatArray) -> Rotation:
-        """Return C_nb at the times."""
-        return Rotation.from_quat(rotation.quaternion_from_euler(self._spline(times)), scalar_first=True)
-
-    def rate(self, times: FloatArray) -> FloatArray:
-        """Return ω_nb,b (n, 3) at the times [rad/s]."""
-        return rotation.body_rate(self._spline(times), self._spline(times, 1))
-
-    @property
-    def nbytes(self) -> int:
-        """Memory of the knots and of the coefficients that are kept [bytes]."""
-        return self._spline.nbytes
-
-    def resampled(self, times: FloatArray) -> EulerCurve:
-        """Return a curve through this one with knots at other times."""
-        return EulerCurve(times, self._spline(times))
 
 
 class Trajectory:
@@ -201,18 +133,15 @@ class Trajectory:
     ----------
     time : (n,) array
         Knots: the IMU grid, from 0 [s].
-    origin : (3,) array
-        Latitude, longitude [rad] and height [m] the offsets count from.
-    offsets : (n, 3) array
-        Latitude, longitude (without jumps) and height at the knots, minus the origin. The spline of small
-        offsets keeps the second derivative free of the roundoff of the coordinates themselves.
-    attitude
-        Curve of attitudes with the same knots.
+    path
+        Curve of position and attitude with these knots.
     imu_rate
         Rate of the IMU grid [Hz].
 
     Attributes
     ----------
+    path : FlightPath
+        The curve: a `PolarPath` for a record that comes closer than 1° to a pole, else a `GeodeticPath`.
     duration : float
         Length of the flight, a whole number of IMU intervals [s].
     imu_rate : float
@@ -222,22 +151,13 @@ class Trajectory:
         recording.
     """
 
-    def __init__(
-        self,
-        time: FloatArray,
-        origin: FloatArray,
-        offsets: FloatArray,
-        attitude: AttitudeCurve,
-        imu_rate: float,
-    ) -> None:
+    def __init__(self, time: FloatArray, path: FlightPath, imu_rate: float) -> None:
+        self.path = path
         self.imu_rate = float(imu_rate)
         self.duration = float(time[-1])
         self.position_residual = np.zeros(3)
         self.velocity_residual = np.zeros(3)
         self._time = time
-        self._origin = origin
-        self._position = CubicCurve(time, offsets)
-        self._attitude = attitude
 
     @classmethod
     def from_recording(
@@ -254,11 +174,6 @@ class Trajectory:
         attitude_curve
             "rotation" for a rotation spline, "euler" for cubic splines on the Euler angles.
 
-        Returns
-        -------
-        Trajectory
-            For a record that comes closer than 1° to a pole, a `PolarTrajectory`.
-
         Raises
         ------
         ValueError
@@ -268,16 +183,12 @@ class Trajectory:
         time = recording.time - recording.time[0]
         intervals = int(time[-1] * imu_rate + 1e-6)  # 1e-6: stamps are rounded
         grid = np.arange(intervals + 1) / imu_rate
+        path: FlightPath
         if ecef.near_pole(recording.latitude).any():
-            from lab.polar_trajectory import PolarTrajectory  # noqa: PLC0415 - a subclass of this one
-
-            polar = PolarTrajectory.through(recording, grid, imu_rate)
-            polar._compare(time, recording)
-            return polar
-        position = np.stack((recording.latitude, recording.longitude, recording.height), axis=-1)
-        offsets = anchored_offsets(time, position, recording.velocity_n, grid)
-        attitude = _attitude_curve(time, recording.euler, attitude_curve).resampled(grid)
-        trajectory = cls(grid, position[0], offsets, attitude, imu_rate)
+            path = PolarPath.through(recording, grid)
+        else:
+            path = GeodeticPath.through(recording, grid, attitude_curve)
+        trajectory = cls(grid, path, imu_rate)
         trajectory._compare(time, recording)
         return trajectory
 
@@ -289,7 +200,7 @@ class Trajectory:
     @property
     def nbytes(self) -> int:
         """Memory of the curve's knots and coefficients [bytes]."""
-        return int(self._time.nbytes) + self._position.nbytes + self._attitude.nbytes
+        return int(self._time.nbytes) + self.path.nbytes
 
     def at(self, times: ArrayLike) -> Truth:
         """Return the truth at any times within the flight.
@@ -320,17 +231,9 @@ class Trajectory:
 
     def _at(self, times: FloatArray) -> Truth:
         """Return the truth at times within the flight."""
-        position = self._position(times) + self._origin
-        q_nb = self._attitude.attitude(times).as_quat(scalar_first=True)
-        return Truth(
-            time=times,
-            latitude=position[:, 0],
-            longitude=rotation.wrap(position[:, 1]),
-            height=position[:, 2],
-            velocity_n=ideal_imu.velocity(position, self._position(times, 1)),
-            q_nb=q_nb,
-            euler=rotation.euler_from_quaternion(q_nb),
-        )
+        latitude, longitude, height, velocity_n, q_nb = self.path.motion(times)
+        euler = rotation.euler_from_quaternion(q_nb)
+        return Truth(times, latitude, longitude, height, velocity_n, q_nb, euler)
 
     def rates(self, times: ArrayLike) -> tuple[FloatArray, FloatArray]:
         """Return the instantaneous inputs of an IMU at any times within the flight.
@@ -352,14 +255,7 @@ class Trajectory:
         ValueError
             For times outside the flight.
         """
-        times = self._within(times)
-        return ideal_imu.inputs(
-            self._position(times) + self._origin,
-            self._position(times, 1),
-            self._position(times, 2),
-            self._attitude.attitude(times),
-            self._attitude.rate(times),
-        )
+        return self.path.rates(self._within(times))
 
     def increments(self, rate: float | None = None) -> IdealImu:
         """Return the integrals of angular rate and specific force over each sample interval.
@@ -427,12 +323,3 @@ def _check(recording: Recording, imu_rate: float, attitude_curve: str) -> None:
             "attitude curve 'euler' does not go with a recording closer than 1° to a pole, where the heading "
             "jumps; accepted here: rotation"
         )
-
-
-def _attitude_curve(time: FloatArray, euler: FloatArray, kind: AttitudeKind) -> RotationCurve | EulerCurve:
-    """Return the curve through recorded Euler angles with knots at the recorded times."""
-    if kind == "rotation":
-        return RotationCurve(
-            time, Rotation.from_quat(rotation.quaternion_from_euler(euler), scalar_first=True)
-        )
-    return EulerCurve(time, np.unwrap(euler, axis=0))

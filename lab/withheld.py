@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from lab.analysis.identification import HeldOut
 from lab.analysis.likelihood import Seen, log_likelihoods, squares
-from lab.experiment import Experiment
+from lab.experiment_settings import ExperimentSettings
 from lab.renavigation import Subject
 
 FloatArray = NDArray[np.float64]
@@ -41,7 +41,7 @@ def outages(stamps: FloatArray, start: float, end: float, shift: float = 0.0) ->
     return [mask for mask in masks if mask.any()]
 
 
-def predicted(subject: Subject, experiment: Experiment, withheld: Flags, dropped: Flags) -> Seen:
+def predicted(subject: Subject, experiment: ExperimentSettings, withheld: Flags, dropped: Flags) -> Seen:
     """Return the innovations of the fixes withheld in one turn, outliers (`dropped`) apart."""
     settings = experiment.copy()
     settings.navigator.smoother, settings.navigator.engine = False, "compiled"
@@ -52,7 +52,9 @@ def predicted(subject: Subject, experiment: Experiment, withheld: Flags, dropped
     return Seen(innovation[known], seen.covariance[kept][known])
 
 
-def held_out(subject: Subject, experiment: Experiment, masks: Sequence[Flags], dropped: Flags) -> HeldOut:
+def held_out(
+    subject: Subject, experiment: ExperimentSettings, masks: Sequence[Flags], dropped: Flags
+) -> HeldOut:
     """Return how well a filter predicts the fixes of all turns."""
     with ThreadPoolExecutor(max_workers=2) as pool:
         return judged(list(pool.map(lambda mask: predicted(subject, experiment, mask, dropped), masks)))

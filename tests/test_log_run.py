@@ -10,6 +10,7 @@ from sensor_logs import tables, trajectory, write, write_csv
 from lab import Experiment, ResultError, compare, run_ensemble
 from lab.experiment import CACHE
 from lab.log_reference import differences, reference_at
+from lab.log_result import LogResult
 from lab.log_run import has_effect
 from lab.logs.auxiliary_data import Reference
 from lab.missions import MissionError, mission, read_sensor_log
@@ -60,6 +61,15 @@ def test_errors_against_the_reference(folder, tmp_path):
     result.to_csv(tmp_path / "csv")
     assert "estimate minus reference" in result._repr_html_()
     assert "mean" in repr(result)
+
+
+def test_the_result_of_a_log_is_of_a_class_of_its_own(folder):
+    result = experiment(folder).run()
+    assert isinstance(result, LogResult)
+    assert result.ideal is result.aligned is None
+    assert (result.truth_word, result.realisation) == ("reference", "")
+    assert result.epoch == result.recorded.log.epoch
+    assert not result.has_temperature
 
 
 def test_without_reference_errors_are_not_known(blind, tmp_path):

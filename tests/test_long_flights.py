@@ -13,11 +13,12 @@ from typer.testing import CliRunner
 from dashboards.computing import run
 from lab import Experiment, histories, memory, spline_windows, trajectory
 from lab import experiment as stages
-from lab import result as results
+from lab import run as arrays
 from lab.cli import app
 from lab.navigation import navigator
 from lab.navigation.lever_arm import turns
 from lab.navigation.solution import Imu
+from lab.result import Result
 from lab.trajectory import Trajectory
 
 SHORT = 2**12
@@ -27,7 +28,7 @@ SHORT = 2**12
 @pytest.fixture
 def everything_is_long(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
     """Treat a flight of minutes as one of hours."""
-    for module in (histories, trajectory, navigator, stages, results, memory):
+    for module in (histories, trajectory, navigator, stages, arrays, memory):
         monkeypatch.setattr(module, "LONG", SHORT)
     monkeypatch.setattr(spline_windows, "WINDOW", SHORT)
     monkeypatch.setattr(trajectory, "AT_ONCE", 1000)
@@ -47,14 +48,12 @@ def settings() -> Experiment:
 
 
 @pytest.fixture
-def exact() -> results.Result:
+def exact() -> Result:
     stages.CACHE.clear()
     return settings().run()
 
 
-def test_what_is_said_of_a_flight_does_not_change(
-    exact: results.Result, request: pytest.FixtureRequest
-) -> None:
+def test_what_is_said_of_a_flight_does_not_change(exact: Result, request: pytest.FixtureRequest) -> None:
     summary, evidence = exact.summary, exact.evidence
     between, nees = evidence.between, evidence.nees
     assert between is not None

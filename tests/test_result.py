@@ -16,6 +16,7 @@ from scipy import stats
 from lab.experiment import Experiment
 from lab.missions import Recording, write_flight_csv
 from lab.result import DATASETS, Result
+from lab.simulated_result import SimulatedResult
 
 
 def southward() -> Recording:
@@ -209,6 +210,13 @@ def test_every_dataset_has_units_and_long_names(result):
         for array in dataset.data_vars.values():
             assert "units" in array.attrs, (name, array.name)
             assert array.attrs["long_name"], (name, array.name)
+
+
+def test_a_simulated_run_lacks_nothing(result):
+    assert isinstance(result, SimulatedResult)
+    assert not any(map(result.lacks, (*DATASETS, "summary", "coverage", "budget")))
+    assert (result.truth_word, result.realisation, result.epoch) == ("truth", "seed 3", 0.0)
+    assert result.recorded is None
 
 
 def test_threads_that_ask_at_once_get_the_same(result):

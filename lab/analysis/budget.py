@@ -42,9 +42,11 @@ from lab.analysis.error_sources import (
 from lab.analysis.errors import NED_TO_ENU
 from lab.analysis.known_errors import Series, known_errors
 from lab.analysis.transition import BIASES, NAV, Flight, N, Processes, Transition, transition
+from lab.datasets import flight, sensors
 from lab.navigation.error_models import ATT, MODELS, POS, STATES, VEL
 from lab.navigation.strapdown import MAX_LATITUDE
 from lab.rotation import euler_jacobian
+from lab.run import Run
 from lab.sensors.gps import within
 from lab.settings import SettingError
 from lab.units import TO_SI
@@ -52,7 +54,6 @@ from lab.units import TO_SI
 if TYPE_CHECKING:
     import xarray as xr
 
-    from lab.result import Result
     from lab.trajectory import Truth
 
 FloatArray = NDArray[np.float64]
@@ -79,12 +80,12 @@ INTERVAL = 1.0
 """Longest time between two epochs of a budget [s]."""
 
 
-def error_budget(result: Result) -> xr.Dataset:
+def error_budget(run: Run) -> xr.Dataset:
     """Return the error budget of a run.
 
     Parameters
     ----------
-    result
+    run
         The run: its flight, its settings and the gains of its filter are used, its errors are not.
 
     Returns
@@ -105,32 +106,32 @@ def error_budget(result: Result) -> xr.Dataset:
     ResultError
         If the run is that of a log of real sensors, whose true flight nobody knows.
     """
-    _, ideal = result.true_flight("budget")
-    _check(result)
-    experiment = result.experiment
-    assert result.aligned is not None  # of a simulated run
-    constant = constants(experiment, result.aligned)
-    random = processes(experiment, ideal, float(result.time[-1]))
-    known = known_errors(result)
-    epochs = epochs_of(result)
-    variance = _Propagation(result, constant, random, known).run(epochs)
+    _, ideal = run.true_flight("budget")
+    _check(run)
+    experiment = run.experiment
+    assert run.aligned is not None  # of a simulated run
+    constant = constants(experiment, run.aligned)
+    random = processes(experiment, ideal, float(run.time[-1]))
+    known = known_errors(run)
+    epochs = epochs_of(run)
+    variance = _Propagation(run, constant, random, known).run(epochs)
     names = [source.name for part in (constant, known, random) for source in part]
-    return _dataset(result, names, epochs, variance)
+    return _dataset(run, names, epochs, variance)
 
 
-def _check(result: Result) -> None:
+def _check(run: Run) -> None:
     """Refuse filters whose covariance says nothing of the gains on these error states."""
-    model = result.experiment.navigator.model
+    model = run.experiment.navigator.model
     if model not in MODELS:
         raise SettingError(
             f"navigator.model = {model!r}: the error budget needs the gains of a linear model; accepted here "
             f"is one of {', '.join(MODELS)}"
         )
-    truth, _ = result.true_flight("budget")
+    truth, _ = run.true_flight("budget")
     check_latitude(truth)
-    check_gains(result)
-    check_rest(result)
-    check_feedforward(result)
+    check_gains(run)
+    check_rest(run)
+    check_feedforward(run)
 
 
 def check_latitude(flight: Truth) -> None:
@@ -143,32 +144,32 @@ def check_latitude(flight: Truth) -> None:
         )
 
 
-def check_gains(result: Result) -> None:
+def check_gains(run: Run) -> None:
     """Raise `SettingError` of smoothed solutions and users' algorithms, which have no gains."""
-    if result.algorithm:
+    if run.algorithm:
         raise SettingError(
-            f"{result.algorithm}: this analysis follows the gains of the filter, which an algorithm of your "
+            f"{run.algorithm}: this analysis follows the gains of the filter, which an algorithm of your "
             "own does not give; accepted here is the navigator of the settings"
         )
-    if result.experiment.navigator.smoother:
+    if run.experiment.navigator.smoother:
         raise SettingError(
             "navigator.smoother: this analysis follows the gains of the filter, which a smoothed solution "
             "does not have; accepted here is false"
         )
 
 
-def check_rest(result: Result) -> None:
+def check_rest(run: Run) -> None:
     """Raise `SettingError` of runs with updates at rest, whose gains are not kept."""
-    if result.solution_arrays.rest.any():
+    if run.solution_arrays.rest.any():
         raise SettingError(
             "navigator.rest_updates: the error budget follows the gains of fixes, and here the filter was "
             "also updated while the vehicle stood still; accepted here is false"
         )
 
 
-def check_feedforward(result: Result) -> None:
+def check_feedforward(run: Run) -> None:
     """Raise `SettingError` of a feedforward run whose free navigator is beyond the linear model."""
-    drift = feedforward.drift(result)
+    drift = feedforward.drift_of(run)
     if drift > feedforward.LINEAR:
         raise SettingError(
             "navigator.correction: the error budget is linear, and the free-running navigator of this "
@@ -185,12 +186,12 @@ class Epochs(NamedTuple):
     last: NDArray[np.bool_]
 
 
-def epochs_of(result: Result) -> Epochs:
+def epochs_of(run: Run) -> Epochs:
     """Return the start, the fixes used, the end, and samples between so that none is far from the next."""
-    end = result.time.size - 1
-    used = np.flatnonzero(result.solution_arrays.fix_sample >= 0)
-    at_fix = result.solution_arrays.fix_sample[used]
-    grid = np.append(np.arange(0, end, max(1, round(INTERVAL / _step(result)))), end)
+    end = run.time.size - 1
+    used = np.flatnonzero(run.solution_arrays.fix_sample >= 0)
+    at_fix = run.solution_arrays.fix_sample[used]
+    grid = np.append(np.arange(0, end, max(1, round(INTERVAL / _step(run)))), end)
     grid = np.setdiff1d(grid, at_fix)
     sample = np.concatenate((at_fix, grid))
     order = np.argsort(sample, kind="stable")
@@ -199,9 +200,9 @@ def epochs_of(result: Result) -> Epochs:
     return Epochs(sample, fix, np.append(np.diff(sample) > 0, True))
 
 
-def _step(result: Result) -> float:
+def _step(run: Run) -> float:
     """Return the usual time from IMU sample to IMU sample [s]."""
-    return float(np.median(np.diff(result.time))) if result.ideal is None else result.ideal.dt
+    return float(np.median(np.diff(run.time))) if run.ideal is None else run.ideal.dt
 
 
 class _Propagation:
@@ -209,12 +210,12 @@ class _Propagation:
 
     def __init__(
         self,
-        result: Result,
+        run: Run,
         constants: list[Constant],
         processes: list[Process],
         known: Sequence[Series] = (),
     ) -> None:
-        (truth, ideal), belief = result.true_flight("budget"), result.belief
+        (truth, ideal), belief = run.true_flight("budget"), run.belief
         self.flight = Flight(
             truth.latitude,
             truth.height,
@@ -235,14 +236,14 @@ class _Propagation:
             np.array([source.drive(ideal.dt) for source in self.inertial]).reshape(-1, 3),
         )
         # K = P⁺ Hᵀ R⁻¹, whatever P⁺ and R are worth (Gelb 4.2-16b).
-        solution = result.solution_arrays
+        solution = run.solution_arrays
         used = solution.fix_sample >= 0
         self.H = solution.fix_H
         self.gain = np.zeros((self.H.shape[0], solution.states, 6))
         self.gain[used] = (
             solution.fix_covariance[used] @ self.H[used].mT @ np.linalg.inv(solution.fix_R[used])
         )
-        self.corrected = _corrections(result)
+        self.corrected = _corrections(run)
         n = self.states = solution.states
         self.waiting = slice(n, n + BIASES)  # the biases of x̂
         self.own = slice(n + BIASES, n + BIASES + 3)  # c
@@ -256,8 +257,8 @@ class _Propagation:
         self.widths += [1] * len(known)
         self.columns = np.zeros((self.waiting.stop, sum(self.widths)))
         self.columns[:n, : self.drawn] = np.concatenate([source.start[:n] for source in constants], axis=1)
-        errors = result.experiment.sensors.gps
-        bad = within(errors.quality_steps, result.fixes.time)
+        errors = run.experiment.sensors.gps
+        bad = within(errors.quality_steps, run.fixes.time)
         self.grade = np.where(bad, errors.quality_factor, 1.0)
         self.P = np.zeros((len(processes), self.own.stop, self.own.stop))
         for P, source in zip(self.P, processes, strict=True):
@@ -357,27 +358,27 @@ class _Propagation:
         return np.concatenate((constant, random))
 
 
-def _corrections(result: Result) -> NDArray[np.bool_]:
+def _corrections(run: Run) -> NDArray[np.bool_]:
     """Return after which fixes (m,) the navigator was corrected."""
-    navigator = result.experiment.navigator
-    sample = result.solution_arrays.fix_sample
+    navigator = run.experiment.navigator
+    sample = run.solution_arrays.fix_sample
     corrected = np.zeros(sample.shape, dtype=np.bool_)
     if navigator.correction != "feedback":
         return corrected
-    last, slack = result.time[0], 1e-6 * _step(result)
+    last, slack = run.time[0], 1e-6 * _step(run)
     for m in np.flatnonzero(sample >= 0):
-        if result.time[sample[m]] - last >= navigator.correction_period - slack:
-            corrected[m], last = True, result.time[sample[m]]
+        if run.time[sample[m]] - last >= navigator.correction_period - slack:
+            corrected[m], last = True, run.time[sample[m]]
     return corrected
 
 
-def _dataset(result: Result, sources: list[str], epochs: Epochs, variance: FloatArray) -> xr.Dataset:
+def _dataset(run: Run, sources: list[str], epochs: Epochs, variance: FloatArray) -> xr.Dataset:
     """Return what `error_budget` returns."""
     import xarray as xr  # noqa: PLC0415 - takes a while to import, and a run does without
 
     names = list(dict.fromkeys(sources))
     variance = np.stack([variance[[name == source for source in sources]].sum(axis=0) for name in names])
-    units = quantities(result.solution_arrays.states)
+    units = quantities(run.solution_arrays.states)
     scale = np.array([1 / TO_SI[unit] for unit in units.values()])
     kept = epochs.sample[epochs.last]
     total = variance.sum(axis=0)
@@ -388,22 +389,22 @@ def _dataset(result: Result, sources: list[str], epochs: Epochs, variance: Float
             "sigma": (dims, np.sqrt(variance) * scale, {"long_name": "σ due to the source alone"}),
             "share": (dims, share, {"units": "%", "long_name": "part of the variance"}),
             "total": (dims[1:], np.sqrt(total) * scale, {"long_name": "σ of all sources together"}),
-            "believed": (dims[1:], believed_sigma(result)[kept], {"long_name": "σ according to the filter"}),
+            "believed": (dims[1:], believed_sigma(run)[kept], {"long_name": "σ according to the filter"}),
         },
         coords={
             "source": names,
-            "time": ("time", result.time[kept], {"units": "s", "long_name": "time"}),
+            "time": ("time", run.time[kept], {"units": "s", "long_name": "time"}),
             "quantity": list(units),
             "unit": ("quantity", list(units.values())),
         },
-        attrs={"left_out": ", ".join(left_out(result.experiment))},
+        attrs={"left_out": ", ".join(left_out(run.experiment))},
     )
 
 
-def believed_sigma(result: Result) -> FloatArray:
+def believed_sigma(run: Run) -> FloatArray:
     """Return σ of all `quantities` (n + 1, states) according to the filter, in their units."""
-    sets = (*(result.sigma[name] for name in ("position", "velocity", "attitude")),)
-    kinds = ("bias", "scale") if result.solution_arrays.scale.size else ("bias",)
+    sigma, errors = flight.sigma(run), sensors.sensor_errors(run)
+    sets = (*(sigma[name] for name in ("position", "velocity", "attitude")),)
+    kinds = ("bias", "scale") if run.solution_arrays.scale.size else ("bias",)
     names = (f"{sensor}_{kind}_sigma" for kind in kinds for sensor in ("gyro", "accelerometer"))
-    sensors = (result.sensor_errors[name] for name in names)
-    return np.concatenate([data.values for data in (*sets, *sensors)], axis=1)
+    return np.concatenate([data.values for data in (*sets, *(errors[name] for name in names))], axis=1)

@@ -25,7 +25,7 @@ from lab.sensors import imu
 from lab.units import si
 
 if TYPE_CHECKING:
-    from lab.experiment import Experiment
+    from lab.experiment_settings import ExperimentSettings
     from lab.ideal_imu import IdealImu
     from lab.navigation.rest_alignment import Aligned
     from lab.settings import Settings
@@ -93,7 +93,7 @@ class Process(NamedTuple):
         return self.variance * (1 - self.decay(elapsed) ** 2)
 
 
-def constants(experiment: Experiment, aligned: Aligned) -> list[Constant]:
+def constants(experiment: ExperimentSettings, aligned: Aligned) -> list[Constant]:
     """Return the constant errors that are not zero.
 
     Parameters
@@ -149,7 +149,7 @@ def coupled(name: str, rows: slice, columns: slice, matrices: FloatArray) -> Con
     return Constant(name, np.zeros((len(STATES), matrices.shape[0])), coupling)
 
 
-def processes(experiment: Experiment, ideal: IdealImu, duration: float) -> list[Process]:
+def processes(experiment: ExperimentSettings, ideal: IdealImu, duration: float) -> list[Process]:
     """Return the random processes that are not zero, those of the IMU first.
 
     Parameters
@@ -182,7 +182,7 @@ def processes(experiment: Experiment, ideal: IdealImu, duration: float) -> list[
     return [source for source in (*found, *_of_fixes(experiment)) if source.variance.any()]
 
 
-def _of_fixes(experiment: Experiment) -> list[Process]:
+def _of_fixes(experiment: ExperimentSettings) -> list[Process]:
     """Return the random errors of the fixes, north, east, down."""
     errors = experiment.sensors.gps
     found = []
@@ -198,7 +198,7 @@ def _of_fixes(experiment: Experiment) -> list[Process]:
     return found
 
 
-def left_out(experiment: Experiment) -> list[str]:
+def left_out(experiment: ExperimentSettings) -> list[str]:
     """Return the settings that err and are no source."""
     if experiment.navigator.gate and experiment.sensors.gps.outlier_rate:
         return ["sensors.gps.outlier_rate (the gate refuses outliers: those it lets pass are not followed)"]
@@ -216,7 +216,7 @@ def rounding(errors: Settings, dt: float) -> FloatArray:
     return step**2 / 12 if np.all(spread >= step / 2) else np.zeros(3)
 
 
-def _thermometer(experiment: Experiment, errors: Settings, size: FloatArray) -> FloatArray:
+def _thermometer(experiment: ExperimentSettings, errors: Settings, size: FloatArray) -> FloatArray:
     """Return the variance (3,) that the thermometer's noise leaves after a compensation.
 
     As if each axis had a thermometer of its own, and the mean square of rate or force were always there.

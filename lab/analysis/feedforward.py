@@ -11,43 +11,40 @@ P. S. Maybeck, *Stochastic Models, Estimation, and Control*, vol. 1, ch. 6.4 (fe
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 
 from lab.analysis.errors import attitude_error
 from lab.analysis.finding import Change, Finding, Verdict, headline
 from lab.navigation.choice import chosen_model
 from lab.navigation.navigator import PolarError, navigate
-from lab.navigation.solution import Fixes, Imu, Schedule, Start
-
-if TYPE_CHECKING:
-    from lab.result import Result
+from lab.navigation.schedule import Schedule
+from lab.navigation.solution import Fixes, Imu, Start
+from lab.run import Run
 
 LINEAR = np.radians(0.8)
 """Attitude error of the free-running navigator up to which the filter is linear enough [rad]. Measured on
 montreal over gyros of all qualities: at 0.8° NEES is 1.4 × too large, at 1.5° 4 ×, at 7° 20 ×."""
 
 
-def judge(result: Result, verdict: Verdict) -> Verdict:
+def judge(drift: float, verdict: Verdict) -> Verdict:
     """Return a verdict in which feedforward is the cause of what is inconsistent, where it is.
 
     Beyond its linear model nothing else can be judged.
 
     Parameters
     ----------
-    result
-        The run.
+    drift
+        Largest attitude error of the free-running navigator [rad], see `drift_of`.
     verdict
         What its evidence says.
     """
-    if not verdict.findings or result.feedforward_drift <= LINEAR:
+    if not verdict.findings or drift <= LINEAR:
         return verdict
-    degrees = np.degrees(result.feedforward_drift)
+    degrees = np.degrees(drift)
     finding = Finding(
         "feedforward",
         "not modelled",
-        float(result.feedforward_drift),
+        float(drift),
         f"The free-running navigator of the feedforward filter is up to {degrees:.3g}° off in attitude, "
         "beyond its linear model: its σ is not that of its errors.",
         "Set navigator.correction to feedback.",
@@ -57,25 +54,25 @@ def judge(result: Result, verdict: Verdict) -> Verdict:
     return Verdict(headline((finding,), ""), (finding,), verdict.basis)
 
 
-def drift(result: Result) -> float:
+def drift_of(run: Run) -> float:
     """Return the largest attitude error of the free-running navigator, as estimated [rad].
 
     Zero of a filter that corrects its navigator, and of a user's algorithm.
 
     Parameters
     ----------
-    result
+    run
         The run.
     """
-    if result.algorithm or result.experiment.navigator.correction != "feedforward":
+    if run.algorithm or run.experiment.navigator.correction != "feedforward":
         return 0.0
-    solution, nothing = result.solution_arrays, np.zeros((0, 3))
+    solution, nothing = run.solution_arrays, np.zeros((0, 3))
     bias = solution.bias[0, :3].astype(np.float64)
     start = Start(solution.position[0], solution.velocity_n[0], solution.q_nb[0], bias)
-    imu = Imu(result.time, result.gyro.increments, result.accelerometer.increments)
-    alone = result.belief._replace(R=np.eye(6), bias_decay=np.zeros(6))
+    imu = Imu(run.time, run.gyro.increments, run.accelerometer.increments)
+    alone = run.belief._replace(R=np.eye(6), bias_decay=np.zeros(6))
     try:
-        model = chosen_model(result.experiment.navigator)
+        model = chosen_model(run.experiment.navigator)
         none = Fixes(np.zeros(0), nothing, nothing)
         free = navigate(imu, none, start, alone, Schedule(feedback=False), model)
     except PolarError:  # it ran off to a pole

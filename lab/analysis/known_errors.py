@@ -7,7 +7,7 @@ was; of latency and lever arm in the fixes.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,13 +18,11 @@ from lab.analysis.error_sources import rounding
 from lab.analysis.errors import position_error
 from lab.navigation.belief import assumed_latency, assumed_lever_arm
 from lab.rotation import C_nb_from_euler, wrap
+from lab.run import Run
 from lab.sensors import gps, imu
 from lab.sensors import temperature as thermal
 from lab.trajectory import Truth
 from lab.units import si
-
-if TYPE_CHECKING:
-    from lab.result import Result
 
 FloatArray = NDArray[np.float64]
 
@@ -61,27 +59,27 @@ class Series(NamedTuple):
     is_bias: bool = False
 
 
-def known_errors(result: Result) -> list[Series]:
+def known_errors(run: Run) -> list[Series]:
     """Return the known errors of a run that are not zero."""
-    found = [*_of_triad(result, 0, "gyro"), *_of_triad(result, 1, "accelerometer"), *_of_fixes(result)]
+    found = [*_of_triad(run, 0, "gyro"), *_of_triad(run, 1, "accelerometer"), *_of_fixes(run)]
     return [source for source in found if source.inertial.any() or source.fixes.any()]
 
 
-def _of_triad(result: Result, number: int, name: str) -> list[Series]:
+def _of_triad(run: Run, number: int, name: str) -> list[Series]:
     """Return the known errors of the gyros (0) or the accelerometers (1)."""
-    experiment, (truth, ideal) = result.experiment, result.true_flight("budget")
+    experiment, (truth, ideal) = run.experiment, run.true_flight("budget")
     errors = experiment.sensors.groups()[name]
     assert isinstance(errors, imu.GyroErrors | imu.AccelerometerErrors)
     settings = experiment.sensors.temperature
     height = truth.height
-    warmth = thermal.temperature(settings, result.time[1:], height[1:] - height[0])
+    warmth = thermal.temperature(settings, run.time[1:], height[1:] - height[0])
     true = ideal.dvelocity if number else ideal.dtheta
     found: list[Series] = []
 
     def add(source: str, difference: FloatArray, is_bias: bool = False) -> None:
         inertial = np.zeros((true.shape[0], 6))
         inertial[:, 3 * number : 3 * number + 3] = -difference / ideal.dt
-        found.append(Series(f"{name} {source}", inertial, np.zeros((result.fixes.time.size, 6)), is_bias))
+        found.append(Series(f"{name} {source}", inertial, np.zeros((run.fixes.time.size, 6)), is_bias))
 
     surroundings = imu.Surroundings(warmth, ideal.dvelocity)
     for source, term in TERMS.items():
@@ -98,7 +96,7 @@ def _of_triad(result: Result, number: int, name: str) -> list[Series]:
         add(source, alone, term in BIASES)
     felt = imu.felt(experiment.sensors.accelerometer, experiment.seed, ideal.dvelocity, ideal.dt)
     coarse = any(errors.quantisation) and not rounding(errors, ideal.dt).any()
-    measured = result.accelerometer if number else result.gyro
+    measured = run.accelerometer if number else run.gyro
     if not (coarse or measured.saturated):
         return found
     draws = imu.ImuDraws.of(
@@ -136,9 +134,9 @@ _NONE = imu.ImuDraws(*(np.zeros(3),) * 3, *(np.zeros((0, 3)),) * 3, np.zeros((1,
 """Draws of a triad in which nothing is random."""
 
 
-def _of_fixes(result: Result) -> list[Series]:
+def _of_fixes(run: Run) -> list[Series]:
     """Return what latency and lever arm make of the fixes."""
-    errors, fixes, navigator = result.experiment.sensors.gps, result.fixes, result.experiment.navigator
+    errors, fixes, navigator = run.experiment.sensors.gps, run.fixes, run.experiment.navigator
     latency = assumed_latency(navigator, errors.latency)
     told = assumed_lever_arm(navigator, si(errors, "lever_arm"))
     is_told = latency == errors.latency and np.array_equal(told, si(errors, "lever_arm"))
@@ -146,7 +144,7 @@ def _of_fixes(result: Result) -> list[Series]:
         return []
     number = np.round(fixes.time / errors.period).astype(np.int64)
     times = errors.period * np.arange(1.0, number[-1] + 1)
-    position, velocity = gps.noise(times, errors, gps.GpsDraws.of(result.experiment.seed, times.size))
+    position, velocity = gps.noise(times, errors, gps.GpsDraws.of(run.experiment.seed, times.size))
     way = np.concatenate(
         [
             (error - noise[number - 1])[:, [1, 0, 2]] * (1, 1, -1)
@@ -154,18 +152,18 @@ def _of_fixes(result: Result) -> list[Series]:
         ],
         axis=1,
     )
-    no_inertial = np.zeros((result.time.size - 1, 6))
-    way = way - _moved(result, fixes.time - latency) - _lever_arm(result, fixes.time - latency, told)
-    arm = _lever_arm(result, fixes.time - errors.latency, si(errors, "lever_arm") - told)
+    no_inertial = np.zeros((run.time.size - 1, 6))
+    way = way - _moved(run, fixes.time - latency) - _lever_arm(run, fixes.time - latency, told)
+    arm = _lever_arm(run, fixes.time - errors.latency, si(errors, "lever_arm") - told)
     parts = {"GPS lever arm": arm, "GPS latency": way - arm}
     apart = {"GPS lever arm": bool(arm.any()), "GPS latency": latency != errors.latency}
     return [Series(name, no_inertial, part) for name, part in parts.items() if apart[name]]
 
 
-def _moved(result: Result, times: FloatArray) -> FloatArray:
+def _moved(run: Run, times: FloatArray) -> FloatArray:
     """Return where the IMU was at some times (m,) against the time stamps of the fixes, and its velocity."""
-    truth, _ = result.true_flight("budget")
-    now, then = (_truth_at(truth, at) for at in (result.fixes.time, times))
+    truth, _ = run.true_flight("budget")
+    now, then = (_truth_at(truth, at) for at in (run.fixes.time, times))
     position = np.stack((then.latitude, then.longitude, then.height), axis=-1)
     return np.concatenate((position_error(position, now), then.velocity_n - now.velocity_n), axis=1)
 
@@ -183,9 +181,9 @@ def _truth_at(truth: Truth, times: FloatArray) -> Truth:
     )
 
 
-def _lever_arm(result: Result, times: FloatArray, arm: FloatArray) -> FloatArray:
+def _lever_arm(run: Run, times: FloatArray, arm: FloatArray) -> FloatArray:
     """Return where an antenna is and how it moves (m, 6) beside the IMU at some times (m,)."""
-    truth, ideal = result.true_flight("budget")
+    truth, ideal = run.true_flight("budget")
     at = np.clip(np.round(times / ideal.dt).astype(np.int64), 1, ideal.dtheta.shape[0])
     C_nb = C_nb_from_euler(truth.taken(at).euler)
     sine, cosine = np.sin(truth.latitude[at]), np.cos(truth.latitude[at])

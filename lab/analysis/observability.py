@@ -20,8 +20,11 @@ from lab.analysis.errors import euler_sigma
 from lab.navigation import strapdown
 from lab.navigation.compilation import interpreted
 from lab.navigation.error_models import ATT, PHI, ErrorModel, with_states
-from lab.navigation.navigator import Filter, advance, navigate
-from lab.navigation.solution import EVERY_FIX, Fixes, Imu, Solution, Start
+from lab.navigation.filter import Filter
+from lab.navigation.navigator import advance, navigate
+from lab.navigation.schedule import EVERY_FIX
+from lab.navigation.solution import Fixes, Imu, Solution, Start
+from lab.run import Run
 from lab.trajectory import Truth
 from lab.units import TO_SI
 
@@ -29,7 +32,6 @@ if TYPE_CHECKING:
     import pandas as pd
     import xarray as xr
 
-    from lab.result import Result
 
 FloatArray = NDArray[np.float64]
 
@@ -131,12 +133,12 @@ def _named(stretches: list[Manoeuvre]) -> list[Manoeuvre]:
     return named
 
 
-def observability(result: Result) -> xr.Dataset:
+def observability(run: Run) -> xr.Dataset:
     """Return how the filter's σ came down in a run.
 
     Parameters
     ----------
-    result
+    run
         The run; what its filter believes is used, its errors are not.
 
     Returns
@@ -155,16 +157,16 @@ def observability(result: Result) -> xr.Dataset:
     """
     import xarray as xr  # noqa: PLC0415 - takes a while to import, and a run does without
 
-    check_gains(result)
-    check_latitude(_flight(result))
-    units = quantities(result.solution_arrays.states)
-    epochs = epochs_of(result)
+    check_gains(run)
+    check_latitude(_flight(run))
+    units = quantities(run.solution_arrays.states)
+    epochs = epochs_of(run)
     kept = epochs.sample[epochs.last]
-    sigma = believed_sigma(result)
-    found = manoeuvres(_flight(result))
+    sigma = believed_sigma(run)
+    found = manoeuvres(_flight(run))
     edges = np.array([*(stretch.start for stretch in found), found[-1].end])
     at = np.append(0, epochs.sample[epochs.fix >= 0])
-    known = sigma[at[np.searchsorted(result.time[at], edges, side="right") - 1]]
+    known = sigma[at[np.searchsorted(run.time[at], edges, side="right") - 1]]
     known = np.log(np.maximum(known, np.finfo(float).tiny))  # of what is certain, nothing is reduced
     reduction = known[:-1] - known[1:]
     gained = np.maximum(reduction, 0)
@@ -174,12 +176,12 @@ def observability(result: Result) -> xr.Dataset:
     return xr.Dataset(
         {
             "sigma": (("time", "quantity"), sigma[kept], {"long_name": "σ according to the filter"}),
-            "free": (("time", "quantity"), _free_sigma(result)[kept], {"long_name": "σ without fixes"}),
+            "free": (("time", "quantity"), _free_sigma(run)[kept], {"long_name": "σ without fixes"}),
             "reduction": (dims, reduction, {"long_name": "logarithm of σ before over σ after"}),
             "share": (dims, share, {"units": "%", "long_name": "part of the reduction"}),
         },
         coords={
-            "time": ("time", result.time[kept], {"units": "s", "long_name": "time"}),
+            "time": ("time", run.time[kept], {"units": "s", "long_name": "time"}),
             "quantity": list(units),
             "unit": ("quantity", list(units.values())),
             "segment": [stretch.name for stretch in found],
@@ -189,49 +191,47 @@ def observability(result: Result) -> xr.Dataset:
     )
 
 
-def _flight(result: Result) -> Truth:
+def _flight(run: Run) -> Truth:
     """Return the flight: the true one, or of a log the one that was navigated."""
-    if result.recorded is None:
-        return result.known_truth("observability")
-    solution = result.solution_arrays
+    if run.recorded is None:
+        return run.known_truth("observability")
+    solution = run.solution_arrays
     latitude, longitude, height = solution.position.T
-    return Truth(result.time, latitude, longitude, height, solution.velocity_n, solution.q_nb, result.euler)
+    return Truth(run.time, latitude, longitude, height, solution.velocity_n, solution.q_nb, run.euler)
 
 
-def _free_sigma(result: Result) -> FloatArray:
+def _free_sigma(run: Run) -> FloatArray:
     """Return σ of all quantities (n + 1, states) that the filter would have without any fix.
 
     A perfect IMU and start keep the navigator on the true flight, so that the covariance is propagated there.
     Of a log that flight is the estimated one, to which the navigator returns at each fix.
     """
-    flight, nothing = _flight(result), np.zeros(3)
+    flight, nothing = _flight(run), np.zeros(3)
     start = Start.off(flight, nothing, nothing, nothing)
-    model = with_states(PHI, result.belief.P0.shape[0])
-    if result.ideal is None:
-        free = _led(result, start, model)
+    model = with_states(PHI, run.belief.P0.shape[0])
+    if run.ideal is None:
+        free = _led(run, start, model)
     else:
-        _, ideal = result.true_flight("observability")
+        _, ideal = run.true_flight("observability")
         none = Fixes(np.zeros(0), np.zeros((0, 3)), np.zeros((0, 3)))
-        free = navigate(
-            Imu(ideal.time, ideal.dtheta, ideal.dvelocity), none, start, result.belief, model=model
-        )
+        free = navigate(Imu(ideal.time, ideal.dtheta, ideal.dvelocity), none, start, run.belief, model=model)
     variance = free.variance
     attitude = euler_sigma(flight.euler, variance[:, ATT], free.covariance[:, 1])
     parts = (variance[:, [1, 0, 2]], variance[:, [4, 3, 5]], attitude**2, variance[:, 9:])
     return np.sqrt(np.concatenate(parts, axis=1)) / [TO_SI[unit] for unit in quantities(free.states).values()]
 
 
-def _led(result: Result, start: Start, model: ErrorModel) -> Solution:
+def _led(run: Run, start: Start, model: ErrorModel) -> Solution:
     """Return the solution of a log without fixes that is led back to the estimated one at each of them."""
-    imu = Imu(result.time, result.gyro.increments, result.accelerometer.increments)
+    imu = Imu(run.time, run.gyro.increments, run.accelerometer.increments)
     none = Fixes(np.zeros(0), np.zeros((0, 3)), np.zeros((0, 3)))
-    out, led = Solution.empty(imu.time.size, 0, model.states), result.solution_arrays
-    run = Filter.begin(start, result.belief._replace(R=np.eye(6)), imu.time[0], model)
-    run.state[strapdown.GYRO_BIAS : strapdown.ACCEL_BIAS + 3] = led.bias[0]
+    out, led = Solution.empty(imu.time.size, 0, model.states), run.solution_arrays
+    coasting = Filter.begin(start, run.belief._replace(R=np.eye(6)), imu.time[0], model)
+    coasting.state[strapdown.GYRO_BIAS : strapdown.ACCEL_BIAS + 3] = led.bias[0]
     done = 0
     for end in [*np.unique(led.fix_sample[led.fix_sample > 0]).tolist(), imu.dtheta.shape[0]]:
         advance(
-            run,
+            coasting,
             Imu(imu.time[: end + 1], imu.dtheta[:end], imu.dvelocity[:end]),
             none,
             out,
@@ -239,10 +239,10 @@ def _led(result: Result, start: Start, model: ErrorModel) -> Solution:
             EVERY_FIX,
             model,
         )
-        interpreted(strapdown.set_position)(run.state, *led.position[end])
-        run.state[strapdown.VELOCITY : strapdown.VELOCITY + 3] = led.velocity_n[end]
-        run.state[strapdown.Q_NB : strapdown.Q_NB + 4] = led.q_nb[end]
-        run.state[strapdown.GYRO_BIAS : strapdown.ACCEL_BIAS + 3] = led.bias[end]
+        interpreted(strapdown.set_position)(coasting.state, *led.position[end])
+        coasting.state[strapdown.VELOCITY : strapdown.VELOCITY + 3] = led.velocity_n[end]
+        coasting.state[strapdown.Q_NB : strapdown.Q_NB + 4] = led.q_nb[end]
+        coasting.state[strapdown.GYRO_BIAS : strapdown.ACCEL_BIAS + 3] = led.bias[end]
         done = end
     return out
 

@@ -7,21 +7,21 @@ against the fixes held out there. Advice that makes any of them worse is not giv
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from collections.abc import Callable, Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from lab import earth
+from lab.analysis.evidence import Evidence
 from lab.analysis.finding import WITHHELD, Change, Finding, Verdict, headline
+from lab.experiment_settings import ExperimentSettings
 from lab.rotation import C_nb_from_euler, euler_from_quaternion, wrap
+from lab.run import Run
 from lab.settings import SettingError
-
-if TYPE_CHECKING:
-    from lab.experiment import Experiment
-    from lab.result import Result
 
 FloatArray = NDArray[np.float64]
 
@@ -58,13 +58,31 @@ class Figures(NamedTuple):
     fixes: float
 
 
+class Repeatable(Run, ABC):
+    """A run that can be repeated with other settings, and says what speaks for and against its filter."""
+
+    @property
+    @abstractmethod
+    def epoch(self) -> float:
+        """What time 0 is in the clock that outages are given in [s]: of a log, that of its file."""
+
+    @property
+    @abstractmethod
+    def evidence(self) -> Evidence:
+        """What this run says for and against each assumption of the filter; of a log its innovations."""
+
+    @abstractmethod
+    def repeated(self, experiment: ExperimentSettings) -> Repeatable:
+        """Return the run with other settings, from a changed copy of its own."""
+
+
 def can_be_tried(verdict: Verdict, algorithm: str) -> bool:
     """Say whether any advice names settings, which can be tried; not those of a user's own navigator."""
     return not algorithm and any(finding.changes for finding in verdict.findings)
 
 
 def tried(
-    verdict: Verdict, runs: Sequence[Result], progress: Callable[[str, float], None] | None = None
+    verdict: Verdict, runs: Sequence[Repeatable], progress: Callable[[str, float], None] | None = None
 ) -> Verdict:
     """Return a verdict, its advice tried and what it brings said.
 
@@ -100,7 +118,7 @@ def tried(
 
 
 def _together(
-    findings: list[Finding], runs: Sequence[Result], before: Figures, tell: Callable[[str, float], None]
+    findings: list[Finding], runs: Sequence[Repeatable], before: Figures, tell: Callable[[str, float], None]
 ) -> str:
     """Return what all advice brings at once, in words; empty where that makes anything worse.
 
@@ -115,12 +133,12 @@ def _together(
     return "" if worsened(before, after) else f"all advice together: {_words(before, after)}"
 
 
-def _followed(runs: Sequence[Result], changes: tuple[Change, ...]) -> Figures:
+def _followed(runs: Sequence[Repeatable], changes: tuple[Change, ...]) -> Figures:
     """Return what judges runs with some settings changed."""
-    return average([figures(advised(run, changes).run()) for run in runs])
+    return average([figures(run.repeated(advised(run, changes))) for run in runs])
 
 
-def _tried(finding: Finding, runs: Sequence[Result], before: Figures) -> Finding:
+def _tried(finding: Finding, runs: Sequence[Repeatable], before: Figures) -> Finding:
     """Return a finding with what its advice brings, or without its advice."""
     try:
         after = _followed(runs, finding.changes)
@@ -171,13 +189,13 @@ def _words(before: Figures, after: Figures) -> str:
     return "; ".join(words)
 
 
-def advised(result: Result, changes: tuple[Change, ...]) -> Experiment:
+def advised(run: Repeatable, changes: tuple[Change, ...]) -> ExperimentSettings:
     """Return the experiment of a run with some settings changed.
 
     Matrices that are matched are taken from what the filter assumed; of a log's fixes, each with its own σ,
     their mean.
     """
-    experiment, assumed = result.experiment.copy(), result.belief
+    experiment, assumed = run.experiment.copy(), run.belief
     navigator = experiment.navigator
     R = assumed.R if assumed.R.ndim == 2 else assumed.R.mean(axis=0)
     variances = np.diag(assumed.P0)
@@ -204,13 +222,13 @@ def advised(result: Result, changes: tuple[Change, ...]) -> Experiment:
     return experiment
 
 
-def figures(result: Result) -> Figures:
+def figures(run: Repeatable) -> Figures:
     """Return what judges a run without the truth."""
-    seen = result.evidence.innovations
+    seen = run.evidence.innovations
     power = seen.squares.total.reshape(2, 3).sum(axis=1)
     after = seen.lagged[0].reshape(2, 3).sum(axis=1) / np.maximum(power, 1e-12)
     return Figures(
-        float(seen.nis.mean), float(np.abs(after).max()), held_out(result), float(seen.nis.number) / 6
+        float(seen.nis.mean), float(np.abs(after).max()), held_out(run), float(seen.nis.number) / 6
     )
 
 
@@ -225,23 +243,23 @@ def average(of: Sequence[Figures]) -> Figures:
     )
 
 
-def held_out(result: Result) -> float:
+def held_out(run: Repeatable) -> float:
     """Return the rms position error across outages made on purpose, against the fixes held out there [m]."""
-    begin, end = float(result.time[0]), float(result.time[-1])
+    begin, end = float(run.time[0]), float(run.time[-1])
     starts = np.arange(begin + EVERY - OUTAGE, end - OUTAGE, EVERY)
     outages = [[float(start), float(start + OUTAGE)] for start in starts]
-    experiment = result.experiment.copy()
+    experiment = run.experiment.copy()
     experiment.set("navigator.smoother", False)
-    made = [[start + result.epoch, end + result.epoch] for start, end in outages]
+    made = [[start + run.epoch, end + run.epoch] for start, end in outages]
     experiment.set("sensors.gps.outages", [*map(list, experiment.sensors.gps.outages), *made])
-    fixes, times = result.fixes, result.fix_validity
+    fixes, times = run.fixes, run.fix_validity
     # Of the last half of each outage, where the errors have grown.
     chosen = np.zeros(times.size, dtype=np.bool_)
     for first, last in outages:
         chosen |= (times > first + OUTAGE / 2) & (times <= last)
     if not chosen.any():
         return float("nan")
-    coasted = experiment.run()
+    coasted = run.repeated(experiment)
     solution, time = coasted.solution_arrays, coasted.time
     at = times[chosen]
     after = np.clip(np.searchsorted(time, at), 1, time.size - 1)

@@ -12,26 +12,26 @@ from lab.analysis.errors import NED_TO_ENU, error_state, to_enu
 from lab.datasets.labelled import EAST_NORTH_UP, labelled
 from lab.navigation.error_models import POS
 from lab.navigation.kalman import MEASUREMENTS
+from lab.run import Run
 
 if TYPE_CHECKING:
     import xarray as xr
 
-    from lab.result import Result
 
 FloatArray = NDArray[np.float64]
 
 
-def innovations(result: Result) -> xr.Dataset:
+def innovations(run: Run) -> xr.Dataset:
     """Return innovations, their σ, and NIS; see `Result.innovations`."""
-    nu, S = result.solution_arrays.innovation, result.solution_arrays.innovation_covariance
+    nu, S = run.solution_arrays.innovation, run.solution_arrays.innovation_covariance
     sigma = np.where(np.isnan(nu), np.nan, np.sqrt(np.diagonal(S, axis1=1, axis2=2)))
     measured = np.isfinite(nu).sum(axis=1)
     degrees = int(measured.max()) if measured.any() else MEASUREMENTS
-    nis = _of_used_fixes(result, np.nan_to_num(nu), S)
-    rejected = result.solution_arrays.fix_rejected.astype(np.float64)
+    nis = _of_used_fixes(run, np.nan_to_num(nu), S)
+    rejected = run.solution_arrays.fix_rejected.astype(np.float64)
     dims = ("time_gps", "axis")
     dataset = labelled(
-        result,
+        run,
         position=(dims, to_enu(nu[:, :3]), "m", "position innovation"),
         velocity=(dims, to_enu(nu[:, 3:]), "m/s", "velocity innovation"),
         position_sigma=(dims, sigma[:, [1, 0, 2]], "m", "σ of the position innovation"),
@@ -43,62 +43,66 @@ def innovations(result: Result) -> xr.Dataset:
     return dataset
 
 
-def normalised(result: Result) -> FloatArray:
+def normalised(found: xr.Dataset) -> FloatArray:
     """Return the innovations of the fixes used (m, 6) in their σ: position, then velocity, east, north, up.
 
     What the receiver of a log does not measure is NaN.
+
+    Parameters
+    ----------
+    found
+        What `innovations` returned.
     """
-    sets = result.innovations
-    used = np.isfinite(sets["nis"].values)
-    parts = [(sets[name] / sets[f"{name}_sigma"]).values[used] for name in ("position", "velocity")]
+    used = np.isfinite(found["nis"].values)
+    parts = [(found[name] / found[f"{name}_sigma"]).values[used] for name in ("position", "velocity")]
     return np.concatenate(parts, axis=1)
 
 
-def autocorrelation(result: Result) -> xr.Dataset:
+def autocorrelation(run: Run, found: xr.Dataset) -> xr.Dataset:
     """Return the autocorrelation of the innovations; see `Result.autocorrelation`."""
-    values = normalised(result)
+    values = normalised(found)
     r = statistics.autocorrelation(np.nan_to_num(values))
     r[:, np.isnan(values).all(axis=0)] = np.nan
     dims = ("lag", "axis")
     dataset = labelled(
-        result,
+        run,
         position=(dims, r[:, :3], "", "autocorrelation of the position innovations"),
         velocity=(dims, r[:, 3:], "", "autocorrelation of the velocity innovations"),
     ).assign_coords(lag=np.arange(r.shape[0]))
     return dataset.assign_attrs(band=statistics.whiteness_band(values.shape[0]))
 
 
-def consistency(result: Result) -> xr.Dataset:
+def consistency(run: Run) -> xr.Dataset:
     """Return NEES after each fix; see `Result.consistency`."""
-    solution = result.solution_arrays
+    solution = run.solution_arrays
     samples = np.maximum(solution.fix_sample, 0)
-    scale = result.true_scale if solution.scale.size else None
-    x = error_state(solution, samples, result.known_truth("consistency"), result.true_bias, scale)
-    nees = _of_used_fixes(result, x, solution.fix_covariance)
+    scale = run.true_scale if solution.scale.size else None
+    x = error_state(solution, samples, run.known_truth("consistency"), run.true_bias, scale)
+    nees = _of_used_fixes(run, x, solution.fix_covariance)
     used = solution.fix_covariance[solution.fix_sample >= 0]
     degrees = int(statistics.uncertain(used).size) if used.size else 0
     label = f"NEES, {degrees} degrees of freedom" if degrees else "NEES, not known"
-    dataset = labelled(result, nees=(("time_gps",), nees, "", label))
+    dataset = labelled(run, nees=(("time_gps",), nees, "", label))
     dataset.nees.attrs["degrees"] = degrees
     return dataset
 
 
-def position_covariance(result: Result) -> xr.DataArray:
+def position_covariance(run: Run) -> xr.DataArray:
     """Return the covariance of the position error; see `Result.position_covariance`."""
     import xarray as xr  # noqa: PLC0415 - takes a while to import, and a run does without
 
-    P = NED_TO_ENU @ result.solution_arrays.fix_covariance[:, POS, POS] @ NED_TO_ENU.T
+    P = NED_TO_ENU @ run.solution_arrays.fix_covariance[:, POS, POS] @ NED_TO_ENU.T
     return xr.DataArray(
         P,
         dims=("time_gps", "axis", "axis_2"),
-        coords={"time_gps": result.fixes.time, "axis": EAST_NORTH_UP, "axis_2": EAST_NORTH_UP},
+        coords={"time_gps": run.fixes.time, "axis": EAST_NORTH_UP, "axis_2": EAST_NORTH_UP},
         attrs={"units": "m²", "long_name": "covariance of the position error"},
     )
 
 
-def _of_used_fixes(result: Result, vectors: FloatArray, covariances: FloatArray) -> FloatArray:
+def _of_used_fixes(run: Run, vectors: FloatArray, covariances: FloatArray) -> FloatArray:
     """Return the normalised squares (m,) of vectors at the fixes; NaN where the filter used none."""
-    used = result.solution_arrays.fix_sample >= 0
+    used = run.solution_arrays.fix_sample >= 0
     squares = np.full(used.shape, np.nan)
     squares[used] = statistics.normalised_squares(vectors[used], covariances[used])
     return squares

@@ -1,4 +1,4 @@
-"""Labelled: arrays of a result as an `xarray.Dataset`, with coordinates, units and long names."""
+"""Labelled: arrays of a run as an `xarray.Dataset`, with coordinates, units and long names."""
 
 from __future__ import annotations
 
@@ -7,12 +7,12 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from lab.run import Run
 from lab.units import TO_SI
 
 if TYPE_CHECKING:
     import xarray as xr
 
-    from lab.result import Result
 
 FloatArray = NDArray[np.float64]
 
@@ -30,19 +30,19 @@ COORDINATES: dict[str, list[str]] = {
 """Names of the components along each dimension."""
 
 
-def labelled(result: Result, **variables: tuple[tuple[str, ...], FloatArray, str, str]) -> xr.Dataset:
+def labelled(run: Run, **variables: tuple[tuple[str, ...], FloatArray, str, str]) -> xr.Dataset:
     """Return a dataset of variables given as (dimensions, values, unit, long name).
 
     Parameters
     ----------
-    result
+    run
         Whose they are; it gives the times of the dimensions `time`, `time_imu` and `time_gps`.
     variables
         The variables, by name.
     """
     import xarray as xr  # noqa: PLC0415 - takes a while to import, and a run does without
 
-    times = {"time": result.time, "time_imu": result.time[1:], "time_gps": result.fixes.time}
+    times = {"time": run.time, "time_imu": run.time[1:], "time_gps": run.fixes.time}
     used = {dim for dims, *_ in variables.values() for dim in dims}
     coords: dict[str, Any] = {
         dim: (dim, values, {"units": "s", "long_name": "time"})

@@ -1,4 +1,4 @@
-"""Tables: how large the errors of a result are, beside their σ too, and whether its innovations are white."""
+"""Tables: how large the errors of a run are, beside their σ too, and whether its innovations are white."""
 
 from __future__ import annotations
 
@@ -12,64 +12,74 @@ from lab.analysis import consistency
 from lab.datasets import flight
 from lab.datasets.innovations import normalised
 from lab.datasets.labelled import COORDINATES
+from lab.run import Run
 
 if TYPE_CHECKING:
     import pandas as pd
+    import xarray as xr
 
-    from lab.result import Result
 
 FloatArray = NDArray[np.float64]
 
 
-def summary(result: Result) -> pd.DataFrame:
-    """Return the table of the errors; see `Result.summary`."""
+def summary(run: Run, errors: xr.Dataset | None, *, moments: bool) -> pd.DataFrame:
+    """Return the table of the errors; see `Result.summary`.
+
+    Parameters
+    ----------
+    run
+        The run.
+    errors
+        Its errors; None of a long flight, of which they are computed one component after the other, since
+        all together take ten times the memory.
+    moments
+        Whether mean and standard deviation are in it, of what is known; then nothing need be known.
+    """
     import pandas as pd  # noqa: PLC0415 - takes a while to import, and a run does without
 
     rows = []
-    for name, unit, column in _columns(result):
-        known = column[np.isfinite(column)] if result.recorded else column
+    for name, unit, column in _columns(run, errors):
+        known = column[np.isfinite(column)] if moments else column
         if not known.size:
             continue
-        about = [known.mean(), known.std()] if result.recorded else []
+        about = [known.mean(), known.std()] if moments else []
         size = np.abs(known)
         figures = [np.sqrt(np.mean(size**2)), size.max(), np.quantile(size, 0.95, overwrite_input=True)]
         rows.append((name, unit, *map(float, figures + about)))
-    columns = ["quantity", "unit", "rms", "max", "95 %", *(["mean", "std"] if result.recorded else [])]
+    columns = ["quantity", "unit", "rms", "max", "95 %", *(["mean", "std"] if moments else [])]
     return pd.DataFrame(rows, columns=columns)
 
 
-def _columns(result: Result) -> Iterator[tuple[str, str, FloatArray]]:
+def _columns(run: Run, errors: xr.Dataset | None) -> Iterator[tuple[str, str, FloatArray]]:
     """Iterate over all components of the errors: name, unit and values (n + 1,)."""
     for name, (dim, unit) in flight.ERRORS.items():
         for number, component in enumerate(COORDINATES[dim]):
-            # The datasets of a long flight are not kept: one component takes a tenth of their memory.
             values = (
-                flight.error_component(result, name, number)
-                if result.is_long
-                else result.errors[name].values[:, number]
+                flight.error_component(run, name, number)
+                if errors is None
+                else errors[name].values[:, number]
             )
             yield f"{name} {component}", unit, values
 
 
-def coverage(result: Result) -> pd.DataFrame:
+def coverage(errors: xr.Dataset, sigma: xr.Dataset) -> pd.DataFrame:
     """Return the table of the errors in their σ; see `Result.coverage`."""
     import pandas as pd  # noqa: PLC0415 - takes a while to import, and a run does without
 
-    result.known_truth("coverage")
     rows = []
-    for name, array in result.errors.data_vars.items():
-        values, sigma = array.values, result.sigma[name].values
-        within = [100 * consistency.coverage(values, sigma, factor) for factor in (1, 3)]
-        mean = np.mean(values / sigma, axis=0)
+    for name, array in errors.data_vars.items():
+        values, beside = array.values, sigma[name].values
+        within = [100 * consistency.coverage(values, beside, factor) for factor in (1, 3)]
+        mean = np.mean(values / beside, axis=0)
         for index, component in enumerate(array[array.dims[1]].values):
             figures = (mean[index], within[0][index], within[1][index])
             rows.append((f"{name} {component}", *map(float, figures)))
     return pd.DataFrame(rows, columns=["quantity", "mean [σ]", "within ±1σ [%]", "within ±3σ [%]"])
 
 
-def whiteness(result: Result) -> pd.DataFrame:
-    """Return the table of the innovations in their σ; see `Result.whiteness`."""
-    values = normalised(result)
+def whiteness(found: xr.Dataset) -> pd.DataFrame:
+    """Return the table of the innovations in their σ; see `Result.whiteness`; `found` are the innovations."""
+    values = normalised(found)
     known = np.isfinite(values)
     count, values = np.maximum(known.sum(axis=0), 1), np.nan_to_num(values)
     table = consistency.whiteness_table(

@@ -137,7 +137,7 @@ def xml(text: str) -> str:
 
 def _of_result(result: Result) -> Tracks:
     truth, mission = result.truth_arrays, result.mission
-    seed = "" if result.recorded else f" with seed {result.experiment.seed}"
+    seed = f" with {result.realisation}" if result.realisation else ""
     return Tracks(
         mission.title or mission.name,
         f"INS Lab: {mission.name}{seed}, navigated by {_navigator(result)}.\n{HEIGHTS}",

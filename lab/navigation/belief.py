@@ -10,8 +10,9 @@ from numpy.typing import NDArray
 
 from lab.navigation.error_models import ACCEL_BIAS, ACCEL_SCALE, ATT, GYRO_BIAS, GYRO_SCALE, POS, VEL
 from lab.navigation.kalman import MEASUREMENTS, gate
+from lab.navigation.schedule import Schedule
 from lab.navigation.settings import NavigatorSettings
-from lab.navigation.solution import Belief, Schedule
+from lab.navigation.solution import Belief
 from lab.sensors.imu import AccelerometerErrors, GyroErrors
 from lab.sensors.suite import SensorSuite
 from lab.settings import SettingError

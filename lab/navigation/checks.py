@@ -6,8 +6,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lab.navigation.error_models import MODELS, NORTH_SLAVED
+from lab.navigation.schedule import Schedule
 from lab.navigation.settings import NavigatorSettings
-from lab.navigation.solution import Schedule, Solution
+from lab.navigation.solution import Solution
 from lab.settings import SettingError
 
 FloatArray = NDArray[np.float64]

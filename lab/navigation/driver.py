@@ -16,7 +16,7 @@ from __future__ import annotations
 import functools
 import math
 from collections.abc import Callable
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -33,6 +33,7 @@ from lab.navigation.compilation import (
     rebound_throughout,
 )
 from lab.navigation.error_models import PHI, WANDER_AZIMUTH, ErrorModel
+from lab.navigation.filter import Filter
 from lab.navigation.kalman import (
     EVERY,
     MEASUREMENTS,
@@ -56,7 +57,8 @@ from lab.navigation.propagation import (
     compile_propagation,
     layout,
 )
-from lab.navigation.solution import Fixes, Imu, Schedule, Solution
+from lab.navigation.schedule import Schedule
+from lab.navigation.solution import Fixes, Imu, Solution
 from lab.navigation.standstill import GATE, gather_rest, hold_attitude, see_rest
 from lab.navigation.strapdown import (
     GYRO_BIAS,
@@ -70,12 +72,9 @@ from lab.navigation.strapdown import (
     put,
 )
 
-if TYPE_CHECKING:
-    from lab.navigation.navigator import Filter
-
 FloatArray = NDArray[np.float64]
 Kernel = Callable[..., Any]
-Advance = Callable[["Filter", Imu, Fixes, Solution, int, Schedule], int]
+Advance = Callable[[Filter, Imu, Fixes, Solution, int, Schedule], int]
 
 
 @inline_kernel

@@ -18,7 +18,6 @@ Nebot, *Approximate inference in state-space models with heavy-tailed noise*, IE
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,9 +25,7 @@ from scipy import special
 
 from lab.navigation.compilation import kernel
 from lab.navigation.propagation import STATES, WIDTH, X
-
-if TYPE_CHECKING:
-    from lab.navigation.solution import Schedule
+from lab.navigation.schedule import Schedule
 
 FloatArray = NDArray[np.float64]
 

@@ -11,33 +11,18 @@ P. D. Groves, *Principles of GNSS, Inertial and Multisensor Integrated Navigatio
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from lab import earth
 from lab.histories import LONG
-from lab.navigation import strapdown, wander
-from lab.navigation.compilation import interpreted
+from lab.navigation import strapdown
 from lab.navigation.driver import driver
 from lab.navigation.error_models import PHI, WANDER_AZIMUTH, ErrorModel
-from lab.navigation.kalman import MEASUREMENTS
-from lab.navigation.lever_arm import NO_TURNS, turns
-from lab.navigation.propagation import NAV, layout
-from lab.navigation.solution import (
-    EVERY_FIX,
-    Belief,
-    Fixes,
-    Imu,
-    Schedule,
-    Solution,
-    Start,
-    Stretch,
-    read_only,
-)
-from lab.navigation.standstill import ROOM
-from lab.navigation.strapdown import GYRO_BIAS, VELOCITY
+from lab.navigation.filter import Filter
+from lab.navigation.lever_arm import turns
+from lab.navigation.schedule import EVERY_FIX, Schedule, Stretch
+from lab.navigation.solution import Belief, Fixes, Imu, Solution, Start, read_only
 
 FloatArray = NDArray[np.float64]
 
@@ -48,118 +33,6 @@ PIECE = 2**16
 
 class PolarError(ValueError):
     """The flight comes closer to a pole than a north-slaved navigation frame allows."""
-
-
-class Filter(NamedTuple):
-    """A navigator between two samples: the strapdown's state, the filter's workspace, and what both need."""
-
-    state: FloatArray
-    w: FloatArray
-    P: FloatArray  # [P | x] of the workspace, (n, width)
-    F: FloatArray
-    F_sum: FloatArray  # of F dt since P was last propagated
-    F_step: FloatArray  # what the sum makes of the errors
-    T: FloatArray  # derivative of the errors with respect to the model's own
-    counts: NDArray[np.int64]  # next fix; samples since P was last propagated
-    clock: FloatArray  # of the last feedback correction; seconds since P was last propagated; of the last fix
-    streak: FloatArray  # of implausible fixes, see `kalman.stands_out`
-    R: FloatArray  # of all fixes, or of each
-    R_fix: FloatArray  # of this fix
-    H: FloatArray  # how this fix sees the model's own errors
-    scalars: FloatArray  # updates of the last fix, or of each; see `kalman.update`
-    rest_sums: FloatArray  # of the rates at rest, see `standstill`
-    rest_scalars: FloatArray  # updates of the last update at rest
-    noise: FloatArray
-    bias_decay: FloatArray
-    lever_arm: FloatArray
-    turns: FloatArray  # measured about all fixes, or about each, see `lever_arm.turns`
-
-    @classmethod
-    def begin(
-        cls,
-        start: Start,
-        belief: Belief,
-        time: float,
-        model: ErrorModel = PHI,
-        kept_fixes: int = 1,
-        turned: FloatArray = NO_TURNS,
-    ) -> Filter:
-        """Return a navigator that starts at a time [s], with the error model it will be advanced with.
-
-        `kept_fixes` is of how many fixes the updates are kept, for a smoother: of all, or of the last one.
-        `turned` (m, 4) is what the gyros measure about each fix; a navigator with a lever arm needs it.
-        """
-        in_wander = model.mechanization == WANDER_AZIMUTH
-        state = np.zeros(wander.LENGTH if in_wander else strapdown.LENGTH)
-        interpreted(wander.place if in_wander else strapdown.set_position)(state, *start.position)
-        state[VELOCITY : VELOCITY + 3] = start.velocity_n
-        state[strapdown.Q_NB : strapdown.Q_NB + 4] = start.q_nb
-        state[GYRO_BIAS : GYRO_BIAS + 3] = start.gyro_bias
-        _keep_radii(state, in_wander=in_wander)
-        n, space = model.states, layout(model.states)
-        w = _aligned_zeros(space.size)
-        P = w[: space.product].reshape(n, space.WIDTH)
-        P[:, :n] = initial_covariance(model, state, belief.P0)
-        return cls(
-            state,
-            w,
-            P,
-            np.zeros((n, n)),
-            np.zeros((n, n)),
-            np.zeros((n, n)),
-            np.zeros((NAV, NAV)),
-            np.zeros(2, dtype=np.int64),
-            np.array([time, 0.0, time]),
-            np.zeros(2 + MEASUREMENTS),
-            np.array(belief.R, dtype=np.float64).reshape(-1, MEASUREMENTS, MEASUREMENTS),
-            np.zeros((MEASUREMENTS, MEASUREMENTS)),
-            np.zeros((MEASUREMENTS, n)),
-            np.zeros((max(kept_fixes, 1), MEASUREMENTS, 2 * n + 2)),
-            np.zeros(ROOM),
-            np.zeros((1, 2 * n + 2)),
-            np.array(belief.noise, dtype=np.float64),
-            np.array(belief.bias_decay, dtype=np.float64),
-            np.array(belief.lever_arm, dtype=np.float64),
-            np.array(turned, dtype=np.float64),
-        )
-
-
-def initial_covariance(model: ErrorModel, state: FloatArray, P0: FloatArray) -> FloatArray:
-    """Return the covariance (n, n) of a model's own errors at the start.
-
-    Parameters
-    ----------
-    model
-        The error model.
-    state
-        The strapdown's state, position, velocity and attitude set; the radii are filled in.
-    P0 : (n, n) array
-        Covariance of the initial error.
-    """
-    if model.write_map is None:
-        return P0
-    _keep_radii(state, in_wander=model.mechanization == WANDER_AZIMUTH)
-    back = np.linalg.inv(model.map(state))
-    P = back @ P0 @ back.T
-    return np.asarray((P + P.T) / 2)
-
-
-def _keep_radii(state: FloatArray, *, in_wander: bool) -> None:
-    """Fill in the curvatures at the start, which later each step keeps."""
-    sine, height = float(state[strapdown.SINE]), float(state[strapdown.HEIGHT])
-    meridian, transverse = earth.radii(sine)
-    m, t = 1 / (meridian + height), 1 / (transverse + height)
-    state[strapdown.MERIDIAN], state[strapdown.TRANSVERSE] = m, t
-    if in_wander:
-        squared = earth.ECCENTRICITY_SQUARED
-        state[wander.BEND] = transverse * squared / (1 - squared * sine * sine) * m * t
-
-
-def _aligned_zeros(size: int) -> FloatArray:
-    """Return zeros on a 64-byte boundary; vector loads that cross cache lines cost a tenth of a run."""
-    buffer = np.zeros(size + 8)
-    offset = (-buffer.ctypes.data // 8) % 8
-    return buffer[offset : offset + size]
 
 
 def navigate(

@@ -34,8 +34,9 @@ from lab.navigation.error_models import ATT, GYRO_BIAS, POS, VEL
 from lab.navigation.initial_heading import Hints
 from lab.navigation.kalman import MEASUREMENTS, gate
 from lab.navigation.navigator import PolarError
+from lab.navigation.schedule import Stretch
 from lab.navigation.settings import NavigatorSettings
-from lab.navigation.solution import Belief, Fixes, Imu, Solution, Start, Stretch
+from lab.navigation.solution import Belief, Fixes, Imu, Solution, Start
 from lab.navigation.standstill import at_rest
 from lab.recordings.mission_error import MissionError
 from lab.sensors.gps import within

@@ -31,9 +31,10 @@ from lab.navigation.error_models import (
     VEL,
     ErrorModel,
 )
+from lab.navigation.filter import initial_covariance
 from lab.navigation.lever_arm import turns
-from lab.navigation.navigator import initial_covariance
-from lab.navigation.solution import EVERY_FIX, Belief, Fixes, Imu, Schedule, Solution, Start
+from lab.navigation.schedule import EVERY_FIX, Schedule
+from lab.navigation.solution import Belief, Fixes, Imu, Solution, Start
 from lab.navigation.standstill import GATE, SPAN
 from lab.rotation import skew, wrap
 

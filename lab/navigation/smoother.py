@@ -38,21 +38,13 @@ from lab.navigation.driver import (
     take_measurements,
 )
 from lab.navigation.error_models import PHI, WANDER_AZIMUTH, ErrorModel
+from lab.navigation.filter import Filter
 from lab.navigation.kalman import MEASUREMENTS
 from lab.navigation.lever_arm import turns
-from lab.navigation.navigator import Filter, advance, go_through
+from lab.navigation.navigator import advance, go_through
 from lab.navigation.propagation import BIASES, NAV, STATES, WIDTH, X
-from lab.navigation.solution import (
-    EVERY_FIX,
-    Belief,
-    Fixes,
-    Imu,
-    Schedule,
-    Solution,
-    Start,
-    Stretch,
-    read_only,
-)
+from lab.navigation.schedule import EVERY_FIX, Schedule, Stretch
+from lab.navigation.solution import Belief, Fixes, Imu, Solution, Start, read_only
 from lab.navigation.standstill import hold_attitude
 from lab.navigation.strapdown import get
 

@@ -43,18 +43,9 @@ from lab.navigation.kalman import (
 )
 from lab.navigation.lever_arm import NO_TURNS, see_antenna, turns
 from lab.navigation.navigator import go_through
+from lab.navigation.schedule import EVERY_FIX, Schedule, Stretch
 from lab.navigation.sigma_points import attitude, displace, gather, spread, transport
-from lab.navigation.solution import (
-    EVERY_FIX,
-    Belief,
-    Fixes,
-    Imu,
-    Schedule,
-    Solution,
-    Start,
-    Stretch,
-    read_only,
-)
+from lab.navigation.solution import Belief, Fixes, Imu, Solution, Start, read_only
 from lab.navigation.standstill import GATE, ROOM, gather_rest, hold_attitude, see_rest
 from lab.navigation.strapdown import (
     GYRO_BIAS,

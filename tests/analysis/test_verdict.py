@@ -27,7 +27,8 @@ from lab.analysis.outliers import outliers
 from lab.analysis.verdict import judge
 from lab.experiment import CACHE, Experiment, start
 from lab.navigation.navigator import navigate
-from lab.navigation.solution import EVERY_FIX, Fixes, Imu, Solution
+from lab.navigation.schedule import EVERY_FIX
+from lab.navigation.solution import Fixes, Imu, Solution
 from lab.result import Result
 
 MISSIONS = ("montreal", "los_angeles")

@@ -13,7 +13,8 @@ from lab.analysis.errors import position_error
 from lab.experiment import CACHE, Experiment, start
 from lab.navigation.driver import driver
 from lab.navigation.error_models import PHI
-from lab.navigation.navigator import Filter, Fixes, Imu, Schedule, Solution, Start, advance, navigate
+from lab.navigation.filter import Filter
+from lab.navigation.navigator import Fixes, Imu, Schedule, Solution, Start, advance, navigate
 from lab.navigation.strapdown import ACCEL_BIAS, GYRO_BIAS
 from lab.result import Result
 

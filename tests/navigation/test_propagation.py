@@ -14,7 +14,8 @@ from lab.experiment import start
 from lab.navigation import kalman
 from lab.navigation.belief import belief
 from lab.navigation.error_models import ATT, PHI, VEL, with_states
-from lab.navigation.navigator import Filter, Fixes, Schedule, Solution, advance
+from lab.navigation.filter import Filter
+from lab.navigation.navigator import Fixes, Schedule, Solution, advance
 from lab.navigation.propagation import compile_propagation, layout
 from lab.navigation.settings import NavigatorSettings
 from lab.sensors import gps

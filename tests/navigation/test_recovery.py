@@ -10,8 +10,8 @@ from lab.navigation import kalman
 from lab.navigation.belief import schedule_of
 from lab.navigation.compilation import interpreted
 from lab.navigation.kalman import HUBER, HUBER_NIS, RECOVERED, REJECTED, STUDENT_T, USED, gate, weight
+from lab.navigation.schedule import Schedule
 from lab.navigation.settings import NavigatorSettings
-from lab.navigation.solution import Schedule
 from lab.result import Result
 
 

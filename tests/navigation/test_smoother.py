@@ -18,7 +18,8 @@ from lab.experiment import CACHE, Experiment
 from lab.navigation import smoother, strapdown
 from lab.navigation.error_models import PHI, with_states
 from lab.navigation.navigator import navigate
-from lab.navigation.solution import Belief, Fixes, Imu, Schedule, Solution, Start
+from lab.navigation.schedule import Schedule
+from lab.navigation.solution import Belief, Fixes, Imu, Solution, Start
 from lab.result import Result
 from lab.rotation import wrap
 from lab.settings import SettingError

@@ -22,7 +22,8 @@ from lab.analysis.errors import attitude_error, position_error
 from lab.experiment import CACHE, Experiment, start
 from lab.navigation import navigator, sigma_points, unscented
 from lab.navigation.navigator import PolarError
-from lab.navigation.solution import Fixes, Imu, Schedule, Solution, Start
+from lab.navigation.schedule import Schedule
+from lab.navigation.solution import Fixes, Imu, Solution, Start
 from lab.navigation.strapdown import ACCEL_BIAS, GYRO_BIAS, Q_NB, VELOCITY
 from lab.result import Result
 from lab.settings import SettingError

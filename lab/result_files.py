@@ -1,34 +1,57 @@
-"""Report: a result as files and as a page of a notebook."""
+"""Result files: what writes a result to files, given its datasets and tables."""
 
 from __future__ import annotations
 
 import contextlib
 import errno
-import html as markup
 import os
 import shutil
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from lab.recordings.temporary_files import temporary_folder
-from lab.settings_card import settings_html
 
 if TYPE_CHECKING:
     import pandas as pd
     import xarray as xr
 
-    from lab.result import Result
 
+def write_netcdf(
+    path: Path,
+    datasets: Callable[[], Mapping[str, xr.Dataset]],
+    title: str,
+    settings: str,
+    *,
+    overwrite: bool,
+) -> None:
+    """Write datasets as groups of one netCDF file.
 
-def write_netcdf(result: Result, path: Path, *, overwrite: bool) -> None:
-    """Write a result as one netCDF file; see `Result.to_netcdf`."""
+    Parameters
+    ----------
+    path
+        The file, in a folder that exists.
+    datasets
+        Returns the datasets by name; called where there is no reason to refuse.
+    title, settings
+        Attributes of the file: what was run, and all settings as TOML.
+    overwrite
+        True replaces a file that is there.
+
+    Raises
+    ------
+    FileExistsError
+        If the file exists and `overwrite` is not given.
+    FileNotFoundError
+        If the folder does not exist.
+    """
     import xarray as xr  # noqa: PLC0415 - takes a while to import, and a run does without
 
     _refuse_existing([path], overwrite)
     if not path.parent.is_dir():
         raise FileNotFoundError(f"{path}: there is no folder {path.parent}")
-    tree = xr.DataTree.from_dict({f"/{name}": dataset for name, dataset in result.datasets().items()})
-    tree.attrs = {"title": f"INS Lab: {result.mission.title}", "settings": result.experiment.to_toml()}
+    tree = xr.DataTree.from_dict({f"/{name}": dataset for name, dataset in datasets().items()})
+    tree.attrs = {"title": title, "settings": settings}
     with temporary_folder(path.parent) as folder:
         whole = folder / path.name
         try:
@@ -45,24 +68,47 @@ def _refused(path: Path, size: int, error: RuntimeError) -> OSError:
     return OSError(errno.EIO, f"the netCDF library could not write it ({error})", str(path))
 
 
-def write_csv(result: Result, folder: Path, *, overwrite: bool) -> None:
-    """Write a result as csv files in a folder; see `Result.to_csv`."""
-    tables = {folder / f"{name}.csv": table(dataset) for name, dataset in result.datasets().items()}
-    # Of a log without reference there are no errors to sum up.
-    result_table, name = (
-        (result.whiteness, "whiteness") if result.lacks("summary") else (result.summary, "summary")
-    )
-    summary, settings = folder / f"{name}.csv", folder / "settings.toml"
-    _refuse_existing([*tables, summary, settings], overwrite)
+def write_csv(
+    folder: Path,
+    datasets: Mapping[str, xr.Dataset],
+    overview: tuple[str, pd.DataFrame],
+    settings: str,
+    *,
+    overwrite: bool,
+) -> None:
+    """Write each dataset as a csv file in a folder, units in the column names.
+
+    Parameters
+    ----------
+    folder
+        Where to; it is made if it does not exist.
+    datasets
+        The datasets by name.
+    overview
+        Name and content of one more table.
+    settings
+        All settings as TOML; written beside.
+    overwrite
+        True replaces files that are there.
+
+    Raises
+    ------
+    FileExistsError
+        If one of the files exists and `overwrite` is not given.
+    """
+    tables = {folder / f"{name}.csv": table(dataset) for name, dataset in datasets.items()}
+    name, overview_table = overview
+    summary, toml = folder / f"{name}.csv", folder / "settings.toml"
+    _refuse_existing([*tables, summary, toml], overwrite)
     is_new = not folder.exists()
     folder.mkdir(parents=True, exist_ok=True)
     try:
         with temporary_folder(folder) as whole:
             for path, frame in tables.items():
                 frame.to_csv(whole / path.name, float_format="%.12g")
-            result_table.to_csv(whole / summary.name, index=False, float_format="%.6g")
-            (whole / settings.name).write_text(result.experiment.to_toml(), encoding="utf-8")
-            for path in (*tables, summary, settings):
+            overview_table.to_csv(whole / summary.name, index=False, float_format="%.6g")
+            (whole / toml.name).write_text(settings, encoding="utf-8")
+            for path in (*tables, summary, toml):
                 (whole / path.name).replace(path)
     except OSError as error:
         if is_new:
@@ -102,20 +148,3 @@ def _refuse_existing(paths: list[Path], overwrite: bool) -> None:
         raise FileExistsError(
             f"{existing[0]} exists already; nothing was written. overwrite=True replaces it"
         )
-
-
-def html(result: Result) -> str:
-    """Return a result for a notebook: what was run, the settings that are not default, and the errors."""
-    remarks = "".join(f"<li>{markup.escape(remark)}</li>" for remark in result.remarks)
-    seed = "" if result.recorded else f", seed {result.experiment.seed}"
-    title = f"{result.mission.title or result.mission.name}, {result.time[-1]:.0f} s{seed}"
-    lacking = result.lacks("summary")
-    shown = result.whiteness if lacking else result.summary
-    summary = shown.to_html(index=False, border=0, float_format=lambda value: f"{value:.4g}")
-    words = lacking or f"Errors are estimate minus {result.truth_word}, over the whole flight."
-    return (
-        f"<h4>{markup.escape(title)}</h4>"
-        f"{settings_html(result.experiment, changed_only=True)}{summary}"
-        f"<p>{markup.escape(words)}</p>"
-        f"{f'<ul>{remarks}</ul>' if remarks else ''}"
-    )

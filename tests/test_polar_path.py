@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from lab import earth, ecef, rotation
 from lab.missions import mission
-from lab.polar_trajectory import PolarTrajectory
+from lab.polar_path import PolarPath
 from lab.recordings.recording import Recording
 from lab.trajectory import Trajectory
 
@@ -19,7 +19,7 @@ def test_elsewhere_it_is_the_ordinary_curve() -> None:
     """Truth and ideal IMU of a shipped mission, by other coordinates and other equations."""
     recording = mission("los_angeles").recording
     usual = Trajectory.from_recording(recording, 200)
-    polar = PolarTrajectory.through(recording, usual.time, 200)
+    polar = Trajectory(usual.time, PolarPath.through(recording, usual.time), 200)
     one, other = usual.at(usual.time), polar.at(usual.time)
     apart = np.abs(ecef.way(one.position, other.position)).max()
     faster = np.abs(one.velocity_n - other.velocity_n).max()
@@ -46,7 +46,7 @@ def standing(latitude: float) -> Recording:
 def test_at_rest_on_a_pole_the_imu_feels_gravity_and_the_earths_rate(latitude: float) -> None:
     recording = standing(np.radians(latitude))
     trajectory = Trajectory.from_recording(recording, 100)
-    assert isinstance(trajectory, PolarTrajectory)
+    assert isinstance(trajectory.path, PolarPath)
     ideal = trajectory.increments()
     s, c = np.sin(recording.latitude[0]), np.cos(recording.latitude[0])
     C_nb = rotation.C_nb_from_euler(recording.euler[0])

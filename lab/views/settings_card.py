@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 from html import escape
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
-if TYPE_CHECKING:
-    from lab.settings import Settings
+from lab.settings import Settings
 
 _LEFT = "text-align:left"
 _CHANGED = f"{_LEFT};font-weight:bold"

@@ -1,8 +1,8 @@
-"""Polar trajectory: the curve of a flight that comes close to a pole, in Earth-fixed Cartesian axes.
+"""Polar path: the curve of a flight that comes close to a pole, in Earth-fixed Cartesian axes.
 
-Like `Trajectory`, but the curve that is twice differentiable is that of the Cartesian position r_e and of the
-attitude C_eb, to which a pole is a place like any other. Latitude, longitude and heading are what follows of
-them; over the pole longitude and heading jump.
+Like `GeodeticPath`, but the curve that is twice differentiable is that of the Cartesian position r_e and of
+the attitude C_eb, to which a pole is a place like any other. Latitude, longitude and heading are what follows
+of them; over the pole longitude and heading jump.
 
 References
 ----------
@@ -13,19 +13,20 @@ and 5.29 (navigation equations in e).
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from lab import earth, ecef, rotation
 from lab.anchoring import anchored_cartesian
+from lab.attitude_curve import AttitudeCurve, RotationCurve
 from lab.recordings.recording import Recording
-from lab.trajectory import RotationCurve, Trajectory, Truth
+from lab.spline_windows import CubicCurve
 
 FloatArray = NDArray[np.float64]
 
 
-class PolarTrajectory(Trajectory):
-    """One twice-differentiable flight over the rotating Earth, from time 0 to `duration`, poles included.
+class PolarPath:
+    """One twice-differentiable curve of position and attitude, poles included.
 
     Parameters
     ----------
@@ -37,12 +38,17 @@ class PolarTrajectory(Trajectory):
         r_e at the knots, minus the origin [m].
     attitude
         Curve of attitudes C_eb with the same knots.
-    imu_rate
-        Rate of the IMU grid [Hz].
     """
 
+    def __init__(
+        self, time: FloatArray, origin: FloatArray, offsets: FloatArray, attitude: AttitudeCurve
+    ) -> None:
+        self._origin = origin
+        self._position = CubicCurve(time, offsets)
+        self._attitude = attitude
+
     @classmethod
-    def through(cls, recording: Recording, grid: FloatArray, imu_rate: float) -> PolarTrajectory:
+    def through(cls, recording: Recording, grid: FloatArray) -> PolarPath:
         """Return the curve through a flight record.
 
         Parameters
@@ -51,8 +57,6 @@ class PolarTrajectory(Trajectory):
             At least four samples.
         grid : (n,) array
             The IMU grid, from 0 [s].
-        imu_rate
-            Rate of that grid [Hz].
         """
         time = recording.time - recording.time[0]
         C_en = ecef.axes(recording.latitude, recording.longitude)
@@ -60,30 +64,26 @@ class PolarTrajectory(Trajectory):
         offsets = anchored_cartesian(time, position, recording.velocity_n, grid)
         C_nb = Rotation.from_quat(rotation.quaternion_from_euler(recording.euler), scalar_first=True)
         attitude = RotationCurve(time, Rotation.from_matrix(C_en) * C_nb).resampled(grid)
-        return cls(grid, ecef.position(position[:1])[0], offsets, attitude, imu_rate)
+        return cls(grid, ecef.position(position[:1])[0], offsets, attitude)
 
-    def _at(self, times: FloatArray) -> Truth:
-        """Return the truth at times within the flight."""
+    @property
+    def nbytes(self) -> int:
+        """Memory of the curve's coefficients [bytes]."""
+        return self._position.nbytes + self._attitude.nbytes
+
+    def motion(self, times: FloatArray) -> tuple[FloatArray, ...]:
+        """Return position, velocity and attitude at the times; see `lab.trajectory.FlightPath`."""
         position = ecef.geodetic(self._position(times) + self._origin)
         C_en = ecef.axes(position[:, 0], position[:, 1])
+        velocity_n = np.einsum("nji,nj->ni", C_en, self._position(times, 1))
         C_nb = Rotation.from_matrix(C_en).inv() * self._attitude.attitude(times)
-        q_nb = C_nb.as_quat(scalar_first=True)
-        return Truth(
-            time=times,
-            latitude=position[:, 0],
-            longitude=position[:, 1],
-            height=position[:, 2],
-            velocity_n=np.einsum("nji,nj->ni", C_en, self._position(times, 1)),
-            q_nb=q_nb,
-            euler=rotation.euler_from_quaternion(q_nb),
-        )
+        return *position.T, velocity_n, C_nb.as_quat(scalar_first=True)
 
-    def rates(self, times: ArrayLike) -> tuple[FloatArray, FloatArray]:
-        """Return ω_ib,b and f_b at any times within the flight; as `Trajectory.rates`.
+    def rates(self, times: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return ω_ib,b and f_b at the times; see `lab.trajectory.FlightPath`.
 
         f = r̈ + 2 ω_ie × ṙ − g in e, with the one gravity (Groves 5.18, 5.29).
         """
-        times = self._within(times)
         r_e = self._position(times) + self._origin
         latitude, longitude, height = ecef.geodetic(r_e).T
         omega_ie = np.array([0.0, 0.0, earth.RATE])

@@ -1,0 +1,204 @@
+"""Run: the frozen arrays of one run, simulated or of a log, and what follows directly from them.
+
+Analyses and datasets are functions of a `Run`. What a person takes out of it is `lab.result`.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lab.experiment_settings import ExperimentSettings
+from lab.histories import LONG, made_when_asked
+from lab.ideal_imu import IdealImu
+from lab.missions import Mission, SensorLog
+from lab.navigation.alignment import Alignment
+from lab.navigation.belief import assumed_latency
+from lab.navigation.rest_alignment import Aligned
+from lab.navigation.solution import Belief, Solution
+from lab.rotation import euler_from_quaternion
+from lab.sensors.gps import GpsFixes
+from lab.sensors.imu import Measured
+from lab.trajectory import Truth
+
+FloatArray = NDArray[np.float64]
+
+NEEDS_TRUTH = frozenset(("truth", "errors", "summary"))
+"""What is not known of a log without a reference."""
+NEEDS_SIMULATION = frozenset(("consistency", "coverage", "budget", "temperature"))
+"""What is not known of any log: a reference knows neither the biases nor its own errors."""
+
+_KNOWN = "the innovations and the verdict on them tell whether the filter is right."
+_SPOKEN = {
+    "consistency": "NEES",
+    "coverage": "the coverage of the errors",
+    "budget": "the error budget",
+    "temperature": "a simulated temperature",
+}
+
+
+class ResultError(ValueError):
+    """What was asked for is not known of this run; the message says why, and what is known."""
+
+
+class Recorded(NamedTuple):
+    """What a log of real sensors has, of which nothing is simulated.
+
+    Attributes
+    ----------
+    log : SensorLog
+        The log, repaired.
+    time : (n + 1,) array
+        Times of the IMU samples that were navigated [s].
+    alignment : Alignment
+        Where the navigator started, and how that was found.
+    notes : tuple of str
+        What was repaired and assumed, for people.
+    """
+
+    log: SensorLog
+    time: FloatArray
+    alignment: Alignment
+    notes: tuple[str, ...]
+
+
+@dataclass(frozen=True, eq=False, repr=False, kw_only=True)
+class Run:
+    """The arrays of one run, in SI units.
+
+    Attributes
+    ----------
+    experiment : ExperimentSettings
+        The settings it was computed with: a copy, which nobody changes.
+    mission : Mission
+        The mission that was flown.
+    truth_arrays : Truth or None
+        The true flight. Of a log its reference, NaN where that knows nothing, or None.
+    ideal : IdealImu or None
+        What a perfect IMU had measured; None of a log.
+    gyro, accelerometer : Measured
+        What the inertial sensors put out; of a log the biases are NaN.
+    fixes : GpsFixes
+        What the receiver put out; of a log the errors are NaN.
+    belief : Belief
+        What the filter assumed.
+    solution_arrays : Solution
+        What the navigator computed.
+    seconds : float
+        Time the navigator took when it computed the solution [s].
+    algorithm : str
+        Name of the user's algorithm that navigated; empty for the navigator of the settings.
+    recorded : Recorded or None
+        What a log has beside.
+    aligned : Aligned or None
+        Where the navigator of a simulated run started.
+    """
+
+    experiment: ExperimentSettings
+    mission: Mission
+    truth_arrays: Truth | None
+    ideal: IdealImu | None
+    gyro: Measured
+    accelerometer: Measured
+    fixes: GpsFixes
+    belief: Belief
+    solution_arrays: Solution
+    seconds: float
+    algorithm: str = ""
+    recorded: Recorded | None = None
+    aligned: Aligned | None = None
+
+    @property
+    def time(self) -> FloatArray:
+        """Times of the IMU samples (n + 1,) [s]."""
+        return self.recorded.time if self.recorded else self.known_truth("time").time
+
+    @property
+    def is_long(self) -> bool:
+        """Whether the flight is so long that what is made of its samples is not kept."""
+        return int(self.solution_arrays.position.shape[0]) > LONG
+
+    @property
+    def latency(self) -> float:
+        """The latency of the fixes that the filter assumed [s]."""
+        own = self.recorded.log.gnss.latency if self.recorded else self.experiment.sensors.gps.latency
+        return assumed_latency(self.experiment.navigator, float(own))
+
+    @property
+    def fix_validity(self) -> FloatArray:
+        """Times (m,) that the filter took for those of the fixes' validity [s]."""
+        # Those of a log are stored without the latency.
+        return self.fixes.time if self.recorded else self.fixes.time - self.latency
+
+    @made_when_asked
+    def euler(self) -> FloatArray:
+        """Estimated roll, pitch, heading (n + 1, 3) [rad]."""
+        return euler_from_quaternion(self.solution_arrays.q_nb)
+
+    @made_when_asked
+    def true_bias(self) -> FloatArray:
+        """True gyro and accelerometer biases (n + 1, 6) at the IMU times [rad/s], [m/s²]."""
+        return _at_samples(self.gyro.bias, self.accelerometer.bias)
+
+    @made_when_asked
+    def true_scale(self) -> FloatArray:
+        """True scale factor errors of gyros and accelerometers (n + 1, 6) at the IMU times."""
+        return _at_samples(self.gyro.scale, self.accelerometer.scale)
+
+    def lacks(self, name: str) -> str:
+        """Return why something is not known of this run, in a sentence; empty if it is.
+
+        Parameters
+        ----------
+        name
+            Name of a dataset, or ``"summary"``, ``"coverage"``, ``"budget"``.
+        """
+        if self.recorded is None:
+            return ""
+        if name in NEEDS_SIMULATION:
+            return (
+                "Nobody knows the true flight and the true biases of a log of real sensors, which "
+                f"{_SPOKEN.get(name, name)} needs; {_KNOWN}"
+            )
+        if name in NEEDS_TRUTH and self.truth_arrays is None:
+            return f"This log of real sensors has no reference, so its errors are not known; {_KNOWN}"
+        return ""
+
+    def known_truth(self, name: str) -> Truth:
+        """Return the truth, or the reference of a log, for what is called `name`.
+
+        Raises
+        ------
+        ResultError
+            If it is not known.
+        """
+        reason = self.lacks(name)
+        if reason or self.truth_arrays is None:
+            raise ResultError(reason or self.lacks("truth"))
+        return self.truth_arrays
+
+    def true_flight(self, name: str) -> tuple[Truth, IdealImu]:
+        """Return truth and ideal IMU of a simulated run, for what is called `name`.
+
+        Raises
+        ------
+        ResultError
+            If the run is that of a log.
+        """
+        truth = self.known_truth(name)
+        if self.ideal is None:
+            raise ResultError(self.lacks("budget"))
+        return truth, self.ideal.to_compute_on()
+
+
+def _at_samples(gyro: FloatArray, accelerometer: FloatArray) -> FloatArray:
+    """Return what gyros and accelerometers have in each interval (n, 3) as at all samples, (n + 1, 6)."""
+    constant = not (gyro.strides[0] or accelerometer.strides[0])
+    rows = slice(0, 1) if constant else slice(None)
+    values = np.concatenate((gyro[rows], accelerometer[rows]), axis=1)
+    if constant:
+        return np.broadcast_to(values, (gyro.shape[0] + 1, 6))
+    return np.concatenate((values[:1], values))

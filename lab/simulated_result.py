@@ -1,0 +1,67 @@
+"""Simulated result: what a run gave whose sensors were simulated, so that the truth is known."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+from lab.ideal_imu import IdealImu
+from lab.navigation.rest_alignment import Aligned
+from lab.result import Result
+from lab.trajectory import Truth
+
+
+@dataclass(frozen=True, eq=False, repr=False, kw_only=True)
+class SimulatedResult(Result):
+    """What a simulated run gave.
+
+    Attributes
+    ----------
+    truth_arrays : Truth
+        The true flight.
+    ideal : IdealImu
+        What a perfect IMU had measured.
+    aligned : Aligned
+        Where the navigator started.
+    """
+
+    truth_arrays: Truth
+    ideal: IdealImu
+    aligned: Aligned
+
+    @property
+    def truth_word(self) -> str:
+        """What errors are differences to."""
+        return "truth"
+
+    @property
+    def epoch(self) -> float:
+        """What time 0 is in the clock that outages are given in [s]: the same."""
+        return 0.0
+
+    @property
+    def realisation(self) -> str:
+        """What tells this run from others of the same settings, such as ``"seed 1"``."""
+        return f"seed {self.experiment.seed}"
+
+    @property
+    def has_temperature(self) -> bool:
+        """Whether a temperature profile is simulated; without one the IMU is at 25 °C."""
+        return bool(self.experiment.sensors.temperature.profile != "none")
+
+    @property
+    def _origin(self) -> tuple[float, float]:
+        return float(self.truth_arrays.latitude[0]), float(self.truth_arrays.longitude[0])
+
+    @cached_property
+    def remarks(self) -> tuple[str, ...]:
+        """What to know before believing the result: a saturated sensor, rejected fixes, or none at all."""
+        remarks, navigator = self._run_remarks(), self.experiment.navigator
+        alignment = float(navigator.alignment)
+        if alignment:
+            remarks.append(
+                f"An alignment of {alignment:g} s at rest before the flight (navigator.alignment) levelled "
+                "the navigator and took the constant gyro biases off: the gyro biases shown, true and "
+                "estimated, are what is left."
+            )
+        return (*remarks, *self.experiment.sensors.remarks(navigator.states))

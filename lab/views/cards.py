@@ -1,0 +1,28 @@
+"""Cards: who draws which card in a notebook.
+
+`import lab` registers them, so that this file is light: what draws a card is imported with the first one.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+from lab.notebook_card import register
+
+
+def _settings(settings: Any) -> str:
+    from lab.views.settings_card import settings_html  # noqa: PLC0415 - see above
+
+    return settings_html(settings)
+
+
+def _result(result: Any) -> str:
+    from lab.views.result_card import result_html  # noqa: PLC0415 - see above
+
+    return result_html(result)
+
+
+def register_cards() -> None:
+    """Register all that is drawn."""
+    register("settings", _settings)
+    register("result", _result)
