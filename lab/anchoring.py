@@ -11,7 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import BSpline, CubicSpline, make_lsq_spline
 
-from lab import earth, ecef
+from lab import ecef
+from lab.displacement import metres_per_radian
 
 FloatArray = NDArray[np.float64]
 
@@ -43,15 +44,8 @@ def anchored_offsets(
     """
     latitude, longitude, height = position.T
     fixes = np.stack((latitude, np.unwrap(longitude), height), axis=-1)
-    meridian, transverse = earth.radii(np.sin(latitude))
-    to_rate = np.stack(
-        (
-            1 / (meridian + height),
-            1 / ((transverse + height) * np.cos(latitude)),
-            np.full_like(time, -1.0),
-        ),
-        axis=-1,
-    )
+    per_latitude, per_longitude = metres_per_radian(latitude, height)
+    to_rate = np.stack((1 / per_latitude, 1 / per_longitude, np.full_like(time, -1.0)), axis=-1)
     flown = CubicSpline(time, velocity_n * to_rate).antiderivative()
     correction = slow_spline(time, fixes - fixes[0] - flown(time))
     return np.asarray(flown(grid) + correction(grid))

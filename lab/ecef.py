@@ -20,11 +20,11 @@ from lab.earth import ECCENTRICITY_SQUARED, FLATTENING, SEMI_MAJOR_AXIS, radii
 FloatArray = NDArray[np.float64]
 
 NEAR_POLE = float(np.radians(89.0))
-"""Beyond this latitude small ways and turns are taken through e [rad]."""
+"""Beyond this latitude small displacements and rotations are computed in e [rad]."""
 
 
 def near_pole(latitude: FloatArray) -> NDArray[np.bool_]:
-    """Return which latitudes are so close to a pole that ways are to be taken through e."""
+    """Return which latitudes are so close to a pole that displacements are computed in e."""
     return np.asarray(np.abs(latitude) > NEAR_POLE)
 
 
@@ -94,8 +94,8 @@ def turned_near_pole(vectors_n: FloatArray, here: FloatArray, there: FloatArray)
     return vectors_n
 
 
-def way(here: FloatArray, there: FloatArray) -> FloatArray:
-    """Return the way (n, 3) from one place to another nearby, north and east of the first, and down [m].
+def displacement(here: FloatArray, there: FloatArray) -> FloatArray:
+    """Return the displacement (n, 3) from one position to another nearby, north, east, down of the first [m].
 
     Parameters
     ----------
@@ -103,15 +103,15 @@ def way(here: FloatArray, there: FloatArray) -> FloatArray:
         Latitude, longitude [rad] and height [m]. Down is the difference of the heights.
     """
     apart = position(there) - position(here)
-    way_n = np.einsum("nji,nj->ni", axes(here[:, 0], here[:, 1]), apart)
-    way_n[:, 2] = here[:, 2] - there[:, 2]
-    return np.asarray(way_n)
+    displacement_n = np.einsum("nji,nj->ni", axes(here[:, 0], here[:, 1]), apart)
+    displacement_n[:, 2] = here[:, 2] - there[:, 2]
+    return np.asarray(displacement_n)
 
 
-def moved(here: FloatArray, way_n: FloatArray) -> FloatArray:
-    """Return the place (n, 3) a way north, east and down [m] leads to; the inverse of `way`."""
-    level = way_n * (1.0, 1.0, 0.0)
+def displaced(here: FloatArray, displacement_n: FloatArray) -> FloatArray:
+    """Return the position (n, 3) that a displacement north, east, down leads to [m]; see `displacement`."""
+    level = displacement_n * (1.0, 1.0, 0.0)
     r_e = position(here) + np.einsum("nij,nj->ni", axes(here[:, 0], here[:, 1]), level)
     there = geodetic(r_e)
-    there[:, 2] = here[:, 2] - way_n[:, 2]
+    there[:, 2] = here[:, 2] - displacement_n[:, 2]
     return there

@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from lab import earth
+from lab.displacement import metres_per_radian
 from lab.histories import kept
 
 FloatArray = NDArray[np.float64]
@@ -73,10 +74,8 @@ def velocity(position: FloatArray, rate: FloatArray) -> FloatArray:
     rate : (n, 3) array
         Their derivatives in time [rad/s], [m/s].
     """
-    meridian, transverse = earth.radii(np.sin(position[:, 0]))
-    north = rate[:, 0] * (meridian + position[:, 2])
-    east = rate[:, 1] * (transverse + position[:, 2]) * np.cos(position[:, 0])
-    return np.stack((north, east, -rate[:, 2]), axis=-1)
+    per_latitude, per_longitude = metres_per_radian(position[:, 0], position[:, 2])
+    return np.stack((rate[:, 0] * per_latitude, rate[:, 1] * per_longitude, -rate[:, 2]), axis=-1)
 
 
 def acceleration(position: FloatArray, rate: FloatArray, second: FloatArray) -> FloatArray:

@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 from scipy.interpolate import CubicHermiteSpline
 from scipy.spatial.transform import Rotation, Slerp
 
-from lab import earth
+from lab.displacement import displacement, metres_per_radian
 from lab.logs.auxiliary_data import Comparison, Reference
 from lab.navigation.solution import Solution
 from lab.rotation import euler_from_quaternion, quaternion_from_euler, wrap
@@ -60,11 +60,9 @@ def _positions(reference: Reference, time: FloatArray, after: NDArray[np.intp]) 
     if np.isnan(velocity_n).any():
         there = np.stack([np.interp(time, rows, column) for column in values.T], axis=-1)
     else:
-        meridian, transverse = earth.radii(np.sin(latitude))
+        per_latitude, per_longitude = metres_per_radian(latitude, height)
         north, east, down = velocity_n.T
-        slopes = np.column_stack(
-            (north / (meridian + height), east / ((transverse + height) * np.cos(latitude)), -down)
-        )
+        slopes = np.column_stack((north / per_latitude, east / per_longitude, -down))
         there = np.asarray(CubicHermiteSpline(rows, values, slopes)(time))
     there[~(given[after] & given[after - 1])] = np.nan
     return there
@@ -108,16 +106,7 @@ def differences(other: Reference, time: FloatArray, solution: Solution) -> dict[
     there = reference_at(other, time)
     if there is None:
         return None
-    latitude, longitude, height = solution.position.T
-    meridian, transverse = earth.radii(np.sin(latitude))
-    position = np.stack(
-        (
-            (latitude - there.latitude) * (meridian + height),
-            wrap(longitude - there.longitude) * (transverse + height) * np.cos(latitude),
-            there.height - height,
-        ),
-        axis=-1,
-    )
+    position = -displacement(solution.position, there.position)
     attitude = wrap(euler_from_quaternion(solution.q_nb) - there.euler)
     return {
         "position": position,

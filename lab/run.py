@@ -20,6 +20,7 @@ from lab.navigation.belief import assumed_latency
 from lab.navigation.rest_alignment import Aligned
 from lab.navigation.solution import Belief, Solution
 from lab.rotation import euler_from_quaternion
+from lab.sensors import temperature as thermal
 from lab.sensors.gps import GpsFixes
 from lab.sensors.imu import Measured
 from lab.trajectory import Truth
@@ -147,6 +148,18 @@ class Run:
     def true_scale(self) -> FloatArray:
         """True scale factor errors of gyros and accelerometers (n + 1, 6) at the IMU times."""
         return _at_samples(self.gyro.scale, self.accelerometer.scale)
+
+    def imu_temperature(self) -> FloatArray:
+        """Return the temperature of the IMU (n,) in each sample interval of a simulated run [°C].
+
+        Raises
+        ------
+        ResultError
+            If the run is that of a log.
+        """
+        height = self.known_truth("temperature").height
+        settings = self.experiment.sensors.temperature
+        return thermal.temperature(settings, self.time[1:], height[1:] - height[0])
 
     def lacks(self, name: str) -> str:
         """Return why something is not known of this run, in a sentence; empty if it is.

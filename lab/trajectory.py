@@ -292,7 +292,7 @@ class Trajectory:
         flown = time <= self.duration
         truth = self.at(time[flown])
         recorded = np.stack((recording.latitude, recording.longitude, recording.height), axis=-1)[flown]
-        self.position_residual = _rms(ecef.way(recorded, truth.position))
+        self.position_residual = _rms(ecef.displacement(recorded, truth.position))
         self.velocity_residual = _rms(
             ecef.turned(truth.velocity_n, truth.position, recorded) - recording.velocity_n[flown]
         )

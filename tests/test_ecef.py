@@ -55,7 +55,7 @@ def test_a_way_leads_there_and_is_found_again(
 ) -> None:
     """Over the pole as well: the vertical turns by 10⁻⁷ in a metre, which is what is left."""
     here = np.array([[latitude, longitude, 500.0]])
-    found = ecef.way(here, ecef.moved(here, np.array([[north, east, down]])))
+    found = ecef.displacement(here, ecef.displaced(here, np.array([[north, east, down]])))
     np.testing.assert_allclose(found[0], [north, east, down], rtol=0, atol=0.2)
     assert found[0, 2] == np.float64(500.0) - (np.float64(500.0) - down)
 

@@ -21,7 +21,7 @@ def test_elsewhere_it_is_the_ordinary_curve() -> None:
     usual = Trajectory.from_recording(recording, 200)
     polar = Trajectory(usual.time, PolarPath.through(recording, usual.time), 200)
     one, other = usual.at(usual.time), polar.at(usual.time)
-    apart = np.abs(ecef.way(one.position, other.position)).max()
+    apart = np.abs(ecef.displacement(one.position, other.position)).max()
     faster = np.abs(one.velocity_n - other.velocity_n).max()
     turned = np.abs(rotation.wrap(one.euler - other.euler)).max()
     a, b = usual.increments(), polar.increments()

@@ -39,10 +39,10 @@ from lab.analysis.error_sources import (
     left_out,
     processes,
 )
-from lab.analysis.errors import NED_TO_ENU
+from lab.analysis.errors import euler_sigma
 from lab.analysis.known_errors import Series, known_errors
 from lab.analysis.transition import BIASES, NAV, Flight, N, Processes, Transition, transition
-from lab.datasets import flight, sensors
+from lab.east_north_up import NED_TO_ENU, east_north_up_sizes
 from lab.navigation.error_models import ATT, MODELS, POS, STATES, VEL
 from lab.navigation.strapdown import MAX_LATITUDE
 from lab.rotation import euler_jacobian
@@ -403,8 +403,21 @@ def _dataset(run: Run, sources: list[str], epochs: Epochs, variance: FloatArray)
 
 def believed_sigma(run: Run) -> FloatArray:
     """Return σ of all `quantities` (n + 1, states) according to the filter, in their units."""
-    sigma, errors = flight.sigma(run), sensors.sensor_errors(run)
-    sets = (*(sigma[name] for name in ("position", "velocity", "attitude")),)
-    kinds = ("bias", "scale") if run.solution_arrays.scale.size else ("bias",)
-    names = (f"{sensor}_{kind}_sigma" for kind in kinds for sensor in ("gyro", "accelerometer"))
-    return np.concatenate([data.values for data in (*sets, *(errors[name] for name in names))], axis=1)
+    solution = run.solution_arrays
+    return sigma_of_quantities(run.euler, solution.variance, solution.covariance)
+
+
+def sigma_of_quantities(euler: FloatArray, variance: FloatArray, covariance: FloatArray) -> FloatArray:
+    """Return σ (n, states) of all `quantities`, in their units.
+
+    Parameters
+    ----------
+    euler : (n, 3) array
+        Roll, pitch, heading [rad].
+    variance, covariance
+        As of `Solution`.
+    """
+    sigma = np.sqrt(variance)
+    sigma[:, POS], sigma[:, VEL] = east_north_up_sizes(sigma[:, POS]), east_north_up_sizes(sigma[:, VEL])
+    sigma[:, ATT] = euler_sigma(euler, variance[:, ATT], covariance[:, 1])
+    return sigma / [TO_SI[unit] for unit in quantities(variance.shape[1]).values()]

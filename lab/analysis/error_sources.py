@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lab.analysis.transition import N
+from lab.east_north_up import east_north_up_sizes
 from lab.navigation.error_models import (
     ACCEL_BIAS,
     ACCEL_SCALE,
@@ -187,9 +188,12 @@ def _of_fixes(experiment: ExperimentSettings) -> list[Process]:
     errors = experiment.sensors.gps
     found = []
     for channel, name in ((GPS_POSITION, "position"), (GPS_VELOCITY, "velocity")):
-        variance = si(errors, f"{name}_variance")[[1, 0, 2]]
+        variance = east_north_up_sizes(si(errors, f"{name}_variance"))
         found.append(Process(f"GPS {name} noise", channel, variance, graded=True))
-    correlated, time = si(errors, "correlated_sigma")[[1, 0, 2]] ** 2, float(si(errors, "correlation_time"))
+    correlated, time = (
+        east_north_up_sizes(si(errors, "correlated_sigma")) ** 2,
+        float(si(errors, "correlation_time")),
+    )
     found.append(Process("GPS correlated position", GPS_POSITION, correlated, time, graded=True))
     if not experiment.navigator.gate:
         # By chance: the variance is that of all fixes, outliers or not.

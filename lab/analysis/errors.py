@@ -12,19 +12,12 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from lab import earth, ecef
+from lab.displacement import displacement
 from lab.navigation.error_models import ACCEL_BIAS, ACCEL_SCALE, ATT, GYRO_BIAS, GYRO_SCALE, POS, VEL
 from lab.navigation.solution import Solution
-from lab.rotation import wrap
 from lab.trajectory import Truth
 
 FloatArray = NDArray[np.float64]
-
-NED_TO_ENU = np.array([[0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, -1.0]])
-
-
-def to_enu(vectors_ned: FloatArray) -> FloatArray:
-    """Return vectors (n, 3) east, north, up from north, east, down."""
-    return vectors_ned[:, [1, 0, 2]] * (1.0, 1.0, -1.0)
 
 
 def position_error(position: FloatArray, truth: Truth) -> FloatArray:
@@ -37,17 +30,7 @@ def position_error(position: FloatArray, truth: Truth) -> FloatArray:
     truth
         Truth at the same times.
     """
-    meridian, transverse = earth.radii(np.sin(truth.latitude))
-    error = np.empty(position.shape, order="F")
-    error[:, 0] = (position[:, 0] - truth.latitude) * (meridian + truth.height)
-    error[:, 1] = (
-        wrap(position[:, 1] - truth.longitude) * (transverse + truth.height) * np.cos(truth.latitude)
-    )
-    error[:, 2] = truth.height - position[:, 2]
-    near = ecef.near_pole(truth.latitude)
-    if near.any():
-        error[near] = ecef.way(truth.position[near], position[near])
-    return error
+    return displacement(truth.position, position)
 
 
 def attitude_error(q_nb: FloatArray, truth_q_nb: FloatArray) -> FloatArray:
@@ -112,7 +95,7 @@ def _error_near_pole(solution: Solution, samples: NDArray[np.int64], truth: Trut
     """
     here = solution.position[samples]
     C_ec, C_en = ecef.axes(here[:, 0], here[:, 1]), ecef.axes(truth.latitude, truth.longitude)
-    off = -ecef.way(here, truth.position)
+    off = -ecef.displacement(here, truth.position)
     meridian, transverse = earth.radii(np.sin(here[:, 0]))
     east = off[:, 1] / (transverse + here[:, 2])
     turn = np.stack((east, -off[:, 0] / (meridian + here[:, 2]), -east * np.tan(here[:, 0])), axis=-1)

@@ -16,6 +16,7 @@ from scipy.spatial.transform import Rotation
 from lab import earth
 from lab.analysis.error_sources import rounding
 from lab.analysis.errors import position_error
+from lab.east_north_up import east_north_up
 from lab.navigation.belief import assumed_latency, assumed_lever_arm
 from lab.rotation import C_nb_from_euler, wrap
 from lab.run import Run
@@ -147,7 +148,7 @@ def _of_fixes(run: Run) -> list[Series]:
     position, velocity = gps.noise(times, errors, gps.GpsDraws.of(run.experiment.seed, times.size))
     way = np.concatenate(
         [
-            (error - noise[number - 1])[:, [1, 0, 2]] * (1, 1, -1)
+            east_north_up(error - noise[number - 1])
             for error, noise in ((fixes.position_error, position), (fixes.velocity_error, velocity))
         ],
         axis=1,

@@ -15,18 +15,23 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from lab.analysis.budget import believed_sigma, check_gains, check_latitude, epochs_of, quantities
-from lab.analysis.errors import euler_sigma
+from lab.analysis.budget import (
+    believed_sigma,
+    check_gains,
+    check_latitude,
+    epochs_of,
+    quantities,
+    sigma_of_quantities,
+)
 from lab.navigation import strapdown
 from lab.navigation.compilation import interpreted
-from lab.navigation.error_models import ATT, PHI, ErrorModel, with_states
+from lab.navigation.error_models import PHI, ErrorModel, with_states
 from lab.navigation.filter import Filter
 from lab.navigation.navigator import advance, navigate
 from lab.navigation.schedule import EVERY_FIX
 from lab.navigation.solution import Fixes, Imu, Solution, Start
 from lab.run import Run
 from lab.trajectory import Truth
-from lab.units import TO_SI
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -215,10 +220,7 @@ def _free_sigma(run: Run) -> FloatArray:
         _, ideal = run.true_flight("observability")
         none = Fixes(np.zeros(0), np.zeros((0, 3)), np.zeros((0, 3)))
         free = navigate(Imu(ideal.time, ideal.dtheta, ideal.dvelocity), none, start, run.belief, model=model)
-    variance = free.variance
-    attitude = euler_sigma(flight.euler, variance[:, ATT], free.covariance[:, 1])
-    parts = (variance[:, [1, 0, 2]], variance[:, [4, 3, 5]], attitude**2, variance[:, 9:])
-    return np.sqrt(np.concatenate(parts, axis=1)) / [TO_SI[unit] for unit in quantities(free.states).values()]
+    return sigma_of_quantities(flight.euler, free.variance, free.covariance)
 
 
 def _led(run: Run, start: Start, model: ErrorModel) -> Solution:

@@ -7,7 +7,6 @@ import numpy as np
 from lab.analysis.algorithm_verdict import algorithm_evidence
 from lab.analysis.evidence import Evidence, evidence
 from lab.analysis.sensor_evidence import Reference
-from lab.datasets.sensors import imu_temperature
 from lab.navigation.belief import bias_processes
 from lab.navigation.solution import Fixes, Imu, Solution
 from lab.run import Run
@@ -56,7 +55,7 @@ def reference_of(run: Run) -> Reference:
         ideal.dtheta,
         ideal.dvelocity,
         run.true_scale if run.solution_arrays.scale.size else None,
-        imu_temperature(run) if experiment.sensors.temperature.profile != "none" else None,
+        run.imu_temperature() if experiment.sensors.temperature.profile != "none" else None,
         (run.gyro.saturated, run.accelerometer.saturated),
         bias_processes(experiment.sensors, constants)[0],
     )

@@ -15,11 +15,11 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from lab import earth
 from lab.analysis.evidence import Evidence
 from lab.analysis.finding import WITHHELD, Change, Finding, Verdict, headline
+from lab.displacement import displaced, displacement
 from lab.experiment_settings import ExperimentSettings
-from lab.rotation import C_nb_from_euler, euler_from_quaternion, wrap
+from lab.rotation import C_nb_from_euler, euler_from_quaternion
 from lab.run import Run
 from lab.settings import SettingError
 
@@ -264,16 +264,8 @@ def held_out(run: Repeatable) -> float:
     at = times[chosen]
     after = np.clip(np.searchsorted(time, at), 1, time.size - 1)
     part = ((at - time[after - 1]) / np.maximum(time[after] - time[after - 1], 1e-9))[:, None]
-    there = (1 - part) * solution.position[after - 1] + part * solution.position[after]
+    before = solution.position[after - 1]
+    there = displaced(before, part * displacement(before, solution.position[after]))
     arm = C_nb_from_euler(euler_from_quaternion(solution.q_nb[after])) @ coasted.belief.lever_arm
-    meridian, transverse = earth.radii(np.sin(there[:, 0]))
-    seen = fixes.position[chosen]
-    error = np.stack(
-        (
-            (there[:, 0] - seen[:, 0]) * (meridian + there[:, 2]) + arm[:, 0],
-            wrap(there[:, 1] - seen[:, 1]) * (transverse + there[:, 2]) * np.cos(there[:, 0]) + arm[:, 1],
-            seen[:, 2] - there[:, 2] + arm[:, 2],
-        ),
-        axis=-1,
-    )
+    error = arm - displacement(there, fixes.position[chosen])
     return float(np.sqrt(np.mean(np.sum(error**2, axis=1))))

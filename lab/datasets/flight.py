@@ -7,9 +7,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from lab.analysis.errors import euler_sigma, position_error, to_enu
+from lab.analysis.errors import euler_sigma, position_error
 from lab.datasets.labelled import DEGREE, labelled
-from lab.navigation.error_models import ATT, STATES
+from lab.east_north_up import east_north_up, east_north_up_sizes
+from lab.navigation.error_models import ATT, POS, STATES, VEL
 from lab.navigation.solution import Solution
 from lab.projection import Projection
 from lab.rotation import euler_from_quaternion, wrap
@@ -53,7 +54,7 @@ def _flight(
         latitude=(("time",), position[:, 0] * DEGREE, "°", f"{word} latitude"),
         longitude=(("time",), position[:, 1] * DEGREE, "°", f"{word} longitude"),
         height=(("time",), position[:, 2], "m", f"{word} height above the ellipsoid"),
-        velocity=(("time", "axis"), to_enu(velocity_n), "m/s", f"{word} velocity"),
+        velocity=(("time", "axis"), east_north_up(velocity_n), "m/s", f"{word} velocity"),
         attitude=(("time", "angle"), euler * DEGREE, "°", f"{word} attitude"),
     )
 
@@ -90,9 +91,9 @@ def error_component(run: Run, name: str, number: int) -> FloatArray:
 
 def _error(navigated: Solution, true: Truth, euler: FloatArray, name: str) -> FloatArray:
     if name == "position":
-        return to_enu(position_error(navigated.position, true))
+        return east_north_up(position_error(navigated.position, true))
     if name == "velocity":
-        return to_enu(navigated.velocity_n - true.velocity_n)
+        return east_north_up(navigated.velocity_n - true.velocity_n)
     return wrap(euler - true.euler) * DEGREE
 
 
@@ -100,10 +101,11 @@ def sigma(run: Run) -> xr.Dataset:
     """Return σ of the errors, according to the filter; see `Result.sigma`."""
     variance, covariance = run.solution_arrays.variance, run.solution_arrays.covariance
     attitude = euler_sigma(run.euler, variance[:, ATT], covariance[:, 1]) * DEGREE
+    position, velocity = (east_north_up_sizes(np.sqrt(variance[:, block])) for block in (POS, VEL))
     return labelled(
         run,
-        position=(("time", "axis"), np.sqrt(variance[:, [1, 0, 2]]), "m", "σ of the position error"),
-        velocity=(("time", "axis"), np.sqrt(variance[:, [4, 3, 5]]), "m/s", "σ of the velocity error"),
+        position=(("time", "axis"), position, "m", "σ of the position error"),
+        velocity=(("time", "axis"), velocity, "m/s", "σ of the velocity error"),
         attitude=(("time", "angle"), attitude, "°", "σ of the attitude error"),
     )
 

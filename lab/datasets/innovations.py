@@ -8,8 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lab.analysis import consistency as statistics
-from lab.analysis.errors import NED_TO_ENU, error_state, to_enu
+from lab.analysis.errors import error_state
 from lab.datasets.labelled import EAST_NORTH_UP, labelled
+from lab.east_north_up import NED_TO_ENU, east_north_up, east_north_up_sizes
 from lab.navigation.error_models import POS
 from lab.navigation.kalman import MEASUREMENTS
 from lab.run import Run
@@ -32,10 +33,10 @@ def innovations(run: Run) -> xr.Dataset:
     dims = ("time_gps", "axis")
     dataset = labelled(
         run,
-        position=(dims, to_enu(nu[:, :3]), "m", "position innovation"),
-        velocity=(dims, to_enu(nu[:, 3:]), "m/s", "velocity innovation"),
-        position_sigma=(dims, sigma[:, [1, 0, 2]], "m", "σ of the position innovation"),
-        velocity_sigma=(dims, sigma[:, [4, 3, 5]], "m/s", "σ of the velocity innovation"),
+        position=(dims, east_north_up(nu[:, :3]), "m", "position innovation"),
+        velocity=(dims, east_north_up(nu[:, 3:]), "m/s", "velocity innovation"),
+        position_sigma=(dims, east_north_up_sizes(sigma[:, :3]), "m", "σ of the position innovation"),
+        velocity_sigma=(dims, east_north_up_sizes(sigma[:, 3:]), "m/s", "σ of the velocity innovation"),
         nis=(("time_gps",), nis, "", f"NIS, {degrees} degrees of freedom"),
         rejected=(("time_gps",), rejected, "", "1 for a fix rejected by the gate"),
     )

@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from lab.analysis.errors import to_enu
 from lab.datasets.labelled import DEGREE, labelled
+from lab.east_north_up import east_north_up
 from lab.projection import Projection
 from lab.run import Run
 from lab.sensors import temperature as thermal
@@ -41,20 +41,13 @@ def imu(run: Run) -> xr.Dataset:
 
 def temperature(run: Run) -> xr.Dataset:
     """Return the temperature of the IMU; see `Result.temperature`."""
-    settings, true = run.experiment.sensors.temperature, imu_temperature(run)
+    settings, true = run.experiment.sensors.temperature, run.imu_temperature()
     reading = thermal.thermometer(settings, run.experiment.seed, true)
     return labelled(
         run,
         true=(("time_imu",), true, "°C", "temperature of the IMU"),
         reading=(("time_imu",), reading, "°C", "temperature the thermometer shows"),
     )
-
-
-def imu_temperature(run: Run) -> FloatArray:
-    """Return the temperature of the IMU (n,) in each sample interval of a simulated run [°C]."""
-    height = run.known_truth("temperature").height
-    settings = run.experiment.sensors.temperature
-    return thermal.temperature(settings, run.time[1:], height[1:] - height[0])
 
 
 def gps(run: Run, projection: Projection) -> xr.Dataset:
@@ -68,7 +61,7 @@ def gps(run: Run, projection: Projection) -> xr.Dataset:
         "height": (("time_gps",), fixes.position[:, 2], "m", "height above the ellipsoid"),
         "easting": (("time_gps",), easting, "m", f"easting, {label}"),
         "northing": (("time_gps",), northing, "m", f"northing, {label}"),
-        "velocity": (dims, to_enu(fixes.velocity_n), "m/s", "velocity"),
+        "velocity": (dims, east_north_up(fixes.velocity_n), "m/s", "velocity"),
     }
     if run.recorded is None:
         variables |= {

@@ -96,7 +96,7 @@ def fit_wind(
     wind, start = np.zeros(3), recorded[0].copy()
     design = np.column_stack((np.ones(len(time)), time - time[0]))
     for _ in range(_FITS):
-        apart = ecef.way(flown(time, through_air + wind, start), recorded)
+        apart = ecef.displacement(flown(time, through_air + wind, start), recorded)
         offset, slope = np.linalg.lstsq(design, apart, rcond=None)[0]
-        wind, start = wind + slope, ecef.moved(start[None], offset[None])[0]
+        wind, start = wind + slope, ecef.displaced(start[None], offset[None])[0]
     return wind, start

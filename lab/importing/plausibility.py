@@ -229,7 +229,7 @@ def _velocity_against_positions(flight: RepairedFlight) -> list[Finding]:
     position = np.stack((raw.latitude, raw.longitude, height), axis=-1)[legs]
     steps = np.diff(raw.time)[:, None] * (raw.velocity_n[1:] + raw.velocity_n[:-1]) / 2
     travelled = np.concatenate((np.zeros((1, 3)), np.cumsum(steps, axis=0)))[legs]
-    by_velocity, by_position = np.diff(travelled, axis=0), ecef.way(position[:-1], position[1:])
+    by_velocity, by_position = np.diff(travelled, axis=0), ecef.displacement(position[:-1], position[1:])
     if ecef.near_pole(position[:, 0]).any() or np.abs(by_position[:, :2]).sum() < 100:
         return []
     if np.linalg.norm(np.ptp(np.cumsum(by_position[:, :2], axis=0), axis=0)) < _STANDS:

@@ -211,7 +211,11 @@ def _as_recorded(flight: RepairedFlight, grid: FloatArray, settings: ImportSetti
     noisy = settings.smoothing == AUTO and worthwhile_smoothing(
         some.time, 2 * q_fb, ATTITUDE_NOISE_THAT_MATTERS
     )
-    if made.smoothing or noisy or np.abs(ecef.way(made.recorded_positions(), position)).max() > _SAME:
+    if (
+        made.smoothing
+        or noisy
+        or np.abs(ecef.displacement(made.recorded_positions(), position)).max() > _SAME
+    ):
         return None
     return Recording(
         time, raw.latitude, raw.longitude, raw.height, raw.velocity_n, raw.euler, raw.airspeed, raw.alpha,
@@ -241,7 +245,7 @@ def _residuals(
     at = _interpolated(time, position, raw.time)
     off_position = off_velocity = off_attitude = None
     if raw.latitude is not None:
-        off_position = _rms(ecef.way(made.recorded_positions(), at))
+        off_position = _rms(ecef.displacement(made.recorded_positions(), at))
     if raw.velocity_n is not None:
         velocity_f = CubicSpline(time, axes.vectors(recording.velocity_n, position))(raw.time)
         off_velocity = _rms(axes.vectors_n(velocity_f, at) - raw.velocity_n)

@@ -18,8 +18,6 @@ from lab.recordings.mission_error import MissionError
 from lab.recordings.named_columns import MAX_BYTES
 from lab.recordings.recording import Recording
 from lab.recordings.text_blocks import check_file
-from lab.views.mission_card import log_html
-from lab.views.thumbnail import WIDTH, thumbnail
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -31,6 +29,8 @@ class LogMission(Mission):
     files : LogFiles
         The files of the log; `recording_path` is that of the IMU.
     """
+
+    CARD = "log"
 
     files: LogFiles = None  # type: ignore[assignment]  # given always; the fields before it have defaults
 
@@ -96,16 +96,6 @@ class LogMission(Mission):
         """Time from the first sample of the IMU to the last [s]."""
         return self.log.duration
 
-    def picture(self, width: int = WIDTH) -> str:
-        """Return track and height of the fixes as a small picture (SVG), shown at a width [px].
-
-        Raises
-        ------
-        MissionError
-            If the log is not acceptable.
-        """
-        return thumbnail(self.log.gnss.time, self.log.gnss.position, width)
-
     @cached_property
     def content_hash(self) -> str:
         """SHA-256 of all that the log is read from, to cache by what was computed from it.
@@ -125,12 +115,6 @@ class LogMission(Mission):
             except OSError as error:
                 raise MissionError(f"{path}: cannot be read: {error.strerror or error}") from error
         return whole.hexdigest()
-
-    def _repr_html_(self) -> str:
-        try:
-            return log_html(self, self.log)
-        except MissionError as error:
-            return log_html(self, str(error))
 
 
 def is_log_folder(path: Path) -> bool:

@@ -9,17 +9,14 @@ from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
-
 from lab.flying.plan_kinds import read_plan
+from lab.notebook_card import NotebookCard
 from lab.recordings.description_toml import check_keys, file_beside, read_toml
 from lab.recordings.flight_csv import read_flight_csv
 from lab.recordings.mission_error import MissionError
 from lab.recordings.named_columns import MAX_BYTES
 from lab.recordings.recording import Recording
 from lab.recordings.text_blocks import check_file
-from lab.views.mission_card import mission_html
-from lab.views.thumbnail import WIDTH, thumbnail
 
 if TYPE_CHECKING:
     from lab.flying.plan_kinds import Plan
@@ -29,7 +26,7 @@ _KEYS = (*_TEXTS, "tags", "flight")
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Mission:
+class Mission(NotebookCard):
     """A flight that can be navigated.
 
     Attributes
@@ -53,6 +50,8 @@ class Mission:
     ending : str
         Why the flight ended before its plan did; empty when it did not.
     """
+
+    CARD = "mission"
 
     name: str
     recording_path: Path
@@ -141,27 +140,9 @@ class Mission:
             raise MissionError(f"mission {self.name}: has no [flight] table, so it cannot be flown again")
         return read_plan(self.flight, f"{self.path}, flight")
 
-    def picture(self, width: int = WIDTH) -> str:
-        """Return ground track and height as a small picture (SVG), shown at a width [px].
-
-        Raises
-        ------
-        MissionError
-            If the recording is not acceptable.
-        """
-        flight = self.recording
-        position = np.stack((flight.latitude, flight.longitude, flight.height), axis=-1)
-        return thumbnail(flight.time, position, width)
-
     def __repr__(self) -> str:
         facts = [text for text in (self.title, self.aircraft, self.airport) if text]
         return f"<Mission {self.name}: {', '.join(facts)}>"
-
-    def _repr_html_(self) -> str:
-        try:
-            return mission_html(self, self.recording)
-        except MissionError as error:
-            return mission_html(self, str(error))
 
 
 def _check(path: Path, values: Mapping[str, Any]) -> None:

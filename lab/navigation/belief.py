@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from lab.east_north_up import east_north_up_sizes
 from lab.navigation.error_models import ACCEL_BIAS, ACCEL_SCALE, ATT, GYRO_BIAS, GYRO_SCALE, POS, VEL
 from lab.navigation.kalman import MEASUREMENTS, gate
 from lab.navigation.schedule import Schedule
@@ -143,8 +144,8 @@ def matched_noise(sensors: SensorSuite, gyro_drive: FloatArray, accel_drive: Flo
 
 def matched_r(sensors: SensorSuite) -> FloatArray:
     """Return the covariance (6, 6) of a fix, north, east, down."""
-    east_north_up = (si(sensors.gps, "position_variance"), si(sensors.gps, "velocity_variance"))
-    return np.diag(np.concatenate([variance[[1, 0, 2]] for variance in east_north_up]))
+    variances = (si(sensors.gps, "position_variance"), si(sensors.gps, "velocity_variance"))
+    return np.diag(np.concatenate([east_north_up_sizes(variance) for variance in variances]))
 
 
 def r_factors(navigator: NavigatorSettings) -> FloatArray:

@@ -13,7 +13,7 @@ from typing import NamedTuple, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from lab import earth
+from lab.displacement import metres_per_radian
 from lab.ecef import near_pole
 from lab.logs.log_section import piece
 from lab.logs.sensor_log import GnssLog, SensorLog
@@ -210,9 +210,9 @@ def _measurements(
 def _velocity_of_positions(gnss: GnssLog) -> FloatArray:
     """Return the velocity (m, 3) north, east, down by differences of the positions; down as zero [m/s]."""
     latitude, longitude = gnss.position[:, 0], np.unwrap(gnss.position[:, 1])
-    meridian, transverse = earth.radii(np.sin(latitude))
-    north = np.gradient(latitude, gnss.time) * meridian
-    east = np.gradient(longitude, gnss.time) * transverse * np.cos(latitude)
+    per_latitude, per_longitude = metres_per_radian(latitude, 0.0)
+    north = np.gradient(latitude, gnss.time) * per_latitude
+    east = np.gradient(longitude, gnss.time) * per_longitude
     return np.stack((north, east, np.zeros_like(north)), axis=-1)
 
 

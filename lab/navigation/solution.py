@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import DTypeLike, NDArray
 from scipy.spatial.transform import Rotation
 
-from lab import earth, ecef
+from lab.displacement import displaced
 from lab.navigation.kalman import MEASUREMENTS
 from lab.trajectory import Truth
 
@@ -128,13 +128,7 @@ class Start(NamedTuple):
         position, velocity, attitude : (3,) arrays
             Errors north, east, down [m], [m/s], and φ of Ĉ_nb = exp(−[φ×]) C_nb [rad].
         """
-        meridian, transverse = earth.radii(float(np.sin(truth.latitude[0])))
-        height = truth.height[0]
-        latitude = truth.latitude[0] + position[0] / (meridian + height)
-        longitude = truth.longitude[0] + position[1] / ((transverse + height) * np.cos(truth.latitude[0]))
-        place = np.array([latitude, longitude, height - position[2]])
-        if ecef.near_pole(truth.latitude[:1]).all():
-            place = ecef.moved(truth.position[:1], position[None])[0]
+        place = displaced(truth.position[:1], position[None])[0]
         q_nb = Rotation.from_rotvec(-attitude) * Rotation.from_quat(truth.q_nb[0], scalar_first=True)
         return cls(
             place,

@@ -163,7 +163,7 @@ def velocity_at_aircraft(local: FloatArray, here: FloatArray, offset: FloatArray
     if offset is None:
         return local
     level = np.column_stack((offset, np.zeros(len(here))))
-    reference = ecef.moved(here, -level)
+    reference = ecef.displaced(here, -level)
     # North there is not quite north here.
-    reference = ecef.moved(here, -ecef.turned(level, reference, here) * (1.0, 1.0, 0.0))
+    reference = ecef.displaced(here, -ecef.turned(level, reference, here) * (1.0, 1.0, 0.0))
     return ecef.turned(local, reference, here)

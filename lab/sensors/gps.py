@@ -21,6 +21,8 @@ import scipy
 from numpy.typing import NDArray
 
 from lab import earth, ecef, rotation
+from lab.displacement import displaced, displacement
+from lab.east_north_up import east_north_up
 from lab.sensors import processes
 from lab.sensors.draws import unit_draws
 from lab.setting_kinds import AxisQuantity, Intervals, Quantity
@@ -228,8 +230,7 @@ def antenna(trajectory: Trajectory, errors: GpsErrors, times: FloatArray) -> Tru
     sine, cosine = np.sin(truth.latitude), np.cos(truth.latitude)
     omega_ie_n = earth.RATE * np.stack((cosine, np.zeros_like(sine), -sine), axis=-1)
     omega_eb_b = trajectory.rates(seen)[0] - np.einsum("mij,mi->mj", C_nb, omega_ie_n)
-    north, east, down = (C_nb @ lever_arm).T
-    latitude, longitude, height = _moved(truth, np.stack((east, north, -down), axis=-1)).T
+    latitude, longitude, height = displaced(truth.position, C_nb @ lever_arm).T
     velocity_n = truth.velocity_n + np.einsum("mij,mj->mi", C_nb, np.cross(omega_eb_b, lever_arm))
     there = np.stack((latitude, longitude), axis=-1)
     velocity_n = ecef.turned_near_pole(velocity_n, truth.position, there)
@@ -252,12 +253,14 @@ def measure(truth: Truth, errors: GpsErrors, draws: GpsDraws, seen: Truth | None
     """
     position_error, velocity_error = noise(truth.time, errors, draws)
     if seen is not None:
-        position_error = position_error + _way(truth, seen)
+        position_error = position_error + east_north_up(displacement(truth.position, seen.position))
         seen_n = ecef.turned_near_pole(seen.velocity_n, seen.position, truth.position)
-        velocity_error = velocity_error + _turned(seen_n - truth.velocity_n)
-    position = _moved(truth, position_error)
+        velocity_error = velocity_error + east_north_up(seen_n - truth.velocity_n)
+    position = displaced(truth.position, east_north_up(position_error))
     # A receiver knows north at the place it gives.
-    velocity_n = ecef.turned_near_pole(truth.velocity_n + _turned(velocity_error), truth.position, position)
+    velocity_n = ecef.turned_near_pole(
+        truth.velocity_n + east_north_up(velocity_error), truth.position, position
+    )
     keep = outside_outages(errors, truth.time) & (truth.time > errors.latency - 1e-9)
     return GpsFixes(
         truth.time[keep],
@@ -302,34 +305,3 @@ def within(intervals: Sequence[tuple[float, float]], times: FloatArray) -> NDArr
     for start, end in intervals:
         inside |= (times >= start) & (times <= end)
     return inside
-
-
-def _moved(truth: Truth, way: FloatArray) -> FloatArray:
-    """Return latitude, longitude [rad] and height [m], (m, 3), of what is so far east, north, up [m]."""
-    east, north, up = way.T
-    meridian, transverse = earth.radii(np.sin(truth.latitude))
-    latitude = truth.latitude + north / (meridian + truth.height)
-    longitude = truth.longitude + east / ((transverse + truth.height) * np.cos(truth.latitude))
-    place = np.stack((latitude, longitude, truth.height + up), axis=-1)
-    near = ecef.near_pole(truth.latitude)
-    if near.any():
-        place[near] = ecef.moved(truth.position[near], _turned(way[near]))
-    return place
-
-
-def _way(truth: Truth, other: Truth) -> FloatArray:
-    """Return how far another place is east, north, up (m, 3) [m]; the inverse of `_moved`."""
-    meridian, transverse = earth.radii(np.sin(truth.latitude))
-    north = (other.latitude - truth.latitude) * (meridian + truth.height)
-    turn = rotation.wrap(other.longitude - truth.longitude)
-    east = turn * (transverse + truth.height) * np.cos(truth.latitude)
-    way = np.stack((east, north, other.height - truth.height), axis=-1)
-    near = ecef.near_pole(truth.latitude)
-    if near.any():
-        way[near] = _turned(ecef.way(truth.position[near], other.position[near]))
-    return way
-
-
-def _turned(vectors: FloatArray) -> FloatArray:
-    """Return vectors (m, 3) from north, east, down to east, north, up, or back."""
-    return vectors[:, [1, 0, 2]] * (1, 1, -1)

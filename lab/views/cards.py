@@ -22,7 +22,21 @@ def _result(result: Any) -> str:
     return result_html(result)
 
 
+def _mission(mission: Any) -> str:
+    from lab.views.mission_card import mission_html  # noqa: PLC0415 - see above
+
+    return mission_html(mission)
+
+
+def _log(mission: Any) -> str:
+    from lab.views.mission_card import log_html  # noqa: PLC0415 - see above
+
+    return log_html(mission)
+
+
 def register_cards() -> None:
     """Register all that is drawn."""
     register("settings", _settings)
     register("result", _result)
+    register("mission", _mission)
+    register("log", _log)

@@ -107,7 +107,7 @@ def _track(read: FlightImport) -> figure:
 
 def _map(start: FloatArray, position: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Return metres east and north of the start, thinned for the screen."""
-    way = ecef.way(np.broadcast_to(start, position.shape), position)[:, [1, 0]]
+    way = ecef.displacement(np.broadcast_to(start, position.shape), position)[:, [1, 0]]
     east, north = way[thin_path(way, POINTS)].T
     return east, north
 

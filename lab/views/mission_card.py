@@ -3,33 +3,26 @@
 from __future__ import annotations
 
 from html import escape
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from lab.logs.sensor_log import SensorLog
+from lab.missions.log_mission import LogMission
+from lab.missions.mission import Mission
+from lab.recordings.mission_error import MissionError
 from lab.recordings.recording import Recording
-
-if TYPE_CHECKING:
-    from lab.missions.log_mission import LogMission
-    from lab.missions.mission import Mission
+from lab.views.thumbnail import picture
 
 CARD_WIDTH = 400
 """Width of the picture [px]."""
 
 
-def mission_html(mission: Mission, recording: Recording | str) -> str:
-    """Return a card of a mission as HTML.
-
-    Parameters
-    ----------
-    mission
-        What to show.
-    recording
-        Its recording, or the reason why there is none.
-    """
-    if isinstance(recording, str):
-        return _card(mission, f"<p>No recording: {escape(recording)}</p>")
+def mission_html(mission: Mission) -> str:
+    """Return a card of a mission as HTML; where its recording cannot be read, the reason."""
+    try:
+        recording = mission.recording
+    except MissionError as error:
+        return _card(mission, f"<p>No recording: {escape(str(error))}</p>")
     facts = {
         "Aircraft": mission.aircraft,
         "Airport": mission.airport,
@@ -37,23 +30,17 @@ def mission_html(mission: Mission, recording: Recording | str) -> str:
         "Origin": mission.origin,
         "Ended early": mission.ending,
     }
-    return _card(mission, _body(facts, mission.picture(CARD_WIDTH)))
+    return _card(mission, _body(facts, picture(mission, CARD_WIDTH)))
 
 
-def log_html(mission: LogMission, log: SensorLog | str) -> str:
-    """Return a card of a log as HTML.
-
-    Parameters
-    ----------
-    mission
-        What to show.
-    log
-        Its log, or the reason why there is none.
-    """
-    if isinstance(log, str):
-        return _card(mission, f"<p>No log: {escape(log)}</p>")
+def log_html(mission: LogMission) -> str:
+    """Return a card of a log as HTML; where it cannot be read, the reason."""
+    try:
+        log = mission.log
+    except MissionError as error:
+        return _card(mission, f"<p>No log: {escape(str(error))}</p>")
     repairs = "".join(f"<li>{escape(repair)}</li>" for repair in log.repairs)
-    body = _body(_log_facts(log) | {"Origin": mission.origin}, mission.picture(CARD_WIDTH))
+    body = _body(_log_facts(log) | {"Origin": mission.origin}, picture(mission, CARD_WIDTH))
     return _card(mission, f"{body}{f'<ul>{repairs}</ul>' if repairs else ''}")
 
 

@@ -10,6 +10,7 @@ import viser
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
+from lab.east_north_up import NED_TO_ENU
 from lab.views.aircraft import LENGTH, aircraft
 from lab.views.envelope import thin_path
 from lab.views.quantities import ESTIMATE, FIXES, TRUTH
@@ -32,7 +33,7 @@ SHORT = 0.2
 """Extent of a path up to which the ellipsoids are drawn as they are [km]."""
 
 _KILOMETRE = 1e-3
-_NED_TO_ENU = Rotation.from_matrix([[0, 1, 0], [1, 0, 0], [0, 0, -1]])
+_NED_TO_ENU = Rotation.from_matrix(NED_TO_ENU)
 
 
 class Scene:

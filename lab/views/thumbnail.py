@@ -7,8 +7,10 @@ from html import escape
 import numpy as np
 from numpy.typing import NDArray
 
-from lab.earth import radii
-from lab.ecef import near_pole, way
+from lab.displacement import metres_per_radian
+from lab.ecef import displacement, near_pole
+from lab.missions.log_mission import LogMission
+from lab.missions.mission import Mission
 
 FloatArray = NDArray[np.float64]
 
@@ -24,6 +26,21 @@ _MAX_SAMPLES = 20_000
 _MAX_POINTS = 500
 _COLUMNS = 150
 """Columns of the height, each from its least to its greatest."""
+
+
+def picture(mission: Mission, width: int = WIDTH) -> str:
+    """Return the picture of a mission's flight, or of the fixes of its log, shown at a width [px].
+
+    Raises
+    ------
+    MissionError
+        If the recording or the log is not acceptable.
+    """
+    if isinstance(mission, LogMission):
+        return thumbnail(mission.log.gnss.time, mission.log.gnss.position, width)
+    flight = mission.recording
+    position = np.stack((flight.latitude, flight.longitude, flight.height), axis=-1)
+    return thumbnail(flight.time, position, width)
 
 
 def thumbnail(time: FloatArray, position: FloatArray, width: int = WIDTH) -> str:
@@ -67,11 +84,10 @@ def _plane(position: FloatArray) -> tuple[FloatArray, FloatArray]:
     latitude, longitude = position[:, 0], np.unwrap(position[:, 1])
     if near_pole(latitude).any():
         level = position * (1, 1, 0)
-        north, east, _ = way(np.broadcast_to(level[0], level.shape), level).T
+        north, east, _ = displacement(np.broadcast_to(level[0], level.shape), level).T
         return east, north
-    meridian, transverse = radii(np.sin(latitude))
-    middle = (latitude.max() + latitude.min()) / 2
-    return (longitude - longitude[0]) * transverse * np.cos(middle), (latitude - latitude[0]) * meridian
+    north, east = metres_per_radian(np.full_like(latitude, (latitude.max() + latitude.min()) / 2), 0.0)
+    return (longitude - longitude[0]) * east, (latitude - latitude[0]) * north
 
 
 def _thinned(x: FloatArray, y: FloatArray) -> str:

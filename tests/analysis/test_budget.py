@@ -25,7 +25,8 @@ from lab.analysis.error_sources import (
     flicker,
 )
 from lab.analysis.error_sources import initial as initial_columns
-from lab.analysis.errors import error_state, to_enu
+from lab.analysis.errors import error_state
+from lab.east_north_up import east_north_up
 from lab.experiment import CACHE, Experiment
 from lab.navigation.error_models import POS, VEL
 from lab.result import Result
@@ -270,7 +271,7 @@ def final_errors(result: Result) -> np.ndarray:
     end = np.array([result.time.size - 1])
     x = error_state(result.solution_arrays, end, result.truth_arrays, result.true_bias, result.true_scale)
     angles = wrap(result.euler[-1] - result.truth_arrays.euler[-1])
-    return np.concatenate((to_enu(x[:, POS])[0], to_enu(x[:, VEL])[0], angles, x[0, 9:])) / [
+    return np.concatenate((east_north_up(x[:, POS])[0], east_north_up(x[:, VEL])[0], angles, x[0, 9:])) / [
         TO_SI[unit] for unit in budget.quantities(x.shape[1]).values()
     ]
 

@@ -8,6 +8,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from lab.analysis import errors
+from lab.east_north_up import NED_TO_ENU, east_north_up
 from lab.navigation.solution import Solution
 from lab.trajectory import Truth
 
@@ -47,8 +48,8 @@ def test_position_error_is_estimate_minus_truth_in_metres(latitude, longitude):
 
 
 def test_east_north_up():
-    assert errors.to_enu(np.array([(1.0, 2.0, 3.0)])).tolist() == [[2.0, 1.0, -3.0]]
-    assert (errors.NED_TO_ENU @ (1.0, 2.0, 3.0)).tolist() == [2.0, 1.0, -3.0]
+    assert east_north_up(np.array([(1.0, 2.0, 3.0)])).tolist() == [[2.0, 1.0, -3.0]]
+    assert (NED_TO_ENU @ (1.0, 2.0, 3.0)).tolist() == [2.0, 1.0, -3.0]
 
 
 @pytest.mark.parametrize("size", [1e-12, 1e-6, 0.1, 3.0])

@@ -30,7 +30,7 @@ def rebuilt(raw: RawFlight, **settings: object) -> Reconstruction:
 
 def misses(recording: Recording, true: RawFlight) -> tuple[float, float, float]:
     """Return the largest errors of position [m], velocity [m/s] and attitude [rad], ends left out."""
-    off = np.linalg.norm(ecef.way(position(true), position(recording)), axis=1)[20:-20]
+    off = np.linalg.norm(ecef.displacement(position(true), position(recording)), axis=1)[20:-20]
     speed = np.linalg.norm(recording.velocity_n - true.velocity_n, axis=1)[20:-20]
     alike = np.sum(quaternion_from_euler(recording.euler) * quaternion_from_euler(true.euler), axis=1)
     turn = 2 * np.arccos(np.minimum(np.abs(alike), 1))[20:-20]
@@ -75,7 +75,7 @@ def test_a_flight_over_the_pole(curve):
         euler=np.stack((0 * time, 0 * time, np.where(over, np.pi, 0.0)), axis=-1),
     )
     found = rebuilt(raw, curve=curve, rate=10)
-    assert np.linalg.norm(ecef.way(position(raw), position(found.recording)), axis=1).max() < 0.01
+    assert np.linalg.norm(ecef.displacement(position(raw), position(found.recording)), axis=1).max() < 0.01
     away = np.abs(np.degrees(raw.latitude)) < 89.999
     assert np.abs(found.recording.velocity_n - raw.velocity_n)[away].max() < 0.02
 
@@ -124,7 +124,7 @@ def test_velocity_alone_starts_where_it_is_told():
         "start_height": float(true.height[0]),
     }
     found = rebuilt(raw, **start)
-    assert np.linalg.norm(ecef.way(position(true), position(found.recording)), axis=1).max() < 0.01
+    assert np.linalg.norm(ecef.displacement(position(true), position(found.recording)), axis=1).max() < 0.01
     assert "No position is recorded" in " ".join(found.remarks)
 
 
@@ -173,7 +173,7 @@ def test_a_constant_wind_over_a_long_way():
     recorded = flown(time, air + np.array([-20.0, 35.0, 0.0]), start)
     wind, found = fit_wind(time, air, recorded)
     np.testing.assert_allclose(wind, (-20, 35, 0), atol=0.01)
-    assert np.linalg.norm(ecef.way(found[None], start[None])) < 20
+    assert np.linalg.norm(ecef.displacement(found[None], start[None])) < 20
 
 
 def test_without_attitude_it_is_that_of_coordinated_turns_and_said_so():

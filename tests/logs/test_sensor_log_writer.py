@@ -157,7 +157,7 @@ def test_the_log_of_an_autopilot_is_navigated_to_the_flight_it_was_made_of(write
     late = result.time > 60  # the heading comes from the turn after take-off
     truth = autopilot.trajectory(recording).at(result.time[late] + log.epoch - boot * 1e-6)
     solution = result.solution_arrays
-    off = ecef.way(truth.position, solution.position[late])
+    off = ecef.displacement(truth.position, solution.position[late])
     velocity = solution.velocity_n[late] - truth.velocity_n
     angles = np.degrees(wrap(euler_from_quaternion(solution.q_nb[late]) - truth.euler))
     # Fixes of 0.5 m and 0.1 m/s, 5 times a second.

@@ -31,7 +31,7 @@ def errors(truth: Trajectory, curve: Trajectory, late: float) -> tuple[float, fl
     b: Truth = curve.at(TIMES - late)
     turn = Rotation.from_quat(b.q_nb, scalar_first=True) * Rotation.from_quat(a.q_nb, scalar_first=True).inv()
     return (
-        rms(ecef.way(a.position, b.position)),
+        rms(ecef.displacement(a.position, b.position)),
         rms(b.velocity_n - a.velocity_n),
         float(np.degrees(rms(turn.as_rotvec()))),
         rms(curve.rates(TIMES - late)[1] - truth.rates(TIMES)[1]),
@@ -108,7 +108,7 @@ def test_the_flight_of_a_track_is_the_same_and_its_attitude_reconstructed(name, 
     times = np.clip(TIMES, 0, read.duration)
     a, b = truth.at(times), read.at(times)
     found = (
-        rms(ecef.way(a.position, b.position)),
+        rms(ecef.displacement(a.position, b.position)),
         rms(b.velocity_n - a.velocity_n),
         rms(along(read, times) - along(truth, times)),
     )

@@ -59,8 +59,8 @@ def test_the_flight_is_the_one_that_was_logged(written, file):
     flight = ardupilot.read([path], {})
     time = flight.time - writer.BOOT * 1e-6
     truth = autopilot.trajectory(mission("montreal").recording).at(time)
-    way = ecef.way(truth.position, np.column_stack((flight.latitude, flight.longitude, flight.height)))
-    assert np.abs(way).max() < 0.01
+    position = np.column_stack((flight.latitude, flight.longitude, flight.height))
+    assert np.abs(ecef.displacement(truth.position, position)).max() < 0.01
     assert np.abs(flight.velocity_n - truth.velocity_n).max() < 1e-4
     attitude = Rotation.from_euler("ZYX", flight.euler[:, ::-1])
     off = (attitude.inv() * Rotation.from_quat(truth.q_nb, scalar_first=True)).magnitude()
@@ -78,7 +78,7 @@ def test_the_sensors_are_those_that_were_logged(written, file):
     assert log.gnss.latency == pytest.approx(autopilot.GPS_DELAY)
     np.testing.assert_allclose(log.gnss.lever_arm, autopilot.LEVER_ARM, atol=1e-6)
     np.testing.assert_allclose(log.gnss.time + log.epoch - writer.BOOT * 1e-6, seen.gps_time, atol=1e-6)
-    assert np.abs(ecef.way(seen.gps_position, log.gnss.position)).max() < 0.012
+    assert np.abs(ecef.displacement(seen.gps_position, log.gnss.position)).max() < 0.012
     # A course in single precision is good to 1.5e-5°, at 60 m/s.
     np.testing.assert_allclose(log.gnss.velocity_n, seen.gps_velocity, atol=2e-5)
     assert np.unique(log.gnss.velocity_sigma) == pytest.approx([autopilot.GPS_SIGMA[1]])
@@ -138,7 +138,7 @@ def test_old_logs_with_times_in_milliseconds_or_of_the_week_are_read(old, file):
         np.clip(flight.time - since - late - autopilot.GPS_DELAY, 0, None)
     )
     place = np.column_stack((flight.latitude, flight.longitude, flight.height + writer.GEOID))
-    assert np.sqrt(np.mean(ecef.way(truth.position, place) ** 2)) < 1.5  # noise of 0.5 m, an arm of 1 m
+    assert np.sqrt(np.mean(ecef.displacement(truth.position, place) ** 2)) < 1.5  # noise 0.5 m, arm 1 m
     assert len(flight.time) > 5000
     assert (flight.made == ("vertical velocity",)) == (year < 2014)
     at = autopilot.trajectory(mission("montreal").recording).at(

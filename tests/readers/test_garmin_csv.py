@@ -78,7 +78,7 @@ def test_the_flight_is_the_one_that_was_logged_whatever_the_sign_of_the_variatio
     truth = resampled(recording(), writer.RATE)
     np.testing.assert_allclose(flight.time, 86_400 - 90 + truth.time, atol=1e-9)
     place = np.column_stack((flight.latitude, flight.longitude, flight.height))
-    assert np.abs(ecef.way(truth.position, place)).max() < 0.07
+    assert np.abs(ecef.displacement(truth.position, place)).max() < 0.07
     # Track to 0.05° at 45 m/s; below 1° of variation the positions may not tell.
     assert np.abs(flight.velocity_n - truth.velocity_n).max() < (0.05 if abs(variation) > 1 else 0.3)
     off = np.degrees(np.abs(wrap(flight.euler - truth.euler)).max(axis=0))

@@ -74,7 +74,7 @@ def test_the_flight_is_the_one_that_was_written_and_goes_on_after_midnight(file)
         began = 86_400 - 90 + (0.25 if fine else 0.0)
         np.testing.assert_allclose(flight.time, began + truth.time, atol=1e-9)
         place = np.column_stack((flight.latitude, flight.longitude, flight.height))
-        way = ecef.way(truth.position, place)
+        way = ecef.displacement(truth.position, place)
         assert np.abs(way[:, :2]).max() < most
         assert np.abs(way[:, 2]).max() <= 0.5 + 1e-6
     assert flight.remarks[0] == "Time counts from 2024-05-17 00:00 UTC."

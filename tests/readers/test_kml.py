@@ -72,7 +72,7 @@ def test_the_flight_is_the_one_that_was_written_in_utc_and_over_midnight(file):
     truth = resampled(recording, writer.RATE)
     np.testing.assert_allclose(flight.time, 86_400 - 90 + truth.time, atol=1e-6)
     place = np.column_stack((flight.latitude, flight.longitude, flight.height))
-    assert np.abs(ecef.way(truth.position, place)).max() < 0.006
+    assert np.abs(ecef.displacement(truth.position, place)).max() < 0.006
     assert flight.remarks[0] == "Time counts from 2024-05-17 00:00 UTC."
     assert "above the sea" in flight.remarks[1]
 

@@ -76,7 +76,9 @@ def test_the_flight_is_the_one_that_was_sent(written, file):
     flight = mavlink.read([path], {})
     time = flight.time - writer.BOOT * 1e-3
     truth = autopilot.trajectory(mission("montreal").recording).at(time)
-    way = ecef.way(truth.position, np.column_stack((flight.latitude, flight.longitude, flight.height)))
+    way = ecef.displacement(
+        truth.position, np.column_stack((flight.latitude, flight.longitude, flight.height))
+    )
     assert np.abs(way).max() < 0.02
     assert np.abs(flight.velocity_n - truth.velocity_n).max() < 1e-4
     off = Rotation.from_euler("ZYX", flight.euler[:, ::-1]).inv() * Rotation.from_quat(
@@ -112,7 +114,7 @@ def test_the_sensors_are_those_that_were_sent(file, imu, turn, force):
     assert log.gnss.latency == pytest.approx(autopilot.GPS_DELAY)
     np.testing.assert_allclose(log.gnss.lever_arm, autopilot.LEVER_ARM, atol=1e-6)
     np.testing.assert_allclose(log.gnss.time + log.epoch - writer.BOOT * 1e-3, seen.gps_time, atol=2e-6)
-    assert np.abs(ecef.way(seen.gps_position, log.gnss.position)).max() < 0.012
+    assert np.abs(ecef.displacement(seen.gps_position, log.gnss.position)).max() < 0.012
     # Speed to 1 cm/s, course to 0.01° at 60 m/s; GPS_RAW_INT has no vertical velocity.
     np.testing.assert_allclose(log.gnss.velocity_n[:, :2], seen.gps_velocity[:, :2], atol=0.012)
     assert np.isnan(log.gnss.velocity_n[:, 2]).all()

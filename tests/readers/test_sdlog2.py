@@ -59,7 +59,9 @@ def test_the_flight_is_the_one_that_was_logged(written, file):
     assert not ardupilot.recognises(written[:65536])
     flight = sdlog2.read([path], {})
     truth = truth_at(flight.time)
-    way = ecef.way(truth.position, np.column_stack((flight.latitude, flight.longitude, flight.height)))
+    way = ecef.displacement(
+        truth.position, np.column_stack((flight.latitude, flight.longitude, flight.height))
+    )
     assert np.abs(way).max() < 0.01
     assert np.abs(flight.velocity_n - truth.velocity_n).max() < 1e-5
     attitude = Rotation.from_euler("ZYX", flight.euler[:, ::-1])
@@ -78,7 +80,7 @@ def test_the_sensors_are_those_that_were_logged(written, file):
     assert log.gnss.latency == pytest.approx(autopilot.GPS_DELAY)
     late = log.gnss.time + log.epoch - 1e-6 * writer.BOOT - seen.gps_time
     assert (late > -1e-6).all() and (late < 1 / writer.RATE + 1e-6).all()  # written by the loop
-    assert np.abs(ecef.way(seen.gps_position, log.gnss.position)).max() < 0.012
+    assert np.abs(ecef.displacement(seen.gps_position, log.gnss.position)).max() < 0.012
     np.testing.assert_allclose(log.gnss.velocity_n, seen.gps_velocity, atol=1e-5)
 
 

@@ -74,7 +74,7 @@ def test_the_flight_is_the_one_that_was_written_lap_after_lap_and_over_midnight(
     truth = resampled(recording, writer.RATE)
     np.testing.assert_allclose(flight.time, 86_400 - 90 + truth.time, atol=1e-6)
     place = np.column_stack((flight.latitude, flight.longitude, flight.height))
-    off = np.abs(ecef.way(truth.position, place))
+    off = np.abs(ecef.displacement(truth.position, place))
     assert off[:, :2].max() < 0.001 and off[:, 2].max() < 0.051
     assert flight.remarks[0] == "Time counts from 2024-05-17 00:00 UTC."
     assert "above the sea" in flight.remarks[1]

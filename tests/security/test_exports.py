@@ -28,6 +28,6 @@ def test_a_title_ends_no_element_of_a_gpx() -> None:
 
 
 def test_a_card_of_a_mission_has_no_tag_of_its_texts() -> None:
-
-    told = Mission(MARK, Path(MARK), MARK, MARK, MARK, MARK, MARK, (MARK,))
-    assert "<img" not in mission_html(told, MARK)
+    card = mission_html(Mission(MARK, Path(MARK), MARK, MARK, MARK, MARK, MARK, (MARK,)))
+    assert "No recording" in card
+    assert "<img" not in card

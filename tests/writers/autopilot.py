@@ -65,7 +65,7 @@ def sensed(recording: Recording, rate: float = IMU_RATE, gps_rate: float = 5.0, 
 
     attitude = Rotation.from_quat(truth.q_nb, scalar_first=True)
     arm = attitude.apply(LEVER_ARM)
-    position = ecef.moved(truth.position, arm + rng.normal(scale=GPS_SIGMA[0], size=arm.shape))
+    position = ecef.displaced(truth.position, arm + rng.normal(scale=GPS_SIGMA[0], size=arm.shape))
     velocity = truth.velocity_n + attitude.apply(np.cross(turn, LEVER_ARM))
     velocity = velocity + rng.normal(scale=GPS_SIGMA[1], size=arm.shape)
     return Sensed(ideal.time[1:], rates, taken + GPS_DELAY, position, velocity)

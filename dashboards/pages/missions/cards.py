@@ -13,6 +13,7 @@ from panel.custom import JSComponent
 from lab.cache import StageCache
 from lab.missions import Mission, MissionError, broken_missions, missions
 from lab.missions.library import own_names
+from lab.views.thumbnail import picture
 
 _HERE = Path(__file__).parent
 
@@ -120,12 +121,10 @@ def _card(
 
 def _drawn(card: dict[str, Any], mission: Mission) -> dict[str, Any]:
     try:
-        picture = KEPT.get(
-            "picture", mission.content_hash, lambda: Picture(mission.picture(), mission.duration)
-        )
+        drawn = KEPT.get("picture", mission.content_hash, lambda: Picture(picture(mission), mission.duration))
     except MissionError as error:
         return card | {"problem": str(error)}
-    return card | {"picture": picture.svg, "duration": spoken(picture.duration)}
+    return card | {"picture": drawn.svg, "duration": spoken(drawn.duration)}
 
 
 def spoken(seconds: float) -> str:

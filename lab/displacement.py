@@ -1,0 +1,76 @@
+"""Displacement: from latitude, longitude and height to metres north, east, down, and back.
+
+To first order in the displacement: over 1 km to the east at 45° the error is 8 cm. Close to a pole, where
+that fails within metres, it is computed in Earth-fixed axes (`lab.ecef`).
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lab import ecef
+from lab.earth import radii
+from lab.rotation import wrap
+
+FloatArray = NDArray[np.float64]
+
+
+def metres_per_radian(latitude: FloatArray, height: FloatArray | float) -> tuple[FloatArray, FloatArray]:
+    """Return how far a radian of latitude leads north, and one of longitude east [m].
+
+    Parameters
+    ----------
+    latitude : (n,) array
+        Geodetic latitude [rad].
+    height : (n,) array or float
+        Height above the ellipsoid [m].
+    """
+    meridian, transverse = radii(np.sin(latitude))
+    return meridian + height, (transverse + height) * np.cos(latitude)
+
+
+def displacement(here: FloatArray, there: FloatArray) -> FloatArray:
+    """Return the displacement (n, 3) from one position to another, north, east, down of the first [m].
+
+    Parameters
+    ----------
+    here, there : (n, 3) arrays
+        Latitude, longitude [rad] and height [m].
+    """
+    latitude, longitude, height = here.T
+    north, east = metres_per_radian(latitude, height)
+    displacement_n = np.empty(here.shape, order="F")
+    displacement_n[:, 0] = (there[:, 0] - latitude) * north
+    displacement_n[:, 1] = wrap(there[:, 1] - longitude) * east
+    displacement_n[:, 2] = height - there[:, 2]
+    near = ecef.near_pole(latitude)
+    if near.any():
+        displacement_n[near] = ecef.displacement(here[near], there[near])
+    return displacement_n
+
+
+def displaced(here: FloatArray, displacement_n: FloatArray) -> FloatArray:
+    """Return the position (n, 3) that a displacement (n, 3) leads to [m]; the inverse of `displacement`.
+
+    Parameters
+    ----------
+    here : (n, 3) array
+        Latitude, longitude [rad] and height [m].
+    displacement_n : (n, 3) array
+        Displacement, resolved north, east, down [m].
+    """
+    latitude, longitude, height = here.T
+    north, east = metres_per_radian(latitude, height)
+    there = np.stack(
+        (
+            latitude + displacement_n[:, 0] / north,
+            longitude + displacement_n[:, 1] / east,
+            height - displacement_n[:, 2],
+        ),
+        axis=-1,
+    )
+    near = ecef.near_pole(latitude)
+    if near.any():
+        there[near] = ecef.displaced(here[near], displacement_n[near])
+    return there
