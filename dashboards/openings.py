@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 from collections import deque
 from collections.abc import Callable
+from contextvars import Context
 from functools import partial
 from weakref import ref
 
@@ -124,7 +125,8 @@ class Openings(Handler):
 
     def _begin(self) -> None:
         if self._working is None or self._working.done():
-            self._working = asyncio.ensure_future(self._work())
+            # In an empty context: that of a page refers to its document for as long as the work goes on.
+            self._working = asyncio.get_running_loop().create_task(self._work(), context=Context())
 
     async def _work(self) -> None:
         while turns := self._waiting or self._ended:

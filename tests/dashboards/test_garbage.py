@@ -33,7 +33,7 @@ async def open_and_leave(address, count):
     await asyncio.gather(*(one.open() for one in visitors))
     for one in visitors:
         one.close()
-    async with asyncio.timeout(40):
+    async with asyncio.timeout(90):
         while pages:
             await asyncio.sleep(0.05)
 
@@ -55,7 +55,7 @@ gc.disable()
 pn.io.document._garbage_collect = lambda: None
 server = pn.serve(
     {{"/simulator": "dashboards/simulator.py"}}, port=0, show=False, start=False, verbose=False,
-    unused_session_lifetime_milliseconds=1000, check_unused_sessions_milliseconds=200,
+    unused_session_lifetime_milliseconds=5000, check_unused_sessions_milliseconds=200,
 )
 server.start()
 IOLoop.current().run_sync(main)

@@ -6,6 +6,7 @@ import asyncio
 import gc
 from collections.abc import Callable, Coroutine
 from concurrent.futures import ThreadPoolExecutor
+from contextvars import ContextVar
 from functools import partial
 from types import SimpleNamespace
 from typing import Any
@@ -127,6 +128,22 @@ def test_an_ended_page_that_is_still_in_use_is_freed_later(monkeypatch: pytest.M
         await turns._working
         assert left() is None
         assert again == []
+
+    completed(end)
+
+
+def test_the_turns_do_not_refer_to_the_page_that_asked_first() -> None:
+    current: ContextVar[object] = ContextVar("current")
+
+    async def end() -> None:
+        turns, page = Openings(), Ended()
+        left = ref(page)
+        token = current.set(page)  # as Panel does with the document of a page
+        turns.let_go(page)
+        current.reset(token)
+        del page, token
+        await turns._working
+        assert left() is None
 
     completed(end)
 
