@@ -2,7 +2,8 @@
 
 A page consists of 600 models. Bokeh asks for the default of each of their properties several times, and each
 time it copies and checks the default: half of the time to open a page. A default that is a number, a text, a
-truth value or nothing is the same for all models of a class, and one that is empty is made anew unchecked.
+truth value or nothing is the same for all models of a class, and one that is empty is made anew unchecked,
+once somebody asks for it: it refers to its model, which would outlive its page until a search for garbage.
 """
 
 from __future__ import annotations
@@ -72,7 +73,7 @@ class RememberedDefaults:
             if value is not Undefined and value is not Intrinsic:
                 setattr(model, name, value)
         for name, descriptor in self._own_defaults(model):
-            if name not in properties:
+            if name not in properties and (descriptor, model.__class__) not in self._empty:
                 descriptor._get(model)  # makes the default
         model._initialized = True
 

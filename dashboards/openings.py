@@ -1,23 +1,39 @@
-"""Openings: pages that open at once take turns, and what else the server is asked comes in between."""
+"""Openings: pages that open and end take turns, and what else the server is asked comes in between."""
 
 from __future__ import annotations
 
 import asyncio
 from collections import deque
 from collections.abc import Callable
+from contextvars import Context
 from functools import partial
+from weakref import ref
 
 from bokeh.application.application import SessionContext
 from bokeh.application.handlers.handler import Handler
 from bokeh.document import Document
+from bokeh.server.contexts import ApplicationContext
+from bokeh.server.session import ServerSession
 
-from dashboards.garbage import Garbage
+from dashboards import garbage
 
 PAUSE = 0.01
 """Time between two turns [s]: what open pages have asked meanwhile takes a few rounds of the event loop."""
 
 LONGEST = 2.0
 """Longest wait for a step that does not begin, because a slow browser holds its document [s]."""
+
+AGAIN = 10.0
+"""Time after which an ended page that is still in use is searched again [s], then twice that, and so on: a
+computation in a thread refers to its page until it is done."""
+
+ENOUGH = 100
+"""Ended pages after which everything is searched, for what a search from a page does not find: 100 objects
+of a page that shows its first plots, and what lived while another page opened and was dropped before its own
+page ended."""
+FEW = 10
+"""Most open pages with which everything is searched: they and what they import are 800,000 objects, half a
+second; with thirty it would be more than one."""
 
 Turn = Callable[[], "asyncio.Future[None]"]
 
@@ -31,8 +47,10 @@ class Openings(Handler):
     def __init__(self) -> None:
         super().__init__()
         self._waiting: deque[Turn] = deque()
+        self._ended: deque[Turn] = deque()
+        self._ended_since = 0
         self._working: asyncio.Task[None] | None = None
-        self._garbage = Garbage()
+        self._context: ref[ApplicationContext] | None = None
 
     @classmethod
     def of(cls, document: Document) -> Openings | None:
@@ -45,13 +63,19 @@ class Openings(Handler):
             if isinstance(handler, cls):
                 return handler
         made = cls()
+        made._context = ref(context)
         context.application.add(made)
         return made
 
     @property
     def crowded(self) -> bool:
-        """Whether other pages wait for their turn."""
-        return bool(self._waiting)
+        """Whether other pages are open in a browser, or wait for their turn."""
+        return bool(self._waiting) or any(session.connection_count for session in self._sessions)
+
+    @property
+    def _sessions(self) -> list[ServerSession]:
+        context = self._context() if self._context is not None else None
+        return list(context.sessions) if context is not None else []
 
     def modify_document(self, doc: Document) -> None:
         """Leave the document to the page."""
@@ -68,24 +92,47 @@ class Openings(Handler):
         self._ask(begin)
         await mine
 
-    async def on_session_destroyed(self, session_context: SessionContext) -> None:
-        """Let go of a page that has ended."""
-        self._garbage.page_ended()
-
     def later(self, document: Document, step: Callable[[], None]) -> None:
         """Take a step of a page once it is its turn, as a callback of its document."""
         self._ask(partial(_step, document, step))
 
+    def let_go(self, page: object, wait: float = AGAIN) -> None:
+        """Free what a page has left, once no page waits to be opened."""
+        self._ended.append(partial(self._search, [page], wait))
+        self._begin()
+
+    def _search(self, pages: list[object], wait: float) -> asyncio.Future[None]:
+        async def search() -> None:
+            left = ref(pages[0])
+            await garbage.search_from(pages.pop())
+            if left() is not None:
+                asyncio.get_running_loop().call_later(wait, self._search_again, left, 2 * wait)
+                return
+            self._ended_since += 1
+            if self._ended_since >= ENOUGH and len(self._sessions) <= FEW:
+                self._ended_since = 0
+                garbage.search_all()
+
+        return asyncio.ensure_future(search())
+
+    def _search_again(self, left: ref[object], wait: float) -> None:
+        if (page := left()) is not None:
+            self.let_go(page, wait)
+
     def _ask(self, turn: Turn) -> None:
         self._waiting.append(turn)
+        self._begin()
+
+    def _begin(self) -> None:
         if self._working is None or self._working.done():
-            self._working = asyncio.ensure_future(self._work())
+            # In an empty context: that of a page refers to its document for as long as the work goes on.
+            self._working = asyncio.get_running_loop().create_task(self._work(), context=Context())
 
     async def _work(self) -> None:
-        while self._waiting:
-            await asyncio.wait({self._waiting.popleft()()}, timeout=LONGEST)
+        while turns := self._waiting or self._ended:
+            await asyncio.wait({turns.popleft()()}, timeout=LONGEST)
             await asyncio.sleep(PAUSE)
-            self._garbage.keep()
+            garbage.keep()
 
 
 def _step(document: Document, step: Callable[[], None]) -> asyncio.Future[None]:

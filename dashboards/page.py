@@ -110,15 +110,15 @@ class SimulatorPage:
     def servable(self) -> None:
         """Put the page into the document of this session and compute the first result.
 
-        Alone, it is there at once. While other pages wait to be opened, each gets its frame first, then its
-        plots and its settings.
+        Alone, it is there at once. While other pages are open, or wait to be opened, it gets its frame first,
+        then its plots and its settings, so that nobody else waits for all of it.
         """
         self._steps += [self._show, self._add_settings, self._add_files]
         if self._openings is None or not self._openings.crowded:
             while self._steps:
                 self._steps.pop(0)()
-        frame = self._frame()
-        frame.servable()
+        self._view = self._frame()  # what an ended page leaves is found from here
+        self._view.servable()
         pn.state.on_session_destroyed(partial(_close, self))
         self._document.js_on_event(DocumentReady, CustomJS(code=SAME_STYLE_ONCE + SAME_FILE_AGAIN))
         # A browser ignores changes that overtake the document it has asked for.
@@ -297,3 +297,5 @@ def _unlink_busy(frame: MaterialPage) -> None:
 
 def _close(page: SimulatorPage, _context: object) -> None:
     page.close()
+    if page._openings is not None:
+        page._openings.let_go(page)

@@ -17,6 +17,7 @@ from panel.reactive import Syncable
 from panel.viewable import is_viewable_param
 
 from dashboards.defaults import CONSTANT, RememberedDefaults, themed
+from dashboards.garbage import cut_cycles
 
 MOST_PATHS = 1024
 """Most files and folders of which it is remembered whether one is in the other; a page asks for 60."""
@@ -29,6 +30,7 @@ def speed_up() -> None:
     """
     if PropertyDescriptor.instance_default.__module__ != RememberedDefaults.__module__:
         RememberedDefaults().install()
+        cut_cycles()
         _look_at_values_that_are_set()
         _share_declarations()
         _remember_paths()

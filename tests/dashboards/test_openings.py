@@ -3,16 +3,20 @@
 from __future__ import annotations
 
 import asyncio
+import gc
 from collections.abc import Callable, Coroutine
 from concurrent.futures import ThreadPoolExecutor
+from contextvars import ContextVar
+from functools import partial
 from types import SimpleNamespace
 from typing import Any
+from weakref import ref
 
 import pytest
 from bokeh.document import Document
 from panel.io.state import set_curdoc
 
-from dashboards import openings
+from dashboards import garbage, openings
 from dashboards.openings import Openings
 from dashboards.page import SimulatorPage
 
@@ -79,3 +83,106 @@ def test_a_result_and_a_zoom_do_not_draw_before_the_plots_have_their_turn() -> N
 
 def test_without_a_server_there_are_no_turns() -> None:
     assert Openings.of(Document()) is None
+
+
+class Ended:
+    """An ended page: only a search frees it."""
+
+    def __init__(self) -> None:
+        self.itself = self
+
+
+def test_an_ended_page_is_freed_once_no_other_waits_to_open() -> None:
+    async def end_and_open() -> None:
+        turns = Openings()
+        page = Ended()
+        left = ref(page)
+        garbage.keep()
+        turns.let_go(page)
+        del page
+        for _ in range(3):
+            await turns.on_session_created(CONTEXT)
+            assert left() is not None
+        await turns._working
+        assert left() is None
+
+    completed(end_and_open)
+
+
+def test_an_ended_page_that_is_still_in_use_is_freed_later(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A computation in a thread refers to its page until it is done."""
+    again: list[Callable[[], None]] = []
+
+    async def end() -> None:
+        loop, turns, page = asyncio.get_running_loop(), Openings(), Ended()
+        monkeypatch.setattr(loop, "call_later", lambda _wait, call, *rest: again.append(partial(call, *rest)))
+        left = ref(page)
+        await turns._search([page], 1.0)
+        assert left() is page
+        garbage.keep()
+        del page
+        gc.collect()
+        assert left() is not None
+        again.pop()()
+        monkeypatch.undo()
+        await turns._working
+        assert left() is None
+        assert again == []
+
+    completed(end)
+
+
+def test_the_turns_do_not_refer_to_the_page_that_asked_first() -> None:
+    current: ContextVar[object] = ContextVar("current")
+
+    async def end() -> None:
+        turns, page = Openings(), Ended()
+        left = ref(page)
+        token = current.set(page)  # as Panel does with the document of a page
+        turns.let_go(page)
+        current.reset(token)
+        del page, token
+        await turns._working
+        assert left() is None
+
+    completed(end)
+
+
+def test_everything_is_searched_now_and_then_while_few_pages_are_open(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    searches: list[int] = []
+    monkeypatch.setattr(openings, "ENOUGH", 2)
+    monkeypatch.setattr(garbage, "search_all", lambda: searches.append(1))
+    sessions: list[Any] = [SimpleNamespace(connection_count=1)] * openings.FEW
+    turns = Openings()
+    context: Any = Context(sessions)
+    turns._context = ref(context)
+
+    async def end_one() -> None:
+        await turns._search([Ended()], 1.0)
+
+    for _ in range(4):
+        completed(end_one)
+    assert len(searches) == 2
+    sessions += sessions
+    for _ in range(4):
+        completed(end_one)
+    assert len(searches) == 2
+
+
+class Context:
+    """What a server knows of its sessions."""
+
+    def __init__(self, sessions: list[Any]) -> None:
+        self.sessions = sessions
+
+
+def test_a_page_opens_in_steps_while_another_is_open() -> None:
+    turns, session = Openings(), SimpleNamespace(connection_count=0)
+    context: Any = Context([session])
+    assert not turns.crowded
+    turns._context = ref(context)
+    assert not turns.crowded
+    session.connection_count = 1
+    assert turns.crowded
