@@ -106,7 +106,7 @@ class Filter(NamedTuple):
 
     @classmethod
     def begin(cls, start: Start, belief: Belief, time: float = 0.0, turned: FloatArray = NO_TURNS) -> Filter:
-        """Return a filter at its start, at a time [s]; for `turned` see `navigator.Filter.begin`."""
+        """Return a filter at its start, at a time [s]; for `turned` see `filter.Filter.begin`."""
         state = np.zeros(strapdown.LENGTH)
         interpreted(strapdown.set_position)(state, *start.position)
         meridian, transverse = earth.radii(state[strapdown.SINE])
