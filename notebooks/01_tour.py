@@ -14,11 +14,12 @@
 # # A tour of INS Lab
 #
 # An **inertial navigation system** measures how a vehicle turns and accelerates, and adds this up to know
-# where it is. It needs nothing from outside, but its errors add up too. **GPS** knows where it is to about
-# a metre, forever, but only once a second and only while it is received. A **Kalman filter** joins the two.
+# where it is. It needs no signal from outside, but its errors add up too. **GPS** gives the position to about
+# a metre, at any time, but only once a second and only while it is received. A **Kalman filter** combines
+# the two.
 #
 # In ten minutes you will fly a Cessna over Montréal, put cheap sensors into it, navigate, and see how good
-# that is and why. Run the cells from top to bottom; each step has one idea, and one question to try.
+# the solution is and why. Run the cells from top to bottom. Each step has one idea, and one question to try.
 
 # %%
 from html import escape
@@ -34,9 +35,9 @@ pn.extension()
 # %% [markdown]
 # ## 1. A flight
 #
-# A *mission* is a recorded flight: position, velocity and attitude, about eighteen times a second. This one
-# was flown by an autopilot in the flight simulator JSBSim. Through these samples the lab draws one smooth
-# curve. That curve is the **truth**: everything below is measured against it.
+# A *mission* is a flight with a name. Its *flight recording* holds position, velocity and attitude, about
+# eighteen times a second. An autopilot flew this one in the flight simulator JSBSim. The lab draws one smooth
+# curve through these samples. That curve is the **truth**: everything below is compared with it.
 
 # %%
 mission("montreal")
@@ -46,8 +47,8 @@ mission("montreal")
 #
 # ## 2. Sensors that err
 #
-# An *experiment* holds every setting of one run: the flight, the errors of the sensors, what the filter
-# believes, and the seed of all random numbers. Each setting has a unit and bounds;
+# An *experiment* holds every setting of one run: the flight, the errors of the sensors, the assumptions of
+# the filter, and the seed of all random numbers. Each setting has a unit and bounds;
 # `experiment.sensors.gyro` shows those of the gyros. The defaults are those of the MEMSense AccelRate3D,
 # a small MEMS sensor.
 
@@ -58,23 +59,23 @@ result = experiment.run()
 experiment.sensors.gyro
 
 # %% [markdown]
-# Gyros have two errors that matter most. **White noise** shakes every sample; its density, in °/s/√Hz, says
-# how fast the angle random-walks away. A **bias** is a constant that is different each time the sensor is
-# switched on. Nobody tells the filter this constant. The dashed line is the bias the sensor really has, the
-# solid one what the filter estimates, and the band what it is sure of (±3σ).
+# Two errors of gyros matter most. **White noise** disturbs every sample; its density, in °/s/√Hz, says
+# how fast the angle drifts away in a random walk. A **bias** is a constant that is different each time the
+# sensor is switched on. The filter does not know this constant. The dashed line is the true bias of the
+# sensor, the solid line is the filter's estimate, and the band is its uncertainty (±3σ).
 
 # %%
 plots.sensor_errors(result)
 
 # %% [markdown]
-# **Try:** the bias of the vertical gyro, z, is found all of a sudden. What does the aeroplane do then?
-# `result.truth.attitude.sel(angle="roll").plot()` tells. Which bias is hardly found at all?
+# **Try:** the filter finds the bias of the vertical gyro, z, suddenly. What does the aeroplane do then?
+# `result.truth.attitude.sel(angle="roll").plot()` shows it. Which bias does the filter hardly find at all?
 #
 # ## 3. A navigation solution
 #
 # The navigator turns angle increments into attitude, attitude and velocity increments into velocity, and
-# velocity into position, 200 times a second. At each GPS fix the filter compares, and corrects. From above,
-# the result can hardly be told from the truth, while the fixes scatter about it.
+# velocity into position, 200 times a second. At each GPS fix the filter compares, and corrects. Seen from
+# above, the estimate and the truth look the same, while the fixes scatter about them.
 
 # %%
 plots.ground_track(result)
@@ -83,15 +84,15 @@ plots.ground_track(result)
 plots.height(result)
 
 # %% [markdown]
-# To see how good it is we need the *errors*: **estimate minus truth**, here as root mean square, as the
-# largest, and as the value that 95 % stay below.
+# To see how good the solution is we need the *errors*: **estimate minus truth**. The table gives their root
+# mean square, the largest, and the value that 95 % of them stay below.
 
 # %%
 result.summary
 
 # %% [markdown]
-# Everything in a result is a labelled table of [xarray](https://xarray.dev) with units: `result.errors`,
-# `result.sigma`, `result.imu`, `result.gps`, … It slices, plots and saves as it is.
+# Everything in a result is a labelled dataset of [xarray](https://xarray.dev) with units: `result.errors`,
+# `result.sigma`, `result.imu`, `result.gps`, … You can slice, plot and save each of them.
 
 # %%
 result.errors
@@ -99,20 +100,20 @@ result.errors
 # %% [markdown]
 # **Try:** `result.errors.position.sel(axis="up").plot()`. How large is the height error at the end?
 #
-# ## 4. The filter knows how wrong it may be
+# ## 4. The filter knows how large its errors may be
 #
-# A Kalman filter gives not only an estimate but also its standard deviation σ. Below, the errors of
-# position, velocity and attitude with the band ±3σ: a filter that is honest keeps its error inside nearly
-# always, and does not make the band wider than it must.
+# A Kalman filter gives not only an estimate but also its standard deviation σ. The plots show the errors of
+# position, velocity and attitude with the band ±3σ. An honest filter keeps its error inside nearly always,
+# and makes the band no wider than necessary.
 
 # %%
 plots.errors(result)
 
 # %% [markdown]
-# Look at the heading. At rest and in straight flight its band does not close: GPS tells position and
-# velocity, and a wrong heading shows in neither while nothing accelerates sideways. In the first turn, about
-# 50 s after the start, it shows at once. **What is not moved is not observed**: this is the most useful
-# sentence of the whole field.
+# Look at the heading. At rest and in straight flight its band does not close: GPS measures position and
+# velocity, and a heading error shows in neither while the aircraft does not accelerate sideways. In the
+# first turn, about 50 s after the start, it shows at once. **What is not moved is not observed**: this is the
+# most useful sentence of the whole field.
 
 # %%
 plots.covariance(result)
@@ -123,9 +124,9 @@ plots.covariance(result)
 #
 # ## 5. Turn the knob
 #
-# Now change the sensor. The slider sets the density of the gyros' white noise; the same random numbers are
-# only scaled, so that the curves morph and do not jump. A run takes a few milliseconds: navigation is
-# repeated while you drag.
+# Now change the sensor. The slider sets the density of the gyros' white noise. It only scales the same random
+# numbers, so the curves change smoothly and do not jump. A run takes a few milliseconds: the lab navigates
+# again while you drag.
 
 # %%
 noise = pn.widgets.FloatSlider(
@@ -144,14 +145,14 @@ pn.Column(noise, pn.bind(with_gyro_noise, noise.param.value_throttled))
 
 # %% [markdown]
 # **Try:** at 0.2 °/s/√Hz, four times the noise, how much worse is the heading, and how much the position?
-# Why does the position hardly care?
+# Why does the position hardly change?
 #
 # ## 6. Lie to the filter
 #
 # Until here the filter knew the true statistics of its sensors. In practice nobody does. `r_scale`
-# multiplies the GPS noise that the filter *believes* in, while the receiver stays as it is. The
-# **innovations**, what each fix tells beyond what was expected, give the lie away: they should lie inside
-# ±2σ 95 % of the time, and none should foretell the next.
+# multiplies the GPS noise that the filter *assumes*, while the receiver stays as it is. An **innovation** is
+# the difference between the filter's prediction and a fix. The innovations reveal the lie: 95 % of them
+# should lie inside ±2σ, and none should predict the next.
 
 # %%
 belief = pn.widgets.DiscreteSlider(label="The filter believes R ×", options=[0.01, 0.1, 1, 10, 100], value=1)
@@ -167,13 +168,13 @@ def with_belief(scale):
 pn.Column(belief, pn.bind(with_belief, belief.param.value_throttled))
 
 # %% [markdown]
-# **Try:** with R × 0.01 the filter trusts each fix to centimetres. Where are the innovations now, compared
-# with their band? And with R × 100, why do they swing slowly?
+# **Try:** with R × 0.01 the filter assumes a tenth of the true GPS noise σ. Where are the innovations now,
+# compared with their band? And with R × 100, why do they oscillate slowly?
 #
 # ## 7. Without GPS
 #
-# In a tunnel, under a bridge, near a jammer: no fixes. The inertial system goes on alone, and the filter
-# says how much less it knows with every second.
+# In a tunnel, under a bridge or near a jammer there are no fixes. The inertial system goes on alone, and the
+# filter says how its uncertainty grows with every second.
 
 # %%
 outage = pn.widgets.IntSlider(label="No GPS from 90 s, for [s]", start=0, end=60, step=5, value=30)
@@ -190,14 +191,14 @@ pn.Column(outage, pn.bind(without_gps, outage.param.value_throttled))
 
 # %% [markdown]
 # **Try:** double the outage from 30 to 60 s. Does the position error double, grow fourfold, or more? (A
-# constant error of acceleration gives a position error with t²; a tilt that itself grows with t, from a
-# gyro bias, gives t³.)
+# constant error of the acceleration gives a position error that grows with t². A gyro bias gives a tilt that
+# grows with t, and so a position error that grows with t³.)
 #
 # ## 8. In three dimensions
 #
-# The true path, the estimated one, the fixes, and the ellipsoids in which the filter believes itself to be
-# (3σ, ten times enlarged). Drag to turn, scroll to come closer. The scene is a page of its own that needs
-# no server; in the dashboard it is live, and the aircraft flies.
+# The scene shows the true path, the estimated path, the fixes, and the filter's 3σ ellipsoids of its position
+# (ten times enlarged). Drag to turn, scroll to zoom. This scene is a page of its own that needs no server.
+# In the dashboard it is live, and the aircraft flies.
 
 # %%
 # %%capture
@@ -211,9 +212,9 @@ pn.pane.HTML(f'<iframe srcdoc="{escape(page)}" width="100%" height="500"></ifram
 # %% [markdown]
 # ## 9. Take it with you
 #
-# The settings go to a text file and come back; the result goes to netCDF or csv. The same experiment runs
-# on the command line, `ins-lab run montreal --set sensors.gyro.noise_density=0.02`, and in the dashboard,
-# `ins-lab serve`, where all of this is on one page.
+# The settings can be saved to a text file and loaded again; the result can be saved as netCDF or csv. The
+# same experiment runs on the command line, `ins-lab run montreal --set sensors.gyro.noise_density=0.02`, and
+# in the dashboard, `ins-lab serve`, where all of this is on one page.
 
 # %%
 experiment.set("sensors.gyro.noise_density", 0.02)
@@ -222,9 +223,9 @@ print(experiment.to_toml()[:420])
 # %% [markdown]
 # ## 10. A page of your own
 #
-# A few widgets and plots make a page. The sliders are those of steps 5 to 7, now acting together: one moved
-# here moves above too. In a terminal, `panel serve notebooks/01_tour.py` shows exactly this cell to anyone
-# with a browser.
+# A few widgets and plots make a page. The sliders are those of steps 5 to 7 and now act together: a slider
+# that you move here moves above too. In a terminal, `panel serve notebooks/01_tour.py` shows exactly this
+# cell to anyone with a browser.
 
 
 # %%
@@ -255,11 +256,12 @@ pn.Column(
 ).servable()
 
 # %% [markdown]
-# **Try:** no GPS for 60 s. How far does a better gyro bring the error down, and what is left when its noise
-# is zero?
+# **Try:** no GPS for 60 s. How much smaller does the error become with a better gyro, and what is left when
+# the noise is zero?
 #
 # ## Where to go next
 #
 # - `missions/README.md`: navigate a flight of your own, from a csv file.
+# - `docs/README.md`: every subject on a page of its own.
 # - `ins-lab serve`: the dashboard, with every setting and all plots linked.
-# - `import lab; help(lab)`: the language of the lab, its frames, units and signs.
+# - `import lab; help(lab)`: the conventions of the lab: frames, units and signs.

@@ -70,7 +70,14 @@ def test_the_source_distribution_builds_the_same_wheel(distributions: Path, tmp_
     with tarfile.open(archive) as tar:
         tar.extractall(tmp_path, filter="data")
     (source,) = tmp_path.glob("ins_lab-*")
-    for name in ("README.md", "LICENSE", "Makefile", "tests/conftest.py", "notebooks/01_tour.py"):
+    for name in (
+        "README.md",
+        "docs/README.md",
+        "LICENSE",
+        "Makefile",
+        "tests/conftest.py",
+        "notebooks/01_tour.py",
+    ):
         assert (source / name).is_file(), name
     build = [sys.executable, "-m", "hatchling", "build", "--target", "wheel", "--directory", str(tmp_path)]
     subprocess.run(build, cwd=source, check=True, capture_output=True)
@@ -93,7 +100,7 @@ def test_the_package_imports_fast() -> None:
 def test_quick_commands_load_neither_compiler_nor_web_server(arguments: list[str]) -> None:
     script = (
         "import json, sys\n"
-        "from lab.cli import main\n"
+        "from dashboards.command_line import main\n"
         f"sys.argv = ['ins-lab', *{arguments!r}]\n"
         "try:\n    main()\n"
         "except SystemExit as end:\n    code = end.code\n"

@@ -18,13 +18,12 @@ from lab.cli import (
     missions,
     record,
     run,
-    serve,
 )
 from lab.cli.app import app, main
 
 __all__ = ["app", "main"]
 
-# In the order in which help lists them.
+# In the order in which help lists them; `dashboards.command_line` adds the last, which serves the dashboard.
 app.command("missions")(missions.list_missions)
 app.command("run", epilog=run.EXAMPLES)(run.run)
 app.command("compare", epilog=compare.EXAMPLES)(compare.compare)
@@ -38,4 +37,3 @@ app.command("rename")(missions.rename)
 app.command("delete")(missions.delete)
 app.command("cards", epilog=cards.EXAMPLES)(cards.list_cards)
 app.command("allan", epilog=allan.EXAMPLES)(allan.allan)
-app.command("serve", epilog=serve.EXAMPLES)(serve.serve)

@@ -64,7 +64,13 @@ def server(own_missions: Path) -> Iterator[str]:
     wreck = own_missions / "wreck.toml"
     wreck.write_text(f"title = 'x'\nrecording = 'x.csv'\n'{mark('key')}' = 1\n")
     port = free_port()
-    command = [sys.executable, "-c", "from lab.cli import main; main()", "serve", "--no-browser"]
+    command = [
+        sys.executable,
+        "-c",
+        "from dashboards.command_line import main; main()",
+        "serve",
+        "--no-browser",
+    ]
     with subprocess.Popen([*command, "--port", str(port)], cwd=ROOT, stdout=subprocess.DEVNULL) as process:
         try:
             _wait(f"http://localhost:{port}/favicon.ico", process)

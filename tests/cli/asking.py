@@ -9,7 +9,7 @@ import sys
 from typer.testing import CliRunner
 from typer.testing import Result as Answer
 
-from lab import cli
+from dashboards import command_line
 
 RUN_SECONDS = 240
 """What a cold start may take, with the navigator to be compiled, before it counts as hung."""
@@ -17,13 +17,13 @@ RUN_SECONDS = 240
 
 def ask(*arguments: str) -> Answer:
     """Return what the command line answers, in this process."""
-    return CliRunner().invoke(cli.app, list(arguments))
+    return CliRunner().invoke(command_line.app, list(arguments))
 
 
 def process(*arguments: str, **environment: str) -> subprocess.CompletedProcess[bytes]:
     """Return what the command line answers in a process of its own."""
     return subprocess.run(
-        [sys.executable, "-m", "lab.cli", *arguments],
+        [sys.executable, "-m", "dashboards", *arguments],
         capture_output=True,
         env={**os.environ, **environment},
         timeout=RUN_SECONDS,

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 from asking import ask, refused
 
-from lab.cli.serve import free_port
+from dashboards.serve_command import free_port
 
 TEXT = """\
 import numpy as np

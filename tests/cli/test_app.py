@@ -123,7 +123,7 @@ def test_units_do_not_break_a_terminal_that_lacks_their_signs(encoding: str) -> 
 
 
 def test_a_reader_that_leaves_early_is_no_error() -> None:
-    command = [sys.executable, "-c", "from lab.cli import main; main()", "missions"]
+    command = [sys.executable, "-c", "from dashboards.command_line import main; main()", "missions"]
     with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE) as process:
         assert process.stdout is not None
         assert process.stderr is not None

@@ -109,7 +109,7 @@ def test_a_person_is_asked_before_a_mission_is_deleted(own: Path, answer: str, k
     person, terminal = pty.openpty()
     os.write(person, f"{answer}\n".encode())
     asked = subprocess.run(
-        [sys.executable, "-m", "lab.cli", "delete", "mine"],
+        [sys.executable, "-m", "dashboards", "delete", "mine"],
         stdin=terminal,
         capture_output=True,
         text=True,

@@ -80,7 +80,7 @@ def test_ctrl_c_keeps_what_was_recorded(tmp_path):
             [
                 sys.executable,
                 "-m",
-                "lab.cli",
+                "dashboards",
                 "record",
                 "kept",
                 "--port",

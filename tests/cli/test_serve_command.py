@@ -13,7 +13,7 @@ from urllib.request import urlopen
 import pytest
 from asking import RUN_SECONDS, ask, refused
 
-from lab.cli.serve import free_port
+from dashboards.serve_command import free_port
 
 
 def test_serving_on_a_taken_port_names_a_free_one() -> None:
@@ -61,7 +61,7 @@ def _answers(address: str, within: float) -> bool:
 @pytest.mark.parametrize("address", ["127.0.0.1", "0.0.0.0"])
 def test_serving_answers_with_the_page(address: str) -> None:
     port = free_port()
-    script = "from lab.cli import main; main()"
+    script = "from dashboards.command_line import main; main()"
     command = [
         sys.executable,
         "-c",

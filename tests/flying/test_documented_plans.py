@@ -1,4 +1,4 @@
-"""The plans shown in the README files can be flown as they stand there."""
+"""The plans shown in the documents can be flown as they stand there."""
 
 from __future__ import annotations
 
@@ -24,9 +24,9 @@ def examples(name: str) -> list[str]:
     ]
 
 
-def test_the_plan_of_the_readme_flies(tmp_path: Path) -> None:
+def test_the_figure_of_eight_flies(tmp_path: Path) -> None:
     pytest.importorskip("jsbsim", reason="flying needs the extra 'fly'")
-    (text,) = examples("README.md")
+    (text,) = examples("docs/flying.md")
     plan = tmp_path / "eight.toml"
     plan.write_text(text, encoding="utf-8")
     flown = fly_mission(plan)

@@ -1,4 +1,4 @@
-"""``ins-lab serve``: the dashboard, on a port that is free."""
+"""Serve command: ``ins-lab serve``, the dashboard on a port that is free."""
 
 from __future__ import annotations
 
@@ -79,11 +79,11 @@ def serve(
     _check_port(address, port)
     algorithms(own)  # what cannot be loaded is said now, not to visitors
     password = None if password_file is None else read_password(password_file)
-    from dashboards import serve as serve_dashboard  # noqa: PLC0415 - takes a second
+    from dashboards import server  # noqa: PLC0415 - takes a second
     from dashboards.origins import OriginError  # noqa: PLC0415 - takes a second
 
     try:
-        serve_dashboard(
+        server.serve(
             port=port,
             address=address,
             show=not no_browser and _has_screen(),

@@ -1,0 +1,5 @@
+"""``python -m dashboards`` is ``ins-lab``."""
+
+from dashboards.command_line import main
+
+main()
