@@ -87,14 +87,14 @@ PAGES = ("README.md", *(f"docs/{path.name}" for path in sorted((ROOT / "docs").g
 WITH_EXAMPLES = [page for page in PAGES if EXAMPLES.search((ROOT / page).read_text("utf-8"))]
 
 
-@pytest.mark.parametrize("page", WITH_EXAMPLES)
+@pytest.mark.parametrize("document", WITH_EXAMPLES)
 def test_the_examples_of_the_documents_run(
-    page: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    document: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(tmp_path)
     names: dict[str, Any] = {}
-    for example in EXAMPLES.findall((ROOT / page).read_text("utf-8")):
-        exec(compile(example, page, "exec"), names)
+    for example in EXAMPLES.findall((ROOT / document).read_text("utf-8")):
+        exec(compile(example, document, "exec"), names)
     if "result" in names:
         assert len(names["result"].summary) >= 9
     if "ensemble" in names:
