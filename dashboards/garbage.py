@@ -22,9 +22,6 @@ from types import BuiltinFunctionType, CodeType, ModuleType
 import panel as pn
 from bokeh.application.application import Application, ServerContext
 from bokeh.application.handlers.handler import Handler
-from bokeh.document.callbacks import DocumentCallbackManager
-from bokeh.model import Model
-from bokeh.server.callbacks import SessionCallback
 from bokeh.server.contexts import ApplicationContext
 from tornado.ioloop import IOLoop
 from tornado.web import Application as WebApplication
@@ -95,25 +92,3 @@ async def _make_young(root: object) -> None:
                 await asyncio.sleep(0)
     # All of it without a line of Python: no other thread sees an object between the two calls.
     deque(map(_track, filterfalse(_untrack, filter(gc.is_tracked, found.values()))), maxlen=0)
-
-
-def cut_cycles() -> None:
-    """Have Bokeh let go of callbacks that were called, and of what belongs to models of ended pages.
-
-    Both refer to themselves and to the page, and nothing refers to them: a search from the page would not
-    find them, and the page would have to stay.
-    """
-    remove, destroy = DocumentCallbackManager.remove_session_callback, Model.destroy
-
-    def remove_and_forget(callbacks: DocumentCallbackManager, callback: SessionCallback) -> None:
-        remove(callbacks, callback)
-        vars(callback)["_callback"] = None
-
-    def destroy_and_forget(model: Model) -> None:
-        destroy(model)
-        model._unstable_default_values.clear()
-        model._callbacks.clear()
-        model._event_callbacks.clear()
-
-    DocumentCallbackManager.remove_session_callback = remove_and_forget  # type: ignore[method-assign, assignment]
-    Model.destroy = destroy_and_forget  # type: ignore[method-assign, assignment]

@@ -33,7 +33,6 @@ from dashboards.progress import Progress
 from dashboards.sending import together
 from dashboards.session import Session
 from dashboards.settings_panel import SettingsPanel
-from dashboards.speed import speed_up
 from dashboards.style import DRESS, FRAME, SAME_STYLE_ONCE, STAGE, THEME
 from dashboards.time_bar import TimeBar
 from dashboards.upload import SAME_FILE_AGAIN
@@ -41,8 +40,6 @@ from lab.result import Result
 from lab.views.figures import TimeAxis
 
 log = logging.getLogger(__name__)
-
-speed_up()
 
 ZOOM_DEBOUNCE = 60
 """Time without a further zoom before the visible stretch is drawn anew [ms]."""

@@ -3,7 +3,9 @@
 from dashboards.log_limit import limit_log
 from dashboards.messages import bound_messages
 from dashboards.page import SimulatorPage
+from dashboards.upstream import speed_up
 
 limit_log()
 bound_messages()
+speed_up()
 SimulatorPage().servable()

@@ -31,6 +31,7 @@ from websockets.typing import Subprotocol
 
 from dashboards.headers import policy, sockets
 from dashboards.origins import is_from_accepted
+from dashboards.upstream import serving_application, viser_connection, viser_sockets
 
 VIEWS = "ins_lab_3d_views"
 """Key of the registered views, by token, in the settings of the web application."""
@@ -87,17 +88,17 @@ def guarded_server() -> tuple[viser.ViserServer, View]:
     """Start a viser server on this computer that ends the connection of whoever does not know its key."""
     server = viser.ViserServer(host="127.0.0.1", port=0, verbose=False)
     view = View(server.get_port(), secrets.token_urlsafe(24))
-    websockets = server._websock_server
+    sockets = viser_sockets(server)
 
     async def ask_for_key(client: WebsockClientConnection) -> None:
         # Called before anything is sent; viser itself asks for nothing.
-        connection = websockets._live_connections[client.client_id]
+        connection = viser_connection(sockets, client)
         given = connection.request.headers.get(KEY_HEADER, "") if connection.request is not None else ""
         if not hmac.compare_digest(given.encode(), view.key.encode()):
             await connection.close(1008, "this view belongs to a page")
 
-    websockets.on_client_connect(ask_for_key)
-    websockets.disconnect_all_clients()  # who came before the question
+    sockets.on_client_connect(ask_for_key)
+    sockets.disconnect_all_clients()  # who came before the question
     return server, view
 
 
@@ -112,11 +113,9 @@ def registered_views(application: Application) -> dict[str, View]:
 
 def web_application(document: Document) -> Application:
     """Return the Tornado application that serves a document, found through the socket of its browser."""
-    session = getattr(document.session_context, "session", None)
-    for connection in getattr(session, "_subscribed_connections", ()):
-        application = connection._socket.application
-        if isinstance(application, Application):
-            return application
+    application = serving_application(document)
+    if application is not None:
+        return application
     raise RuntimeError("the 3-D view needs a page that is open in a browser")
 
 

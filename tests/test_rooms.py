@@ -16,6 +16,7 @@ PLACES = [
     for row in re.findall(r"^\|(.*?)\|", (ROOT / "CONTRIBUTING.md").read_text("utf-8"), re.M)
     for place in re.findall(r"`(lab/\w+(?:/|\.py))`", row)
 ]
+TOP = Path("lab/__init__.py")
 LARGEST = 0.2
 """Largest part of the lines of `lab` that one room may hold: a fifth can still be surveyed."""
 
@@ -44,16 +45,15 @@ def imported(file: Path) -> set[Path]:
     }
 
 
-@pytest.mark.parametrize(
-    "file", [file for file in FILES if len(file.parts) > 1 and file != Path("lab/__init__.py")], ids=str
-)
+@pytest.mark.parametrize("file", [file for file in FILES if len(file.parts) > 1 and file != TOP], ids=str)
 def test_imports_go_one_way(file: Path) -> None:
-    others = {room(other) for other in imported(file)} - {room(file), "lab/__init__.py"}
+    others = {room(other) for other in imported(file)} - {room(file), str(TOP.as_posix())}
     assert not [other for other in others if PLACES.index(other) > PLACES.index(room(file))]
 
 
 def test_no_circle_within_a_room() -> None:
-    waiting = {file: imported(file) - {file, file.with_name("__init__.py")} for file in FILES}
+    # A package is not imported by what is in it, and `lab` itself stands on top of all.
+    waiting = {file: imported(file) - {file, file.with_name("__init__.py"), TOP} for file in FILES}
     while free := {file for file, needed in waiting.items() if not needed & waiting.keys()}:
         waiting = {file: needed for file, needed in waiting.items() if file not in free}
     assert sorted(map(str, waiting)) == []

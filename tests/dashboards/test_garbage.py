@@ -15,7 +15,7 @@ import pytest
 from bokeh.document import Document
 
 from dashboards import garbage
-from dashboards.speed import speed_up
+from dashboards.upstream import speed_up
 
 PAGES = 3
 SERVED_PAGES = f"""

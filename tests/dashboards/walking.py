@@ -22,6 +22,7 @@ from dashboards.computing import Outcome, run
 from dashboards.page import PAGES, SimulatorPage
 from dashboards.pages.base import Page
 from dashboards.pages.computed import ComputedPage
+from dashboards.upstream import speed_up
 from lab.experiment import Experiment
 from lab.result import Result
 
@@ -40,6 +41,7 @@ class Walk:
     """
 
     def __init__(self) -> None:
+        speed_up()
         self._document = Document()
         with set_curdoc(self._document):
             self.page = SimulatorPage()

@@ -15,14 +15,14 @@ from bokeh.core.property.wrappers import PropertyValueContainer
 from bokeh.model.util import visit_value_and_its_immediate_references
 from bokeh.models import Line, Model, Range1d
 
-from dashboards.speed import speed_up
+from dashboards.upstream import speed_up
 from lab.views.figures import TimeAxis, time_figure
 
 WHOLE_PAGE = """
 import sys
-from dashboards import speed
-if sys.argv[1] == "plain":
-    speed.speed_up = lambda: None
+from dashboards.upstream import speed_up
+if sys.argv[1] != "plain":
+    speed_up()
 from bokeh.core.json_encoder import serialize_json
 from bokeh.document import Document
 from panel.io.state import set_curdoc

@@ -1,0 +1,295 @@
+"""Upstream: what the laboratory replaces or reads of Bokeh, Panel and viser that they do not offer in public.
+
+Each of them is tested against the installed version, to which `pyproject.toml` is bound
+(`tests/dashboards/test_upstream.py`). What would make a part needless:
+
+- Defaults worked out when asked for, and one description of properties for each class: Bokeh 4, issue
+  `bokeh#15354 <https://github.com/bokeh/bokeh/issues/15354>`_, and for 3.10 pull request ``bokeh#15322``.
+- An ended document without cycles: ``bokeh#11523``, open since 2021; that a search for them holds up all
+  others: ``panel#3259``.
+- What Panel copies and asks again for each component, and a question of viser for who connects: no issue
+  of theirs is known.
+
+A page consists of 600 models. Bokeh asks for the default of each of their properties several times, and each
+time it copies and checks the default: half of the time to open a page. A default that is a number, a text, a
+truth value or nothing is the same for all models of a class, and one that is empty is made anew unchecked,
+once somebody asks for it: it refers to its model, which would outlive its page until a search for garbage.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from functools import lru_cache, wraps
+from typing import Any
+
+import viser
+from bokeh.core.has_props import HasProps
+from bokeh.core.property.descriptors import PropertyDescriptor
+from bokeh.core.property.singletons import Intrinsic, Undefined
+from bokeh.core.property.wrappers import (
+    PropertyValueContainer,
+    PropertyValueDict,
+    PropertyValueList,
+    PropertyValueSet,
+)
+from bokeh.document import Document
+from bokeh.document.callbacks import DocumentCallbackManager
+from bokeh.model import Model, util
+from bokeh.server.callbacks import SessionCallback
+from bokeh.settings import settings
+from panel.custom import ReactiveESM
+from panel.io import resources
+from panel.reactive import Syncable
+from panel.viewable import is_viewable_param
+from tornado.web import Application
+from viser.infra import WebsockClientConnection, WebsockServer
+from websockets.asyncio.server import ServerConnection
+
+MOST_PATHS = 1024
+"""Most files and folders of which it is remembered whether one is in the other; a page asks for 60."""
+
+
+CONSTANT = (type(None), bool, int, float, str)
+"""Types of the defaults that are remembered: what nobody can change in place."""
+CONTAINERS = (PropertyValueDict, PropertyValueList, PropertyValueSet)
+"""Types of the defaults of which it is remembered that they are empty."""
+
+_Key = tuple[PropertyDescriptor[Any], type[HasProps]]
+
+
+class RememberedDefaults:
+    """The defaults of Bokeh's properties, each worked out once for a class of models.
+
+    A theme may set another default for single models, so what a theme names is always asked of Bokeh.
+    """
+
+    def __init__(self) -> None:
+        self._default = PropertyDescriptor.instance_default
+        self._is_unstable = PropertyDescriptor.has_unstable_default
+        self._defaults: dict[_Key, Any] = {}
+        self._empty: dict[_Key, Callable[[], Any]] = {}
+        self._unstable: dict[_Key, bool] = {}
+        self._own: dict[type[HasProps], list[tuple[str, PropertyDescriptor[Any]]]] = {}
+
+    def install(self) -> None:
+        """Answer in place of Bokeh from now on."""
+        remembered = self
+
+        def begin(model: HasProps, **properties: Any) -> None:
+            remembered.begin(model, properties)
+
+        def instance_default(descriptor: PropertyDescriptor[Any], model: HasProps) -> Any:
+            return remembered.default(descriptor, model)
+
+        def has_unstable_default(descriptor: PropertyDescriptor[Any], model: HasProps) -> bool:
+            return remembered.is_unstable(descriptor, model)
+
+        apply_theme = HasProps.apply_theme
+
+        def apply(model: HasProps, property_values: dict[str, Any]) -> None:
+            if property_values or themed(model):
+                apply_theme(model, property_values)
+
+        HasProps.apply_theme = apply  # type: ignore[method-assign, assignment]
+        HasProps.__init__ = begin  # type: ignore[method-assign, assignment]
+        HasProps.themed_values = themed  # type: ignore[method-assign, assignment]
+        PropertyDescriptor.instance_default = instance_default  # type: ignore[method-assign, assignment]
+        PropertyDescriptor.has_unstable_default = has_unstable_default  # type: ignore[method-assign, assignment]
+
+    def begin(self, model: HasProps, properties: dict[str, Any]) -> None:
+        """Begin a model as Bokeh does, with the properties given and the defaults that are its own."""
+        super(HasProps, model).__init__()
+        model._property_values = {}
+        model._unstable_default_values = {}
+        model._unstable_themed_values = {}
+        for name, value in properties.items():
+            if value is not Undefined and value is not Intrinsic:
+                setattr(model, name, value)
+        for name, descriptor in self._own_defaults(model):
+            if name not in properties and (descriptor, model.__class__) not in self._empty:
+                descriptor._get(model)  # makes the default
+        model._initialized = True
+
+    def default(self, descriptor: PropertyDescriptor[Any], model: HasProps) -> Any:
+        """Return the default of a property of a model."""
+        overrides = themed(model)
+        if overrides is not None and descriptor.name in overrides:
+            return self._default(descriptor, model)
+        key = (descriptor, model.__class__)
+        if key in self._defaults:
+            return self._defaults[key]
+        if key in self._empty:
+            return self._empty[key]()
+        default = self._default(descriptor, model)
+        if self.is_unstable(descriptor, model):
+            if type(default) in CONTAINERS and not default:
+                self._empty[key] = type(default)
+        elif type(default) in CONSTANT:
+            self._defaults[key] = default
+        return default
+
+    def is_unstable(self, descriptor: PropertyDescriptor[Any], model: HasProps) -> bool:
+        """Return whether each model has a default of its own, such as an empty list."""
+        key = (descriptor, model.__class__)
+        if key not in self._unstable:
+            self._unstable[key] = self._is_unstable(descriptor, model)
+        return self._unstable[key]
+
+    def _own_defaults(self, model: HasProps) -> list[tuple[str, PropertyDescriptor[Any]]]:
+        """Return the properties of which each model has a default of its own, in Bokeh's order."""
+        kind = model.__class__
+        if kind not in self._own:
+            every = [(name, model.lookup(name)) for name in model.properties(_with_props=True)]
+            self._own[kind] = [(name, one) for name, one in every if one.has_unstable_default(model)]
+        return self._own[kind]
+
+
+def themed(model: HasProps) -> dict[str, Any] | None:
+    """Return what a theme sets on a model; Bokeh's own way asks all properties where there is nothing."""
+    return model.__dict__.get("__themed_values__")
+
+
+def speed_up() -> None:
+    """Have Bokeh and Panel remember, and leave out the checks that serve those who write pages.
+
+    The checks are those of whole documents and of the arguments of each callback.
+    """
+    if PropertyDescriptor.instance_default.__module__ != RememberedDefaults.__module__:
+        RememberedDefaults().install()
+        cut_cycles()
+        _look_at_values_that_are_set()
+        _share_declarations()
+        _remember_paths()
+    settings.perform_document_validation = False
+    settings.perform_error_diagnostics = False
+
+
+def _look_at_values_that_are_set() -> None:
+    """Have Bokeh look for models, and for what it sends, only among values that are no constant defaults."""
+    visit_any = util.visit_immediate_value_references
+    visit_inside = util.visit_value_and_its_immediate_references
+    query_any = HasProps.query_properties_with_values
+
+    def visit(value: Any, visitor: Callable[[Model], None]) -> None:
+        if not isinstance(value, HasProps):
+            visit_any(value, visitor)
+            return
+        own = _own_values(value)
+        for name in value.properties_with_refs():
+            if name in own and type(own[name]) not in CONSTANT:
+                visit_inside(own[name], visitor)
+
+    def query(
+        model: HasProps,
+        query: Callable[[PropertyDescriptor[Any]], bool],
+        *,
+        include_defaults: bool = True,
+        include_undefined: bool = False,
+    ) -> dict[str, Any]:
+        if include_defaults or include_undefined or themed(model):
+            return query_any(
+                model, query, include_defaults=include_defaults, include_undefined=include_undefined
+            )
+        return {name: value for name, value in _changed(model) if query(model.lookup(name))}
+
+    util.visit_immediate_value_references = visit
+    HasProps.query_properties_with_values = query  # type: ignore[method-assign, assignment]
+
+
+def _own_values(model: HasProps) -> dict[str, Any]:
+    """Return the values of a model that are not those of all models of its class."""
+    return {**model._unstable_default_values, **model._unstable_themed_values, **model._property_values}
+
+
+def _changed(model: HasProps) -> Iterator[tuple[str, Any]]:
+    """Yield the properties of a model that a browser cannot know, in Bokeh's order."""
+    own = _own_values(model)
+    for name in model.properties(_with_props=True):
+        if name in own:
+            value = model.lookup(name).get_value(model)
+            if not (isinstance(value, PropertyValueContainer) and name in model._unstable_default_values):
+                yield name, value
+
+
+def _share_declarations() -> None:
+    """Have Panel read the declarations of a component's class, and not copy each of them for the component.
+
+    The copies, 2,700 for a page, are for components that change their own declarations.
+    """
+    get_properties = ReactiveESM._get_properties
+
+    @wraps(get_properties)
+    def properties(component: ReactiveESM, document: Any) -> dict[str, Any]:
+        private = type(component)._param__private
+        before, private.disable_instance_params = private.disable_instance_params, True
+        try:
+            return get_properties(component, document)
+        finally:
+            private.disable_instance_params = before
+
+    def children(
+        component: ReactiveESM, _data: Any, document: Any, root: Any, parent: Any, comm: Any
+    ) -> tuple[dict[str, Any], list[Any]]:
+        models, old, mapping = dict[str, Any](), list[Any](), type(component)._property_mapping
+        for name, declaration in component.param.objects(instance=False).items():
+            if is_viewable_param(declaration) and mapping.get(name, "") is not None:
+                models[name], before = component._get_child_model(
+                    getattr(component, name), document, root, parent, comm
+                )
+                old += before
+        return models, old
+
+    def init_params(component: Syncable) -> dict[str, Any]:
+        synced = component._synced_params  # asked once, not for each of them
+        return {name: value for name in synced if (value := getattr(component, name)) is not None}
+
+    ReactiveESM._get_properties = properties  # type: ignore[method-assign, assignment]
+    ReactiveESM._get_children = children  # type: ignore[method-assign, assignment]
+    Syncable._init_params = init_params  # type: ignore[method-assign, assignment]
+
+
+def _remember_paths() -> None:
+    """Have Panel look once whether a file of a component is in a folder it serves: 700 times for a page."""
+    vars(resources)["_is_subpath"] = lru_cache(MOST_PATHS)(resources._is_subpath)
+
+
+def cut_cycles() -> None:
+    """Have Bokeh let go of callbacks that were called, and of what belongs to models of ended pages.
+
+    Both refer to themselves and to the page, and nothing refers to them: a search from the page would not
+    find them, and the page would have to stay.
+    """
+    remove, destroy = DocumentCallbackManager.remove_session_callback, Model.destroy
+
+    def remove_and_forget(callbacks: DocumentCallbackManager, callback: SessionCallback) -> None:
+        remove(callbacks, callback)
+        vars(callback)["_callback"] = None
+
+    def destroy_and_forget(model: Model) -> None:
+        destroy(model)
+        model._unstable_default_values.clear()
+        model._callbacks.clear()
+        model._event_callbacks.clear()
+
+    DocumentCallbackManager.remove_session_callback = remove_and_forget  # type: ignore[method-assign, assignment]
+    Model.destroy = destroy_and_forget  # type: ignore[method-assign, assignment]
+
+
+def serving_application(document: Document) -> Application | None:
+    """Return the Tornado application that serves a document; None where no browser is connected to it."""
+    session = getattr(document.session_context, "session", None)
+    for connection in getattr(session, "_subscribed_connections", ()):
+        application = connection._socket.application
+        if isinstance(application, Application):
+            return application
+    return None
+
+
+def viser_sockets(server: viser.ViserServer) -> WebsockServer:
+    """Return the part of a viser server that browsers connect to."""
+    return server._websock_server
+
+
+def viser_connection(sockets: WebsockServer, client: WebsockClientConnection) -> ServerConnection:
+    """Return the websocket of a browser that is connected to a viser server."""
+    return sockets._live_connections[client.client_id]
