@@ -80,11 +80,11 @@ def gravity_gradient(sin_latitude: Value, cos_latitude: Value, height: Value) ->
     s2 = sin_latitude * sin_latitude
     sc = sin_latitude * cos_latitude
     curve = 1 - ECCENTRICITY_SQUARED * s2
-    swell = 1 + SOMIGLIANA * s2
-    surface = EQUATORIAL_GRAVITY * swell * (1 / curve**0.5)
+    somigliana = 1 + SOMIGLIANA * s2
+    surface = EQUATORIAL_GRAVITY * somigliana * (1 / curve**0.5)
     ratio = height / SEMI_MAJOR_AXIS
     slope = 1 + FLATTENING * (1 - 2 * s2) + CENTRIFUGAL_RATIO
     decrease = 1 - 2 * ratio * slope + 3 * ratio * ratio
-    surface_by_latitude = surface * sc * (2 * SOMIGLIANA / swell + ECCENTRICITY_SQUARED / curve)
+    surface_by_latitude = surface * sc * (2 * SOMIGLIANA / somigliana + ECCENTRICITY_SQUARED / curve)
     by_latitude = surface_by_latitude * decrease + surface * 8 * ratio * FLATTENING * sc
     return by_latitude, surface * (6 * ratio - 2 * slope) / SEMI_MAJOR_AXIS

@@ -68,8 +68,8 @@ def axes(latitude: FloatArray, longitude: FloatArray) -> FloatArray:
     return C_en
 
 
-def turned(vectors_n: FloatArray, here: FloatArray, there: FloatArray) -> FloatArray:
-    """Return vectors (n, 3), given in north, east, down of one place, in those of another.
+def resolved(vectors_n: FloatArray, here: FloatArray, there: FloatArray) -> FloatArray:
+    """Return vectors (n, 3), resolved north, east, down at one place, resolved at another.
 
     Parameters
     ----------
@@ -82,15 +82,15 @@ def turned(vectors_n: FloatArray, here: FloatArray, there: FloatArray) -> FloatA
     return np.asarray(np.einsum("nji,nj->ni", axes(there[:, 0], there[:, 1]), vectors_e))
 
 
-def turned_near_pole(vectors_n: FloatArray, here: FloatArray, there: FloatArray) -> FloatArray:
-    """Return vectors as `turned` where they are close to a pole, and as they are elsewhere.
+def resolved_near_pole(vectors_n: FloatArray, here: FloatArray, there: FloatArray) -> FloatArray:
+    """Return vectors as `resolved` where they are close to a pole, and as they are elsewhere.
 
     Elsewhere places a few metres apart have the same north to 10⁻⁵.
     """
     near = near_pole(here[:, 0])
     if near.any():
         vectors_n = vectors_n.copy()
-        vectors_n[near] = turned(vectors_n[near], here[near], there[near])
+        vectors_n[near] = resolved(vectors_n[near], here[near], there[near])
     return vectors_n
 
 

@@ -294,7 +294,7 @@ class Trajectory:
         recorded = np.stack((recording.latitude, recording.longitude, recording.height), axis=-1)[flown]
         self.position_residual = _rms(ecef.displacement(recorded, truth.position))
         self.velocity_residual = _rms(
-            ecef.turned(truth.velocity_n, truth.position, recorded) - recording.velocity_n[flown]
+            ecef.resolved(truth.velocity_n, truth.position, recorded) - recording.velocity_n[flown]
         )
 
 

@@ -287,7 +287,9 @@ class _Propagation:
         A = np.eye(waiting.stop)
         A[:NAV, :NAV] = step.navigation
         A[:NAV, NAV:N] = step.bias
-        for c in range(self.states - N):  # an error of a scale factor is one of the bias times what is felt
+        for c in range(
+            self.states - N
+        ):  # an error of a scale factor is one of the bias times what is measured
             A[:NAV, N + c] = step.coupled[:, c, c]
         fade = np.diag(self.fade ** (last - first))
         A[:NAV, waiting] = step.bias - step.fading

@@ -100,7 +100,7 @@ def _error_near_pole(solution: Solution, samples: NDArray[np.int64], truth: Trut
     east = off[:, 1] / (transverse + here[:, 2])
     turn = np.stack((east, -off[:, 0] / (meridian + here[:, 2]), -east * np.tan(here[:, 0])), axis=-1)
     velocity = solution.velocity_n[samples]
-    true_velocity = ecef.turned(truth.velocity_n, truth.position, here)
+    true_velocity = ecef.resolved(truth.velocity_n, truth.position, here)
     true_attitude = Rotation.from_matrix(C_ec.transpose(0, 2, 1) @ C_en) * Rotation.from_quat(
         truth.q_nb, scalar_first=True
     )

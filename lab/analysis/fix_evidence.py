@@ -152,7 +152,7 @@ def _errors(fixes: Fixes, used: NDArray[np.intp], truth: Truth, late: float) -> 
         q_nb=truth.q_nb[:0],
         euler=np.zeros((0, 3)),
     )
-    velocity_n = ecef.turned_near_pole(fixes.velocity_n[used], fixes.position[used], there.position)
+    velocity_n = ecef.resolved_near_pole(fixes.velocity_n[used], fixes.position[used], there.position)
     return np.concatenate(
         (errors.position_error(fixes.position[used], there), velocity_n - there.velocity_n), axis=1
     )

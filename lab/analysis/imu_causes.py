@@ -153,14 +153,14 @@ def _forced(
         increments = (imu.dtheta if sensor == "gyro" else imu.dvelocity)[:last]
         for axis in range(3):
             if kind == "cross":
-                felt = [increments[:, (axis + 1) % 3], increments[:, (axis + 2) % 3]]
+                signals = [increments[:, (axis + 1) % 3], increments[:, (axis + 2) % 3]]
             elif kind == "scale":
-                felt = [increments[:, axis]]
+                signals = [increments[:, axis]]
             elif kind == "force":
-                felt = [imu.dvelocity[:last, axis]]
+                signals = [imu.dvelocity[:last, axis]]
             elif kind == "slope":
-                felt = [-np.gradient(increments[:, axis] / dt)]
+                signals = [-np.gradient(increments[:, axis] / dt)]
             else:
-                felt = [since]
-            parts[sensor] += [gathered(C_nb[:, :, axis] * one[:, None]) for one in felt]
+                signals = [since]
+            parts[sensor] += [gathered(C_nb[:, :, axis] * one[:, None]) for one in signals]
     return np.stack(parts["gyro"], axis=-1), np.stack(parts["accelerometer"], axis=-1)

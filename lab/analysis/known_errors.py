@@ -73,7 +73,7 @@ def _of_triad(run: Run, number: int, name: str) -> list[Series]:
     assert isinstance(errors, imu.GyroErrors | imu.AccelerometerErrors)
     settings = experiment.sensors.temperature
     height = truth.height
-    warmth = thermal.temperature(settings, run.time[1:], height[1:] - height[0])
+    temperature = thermal.temperature(settings, run.time[1:], height[1:] - height[0])
     true = ideal.dvelocity if number else ideal.dtheta
     found: list[Series] = []
 
@@ -82,20 +82,22 @@ def _of_triad(run: Run, number: int, name: str) -> list[Series]:
         inertial[:, 3 * number : 3 * number + 3] = -difference / ideal.dt
         found.append(Series(f"{name} {source}", inertial, np.zeros((run.fixes.time.size, 6)), is_bias))
 
-    surroundings = imu.Surroundings(warmth, ideal.dvelocity)
+    environment = imu.Environment(temperature, ideal.dvelocity)
     for source, term in TERMS.items():
         compensated = settings.compensation and source.startswith("temperature")
         if term not in errors.param or not any(getattr(errors, term)) or compensated:
             continue
         quiet = type(errors)(noise_density=0, bias_sigma=0, range=errors.param["range"].bounds[1])
         quiet.set(term, getattr(errors, term))
-        alone = imu.measure(true, ideal.dt, quiet, _NONE, surroundings).increments - true
+        alone = imu.measure(true, ideal.dt, quiet, _NONE, environment).increments - true
         if isinstance(errors, imu.GyroErrors) and term in BIASES and experiment.navigator.alignment:
             # An alignment took off what of it was there at rest.
-            before = imu.Surroundings(surroundings.temperature[:1], _felt_at_rest(truth))
+            before = imu.Environment(environment.temperature[:1], _at_rest(truth))
             alone = alone - imu.mean_at_rest(quiet, _NONE, np.zeros(3), before) * ideal.dt
         add(source, alone, term in BIASES)
-    felt = imu.felt(experiment.sensors.accelerometer, experiment.seed, ideal.dvelocity, ideal.dt)
+    specific = imu.with_vibration(
+        experiment.sensors.accelerometer, experiment.seed, ideal.dvelocity, ideal.dt
+    )
     coarse = any(errors.quantisation) and not rounding(errors, ideal.dt).any()
     measured = run.accelerometer if number else run.gyro
     if not (coarse or measured.saturated):
@@ -113,7 +115,7 @@ def _of_triad(run: Run, number: int, name: str) -> list[Series]:
         changed = errors.copy()
         for term, value in changes.items():
             changed.set(term, value)
-        quantity, around = felt if number else true, imu.Surroundings(warmth, felt)
+        quantity, around = specific if number else true, imu.Environment(temperature, specific)
         return imu.measure(quantity, ideal.dt, changed, draws, around).increments
 
     as_it_was = simulated()
@@ -124,7 +126,7 @@ def _of_triad(run: Run, number: int, name: str) -> list[Series]:
     return found
 
 
-def _felt_at_rest(truth: Truth) -> FloatArray:
+def _at_rest(truth: Truth) -> FloatArray:
     """Return the specific force (1, 3) that the IMU would feel at rest in its first attitude [m/s²]."""
     into_b = Rotation.from_quat(truth.q_nb[0], scalar_first=True).inv()
     gravity = float(earth.gravity(np.sin(truth.latitude[0]), truth.height[0]))

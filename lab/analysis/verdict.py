@@ -93,6 +93,6 @@ def _by_truth(evidence: Evidence) -> list[Weighed]:
         found += judge_sensors(evidence.sensors)
     if evidence.start is not None:
         # What the specific force does to the gyros looks like a bias at the start that nobody expected.
-        felt = any(entry.finding.quantity == "gyro g-sensitivity" for entry in found)
-        found += judge_start(evidence.start, without=("gyro bias",) if felt else ())
+        g_sensitive = any(entry.finding.quantity == "gyro g-sensitivity" for entry in found)
+        found += judge_start(evidence.start, without=("gyro bias",) if g_sensitive else ())
     return found or judge_states(evidence)

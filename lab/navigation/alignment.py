@@ -123,16 +123,16 @@ def align(imu: Imu, fixes: Fixes, velocity_sigma: FloatArray, hints: Hints | Non
     length = rest or _LEVELLING
     force = _mean_force(imu, length)
     g = float(earth.gravity(np.sin(position[0]), position[2]))
-    felt = np.array([0.0, 0.0, -g]) if rest else _acceleration(imu, fixes, length) - (0, 0, g)
+    force_n = np.array([0.0, 0.0, -g]) if rest else _acceleration(imu, fixes, length) - (0, 0, g)
     bias, bias_sigma = (_mean_rate(imu, rest), np.zeros(3)) if rest else _straight(imu, fixes, velocity_sigma)
     found = _heading(imu, fixes, velocity_sigma, hints, bias, rest)
     if not rest and (found.gyro_bias is not None or not hints.vehicle.follows_nose):
         bias, bias_sigma = _bias_of_motion(imu, found)
     tilt = _ALLOWED_BIAS / g if rest else float(_TILT_IN_MOTION)
     if np.isnan(hints.given):
-        found = _with_compass(imu, hints, found, (force, felt), tilt, length, position)
+        found = _with_compass(imu, hints, found, (force, force_n), tilt, length, position)
     heading, heading_sigma = found.heading, found.sigma
-    roll, pitch = level(force, felt, heading)
+    roll, pitch = level(force, force_n, heading)
     q_nb = quaternion_from_euler(np.array([roll, pitch, heading]))
     if rest:
         # What turns at rest is the Earth and the bias; of the Earth's rate the vertical part is known.
@@ -153,20 +153,20 @@ def align(imu: Imu, fixes: Fixes, velocity_sigma: FloatArray, hints: Hints | Non
     )
 
 
-def level(force: FloatArray, felt: FloatArray, heading: float) -> tuple[float, float]:
-    """Return roll and pitch [rad] that turn a specific force measured in b into the one felt in n.
+def level(force: FloatArray, force_n: FloatArray, heading: float) -> tuple[float, float]:
+    """Return roll and pitch [rad] that turn a specific force measured in b into that in n.
 
     Parameters
     ----------
     force : (3,) array
         Specific force in b [m/s²].
-    felt : (3,) array
+    force_n : (3,) array
         The same in n: acceleration minus gravity [m/s²].
     heading
         Heading [rad].
     """
     c, s = np.cos(heading), np.sin(heading)
-    ahead, right, down = c * felt[0] + s * felt[1], c * felt[1] - s * felt[0], felt[2]
+    ahead, right, down = c * force_n[0] + s * force_n[1], c * force_n[1] - s * force_n[0], force_n[2]
     across = float(np.hypot(force[1], force[2]))
     roll = -np.arccos(np.clip(right / across, -1, 1)) - np.arctan2(force[2], force[1])
     below = force[1] * np.sin(roll) + force[2] * np.cos(roll)
@@ -276,7 +276,7 @@ def _heading(
         given = Found(float(wrap(hints.given)), hints.given_sigma, "given", float(imu.time[0]))
         return given._replace(gyro_bias=matched.gyro_bias, gyro_bias_sigma=matched.gyro_bias_sigma)
     if vehicle.follows_nose and course.source:
-        # The course holds, unless what the IMU felt contradicts it: then nobody knows what vehicle it is.
+        # The course holds, unless the specific force contradicts it: then nobody knows what vehicle it is.
         course = course if surest((course, matched)).sigma <= course.sigma else UNKNOWN
         matched = UNKNOWN if course.source else matched
     return surest((antennas, course, matched))

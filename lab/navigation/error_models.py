@@ -162,8 +162,8 @@ def phi(state: FloatArray, F: FloatArray) -> None:
     per_cl = state[strapdown.PER_COSINE]
     tl = sl * per_cl
     # Relative change of each radius per metre north.
-    swell = earth.ECCENTRICITY_SQUARED * sl * cl / (1 - earth.ECCENTRICITY_SQUARED * (sl * sl)) * m
-    dm, dt = 3 * swell * (1 - height * m), swell * (1 - height * t)
+    curvature_slope = earth.ECCENTRICITY_SQUARED * sl * cl / (1 - earth.ECCENTRICITY_SQUARED * (sl * sl)) * m
+    dm, dt = 3 * curvature_slope * (1 - height * m), curvature_slope * (1 - height * t)
     ie_n, ie_d = earth.RATE * cl, -earth.RATE * sl
     en_n, en_e, en_d = v_e * t, -v_n * m, -v_e * tl * t
 

@@ -1,7 +1,7 @@
 """Initial heading: what a log shows of the heading at its first sample, each with its σ.
 
 A given heading is taken as it is. Otherwise the surest of these: headings measured with two antennas, the
-course of a vehicle that goes where its nose points, the velocities matched with what the IMU felt (any
+course of a vehicle that goes where its nose points, the velocities matched with the specific force (any
 vehicle, `lab.logs.velocity_matching`), and a magnetometer. Where two contradict each other, σ is their
 difference. P. D. Groves, *Principles of GNSS, Inertial and Multisensor Integrated Navigation Systems*,
 2nd ed., ch. 5.6, 6.1.
@@ -199,7 +199,7 @@ def by_antennas(imu: Imu, headings: Headings | None, turning: FloatArray, rest: 
 
 
 def by_velocity(imu: Imu, fixes: Fixes, velocity_sigma: FloatArray, bias: FloatArray, rest: float) -> Found:
-    """Return the heading with which the velocities change as the IMU felt, whatever the vehicle."""
+    """Return the heading that makes specific force and velocities agree, whatever the vehicle."""
     log = (imu.time, imu.dtheta, imu.dvelocity, fixes.time, fixes.velocity_n, velocity_sigma)
     spread = 0.1 * _DRIFT if rest else 5 * _DRIFT
     best: tuple[float, float, Match] | None = None

@@ -135,11 +135,11 @@ def see_antenna(
     for j in range(3):
         axis = (1.0 if j == 0 else 0.0), (1.0 if j == 1 else 0.0), (1.0 if j == 2 else 0.0)
         column = rotate(axes, rotate(C, cross(l_b, axis)))
-        felt = turn[j] / (1 + scale[j]) ** 2
+        scaled = turn[j] / (1 + scale[j]) ** 2
         for i in range(3):
             H[3 + i, GYRO_BIAS + j] = column[i]
             if H.shape[1] > GYRO_SCALE:
-                H[3 + i, GYRO_SCALE + j] = column[i] * felt
+                H[3 + i, GYRO_SCALE + j] = column[i] * scaled
             for k in range(3):
                 R[3 + i, 3 + k] += column[i] * column[k] * noise[j] / turn[3]
 

@@ -172,12 +172,12 @@ def means_of(sensors: SensorSuite, seed: int, length: float, start: Start) -> Me
     sine = float(np.sin(start.position[0]))
     force = into_b.apply([0.0, 0.0, -float(earth.gravity(sine, start.position[2]))])
     rate = into_b.apply(earth.RATE * np.array([np.sqrt(1 - sine * sine), 0.0, -sine]))
-    around = imu.Surroundings(_temperature(sensors), force[None])
+    environment = imu.Environment(_temperature(sensors), force[None])
 
-    def shown(name: str, errors: GyroErrors | AccelerometerErrors, felt: FloatArray) -> FloatArray:
+    def shown(name: str, errors: GyroErrors | AccelerometerErrors, at_rest: FloatArray) -> FloatArray:
         draws = imu.ImuDraws.of(seed, name, 0, instability=False)
         noise = np.sqrt(_noise(errors, length)) * unit_draws(seed, f"{name} alignment", (3,))
-        return imu.mean_at_rest(errors, draws, felt, around) + noise
+        return imu.mean_at_rest(errors, draws, at_rest, environment) + noise
 
     return Means(
         shown("accelerometer", sensors.accelerometer, force),
@@ -189,10 +189,10 @@ def means_of(sensors: SensorSuite, seed: int, length: float, start: Start) -> Me
 
 def induced_variance(sensors: SensorSuite) -> FloatArray:
     """Return the square of what temperature and gravity add to the biases at rest (6,), in SI units."""
-    around = imu.Surroundings(_temperature(sensors), np.full((1, 3), earth.STANDARD_GRAVITY))
+    environment = imu.Environment(_temperature(sensors), np.full((1, 3), earth.STANDARD_GRAVITY))
     added = np.zeros((2, 3))
     for row, errors in enumerate((sensors.gyro, sensors.accelerometer)):
-        added[row] = imu.induced_bias(errors, around, 1.0)
+        added[row] = imu.induced_bias(errors, environment, 1.0)
     return added.ravel() ** 2
 
 
@@ -208,10 +208,10 @@ def _noise(errors: GyroErrors | AccelerometerErrors, length: float) -> FloatArra
     return np.asarray(si(errors, "noise_density") ** 2 / length)
 
 
-def _unmodelled(errors: GyroErrors | AccelerometerErrors, felt: FloatArray, length: float) -> FloatArray:
+def _unmodelled(errors: GyroErrors | AccelerometerErrors, at_rest: FloatArray, length: float) -> FloatArray:
     """Return the covariance (3, 3) of a mean without biases and scale factors: noise and misalignment."""
     M = imu.misalignment(errors)
-    return np.diag(_noise(errors, length)) + np.outer(M @ felt, M @ felt)
+    return np.diag(_noise(errors, length)) + np.outer(M @ at_rest, M @ at_rest)
 
 
 def _sight(C_nb: FloatArray, gravity: FloatArray, omega_ie: FloatArray, force: FloatArray) -> FloatArray:

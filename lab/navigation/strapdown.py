@@ -166,7 +166,7 @@ def set_position(state: FloatArray, latitude: float, longitude: float, height: f
 
 
 @inline_kernel
-def surroundings(state: FloatArray, height: float) -> tuple[Vector, Vector, float]:
+def environment(state: FloatArray, height: float) -> tuple[Vector, Vector, float]:
     """Return ω_ie in n, the curvature as `transport_rate` takes it, and gravity; keep what is derived."""
     sine, cosine = state[SINE], state[COSINE]
     per_cosine = 1 / cosine
@@ -200,7 +200,7 @@ def move(state: FloatArray, velocity: Vector, dt: float) -> None:
 
 @inline_kernel
 def corrected(measured: Vector, dt: float, scale: Vector, bias: Vector) -> Vector:
-    """Return increments x / (1 + s) − b dt: what the sensors felt, were their errors those estimated."""
+    """Return increments x / (1 + s) − b dt: those without the estimated errors."""
     scaled = measured[0] / (1 + scale[0]), measured[1] / (1 + scale[1]), measured[2] / (1 + scale[2])
     return plus(scaled, -dt, bias)
 
@@ -233,19 +233,19 @@ def step(state: FloatArray, dtheta_measured: Vector, dvelocity_measured: Vector,
     sculled = plus(sculled, 1 / 12, cross(dtheta_before, dvelocity))
     sculled = plus(sculled, 1 / 12, cross(dvelocity_before, dtheta))
 
-    omega_ie, curvature, g = surroundings(state, state[HEIGHT] - 0.5 * dt * v[2])
+    omega_ie, curvature, g = environment(state, state[HEIGHT] - 0.5 * dt * v[2])
 
     # Predict the velocity at mid-interval, then take every rate there.
     omega_en = transport_rate(v, *curvature)
-    push = rotate(C_nb, sculled)
+    dvelocity_n = rotate(C_nb, sculled)
     coriolis = cross(plus(omega_en, 2.0, omega_ie), v)
-    v_mid = plus(plus(v, 0.5, push), -0.5 * dt, coriolis)
+    v_mid = plus(plus(v, 0.5, dvelocity_n), -0.5 * dt, coriolis)
     v_mid = (v_mid[0], v_mid[1], v_mid[2] + 0.5 * dt * g)
     omega_en = transport_rate(v_mid, *curvature)
     omega_in = plus(omega_en, 1.0, omega_ie)
-    push = plus(push, -0.5 * dt, cross(omega_in, push))
+    dvelocity_n = plus(dvelocity_n, -0.5 * dt, cross(omega_in, dvelocity_n))
     coriolis = cross(plus(omega_en, 2.0, omega_ie), v_mid)
-    v_new = plus(plus(v, 1.0, push), -dt, coriolis)
+    v_new = plus(plus(v, 1.0, dvelocity_n), -dt, coriolis)
     v_new = (v_new[0], v_new[1], v_new[2] + dt * g)
 
     v_mean = (0.5 * (v[0] + v_new[0]), 0.5 * (v[1] + v_new[1]), 0.5 * (v[2] + v_new[2]))
@@ -261,7 +261,7 @@ def step(state: FloatArray, dtheta_measured: Vector, dvelocity_measured: Vector,
     put(state, PREVIOUS_DVELOCITY, dvelocity)
     per_dt = 1 / dt
     state[PER_STEP], state[GRAVITY] = per_dt, g
-    put(state, FORCE_N, (push[0] * per_dt, push[1] * per_dt, push[2] * per_dt))
+    put(state, FORCE_N, (dvelocity_n[0] * per_dt, dvelocity_n[1] * per_dt, dvelocity_n[2] * per_dt))
     put(state, C_NB, C_nb[0])
     put(state, C_NB + 3, C_nb[1])
     put(state, C_NB + 6, C_nb[2])

@@ -250,17 +250,17 @@ def _drive(run: Filter, elapsed: float) -> None:
     for i in range(n):
         v, phi = (D[3, i], D[4, i], D[5, i]), (D[6, i], D[7, i], D[8, i])
         gyro, accel = (D[9, i], D[10, i], D[11, i]), (D[12, i], D[13, i], D[14, i])
-        push = strapdown.plus(strapdown.cross(force, phi), -1.0, strapdown.rotate(C_nb, accel))
+        acceleration_error = strapdown.plus(strapdown.cross(force, phi), -1.0, strapdown.rotate(C_nb, accel))
         turn = strapdown.rotate(C_nb, gyro)
         for j in range(3):
             D[j, i] += elapsed * v[j]
-            D[3 + j, i] += elapsed * push[j]
+            D[3 + j, i] += elapsed * acceleration_error[j]
             D[6 + j, i] += elapsed * turn[j]
     for i in range(n):
         v, phi, gyro, accel = get(D[i], 3), get(D[i], 6), get(D[i], 9), get(D[i], 12)
-        push = strapdown.plus(strapdown.cross(force, phi), -1.0, strapdown.rotate(C_nb, accel))
+        acceleration_error = strapdown.plus(strapdown.cross(force, phi), -1.0, strapdown.rotate(C_nb, accel))
         put(D[i], 0, strapdown.plus(get(D[i], 0), elapsed, v))
-        put(D[i], 3, strapdown.plus(v, elapsed, push))
+        put(D[i], 3, strapdown.plus(v, elapsed, acceleration_error))
         put(D[i], 6, strapdown.plus(phi, elapsed, strapdown.rotate(C_nb, gyro)))
     _add_noise(run, C_nb, 0.5 * elapsed)
 

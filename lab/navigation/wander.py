@@ -108,7 +108,7 @@ def place(state: FloatArray, latitude: float, longitude: float, height: float) -
 
 
 @inline_kernel
-def surroundings(state: FloatArray, height: float) -> tuple[Vector, tuple[float, float, float, float], float]:
+def environment(state: FloatArray, height: float) -> tuple[Vector, tuple[float, float, float, float], float]:
     """Return ω_ie in w, the curvature as `transport_rate` takes it, and gravity; keep the curvature."""
     sine = state[SINE]
     axis = get(state, AXIS)
@@ -146,7 +146,7 @@ def move(state: FloatArray, velocity: Vector, dt: float) -> None:
 
 
 step = inline_kernel(
-    rebound(strapdown.step, surroundings=surroundings, transport_rate=transport_rate, move=move)
+    rebound(strapdown.step, environment=environment, transport_rate=transport_rate, move=move)
 )
 """Advance the navigator by one IMU sample, as `strapdown.step`."""
 

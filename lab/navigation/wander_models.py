@@ -141,10 +141,10 @@ def _curvature_rate(state: FloatArray) -> tuple[float, float, float]:
     # Relative rate of R_N; R_M and k's own R_N e² / (1 − e² sin² L) change three times as fast.
     s_rate = m * (x * v[0] + y * v[1])
     squared = earth.ECCENTRICITY_SQUARED
-    swell = squared * s * s_rate / (1 - squared * s * s)
-    m_rate = -m * (3 * swell * (1 - height * m) - v[2] * m)
-    t_rate = -t * (swell * (1 - height * t) - v[2] * t)
-    k_rate = k * (3 * swell + m_rate / m + t_rate / t)
+    curvature_rate = squared * s * s_rate / (1 - squared * s * s)
+    m_rate = -m * (3 * curvature_rate * (1 - height * m) - v[2] * m)
+    t_rate = -t * (curvature_rate * (1 - height * t) - v[2] * t)
+    k_rate = k * (3 * curvature_rate + m_rate / m + t_rate / t)
     x_rate, y_rate = -omega_y * z, omega_x * z
     return (
         t_rate + k_rate * x * x + 2 * k * x * x_rate,
@@ -180,12 +180,12 @@ def phi(state: FloatArray, F: FloatArray) -> None:
         turning = turn_of(state, moving)
         turning = turning[0] + xy * unit[0] + yy * unit[1], turning[1] - xx * unit[0] - xy * unit[1], 0.0
         by_ie, by_ew = cross(omega_ie, turn), plus(turning, 1.0, cross(omega_ew, turn))
-        pushed = cross(v, plus(by_ew, 2.0, by_ie))
+        coriolis = cross(v, plus(by_ew, 2.0, by_ie))
         # With the velocity: δθ̇ of itself.
         steered = plus(cross(v, turn), 1.0, cross(minus_twice, unit))
         for i in range(3):
             F[P + i, P + j] = moving[i]
-            F[V + i, P + j] = pushed[i]
+            F[V + i, P + j] = coriolis[i]
             F[A + i, P + j] = by_ie[i] + by_ew[i]
             F[V + i, V + j] = steered[i]
             F[A + i, V + j] = turn[i]

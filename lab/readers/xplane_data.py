@@ -165,5 +165,5 @@ def velocity_at_aircraft(local: FloatArray, here: FloatArray, offset: FloatArray
     level = np.column_stack((offset, np.zeros(len(here))))
     reference = ecef.displaced(here, -level)
     # North there is not quite north here.
-    reference = ecef.displaced(here, -ecef.turned(level, reference, here) * (1.0, 1.0, 0.0))
-    return ecef.turned(local, reference, here)
+    reference = ecef.displaced(here, -ecef.resolved(level, reference, here) * (1.0, 1.0, 0.0))
+    return ecef.resolved(local, reference, here)

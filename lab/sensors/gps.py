@@ -233,7 +233,7 @@ def antenna(trajectory: Trajectory, errors: GpsErrors, times: FloatArray) -> Tru
     latitude, longitude, height = displaced(truth.position, C_nb @ lever_arm).T
     velocity_n = truth.velocity_n + np.einsum("mij,mj->mi", C_nb, np.cross(omega_eb_b, lever_arm))
     there = np.stack((latitude, longitude), axis=-1)
-    velocity_n = ecef.turned_near_pole(velocity_n, truth.position, there)
+    velocity_n = ecef.resolved_near_pole(velocity_n, truth.position, there)
     return replace(truth, latitude=latitude, longitude=longitude, height=height, velocity_n=velocity_n)
 
 
@@ -254,11 +254,11 @@ def measure(truth: Truth, errors: GpsErrors, draws: GpsDraws, seen: Truth | None
     position_error, velocity_error = noise(truth.time, errors, draws)
     if seen is not None:
         position_error = position_error + east_north_up(displacement(truth.position, seen.position))
-        seen_n = ecef.turned_near_pole(seen.velocity_n, seen.position, truth.position)
+        seen_n = ecef.resolved_near_pole(seen.velocity_n, seen.position, truth.position)
         velocity_error = velocity_error + east_north_up(seen_n - truth.velocity_n)
     position = displaced(truth.position, east_north_up(position_error))
     # A receiver knows north at the place it gives.
-    velocity_n = ecef.turned_near_pole(
+    velocity_n = ecef.resolved_near_pole(
         truth.velocity_n + east_north_up(velocity_error), truth.position, position
     )
     keep = outside_outages(errors, truth.time) & (truth.time > errors.latency - 1e-9)

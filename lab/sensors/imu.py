@@ -22,23 +22,23 @@ from lab.sensors.temperature import REFERENCE
 from lab.units import si
 
 __all__ = [
-    "AT_EASE",
+    "REFERENCE_ENVIRONMENT",
     "AccelerometerErrors",
+    "Environment",
     "GyroErrors",
     "ImuDraws",
     "Measured",
-    "Surroundings",
     "as_kept",
     "compensate",
     "cross_coupling",
     "drift",
-    "felt",
     "induced_bias",
     "is_drifting",
     "mean_at_rest",
     "measure",
     "misalignment",
     "turn_on_bias",
+    "with_vibration",
     "without_bias",
 ]
 
@@ -114,7 +114,7 @@ class ImuDraws(NamedTuple):
         )
 
 
-class Surroundings(NamedTuple):
+class Environment(NamedTuple):
     """What a triad is exposed to besides what it measures.
 
     Attributes
@@ -122,7 +122,7 @@ class Surroundings(NamedTuple):
     temperature : (n,) array, or scalar
         Temperature in each sample interval [°C].
     dvelocity : (n, 3) array, or (3,)
-        Integral of the specific force over each sample interval, felt by gyros that are sensitive to it
+        Integral of the specific force over each sample interval, which acts on gyros that are sensitive to it
         [m/s].
     """
 
@@ -130,7 +130,7 @@ class Surroundings(NamedTuple):
     dvelocity: FloatArray
 
 
-AT_EASE = Surroundings(np.array(REFERENCE), np.zeros(3))
+REFERENCE_ENVIRONMENT = Environment(np.array(REFERENCE), np.zeros(3))
 """At the temperature of calibration, in free fall."""
 
 
@@ -139,31 +139,31 @@ def measure(
     dt: float,
     errors: GyroErrors | AccelerometerErrors,
     draws: ImuDraws,
-    surroundings: Surroundings = AT_EASE,
+    environment: Environment = REFERENCE_ENVIRONMENT,
 ) -> Measured:
     """Return what a triad with the given errors puts out.
 
     Parameters
     ----------
     ideal : (n, 3) array
-        True increments over each sample interval [rad] or [m/s], those of accelerometers as `felt`.
+        True increments over each sample interval [rad] or [m/s], those of accelerometers as `with_vibration`.
     dt
         Length of the intervals [s].
     errors
         The errors of the triad.
     draws
         Unit draws for n samples, with the long draws of those errors that `errors` has.
-    surroundings
+    environment
         Temperature and specific force in the same intervals.
     """
-    bias = turn_on_bias(errors, draws) + drift(errors, draws, dt) + induced_bias(errors, surroundings, dt)
+    bias = turn_on_bias(errors, draws) + drift(errors, draws, dt) + induced_bias(errors, environment, dt)
     bias = np.broadcast_to(bias, ideal.shape)
     M = cross_coupling(errors, draws)
     biased = ideal + bias * dt
     increments = biased @ (np.eye(3) + M).T if M.any() else biased
     scale, by_temperature = np.diag(M), si(errors, "scale_temperature")
     if by_temperature.any():
-        warming = by_temperature * _warmth(surroundings.temperature)
+        warming = by_temperature * _from_reference(environment.temperature)
         scale, increments = scale + warming, increments + warming * biased
     settled = increments[0].copy()
     increments += si(errors, "noise_density") * np.sqrt(dt) * draws.noise
@@ -198,9 +198,7 @@ def drift(errors: GyroErrors | AccelerometerErrors, draws: ImuDraws, dt: float) 
     return total
 
 
-def induced_bias(
-    errors: GyroErrors | AccelerometerErrors, surroundings: Surroundings, dt: float
-) -> FloatArray:
+def induced_bias(errors: GyroErrors | AccelerometerErrors, environment: Environment, dt: float) -> FloatArray:
     """Return what temperature and specific force add to the bias, (n, 3), or (3,) zeros where nothing is.
 
     In [rad/s] or [m/s²].
@@ -208,9 +206,9 @@ def induced_bias(
     total = np.zeros(3)
     by_temperature = si(errors, "bias_temperature")
     if by_temperature.any():
-        total = by_temperature * _warmth(surroundings.temperature)
+        total = by_temperature * _from_reference(environment.temperature)
     if isinstance(errors, GyroErrors) and any(errors.g_sensitivity):
-        total = total + si(errors, "g_sensitivity") * surroundings.dvelocity / dt
+        total = total + si(errors, "g_sensitivity") * environment.dvelocity / dt
     return total
 
 
@@ -231,8 +229,8 @@ def misalignment(errors: GyroErrors | AccelerometerErrors) -> FloatArray:
 def mean_at_rest(
     errors: GyroErrors | AccelerometerErrors,
     draws: ImuDraws,
-    felt: FloatArray,
-    around: Surroundings,
+    at_rest: FloatArray,
+    environment: Environment,
 ) -> FloatArray:
     """Return what a triad at rest puts out on the average (3,), without noise [rad/s] or [m/s²].
 
@@ -242,18 +240,18 @@ def mean_at_rest(
         The errors of the triad; its instability, range and quantisation do not show in a mean.
     draws
         Unit draws of its constants.
-    felt : (3,) array
+    at_rest : (3,) array
         True rate or specific force in b.
-    around
+    environment
         Temperature and specific force at rest, for one second.
     """
-    bias = turn_on_bias(errors, draws) + induced_bias(errors, around, 1.0).reshape(-1, 3)[0]
+    bias = turn_on_bias(errors, draws) + induced_bias(errors, environment, 1.0).reshape(-1, 3)[0]
     M = cross_coupling(errors, draws)
-    M = M + np.diag(si(errors, "scale_temperature") * _warmth(around.temperature)[0])
-    return np.asarray((np.eye(3) + M) @ (felt + bias))
+    M = M + np.diag(si(errors, "scale_temperature") * _from_reference(environment.temperature)[0])
+    return np.asarray((np.eye(3) + M) @ (at_rest + bias))
 
 
-def felt(errors: AccelerometerErrors, seed: int, dvelocity: FloatArray, dt: float) -> FloatArray:
+def with_vibration(errors: AccelerometerErrors, seed: int, dvelocity: FloatArray, dt: float) -> FloatArray:
     """Return the velocity increments in b with the vibration of the vehicle added, (n, 3) [m/s].
 
     Parameters
@@ -298,11 +296,11 @@ def compensate(
         True temperature in each sample interval and what the thermometer shows [°C].
     """
     scale, bias = si(errors, "scale_temperature"), si(errors, "bias_temperature")
-    warmth = _warmth(reading)
+    excess = _from_reference(reading)
     return Measured(
-        measured.increments / (1 + scale * warmth) - bias * warmth * dt,
-        measured.bias - bias * _warmth(temperature),
-        (1 + measured.scale) / (1 + scale * _warmth(temperature)) - 1,
+        measured.increments / (1 + scale * excess) - bias * excess * dt,
+        measured.bias - bias * _from_reference(temperature),
+        (1 + measured.scale) / (1 + scale * _from_reference(temperature)) - 1,
         measured.saturated,
     )
 
@@ -332,8 +330,8 @@ def without_bias(measured: Measured, dt: float, bias: FloatArray, M: FloatArray)
 def is_drifting(errors: GyroErrors | AccelerometerErrors) -> bool:
     """Return whether the bias of a triad may change during a flight."""
     terms = ("instability", "flicker", "rate_random_walk", "bias_temperature", "scale_temperature")
-    felt = isinstance(errors, GyroErrors) and any(errors.g_sensitivity)
-    return felt or any(any(getattr(errors, term)) for term in terms)
+    g_sensitive = isinstance(errors, GyroErrors) and any(errors.g_sensitivity)
+    return g_sensitive or any(any(getattr(errors, term)) for term in terms)
 
 
 def as_kept(measured: Measured) -> Measured:
@@ -341,7 +339,7 @@ def as_kept(measured: Measured) -> Measured:
     return measured._replace(bias=kept(measured.bias), scale=kept(measured.scale))
 
 
-def _warmth(temperature: FloatArray) -> FloatArray:
+def _from_reference(temperature: FloatArray) -> FloatArray:
     """Return temperatures above that of calibration, as a column (n, 1) or (1,) [K]."""
     return np.asarray(temperature)[..., None] - REFERENCE
 

@@ -81,19 +81,21 @@ class SensorSuite(Settings):
 
     def _idle_temperature(self) -> str:
         assumed = self.assumed_terms()
-        felt = [
+        sensitive = [
             (sensor, name)
             for sensor in TRIADS
             for name in ("bias_temperature", "scale_temperature")
             if any(getattr(self._triad(sensor), name))
         ]
-        wanted = [f"sensors.{sensor}.{name}" for sensor, name in felt if name not in assumed.get(sensor, ())]
+        wanted = [
+            f"sensors.{sensor}.{name}" for sensor, name in sensitive if name not in assumed.get(sensor, ())
+        ]
         profile = self.temperature.profile
         if wanted and profile == "none":
             return (
                 f"There is no temperature profile (sensors.temperature.profile), so {wanted[0]} does nothing."
             )
-        if profile != "none" and not felt:
+        if profile != "none" and not sensitive:
             return (
                 f"No sensor feels the temperature (sensors.temperature.profile is {profile}): all their "
                 "coefficients, such as sensors.gyro.bias_temperature, are zero."

@@ -9,12 +9,12 @@ from scipy import stats
 
 from lab.sensors.imu import (
     AccelerometerErrors,
+    Environment,
     GyroErrors,
     ImuDraws,
-    Surroundings,
     compensate,
-    felt,
     measure,
+    with_vibration,
 )
 
 DT = 0.005
@@ -302,7 +302,7 @@ def test_the_range_cuts_what_the_lag_lets_through_and_the_steps_come_last():
 def test_g_sensitivity_adds_the_specific_force_of_each_axis():
     force = np.random.default_rng(3).normal(0, G, (30, 3))
     errors = gyro(g_sensitivity=(0.1, -0.2, 0.05))
-    out = measure(np.zeros((30, 3)), DT, errors, draws(30), Surroundings(np.array(25.0), force * DT))
+    out = measure(np.zeros((30, 3)), DT, errors, draws(30), Environment(np.array(25.0), force * DT))
     expected = np.array((0.1, -0.2, 0.05)) * DEGREE * force / G
     assert np.allclose(out.bias, expected, rtol=1e-12)
     assert np.allclose(out.increments, expected * DT, rtol=1e-12)
@@ -311,7 +311,7 @@ def test_g_sensitivity_adds_the_specific_force_of_each_axis():
 def warmed(errors: GyroErrors | AccelerometerErrors, ideal: NDArray, temperature: NDArray):
     """Return what a triad puts out at the temperatures."""
     samples = ideal.shape[0]
-    return measure(ideal, DT, errors, draws(samples), Surroundings(temperature, np.zeros(3)))
+    return measure(ideal, DT, errors, draws(samples), Environment(temperature, np.zeros(3)))
 
 
 def test_temperature_changes_bias_and_scale_from_25_degrees_on():
@@ -358,16 +358,16 @@ def test_an_error_of_the_thermometer_is_left_times_the_coefficients():
 def test_vibration_is_a_specific_force_of_the_given_density():
     errors = accelerometer(vibration_density=(100, 200, 400))
     smooth = np.full((100_000, 3), 0.05)
-    shaken = felt(errors, 1, smooth, DT) - smooth
+    shaken = with_vibration(errors, 1, smooth, DT) - smooth
     expected = np.array((100, 200, 400)) * 1e-6 * G * np.sqrt(DT)
     assert np.allclose(shaken.std(axis=0) / expected, 1, atol=5 / np.sqrt(2e5))
     assert np.abs(np.corrcoef(shaken.T) - np.eye(3)).max() < 5 / np.sqrt(1e5)
-    assert np.array_equal(felt(accelerometer(), 1, smooth, DT), smooth)
+    assert np.array_equal(with_vibration(accelerometer(), 1, smooth, DT), smooth)
 
 
 def test_vibration_meets_the_range_and_is_scaled_like_any_motion():
     errors = accelerometer(vibration_density=1e5, range=1, scale_factor=10)
-    shaken = felt(errors, 1, np.zeros((1000, 3)), DT)
+    shaken = with_vibration(errors, 1, np.zeros((1000, 3)), DT)
     out = measure(shaken, DT, errors, draws(1000))
     limit = G * DT
     assert np.allclose(out.increments, np.clip(1.1 * shaken, -limit, limit), rtol=1e-12)
