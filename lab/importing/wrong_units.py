@@ -8,20 +8,22 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from lab.units import DEGREE, FOOT, KILOMETRE_PER_HOUR, KNOT
+
 FloatArray = NDArray[np.float64]
 
 _ANGLES = {
-    180 / math.pi: "degrees read as radians",
-    math.pi / 180: "radians read as degrees",
+    1 / DEGREE: "degrees read as radians",
+    DEGREE: "radians read as degrees",
 }
 _SPEEDS = {
-    1 / 0.514444: "knots read as m/s",
-    0.514444: "m/s read as knots",
-    1 / 0.3048: "feet read as metres",
-    0.3048: "metres read as feet",
-    3.6: "km/h read as m/s",
-    1 / 3.6: "m/s read as km/h",
-    60 / 0.3048: "feet per minute read as m/s",
+    1 / KNOT: "knots read as m/s",
+    KNOT: "m/s read as knots",
+    1 / FOOT: "feet read as metres",
+    FOOT: "metres read as feet",
+    1 / KILOMETRE_PER_HOUR: "km/h read as m/s",
+    KILOMETRE_PER_HOUR: "m/s read as km/h",
+    60 / FOOT: "feet per minute read as m/s",
     1000.0: "thousandths read as whole units, or seconds as milliseconds",
     0.001: "whole units read as thousandths, or milliseconds as seconds",
 }

@@ -10,7 +10,7 @@ from array import array
 from typing import Self
 
 from lab.importing import xplane_packets
-from lab.readers.table import MIN_ROWS
+from lab.recordings.bounds import MIN_SAMPLES
 from lab.recordings.mission_error import MissionError
 from lab.repair.raw_flight import RawFlight
 
@@ -151,9 +151,9 @@ class XPlaneRecorder:
         """
         problem = self.problem
         self.close()
-        if self.samples < MIN_ROWS:
+        if self.samples < MIN_SAMPLES:
             raise MissionError(
-                f"{self._where}: {self.samples} samples were received; accepted are at least {MIN_ROWS}"
+                f"{self._where}: {self.samples} samples were received; accepted are at least {MIN_SAMPLES}"
                 f"{f'. {problem}' if problem else ''}"
             )
         remarks = []

@@ -19,8 +19,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lab.readers.fields import LIMITS, NAMED, SEA_LEVEL
-from lab.readers.table import MIN_ROWS
 from lab.readers.xplane_data import velocity_at_aircraft
+from lab.recordings.bounds import MIN_SAMPLES
 from lab.recordings.mission_error import MissionError
 from lab.repair.raw_flight import ColumnUnit, Dropped, RawFlight
 
@@ -188,9 +188,9 @@ def _believable(
     ):
         if lost.any():
             dropped.append(Dropped(reason, int(lost.sum()), int(np.argmax(lost)) + 1))
-    if believed.sum() < MIN_ROWS:
+    if believed.sum() < MIN_SAMPLES:
         raise MissionError(
             f"X-Plane sent {len(timed)} samples, of which {believed.sum()} can be used; accepted are at "
-            f"least {MIN_ROWS}"
+            f"least {MIN_SAMPLES}"
         )
     return believed, tuple(dropped)

@@ -7,6 +7,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
+from lab.logs.sensor_log import MAX_LEVER_ARM
 from lab.logs.vehicle import VEHICLES
 from lab.recordings.description_toml import check_keys
 from lab.recordings.mission_error import MissionError
@@ -44,7 +45,7 @@ def check_values(path: Path, values: Mapping[str, Any]) -> None:
     if vehicle not in ("", *VEHICLES):
         raise MissionError(f"{path}: vehicle = {vehicle!r}; accepted are {', '.join(VEHICLES)}")
     _check_axes(path, values.get("axes", ["x", "y", "z"]))
-    for key, limit in (("mounting_deg", 360.0), ("lever_arm_m", 100.0)):
+    for key, limit in (("mounting_deg", 360.0), ("lever_arm_m", MAX_LEVER_ARM)):
         _check_three(path, key, values.get(key, [0, 0, 0]), limit)
     for key, limit in (("latency_s", 5.0), ("declination_deg", 180.0)):
         if not _within(values.get(key, 0), limit):

@@ -22,6 +22,12 @@ MAX_GAP = 2.0
 """Longest time without samples of the IMU that is bridged [s]: what moved in it is not known."""
 MIN_OVERLAP = 5.0
 """Shortest time in which both the IMU and the receiver recorded [s]."""
+MIN_IMU_SAMPLES = 10
+"""Fewest samples of the IMU in a log, or in the stretch of it that is navigated."""
+MAX_LEVER_ARM = 100.0
+"""Largest component of a lever arm [m]: longer than an airliner's fuselage, far shorter than one in mm."""
+SIGMAS = (1e-6, 1e6)
+"""σ of a fix that are believed [m], [m/s]: receivers write 0 or a huge number for one they do not know."""
 
 _GAP = 2.5
 _LONGEST_REPEAT = 4
@@ -111,6 +117,11 @@ class SensorLog:
     def __repr__(self) -> str:
         n, m = len(self.dtheta), len(self.gnss.time)
         return f"<SensorLog {self.name}: {n} samples of the IMU in {self.duration:.1f} s, {m} fixes>"
+
+
+def believed_sigma(values: FloatArray) -> FloatArray:
+    """Return σ of a receiver [m], [m/s]; NaN where they lie outside `SIGMAS`, which says that it has none."""
+    return np.where((values > SIGMAS[0]) & (values < SIGMAS[1]), values, np.nan)
 
 
 def repaired(

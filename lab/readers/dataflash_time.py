@@ -20,6 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lab.readers.dataflash_file import Log
+from lab.units import DAY
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
@@ -29,7 +30,6 @@ TIME = "time [s]"
 """Key of the time that a log's messages are given; no message can have a field of this name."""
 
 _GPS = "GPS"
-_WEEK = 604_800.0
 _AVERAGED = 2.0
 _FIXED = 2
 
@@ -152,4 +152,4 @@ def _in_week(gps: Messages) -> FloatArray | None:
     week = gps.get("Week", np.zeros(len(gps[name])))
     counted = np.where(week > 0, week, np.nan)
     first = np.nanmin(counted) if np.isfinite(counted).any() else 0.0
-    return np.asarray(gps[name] * 1e-3 + _WEEK * np.nan_to_num(counted - first))
+    return np.asarray(gps[name] * 1e-3 + 7 * DAY * np.nan_to_num(counted - first))

@@ -17,9 +17,8 @@ from numpy.typing import NDArray
 
 from lab.readers.track import Track
 from lab.repair.raw_flight import ColumnUnit, Dropped
+from lab.units import DAY
 
-DAY = 86_400.0
-"""Length of a day [s]."""
 UNKNOWN = float("nan")
 """What stands for a number that a point does not have."""
 NO_FIX = "without a fix"

@@ -31,8 +31,9 @@ from lab.readers.fields import (
     recognised,
 )
 from lab.readers.fixes import NO_FIX, UtcClock
-from lab.readers.table import MIN_ROWS, NO_NUMBER, Header, find_header, plain
+from lab.readers.table import NO_NUMBER, Header, find_header, plain
 from lab.readers.unit_names import UNITS
+from lab.recordings.bounds import MIN_SAMPLES
 from lab.recordings.mission_error import MissionError
 from lab.recordings.named_columns import MAX_BYTES
 from lab.recordings.text_blocks import TextBlocks
@@ -207,11 +208,11 @@ def _timed(path: Path, columns: Columns, header: Header) -> tuple[Columns, Float
     for lost, reason in ((~fixed, NO_FIX), (fixed & ~kept, "without a date and time that can be read")):
         if lost.any():
             dropped.append(Dropped(reason, int(lost.sum()), int(columns.lines[np.argmax(lost)])))
-    if kept.sum() < MIN_ROWS:
+    if kept.sum() < MIN_SAMPLES:
         why = "; ".join(f"{one.count} from row {one.first_row} on: {one.reason}" for one in dropped)
         raise MissionError(
             f"{path}: {kept.sum()} of {columns.rows_read} rows can be used ({why}); accepted are at least "
-            f"{MIN_ROWS}"
+            f"{MIN_SAMPLES}"
         )
     values = {key: value[kept] for key, value in columns.values.items()}
     left = replace(columns, values=values, lines=columns.lines[kept], dropped=tuple(dropped))

@@ -23,6 +23,7 @@ from numpy.typing import NDArray
 from lab import ecef
 from lab.readers.fields import OF_THE_FORMAT, SEA_LEVEL, one_file
 from lab.readers.track import Track, refuse_units
+from lab.recordings.bounds import LATITUDES, LONGITUDES
 from lab.recordings.decompression import content
 from lab.recordings.mission_error import MissionError
 from lab.recordings.named_columns import MAX_BYTES
@@ -144,7 +145,8 @@ class _Points:
     def _continued(self, segments: NDArray[np.int64]) -> NDArray[np.bool_]:
         """Return which points are of the longest segment, or of one next to it on the same way."""
         time, latitude, longitude = (np.array(self._columns[name]) for name in ("time", "lat", "lon"))
-        usable = np.flatnonzero(np.isfinite(time) & (np.abs(latitude) <= 90) & (np.abs(longitude) <= 360))
+        on_earth = (np.abs(latitude) <= LATITUDES[1]) & (np.abs(longitude) <= LONGITUDES[1])
+        usable = np.flatnonzero(np.isfinite(time) & on_earth)
         longest = int(np.bincount(segments).argmax())
         kept: NDArray[np.bool_] = segments == longest
         edges = np.flatnonzero(np.diff(segments[usable])) + 1

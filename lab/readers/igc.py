@@ -21,12 +21,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lab.readers.fields import OF_THE_FORMAT, SEA_LEVEL, one_file
-from lab.readers.fixes import DAY, UNKNOWN, Fixes, after
+from lab.readers.fixes import UNKNOWN, Fixes, after
 from lab.readers.track import refuse_units
 from lab.recordings.mission_error import MissionError
 from lab.recordings.named_columns import MAX_BYTES
 from lab.recordings.text_blocks import TextBlocks
 from lab.repair.raw_flight import ColumnUnit, Dropped, RawFlight
+from lab.units import DAY
 
 NAME = "IGC"
 

@@ -29,7 +29,8 @@ from lab.readers.fields import (
     recognised,
     refuse_no_motion,
 )
-from lab.readers.table import MIN_ROWS, plain
+from lab.readers.table import plain
+from lab.recordings.bounds import MIN_SAMPLES
 from lab.recordings.mission_error import MissionError
 from lab.repair.raw_flight import ColumnUnit, Dropped, RawFlight
 
@@ -203,11 +204,11 @@ def _near_the_earth(path: Path, flight: RawFlight, columns: Columns) -> RawFligh
         return flight
     reason = f"Earth-fixed position at heights beyond {low:g} to {high:g} m, which is what a flight can have"
     lost = Dropped(reason, int((~kept).sum()), int(columns.lines[np.argmin(kept)]))
-    if kept.sum() < MIN_ROWS:
+    if kept.sum() < MIN_SAMPLES:
         raise MissionError(
             f"{path}: {kept.sum()} of {columns.rows_read} rows of samples can be used ({lost.count} from row "
-            f"{lost.first_row} on: {reason}); accepted are at least {MIN_ROWS}. If the unit of a column is "
-            "another one, give it"
+            f"{lost.first_row} on: {reason}); accepted are at least {MIN_SAMPLES}. If the unit of a column "
+            "is another one, give it"
         )
     return flight.rows(kept, (lost,))
 

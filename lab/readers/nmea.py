@@ -27,11 +27,11 @@ from lab.readers.dataflash_file import MAGIC as DATAFLASH
 from lab.readers.fields import OF_THE_FORMAT, SEA_LEVEL, one_file
 from lab.readers.track import Track, refuse_units
 from lab.readers.ulog_file import MAGIC as ULOG
-from lab.readers.unit_names import KNOT
 from lab.recordings.decompression import content
 from lab.recordings.mission_error import MissionError
 from lab.recordings.named_columns import MAX_BYTES
 from lab.repair.raw_flight import ColumnUnit, Dropped, RawFlight
+from lab.units import DAY, KNOT
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
@@ -43,7 +43,6 @@ _TRIED = 1000
 _PIECE = 2**20
 _LONGEST = 200
 _MOST_CELLS = 30
-_DAY = 86_400.0
 _FIELDS = {
     "GGA": {1: "time", 2: "lat", 3: "ns", 4: "lon", 5: "ew", 6: "quality", 9: "altitude", 11: "geoid"},
     "GNS": {1: "time", 2: "lat", 3: "ns", 4: "lon", 5: "ew", 6: "mode", 9: "altitude", 10: "geoid"},
@@ -335,16 +334,16 @@ def _time(clock: FloatArray, date: FloatArray) -> tuple[FloatArray, str]:
     seconds = np.round(clock - 10_000 * hours - 100 * minutes, 6)
     time = np.where((minutes < 60) & (seconds < 61), 3600 * hours + 60 * minutes + seconds, np.nan)
     known = np.isfinite(time)
-    time[known] = np.unwrap(time[known], period=_DAY)
+    time[known] = np.unwrap(time[known], period=DAY)
     days = _days(date)
     dated = np.flatnonzero(known & np.isfinite(days))
     if not dated.size:
         return time, "midnight of a day that the file does not name,"
     # Where a date is known, the days counted are those of the calendar.
-    counted = np.round((_DAY * days[dated] + np.mod(time[dated], _DAY) - time[dated]) / _DAY)
+    counted = np.round((DAY * days[dated] + np.mod(time[dated], DAY) - time[dated]) / DAY)
     nearest = counted[np.maximum(np.searchsorted(dated, np.arange(len(time)), side="right") - 1, 0)]
     first = counted[0]
-    return time + _DAY * (nearest - first), f"{np.datetime64(int(first), 'D')} 00:00"
+    return time + DAY * (nearest - first), f"{np.datetime64(int(first), 'D')} 00:00"
 
 
 def _days(date: FloatArray) -> FloatArray:

@@ -17,15 +17,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from lab.recordings.bounds import MIN_SAMPLES
 from lab.recordings.mission_error import MissionError
 from lab.recordings.named_columns import MAX_BYTES
 from lab.recordings.text_blocks import TextBlocks
 from lab.repair.raw_flight import Dropped
 
 FloatArray = NDArray[np.float64]
-
-MIN_ROWS = 4
-"""Fewest rows a flight can be made of."""
 
 _DELIMITERS = "|\t;,"
 _HEADER_WITHIN = 100
@@ -170,7 +168,7 @@ def read_table(
             Dropped(OTHER_RECORDING, sum(other.rows_read for other in others), others[0].first_line)
         )
     rows_read = sum(recording.rows_read for recording in recordings)
-    if len(table.lines) < MIN_ROWS:
+    if len(table.lines) < MIN_SAMPLES:
         raise MissionError(_too_few(path, len(table.lines), rows_read, dropped))
     for need in required:
         if table.columns.keys().isdisjoint(need):
@@ -184,7 +182,7 @@ def _too_few(path: Path, usable: int, rows_read: int, dropped: Sequence[Dropped]
     why = "; ".join(f"{drop.count} left out from row {drop.first_row} on: {drop.reason}" for drop in dropped)
     return (
         f"{path}: {usable} of {rows_read} rows of samples can be used{f' ({why})' if why else ''}; accepted "
-        f"are at least {MIN_ROWS}"
+        f"are at least {MIN_SAMPLES}"
     )
 
 

@@ -14,6 +14,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from lab.recordings.bounds import HEIGHTS, LATITUDES, LONGITUDES, MAX_SPEED, MIN_SAMPLES
 from lab.recordings.mission_error import MissionError
 from lab.repair.quantisation import value_step
 from lab.repair.raw_flight import VERTICAL_VELOCITY, ColumnUnit, Dropped, RawFlight
@@ -23,12 +24,6 @@ from lab.repair.smoothing import LIVELINESS, best_smoothing, smoothing_of_steps,
 
 FloatArray = NDArray[np.float64]
 
-MIN_POINTS = 4
-"""Fewest points a flight can be made of."""
-MAX_SPEED = 1000.0
-"""Fastest a receiver is believed to move [m/s]."""
-
-_HEIGHTS = (-1000.0, 100_000.0)
 # A decimetre: what is written without a fix is zero, but for rounding.
 _ZERO = 1e-6
 # Up to this speed receivers leave the course out, since it is noise; a standing one has none [m/s].
@@ -91,15 +86,15 @@ class Track:
         """
         kept = np.ones(len(self.time), dtype=bool)
         self._keep(kept, np.isfinite(self.time), "without a time")
-        on_earth = (np.abs(self.latitude) <= 90) & (np.abs(self.longitude) <= 360)
+        on_earth = (np.abs(self.latitude) <= LATITUDES[1]) & (np.abs(self.longitude) <= LONGITUDES[1])
         self._keep(kept, on_earth, "without a position on the Earth")
         somewhere = (np.abs(self.latitude) > _ZERO) | (np.abs(self.longitude) > _ZERO)
         self._keep(kept, somewhere, NO_FIX)
         remarks = list(self.remarks)
         has_height = self._has(kept, self.height)
         if has_height:
-            believed = (self.height >= _HEIGHTS[0]) & (self.height <= _HEIGHTS[1])
-            self._keep(kept, believed, f"without a height from {_HEIGHTS[0]:g} to {_HEIGHTS[1]:g} m")
+            believed = (self.height >= HEIGHTS[0]) & (self.height <= HEIGHTS[1])
+            self._keep(kept, believed, f"without a height from {HEIGHTS[0]:g} to {HEIGHTS[1]:g} m")
         course = np.where(self.speed < _STANDSTILL, np.nan_to_num(self.course), self.course)
         course = _held(course, self.speed < _SLOW)
         has_velocity = has_height and self._has(kept, np.where(self.speed <= MAX_SPEED, course, np.nan))
@@ -146,13 +141,13 @@ class Track:
         return bool(kept.any() and np.isfinite(values[kept]).mean() >= _MOST)
 
     def _refuse_if_too_few(self, kept: NDArray[np.bool_]) -> None:
-        if kept.sum() >= MIN_POINTS:
+        if kept.sum() >= MIN_SAMPLES:
             return
         lost = (*self.dropped, *self._lost)
         why = "; ".join(f"{drop.count} from row {drop.first_row} on: {drop.reason}" for drop in lost)
         raise MissionError(
             f"{self.path}: {kept.sum()} of {self.rows_read} points can be used{f' ({why})' if why else ''}; "
-            f"accepted is a track of at least {MIN_POINTS} points with time and position"
+            f"accepted is a track of at least {MIN_SAMPLES} points with time and position"
         )
 
 
@@ -195,10 +190,10 @@ def slope(time: FloatArray, values: FloatArray) -> FloatArray:
     # Time stamps are not repaired yet; the curve needs those that increase.
     forward = time > np.concatenate(([-np.inf], np.maximum.accumulate(time)[:-1]))
     t, y = time[forward] - time[0], values[forward, None]
-    if len(t) < MIN_POINTS:
+    if len(t) < MIN_SAMPLES:
         return np.zeros_like(time)
     noise = 0.0
-    if len(t) > MIN_POINTS:
+    if len(t) > MIN_SAMPLES:
         noise = 1.4826 * float(np.median(np.abs(prediction_error(t, y)))) / _AMPLIFIED
     # Beyond some hundred steps the spline's equations lose their digits.
     widest = _WIDEST**4 * float(np.median(np.diff(t))) ** 3

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from lab.earth import radii
 from lab.ecef import axes, near_pole, position
 from lab.recordings.mission_error import MissionError
+from lab.units import FOOT, KILOMETRE_PER_HOUR, KNOT, MILE_PER_HOUR
 
 FloatArray = NDArray[np.float64]
 
@@ -19,7 +20,13 @@ _LEGS = 200
 _SHORTEST_PATH = 100.0
 _MOVING = 5.0
 
-_VELOCITY_UNITS = {0.514444: "knots", 0.3048: "feet per second", 1 / 3.6: "km/h", 0.44704: "miles per hour"}
+_VELOCITY_UNITS = {
+    KNOT: "knots",
+    FOOT: "feet per second",
+    KILOMETRE_PER_HOUR: "km/h",
+    MILE_PER_HOUR: "miles per hour",
+}
+"""What a velocity may be recorded in by mistake, by its factor to m/s."""
 
 
 def check_units(where: str, table: FloatArray) -> None:

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lab import ecef
-from lab.recordings.flight_csv import MIN_SAMPLES
+from lab.recordings.bounds import HEIGHTS, LATITUDES, LONGITUDES, MAX_SPEED, MIN_SAMPLES
 from lab.recordings.mission_error import MissionError
 from lab.repair.raw_flight import Dropped, RawFlight
 
@@ -18,12 +18,12 @@ Mask = NDArray[np.bool_]
 
 LIMITS: dict[str, tuple[float, float, str]] = {
     "time": (-1e13, 1e13, "a time stamp beyond ±10¹³ s"),
-    "latitude": (-np.pi / 2, np.pi / 2, "a latitude beyond ±90°"),
-    "longitude": (-2 * np.pi, 2 * np.pi, "a longitude beyond ±360°"),
-    "height": (-1000.0, 100_000.0, "a height outside −1 to 100 km"),
-    "velocity_n": (-1000.0, 1000.0, "a velocity beyond 1000 m/s"),
+    "latitude": (*np.radians(LATITUDES), "a latitude beyond ±90°"),
+    "longitude": (*np.radians(LONGITUDES), "a longitude beyond ±360°"),
+    "height": (*HEIGHTS, "a height outside −1 to 100 km"),
+    "velocity_n": (-MAX_SPEED, MAX_SPEED, "a velocity beyond 1000 m/s"),
     "euler": (-4 * np.pi, 4 * np.pi, "an angle of attitude beyond two turns"),
-    "airspeed": (-1000.0, 1000.0, "an airspeed beyond 1000 m/s"),
+    "airspeed": (-MAX_SPEED, MAX_SPEED, "an airspeed beyond 1000 m/s"),
     "alpha": (-np.pi, np.pi, "an angle of attack beyond ±180°"),
     "beta": (-np.pi, np.pi, "a sideslip beyond ±180°"),
 }

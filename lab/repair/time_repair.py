@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from lab.recordings.flight_csv import MAX_DURATION, MIN_SAMPLES
+from lab.recordings.bounds import MAX_DURATION, MIN_SAMPLES
 from lab.recordings.mission_error import MissionError
 from lab.repair import row_repair
 from lab.repair import sample_times as clock
