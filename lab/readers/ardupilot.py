@@ -59,8 +59,10 @@ _UNITS = {"Lat": "°", "Lng": "°", "Alt": "m", "VN, VE, VD": "m/s", "Roll, Pitc
 _ABOVE_ELLIPSOID = "Heights are above the ellipsoid: altitude plus the geoid's separation of the receiver"
 _FIXED_IN_2012 = 2
 """Status of a fix in logs from before a 3-D fix had a status of its own."""
-_NEAR = 0.25
+_MAX_GPA_AGE = 0.25
+"""Time between a fix and the message with its accuracy [s]: receivers of 5 Hz send both within 0.2 s."""
 _HEAD = 2**16
+"""Bytes at the start of a file in which its kind shows: a log as text describes its messages first."""
 _WITHOUT_CLIMB = "GPS velocity and climb"
 
 
@@ -315,7 +317,7 @@ def _beside(time: FloatArray, messages: Messages | None, name: str) -> FloatArra
     after = np.clip(np.searchsorted(at, time), 0, len(at) - 1)
     before = np.maximum(after - 1, 0)
     nearest = np.where(np.abs(at[before] - time) < np.abs(at[after] - time), before, after)
-    return np.where(np.abs(at[nearest] - time) <= _NEAR, values[nearest], np.nan)
+    return np.where(np.abs(at[nearest] - time) <= _MAX_GPA_AGE, values[nearest], np.nan)
 
 
 def _lever_arm(parameters: Mapping[str, float]) -> FloatArray:

@@ -34,7 +34,7 @@ FloatArray = NDArray[np.float64]
 NAME = "FlightGear insgns-gps and insgns-imu"
 
 MOST_UNCERTAIN = np.radians(3.0)
-"""Up to which uncertainty of the heading a reconstructed attitude is taken [rad]."""
+"""Largest uncertainty of the heading with which a reconstructed attitude is used [rad]."""
 
 GPS = Header(
     "\t",
@@ -66,6 +66,7 @@ _KEYS = {
     ),
 }  # fmt: skip
 _DECIMALS = {GPS: (4, 10, 10, 3, 8, 8, 8), IMU: (4, 6, 6, 6, 5, 5, 5)}
+"""Decimals of each column, as the protocols' own formats write them."""
 _LINE = {
     header: re.compile("\t".join(rf"\s*-?\d+\.\d{{{count}}}" for count in decimals) + r"\s*")
     for header, decimals in _DECIMALS.items()

@@ -117,7 +117,8 @@ REQUIRED = (
     TIME.names,
     tuple(name for field in FIELDS if field is not TIME for name in field.names if name not in ANYBODYS),
 )
-_TURN = 6.3
+_MAX_RADIANS = 6.3
+"""Largest angle that may be in radians where the heading names no unit: a full turn, rounded up."""
 
 
 def recognises(head: bytes) -> bool:
@@ -169,7 +170,7 @@ def _unlabelled_degrees(columns: Columns) -> list[str]:
     remarks = []
     for keys in (("geocentric latitude", "longitude"), ("roll", "pitch", "heading"), ("alpha", "beta")):
         open_ones = [key for key in keys if key in columns.units and _says_no_unit(columns.units[key])]
-        if any(np.abs(columns.values[key]).max() > _TURN for key in open_ones):
+        if any(np.abs(columns.values[key]).max() > _MAX_RADIANS for key in open_ones):
             names = [columns.units[key].column for key in open_ones]
             for key in open_ones:
                 columns.values[key] = np.radians(columns.values[key])

@@ -58,7 +58,9 @@ _VEHICLES = {
     **dict.fromkeys(range(19, 26), "fixed wing"),
 }  # fmt: skip
 _NO_AUTOPILOT = 8
+"""MAV_AUTOPILOT_INVALID, of what is no autopilot."""
 _GROUND_STATION = 6
+"""MAV_TYPE_GCS."""
 _UNITS = {"lat, lon": "°", "alt": "m", "vx, vy, vz": "m/s", "roll, pitch, yaw": "rad"}
 _TRACK_UNITS = {"lat": "°", "lon": "°", "alt": "m", "vel": "m/s", "cog": "°"}
 _MISSING = "is a MAVLink telemetry log. Reading it needs pymavlink, which is not installed: "

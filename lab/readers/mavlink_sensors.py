@@ -47,8 +47,12 @@ _DELAYS = ("GPS1_DELAY_MS", "GPS_DELAY_MS", "EKF2_GPS_DELAY")
 PARAMETERS = frozenset(_DELAYS) | {f"{name}{axis}" for pair in _ARMS for name in pair for axis in "XYZ"}
 """Parameters of an autopilot that say where the antenna is and how late its fixes are."""
 _UNKNOWN = 65_535
+"""What stands for an unknown speed or course (of GPS_RAW_INT)."""
 _SINCE_1970 = 1e9
+"""Time from which it counts from 1970 and not from switching on [s]: of 2001, or of 32 years without a
+restart."""
 _ONE_G = (0.5, 2.0)
+"""Median specific force at which the numbers of an IMU are in the unit supposed [g]."""
 
 
 def since_boot(vehicle: Vehicle, messages: Messages) -> FloatArray:

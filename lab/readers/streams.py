@@ -38,9 +38,16 @@ _MAX_NORM_ERROR = 0.1
 """Largest error of a quaternion's norm: rounded ones are off by less than 1e-3, damaged ones by anything."""
 
 _RECEIVER = "GPS"
+_MAX_VALUE = 1e12
+"""Largest number that a message may hold, in its SI unit: damaged ones hold any."""
 _SLOWER = 0.7
-_GAP = 1.0
-_MANY = 5.0
+"""Rate relative to the samples' below which a quantity counts as interpolated: rates that are meant to be
+equal differ by less."""
+_MAX_GAP = 1.0
+"""Longest time between messages over which a quantity is interpolated [s]; slow ones have
+`_MAX_GAP_STEPS`."""
+_MAX_GAP_STEPS = 5.0
+"""The same in usual steps."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -98,7 +105,7 @@ class Stream:
             Which changes where the quantity was set anew.
         """
         values = np.asarray(values, dtype=np.float64).reshape(len(time), -1)
-        kept = np.isfinite(time) & np.isfinite(values).all(axis=1) & (np.abs(values) < 1e12).all(axis=1)
+        kept = np.isfinite(time) & np.isfinite(values).all(axis=1) & (np.abs(values) < _MAX_VALUE).all(axis=1)
         if valid is not None:
             kept &= valid
         at = np.flatnonzero(kept)
@@ -134,7 +141,7 @@ class Stream:
         after = np.clip(np.searchsorted(self.time, time), 1, len(self.time) - 1)
         step = np.diff(self.time)[after - 1]
         inside = (time >= self.time[0]) & (time <= self.time[-1])
-        known = inside & (step <= max(_GAP, _MANY / self.rate))
+        known = inside & (step <= max(_MAX_GAP, _MAX_GAP_STEPS / self.rate))
         # Between the last message before a reset and the first after it nothing is known.
         known &= ~np.isin(after, self.resets) | (time == self.time[after])
         piece, lengths = self._pieces(time), np.diff(self._edges)

@@ -26,11 +26,16 @@ from lab.repair.raw_flight import Dropped
 FloatArray = NDArray[np.float64]
 
 _DELIMITERS = "|\t;,"
-_HEADER_WITHIN = 100
+_MAX_HEADER_LINE = 100
+"""Last line on which the header may stand."""
 _MAX_COLUMNS = 10_000
+"""Most columns: X-Plane and JSBSim have some hundred."""
 _MAX_RECORDINGS = 1000
+"""Most headers in a file: each takes memory of its own."""
 _PIECE = 2**17
+"""Bytes parsed at a time: what parsing takes beside them stays small."""
 _SLOW_PIECE = 2**14
+"""The same where cells are not all numbers, and each takes some fifty bytes as text."""
 
 MISSING = "cells missing or too many"
 """Why rows are dropped that have another number of cells than the header."""
@@ -111,7 +116,7 @@ def find_header(lines: Sequence[str], required: Required) -> tuple[int, Header] 
     required
         For each need the names, as `plain` gives them, of which one must be there.
     """
-    for place, line in enumerate(lines[:_HEADER_WITHIN]):
+    for place, line in enumerate(lines[:_MAX_HEADER_LINE]):
         header = _header(line, required)
         if header:
             return place, header
@@ -120,7 +125,7 @@ def find_header(lines: Sequence[str], required: Required) -> tuple[int, Header] 
 
 def head_lines(head: bytes) -> list[str]:
     """Return the first bytes of a text file as lines; what is no text becomes replacement characters."""
-    return head.decode("utf-8", "replace").splitlines()[:_HEADER_WITHIN]
+    return head.decode("utf-8", "replace").splitlines()[:_MAX_HEADER_LINE]
 
 
 def read_table(
@@ -204,11 +209,11 @@ def _first_header(path: Path, text: TextBlocks, required: Required) -> Header:
         header = _header(line, required)
         if header:
             return header
-        if text.next_line > _HEADER_WITHIN:
+        if text.next_line > _MAX_HEADER_LINE:
             break
     needs = ", ".join(" or ".join(need) for need in required)
     raise MissionError(
-        f"{path}: no header within the first {_HEADER_WITHIN} lines; accepted is one with {needs} "
+        f"{path}: no header within the first {_MAX_HEADER_LINE} lines; accepted is one with {needs} "
         f"among at most {_MAX_COLUMNS} columns"
     )
 

@@ -20,18 +20,28 @@ from lab.repair.quantisation import value_step
 from lab.repair.raw_flight import VERTICAL_VELOCITY, ColumnUnit, Dropped, RawFlight
 from lab.repair.row_repair import NO_FIX
 from lab.repair.sample_times import prediction_error
-from lab.repair.smoothing import LIVELINESS, best_smoothing, smoothing_of_steps, smoothing_spline
+from lab.repair.smoothing import (
+    LIVELINESS,
+    WIDEST_STEPS,
+    best_smoothing,
+    smoothing_of_steps,
+    smoothing_spline,
+)
 
 FloatArray = NDArray[np.float64]
 
-# A decimetre: what is written without a fix is zero, but for rounding.
 _ZERO = 1e-6
-# Up to this speed receivers leave the course out, since it is noise; a standing one has none [m/s].
-_SLOW, _STANDSTILL = 2.0, 0.5
-# Noise of a sample appears so many times as large in what four neighbours say of it.
+"""Latitude and longitude that are zero but for rounding [°]: a decimetre. Zero is written without a fix."""
+_MIN_COURSE_SPEED = 2.0
+"""Speed up to which receivers leave the course out, since it is noise [m/s]."""
+_STANDSTILL = 0.5
+"""Speed below which a vehicle that gives no course stands [m/s]."""
 _AMPLIFIED = 1.94**0.5
-_WIDEST = 300.0
-_MOST = 0.9
+"""Noise of a sample appears so many times as large in what four neighbours say of it (`prediction_error`)."""
+_SIGMA_OF_MEDIAN = 1.4826
+"""σ of normal noise over the median of its size."""
+_MIN_KNOWN = 0.9
+"""Part of the points at which a quantity has to be known to be used: the other points are left out."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -96,7 +106,7 @@ class Track:
             believed = (self.height >= HEIGHTS[0]) & (self.height <= HEIGHTS[1])
             self._keep(kept, believed, f"without a height from {HEIGHTS[0]:g} to {HEIGHTS[1]:g} m")
         course = np.where(self.speed < _STANDSTILL, np.nan_to_num(self.course), self.course)
-        course = _held(course, self.speed < _SLOW)
+        course = _held(course, self.speed < _MIN_COURSE_SPEED)
         has_velocity = has_height and self._has(kept, np.where(self.speed <= MAX_SPEED, course, np.nan))
         if has_velocity:
             believed = (self.speed >= 0) & (self.speed <= MAX_SPEED) & np.isfinite(course)
@@ -138,7 +148,7 @@ class Track:
     @staticmethod
     def _has(kept: NDArray[np.bool_], values: FloatArray) -> bool:
         """Return whether a quantity is known at nearly all points."""
-        return bool(kept.any() and np.isfinite(values[kept]).mean() >= _MOST)
+        return bool(kept.any() and np.isfinite(values[kept]).mean() >= _MIN_KNOWN)
 
     def _refuse_if_too_few(self, kept: NDArray[np.bool_]) -> None:
         if kept.sum() >= MIN_SAMPLES:
@@ -194,9 +204,8 @@ def slope(time: FloatArray, values: FloatArray) -> FloatArray:
         return np.zeros_like(time)
     noise = 0.0
     if len(t) > MIN_SAMPLES:
-        noise = 1.4826 * float(np.median(np.abs(prediction_error(t, y)))) / _AMPLIFIED
-    # Beyond some hundred steps the spline's equations lose their digits.
-    widest = _WIDEST**4 * float(np.median(np.diff(t))) ** 3
+        noise = _SIGMA_OF_MEDIAN * float(np.median(np.abs(prediction_error(t, y)))) / _AMPLIFIED
+    widest = WIDEST_STEPS**4 * float(np.median(np.diff(t))) ** 3
     try:
         needed = max(
             best_smoothing(t, y), smoothing_of_steps(t, y, value_step(y[:, 0])), noise**2 / LIVELINESS

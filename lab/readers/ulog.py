@@ -53,10 +53,16 @@ _SENSORS = (
     "vehicle_status",
 )  # fmt: skip
 _VEHICLES = {1: "rotary wing", 2: "fixed wing", 3: "rover", 4: "blimp"}
+"""Names of ``vehicle_type`` (uORB, VehicleStatus)."""
 _NO_TIME = 2**31 - 1
-_MICROTESLA = 100.0  # in a gauss
+"""Relative time of an accelerometer that has no sample (uORB, SensorCombined)."""
+_MICROTESLA = 100.0
+"""Microteslas in a gauss."""
 _UNITS = {"latitude": "°", "longitude": "°", "altitude": "m", "velocity": "m/s"}
 _MAP_RADIUS = 6_371_000.0
+"""Radius of the sphere on which PX4 draws its map [m] (PX4, geo.h)."""
+_HEADING_SIGMAS = (1e-4, np.pi)
+"""σ of a heading that are believed [rad]."""
 
 
 def recognises(head: bytes) -> bool:
@@ -381,7 +387,11 @@ def _headings(gps: Messages) -> Headings | None:
     time, fixed = _seconds(gps), _fixed(gps)
     fine = np.isfinite(heading) & np.isfinite(time) & fixed & (np.abs(heading) <= 2 * np.pi)
     unknown = np.full(len(gps), np.nan)
-    sigma = unknown if sigma is None else np.where((sigma > 1e-4) & (sigma < np.pi), sigma, np.nan)
+    sigma = (
+        unknown
+        if sigma is None
+        else np.where((sigma > _HEADING_SIGMAS[0]) & (sigma < _HEADING_SIGMAS[1]), sigma, np.nan)
+    )
     # A receiver with one antenna may leave the field at zero.
     return Headings(time[fine], heading[fine], sigma[fine]) if heading[fine].any() else None
 

@@ -43,19 +43,22 @@ _LIMIT_ROUNDING = 1e-9
 1e-15."""
 _MIN_MOVING_SPEED = 0.5
 """Mean speed after a repeated state from which the vehicle was moving [m/s]: below a walk, above the creep of
-positions at rest."""
+positions at rest. The tests pass at half and at twice it."""
 _MIN_LEAVING_SPEED = 5.0
-"""The same after a state that lasted [m/s]: from rest that takes 10 m/s² over `_STOP_TIME`."""
+"""The same after a state that lasted [m/s]: from rest that takes 10 m/s² over `_STOP_TIME`. The tests pass
+at half and at twice it."""
 _STOP_TIME = 1.0
-"""Time from which on a repeated state is a stop [s]: loggers that ask too often repeat for less."""
+"""Time from which on a repeated state is a stop [s]: loggers that ask too often repeat for less. The tests
+pass at half and at twice it."""
 _MAX_LATE_RUN = 3
 """Longest run of late samples that is sorted into place: threads swap a few, a restart sends the clock
-back for good."""
+back for good. The tests pass at half and at twice it."""
 _MIN_JUMP = 300.0
 """Shortest distance between samples that can be a jump [m]: the spread of a receiver that finds itself
-anew."""
+anew. The tests pass at half and at twice it."""
 _MIN_JUMP_SPEED = 100.0
-"""Speed of a jump beyond that of the flight [m/s], so that a recording at rest is not cut by its noise."""
+"""Speed of a jump beyond that of the flight [m/s], so that a recording at rest is not cut by its noise.
+The tests pass at half and at twice it."""
 _JUMP_SPEED_RATIO = 8
 """Speed of a jump beyond which no flight accelerates between two samples, over its usual speed."""
 _MIN_STEP = 1e-3
@@ -73,11 +76,13 @@ _MAX_GAPS_TRIED = 50
 _SUGGESTED_PARTS = (0.5, 0.95)
 """Parts of what any gap keeps for which the shortest gap is suggested: most, and nearly all."""
 _MIN_GAIN = 0.05
-"""Part of the samples that a suggested gap has to keep beyond what is kept already."""
+"""Part of the samples that a suggested gap has to keep beyond what is kept already. The tests pass at half
+and at twice it."""
 _ZERO_ANGLE = 1e-9
 """Latitude and longitude that are zero but for rounding [rad]: 6 mm."""
 _MAX_DISTANCE_FROM_ZERO = 10_000.0
-"""Distance of the flight to 0° N 0° E within which its zeros are positions [m]."""
+"""Distance of the flight to 0° N 0° E within which its zeros are positions [m]. The tests pass at half and
+at twice it."""
 
 
 def possible(raw: RawFlight) -> RawFlight:

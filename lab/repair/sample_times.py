@@ -22,7 +22,7 @@ LIVELINESS = 1.0
 
 MAX_ROUNDING_OFF = 0.55
 """How far a stamp may lie from an even clock that was rounded, in steps of its resolution: rounding alone
-moves it by 0.5."""
+moves it by 0.5. At half it, the stamps of a timer of 55.6 ms are not repaired."""
 _FINEST = 1e-6
 """Smallest resolution that is reported, and step that is one [s]: no recorder's clock is finer."""
 _DIGITS_OF_DOUBLES = 4e-15

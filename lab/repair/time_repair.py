@@ -26,7 +26,8 @@ TIME_STAMPS = (REPAIRED, AS_RECORDED)
 """What may be done with time stamps."""
 
 _MIN_REPEATED_PART = 0.05
-"""Part of the stamps that has to repeat before repeats are spread: fewer are single mistakes and left out."""
+"""Part of the stamps that has to repeat before repeats are spread: fewer are single mistakes and left out.
+At twice it, the stamps of a timer of 55.6 ms are not repaired; at half they are."""
 _MIN_NEW_STAMP = 1e-6
 """Step of the stamps below which one repeats that before [s]: the finest that any recorder writes."""
 _MIN_STEP = 1e-7
@@ -38,12 +39,12 @@ _MAX_ROUGHER_IF_ROUNDED = 1.3
 """How much rougher an even spacing may make the motion that explains the stamps by their rounding alone."""
 _MAX_BETTER = 0.8
 """Ratio of what neighbours do not explain, after over before, that one quantity has to fall below for a
-repair to count. Noise alone gives 1."""
+repair to count. Noise alone gives 1. The tests pass at half and at twice it."""
 _MAX_WORSE = 1.1
-"""The same ratio that no quantity may exceed."""
+"""The same ratio that no quantity may exceed. The tests pass at half and at twice it."""
 _MIN_ALONG = 2.0
 """Error of the positions along the path over that across it, from which wrong times are suspected: noise of
-positions is alike in both."""
+positions is alike in both. The tests pass at half and at twice it."""
 _COARSE_TICK = 0.02
 """Resolution of stamps, in usual steps, from which on it bounds how wrong they are; finer stamps jitter."""
 _MAX_JITTER = 0.5
@@ -53,7 +54,8 @@ _OUTLIERS = 5
 _UNCHANGED, _UNCHANGED_PART = 2e-9, 1e-12
 """Difference from the stamps that is their rounding [s], and that as a part of their length."""
 _SMOOTH_ENOUGH = {"position": 1e-3, "velocity": 1e-4, "attitude": 1e-5}
-"""Roughness below which a motion is not judged [m], [m/s], [1], so that rounding does not decide."""
+"""Roughness below which a motion is not judged [m], [m/s], [1], so that rounding does not decide. The
+tests pass at half and at twice it."""
 
 
 @dataclass(frozen=True, eq=False)
