@@ -50,7 +50,9 @@ _FIELDS = (
     ("q", "angular rate", "rad/s"), ("r", "angular rate", "rad/s"),
 )  # fmt: skip
 _LETTERS = 5
+"""Letters at the start of a packet that name its kind."""
 _EVERY_FRAME = 500
+"""Rate asked for that is above any frame rate, so that references come with each frame [Hz]."""
 
 
 def requests(rate: float) -> list[bytes]:
