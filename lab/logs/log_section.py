@@ -12,8 +12,10 @@ from lab.recordings.mission_error import MissionError
 
 FloatArray = NDArray[np.float64]
 
-_LISTED = 5  # pieces named in a remark
-_ROUNDING = 1e-6  # of time stamps [s]
+_LISTED = 5
+"""Most stretches that a remark lists."""
+_ROUNDING = 1e-6
+"""Rounding of time stamps [s]: Unix time in doubles has 0.2 µs."""
 
 
 def piece(log: SensorLog, start: float | None = None, end: float | None = None) -> SensorLog:

@@ -49,6 +49,15 @@ from lab.rotation import C_nb_from_euler
 
 FloatArray = NDArray[np.float64]
 
+_MAX_IMU = 1e6
+"""Largest number of an IMU, whatever its unit: damaged cells lie beyond it. `lab.logs.log_check` judges
+units."""
+_MAX_FIELD = 1e4
+"""Largest component of a magnetic field [µT]: two hundred times the Earth's."""
+_FULL_TURN = 360.0
+"""Largest angle [°]."""
+_MIN_HEADING_SIGMA = 1e-3
+"""Smallest σ of a heading [°]: far below what two antennas a metre apart give (0.2°)."""
 _TIME = Column("t_s", *TIME_STAMPS)
 _GYRO = (("gx_rad_s", "gy_rad_s", "gz_rad_s"), ("gx_deg_s", "gy_deg_s", "gz_deg_s"))
 _FORCE = (("fx_m_s2", "fy_m_s2", "fz_m_s2"), ("fx_g", "fy_g", "fz_g"))
@@ -58,7 +67,11 @@ _INCREMENTS = (
 )
 _IMU = (
     _TIME,
-    *(Column(name, -1e6, 1e6, required=False) for names in (*_GYRO, *_FORCE, *_INCREMENTS) for name in names),
+    *(
+        Column(name, -_MAX_IMU, _MAX_IMU, required=False)
+        for names in (*_GYRO, *_FORCE, *_INCREMENTS)
+        for name in names
+    ),
 )
 _POSITION = (
     Column("lat_deg", *LATITUDES),
@@ -74,15 +87,17 @@ _SIGMA = tuple(
     for name in ("sd_n_m", "sd_e_m", "sd_d_m", "sd_vn_m_s", "sd_ve_m_s", "sd_vd_m_s")
 )
 _HEADING = (
-    Column("heading_deg", -360, 360, required=False, may_be_empty=True),
-    Column("sd_heading_deg", 1e-3, 360, required=False, may_be_empty=True),
+    Column("heading_deg", -_FULL_TURN, _FULL_TURN, required=False, may_be_empty=True),
+    Column("sd_heading_deg", _MIN_HEADING_SIGMA, _FULL_TURN, required=False, may_be_empty=True),
 )
 _ATTITUDE = tuple(
-    Column(name, -360, 360, required=False, may_be_empty=True)
+    Column(name, -_FULL_TURN, _FULL_TURN, required=False, may_be_empty=True)
     for name in ("roll_deg", "pitch_deg", "heading_deg")
 )
 _PLACE_IF_KNOWN = tuple(replace(column, required=False, may_be_empty=True) for column in _POSITION)
-_FIELD = tuple(Column(name, -1e4, 1e4, may_be_empty=True) for name in ("mx_uT", "my_uT", "mz_uT"))
+_FIELD = tuple(
+    Column(name, -_MAX_FIELD, _MAX_FIELD, may_be_empty=True) for name in ("mx_uT", "my_uT", "mz_uT")
+)
 
 
 @dataclass(frozen=True)
