@@ -18,6 +18,7 @@ SETTLING_MS = 15_000
 """Time on the wheels, brakes set and engine idling, before the record begins [ms]."""
 
 _LONGITUDINAL = 0
+"""JSBSim's number of the trim of speed, height and pitch."""
 _AXES = ("north", "east", "down")
 _STILL = ((), (), ())
 

@@ -48,7 +48,7 @@ _SENSORS = ("TIME", "IMU", "GPS", "PARM")
 _CLOCK = b"StartTime"
 _DESCRIBED_WITHIN = 2**14
 """Bytes at the start of a log in which all its messages are described: 89 bytes for each of some hundred."""
-_VEHICLES = {
+_VEHICLES = {  # names of MAV_TYPE
     **dict.fromkeys((2, 3, 4, 13, 14, 15), "rotary wing"), 1: "fixed wing", 10: "rover", 11: "boat",
 }  # fmt: skip
 _UNITS = {
