@@ -20,6 +20,7 @@ from lab.trajectory import Truth
 FloatArray = NDArray[np.float64]
 
 NED_TO_ENU = np.array([[0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, -1.0]])
+"""Matrix that takes north, east, down to east, north, up."""
 
 
 def to_enu(vectors_ned: FloatArray) -> FloatArray:
