@@ -20,6 +20,8 @@ ANCHOR_SPACING = 10.0
 """Knot spacing of the correction that holds the integrated velocity to the position fixes [s]."""
 
 _LONG = 100_000
+"""Samples from which the normal equations make the spline: for more, the QR decomposition takes longer and
+more memory."""
 
 
 def anchored_offsets(

@@ -26,7 +26,9 @@ FloatArray = NDArray[np.float64]
 NOISE, FIX, LATENCY, LEVER_ARM = slice(0, 4), slice(4, 7), 7, slice(8, 11)
 """Where the parameters are: logarithms of noise and of σ of a fix, then latency [s] and lever arm [m]."""
 LOGARITHMS = slice(0, 7)
+"""Where the parameters are logarithms."""
 PARAMETERS = 11
+"""How many there are."""
 TRIADS = ("gyro", "accelerometer")
 NAMES = (
     "gyro noise density",

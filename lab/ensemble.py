@@ -47,6 +47,7 @@ the others add to all that needs no explanation."""
 TRIED = 4
 """Runs on which advice is tried: they average out half of what chance does to one."""
 UNITS = ("m",) * 3 + ("m/s",) * 3 + ("°",) * 3
+"""Units of position, velocity and attitude errors."""
 
 
 class _Run(NamedTuple):

@@ -25,7 +25,9 @@ from lab.histories import kept
 FloatArray = NDArray[np.float64]
 
 GAUSS_NODES = 0.5 + np.sqrt(0.15) * np.array([-1.0, 0.0, 1.0])
+"""Nodes of Gauss's quadrature with three points, on the interval from 0 to 1."""
 GAUSS_WEIGHTS = np.array([5.0, 8.0, 5.0]) / 18
+"""Their weights."""
 AT_ONCE = 2**16
 """Intervals that are integrated at once: what is needed meanwhile takes some 2 kB each."""
 

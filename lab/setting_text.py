@@ -20,6 +20,8 @@ MAX_DIGITS = 400
 """Longest number accepted [characters]; the largest number there is has 309 digits."""
 
 _MAX_DEPTH = 3
+"""Deepest nesting of lists; settings have two."""
+# A word longer than any number.
 _LONG_WORD = re.compile(rf"[^\s,\[\]]{{{MAX_DIGITS + 1}}}")
 _NUMBER = re.compile(r"[+-]?(\d+(_\d+)*\.?\d*|\.\d+)(e[+-]?\d+)?", re.IGNORECASE | re.ASCII)
 _WHOLE = re.compile(r"[+-]?\d+(_\d+)*", re.ASCII)

@@ -37,7 +37,7 @@ _TOKEN = re.compile(
 )
 
 _SIGNS = frozenset(".,=[]{}")
-_DEEPER = {"[": 1, "{": 1, "]": -1, "}": -1}
+_DEEPER = {"[": 1, "{": 1, "]": -1, "}": -1}  # how many levels a sign leads down
 
 
 class TomlError(ValueError):

@@ -1,14 +1,36 @@
-"""Units: the one table that takes settings from datasheet units to SI, and SI to what a person reads."""
+"""Units: the one table of factors to SI, of files as of settings and data sheets."""
 
 from __future__ import annotations
 
 import math
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
 from lab import earth
-from lab.settings import Settings
+
+if TYPE_CHECKING:
+    from lab.settings import Settings
+
+DEGREE = math.radians(1)
+"""[rad]."""
+DAY = 86_400.0
+"""[s]."""
+FOOT = 0.3048
+"""International foot [m]; exact by definition, as are the mile and the nautical mile."""
+STATUTE_MILE = 1609.344
+"""[m]."""
+NAUTICAL_MILE = 1852.0
+"""[m]."""
+KNOT = NAUTICAL_MILE / 3600
+"""[m/s]."""
+KILOMETRE_PER_HOUR = 1 / 3.6
+"""[m/s]."""
+MILE_PER_HOUR = STATUTE_MILE / 3600
+"""[m/s]."""
+RANKINES_PER_KELVIN = 1.8
+"""Degrees Rankine, in which JSBSim counts temperatures, per kelvin."""
 
 TO_SI = {
     "": 1.0,
@@ -23,15 +45,15 @@ TO_SI = {
     "(m/s)²": 1.0,
     "%": 0.01,
     "%/K": 0.01,
-    "°": math.radians(1),
-    "°/s": math.radians(1),
-    "(°/s)²": math.radians(1) ** 2,
+    "°": DEGREE,
+    "°/s": DEGREE,
+    "(°/s)²": DEGREE**2,
     "(m/s²)²": 1.0,
-    "°/h": math.radians(1) / 3600,
-    "°/s/√Hz": math.radians(1),
-    "°/h/√h": math.radians(1) / 3600 / 60,
-    "°/s/K": math.radians(1),
-    "°/s/g": math.radians(1) / earth.STANDARD_GRAVITY,
+    "°/h": DEGREE / 3600,
+    "°/s/√Hz": DEGREE,
+    "°/h/√h": DEGREE / 3600 / 60,
+    "°/s/K": DEGREE,
+    "°/s/g": DEGREE / earth.STANDARD_GRAVITY,
     "g": earth.STANDARD_GRAVITY,
     "mg": 1e-3 * earth.STANDARD_GRAVITY,
     "mg/√h": 1e-3 * earth.STANDARD_GRAVITY / 60,
@@ -39,17 +61,17 @@ TO_SI = {
     "µg/√Hz": 1e-6 * earth.STANDARD_GRAVITY,
     "ppm": 1e-6,
     "mrad": 1e-3,
-    "″": math.radians(1) / 3600,
-    "°/h²": math.radians(1) / 3600**2,
+    "″": DEGREE / 3600,
+    "°/h²": DEGREE / 3600**2,
     "mm/s": 1e-3,
     "mg/h": 1e-3 * earth.STANDARD_GRAVITY / 3600,
-    "°/h/g": math.radians(1) / 3600 / earth.STANDARD_GRAVITY,
-    "°/√h": math.radians(1) / 60,
-    "°/h/√Hz": math.radians(1) / 3600,
+    "°/h/g": DEGREE / 3600 / earth.STANDARD_GRAVITY,
+    "°/√h": DEGREE / 60,
+    "°/h/√Hz": DEGREE / 3600,
     "µg": 1e-6 * earth.STANDARD_GRAVITY,
     "mg/√Hz": 1e-3 * earth.STANDARD_GRAVITY,
     "m/s/√h": 1 / 60,
-    "ft/s/√h": 0.3048 / 60,
+    "ft/s/√h": FOOT / 60,
 }
 """Factor from each unit a setting or a data sheet has to SI: radians for angles; temperatures stay in °C."""
 

@@ -38,7 +38,9 @@ FITS = 1e-3
 """p value below which the five terms do not explain a deviation."""
 
 _FEWEST_DEGREES = 3.0
+"""Fewest degrees of freedom of an estimate that is used: with three its σ is 40 % of it."""
 _REWEIGHTINGS = 20
+"""Most rounds in which the weights follow the fit."""
 _GENERALISED = 6
 """Rounds in which the covariance of the estimates follows the fit; from the fourth on nothing changes."""
 _DISTINCT = 1e-2

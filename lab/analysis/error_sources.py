@@ -37,6 +37,7 @@ STAGE = 1.0
 """Width of the processes flicker is made of, in the logarithm of their correlation times."""
 
 GYRO, ACCELEROMETER, GPS_POSITION, GPS_VELOCITY = range(4)
+"""Numbers of the groups of sensors that errors belong to."""
 
 
 class Constant(NamedTuple):

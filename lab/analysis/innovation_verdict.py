@@ -232,7 +232,7 @@ def _finding(best: Explanation, seen: Innovations, statistic: str, told: FloatAr
     )
 
 
-_ROWS = {
+_ROWS = {  # the first and one past the last of the values that a part of the belief explains
     "P0 position": (0, 3),
     "P0 velocity": (3, 6),
     "Q gyro": (0, 3),

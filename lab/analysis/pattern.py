@@ -24,6 +24,7 @@ FEWEST = 30
 CAPPED = 16.3
 """Sum of three squares of unit variance that one in 1,000 exceeds."""
 FEW = 1e-12
+"""Least mean square whose logarithm is taken: no innovations are as small."""
 
 
 class Stretch(NamedTuple):

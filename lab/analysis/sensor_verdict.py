@@ -30,7 +30,7 @@ LEFT = 0.1
 WANDERS = 3.0
 """Factor from which on a wrong bias drive is stated: σ of a bias goes with its fourth root."""
 
-_CAUSES = {
+_CAUSES = {  # which regressors each cause has
     "scale factor": (0,),
     "misalignment": (1, 2),
     "bandwidth": (3, 4),

@@ -16,6 +16,7 @@ FEWEST = 20
 """Fewest values that a kurtosis says anything by: its own σ is √(24 / n)."""
 
 CHANNELS = STATES[:6]
+"""Position and velocity, of which fixes are."""
 
 
 def spread(seen: Seen) -> str:

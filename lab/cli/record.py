@@ -30,6 +30,7 @@ X-Plane must run with a flight loaded, and accept incoming connections in its Se
 PATIENCE = 30.0
 """How long X-Plane may be silent before the recording ends [s]."""
 _PERIOD = 0.2
+"""Time between two looks at the recording [s]."""
 
 
 def record(

@@ -89,6 +89,7 @@ class Aircraft:
     retracts: bool = False
 
 
+# Where the limits come from, the docstring of the file says; tests/flying/test_aircraft.py flies them again.
 _ALL = (
     Aircraft(
         name="c172p",

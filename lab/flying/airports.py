@@ -13,8 +13,7 @@ import numpy as np
 
 from lab.recordings.mission_error import MissionError
 from lab.toml_file import parse_toml
-
-_FOOT = 0.3048
+from lab.units import FOOT
 
 
 @cache
@@ -35,7 +34,7 @@ def runways() -> Mapping[str, dict[str, float]]:
             found[f"{code} {name}"] = {
                 "latitude_deg": here[0],
                 "longitude_deg": here[1],
-                "height_m": round(here[2] * _FOOT, 1),
+                "height_m": round(here[2] * FOOT, 1),
                 "heading_deg": round(float(np.degrees(course)) % 360, 2),
             }
     return MappingProxyType(found)

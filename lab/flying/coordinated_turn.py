@@ -42,13 +42,19 @@ FLYING = 10.0
 ROLLING = 4.0
 """Speed from which the pitch of a car is the whole slope of its path [m/s]."""
 
-_LEAST_LIFT = 0.5 * STANDARD_GRAVITY
-_TURN_TIME = 2.0
-_TURN_RATE = np.radians(45.0)
-# Nothing on wheels or wings turns faster at a walk; the direction of noise does, from sample to sample.
-_FASTEST_TURN = np.radians(90.0)
+_MIN_LIFT = 0.5 * STANDARD_GRAVITY
+"""Lift below which the bank is held down [m/s²]: near weightlessness its direction means nothing."""
+_MIN_TURN_TIME = 2.0
+"""Shortest time in which a vehicle turns to the direction in which it leaves a standstill [s]."""
+_MAX_STANDING_TURN_RATE = np.radians(45.0)
+"""Rate of that turn where it is a large one [rad/s]."""
+_MAX_TURN_RATE = np.radians(90.0)
+"""Largest turn rate of slow motion [rad/s]: nothing on wheels or wings turns faster at a walk; the
+direction of noise does, from sample to sample."""
 _SLOW = 8.0
+"""Speed below which the direction of motion may be noise [m/s]."""
 _REACHES = (0.5, 1.0, 2.0, 4.0, 8.0, 16.0)
+"""How far around such a turn the heading is held [s], each tried where the one before was too short."""
 
 
 def attitude(time: FloatArray, velocity_n: FloatArray, vehicle: Vehicle = "aircraft") -> FloatArray:
@@ -113,7 +119,7 @@ def _believable_heading(time: FloatArray, speed: FloatArray, course: FloatArray)
     moving = speed > STANDSTILL
     for reach in _REACHES:
         heading = _heading(time, moving, course)
-        too_fast = np.abs(np.diff(heading)) > _FASTEST_TURN * np.diff(time)
+        too_fast = np.abs(np.diff(heading)) > _MAX_TURN_RATE * np.diff(time)
         turns = time[1:][too_fast & (np.minimum(speed[1:], speed[:-1]) < _SLOW)]
         if not turns.size:
             break
@@ -137,7 +143,7 @@ def _heading(time: FloatArray, moves: NDArray[np.bool_], course: FloatArray) -> 
     turn = seen[following] - seen[last]
     start, end = time[moving[last]], time[moving[following]]
     # A turn takes its time, as far as the standstill has it.
-    lasts = np.minimum(np.maximum(_TURN_TIME, np.abs(turn) / _TURN_RATE), end - start)
+    lasts = np.minimum(np.maximum(_MIN_TURN_TIME, np.abs(turn) / _MAX_STANDING_TURN_RATE), end - start)
     done = 1.0 - (end - time) / np.where(lasts > 0, lasts, 1.0)
     heading = seen[last] + turn * _smooth_step(done)
     heading[moving] = seen
@@ -151,7 +157,7 @@ def _bank(time: FloatArray, velocity: FloatArray, pitch: FloatArray, yaw: FloatA
     sp, cp, sy, cy = np.sin(pitch), np.cos(pitch), np.sin(yaw), np.cos(yaw)
     right = cy * force[:, 1] - sy * force[:, 0]
     up = -(sp * (cy * force[:, 0] + sy * force[:, 1]) + cp * force[:, 2])
-    bank = np.arctan2(right, _at_least(up, _LEAST_LIFT))
+    bank = np.arctan2(right, _at_least(up, _MIN_LIFT))
     airborne = (np.linalg.norm(velocity, axis=1) - TAXIING) / (FLYING - TAXIING)
     return np.asarray(bank * _smooth_step(airborne))
 

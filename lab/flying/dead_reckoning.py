@@ -11,7 +11,9 @@ from lab.earth import radii
 FloatArray = NDArray[np.float64]
 
 _CONVERGED = 1e-14
+"""Change of the latitude in a round below which it is found [rad]: 0.1 µm."""
 _MAX_ROUNDS = 60
+"""Most rounds of Picard's iteration; a few do, but the longest motions at the highest latitudes."""
 
 
 def integral(time: FloatArray, values: FloatArray) -> FloatArray:

@@ -25,10 +25,14 @@ SAMPLE_MS = 55
 PILOT_MS = 5
 """Time between two looks of the pilot at the instruments [ms]."""
 
-_MOST_ROLL_ON_GROUND = math.radians(30.0)
+_MAX_ROLL_ON_GROUND = math.radians(30.0)
+"""Roll beyond which an aircraft on the ground has turned over [rad]: the wheels of one side have left the
+ground."""
+_MAX_ROLL, _MAX_PITCH = math.radians(75.0), math.radians(45.0)
+"""Attitude beyond which the pilot has lost the aircraft [rad]: plans ask for banks of up to 60°."""
 
 SHORTEST = 2.0
-"""Shortest flight that is kept [s]."""
+"""Shortest flight that is kept [s]: 37 samples, by which curves can be drawn and judged."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -161,7 +165,7 @@ def _check(seen: Instruments, pilot: Pilot, now_ms: int) -> str:
             f"the aeroplane cannot do manoeuvre {pilot.manoeuvre}: {where} it came no nearer for "
             f"{PATIENCE:g} s ({stuck}); ask for less height, airspeed or bank, or calmer air"
         )
-    if not pilot.airborne and abs(seen.roll) > _MOST_ROLL_ON_GROUND:
+    if not pilot.airborne and abs(seen.roll) > _MAX_ROLL_ON_GROUND:
         return f"the aeroplane turned over on the runway {where}; ask for less wind across it"
     lost = _lost(seen, pilot) if pilot.airborne else ""
     if not lost:
@@ -177,7 +181,7 @@ def _lost(seen: Instruments, pilot: Pilot) -> str:
         return "stalled"
     if seen.on_ground or seen.height < 0:
         return "touched the ground"
-    out = abs(seen.roll) > math.radians(75) or abs(seen.pitch) > math.radians(45)
+    out = abs(seen.roll) > _MAX_ROLL or abs(seen.pitch) > _MAX_PITCH
     return "was out of control" if out else ""
 
 

@@ -17,7 +17,18 @@ from lab.flying.manoeuvres import (
     Manoeuvre,
     TakeOff,
 )
-from lab.flying.plan_table import accept, choice, number, plain_part, read_part
+from lab.flying.plan_table import (
+    AIRSPEEDS,
+    GROUNDS,
+    HEIGHTS,
+    LATITUDES,
+    TURNS,
+    accept,
+    choice,
+    number,
+    plain_part,
+    read_part,
+)
 from lab.flying.weather import CALM, Air, Gust
 from lab.recordings.mission_error import MissionError
 
@@ -31,26 +42,24 @@ MAX_GUSTS = 1000
 class Runway:
     """Where the flight starts, at rest."""
 
-    latitude_deg: float = number("Latitude", "°", (-85, 85), "Geodetic latitude on WGS-84.")
-    longitude_deg: float = number("Longitude", "°", (-360, 360), "Longitude on WGS-84, east positive.")
+    latitude_deg: float = number("Latitude", "°", LATITUDES, "Geodetic latitude on WGS-84.")
+    longitude_deg: float = number("Longitude", "°", TURNS, "Longitude on WGS-84, east positive.")
     height_m: float = number(
-        "Height", "m", (-500, 5000), "Height of the ground above the ellipsoid (not above the sea)."
+        "Height", "m", GROUNDS, "Height of the ground above the ellipsoid (not above the sea)."
     )
-    heading_deg: float = number("Heading", "°", (-360, 360), "True heading.")
+    heading_deg: float = number("Heading", "°", TURNS, "True heading.")
 
 
 @dataclass(frozen=True)
 class AirStart:
     """Where the flight starts in the air: straight and level, trimmed, at full airspeed."""
 
-    latitude_deg: float = number("Latitude", "°", (-85, 85), "Geodetic latitude on WGS-84.")
-    longitude_deg: float = number("Longitude", "°", (-360, 360), "Longitude on WGS-84, east positive.")
-    height_m: float = number("Height", "m", (30, 12_000), "Height above the ground.")
-    heading_deg: float = number("Heading", "°", (-360, 360), "True heading.")
-    airspeed_m_s: float | None = number("Airspeed", "m/s", (10, 300), "True airspeed.", default=None)
-    ground_m: float = number(
-        "Ground", "m", (-500, 5000), "Height of the ground above the ellipsoid.", default=0.0
-    )
+    latitude_deg: float = number("Latitude", "°", LATITUDES, "Geodetic latitude on WGS-84.")
+    longitude_deg: float = number("Longitude", "°", TURNS, "Longitude on WGS-84, east positive.")
+    height_m: float = number("Height", "m", HEIGHTS, "Height above the ground.")
+    heading_deg: float = number("Heading", "°", TURNS, "True heading.")
+    airspeed_m_s: float | None = number("Airspeed", "m/s", AIRSPEEDS, "True airspeed.", default=None)
+    ground_m: float = number("Ground", "m", GROUNDS, "Height of the ground above the ellipsoid.", default=0.0)
 
 
 @dataclass(frozen=True)

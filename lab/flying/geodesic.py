@@ -10,8 +10,13 @@ from lab.earth import FLATTENING, SEMI_MAJOR_AXIS
 FloatArray = NDArray[np.float64]
 
 _SEMI_MINOR_AXIS = SEMI_MAJOR_AXIS * (1 - FLATTENING)
-_ROUNDS = 200
+"""Polar radius [m]."""
+_MAX_ROUNDS = 200
+"""Most rounds of Vincenty's iteration: a few do, but for points nearly opposite each other."""
 _CONVERGED = 1e-13
+"""Change of the longitude in a round below which it is found [rad]: 1 µm."""
+_NOT_CONVERGED = 1e-9
+"""Change in the last round from which points are nearly opposite each other [rad]: 6 mm."""
 
 
 def geodesic(
@@ -38,7 +43,7 @@ def geodesic(
     s1, c1, s2, c2 = np.sin(u1), np.cos(u1), np.sin(u2), np.cos(u2)
     across = np.remainder(to_longitude - longitude + np.pi, 2 * np.pi) - np.pi
     lam, change = across, np.full_like(across, np.inf)
-    for _ in range(_ROUNDS):
+    for _ in range(_MAX_ROUNDS):
         sin_sigma = np.hypot(c2 * np.sin(lam), c1 * s2 - s1 * c2 * np.cos(lam))
         cos_sigma = s1 * s2 + c1 * c2 * np.cos(lam)
         sigma = np.arctan2(sin_sigma, cos_sigma)
@@ -62,5 +67,5 @@ def geodesic(
     length = _SEMI_MINOR_AXIS * a * (sigma - b * sin_sigma * (middle + b / 4 * far))
     course = np.arctan2(c2 * np.sin(lam), c1 * s2 - s1 * c2 * np.cos(lam))
     to_course = np.arctan2(c1 * np.sin(lam), c1 * s2 * np.cos(lam) - s1 * c2)
-    opposite = (change > 1e-9) | (np.abs(lam) > np.pi)
+    opposite = (change > _NOT_CONVERGED) | (np.abs(lam) > np.pi)
     return np.where(opposite, np.nan, length), course, to_course

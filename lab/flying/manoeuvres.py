@@ -5,15 +5,15 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-from lab.flying.plan_table import choice, number
+from lab.flying.plan_table import AIRSPEEDS, HEIGHTS, TURNS, choice, number
 
 MAX_DURATION = 14_400.0
-"""Longest flight [s]."""
+"""Longest flight of a plan [s]: four hours. A plain choice."""
 
-_HEIGHTS = (30, 12_000)
 _RATES = (0.2, 30)
-_AIRSPEEDS = (10, 300)
+"""Rates of climb and descent [m/s]; every aircraft has narrower limits."""
 _BANKS = (5, 60)
+"""Banks of turns [°]: 60° is 2 g."""
 
 
 @dataclass(frozen=True)
@@ -25,7 +25,7 @@ class TakeOff:
 
     wait_s: float = number("Wait", "s", (0, 600), "Time at rest before the throttle opens.", default=3.0)
     rotation_m_s: float | None = number(
-        "Rotation speed", "m/s", _AIRSPEEDS, "Airspeed at which the nose is raised.", default=None
+        "Rotation speed", "m/s", AIRSPEEDS, "Airspeed at which the nose is raised.", default=None
     )
     height_m: float = number(
         "Height", "m", (15, 100), "Height above the runway at which the manoeuvre ends.", default=20.0
@@ -36,12 +36,12 @@ class TakeOff:
 class ChangeHeight:
     """Climb or descend; ends within 5 m of the height, or after `seconds`, and goes on in what follows."""
 
-    height_m: float = number("Height", "m", _HEIGHTS, "Height above the ground to fly to.")
+    height_m: float = number("Height", "m", HEIGHTS, "Height above the ground to fly to.")
     rate_m_s: float | None = number(
         "Rate", "m/s", _RATES, "Vertical speed, positive for both climb and descent.", default=None
     )
     airspeed_m_s: float | None = number(
-        "Airspeed", "m/s", _AIRSPEEDS, "True airspeed to hold from here on.", default=None
+        "Airspeed", "m/s", AIRSPEEDS, "True airspeed to hold from here on.", default=None
     )
     seconds: float = number(
         "Time limit",
@@ -69,7 +69,7 @@ class Level:
 class ChangeSpeed:
     """Fly faster or slower; ends within 1 m/s of the airspeed, heading and height held."""
 
-    airspeed_m_s: float = number("Airspeed", "m/s", _AIRSPEEDS, "True airspeed to hold from here on.")
+    airspeed_m_s: float = number("Airspeed", "m/s", AIRSPEEDS, "True airspeed to hold from here on.")
 
 
 @dataclass(frozen=True)
@@ -98,7 +98,7 @@ def _skid() -> float:
 class Turn:
     """Turn to a heading; ends within 2° of it with the wings within 3° of level."""
 
-    heading_deg: float = number("Heading", "°", (-360, 360), "True heading to turn to.")
+    heading_deg: float = number("Heading", "°", TURNS, "True heading to turn to.")
     bank_deg: float = _bank()
     direction: str = choice(
         "Direction", ("shortest", "left", "right"), "Which way to turn.", default="shortest"

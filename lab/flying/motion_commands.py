@@ -22,7 +22,8 @@ from numpy.typing import NDArray
 
 from lab.flying.dead_reckoning import position
 from lab.flying.manoeuvres import MAX_DURATION
-from lab.flying.plan_table import number, plain_part, read_part
+from lab.flying.plan_table import LATITUDES, SPEEDS, TURNS, number, plain_part, read_part
+from lab.recordings.bounds import HEIGHTS, MIN_SAMPLES
 from lab.recordings.mission_error import MissionError
 from lab.recordings.recording import Recording
 from lab.rotation import C_nb_from_euler, wrap
@@ -37,21 +38,26 @@ STEPS = 10
 """Steps of the response per sample."""
 
 _STEP = SAMPLE / STEPS
+"""Step of the response [s]."""
+_MAX_PITCH = math.radians(85)
+"""Pitch beyond which Euler angles turn without bound [rad]."""
+_MAX_LATITUDE = math.radians(89)
+"""Latitude beyond which yaw turns without bound [rad]."""
 
 
 @dataclass(frozen=True)
 class MotionStart:
     """Where and how a motion starts."""
 
-    latitude_deg: float = number("Latitude", "°", (-85, 85), "Geodetic latitude on WGS-84.")
-    longitude_deg: float = number("Longitude", "°", (-360, 360), "Longitude on WGS-84, east positive.")
-    height_m: float = number("Height", "m", (-1000, 100_000), "Height above the ellipsoid.", default=0.0)
-    forward_m_s: float = number("Forward", "m/s", (-350, 350), "Velocity along body x.", default=0.0)
-    right_m_s: float = number("Right", "m/s", (-350, 350), "Velocity along body y.", default=0.0)
-    down_m_s: float = number("Down", "m/s", (-350, 350), "Velocity along body z.", default=0.0)
-    yaw_deg: float = number("Yaw", "°", (-360, 360), "True heading.", default=0.0)
+    latitude_deg: float = number("Latitude", "°", LATITUDES, "Geodetic latitude on WGS-84.")
+    longitude_deg: float = number("Longitude", "°", TURNS, "Longitude on WGS-84, east positive.")
+    height_m: float = number("Height", "m", HEIGHTS, "Height above the ellipsoid.", default=0.0)
+    forward_m_s: float = number("Forward", "m/s", SPEEDS, "Velocity along body x.", default=0.0)
+    right_m_s: float = number("Right", "m/s", SPEEDS, "Velocity along body y.", default=0.0)
+    down_m_s: float = number("Down", "m/s", SPEEDS, "Velocity along body z.", default=0.0)
+    yaw_deg: float = number("Yaw", "°", TURNS, "True heading.", default=0.0)
     pitch_deg: float = number("Pitch", "°", (-85, 85), "Pitch, nose up positive.", default=0.0)
-    roll_deg: float = number("Roll", "°", (-360, 360), "Roll, right side down positive.", default=0.0)
+    roll_deg: float = number("Roll", "°", TURNS, "Roll, right side down positive.", default=0.0)
 
 
 @dataclass(frozen=True)
@@ -61,16 +67,16 @@ class MotionCommand:
     type: int = number("Type", "", (1, 5), "1 rates; 2 to reach; 3 changes; 4 and 5 mixed.", whole=True)
     seconds: float = number("Time", "s", (0, MAX_DURATION), "Longest time it takes.")
     yaw: float = number("Yaw", "°", (-36_000, 36_000), "Yaw, its change, or its rate in °/s.", default=0.0)
-    pitch: float = number("Pitch", "°", (-360, 360), "Pitch, its change, or its rate in °/s.", default=0.0)
+    pitch: float = number("Pitch", "°", TURNS, "Pitch, its change, or its rate in °/s.", default=0.0)
     roll: float = number("Roll", "°", (-36_000, 36_000), "Roll, its change, or its rate in °/s.", default=0.0)
     forward: float = number(
-        "Forward", "m/s", (-350, 350), "Velocity along body x, its change, or its rate in m/s².", default=0.0
+        "Forward", "m/s", SPEEDS, "Velocity along body x, its change, or its rate in m/s².", default=0.0
     )
     right: float = number(
-        "Right", "m/s", (-350, 350), "Velocity along body y, its change, or its rate in m/s².", default=0.0
+        "Right", "m/s", SPEEDS, "Velocity along body y, its change, or its rate in m/s².", default=0.0
     )
     down: float = number(
-        "Down", "m/s", (-350, 350), "Velocity along body z, its change, or its rate in m/s².", default=0.0
+        "Down", "m/s", SPEEDS, "Velocity along body z, its change, or its rate in m/s².", default=0.0
     )
     gps: int = number("GPS", "", (0, 1), "1 where GPS is visible, 0 where not.", default=1, whole=True)
 
@@ -166,16 +172,16 @@ def move(plan: MotionPlan) -> Motion:
     state, ends = _carry_out(plan)
     time = SAMPLE * np.arange(len(state), dtype=np.float64)
     euler = state[:, 2::-1]
-    if len(time) < 4:
+    if len(time) < MIN_SAMPLES:
         raise MissionError("the motion is over after less than four samples: its commands ask for nothing")
-    if np.abs(euler[:, 1]).max() > math.radians(85):
-        at = time[int(np.argmax(np.abs(euler[:, 1]) > math.radians(85)))]
+    if np.abs(euler[:, 1]).max() > _MAX_PITCH:
+        at = time[int(np.argmax(np.abs(euler[:, 1]) > _MAX_PITCH))]
         raise MissionError(f"the pitch passes 85° {at:.2f} s into the motion; accepted are -85° to 85°")
     velocity = np.einsum("nij,nj->ni", C_nb_from_euler(euler), state[:, 3:])
     start = plan.start
     first = np.array([math.radians(start.latitude_deg), math.radians(start.longitude_deg), start.height_m])
     latitude, longitude, height = position(time, velocity, first).T
-    if np.abs(latitude).max() > math.radians(89):
+    if np.abs(latitude).max() > _MAX_LATITUDE:
         raise MissionError("the motion comes within 1° of a pole, where yaw turns without bound")
     recording = Recording(time, latitude, wrap(longitude), height, velocity, euler)
     return Motion(recording, _without_gps(plan, ends, float(time[-1])))

@@ -13,6 +13,7 @@ from lab.compiled_cache import check_files
 FloatArray = NDArray[np.float64]
 
 _RATES, _CHANGE, _ATTITUDE, _VELOCITY = 1, 3, 4, 5
+"""Types of commands: rates, changes, attitude to reach, velocity to reach (gnss-ins-sim)."""
 
 
 @numba.njit(error_model="numpy", nogil=True, cache=True)

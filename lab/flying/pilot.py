@@ -26,9 +26,13 @@ from lab.flying.manoeuvres import (
 from lab.flying.simulated_aircraft import Controls, Instruments
 
 _GRAVITY = 9.81
+"""Gravity as a pilot knows it [m/s²]; every flight's bits depend on it."""
 _PITCH_RATE_AT_ROTATION = math.radians(3.0)
+"""Rate at which the nose is raised for take-off [rad/s]: the usual rate of airliners."""
 _BANK_RATE = math.radians(8.0)
+"""Rate at which the pilot rolls into a turn and out of it [rad/s]: a calm one."""
 _SKID_RATE = math.radians(2.0)
+"""Rate at which a sideslip is built up [rad/s]: slow enough for the rudder to hold it."""
 
 PATIENCE = 60.0
 """Time without getting nearer to what a manoeuvre asks after which it cannot be done [s]."""

@@ -14,6 +14,20 @@ from lab.recordings.mission_error import MissionError
 Part = TypeVar("Part")
 Limits = Mapping[str, tuple[float, float]]
 
+LATITUDES = (-85.0, 85.0)
+"""Latitudes of plans [°]: closer to a pole north turns on the path, which courses and headings do not
+bear."""
+TURNS = (-360.0, 360.0)
+"""Longitudes, headings and directions of plans [°]."""
+GROUNDS = (-500.0, 5000.0)
+"""Heights of the ground above the ellipsoid [m]: the Dead Sea has -430 m, the highest airports 4400 m."""
+HEIGHTS = (30.0, 12_000.0)
+"""Heights above the ground that a pilot is asked to fly at [m]; most aircraft have narrower limits."""
+AIRSPEEDS = (10.0, 300.0)
+"""True airspeeds that a pilot is asked to fly [m/s]; every aircraft has narrower limits."""
+SPEEDS = (-350.0, 350.0)
+"""Components of the velocity of waypoints and commands [m/s]: about the speed of sound."""
+
 
 @dataclass(frozen=True)
 class Entry:

@@ -10,15 +10,15 @@ from typing import Any
 from lab.flying.flight_plan import AirStart, FlightPlan, Runway
 from lab.flying.weather import Air
 from lab.recordings.mission_error import MissionError
+from lab.units import FOOT, RANKINES_PER_KELVIN
 
 STEP_MS = 1
 """Integration step [ms]; divides 5, 10 and 55 ms."""
 SETTLING_MS = 15_000
 """Time on the wheels, brakes set and engine idling, before the record begins [ms]."""
 
-_FOOT = 0.3048
-_RANKINE = 1.8
 _LONGITUDINAL = 0
+"""JSBSim's number of the trim of speed, height and pitch."""
 _AXES = ("north", "east", "down")
 _STILL = ((), (), ())
 
@@ -94,7 +94,7 @@ class SimulatedAircraft:
         self._fdm = _executive(plan.aircraft)
         self._fdm["simulation/randomseed"] = plan.seed
         if plan.air.temperature_deviation_k:
-            self._fdm["atmosphere/delta-T"] = plan.air.temperature_deviation_k * _RANKINE
+            self._fdm["atmosphere/delta-T"] = plan.air.temperature_deviation_k * RANKINES_PER_KELVIN
         self.trimmed = Controls()
         self._standing_height = 0.0
         self._gusts = plan.air.gusts
@@ -110,7 +110,7 @@ class SimulatedAircraft:
         fdm = self._fdm
         fdm["ic/lat-geod-deg"] = runway.latitude_deg
         fdm["ic/long-gc-deg"] = runway.longitude_deg
-        fdm["ic/terrain-elevation-ft"] = runway.height_m / _FOOT
+        fdm["ic/terrain-elevation-ft"] = runway.height_m / FOOT
         fdm["ic/h-agl-ft"] = self._aircraft.standing_height_ft
         fdm["ic/psi-true-deg"] = runway.heading_deg
         self._begin(runway.height_m)
@@ -118,22 +118,22 @@ class SimulatedAircraft:
         _set_wind(fdm, air)
         for _ in range(SETTLING_MS // STEP_MS):
             fdm.run()
-        self._standing_height = fdm["position/geod-alt-ft"] * _FOOT - self._ground
+        self._standing_height = fdm["position/geod-alt-ft"] * FOOT - self._ground
 
     def _trim(self, start: AirStart, air: Air) -> None:
         fdm = self._fdm
         airspeed = self._aircraft.airspeed if start.airspeed_m_s is None else start.airspeed_m_s
         fdm["ic/lat-geod-deg"] = start.latitude_deg
         fdm["ic/long-gc-deg"] = start.longitude_deg
-        fdm["ic/terrain-elevation-ft"] = start.ground_m / _FOOT
-        fdm["ic/h-agl-ft"] = start.height_m / _FOOT
+        fdm["ic/terrain-elevation-ft"] = start.ground_m / FOOT
+        fdm["ic/h-agl-ft"] = start.height_m / FOOT
         # In this order: each of these moves what was set before it, but for the heading set last.
         fdm["ic/psi-true-deg"] = start.heading_deg
-        fdm["ic/vw-mag-fps"] = air.wind_m_s / _FOOT
+        fdm["ic/vw-mag-fps"] = air.wind_m_s / FOOT
         fdm["ic/vw-dir-deg"] = air.wind_from_deg + 180.0
         heading, wind_from = math.radians(start.heading_deg), math.radians(air.wind_from_deg)
-        fdm["ic/vn-fps"] = (airspeed * math.cos(heading) - air.wind_m_s * math.cos(wind_from)) / _FOOT
-        fdm["ic/ve-fps"] = (airspeed * math.sin(heading) - air.wind_m_s * math.sin(wind_from)) / _FOOT
+        fdm["ic/vn-fps"] = (airspeed * math.cos(heading) - air.wind_m_s * math.cos(wind_from)) / FOOT
+        fdm["ic/ve-fps"] = (airspeed * math.sin(heading) - air.wind_m_s * math.sin(wind_from)) / FOOT
         fdm["ic/vd-fps"] = 0.0
         fdm["ic/psi-true-deg"] = start.heading_deg
         self._begin(start.ground_m)
@@ -175,7 +175,7 @@ class SimulatedAircraft:
         """Set the sum of the gusts; JSBSim adds it to the wind and the turbulence."""
         velocities = [gust.velocity_n(time) for gust in self._gusts if gust.blows(time)]
         for axis, speeds in zip(_AXES, zip(*velocities, strict=True) if velocities else _STILL, strict=True):
-            self._fdm[f"atmosphere/gust-{axis}-fps"] = sum(speeds) / _FOOT
+            self._fdm[f"atmosphere/gust-{axis}-fps"] = sum(speeds) / FOOT
 
     def move(self, controls: Controls) -> None:
         """Move the controls."""
@@ -197,9 +197,9 @@ class SimulatedAircraft:
         """Read the instruments."""
         fdm = self._fdm
         return Instruments(
-            airspeed=fdm["velocities/vt-fps"] * _FOOT,
-            height=fdm["position/geod-alt-ft"] * _FOOT - self._ground - self._standing_height,
-            climb_rate=-fdm["velocities/v-down-fps"] * _FOOT,
+            airspeed=fdm["velocities/vt-fps"] * FOOT,
+            height=fdm["position/geod-alt-ft"] * FOOT - self._ground - self._standing_height,
+            climb_rate=-fdm["velocities/v-down-fps"] * FOOT,
             roll=fdm["attitude/phi-rad"],
             pitch=fdm["attitude/theta-rad"],
             heading=fdm["attitude/psi-rad"],
@@ -230,14 +230,14 @@ class SimulatedAircraft:
         return (
             fdm["position/lat-geod-rad"],
             fdm["position/long-gc-rad"],
-            fdm["position/geod-alt-ft"] * _FOOT,
-            fdm["velocities/v-north-fps"] * _FOOT,
-            fdm["velocities/v-east-fps"] * _FOOT,
-            fdm["velocities/v-down-fps"] * _FOOT,
+            fdm["position/geod-alt-ft"] * FOOT,
+            fdm["velocities/v-north-fps"] * FOOT,
+            fdm["velocities/v-east-fps"] * FOOT,
+            fdm["velocities/v-down-fps"] * FOOT,
             fdm["attitude/phi-rad"],
             fdm["attitude/theta-rad"],
             fdm["attitude/psi-rad"],
-            fdm["velocities/vt-fps"] * _FOOT,
+            fdm["velocities/vt-fps"] * FOOT,
             fdm["aero/alpha-rad"],
             fdm["aero/beta-rad"],
         )
@@ -272,12 +272,12 @@ def _further(fdm: Any, throttle: str) -> list[str]:
 def _set_wind(fdm: Any, air: Air) -> None:
     # JSBSim forgets a wind set before run_ic().
     direction = math.radians(air.wind_from_deg)
-    fdm["atmosphere/wind-north-fps"] = -air.wind_m_s * math.cos(direction) / _FOOT
-    fdm["atmosphere/wind-east-fps"] = -air.wind_m_s * math.sin(direction) / _FOOT
+    fdm["atmosphere/wind-north-fps"] = -air.wind_m_s * math.cos(direction) / FOOT
+    fdm["atmosphere/wind-east-fps"] = -air.wind_m_s * math.sin(direction) / FOOT
 
 
 def _set_turbulence(fdm: Any, air: Air) -> None:
     if air.turbulence_severity:
         fdm["atmosphere/turb-type"] = 4
-        fdm["atmosphere/turbulence/milspec/windspeed_at_20ft_AGL-fps"] = air.turbulence_wind_m_s / _FOOT
+        fdm["atmosphere/turbulence/milspec/windspeed_at_20ft_AGL-fps"] = air.turbulence_wind_m_s / FOOT
         fdm["atmosphere/turbulence/milspec/severity"] = air.turbulence_severity

@@ -24,7 +24,7 @@ from lab.flying.dead_reckoning import integral
 from lab.flying.geodesic import geodesic
 from lab.flying.manoeuvres import MAX_DURATION
 from lab.flying.path_profile import Leg, Turn, profile
-from lab.flying.plan_table import choice, number, plain_part, read_part
+from lab.flying.plan_table import LATITUDES, TURNS, choice, number, plain_part, read_part
 from lab.recordings.mission_error import MissionError
 from lab.recordings.recording import Recording
 from lab.rotation import wrap
@@ -41,8 +41,14 @@ SHARPEST = math.radians(150.0)
 STEEPEST = 0.5
 """Largest slope of a climb or descent."""
 
-_ROUNDS = 80
+_MIN_DISTANCE = 1e-3
+"""Distance of waypoints below which they are at one place [m]."""
+_MIN_SPEED = 0.1
+"""Slowest speed at which a leg is travelled [m/s]."""
+_MAX_ROUNDS = 80
+"""Most rounds of Picard's iteration: the longest ways at the highest latitudes need most."""
 _CONVERGED = 1e-13
+"""Change of latitude and course in a round below which they are found [rad]: 1 µm."""
 _DEFAULTS = {  # acceleration, lateral acceleration [m/s²], turn rate [rad/s], time to build up a turn [s]
     "aircraft": (1.5, STANDARD_GRAVITY * math.tan(math.radians(25)), math.radians(20), 4.0),
     "car": (2.0, 2.5, math.radians(30), 1.5),
@@ -54,8 +60,8 @@ _DEFAULTS = {  # acceleration, lateral acceleration [m/s²], turn rate [rad/s], 
 class Waypoint:
     """A point of the way and how it is passed."""
 
-    latitude_deg: float = number("Latitude", "°", (-85, 85), "Geodetic latitude on WGS-84.")
-    longitude_deg: float = number("Longitude", "°", (-360, 360), "Longitude on WGS-84, east positive.")
+    latitude_deg: float = number("Latitude", "°", LATITUDES, "Geodetic latitude on WGS-84.")
+    longitude_deg: float = number("Longitude", "°", TURNS, "Longitude on WGS-84, east positive.")
     height_m: float = number("Height", "m", (-500, 20_000), "Height above the ellipsoid.")
     speed_m_s: float = number(
         "Speed", "m/s", (0, 350), "Horizontal speed from here on; that of the last one is its own."
@@ -147,7 +153,7 @@ def _geodesics(points: Sequence[Waypoint]) -> tuple[FloatArray, FloatArray]:
     latitude = np.radians([point.latitude_deg for point in points])
     longitude = np.radians([point.longitude_deg for point in points])
     distance, out, arriving = geodesic(latitude[:-1], longitude[:-1], latitude[1:], longitude[1:])
-    short = np.flatnonzero(~(distance > 1e-3))
+    short = np.flatnonzero(~(distance > _MIN_DISTANCE))
     if short.size:
         first = int(short[0]) + 1
         raise MissionError(
@@ -198,9 +204,9 @@ def _corner_speed(plan: WaypointPlan, number_: int) -> float:
 def _leg(plan: WaypointPlan, number_: int, distance: float, turns: Sequence[Turn]) -> Leg:
     here, there = plan.waypoints[number_ : number_ + 2]
     between = f"waypoints {number_ + 1} and {number_ + 2}"
-    if here.speed_m_s < 0.1:
+    if here.speed_m_s < _MIN_SPEED:
         raise MissionError(
-            f"waypoint {number_ + 1}: speed_m_s = {here.speed_m_s:g} leads nowhere; at least 0.1"
+            f"waypoint {number_ + 1}: speed_m_s = {here.speed_m_s:g} leads nowhere; at least {_MIN_SPEED:g}"
         )
     straight = distance - turns[number_].reach - turns[number_ + 1].reach
     speeds = (_corner_speed(plan, number_), _corner_speed(plan, number_ + 1))
@@ -235,7 +241,7 @@ def _over_the_ellipsoid(
     """
     start = math.radians(first.latitude_deg)
     latitude, bearing = np.full_like(time, start), course + turned
-    for _ in range(_ROUNDS):
+    for _ in range(_MAX_ROUNDS):
         meridian, transverse = radii(np.sin(latitude))
         north = speed * np.cos(bearing)
         turning = integral(time, speed * np.sin(bearing) * np.tan(latitude) / transverse)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-from lab.flying.plan_table import number
+from lab.flying.plan_table import TURNS, number
 
 
 @dataclass(frozen=True)
@@ -18,7 +18,7 @@ class Gust:
     time_s: float = number("Time", "s", (0, math.inf), "Time from the start of the flight to its begin.")
     speed_m_s: float = number("Speed", "m/s", (0, 20), "Its horizontal speed at full size.", default=0.0)
     from_deg: float = number(
-        "From", "°", (-360, 360), "True direction its horizontal part comes from.", default=0.0
+        "From", "°", TURNS, "True direction its horizontal part comes from.", default=0.0
     )
     updraught_m_s: float = number(
         "Updraught", "m/s", (-10, 10), "Its speed upwards at full size.", default=0.0
@@ -49,9 +49,7 @@ class Gust:
 class Air:
     """The air the aircraft flies in; calm by default."""
 
-    wind_from_deg: float = number(
-        "Wind from", "°", (-360, 360), "True direction the wind comes from.", default=0.0
-    )
+    wind_from_deg: float = number("Wind from", "°", TURNS, "True direction the wind comes from.", default=0.0)
     wind_m_s: float = number("Wind", "m/s", (0, 25), "Speed of the wind.", default=0.0)
     turbulence_severity: int = number(
         "Turbulence severity",

@@ -17,9 +17,13 @@ from lab import ecef, rotation
 
 FloatArray = NDArray[np.float64]
 
-_CLOSE = 1e-4
-_ROUNDS = 40
+_CONVERGED = 1e-4
+"""Change of the positions in a round below which they are found [m]."""
+_MAX_ROUNDS = 40
+"""Most rounds of Picard's iteration: a few are needed, except close to a pole, where the axes turn fast."""
 _FITS = 3
+"""Rounds of fitting the wind, each on the positions that the one before led to. A plain choice: the offset is
+linear in the wind but for the curvature of the Earth."""
 
 
 def air_velocity(airspeed: FloatArray, alpha: FloatArray, beta: FloatArray, euler: FloatArray) -> FloatArray:
@@ -58,13 +62,13 @@ def flown(time: FloatArray, velocity_n: FloatArray, start: FloatArray) -> FloatA
     here = np.asarray(start, dtype=np.float64)
     r_start = ecef.position(here[None])
     position = np.tile(here, (len(time), 1))
-    for _ in range(_ROUNDS):
+    for _ in range(_MAX_ROUNDS):
         velocity_e = np.einsum("nij,nj->ni", ecef.axes(position[:, 0], position[:, 1]), velocity_n)
         way = CubicSpline(time, velocity_e).antiderivative()(time)
         moved = ecef.geodetic(r_start + way)
         change = np.abs(ecef.position(moved) - ecef.position(position)).max()
         position = moved
-        if change < _CLOSE:
+        if change < _CONVERGED:
             break
     return position
 

@@ -20,8 +20,11 @@ from lab.repair.smooth_axes import SmoothAxes
 FloatArray = NDArray[np.float64]
 
 _WINDOW = 5
-# The middle of five samples minus the parabola through them by least squares.
+"""Samples in a row through which the parabola goes."""
 _REST = np.array([3.0, -12.0, 18.0, -12.0, 3.0]) / 35
+"""Weights that give the middle of five samples minus the parabola through them by least squares."""
+_POLE = np.radians(89.0)
+"""Latitude from which on the turning of north is left out [rad]."""
 
 
 def specific_force(position: FloatArray, velocity_n: FloatArray, acceleration_n: FloatArray) -> FloatArray:
@@ -37,7 +40,7 @@ def specific_force(position: FloatArray, velocity_n: FloatArray, acceleration_n:
         Velocity over the Earth and the derivatives of its components [m/s], [m/s²].
     """
     latitude, _, height = position.T
-    s, c = np.sin(latitude), np.maximum(np.cos(latitude), np.cos(np.radians(89.0)))
+    s, c = np.sin(latitude), np.maximum(np.cos(latitude), np.cos(_POLE))
     meridian, transverse = earth.radii(s)
     east_rate = velocity_n[:, 1] / (transverse + height)
     omega_en_n = np.stack((east_rate, -velocity_n[:, 0] / (meridian + height), -east_rate * s / c), axis=-1)

@@ -18,10 +18,11 @@ from lab.importing import air_data
 from lab.importing.derived_motion import roughness, spline_rates
 from lab.importing.import_settings import AUTO, ImportSettings
 from lab.repair.quantisation import value_steps
-from lab.repair.raw_flight import RawFlight
+from lab.repair.raw_flight import JUDGED_SAMPLES, RawFlight
 from lab.repair.sample_times import prediction_error
 from lab.repair.smooth_axes import SmoothAxes
 from lab.repair.smoothing import (
+    WIDEST_STEPS,
     best_smoothing,
     slope_noise,
     smoothed,
@@ -34,13 +35,26 @@ FloatArray = NDArray[np.float64]
 NOISE_THAT_MATTERS = 0.5
 """Roughness of the acceleration from which a velocity is smoothed [m/s²]."""
 
-_LOOKED_AT = 20_000
-_SLOWEST = 1.0
-# The noise of a sample is 1.39 times as large in what neighbours say of it, and its 90 % quantile 1.64 σ.
-_PREDICTED_BY, _OFTEN, _EXPLAINED = 5, 0.9, 1.0
-# Copters and walkers are rough themselves, but not as much as this.
-_DEAFENING = 10.0
-_RAISES, _RAISE, _LEAST_WIDTH, _WIDEST = 24, 4.0, 0.3, 300.0
+_MIN_HEADING_SPEED = 1.0
+"""Speed below which smoothed positions tell no heading, however little noise is left in them [m/s]."""
+_NOISE_FACTOR = 3
+"""The same speed over σ of the velocity's noise."""
+_PREDICTED_BY = 5
+"""Fewest samples by which the noise is judged: one and two neighbours on each side."""
+_MISS_QUANTILE, _MAX_OFF_CURVE = 0.9, 1.0
+"""A curve may leave the samples, rms, by this multiple of that quantile of what neighbours do not explain.
+Noise is 1.39 times as large in that, and its 90 % quantile 1.64 σ: the bound is 2.3 σ of the samples."""
+_MAX_CALMED = 10.0
+"""Roughness to which noise is calmed, over that which matters: copters and walkers are rough themselves,
+but not as much as this."""
+_MIN_CALMING = 0.5
+"""Part of the roughness to which smoothing has to bring it, to be worthwhile."""
+_RAISES = 24
+"""Most times that λ is raised: enough from the least to the widest."""
+_RAISE = 4.0
+"""Factor by which λ is raised: it widens the smoothing by √2."""
+_LEAST_WIDTH = 0.3
+"""Width from which λ is raised, in steps: narrower, it changes nothing."""
 
 
 @dataclass(eq=False)
@@ -99,7 +113,7 @@ class FlightCurves:
         if "position" in self.smoothing:
             off = float(np.sqrt(np.mean((way(self.raw.time) - r_e + r_e[0]) ** 2)))
             noise = slope_noise(self.raw.time, off, self.smoothing["position"])
-            self.slowest = max(_SLOWEST, 3 * noise)
+            self.slowest = max(_MIN_HEADING_SPEED, _NOISE_FACTOR * noise)
         climb = self._spline("height", position[:, 2:], steps.get("height", (0.0, "m"))[0])
         there = ecef.geodetic(way(self.grid) + r_e[0])
         there[:, 2] = climb(self.grid)[:, 0]
@@ -225,9 +239,9 @@ def worthwhile_smoothing(time: FloatArray, values: FloatArray, matters: float) -
     before = roughness(spline_rates(at, samples, 1))
     if before < matters:
         return 0.0
-    parameter = calming_smoothing(time, values, best_smoothing(time, values), 1, _DEAFENING * matters)
+    parameter = calming_smoothing(time, values, best_smoothing(time, values), 1, _MAX_CALMED * matters)
     after = roughness(spline_rates(at, smoothed(at, samples, parameter), 1))
-    return parameter if after < before / 2 else 0.0
+    return parameter if after < _MIN_CALMING * before else 0.0
 
 
 def calming_smoothing(
@@ -257,7 +271,7 @@ def calming_smoothing(
     if len(at) <= _PREDICTED_BY:
         return parameter
     misses = np.linalg.norm(prediction_error(at, samples), axis=1)
-    most_off = _EXPLAINED * float(np.quantile(misses, _OFTEN))
+    most_off = _MAX_OFF_CURVE * float(np.quantile(misses, _MISS_QUANTILE))
     step = float(np.median(np.diff(at)))
     found, tried = parameter, parameter
     for _ in range(_RAISES):
@@ -268,15 +282,15 @@ def calming_smoothing(
         if roughness(spline_rates(at, curve, order)) < matters:
             break
         tried = max(_RAISE * tried, _LEAST_WIDTH**4 * step**3)
-        if tried > _WIDEST**4 * step**3:
+        if tried > WIDEST_STEPS**4 * step**3:
             break
     return found
 
 
 def middle(samples: int) -> slice:
     """Return the middle stretch of a long record, enough to judge it by, or the whole of a short one."""
-    start = max(samples - _LOOKED_AT, 0) // 2
-    return slice(start, start + _LOOKED_AT)
+    start = max(samples - JUDGED_SAMPLES, 0) // 2
+    return slice(start, start + JUDGED_SAMPLES)
 
 
 def air_velocity(raw: RawFlight) -> FloatArray:

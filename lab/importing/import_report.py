@@ -39,9 +39,21 @@ _REPAIRS = {
     "even": "rounded or jittering stamps put on an even spacing",
     "by motion": "put where the way between the samples says",
 }
-_MUCH_LOST = 0.2
-_LOUD, _DEAFENING = 5.0, 50.0
-_MANY = 100_000
+_MAX_LOST = 0.2
+"""Part of the rows that may be left out of a plausible flight."""
+_QUESTIONABLE_NOISE, _IMPLAUSIBLE_NOISE = 5.0, 50.0
+"""Noise of the specific force [m/s², rms] from which a flight is questionable, and implausible: half of
+gravity drowns every manoeuvre but aerobatics, and five times gravity all."""
+_MAX_REPORTED_SAMPLES = 100_000
+"""Samples by which a longer flight is reported: a million rows are then judged in the time of these."""
+_STRETCHES = 10
+"""Stretches of a long flight by which its noise is judged."""
+_LEAST_WIND = 0.005
+"""Smallest wind that is shown [m/s]: less is 0.00 in the digits shown."""
+_MAX_CUTS_SHOWN, _MAX_RESETS_SHOWN = 3, 5
+"""Most cuts and resets that the report lists one by one."""
+_MAX_WIDTH = 110
+"""Widest report [characters]."""
 
 
 @dataclass(frozen=True)
@@ -93,7 +105,7 @@ class ImportReport:
         return tuple(finding.sentence for finding in self.findings)
 
     def __str__(self) -> str:
-        width = min(shutil.get_terminal_size(fallback=(110, 24)).columns, 110)
+        width = min(shutil.get_terminal_size(fallback=(_MAX_WIDTH, 24)).columns, _MAX_WIDTH)
         names = max(len(row.name) for row in self.rows)
         lines: list[str] = []
         group = ""
@@ -222,15 +234,15 @@ def _gaps(flight: RepairedFlight) -> str:
     bridged = f"{flight.gaps} of more than three usual steps bridged" if flight.gaps else "none bridged"
     if not flight.cuts:
         return bridged
-    where = ", ".join(f"{start:.6g} to {end:.6g} s" for start, end in flight.cuts[:3])
-    more = ", ..." if len(flight.cuts) > 3 else ""
+    where = ", ".join(f"{start:.6g} to {end:.6g} s" for start, end in flight.cuts[:_MAX_CUTS_SHOWN])
+    more = ", ..." if len(flight.cuts) > _MAX_CUTS_SHOWN else ""
     kept = f". {_what_keeps_more(flight)}" if flight.bridging else ""
     return f"{bridged}; cut at {len(flight.cuts)} gaps, jumps or restarts ({where}{more}){kept}"
 
 
 def _resets(resets: Sequence[Reset]) -> str:
-    where = "; ".join(f"{reset.change} at {reset.time:.6g} s" for reset in resets[:5])
-    more = f" and {len(resets) - 5} more" if len(resets) > 5 else ""
+    where = "; ".join(f"{reset.change} at {reset.time:.6g} s" for reset in resets[:_MAX_RESETS_SHOWN])
+    more = f" and {len(resets) - _MAX_RESETS_SHOWN} more" if len(resets) > _MAX_RESETS_SHOWN else ""
     return (
         "the autopilot's estimator was set anew, which is no motion, and the recording is cut there: "
         f"{where}{more}"
@@ -295,8 +307,10 @@ def _ned(values: FloatArray) -> str:
 def _wind(wind: FloatArray) -> str:
     speed = float(np.hypot(wind[0], wind[1]))
     origin = np.degrees(np.arctan2(-wind[1], -wind[0])) % 360
-    vertical = f", {abs(wind[2]):.2g} m/s {'down' if wind[2] > 0 else 'up'}" if abs(wind[2]) >= 0.005 else ""
-    return f"{speed:.2f} m/s from {origin:.0f}°{vertical}" if speed >= 0.005 else "none"
+    vertical = (
+        f", {abs(wind[2]):.2g} m/s {'down' if wind[2] > 0 else 'up'}" if abs(wind[2]) >= _LEAST_WIND else ""
+    )
+    return f"{speed:.2f} m/s from {origin:.0f}°{vertical}" if speed >= _LEAST_WIND else "none"
 
 
 def _noise(flight: RepairedFlight, force: float, rate: float, sensor: SensorNoise | None) -> list[ReportRow]:
@@ -316,7 +330,9 @@ def _noise(flight: RepairedFlight, force: float, rate: float, sensor: SensorNois
 def _thinned(flight: RepairedFlight, rebuilt: Reconstruction) -> tuple[RepairedFlight, Reconstruction]:
     """Return a long flight with every so many samples only: what it does is seen as well in fewer."""
     raw, recording = flight.raw, rebuilt.recording
-    of_raw, of_recording = (slice(None, None, -(-len(x.time) // _MANY)) for x in (raw, recording))
+    of_raw, of_recording = (
+        slice(None, None, -(-len(x.time) // _MAX_REPORTED_SAMPLES)) for x in (raw, recording)
+    )
     if of_raw.step > 1:
         flight = replace(flight, raw=raw.rows(np.arange(len(raw.time))[of_raw]))
     if of_recording.step > 1:
@@ -332,11 +348,11 @@ def _part(recording: Recording, samples: slice) -> Recording:
 def _stretches(recording: Recording) -> Iterator[Recording]:
     """Give a flight whole, or of a long one ten stretches of it."""
     count = len(recording.time)
-    if count <= _MANY:
+    if count <= _MAX_REPORTED_SAMPLES:
         yield recording
         return
-    for start in np.linspace(0, count - _MANY // 10, 10).astype(int):
-        yield _part(recording, slice(start, start + _MANY // 10))
+    for start in np.linspace(0, count - _MAX_REPORTED_SAMPLES // _STRETCHES, _STRETCHES).astype(int):
+        yield _part(recording, slice(start, start + _MAX_REPORTED_SAMPLES // _STRETCHES))
 
 
 def _evenly(part: Recording, flight: RepairedFlight, rebuilt: Reconstruction, name: str) -> FloatArray:
@@ -402,7 +418,7 @@ def _losses(raw: RawFlight, flight: RepairedFlight) -> Iterable[Finding]:
     """Say when much of the file was left out."""
     rows = raw.rows_read or len(raw.time)
     used = len(flight.raw.time) / max(rows, 1)
-    if used < 1 - _MUCH_LOST:
+    if used < 1 - _MAX_LOST:
         yield Finding(
             QUESTIONABLE,
             f"Only {100 * used:.0f} % of the rows are used; what was left out, and why, is listed under "
@@ -412,9 +428,9 @@ def _losses(raw: RawFlight, flight: RepairedFlight) -> Iterable[Finding]:
 
 
 def _loudness(force: float) -> Iterable[Finding]:
-    if force > _LOUD:
+    if force > _QUESTIONABLE_NOISE:
         yield Finding(
-            IMPLAUSIBLE if force > _DEAFENING else QUESTIONABLE,
+            IMPLAUSIBLE if force > _IMPLAUSIBLE_NOISE else QUESTIONABLE,
             f"The specific force has {force:.3g} m/s² rms of noise: differentiated samples, not motion. "
             "Likely: coarse "
             "numbers or time stamps; repair and smoothing (settings time_stamps, smoothing) make it less.",

@@ -5,6 +5,7 @@ from __future__ import annotations
 import param
 
 from lab.flying.coordinated_turn import VEHICLES
+from lab.repair.row_repair import MAX_BRIDGED_GAP
 from lab.repair.time_repair import REPAIRED, TIME_STAMPS
 from lab.setting_kinds import Quantity
 from lab.settings import Settings
@@ -38,7 +39,7 @@ class ImportSettings(Settings):
     longest_gap = Quantity(
         2.0,
         unit="s",
-        bounds=(0, 3600),
+        bounds=(0, MAX_BRIDGED_GAP),
         softbounds=(0.5, 30),
         step=0.5,
         label="Longest gap",

@@ -25,13 +25,63 @@ FloatArray = NDArray[np.float64]
 
 QUESTIONABLE, IMPLAUSIBLE = "questionable", "implausible"
 
-_OFTEN = 0.999
-_LEGS, _FEWEST_LEGS = 200, 20
-# In shorter legs the noise of a receiver is as large as the way [s]; within its noise a receiver stands [m].
-_SHORTEST_LEG, _STANDS = 2.0, 30.0
+_REACHED_QUANTILE = 0.999
+"""Quantile of a quantity that is compared with `LIMITS`: single samples may be wrong in a good recording."""
+_GRAVITY_RATIO = (0.6, 1.6)
+"""Median specific force of a flight [g]: level flight and cruise have 1; a wrong unit is a factor of 2 and
+more."""
+_MAX_LEGS, _MIN_LEGS = 200, 20
+"""Legs in which the path by position is compared with the path by velocity."""
+_MIN_LEG = 2.0
+"""Shortest of these legs [s]: in shorter ones the noise of a receiver is as large as the displacement."""
+_MIN_EXTENT = 30.0
+"""Extent of the positions within which a receiver stands, as far as its noise tells [m]."""
+_MIN_PATH = 100.0
+"""Shortest path, along an axis, from which it is compared [m]: far beyond the noise of a receiver."""
+_MIN_CORRELATION = 0.8
+"""Correlation from which a slope means a unit, and below which two series have little in common: with random
+errors as large as 3/4 of the motion it is 0.8."""
+_CERTAIN_CORRELATION = 0.95
+"""Correlation from which another axis, or the opposite sign, is said to be the right one."""
+_SAME_VELOCITY = (0.9, 1.1)
+"""Slopes of velocity against positions that no wrong unit explains: the nearest factor is 0.51."""
+_RADIANS_AS_DEGREES = (20, 65)
+"""Slopes of velocity against positions in radians: 57 along the meridian, less where the parallels grow."""
 _STRIDE = 5
-_MOVING = 5.0
-_LIKE = 0.8
+"""Samples over which the increments of attitude and rates are compared: jitter of one sample averages out."""
+_SAME_RATE = (0.8, 1.25)
+"""Slopes of attitude against recorded rates that are no wrong unit."""
+_MIN_RATE_CORRELATION = 0.5
+"""Correlation below which a recorded rate has little to do with the attitude."""
+_MIN_TURN = np.radians(0.2)
+"""Rms increment of an axis from which it is judged [rad]: less is noise of the attitude."""
+_MIN_COURSE_SPEED = 5.0
+"""Speed from which attitude is compared with the course [m/s]."""
+_MIN_MOVING_SAMPLES = 20
+"""Fewest samples at such a speed, or airspeed, by which they are compared."""
+_MAX_CRAB = np.radians(35.0)
+"""Median angle between heading and course that wind explains [rad]: 17 m/s across an airspeed of 30 m/s."""
+_CLEARLY_BETTER = 1 / 3
+"""Part of that angle which has to be left when the heading is read in another way, to name that."""
+_MIN_BANKING, _MIN_CLIMBING = np.radians(4.0), np.radians(1.5)
+"""σ of the bank of coordinated turns, and of the slope of the path, from which roll and pitch are judged
+[rad]."""
+_MIN_ATTITUDE_CORRELATION = 0.6
+"""Correlation of roll and pitch with the path from which their slope is judged: sideslip and changes of
+the angle of attack leave it above 0.6."""
+_SAME_ROLL, _SAME_PITCH = (0.5, 2.0), (0.2, 5.0)
+"""Slopes of roll against the coordinated bank, and of pitch against the path, that are no wrong unit (57)."""
+_MIN_AIRSPEED = 15.0
+"""Airspeed or speed from which their ratio is judged [m/s]."""
+_SAME_AIRSPEED = (0.6, 1.6)
+"""Median airspeed over speed that wind and density of the air explain; a knot is 0.51 m/s."""
+_SLOW = 0.1
+"""Least speed by which the airspeed is divided [m/s]."""
+_MAX_RESIDUAL, _MAX_AIR_RESIDUAL = 10.0, 500.0
+"""Rms distance of a plausible curve from the positions [m]: of one from velocity or positions, where a
+receiver is off by a few metres; and of one from air data, where the wind changes."""
+_IMPLAUSIBLE_RESIDUAL = 20
+"""Multiple of these from which the flight is implausible."""
 
 
 @dataclass(frozen=True)
@@ -78,9 +128,11 @@ LIMITS: Mapping[str, Mapping[str, Range]] = {
         "speed": Range(40.0, 120.0),
     },
 }
-"""For each vehicle: specific force [m/s²], body rate [rad/s], vertical and whole speed [m/s]."""
+"""For each vehicle: specific force [m/s²], body rate [rad/s], vertical and whole speed [m/s]. A plain
+choice: aerobatic aeroplanes, rally cars and racing boats reach what is usual; no crew bears more than what
+is possible."""
 
-_UNITS = {
+_UNITS = {  # unit shown, and its factor from SI
     "specific force": ("m/s²", 1.0),
     "body rate": ("°/s", np.degrees(1.0)),
     "climb": ("m/s", 1.0),
@@ -181,7 +233,7 @@ def _made_here(flight: RepairedFlight, rebuilt: Reconstruction) -> dict[str, str
         made["climb"] = heights
         recording = rebuilt.recording
         level = CubicSpline(recording.time, recording.velocity_n[:, :2])(recording.time, 1)
-        often = float(np.quantile(np.linalg.norm(level, axis=1), _OFTEN))
+        often = float(np.quantile(np.linalg.norm(level, axis=1), _REACHED_QUANTILE))
         if np.hypot(often, earth.STANDARD_GRAVITY) < LIMITS[rebuilt.vehicle]["specific force"].possible:
             made["specific force"] = heights
     return made
@@ -194,7 +246,7 @@ def _beyond_limits(flight: RepairedFlight, rebuilt: Reconstruction, moves: Motio
     causes = {**_CAUSES, **made}
     for name, limit in LIMITS[vehicle].items():
         unit, factor = _UNITS[name]
-        often = float(np.quantile(getattr(moves, name.replace(" ", "_")), _OFTEN))
+        often = float(np.quantile(getattr(moves, name.replace(" ", "_")), _REACHED_QUANTILE))
         if often > limit.usual:
             # A file is not refused for what the lab itself made of it.
             level = IMPLAUSIBLE if often > limit.possible and name not in made else QUESTIONABLE
@@ -206,7 +258,7 @@ def _beyond_limits(flight: RepairedFlight, rebuilt: Reconstruction, moves: Motio
                 )
             )
     usual = float(np.median(moves.specific_force))
-    if not 0.6 < usual / earth.STANDARD_GRAVITY < 1.6:
+    if not _GRAVITY_RATIO[0] < usual / earth.STANDARD_GRAVITY < _GRAVITY_RATIO[1]:
         found.append(
             Finding(
                 QUESTIONABLE,
@@ -223,16 +275,16 @@ def _velocity_against_positions(flight: RepairedFlight) -> list[Finding]:
     raw = flight.raw
     if raw.velocity_n is None or raw.latitude is None or raw.longitude is None:
         return []
-    count = int(np.clip(raw.time[-1] / _SHORTEST_LEG, _FEWEST_LEGS, _LEGS))
+    count = int(np.clip(raw.time[-1] / _MIN_LEG, _MIN_LEGS, _MAX_LEGS))
     legs = np.unique(np.linspace(0, len(raw.time) - 1, count + 1).astype(int))
     height = np.zeros(len(raw.time)) if raw.height is None else raw.height
     position = np.stack((raw.latitude, raw.longitude, height), axis=-1)[legs]
     steps = np.diff(raw.time)[:, None] * (raw.velocity_n[1:] + raw.velocity_n[:-1]) / 2
     travelled = np.concatenate((np.zeros((1, 3)), np.cumsum(steps, axis=0)))[legs]
     by_velocity, by_position = np.diff(travelled, axis=0), ecef.displacement(position[:-1], position[1:])
-    if ecef.near_pole(position[:, 0]).any() or np.abs(by_position[:, :2]).sum() < 100:
+    if ecef.near_pole(position[:, 0]).any() or np.abs(by_position[:, :2]).sum() < _MIN_PATH:
         return []
-    if np.linalg.norm(np.ptp(np.cumsum(by_position[:, :2], axis=0), axis=0)) < _STANDS:
+    if np.linalg.norm(np.ptp(np.cumsum(by_position[:, :2], axis=0), axis=0)) < _MIN_EXTENT:
         return []
     swapped = _swapped(by_position, by_velocity)
     if swapped:
@@ -241,14 +293,17 @@ def _velocity_against_positions(flight: RepairedFlight) -> list[Finding]:
     level = agreement(by_position[:, :2].ravel(), by_velocity[:, :2].ravel())
     axes = {"The horizontal velocity": level}
     recorded = raw.height is not None and VERTICAL_VELOCITY not in raw.made
-    if recorded and np.abs(by_position[:, 2]).sum() > 100:
+    if recorded and np.abs(by_position[:, 2]).sum() > _MIN_PATH:
         axes["The vertical velocity"] = agreement(by_position[:, 2], by_velocity[:, 2])
     for name, like in axes.items():
-        if abs(like.correlation) > _LIKE and not 0.9 < like.slope < 1.1:
+        if (
+            abs(like.correlation) > _MIN_CORRELATION
+            and not _SAME_VELOCITY[0] < like.slope < _SAME_VELOCITY[1]
+        ):
             words = _cause_of_way(like.slope) if like is level else cause(like.slope, "speed")
             sentence = f"{name} is {like.slope:.3g} times what the positions say. Likely: {words}."
             found.append(Finding(IMPLAUSIBLE, sentence))
-        elif abs(like.correlation) <= _LIKE:
+        elif abs(like.correlation) <= _MIN_CORRELATION:
             found.append(
                 Finding(
                     QUESTIONABLE,
@@ -262,7 +317,7 @@ def _velocity_against_positions(flight: RepairedFlight) -> list[Finding]:
 def _cause_of_way(slope: float) -> str:
     """Return what probably makes a velocity too large for the positions."""
     # Radians shrink latitude and longitude, and with the latitude the parallels grow.
-    if 20 < abs(slope) < 65:
+    if _RADIANS_AS_DEGREES[0] < abs(slope) < _RADIANS_AS_DEGREES[1]:
         return "latitude and longitude in radians read as degrees"
     return cause(slope, "speed")
 
@@ -270,12 +325,12 @@ def _cause_of_way(slope: float) -> str:
 def _swapped(by_position: FloatArray, by_velocity: FloatArray) -> Finding | None:
     straight = agreement(by_position[:, :2].ravel(), by_velocity[:, :2].ravel()).correlation
     across = agreement(by_position[:, :2].ravel(), by_velocity[:, 1::-1].ravel()).correlation
-    if across > 0.95 and straight < _LIKE:
+    if across > _CERTAIN_CORRELATION and straight < _MIN_CORRELATION:
         return Finding(IMPLAUSIBLE, "The velocities north and east look exchanged.")
     for axis, name in enumerate(("north", "east")):
-        if np.abs(by_position[:, axis]).sum() > 100:
+        if np.abs(by_position[:, axis]).sum() > _MIN_PATH:
             one = agreement(by_position[:, axis], by_velocity[:, axis])
-            if one.correlation < -0.95:
+            if one.correlation < -_CERTAIN_CORRELATION:
                 return Finding(IMPLAUSIBLE, f"The velocity {name} has its sign turned round.")
     return None
 
@@ -286,8 +341,8 @@ def _attitude_against_path(flight: RepairedFlight, rebuilt: Reconstruction) -> l
     if rebuilt.attitude_reconstructed:
         return []
     velocity, euler = recording.velocity_n, recording.euler
-    moving = np.hypot(velocity[:, 0], velocity[:, 1]) > _MOVING
-    if moving.sum() < 20:
+    moving = np.hypot(velocity[:, 0], velocity[:, 1]) > _MIN_COURSE_SPEED
+    if moving.sum() < _MIN_MOVING_SAMPLES:
         return []
     found = _heading(velocity[moving], euler[moving, 2])
     if rebuilt.vehicle == "aircraft" and not found:
@@ -299,7 +354,7 @@ def _attitude_against_path(flight: RepairedFlight, rebuilt: Reconstruction) -> l
 def _heading(velocity: FloatArray, yaw: FloatArray) -> list[Finding]:
     course = np.arctan2(velocity[:, 1], velocity[:, 0])
     off = _usual_angle(yaw - course)
-    if off < np.radians(35):
+    if off < _MAX_CRAB:
         return []
     guesses = {
         "radians read as degrees": np.degrees(yaw),
@@ -310,7 +365,7 @@ def _heading(velocity: FloatArray, yaw: FloatArray) -> list[Finding]:
     }
     best = min(guesses, key=lambda name: _usual_angle(guesses[name] - course))
     sentence = f"The heading is usually {np.degrees(off):.0f}° from the direction of motion"
-    if _usual_angle(guesses[best] - course) < off / 3:
+    if _usual_angle(guesses[best] - course) < _CLEARLY_BETTER * off:
         return [Finding(IMPLAUSIBLE, f"{sentence}. Likely: {best}.")]
     return [Finding(QUESTIONABLE, f"{sentence}. Likely: another column, or a vehicle that moves sideways.")]
 
@@ -319,12 +374,15 @@ def _bank(rebuilt: Reconstruction, moving: NDArray[np.bool_]) -> list[Finding]:
     recording = rebuilt.recording
     expected = coordinated_turn.attitude(recording.time, recording.velocity_n, "aircraft")[moving, 0]
     roll = rotation.wrap(recording.euler[moving, 0])
-    if np.std(expected) < np.radians(4):
+    if np.std(expected) < _MIN_BANKING:
         return []
     like = agreement(expected, roll)
-    if like.correlation < _LIKE and agreement(expected, recording.euler[moving, 1]).correlation > 0.95:
+    if (
+        like.correlation < _MIN_CORRELATION
+        and agreement(expected, recording.euler[moving, 1]).correlation > _CERTAIN_CORRELATION
+    ):
         return [Finding(IMPLAUSIBLE, "Roll and pitch look exchanged.")]
-    if abs(like.correlation) < 0.6 or 0.5 < like.slope < 2:
+    if abs(like.correlation) < _MIN_ATTITUDE_CORRELATION or _SAME_ROLL[0] < like.slope < _SAME_ROLL[1]:
         return []
     return [
         Finding(
@@ -337,10 +395,13 @@ def _bank(rebuilt: Reconstruction, moving: NDArray[np.bool_]) -> list[Finding]:
 
 def _pitch(velocity: FloatArray, pitch: FloatArray) -> list[Finding]:
     climb = np.arctan2(-velocity[:, 2], np.hypot(velocity[:, 0], velocity[:, 1]))
-    if np.std(climb) < np.radians(1.5):
+    if np.std(climb) < _MIN_CLIMBING:
         return []
     like = agreement(climb - climb.mean(), pitch - pitch.mean())
-    if like.correlation < -0.6 or (like.correlation > 0.6 and not 0.2 < like.slope < 5):
+    unlike = not _SAME_PITCH[0] < like.slope < _SAME_PITCH[1]
+    if like.correlation < -_MIN_ATTITUDE_CORRELATION or (
+        like.correlation > _MIN_ATTITUDE_CORRELATION and unlike
+    ):
         return [
             Finding(
                 IMPLAUSIBLE,
@@ -357,9 +418,9 @@ def _rates(flight: RepairedFlight, rebuilt: Reconstruction) -> list[Finding]:
         return []
     found = []
     for axis, like in zip(("roll", "pitch", "yaw"), agreements, strict=True):
-        if like.strength < np.radians(0.2):
+        if like.strength < _MIN_TURN:
             continue
-        if abs(like.correlation) > _LIKE and not 0.8 < like.slope < 1.25:
+        if abs(like.correlation) > _MIN_CORRELATION and not _SAME_RATE[0] < like.slope < _SAME_RATE[1]:
             found.append(
                 Finding(
                     QUESTIONABLE,
@@ -368,7 +429,7 @@ def _rates(flight: RepairedFlight, rebuilt: Reconstruction) -> list[Finding]:
                     f"{cause(1 / like.slope, 'angle')} in the rate, or the attitude's.",
                 )
             )
-        elif abs(like.correlation) < 0.5:
+        elif abs(like.correlation) < _MIN_RATE_CORRELATION:
             found.append(
                 Finding(
                     QUESTIONABLE,
@@ -384,11 +445,11 @@ def _airspeed(flight: RepairedFlight, rebuilt: Reconstruction) -> list[Finding]:
     if airspeed is None or rebuilt.curve == "air data":
         return []
     speed = np.linalg.norm(recording.velocity_n, axis=1)
-    flying = np.maximum(speed, np.abs(airspeed)) > 15
-    if flying.sum() < 20:
+    flying = np.maximum(speed, np.abs(airspeed)) > _MIN_AIRSPEED
+    if flying.sum() < _MIN_MOVING_SAMPLES:
         return []
-    ratio = float(np.median(airspeed[flying] / np.maximum(speed[flying], 0.1)))
-    if 0.6 < ratio < 1.6:
+    ratio = float(np.median(airspeed[flying] / np.maximum(speed[flying], _SLOW)))
+    if _SAME_AIRSPEED[0] < ratio < _SAME_AIRSPEED[1]:
         return []
     return [
         Finding(
@@ -405,10 +466,10 @@ def _residuals(rebuilt: Reconstruction) -> list[Finding]:
     if residual is None:
         return []
     off = float(np.linalg.norm(residual))
-    limit = 500.0 if rebuilt.curve == "air data" else 10.0
+    limit = _MAX_AIR_RESIDUAL if rebuilt.curve == "air data" else _MAX_RESIDUAL
     if off < limit:
         return []
-    level = IMPLAUSIBLE if off > 20 * limit else QUESTIONABLE
+    level = IMPLAUSIBLE if off > _IMPLAUSIBLE_RESIDUAL * limit else QUESTIONABLE
     return [
         Finding(
             level,

@@ -38,8 +38,15 @@ FloatArray = NDArray[np.float64]
 ATTITUDE_NOISE_THAT_MATTERS = float(np.radians(0.5))
 """Roughness of the body rates from which an attitude is smoothed [rad/s]."""
 
-_SAME, _EXACT = 0.05, 1e-9
-_DENSE = 10.0
+_MAX_OFF_SAMPLES = 0.05
+"""Largest distance of the curve from the recorded positions at which the samples are kept as they are [m]."""
+_EXACT = 1e-9
+"""Largest difference of times that are the same but for rounding [s]."""
+_MIN_RATE = 10.0
+"""Least rate of a flight without a recorded attitude [Hz]: so that a bank that builds up within a second
+is followed."""
+_CLEARLY_WORSE = 2
+"""Roughness of the recorded velocity over that of the positions from which the positions make the curve."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -106,7 +113,7 @@ def reconstruct(flight: RepairedFlight, settings: ImportSettings) -> Reconstruct
     raw = flight.raw
     curves = offered(raw)
     curve = _chosen(str(settings.curve), curves, raw)
-    grid = regular_grid(raw.time, float(settings.rate), 0.0 if raw.euler is not None else _DENSE)
+    grid = regular_grid(raw.time, float(settings.rate), 0.0 if raw.euler is not None else _MIN_RATE)
     made = FlightCurves(raw, settings, grid)
     vehicle = _vehicle(raw, settings)
     recording = _as_recorded(flight, grid, settings) if curve == "velocity" else None
@@ -148,7 +155,7 @@ def _chosen(wanted: str, curves: Mapping[str, float], raw: RawFlight) -> str:
             )
         return wanted
     if "velocity" in curves and "position" in curves:
-        clearly_worse = max(curves["velocity"], NOISE_THAT_MATTERS) > 2 * max(
+        clearly_worse = max(curves["velocity"], NOISE_THAT_MATTERS) > _CLEARLY_WORSE * max(
             curves["position"], NOISE_THAT_MATTERS
         )
         return "position" if clearly_worse else "velocity"
@@ -214,7 +221,7 @@ def _as_recorded(flight: RepairedFlight, grid: FloatArray, settings: ImportSetti
     if (
         made.smoothing
         or noisy
-        or np.abs(ecef.displacement(made.recorded_positions(), position)).max() > _SAME
+        or np.abs(ecef.displacement(made.recorded_positions(), position)).max() > _MAX_OFF_SAMPLES
     ):
         return None
     return Recording(

@@ -8,26 +8,32 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from lab.units import DEGREE, FOOT, KILOMETRE_PER_HOUR, KNOT
+
 FloatArray = NDArray[np.float64]
 
-_ANGLES = {
-    180 / math.pi: "degrees read as radians",
-    math.pi / 180: "radians read as degrees",
+_ANGLES = {  # factor of an angle, or of a rate, that is too large
+    1 / DEGREE: "degrees read as radians",
+    DEGREE: "radians read as degrees",
 }
-_SPEEDS = {
-    1 / 0.514444: "knots read as m/s",
-    0.514444: "m/s read as knots",
-    1 / 0.3048: "feet read as metres",
-    0.3048: "metres read as feet",
-    3.6: "km/h read as m/s",
-    1 / 3.6: "m/s read as km/h",
-    60 / 0.3048: "feet per minute read as m/s",
+_SPEEDS = {  # factor of a speed that is too large
+    1 / KNOT: "knots read as m/s",
+    KNOT: "m/s read as knots",
+    1 / FOOT: "feet read as metres",
+    FOOT: "metres read as feet",
+    1 / KILOMETRE_PER_HOUR: "km/h read as m/s",
+    KILOMETRE_PER_HOUR: "m/s read as km/h",
+    60 / FOOT: "feet per minute read as m/s",
     1000.0: "thousandths read as whole units, or seconds as milliseconds",
     0.001: "whole units read as thousandths, or milliseconds as seconds",
 }
 FACTORS = {"angle": _ANGLES, "speed": _SPEEDS}
 """By kind of quantity: factors by which a wrong unit makes numbers too large, and what it is."""
-_NEAR = 0.05
+_FACTOR_TOLERANCE = 0.05
+"""Relative distance of a slope from a unit's factor at which it is named: half of what parts the nearest
+two."""
+_NO_FACTOR = 0.15
+"""Relative distance of a slope from 1 within which noise explains it."""
 
 
 @dataclass(frozen=True)
@@ -66,9 +72,9 @@ def cause(factor: float, kind: str) -> str:
     if not factor or not math.isfinite(factor):
         return "a column of another quantity"
     turned = "its sign is turned round" if factor < 0 else ""
-    if abs(abs(factor) - 1) < 3 * _NEAR:
+    if abs(abs(factor) - 1) < _NO_FACTOR:
         return turned or "noise"
     for known, words in FACTORS[kind].items():
-        if abs(abs(factor) / known - 1) < _NEAR:
+        if abs(abs(factor) / known - 1) < _FACTOR_TOLERANCE:
             return f"{words}, and {turned}" if turned else words
     return f"another unit, and {turned}" if turned else "another unit or column"

@@ -10,7 +10,7 @@ from array import array
 from typing import Self
 
 from lab.importing import xplane_packets
-from lab.readers.table import MIN_ROWS
+from lab.recordings.bounds import MIN_SAMPLES
 from lab.recordings.mission_error import MissionError
 from lab.repair.raw_flight import RawFlight
 
@@ -24,8 +24,11 @@ SILENCE = 3.0
 """After how long without a sample something is wrong [s]."""
 
 _WAKE = 0.1
+"""Longest wait for a packet [s]: within it a recording that is ended ends."""
 _BUFFER = 2**20
-_LARGEST = 2**16
+"""Bytes of packets that the system keeps while nobody takes them: seconds of X-Plane's."""
+_MAX_PACKET = 2**16
+"""Largest packet taken [bytes]: the largest of UDP."""
 
 
 class XPlaneRecorder:
@@ -151,9 +154,9 @@ class XPlaneRecorder:
         """
         problem = self.problem
         self.close()
-        if self.samples < MIN_ROWS:
+        if self.samples < MIN_SAMPLES:
             raise MissionError(
-                f"{self._where}: {self.samples} samples were received; accepted are at least {MIN_ROWS}"
+                f"{self._where}: {self.samples} samples were received; accepted are at least {MIN_SAMPLES}"
                 f"{f'. {problem}' if problem else ''}"
             )
         remarks = []
@@ -183,7 +186,7 @@ class XPlaneRecorder:
         with udp:
             while not self._ended.is_set() and self.samples < MAX_SAMPLES:
                 try:
-                    packet, sender = udp.recvfrom(_LARGEST)
+                    packet, sender = udp.recvfrom(_MAX_PACKET)
                     self._take(packet, sender[0], values)
                 except TimeoutError:
                     pass

@@ -19,8 +19,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lab.readers.fields import LIMITS, NAMED, SEA_LEVEL
-from lab.readers.table import MIN_ROWS
 from lab.readers.xplane_data import velocity_at_aircraft
+from lab.recordings.bounds import MIN_SAMPLES
 from lab.recordings.mission_error import MissionError
 from lab.repair.raw_flight import ColumnUnit, Dropped, RawFlight
 
@@ -50,7 +50,9 @@ _FIELDS = (
     ("q", "angular rate", "rad/s"), ("r", "angular rate", "rad/s"),
 )  # fmt: skip
 _LETTERS = 5
+"""Letters at the start of a packet that name its kind."""
 _EVERY_FRAME = 500
+"""Rate asked for that is above any frame rate, so that references come with each frame [Hz]."""
 
 
 def requests(rate: float) -> list[bytes]:
@@ -188,9 +190,9 @@ def _believable(
     ):
         if lost.any():
             dropped.append(Dropped(reason, int(lost.sum()), int(np.argmax(lost)) + 1))
-    if believed.sum() < MIN_ROWS:
+    if believed.sum() < MIN_SAMPLES:
         raise MissionError(
             f"X-Plane sent {len(timed)} samples, of which {believed.sum()} can be used; accepted are at "
-            f"least {MIN_ROWS}"
+            f"least {MIN_SAMPLES}"
         )
     return believed, tuple(dropped)

@@ -26,27 +26,72 @@ FloatArray = NDArray[np.float64]
 MAX_LAG = 3.0
 """Largest clock offset looked for [s]."""
 
+_GRAVITY_RATIO = (0.7, 1.5)
+"""Median specific force of a log [g]: every vehicle has about 1; a wrong unit is a factor of 9.8 or the
+rate."""
+_UNIT_TOLERANCE = (0.7, 1.4)
+"""Median specific force over a unit's factor at which that unit is named: the motion adds to gravity."""
 _LEG = 1.0
-_MOVING = 2.0
-_TUMBLING = np.radians(25.0)
-_BANKED = 0.15
+"""Length of the legs in which turns and changes of speed are compared [s]: fixes of 1 Hz have it."""
+_MAX_LEG = 2.5
+"""Longest of these legs, over `_LEG`: a longer one has a gap in it."""
+_MIN_COURSE_SPEED = 2.0
+"""Speed from which fixes show a course [m/s]: with velocities good to 0.1 m/s to 3°."""
+_MAX_COURSE_STEP = np.pi / 2
+"""Largest change of the course in a leg that is believed [rad]: a larger one is noise, or a turn on the
+spot."""
+_MAX_TUMBLING = np.radians(25.0)
+"""Largest mean rate about a horizontal axis [rad/s]: five σ of the bias of consumer gyros; a rate of 0.5
+°/s, its numbers read as radians, is 29 °/s."""
+_MIN_PITCH_OF_TURN = 0.15
+"""Pitch rate of banked turns over their yaw rate, from which axes are judged by it: the sine of a bank of
+9°."""
 _LIVELY_TURN = np.radians(2.0)
+"""σ of the rate of the course from which turns are compared [rad/s]: gyros of 1 °/s of noise still show
+it."""
 _LIVELY_SPEED = 0.3
-_LIKE = 0.8
-_LEAST_LAG = 0.4  # receivers are up to 0.3 s late by themselves, which a navigator is told or finds [s]
-_LEAST_LEGS = 10
+"""σ of the acceleration along the path from which it is compared [m/s²]: noise of fixes at 1 Hz is 0.1."""
+_MIN_CORRELATION = 0.8
+"""Correlation from which an axis follows what the fixes show."""
+_MAX_CORRELATION_LEAD = 0.3
+"""By how much the right axis may follow the speed better than the forward one."""
+_SAME_FACTOR = (0.5, 2.0)
+"""Ratio of a factor to 57 (degrees to a radian) at which that unit is named."""
+_MIN_LAG = 0.4
+"""Smallest clock offset that refuses a log [s]: receivers are up to 0.3 s late by themselves, which a
+navigator is told or finds."""
+_LAG_STEP = 0.1
+"""Step of the clock offsets tried with each axis [s]: a tenth of a leg."""
+_MIN_LEGS = 10
+"""Fewest legs by which an axis is judged."""
 _WINDOWS = 4
-_LEAST_WINDOWS = 2
+"""Most windows in which the clock offset is looked for: each is fitted eight times or more."""
+_MIN_WINDOWS = 2
+"""Fewest windows that have to show an offset."""
 _STARTS = (-1.5, 1.5)
-_LAG_SIGMA = 0.1
-_AGREEING = 0.2
-_MOST = 0.6
-_MISFIT = 9.0
-_EXPLAINED = 1.0  # mean square of residuals; of logs at hand up to 0.6, with two axes swapped from 1.2 on
-_CLEAR = np.radians(10.0)
-_ALONG = np.radians(30.0)
-_WANDERING = np.radians(10.0)  # aeroplanes and cars: up to 4° in windows of logs at hand
-_VELOCITY_SIGMA = 0.1  # of a receiver that does not say its own [m/s]
+"""Offsets from which it is fitted too [s]: within one of them the fit finds its way to `MAX_LAG` and to
+zero."""
+_MAX_LAG_SIGMA = 0.1
+"""σ of an offset up to which a window shows it [s]: a quarter of the smallest that refuses a log."""
+_MAX_LAG_APART = 0.2
+"""Distance from the median at which windows agree on an offset [s]: two σ."""
+_MIN_AGREEING = 0.6
+"""Part of the windows that has to agree on it."""
+_MAX_MISFIT = 9.0
+"""Mean square residual, in σ, up to which a window shows an offset: residuals of three σ."""
+_MAX_EXPLAINED_MISFIT = 1.0
+"""Mean square residual, in σ, up to which the IMU as it is explains the velocities. Measured: up to 0.6 on
+real logs, from 1.2 on with two axes swapped."""
+_MAX_HEADING_SIGMA = np.radians(10.0)
+"""σ of the heading up to which a window shows where the nose points [rad]."""
+_MAX_OFF_COURSE = np.radians(30.0)
+"""Mean angle between nose and course up to which the axes are right [rad]: wrong ones turn it by 90° or
+180°."""
+_MIN_WANDERING = np.radians(10.0)
+"""Spread of that angle from which a vehicle goes where it likes [rad]. Measured: up to 4° on aeroplanes
+and cars."""
+_VELOCITY_SIGMA = 0.1
+"""σ of a velocity whose receiver does not give one [m/s]: Doppler of consumer receivers."""
 _OR_ANOTHER_VEHICLE = (
     ". Of a vehicle that does not go where its nose points, this means nothing: name it, such as vehicle = "
     f'"copter" in log.toml; accepted are {", ".join(VEHICLES)}'
@@ -86,7 +131,7 @@ def check_log(log: SensorLog) -> None:
     _check_force(log)
     _check_tumbling(log)
     windows = _windows(log)
-    matches = [match(window, lags=(0.0,)) for window in windows[:_LEAST_WINDOWS]]
+    matches = [match(window, lags=(0.0,)) for window in windows[:_MIN_WINDOWS]]
     vehicle = vehicle_of(log.beside.vehicle)
     if vehicle.follows_nose and not _explained(windows, matches, vehicle):
         motion = motion_of(log)
@@ -119,10 +164,9 @@ def motion_of(log: SensorLog) -> Motion:
     speed = np.linalg.norm(velocity, axis=1)
     course = np.unwrap(np.arctan2(velocity[:, 1], velocity[:, 0]))
     dt = np.diff(time)
-    turn = np.where(np.minimum(speed[1:], speed[:-1]) > _MOVING, np.diff(course) / dt, np.nan)
-    # A course that jumps by more than a right angle in a leg is noise or a U-turn on the spot.
-    turn[np.abs(np.diff(course)) > np.pi / 2] = np.nan
-    short = dt < 2.5 * _LEG
+    turn = np.where(np.minimum(speed[1:], speed[:-1]) > _MIN_COURSE_SPEED, np.diff(course) / dt, np.nan)
+    turn[np.abs(np.diff(course)) > _MAX_COURSE_STEP] = np.nan
+    short = dt < _MAX_LEG * _LEG
     return Motion(time[:-1][short], time[1:][short], turn[short], (np.diff(speed) / dt)[short])
 
 
@@ -138,8 +182,12 @@ def _check_force(log: SensorLog) -> None:
     }
     near = min(causes, key=lambda factor: abs(np.log(max(size, 1e-12) / factor)))
     what = f"{log.name}: the IMU feels {size:.3g} times gravity (median over the log): "
-    if not 0.7 < size < 1.5:
-        likely = causes[near] if 0.7 < size / near < 1.4 else "another unit than declared is likely"
+    if not _GRAVITY_RATIO[0] < size < _GRAVITY_RATIO[1]:
+        likely = (
+            causes[near]
+            if _UNIT_TOLERANCE[0] < size / near < _UNIT_TOLERANCE[1]
+            else "another unit than declared is likely"
+        )
         raise MissionError(
             f"{what}{likely}. The columns' names declare the unit (fx_m_s2, fx_g, dvelocity_x_m_s)"
         )
@@ -158,7 +206,7 @@ def _check_force(log: SensorLog) -> None:
 def _check_tumbling(log: SensorLog) -> None:
     """Refuse a mean rate about a horizontal axis that would tip over a vehicle that stays level."""
     mean = float(np.linalg.norm(log.dtheta[:, :2].sum(axis=0))) / log.duration
-    if mean > _TUMBLING:
+    if mean > _MAX_TUMBLING:
         raise MissionError(
             f"{log.name}: the gyros show {np.degrees(mean):.3g} °/s about a horizontal axis on the average, "
             "which would tip the vehicle over again and again, but gravity stays where it is: the numbers "
@@ -169,25 +217,25 @@ def _check_tumbling(log: SensorLog) -> None:
 def _check_turn(log: SensorLog, motion: Motion) -> None:
     """Compare the course's rate with the gyros, each axis at its best time."""
     rows = np.isfinite(motion.turn)
-    if rows.sum() < _LEAST_LEGS or np.std(motion.turn[rows]) < _LIVELY_TURN:
+    if rows.sum() < _MIN_LEGS or np.std(motion.turn[rows]) < _LIVELY_TURN:
         return
     likeness = np.array([_best(log, log.dtheta[:, axis], motion, motion.turn) for axis in range(3)])
     best = int(np.argmax(np.abs(likeness[:, 0])))
     correlation, factor = likeness[2, :2]
-    if abs(correlation) < _LIKE and best != 2 and abs(likeness[best, 0]) > _LIKE:
+    if abs(correlation) < _MIN_CORRELATION and best != 2 and abs(likeness[best, 0]) > _MIN_CORRELATION:
         raise MissionError(
             f"{log.name}: the vehicle turns as the GPS says about the axis called "
             f"{('forward', 'right')[best]}, not about down (correlation {likeness[best, 0]:.2f} against "
             f"{correlation:.2f}): swapped axes of the gyros are likely"
         )
-    if abs(correlation) < _LIKE:
+    if abs(correlation) < _MIN_CORRELATION:
         return
     degree = 180 / np.pi
     for scale, numbers in (
         (degree, "degrees where radians"),
         (1 / degree, "radians where degrees"),
     ):
-        if 0.5 < abs(factor) / scale < 2:
+        if _SAME_FACTOR[0] < abs(factor) / scale < _SAME_FACTOR[1]:
             raise MissionError(
                 f"{log.name}: the gyros turn {abs(factor):.3g} times as fast as the course: the numbers look "
                 f"like {numbers} are declared (columns gx_rad_s, gx_deg_s)"
@@ -206,12 +254,12 @@ def _check_bank(log: SensorLog, motion: Motion) -> None:
     that does not shows nothing here.
     """
     rows = np.isfinite(motion.turn)
-    if rows.sum() < _LEAST_LEGS or np.std(motion.turn[rows]) < _LIVELY_TURN:
+    if rows.sum() < _MIN_LEGS or np.std(motion.turn[rows]) < _LIVELY_TURN:
         return
     for axis, wrong_sign in ((0, 0), (1, -1)):
         correlation, factor, _ = _best(log, log.dtheta[:, axis], motion, np.abs(motion.turn))
-        wrong = correlation < -_LIKE if wrong_sign else abs(correlation) > _LIKE
-        if wrong and factor > _BANKED:
+        wrong = correlation < -_MIN_CORRELATION if wrong_sign else abs(correlation) > _MIN_CORRELATION
+        if wrong and factor > _MIN_PITCH_OF_TURN:
             raise MissionError(
                 f"{log.name}: in banked turns the nose goes up about the axis called "
                 f"{('forward', 'minus right')[axis]} (correlation {abs(correlation):.2f}), not about right: "
@@ -221,11 +269,11 @@ def _check_bank(log: SensorLog, motion: Motion) -> None:
 
 def _check_forward(log: SensorLog, motion: Motion) -> None:
     """Compare the change of the speed with the horizontal accelerometers, each at its best time."""
-    if motion.speed.size < _LEAST_LEGS or np.std(motion.speed) < _LIVELY_SPEED:
+    if motion.speed.size < _MIN_LEGS or np.std(motion.speed) < _LIVELY_SPEED:
         return
     forward, right = (_best(log, log.dvelocity[:, axis], motion, motion.speed)[0] for axis in (0, 1))
-    backward = forward < -_LIKE
-    if backward or (abs(right) > _LIKE and forward < abs(right) - 0.3):
+    backward = forward < -_MIN_CORRELATION
+    if backward or (abs(right) > _MIN_CORRELATION and forward < abs(right) - _MAX_CORRELATION_LEAD):
         axis, value = ("minus forward", forward) if backward else ("right", right)
         raise MissionError(
             f"{log.name}: the speed the GPS shows is gained along the axis called {axis} (correlation "
@@ -252,16 +300,16 @@ def _explained(windows: list[Window], matches: list[Match], vehicle: Vehicle) ->
         return False
     mean = np.exp(1j * apart).mean()
     spread = np.sqrt(-2 * np.log(max(abs(mean), 1e-12)))  # circular standard deviation
-    return bool(abs(np.angle(mean)) < _ALONG or (not vehicle.name and spread > _WANDERING))
+    return bool(abs(np.angle(mean)) < _MAX_OFF_COURSE or (not vehicle.name and spread > _MIN_WANDERING))
 
 
 def _is_clear(found: Match) -> bool:
-    return bool(found.misfit < _EXPLAINED and found.heading_sigma < _CLEAR)
+    return bool(found.misfit < _MAX_EXPLAINED_MISFIT and found.heading_sigma < _MAX_HEADING_SIGMA)
 
 
 def _off_course(window: Window, found: Match) -> FloatArray:
     """Return the angle of course minus nose at the fixes that move [rad]."""
-    fast = np.linalg.norm(window.velocity_n[:, :2], axis=1) > _MOVING
+    fast = np.linalg.norm(window.velocity_n[:, :2], axis=1) > _MIN_COURSE_SPEED
     north, east = window.velocity_n[fast, :2].T
     steps = np.clip(np.searchsorted(window.time, window.at[fast] + found.lag), 0, len(window.dtheta))
     turning = turned(window.dtheta - found.gyro_bias * np.diff(window.time)[:, None])
@@ -274,17 +322,17 @@ def _check_clock(log: SensorLog, windows: list[Window], matches: list[Match]) ->
     lags: list[float] = []
     for number, window in enumerate(windows):
         found = matches[number] if number < len(matches) else match(window, lags=(0.0,))
-        if not (_shows_lag(found) and abs(found.lag) < _LEAST_LAG):
+        if not (_shows_lag(found) and abs(found.lag) < _MIN_LAG):
             found = min(found, match(window, lags=_STARTS), key=lambda one: one.cost)
         if _shows_lag(found):
             lags.append(found.lag)
-        if len(lags) == _LEAST_WINDOWS and np.abs(lags).max() < _LEAST_LAG:
+        if len(lags) == _MIN_WINDOWS and np.abs(lags).max() < _MIN_LAG:
             return
-    if len(lags) < _LEAST_WINDOWS:
+    if len(lags) < _MIN_WINDOWS:
         return
     lag = float(np.median(lags))
-    agreeing = np.abs(np.array(lags) - lag) < _AGREEING
-    if abs(lag) >= _LEAST_LAG and agreeing.mean() > _MOST:
+    agreeing = np.abs(np.array(lags) - lag) < _MAX_LAG_APART
+    if abs(lag) >= _MIN_LAG and agreeing.mean() > _MIN_AGREEING:
         side = "late" if lag < 0 else "early"
         raise MissionError(
             f"{log.name}: the stamps of the GPS are about {abs(lag):.1f} s {side} against the IMU's (the "
@@ -295,14 +343,14 @@ def _check_clock(log: SensorLog, windows: list[Window], matches: list[Match]) ->
 
 
 def _shows_lag(found: Match) -> bool:
-    return found.lag_sigma < _LAG_SIGMA and found.misfit < _MISFIT
+    return found.lag_sigma < _MAX_LAG_SIGMA and found.misfit < _MAX_MISFIT
 
 
 def _best(
     log: SensorLog, increments: FloatArray, motion: Motion, seen: FloatArray
 ) -> tuple[float, float, float]:
     """Return correlation, factor and lag where the two are most alike, of either sign."""
-    lags = np.arange(-MAX_LAG, MAX_LAG + 0.05, 0.1)
+    lags = np.arange(-MAX_LAG, MAX_LAG + _LAG_STEP / 2, _LAG_STEP)
     found = [(*_likeness(log, increments, motion, seen, lag), float(lag)) for lag in lags]
     return max(found, key=lambda one: abs(one[0]))
 

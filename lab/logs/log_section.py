@@ -7,14 +7,15 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from lab.logs.sensor_log import MAX_GAP, MIN_OVERLAP, SensorLog
+from lab.logs.sensor_log import MAX_GAP, MIN_IMU_SAMPLES, MIN_OVERLAP, SensorLog
 from lab.recordings.mission_error import MissionError
 
 FloatArray = NDArray[np.float64]
 
-_LISTED = 5  # pieces named in a remark
-_LEAST_SAMPLES = 10
-_ROUNDING = 1e-6  # of time stamps [s]
+_LISTED = 5
+"""Most stretches that a remark lists."""
+_ROUNDING = 1e-6
+"""Rounding of time stamps [s]: Unix time in doubles has 0.2 µs."""
 
 
 def piece(log: SensorLog, start: float | None = None, end: float | None = None) -> SensorLog:
@@ -73,7 +74,7 @@ def _common(log: SensorLog, spans: FloatArray) -> FloatArray:
     edges = np.stack((spans[:, 0] - _ROUNDING, spans[:, 1] + _ROUNDING))
     first, last = np.searchsorted(times, edges)
     samples = np.diff(np.searchsorted(log.time, edges), axis=0)[0]
-    enough = (last - first >= 2) & (samples >= _LEAST_SAMPLES)
+    enough = (last - first >= 2) & (samples >= MIN_IMU_SAMPLES)
     return np.where(enough, times[last - 1] - times[np.minimum(first, times.size - 1)], 0.0)
 
 

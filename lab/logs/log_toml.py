@@ -7,6 +7,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
+from lab.logs.sensor_log import MAX_LEVER_ARM
 from lab.logs.vehicle import VEHICLES
 from lab.recordings.description_toml import check_keys
 from lab.recordings.mission_error import MissionError
@@ -21,7 +22,11 @@ _KEYS = (
 KEYS = frozenset(_KEYS)
 """Keys of the TOML."""
 
-_MOST_COMPARISONS = 8
+_MAX_COMPARISONS = 8
+"""Most other solutions: each is a curve of its own in the plots."""
+MAX_LATENCY = 5.0
+"""Largest latency of the fixes that may be stated [s]: more than the clock offsets that the check finds (3
+s)."""
 
 
 def check_values(path: Path, values: Mapping[str, Any]) -> None:
@@ -44,9 +49,9 @@ def check_values(path: Path, values: Mapping[str, Any]) -> None:
     if vehicle not in ("", *VEHICLES):
         raise MissionError(f"{path}: vehicle = {vehicle!r}; accepted are {', '.join(VEHICLES)}")
     _check_axes(path, values.get("axes", ["x", "y", "z"]))
-    for key, limit in (("mounting_deg", 360.0), ("lever_arm_m", 100.0)):
+    for key, limit in (("mounting_deg", 360.0), ("lever_arm_m", MAX_LEVER_ARM)):
         _check_three(path, key, values.get(key, [0, 0, 0]), limit)
-    for key, limit in (("latency_s", 5.0), ("declination_deg", 180.0)):
+    for key, limit in (("latency_s", MAX_LATENCY), ("declination_deg", 180.0)):
         if not _within(values.get(key, 0), limit):
             raise MissionError(
                 f"{path}: {key} = {values[key]!r}; accepted is a number from {-limit:g} to {limit:g}"
@@ -71,9 +76,9 @@ def _check_three(path: Path, key: str, numbers: Any, limit: float) -> None:
 
 def _check_comparisons(path: Path, table: Any) -> None:
     fine = isinstance(table, Mapping) and all(isinstance(name, str) for name in table.values())
-    if not fine or len(table) > _MOST_COMPARISONS or not all(name.strip() for name in table):
+    if not fine or len(table) > _MAX_COMPARISONS or not all(name.strip() for name in table):
         raise MissionError(
-            f"{path}: comparisons = {table!r}; accepted is a table of up to {_MOST_COMPARISONS} names, each "
+            f"{path}: comparisons = {table!r}; accepted is a table of up to {_MAX_COMPARISONS} names, each "
             'with a file, such as "PX4 EKF2" = "ekf.csv"'
         )
 

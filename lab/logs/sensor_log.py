@@ -22,10 +22,21 @@ MAX_GAP = 2.0
 """Longest time without samples of the IMU that is bridged [s]: what moved in it is not known."""
 MIN_OVERLAP = 5.0
 """Shortest time in which both the IMU and the receiver recorded [s]."""
+MIN_IMU_SAMPLES = 10
+"""Fewest samples of the IMU in a log, or in the stretch of it that is navigated."""
+MAX_LEVER_ARM = 100.0
+"""Largest component of a lever arm [m]: longer than an airliner's fuselage, far shorter than one in mm."""
+SIGMAS = (1e-6, 1e6)
+"""σ of a fix that are believed [m], [m/s]: receivers write 0 or a huge number for one they do not know."""
 
-_GAP = 2.5
-_LONGEST_REPEAT = 4
-_MOST_FILLED = 10  # a file must not ask for more memory than it is large
+_GAP_STEPS = 2.5
+"""Interval between samples of the IMU, in usual ones, from which samples are missing in it."""
+_MAX_REPEAT = 4
+"""Longest run of equal samples that is a sensor polled too often; a longer one is a sensor at rest, or
+stuck."""
+_MAX_FILLED = 10
+"""Most samples that gaps are filled with, for each there is: a file must not ask for more memory than it is
+large."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -113,6 +124,11 @@ class SensorLog:
         return f"<SensorLog {self.name}: {n} samples of the IMU in {self.duration:.1f} s, {m} fixes>"
 
 
+def believed_sigma(values: FloatArray) -> FloatArray:
+    """Return σ of a receiver [m], [m/s]; NaN where they lie outside `SIGMAS`, which says that it has none."""
+    return np.where((values > SIGMAS[0]) & (values < SIGMAS[1]), values, np.nan)
+
+
 def repaired(
     name: str,
     time: FloatArray,
@@ -161,8 +177,8 @@ def repaired(
     values = rates[1:] * np.diff(time)[:, None]
     if increments:
         # What was counted during a gap is not known; the rest keeps every bit.
-        same = np.searchsorted(time, stamps[1:][dt <= _GAP * np.median(dt)])
-        values[same - 1] = samples[1:][dt <= _GAP * np.median(dt)]
+        same = np.searchsorted(time, stamps[1:][dt <= _GAP_STEPS * np.median(dt)])
+        values[same - 1] = samples[1:][dt <= _GAP_STEPS * np.median(dt)]
     values[np.searchsorted(time, breaks[:, 1]) - 1] = 0.0
     epoch = float(time[0])
     fixes = _picked(gnss, gnss_rows, epoch)
@@ -206,7 +222,7 @@ def _without_repeats(
     start = np.maximum.accumulate(np.where(same, 0, np.arange(same.size)))
     # A sensor that shows one value for long is at rest, or stuck: that is no polling faster than it samples.
     runs = np.bincount(start, minlength=same.size)[start]
-    kept = ~(same & (runs <= _LONGEST_REPEAT))
+    kept = ~(same & (runs <= _MAX_REPEAT))
     _say(repairs, int((~kept).sum()), "IMU sample that repeats the values of the one before was dropped")
     return time[kept], samples[kept]
 
@@ -230,16 +246,16 @@ def _without_gaps(
     """Fill short gaps with samples at the usual spacing; return gaps filled and breaks left, too."""
     dt = np.diff(time)
     usual = float(np.median(dt))
-    wide = dt > _GAP * usual
+    wide = dt > _GAP_STEPS * usual
     at = np.flatnonzero(wide & (dt <= MAX_GAP))
     broken = np.flatnonzero(wide & (dt > MAX_GAP))
     breaks = np.stack((time[broken], time[broken + 1]), axis=-1)
     if not at.size:
         return time, rates, np.empty((0, 2)), breaks
-    if dt[at].sum() > _MOST_FILLED * time.size * usual:
+    if dt[at].sum() > _MAX_FILLED * time.size * usual:
         raise MissionError(
             f"{name}: samples of the IMU are usually {usual:.3g} s apart, but {at.size} gaps last "
-            f"{dt[at].sum():.3g} s in all; accepted are gaps of up to {_MOST_FILLED} times as many samples "
+            f"{dt[at].sum():.3g} s in all; accepted are gaps of up to {_MAX_FILLED} times as many samples "
             "as there are"
         )
     filled = [np.linspace(time[i], time[i + 1], round(dt[i] / usual) + 1)[1:-1] for i in at]

@@ -40,7 +40,8 @@ from numpy.typing import NDArray
 from lab.earth import STANDARD_GRAVITY
 from lab.logs.auxiliary_data import Beside, Comparison, Headings, Magnetometer, Reference
 from lab.logs.log_toml import DESCRIPTION_FILE, check_values
-from lab.logs.sensor_log import GnssLog, SensorLog, repaired
+from lab.logs.sensor_log import MIN_IMU_SAMPLES, SIGMAS, GnssLog, SensorLog, repaired
+from lab.recordings.bounds import HEIGHTS, LATITUDES, LONGITUDES, MAX_DURATION, MAX_SPEED, TIME_STAMPS
 from lab.recordings.description_toml import file_beside, read_toml
 from lab.recordings.mission_error import MissionError
 from lab.recordings.named_columns import Column, read_columns
@@ -48,12 +49,16 @@ from lab.rotation import C_nb_from_euler
 
 FloatArray = NDArray[np.float64]
 
-MAX_DURATION = 86_400.0
-"""Longest log accepted [s]."""
-MIN_ROWS = 10
-"""Fewest rows of the IMU accepted."""
-
-_TIME = Column("t_s", -1e10, 1e10)
+_MAX_IMU = 1e6
+"""Largest number of an IMU, whatever its unit: damaged cells lie beyond it. `lab.logs.log_check` judges
+units."""
+_MAX_FIELD = 1e4
+"""Largest component of a magnetic field [µT]: two hundred times the Earth's."""
+_FULL_TURN = 360.0
+"""Largest angle [°]."""
+_MIN_HEADING_SIGMA = 1e-3
+"""Smallest σ of a heading [°]: far below what two antennas a metre apart give (0.2°)."""
+_TIME = Column("t_s", *TIME_STAMPS)
 _GYRO = (("gx_rad_s", "gy_rad_s", "gz_rad_s"), ("gx_deg_s", "gy_deg_s", "gz_deg_s"))
 _FORCE = (("fx_m_s2", "fy_m_s2", "fz_m_s2"), ("fx_g", "fy_g", "fz_g"))
 _INCREMENTS = (
@@ -62,30 +67,37 @@ _INCREMENTS = (
 )
 _IMU = (
     _TIME,
-    *(Column(name, -1e6, 1e6, required=False) for names in (*_GYRO, *_FORCE, *_INCREMENTS) for name in names),
+    *(
+        Column(name, -_MAX_IMU, _MAX_IMU, required=False)
+        for names in (*_GYRO, *_FORCE, *_INCREMENTS)
+        for name in names
+    ),
 )
 _POSITION = (
-    Column("lat_deg", -90, 90),
-    Column("lon_deg", -360, 360),
-    Column("alt_m", -1000, 100_000),
+    Column("lat_deg", *LATITUDES),
+    Column("lon_deg", *LONGITUDES),
+    Column("alt_m", *HEIGHTS),
 )
 _VELOCITY = tuple(
-    Column(name, -1000, 1000, required=False, may_be_empty=True) for name in ("vn_m_s", "ve_m_s", "vd_m_s")
+    Column(name, -MAX_SPEED, MAX_SPEED, required=False, may_be_empty=True)
+    for name in ("vn_m_s", "ve_m_s", "vd_m_s")
 )
 _SIGMA = tuple(
-    Column(name, 1e-6, 1e6, required=False, may_be_empty=True)
+    Column(name, *SIGMAS, required=False, may_be_empty=True)
     for name in ("sd_n_m", "sd_e_m", "sd_d_m", "sd_vn_m_s", "sd_ve_m_s", "sd_vd_m_s")
 )
 _HEADING = (
-    Column("heading_deg", -360, 360, required=False, may_be_empty=True),
-    Column("sd_heading_deg", 1e-3, 360, required=False, may_be_empty=True),
+    Column("heading_deg", -_FULL_TURN, _FULL_TURN, required=False, may_be_empty=True),
+    Column("sd_heading_deg", _MIN_HEADING_SIGMA, _FULL_TURN, required=False, may_be_empty=True),
 )
 _ATTITUDE = tuple(
-    Column(name, -360, 360, required=False, may_be_empty=True)
+    Column(name, -_FULL_TURN, _FULL_TURN, required=False, may_be_empty=True)
     for name in ("roll_deg", "pitch_deg", "heading_deg")
 )
 _PLACE_IF_KNOWN = tuple(replace(column, required=False, may_be_empty=True) for column in _POSITION)
-_FIELD = tuple(Column(name, -1e4, 1e4, may_be_empty=True) for name in ("mx_uT", "my_uT", "mz_uT"))
+_FIELD = tuple(
+    Column(name, -_MAX_FIELD, _MAX_FIELD, may_be_empty=True) for name in ("mx_uT", "my_uT", "mz_uT")
+)
 
 
 @dataclass(frozen=True)
@@ -183,8 +195,10 @@ class LogFiles:
 
     def _read_imu(self) -> tuple[FloatArray, FloatArray, bool]:
         table, _ = _read(self.imu, _IMU)
-        if len(table["t_s"]) < MIN_ROWS:
-            raise MissionError(f"{self.imu}: {len(table['t_s'])} rows; accepted are at least {MIN_ROWS}")
+        if len(table["t_s"]) < MIN_IMU_SAMPLES:
+            raise MissionError(
+                f"{self.imu}: {len(table['t_s'])} rows; accepted are at least {MIN_IMU_SAMPLES}"
+            )
         present = [name for name in (*_INCREMENTS[0], *_INCREMENTS[1]) if name in table]
         rates = [name for group in (*_GYRO, *_FORCE) for name in group if name in table]
         if present and rates:

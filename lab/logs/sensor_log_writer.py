@@ -26,7 +26,8 @@ from lab.toml_file import toml_text
 
 FloatArray = NDArray[np.float64]
 
-_SAME_TIME = 0.02  # between a fix and a heading of the same solution [s]
+_SAME_TIME = 0.02
+"""Largest time between a fix and a heading of the same solution [s]: half the step of receivers of 25 Hz."""
 _IMU = (
     "t_s", "dtheta_x_rad", "dtheta_y_rad", "dtheta_z_rad", "dvelocity_x_m_s", "dvelocity_y_m_s",
     "dvelocity_z_m_s",

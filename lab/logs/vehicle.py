@@ -27,10 +27,12 @@ class Vehicle(NamedTuple):
     @property
     def follows_nose(self) -> bool:
         """Whether it goes where its nose points: turns, banks and gains of speed then show axes and clock."""
-        return bool(self.sideslip <= _STRAIGHT)
+        return bool(self.sideslip <= _MAX_SIDESLIP)
 
 
-_STRAIGHT = np.radians(15.0)
+_MAX_SIDESLIP = np.radians(15.0)
+"""σ of heading minus course up to which a vehicle goes where its nose points [rad]: between cars and
+boats."""
 _VEHICLES = (
     # Wind, sideslip, an IMU not quite straight in its vehicle: 10 m/s of crosswind at 55 m/s are 10°.
     Vehicle("aeroplane", np.radians(10.0)),
@@ -43,6 +45,7 @@ _VEHICLES = (
     Vehicle("submarine", np.inf),
     Vehicle("pedestrian", np.inf),
 )
+"""The kinds of vehicles, and σ of heading minus course [rad], each for the reason above it."""
 VEHICLES = tuple(one.name for one in _VEHICLES)
 """Names that are accepted."""
 

@@ -28,16 +28,32 @@ GYRO_BIAS_SIGMA = np.radians(5.0)
 LAG_SIGMA = 2.0
 """σ of the lag where it is fitted, wide beside what receivers do [s]."""
 
-_STEP = 0.05  # samples are brought together to steps of this length [s]
-_FORCE_BIAS_SIGMA = 0.3  # of a consumer accelerometer [m/s²]
-_SLOW_SIGMA = 0.1  # what the model leaves out: scale factors, coning between steps, vibration [m/s]
+_STEP = 0.05
+"""Length of the steps to which samples are summed [s]."""
+_FORCE_BIAS_SIGMA = 0.3
+"""σ of the bias of a consumer accelerometer [m/s²]."""
+_MODEL_SIGMA = 0.1
+"""σ of what the model leaves out: scale factors, coning between steps, vibration [m/s]."""
 _HEADINGS = np.radians([0.0, 90.0, 180.0, 270.0])
+"""Headings from which the fit starts [rad]: it converges from within 45°."""
 _ROUGH, _FINE = 3, 8
-_LEAST_FIXES = 8
-_FARTHEST = 1e4
-_NOTHING_KNOWN = 1e6
-_LIVELY = 0.2  # change of the velocity beside a straight line from which a window is worth a look [m/s]
+"""Rounds of the fit from each start, and from the best of them. A plain choice."""
+_MIN_FIXES = 8
+"""Fewest fixes of a window: with two velocities each they exceed its thirteen unknowns."""
+_MAX_CHANGE = 1e4
+"""Largest change of an unknown in a round: numbers of no physics stay numbers."""
+_MAX_FITTED_LAG = 4.0
+"""Largest lag that the fit may reach [s]: beyond the offsets looked for, so that it does not end at one."""
+_UNKNOWN_VARIANCE = 1e6
+"""Variance of unknowns that cannot be fitted."""
+_RIDGE = 1e-9
+"""What is added to the scaled normal matrix: an unknown that nothing shows has a σ of 3e4 times its scale."""
+_MIN_LIVELINESS = 0.2
+"""σ of the velocity beside a straight line from which a window is fitted [m/s]: twice a receiver's noise."""
+_NOISE_FACTOR = 2
+"""The same over the σ of the receiver."""
 _G = np.array([0.0, 0.0, STANDARD_GRAVITY])
+"""Gravity in n [m/s²]: over a window its deviations are part of an accelerometer's bias."""
 
 
 class Window(NamedTuple):
@@ -110,7 +126,7 @@ def window_of(log: Arrays, start: float, margin: float = 0.0) -> Window | None:
     ends = np.arange(start, min(start + WINDOW, time[-1]) + 1e-9, _STEP)
     fixes = (at >= start + margin) & (at <= ends[-1] - margin) if ends.size > 1 else np.zeros(at.size, bool)
     fixes &= np.isfinite(velocity_n[:, :2]).all(axis=1)
-    if fixes.sum() < _LEAST_FIXES:
+    if fixes.sum() < _MIN_FIXES:
         return None
     first, last = np.searchsorted(time, (ends[0], ends[-1]))
     part = slice(max(0, int(first) - 1), min(int(last) + 2, time.size))
@@ -155,12 +171,12 @@ def lively(log: Arrays, margin: float = 0.0) -> list[tuple[float, float]]:
     found = []
     for start in np.arange(time[0], max(time[-1] - WINDOW / 2, time[0] + 1e-9), WINDOW):
         first, last = np.searchsorted(at, (start + margin, min(start + WINDOW, time[-1]) - margin))
-        if last - first >= _LEAST_FIXES:
+        if last - first >= _MIN_FIXES:
             part = level[first:last] - level[first:last].mean(axis=0)
             since = at[first:last] - at[first:last].mean()
             slope = since @ part / max(float(since @ since), 1e-12)
             spread = float(np.std(part - since[:, None] * slope))
-            if spread > max(_LIVELY, 2 * float(np.median(noise[first:last]))):
+            if spread > max(_MIN_LIVELINESS, _NOISE_FACTOR * float(np.median(noise[first:last]))):
                 found.append((spread, float(start)))
     return found
 
@@ -248,7 +264,7 @@ def _fitted(
     """
     found = prior.copy() if found is None else found
     known = np.isfinite(window.velocity_n)
-    weight = 1 / np.sqrt(np.where(known, window.sigma, 1.0) ** 2 + _SLOW_SIGMA**2)
+    weight = 1 / np.sqrt(np.where(known, window.sigma, 1.0) ** 2 + _MODEL_SIGMA**2)
     seen = np.where(known, window.velocity_n, 0.0)
     loose = np.concatenate((np.full(3, np.inf), prior_sigma, np.full(3, np.inf), [LAG_SIGMA]))
     for _ in range(rounds + 1):
@@ -270,18 +286,18 @@ def _fitted(
         design = np.concatenate((design, rows))
         residual = np.concatenate((residual, rows @ off))
         if not (np.isfinite(design).all() and np.isfinite(residual).all()):
-            return np.inf, C_nb, prior, 0.0, np.eye(13) * _NOTHING_KNOWN, np.inf
+            return np.inf, C_nb, prior, 0.0, np.eye(13) * _UNKNOWN_VARIANCE, np.inf
         # Numbers of no physics, as in a damaged file, lead anywhere: not so far that they are no numbers.
-        change = np.clip(np.linalg.lstsq(design, residual, rcond=1e-12)[0], -_FARTHEST, _FARTHEST)
+        change = np.clip(np.linalg.lstsq(design, residual, rcond=1e-12)[0], -_MAX_CHANGE, _MAX_CHANGE)
         left = residual - design @ change
         C_nb = Rotation.from_rotvec(change[:3]) * C_nb
         found = found + change[3:9]
-        lag = float(np.clip(lag + change[12], -4, 4))
+        lag = float(np.clip(lag + change[12], -_MAX_FITTED_LAG, _MAX_FITTED_LAG))
     count = int(known.sum())
     # Scaled, since its unknowns have units of many sizes; a heading that nothing shows is unknown.
     scale = np.array([1.0] * 3 + [0.01] * 3 + [0.1] * 3 + [1.0] * 4)
     scaled = design * scale
-    ridge = np.eye(13) * 1e-9
+    ridge = np.eye(13) * _RIDGE
     covariance = np.linalg.inv(scaled.T @ scaled + ridge) * np.outer(scale, scale)
     cost = float(left @ left)
     return cost, C_nb, found, lag, covariance, cost / max(1, count - 9)

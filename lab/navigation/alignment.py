@@ -35,17 +35,30 @@ REST_SPEED = 0.5
 """A vehicle slower than this may be at rest [m/s]."""
 
 _REST_RATE = np.radians(2.0)
+"""Largest σ of the gyros within a second of rest [rad/s]: engines and noise stay below, handling does not."""
 _REST_FORCE = 0.4
+"""Largest σ of the accelerometers within a second of rest, and twice the largest change of their mean
+[m/s²]."""
 _SECOND = 1.0
+"""Length of the stretches by which rest and turns are judged [s]."""
 _LEVELLING = 2.0
+"""Time over which the specific force gives the vertical where there is no rest [s]."""
 _AROUND = 1.1
+"""How far around the stretch of the alignment fixes are used [s]: those of a receiver of 1 Hz."""
 _LONGEST_REST = 60.0
+"""Longest rest that is used [s]."""
 _TILT_IN_MOTION = np.radians(3.0)
+"""σ of roll and pitch levelled in motion [rad]: 0.5 m/s² of acceleration that is not known."""
 _ALLOWED_BIAS = 0.05
+"""Accelerometer bias that a σ of the tilt at rest allows for [m/s²]."""
 _STRAIGHT = np.radians(2.0)
+"""Rate of the course up to which motion is straight [rad/s]."""
 _STRAIGHT_SIGMA = np.radians(0.3)
+"""σ of a gyro bias taken from straight motion, and the least of one from a match [rad/s]."""
 _LEAST_STRAIGHT = 10
+"""Fewest seconds of straight motion by which a gyro bias is taken."""
 _ROUNDS = 3
+"""Rounds of levelling and heading, each with what the one before found."""
 _LATE = 0.05  # from where on the lateness of fixes is worth a word [s]
 
 

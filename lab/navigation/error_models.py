@@ -39,6 +39,7 @@ from lab.navigation.strapdown import Vector, earth_rate, get, matrix, transport_
 FloatArray = NDArray[np.float64]
 
 POS, VEL, ATT, GYRO_BIAS, ACCEL_BIAS, GYRO_SCALE, ACCEL_SCALE = (slice(i, i + 3) for i in range(0, 21, 3))
+"""Where the error states are."""
 
 STATES = (
     *("position north", "position east", "position down"),
@@ -54,6 +55,7 @@ STATES = (
 # First index of each block, for the declarations below.
 P, V, A, G, B, GS, BS = 0, 3, 6, 9, 12, 15, 18
 N, E, D = 0, 1, 2
+"""North, east and down within a block."""
 
 gravity_gradient = inline_kernel(earth.gravity_gradient)
 

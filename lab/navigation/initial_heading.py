@@ -35,12 +35,18 @@ _COURSE = "from the course"
 _MATCH_SIGMA = np.radians(2.0)  # what the model of the match leaves out
 _SURE = np.radians(6.0)  # no further windows are looked at
 _WORTH = np.radians(30.0)
+"""σ up to which a heading found by a match is used [rad]."""
 _MISFIT = 9.0
+"""Mean square residual, in σ, up to which a match is believed: residuals of three σ."""
 _MOST_WINDOWS = 8
+"""Most windows that are matched."""
 _WITHIN = 1800.0  # of the start: further on gyros carry nothing back [s]
 _DRIFT_AT_REST = np.radians(0.02)
+"""Drift of a heading that gyros carry back, after their bias was taken at rest [rad/s]."""
 _DRIFT = np.radians(1.0)
+"""The same of a bias that nobody knows [rad/s]."""
 _CONTRADICTION = 3.5
+"""Difference of two headings, in σ, from which they contradict each other."""
 _DECLINATION_YEAR = 2025.0  # declination drifts by 0.1-0.2° a year, far below the σ
 _WEAK = 6.0  # horizontal field [µT] below which compasses are not to be trusted (World Magnetic Model 2025)
 

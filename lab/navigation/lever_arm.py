@@ -33,6 +33,7 @@ from lab.navigation.strapdown import (
 FloatArray = NDArray[np.float64]
 
 ATT, GYRO_BIAS, GYRO_SCALE = 6, 9, 15
+"""Where these error states begin."""
 WINDOW = 0.1
 """Time about a fix over which the gyros are averaged [s], about as long as a receiver averages its velocity:
 with the noise of one sample on an arm the velocity of the antenna would jump from one sample to the next. An

@@ -26,7 +26,9 @@ Propagate = Callable[[FloatArray, float, tuple[float, ...], FloatArray], None]
 Project = Callable[[FloatArray, FloatArray, int, FloatArray, FloatArray], None]
 
 NAV = 9
+"""States of position, velocity and attitude."""
 BIASES = 6
+"""States of the two biases."""
 
 
 class Layout(NamedTuple):

@@ -26,21 +26,21 @@ Vector = tuple[float, float, float]
 Matrix = tuple[Vector, Vector, Vector]
 Quaternion = tuple[float, float, float, float]
 
-LATITUDE = 0
-LONGITUDE = 1
-HEIGHT = 2
+LATITUDE = 0  # where the numbers of the state are; vectors begin there
+LONGITUDE = 1  # [rad]
+HEIGHT = 2  # [m]
 VELOCITY = 3  # v_n
 Q_NB = 6  # scalar first
-GYRO_BIAS = 10
-ACCEL_BIAS = 13
+GYRO_BIAS = 10  # [rad/s]
+ACCEL_BIAS = 13  # [m/s²]
 GYRO_SCALE = 16  # zero where the filter does not estimate it
-ACCEL_SCALE = 19
+ACCEL_SCALE = 19  # as that of the gyros
 # What follows is derived from the above in each step, and kept for the next step and for the error model.
 SINE = 22  # of the latitude
-COSINE = 23
-PREVIOUS_DTHETA = 24
-PREVIOUS_DVELOCITY = 27
-PREVIOUS_VELOCITY = 30
+COSINE = 23  # of the latitude
+PREVIOUS_DTHETA = 24  # increments of the last step [rad]
+PREVIOUS_DVELOCITY = 27  # [m/s]
+PREVIOUS_VELOCITY = 30  # v_n at its start [m/s]
 MERIDIAN = 33  # 1 / (R_M + h)
 TRANSVERSE = 34  # 1 / (R_N + h)
 PER_COSINE = 35  # 1 / cos L
@@ -48,7 +48,7 @@ FORCE_N = 36  # mean specific force of the last step, in n
 C_NB = 39  # attitude at the start of the last step, row by row
 PER_STEP = 48  # one over the length of the last step
 GRAVITY = 49  # during the last step
-LENGTH = 50
+LENGTH = 50  # how many numbers there are
 
 MAX_LATITUDE = math.radians(89.9)
 """North-slaved navigation ends here: its rate about the vertical grows without bound towards the poles."""

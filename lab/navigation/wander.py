@@ -69,6 +69,7 @@ AXIS = Q_EW + 4  # the Earth's axis in w: cos L in the direction of north, and â
 BEND = AXIS + 3  # k of the curvature K
 FIX_AXES = BEND + 1  # north, east and down of the last fix, in w
 LENGTH = FIX_AXES + 9
+"""How many numbers there are."""
 
 _AT_POLE = 1e-15
 """cos L below which north is the frame's x: 6 nm from the pole."""

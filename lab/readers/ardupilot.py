@@ -20,14 +20,25 @@ from numpy.typing import NDArray
 
 from lab.logs.auxiliary_data import Beside
 from lab.logs.log_check import check_log
-from lab.logs.sensor_log import GnssLog, SensorLog, repaired
+from lab.logs.sensor_log import GnssLog, SensorLog, believed_sigma, repaired
 from lab.readers import sdlog2
 from lab.readers.ardupilot_auxiliary import headings_of, magnetometer_of
 from lab.readers.dataflash_file import MAGIC, DataFlashFile, Log
 from lab.readers.dataflash_text import DataFlashText, is_text
 from lab.readers.dataflash_time import TIME, Messages, MessageTimes
 from lab.readers.fields import OF_THE_FORMAT, SEA_LEVEL, one_file
-from lab.readers.streams import MAX_LOG_BYTES, Stream, first_usable, flight_of
+from lab.readers.streams import (
+    FIX_3D,
+    MAX_LOG_BYTES,
+    Stream,
+    believed_lever_arm,
+    first_usable,
+    flight_of,
+    geoid_height,
+    gps_delay,
+    is_attitude,
+    is_position,
+)
 from lab.readers.track import refuse_units, slope
 from lab.recordings.decompression import whole
 from lab.recordings.mission_error import MissionError
@@ -46,11 +57,12 @@ _VEHICLES = {
 }  # fmt: skip
 _UNITS = {"Lat": "°", "Lng": "°", "Alt": "m", "VN, VE, VD": "m/s", "Roll, Pitch, Yaw": "°"}
 _ABOVE_ELLIPSOID = "Heights are above the ellipsoid: altitude plus the geoid's separation of the receiver"
-_THREE_D = 3
 _FIXED_IN_2012 = 2
 """Status of a fix in logs from before a 3-D fix had a status of its own."""
-_NEAR = 0.25
+_MAX_GPA_AGE = 0.25
+"""Time between a fix and the message with its accuracy [s]: receivers of 5 Hz send both within 0.2 s."""
 _HEAD = 2**16
+"""Bytes at the start of a file in which its kind shows: a log as text describes its messages first."""
 _WITHOUT_CLIMB = "GPS velocity and climb"
 
 
@@ -201,40 +213,33 @@ def _place(messages: Messages | None) -> FloatArray | None:
     return None if values is None else np.column_stack((np.radians(values[:, :2]), values[:, 2]))
 
 
-def _believed(place: FloatArray) -> NDArray[np.bool_]:
-    # Zero, zero is what is logged before the first fix.
-    return np.asarray((np.abs(place[:, 0]) <= np.pi / 2) & (place[:, :2] != 0).any(axis=1))
-
-
 def _position(times: MessageTimes, name: str) -> Stream | None:
     messages = _messages(times, name)
     place = _place(messages)
     if messages is None or place is None:
         return None
-    return Stream.of("position", messages[TIME], place, _believed(place))
+    return Stream.of("position", messages[TIME], place, is_position(place))
 
 
 def _geoid(times: MessageTimes) -> float | None:
     """Return how far the geoid is above the ellipsoid, as the receiver says [m]; None if it does not."""
     messages = _messages(times, "GPA")
-    told = np.empty(0) if messages is None else messages.get("Und", np.empty(0))
-    told = told[np.abs(told) < 200]
-    return float(np.median(told)) if told.size and told.any() else None
+    return None if messages is None else geoid_height(messages.get("Und", np.empty(0)))
 
 
 def _fixed(gps: Messages) -> NDArray[np.bool_]:
     status = gps.get("Status")
     if status is None:
         return np.ones(len(gps[TIME]), dtype=bool)
-    old = "TimeUS" not in gps and not (status >= _THREE_D).any()
-    return np.asarray(status >= (_FIXED_IN_2012 if old else _THREE_D))
+    old = "TimeUS" not in gps and not (status >= FIX_3D).any()
+    return np.asarray(status >= (_FIXED_IN_2012 if old else FIX_3D))
 
 
 def _gps_position(gps: Messages | None) -> Stream | None:
     place = _place(gps)
     if gps is None or place is None:
         return None
-    return Stream.of("GPS position", gps[TIME], place, _fixed(gps) & _believed(place))
+    return Stream.of("GPS position", gps[TIME], place, _fixed(gps) & is_position(place))
 
 
 def _over_ground(gps: Messages) -> FloatArray | None:
@@ -271,8 +276,7 @@ def _attitude(times: MessageTimes) -> Stream | None:
     for name in ("XKQ", "NKQ"):
         stream = _stream("attitude", times, name, "Q1", "Q2", "Q3", "Q4")
         if stream is not None and stream.usable:
-            fine = np.abs(np.linalg.norm(stream.values, axis=1) - 1) < 0.1
-            found.append(Stream.of("attitude", stream.time, stream.values, fine))
+            found.append(Stream.of("attitude", stream.time, stream.values, is_attitude(stream.values)))
     return max((one for one in found[::-1] if one.usable), key=lambda one: round(one.rate), default=None)
 
 
@@ -284,12 +288,10 @@ def _gnss(
     time, place, velocity = gps[TIME], _place(gps), _over_ground(gps)
     place = unknown if place is None else place
     place = place + np.array((0.0, 0.0, geoid or 0.0))
-    told = {name: _beside(time, accuracy, name) for name in ("HAcc", "VAcc", "SAcc")}
     level, vertical, speed = (
-        np.where((told[name] > 1e-6) & (told[name] < 1e6), told[name], np.nan)
-        for name in ("HAcc", "VAcc", "SAcc")
+        believed_sigma(_beside(time, accuracy, name)) for name in ("HAcc", "VAcc", "SAcc")
     )
-    fine = _fixed(gps) & np.isfinite(place).all(axis=1) & _believed(place) & np.isfinite(time)
+    fine = _fixed(gps) & np.isfinite(place).all(axis=1) & is_position(place) & np.isfinite(time)
     if "TimeUS" not in gps:
         # A fix that was logged twice has the time of the week of the first.
         fine[fine] = np.append(True, np.diff(np.maximum.accumulate(time[fine])) > 0)[: fine.sum()]
@@ -302,7 +304,7 @@ def _gnss(
         position_sigma=np.column_stack((level, level, vertical))[fine],
         velocity_sigma=np.column_stack((speed, speed, speed))[fine],
         lever_arm=_lever_arm(parameters),
-        latency=1e-3 * late if 0 <= late <= 1000 else 0.0,
+        latency=gps_delay(1e-3 * late),
     )
 
 
@@ -315,7 +317,7 @@ def _beside(time: FloatArray, messages: Messages | None, name: str) -> FloatArra
     after = np.clip(np.searchsorted(at, time), 0, len(at) - 1)
     before = np.maximum(after - 1, 0)
     nearest = np.where(np.abs(at[before] - time) < np.abs(at[after] - time), before, after)
-    return np.where(np.abs(at[nearest] - time) <= _NEAR, values[nearest], np.nan)
+    return np.where(np.abs(at[nearest] - time) <= _MAX_GPA_AGE, values[nearest], np.nan)
 
 
 def _lever_arm(parameters: Mapping[str, float]) -> FloatArray:
@@ -325,7 +327,7 @@ def _lever_arm(parameters: Mapping[str, float]) -> FloatArray:
         - parameters.get(f"INS_POS1_{axis}", 0.0)
         for axis in "XYZ"
     ]
-    return np.array(arm) if all(abs(one) <= 100 for one in arm) else np.zeros(3)
+    return believed_lever_arm(arm)
 
 
 def _vehicle(log: Log) -> str:

@@ -16,7 +16,8 @@ from lab.readers.streams import Stream
 
 FloatArray = NDArray[np.float64]
 
-_MICROTESLA = 0.1  # in a milligauss
+_MICROTESLA = 0.1
+"""Microteslas in a milligauss."""
 
 
 def magnetometer_of(messages: Messages | None) -> Magnetometer | None:

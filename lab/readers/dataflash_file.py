@@ -29,6 +29,7 @@ MAGIC = MARKS + bytes((FORMAT_TYPE,))
 """First bytes of every file."""
 
 _HEADER = 3
+"""Bytes before the content of a message: two marks and its type."""
 _FORMAT = np.dtype([("type", "u1"), ("length", "u1"), ("name", "S4"), ("format", "S16"), ("columns", "S64")])
 _TEXT = "nNZ"
 _TYPES = {
@@ -37,7 +38,11 @@ _TYPES = {
     "L": "<i4", "M": "u1", "q": "<i8", "Q": "<u8",
 }  # fmt: skip
 _SCALES = {"c": 1e-2, "C": 1e-2, "e": 1e-2, "E": 1e-2, "L": 1e-7}
+"""Unit of the whole numbers of a letter: hundredths, and ten millionths of a degree (of the format)."""
 _SHAPES = {"a": (32,)}
+"""Shape of a letter that is an array (of the format)."""
+_MAX_KINDS = 1000
+"""Most descriptions of wanted messages that are kept: a damaged file must not fill the memory with them."""
 
 
 class Log(Protocol):
@@ -210,7 +215,7 @@ class DataFlashFile:
         )
         if old is None or (old.name, old.letters, old.length) != (name, letters, length):
             kinds[number] = Kind(name, length, letters, layout)
-            if len(self._kinds) < 1000:
+            if len(self._kinds) < _MAX_KINDS:
                 self._kinds.append(kinds[number] or Kind(name, length, letters, layout))
 
 

@@ -22,12 +22,15 @@ _DESCRIPTION = re.compile(
     re.MULTILINE,
 )
 _TEXT = "nNZ"
-_MOST_FIELDS = 40
+_MAX_FIELDS = 40
+"""Most fields of a message: the format has room for the letters of 16."""
+_HEAD = 4096
+"""Bytes at the start of a text that have no zero in them."""
 
 
 def is_text(head: bytes) -> bool:
     """Tell whether a file begins like a log as text: with lines that describe messages."""
-    return b"\0" not in head[:4096] and bool(_DESCRIPTION.search(head))
+    return b"\0" not in head[:_HEAD] and bool(_DESCRIPTION.search(head))
 
 
 class DataFlashText:
@@ -53,7 +56,7 @@ class DataFlashText:
         for name, letters, columns in _DESCRIPTION.findall(data):
             fields = [field.strip() for field in columns.decode("ascii", "replace").split(",")]
             key = name.decode("ascii", "replace")
-            if key in wanted and len(fields) == len(set(fields)) == len(letters) <= _MOST_FIELDS:
+            if key in wanted and len(fields) == len(set(fields)) == len(letters) <= _MAX_FIELDS:
                 self._fields.setdefault(key, list(zip(fields, letters.decode(), strict=True)))
         self._lines: dict[str, tuple[NDArray[np.int64], list[bytes]]] = {}
         for name in self._fields:

@@ -20,6 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lab.readers.dataflash_file import Log
+from lab.units import DAY
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
@@ -29,9 +30,15 @@ TIME = "time [s]"
 """Key of the time that a log's messages are given; no message can have a field of this name."""
 
 _GPS = "GPS"
-_WEEK = 604_800.0
 _AVERAGED = 2.0
-_FIXED = 2
+"""Reach of the mean over the times of messages that have none of their own [s]: single ones are shifted by
+those between them, the mean is not."""
+_MAX_AVERAGED = 10_000
+"""The same reach in messages at most: it bounds the work where stamps are damaged."""
+_MIN_STEP = 1e-6
+"""Least step between messages by which that reach is counted [s]."""
+_FIX_2D = 2
+"""Status from which a fix has a time; a two-dimensional one does, and old logs know no higher one."""
 
 
 class MessageTimes:
@@ -84,7 +91,7 @@ class MessageTimes:
         if len(places) == 1 and (gps := self._log.numbers(_GPS)) is not None:
             time = _in_week(gps)
             if time is not None:
-                fixed = gps.get("Status", np.full(len(time), _FIXED)) >= _FIXED
+                fixed = gps.get("Status", np.full(len(time), _FIX_2D)) >= _FIX_2D
                 self.of_week = True
                 places.append(self._log.places(_GPS)[fixed])
                 times.append(time[fixed])
@@ -103,7 +110,7 @@ class MessageTimes:
         if week is None or not len(place):
             return week
         there = (places >= place[0]) & (places <= place[-1]) & np.isfinite(week)
-        fixed = there & (gps.get("Status", np.full(len(week), _FIXED)) >= _FIXED)
+        fixed = there & (gps.get("Status", np.full(len(week), _FIX_2D)) >= _FIX_2D)
         if not fixed.any():
             return week
         logged = np.interp(places[fixed], place, time)
@@ -119,7 +126,7 @@ class MessageTimes:
         count = np.arange(len(at), dtype=np.float64)
         step = float(at[-1] - at[0]) / (len(at) - 1)
         # Messages of other kinds shift single ones; the mean over seconds does not.
-        reach = int(min(_AVERAGED / max(step, 1e-6), len(at) - 1, 10_000))
+        reach = int(min(_AVERAGED / max(step, _MIN_STEP), len(at) - 1, _MAX_AVERAGED))
         time[known] = np.maximum.accumulate(step * count + _averaged(at - step * count, reach))
         return time
 
@@ -152,4 +159,4 @@ def _in_week(gps: Messages) -> FloatArray | None:
     week = gps.get("Week", np.zeros(len(gps[name])))
     counted = np.where(week > 0, week, np.nan)
     first = np.nanmin(counted) if np.isfinite(counted).any() else 0.0
-    return np.asarray(gps[name] * 1e-3 + _WEEK * np.nan_to_num(counted - first))
+    return np.asarray(gps[name] * 1e-3 + 7 * DAY * np.nan_to_num(counted - first))

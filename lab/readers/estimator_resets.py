@@ -20,7 +20,9 @@ FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 
 _NEIGHBOURS = 3
-_STANDS_OUT = 4.0
+"""Steps on each side with which a step is compared."""
+_MIN_OUTSTANDING = 4.0
+"""Size of a step over the largest of its neighbours from which it stands out."""
 
 
 @dataclass(frozen=True)
@@ -61,10 +63,12 @@ def _changed(velocity: FloatArray) -> FloatArray:
     return np.asarray(np.linalg.norm(np.diff(velocity, axis=0), axis=1))
 
 
-# Copters tumble at 500 °/s and more, but not for one message; a hard landing stops 2 m/s at once.
 ATTITUDE = Kind("the attitude", "°", _turned, counted=1.0, seen=3.0, fastest=100.0)
+"""Copters tumble at 500 °/s and more, but not for one message: 100 °/s for a single step is no motion."""
 VELOCITY = Kind("the velocity", "m/s", _changed, counted=0.5, seen=3.0, fastest=60.0)
+"""A hard landing stops 2 m/s at once; 60 m/s² is six times gravity."""
 POSITION = Kind("the position", "m", _moved, counted=3.0, seen=10.0, fastest=200.0)
+"""Fixes move an estimate by a metre or two; 200 m/s is beyond the vehicles of these autopilots."""
 
 
 def resets(kind: Kind, time: FloatArray, values: FloatArray, counter: FloatArray | None) -> IntArray:
@@ -92,7 +96,7 @@ def resets(kind: Kind, time: FloatArray, values: FloatArray, counter: FloatArray
     if counter is not None:
         found = (np.diff(counter) != 0) & (excess > kind.counted)
     else:
-        alone = steps > _STANDS_OUT * windows.max(axis=1)
+        alone = steps > _MIN_OUTSTANDING * windows.max(axis=1)
         found = alone & (excess > kind.seen) & (excess > kind.fastest * np.diff(time))
     return np.flatnonzero(found) + 1
 

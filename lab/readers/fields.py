@@ -10,7 +10,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lab.readers.table import (
-    MIN_ROWS,
     Header,
     Required,
     Table,
@@ -20,6 +19,7 @@ from lab.readers.table import (
     read_table,
 )
 from lab.readers.unit_names import UNITS, refuse_unknown, unit_name
+from lab.recordings.bounds import HEIGHTS, LATITUDES, MAX_SPEED, MIN_SAMPLES
 from lab.recordings.mission_error import MissionError
 from lab.repair.raw_flight import ColumnUnit, Dropped, RawFlight
 
@@ -29,16 +29,27 @@ OF_THE_FORMAT = "of the format"
 NAMED = "named in the file"
 GIVEN = "given by you"
 
+_MAX_TIME = 1e12
+"""Largest time stamp [s]: counts from the year 0 are 6e10 s."""
+_MAX_OFFSET = 1e7
+"""Largest coordinate in a Cartesian frame, local or fixed to the Earth [m]: its radius is 6.4e6 m."""
+_MAX_ANGLE = 1e4
+"""Largest angle [rad]: headings that count turns, of 1600 and more."""
+_MAX_RATE = 200.0
+"""Largest angular rate [rad/s]: 11 000 °/s, five times what gyros of vehicles measure."""
+_MAX_ACCELERATION = 1e4
+"""Largest acceleration [m/s²]: a thousand g, more than accelerometers of vehicles measure."""
+
 LIMITS = {
-    "time": (-1e12, 1e12),
-    "latitude": (-np.pi / 2, np.pi / 2),
-    "depth": (-100_000.0, 1000.0),
-    **dict.fromkeys(("X", "Z", "x", "y", "z"), (-1e7, 1e7)),
-    "angle": (-1e4, 1e4),
-    "length": (-1000.0, 100_000.0),
-    "speed": (-1000.0, 1000.0),
-    "angular rate": (-200.0, 200.0),
-    "acceleration": (-1e4, 1e4),
+    "time": (-_MAX_TIME, _MAX_TIME),
+    "latitude": (float(np.radians(LATITUDES[0])), float(np.radians(LATITUDES[1]))),
+    "depth": (-HEIGHTS[1], -HEIGHTS[0]),
+    **dict.fromkeys(("X", "Z", "x", "y", "z"), (-_MAX_OFFSET, _MAX_OFFSET)),
+    "angle": (-_MAX_ANGLE, _MAX_ANGLE),
+    "length": HEIGHTS,
+    "speed": (-MAX_SPEED, MAX_SPEED),
+    "angular rate": (-_MAX_RATE, _MAX_RATE),
+    "acceleration": (-_MAX_ACCELERATION, _MAX_ACCELERATION),
 }
 """What is believed of each quantity, and of some by their keys, in SI."""
 
@@ -198,11 +209,11 @@ def _believable(
             kept &= fine
     if dropped:
         values = {key: value[kept] for key, value in values.items()}
-    if kept.sum() < MIN_ROWS:
+    if kept.sum() < MIN_SAMPLES:
         what = "; ".join(f"{drop.count} from row {drop.first_row} on: {drop.reason}" for drop in dropped)
         raise MissionError(
             f"{path}: {kept.sum()} of {table.rows_read} rows of samples can be used ({what}); accepted are "
-            f"at least {MIN_ROWS}. If the unit of a column is another one, give it"
+            f"at least {MIN_SAMPLES}. If the unit of a column is another one, give it"
         )
     return Columns(
         values, table.rows_read, (*table.dropped, *dropped), units, table.remarks, table.lines[kept]

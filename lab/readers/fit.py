@@ -20,23 +20,31 @@ from typing import Any
 import numpy as np
 
 from lab.readers.fields import OF_THE_FORMAT, SEA_LEVEL, one_file
-from lab.readers.fixes import DAY, UNKNOWN, Fixes
+from lab.readers.fixes import UNKNOWN, Fixes
 from lab.readers.streams import MAX_LOG_BYTES
 from lab.readers.track import refuse_units
 from lab.recordings.decompression import whole
 from lab.recordings.mission_error import MissionError
 from lab.repair.raw_flight import ColumnUnit, RawFlight
+from lab.units import DAY
 
 NAME = "FIT"
 
 _MAGIC = b".FIT"
 _HEADER_SIZES = (12, 14)
+"""Lengths of the header of a file, without and with its checksum [bytes]."""
 _RECORD, _GPS, _SESSION, _SPORT = 20, 160, 18, 12
+"""Numbers of the messages that are read (FIT profile)."""
 _SEMICIRCLE = 180 / 2**31
+"""[°]: the unit of positions (FIT protocol)."""
 _SHORTEST = 6
-_MESSAGES = 10_000
+"""Length of the shortest message that has a position [bytes]."""
+_MAX_EMPTY_MESSAGES = 10_000
+"""Messages accepted beyond those that could have positions. A plain choice: so many are decoded at once."""
 _EPOCH = datetime(1989, 12, 31, tzinfo=UTC)
-_SINCE_EPOCH = 2**28
+"""Time from which time stamps count (FIT protocol)."""
+_MIN_SINCE_EPOCH = 2**28
+"""Time stamp from which it counts from the epoch and not from switching on [s] (FIT protocol, date_time)."""
 _VEHICLES = {"driving": "car", "motorcycling": "car", "boating": "boat", "sailing": "boat", "rowing": "boat"}
 _MISSING = "is a FIT file. Reading it needs fitdecode, which is not installed: pip install 'ins-lab[fit]'"
 
@@ -118,7 +126,7 @@ class _Kind:
         time = np.array(self.fixes.time)
         first = time[np.isfinite(time)][:1]
         # Cameras count from when they were switched on.
-        if not first.size or first[0] < _SINCE_EPOCH:
+        if not first.size or first[0] < _MIN_SINCE_EPOCH:
             return None
         began = DAY * float(first[0] // DAY)
         self.fixes.time[:] = array("d", (time - began).tobytes())
@@ -186,7 +194,7 @@ def _messages(path: Path, data: bytes, points: _Points) -> Iterator[tuple[int, d
 
 def _refuse_emptiness(path: Path, count: int, size: int) -> None:
     """Raise if there are more messages than those with positions could be: they would take long to decode."""
-    if count > _MESSAGES + size / _SHORTEST:
+    if count > _MAX_EMPTY_MESSAGES + size / _SHORTEST:
         raise MissionError(
             f"{path}: more than {count} messages in {size} bytes; accepted are messages with positions, of "
             f"{_SHORTEST} bytes and more"

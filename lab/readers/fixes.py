@@ -17,15 +17,18 @@ from numpy.typing import NDArray
 
 from lab.readers.track import Track
 from lab.repair.raw_flight import ColumnUnit, Dropped
+from lab.units import DAY
 
-DAY = 86_400.0
-"""Length of a day [s]."""
 UNKNOWN = float("nan")
 """What stands for a number that a point does not have."""
 NO_FIX = "without a fix"
 """Why points without a position are left out."""
 
-_EARLIEST = 0.25 * DAY
+_MAX_BACK = 0.25 * DAY
+"""How far a time of day may lie before the last one and be of the same day, out of order [s]: beyond it,
+it is of the next day."""
+_DATE_LETTERS = 10
+"""Letters of a date without a time, 2026-01-31."""
 
 
 @dataclass
@@ -153,7 +156,7 @@ class UtcClock:
             time = datetime.fromisoformat(text)
         except ValueError:
             return UNKNOWN
-        if len(text) <= 10:  # a date alone
+        if len(text) <= _DATE_LETTERS:
             return UNKNOWN
         if time.tzinfo is None:
             self.unzoned += 1
@@ -191,7 +194,7 @@ def after(before: float, time_of_day: float) -> float:
     float
         At most 6 h earlier, for points that are out of order, and less than 18 h later [s].
     """
-    return before + (time_of_day - before + _EARLIEST) % DAY - _EARLIEST
+    return before + (time_of_day - before + _MAX_BACK) % DAY - _MAX_BACK
 
 
 def number(text: str | bytes | None) -> float:

@@ -53,6 +53,15 @@ FIELDS = (
 REQUIRED = (("milliseconds",), ("latitude",), ("longitude",), ("altitude",), ("trueheading",))
 
 
+_MIN_MOVED = 1e-6
+"""Change of latitude or longitude from which the aircraft moves [rad]: 6 m."""
+_MIN_TICKING = 0.9
+"""Part of the computer's time stamps with which the simulator's clock has to step, to be used."""
+_RATE_OF_CLOCKS = (0.5, 2.0)
+"""Rates of the simulator's clock, relative to the computer's, at which it is used: faster or slower, it
+counts in another unit or the simulation was accelerated."""
+
+
 def recognises(head: bytes) -> bool:
     """Tell whether a file begins with the header of Flight Recorder."""
     return recognised(head, REQUIRED)
@@ -100,11 +109,11 @@ def read(paths: Sequence[Path], units: Mapping[str, str]) -> RawFlight:
 
 def _moves(columns: Columns) -> bool:
     place = columns.vector("latitude", "longitude")
-    return place is not None and bool((np.ptp(place, axis=0) > 1e-6).any())
+    return place is not None and bool((np.ptp(place, axis=0) > _MIN_MOVED).any())
 
 
 def _runs(own: FloatArray, computer: FloatArray) -> bool:
     """Tell whether the simulator's clock steps with nearly each row, and by seconds."""
     elapsed, on_computer = own[-1] - own[0], computer[-1] - computer[0]
-    steps = len(np.unique(own)) > 0.9 * len(np.unique(computer))
-    return bool(steps and 0.5 * on_computer < elapsed < 2 * on_computer)
+    steps = len(np.unique(own)) > _MIN_TICKING * len(np.unique(computer))
+    return bool(steps and _RATE_OF_CLOCKS[0] * on_computer < elapsed < _RATE_OF_CLOCKS[1] * on_computer)

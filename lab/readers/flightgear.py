@@ -20,8 +20,9 @@ from numpy.typing import NDArray
 
 from lab.readers.fields import SEA_LEVEL, Columns, Field, raw_flight, read_columns
 from lab.readers.inertial_attitude import inertial_attitude
-from lab.readers.table import MIN_ROWS, Header, head_lines, plain
+from lab.readers.table import Header, head_lines, plain
 from lab.readers.unit_names import refuse_unknown
+from lab.recordings.bounds import MIN_SAMPLES
 from lab.recordings.mission_error import MissionError
 from lab.recordings.named_columns import MAX_BYTES
 from lab.recordings.text_blocks import TextBlocks
@@ -33,7 +34,7 @@ FloatArray = NDArray[np.float64]
 NAME = "FlightGear insgns-gps and insgns-imu"
 
 MOST_UNCERTAIN = np.radians(3.0)
-"""Up to which uncertainty of the heading a reconstructed attitude is taken [rad]."""
+"""Largest uncertainty of the heading with which a reconstructed attitude is used [rad]."""
 
 GPS = Header(
     "\t",
@@ -65,6 +66,7 @@ _KEYS = {
     ),
 }  # fmt: skip
 _DECIMALS = {GPS: (4, 10, 10, 3, 8, 8, 8), IMU: (4, 6, 6, 6, 5, 5, 5)}
+"""Decimals of each column, as the protocols' own formats write them."""
 _LINE = {
     header: re.compile("\t".join(rf"\s*-?\d+\.\d{{{count}}}" for count in decimals) + r"\s*")
     for header, decimals in _DECIMALS.items()
@@ -151,7 +153,7 @@ def _with_rates(flight: RawFlight, path: Path, units: Mapping[str, str]) -> RawF
     imu_time = imu_time[increases]
     both = (flight.time >= imu_time[0]) & (flight.time <= imu_time[-1])
     kept = both & _increases(flight.time)
-    if kept.sum() < MIN_ROWS:
+    if kept.sum() < MIN_SAMPLES:
         raise MissionError(
             f"{path}: goes from {imu_time[0]:.4f} to {imu_time[-1]:.4f} s, and the file of insgns-gps from "
             f"{flight.time[0]:.4f} to {flight.time[-1]:.4f} s; accepted are files of the same flight"

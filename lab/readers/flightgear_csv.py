@@ -77,9 +77,14 @@ _HEADING = re.compile(
     r"(?:[(\[]([^)\]]{1,20}?)(?:\s*(?:msl|asl|amsl|true))?[)\]]|-(deg|rad|ft|m|fps|kt|s))?\s*",
     re.IGNORECASE,
 )
-_WITHIN = 20
-_FASTEST = 400.0
-_LONGEST_STEP = 5.0
+_MAX_HEADER_LINE = 20
+"""Last line on which the header may stand."""
+_MAX_SPEED = 400.0
+"""Median speed up to which a time counts in milliseconds [m/s]: FlightGear's fastest aircraft fly faster,
+but not half of a flight."""
+_MIN_MILLISECONDS = 5.0
+"""Median step of the time from which it may be in milliseconds: nobody logs a sample in five seconds, and no
+logger 200 a second."""
 _ADVICE = (
     "Accepted is a log of FlightGear with the properties /position/latitude-deg, longitude-deg, altitude-ft, "
     "and best /orientation/roll-deg, pitch-deg, heading-deg and /velocities/speed-north-fps, speed-east-fps, "
@@ -102,7 +107,7 @@ def read(paths: Sequence[Path], units: Mapping[str, str]) -> RawFlight:
     """
     path = one_file(paths, NAME)
     with TextBlocks(path, MAX_BYTES, strict=False) as text:
-        lines = [line for line, _ in zip(text.lines(), range(_WITHIN), strict=False)]
+        lines = [line for line, _ in zip(text.lines(), range(_MAX_HEADER_LINE), strict=False)]
     fields = _fields(lines)
     if fields is None:
         raise MissionError(f"{path}: has no header with time, latitude and longitude in units. {_ADVICE}")
@@ -121,7 +126,7 @@ def read(paths: Sequence[Path], units: Mapping[str, str]) -> RawFlight:
 
 def _fields(lines: Sequence[str]) -> list[Field] | None:
     """Return what the columns are; None unless there are time and a position in units, over numbers."""
-    for place, line in enumerate(lines[:_WITHIN]):
+    for place, line in enumerate(lines[:_MAX_HEADER_LINE]):
         for delimiter in ",;\t|":
             cells = _cells(line, delimiter)
             if len(cells) < 3:
@@ -181,13 +186,13 @@ def _clock(columns: Columns) -> list[str]:
     """Take the time as milliseconds where it is in whole ones, and in seconds the steps would be too long."""
     time = columns.values["time"]
     step = float(np.median(np.abs(np.diff(time))))
-    if columns.units["time"].source != OF_THE_FORMAT or step < _LONGEST_STEP or (time % 1).any():
+    if columns.units["time"].source != OF_THE_FORMAT or step < _MIN_MILLISECONDS or (time % 1).any():
         return []
     place = ecef.position(
         np.column_stack((columns.values["latitude"], columns.values["longitude"], 0 * time))
     )
     way = float(np.median(np.linalg.norm(np.diff(place, axis=0), axis=1)))
-    if way > _FASTEST * step * 1e-3:
+    if way > _MAX_SPEED * step * 1e-3:
         return []
     columns.values["time"] = time * 1e-3
     columns.units["time"] = replace(columns.units["time"], unit="ms", source=GUESSED)

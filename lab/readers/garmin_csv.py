@@ -31,8 +31,9 @@ from lab.readers.fields import (
     recognised,
 )
 from lab.readers.fixes import NO_FIX, UtcClock
-from lab.readers.table import MIN_ROWS, NO_NUMBER, Header, find_header, plain
+from lab.readers.table import NO_NUMBER, Header, find_header, plain
 from lab.readers.unit_names import UNITS
+from lab.recordings.bounds import MIN_SAMPLES
 from lab.recordings.mission_error import MissionError
 from lab.recordings.named_columns import MAX_BYTES
 from lab.recordings.text_blocks import TextBlocks
@@ -68,14 +69,24 @@ _SPELLINGS = {
 }  # fmt: skip
 _IN_BRACKETS = re.compile(r"\(([^()]*)\)")
 _OFFSET = re.compile(r"[+-]?\d\d:\d\d")
-_HEADER_LINES = 100
-_LONGEST_LINE = 65_536
+_MAX_HEADER_LINE = 100
+"""Last line on which the header may stand; Garmin's is the third."""
+_MAX_LINE = 65_536
+"""Characters of a line in which a header is looked for."""
 _ASTRIDE = 2
-_LONGEST_LEG = 15.0
-_MOVING = 10.0
-_LEAST_LEGS = 10
-_LIKE = np.radians(3.0)
-_NO_DIFFERENCE = np.radians(1.0)
+"""Rows before and after each between which its course is taken: over 4 s the rounding of positions hardly
+turns it."""
+_MAX_LEG = 15.0
+"""Longest time between these rows [s]: in a longer one the aircraft may have turned."""
+_MIN_SPEED = 10.0
+"""Speed from which the course between positions is compared with the track [m/s]: taxiing is slower."""
+_MIN_LEGS = 10
+"""Fewest rows by which the sign of the variation is decided."""
+_MAX_OFF_COURSE = np.radians(3.0)
+"""Median angle between track and course up to which they agree [rad]; receivers and rounding part them by
+less, a wrong sign by twice the variation."""
+_MIN_VARIATION = np.radians(1.0)
+"""Variation from which true and magnetic north are told apart by the positions [rad]."""
 
 
 @dataclass(frozen=True)
@@ -141,16 +152,16 @@ def _heading(path: Path) -> _Heading:
     lines: list[str] = []
     with TextBlocks(path, MAX_BYTES, strict=False) as text:
         for line in text.lines():
-            lines.append(line[:_LONGEST_LINE])
+            lines.append(line[:_MAX_LINE])
             found = find_header(lines[-1:], REQUIRED)
             if found is not None:
                 header = found[1]
                 above = lines[-2].lstrip("#").split(header.delimiter) if len(lines) > 1 else []
                 return _Heading(header, _named_units(header, above))
-            if len(lines) >= _HEADER_LINES:
+            if len(lines) >= _MAX_HEADER_LINE:
                 break
     raise MissionError(
-        f"{path}: no header within the first {_HEADER_LINES} lines; accepted is one with "
+        f"{path}: no header within the first {_MAX_HEADER_LINE} lines; accepted is one with "
         f"{', '.join(need[0] for need in REQUIRED)}"
     )
 
@@ -207,11 +218,11 @@ def _timed(path: Path, columns: Columns, header: Header) -> tuple[Columns, Float
     for lost, reason in ((~fixed, NO_FIX), (fixed & ~kept, "without a date and time that can be read")):
         if lost.any():
             dropped.append(Dropped(reason, int(lost.sum()), int(columns.lines[np.argmax(lost)])))
-    if kept.sum() < MIN_ROWS:
+    if kept.sum() < MIN_SAMPLES:
         why = "; ".join(f"{one.count} from row {one.first_row} on: {one.reason}" for one in dropped)
         raise MissionError(
             f"{path}: {kept.sum()} of {columns.rows_read} rows can be used ({why}); accepted are at least "
-            f"{MIN_ROWS}"
+            f"{MIN_SAMPLES}"
         )
     values = {key: value[kept] for key, value in columns.values.items()}
     left = replace(columns, values=values, lines=columns.lines[kept], dropped=tuple(dropped))
@@ -236,7 +247,7 @@ def _north(columns: Columns, time: FloatArray) -> _North:
             None, None, "There is no track over ground. The heading, which is magnetic, is not used."
         )
     legs = _legs(columns, time, speed)
-    if legs.sum() < _LEAST_LEGS:
+    if legs.sum() < _MIN_LEGS:
         return _North(None, None, "The aircraft hardly moves. Its track and its heading are not used.")
     off = wrap(_course(columns)[legs] - track[legs])
     variation = columns.get("variation")
@@ -253,14 +264,14 @@ def _north(columns: Columns, time: FloatArray) -> _North:
     signs = (1.0, -1.0, 0.0)
     residual = [abs(_middle(wrap(off - sign * variation[legs]))) for sign in signs]
     sign = signs[int(np.argmin(residual))]
-    if min(residual) > _LIKE:
+    if min(residual) > _MAX_OFF_COURSE:
         return _North(
             None,
             None,
             f"The track is {np.degrees(usual):+.0f}° off the course from position to position, with the "
             "magnetic variation or without. Track and heading are not used.",
         )
-    if sign == 0 and np.median(np.abs(variation)) > _NO_DIFFERENCE:
+    if sign == 0 and np.median(np.abs(variation)) > _MIN_VARIATION:
         return _North(
             np.zeros_like(time),
             None,
@@ -279,7 +290,7 @@ def _legs(columns: Columns, time: FloatArray, speed: FloatArray) -> BoolArray:
     """Return the rows at which the course between the rows around them can be told."""
     span = np.full_like(time, np.inf)
     span[_ASTRIDE:-_ASTRIDE] = time[2 * _ASTRIDE :] - time[: -2 * _ASTRIDE]
-    return np.asarray((span > 0) & (span < _LONGEST_LEG) & (speed > _MOVING))
+    return np.asarray((span > 0) & (span < _MAX_LEG) & (speed > _MIN_SPEED))
 
 
 def _course(columns: Columns) -> FloatArray:

@@ -23,6 +23,8 @@ from numpy.typing import NDArray
 from lab import ecef
 from lab.readers.fields import OF_THE_FORMAT, SEA_LEVEL, one_file
 from lab.readers.track import Track, refuse_units
+from lab.readers.xml_elements import has_root
+from lab.recordings.bounds import LATITUDES, LONGITUDES
 from lab.recordings.decompression import content
 from lab.recordings.mission_error import MissionError
 from lab.recordings.named_columns import MAX_BYTES
@@ -31,19 +33,23 @@ from lab.repair.raw_flight import ColumnUnit, Dropped, RawFlight
 NAME = "GPX"
 
 _ROOT = re.compile(rb"<(?:[A-Za-z]\w{0,30}:)?gpx[\s>]")
-_LONGEST_TEXT = 64
+_MAX_TEXT = 64
+"""Letters kept of an element's text: numbers and times are shorter."""
 _PIECE = 2**18
+"""Bytes parsed at a time."""
 _OF_A_POINT = frozenset(("ele", "time", "speed", "course"))
 _UNITS = {"lat": "°", "lon": "°", "ele": "m", "speed": "m/s", "course": "°"}
 _UNKNOWN = float("nan")
-# What is further away or later than this is another track [m], [m/s], [s].
-_NEAR, _FAST, _LONGEST_PAUSE = 300.0, 100.0, 3600.0
+_MAX_APART, _MAX_PAUSE_SPEED = 300.0, 100.0
+"""How far away a segment may begin to continue one [m], and by how much more for each second between them
+[m/s]. As in `lab.repair.row_repair`, what is further away is a jump."""
+_MAX_PAUSE = 3600.0
+"""Longest pause between segments of one track [s]."""
 
 
 def recognises(head: bytes) -> bool:
     """Tell whether a file starts like GPX."""
-    plain = head[:4096].replace(b"\0", b"")  # UTF-16 has a zero in every character
-    return plain.lstrip(b"\xef\xbb\xbf\xff\xfe \t\r\n").startswith(b"<") and bool(_ROOT.search(plain))
+    return has_root(head, _ROOT)
 
 
 def read(paths: Sequence[Path], units: Mapping[str, str]) -> RawFlight:
@@ -144,7 +150,8 @@ class _Points:
     def _continued(self, segments: NDArray[np.int64]) -> NDArray[np.bool_]:
         """Return which points are of the longest segment, or of one next to it on the same way."""
         time, latitude, longitude = (np.array(self._columns[name]) for name in ("time", "lat", "lon"))
-        usable = np.flatnonzero(np.isfinite(time) & (np.abs(latitude) <= 90) & (np.abs(longitude) <= 360))
+        on_earth = (np.abs(latitude) <= LATITUDES[1]) & (np.abs(longitude) <= LONGITUDES[1])
+        usable = np.flatnonzero(np.isfinite(time) & on_earth)
         longest = int(np.bincount(segments).argmax())
         kept: NDArray[np.bool_] = segments == longest
         edges = np.flatnonzero(np.diff(segments[usable])) + 1
@@ -158,7 +165,7 @@ class _Points:
                 pause = time[then[0]] - time[first[-1]]
                 ends = np.array((first[-1], then[0]))
                 way = np.linalg.norm(np.diff(_place(latitude[ends], longitude[ends]), axis=0))
-                if not (0 <= pause <= _LONGEST_PAUSE and way <= _NEAR + _FAST * pause):
+                if not (0 <= pause <= _MAX_PAUSE and way <= _MAX_APART + _MAX_PAUSE_SPEED * pause):
                     break
                 kept |= segments == segments[other[0]]
         return kept
@@ -187,8 +194,8 @@ class _Points:
             self._line = self._parser.CurrentLineNumber
 
     def _characters(self, text: str) -> None:
-        if self._name and len(self._text) < _LONGEST_TEXT:
-            self._text += text[:_LONGEST_TEXT]
+        if self._name and len(self._text) < _MAX_TEXT:
+            self._text += text[:_MAX_TEXT]
 
     def _end(self, name: str) -> None:
         name = name.rpartition(":")[2]

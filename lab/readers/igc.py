@@ -21,12 +21,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lab.readers.fields import OF_THE_FORMAT, SEA_LEVEL, one_file
-from lab.readers.fixes import DAY, UNKNOWN, Fixes, after
+from lab.readers.fixes import UNKNOWN, Fixes, after
 from lab.readers.track import refuse_units
 from lab.recordings.mission_error import MissionError
 from lab.recordings.named_columns import MAX_BYTES
 from lab.recordings.text_blocks import TextBlocks
 from lab.repair.raw_flight import ColumnUnit, Dropped, RawFlight
+from lab.units import DAY
 
 NAME = "IGC"
 
@@ -40,7 +41,12 @@ _ABOVE_SEA = re.compile(rb"HFALG[^:]*:\s*(?:GEO|MSL)", re.IGNORECASE)
 _DATUM = re.compile(rb"HFDTM(\d{3})[^:]*:?\s*([^\r\n]*)")
 _WGS84 = b"100"
 _EXTENSIONS = ("LAD", "LOD", "TDS")
-_MOST_DIGITS = 6
+_MAX_DIGITS = 6
+"""Most digits of an extension that are read as decimals."""
+_FIRST_EXTENSION = 35
+"""Bytes of a B record before its extensions (of the format)."""
+_FIRST_YEAR = 80
+"""Two digits of a year from which it is one of the last century: flight recorders are approved since 1995."""
 
 
 def recognises(head: bytes) -> bool:
@@ -169,7 +175,7 @@ def _extensions(record: bytes) -> dict[str, slice]:
         )
         if name in _EXTENSIONS and first.isdigit() and last.isdigit():
             where = slice(int(first) - 1, int(last))
-            if 35 <= where.start < where.stop <= where.start + _MOST_DIGITS:
+            if _FIRST_EXTENSION <= where.start < where.stop <= where.start + _MAX_DIGITS:
                 found[name] = where
     return found
 
@@ -188,8 +194,7 @@ def _metres(text: bytes) -> float:
 
 def _date(day: int, month: int, year: int) -> date | None:
     try:
-        # Two digits of a year: flight recorders of this kind there are since 1995.
-        return date(year + (1900 if year >= 80 else 2000), month, day)
+        return date(year + (1900 if year >= _FIRST_YEAR else 2000), month, day)
     except ValueError:
         return None
 

@@ -28,7 +28,9 @@ if TYPE_CHECKING:
 FloatArray = NDArray[np.float64]
 
 _INTERVAL = 1.0
-_FEWEST = 10
+"""Time over which the change of velocity is compared [s]: noise averages out, and turns are still seen."""
+_MIN_INTERVALS = 10
+"""Fewest of these intervals: the rotation has three unknowns, the residual needs some more."""
 
 
 @dataclass(frozen=True)
@@ -76,7 +78,7 @@ def inertial_attitude(
     from scipy.interpolate import CubicSpline  # noqa: PLC0415 - slow to import, and only this needs it
     from scipy.spatial.transform import Rotation, Slerp  # noqa: PLC0415
 
-    if time[-1] - time[0] < _FEWEST * _INTERVAL:
+    if time[-1] - time[0] < _MIN_INTERVALS * _INTERVAL:
         return None
     # Attitude against that of the first instant, by the midpoint rule (Groves 5.3, without coning).
     step = np.diff(imu_time)[:, None]

@@ -29,7 +29,8 @@ from lab.readers.fields import (
     recognised,
     refuse_no_motion,
 )
-from lab.readers.table import MIN_ROWS, plain
+from lab.readers.table import plain
+from lab.recordings.bounds import MIN_SAMPLES
 from lab.recordings.mission_error import MissionError
 from lab.repair.raw_flight import ColumnUnit, Dropped, RawFlight
 
@@ -116,7 +117,8 @@ REQUIRED = (
     TIME.names,
     tuple(name for field in FIELDS if field is not TIME for name in field.names if name not in ANYBODYS),
 )
-_TURN = 6.3
+_MAX_RADIANS = 6.3
+"""Largest angle that may be in radians where the heading names no unit: a full turn, rounded up."""
 
 
 def recognises(head: bytes) -> bool:
@@ -168,7 +170,7 @@ def _unlabelled_degrees(columns: Columns) -> list[str]:
     remarks = []
     for keys in (("geocentric latitude", "longitude"), ("roll", "pitch", "heading"), ("alpha", "beta")):
         open_ones = [key for key in keys if key in columns.units and _says_no_unit(columns.units[key])]
-        if any(np.abs(columns.values[key]).max() > _TURN for key in open_ones):
+        if any(np.abs(columns.values[key]).max() > _MAX_RADIANS for key in open_ones):
             names = [columns.units[key].column for key in open_ones]
             for key in open_ones:
                 columns.values[key] = np.radians(columns.values[key])
@@ -203,11 +205,11 @@ def _near_the_earth(path: Path, flight: RawFlight, columns: Columns) -> RawFligh
         return flight
     reason = f"Earth-fixed position at heights beyond {low:g} to {high:g} m, which is what a flight can have"
     lost = Dropped(reason, int((~kept).sum()), int(columns.lines[np.argmin(kept)]))
-    if kept.sum() < MIN_ROWS:
+    if kept.sum() < MIN_SAMPLES:
         raise MissionError(
             f"{path}: {kept.sum()} of {columns.rows_read} rows of samples can be used ({lost.count} from row "
-            f"{lost.first_row} on: {reason}); accepted are at least {MIN_ROWS}. If the unit of a column is "
-            "another one, give it"
+            f"{lost.first_row} on: {reason}); accepted are at least {MIN_SAMPLES}. If the unit of a column "
+            "is another one, give it"
         )
     return flight.rows(kept, (lost,))
 

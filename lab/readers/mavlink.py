@@ -28,7 +28,6 @@ from lab.readers.mavlink_sensors import (
     FIELDS,
     IMUS,
     PARAMETERS,
-    believed,
     fixed,
     geoid_of,
     gnss_of,
@@ -37,7 +36,7 @@ from lab.readers.mavlink_sensors import (
     place_of,
     since_boot,
 )
-from lab.readers.streams import MAX_LOG_BYTES, Stream, first_usable, flight_of
+from lab.readers.streams import MAX_LOG_BYTES, Stream, first_usable, flight_of, is_attitude, is_position
 from lab.readers.tlog_file import TlogFile, Vehicle, starts_like_a_log
 from lab.readers.track import Track, refuse_units
 from lab.recordings.decompression import whole
@@ -53,13 +52,15 @@ MIN_IMU_RATE = 10.0
 """Fewest samples of the IMU a second accepted [Hz]: between point samples further apart a vehicle that turns
 within half a second, as they do, is not seen to turn."""
 
-_VEHICLES = {
+_VEHICLES = {  # names of MAV_TYPE
     1: "fixed wing", 2: "rotary wing", 3: "rotary wing", 4: "rotary wing", 7: "airship", 8: "balloon",
     10: "rover", 11: "boat", 12: "submarine", 13: "rotary wing", 14: "rotary wing", 15: "rotary wing",
     **dict.fromkeys(range(19, 26), "fixed wing"),
 }  # fmt: skip
 _NO_AUTOPILOT = 8
+"""MAV_AUTOPILOT_INVALID, of what is no autopilot."""
 _GROUND_STATION = 6
+"""MAV_TYPE_GCS."""
 _UNITS = {"lat, lon": "°", "alt": "m", "vx, vy, vz": "m/s", "roll, pitch, yaw": "rad"}
 _TRACK_UNITS = {"lat": "°", "lon": "°", "alt": "m", "vel": "m/s", "cog": "°"}
 _MISSING = "is a MAVLink telemetry log. Reading it needs pymavlink, which is not installed: "
@@ -241,7 +242,7 @@ def _position(vehicle: Vehicle, geoid: float | None) -> Stream | None:
     if messages is None:
         return None
     place = place_of(messages)
-    valid = believed(place)
+    valid = is_position(place)
     place[:, 2] += geoid or 0.0
     return first_usable((Stream.of("position", since_boot(vehicle, messages), place, valid),))
 
@@ -252,7 +253,7 @@ def _attitude(vehicle: Vehicle) -> Stream | None:
     euler = _stream("attitude", vehicle, "ATTITUDE", "roll", "pitch", "yaw")
     whole_turn = _stream("attitude", vehicle, "ATTITUDE_QUATERNION", "q1", "q2", "q3", "q4")
     if whole_turn is not None:
-        fine = np.abs(np.linalg.norm(whole_turn.values, axis=1) - 1) < 0.1
+        fine = is_attitude(whole_turn.values)
         found.append(Stream.of("attitude", whole_turn.time, whole_turn.values, fine))
     if euler is not None:
         values = quaternion_from_euler(euler.values)

@@ -13,9 +13,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lab.earth import STANDARD_GRAVITY
-from lab.logs.sensor_log import GnssLog
-from lab.readers.streams import Stream
+from lab.logs.sensor_log import GnssLog, believed_sigma
+from lab.readers.streams import FIX_3D, Stream, believed_lever_arm, geoid_height, gps_delay, is_position
 from lab.readers.tlog_file import Vehicle
+from lab.units import TO_SI
 
 FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]
@@ -45,11 +46,13 @@ _ARMS = (("GPS1_POS_", "INS_POS1_"), ("GPS_POS1_", "INS_POS1_"), ("EKF2_GPS_POS_
 _DELAYS = ("GPS1_DELAY_MS", "GPS_DELAY_MS", "EKF2_GPS_DELAY")
 PARAMETERS = frozenset(_DELAYS) | {f"{name}{axis}" for pair in _ARMS for name in pair for axis in "XYZ"}
 """Parameters of an autopilot that say where the antenna is and how late its fixes are."""
-_THREE_D = 3
 _UNKNOWN = 65_535
+"""What stands for an unknown speed or course (of GPS_RAW_INT)."""
 _SINCE_1970 = 1e9
-_MILLI_G = 1e-3 * STANDARD_GRAVITY
+"""Time from which it counts from 1970 and not from switching on [s]: of 2001, or of 32 years without a
+restart."""
 _ONE_G = (0.5, 2.0)
+"""Median specific force at which the numbers of an IMU are in the unit supposed [g]."""
 
 
 def since_boot(vehicle: Vehicle, messages: Messages) -> FloatArray:
@@ -75,15 +78,9 @@ def place_of(messages: Messages) -> FloatArray:
     return np.column_stack((angles, 1e-3 * messages["alt"]))
 
 
-def believed(place: FloatArray) -> BoolArray:
-    """Return which places are on the Earth and known."""
-    # Zero, zero is what is sent before the first fix.
-    return np.asarray((np.abs(place[:, 0]) <= np.pi / 2) & (place[:, :2] != 0).any(axis=1))
-
-
 def fixed(gps: Messages) -> BoolArray:
     """Return which messages of GPS_RAW_INT have a three-dimensional fix."""
-    return (gps["fix_type"] >= _THREE_D) & believed(place_of(gps))
+    return (gps["fix_type"] >= FIX_3D) & is_position(place_of(gps))
 
 
 def geoid_of(vehicle: Vehicle) -> float | None:
@@ -92,8 +89,7 @@ def geoid_of(vehicle: Vehicle) -> float | None:
     if gps is None:
         return None
     told = 1e-3 * (gps["alt_ellipsoid"] - gps["alt"])[fixed(gps) & (gps["alt_ellipsoid"] != 0)]
-    told = told[np.abs(told) < 200]
-    return float(np.median(told)) if told.size and told.any() else None
+    return geoid_height(told)
 
 
 def over_ground(gps: Messages) -> tuple[FloatArray, FloatArray]:
@@ -109,8 +105,8 @@ def imu_of(vehicle: Vehicle) -> Stream | None:
     found = []
     for name, gyro, force in (
         ("HIGHRES_IMU", 1.0, 1.0),
-        ("SCALED_IMU", 1e-3, _MILLI_G),
-        ("RAW_IMU", 1e-3, _MILLI_G),
+        ("SCALED_IMU", 1e-3, TO_SI["mg"]),
+        ("RAW_IMU", 1e-3, TO_SI["mg"]),
     ):
         messages = vehicle.numbers(name)
         if messages is None:
@@ -132,10 +128,7 @@ def gnss_of(vehicle: Vehicle, gps: Messages) -> GnssLog:
     speed, course = over_ground(gps)
     angle = np.radians(course)
     velocity = np.column_stack((speed * np.cos(angle), speed * np.sin(angle), np.full(len(time), np.nan)))
-    level, vertical, rate = (
-        np.where((gps[name] > 0) & (gps[name] < 1e9), 1e-3 * gps[name], np.nan)
-        for name in ("h_acc", "v_acc", "vel_acc")
-    )
+    level, vertical, rate = (believed_sigma(1e-3 * gps[name]) for name in ("h_acc", "v_acc", "vel_acc"))
     fine = fixed(gps) & np.isfinite(time)
     delay = max(vehicle.parameters.get(name, 0.0) for name in _DELAYS)
     return GnssLog(
@@ -145,7 +138,7 @@ def gnss_of(vehicle: Vehicle, gps: Messages) -> GnssLog:
         position_sigma=np.column_stack((level, level, vertical))[fine],
         velocity_sigma=np.column_stack((rate, rate, rate))[fine],
         lever_arm=_lever_arm(vehicle.parameters),
-        latency=1e-3 * delay if 0 <= delay <= 1000 else 0.0,
+        latency=gps_delay(1e-3 * delay),
     )
 
 
@@ -153,11 +146,10 @@ def _lever_arm(parameters: Mapping[str, float]) -> FloatArray:
     """Return the way from the IMU to the antenna as the autopilot was told it [m]."""
     for antenna, imu in _ARMS:
         if any(f"{antenna}{axis}" in parameters for axis in "XYZ"):
-            arm = np.array(
+            return believed_lever_arm(
                 [
                     parameters.get(f"{antenna}{axis}", 0.0) - parameters.get(f"{imu}{axis}", 0.0)
                     for axis in "XYZ"
                 ]
             )
-            return arm if bool((np.abs(arm) <= 100).all()) else np.zeros(3)
     return np.zeros(3)

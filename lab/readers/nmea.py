@@ -27,11 +27,11 @@ from lab.readers.dataflash_file import MAGIC as DATAFLASH
 from lab.readers.fields import OF_THE_FORMAT, SEA_LEVEL, one_file
 from lab.readers.track import Track, refuse_units
 from lab.readers.ulog_file import MAGIC as ULOG
-from lab.readers.unit_names import KNOT
 from lab.recordings.decompression import content
 from lab.recordings.mission_error import MissionError
 from lab.recordings.named_columns import MAX_BYTES
 from lab.repair.raw_flight import ColumnUnit, Dropped, RawFlight
+from lab.units import DAY, KNOT
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
@@ -40,11 +40,20 @@ NAME = "NMEA 0183"
 
 _SENTENCE = re.compile(rb"\$([A-Z]{2}(?:GGA|GNS|RMC),[ -)+-~]{5,120})\*([0-9A-Fa-f]{2})")
 _TRIED = 1000
+"""Most candidates for a sentence whose checksum is tried amid binary data."""
+_BINARY_PART = 100
+"""Bytes for each zero among them from which a file is binary: text has none."""
 _PIECE = 2**20
-_LONGEST = 200
-_MOST_CELLS = 30
-_DAY = 86_400.0
-_FIELDS = {
+"""Bytes read at a time, and longest line."""
+_SHORTEST, _LONGEST = 7, 200
+"""Length of a sentence [characters]: the standard has 82 at most, receivers of several systems exceed it."""
+_MAX_CELLS = 30
+"""Most cells of a sentence that is read; those read have up to 15."""
+_MIN_GEOID_PART = 0.9
+"""Part of the fixes that have to have the height of the geoid, for heights to be above the ellipsoid."""
+_FIRST_YEAR = 80
+"""Two digits of a year from which it is one of the last century: GPS counts from 1980."""
+_FIELDS = {  # what the cells of each sentence are
     "GGA": {1: "time", 2: "lat", 3: "ns", 4: "lon", 5: "ew", 6: "quality", 9: "altitude", 11: "geoid"},
     "GNS": {1: "time", 2: "lat", 3: "ns", 4: "lon", 5: "ew", 6: "mode", 9: "altitude", 10: "geoid"},
     "RMC": {1: "time", 2: "mode", 3: "lat", 4: "ns", 5: "lon", 6: "ew", 7: "speed", 8: "course", 9: "date"},
@@ -54,6 +63,8 @@ _UNITS = {"latitude": "°", "longitude": "°", "altitude": "m", "speed": "kt", "
 _TEXTS = frozenset(("ns", "ew", "mode"))
 _NUMBERS = ("time", "lat", "lon", "quality", "altitude", "geoid", "speed", "course", "date")
 _ORDER = {"GGA": 0, "GNS": 1, "RMC": 2, "VTG": 3}
+"""Numbers of the kinds of sentences."""
+# The value of each character as a hexadecimal digit; 255 for the others.
 _HEX = np.full(256, 255, dtype=np.uint8)
 for _digit in b"0123456789ABCDEFabcdef":
     _HEX[_digit] = int(chr(_digit), 16)
@@ -78,7 +89,7 @@ def recognises(head: bytes) -> bool:
     """
     if head.startswith((DATAFLASH, ULOG)):
         return False
-    if head.count(b"\0") * 100 < len(head):
+    if head.count(b"\0") * _BINARY_PART < len(head):
         return bool(_SENTENCE.search(head))
     found = itertools.islice(_SENTENCE.finditer(head), _TRIED)
     return any(reduce(xor, one[1]) == int(one[2], 16) for one in found)
@@ -187,7 +198,7 @@ def _decoded(
     characters: NDArray[np.uint8], starts: IntArray, stars: IntArray, lines: IntArray
 ) -> list[_Sentences]:
     """Return the sentences between their bounds, in the order of the file."""
-    short = (stars - starts >= 7) & (stars - starts <= _LONGEST)
+    short = (stars - starts >= _SHORTEST) & (stars - starts <= _LONGEST)
     starts, stars, lines = starts[short], stars[short], lines[short]
     if not len(starts):
         return []
@@ -198,7 +209,7 @@ def _decoded(
     characters[stars] = ord("\n")
     made = []
     for name, fields in _FIELDS.items():
-        rows = (names == name.encode()) & (cells > max(fields)) & (cells <= _MOST_CELLS)
+        rows = (names == name.encode()) & (cells > max(fields)) & (cells <= _MAX_CELLS)
         if rows.any():
             made.append(_parsed(_cut(characters, starts[rows], stars[rows]), name, lines[rows]))
     if not made:
@@ -221,7 +232,7 @@ def _parsed(rows: bytes, name: str, lines: IntArray) -> _Sentences:
     import pandas as pd  # noqa: PLC0415 - slow to import, and only reading needs it
 
     # Sentences differ in length; pandas takes the number of cells from the first row.
-    first = b"," * (_MOST_CELLS - 1) + b"\n"
+    first = b"," * (_MAX_CELLS - 1) + b"\n"
     frame = pd.read_csv(
         io.BytesIO(first + rows), header=None, index_col=False, usecols=list(_FIELDS[name]), dtype=object,
         na_filter=False, quoting=csv.QUOTE_NONE, skip_blank_lines=False, engine="c", encoding="latin-1",
@@ -286,7 +297,7 @@ def _track(path: Path, sentences: _Sentences, bad: int, first_bad: int, binary: 
     if not fixed.all():
         dropped.append(Dropped("without a fix", int((~fixed).sum()), int(lines[np.argmin(fixed)])))
     geoid = picked["geoid"]
-    above_ellipsoid = bool(np.isfinite(geoid[fixed]).mean() >= 0.9) if fixed.any() else False
+    above_ellipsoid = bool(np.isfinite(geoid[fixed]).mean() >= _MIN_GEOID_PART) if fixed.any() else False
     height = picked["altitude"] + geoid if above_ellipsoid else picked["altitude"]
     time, started = _time(picked["time"], picked["date"])
     remarks = [f"Time counts from {started} UTC."]
@@ -335,16 +346,16 @@ def _time(clock: FloatArray, date: FloatArray) -> tuple[FloatArray, str]:
     seconds = np.round(clock - 10_000 * hours - 100 * minutes, 6)
     time = np.where((minutes < 60) & (seconds < 61), 3600 * hours + 60 * minutes + seconds, np.nan)
     known = np.isfinite(time)
-    time[known] = np.unwrap(time[known], period=_DAY)
+    time[known] = np.unwrap(time[known], period=DAY)
     days = _days(date)
     dated = np.flatnonzero(known & np.isfinite(days))
     if not dated.size:
         return time, "midnight of a day that the file does not name,"
     # Where a date is known, the days counted are those of the calendar.
-    counted = np.round((_DAY * days[dated] + np.mod(time[dated], _DAY) - time[dated]) / _DAY)
+    counted = np.round((DAY * days[dated] + np.mod(time[dated], DAY) - time[dated]) / DAY)
     nearest = counted[np.maximum(np.searchsorted(dated, np.arange(len(time)), side="right") - 1, 0)]
     first = counted[0]
-    return time + _DAY * (nearest - first), f"{np.datetime64(int(first), 'D')} 00:00"
+    return time + DAY * (nearest - first), f"{np.datetime64(int(first), 'D')} 00:00"
 
 
 def _days(date: FloatArray) -> FloatArray:
@@ -353,7 +364,6 @@ def _days(date: FloatArray) -> FloatArray:
     number = np.where(known, date, 10_100).astype(np.int64)
     day, month, year = number // 10_000, number // 100 % 100, number % 100
     fine = known & (day >= 1) & (day <= 31) & (month >= 1) & (month <= 12)
-    # Two digits of a year: receivers there are since 1980.
-    months = (np.where(year < 80, year + 2000, year + 1900) - 1970) * 12 + np.clip(month, 1, 12) - 1
+    months = (np.where(year < _FIRST_YEAR, year + 2000, year + 1900) - 1970) * 12 + np.clip(month, 1, 12) - 1
     days = months.astype("datetime64[M]").astype("datetime64[D]").astype(np.int64) + day - 1
     return np.where(fine, days.astype(np.float64), np.nan)

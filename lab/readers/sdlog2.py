@@ -19,10 +19,19 @@ from numpy.typing import NDArray
 
 from lab.logs.auxiliary_data import Beside
 from lab.logs.log_check import check_log
-from lab.logs.sensor_log import GnssLog, SensorLog, repaired
+from lab.logs.sensor_log import GnssLog, SensorLog, believed_sigma, repaired
 from lab.readers.dataflash_file import MAGIC, DataFlashFile
 from lab.readers.fields import OF_THE_FORMAT, SEA_LEVEL, one_file
-from lab.readers.streams import MAX_LOG_BYTES, Stream, first_usable, flight_of
+from lab.readers.streams import (
+    FIX_3D,
+    MAX_LOG_BYTES,
+    Stream,
+    first_usable,
+    flight_of,
+    gps_delay,
+    is_attitude,
+    is_position,
+)
 from lab.readers.track import refuse_units
 from lab.readers.ulog import on_map
 from lab.recordings.decompression import whole
@@ -38,14 +47,13 @@ _FLIGHT = ("TIME", "GPOS", "LPOS", "GPS", "ATT", "PARM")
 _SENSORS = ("TIME", "IMU", "GPS", "PARM")
 _CLOCK = b"StartTime"
 _DESCRIBED_WITHIN = 2**14
-_VEHICLES = {
+"""Bytes at the start of a log in which all its messages are described: 89 bytes for each of some hundred."""
+_VEHICLES = {  # names of MAV_TYPE
     **dict.fromkeys((2, 3, 4, 13, 14, 15), "rotary wing"), 1: "fixed wing", 10: "rover", 11: "boat",
 }  # fmt: skip
 _UNITS = {
     "Lat": "°", "Lon": "°", "Alt": "m", "VelN, VelE, VelD": "m/s", "Roll, Pitch, Yaw": "rad",
 }  # fmt: skip
-_THREE_D = 3
-_LONGEST_DELAY = 1.0
 
 
 def recognises(head: bytes) -> bool:
@@ -160,13 +168,13 @@ class _Messages:
         place = None if messages is None else _place(messages)
         if place is None:
             return None
-        fine = _believed(place) if valid is None else _believed(place) & valid
+        fine = is_position(place) if valid is None else is_position(place) & valid
         return Stream.of(what, self.time(name), place, fine)
 
     @property
     def fixed(self) -> NDArray[np.bool_] | None:
         gps = self.messages("GPS")
-        return None if gps is None or "Fix" not in gps else gps["Fix"] >= _THREE_D
+        return None if gps is None or "Fix" not in gps else gps["Fix"] >= FIX_3D
 
     def what_there_is(self) -> str:
         said = f"It has {', '.join(self._log.names) or 'none of the messages used'}"
@@ -187,26 +195,20 @@ def _place(messages: Mapping[str, FloatArray]) -> FloatArray | None:
     return np.column_stack((np.radians(messages["Lat"]), np.radians(messages["Lon"]), messages["Alt"]))
 
 
-def _believed(place: FloatArray) -> NDArray[np.bool_]:
-    # Zero, zero is what is logged before the first fix.
-    return np.asarray((np.abs(place[:, 0]) <= np.pi / 2) & (place[:, :2] != 0).any(axis=1))
-
-
 def _local_position(log: _Messages) -> Stream | None:
     stream = log.stream("local position", "LPOS", "RLat", "RLon", "RAlt", "X", "Y", "Z")
     if stream is None or not stream.usable:
         return None
     reference = stream.values[:, :3] * (np.radians(1.0), np.radians(1.0), 1.0)
     place = on_map(reference, stream.values[:, 3:])
-    return Stream.of(stream.what, stream.time, place, _believed(reference) & _believed(place))
+    return Stream.of(stream.what, stream.time, place, is_position(reference) & is_position(place))
 
 
 def _attitude(log: _Messages) -> Stream | None:
     """Return the attitude as quaternions; until 2015 only the angles were logged."""
     stream = log.stream("attitude", "ATT", "qw", "qx", "qy", "qz")
     if stream is not None:
-        fine = np.abs(np.linalg.norm(stream.values, axis=1) - 1) < 0.1
-        stream = Stream.of("attitude", stream.time, stream.values, fine)
+        stream = Stream.of("attitude", stream.time, stream.values, is_attitude(stream.values))
     angles = log.stream("attitude", "ATT", "Roll", "Pitch", "Yaw")
     if (stream is None or not stream.usable) and angles is not None and angles.usable:
         stream = Stream.of("attitude", angles.time, quaternion_from_euler(angles.values))
@@ -220,8 +222,8 @@ def _gnss(log: _Messages, gps: Mapping[str, FloatArray]) -> GnssLog:
     velocity = unknown
     if {"VelN", "VelE", "VelD"} <= set(gps):
         velocity = np.column_stack([gps[name] for name in ("VelN", "VelE", "VelD")])
-    level, vertical = (_sigma(gps.get(name, unknown[:, 0])) for name in ("EPH", "EPV"))
-    fine = np.isfinite(time) & np.isfinite(place).all(axis=1) & _believed(place)
+    level, vertical = (believed_sigma(gps.get(name, unknown[:, 0])) for name in ("EPH", "EPV"))
+    fine = np.isfinite(time) & np.isfinite(place).all(axis=1) & is_position(place)
     if log.fixed is not None:
         fine &= log.fixed
     fine[fine] = np.append(True, np.diff(np.maximum.accumulate(time[fine])) > 0)[: fine.sum()]
@@ -233,9 +235,5 @@ def _gnss(log: _Messages, gps: Mapping[str, FloatArray]) -> GnssLog:
         position_sigma=np.column_stack((level, level, vertical))[fine],
         velocity_sigma=unknown[fine],
         lever_arm=np.zeros(3),
-        latency=late if 0 <= late <= _LONGEST_DELAY else 0.0,
+        latency=gps_delay(late),
     )
-
-
-def _sigma(values: FloatArray) -> FloatArray:
-    return np.where((values > 1e-6) & (values < 1e6), values, np.nan)

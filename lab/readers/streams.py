@@ -15,7 +15,9 @@ from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 from scipy.spatial.transform import Rotation, RotationSpline
 
+from lab.logs.sensor_log import MAX_LEVER_ARM
 from lab.readers import estimator_resets
+from lab.recordings.bounds import LATITUDES, MIN_SAMPLES
 from lab.recordings.mission_error import MissionError
 from lab.repair.raw_flight import ColumnUnit, Dropped, RawFlight, Reset
 from lab.rotation import euler_from_quaternion
@@ -25,13 +27,27 @@ BoolArray = NDArray[np.bool_]
 
 MAX_LOG_BYTES = 512 * 2**20
 """Largest binary log accepted, as stored and as decompressed [bytes]."""
-MIN_MESSAGES = 4
-"""Fewest messages of a quantity that is used."""
+
+FIX_3D = 3
+"""Kind of a three-dimensional fix: MAVLink's GPS_FIX_TYPE, which ArduPilot's and PX4's logs share."""
+MAX_GPS_DELAY = 1.0
+"""Longest delay of a GPS that a parameter is believed to give [s]; PX4 itself accepts up to 0.3 s."""
+MAX_GEOID_HEIGHT = 200.0
+"""Largest height of the geoid over the ellipsoid that is believed [m]: EGM2008 has -107 to 86 m."""
+_MAX_NORM_ERROR = 0.1
+"""Largest error of a quaternion's norm: rounded ones are off by less than 1e-3, damaged ones by anything."""
 
 _RECEIVER = "GPS"
+_MAX_VALUE = 1e12
+"""Largest number that a message may hold, in its SI unit: damaged ones hold any."""
 _SLOWER = 0.7
-_GAP = 1.0
-_MANY = 5.0
+"""Rate relative to the samples' below which a quantity counts as interpolated: rates that are meant to be
+equal differ by less."""
+_MAX_GAP = 1.0
+"""Longest time between messages over which a quantity is interpolated [s]; slow ones have
+`_MAX_GAP_STEPS`."""
+_MAX_GAP_STEPS = 5.0
+"""The same in usual steps."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -89,7 +105,7 @@ class Stream:
             Which changes where the quantity was set anew.
         """
         values = np.asarray(values, dtype=np.float64).reshape(len(time), -1)
-        kept = np.isfinite(time) & np.isfinite(values).all(axis=1) & (np.abs(values) < 1e12).all(axis=1)
+        kept = np.isfinite(time) & np.isfinite(values).all(axis=1) & (np.abs(values) < _MAX_VALUE).all(axis=1)
         if valid is not None:
             kept &= valid
         at = np.flatnonzero(kept)
@@ -106,7 +122,7 @@ class Stream:
     @property
     def usable(self) -> bool:
         """Whether there are enough messages."""
-        return len(self.time) >= MIN_MESSAGES
+        return len(self.time) >= MIN_SAMPLES
 
     @property
     def rate(self) -> float:
@@ -125,11 +141,11 @@ class Stream:
         after = np.clip(np.searchsorted(self.time, time), 1, len(self.time) - 1)
         step = np.diff(self.time)[after - 1]
         inside = (time >= self.time[0]) & (time <= self.time[-1])
-        known = inside & (step <= max(_GAP, _MANY / self.rate))
+        known = inside & (step <= max(_MAX_GAP, _MAX_GAP_STEPS / self.rate))
         # Between the last message before a reset and the first after it nothing is known.
         known &= ~np.isin(after, self.resets) | (time == self.time[after])
         piece, lengths = self._pieces(time), np.diff(self._edges)
-        return np.asarray(known & (lengths[piece] >= MIN_MESSAGES))
+        return np.asarray(known & (lengths[piece] >= MIN_SAMPLES))
 
     def at(self, time: FloatArray) -> FloatArray:
         """Return values (m, k) at times at which they are known."""
@@ -161,6 +177,36 @@ class Stream:
             rows, part = piece == number, slice(edges[number], edges[number + 1])
             found[rows] = between(self.time[part], self.values[part], time[rows])
         return found
+
+
+def is_position(place: FloatArray) -> BoolArray:
+    """Return which latitudes, longitudes [rad] (n, 2 or more) are known and on the Earth.
+
+    Autopilots log zeros before their first fix.
+    """
+    return np.asarray((np.abs(place[:, 0]) <= np.radians(LATITUDES[1])) & (place[:, :2] != 0).any(axis=1))
+
+
+def is_attitude(quaternions: FloatArray) -> BoolArray:
+    """Return which quaternions (n, 4) have a norm near 1."""
+    return np.asarray(np.abs(np.linalg.norm(quaternions, axis=1) - 1) < _MAX_NORM_ERROR)
+
+
+def geoid_height(heights: FloatArray) -> float | None:
+    """Return the height of the geoid over the ellipsoid [m], of those a receiver gives; None without any."""
+    known = heights[np.abs(heights) < MAX_GEOID_HEIGHT]
+    return float(np.median(known)) if known.size and known.any() else None
+
+
+def gps_delay(seconds: float) -> float:
+    """Return the delay of a GPS that a parameter gives [s]; 0 for one that is not believed."""
+    return seconds if 0 <= seconds <= MAX_GPS_DELAY else 0.0
+
+
+def believed_lever_arm(lever_arm: Sequence[float]) -> FloatArray:
+    """Return the lever arm (3,) that parameters give [m]; zero for one that is not believed."""
+    arm = np.array(lever_arm)
+    return arm if bool((np.abs(arm) <= MAX_LEVER_ARM).all()) else np.zeros(3)
 
 
 def first_usable(streams: Sequence[Stream | None]) -> Stream | None:
@@ -221,10 +267,10 @@ def flight_of(
             dropped.append(Dropped(reason, int(lost.sum()), int(np.argmax(lost)) + 1))
             kept &= known
     time = base.time[kept]
-    if len(time) < MIN_MESSAGES:
+    if len(time) < MIN_SAMPLES:
         raise MissionError(
             f"{path}: {' and '.join(stream.what for stream in used)} have {len(time)} times in common; "
-            f"accepted are at least {MIN_MESSAGES}"
+            f"accepted are at least {MIN_SAMPLES}"
         )
     longitude = np.unwrap(position.values[:, 1])
     places = np.column_stack((position.values[:, 0], longitude, position.values[:, 2]))

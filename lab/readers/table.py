@@ -17,6 +17,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from lab.recordings.bounds import MIN_SAMPLES
 from lab.recordings.mission_error import MissionError
 from lab.recordings.named_columns import MAX_BYTES
 from lab.recordings.text_blocks import TextBlocks
@@ -24,15 +25,17 @@ from lab.repair.raw_flight import Dropped
 
 FloatArray = NDArray[np.float64]
 
-MIN_ROWS = 4
-"""Fewest rows a flight can be made of."""
-
 _DELIMITERS = "|\t;,"
-_HEADER_WITHIN = 100
+_MAX_HEADER_LINE = 100
+"""Last line on which the header may stand."""
 _MAX_COLUMNS = 10_000
+"""Most columns: X-Plane and JSBSim have some hundred."""
 _MAX_RECORDINGS = 1000
+"""Most headers in a file: each takes memory of its own."""
 _PIECE = 2**17
+"""Bytes parsed at a time: what parsing takes beside them stays small."""
 _SLOW_PIECE = 2**14
+"""The same where cells are not all numbers, and each takes some fifty bytes as text."""
 
 MISSING = "cells missing or too many"
 """Why rows are dropped that have another number of cells than the header."""
@@ -113,7 +116,7 @@ def find_header(lines: Sequence[str], required: Required) -> tuple[int, Header] 
     required
         For each need the names, as `plain` gives them, of which one must be there.
     """
-    for place, line in enumerate(lines[:_HEADER_WITHIN]):
+    for place, line in enumerate(lines[:_MAX_HEADER_LINE]):
         header = _header(line, required)
         if header:
             return place, header
@@ -122,7 +125,7 @@ def find_header(lines: Sequence[str], required: Required) -> tuple[int, Header] 
 
 def head_lines(head: bytes) -> list[str]:
     """Return the first bytes of a text file as lines; what is no text becomes replacement characters."""
-    return head.decode("utf-8", "replace").splitlines()[:_HEADER_WITHIN]
+    return head.decode("utf-8", "replace").splitlines()[:_MAX_HEADER_LINE]
 
 
 def read_table(
@@ -170,7 +173,7 @@ def read_table(
             Dropped(OTHER_RECORDING, sum(other.rows_read for other in others), others[0].first_line)
         )
     rows_read = sum(recording.rows_read for recording in recordings)
-    if len(table.lines) < MIN_ROWS:
+    if len(table.lines) < MIN_SAMPLES:
         raise MissionError(_too_few(path, len(table.lines), rows_read, dropped))
     for need in required:
         if table.columns.keys().isdisjoint(need):
@@ -184,7 +187,7 @@ def _too_few(path: Path, usable: int, rows_read: int, dropped: Sequence[Dropped]
     why = "; ".join(f"{drop.count} left out from row {drop.first_row} on: {drop.reason}" for drop in dropped)
     return (
         f"{path}: {usable} of {rows_read} rows of samples can be used{f' ({why})' if why else ''}; accepted "
-        f"are at least {MIN_ROWS}"
+        f"are at least {MIN_SAMPLES}"
     )
 
 
@@ -206,11 +209,11 @@ def _first_header(path: Path, text: TextBlocks, required: Required) -> Header:
         header = _header(line, required)
         if header:
             return header
-        if text.next_line > _HEADER_WITHIN:
+        if text.next_line > _MAX_HEADER_LINE:
             break
     needs = ", ".join(" or ".join(need) for need in required)
     raise MissionError(
-        f"{path}: no header within the first {_HEADER_WITHIN} lines; accepted is one with {needs} "
+        f"{path}: no header within the first {_MAX_HEADER_LINE} lines; accepted is one with {needs} "
         f"among at most {_MAX_COLUMNS} columns"
     )
 

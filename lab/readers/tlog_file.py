@@ -28,13 +28,21 @@ MAX_VEHICLES = 32
 """Most vehicles, restarts counted, whose messages are kept."""
 
 _STAMP = 8
+"""Bytes of the ground station's time before each frame."""
 _SHORTEST = {0xFD: 12, 0xFE: 8}
+"""Bytes of a frame without its payload, by its first byte (MAVLink, Packet Serialization)."""
 _SIGNED = 1
+"""Flag of a frame with a signature."""
 _SIGNATURE = 13
+"""Bytes of a signature."""
 _MAGIC = re.compile(b"[\xfd\xfe]")
 _STAMPS = (9.5e14, 4.1e15)
+"""Times of a ground station [µs since 1970]: of the years 2000 to 2099."""
 _FRAMES_TO_SEE = 3
+"""Frames in a row by which a log is recognised."""
 _RESTART = 10.0
+"""How far the time since switching on has to fall back for a restart [s]: frames of a slow link come out
+of order by less."""
 
 
 @dataclass(eq=False)

@@ -14,29 +14,34 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from lab.recordings.bounds import HEIGHTS, LATITUDES, LONGITUDES, MAX_SPEED, MIN_SAMPLES
 from lab.recordings.mission_error import MissionError
 from lab.repair.quantisation import value_step
 from lab.repair.raw_flight import VERTICAL_VELOCITY, ColumnUnit, Dropped, RawFlight
 from lab.repair.row_repair import NO_FIX
 from lab.repair.sample_times import prediction_error
-from lab.repair.smoothing import LIVELINESS, best_smoothing, smoothing_of_steps, smoothing_spline
+from lab.repair.smoothing import (
+    LIVELINESS,
+    WIDEST_STEPS,
+    best_smoothing,
+    smoothing_of_steps,
+    smoothing_spline,
+)
 
 FloatArray = NDArray[np.float64]
 
-MIN_POINTS = 4
-"""Fewest points a flight can be made of."""
-MAX_SPEED = 1000.0
-"""Fastest a receiver is believed to move [m/s]."""
-
-_HEIGHTS = (-1000.0, 100_000.0)
-# A decimetre: what is written without a fix is zero, but for rounding.
 _ZERO = 1e-6
-# Up to this speed receivers leave the course out, since it is noise; a standing one has none [m/s].
-_SLOW, _STANDSTILL = 2.0, 0.5
-# Noise of a sample appears so many times as large in what four neighbours say of it.
+"""Latitude and longitude that are zero but for rounding [°]: a decimetre. Zero is written without a fix."""
+_MIN_COURSE_SPEED = 2.0
+"""Speed up to which receivers leave the course out, since it is noise [m/s]."""
+_STANDSTILL = 0.5
+"""Speed below which a vehicle that gives no course stands [m/s]."""
 _AMPLIFIED = 1.94**0.5
-_WIDEST = 300.0
-_MOST = 0.9
+"""Noise of a sample appears so many times as large in what four neighbours say of it (`prediction_error`)."""
+_SIGMA_OF_MEDIAN = 1.4826
+"""σ of normal noise over the median of its size."""
+_MIN_KNOWN = 0.9
+"""Part of the points at which a quantity has to be known to be used: the other points are left out."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -91,17 +96,17 @@ class Track:
         """
         kept = np.ones(len(self.time), dtype=bool)
         self._keep(kept, np.isfinite(self.time), "without a time")
-        on_earth = (np.abs(self.latitude) <= 90) & (np.abs(self.longitude) <= 360)
+        on_earth = (np.abs(self.latitude) <= LATITUDES[1]) & (np.abs(self.longitude) <= LONGITUDES[1])
         self._keep(kept, on_earth, "without a position on the Earth")
         somewhere = (np.abs(self.latitude) > _ZERO) | (np.abs(self.longitude) > _ZERO)
         self._keep(kept, somewhere, NO_FIX)
         remarks = list(self.remarks)
         has_height = self._has(kept, self.height)
         if has_height:
-            believed = (self.height >= _HEIGHTS[0]) & (self.height <= _HEIGHTS[1])
-            self._keep(kept, believed, f"without a height from {_HEIGHTS[0]:g} to {_HEIGHTS[1]:g} m")
+            believed = (self.height >= HEIGHTS[0]) & (self.height <= HEIGHTS[1])
+            self._keep(kept, believed, f"without a height from {HEIGHTS[0]:g} to {HEIGHTS[1]:g} m")
         course = np.where(self.speed < _STANDSTILL, np.nan_to_num(self.course), self.course)
-        course = _held(course, self.speed < _SLOW)
+        course = _held(course, self.speed < _MIN_COURSE_SPEED)
         has_velocity = has_height and self._has(kept, np.where(self.speed <= MAX_SPEED, course, np.nan))
         if has_velocity:
             believed = (self.speed >= 0) & (self.speed <= MAX_SPEED) & np.isfinite(course)
@@ -143,16 +148,16 @@ class Track:
     @staticmethod
     def _has(kept: NDArray[np.bool_], values: FloatArray) -> bool:
         """Return whether a quantity is known at nearly all points."""
-        return bool(kept.any() and np.isfinite(values[kept]).mean() >= _MOST)
+        return bool(kept.any() and np.isfinite(values[kept]).mean() >= _MIN_KNOWN)
 
     def _refuse_if_too_few(self, kept: NDArray[np.bool_]) -> None:
-        if kept.sum() >= MIN_POINTS:
+        if kept.sum() >= MIN_SAMPLES:
             return
         lost = (*self.dropped, *self._lost)
         why = "; ".join(f"{drop.count} from row {drop.first_row} on: {drop.reason}" for drop in lost)
         raise MissionError(
             f"{self.path}: {kept.sum()} of {self.rows_read} points can be used{f' ({why})' if why else ''}; "
-            f"accepted is a track of at least {MIN_POINTS} points with time and position"
+            f"accepted is a track of at least {MIN_SAMPLES} points with time and position"
         )
 
 
@@ -195,13 +200,12 @@ def slope(time: FloatArray, values: FloatArray) -> FloatArray:
     # Time stamps are not repaired yet; the curve needs those that increase.
     forward = time > np.concatenate(([-np.inf], np.maximum.accumulate(time)[:-1]))
     t, y = time[forward] - time[0], values[forward, None]
-    if len(t) < MIN_POINTS:
+    if len(t) < MIN_SAMPLES:
         return np.zeros_like(time)
     noise = 0.0
-    if len(t) > MIN_POINTS:
-        noise = 1.4826 * float(np.median(np.abs(prediction_error(t, y)))) / _AMPLIFIED
-    # Beyond some hundred steps the spline's equations lose their digits.
-    widest = _WIDEST**4 * float(np.median(np.diff(t))) ** 3
+    if len(t) > MIN_SAMPLES:
+        noise = _SIGMA_OF_MEDIAN * float(np.median(np.abs(prediction_error(t, y)))) / _AMPLIFIED
+    widest = WIDEST_STEPS**4 * float(np.median(np.diff(t))) ** 3
     try:
         needed = max(
             best_smoothing(t, y), smoothing_of_steps(t, y, value_step(y[:, 0])), noise**2 / LIVELINESS

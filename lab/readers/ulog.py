@@ -19,11 +19,22 @@ from numpy.typing import NDArray
 
 from lab.logs.auxiliary_data import Beside, Headings, Magnetometer
 from lab.logs.log_check import check_log
-from lab.logs.sensor_log import GnssLog, SensorLog, repaired
+from lab.logs.sensor_log import GnssLog, SensorLog, believed_sigma, repaired
 from lab.readers.fields import OF_THE_FORMAT, SEA_LEVEL, one_file
-from lab.readers.streams import MAX_LOG_BYTES, Stream, first_usable, flight_of
+from lab.readers.streams import (
+    FIX_3D,
+    MAX_GPS_DELAY,
+    MAX_LOG_BYTES,
+    Stream,
+    believed_lever_arm,
+    first_usable,
+    flight_of,
+    is_attitude,
+    is_position,
+)
 from lab.readers.track import refuse_units
 from lab.readers.ulog_file import MAGIC, ULogFile
+from lab.recordings.bounds import LONGITUDES
 from lab.recordings.decompression import whole
 from lab.recordings.mission_error import MissionError
 from lab.repair.raw_flight import ColumnUnit, RawFlight
@@ -42,11 +53,16 @@ _SENSORS = (
     "vehicle_status",
 )  # fmt: skip
 _VEHICLES = {1: "rotary wing", 2: "fixed wing", 3: "rover", 4: "blimp"}
+"""Names of ``vehicle_type`` (uORB, VehicleStatus)."""
 _NO_TIME = 2**31 - 1
-_THREE_D = 3
-_MICROTESLA = 100.0  # in a gauss
+"""Relative time of an accelerometer that has no sample (uORB, SensorCombined)."""
+_MICROTESLA = 100.0
+"""Microteslas in a gauss."""
 _UNITS = {"latitude": "°", "longitude": "°", "altitude": "m", "velocity": "m/s"}
 _MAP_RADIUS = 6_371_000.0
+"""Radius of the sphere on which PX4 draws its map [m] (PX4, geo.h)."""
+_HEADING_SIGMAS = (1e-4, np.pi)
+"""σ of a heading that are believed [rad]."""
 
 
 def recognises(head: bytes) -> bool:
@@ -75,7 +91,7 @@ def read(paths: Sequence[Path], units: Mapping[str, str]) -> RawFlight:
         else _stream("attitude", attitude, "q", size=4, counters=("quat_reset_counter",))
     )
     if quaternion is not None:
-        fine = np.abs(np.linalg.norm(quaternion.values, axis=1) - 1) < 0.1
+        fine = is_attitude(quaternion.values)
         quaternion = Stream.of("attitude", quaternion.time, quaternion.values, fine, quaternion.counter)
     remarks = list(_remarks(log))
     above_ellipsoid = place is not None and "alt_ellipsoid" in (place.dtype.names or ())
@@ -257,9 +273,7 @@ def on_map(reference: FloatArray, offset: FloatArray) -> FloatArray:
 
 
 def _on_earth(position: FloatArray) -> NDArray[np.bool_]:
-    inside = (np.abs(position[:, 0]) <= np.pi / 2) & (np.abs(position[:, 1]) <= 2 * np.pi)
-    # Zero, zero is what is logged before the first fix.
-    return np.asarray(inside & (position[:, :2] != 0).any(axis=1))
+    return np.asarray(is_position(position) & (np.abs(position[:, 1]) <= np.radians(LONGITUDES[1])))
 
 
 def _gps(log: ULogFile) -> Messages | None:
@@ -269,7 +283,7 @@ def _gps(log: ULogFile) -> Messages | None:
 
 def _fixed(gps: Messages) -> NDArray[np.bool_]:
     kind = _column(gps, "fix_type")
-    return np.ones(len(gps), dtype=bool) if kind is None else kind >= _THREE_D
+    return np.ones(len(gps), dtype=bool) if kind is None else kind >= FIX_3D
 
 
 def _no_fix(gps: Messages, gnss: GnssLog) -> str:
@@ -349,7 +363,9 @@ def _gnss(log: ULogFile, gps: Messages) -> GnssLog:
         velocity_sigma=np.column_stack((speed, speed, speed))[fine],
         lever_arm=_lever_arm(log.parameters),
         # The driver's own time of the sample has the delay in it.
-        latency=0.0 if stamped else float(np.clip(1e-3 * log.parameters.get("EKF2_GPS_DELAY", 0.0), 0, 1)),
+        latency=0.0
+        if stamped
+        else float(np.clip(1e-3 * log.parameters.get("EKF2_GPS_DELAY", 0.0), 0, MAX_GPS_DELAY)),
     )
 
 
@@ -371,14 +387,18 @@ def _headings(gps: Messages) -> Headings | None:
     time, fixed = _seconds(gps), _fixed(gps)
     fine = np.isfinite(heading) & np.isfinite(time) & fixed & (np.abs(heading) <= 2 * np.pi)
     unknown = np.full(len(gps), np.nan)
-    sigma = unknown if sigma is None else np.where((sigma > 1e-4) & (sigma < np.pi), sigma, np.nan)
+    sigma = (
+        unknown
+        if sigma is None
+        else np.where((sigma > _HEADING_SIGMAS[0]) & (sigma < _HEADING_SIGMAS[1]), sigma, np.nan)
+    )
     # A receiver with one antenna may leave the field at zero.
     return Headings(time[fine], heading[fine], sigma[fine]) if heading[fine].any() else None
 
 
 def _sigma(values: FloatArray | None) -> FloatArray | None:
     """Return a σ of the receiver, NaN where it is none."""
-    return None if values is None else np.where((values > 1e-6) & (values < 1e6), values, np.nan)
+    return None if values is None else believed_sigma(values)
 
 
 def _lever_arm(parameters: Mapping[str, float]) -> FloatArray:
@@ -387,7 +407,7 @@ def _lever_arm(parameters: Mapping[str, float]) -> FloatArray:
         parameters.get(f"EKF2_GPS_POS_{axis}", 0.0) - parameters.get(f"EKF2_IMU_POS_{axis}", 0.0)
         for axis in "XYZ"
     ]
-    return np.array(arm) if all(abs(one) <= 100 for one in arm) else np.zeros(3)
+    return believed_lever_arm(arm)
 
 
 def _vehicle(log: ULogFile) -> str:

@@ -25,18 +25,27 @@ MAGIC = b"ULog\x01\x12\x35"
 
 _SYNC = b"\x2f\x73\x13\x20\x25\x0c\xbb\x12"
 _HEADER = 16
+"""Bytes of the header."""
 _KINDS = frozenset(b"BFIMPQARDLCSO")
 _FLAGS, _FORMAT, _PARAMETER, _SUBSCRIPTION, _DATA, _DROPOUT = b"BFPADO"
 _PADDING = 8
+"""Most bytes by which a message may be longer than its fields: the alignment of its C structure."""
 _TYPES = {
     "int8_t": "i1", "uint8_t": "u1", "int16_t": "<i2", "uint16_t": "<u2", "int32_t": "<i4",
     "uint32_t": "<u4", "int64_t": "<i8", "uint64_t": "<u8", "float": "<f4", "double": "<f8", "bool": "u1",
     "char": "u1",
 }  # fmt: skip
 _FIELD = re.compile(r"([A-Za-z_]\w*)(?:\[(\d{1,5})\])? ([A-Za-z_]\w*)")
-_MOST_FIELDS = 1000
-_DEEPEST = 8
-_LARGEST = 2**16
+_MAX_FIELDS = 1000
+"""Most fields of a format, and formats in a log; PX4 has some hundred."""
+_MAX_PARAMETERS = 10_000
+"""Most parameters kept: far more than an autopilot has."""
+_MAX_DEPTH = 8
+"""Deepest nesting of formats; PX4 has two levels."""
+_MAX_MESSAGE = 2**16
+"""Largest message [bytes]: its length is written in two of them."""
+_FRAMES_THAT_FIT = 3
+"""Messages in a row that have to make sense for a damaged log to be read on."""
 
 
 @dataclass(eq=False)
@@ -179,7 +188,7 @@ class ULogFile:
         self._has_sync = False
         for first in range(start, end - 2):
             at = first
-            for _ in range(3):
+            for _ in range(_FRAMES_THAT_FIT):
                 if at + 3 > end or data[at + 2] not in _KINDS:
                     break
                 at += 3 + (data[at] | data[at + 1] << 8)
@@ -199,13 +208,13 @@ class ULogFile:
     def _take(self, kind: int, message: bytes) -> None:
         if kind == _FORMAT:
             name, colon, fields = message.decode("ascii", "replace").partition(":")
-            if colon and len(self._formats) < _MOST_FIELDS:
+            if colon and len(self._formats) < _MAX_FIELDS:
                 self._formats[name] = fields
         elif kind == _PARAMETER and len(message) > 5:
             key = message[1 : 1 + message[0]].decode("ascii", "replace")
             value = message[1 + message[0] :]
             form, _, name = key.partition(" ")
-            if len(value) == 4 and form in {"float", "int32_t"} and len(self.parameters) < 10_000:
+            if len(value) == 4 and form in {"float", "int32_t"} and len(self.parameters) < _MAX_PARAMETERS:
                 number = struct.unpack("<f" if form == "float" else "<i", value)[0]
                 self.parameters.setdefault(name, float(number))
         elif kind == _DROPOUT and len(message) >= 2:
@@ -230,7 +239,7 @@ class ULogFile:
         """Return the fields of a topic that are numbers, and the size of a message; None without any."""
         names, forms, offsets, at = [], [], [], 0
         for kind, count, field_name in self._fields(name):
-            size = self._size(kind, _DEEPEST) * max(count, 1)
+            size = self._size(kind, _MAX_DEPTH) * max(count, 1)
             if kind in _TYPES and field_name not in names and not field_name.startswith("_padding"):
                 names.append(field_name)
                 forms.append((_TYPES[kind], (count,)) if count else _TYPES[kind])
@@ -240,7 +249,7 @@ class ULogFile:
         fields = self._fields(name)
         if fields and last:  # padding at the end is not logged
             at -= size
-        if not names or not 8 <= at < _LARGEST or "timestamp" not in names:
+        if not names or not 8 <= at < _MAX_MESSAGE or "timestamp" not in names:
             return None
         layout = np.dtype({"names": names, "formats": forms, "offsets": offsets, "itemsize": at})
         return layout, at
@@ -248,17 +257,17 @@ class ULogFile:
     def _fields(self, name: str) -> list[tuple[str, int, str]]:
         """Return type, length of array (0 for none) and name of the fields of a format."""
         found = _FIELD.findall(self._formats.get(name, ""))
-        return [(kind, int(count or 0), field_name) for kind, count, field_name in found[:_MOST_FIELDS]]
+        return [(kind, int(count or 0), field_name) for kind, count, field_name in found[:_MAX_FIELDS]]
 
     def _size(self, kind: str, deepest: int) -> int:
-        """Return the size of a type [bytes], at most `_LARGEST`."""
+        """Return the size of a type [bytes], at most `_MAX_MESSAGE`."""
         if kind in _TYPES:
             return np.dtype(_TYPES[kind]).itemsize
         if deepest == 0 or kind not in self._formats:
-            return _LARGEST
+            return _MAX_MESSAGE
         if kind not in self._sizes:
             total = 0
             for inner, count, _ in self._fields(kind):
-                total = min(total + self._size(inner, deepest - 1) * max(count, 1), _LARGEST)
+                total = min(total + self._size(inner, deepest - 1) * max(count, 1), _MAX_MESSAGE)
             self._sizes[kind] = total
         return self._sizes[kind]

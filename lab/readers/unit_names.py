@@ -3,23 +3,19 @@
 from __future__ import annotations
 
 import difflib
-import math
 from collections.abc import Collection, Mapping
 
 from lab.earth import STANDARD_GRAVITY
 from lab.recordings.mission_error import MissionError
-
-FOOT = 0.3048
-KNOT = 1852 / 3600
-MILE = 1609.344
-DEGREE = math.radians(1)
+from lab.units import DEGREE, FOOT, KILOMETRE_PER_HOUR, KNOT, MILE_PER_HOUR
 
 UNITS: dict[str, dict[str, float]] = {
     "time": {"s": 1.0, "ms": 1e-3, "µs": 1e-6, "min": 60.0, "h": 3600.0},
     "angle": {"°": DEGREE, "rad": 1.0},
     "length": {"m": 1.0, "ft": FOOT, "km": 1000.0},
     "speed": {
-        "m/s": 1.0, "kt": KNOT, "ft/s": FOOT, "km/h": 1 / 3.6, "mph": MILE / 3600, "ft/min": FOOT / 60,
+        "m/s": 1.0, "kt": KNOT, "ft/s": FOOT, "km/h": KILOMETRE_PER_HOUR, "mph": MILE_PER_HOUR,
+        "ft/min": FOOT / 60,
     },
     "angular rate": {"°/s": DEGREE, "rad/s": 1.0},
     "acceleration": {"m/s²": 1.0, "g": STANDARD_GRAVITY, "ft/s²": FOOT},

@@ -19,9 +19,12 @@ from lab.recordings.named_columns import MAX_BYTES
 MAX_DEPTH = 100
 """Deepest nesting of elements accepted; recordings have about ten levels."""
 
-_LONGEST_TEXT = 256
+_MAX_TEXT = 256
+"""Letters kept of an element's text: what is read of it is shorter."""
 _PIECE = 2**18
+"""Bytes parsed at a time."""
 _HEAD = 4096
+"""Bytes at the start of a file in which its first element stands."""
 
 
 class Handler(Protocol):
@@ -122,8 +125,8 @@ class _Elements:
         self._handler.begin(name.rpartition(":")[2], attributes, line)
 
     def _characters(self, text: str) -> None:
-        if self._leaf and len(self._text) < _LONGEST_TEXT:
-            self._text += text[:_LONGEST_TEXT]
+        if self._leaf and len(self._text) < _MAX_TEXT:
+            self._text += text[:_MAX_TEXT]
 
     def _end(self, name: str) -> None:
         self._depth -= 1

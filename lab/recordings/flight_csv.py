@@ -17,6 +17,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lab.recordings.atomic_file import atomic_file
+from lab.recordings.bounds import (
+    HEIGHTS,
+    LATITUDES,
+    LONGITUDES,
+    MAX_DURATION,
+    MAX_SPEED,
+    MIN_SAMPLES,
+    TIME_STAMPS,
+)
 from lab.recordings.mission_error import MissionError
 from lab.recordings.named_columns import Column, read_columns
 from lab.recordings.recording import Recording
@@ -24,23 +33,18 @@ from lab.recordings.units_check import check_units
 
 FloatArray = NDArray[np.float64]
 
-MIN_SAMPLES = 4
-"""Fewest samples a twice-differentiable curve can be drawn through."""
-MAX_DURATION = 86_400.0
-"""Longest flight accepted [s]."""
-
 COLUMNS = (
-    Column("time_s", -1e10, 1e10, 9),
-    Column("latitude_deg", -90, 90, 12),
-    Column("longitude_deg", -360, 360, 12),
-    Column("height_m", -1000, 100_000, 7),
-    Column("velocity_north_m_s", -1000, 1000, 8),
-    Column("velocity_east_m_s", -1000, 1000, 8),
-    Column("velocity_down_m_s", -1000, 1000, 8),
+    Column("time_s", *TIME_STAMPS, 9),
+    Column("latitude_deg", *LATITUDES, 12),
+    Column("longitude_deg", *LONGITUDES, 12),
+    Column("height_m", *HEIGHTS, 7),
+    Column("velocity_north_m_s", -MAX_SPEED, MAX_SPEED, 8),
+    Column("velocity_east_m_s", -MAX_SPEED, MAX_SPEED, 8),
+    Column("velocity_down_m_s", -MAX_SPEED, MAX_SPEED, 8),
     Column("roll_deg", -360, 360, 9),
     Column("pitch_deg", -90, 90, 9),
     Column("yaw_deg", -360, 360, 9),
-    Column("airspeed_m_s", -1000, 1000, 6, required=False),
+    Column("airspeed_m_s", -MAX_SPEED, MAX_SPEED, 6, required=False),
     Column("alpha_deg", -180, 180, 7, required=False),
     Column("beta_deg", -180, 180, 7, required=False),
 )

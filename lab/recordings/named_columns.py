@@ -25,7 +25,10 @@ FloatArray = NDArray[np.float64]
 MAX_BYTES = 256 * 2**20
 """Largest file accepted, as stored and as decompressed [bytes]."""
 
-_HEADER_WITHIN = 1000
+_MAX_HEADER_LINE = 1000
+"""Last line on which the header may stand: more remarks than anybody writes, few enough to refuse at once."""
+_MAX_SHOWN = 40
+"""Longest cell that a message shows whole [characters]."""
 _NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)(e[+-]?\d+)?", re.IGNORECASE | re.ASCII)
 
 
@@ -110,12 +113,12 @@ def _header(
     path: Path, text: TextBlocks, accepted: tuple[Column, ...]
 ) -> tuple[list[Column], list[int], int]:
     """Read up to the header; return our columns, their places in it, and how many cells it has."""
-    for line in itertools.islice(text.lines(), _HEADER_WITHIN):
+    for line in itertools.islice(text.lines(), _MAX_HEADER_LINE):
         if line.strip() and not line.startswith("#"):
             header = [cell.strip() for cell in line.split(",")]
             return *_find_columns(path, header, text.next_line - 1, accepted), len(header)
-    if text.next_line > _HEADER_WITHIN:
-        raise MissionError(f"{path}: no header; accepted is one within the first {_HEADER_WITHIN} lines")
+    if text.next_line > _MAX_HEADER_LINE:
+        raise MissionError(f"{path}: no header; accepted is one within the first {_MAX_HEADER_LINE} lines")
     raise MissionError(
         f"{path}: the file is empty; accepted is a header line and rows. {_all_columns(accepted)}"
     )
@@ -182,7 +185,7 @@ def _first_fault(
             if column.may_be_empty and text in {"", "nan", "NaN"}:
                 continue
             if not (_NUMBER.fullmatch(text) and column.low <= float(text) <= column.high):
-                shown = text if len(text) <= 40 else text[:37] + "..."
+                shown = text if len(text) <= _MAX_SHOWN else text[: _MAX_SHOWN - 3] + "..."
                 what = f"{shown!r} is not accepted" if shown else "the cell is empty"
                 return f"{path}, row {number}, column {column.name}: {what}; accepted is {column.accepted}"
     return f"{path}, from row {line}: the rows cannot be read as numbers"

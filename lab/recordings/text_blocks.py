@@ -12,11 +12,14 @@ from typing import BinaryIO, Self
 from lab.recordings.mission_error import MissionError
 
 _BLOCK = 2**21
+"""Bytes read at a time: large beside a line, small beside a file."""
 MAX_RATIO = 100
 """How many times its stored size a file may grow when decompressed; logs of numbers grow at most 20 times."""
 
-_ALWAYS_ACCEPTED = 2**20
+_MIN_DECOMPRESSED_LIMIT = 2**20
+"""Size up to which a small file may grow, whatever its ratio [bytes]: a few equal rows compress well."""
 _LONGEST_LINE = 2**20
+"""Longest line accepted [bytes]: 10 000 columns of 100 characters."""
 
 
 def check_file(path: Path, limit: int) -> None:
@@ -41,7 +44,7 @@ def check_file(path: Path, limit: int) -> None:
 
 def decompressed_limit(path: Path, limit: int) -> int:
     """Return how many bytes may come out of a compressed file, of at most `limit`."""
-    return min(limit, max(MAX_RATIO * path.stat().st_size, _ALWAYS_ACCEPTED))
+    return min(limit, max(MAX_RATIO * path.stat().st_size, _MIN_DECOMPRESSED_LIMIT))
 
 
 def too_large(path: Path, accepted: int, limit: int) -> MissionError:

@@ -12,14 +12,38 @@ from numpy.typing import NDArray
 from lab.earth import radii
 from lab.ecef import axes, near_pole, position
 from lab.recordings.mission_error import MissionError
+from lab.units import FOOT, KILOMETRE_PER_HOUR, KNOT, MILE_PER_HOUR
 
 FloatArray = NDArray[np.float64]
 
 _LEGS = 200
+"""Legs in which the path by position is compared with the path by velocity: the noise of positions averages
+out in each, and turns still show. The tests pass from 100 to 400."""
 _SHORTEST_PATH = 100.0
-_MOVING = 5.0
+"""Shortest path from which its ratio is judged [m]: far beyond the noise of a receiver's positions. The tests
+pass from 50 to 200 m."""
+_MIN_COURSE_SPEED = 5.0
+"""Speed from which the course is compared with the yaw [m/s]: below it, wind and taxiing part them. The tests
+pass from 2.5 to 10 m/s."""
+_MIN_LIKENESS = 0.9
+"""Correlation of the two paths from which their ratio means anything: a wrong unit leaves it at 1."""
+_RATIO_OF_SAME_UNITS = (0.8, 1.25)
+"""Ratios of the two paths that no wrong unit explains: the nearest of `_VELOCITY_UNITS` is 0.51."""
+_RATIO_TOLERANCE = 0.04
+"""Relative distance from a unit's factor at which it is named: 10 % part feet per second from km/h."""
+_MAX_YAW_OFF_COURSE = np.radians(20.0)
+"""Rms angle between yaw and course up to which the yaw is not suspected [rad]: 10 m/s of crosswind at 30
+m/s."""
+_CLEARLY_BETTER = 1 / 3
+"""Part of that angle which has to be left when the numbers are read as radians, to call them radians."""
 
-_VELOCITY_UNITS = {0.514444: "knots", 0.3048: "feet per second", 1 / 3.6: "km/h", 0.44704: "miles per hour"}
+_VELOCITY_UNITS = {
+    KNOT: "knots",
+    FOOT: "feet per second",
+    KILOMETRE_PER_HOUR: "km/h",
+    MILE_PER_HOUR: "miles per hour",
+}
+"""What a velocity may be recorded in by mistake, by its factor to m/s."""
 
 
 def check_units(where: str, table: FloatArray) -> None:
@@ -46,7 +70,7 @@ def _check_position(where: str, table: FloatArray) -> None:
     time, velocity = table[:, 0], table[:, 4:6]
     latitude, longitude = table[:, 1], table[:, 2]
     ratio = _path_ratio(time, np.radians(latitude), np.radians(longitude), velocity)
-    if ratio is not None and 0.8 < ratio < 1.25:
+    if ratio is not None and _RATIO_OF_SAME_UNITS[0] < ratio < _RATIO_OF_SAME_UNITS[1]:
         return
     # Only numbers that would all be proper angles in radians raise a suspicion.
     if np.abs(latitude).max() <= np.pi / 2 and np.abs(longitude).max() <= 2 * np.pi:
@@ -111,7 +135,7 @@ def _likeness(by_velocity: FloatArray, by_position: FloatArray) -> float | None:
     likeness = float(np.sum(by_velocity * by_position))
     if np.sum(np.linalg.norm(by_velocity, axis=1)) < _SHORTEST_PATH:
         return None
-    if likeness < 0.9 * np.sqrt(power * float(np.sum(by_position**2))):
+    if likeness < _MIN_LIKENESS * np.sqrt(power * float(np.sum(by_position**2))):
         return None
     return likeness / power
 
@@ -120,13 +144,13 @@ def _check_attitude(where: str, table: FloatArray) -> None:
     roll_pitch, yaw = table[:, 7:9], table[:, 9]
     if np.abs(roll_pitch).max() > np.pi or np.abs(yaw).max() > 2 * np.pi:
         return
-    moving = np.hypot(table[:, 4], table[:, 5]) > _MOVING
+    moving = np.hypot(table[:, 4], table[:, 5]) > _MIN_COURSE_SPEED
     if moving.sum() < 2:
         return
     course = np.arctan2(table[moving, 5], table[moving, 4])
     off_as_degrees = _rms_angle(np.radians(yaw[moving]) - course)
     off_as_radians = _rms_angle(yaw[moving] - course)
-    if off_as_degrees > np.radians(20) and off_as_radians < off_as_degrees / 3:
+    if off_as_degrees > _MAX_YAW_OFF_COURSE and off_as_radians < _CLEARLY_BETTER * off_as_degrees:
         raise MissionError(
             f"{where}, every row, columns roll_deg, pitch_deg and yaw_deg: the numbers look like radians (no "
             "angle exceeds 2π, and yaw follows the course only when read as radians); accepted are degrees"
@@ -138,4 +162,4 @@ def _rms_angle(angle: FloatArray) -> float:
 
 
 def _near(ratio: float, factor: float) -> bool:
-    return abs(ratio / factor - 1) < 0.04
+    return abs(ratio / factor - 1) < _RATIO_TOLERANCE

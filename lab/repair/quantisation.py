@@ -6,13 +6,25 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lab import earth
-from lab.repair.raw_flight import RawFlight
+from lab.repair.raw_flight import JUDGED_SAMPLES, RawFlight
 
 FloatArray = NDArray[np.float64]
 
-_LOOKED_AT = 20_000
 _FINEST = 1e-12
-_FEW, _ENOUGH = 20, 8
+"""Smallest difference counted as one, relative to the largest value: below it lies the rounding of
+doubles."""
+_LEAST_SIZE = 1e-3
+"""Value to which that is relative at least, so that differences about zero are not counted at any size."""
+_MIN_DIFFERENCES = 3
+"""Fewest distinct differences that show a step: two of them are multiples of something by chance."""
+_MAX_MULTIPLE = 20
+"""Differences of fewer steps than this are fitted: the rounding of a larger one says little of the step."""
+_MIN_NEAR = 8
+"""Fewest such differences, where there are as many at all."""
+_ON_STEPS = 0.9
+"""Part of the differences that has to lie on multiples of the step."""
+_MAX_OFF_STEP = 0.1
+"""How far off a multiple that is, in steps: numbers that are not rounded lie evenly, up to 0.5."""
 
 
 def value_step(values: FloatArray) -> float:
@@ -23,20 +35,20 @@ def value_step(values: FloatArray) -> float:
     values : (n,) array
         Samples of one quantity.
     """
-    different = np.diff(np.unique(values[:_LOOKED_AT]))
-    different = different[different > _FINEST * max(float(np.abs(values).max(initial=0.0)), 1e-3)]
-    if len(different) < 3:
+    different = np.diff(np.unique(values[:JUDGED_SAMPLES]))
+    different = different[different > _FINEST * max(float(np.abs(values).max(initial=0.0)), _LEAST_SIZE)]
+    if len(different) < _MIN_DIFFERENCES:
         return 0.0
     step = float(different.min())
     for _ in range(2):
         multiple = np.round(different / step)
-        near = (multiple > 0) & (multiple < _FEW)
-        if near.sum() < min(_ENOUGH, len(different)):
+        near = (multiple > 0) & (multiple < _MAX_MULTIPLE)
+        if near.sum() < min(_MIN_NEAR, len(different)):
             return 0.0
         step = float(different[near] @ multiple[near] / (multiple[near] @ multiple[near]))
     off = np.abs(different[near] - multiple[near] * step)
     # Numbers that are not rounded lie between the multiples as often as on them.
-    return step if np.quantile(off, 0.9) < 0.1 * step else 0.0
+    return step if np.quantile(off, _ON_STEPS) < _MAX_OFF_STEP * step else 0.0
 
 
 def value_steps(raw: RawFlight) -> dict[str, tuple[float, str]]:

@@ -10,7 +10,12 @@ from numpy.typing import NDArray
 
 FloatArray = NDArray[np.float64]
 
-_FEW = 8
+JUDGED_SAMPLES = 20_000
+"""Samples by which a longer recording is judged: enough for every statistic taken, quick whatever its
+length."""
+_MIN_OWN_SAMPLES = 8
+"""Fewest samples that a quantity recorded at a lower rate has of its own: a spline and its roughness need
+some beyond the four of `lab.recordings.bounds.MIN_SAMPLES`."""
 
 
 @dataclass(frozen=True)
@@ -158,10 +163,10 @@ class RawFlight:
 
     def every(self, name: str) -> int:
         """Return every how many samples the file has a quantity, 1 unless `rates` names it."""
-        if len(self.time) < _FEW or name not in dict(self.rates):
+        if len(self.time) < _MIN_OWN_SAMPLES or name not in dict(self.rates):
             return 1
         own = float(np.median(np.diff(self.time))) * dict(self.rates)[name]
-        return int(max(1, min(round(1 / own) if own > 0 else 1, len(self.time) // _FEW)))
+        return int(max(1, min(round(1 / own) if own > 0 else 1, len(self.time) // _MIN_OWN_SAMPLES)))
 
     def __repr__(self) -> str:
         return f"<RawFlight {self.format}: {len(self.time)} samples of {', '.join(self.quantities)}>"

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lab import ecef
-from lab.recordings.flight_csv import MIN_SAMPLES
+from lab.recordings.bounds import HEIGHTS, LATITUDES, LONGITUDES, MAX_SPEED, MIN_SAMPLES
 from lab.recordings.mission_error import MissionError
 from lab.repair.raw_flight import Dropped, RawFlight
 
@@ -18,12 +18,12 @@ Mask = NDArray[np.bool_]
 
 LIMITS: dict[str, tuple[float, float, str]] = {
     "time": (-1e13, 1e13, "a time stamp beyond ±10¹³ s"),
-    "latitude": (-np.pi / 2, np.pi / 2, "a latitude beyond ±90°"),
-    "longitude": (-2 * np.pi, 2 * np.pi, "a longitude beyond ±360°"),
-    "height": (-1000.0, 100_000.0, "a height outside −1 to 100 km"),
-    "velocity_n": (-1000.0, 1000.0, "a velocity beyond 1000 m/s"),
+    "latitude": (*np.radians(LATITUDES), "a latitude beyond ±90°"),
+    "longitude": (*np.radians(LONGITUDES), "a longitude beyond ±360°"),
+    "height": (*HEIGHTS, "a height outside −1 to 100 km"),
+    "velocity_n": (-MAX_SPEED, MAX_SPEED, "a velocity beyond 1000 m/s"),
     "euler": (-4 * np.pi, 4 * np.pi, "an angle of attitude beyond two turns"),
-    "airspeed": (-1000.0, 1000.0, "an airspeed beyond 1000 m/s"),
+    "airspeed": (-MAX_SPEED, MAX_SPEED, "an airspeed beyond 1000 m/s"),
     "alpha": (-np.pi, np.pi, "an angle of attack beyond ±180°"),
     "beta": (-np.pi, np.pi, "a sideslip beyond ±180°"),
 }
@@ -34,15 +34,55 @@ CHECKED_WITH = ("body_rate", "acceleration_b")
 """Quantities that no curve is made of: where they are impossible they are left out, and not the row."""
 
 _NOT_USED: dict[str, Any] = {name: {name: None} for name in CHECKED_WITH}
-_MOVING, _AT_SPEED = 0.5, 5.0
-_LASTING = 1.0
-_MOST_LATE = 3
-_JUMP = 300.0
-_FAST = 100.0
-_ROUNDING = 1e-9
-_MOST_BRIDGED = 3600.0
-_TRIED, _PARTS, _WORTHWHILE = 50, (0.5, 0.95), 0.05
-_NOWHERE, _CLOSE = 1e-9, 10_000.0
+_MAX_CHECKED = 1e4
+"""Largest recorded rate [rad/s] or acceleration [m/s²] that is used for checking: a thousand g."""
+_MIN_KEPT = 0.5
+"""Part of the samples that has to be possible: if most are not, a unit is wrong and not the samples."""
+_LIMIT_ROUNDING = 1e-9
+"""Slack of the limits, as a part of their width: numbers converted from degrees or feet miss them by
+1e-15."""
+_MIN_MOVING_SPEED = 0.5
+"""Mean speed after a repeated state from which the vehicle was moving [m/s]: below a walk, above the creep of
+positions at rest. The tests pass at half and at twice it."""
+_MIN_LEAVING_SPEED = 5.0
+"""The same after a state that lasted [m/s]: from rest that takes 10 m/s² over `_STOP_TIME`. The tests pass
+at half and at twice it."""
+_STOP_TIME = 1.0
+"""Time from which on a repeated state is a stop [s]: loggers that ask too often repeat for less. The tests
+pass at half and at twice it."""
+_MAX_LATE_RUN = 3
+"""Longest run of late samples that is sorted into place: threads swap a few, a restart sends the clock
+back for good. The tests pass at half and at twice it."""
+_MIN_JUMP = 300.0
+"""Shortest distance between samples that can be a jump [m]: the spread of a receiver that finds itself
+anew. The tests pass at half and at twice it."""
+_MIN_JUMP_SPEED = 100.0
+"""Speed of a jump beyond that of the flight [m/s], so that a recording at rest is not cut by its noise.
+The tests pass at half and at twice it."""
+_JUMP_SPEED_RATIO = 8
+"""Speed of a jump beyond which no flight accelerates between two samples, over its usual speed."""
+_MIN_STEP = 1e-3
+"""Least time between samples by which a speed is computed [s]."""
+_MAX_SPIKE_RETURN = 0.2
+"""Distance between the neighbours of a spike over the path to it and back: a spike comes back."""
+_MIN_GAP_STEPS = 5
+"""Usual steps that are bridged, whatever `longest_gap` says: a slow recording has long steps."""
+_STAMP_ROUNDING = 1e-9
+"""Rounding of a time stamp beside that of a reset [s]."""
+MAX_BRIDGED_GAP = 3600.0
+"""Longest gap that may be bridged [s]: what moved in an hour nothing says."""
+_MAX_GAPS_TRIED = 50
+"""Most values of `longest_gap` tried for a suggestion: each costs one pass over the recording."""
+_SUGGESTED_PARTS = (0.5, 0.95)
+"""Parts of what any gap keeps for which the shortest gap is suggested: most, and nearly all."""
+_MIN_GAIN = 0.05
+"""Part of the samples that a suggested gap has to keep beyond what is kept already. The tests pass at half
+and at twice it."""
+_ZERO_ANGLE = 1e-9
+"""Latitude and longitude that are zero but for rounding [rad]: 6 mm."""
+_MAX_DISTANCE_FROM_ZERO = 10_000.0
+"""Distance of the flight to 0° N 0° E within which its zeros are positions [m]. The tests pass at half and
+at twice it."""
 
 
 def possible(raw: RawFlight) -> RawFlight:
@@ -57,7 +97,7 @@ def possible(raw: RawFlight) -> RawFlight:
         raw = replace(raw, latitude=None, longitude=None)
     for name in CHECKED_WITH:
         value = getattr(raw, name)
-        if value is not None and np.abs(value).max(initial=0.0) > 1e4:
+        if value is not None and np.abs(value).max(initial=0.0) > _MAX_CHECKED:
             words = name.removesuffix("_b").replace("_", " ")
             remark = f"The recorded {words} is beyond all reason and not used."
             raw = replace(raw, remarks=(*raw.remarks, remark), **_NOT_USED[name])
@@ -67,11 +107,11 @@ def possible(raw: RawFlight) -> RawFlight:
         value = getattr(raw, name)
         if value is None:
             continue
-        slack = 1e-9 * (high - low)
+        slack = _LIMIT_ROUNDING * (high - low)
         inside = ((value >= low - slack) & (value <= high + slack)).reshape(len(value), -1).all(axis=1)
         said += said_of(raw, kept & ~inside, words)
         kept &= inside
-    if kept.sum() < max(MIN_SAMPLES, len(kept) / 2):
+    if kept.sum() < max(MIN_SAMPLES, _MIN_KEPT * len(kept)):
         worst = max(said, key=lambda one: one.count, default=None)
         why = f"{worst.count} of {len(kept)} samples have {worst.reason}" if worst else f"{len(kept)} samples"
         hint = "; is a column in another unit? A unit is given with --unit COLUMN=UNIT" if worst else ""
@@ -92,7 +132,7 @@ def somewhere(raw: RawFlight) -> RawFlight:
     """
     if raw.latitude is None or raw.longitude is None:
         return raw
-    nowhere = (np.abs(raw.latitude) < _NOWHERE) & (np.abs(raw.longitude) < _NOWHERE)
+    nowhere = (np.abs(raw.latitude) < _ZERO_ANGLE) & (np.abs(raw.longitude) < _ZERO_ANGLE)
     if not nowhere.any():
         return raw
     if nowhere.all():
@@ -101,12 +141,12 @@ def somewhere(raw: RawFlight) -> RawFlight:
                 f"all {len(nowhere)} positions are {NO_FIX}; accepted are recordings with positions or "
                 "velocities"
             )
-        if np.abs(raw.velocity_n).max() < _MOVING:
+        if np.abs(raw.velocity_n).max() < _MIN_MOVING_SPEED:
             return raw
         remark = f"The positions are not used: all are {NO_FIX}."
         return replace(raw, latitude=None, longitude=None, remarks=(*raw.remarks, remark))
     others = place(raw.rows(~nowhere))
-    if np.linalg.norm(others - place(raw)[np.argmax(nowhere)], axis=1).min() < _CLOSE:
+    if np.linalg.norm(others - place(raw)[np.argmax(nowhere)], axis=1).min() < _MAX_DISTANCE_FROM_ZERO:
         return raw
     return raw.rows(~nowhere, tuple(said_of(raw, nowhere, f"a position {NO_FIX}")))
 
@@ -138,14 +178,16 @@ def _moves(time: FloatArray, places: FloatArray, starts: NDArray[np.intp], ends:
     A run that lasts is a stop, unless the vehicle is at speed at once: rounded positions start with a jump
     too.
     """
-    lasts = time[ends] - time[starts] > _LASTING
-    after = np.where(lasts, np.searchsorted(time, time[ends] + _LASTING), ends + 1)
+    lasts = time[ends] - time[starts] > _STOP_TIME
+    after = np.where(lasts, np.searchsorted(time, time[ends] + _STOP_TIME), ends + 1)
     seen = after < len(time)
     # The last run is judged by what was before it.
     here = np.where(seen, ends, np.maximum(starts - 1, 0))
     there = np.where(seen, np.minimum(after, len(time) - 1), starts)
     way = np.linalg.norm(places[there] - places[here], axis=1)
-    return np.asarray(way > np.where(lasts, _AT_SPEED, _MOVING) * np.abs(time[there] - time[here]))
+    return np.asarray(
+        way > np.where(lasts, _MIN_LEAVING_SPEED, _MIN_MOVING_SPEED) * np.abs(time[there] - time[here])
+    )
 
 
 def in_order(raw: RawFlight) -> tuple[RawFlight, NDArray[np.intp]]:
@@ -169,7 +211,7 @@ def _sorted(raw: RawFlight) -> RawFlight:
         return raw
     edges = np.flatnonzero(np.diff(np.concatenate(([False], late, [False])).astype(int)))
     starts, ends = edges[::2], edges[1::2]
-    if (ends - starts > _MOST_LATE).any():
+    if (ends - starts > _MAX_LATE_RUN).any():
         return raw
     order = np.argsort(raw.time, kind="stable")
     remark = f"{int(late.sum())} rows came out of order and were put in place."
@@ -195,14 +237,14 @@ def without_spikes(raw: RawFlight) -> RawFlight:
     far = _too_far(step, np.diff(raw.time))
     across = np.linalg.norm(places[2:] - places[:-2], axis=1)
     spike = np.zeros(len(places), dtype=bool)
-    spike[1:-1] = far[1:] & far[:-1] & (across < 0.2 * (step[1:] + step[:-1]))
+    spike[1:-1] = far[1:] & far[:-1] & (across < _MAX_SPIKE_RETURN * (step[1:] + step[:-1]))
     return raw.rows(~spike, tuple(said_of(raw, spike, "a position far off the way, and back")))
 
 
 def reset_places(raw: RawFlight) -> NDArray[np.intp]:
     """Return the indices of the first samples after the estimator of the source was set anew."""
     times = np.array([reset.time for reset in raw.resets])
-    after = np.searchsorted(np.maximum.accumulate(raw.time), times - _ROUNDING)
+    after = np.searchsorted(np.maximum.accumulate(raw.time), times - _STAMP_ROUNDING)
     return np.unique(after[(after > 0) & (after < len(raw.time))])
 
 
@@ -234,7 +276,7 @@ def longest_stretch(
     """
     steps = np.diff(raw.time)
     usual = float(np.median(steps[steps > 0])) if (steps > 0).any() else 0.0
-    cut = steps > max(longest_gap, 5 * usual)
+    cut = steps > max(longest_gap, _MIN_GAP_STEPS * usual)
     if raw.latitude is not None and raw.longitude is not None:
         cut |= _too_far(np.linalg.norm(np.diff(place(raw), axis=0), axis=1), steps)
     cut[breaks - 1] = True
@@ -285,18 +327,18 @@ def bridging(raw: RawFlight, breaks: NDArray[np.intp], longest_gap: float) -> tu
     """
     steps = np.diff(raw.time)
     usual = float(np.median(steps[steps > 0])) if (steps > 0).any() else 0.0
-    bridged = max(longest_gap, 5 * usual)
+    bridged = max(longest_gap, _MIN_GAP_STEPS * usual)
     jumps = np.zeros(len(steps), dtype=bool)
     if raw.latitude is not None and raw.longitude is not None:
         jumps = _too_far(np.linalg.norm(np.diff(place(raw), axis=0), axis=1), steps)
     jumps[breaks - 1] = True
-    pauses = np.unique(np.ceil(steps[~jumps & (steps > bridged) & (steps <= _MOST_BRIDGED)]))
+    pauses = np.unique(np.ceil(steps[~jumps & (steps > bridged) & (steps <= MAX_BRIDGED_GAP)]))
     if not pauses.size:
         return ()
-    tried = pauses[np.unique(np.linspace(0, len(pauses) - 1, _TRIED).astype(int))]
+    tried = pauses[np.unique(np.linspace(0, len(pauses) - 1, _MAX_GAPS_TRIED).astype(int))]
     kept = [_longest(jumps | (steps > gap)) / len(raw.time) for gap in tried]
-    worthwhile = _longest(jumps | (steps > bridged)) / len(raw.time) + _WORTHWHILE
-    enough = dict.fromkeys(int(np.argmax(np.array(kept) >= part * max(kept))) for part in _PARTS)
+    worthwhile = _longest(jumps | (steps > bridged)) / len(raw.time) + _MIN_GAIN
+    enough = dict.fromkeys(int(np.argmax(np.array(kept) >= part * max(kept))) for part in _SUGGESTED_PARTS)
     return tuple(Bridging(float(tried[i]), kept[i]) for i in enough if kept[i] > worthwhile)
 
 
@@ -308,9 +350,9 @@ def _longest(cut: Mask) -> int:
 
 def _too_far(way: FloatArray, steps: FloatArray) -> Mask:
     """Return which ways between samples no vehicle could have gone."""
-    speed = way / np.maximum(steps, 1e-3)
+    speed = way / np.maximum(steps, _MIN_STEP)
     usual = float(np.median(speed)) if len(speed) else 0.0
-    return np.asarray((way > _JUMP) & (speed > 8 * usual + _FAST))
+    return np.asarray((way > _MIN_JUMP) & (speed > _JUMP_SPEED_RATIO * usual + _MIN_JUMP_SPEED))
 
 
 def place(raw: RawFlight) -> FloatArray:

@@ -10,7 +10,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from lab.repair.smoothing import smoothing_spline
+from lab.repair.raw_flight import JUDGED_SAMPLES
+from lab.repair.smoothing import WIDEST_STEPS, smoothing_spline
 
 FloatArray = NDArray[np.float64]
 
@@ -19,10 +20,42 @@ LEAST_SPEED = 2.0
 LIVELINESS = 1.0
 """Density of the acceleration along the way that is taken to be motion [(m/s²)²/Hz]."""
 
-_LOOKED_AT = 20_000
+MAX_ROUNDING_OFF = 0.55
+"""How far a stamp may lie from an even clock that was rounded, in steps of its resolution: rounding alone
+moves it by 0.5. At half it, the stamps of a timer of 55.6 ms are not repaired."""
 _FINEST = 1e-6
+"""Smallest resolution that is reported, and step that is one [s]: no recorder's clock is finer."""
+_DIGITS_OF_DOUBLES = 4e-15
+"""Rounding of a large stamp, relative to it: eighteen times the spacing of doubles."""
+_LEAST_ROUNDING = 1e-9
+"""Rounding of a small stamp [s]."""
+_MAX_OFF_DECIMAL = 0.01
+"""How far stamps may lie off a decimal grid, in its steps."""
+_SHORT_STEP = 0.02
+"""Quantile of the steps that is a first guess of the tick: the very shortest may be jitter."""
+_ON_TICKS = 0.95
+"""Part of the steps that has to lie on multiples of the tick."""
+_MAX_OFF_TICK = 0.03
+"""How far off a multiple that is, in ticks: steps that are no multiples lie evenly, up to 0.5."""
+_MIN_TICK = 1e-4
+"""Finest tick looked for among the steps [s]: one that is no decimal is that of a coarse timer."""
+_MAX_OFF_EVEN = 0.5
+"""How far a stamp may lie from an even clock, in steps of it: beyond, it would be another sample's."""
+_TICKS_PER_STEP = 20
+"""Ticks in a step from which on the median step is the step: with fewer it is rounded itself."""
+_MAX_DRIFT = 0.02
+"""How far the counted steps may drift from the stamps, relative to their number; two steps are always
+allowed."""
 _ROUNDS = 3
+"""Rounds of fitting a step or the times, each on what the one before found. A plain choice: the tests pass
+from 2 to 6."""
 _LEAST_SMOOTHING = 1e-9
+"""Least λ [s³]: of positions with σ = 0.03 mm."""
+_LEAST_STEP = 0.05
+"""Shortest step between repaired times, relative to that between their stamps."""
+_DRAWING_BACK = 8
+"""Rounds in which times that would not increase are drawn half back to their stamps, before they are given
+up."""
 
 
 def resolution(time: FloatArray) -> float:
@@ -33,15 +66,15 @@ def resolution(time: FloatArray) -> float:
     time : (n,) array
         Increasing stamps [s].
     """
-    steps = np.diff(time[:_LOOKED_AT])
+    steps = np.diff(time[:JUDGED_SAMPLES])
     steps[steps < _FINEST] = 0.0
     if not steps.any():
         return 0.0
-    rounding = max(4e-15 * float(np.abs(time).max()), 1e-9)
+    rounding = max(_DIGITS_OF_DOUBLES * float(np.abs(time).max()), _LEAST_ROUNDING)
     for decimals in range(7):
         tick = 10.0**-decimals
-        whole = np.round(time[:_LOOKED_AT] / tick)
-        if np.abs(time[:_LOOKED_AT] - whole * tick).max() < max(0.01 * tick, rounding):
+        whole = np.round(time[:JUDGED_SAMPLES] / tick)
+        if np.abs(time[:JUDGED_SAMPLES] - whole * tick).max() < max(_MAX_OFF_DECIMAL * tick, rounding):
             # Not every decimal is used: stamps to 20 ms have two decimals as well.
             return float(tick * np.gcd.reduce(np.diff(whole).astype(np.int64)))
     return _tick(steps)
@@ -49,12 +82,13 @@ def resolution(time: FloatArray) -> float:
 
 def _tick(steps: FloatArray) -> float:
     """Return the length of which all steps are multiples, if they are several ones; zero if there is none."""
-    tick = float(np.quantile(steps[steps > 0], 0.02))
-    for _ in range(3):
+    tick = float(np.quantile(steps[steps > 0], _SHORT_STEP))
+    for _ in range(_ROUNDS):
         multiple = np.where(steps > 0, np.maximum(np.round(steps / tick), 1), 0)
         tick = float(steps @ multiple / (multiple @ multiple))
     off = np.abs(steps - multiple * tick)
-    is_grid = len(np.unique(multiple)) > 1 and np.quantile(off, 0.95) < 0.03 * tick and tick > 1e-4
+    on_ticks = np.quantile(off, _ON_TICKS) < _MAX_OFF_TICK * tick
+    is_grid = len(np.unique(multiple)) > 1 and on_ticks and tick > _MIN_TICK
     return tick if is_grid else 0.0
 
 
@@ -84,21 +118,21 @@ def regular(stamps: FloatArray, tick: float) -> FloatArray | None:
     even = centre + step * (count - middle)
     off = stamps - even
     even += (off.max() + off.min()) / 2
-    return even if np.ptp(off) / 2 < max(0.5 * step, 0.55 * tick) else None
+    return even if np.ptp(off) / 2 < max(_MAX_OFF_EVEN * step, MAX_ROUNDING_OFF * tick) else None
 
 
 def _counts(time: FloatArray, tick: float) -> FloatArray | None:
     """Return how many even steps after the first each sample is, following the stamps."""
     steps = np.diff(time)
     step = float(np.median(steps))
-    if step < 20 * tick:  # the median is rounded itself
+    if step < _TICKS_PER_STEP * tick:  # the median is rounded itself
         step = float(np.mean(steps[steps < 1.5 * step + tick]))
-    for _ in range(3):
+    for _ in range(_ROUNDS):
         if not step > 0:
             return None
         count = np.concatenate(([0.0], np.cumsum(np.maximum(np.round(steps / step), 1))))
         # Steps rounded one by one may drift; the whole may not.
-        if abs(count[-1] * step - (time[-1] - time[0])) > max(0.02 * count[-1], 2) * step:
+        if abs(count[-1] * step - (time[-1] - time[0])) > max(_MAX_DRIFT * count[-1], 2) * step:
             return None
         step = float((time[-1] - time[0]) / count[-1])
     return count
@@ -148,8 +182,7 @@ def by_motion(time: FloatArray, place: FloatArray, limit: float) -> FloatArray:
     steps = np.diff(time)
     speed = float(np.sqrt(np.mean(np.sum(np.diff(place, axis=0) ** 2, axis=1))) / np.mean(steps))
     smoothing = (speed * limit) ** 2 / 12 / LIVELINESS
-    # Beyond three hundred steps the spline's equations lose their digits.
-    smoothing = min(max(smoothing, _LEAST_SMOOTHING), 300.0**4 * float(np.mean(steps)) ** 3)
+    smoothing = min(max(smoothing, _LEAST_SMOOTHING), WIDEST_STEPS**4 * float(np.mean(steps)) ** 3)
     times = time
     for _ in range(_ROUNDS):
         curve = smoothing_spline(times, place, smoothing)
@@ -164,8 +197,8 @@ def by_motion(time: FloatArray, place: FloatArray, limit: float) -> FloatArray:
 
 def _increasing(times: FloatArray, stamps: FloatArray) -> FloatArray:
     """Return times that increase, drawn back towards increasing stamps where they do not."""
-    least = 0.05 * np.diff(stamps)
-    for _ in range(8):
+    least = _LEAST_STEP * np.diff(stamps)
+    for _ in range(_DRAWING_BACK):
         short = np.diff(times) < least
         if not short.any():
             return times

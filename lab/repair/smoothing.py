@@ -26,9 +26,25 @@ FloatArray = NDArray[np.float64]
 LIVELINESS = 0.1
 """Density of the acceleration that coarse or noisy positions are trusted to show [(m/s²)²/Hz]."""
 
-_WINDOWS, _WINDOW = 6, 1200
+WIDEST_STEPS = 300.0
+"""Largest width (λ/h)^¼ of a smoothing spline in steps h: beyond it its equations lose their digits."""
+_EQUIVALENT_KERNEL = 0.0884
+"""∫ ω² / (1 + ω⁴)² dω / 2π (Green & Silverman, ch. 3.7)."""
+_WINDOWS = 6
+"""Stretches of a long record by which its smoothing is chosen: its start, its end, and four between."""
+_WINDOW = 1200
+"""Samples of a stretch. A plain choice: six of them are quick to smooth 34 times."""
 _PROBES = 8
+"""Random sign vectors by which the trace is estimated (Hutchinson). A plain choice: each costs one
+smoothing."""
+_WIDTHS = 33
+"""Widths tried, evenly in their logarithm: 10 to 20 % apart, while the minimum is flat."""
+_NARROWEST = 0.3
+"""Narrowest of them in steps: a narrower spline goes through the samples."""
 _WIDEST = 3.0
+"""Widest of them [s], so that no manoeuvre is smoothed away; at least four steps are tried."""
+_HARDLY_SMOOTHED = 1e-3
+"""λ relative to the least tried that stands for none: exactly none leaves no residual to divide."""
 
 
 def smoothed(time: FloatArray, values: FloatArray, smoothing: float) -> FloatArray:
@@ -107,7 +123,9 @@ def slope_noise(time: FloatArray, sigma: float, smoothing: float) -> float:
         λ [s³].
     """
     step = float(np.mean(np.diff(time)))
-    return sigma * float(np.sqrt(0.0884 * step / (smoothing * step) ** 0.75)) if smoothing else 0.0
+    return (
+        sigma * float(np.sqrt(_EQUIVALENT_KERNEL * step / (smoothing * step) ** 0.75)) if smoothing else 0.0
+    )
 
 
 def best_smoothing(time: FloatArray, values: FloatArray) -> float:
@@ -126,7 +144,7 @@ def best_smoothing(time: FloatArray, values: FloatArray) -> float:
     """
     windows = _windows(len(time))
     step = float(np.median(np.diff(time)))
-    widths = step * np.geomspace(0.3, min(max(_WIDEST / step, 4.0), 300.0), 33)
+    widths = step * np.geomspace(_NARROWEST, min(max(_WIDEST / step, 4.0), WIDEST_STEPS), _WIDTHS)
     scores = []
     signs = np.random.default_rng(0).choice([-1.0, 1.0], size=(_WINDOW, _PROBES))
     for width in (0.0, *widths):
@@ -135,7 +153,7 @@ def best_smoothing(time: FloatArray, values: FloatArray) -> float:
         for window in windows:
             at, samples, probe = time[window], values[window], signs[: window.stop - window.start]
             both = np.column_stack((samples - samples.mean(axis=0), probe))
-            rest = both - smoothed(at, both, smoothing or 1e-3 * widths[0] ** 4 / step)
+            rest = both - smoothed(at, both, smoothing or _HARDLY_SMOOTHED * widths[0] ** 4 / step)
             left += float(np.sum(rest[:, : values.shape[1]] ** 2))
             freedom += float(np.sum(probe * rest[:, values.shape[1] :])) / _PROBES
         scores.append(left / max(freedom, 1e-9) ** 2)
@@ -161,7 +179,7 @@ def smoothing_of_steps(time: FloatArray, values: FloatArray, step: float) -> flo
     """
     apart = float(np.mean(np.linalg.norm(np.diff(values, axis=0), axis=1)))
     alike = max(1.0, step / apart) if apart > 0 else 1.0
-    widest = 300.0**4 * float(np.mean(np.diff(time))) ** 3
+    widest = WIDEST_STEPS**4 * float(np.mean(np.diff(time))) ** 3
     return min(step**2 / 12 * alike / LIVELINESS, widest)
 
 

@@ -12,8 +12,14 @@ FloatArray = NDArray[np.float64]
 MAX_SAMPLES = 20_000_000
 """Most samples a rebuilt flight may have."""
 
-_NICE = np.array([1.0, 2.0, 4.0, 5.0, 8.0])
-_EVEN = 1e-4
+_ROUND_RATES = np.array([1.0, 2.0, 4.0, 5.0, 8.0])
+"""Leading digits of the rates that a grid may have [Hz]: their steps have few decimals."""
+_MAX_UNEVEN = 1e-4
+"""How far samples may lie off even times, in steps, to keep them: 0.1 µs at 1 kHz, the rounding of stamps."""
+_GRID_TIMES_PER_STEP = 2
+"""Grid times for each usual step of uneven samples, so that the grid follows what lies between them."""
+_MAX_GRID_TIMES_PER_SAMPLE = 4
+"""Grid times for each sample at most: a few in quick succession do not make the whole flight dense."""
 
 
 def regular_grid(time: FloatArray, rate: float, least_rate: float) -> FloatArray:
@@ -43,11 +49,11 @@ def regular_grid(time: FloatArray, rate: float, least_rate: float) -> FloatArray
         step = span / max(round(span / usual), 1)
         step /= max(np.ceil(least_rate * step - 1e-6), 1)
     else:
-        # A few samples in quick succession do not make the whole flight dense.
-        wanted = max(min(2 / usual, 4 * len(time) / span), least_rate)
+        rate_of_samples = min(_GRID_TIMES_PER_STEP / usual, _MAX_GRID_TIMES_PER_SAMPLE * len(time) / span)
+        wanted = max(rate_of_samples, least_rate)
         decade = 10.0 ** np.floor(np.log10(wanted))
         step = (
-            1 / (decade * _NICE[_NICE * decade >= wanted * 0.999][0])
+            1 / (decade * _ROUND_RATES[_ROUND_RATES * decade >= wanted * 0.999][0])
             if wanted <= 8 * decade
             else 0.1 / decade
         )
@@ -67,4 +73,4 @@ def _is_even(time: FloatArray, step: float) -> bool:
     """Return whether samples are evenly spaced, some perhaps missing."""
     count = np.round(time / step)
     step = float(time[-1] / max(count[-1], 1))
-    return bool(np.abs(time - step * np.round(time / step)).max() < _EVEN * step)
+    return bool(np.abs(time - step * np.round(time / step)).max() < _MAX_UNEVEN * step)

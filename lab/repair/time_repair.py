@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from lab.recordings.flight_csv import MAX_DURATION, MIN_SAMPLES
+from lab.recordings.bounds import MAX_DURATION, MIN_SAMPLES
 from lab.recordings.mission_error import MissionError
 from lab.repair import row_repair
 from lab.repair import sample_times as clock
@@ -25,12 +25,37 @@ AS_RECORDED, REPAIRED = "as recorded", "repaired"
 TIME_STAMPS = (REPAIRED, AS_RECORDED)
 """What may be done with time stamps."""
 
-_SHARED = 0.05
-_SHORTEST = 1e-6
-_WITHIN_TICK = 0.55
-_BETTER, _WORSE = 0.8, 1.1
-_ALONG = 2.0
-_FLOORS = {"position": 1e-3, "velocity": 1e-4, "attitude": 1e-5}
+_MIN_REPEATED_PART = 0.05
+"""Part of the stamps that has to repeat before repeats are spread: fewer are single mistakes and left out.
+At twice it, the stamps of a timer of 55.6 ms are not repaired; at half they are."""
+_MIN_NEW_STAMP = 1e-6
+"""Step of the stamps below which one repeats that before [s]: the finest that any recorder writes."""
+_MIN_STEP = 1e-7
+"""Shortest step between repaired times that is accepted [s]: splines through closer ones lose their
+digits."""
+_GAP_STEPS = 3
+"""Usual steps beyond which a pause is counted as a gap."""
+_MAX_ROUGHER_IF_ROUNDED = 1.3
+"""How much rougher an even spacing may make the motion that explains the stamps by their rounding alone."""
+_MAX_BETTER = 0.8
+"""Ratio of what neighbours do not explain, after over before, that one quantity has to fall below for a
+repair to count. Noise alone gives 1. The tests pass at half and at twice it."""
+_MAX_WORSE = 1.1
+"""The same ratio that no quantity may exceed. The tests pass at half and at twice it."""
+_MIN_ALONG = 2.0
+"""Error of the positions along the path over that across it, from which wrong times are suspected: noise of
+positions is alike in both. The tests pass at half and at twice it."""
+_COARSE_TICK = 0.02
+"""Resolution of stamps, in usual steps, from which on it bounds how wrong they are; finer stamps jitter."""
+_MAX_JITTER = 0.5
+"""How wrong jittering stamps may be, in usual steps: beyond, samples would change places."""
+_OUTLIERS = 5
+"""Multiple of the median miss at which a miss is cut, so that a few jumps do not decide."""
+_UNCHANGED, _UNCHANGED_PART = 2e-9, 1e-12
+"""Difference from the stamps that is their rounding [s], and that as a part of their length."""
+_SMOOTH_ENOUGH = {"position": 1e-3, "velocity": 1e-4, "attitude": 1e-5}
+"""Roughness below which a motion is not judged [m], [m/s], [1], so that rounding does not decide. The
+tests pass at half and at twice it."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -116,7 +141,7 @@ def repair(raw: RawFlight, time_stamps: str = REPAIRED, longest_gap: float = 2.0
     if time_stamps == REPAIRED:
         method, times, calmed = _best(raw, stamps, clock.spread(stamps, tick), tick)
     times = _of_the_same_length(times - times[0], stamps, tick)
-    if np.diff(times).min() < _SHORTEST / 10:
+    if np.diff(times).min() < _MIN_STEP:
         raise MissionError(
             f"the samples lie too close together, {len(times)} in {stamps[-1]:.3g} s; accepted are at least "
             "0.1 µs from one to the next. Another unit of time is given with --unit COLUMN=UNIT"
@@ -135,7 +160,7 @@ def repair(raw: RawFlight, time_stamps: str = REPAIRED, longest_gap: float = 2.0
         calmed=calmed,
         dropped=raw.dropped[told:],
         cuts=cuts,
-        gaps=int(np.count_nonzero(steps > 3 * np.median(steps))),
+        gaps=int(np.count_nonzero(steps > _GAP_STEPS * np.median(steps))),
         longest_gap=longest_gap,
         bridging=more,
     )
@@ -150,10 +175,10 @@ def _of_the_same_length(times: FloatArray, stamps: FloatArray, tick: float) -> F
 
 def _one_each(raw: RawFlight, time_stamps: str) -> RawFlight:
     """Return the samples with one for each stamp, unless many share theirs and can be spread."""
-    again = np.concatenate(([False], np.diff(raw.time) < _SHORTEST))
+    again = np.concatenate(([False], np.diff(raw.time) < _MIN_NEW_STAMP))
     if not again.any():
         return raw
-    if time_stamps == REPAIRED and again.mean() > _SHARED and again.sum() < len(again) - 1:
+    if time_stamps == REPAIRED and again.mean() > _MIN_REPEATED_PART and again.sum() < len(again) - 1:
         last = np.maximum.accumulate(np.where(again, 0, np.arange(len(again))))
         return replace(raw, time=raw.time[last])
     said = row_repair.said_of(raw, again, "the time stamp of the row before")
@@ -180,19 +205,21 @@ def _best(
     if len(stamps) < 2 * MIN_SAMPLES:
         return method, spread, 1.0
     even = clock.regular(stamps, tick)
-    if even is not None and np.abs(even - spread).max() <= 2e-9 + 1e-12 * stamps[-1]:
+    if even is not None and np.abs(even - spread).max() <= _UNCHANGED + _UNCHANGED_PART * stamps[-1]:
         return method, spread, 1.0
     evidence = _evidence(raw)
     before = _unsmoothness(spread, evidence)
     if even is not None:
         ratios = _ratios(before, _unsmoothness(even, evidence))
-        is_rounding = np.abs(even - stamps).max() <= _WITHIN_TICK * tick
-        if (is_rounding and max(ratios, default=1.0) < 1.3) or _speaks_for(ratios):
+        is_rounding = np.abs(even - stamps).max() <= clock.MAX_ROUNDING_OFF * tick
+        if (is_rounding and max(ratios, default=1.0) < _MAX_ROUGHER_IF_ROUNDED) or _speaks_for(ratios):
             return "even", even, min(ratios, default=1.0)
     if "position" not in evidence or not _is_off_along_the_way(spread, evidence["position"]):
         return method, spread, 1.0
     usual = float(np.median(np.diff(spread)))
-    limit = tick + float(np.abs(spread - stamps).max()) if tick > 0.02 * usual else 0.5 * usual
+    limit = (
+        tick + float(np.abs(spread - stamps).max()) if tick > _COARSE_TICK * usual else _MAX_JITTER * usual
+    )
     times = clock.by_motion(spread, evidence["position"], limit)
     after = _unsmoothness(times, evidence)
     # The positions made these times: the others have to bear them out, where there are others.
@@ -221,8 +248,10 @@ def _evidence(raw: RawFlight) -> dict[str, FloatArray]:
 def _unsmoothness(times: FloatArray, evidence: Mapping[str, FloatArray]) -> dict[str, float]:
     """Return by how much the samples usually miss what their neighbours say of them."""
     return {
-        name: float(np.sqrt(np.mean(np.minimum(error := _miss(times, values), 5 * np.median(error)) ** 2)))
-        + _FLOORS[name]
+        name: float(
+            np.sqrt(np.mean(np.minimum(error := _miss(times, values), _OUTLIERS * np.median(error)) ** 2))
+        )
+        + _SMOOTH_ENOUGH[name]
         for name, values in evidence.items()
     }
 
@@ -236,7 +265,7 @@ def _ratios(before: Mapping[str, float], after: Mapping[str, float]) -> list[flo
 
 
 def _speaks_for(ratios: list[float]) -> bool:
-    return bool(ratios) and min(ratios) < _BETTER and max(ratios) < _WORSE
+    return bool(ratios) and min(ratios) < _MAX_BETTER and max(ratios) < _MAX_WORSE
 
 
 def _is_off_along_the_way(times: FloatArray, places: FloatArray) -> bool:
@@ -249,4 +278,4 @@ def _is_off_along_the_way(times: FloatArray, places: FloatArray) -> bool:
         return False
     along = np.sum(error * way, axis=1)[moving] / length[moving]
     across = np.sqrt(np.maximum(np.sum(error[moving] ** 2, axis=1) - along**2, 0) / 2)
-    return bool(np.median(np.abs(along)) > _ALONG * np.median(across))
+    return bool(np.median(np.abs(along)) > _MIN_ALONG * np.median(across))

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 FloatArray = NDArray[np.floating]
 
 BUCKETS = 600
+"""Stretches a curve is thinned to: about one for each pixel of a plot."""
 SMALLEST_DRAWN = 1e-37
 """Below this a number counts as zero: it is drawn in single precision, which ends at 1.2e-38."""
 CONSTANT = 1e-6

@@ -40,6 +40,7 @@ if TYPE_CHECKING:
 hv.extension("bokeh", logo=False, inline=pn.config.inline)
 
 WIDTH, HEIGHT_PIXELS = 330, 230
+"""Size of a plot [px]."""
 PATH_POINTS = 2000
 """Points of a path on the map."""
 BUCKETS = 300

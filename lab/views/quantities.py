@@ -401,7 +401,7 @@ ENSEMBLE_CONSISTENCY: tuple[TimePlot, ...] = (
     _average("Position NEES between fixes, average over runs", "anees_between", BLUE, "time_between"),
 )
 
-HEIGHT: tuple[TimePlot, ...] = (
+HEIGHT: tuple[TimePlot, ...] = (  # component 2 of a vector is down
     TimePlot(
         name="height",
         title="Height above the ellipsoid",

@@ -33,7 +33,9 @@ SHORT = 0.2
 """Extent of a path up to which the ellipsoids are drawn as they are [km]."""
 
 _KILOMETRE = 1e-3
+"""Kilometres in a metre, in which the scene is drawn."""
 _NED_TO_ENU = Rotation.from_matrix(NED_TO_ENU)
+"""Takes north, east, down to east, north, up."""
 
 
 class Scene:

@@ -18,12 +18,17 @@ WIDTH, HEIGHT = 320, 200
 """Size of the drawing, which scales [px]."""
 
 _MARGIN = 14.0
+"""Space around the track [px]."""
 _TRACK = 138.0
 """Height of the part with the track [px]."""
 _LONGEST_BAR = 90.0
+"""Longest bar of the scale [px]."""
 _PROFILE_TOP, _PROFILE_BOTTOM = 162.0, 194.0
+"""Where the profile of the height lies [px]."""
 _MAX_SAMPLES = 20_000
+"""Most samples of a recording that are looked at."""
 _MAX_POINTS = 500
+"""Most points of the track: more than the drawing has pixels across."""
 _COLUMNS = 150
 """Columns of the height, each from its least to its greatest."""
 

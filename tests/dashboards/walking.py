@@ -73,9 +73,10 @@ class Walk:
             busy = isinstance(self.shown, ComputedPage) and self.shown._work.busy
             waiting = [one for one in self._document.session_callbacks if isinstance(one, NextTickCallback)]
             for one in waiting:
+                callback = one.callback  # a callback that was removed refers to nothing
                 self._document.remove_next_tick_callback(one)
                 with set_curdoc(self._document):
-                    one.callback()
+                    callback()
             if not waiting and not busy:
                 return
             assert time.monotonic() < until, f"{self.title} is still worked on"

@@ -210,7 +210,7 @@ def test_settings_are_not_kept_by_reference():
 
 def test_a_long_flight_is_judged_by_fewer_samples_and_not_otherwise(monkeypatch):
     whole = prepare_import(mission("montreal").recording_path).report
-    monkeypatch.setattr(import_report, "_MANY", 1000)
+    monkeypatch.setattr(import_report, "_MAX_REPORTED_SAMPLES", 1000)
     fewer = prepare_import(mission("montreal").recording_path).report
     assert fewer.verdict == whole.verdict
     assert fewer.specific_force_noise == pytest.approx(whole.specific_force_noise, rel=0.3)

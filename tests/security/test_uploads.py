@@ -160,8 +160,9 @@ def _settle(document: Document, work: Job | LatestWins[bytes]) -> None:
         busy = work.busy
         waiting = [one for one in document.session_callbacks if isinstance(one, NextTickCallback)]
         for one in waiting:
+            callback = one.callback  # a callback that was removed refers to nothing
             document.remove_next_tick_callback(one)
-            one.callback()
+            callback()
         if not busy and not waiting:
             return
         assert time.monotonic() < until
