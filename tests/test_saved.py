@@ -1,0 +1,56 @@
+"""Saved: what version 0.1.0 wrote still opens: settings, a link, a mission with its recording.
+
+The files in `tests/saved` were written by that version, before its rooms were arranged anew.
+"""
+
+from __future__ import annotations
+
+import shutil
+from pathlib import Path
+
+import numpy as np
+import pytest
+from flights import circle
+
+from dashboards.exchange import experiment_of_query
+from lab import Experiment, mission
+
+SAVED = Path(__file__).with_name("saved")
+
+
+def expected() -> Experiment:
+    """Return the settings that were saved, as a person would set them."""
+    experiment = Experiment(mission="los_angeles", seed=42)
+    experiment.sensors.gyro.noise_density = 0.02
+    experiment.sensors.gyro.bias_sigma = (0.1, 0.2, 0.3)
+    experiment.sensors.gps.outages = [(30.0, 50.0)]
+    experiment.sensors.gps.lever_arm = (1.0, 0.0, -0.5)
+    experiment.sensors.gps.latency = 0.1
+    experiment.navigator.states = 21
+    experiment.navigator.model = "psi"
+    experiment.navigator.gate = 0.999
+    experiment.navigator.smoother = True
+    experiment.trajectory.imu_rate = 50
+    return experiment
+
+
+def test_a_settings_file_opens() -> None:
+    assert Experiment.from_toml(SAVED / "settings.toml").to_dict() == expected().to_dict()
+
+
+def test_a_link_opens() -> None:
+    opened, problems = experiment_of_query((SAVED / "link.txt").read_text("utf-8").strip())
+    assert problems == []
+    assert opened.to_dict() == expected().to_dict()
+
+
+def test_a_mission_opens_with_its_recording(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("INS_LAB_MISSIONS", str(tmp_path))
+    for name in ("short_circle.toml", "short_circle.csv.gz"):
+        shutil.copy(SAVED / name, tmp_path)
+    opened = mission("short_circle")
+    assert opened.description == 'Two lines:\n"one" and two'
+    assert opened.tags == ("turn",)
+    flown = circle(samples=300)
+    np.testing.assert_allclose(opened.recording.latitude, flown.latitude, atol=1e-13)
+    np.testing.assert_allclose(opened.recording.velocity_n, flown.velocity_n, atol=1e-6)
