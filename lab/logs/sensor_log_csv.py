@@ -42,7 +42,7 @@ from lab.logs.auxiliary_data import Beside, Comparison, Headings, Magnetometer, 
 from lab.logs.log_toml import DESCRIPTION_FILE, check_values
 from lab.logs.sensor_log import MIN_IMU_SAMPLES, SIGMAS, GnssLog, SensorLog, repaired
 from lab.recordings.bounds import HEIGHTS, LATITUDES, LONGITUDES, MAX_DURATION, MAX_SPEED, TIME_STAMPS
-from lab.recordings.description_toml import file_beside, read_toml
+from lab.recordings.description_toml import file_in_same_folder, read_toml
 from lab.recordings.mission_error import MissionError
 from lab.recordings.named_columns import Column, read_columns
 from lab.rotation import C_nb_from_euler
@@ -265,13 +265,15 @@ def log_files(path: str | os.PathLike[str]) -> LogFiles:
     described = path / DESCRIPTION_FILE if path.is_dir() else path
     values = read_toml(described) if described.is_file() or not path.is_dir() else {}
     check_values(described, values)
-    imu, gnss = (file_beside(described, key, values.get(key, f"{key}.csv")) for key in ("imu", "gnss"))
+    imu, gnss = (
+        file_in_same_folder(described, key, values.get(key, f"{key}.csv")) for key in ("imu", "gnss")
+    )
     reference, magnetometer = (
-        file_beside(described, key, values.get(key, name))
+        file_in_same_folder(described, key, values.get(key, name))
         for key, name in (("reference", "ref.csv"), ("magnetometer", "mag.csv"))
     )
     comparisons = tuple(
-        (name, file_beside(described, "comparisons", file))
+        (name, file_in_same_folder(described, "comparisons", file))
         for name, file in values.get("comparisons", {}).items()
     )
     wanted = [imu, gnss, *(file for _, file in comparisons)]
