@@ -1,4 +1,4 @@
-"""Log parts: what a log may hold beside IMU and GPS: vehicle, magnetometer, headings, other solutions."""
+"""Auxiliary data: vehicle, magnetometer, headings and other solutions in a log of IMU and GPS."""
 
 from __future__ import annotations
 
@@ -13,18 +13,18 @@ FloatArray = NDArray[np.float64]
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Reference:
-    """What another, better system says where the vehicle was.
+    """The solution of a better system: where the vehicle was.
 
     Attributes
     ----------
     time : (k,) array
         Times, increasing [s].
     position : (k, 3) array
-        Latitude, longitude [rad], height [m]; NaN where it is not known.
+        Latitude, longitude [rad], height [m]; NaN where unknown.
     velocity_n : (k, 3) array
-        Velocity north, east, down [m/s]; NaN where it is not known.
+        Velocity north, east, down [m/s]; NaN where unknown.
     euler : (k, 3) array
-        Roll, pitch, yaw [rad]; NaN where it is not known.
+        Roll, pitch, yaw [rad]; NaN where unknown.
     """
 
     time: FloatArray
@@ -39,7 +39,7 @@ class Reference:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Comparison(Reference):
-    """What another estimator, such as the autopilot's, made of the same sensors: to compare with, no truth.
+    """The solution of another estimator, such as the autopilot's, from the same sensors: it is no truth.
 
     Attributes
     ----------
@@ -52,7 +52,7 @@ class Comparison(Reference):
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Magnetometer:
-    """The magnetic field as measured, hard iron taken off as far as is known.
+    """The measured magnetic field, hard iron removed as far as it is known.
 
     Attributes
     ----------
@@ -61,7 +61,7 @@ class Magnetometer:
     field : (k, 3) array
         Field in b: forward, right, down [µT].
     declination : float
-        Magnetic declination, positive east [rad]; NaN where the log does not say.
+        Magnetic declination, positive east [rad]; NaN where the log does not state it.
     """
 
     time: FloatArray
@@ -75,7 +75,7 @@ class Magnetometer:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Headings:
-    """Headings as measured, such as by a receiver with two antennas.
+    """Measured headings, such as those of a receiver with two antennas.
 
     Attributes
     ----------
@@ -84,7 +84,7 @@ class Headings:
     heading : (k,) array
         True heading [rad].
     sigma : (k,) array
-        σ [rad]; NaN where it is not known.
+        σ [rad]; NaN where unknown.
     """
 
     time: FloatArray
@@ -98,7 +98,7 @@ class Headings:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Beside:
-    """What a log holds beside IMU and GPS.
+    """What a log holds in addition to IMU and GPS.
 
     Attributes
     ----------
@@ -128,7 +128,7 @@ class Beside:
         return Beside(self.vehicle, comparisons=others, **moved)  # type: ignore[arg-type]  # each its own kind
 
     def named(self, vehicle: str) -> Beside:
-        """Return the same of another vehicle."""
+        """Return the same with another vehicle."""
         return replace(self, vehicle=vehicle)
 
     @property

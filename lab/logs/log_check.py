@@ -1,9 +1,10 @@
-"""Log check: whether the numbers of a sensor log contradict the units, the axes or the clock they claim.
+"""Log check: whether the numbers of a sensor log contradict their stated units, axes or clock.
 
-Gravity is known in size and, of a vehicle that is level on the average, in direction. A vehicle that goes
-where its nose points turns as its course does and feels the speed it gains: a wrong unit breaks one of these
-by a known factor, wrong axes show them on another axis. Copters, boats and walkers turn and go as they like,
-and are not judged by it. A wrong clock shows by what every vehicle obeys: velocity changes as the IMU felt.
+Gravity has a known magnitude and, on a vehicle that is level on average, a known direction. A vehicle that
+moves where its nose points turns with its course and senses its change of speed. A wrong unit violates one
+of these by a known factor; wrong axes show them on another axis. Copters, boats and walkers may move in
+any direction and are not judged by this. A wrong clock violates what holds for every vehicle: the velocity
+changes by the sensed force.
 """
 
 from __future__ import annotations
@@ -24,7 +25,7 @@ from lab.rotation import wrap
 FloatArray = NDArray[np.float64]
 
 MAX_LAG = 3.0
-"""Largest clock offset looked for [s]."""
+"""Largest clock offset that is tried [s]."""
 
 _GRAVITY_RATIO = (0.7, 1.5)
 """Median specific force of a log [g]: every vehicle has about 1; a wrong unit is a factor of 9.8 or the
@@ -93,13 +94,13 @@ and cars."""
 _VELOCITY_SIGMA = 0.1
 """σ of a velocity whose receiver does not give one [m/s]: Doppler of consumer receivers."""
 _OR_ANOTHER_VEHICLE = (
-    ". Of a vehicle that does not go where its nose points, this means nothing: name it, such as vehicle = "
-    f'"copter" in log.toml; accepted are {", ".join(VEHICLES)}'
+    ". The check does not apply to a vehicle that does not move where its nose points: name it, such as "
+    f'vehicle = "copter" in log.toml; accepted are {", ".join(VEHICLES)}'
 )
 
 
 class Motion(NamedTuple):
-    """What the fixes say of the motion in legs of about a second.
+    """The motion by the fixes, in legs of about a second.
 
     Attributes
     ----------
@@ -118,7 +119,7 @@ class Motion(NamedTuple):
 
 
 def check_log(log: SensorLog) -> None:
-    """Raise if a log is implausible; of a log in pieces the longest is judged.
+    """Raise if a log is implausible; the longest stretch without a break is judged.
 
     Raises
     ------
@@ -133,7 +134,7 @@ def check_log(log: SensorLog) -> None:
     windows = _windows(log)
     matches = [match(window, lags=(0.0,)) for window in windows[:_MIN_WINDOWS]]
     vehicle = vehicle_of(log.beside.vehicle)
-    if vehicle.follows_nose and not _explained(windows, matches, vehicle):
+    if vehicle.follows_nose and not _axes_are_right(windows, matches, vehicle):
         motion = motion_of(log)
         try:
             _check_turn(log, motion)
@@ -145,7 +146,7 @@ def check_log(log: SensorLog) -> None:
 
 
 def motion_of(log: SensorLog) -> Motion:
-    """Return what the fixes of a log say of its motion."""
+    """Return the motion of a log by its fixes."""
     gnss = log.gnss
     time = gnss.time - gnss.latency
     inside = np.flatnonzero((time >= MAX_LAG) & (time <= log.duration - MAX_LAG))
@@ -181,7 +182,7 @@ def _check_force(log: SensorLog) -> None:
         dt: "the numbers look like increments where rates are declared",
     }
     near = min(causes, key=lambda factor: abs(np.log(max(size, 1e-12) / factor)))
-    what = f"{log.name}: the IMU feels {size:.3g} times gravity (median over the log): "
+    what = f"{log.name}: the IMU measures {size:.3g} times gravity (median over the log): "
     if not _GRAVITY_RATIO[0] < size < _GRAVITY_RATIO[1]:
         likely = (
             causes[near]
@@ -197,8 +198,8 @@ def _check_force(log: SensorLog) -> None:
         felt = ("forward", "right", "down")[axis]
         sign = "" if mean[axis] > 0 else "minus "
         raise MissionError(
-            f"{log.name}: the support against gravity is felt along {sign}{felt}, where a level vehicle "
-            "feels it along minus down: swapped axes or signs are likely. axes in the TOML says which axes "
+            f"{log.name}: the support against gravity is measured along {sign}{felt}, where a level vehicle "
+            "has it along minus down: swapped axes or signs are likely. axes in the TOML says which axes "
             "of the IMU point forward, right, down"
         )
 
@@ -209,7 +210,7 @@ def _check_tumbling(log: SensorLog) -> None:
     if mean > _MAX_TUMBLING:
         raise MissionError(
             f"{log.name}: the gyros show {np.degrees(mean):.3g} °/s about a horizontal axis on the average, "
-            "which would tip the vehicle over again and again, but gravity stays where it is: the numbers "
+            "which would tip the vehicle over again and again, but gravity keeps its direction: the numbers "
             "look like degrees where radians are declared (columns gx_rad_s, gx_deg_s)"
         )
 
@@ -219,7 +220,9 @@ def _check_turn(log: SensorLog, motion: Motion) -> None:
     rows = np.isfinite(motion.turn)
     if rows.sum() < _MIN_LEGS or np.std(motion.turn[rows]) < _LIVELY_TURN:
         return
-    likeness = np.array([_best(log, log.dtheta[:, axis], motion, motion.turn) for axis in range(3)])
+    likeness = np.array(
+        [_largest_correlation(log, log.dtheta[:, axis], motion, motion.turn) for axis in range(3)]
+    )
     best = int(np.argmax(np.abs(likeness[:, 0])))
     correlation, factor = likeness[2, :2]
     if abs(correlation) < _MIN_CORRELATION and best != 2 and abs(likeness[best, 0]) > _MIN_CORRELATION:
@@ -248,7 +251,7 @@ def _check_turn(log: SensorLog, motion: Motion) -> None:
 
 
 def _check_bank(log: SensorLog, motion: Motion) -> None:
-    """Look for the pitch rate of banked turns, which is upwards in turns to either side.
+    """Check the pitch rate of banked turns, which is nose up in turns to either side.
 
     A vehicle that leans into its turns at bank φ and yaws at ψ̇ pitches at ψ̇ sin φ (Groves, ch. 2.3); one
     that does not shows nothing here.
@@ -257,7 +260,7 @@ def _check_bank(log: SensorLog, motion: Motion) -> None:
     if rows.sum() < _MIN_LEGS or np.std(motion.turn[rows]) < _LIVELY_TURN:
         return
     for axis, wrong_sign in ((0, 0), (1, -1)):
-        correlation, factor, _ = _best(log, log.dtheta[:, axis], motion, np.abs(motion.turn))
+        correlation, factor, _ = _largest_correlation(log, log.dtheta[:, axis], motion, np.abs(motion.turn))
         wrong = correlation < -_MIN_CORRELATION if wrong_sign else abs(correlation) > _MIN_CORRELATION
         if wrong and factor > _MIN_PITCH_OF_TURN:
             raise MissionError(
@@ -271,7 +274,9 @@ def _check_forward(log: SensorLog, motion: Motion) -> None:
     """Compare the change of the speed with the horizontal accelerometers, each at its best time."""
     if motion.speed.size < _MIN_LEGS or np.std(motion.speed) < _LIVELY_SPEED:
         return
-    forward, right = (_best(log, log.dvelocity[:, axis], motion, motion.speed)[0] for axis in (0, 1))
+    forward, right = (
+        _largest_correlation(log, log.dvelocity[:, axis], motion, motion.speed)[0] for axis in (0, 1)
+    )
     backward = forward < -_MIN_CORRELATION
     if backward or (abs(right) > _MIN_CORRELATION and forward < abs(right) - _MAX_CORRELATION_LEAD):
         axis, value = ("minus forward", forward) if backward else ("right", right)
@@ -288,11 +293,11 @@ def _windows(log: SensorLog) -> list[Window]:
     return liveliest(arrays, _WINDOWS, MAX_LAG)
 
 
-def _explained(windows: list[Window], matches: list[Match], vehicle: Vehicle) -> bool:
-    """Tell whether the IMU as it is explains the velocities, and nothing is wrong with its axes.
+def _axes_are_right(windows: list[Window], matches: list[Match], vehicle: Vehicle) -> bool:
+    """Return whether the IMU explains the velocities without any change of its axes.
 
-    The nose then points along the course, or, where nobody named the vehicle, now here, now there: wrong axes
-    would turn it by the same angle always.
+    The nose then points along the course or, on an unnamed vehicle, in changing directions: wrong axes
+    would turn it by a constant angle.
     """
     angles = [_off_course(*pair) for pair in zip(windows, matches, strict=False) if _is_clear(pair[1])]
     apart = np.concatenate(angles) if angles else np.empty(0)
@@ -308,7 +313,7 @@ def _is_clear(found: Match) -> bool:
 
 
 def _off_course(window: Window, found: Match) -> FloatArray:
-    """Return the angle of course minus nose at the fixes that move [rad]."""
+    """Return the course minus the direction of the nose at fixes in motion [rad]."""
     fast = np.linalg.norm(window.velocity_n[:, :2], axis=1) > _MIN_COURSE_SPEED
     north, east = window.velocity_n[fast, :2].T
     steps = np.clip(np.searchsorted(window.time, window.at[fast] + found.lag), 0, len(window.dtheta))
@@ -318,7 +323,7 @@ def _off_course(window: Window, found: Match) -> FloatArray:
 
 
 def _check_clock(log: SensorLog, windows: list[Window], matches: list[Match]) -> None:
-    """Look for the offset of the clocks with which velocity changes as the IMU felt, in several windows."""
+    """Estimate the clock offset at which the velocity changes by the sensed force, in several windows."""
     lags: list[float] = []
     for number, window in enumerate(windows):
         found = matches[number] if number < len(matches) else match(window, lags=(0.0,))
@@ -346,19 +351,19 @@ def _shows_lag(found: Match) -> bool:
     return found.lag_sigma < _MAX_LAG_SIGMA and found.misfit < _MAX_MISFIT
 
 
-def _best(
+def _largest_correlation(
     log: SensorLog, increments: FloatArray, motion: Motion, seen: FloatArray
 ) -> tuple[float, float, float]:
-    """Return correlation, factor and lag where the two are most alike, of either sign."""
+    """Return correlation, factor and lag at the largest correlation, of either sign."""
     lags = np.arange(-MAX_LAG, MAX_LAG + _LAG_STEP / 2, _LAG_STEP)
-    found = [(*_likeness(log, increments, motion, seen, lag), float(lag)) for lag in lags]
+    found = [(*_correlation(log, increments, motion, seen, lag), float(lag)) for lag in lags]
     return max(found, key=lambda one: abs(one[0]))
 
 
-def _likeness(
+def _correlation(
     log: SensorLog, increments: FloatArray, motion: Motion, seen: FloatArray, lag: float
 ) -> tuple[float, float]:
-    """Return the correlation of an IMU axis, `lag` later, with what the fixes saw, and the factor on it."""
+    """Return the correlation of an IMU axis, `lag` later, with the motion by the fixes, and the factor."""
     total = np.concatenate(([0.0], np.cumsum(increments)))
     felt = np.interp(motion.end + lag, log.time, total) - np.interp(motion.start + lag, log.time, total)
     rows = np.isfinite(seen)

@@ -1,4 +1,4 @@
-"""Log pieces: the stretch of a log that is navigated: between two times, and without a break of the IMU."""
+"""Log section: the stretch of a log that is navigated: between two times and without a break of the IMU."""
 
 from __future__ import annotations
 
@@ -26,13 +26,13 @@ def piece(log: SensorLog, start: float | None = None, end: float | None = None) 
     log
         The log.
     start, end
-        From when to when, in the clock of its file [s]; None for as long as it is.
+        First and last time, in the clock of its file [s]; None for the whole log.
 
     Returns
     -------
     SensorLog
         Its time counts from its own first sample, its `epoch` is that of the file's clock. The log itself if
-        nothing of it is left out.
+        nothing is left out.
 
     Raises
     ------
@@ -69,7 +69,7 @@ def _check(log: SensorLog, start: float | None, end: float | None) -> None:
 
 
 def _common(log: SensorLog, spans: FloatArray) -> FloatArray:
-    """Return how long IMU and receiver both recorded in each span [s]; 0 where either has too little."""
+    """Return how long IMU and receiver recorded together in each span [s]; 0 where either has too little."""
     times = log.gnss.time - log.gnss.latency
     edges = np.stack((spans[:, 0] - _ROUNDING, spans[:, 1] + _ROUNDING))
     first, last = np.searchsorted(times, edges)

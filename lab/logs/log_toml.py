@@ -1,4 +1,4 @@
-"""Log TOML: what ``log.toml`` says of a log, checked key by key; `lab.logs.sensor_log_csv` shows one."""
+"""Log TOML: the keys of ``log.toml`` and their checks; `lab.logs.sensor_log_csv` shows an example."""
 
 from __future__ import annotations
 

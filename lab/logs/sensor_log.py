@@ -1,4 +1,4 @@
-"""Sensor log: what an IMU and a GPS receiver recorded on a vehicle, repaired where it can be.
+"""Sensor log: the recording of an IMU and a GPS receiver on a vehicle, repaired where possible.
 
 Time counts from the first usable sample of the IMU. Polled devices repeat samples: a row with the six values
 of the row before is dropped, and the next row's interval reaches back to the last one kept. Short gaps of the
@@ -19,7 +19,7 @@ from lab.recordings.mission_error import MissionError
 FloatArray = NDArray[np.float64]
 
 MAX_GAP = 2.0
-"""Longest time without samples of the IMU that is bridged [s]: what moved in it is not known."""
+"""Longest gap of the IMU that is filled [s]: the motion in a longer one is unknown."""
 MIN_OVERLAP = 5.0
 """Shortest time in which both the IMU and the receiver recorded [s]."""
 MIN_IMU_SAMPLES = 10
@@ -41,7 +41,7 @@ large."""
 
 @dataclass(frozen=True, eq=False, repr=False)
 class GnssLog:
-    """The fixes of a receiver, as it stamped them: of the antenna, and late by the latency.
+    """The fixes of a receiver with its own time stamps: of the antenna, and late by the latency.
 
     Attributes
     ----------
@@ -50,7 +50,7 @@ class GnssLog:
     position : (m, 3) array
         Latitude, longitude [rad], height [m] of the antenna.
     velocity_n : (m, 3) array
-        Velocity of the antenna north, east, down [m/s]; NaN in a column the receiver does not have.
+        Velocity of the antenna north, east, down [m/s]; NaN in a column that the receiver does not have.
     position_sigma, velocity_sigma : (m, 3) arrays
         Its own σ, north, east, down [m], [m/s]; NaN in a column it does not have.
     lever_arm : (3,) array
@@ -75,7 +75,7 @@ class SensorLog:
     Attributes
     ----------
     name : str
-        Where it comes from, for messages.
+        Its source, for messages.
     epoch : float
         The recorder's time at time 0 [s].
     time : (n + 1,) array
@@ -89,11 +89,11 @@ class SensorLog:
         A better solution, where there is one; of the same 0.
     gaps, breaks : (g, 2) arrays
         Start and end of the gaps of the IMU that were filled, and of those too long for that [s]. In a break
-        there is one interval without increments, which nobody may navigate through.
+        there is one interval without increments, which must not be navigated.
     beside : Beside
         What else was recorded: vehicle, magnetometer, headings, other solutions; of the same 0.
     repairs : tuple of str
-        What was repaired and what is missing, for people.
+        The report on what was repaired and what is missing.
     """
 
     name: str
@@ -144,7 +144,7 @@ def repaired(
     Parameters
     ----------
     name
-        Where the rows come from, for messages.
+        The source of the rows, for messages.
     time : (n,) array
         Time stamps of the IMU; each row is of the interval that ends with it [s].
     samples : (n, 6) array
@@ -176,7 +176,7 @@ def repaired(
     time, rates, gaps, breaks = _without_gaps(name, time, rates, repairs)
     values = rates[1:] * np.diff(time)[:, None]
     if increments:
-        # What was counted during a gap is not known; the rest keeps every bit.
+        # Increments of a gap are unknown; the others keep every bit.
         same = np.searchsorted(time, stamps[1:][dt <= _GAP_STEPS * np.median(dt)])
         values[same - 1] = samples[1:][dt <= _GAP_STEPS * np.median(dt)]
     values[np.searchsorted(time, breaks[:, 1]) - 1] = 0.0
@@ -220,7 +220,7 @@ def _without_repeats(
         return time, samples
     same = np.append(False, (np.diff(samples, axis=0) == 0).all(axis=1))
     start = np.maximum.accumulate(np.where(same, 0, np.arange(same.size)))
-    # A sensor that shows one value for long is at rest, or stuck: that is no polling faster than it samples.
+    # A sensor that shows one value for longer is at rest, or stuck, and not polled too fast.
     runs = np.bincount(start, minlength=same.size)[start]
     kept = ~(same & (runs <= _MAX_REPEAT))
     _say(repairs, int((~kept).sum()), "IMU sample that repeats the values of the one before was dropped")
@@ -264,7 +264,7 @@ def _without_gaps(
     count = "1 gap" if at.size == 1 else f"{at.size} gaps"
     repairs.append(
         f"{count} of the IMU, {dt[at].sum():.3g} s in all and up to {dt[at].max():.3g} s long, filled by "
-        "linear interpolation; the filter is told that it knows little there."
+        "linear interpolation; the filter gets large variances there."
     )
     return times, rates, np.stack((time[at], time[at + 1]), axis=-1), breaks
 

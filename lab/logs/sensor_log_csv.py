@@ -1,15 +1,16 @@
-"""Sensor log files: a folder with the csv files of an IMU and a GPS receiver, and a small TOML about them.
+"""Sensor log csv: a folder with the csv files of an IMU and a GPS receiver, and a TOML that describes them.
 
 ``imu.csv``: ``t_s``, then angular rate ``gx_rad_s, gy_rad_s, gz_rad_s`` (or ``gx_deg_s …``) and specific
 force ``fx_m_s2, fy_m_s2, fz_m_s2`` (or ``fx_g …``), mean over the interval that ends with the stamp; or
-their integrals over it, ``dtheta_x_rad …`` and ``dvelocity_x_m_s …``. ``gnss.csv``: ``t_s, lat_deg, lon_deg,
-alt_m``, and what the receiver has of ``vn_m_s, ve_m_s, vd_m_s`` and of its σ ``sd_n_m, sd_e_m, sd_d_m,
-sd_vn_m_s, sd_ve_m_s, sd_vd_m_s``; of two antennas also ``heading_deg, sd_heading_deg``. ``ref.csv``, where
-there is one: ``t_s`` and what is known of ``lat_deg, lon_deg, alt_m``, ``vn_m_s …`` and ``roll_deg,
-pitch_deg, heading_deg``. ``mag.csv``, where there is one: ``t_s, mx_uT, my_uT, mz_uT``, in the axes of the
-IMU. Of what need not be there, an empty cell is not known. All are stamped by one clock, in which ``--from``,
-``--to`` and outages are given too. Heights are above the ellipsoid, or all above the same other surface. The
-TOML, ``log.toml`` in the folder, may leave out every key; what it does not say is as here, unless noted::
+their integrals over it, ``dtheta_x_rad …`` and ``dvelocity_x_m_s …``. ``gnss.csv``: ``t_s, lat_deg,
+lon_deg, alt_m``, and those that the receiver has of ``vn_m_s, ve_m_s, vd_m_s`` and of its σ ``sd_n_m,
+sd_e_m, sd_d_m, sd_vn_m_s, sd_ve_m_s, sd_vd_m_s``; with two antennas also ``heading_deg, sd_heading_deg``.
+``ref.csv``, where there is one: ``t_s`` and those that are known of ``lat_deg, lon_deg, alt_m``, ``vn_m_s
+…`` and ``roll_deg, pitch_deg, heading_deg``. ``mag.csv``, where there is one: ``t_s, mx_uT, my_uT,
+mz_uT``, in the axes of the IMU. An empty cell of an optional column is unknown. All files are stamped by
+one clock, which ``--from``, ``--to`` and outages refer to as well. Heights are above the ellipsoid, or all
+above the same other surface. The TOML, ``log.toml`` in the folder, may leave out every key; the defaults
+are as here, unless noted::
 
     title = "Drive to work"
     description = "..."
@@ -18,7 +19,7 @@ TOML, ``log.toml`` in the folder, may leave out every key; what it does not say 
     gnss = "gnss.csv"
     reference = "ref.csv"         # taken where it exists
     magnetometer = "mag.csv"      # taken where it exists
-    vehicle = "car"               # left out: not known; aeroplane, car, boat, copter, pedestrian, ...
+    vehicle = "car"               # left out: unknown; aeroplane, car, boat, copter, pedestrian, ...
     axes = ["x", "y", "z"]        # which axes of the IMU point forward, right, down; "-y" for its opposite
     mounting_deg = [0, 0, 0]      # roll, pitch, yaw of these axes in the vehicle
     lever_arm_m = [0, 0, 0]       # from the IMU to the antenna: forward, right, down
@@ -42,7 +43,7 @@ from lab.logs.auxiliary_data import Beside, Comparison, Headings, Magnetometer, 
 from lab.logs.log_toml import DESCRIPTION_FILE, check_values
 from lab.logs.sensor_log import MIN_IMU_SAMPLES, SIGMAS, GnssLog, SensorLog, repaired
 from lab.recordings.bounds import HEIGHTS, LATITUDES, LONGITUDES, MAX_DURATION, MAX_SPEED, TIME_STAMPS
-from lab.recordings.description_toml import file_beside, read_toml
+from lab.recordings.description_toml import file_in_same_folder, read_toml
 from lab.recordings.mission_error import MissionError
 from lab.recordings.named_columns import Column, read_columns
 from lab.rotation import C_nb_from_euler
@@ -102,7 +103,7 @@ _FIELD = tuple(
 
 @dataclass(frozen=True)
 class LogFiles:
-    """The files of a log, and what its TOML says about them; nothing is read yet.
+    """The files of a log and the keys of its TOML; no csv file is read yet.
 
     Attributes
     ----------
@@ -119,7 +120,7 @@ class LogFiles:
     tags : tuple of str
         Words to find it by.
     vehicle : str
-        What carries the sensors; empty if the TOML does not say.
+        The vehicle; empty if the TOML does not state it.
     axes : tuple of str
         Which axes of the IMU point forward, right, down.
     mounting : tuple of float
@@ -129,7 +130,7 @@ class LogFiles:
     latency : float
         By how much the stamps of the fixes are late [s].
     declination : float
-        Of the magnetic field, positive east [°]; NaN if the TOML does not say.
+        Of the magnetic field, positive east [°]; NaN if the TOML does not state it.
     """
 
     path: Path
@@ -161,8 +162,8 @@ class LogFiles:
         return [path for path in named if path is not None]
 
     @property
-    def told(self) -> tuple[object, ...]:
-        """What the TOML says that changes how the files are read."""
+    def stated(self) -> tuple[object, ...]:
+        """The keys of the TOML that change how the files are read."""
         names = tuple(name for name, _ in self.comparisons)
         return self.axes, self.mounting, self.lever_arm, self.latency, self.vehicle, self.declination, names
 
@@ -265,13 +266,15 @@ def log_files(path: str | os.PathLike[str]) -> LogFiles:
     described = path / DESCRIPTION_FILE if path.is_dir() else path
     values = read_toml(described) if described.is_file() or not path.is_dir() else {}
     check_values(described, values)
-    imu, gnss = (file_beside(described, key, values.get(key, f"{key}.csv")) for key in ("imu", "gnss"))
+    imu, gnss = (
+        file_in_same_folder(described, key, values.get(key, f"{key}.csv")) for key in ("imu", "gnss")
+    )
     reference, magnetometer = (
-        file_beside(described, key, values.get(key, name))
+        file_in_same_folder(described, key, values.get(key, name))
         for key, name in (("reference", "ref.csv"), ("magnetometer", "mag.csv"))
     )
     comparisons = tuple(
-        (name, file_beside(described, "comparisons", file))
+        (name, file_in_same_folder(described, "comparisons", file))
         for name, file in values.get("comparisons", {}).items()
     )
     wanted = [imu, gnss, *(file for _, file in comparisons)]

@@ -1,7 +1,7 @@
 """Sensor log writer: a log as a folder of the lab's own csv files, whole or not at all.
 
-What is written reads back as the same log: increments with all their digits, times of the recorder's clock,
-gaps of the IMU as gaps, so that they are filled in the same way and the filter is told of them again.
+The files read back as the same log: increments with all their digits, times of the recorder's clock, and
+gaps of the IMU as gaps, so that they are filled in the same way again.
 """
 
 from __future__ import annotations
@@ -47,7 +47,7 @@ def write_sensor_log(
     description: str = "",
     tags: Sequence[str] = (),
 ) -> None:
-    """Write a log into a new folder: ``imu.csv``, ``gnss.csv``, ``log.toml``, and files for what else it has.
+    """Write a log into a new folder: ``imu.csv``, ``gnss.csv``, ``log.toml``, files of auxiliary data.
 
     The folder appears when all is written and has been read back.
 
@@ -126,7 +126,7 @@ def _imu_rows(log: SensorLog) -> FloatArray:
     for start, end in log.gaps:
         first, last = np.searchsorted(log.time, (start, end))
         kept[first + 1 : last] = False
-        # Whoever reads it takes the rate behind a gap from the increments of the whole gap.
+        # The reader takes the rate after a gap from the increments of the whole gap.
         increments[last] *= (end - start) / steps[last]
     return np.column_stack((log.time, increments))[kept]
 
@@ -138,7 +138,7 @@ def _gnss_rows(gnss: GnssLog) -> FloatArray:
 
 
 def _heading_rows(gnss: GnssLog, headings: Headings | None) -> FloatArray:
-    """Return heading and σ beside each fix [°]; NaN where no heading is of its time."""
+    """Return heading and σ at each fix [°]; NaN where there is none of its time."""
     rows = np.full((gnss.time.size, 2), np.nan)
     if headings is not None and headings.time.size:
         at = gnss.time - gnss.latency

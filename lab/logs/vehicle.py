@@ -1,4 +1,4 @@
-"""Vehicle: what carries the sensors, and whether its course is its heading."""
+"""Vehicle: the kinds of vehicles, and how close their course is to their heading."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 UNKNOWN = ""
-"""Name of a vehicle nobody named."""
+"""Name of an unknown vehicle."""
 
 
 class Vehicle(NamedTuple):
@@ -16,9 +16,9 @@ class Vehicle(NamedTuple):
     Attributes
     ----------
     name : str
-        As written in ``log.toml`` and settings; empty where nobody named it.
+        As written in ``log.toml`` and settings; empty where unknown.
     sideslip : float
-        σ of heading minus course in motion [rad]; infinite where the course says nothing of the heading.
+        σ of heading minus course in motion [rad]; infinite where the course does not show the heading.
     """
 
     name: str
@@ -26,7 +26,7 @@ class Vehicle(NamedTuple):
 
     @property
     def follows_nose(self) -> bool:
-        """Whether it goes where its nose points: turns, banks and gains of speed then show axes and clock."""
+        """Whether it moves where its nose points, so that turns and changes of speed show axes and clock."""
         return bool(self.sideslip <= _MAX_SIDESLIP)
 
 

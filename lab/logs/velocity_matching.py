@@ -1,9 +1,9 @@
-"""Velocity matching: the attitude that makes what an IMU felt agree with the velocities fixes show.
+"""Velocity matching: the attitude with which the increments of an IMU agree with the velocities of fixes.
 
 Over a short window the velocity is v(t) = v₀ + C_nb₀ ∫ C_b₀b (f − b_a) dt + g t with C_b₀b from the gyros,
-whatever the vehicle is and wherever its nose points. Attitude, gyro bias, initial velocity and the lag of the
-fixes' clock are fitted by least squares from several headings; the covariance says how well the motion shows
-them. M. Wu, X. Pan, *Velocity/Position Integration Formula*, IEEE Trans. AES 49 (2013), in its iterated form
+for any vehicle in any attitude. Attitude, gyro bias, initial velocity and the lag of the
+fixes' clock are fitted by least squares from several headings; their covariance shows how observable they
+are. M. Wu, X. Pan, *Velocity/Position Integration Formula*, IEEE Trans. AES 49 (2013), in its iterated form
 with biases. Left out: Earth rate and transport rate, 0.1° in a window.
 """
 
@@ -24,7 +24,7 @@ Arrays = tuple[FloatArray, FloatArray, FloatArray, FloatArray, FloatArray, Float
 WINDOW = 20.0
 """Length of a window [s]: long enough for a manoeuvre, short enough for a bias to be constant."""
 GYRO_BIAS_SIGMA = np.radians(5.0)
-"""σ of a gyro bias nobody knows: consumer parts are off by a few °/s [rad/s]."""
+"""σ of an unknown gyro bias: consumer parts are off by a few °/s [rad/s]."""
 LAG_SIGMA = 2.0
 """σ of the lag where it is fitted, wide beside what receivers do [s]."""
 
@@ -57,7 +57,7 @@ _G = np.array([0.0, 0.0, STANDARD_GRAVITY])
 
 
 class Window(NamedTuple):
-    """What an IMU and a receiver have in a window.
+    """The data of an IMU and a receiver in a window.
 
     Attributes
     ----------
@@ -82,7 +82,7 @@ class Window(NamedTuple):
 
 
 class Match(NamedTuple):
-    """What a window shows.
+    """The result of a match.
 
     Attributes
     ----------
@@ -93,7 +93,7 @@ class Match(NamedTuple):
     gyro_bias, gyro_bias_sigma : (3,) arrays
         Gyro bias and its σ [rad/s].
     lag, lag_sigma : float
-        How much later than the fixes' stamps the IMU felt the same; 0 where it was not fitted [s].
+        How much later than the fixes' stamps the IMU measured the same; 0 where it was not fitted [s].
     misfit : float
         Mean square of the residuals in their σ: near 1, or less, where the motion is explained.
     cost : float
@@ -140,7 +140,7 @@ def window_of(log: Arrays, start: float, margin: float = 0.0) -> Window | None:
 
 
 def liveliest(log: Arrays, count: int, margin: float = 0.0) -> list[Window]:
-    """Return the windows in which the velocity changes most, the liveliest first.
+    """Return the windows in which the velocity changes most, in falling order.
 
     Parameters
     ----------
@@ -187,14 +187,14 @@ def match(
     gyro_bias_sigma: FloatArray | float = GYRO_BIAS_SIGMA,
     lags: Sequence[float] = (),
 ) -> Match:
-    """Return what a window shows.
+    """Return the match of a window.
 
     Parameters
     ----------
     window
         The window.
     gyro_bias, gyro_bias_sigma : (3,) arrays
-        What is known of the gyro bias before [rad/s].
+        Prior gyro bias and its σ [rad/s].
     lags
         Lags from which the lag is fitted too [s]; without any it is 0.
     """
@@ -239,7 +239,7 @@ def _total(values: FloatArray) -> FloatArray:
 
 
 def _levelled(window: Window, bias: FloatArray) -> Rotation:
-    """Return a rotation that takes the mean force over the window upwards, of no particular heading."""
+    """Return a rotation that takes the mean force over the window upwards; its heading is arbitrary."""
     steps = np.diff(window.time)[:, None]
     mean = turned(window.dtheta - bias * steps)[:-1].apply(window.dvelocity).sum(axis=0)
     size = float(np.linalg.norm(mean))
@@ -287,7 +287,7 @@ def _fitted(
         residual = np.concatenate((residual, rows @ off))
         if not (np.isfinite(design).all() and np.isfinite(residual).all()):
             return np.inf, C_nb, prior, 0.0, np.eye(13) * _UNKNOWN_VARIANCE, np.inf
-        # Numbers of no physics, as in a damaged file, lead anywhere: not so far that they are no numbers.
+        # Impossible numbers of a damaged file may lead anywhere, but must stay finite.
         change = np.clip(np.linalg.lstsq(design, residual, rcond=1e-12)[0], -_MAX_CHANGE, _MAX_CHANGE)
         left = residual - design @ change
         C_nb = Rotation.from_rotvec(change[:3]) * C_nb

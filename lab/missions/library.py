@@ -26,7 +26,7 @@ from lab.missions.mission import Mission
 from lab.missions.mission_name import MAX_LETTERS, accepted_name, suggested_name
 from lab.missions.toml_edit import changed_text
 from lab.recordings.atomic_file import atomic_file
-from lab.recordings.description_toml import file_beside, read_toml
+from lab.recordings.description_toml import file_in_same_folder, read_toml
 from lab.recordings.flight_csv import read_flight_csv, write_flight_csv
 from lab.recordings.folder_lock import folder_lock
 from lab.recordings.mission_error import MissionError
@@ -360,7 +360,7 @@ def recordings_named(place: Path) -> list[Path]:
         if place.is_dir() or is_log_toml(place):
             named = LogMission.at(place).files.paths
         else:
-            named = [file_beside(place, "recording", str(read_toml(place).get("recording")))]
+            named = [file_in_same_folder(place, "recording", str(read_toml(place).get("recording")))]
     except MissionError:
         return []
     return [path for path in named if path.name.lower().endswith((".csv", ".csv.gz"))]

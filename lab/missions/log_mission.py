@@ -106,7 +106,7 @@ class LogMission(Mission):
             If a file cannot be read or is too large.
         """
         files = self.files
-        whole = hashlib.sha256(repr(files.told).encode())
+        whole = hashlib.sha256(repr(files.stated).encode())
         for path in files.paths:
             try:
                 check_file(path, MAX_BYTES)

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 from lab.flying.plan_kinds import read_plan
 from lab.notebook_card import NotebookCard
-from lab.recordings.description_toml import check_keys, file_beside, read_toml
+from lab.recordings.description_toml import check_keys, file_in_same_folder, read_toml
 from lab.recordings.flight_csv import read_flight_csv
 from lab.recordings.mission_error import MissionError
 from lab.recordings.named_columns import MAX_BYTES
@@ -84,7 +84,7 @@ class Mission(NotebookCard):
         values = read_toml(path)
         _check(path, values)
         texts = {key: values[key] for key in _TEXTS if key in values and key != "recording"}
-        recording = file_beside(path, "recording", values["recording"])
+        recording = file_in_same_folder(path, "recording", values["recording"])
         tags, flight = tuple(values.get("tags", ())), values.get("flight")
         return cls(
             name=name or path.stem, recording_path=recording, tags=tags, path=path, flight=flight, **texts

@@ -1,4 +1,4 @@
-"""Readers: one file for each format of flight recording, found by what a file holds and not by its name."""
+"""Readers: one module for each format of flight recordings; the format is detected from a file's content."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ from lab.recordings.text_blocks import check_file
 from lab.repair.raw_flight import RawFlight
 
 HEAD_BYTES = 2**16
-"""How much of a file the readers look at to tell whether it is theirs [bytes, decompressed]."""
+"""Bytes at the start of a file, decompressed, from which the readers detect its format."""
 MAX_FILES = 4
 """Most files one flight may be spread over."""
 
@@ -48,9 +48,9 @@ class Reader:
     Attributes
     ----------
     name : str
-        What people call it, such as "X-Plane Data.txt".
+        Name for people, such as "X-Plane Data.txt".
     recognises : callable
-        Tells from the first `HEAD_BYTES` of a file whether it is of this format; never raises.
+        Returns from the first `HEAD_BYTES` of a file whether it has this format; never raises.
     read : callable
         Reads the files of one flight, with units (column to unit name) that overrule what the file says.
         Raises `MissionError` for whatever is wrong, and nothing else.
@@ -95,7 +95,7 @@ _NOT_READ = (
         "checksum in its first 64 kB: let the receiver send GGA and RMC too.",
     ),
 )
-"""How files begin that are not read though it is known what they are, and what is said of them."""
+"""How files of known formats that are not read begin, and the advice that is reported."""
 
 
 def reader_of(path: Path) -> Reader:
@@ -104,16 +104,15 @@ def reader_of(path: Path) -> Reader:
     Raises
     ------
     MissionError
-        If the file cannot be read, or is of no format we know, listing those.
+        If the file cannot be read, or its format is unknown, listing the known ones.
     """
     head = _head(path)
     for reader in READERS:
         if reader.recognises(head):
             return reader
-    hint = next((f" {said}" for mark, said in _NOT_READ if mark.match(head)), "")
+    hint = next((f" {advice}" for mark, advice in _NOT_READ if mark.match(head)), "")
     raise MissionError(
-        f"{path}: its content is of no format known here.{hint} Accepted: "
-        f"{', '.join(reader.name for reader in READERS)}"
+        f"{path}: its format is unknown.{hint} Accepted: {', '.join(reader.name for reader in READERS)}"
     )
 
 

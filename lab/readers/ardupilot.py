@@ -1,8 +1,8 @@
-"""ArduPilot DataFlash log (.bin, or .log as text): its solution as a flight, its IMU and GPS as a log.
+"""ArduPilot DataFlash log (.bin, or .log as text): the solution as a flight, IMU and GPS as a sensor log.
 
-Velocity is of the extended Kalman filter (XKF1, before it NKF1 and EKF1), position of POS, attitude of the
-filter's quaternions (XKQ, NKQ) or of ATT. Logs from before the filter, of 2012 to 2014, have the GPS's
-velocity. Of several instances or cores the first is taken.
+The velocity comes from the extended Kalman filter (XKF1, earlier NKF1 and EKF1), the position from POS,
+the attitude from the filter's quaternions (XKQ, NKQ) or from ATT. Logs of 2012 to 2014, before the filter,
+have the velocity of the GPS. The first of several instances or cores is used.
 
 References
 ----------
@@ -67,12 +67,12 @@ _WITHOUT_CLIMB = "GPS velocity and climb"
 
 
 def recognises(head: bytes) -> bool:
-    """Tell whether a file starts like a DataFlash log, in bytes or as text."""
+    """Return whether a file starts like a DataFlash log, in bytes or as text."""
     return (head.startswith(MAGIC) and not sdlog2.recognises(head)) or is_text(head)
 
 
 def read(paths: Sequence[Path], units: Mapping[str, str]) -> RawFlight:
-    """Read the flight as the autopilot's estimator has it.
+    """Read the solution of the autopilot's estimator as a flight.
 
     Raises
     ------
@@ -96,7 +96,7 @@ def read(paths: Sequence[Path], units: Mapping[str, str]) -> RawFlight:
     if climb:
         remarks.append("The vertical velocity is not recorded: it is the slope of the GPS's heights.")
     if log.lost_bytes:
-        remarks.append(f"{log.lost_bytes} bytes of the file make no sense and are left out.")
+        remarks.append(f"{log.lost_bytes} bytes of the file could not be decoded and are left out.")
     try:
         flight = flight_of(
             path,
@@ -222,7 +222,7 @@ def _position(times: MessageTimes, name: str) -> Stream | None:
 
 
 def _geoid(times: MessageTimes) -> float | None:
-    """Return how far the geoid is above the ellipsoid, as the receiver says [m]; None if it does not."""
+    """Return the height of the geoid over the ellipsoid from the receiver [m]; None if it gives none."""
     messages = _messages(times, "GPA")
     return None if messages is None else geoid_height(messages.get("Und", np.empty(0)))
 
@@ -289,7 +289,7 @@ def _gnss(
     place = unknown if place is None else place
     place = place + np.array((0.0, 0.0, geoid or 0.0))
     level, vertical, speed = (
-        believed_sigma(_beside(time, accuracy, name)) for name in ("HAcc", "VAcc", "SAcc")
+        believed_sigma(_nearest(time, accuracy, name)) for name in ("HAcc", "VAcc", "SAcc")
     )
     fine = _fixed(gps) & np.isfinite(place).all(axis=1) & is_position(place) & np.isfinite(time)
     if "TimeUS" not in gps:
@@ -308,8 +308,8 @@ def _gnss(
     )
 
 
-def _beside(time: FloatArray, messages: Messages | None, name: str) -> FloatArray:
-    """Return what the nearest message says of each time; NaN without one nearby."""
+def _nearest(time: FloatArray, messages: Messages | None, name: str) -> FloatArray:
+    """Return the value of the nearest message at each time; NaN without one nearby."""
     if messages is None or name not in messages:
         return np.full_like(time, np.nan)
     order = np.argsort(messages[TIME], kind="stable")
@@ -321,7 +321,7 @@ def _beside(time: FloatArray, messages: Messages | None, name: str) -> FloatArra
 
 
 def _lever_arm(parameters: Mapping[str, float]) -> FloatArray:
-    """Return the way from the IMU to the antenna as the autopilot was told it [m]."""
+    """Return the lever arm from the IMU to the antenna that the autopilot's parameters give [m]."""
     arm = [
         parameters.get(f"GPS1_POS_{axis}", parameters.get(f"GPS_POS1_{axis}", 0.0))
         - parameters.get(f"INS_POS1_{axis}", 0.0)

@@ -1,12 +1,13 @@
 """DataFlash file: the self-describing log of ArduPilot, its messages as arrays.
 
-Each message begins with two marks and its type. Messages of type 128 (``FMT``) tell of the others how long
-they are, their name, and their fields, a letter each. Where the bytes make no sense the next message that
-does is looked for: a message counts only if another one, or the end of the file, follows it.
+Each message begins with two marks and its type. Messages of type 128 (``FMT``) describe the others:
+length, name, and a letter for each field. After bytes that cannot be decoded the reader looks for the next
+message; a message counts only if another one, or the end of the file, follows it.
 
 References
 ----------
-ArduPilot, *Logs: adding a new log message*, https://ardupilot.org/dev/docs/code-overview-adding-a-new-log-message.html
+ArduPilot, *Logs: adding a new log message*,
+https://ardupilot.org/dev/docs/code-overview-adding-a-new-log-message.html
 """
 
 from __future__ import annotations
@@ -51,7 +52,7 @@ class Log(Protocol):
     Attributes
     ----------
     lost_bytes : int
-        Bytes that made no sense.
+        Bytes that could not be decoded.
     """
 
     lost_bytes: int
@@ -97,12 +98,12 @@ class Kind:
 
 @dataclass(eq=False)
 class DataFlashFile:
-    """What is in a log.
+    """The content of a log.
 
     Attributes
     ----------
     lost_bytes : int
-        Bytes that made no sense.
+        Bytes that could not be decoded.
     """
 
     lost_bytes: int = 0
@@ -111,7 +112,7 @@ class DataFlashFile:
 
     @classmethod
     def of(cls, data: bytes, wanted: Collection[str]) -> DataFlashFile:
-        """Return what is in the bytes of a file.
+        """Return the content of the bytes of a file.
 
         Parameters
         ----------
@@ -162,7 +163,7 @@ class DataFlashFile:
 
     def _kind(self, name: str) -> Kind | None:
         kinds = [kind for kind in self._kinds if kind.name == name and kind.places]
-        # A type that is described anew has been given another meaning; the longer part is taken.
+        # A type that is described again has changed its meaning; the longer part is used.
         kind = max(kinds, key=lambda one: len(one.places), default=None)
         return None if kind is None or kind.layout is None else kind
 
@@ -201,17 +202,19 @@ class DataFlashFile:
     def _describe(
         self, message: bytes, wanted: Collection[str], lengths: list[int], kinds: list[Kind | None]
     ) -> None:
-        told = np.frombuffer(message, dtype=_FORMAT)[0]
-        number, length = int(told["type"]), int(told["length"])
+        description = np.frombuffer(message, dtype=_FORMAT)[0]
+        number, length = int(description["type"]), int(description["length"])
         if number == FORMAT_TYPE or length <= _HEADER:
             return
-        lengths[number], name = length, told["name"].decode("ascii", "replace")
+        lengths[number], name = length, description["name"].decode("ascii", "replace")
         old = kinds[number]
         if name not in wanted:
             kinds[number] = None
             return
         letters, layout = _layout(
-            told["format"].decode("ascii", "replace"), told["columns"].decode("ascii", "replace"), length
+            description["format"].decode("ascii", "replace"),
+            description["columns"].decode("ascii", "replace"),
+            length,
         )
         if old is None or (old.name, old.letters, old.length) != (name, letters, length):
             kinds[number] = Kind(name, length, letters, layout)

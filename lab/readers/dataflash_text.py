@@ -1,8 +1,8 @@
-"""DataFlash text: the log of ArduPilot as ground stations save it, a line for each message.
+"""DataFlash text: ArduPilot logs as ground stations save them, one line per message.
 
-Lines are a message's name and its fields between commas; those named ``FMT`` tell of the others which fields
-they have. Numbers are written in the unit they are meant in, so that nothing is scaled. Lines that do not
-have as many fields as were told are left out.
+A line has the name of a message and its fields, separated by commas; ``FMT`` lines describe the fields of
+the others. Numbers are written in their own unit and not scaled. Lines with another number of fields are
+left out.
 """
 
 from __future__ import annotations
@@ -29,12 +29,12 @@ _HEAD = 4096
 
 
 def is_text(head: bytes) -> bool:
-    """Tell whether a file begins like a log as text: with lines that describe messages."""
+    """Return whether a file begins like a log as text: with lines that describe messages."""
     return b"\0" not in head[:_HEAD] and bool(_DESCRIPTION.search(head))
 
 
 class DataFlashText:
-    """What is in a log saved as text.
+    """The content of a log saved as text.
 
     Parameters
     ----------

@@ -2,9 +2,9 @@
 
 Since 2015 every message has the time since boot (``TimeUS``). Before, most have it in milliseconds
 (``TimeMS``), but the GPS's ``TimeMS`` (in 2012 ``Time``) counts from the start of the GPS week and ``T``,
-if it is there, since boot; in 2012 and 2013 IMU and attitude have no time at all. The GPS's week is brought
-to the clock of the others by where its messages stand among theirs in the file, and messages without a time
-get one by their place between those with one: loggers write in order.
+if it is there, since boot; in 2012 and 2013 IMU and attitude have no time at all. Loggers write in order,
+so the places of messages in the file relate the GPS week to the clock of the others, and messages without
+a time get one by their place between those that have one.
 
 References
 ----------

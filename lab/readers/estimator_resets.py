@@ -1,8 +1,8 @@
-"""Estimator resets: where an autopilot's filter jumped to another solution, which nothing moved along.
+"""Estimator resets: where an autopilot's filter jumped to another solution without motion.
 
-A filter that finds its heading, velocity or position wrong sets it anew within one step. PX4 counts these
-steps; where they are not counted, a step stands out: it is many times those before and after it, and faster
-than a vehicle.
+A filter that detects a wrong heading, velocity or position resets it within one step. PX4 counts these
+resets. Where they are not counted, a reset is a step many times larger than its neighbours and faster than
+a vehicle.
 """
 
 from __future__ import annotations
@@ -27,14 +27,14 @@ _MIN_OUTSTANDING = 4.0
 
 @dataclass(frozen=True)
 class Kind:
-    """A quantity that is set anew.
+    """A quantity that is reset.
 
     Attributes
     ----------
     words : str
         What it is.
     unit : str
-        In which its steps are told.
+        Unit in which its steps are reported.
     steps : callable
         Lengths (n - 1,) of the steps between values (n, k), in that unit.
     counted, seen, fastest : float
@@ -101,6 +101,6 @@ def resets(kind: Kind, time: FloatArray, values: FloatArray, counter: FloatArray
     return np.flatnonzero(found) + 1
 
 
-def told(kind: Kind, values: FloatArray, at: int) -> str:
+def reported_step(kind: Kind, values: FloatArray, at: int) -> str:
     """Return how far a quantity jumped."""
     return f"{kind.words} by {kind.steps(values[at - 1 : at + 1])[0]:.3g} {kind.unit}".replace(" °", "°")

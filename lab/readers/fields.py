@@ -1,4 +1,4 @@
-"""Fields: what a text format calls its quantities, and their columns in SI."""
+"""Fields: the headings of a text format's quantities, and its columns in SI units."""
 
 from __future__ import annotations
 
@@ -51,13 +51,13 @@ LIMITS = {
     "angular rate": (-_MAX_RATE, _MAX_RATE),
     "acceleration": (-_MAX_ACCELERATION, _MAX_ACCELERATION),
 }
-"""What is believed of each quantity, and of some by their keys, in SI."""
+"""Range accepted for each quantity, or for single keys [SI]."""
 
 SEA_LEVEL = (
     "Heights are above the sea, as the file has them, and are taken as heights above the ellipsoid: the "
     "flight lies as much too low or too high as the geoid is from the ellipsoid there (at most 107 m)."
 )
-"""What is said where a file has no other height."""
+"""The remark for files that have no other height."""
 
 
 @dataclass(frozen=True)
@@ -67,7 +67,7 @@ class Field:
     Attributes
     ----------
     key : str
-        What it is to us.
+        Name of the quantity within the lab.
     names : tuple of str
         The headings it may have, as `plain` gives them; the first that is there is taken.
     quantity : str
@@ -87,7 +87,7 @@ class Field:
 
 @dataclass(frozen=True, eq=False)
 class Columns:
-    """The columns of one file in SI, by what they are to us.
+    """The columns of one file in SI units, by key.
 
     Attributes
     ----------
@@ -113,7 +113,7 @@ class Columns:
         return self.values.get(key)
 
     def vector(self, *keys: str) -> FloatArray | None:
-        """Return columns side by side; a minus sign before a key turns it round. None if one is missing."""
+        """Return columns side by side; a minus sign before a key negates it. None if one is missing."""
         if not all(key.lstrip("-") in self.values for key in keys):
             return None
         return np.column_stack(
@@ -122,7 +122,7 @@ class Columns:
 
 
 def recognised(head: bytes, required: Required) -> bool:
-    """Tell whether the first bytes of a file hold a header with the required headings."""
+    """Return whether the first bytes of a file hold a header with the required headings."""
     return find_header(head_lines(head), required) is not None
 
 
@@ -242,7 +242,7 @@ def raw_flight(
     time, velocity_n, euler, body_rate, acceleration_b
         What the format has in another form, as `RawFlight` has it.
     remarks
-        What the reader has to say, before what the table has.
+        Remarks of the reader, put before those of the table.
     """
     return RawFlight(
         format=name,
@@ -266,7 +266,7 @@ def raw_flight(
 
 
 def refuse_no_motion(path: Path, flight: RawFlight, advice: str) -> None:
-    """Raise if a flight tells nowhere where the aircraft goes.
+    """Raise if a flight has no motion: no velocity, no position, and no airspeed with attitude.
 
     Parameters
     ----------
@@ -275,7 +275,7 @@ def refuse_no_motion(path: Path, flight: RawFlight, advice: str) -> None:
     flight
         As read.
     advice
-        What to record; whole sentences.
+        What to record instead; whole sentences.
 
     Raises
     ------

@@ -1,7 +1,6 @@
-"""Fixes: the points of a recorder that says which of them have a position, as a track.
+"""Fixes: the points of a recorder, with or without a position, as a track.
 
-Besides points that are marked, those at exactly 0° N 0° E have no fix: receivers write zeros before they know
-where they are.
+Points that are marked, and those at exactly 0° N 0° E, have no fix: receivers write zeros before their first.
 """
 
 from __future__ import annotations
@@ -33,7 +32,7 @@ _DATE_LETTERS = 10
 
 @dataclass
 class Fixes:
-    """Points with a fix as they are read, in the order of the file; NaN for what is not known.
+    """Points with a fix as they are read, in the order of the file; NaN where unknown.
 
     Attributes
     ----------
@@ -95,7 +94,7 @@ class Fixes:
         columns
             What the file calls latitude, longitude and height, with their units.
         over_ground
-            What the file calls speed and course, and their values [m/s], [°], NaN for what is not known; none
+            What the file calls speed and course, and their values [m/s], [°], NaN where unknown; none
             by default.
         rows : (n,) array, optional
             Which points are of this track; all by default. The others are in `dropped`.

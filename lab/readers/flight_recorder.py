@@ -2,7 +2,7 @@
 
 SimConnect's body axes and signs as in `fslogger`: X right, Y up, Z forward, pitch and bank the negatives of
 ours. Its velocities are over the Earth, in feet per second, its rates in radians per second. Newer versions
-also have accelerations, which are not taken: they are asked for in radians per second.
+also have accelerations, which are not used: they are requested in radians per second.
 ``Milliseconds`` is the clock of the computer, in whole milliseconds; newer versions have the simulator's own
 ``AbsoluteTime`` besides.
 """
@@ -63,7 +63,7 @@ counts in another unit or the simulation was accelerated."""
 
 
 def recognises(head: bytes) -> bool:
-    """Tell whether a file begins with the header of Flight Recorder."""
+    """Return whether a file begins with the header of Flight Recorder."""
     return recognised(head, REQUIRED)
 
 
@@ -83,7 +83,7 @@ def read(paths: Sequence[Path], units: Mapping[str, str]) -> RawFlight:
     # Tools that write this format for others to replay fill what they do not have with zeros.
     if velocity_b is not None and not velocity_b.any() and _moves(columns):
         velocity_b = None
-        remarks.append("The velocities are all zero although the aircraft moves: they are not taken.")
+        remarks.append("The velocities are all zero although the aircraft moves: they are not used.")
     if body_rate is not None and not body_rate.any():
         body_rate = None
     velocity_n = None
@@ -113,7 +113,7 @@ def _moves(columns: Columns) -> bool:
 
 
 def _runs(own: FloatArray, computer: FloatArray) -> bool:
-    """Tell whether the simulator's clock steps with nearly each row, and by seconds."""
+    """Return whether the simulator's clock steps with nearly each row, and by seconds."""
     elapsed, on_computer = own[-1] - own[0], computer[-1] - computer[0]
     steps = len(np.unique(own)) > _MIN_TICKING * len(np.unique(computer))
     return bool(steps and _RATE_OF_CLOCKS[0] * on_computer < elapsed < _RATE_OF_CLOCKS[1] * on_computer)

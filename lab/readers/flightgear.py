@@ -1,11 +1,11 @@
-"""FlightGear: the files of its generic protocols insgns-gps and insgns-imu, together or the first alone.
+"""FlightGear: files of its generic protocols insgns-gps and insgns-imu, both or the first alone.
 
-Numbers between tabs, no header; the protocols' own formats tell the two apart. insgns-gps has time, latitude
-and longitude [rad], the negative of the altitude above the sea [m] and the velocity north, east, down [m/s];
-insgns-imu has time, the inertial rates p, q, r [rad/s] and the specific force at the pilot's head [m/s²].
-Neither holds an attitude: with both files it is reconstructed, since the rates integrate to it but for one
-rotation, which the specific force and the velocity tell (`lab.readers.inertial_attitude`). The rates are
-those of JSBSim and stay zero under another flight model.
+Numbers between tabs, no header; the protocols' own formats tell the two apart. insgns-gps has time,
+latitude and longitude [rad], the negative of the altitude above the sea [m] and the velocity north, east,
+down [m/s]; insgns-imu has time, the inertial rates p, q, r [rad/s] and the specific force at the pilot's
+head [m/s²]. Neither holds an attitude. With both files it is reconstructed: the rates integrate to it up
+to one rotation, which follows from specific force and velocity (`lab.readers.inertial_attitude`). The
+rates are those of JSBSim and stay zero under another flight model.
 """
 
 from __future__ import annotations
@@ -74,7 +74,7 @@ _LINE = {
 
 
 def recognises(head: bytes) -> bool:
-    """Tell whether a file begins with a line in the format of one of the two protocols."""
+    """Return whether a file begins with a line in the format of one of the two protocols."""
     return _protocol(head_lines(head)) is not None
 
 
@@ -181,7 +181,7 @@ def _at(times: FloatArray, time: FloatArray, vectors: FloatArray) -> FloatArray:
 
 
 def _with_attitude(flight: RawFlight, imu_time: FloatArray, rate: FloatArray, force: FloatArray) -> RawFlight:
-    """Return the flight with the attitude its rates and forces tell, and with what is to be said of it."""
+    """Return the flight with the attitude reconstructed from rates and forces, and a remark on it."""
     assert flight.latitude is not None and flight.longitude is not None and flight.height is not None
     assert flight.velocity_n is not None
     found = None
@@ -190,8 +190,8 @@ def _with_attitude(flight: RawFlight, imu_time: FloatArray, rate: FloatArray, fo
         found = inertial_attitude(flight.time, place, flight.velocity_n, imu_time, rate, force)
     if found is None or not found.heading_uncertainty < MOST_UNCERTAIN:
         remark = (
-            "The attitude cannot be told from the rates and accelerations either: they are too few, zero, "
-            "without turns or climbs, or not of this flight."
+            "The attitude cannot be reconstructed from the rates and accelerations either: they are too "
+            "few, zero, without turns or climbs, or not of this flight."
         )
         return replace(flight, remarks=(*flight.remarks, remark))
     remark = (

@@ -1,8 +1,8 @@
-"""FlightGear csv: what its logger writes, under the titles that a person gave or the paths of the properties.
+"""FlightGear csv: its logger's file, headed by titles from the user or by the paths of the properties.
 
 Titles are read as a quantity and a unit, ``Altitude (ft)``; without a unit it is FlightGear's own. The first
 column is the time since the start of the simulator, in milliseconds or, from newer versions, in seconds;
-which of both is told by how fast the aircraft would move.
+the speed that results decides which.
 
 References
 ----------
@@ -93,7 +93,7 @@ _ADVICE = (
 
 
 def recognises(head: bytes) -> bool:
-    """Tell whether a file has a header with time, latitude and longitude in units, and then numbers."""
+    """Return whether a file has a header with time, latitude and longitude in units, and then numbers."""
     return _fields(head_lines(head)) is not None and not jsbsim_csv.recognises(head)
 
 
@@ -183,7 +183,7 @@ def _field(cell: str) -> Field | None:
 
 
 def _clock(columns: Columns) -> list[str]:
-    """Take the time as milliseconds where it is in whole ones, and in seconds the steps would be too long."""
+    """Read the time as milliseconds where it is in whole numbers and steps of seconds would be too long."""
     time = columns.values["time"]
     step = float(np.median(np.abs(np.diff(time))))
     if columns.units["time"].source != OF_THE_FORMAT or step < _MIN_MILLISECONDS or (time % 1).any():
@@ -191,8 +191,8 @@ def _clock(columns: Columns) -> list[str]:
     place = ecef.position(
         np.column_stack((columns.values["latitude"], columns.values["longitude"], 0 * time))
     )
-    way = float(np.median(np.linalg.norm(np.diff(place, axis=0), axis=1)))
-    if way > _MAX_SPEED * step * 1e-3:
+    distance = float(np.median(np.linalg.norm(np.diff(place, axis=0), axis=1)))
+    if distance > _MAX_SPEED * step * 1e-3:
         return []
     columns.values["time"] = time * 1e-3
     columns.units["time"] = replace(columns.units["time"], unit="ms", source=GUESSED)

@@ -1,9 +1,9 @@
 """fsLogger: the ``Data.csv`` of fsLogger for Microsoft Flight Simulator and FSX (SimConnect).
 
-Columns are SimConnect's variables as the user lists them in ``fsVar.xml``, which the csv does not name the
-units of: they are taken to be those of the ``fsVar.xml`` that comes with it. SimConnect's body axes are X
-right, Y up, Z forward, its angles of pitch and bank are the negatives of ours, and its rates follow them:
-p = -Z, q = -X, r = +Y; checked on a recorded flight, where the derivatives of the angles give these signs.
+Columns are SimConnect's variables as the user lists them in ``fsVar.xml``. The csv does not name their
+units: those of the ``fsVar.xml`` that comes with fsLogger are assumed. SimConnect's body axes are X right,
+Y up, Z forward, its angles of pitch and bank are the negatives of ours, and its rates follow them: p = -Z,
+q = -X, r = +Y; checked on a recorded flight, where the derivatives of the angles give these signs.
 """
 
 from __future__ import annotations
@@ -54,7 +54,7 @@ REQUIRED = (
 
 
 def recognises(head: bytes) -> bool:
-    """Tell whether a file begins with fsLogger's header."""
+    """Return whether a file begins with fsLogger's header."""
     return recognised(head, REQUIRED)
 
 

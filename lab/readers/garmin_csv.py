@@ -1,4 +1,4 @@
-"""Garmin csv: the flight log of the G1000 and its kin (Perspective, G3X Touch, GTN), a row a second.
+"""Garmin csv: the flight log of the G1000, Perspective, G3X Touch and GTN, one row per second.
 
 Date and time are local, with the offset from UTC in a column. Speed, track and vertical speed are the
 velocity, pitch, roll and heading the attitude. Garmin's heading is magnetic, and its track may be: the course
@@ -99,12 +99,12 @@ class _Heading:
 
 @dataclass(frozen=True)
 class _North:
-    """How the directions in a file lead to true north.
+    """The corrections of a file's directions to true north.
 
     Attributes
     ----------
     track, heading : (n,) arrays or None
-        What to add to them [rad]; None if it is not known.
+        Correction to add [rad]; None if unknown.
     remark : str
         What a person should know of it.
     """
@@ -115,7 +115,7 @@ class _North:
 
 
 def recognises(head: bytes) -> bool:
-    """Tell whether a file begins with the header of a Garmin flight log."""
+    """Return whether a file begins with the header of a Garmin flight log."""
     return recognised(head, REQUIRED)
 
 
@@ -240,7 +240,7 @@ def _iso(said: Mapping[str, str]) -> str:
 
 
 def _north(columns: Columns, time: FloatArray) -> _North:
-    """Return how directions lead to true north, as the course between the positions says."""
+    """Return the corrections to true north, decided by the course between the positions."""
     track, speed = columns.get("track"), columns.get("speed")
     if track is None or speed is None:
         return _North(

@@ -1,9 +1,9 @@
 """GPX: the track of a satellite receiver, a phone or a watch: position, height and time of each point.
 
-Versions 1.0 and 1.1 (https://www.topografix.com/GPX/1/1). Of several segments and tracks the longest is
-taken, with those before and after that it continues, as loggers begin a new one at each pause; speed and
-course are read where a file has them (version 1.0, or Garmin's track point extension). The file is read as a
-stream of XML; a document type, in which entities that grow without bound or name other files could be
+Versions 1.0 and 1.1 (https://www.topografix.com/GPX/1/1). The longest of several segments is used,
+together with the adjacent ones that it continues: loggers begin a new segment at each pause; speed and
+course are read where a file has them (version 1.0, or Garmin's track point extension). The file is read as
+a stream of XML; a document type, in which entities that grow without bound or name other files could be
 declared, is refused.
 """
 
@@ -48,7 +48,7 @@ _MAX_PAUSE = 3600.0
 
 
 def recognises(head: bytes) -> bool:
-    """Tell whether a file starts like GPX."""
+    """Return whether a file starts like GPX."""
     return has_root(head, _ROOT)
 
 
@@ -90,7 +90,7 @@ class _Points:
         self._parser.CharacterDataHandler = self._characters
 
     def feed(self, piece: bytes, *, last: bool = False) -> bool:
-        """Take a piece of the file; return whether more is wanted."""
+        """Parse a piece of the file; return whether more is needed."""
         if self._broken:
             return False
         try:
@@ -148,7 +148,7 @@ class _Points:
         )
 
     def _continued(self, segments: NDArray[np.int64]) -> NDArray[np.bool_]:
-        """Return which points are of the longest segment, or of one next to it on the same way."""
+        """Return which points belong to the longest segment, or to an adjacent one on the same path."""
         time, latitude, longitude = (np.array(self._columns[name]) for name in ("time", "lat", "lon"))
         on_earth = (np.abs(latitude) <= LATITUDES[1]) & (np.abs(longitude) <= LONGITUDES[1])
         usable = np.flatnonzero(np.isfinite(time) & on_earth)
@@ -164,8 +164,8 @@ class _Points:
                 first, then = (one, other) if one[0] < other[0] else (other, one)
                 pause = time[then[0]] - time[first[-1]]
                 ends = np.array((first[-1], then[0]))
-                way = np.linalg.norm(np.diff(_place(latitude[ends], longitude[ends]), axis=0))
-                if not (0 <= pause <= _MAX_PAUSE and way <= _MAX_APART + _MAX_PAUSE_SPEED * pause):
+                distance = np.linalg.norm(np.diff(_place(latitude[ends], longitude[ends]), axis=0))
+                if not (0 <= pause <= _MAX_PAUSE and distance <= _MAX_APART + _MAX_PAUSE_SPEED * pause):
                     break
                 kept |= segments == segments[other[0]]
         return kept

@@ -1,6 +1,6 @@
 """IGC: the flight recorders of gliders, paragliders and hang gliders; the fixes are B records.
 
-Times are UTC; after midnight they go on. The extensions LAD, LOD and TDS add decimals to the minutes of the
+Times are UTC and continue past midnight. The extensions LAD, LOD and TDS add decimals to the minutes of the
 position and to the seconds. The height is that of the GPS, above the ellipsoid unless the header says
 otherwise; where there is none it is the pressure altitude of the standard atmosphere.
 
@@ -50,7 +50,7 @@ _FIRST_YEAR = 80
 
 
 def recognises(head: bytes) -> bool:
-    """Tell whether the first bytes of a file hold a fix or the date as an IGC file writes them."""
+    """Return whether the first bytes of a file hold a fix or the date as an IGC file writes them."""
     head = head.replace(b"\r\n", b"\n").replace(b"\r", b"\n")
     return b"\0" not in head and bool(_IN_HEAD.search(head.removeprefix(b"\xef\xbb\xbf")))
 

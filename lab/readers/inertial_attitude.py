@@ -1,9 +1,10 @@
-"""Inertial attitude: what recorded inertial rates and specific force, with the velocity, say of the attitude.
+"""Inertial attitude: the attitude reconstructed from inertial rates, specific force and velocity.
 
-Integrated rates give the attitude at all times but for one constant rotation, that of the first instant. The
-specific force, turned by them and integrated, must be the change of velocity less gravity; the rotation that
-fits the two best in the least squares of all intervals is Wahba's, solved by a singular value decomposition.
-It takes no rest at the start, but accelerations across gravity: without them the heading stays unknown.
+Integrated rates give the attitude at all times up to one constant rotation, that of the first instant. The
+specific force, resolved by them and integrated, must equal the change of velocity less gravity. The
+rotation that fits all intervals best by least squares solves Wahba's problem, by a singular value
+decomposition. The method needs no rest at the start, but horizontal accelerations: without them the
+heading stays unknown.
 
 References
 ----------

@@ -1,11 +1,11 @@
-"""JSBSim csv: what an output directive of type CSV writes, groups with units and properties by their paths.
+"""JSBSim csv: the file of an output directive of type CSV, with groups and properties.
 
-Latitude comes from the geodetic column or from Earth-fixed Cartesian position, in feet, which also gives the
-height above the ellipsoid. ``Latitude (deg)`` alone is geocentric: where a file has no other, as those of
-the first years, when JSBSim's Earth was a sphere, it is taken as it is. Those have headings of their own
-(``Vn``, ``Tht``) and angles in radians, unless the heading says degrees. JSBSim's sea level is the
-ellipsoid. Rates are over the Earth, and so is the acceleration put together from the derivatives of the body
-velocities: ``UdotBody + Q WBody - R VBody`` and so on.
+Latitude comes from the geodetic column or from Earth-fixed Cartesian position, in feet, which also gives
+the height above the ellipsoid. ``Latitude (deg)`` alone is geocentric; it is used unchanged where a file
+has no other, as in the first years, when JSBSim's Earth was a sphere. Those files have headings of their
+own (``Vn``, ``Tht``) and angles in radians, unless the heading says degrees. JSBSim's sea level is the
+ellipsoid. Rates are over the Earth, and so is the acceleration put together from the derivatives of the
+body velocities: ``UdotBody + Q WBody - R VBody`` and so on.
 """
 
 from __future__ import annotations
@@ -102,7 +102,7 @@ FIELDS = (
     *_field("beta", "angle", ("Beta (deg)", "aero/beta-deg", "°"), ("", "aero/beta-rad", "rad"),
             ("Beta", "", "rad")),
 )  # fmt: skip
-"""What is taken, in the spelling of JSBSim's groups and by the path of its properties."""
+"""Columns that are read, by the headings of JSBSim's groups and the paths of its properties."""
 
 ANYBODYS = frozenset(
     plain(name)
@@ -122,7 +122,7 @@ _MAX_RADIANS = 6.3
 
 
 def recognises(head: bytes) -> bool:
-    """Tell whether a file has JSBSim's headings of time and of at least one other quantity."""
+    """Return whether a file has JSBSim's headings of time and of at least one other quantity."""
     return recognised(head, REQUIRED)
 
 
@@ -132,8 +132,8 @@ def read(paths: Sequence[Path], units: Mapping[str, str]) -> RawFlight:
     Raises
     ------
     MissionError
-        For whatever is wrong with the file; if it tells nowhere where the aircraft goes, naming
-        what to write.
+        For whatever is wrong with the file; if it has no motion, naming
+        what to record.
     """
     path = one_file(paths, NAME)
     columns = read_columns(path, FIELDS, units, REQUIRED)
@@ -166,7 +166,7 @@ def read(paths: Sequence[Path], units: Mapping[str, str]) -> RawFlight:
 
 
 def _unlabelled_degrees(columns: Columns) -> list[str]:
-    """Take angles that are too large for radians as degrees where the heading does not say what they are."""
+    """Read angles that are too large for radians as degrees where the heading names no unit."""
     remarks = []
     for keys in (("geocentric latitude", "longitude"), ("roll", "pitch", "heading"), ("alpha", "beta")):
         open_ones = [key for key in keys if key in columns.units and _says_no_unit(columns.units[key])]
@@ -184,7 +184,7 @@ def _says_no_unit(unit: ColumnUnit) -> bool:
 
 
 def _geocentric(columns: Columns) -> list[str]:
-    """Take a geocentric latitude where there is no other."""
+    """Use a geocentric latitude where there is no other."""
     latitude = columns.values.pop("geocentric latitude", None)
     unit = columns.units.pop("geocentric latitude", None)
     if latitude is None or unit is None or "latitude" in columns.values:

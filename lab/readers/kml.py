@@ -1,7 +1,7 @@
 """KML: the tracks with times (``gx:Track``) of Google Earth, phones and flight trackers.
 
-Each track lists times (``when``) and places (``gx:coord``: longitude, latitude, height) in the same order. Of
-several the longest is taken. Lines and points without a time along the way are drawings, not recordings.
+Each track lists times (``when``) and places (``gx:coord``: longitude, latitude, height) in the same order.
+The longest of several is used. Lines and points without times are drawings, not recordings.
 
 References
 ----------
@@ -34,7 +34,7 @@ _ACCEPTED = "accepted is KML with a track of times and places (gx:Track)"
 
 
 def recognises(head: bytes) -> bool:
-    """Tell whether a file starts like KML."""
+    """Return whether a file starts like KML."""
     return has_root(head, _ROOT)
 
 
@@ -67,9 +67,7 @@ def read(paths: Sequence[Path], units: Mapping[str, str]) -> RawFlight:
         dropped = (Dropped("of a shorter track", int((~kept).sum()), int(first)),)
     remarks = [*tracks.clock.remarks, *_about_height(fixes, kept, tracks.modes.get(chosen, ""))]
     if tracks.unused:
-        remarks.append(
-            f"What the tracks have beside times and places is not used: {', '.join(tracks.unused)}."
-        )
+        remarks.append(f"Other data of the tracks is not used: {', '.join(tracks.unused)}.")
     if broken:
         remarks.append(f"The file is broken in {broken}. What comes after is not read.")
     return fixes.track(

@@ -1,7 +1,7 @@
-"""MAVLink telemetry log (.tlog): the estimator's solution as a flight, raw IMU and GPS as a log.
+"""MAVLink telemetry log (.tlog): the estimator's solution as a flight, raw IMU and GPS as a sensor log.
 
-Velocity is of LOCAL_POSITION_NED or GLOBAL_POSITION_INT, position of the latter, attitude of
-ATTITUDE_QUATERNION or ATTITUDE; where the vehicle sent no solution, the track of GPS_RAW_INT is the flight.
+The velocity comes from LOCAL_POSITION_NED or GLOBAL_POSITION_INT, the position from the latter, the
+attitude from ATTITUDE_QUATERNION or ATTITUDE. Without a solution the flight is the track of GPS_RAW_INT.
 Frames are decoded by pymavlink, which is an extra.
 
 References
@@ -67,12 +67,12 @@ _MISSING = "is a MAVLink telemetry log. Reading it needs pymavlink, which is not
 
 
 def recognises(head: bytes) -> bool:
-    """Tell whether a file starts like a telemetry log."""
+    """Return whether a file starts like a telemetry log."""
     return starts_like_a_log(head)
 
 
 def read(paths: Sequence[Path], units: Mapping[str, str]) -> RawFlight:
-    """Read the flight as the autopilot's estimator has it, or else as its GPS has it.
+    """Read the solution of the autopilot's estimator as a flight; without one, the track of its GPS.
 
     Raises
     ------
@@ -135,7 +135,7 @@ def read_log(path: Path) -> SensorLog:
 
 
 def _vehicle(path: Path, fields: Mapping[str, Sequence[str]]) -> tuple[TlogFile, Vehicle]:
-    """Return what is in a file, and of the vehicle with most messages of position, between two starts."""
+    """Return the content of a file, and the vehicle with most position messages between two starts."""
     data = whole(path, MAX_LOG_BYTES)
     if not recognises(data):
         raise MissionError(f"{path}: is no {NAME}")
@@ -147,7 +147,7 @@ def _vehicle(path: Path, fields: Mapping[str, Sequence[str]]) -> tuple[TlogFile,
     if not vehicles:
         raise MissionError(
             f"{path}: holds no message of a vehicle that can be used ({log.broken} with a wrong checksum, "
-            f"{log.lost_bytes} bytes make no sense); accepted are {', '.join(fields)}"
+            f"{log.lost_bytes} bytes cannot be decoded); accepted are {', '.join(fields)}"
         )
     where = ("GLOBAL_POSITION_INT", "GPS_RAW_INT")
     best = max(
@@ -174,7 +174,7 @@ def _decoder(path: Path, names: Sequence[str]) -> tuple[dict[str, int], Callable
 
 
 def _on_the_ground(vehicle: Vehicle) -> bool:
-    """Tell whether a sender is a ground station, a camera or the like."""
+    """Return whether a sender is a ground station, a camera or the like."""
     beat = vehicle.numbers("HEARTBEAT")
     return beat is not None and bool(
         (beat["autopilot"] == _NO_AUTOPILOT).all() or (beat["type"] == _GROUND_STATION).all()
@@ -187,7 +187,7 @@ def _kind(vehicle: Vehicle) -> str:
 
 
 def _others(log: TlogFile, vehicle: Vehicle) -> tuple[Dropped, ...]:
-    """Return what is said of messages that are not of the vehicle, or of another start of its autopilot."""
+    """Return the report on messages of other vehicles, or of another start of the autopilot."""
     others = [one for one in log.vehicles.values() if one is not vehicle and not _on_the_ground(one)]
     count = sum(one.count for one in others) + log.others
     if not count:
@@ -208,7 +208,7 @@ def _remarks(log: TlogFile, vehicle: Vehicle, geoid: float | None) -> tuple[str,
     if log.broken:
         remarks.append(f"{log.broken} messages with a wrong checksum are left out.")
     if log.lost_bytes:
-        remarks.append(f"{log.lost_bytes} bytes of the file make no sense and are left out.")
+        remarks.append(f"{log.lost_bytes} bytes of the file could not be decoded and are left out.")
     return tuple(remarks)
 
 

@@ -1,4 +1,4 @@
-"""MAVLink sensors: what messages of a receiver and an IMU say, in SI, and the sensor log that they make.
+"""MAVLink sensors: messages of a receiver and an IMU in SI units, and the sensor log made of them.
 
 References
 ----------
@@ -84,12 +84,12 @@ def fixed(gps: Messages) -> BoolArray:
 
 
 def geoid_of(vehicle: Vehicle) -> float | None:
-    """Return how far the geoid is above the ellipsoid, as the receiver says [m]; None if it does not."""
+    """Return the height of the geoid over the ellipsoid from the receiver [m]; None if it gives none."""
     gps = vehicle.numbers("GPS_RAW_INT")
     if gps is None:
         return None
-    told = 1e-3 * (gps["alt_ellipsoid"] - gps["alt"])[fixed(gps) & (gps["alt_ellipsoid"] != 0)]
-    return geoid_height(told)
+    heights = 1e-3 * (gps["alt_ellipsoid"] - gps["alt"])[fixed(gps) & (gps["alt_ellipsoid"] != 0)]
+    return geoid_height(heights)
 
 
 def over_ground(gps: Messages) -> tuple[FloatArray, FloatArray]:
@@ -143,7 +143,7 @@ def gnss_of(vehicle: Vehicle, gps: Messages) -> GnssLog:
 
 
 def _lever_arm(parameters: Mapping[str, float]) -> FloatArray:
-    """Return the way from the IMU to the antenna as the autopilot was told it [m]."""
+    """Return the lever arm from the IMU to the antenna that the autopilot's parameters give [m]."""
     for antenna, imu in _ARMS:
         if any(f"{antenna}{axis}" in parameters for axis in "XYZ"):
             return believed_lever_arm(

@@ -1,10 +1,9 @@
-"""NMEA 0183: the sentences of a satellite receiver, as a logger wrote them.
+"""NMEA 0183: the sentences of a satellite receiver, as logged.
 
-Position and height are of GGA (or GNS, or RMC without height), speed and course of RMC (or VTG); sentences of
-one time of day are one point. The height is above the ellipsoid where the receiver says how far the geoid is
-from it. Sentences are found anywhere in a line, so a logger's own time stamps before them do no harm, nor do
-the binary frames (UBX, SiRF, RTCM) that captures of receivers have between them; sentences whose checksum is
-wrong or missing are left out.
+Position and height come from GGA (or GNS, or RMC without height), speed and course from RMC (or VTG).
+Sentences of one time of day make one point. The height is above the ellipsoid where the receiver gives the
+height of the geoid. Sentences are found anywhere in a line: time stamps of a logger before them and binary
+frames (UBX, SiRF, RTCM) between them do no harm. Sentences with a wrong or missing checksum are left out.
 """
 
 from __future__ import annotations
@@ -83,9 +82,9 @@ class _Sentences:
 
 
 def recognises(head: bytes) -> bool:
-    """Tell whether the first bytes of a file hold a sentence with a position, amid binary a sound one.
+    """Return whether the first bytes of a file hold a sentence with a position, amid binary a sound one.
 
-    Autopilots log what their receiver sends, too: such a log is none of sentences.
+    A log of an autopilot with its receiver's sentences in it is not recognised.
     """
     if head.startswith((DATAFLASH, ULOG)):
         return False

@@ -1,4 +1,4 @@
-"""Own csv: the lab's flight csv among the foreign formats, read as strictly as everywhere."""
+"""Own csv: the lab's flight csv as one of the formats, read as strictly as elsewhere."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ _UNITS = {"s": "s", "deg": "°", "m": "m", "m_s": "m/s"}
 
 
 def recognises(head: bytes) -> bool:
-    """Tell whether a file begins with remarks and a header with at least three of our columns."""
+    """Return whether a file begins with remarks and a header with at least three of our columns."""
     for line in head.decode("utf-8", "replace").splitlines():
         if line.strip() and not line.lstrip("\ufeff").startswith("#"):
             cells = {cell.strip() for cell in line.lstrip("\ufeff").replace(";", ",").split(",")}

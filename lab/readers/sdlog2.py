@@ -1,8 +1,8 @@
-"""PX4 sdlog2 (.px4log): what PX4 logged before ULog, until 2016: its solution as a flight, its IMU and GPS.
+"""PX4 sdlog2 (.px4log), the log of PX4 until 2016: the solution as a flight, IMU and GPS as a sensor log.
 
-The file is framed like a DataFlash log of ArduPilot, but its rules are others: no message has a time of its
-own, a message ``TIME`` says when those after it were written [µs since boot]; angles are in radians; velocity
-and position are those of ``GPOS``, or of ``LPOS`` and of the GPS where it is missing.
+The file is framed like a DataFlash log of ArduPilot, but differs: messages have no time of their own, a
+message ``TIME`` gives that of those after it [µs since boot]; angles are in radians; velocity and position
+come from ``GPOS``, or from ``LPOS`` and the GPS where it is missing.
 
 References
 ----------
@@ -57,12 +57,12 @@ _UNITS = {
 
 
 def recognises(head: bytes) -> bool:
-    """Tell whether a file starts like sdlog2: framed like DataFlash, with the clock messages of its own."""
+    """Return whether a file starts like sdlog2: framed like DataFlash, with the clock messages of its own."""
     return head.startswith(MAGIC) and _CLOCK in head[:_DESCRIBED_WITHIN]
 
 
 def read(paths: Sequence[Path], units: Mapping[str, str]) -> RawFlight:
-    """Read the flight as the autopilot's estimator has it.
+    """Read the solution of the autopilot's estimator as a flight.
 
     Raises
     ------
@@ -88,7 +88,7 @@ def read(paths: Sequence[Path], units: Mapping[str, str]) -> RawFlight:
     )
     remarks = ["Time counts from when the autopilot was switched on.", SEA_LEVEL]
     if log.lost_bytes:
-        remarks.append(f"{log.lost_bytes} bytes of the file make no sense and are left out.")
+        remarks.append(f"{log.lost_bytes} bytes of the file could not be decoded and are left out.")
     try:
         return flight_of(
             path,

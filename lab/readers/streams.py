@@ -1,7 +1,7 @@
-"""Streams: quantities an autopilot logs each at a rate of its own, brought together on the times of one.
+"""Streams: quantities that an autopilot logs at different rates, interpolated to the times of one of them.
 
-Between its messages a quantity follows a cubic spline, an attitude a rotation spline; where one of them is
-not logged for long, or was set anew, nothing is made up: those times are left out.
+Between its messages a quantity follows a cubic spline, an attitude a rotation spline. Times within long
+gaps or across resets are left out, not interpolated.
 """
 
 from __future__ import annotations
@@ -57,19 +57,19 @@ class Stream:
     Attributes
     ----------
     what : str
-        What they are of, in words, for messages to people.
+        Name of the quantity, for messages.
     time : (n,) array
         Time of each, increasing [s].
     values : (n, k) array
-        What each says, finite.
+        Their values, finite.
     read : int
-        How many the log has.
+        How many messages the log has.
     first_lost : int
         Number of the first of them that cannot be used, counted from 1; 0 if all can be.
     counter : (n,) array or None
-        Which changes where the quantity was set anew, if the log has one.
+        The counter of resets, if the log has one.
     resets : (m,) array
-        Indices of the first messages after the quantity was set anew.
+        Indices of the first messages after each reset.
     """
 
     what: str
@@ -89,7 +89,7 @@ class Stream:
         valid: BoolArray | None = None,
         counter: FloatArray | None = None,
     ) -> Stream:
-        """Return the messages that are finite, said to be valid, and later than all before.
+        """Return the messages that are finite, marked valid, and later than all before.
 
         Parameters
         ----------
@@ -102,7 +102,7 @@ class Stream:
         valid : (n,) array, optional
             Which are valid.
         counter : (n,) array, optional
-            Which changes where the quantity was set anew.
+            The counter of resets.
         """
         values = np.asarray(values, dtype=np.float64).reshape(len(time), -1)
         kept = np.isfinite(time) & np.isfinite(values).all(axis=1) & (np.abs(values) < _MAX_VALUE).all(axis=1)
@@ -116,7 +116,7 @@ class Stream:
         return cls(what, time[kept], values[kept], len(time), lost, counted)
 
     def watched(self, kind: estimator_resets.Kind) -> Stream:
-        """Return the stream with the places where its quantity was set anew."""
+        """Return the stream with its resets."""
         return replace(self, resets=estimator_resets.resets(kind, self.time, self.values, self.counter))
 
     @property
@@ -131,13 +131,13 @@ class Stream:
 
     @property
     def lost(self) -> tuple[Dropped, ...]:
-        """What is said of the messages that cannot be used."""
+        """The report on the messages that cannot be used."""
         count = self.read - len(self.time)
         reason = f"{self.what} not valid, no number or not in order of time"
         return (Dropped(reason, count, self.first_lost),) if count else ()
 
     def known(self, time: FloatArray) -> BoolArray:
-        """Return at which times the quantity was being logged."""
+        """Return at which times the quantity is known."""
         after = np.clip(np.searchsorted(self.time, time), 1, len(self.time) - 1)
         step = np.diff(self.time)[after - 1]
         inside = (time >= self.time[0]) & (time <= self.time[-1])
@@ -318,7 +318,7 @@ def _resets(velocity: Stream, position: Stream, attitude: Stream | None) -> tupl
     ):  # fmt: skip
         if stream is not None:
             found += [
-                Reset(float(stream.time[at]), estimator_resets.told(kind, stream.values, int(at)))
+                Reset(float(stream.time[at]), estimator_resets.reported_step(kind, stream.values, int(at)))
                 for at in stream.resets
             ]
     return tuple(sorted(found, key=lambda one: one.time))

@@ -1,8 +1,8 @@
-"""Table: the numbers of a delimited text file as loggers leave it: padded, broken off, with more headers.
+"""Table: the numbers of a delimited text file from a logger: padded, truncated, or with repeated headers.
 
-Cells are separated by ``,`` ``;`` ``|`` or a tab. A header stands somewhere in the first lines and may stand
-again wherever the logger was started again; or there is none, and the columns are known by their order. What
-cannot be used is left out and counted.
+Cells are separated by ``,`` ``;`` ``|`` or a tab. The header is in the first lines and is repeated
+wherever the logger was restarted; without a header the columns are known by their order. Rows that cannot
+be used are left out and counted.
 """
 
 from __future__ import annotations
@@ -68,7 +68,7 @@ class Header:
         return [plain(cell) for cell in self.cells]
 
     def fits(self, required: Required) -> bool:
-        """Tell whether there is a heading for each of several needs, a need being met by any of its names."""
+        """Return whether there is a heading for each need; any of its names meets a need."""
         names = set(self.names)
         return all(not names.isdisjoint(need) for need in required)
 
@@ -136,7 +136,7 @@ def read_table(
 ) -> Table:
     """Read the wanted columns of a delimited text file, gzip-compressed or not.
 
-    Of several recordings in one file, each under its own header, the longest is taken. A column that is not
+    The longest of several recordings in one file, each under its own header, is used. A column that is not
     required and holds numbers in less than half of the rows counts as absent.
 
     Parameters

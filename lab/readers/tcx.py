@@ -1,7 +1,7 @@
-"""TCX: activities of Garmin Training Center and what imitates it, with position, height, time of each point.
+"""TCX: activities of Garmin Training Center and compatible programs: position, height and time of each point.
 
-The tracks of the laps of an activity follow one another; of several activities the longest is taken. A speed
-that the file has is not used: it has no direction.
+The tracks of an activity's laps are joined; the longest of several activities is used. Recorded speeds are
+not used: they have no direction.
 
 References
 ----------
@@ -31,7 +31,7 @@ _OF_A_POINT = {"LatitudeDegrees", "LongitudeDegrees", "AltitudeMeters"}
 
 
 def recognises(head: bytes) -> bool:
-    """Tell whether a file starts like TCX."""
+    """Return whether a file starts like TCX."""
     return has_root(head, _ROOT)
 
 

@@ -1,8 +1,8 @@
 """Tlog file: the MAVLink messages that a ground station received, by vehicle, as arrays.
 
-Each message is a frame of MAVLink 1 or 2 after the ground station's time, eight bytes of microseconds. Where
-the bytes make no sense the next frame that another one, or the end of the file, follows is looked for; the
-frames themselves are decoded, and their checksums checked, by pymavlink.
+Each message is a frame of MAVLink 1 or 2 after the ground station's time, eight bytes of microseconds.
+After bytes that cannot be decoded the reader looks for the next frame that is followed by another one or
+by the end of the file. Pymavlink decodes the frames and checks their checksums.
 
 References
 ----------
@@ -87,7 +87,7 @@ class Vehicle:
 
 @dataclass(eq=False)
 class TlogFile:
-    """What is in a log.
+    """The content of a log.
 
     Attributes
     ----------
@@ -100,7 +100,7 @@ class TlogFile:
     broken : int
         Wanted messages with a wrong checksum.
     lost_bytes : int
-        Bytes that made no sense.
+        Bytes that could not be decoded.
     """
 
     started: float = 0.0
@@ -119,7 +119,7 @@ class TlogFile:
         parameters: Collection[str],
         decode: Callable[[bytearray], Any | None],
     ) -> TlogFile:
-        """Return what is in the bytes of a file.
+        """Return the content of the bytes of a file.
 
         Parameters
         ----------
@@ -187,7 +187,7 @@ def frame_end(data: bytes, at: int) -> int | None:
 
 
 def starts_like_a_log(head: bytes) -> bool:
-    """Tell whether the first bytes of a file are frames with times of this century before them."""
+    """Return whether the first bytes of a file are frames with times of this century before them."""
     at = seen = 0
     while seen < _FRAMES_TO_SEE and at < len(head):
         stamp = int.from_bytes(head[at : at + _STAMP], "big")
@@ -199,7 +199,7 @@ def starts_like_a_log(head: bytes) -> bool:
 
 
 def _followed(data: bytes, end: int) -> bool:
-    """Tell whether a frame, or nothing more than part of one, follows."""
+    """Return whether a frame, or nothing more than part of one, follows."""
     return end + _STAMP >= len(data) or data[end + _STAMP] in MAGICS
 
 

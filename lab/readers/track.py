@@ -1,8 +1,8 @@
-"""Track: the points of a satellite receiver, with speed and course where it gave them, as a flight.
+"""Track: the points of a satellite receiver as a flight, with its speed and course where recorded.
 
-Where speed and course are known, the horizontal velocity is theirs: a receiver measures it by Doppler, far
-better than differences of its rounded positions say. The vertical one is the slope of a smooth curve through
-the heights then: as smooth as their noise and their steps ask for.
+Recorded speed and course give the horizontal velocity: a receiver measures them by Doppler, far more
+accurately than differences of its rounded positions. The vertical velocity is then the slope of a smooth
+curve through the heights, as smooth as their noise and quantisation require.
 """
 
 from __future__ import annotations
@@ -46,7 +46,7 @@ _MIN_KNOWN = 0.9
 
 @dataclass(frozen=True, eq=False)
 class Track:
-    """Points as a file has them, in the order of the file; NaN where something is not known.
+    """Points as a file has them, in the order of the file; NaN where unknown.
 
     Attributes
     ----------
@@ -162,7 +162,7 @@ class Track:
 
 
 def refuse_units(path: Path, reader: str, units: Mapping[str, str]) -> None:
-    """Raise if a unit is given for a format that leaves nothing open.
+    """Raise if a unit is given for a format whose units are fixed.
 
     Raises
     ------

@@ -1,7 +1,7 @@
-"""PX4 ULog: the navigation solution of a PX4 autopilot as a flight, its IMU and GPS as a log.
+"""PX4 ULog: the solution of a PX4 autopilot as a flight, its IMU and GPS as a sensor log.
 
-Units and axes are those of PX4's topics: north, east, down; forward, right, down; time since boot in µs. Of a
-topic that is logged several times the first instance is taken.
+Units and axes are those of PX4's topics: north, east, down; forward, right, down; time since boot in µs.
+The first of several instances of a topic is used.
 
 References
 ----------
@@ -66,12 +66,12 @@ _HEADING_SIGMAS = (1e-4, np.pi)
 
 
 def recognises(head: bytes) -> bool:
-    """Tell whether a file starts like a ULog."""
+    """Return whether a file starts like a ULog."""
     return head.startswith(MAGIC)
 
 
 def read(paths: Sequence[Path], units: Mapping[str, str]) -> RawFlight:
-    """Read the flight as the autopilot's estimator has it.
+    """Read the solution of the autopilot's estimator as a flight.
 
     Raises
     ------
@@ -402,7 +402,7 @@ def _sigma(values: FloatArray | None) -> FloatArray | None:
 
 
 def _lever_arm(parameters: Mapping[str, float]) -> FloatArray:
-    """Return the way from the IMU to the antenna as the autopilot was told it [m]."""
+    """Return the lever arm from the IMU to the antenna that the autopilot's parameters give [m]."""
     arm = [
         parameters.get(f"EKF2_GPS_POS_{axis}", 0.0) - parameters.get(f"EKF2_IMU_POS_{axis}", 0.0)
         for axis in "XYZ"
@@ -423,5 +423,5 @@ def _remarks(log: ULogFile) -> tuple[str, ...]:
             f"The logger could not keep up {log.dropouts} times, for {log.dropped_seconds:.3g} s in all."
         )
     if log.lost_bytes:
-        remarks.append(f"{log.lost_bytes} bytes of the file make no sense and are left out.")
+        remarks.append(f"{log.lost_bytes} bytes of the file could not be decoded and are left out.")
     return tuple(remarks)

@@ -2,7 +2,7 @@
 
 Sixteen bytes of header, then messages: two bytes of length, one of kind, the content. Formats (``F``)
 declare the fields of each topic, subscriptions (``A``) give a topic's number, data (``D``) are of such a
-number. Where the bytes make no sense the next message that does is looked for.
+number. After bytes that cannot be decoded the reader looks for the next message.
 
 References
 ----------
@@ -73,14 +73,14 @@ class Topic:
 
 @dataclass(eq=False)
 class ULogFile:
-    """What is in a log.
+    """The content of a log.
 
     Attributes
     ----------
     parameters : dict
         Parameters of the autopilot, as they were at the start.
     lost_bytes : int
-        Bytes that made no sense.
+        Bytes that could not be decoded.
     dropouts : int
         How often the logger could not keep up.
     dropped_seconds : float
@@ -99,7 +99,7 @@ class ULogFile:
 
     @classmethod
     def of(cls, data: bytes, wanted: Collection[str]) -> ULogFile:
-        """Return what is in the bytes of a file.
+        """Return the content of the bytes of a file.
 
         Parameters
         ----------
@@ -111,7 +111,7 @@ class ULogFile:
         Raises
         ------
         ValueError
-            If the log is of a kind that cannot be read, such as with flags nobody knows.
+            If the log cannot be read, such as one with unknown flags.
         """
         log = cls(_data=data)
         log._walk(wanted)
@@ -202,7 +202,7 @@ class ULogFile:
         if len(message) < 40:
             return []
         if message[8] & ~1 or any(message[9:16]):
-            raise ValueError("it is of a newer or an encrypted kind, with flags that are not known here")
+            raise ValueError("it is newer or encrypted, with unknown flags")
         return sorted(offset for offset in struct.unpack("<3Q", message[16:40]) if message[8] and offset)
 
     def _take(self, kind: int, message: bytes) -> None:

@@ -1,4 +1,4 @@
-"""Unit names: how files and people spell units, and what each is in SI."""
+"""Unit names: the spellings of units in files and by people, and their factors to SI."""
 
 from __future__ import annotations
 
@@ -59,7 +59,7 @@ def unit_name(quantity: str, spelling: str) -> str:
         if name in UNITS[quantity]:
             return name
     raise MissionError(
-        f"{spelling!r} is no unit of {quantity} known here; accepted are {', '.join(UNITS[quantity])}"
+        f"{spelling!r} is not a known unit of {quantity}; accepted are {', '.join(UNITS[quantity])}"
     )
 
 

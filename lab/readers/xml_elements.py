@@ -1,7 +1,7 @@
-"""XML elements: a file of XML as a stream, for formats that are safe to read so.
+"""XML elements: an XML file parsed safely as a stream.
 
-A document type, in which entities that grow without bound or name other files could be declared, is refused,
-and so is nesting that no recording has. Namespaces are left out of the names.
+A document type is refused, since it could declare entities that grow without bound or name other files,
+and so is deep nesting. Namespaces are left out of the names.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ _HEAD = 4096
 
 
 class Handler(Protocol):
-    """What is told of each element."""
+    """The receiver of the elements."""
 
     def begin(self, name: str, attributes: Mapping[str, str], line: int) -> None:
         """Take the start of an element and the number of its line."""
@@ -38,7 +38,7 @@ class Handler(Protocol):
 
 
 def has_root(head: bytes, root: re.Pattern[bytes]) -> bool:
-    """Tell whether a file starts like XML and has an element early on.
+    """Return whether a file starts like XML and has an element early on.
 
     Parameters
     ----------

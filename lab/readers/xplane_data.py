@@ -1,10 +1,10 @@
-"""X-Plane Data.txt: what X-Plane 9 to 12 writes to disk of the groups ticked in Settings, Data Output.
+"""X-Plane Data.txt: the file X-Plane 9 to 12 writes of the groups ticked in Settings, Data Output.
 
-Cells are separated by ``|`` and padded; the header stands again at each start of recording. Headings are a
-name and a unit, padded with underscores, and differ between versions, so columns are known by them and never
-by their place. The velocity of group 21 is in X-Plane's local frame: east, up and south at a reference point
-that may lie tens of kilometres away; X and Z of the same group say where, and the velocity is turned from
-there to the aircraft.
+Cells are separated by ``|`` and padded; the header is repeated at each start of recording. Headings are a
+name and a unit, padded with underscores; they differ between versions, so columns are found by heading,
+never by place. The velocity of group 21 is in X-Plane's local frame: east, up and south at a reference
+point that may lie tens of kilometres away; X and Z of the same group give its place, and the velocity is
+transformed from there to the aircraft.
 """
 
 from __future__ import annotations
@@ -78,7 +78,7 @@ REQUIRED = (tuple(name for field in FIELDS[len(CLOCKS) :] for name in field.name
 
 
 def recognises(head: bytes) -> bool:
-    """Tell whether a file has one of X-Plane's headings."""
+    """Return whether a file has one of X-Plane's headings."""
     return recognised(head, REQUIRED)
 
 
@@ -88,8 +88,8 @@ def read(paths: Sequence[Path], units: Mapping[str, str]) -> RawFlight:
     Raises
     ------
     MissionError
-        For whatever is wrong with the file; if it has no time or tells nowhere where the
-        aircraft goes, naming the groups to tick.
+        For whatever is wrong with the file; if it has no time or no motion, naming the
+        groups to tick.
     """
     path = one_file(paths, NAME)
     columns = read_columns(path, FIELDS, units, REQUIRED)

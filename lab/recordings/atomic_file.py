@@ -14,7 +14,7 @@ from lab.recordings.folder_lock import locked
 
 @contextlib.contextmanager
 def atomic_file(path: Path) -> Iterator[BinaryIO]:
-    """Open a file for writing bytes that takes its name only when everything has been written to it.
+    """Open a file for writing bytes; it takes its name only when everything has been written.
 
     Raises
     ------
@@ -25,7 +25,7 @@ def atomic_file(path: Path) -> Iterator[BinaryIO]:
     try:
         with os.fdopen(handle, "wb") as file:
             with contextlib.suppress(OSError):  # not every file system knows locks
-                locked(file)  # however long it takes, nobody takes it for a leftover
+                locked(file)  # so that no sweep removes it, however long writing takes
             yield file
         # mkstemp makes files only their owner can read; give it the permissions of an ordinary new file.
         umask = os.umask(0)
@@ -35,5 +35,5 @@ def atomic_file(path: Path) -> Iterator[BinaryIO]:
     except BaseException as error:
         Path(temporary).unlink(missing_ok=True)
         if isinstance(error, OSError) and error.filename in {None, temporary}:
-            error.filename = str(path)  # of a full disk the system does not say which file it was
+            error.filename = str(path)  # the system does not name the file when the disk is full
         raise

@@ -17,7 +17,7 @@ def content(path: Path, limit: int, piece: int = 2**20) -> Iterator[bytes]:
     Parameters
     ----------
     path
-        The file; that it is compressed is known by its first bytes, not by its name.
+        The file. Its first bytes say whether it is compressed, not its name.
     limit
         Most bytes accepted, stored as well as decompressed.
     piece
@@ -26,8 +26,8 @@ def content(path: Path, limit: int, piece: int = 2**20) -> Iterator[bytes]:
     Raises
     ------
     MissionError
-        If it cannot be read, is no ordinary file, is too large, or is no complete gzip file though it starts
-        like one, or one that grows beyond all measure.
+        If the file cannot be read, is not an ordinary file or is too large, or if it starts like a gzip
+        file but is incomplete or grows too much.
     """
     try:
         check_file(path, limit)

@@ -26,7 +26,7 @@ def read_toml(path: Path) -> dict[str, Any]:
 
 
 def check_keys(path: Path, values: Mapping[str, Any], accepted: Sequence[str], texts: Sequence[str]) -> None:
-    """Refuse a key that is not accepted, and a value that is not a text where one is asked for.
+    """Refuse a key that is not accepted, and a value that is not text where text is required.
 
     Parameters
     ----------
@@ -57,8 +57,8 @@ def check_keys(path: Path, values: Mapping[str, Any], accepted: Sequence[str], t
         raise MissionError(f'{path}: tags = {tags!r}; accepted is a list of texts, such as ["turns", "wind"]')
 
 
-def file_beside(path: Path, key: str, name: str) -> Path:
-    """Return the path of a file beside the TOML file that names it, refusing names that lead elsewhere.
+def file_in_same_folder(path: Path, key: str, name: str) -> Path:
+    """Return the path of a file in the folder of a TOML file; refuse names that lead elsewhere.
 
     Parameters
     ----------

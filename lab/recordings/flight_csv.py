@@ -62,7 +62,7 @@ def read_flight_csv(path: str | os.PathLike[str]) -> Recording:
     Returns
     -------
     Recording
-        The whole flight: a file with anything wrong in it gives no part of one.
+        The whole flight; a file with anything wrong in it is refused as a whole.
 
     Raises
     ------

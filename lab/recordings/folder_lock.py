@@ -13,7 +13,7 @@ LOCK_FILE = ".lock"
 """The file that is locked; it stays."""
 
 PATIENCE = 10.0
-"""Longest wait for a lock [s]: it is held for as long as a few small files take to write."""
+"""Longest wait for a lock [s]: a holder writes a few small files meanwhile."""
 
 _PAUSE = 0.02
 """Time from one attempt to the next [s]: short beside what a person notices."""
@@ -21,7 +21,7 @@ _PAUSE = 0.02
 
 @contextlib.contextmanager
 def folder_lock(folder: Path, patience: float = PATIENCE) -> Iterator[None]:
-    """Wait until nobody else holds the lock of a folder, and hold it.
+    """Wait until the lock of a folder is free, and hold it.
 
     Raises
     ------
@@ -42,7 +42,7 @@ def folder_lock(folder: Path, patience: float = PATIENCE) -> Iterator[None]:
 
 
 def hold(folder: Path) -> BinaryIO | None:
-    """Take the lock of a folder, and hold it until the file returned is closed; None if somebody has it.
+    """Lock a folder until the returned file is closed; return None if it is taken.
 
     Raises
     ------
@@ -53,7 +53,7 @@ def hold(folder: Path) -> BinaryIO | None:
 
 
 def hold_file(path: Path) -> BinaryIO | None:
-    """Take the lock of a file, made if there is none, until the file returned is closed; None as of `hold`.
+    """Lock a file, made if absent, until the returned file is closed; return None if it is taken.
 
     Raises
     ------
@@ -71,7 +71,7 @@ if sys.platform == "win32":
     import msvcrt
 
     def locked(file: BinaryIO) -> bool:
-        """Take the lock of an open file, until it is closed; return False if somebody has it."""
+        """Take the lock of an open file, until it is closed; return False if it is taken."""
         try:
             msvcrt.locking(file.fileno(), msvcrt.LK_NBLCK, 1)
         except OSError:
@@ -82,7 +82,7 @@ else:
     import fcntl
 
     def locked(file: BinaryIO) -> bool:
-        """Take the lock of an open file, until it is closed; return False if somebody has it."""
+        """Take the lock of an open file, until it is closed; return False if it is taken."""
         try:
             fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except BlockingIOError:

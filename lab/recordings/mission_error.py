@@ -1,4 +1,4 @@
-"""What is reported when a mission cannot be read, found, written or flown."""
+"""MissionError: the error of a mission that cannot be read, found, written or flown."""
 
 
 class MissionError(ValueError):

@@ -1,8 +1,8 @@
-"""Leftovers: files that a process left in a folder when it was killed while it wrote; they are swept later.
+"""Temporary files: what a killed process left in a folder is removed later.
 
-Only what the lab itself writes under names of its own is swept: temporary files and folders, and recordings
-that stand beside a note that their mission is not written yet. Whoever writes holds a lock that ends with the
-process; what is locked stays, however old it is.
+The sweep removes only files that the lab names itself: temporary files and folders, and recordings with a
+note that their mission is not written yet. A writer holds a lock, which ends with its process; locked
+files stay, however old they are.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ TEMPORARY = ".ins-lab-"
 NOTE = ".unfinished"
 """How the names of notes end."""
 OLD = 24 * 3600.0
-"""Age from which on nobody is writing any more [s], where locks are not known: no file takes an hour."""
+"""Age of a file from which nobody writes it any more, without locks [s]: writing takes no hour."""
 
 _FILE = re.compile(r"\..+\.(toml|csv|csv\.gz)\.[a-z0-9_]{8}")
 
@@ -35,7 +35,7 @@ def note_of(recording: Path) -> Path:
 
 @contextlib.contextmanager
 def unfinished(recording: Path) -> Iterator[None]:
-    """Note that a recording has no mission yet, until it has or is gone."""
+    """Mark a recording as having no mission yet, until its mission is written or it is removed."""
     note = note_of(recording)
     note.touch()
     try:
@@ -47,7 +47,7 @@ def unfinished(recording: Path) -> Iterator[None]:
 
 @contextlib.contextmanager
 def temporary_folder(where: Path) -> Iterator[Path]:
-    """Make a folder that is gone afterwards, for files that then take their places in another one.
+    """Make a folder for files that are then moved into another one; it is removed afterwards.
 
     Raises
     ------
@@ -60,7 +60,7 @@ def temporary_folder(where: Path) -> Iterator[Path]:
 
 @contextlib.contextmanager
 def _held(path: Path) -> Iterator[None]:
-    """Hold the lock of a file, where the file system knows locks."""
+    """Hold the lock of a file, where the file system has locks."""
     lock = None
     with contextlib.suppress(OSError):
         lock = hold_file(path)
@@ -72,7 +72,7 @@ def _held(path: Path) -> Iterator[None]:
 
 
 def _is_held(path: Path) -> bool:
-    """Return whether somebody writes a file, or what is in a folder."""
+    """Return whether a file, or a folder's content, is being written."""
     lock = hold_file(path / LOCK_FILE if path.is_dir() else path)
     if lock is not None:
         lock.close()
@@ -80,7 +80,7 @@ def _is_held(path: Path) -> bool:
 
 
 def sweep(folder: Path, is_named: Callable[[Path], bool], now: float | None = None) -> list[str]:
-    """Remove what killed processes left in a folder, and return the names of it.
+    """Remove what killed processes left in a folder, and return the names removed.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""TextBlocks: a text file, perhaps compressed, read in blocks of whole lines up to a limit of bytes."""
+"""TextBlocks: a text file, compressed or not, read in blocks of whole lines up to a size limit."""
 
 from __future__ import annotations
 
@@ -23,12 +23,12 @@ _LONGEST_LINE = 2**20
 
 
 def check_file(path: Path, limit: int) -> None:
-    """Refuse what is not an ordinary file of at most `limit` bytes.
+    """Refuse anything but an ordinary file of at most `limit` bytes.
 
     Raises
     ------
     MissionError
-        Saying what it is instead.
+        Saying what is there instead.
     """
     if path.is_dir():
         raise MissionError(f"{path}: is a folder; accepted is a file")
@@ -43,12 +43,12 @@ def check_file(path: Path, limit: int) -> None:
 
 
 def decompressed_limit(path: Path, limit: int) -> int:
-    """Return how many bytes may come out of a compressed file, of at most `limit`."""
+    """Return the largest decompressed size of a file that is accepted, at most `limit` [bytes]."""
     return min(limit, max(MAX_RATIO * path.stat().st_size, _MIN_DECOMPRESSED_LIMIT))
 
 
 def too_large(path: Path, accepted: int, limit: int) -> MissionError:
-    """Return what is said of a file of which more than accepted comes out."""
+    """Return the error for a file that decompresses to more than is accepted."""
     if accepted < limit:
         return MissionError(
             f"{path}: grows more than {MAX_RATIO} times when decompressed; accepted are logs, which grow at "
@@ -74,13 +74,13 @@ class TextBlocks:
     limit : int
         Most bytes accepted, stored as well as decompressed.
     strict : bool
-        False to take replacement characters for what is no text in UTF-8, instead of refusing it.
+        False to replace what is not UTF-8 by replacement characters, instead of refusing it.
 
     Attributes
     ----------
     next_line : int
-        Number of the line that is read next, counted from 1 as an editor does; whoever reads `blocks` counts
-        it on.
+        Number of the line that is read next, counted from 1 as editors do; the caller of `blocks` advances
+        it.
     """
 
     def __init__(self, path: Path, limit: int, *, strict: bool = True) -> None:
@@ -103,7 +103,7 @@ class TextBlocks:
             self._file.seek(0)
         except (OSError, ValueError) as error:
             raise self._error(error) from error
-        # A name that promises compression keeps a file that is none from being read as something else.
+        # A file named .gz that is not compressed is an error, and not another format.
         compressed = compressed or self._path.suffix.lower() == ".gz"
         self._stream = gzip.GzipFile(fileobj=self._file) if compressed else self._file
         if compressed:
@@ -119,7 +119,7 @@ class TextBlocks:
             self._file.close()
 
     def lines(self) -> Iterator[str]:
-        """Iterate over the lines, without their ends; stop when enough are read, and go on with `blocks`."""
+        """Iterate over the lines, without their ends; after the last one needed, go on with `blocks`."""
         while self._start < len(self._text) or self._fill():
             end = self._text.find(b"\n", self._start)
             line = self._text[self._start : end if end >= 0 else None]

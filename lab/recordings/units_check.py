@@ -1,7 +1,7 @@
 """Units check: whether a flight's own numbers contradict the units they claim, such as radians for degrees.
 
-The position's change and the integral of the recorded velocity are the same path, and an aeroplane points
-roughly where it goes; a wrong unit breaks one of the two by a known factor.
+The change of the position must equal the integral of the recorded velocity, and the yaw of an aeroplane
+must be near its course. A wrong unit violates one of the two by a known factor.
 """
 
 from __future__ import annotations
@@ -100,7 +100,7 @@ def _path_ratio(
 ) -> float | None:
     """Return the path by position over the path by velocity, by least squares over legs of the flight.
 
-    None if the aircraft hardly moves, or the two paths have nothing to do with each other.
+    None if the aircraft hardly moves, or the two paths are not correlated.
     """
     if near_pole(latitude).any():
         return _path_ratio_near_pole(time, latitude, longitude, velocity)
@@ -119,7 +119,7 @@ def _path_ratio(
 def _path_ratio_near_pole(
     time: FloatArray, latitude: FloatArray, longitude: FloatArray, velocity: FloatArray
 ) -> float | None:
-    """Return the same of the paths in Earth-fixed Cartesian axes: north turns on the way."""
+    """Return the same in Earth-fixed axes: close to a pole north turns along the path."""
     place = np.stack((latitude, longitude, np.zeros_like(latitude)), axis=-1)
     level = np.column_stack((velocity, np.zeros_like(latitude)))
     velocity_e = np.einsum("nij,nj->ni", axes(latitude, longitude), level)
@@ -130,7 +130,7 @@ def _path_ratio_near_pole(
 
 
 def _likeness(by_velocity: FloatArray, by_position: FloatArray) -> float | None:
-    """Return the ratio of two paths in legs, if they are alike."""
+    """Return the ratio of two paths in legs, if they are correlated."""
     power = float(np.sum(by_velocity**2))
     likeness = float(np.sum(by_velocity * by_position))
     if np.sum(np.linalg.norm(by_velocity, axis=1)) < _SHORTEST_PATH:

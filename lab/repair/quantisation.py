@@ -1,4 +1,4 @@
-"""Value steps: how finely a file records each quantity, told from the numbers alone."""
+"""Quantisation: the step in which a file records each quantity, estimated from the numbers alone."""
 
 from __future__ import annotations
 
@@ -54,7 +54,7 @@ def value_step(values: FloatArray) -> float:
 def value_steps(raw: RawFlight) -> dict[str, tuple[float, str]]:
     """Return the step of each quantity of a flight with its unit: position [m], velocity [m/s], attitude [°].
 
-    Zero for one recorded more finely than its samples tell.
+    Zero where the step is finer than the samples show.
     """
     steps: dict[str, tuple[float, str]] = {}
     if raw.latitude is not None and raw.longitude is not None:

@@ -1,4 +1,4 @@
-"""RawFlight: a flight as a file of some simulator or logger has it, in our units and axes, not repaired."""
+"""RawFlight: a flight as recorded, in SI units and the lab's axes, before any repair."""
 
 from __future__ import annotations
 
@@ -181,7 +181,7 @@ class RawFlight:
         kept
             Which rows, as a mask or as indices in order.
         dropped
-            What is said of the others, added to what was said before.
+            The reasons for leaving out the others, added to the earlier ones.
         """
         arrays: dict[str, Any] = {name: getattr(self, name)[kept] for name in self.quantities}
         for array in arrays.values():

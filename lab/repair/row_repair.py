@@ -1,4 +1,4 @@
-"""Row repair: which samples of a raw flight make one unbroken flight, in order; the others are counted."""
+"""Row repair: the samples of a raw flight that make one unbroken flight, in order; the others are counted."""
 
 from __future__ import annotations
 
@@ -27,11 +27,11 @@ LIMITS: dict[str, tuple[float, float, str]] = {
     "alpha": (-np.pi, np.pi, "an angle of attack beyond ±180°"),
     "beta": (-np.pi, np.pi, "a sideslip beyond ±180°"),
 }
-"""Smallest and largest value of each quantity, SI, and what a row beyond them is said to have."""
+"""Smallest and largest value of each quantity [SI], and the reason reported for a row beyond them."""
 NO_FIX = "at 0° N 0° E, which is written while there is no fix"
-"""What is said of positions that are none."""
+"""The reason reported for positions of zero, written without a fix."""
 CHECKED_WITH = ("body_rate", "acceleration_b")
-"""Quantities that no curve is made of: where they are impossible they are left out, and not the row."""
+"""Quantities that are only compared: impossible values are left out, and the row is kept."""
 
 _NOT_USED: dict[str, Any] = {name: {name: None} for name in CHECKED_WITH}
 _MAX_CHECKED = 1e4
@@ -99,31 +99,31 @@ def possible(raw: RawFlight) -> RawFlight:
         value = getattr(raw, name)
         if value is not None and np.abs(value).max(initial=0.0) > _MAX_CHECKED:
             words = name.removesuffix("_b").replace("_", " ")
-            remark = f"The recorded {words} is beyond all reason and not used."
+            remark = f"The recorded {words} is impossible and is not used."
             raw = replace(raw, remarks=(*raw.remarks, remark), **_NOT_USED[name])
     kept = np.ones(len(raw.time), dtype=bool)
-    said: list[Dropped] = []
+    dropped: list[Dropped] = []
     for name, (low, high, words) in LIMITS.items():
         value = getattr(raw, name)
         if value is None:
             continue
         slack = _LIMIT_ROUNDING * (high - low)
         inside = ((value >= low - slack) & (value <= high + slack)).reshape(len(value), -1).all(axis=1)
-        said += said_of(raw, kept & ~inside, words)
+        dropped += dropped_samples(raw, kept & ~inside, words)
         kept &= inside
     if kept.sum() < max(MIN_SAMPLES, _MIN_KEPT * len(kept)):
-        worst = max(said, key=lambda one: one.count, default=None)
+        worst = max(dropped, key=lambda one: one.count, default=None)
         why = f"{worst.count} of {len(kept)} samples have {worst.reason}" if worst else f"{len(kept)} samples"
         hint = "; is a column in another unit? A unit is given with --unit COLUMN=UNIT" if worst else ""
         raise MissionError(f"{why}{hint}; accepted are at least {MIN_SAMPLES} good ones, and half of all")
-    return raw.rows(kept, tuple(said)) if said else raw
+    return raw.rows(kept, tuple(dropped)) if dropped else raw
 
 
 def somewhere(raw: RawFlight) -> RawFlight:
     """Return the samples without those at exactly 0° N 0° E, unless the flight comes close to there.
 
-    Receivers and loggers write zeros while they have no position. If they never have one, the velocity makes
-    the flight alone.
+    Receivers and loggers write zeros while they have no position.     If they never have one, the flight
+    is made of the velocity alone.
 
     Raises
     ------
@@ -148,14 +148,14 @@ def somewhere(raw: RawFlight) -> RawFlight:
     others = place(raw.rows(~nowhere))
     if np.linalg.norm(others - place(raw)[np.argmax(nowhere)], axis=1).min() < _MAX_DISTANCE_FROM_ZERO:
         return raw
-    return raw.rows(~nowhere, tuple(said_of(raw, nowhere, f"a position {NO_FIX}")))
+    return raw.rows(~nowhere, tuple(dropped_samples(raw, nowhere, f"a position {NO_FIX}")))
 
 
 def fresh(raw: RawFlight) -> RawFlight:
     """Return the samples without those that repeat the one before in everything though the vehicle moves.
 
-    A logger that asks faster than the simulator moves on writes the same state again under a new time; a
-    simulator that pauses does so for long.
+    A logger that polls faster than the simulator steps writes the same state again with a new time; a paused
+    simulator repeats it for longer.
     """
     same = np.ones(len(raw.time) - 1, dtype=bool)
     for name in raw.quantities:
@@ -169,7 +169,7 @@ def fresh(raw: RawFlight) -> RawFlight:
     ends = np.append(starts[1:], len(first)) - 1
     moving = _moves(raw.time, place(raw), starts, ends)[np.cumsum(first) - 1]
     stale = ~first & moving
-    return raw.rows(~stale, tuple(said_of(raw, stale, "the state of the row before though time went on")))
+    return raw.rows(~stale, tuple(dropped_samples(raw, stale, "the state of the row before at a later time")))
 
 
 def _moves(time: FloatArray, places: FloatArray, starts: NDArray[np.intp], ends: NDArray[np.intp]) -> Mask:
@@ -184,14 +184,14 @@ def _moves(time: FloatArray, places: FloatArray, starts: NDArray[np.intp], ends:
     # The last run is judged by what was before it.
     here = np.where(seen, ends, np.maximum(starts - 1, 0))
     there = np.where(seen, np.minimum(after, len(time) - 1), starts)
-    way = np.linalg.norm(places[there] - places[here], axis=1)
+    distance = np.linalg.norm(places[there] - places[here], axis=1)
     return np.asarray(
-        way > np.where(lasts, _MIN_LEAVING_SPEED, _MIN_MOVING_SPEED) * np.abs(time[there] - time[here])
+        distance > np.where(lasts, _MIN_LEAVING_SPEED, _MIN_MOVING_SPEED) * np.abs(time[there] - time[here])
     )
 
 
 def in_order(raw: RawFlight) -> tuple[RawFlight, NDArray[np.intp]]:
-    """Return the samples with those that came a little late put in place, and where a new recording begins.
+    """Return the samples with slightly late ones sorted, and where a new recording begins.
 
     Returns
     -------
@@ -205,7 +205,7 @@ def in_order(raw: RawFlight) -> tuple[RawFlight, NDArray[np.intp]]:
 
 
 def _sorted(raw: RawFlight) -> RawFlight:
-    """Return the samples with runs of a few that came late put in place."""
+    """Return the samples with short late runs put in order."""
     late = raw.time < np.maximum.accumulate(raw.time)
     if not late.any():
         return raw
@@ -214,7 +214,7 @@ def _sorted(raw: RawFlight) -> RawFlight:
     if (ends - starts > _MAX_LATE_RUN).any():
         return raw
     order = np.argsort(raw.time, kind="stable")
-    remark = f"{int(late.sum())} rows came out of order and were put in place."
+    remark = f"{int(late.sum())} rows were out of order and have been sorted."
     return replace(raw.rows(order), remarks=(*raw.remarks, remark))
 
 
@@ -225,11 +225,13 @@ def distinct(raw: RawFlight) -> RawFlight:
         value = getattr(raw, name).reshape(len(raw.time), -1)
         same &= (value[1:] == value[:-1]).all(axis=1)
     repeated = np.concatenate(([False], same))
-    return raw.rows(~repeated, tuple(said_of(raw, repeated, "what the row before has, time included")))
+    return raw.rows(
+        ~repeated, tuple(dropped_samples(raw, repeated, "what the row before has, time included"))
+    )
 
 
 def without_spikes(raw: RawFlight) -> RawFlight:
-    """Return the samples without single positions far off the way between their neighbours."""
+    """Return the samples without single positions far from the path between their neighbours."""
     if raw.latitude is None or raw.longitude is None or len(raw.time) < 5:
         return raw
     places = place(raw)
@@ -238,7 +240,9 @@ def without_spikes(raw: RawFlight) -> RawFlight:
     across = np.linalg.norm(places[2:] - places[:-2], axis=1)
     spike = np.zeros(len(places), dtype=bool)
     spike[1:-1] = far[1:] & far[:-1] & (across < _MAX_SPIKE_RETURN * (step[1:] + step[:-1]))
-    return raw.rows(~spike, tuple(said_of(raw, spike, "a position far off the way, and back")))
+    return raw.rows(
+        ~spike, tuple(dropped_samples(raw, spike, "a position far from the path of its neighbours"))
+    )
 
 
 def reset_places(raw: RawFlight) -> NDArray[np.intp]:
@@ -294,7 +298,7 @@ def longest_stretch(
     if raw.resets:
         words = words.replace(" or a restart", ", a restart or a reset of the estimator")
     where = [(float(raw.time[i]), float(raw.time[i + 1])) for i in np.flatnonzero(cut)]
-    return (raw.rows(kept, tuple(said_of(raw, ~kept, words))) if where else raw), tuple(where)
+    return (raw.rows(kept, tuple(dropped_samples(raw, ~kept, words))) if where else raw), tuple(where)
 
 
 @dataclass(frozen=True)
@@ -314,7 +318,7 @@ class Bridging:
 
 
 def bridging(raw: RawFlight, breaks: NDArray[np.intp], longest_gap: float) -> tuple[Bridging, ...]:
-    """Return by which longer pauses bridged most, or nearly all, of a recording would be kept.
+    """Return the longer gaps with which most, and nearly all, of a recording would be kept.
 
     Parameters
     ----------
@@ -348,11 +352,11 @@ def _longest(cut: Mask) -> int:
     return int(np.diff(edges).max())
 
 
-def _too_far(way: FloatArray, steps: FloatArray) -> Mask:
-    """Return which ways between samples no vehicle could have gone."""
-    speed = way / np.maximum(steps, _MIN_STEP)
+def _too_far(distance: FloatArray, steps: FloatArray) -> Mask:
+    """Return which displacements between samples are too large for a vehicle."""
+    speed = distance / np.maximum(steps, _MIN_STEP)
     usual = float(np.median(speed)) if len(speed) else 0.0
-    return np.asarray((way > _MIN_JUMP) & (speed > _JUMP_SPEED_RATIO * usual + _MIN_JUMP_SPEED))
+    return np.asarray((distance > _MIN_JUMP) & (speed > _JUMP_SPEED_RATIO * usual + _MIN_JUMP_SPEED))
 
 
 def place(raw: RawFlight) -> FloatArray:
@@ -363,8 +367,8 @@ def place(raw: RawFlight) -> FloatArray:
     return ecef.position(np.stack((raw.latitude, raw.longitude, height), axis=-1))
 
 
-def said_of(raw: RawFlight, mask: Mask, words: str) -> list[Dropped]:
-    """Return what is said of samples left out: why, and when the first of them was, by the file's own clock.
+def dropped_samples(raw: RawFlight, mask: Mask, words: str) -> list[Dropped]:
+    """Return the report on samples left out: why, and when the first was by the file's own clock.
 
     Parameters
     ----------

@@ -1,8 +1,8 @@
-"""Clock: how finely a recording is stamped in time, and the times at which its samples were really taken.
+"""Sample times: the resolution of a recording's time stamps, and the times at which its samples were taken.
 
-A stamp may be rounded (to a millisecond, or to the 55.5 ms of an old timer) or late by what a computer was
-busy with. A sample stamped wrongly by δ lies off the curve by δ times the velocity, in the direction of
-flight and in no other: where the curve is known from the neighbours, this tells δ.
+A stamp may be rounded (to a millisecond, or to the 55.5 ms of an old timer), or late because the computer was
+busy. A sample stamped wrongly by δ lies off the curve by δ times the velocity, along the path only: the curve
+through its neighbours shows δ.
 """
 
 from __future__ import annotations
@@ -16,9 +16,9 @@ from lab.repair.smoothing import WIDEST_STEPS, smoothing_spline
 FloatArray = NDArray[np.float64]
 
 LEAST_SPEED = 2.0
-"""Below this speed positions say little of time [m/s]."""
+"""Speed below which positions show little of time errors [m/s]."""
 LIVELINESS = 1.0
-"""Density of the acceleration along the way that is taken to be motion [(m/s²)²/Hz]."""
+"""Density of the acceleration along the path that counts as motion [(m/s²)²/Hz]."""
 
 MAX_ROUNDING_OFF = 0.55
 """How far a stamp may lie from an even clock that was rounded, in steps of its resolution: rounding alone
@@ -159,11 +159,11 @@ def spread(stamps: FloatArray, tick: float) -> FloatArray:
 
 
 def by_motion(time: FloatArray, place: FloatArray, limit: float) -> FloatArray:
-    """Return the times at which samples of position were taken, as the way between them tells.
+    """Return the times at which positions were taken, estimated from the displacements between them.
 
-    Stamps wrong by anything up to `limit` put the samples σ = v · limit / √12 off along the way. The speed
+    Stamps wrong by up to `limit` put the samples off by σ = v · limit / √12 along the path. The speed
     changes by white acceleration of the density `LIVELINESS`; then the smoothing spline with λ = σ² /
-    density is the most likely way, and what the samples are off it, along it, is time.
+    density is the most likely path, and the distance of a sample from it, along it, is a time error.
 
     Parameters
     ----------
@@ -172,7 +172,7 @@ def by_motion(time: FloatArray, place: FloatArray, limit: float) -> FloatArray:
     place : (n, 3) array
         Positions in Cartesian axes [m].
     limit
-        By how much a stamp may be wrong [s].
+        Largest error of a stamp [s].
 
     Returns
     -------
@@ -187,7 +187,7 @@ def by_motion(time: FloatArray, place: FloatArray, limit: float) -> FloatArray:
     for _ in range(_ROUNDS):
         curve = smoothing_spline(times, place, smoothing)
         velocity = curve(times, 1)
-        # In slow motion the position's own noise would be taken for time: what is left of it fades out.
+        # In slow motion the noise of the positions would count as a time error: it is faded out.
         late = np.sum((place - curve(times)) * velocity, axis=1) / (
             np.sum(velocity**2, axis=1) + LEAST_SPEED**2
         )
@@ -208,7 +208,7 @@ def _increasing(times: FloatArray, stamps: FloatArray) -> FloatArray:
 
 
 def prediction_error(time: FloatArray, values: FloatArray) -> FloatArray:
-    """Return samples minus what the cubic through two neighbours on each side says of them, (n − 4, m).
+    """Return samples minus the cubic through two neighbours on each side, (n − 4, m).
 
     Small for smooth motion sampled densely; noise of the samples appears √1.94 times as large.
 

@@ -1,7 +1,7 @@
-"""Smooth axes: those in which velocity and attitude of a flight change smoothly, close to a pole too.
+"""Smooth axes: axes in which velocity and attitude change smoothly, also close to a pole.
 
-North, east and down turn fast close to a pole and jump over it. A flight that comes there is taken in
-Earth-fixed axes, any other in north, east, down.
+North, east and down turn fast close to a pole and jump across it. Flights close to a pole are resolved in
+Earth-fixed axes, others in north, east, down.
 """
 
 from __future__ import annotations
@@ -40,7 +40,7 @@ class SmoothAxes:
         return np.asarray(np.einsum("nji,nj->ni", ecef.axes(*position[:, :2].T), vectors))
 
     def attitudes(self, euler: FloatArray, position: FloatArray) -> FloatArray:
-        """Return quaternions q_fb (n, 4) without change of sign from one to the next.
+        """Return quaternions q_fb (n, 4) whose sign does not flip from one to the next.
 
         Parameters
         ----------

@@ -1,4 +1,4 @@
-"""Smoothing: the natural cubic spline that weighs closeness to noisy samples against its own bending.
+"""Smoothing: the natural cubic spline that trades closeness to noisy samples against curvature.
 
 Among all curves g the one with the least Σ (y − g(t))² + λ ∫ g''² dt, so that λ = 0 goes through the
 samples and a large λ gives a straight line. With samples h apart it averages over about (λ h)^¼ seconds.
@@ -24,7 +24,7 @@ from lab.recordings.mission_error import MissionError
 FloatArray = NDArray[np.float64]
 
 LIVELINESS = 0.1
-"""Density of the acceleration that coarse or noisy positions are trusted to show [(m/s²)²/Hz]."""
+"""Density of the acceleration that coarse or noisy positions can show [(m/s²)²/Hz]."""
 
 WIDEST_STEPS = 300.0
 """Largest width (λ/h)^¼ of a smoothing spline in steps h: beyond it its equations lose their digits."""
@@ -164,7 +164,7 @@ def best_smoothing(time: FloatArray, values: FloatArray) -> float:
 def smoothing_of_steps(time: FloatArray, values: FloatArray, step: float) -> float:
     """Return the λ [s³] that positions recorded in coarse steps need at least.
 
-    Rounding to a step errs by its √12th part. Samples closer together than the step err alike, which
+    Rounding to a step q has σ = q/√12. Samples closer together than the step have equal errors, which
     cross-validation takes for motion; so many count as one. λ is the variance over the density of the
     acceleration, `LIVELINESS`.
 

@@ -1,4 +1,4 @@
-"""Time grid: the evenly spaced times a flight is rebuilt at."""
+"""Time grid: the evenly spaced times of a rebuilt flight."""
 
 from __future__ import annotations
 

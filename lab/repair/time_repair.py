@@ -1,7 +1,7 @@
-"""Time repair: from samples as their source stamped them to samples at the times they were taken.
+"""Time repair: from the recorded time stamps to the times at which the samples were taken.
 
-The source's own clock is kept. Where its stamps repeat, are rounded or jitter, the samples get the times
-that fit both the stamps and the motion; what was changed, and by how much, is said.
+The source's own clock is kept. Repeated, rounded or jittery stamps are re-estimated from the stamps and the
+motion; the report states what was changed and by how much.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ FloatArray = NDArray[np.float64]
 
 AS_RECORDED, REPAIRED = "as recorded", "repaired"
 TIME_STAMPS = (REPAIRED, AS_RECORDED)
-"""What may be done with time stamps."""
+"""The choices for time stamps."""
 
 _MIN_REPEATED_PART = 0.05
 """Part of the stamps that has to repeat before repeats are spread: fewer are single mistakes and left out.
@@ -71,14 +71,15 @@ class RepairedFlight:
     tick : float
         Resolution of the stamps [s]; zero where finer than 1 µs.
     method : str
-        "as recorded"; "spread" for repeated stamps spread evenly; "even" for the even spacing that the stamps
-        are a rounded or jittering copy of; "by motion" for the times that the way between the samples tells.
+        "as recorded"; "spread" for repeated stamps spread evenly; "even" for the even spacing that the
+        stamps are a rounded or jittering copy of; "by motion" for times estimated from the displacements
+        between the samples.
     step : float
         The even spacing [s], zero for another method.
     moved_rms, moved_max : float
-        By how much stamps were moved [s].
+        How far stamps were moved [s].
     calmed : float
-        What was left of the unsmoothness of the motion by it, as a factor.
+        Ratio of the roughness of the motion, after over before.
     dropped : tuple of Dropped
         Samples left out, each reason with the time of the first; row numbers count what was left by then.
     cuts : tuple of (float, float)
@@ -123,7 +124,7 @@ def repair(raw: RawFlight, time_stamps: str = REPAIRED, longest_gap: float = 2.0
     MissionError
         If too few samples are left, or the flight is too long.
     """
-    told = len(raw.dropped)
+    reported = len(raw.dropped)
     raw = row_repair.distinct(row_repair.somewhere(row_repair.possible(raw)))
     raw, breaks = row_repair.in_order(raw)
     if not len(breaks):
@@ -150,7 +151,7 @@ def repair(raw: RawFlight, time_stamps: str = REPAIRED, longest_gap: float = 2.0
     step = float(times[-1] / round(times[-1] / np.median(np.diff(times)))) if method == "even" else 0.0
     steps = np.diff(times)
     return RepairedFlight(
-        raw=replace(raw, time=times, dropped=raw.dropped[:told]),
+        raw=replace(raw, time=times, dropped=raw.dropped[:reported]),
         started=started,
         tick=tick,
         method=method,
@@ -158,7 +159,7 @@ def repair(raw: RawFlight, time_stamps: str = REPAIRED, longest_gap: float = 2.0
         moved_rms=float(np.std(moved)),
         moved_max=float(np.abs(moved - np.mean(moved)).max()),
         calmed=calmed,
-        dropped=raw.dropped[told:],
+        dropped=raw.dropped[reported:],
         cuts=cuts,
         gaps=int(np.count_nonzero(steps > _GAP_STEPS * np.median(steps))),
         longest_gap=longest_gap,
@@ -181,8 +182,8 @@ def _one_each(raw: RawFlight, time_stamps: str) -> RawFlight:
     if time_stamps == REPAIRED and again.mean() > _MIN_REPEATED_PART and again.sum() < len(again) - 1:
         last = np.maximum.accumulate(np.where(again, 0, np.arange(len(again))))
         return replace(raw, time=raw.time[last])
-    said = row_repair.said_of(raw, again, "the time stamp of the row before")
-    return raw.rows(~again, tuple(said))
+    dropped = row_repair.dropped_samples(raw, again, "the time stamp of the row before")
+    return raw.rows(~again, tuple(dropped))
 
 
 def _check(raw: RawFlight) -> None:
@@ -200,7 +201,7 @@ def _check(raw: RawFlight) -> None:
 def _best(
     raw: RawFlight, stamps: FloatArray, spread: FloatArray, tick: float
 ) -> tuple[str, FloatArray, float]:
-    """Return the repair the motion speaks for: its name, its times, and what is left of unsmoothness."""
+    """Return the repair that the motion supports: its name, its times, and the ratio of roughness."""
     method = AS_RECORDED if spread is stamps else "spread"
     if len(stamps) < 2 * MIN_SAMPLES:
         return method, spread, 1.0
@@ -208,28 +209,28 @@ def _best(
     if even is not None and np.abs(even - spread).max() <= _UNCHANGED + _UNCHANGED_PART * stamps[-1]:
         return method, spread, 1.0
     evidence = _evidence(raw)
-    before = _unsmoothness(spread, evidence)
+    before = _roughness(spread, evidence)
     if even is not None:
-        ratios = _ratios(before, _unsmoothness(even, evidence))
+        ratios = _ratios(before, _roughness(even, evidence))
         is_rounding = np.abs(even - stamps).max() <= clock.MAX_ROUNDING_OFF * tick
-        if (is_rounding and max(ratios, default=1.0) < _MAX_ROUGHER_IF_ROUNDED) or _speaks_for(ratios):
+        if (is_rounding and max(ratios, default=1.0) < _MAX_ROUGHER_IF_ROUNDED) or _supports(ratios):
             return "even", even, min(ratios, default=1.0)
-    if "position" not in evidence or not _is_off_along_the_way(spread, evidence["position"]):
+    if "position" not in evidence or not _errors_lie_along_path(spread, evidence["position"]):
         return method, spread, 1.0
     usual = float(np.median(np.diff(spread)))
     limit = (
         tick + float(np.abs(spread - stamps).max()) if tick > _COARSE_TICK * usual else _MAX_JITTER * usual
     )
     times = clock.by_motion(spread, evidence["position"], limit)
-    after = _unsmoothness(times, evidence)
-    # The positions made these times: the others have to bear them out, where there are others.
+    after = _roughness(times, evidence)
+    # These times come from the positions: the other quantities, where there are any, have to support them.
     judges = {name: error for name, error in before.items() if name != "position"} or before
     ratios = _ratios(judges, after)
-    return ("by motion", times, min(ratios)) if _speaks_for(ratios) else (method, spread, 1.0)
+    return ("by motion", times, min(ratios)) if _supports(ratios) else (method, spread, 1.0)
 
 
 def _evidence(raw: RawFlight) -> dict[str, FloatArray]:
-    """Return what shows whether times are right, each in Cartesian components without jumps."""
+    """Return the quantities by which times are judged, in Cartesian components without jumps."""
     evidence: dict[str, FloatArray] = {}
     if raw.latitude is not None and raw.longitude is not None:
         places = row_repair.place(raw)
@@ -245,8 +246,8 @@ def _evidence(raw: RawFlight) -> dict[str, FloatArray]:
     return evidence
 
 
-def _unsmoothness(times: FloatArray, evidence: Mapping[str, FloatArray]) -> dict[str, float]:
-    """Return by how much the samples usually miss what their neighbours say of them."""
+def _roughness(times: FloatArray, evidence: Mapping[str, FloatArray]) -> dict[str, float]:
+    """Return the rms difference of the samples from what their neighbours predict."""
     return {
         name: float(
             np.sqrt(np.mean(np.minimum(error := _miss(times, values), _OUTLIERS * np.median(error)) ** 2))
@@ -264,18 +265,18 @@ def _ratios(before: Mapping[str, float], after: Mapping[str, float]) -> list[flo
     return [after[name] / error for name, error in before.items()]
 
 
-def _speaks_for(ratios: list[float]) -> bool:
+def _supports(ratios: list[float]) -> bool:
     return bool(ratios) and min(ratios) < _MAX_BETTER and max(ratios) < _MAX_WORSE
 
 
-def _is_off_along_the_way(times: FloatArray, places: FloatArray) -> bool:
-    """Return whether positions miss what their neighbours say mainly in the direction of motion."""
+def _errors_lie_along_path(times: FloatArray, places: FloatArray) -> bool:
+    """Return whether the errors of positions against their neighbours lie mainly along the path."""
     error = clock.prediction_error(times, places)
-    way = places[3:-1] - places[1:-3]
-    length = np.linalg.norm(way, axis=1)
+    displacement = places[3:-1] - places[1:-3]
+    length = np.linalg.norm(displacement, axis=1)
     moving = length > clock.LEAST_SPEED * (times[3:-1] - times[1:-3])
     if moving.sum() < MIN_SAMPLES:
         return False
-    along = np.sum(error * way, axis=1)[moving] / length[moving]
+    along = np.sum(error * displacement, axis=1)[moving] / length[moving]
     across = np.sqrt(np.maximum(np.sum(error[moving] ** 2, axis=1) - along**2, 0) / 2)
     return bool(np.median(np.abs(along)) > _MIN_ALONG * np.median(across))

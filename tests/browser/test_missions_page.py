@@ -179,7 +179,7 @@ def test_a_flight_is_uploaded_judged_and_added(open_page: Open, mine: Path, tmp_
     upload(page, broken)
     problem = page.get_by_role("alert").filter(has_text="bro_b_ken.csv")
     expect(problem).to_be_visible()
-    expect(problem).to_have_text(re.compile("^bro_b_ken.csv: its content is of no format known here"))
+    expect(problem).to_have_text(re.compile("^bro_b_ken.csv: its format is unknown"))
     upload(page, flight)
     expect(page.get_by_role("alert").filter(has_text="lausible")).to_be_visible()
     expect(page.get_by_text("INS Lab flight csv", exact=True)).to_be_visible()

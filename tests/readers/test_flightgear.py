@@ -66,7 +66,7 @@ def test_rates_that_are_all_zero_are_none(gps, imu):
     flight = read_raw([gps, imu])
     assert flight.body_rate is None
     assert flight.euler is None
-    assert any("cannot be told" in remark for remark in flight.remarks)
+    assert any("cannot be reconstructed" in remark for remark in flight.remarks)
 
 
 def test_units_are_known_by_the_names_of_the_protocol(gps, imu):

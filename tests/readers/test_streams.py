@@ -1,4 +1,4 @@
-"""Streams of an autopilot: where its filter is set anew they are cut, and what is slow is told as slow."""
+"""Streams of an autopilot: they are cut at resets of its filter, and slow ones are reported as slow."""
 
 from __future__ import annotations
 
