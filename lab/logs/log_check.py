@@ -14,7 +14,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from lab.earth import STANDARD_GRAVITY, radii
+from lab.displacement import metres_per_radian
+from lab.earth import STANDARD_GRAVITY
 from lab.logs.log_section import piece
 from lab.logs.sensor_log import SensorLog
 from lab.logs.vehicle import VEHICLES, Vehicle, vehicle_of
@@ -157,10 +158,10 @@ def motion_of(log: SensorLog) -> Motion:
     at = inside[::step]
     velocity = gnss.velocity_n[:, :2]
     if np.isnan(velocity).any():
-        meridian, transverse = radii(np.sin(gnss.position[:, 0]))
-        north = np.gradient(gnss.position[:, 0], time) * meridian
-        east = np.gradient(np.unwrap(gnss.position[:, 1]), time) * transverse
-        velocity = np.stack((north, east * np.cos(gnss.position[:, 0])), axis=-1)
+        per_latitude, per_longitude = metres_per_radian(gnss.position[:, 0], 0.0)
+        north = np.gradient(gnss.position[:, 0], time) * per_latitude
+        east = np.gradient(np.unwrap(gnss.position[:, 1]), time) * per_longitude
+        velocity = np.stack((north, east), axis=-1)
     velocity, time = velocity[at], time[at]
     speed = np.linalg.norm(velocity, axis=1)
     course = np.unwrap(np.arctan2(velocity[:, 1], velocity[:, 0]))

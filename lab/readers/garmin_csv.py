@@ -19,7 +19,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from lab.earth import radii
+from lab.displacement import metres_per_radian
 from lab.readers.fields import (
     NAMED,
     SEA_LEVEL,
@@ -296,12 +296,12 @@ def _legs(columns: Columns, time: FloatArray, speed: FloatArray) -> BoolArray:
 def _course(columns: Columns) -> FloatArray:
     """Return the direction from the row two before to the row two after each [rad]; zero at the ends."""
     latitude, longitude = columns.values["latitude"], columns.values["longitude"]
-    meridian, transverse = radii(np.sin(latitude))
+    per_latitude, per_longitude = metres_per_radian(latitude, 0.0)
     course = np.zeros_like(latitude)
     before, after = slice(None, -2 * _ASTRIDE), slice(2 * _ASTRIDE, None)
     middle = slice(_ASTRIDE, -_ASTRIDE)
-    north = (latitude[after] - latitude[before]) * meridian[middle]
-    east = wrap(longitude[after] - longitude[before]) * (transverse * np.cos(latitude))[middle]
+    north = (latitude[after] - latitude[before]) * per_latitude[middle]
+    east = wrap(longitude[after] - longitude[before]) * per_longitude[middle]
     course[middle] = np.arctan2(east, north)
     return course
 

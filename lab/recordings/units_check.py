@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from lab.earth import radii
+from lab.displacement import metres_per_radian
 from lab.ecef import axes, near_pole, position
 from lab.recordings.mission_error import MissionError
 from lab.units import FOOT, KILOMETRE_PER_HOUR, KNOT, MILE_PER_HOUR
@@ -109,10 +109,10 @@ def _path_ratio(
     travelled = np.concatenate([np.zeros((1, 2)), np.cumsum(steps, axis=0)])[legs]
     by_velocity = np.diff(travelled, axis=0)
     middle = (latitude[legs][1:] + latitude[legs][:-1]) / 2
-    meridian, transverse = radii(np.sin(middle))
+    per_latitude, per_longitude = metres_per_radian(middle, 0.0)
     turn = np.diff(longitude[legs])
     turn -= 2 * np.pi * np.round(turn / (2 * np.pi))
-    by_position = np.column_stack([np.diff(latitude[legs]) * meridian, turn * transverse * np.cos(middle)])
+    by_position = np.column_stack([np.diff(latitude[legs]) * per_latitude, turn * per_longitude])
     return _likeness(by_velocity, by_position)
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from lab import earth
+from lab.displacement import metres_per_radian
 from lab.repair.raw_flight import JUDGED_SAMPLES, RawFlight
 
 FloatArray = NDArray[np.float64]
@@ -58,10 +58,10 @@ def value_steps(raw: RawFlight) -> dict[str, tuple[float, str]]:
     """
     steps: dict[str, tuple[float, str]] = {}
     if raw.latitude is not None and raw.longitude is not None:
-        meridian, transverse = earth.radii(np.sin(raw.latitude[0]))
-        north = value_step(raw.latitude) * meridian
-        east = value_step(raw.longitude) * transverse * np.cos(raw.latitude[0])
-        steps["position"] = float(max(north, east)), "m"
+        per_latitude, per_longitude = metres_per_radian(raw.latitude[:1], 0.0)
+        north = value_step(raw.latitude) * per_latitude.item()
+        east = value_step(raw.longitude) * per_longitude.item()
+        steps["position"] = max(north, east), "m"
     if raw.height is not None:
         steps["height"] = value_step(raw.height), "m"
     if raw.velocity_n is not None:
