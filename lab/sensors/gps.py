@@ -1,8 +1,8 @@
-"""GPS: what a receiver reports of the true position and velocity (the truth side).
+"""GPS: simulated fixes of a receiver from the true position and velocity (the truth side).
 
 A fix is the truth at its time plus errors in metres: white and first-order Gauss-Markov noise, whose σ grows
-while the constellation is bad; outliers of the position; and, where the receiver is late or its antenna is
-not where the IMU is, the way from the IMU now to the antenna then.
+while the constellation is bad; outliers of the position; and, with a latency or a lever arm, the displacement
+from the IMU now to the antenna then.
 
 References
 ----------
@@ -172,7 +172,7 @@ class GpsDraws(NamedTuple):
 
 
 class GpsFixes(NamedTuple):
-    """What a receiver reports; the position [rad], [rad], [m] and velocity_n [m/s] as in `navigation.Fixes`.
+    """The fixes of a receiver; the position [rad], [rad], [m] and velocity_n [m/s] as in `navigation.Fixes`.
 
     Attributes
     ----------
@@ -205,7 +205,7 @@ def outside_outages(errors: GpsErrors, times: FloatArray) -> NDArray[np.bool_]:
 
 
 def antenna(trajectory: Trajectory, errors: GpsErrors, times: FloatArray) -> Truth:
-    """Return the truth of the antenna as fixes at the times report it.
+    """Return the true motion of the antenna at the times of fixes.
 
     The truth one latency earlier, moved by the lever arm l_b: C_nb l_b in position and C_nb (ω_eb,b × l_b) in
     velocity, with ω_eb,b = ω_ib,b − C_bn ω_ie,n (Groves, ch. 2.5). Attitude stays that of the IMU.
@@ -237,7 +237,7 @@ def antenna(trajectory: Trajectory, errors: GpsErrors, times: FloatArray) -> Tru
 
 
 def measure(truth: Truth, errors: GpsErrors, draws: GpsDraws, seen: Truth | None = None) -> GpsFixes:
-    """Return the fixes of a receiver; with a latency, none before it has passed.
+    """Return the fixes of a receiver; with a latency, none before it has elapsed.
 
     Parameters
     ----------
@@ -252,12 +252,14 @@ def measure(truth: Truth, errors: GpsErrors, draws: GpsDraws, seen: Truth | None
     """
     position_error, velocity_error = noise(truth.time, errors, draws)
     if seen is not None:
-        position_error = position_error + _way(truth, seen)
+        position_error = position_error + _displacement(truth, seen)
         seen_n = ecef.turned_near_pole(seen.velocity_n, seen.position, truth.position)
-        velocity_error = velocity_error + _turned(seen_n - truth.velocity_n)
+        velocity_error = velocity_error + _swapped_axes(seen_n - truth.velocity_n)
     position = _moved(truth, position_error)
     # A receiver knows north at the place it gives.
-    velocity_n = ecef.turned_near_pole(truth.velocity_n + _turned(velocity_error), truth.position, position)
+    velocity_n = ecef.turned_near_pole(
+        truth.velocity_n + _swapped_axes(velocity_error), truth.position, position
+    )
     keep = outside_outages(errors, truth.time) & (truth.time > errors.latency - 1e-9)
     return GpsFixes(
         truth.time[keep],
@@ -304,32 +306,32 @@ def within(intervals: Sequence[tuple[float, float]], times: FloatArray) -> NDArr
     return inside
 
 
-def _moved(truth: Truth, way: FloatArray) -> FloatArray:
-    """Return latitude, longitude [rad] and height [m], (m, 3), of what is so far east, north, up [m]."""
-    east, north, up = way.T
+def _moved(truth: Truth, displacement: FloatArray) -> FloatArray:
+    """Return latitude, longitude [rad] and height [m], (m, 3), displaced by east, north, up [m]."""
+    east, north, up = displacement.T
     meridian, transverse = earth.radii(np.sin(truth.latitude))
     latitude = truth.latitude + north / (meridian + truth.height)
     longitude = truth.longitude + east / ((transverse + truth.height) * np.cos(truth.latitude))
     place = np.stack((latitude, longitude, truth.height + up), axis=-1)
     near = ecef.near_pole(truth.latitude)
     if near.any():
-        place[near] = ecef.moved(truth.position[near], _turned(way[near]))
+        place[near] = ecef.moved(truth.position[near], _swapped_axes(displacement[near]))
     return place
 
 
-def _way(truth: Truth, other: Truth) -> FloatArray:
-    """Return how far another place is east, north, up (m, 3) [m]; the inverse of `_moved`."""
+def _displacement(truth: Truth, other: Truth) -> FloatArray:
+    """Return the displacement to another position, east, north, up (m, 3) [m]; the inverse of `_moved`."""
     meridian, transverse = earth.radii(np.sin(truth.latitude))
     north = (other.latitude - truth.latitude) * (meridian + truth.height)
     turn = rotation.wrap(other.longitude - truth.longitude)
     east = turn * (transverse + truth.height) * np.cos(truth.latitude)
-    way = np.stack((east, north, other.height - truth.height), axis=-1)
+    displacement = np.stack((east, north, other.height - truth.height), axis=-1)
     near = ecef.near_pole(truth.latitude)
     if near.any():
-        way[near] = _turned(ecef.way(truth.position[near], other.position[near]))
-    return way
+        displacement[near] = _swapped_axes(ecef.way(truth.position[near], other.position[near]))
+    return displacement
 
 
-def _turned(vectors: FloatArray) -> FloatArray:
-    """Return vectors (m, 3) from north, east, down to east, north, up, or back."""
+def _swapped_axes(vectors: FloatArray) -> FloatArray:
+    """Convert vectors (m, 3) from north, east, down to east, north, up, or back."""
     return vectors[:, [1, 0, 2]] * (1, 1, -1)
