@@ -1,4 +1,4 @@
-"""Aircraft: those the pilot can fly: their limits, their speeds, and how briskly he moves the controls.
+"""Aircraft: the aircraft the pilot can fly: limits, speeds, and gains of the controls.
 
 The models are JSBSim's own. Limits are what the pilot flew in calm air and in turbulence of severity 2, as
 `tests/flying/test_aircraft.py` does again; they are not those of the real aircraft's handbook.
@@ -13,12 +13,12 @@ from dataclasses import dataclass, field
 
 @dataclass(frozen=True)
 class Gains:
-    """How far the pilot moves a control for what the instruments show; the defaults are the Cessna 172's.
+    """Gains from instruments to controls; the defaults are those of the Cessna 172.
 
     Attributes
     ----------
     aileron, elevator, rudder : float
-        Factors on all deflections: large where a control does little.
+        Factors on all deflections: large for weak controls.
     throttle_speed : float
         Throttle per airspeed too low [1/(m/s)].
     throttle_trim : float
@@ -45,21 +45,21 @@ class Aircraft:
     Attributes
     ----------
     name : str
-        JSBSim's name of it.
+        Its name in JSBSim.
     title : str
-        What people call it.
+        Its name for people.
     limits : mapping
         Limits of the numbers of a flight plan, by their names, where they are narrower than a manoeuvre's.
     airspeed, rate : float
-        What it flies and climbs at where the plan does not say [m/s].
+        Default airspeed and rate of climb [m/s].
     climb_acceleration : float
-        At which a rate of climb is taken up and off [m/s²].
+        Acceleration with which a rate of climb is taken up and off [m/s²].
     slowest : float
         Airspeed below which the pilot lowers the nose.
     stall_alpha, stall_airspeed : float
-        Beyond which it is said to have stalled [rad], [m/s].
+        Limits beyond which it has stalled [rad], [m/s].
     gains : Gains
-        How briskly the pilot moves the controls.
+        The pilot's gains.
     standing_height_ft : float
         Height of the centre of gravity above the runway at which JSBSim puts it down [ft].
     rotation : float or None
@@ -226,4 +226,4 @@ _ALL = (
 )
 
 AIRCRAFT: dict[str, Aircraft] = {aircraft.name: aircraft for aircraft in _ALL}
-"""Every aircraft the pilot flies, by JSBSim's name of it."""
+"""Every aircraft the pilot flies, by Its name in JSBSim."""

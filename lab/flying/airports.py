@@ -20,8 +20,8 @@ from lab.units import FOOT
 def runways() -> Mapping[str, dict[str, float]]:
     """Return the runways by name, such as ``EGSS 22``: each as the ``[flight.runway]`` table of a plan.
 
-    The height is the elevation above the sea: a flight from there lies as much too low or too high as the
-    geoid is from the ellipsoid there. The heading is the course of the geodesic to the other end.
+    The height is the elevation above the sea: a flight from there is too low or too high by the height of
+    the geoid there. The heading is the course of the geodesic to the other end.
     """
     from lab.flying.geodesic import geodesic  # noqa: PLC0415 - only needed by those who start there
 

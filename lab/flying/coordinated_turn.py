@@ -2,19 +2,20 @@
 
 An aircraft in a coordinated turn feels no side force: its lift, the part of the specific force across the
 path, lies in its plane of symmetry. That gives the bank; the nose is taken to point along the path (angle of
-attack and sideslip 0, no wind). A car follows the slope and does not lean, a boat stays level. What comes out
-is a reconstruction, to be called so wherever it is shown.
+attack and sideslip 0, no wind). A car follows the slope and does not lean, a boat stays level. The result
+is a reconstruction and must be labelled so wherever it is shown.
 
-Slow motion tells little: the noise of a velocity turns its direction round. Where slow motion would turn the
-heading faster than a vehicle turns, the heading is held; the pitch follows the path only at speed.
+In slow motion the noise of the velocity dominates its direction. Where that would turn the heading faster
+than a vehicle turns, the heading is held; the pitch follows the path only at speed.
 
 Left out, since only the velocity is known: the Coriolis acceleration and the curvature of the Earth (0.04° of
 bank at 50 m/s, 0.2° at 250 m/s), and that gravity is not everywhere the standard one (0.3 % of tan of bank).
 
 References
 ----------
-B. Etkin, L. D. Reid, *Dynamics of Flight*, 3rd ed., ch. 7.3 (the steady turn: tan φ = v ψ̇ / g); P. D. Groves,
-*Principles of GNSS, Inertial and Multisensor Integrated Navigation Systems*, 2nd ed., eq. 5.11 (f = a − g).
+B. Etkin, L. D. Reid, *Dynamics of Flight*, 3rd ed., ch. 7.3 (the steady turn: tan φ = v ψ̇ / g); P. D.
+Groves, *Principles of GNSS, Inertial and Multisensor Integrated Navigation Systems*, 2nd ed., eq. 5.11 (f
+= a − g).
 """
 
 from __future__ import annotations
@@ -33,7 +34,7 @@ Vehicle = Literal["aircraft", "car", "boat"]
 
 VEHICLES = get_args(Vehicle)
 STANDSTILL = 0.5
-"""Horizontal speed below which the velocity does not tell a heading [m/s]."""
+"""Horizontal speed below which the velocity shows no heading [m/s]."""
 TAXIING = 5.0
 """Speed up to which an aircraft does not bank: its wheels carry it [m/s]."""
 FLYING = 10.0
@@ -61,8 +62,8 @@ def attitude(time: FloatArray, velocity_n: FloatArray, vehicle: Vehicle = "aircr
     """Return the attitude that goes with a velocity.
 
     At a standstill the last heading is kept; if the vehicle leaves in another direction, it turns to it
-    within the last seconds before. So it is where the direction of slow motion turns faster than 90 °/s.
-    Where an aircraft is nearly weightless or worse, its bank is held down instead of rolling it over.
+    within the last seconds before. The same holds where the direction of slow motion turns faster than 90
+    °/s. Where an aircraft is nearly weightless or worse, its bank is held down instead of rolling it over.
 
     Parameters
     ----------
@@ -169,6 +170,6 @@ def _at_least(values: FloatArray, floor: float) -> FloatArray:
 
 
 def _smooth_step(part: FloatArray) -> FloatArray:
-    """Return 0 up to 0, 1 from 1 on, and a smooth way between them."""
+    """Return 0 up to 0, 1 from 1 on, and a smooth step between them."""
     part = np.clip(part, 0.0, 1.0)
     return np.asarray(part * part * (3.0 - 2.0 * part))

@@ -37,12 +37,12 @@ SHORTEST = 2.0
 
 @dataclass(frozen=True, eq=False)
 class Flight:
-    """What became of a plan.
+    """The result of flying a plan.
 
     Attributes
     ----------
     recording : Recording
-        What was flown: one sample every 55 ms of simulator time.
+        The flown motion: one sample every 55 ms of simulator time.
     ending : str
         Empty when the plan was flown to its end. Else a sentence for a person: what happened, when, during
         which manoeuvre, and what to change.
@@ -78,8 +78,8 @@ def fly(
     Raises
     ------
     MissionError
-        If JSBSim is missing, the flight ended before `SHORTEST` seconds were flown, the way or the motion
-        cannot be carried out, or a seed is given for them, who have no turbulence.
+        If JSBSim is missing, the flight ended before `SHORTEST` seconds were flown, the path or the motion
+        cannot be carried out, or a seed is given for them, which have no turbulence.
     """
     if not isinstance(plan, FlightPlan):
         return _carry_out(plan, seed, progress)

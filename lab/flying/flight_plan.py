@@ -114,7 +114,7 @@ class FlightPlan:
         return plan
 
     def to_dict(self) -> dict[str, Any]:
-        """Return the plan as plain data, what is as by default left out: `from_dict` gives the plan again."""
+        """Return the plan as plain data without defaults; `from_dict` restores the plan."""
         values: dict[str, Any] = {"aircraft": self.aircraft, **plain_part(self)}
         for name, part in (("runway", self.runway), ("air_start", self.air_start)):
             if part is not None:
@@ -129,7 +129,7 @@ class FlightPlan:
 
     @property
     def flown_with(self) -> Aircraft:
-        """What the pilot knows of the aircraft."""
+        """The aircraft as the pilot knows it."""
         return AIRCRAFT[self.aircraft]
 
     def with_seed(self, seed: int) -> FlightPlan:

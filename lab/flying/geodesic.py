@@ -1,4 +1,4 @@
-"""Geodesic: the shortest way between two points on the ellipsoid, its length and its courses."""
+"""Geodesic: the shortest path between two points on the ellipsoid, its length and its courses."""
 
 from __future__ import annotations
 

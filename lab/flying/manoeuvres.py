@@ -1,4 +1,4 @@
-"""Manoeuvres: what a flight plan asks the pilot to fly, one after the other."""
+"""Manoeuvres: the parts of a flight plan, which the pilot flies one after the other."""
 
 from __future__ import annotations
 
@@ -160,7 +160,7 @@ WORDS = {kind: word for word, kind in MANOEUVRES.items()}
 
 
 def single_turns(manoeuvre: Manoeuvre) -> tuple[Manoeuvre, ...]:
-    """Return what a manoeuvre consists of: S-turns and eights of single turns, others of themselves."""
+    """Return the turns of S-turns and eights, and any other manoeuvre itself."""
     match manoeuvre:
         case STurns():
             count, angle = manoeuvre.turns, manoeuvre.angle_deg

@@ -1,8 +1,8 @@
-"""MotionPlan: a motion as a list of commands for attitude and velocity, as gnss-ins-sim's files have it.
+"""MotionPlan: a motion as a list of commands for attitude and velocity, as in files of gnss-ins-sim.
 
 A command gives Euler angles (°, or °/s for type 1) and the velocity along the body's axes (m/s, or m/s² for
-type 1). It ends when what it asks is reached, or after its time; one of type 1 after its time. Angles are
-taken as written: from a yaw of 350° to 10° it turns left by 340°. The response is smooth: accelerations,
+type 1). It ends when its target is reached, or after its time; one of type 1 ends after its time. Angles are
+used as written: from a yaw of 350° to 10° it turns left by 340°. The response is smooth: accelerations,
 turning too, build up within a tenth of a second and stay within the plan's limits.
 
 Type 1 gives rates, 2 attitude and velocity to reach, 3 their changes, 4 attitude to reach and change of
@@ -62,7 +62,7 @@ class MotionStart:
 
 @dataclass(frozen=True)
 class MotionCommand:
-    """One command; what its numbers mean is decided by its type."""
+    """One command; its type decides the meaning of its numbers."""
 
     type: int = number("Type", "", (1, 5), "1 rates; 2 to reach; 3 changes; 4 and 5 mixed.", whole=True)
     seconds: float = number("Time", "s", (0, MAX_DURATION), "Longest time it takes.")
@@ -127,7 +127,7 @@ class MotionPlan:
         return read_part(cls, values, where, parts)
 
     def to_dict(self) -> dict[str, Any]:
-        """Return the plan as plain data, what is as by default left out: `from_dict` gives the plan again."""
+        """Return the plan as plain data without defaults; `from_dict` restores the plan."""
         commands = [plain_part(command) for command in self.commands]
         return {**plain_part(self), "start": plain_part(self.start), "commands": commands}
 
@@ -146,12 +146,12 @@ def _commands(entries: Any, where: str) -> tuple[MotionCommand, ...]:
 
 @dataclass(frozen=True, eq=False)
 class Motion:
-    """A motion carried out.
+    """The result of a motion plan.
 
     Attributes
     ----------
     recording : Recording
-        What was moved.
+        The recorded motion.
     without_gps : tuple of (float, float)
         Times without GPS, start and end [s].
     """

@@ -2,7 +2,7 @@
 
 Two header lines, each followed by numbers: the start (latitude, longitude in degrees, height in m, velocity
 along the body's axes in m/s, yaw, pitch, roll in degrees), then one command per row: type, yaw, pitch, roll,
-velocity along the body's axes, longest time in s, GPS visibility. The last column means nothing where it is
+velocity along the body's axes, longest time in s, GPS visibility. The last column is ignored where it is
 headed "reserved", as in older files.
 """
 
@@ -56,7 +56,7 @@ def read_motion_file(path: Path) -> MotionPlan:
             "of 9 numbers, a header line that begins with 'command type', and a line of 9 numbers per command"
         )
     start = _numbers(path, 2, rows[1], _START)
-    told = any("visib" in cell.lower() for cell in rows[2])
+    has_gps = any("visib" in cell.lower() for cell in rows[2])
     commands: list[dict[str, Any]] = []
     for line, row in enumerate(rows[3:], 4):
         if not any(row):
@@ -66,7 +66,7 @@ def read_motion_file(path: Path) -> MotionPlan:
         command: dict[str, Any] = _numbers(path, line, row, _COMMAND)
         for key in ("type", "gps"):
             command[key] = int(command[key]) if command[key].is_integer() else command[key]
-        commands.append(command if told else {key: command[key] for key in _COMMAND[:-1]})
+        commands.append(command if has_gps else {key: command[key] for key in _COMMAND[:-1]})
     return MotionPlan.from_dict({"start": start, "commands": commands}, str(path))
 
 

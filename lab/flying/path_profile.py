@@ -1,4 +1,4 @@
-"""Way profile: speed, course and height along a way of straight legs and corners, in time.
+"""Path profile: speed, course and height over time, along a path of straight legs and corners.
 
 Everything changes along one smooth step, x³ (10 - 15 x + 6 x²), whose first two derivatives vanish at its
 ends, so that speed and turn rate, and the accelerations they cause, have no jumps.

@@ -35,7 +35,7 @@ _SKID_RATE = math.radians(2.0)
 """Rate at which a sideslip is built up [rad/s]: slow enough for the rudder to hold it."""
 
 PATIENCE = 60.0
-"""Time without getting nearer to what a manoeuvre asks after which it cannot be done [s]."""
+"""Time without progress of a manoeuvre after which it cannot be done [s]."""
 
 
 class Pilot:
@@ -92,7 +92,7 @@ class Pilot:
 
     @property
     def aircraft(self) -> Aircraft:
-        """What the pilot knows of the aircraft."""
+        """The aircraft as the pilot knows it."""
         return self._aircraft
 
     @property
@@ -136,7 +136,7 @@ class Pilot:
         return self._controls
 
     def stuck(self, time: float, seen: Instruments) -> str:
-        """Return what the manoeuvre asks and does not come nearer to for `PATIENCE`, or nothing.
+        """Return the target that the manoeuvre has not come closer to for `PATIENCE`, or nothing.
 
         Parameters
         ----------
@@ -153,7 +153,7 @@ class Pilot:
         return what if time - self._nearest_at > PATIENCE and left > enough else ""
 
     def _left(self, time: float, seen: Instruments) -> tuple[float, float, str]:
-        """Return what is left to do, a step that counts as nearer, and words for it."""
+        """Return the remaining amount, the least decrease that counts, and words for it."""
         match self._step:
             case TakeOff() as take_off:
                 if time - self._begun_at < take_off.wait_s:

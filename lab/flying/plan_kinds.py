@@ -1,4 +1,4 @@
-"""Plan kinds: the three ways a flight may be planned, told apart by what the plan lists.
+"""Plan kinds: the three kinds of flight plans, distinguished by what a plan lists.
 
 ``manoeuvres`` are flown in JSBSim (`FlightPlan`), ``waypoints`` are passed one after the other
 (`WaypointPlan`), ``commands`` are followed (`MotionPlan`); the latter two need no simulator.
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     Plan = FlightPlan | WaypointPlan | MotionPlan
 
 KINDS = ("manoeuvres", "waypoints", "commands")
-"""What a plan lists: one of these keys."""
+"""The keys of lists, of which a plan has one."""
 
 
 def read_plan(values: Mapping[str, Any], where: str = "flight") -> Plan:

@@ -1,4 +1,4 @@
-"""Plan table: the tables of a flight plan as frozen dataclasses whose fields say what they accept."""
+"""Plan table: the tables of a flight plan as frozen dataclasses whose fields declare what they accept."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ SPEEDS = (-350.0, 350.0)
 
 @dataclass(frozen=True)
 class Entry:
-    """What a field of a table means and accepts: for reading TOML, for widgets and for messages.
+    """The meaning and the limits of a field: for reading TOML, for widgets and for messages.
 
     Attributes
     ----------
@@ -152,7 +152,7 @@ def accept(kind: type, key: str, value: Any, where: str, limits: Limits | None =
 
 
 def plain_part(part: Any) -> dict[str, Any]:
-    """Return the numbers and texts of a table as plain data, what TOML cannot say and defaults left out."""
+    """Return the numbers and texts of a table as plain data, without defaults."""
     values = {name: getattr(part, name) for name in entries(type(part))}
     defaults = {field.name: field.default for field in dataclasses.fields(part)}
     return {name: value for name, value in values.items() if value != defaults[name]}

@@ -1,4 +1,4 @@
-"""SimulatedAircraft: what a pilot flies: instruments to read, controls to move, flown by JSBSim."""
+"""SimulatedAircraft: an aircraft simulated by JSBSim, with instruments to read and controls to move."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ class Controls:
 
 @dataclass(slots=True)
 class Instruments:
-    """What the pilot sees, SI and radians.
+    """The instruments' values, in SI units and radians.
 
     Attributes
     ----------

@@ -1,9 +1,9 @@
-"""WaypointPlan: a way from point to point as a smooth motion of a car, an aircraft or a boat.
+"""WaypointPlan: a path from point to point as a smooth motion of a car, an aircraft or a boat.
 
 Legs are geodesics. A corner is flown by: the turn begins before the waypoint and ends after it, its rate
-builds up smoothly, stays constant (a circle) and dies away as it came, at the speed of the slower of its two
-legs. A leg is accelerated on at its begin and slowed down on at its end, and its height follows one smooth S.
-A waypoint with a wait is stopped at. Attitude is that of a coordinated turn.
+builds up smoothly, stays constant (a circle) and decays in the same way, at the speed of the slower of its
+two legs. A leg accelerates at its begin and slows down at its end, and its height follows one smooth S.
+The vehicle stops at a waypoint with a wait. Attitude is that of a coordinated turn.
 
 Speeds are those over the ellipsoid at height 0; 1 km higher it is 0.016 % more.
 """
@@ -58,7 +58,7 @@ _DEFAULTS = {  # acceleration, lateral acceleration [m/s²], turn rate [rad/s], 
 
 @dataclass(frozen=True)
 class Waypoint:
-    """A point of the way and how it is passed."""
+    """A point of the path and how it is passed."""
 
     latitude_deg: float = number("Latitude", "°", LATITUDES, "Geodetic latitude on WGS-84.")
     longitude_deg: float = number("Longitude", "°", TURNS, "Longitude on WGS-84, east positive.")
@@ -71,7 +71,7 @@ class Waypoint:
 
 @dataclass(frozen=True)
 class WaypointPlan:
-    """A way from point to point."""
+    """A path from point to point."""
 
     waypoints: tuple[Waypoint, ...]
     vehicle: str = choice(
@@ -119,7 +119,7 @@ class WaypointPlan:
         return read_part(cls, values, where, parts)
 
     def to_dict(self) -> dict[str, Any]:
-        """Return the plan as plain data, what is as by default left out: `from_dict` gives the plan again."""
+        """Return the plan as plain data without defaults; `from_dict` restores the plan."""
         return {**plain_part(self), "waypoints": [plain_part(waypoint) for waypoint in self.waypoints]}
 
 
@@ -129,8 +129,8 @@ def travel(plan: WaypointPlan) -> Recording:
     Raises
     ------
     MissionError
-        If waypoints coincide or lie too near each other for their turns and changes of speed, turn back too
-        sharply or climb too steeply, or the way takes too long.
+        If waypoints coincide or lie too near each other for their turns and changes of speed, turn back
+        too sharply or climb too steeply, or the path takes too long.
     """
     points = plan.waypoints
     distance, course = _geodesics(points)
@@ -139,7 +139,7 @@ def travel(plan: WaypointPlan) -> Recording:
     total = sum(leg.lasts for leg in legs) + sum(turn.lasts for turn in turns)
     if not 4 * SAMPLE <= total <= MAX_DURATION:
         raise MissionError(
-            f"the way takes {total:.6g} s; accepted are {4 * SAMPLE:g} to {MAX_DURATION:g} s: change "
+            f"the path takes {total:.6g} s; accepted are {4 * SAMPLE:g} to {MAX_DURATION:g} s: change "
             "speeds or waypoints"
         )
     time = np.linspace(0.0, total, math.ceil(total / SAMPLE) + 1)
@@ -158,7 +158,7 @@ def _geodesics(points: Sequence[Waypoint]) -> tuple[FloatArray, FloatArray]:
         first = int(short[0]) + 1
         raise MissionError(
             f"waypoints {first} and {first + 1} are at one place, or opposite each other on the Earth; "
-            "accepted are waypoints with one shortest way between them"
+            "accepted are waypoints with one shortest path between them"
         )
     return distance, np.stack((out, arriving), axis=-1)
 
@@ -219,7 +219,7 @@ def _leg(plan: WaypointPlan, number_: int, distance: float, turns: Sequence[Turn
         )
     if leg.steepest > STEEPEST:
         raise MissionError(
-            f"the way between {between} climbs or descends by {leg.steepest:.2g} m per m; accepted is up to "
+            f"the path between {between} climbs or descends by {leg.steepest:.2g} m per m; accepted is up to "
             f"{STEEPEST:g}"
         )
     return leg

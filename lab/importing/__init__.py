@@ -1,4 +1,4 @@
 """Importing: a raw flight becomes a recording: rebuilt on a regular grid, judged, and reported.
 
-In: a `RawFlight`. Out: a `Recording`, and a report that says what was repaired, rebuilt and assumed.
+In: a `RawFlight`. Out: a `Recording`, and a report on what was repaired, rebuilt and assumed.
 """

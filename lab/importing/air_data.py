@@ -1,10 +1,12 @@
-"""Air data: the flight that airspeed, roll, pitch, heading, angle of attack and sideslip tell.
+"""Air data: a flight reconstructed from airspeed, attitude, angle of attack and sideslip.
 
-The velocity through the air, turned by the attitude, plus the wind is the velocity over the Earth; its
-integral over the ellipsoid is the way. The wind may be given, or fitted to positions.
+The velocity through the air, resolved in n by the attitude, plus the wind is the velocity over the Earth; its
+integral over the ellipsoid is the path. The wind is given, or fitted to positions.
 
-References ---------- B. L. Stevens, F. L. Lewis, E. N. Johnson, *Aircraft Control and Simulation*, 3rd ed.,
-eq. 2.3-6 (velocity from airspeed, angle of attack and sideslip).
+References
+----------
+B. L. Stevens, F. L. Lewis, E. N. Johnson, *Aircraft Control and Simulation*, 3rd ed., eq. 2.3-6 (velocity
+from airspeed, angle of attack and sideslip).
 """
 
 from __future__ import annotations
@@ -45,10 +47,10 @@ def air_velocity(airspeed: FloatArray, alpha: FloatArray, beta: FloatArray, eule
 
 
 def flown(time: FloatArray, velocity_n: FloatArray, start: FloatArray) -> FloatArray:
-    """Return the latitudes, longitudes [rad] and heights [m], (n, 3), a velocity leads to.
+    """Return the positions that a velocity leads to: latitude, longitude [rad], height [m], (n, 3).
 
-    Picard's iteration in Earth-fixed axes: the axes north, east, down of each sample are taken where the
-    round before came to.
+    Picard's iteration in Earth-fixed axes: the axes north, east, down of each sample are those at its
+    position in the round before.
 
     Parameters
     ----------
@@ -64,8 +66,8 @@ def flown(time: FloatArray, velocity_n: FloatArray, start: FloatArray) -> FloatA
     position = np.tile(here, (len(time), 1))
     for _ in range(_MAX_ROUNDS):
         velocity_e = np.einsum("nij,nj->ni", ecef.axes(position[:, 0], position[:, 1]), velocity_n)
-        way = CubicSpline(time, velocity_e).antiderivative()(time)
-        moved = ecef.geodetic(r_start + way)
+        displacement = CubicSpline(time, velocity_e).antiderivative()(time)
+        moved = ecef.geodetic(r_start + displacement)
         change = np.abs(ecef.position(moved) - ecef.position(position)).max()
         position = moved
         if change < _CONVERGED:
@@ -78,8 +80,8 @@ def fit_wind(
 ) -> tuple[FloatArray, FloatArray]:
     """Return the constant wind and the start with which a flight follows recorded positions best.
 
-    Least squares on all three axes; a vertical wind makes up for what a constant error of the angle of
-    attack or the pitch does.
+    Least squares on all three axes; a vertical wind compensates a constant error of the angle of
+    attack or the pitch.
 
     Parameters
     ----------

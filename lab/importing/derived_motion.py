@@ -1,4 +1,4 @@
-"""Derived motion: the specific forces and body rates that recorded samples imply, and their noise.
+"""Derived motion: specific forces and body rates derived from recorded samples, and their noise.
 
 References
 ----------
@@ -30,7 +30,8 @@ _POLE = np.radians(89.0)
 def specific_force(position: FloatArray, velocity_n: FloatArray, acceleration_n: FloatArray) -> FloatArray:
     """Return the specific force, north, east, down (n, 3) [m/s²] (Groves 5.53).
 
-    Its length is what an accelerometer feels; within a degree of a pole the turning of north is left out.
+    Its magnitude is what an accelerometer measures; within a degree of a pole the turning of north is left
+    out.
 
     Parameters
     ----------
@@ -83,10 +84,10 @@ def spline_rates(time: FloatArray, values: FloatArray, order: int) -> FloatArray
 
 
 def roughness(values: FloatArray) -> float:
-    """Return the rms of what is in evenly spaced vectors (n, 3) beyond the parabola through five in a row.
+    """Return the rms residual of evenly spaced vectors (n, 3) against the parabola through five in a row.
 
-    Of white noise of σ = 1 on each axis this is 1.2, of noise that alternates from sample to sample 2.4; a
-    motion that a few samples follow gives nothing.
+    It is 1.2 for white noise of σ = 1 on each axis, 2.4 for noise that alternates from sample to sample,
+    and near 0 for motion that is slow against the samples.
     """
     if len(values) <= _WINDOW:
         return 0.0

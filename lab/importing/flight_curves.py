@@ -1,6 +1,6 @@
-"""Flight curves: position and velocity on a regular grid, from what a file has of them.
+"""Flight curves: position and velocity on a regular grid, from the quantities of a file.
 
-Three ways: the recorded velocity integrated and held to the positions; a smoothing spline through the
+Three methods: the recorded velocity, integrated and anchored to the positions; a smoothing spline through the
 positions; the velocity through the air plus the wind.
 """
 
@@ -59,7 +59,7 @@ _LEAST_WIDTH = 0.3
 
 @dataclass(eq=False)
 class FlightCurves:
-    """The curves of one flight, and what was found in making them.
+    """The curves of one flight, and how they were made.
 
     Parameters
     ----------
@@ -73,13 +73,13 @@ class FlightCurves:
     Attributes
     ----------
     smoothing : dict of float
-        λ of what was smoothed [s³].
+        λ by the name of what was smoothed [s³].
     wind : (3,) array or None
         Velocity of the air that was added, north, east, down [m/s].
     slowest : float
-        Speed below which a heading cannot be told, for noise of the positions [m/s].
+        Speed below which the noise of the positions hides the heading [m/s].
     remarks : list of str
-        What was assumed.
+        Remarks on what was assumed.
     """
 
     raw: RawFlight
@@ -103,21 +103,21 @@ class FlightCurves:
     def of_positions(self) -> tuple[FloatArray, FloatArray]:
         """Return the same by a smoothing spline through the positions.
 
-        The way over the ellipsoid in Earth-fixed axes and the height each have a spline of their own: they
-        are recorded with different resolution.
+        The displacement over the ellipsoid in Earth-fixed axes and the height have separate splines: their
+        resolutions differ.
         """
         position = self.recorded_positions()
         r_e = ecef.position(position * (1.0, 1.0, 0.0))
         steps = value_steps(self.raw)
-        way = self._spline("position", r_e - r_e[0], steps["position"][0])
+        displacement = self._spline("position", r_e - r_e[0], steps["position"][0])
         if "position" in self.smoothing:
-            off = float(np.sqrt(np.mean((way(self.raw.time) - r_e + r_e[0]) ** 2)))
+            off = float(np.sqrt(np.mean((displacement(self.raw.time) - r_e + r_e[0]) ** 2)))
             noise = slope_noise(self.raw.time, off, self.smoothing["position"])
             self.slowest = max(_MIN_HEADING_SPEED, _NOISE_FACTOR * noise)
         climb = self._spline("height", position[:, 2:], steps.get("height", (0.0, "m"))[0])
-        there = ecef.geodetic(way(self.grid) + r_e[0])
+        there = ecef.geodetic(displacement(self.grid) + r_e[0])
         there[:, 2] = climb(self.grid)[:, 0]
-        velocity_n = np.einsum("nji,nj->ni", ecef.axes(there[:, 0], there[:, 1]), way(self.grid, 1))
+        velocity_n = np.einsum("nji,nj->ni", ecef.axes(there[:, 0], there[:, 1]), displacement(self.grid, 1))
         meridian, transverse = earth.radii(np.sin(there[:, 0]))
         velocity_n[:, 0] *= 1 + there[:, 2] / meridian
         velocity_n[:, 1] *= 1 + there[:, 2] / transverse
@@ -144,7 +144,7 @@ class FlightCurves:
         return self._integrated(through_air + self.wind, start)
 
     def recorded_positions(self) -> FloatArray:
-        """Return the recorded latitude, longitude, height (n, 3); without heights, what takes their place."""
+        """Return the recorded latitude, longitude, height (n, 3); without heights, with a substitute."""
         assert self.raw.latitude is not None
         assert self.raw.longitude is not None
         height = self.raw.height
@@ -181,7 +181,7 @@ class FlightCurves:
     def _held(
         self, at: FloatArray, axes: SmoothAxes, velocity_f: FloatArray
     ) -> tuple[FloatArray, FloatArray]:
-        """Return position and velocity on the grid: the integral of a velocity, held to positions."""
+        """Return position and velocity on the grid: the integral of a velocity, anchored to positions."""
         time = self.raw.time
         if axes.polar:
             offsets = anchored_cartesian(time, at, axes.vectors_n(velocity_f, at), self.grid)
@@ -223,7 +223,7 @@ class FlightCurves:
 
 
 def worthwhile_smoothing(time: FloatArray, values: FloatArray, matters: float) -> float:
-    """Return the λ [s³] by which samples are smoothed best, zero where there is little to gain.
+    """Return the λ [s³] by which samples are smoothed best, zero where smoothing gains little.
 
     Parameters
     ----------
@@ -232,7 +232,7 @@ def worthwhile_smoothing(time: FloatArray, values: FloatArray, matters: float) -
     values : (n, m) array
         Samples.
     matters
-        Roughness of their derivative below which they are left as they are.
+        Roughness of their derivative below which they are left unchanged.
     """
     window = middle(len(time))
     at, samples = time[window], values[window]
@@ -247,11 +247,11 @@ def worthwhile_smoothing(time: FloatArray, values: FloatArray, matters: float) -
 def calming_smoothing(
     time: FloatArray, values: FloatArray, parameter: float, order: int, matters: float = NOISE_THAT_MATTERS
 ) -> float:
-    """Return the λ [s³] from a given one on that leaves little roughness, as far as noise explains it.
+    """Return a λ [s³], at least the given one, that leaves little roughness, as far as noise explains it.
 
-    Cross-validation takes errors for motion that are alike from sample to sample, such as those of stamps
-    that were spread evenly over bursts of packets. A derivative so rough is none of a vehicle: λ is raised
-    until it is calm, or the curve leaves the samples by more than they miss what their neighbours say.
+    Cross-validation takes correlated errors for motion, such as those of stamps that were spread evenly
+    over bursts of packets. No vehicle has so rough a derivative: λ is raised until it is smooth, or until
+    the curve departs from the samples by more than their prediction errors.
 
     Parameters
     ----------
@@ -262,9 +262,9 @@ def calming_smoothing(
     parameter
         λ to begin with [s³].
     order
-        Which derivative has to be calm.
+        Which derivative has to be smooth.
     matters
-        Roughness of that derivative that is calm.
+        Roughness of that derivative that counts as smooth.
     """
     window = middle(len(time))
     at, samples = time[window], values[window]
@@ -307,10 +307,9 @@ def air_velocity(raw: RawFlight) -> FloatArray:
 
 
 def offered(raw: RawFlight) -> dict[str, float]:
-    """Return the curves a flight has the samples for, with the roughness of their acceleration [m/s²].
+    """Return the curves that a flight's samples allow, with the roughness of their acceleration [m/s²].
 
-    It is that of splines through every sample, before any smoothing: what
-    `lab.importing.derived_motion.roughness` says of it.
+    It is the `lab.importing.derived_motion.roughness` of splines through every sample, before any smoothing.
     """
     window = middle(len(raw.time))
     time = raw.time[window]

@@ -1,4 +1,4 @@
-"""Import report: what was found in a file, what was made of it, and whether to believe it."""
+"""Import report: the content of a file, how it was rebuilt, and whether the result is plausible."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ _REPAIRS = {
     "as recorded": "as recorded",
     "spread": "repeated stamps spread evenly",
     "even": "rounded or jittering stamps put on an even spacing",
-    "by motion": "put where the way between the samples says",
+    "by motion": "estimated from the displacements between the samples",
 }
 _MAX_LOST = 0.2
 """Part of the rows that may be left out of a plausible flight."""
@@ -63,11 +63,11 @@ class ReportRow:
     Attributes
     ----------
     group : str
-        What it is about: "File", "Time", "Resolution", "Curve", "Noise", "Motion", "Units" or "Remarks".
+        Its subject: "File", "Time", "Resolution", "Curve", "Noise", "Motion", "Units" or "Remarks".
     name : str
-        What is told.
+        What is reported.
     value : str
-        What was found, with its unit.
+        Its value, with its unit.
     """
 
     group: str
@@ -77,14 +77,14 @@ class ReportRow:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class ImportReport:
-    """What was found in a file, what was made of it, and whether to believe it.
+    """The content of a file, how it was rebuilt, and whether the result is plausible.
 
     Attributes
     ----------
     verdict : str
         "plausible", "questionable" or "implausible".
     findings : tuple of Finding
-        The reasons, the worst first; none if plausible.
+        The reasons, worst first; none if plausible.
     rows : tuple of ReportRow
         Everything else, in groups.
     specific_force_noise : float
@@ -145,11 +145,11 @@ def report(
     raw
         What the file has.
     flight
-        Its longest unbroken stretch, time stamps repaired.
+        Its longest unbroken stretch, with repaired time stamps.
     rebuilt
         The flight rebuilt from that.
     sensor
-        An IMU, with whose noise that of the recording is compared.
+        An IMU to compare the noise of the recording with.
     """
     force, rate = _fast_force(flight, rebuilt), _fast_rate(flight, rebuilt)
     seen, in_fewer = _thinned(flight, rebuilt)
@@ -225,7 +225,7 @@ def _time(flight: RepairedFlight) -> list[ReportRow]:
 
 
 def _interpolated(raw: RawFlight) -> str:
-    """Return what the file has less often than its samples."""
+    """Return the quantities that are recorded less often than the samples."""
     each = " and ".join(f"the {name} (recorded at {rate:.3g} Hz)" for name, rate in raw.rates)
     return f"; interpolated to them: {each}" if each else ""
 
@@ -244,7 +244,7 @@ def _resets(resets: Sequence[Reset]) -> str:
     where = "; ".join(f"{reset.change} at {reset.time:.6g} s" for reset in resets[:_MAX_RESETS_SHOWN])
     more = f" and {len(resets) - _MAX_RESETS_SHOWN} more" if len(resets) > _MAX_RESETS_SHOWN else ""
     return (
-        "the autopilot's estimator was set anew, which is no motion, and the recording is cut there: "
+        "the autopilot's estimator was reset, which is no motion, and the recording is cut there: "
         f"{where}{more}"
     )
 
@@ -262,7 +262,7 @@ def _resolution(flight: RepairedFlight) -> list[ReportRow]:
         ReportRow(
             "Resolution",
             name.capitalize(),
-            f"steps of {step:.3g} {unit}" if step else "finer than the samples tell",
+            f"steps of {step:.3g} {unit}" if step else "finer than the samples show",
         )
         for name, (step, unit) in value_steps(flight.raw).items()
     ]
@@ -328,7 +328,7 @@ def _noise(flight: RepairedFlight, force: float, rate: float, sensor: SensorNois
 
 
 def _thinned(flight: RepairedFlight, rebuilt: Reconstruction) -> tuple[RepairedFlight, Reconstruction]:
-    """Return a long flight with every so many samples only: what it does is seen as well in fewer."""
+    """Return a long flight thinned out: fewer samples show the same motion."""
     raw, recording = flight.raw, rebuilt.recording
     of_raw, of_recording = (
         slice(None, None, -(-len(x.time) // _MAX_REPORTED_SAMPLES)) for x in (raw, recording)
@@ -346,7 +346,7 @@ def _part(recording: Recording, samples: slice) -> Recording:
 
 
 def _stretches(recording: Recording) -> Iterator[Recording]:
-    """Give a flight whole, or of a long one ten stretches of it."""
+    """Yield a flight, or ten stretches of a long one."""
     count = len(recording.time)
     if count <= _MAX_REPORTED_SAMPLES:
         yield recording
@@ -362,7 +362,7 @@ def _evenly(part: Recording, flight: RepairedFlight, rebuilt: Reconstruction, na
 
 
 def _fast_force(flight: RepairedFlight, rebuilt: Reconstruction) -> float:
-    """Return the rms of what is fast in the specific force, at the rate of the samples."""
+    """Return the rms of the fast part of the specific force, at the rate of the samples."""
     return _rms(
         roughness(CubicSpline(part.time, part.velocity_n)(_evenly(part, flight, rebuilt, "velocity"), 1))
         for part in _stretches(rebuilt.recording)
@@ -415,7 +415,7 @@ def _units(units: Sequence[ColumnUnit]) -> list[ReportRow]:
 
 
 def _losses(raw: RawFlight, flight: RepairedFlight) -> Iterable[Finding]:
-    """Say when much of the file was left out."""
+    """Report when much of the file was left out."""
     rows = raw.rows_read or len(raw.time)
     used = len(flight.raw.time) / max(rows, 1)
     if used < 1 - _MAX_LOST:
@@ -423,7 +423,7 @@ def _losses(raw: RawFlight, flight: RepairedFlight) -> Iterable[Finding]:
             QUESTIONABLE,
             f"Only {100 * used:.0f} % of the rows are used; what was left out, and why, is listed under "
             f"File.{f' {_what_keeps_more(flight)}.' if flight.bridging else ''}"
-            f"{' It is cut where the estimator of the autopilot was set anew.' if flight.raw.resets else ''}",
+            f"{' It is cut where the estimator of the autopilot was reset.' if flight.raw.resets else ''}",
         )
 
 

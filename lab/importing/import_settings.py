@@ -1,4 +1,4 @@
-"""Import settings: how a flight is rebuilt from what a file of some simulator or logger has."""
+"""Import settings: how a flight is rebuilt from the file of a simulator or logger."""
 
 from __future__ import annotations
 

@@ -1,7 +1,7 @@
-"""Plausibility: whether a vehicle could make a rebuilt flight, and whether the file agrees with itself.
+"""Plausibility: whether a vehicle can make a rebuilt flight, and whether the file is consistent.
 
-Position, velocity, attitude, airspeed and recorded rates tell of one motion; a wrong unit or a turned sign
-breaks the agreement by a known factor, which names the likely cause.
+Position, velocity, attitude, airspeed and recorded rates describe one motion. A wrong unit or sign
+violates their agreement by a known factor, which names the likely cause.
 """
 
 from __future__ import annotations
@@ -86,14 +86,14 @@ _IMPLAUSIBLE_RESIDUAL = 20
 
 @dataclass(frozen=True)
 class Finding:
-    """Something about a flight that is hard to believe.
+    """Something implausible about a flight.
 
     Attributes
     ----------
     level : str
         "questionable" or "implausible".
     sentence : str
-        What it is, and the likely cause.
+        The finding and its likely cause.
     """
 
     level: str
@@ -102,7 +102,7 @@ class Finding:
 
 @dataclass(frozen=True)
 class Range:
-    """What a quantity of a vehicle usually stays below, and what it cannot exceed."""
+    """The usual and the possible maximum of a quantity of a vehicle."""
 
     usual: float
     possible: float
@@ -148,7 +148,7 @@ _CAUSES = {
 
 @dataclass(frozen=True, eq=False)
 class Motion:
-    """What a rebuilt flight does, at the recording's own rate.
+    """The motion of a rebuilt flight, at the rate of the recording.
 
     Attributes
     ----------
@@ -167,7 +167,7 @@ class Motion:
 
 
 def motion(rebuilt: Reconstruction) -> Motion:
-    """Return what a rebuilt flight does."""
+    """Return the motion of a rebuilt flight."""
     recording = rebuilt.recording
     position = np.stack((recording.latitude, recording.longitude, recording.height), axis=-1)
     acceleration = CubicSpline(recording.time, recording.velocity_n)(recording.time, 1)
@@ -201,7 +201,7 @@ def rate_agreement(flight: RepairedFlight, rebuilt: Reconstruction) -> tuple[Agr
 
 
 def findings(flight: RepairedFlight, rebuilt: Reconstruction, moves: Motion) -> tuple[Finding, ...]:
-    """Return what is hard to believe of a flight, the worst first.
+    """Return what is implausible about a flight, worst first.
 
     Parameters
     ----------
@@ -210,7 +210,7 @@ def findings(flight: RepairedFlight, rebuilt: Reconstruction, moves: Motion) -> 
     rebuilt
         The flight.
     moves
-        What it does.
+        Its motion.
     """
     found = [
         *_beyond_limits(flight, rebuilt, moves),
@@ -223,8 +223,8 @@ def findings(flight: RepairedFlight, rebuilt: Reconstruction, moves: Motion) -> 
     return tuple(sorted(found, key=lambda finding: finding.level != IMPLAUSIBLE))
 
 
-def _made_here(flight: RepairedFlight, rebuilt: Reconstruction) -> dict[str, str]:
-    """Return which quantities the file does not have but the lab made, and what they were made of."""
+def _derived_quantities(flight: RepairedFlight, rebuilt: Reconstruction) -> dict[str, str]:
+    """Return the quantities that the lab derived because the file lacks them, with their sources."""
     made = {}
     if rebuilt.attitude_reconstructed:
         made["body rate"] = "the attitude is not recorded but reconstructed, from slow or noisy motion"
@@ -242,13 +242,13 @@ def _made_here(flight: RepairedFlight, rebuilt: Reconstruction) -> dict[str, str
 def _beyond_limits(flight: RepairedFlight, rebuilt: Reconstruction, moves: Motion) -> list[Finding]:
     vehicle, found = rebuilt.vehicle, []
     many = vehicle if vehicle == "aircraft" else f"{vehicle}s"
-    made = _made_here(flight, rebuilt)
+    made = _derived_quantities(flight, rebuilt)
     causes = {**_CAUSES, **made}
     for name, limit in LIMITS[vehicle].items():
         unit, factor = _UNITS[name]
         often = float(np.quantile(getattr(moves, name.replace(" ", "_")), _REACHED_QUANTILE))
         if often > limit.usual:
-            # A file is not refused for what the lab itself made of it.
+            # A file is not refused for quantities that the lab derived.
             level = IMPLAUSIBLE if often > limit.possible and name not in made else QUESTIONABLE
             found.append(
                 Finding(
@@ -271,7 +271,7 @@ def _beyond_limits(flight: RepairedFlight, rebuilt: Reconstruction, moves: Motio
 
 
 def _velocity_against_positions(flight: RepairedFlight) -> list[Finding]:
-    """Compare the way by positions with the integral of the recorded velocity, in legs."""
+    """Compare the displacement by positions with the integral of the recorded velocity, in legs."""
     raw = flight.raw
     if raw.velocity_n is None or raw.latitude is None or raw.longitude is None:
         return []
@@ -300,21 +300,21 @@ def _velocity_against_positions(flight: RepairedFlight) -> list[Finding]:
             abs(like.correlation) > _MIN_CORRELATION
             and not _SAME_VELOCITY[0] < like.slope < _SAME_VELOCITY[1]
         ):
-            words = _cause_of_way(like.slope) if like is level else cause(like.slope, "speed")
-            sentence = f"{name} is {like.slope:.3g} times what the positions say. Likely: {words}."
+            words = _cause_of_slope(like.slope) if like is level else cause(like.slope, "speed")
+            sentence = f"{name} is {like.slope:.3g} times that of the positions. Likely: {words}."
             found.append(Finding(IMPLAUSIBLE, sentence))
         elif abs(like.correlation) <= _MIN_CORRELATION:
             found.append(
                 Finding(
                     QUESTIONABLE,
-                    f"{name} has little to do with the change of the positions (correlation "
+                    f"{name} is hardly correlated with the change of the positions (correlation "
                     f"{like.correlation:.2f}). Likely: other axes than north, east, down, or another clock.",
                 )
             )
     return found
 
 
-def _cause_of_way(slope: float) -> str:
+def _cause_of_slope(slope: float) -> str:
     """Return what probably makes a velocity too large for the positions."""
     # Radians shrink latitude and longitude, and with the latitude the parallels grow.
     if _RADIANS_AS_DEGREES[0] < abs(slope) < _RADIANS_AS_DEGREES[1]:
@@ -331,12 +331,12 @@ def _swapped(by_position: FloatArray, by_velocity: FloatArray) -> Finding | None
         if np.abs(by_position[:, axis]).sum() > _MIN_PATH:
             one = agreement(by_position[:, axis], by_velocity[:, axis])
             if one.correlation < -_CERTAIN_CORRELATION:
-                return Finding(IMPLAUSIBLE, f"The velocity {name} has its sign turned round.")
+                return Finding(IMPLAUSIBLE, f"The velocity {name} has the opposite sign.")
     return None
 
 
 def _attitude_against_path(flight: RepairedFlight, rebuilt: Reconstruction) -> list[Finding]:
-    """Compare heading, roll and pitch with where the vehicle goes."""
+    """Compare heading, roll and pitch with the path."""
     recording = rebuilt.recording
     if rebuilt.attitude_reconstructed:
         return []
@@ -359,7 +359,7 @@ def _heading(velocity: FloatArray, yaw: FloatArray) -> list[Finding]:
     guesses = {
         "radians read as degrees": np.degrees(yaw),
         "degrees read as radians": np.radians(yaw),
-        "its sign is turned round": -yaw,
+        "it has the opposite sign": -yaw,
         "counted from east, anticlockwise": np.pi / 2 - yaw,
         "it is 180° off, as the way back": yaw + np.pi,
     }
@@ -433,7 +433,7 @@ def _rates(flight: RepairedFlight, rebuilt: Reconstruction) -> list[Finding]:
             found.append(
                 Finding(
                     QUESTIONABLE,
-                    f"The recorded {axis} rate has little to do with the attitude (correlation "
+                    f"The recorded {axis} rate is hardly correlated with the attitude (correlation "
                     f"{like.correlation:.2f}). Likely: another axis, or wrong time stamps.",
                 )
             )

@@ -1,8 +1,8 @@
-"""Reconstruction: from the samples of a raw flight to a recording on a regular grid that one motion explains.
+"""Reconstruction: from the samples of a raw flight to a recording of one motion on a regular grid.
 
-Where the velocity is recorded the curve is its integral, held to the positions; where only positions are, a
-smoothing spline through them; and from airspeed, attitude and the angles of the air flow alone the way
-through the air plus the wind. What the samples have and the curve has not is kept as residual.
+A recorded velocity is integrated and anchored to the positions; positions alone get a smoothing spline;
+airspeed, attitude and the angles of the air flow alone give the path through the air, to which the wind is
+added. The differences of samples and curve are kept as residuals.
 """
 
 from __future__ import annotations
@@ -76,7 +76,7 @@ class Reconstruction:
     attitude_reconstructed : bool
         True where the file has no attitude and it is that of a coordinated turn.
     vehicle : str
-        What is taken to have moved.
+        The vehicle that is assumed.
     remarks : tuple of str
         What was assumed.
     """
@@ -96,7 +96,7 @@ class Reconstruction:
 
 
 def reconstruct(flight: RepairedFlight, settings: ImportSettings) -> Reconstruction:
-    """Return the flight that the samples of a repaired raw flight tell.
+    """Return the flight rebuilt from the samples of a repaired raw flight.
 
     Parameters
     ----------
@@ -108,7 +108,7 @@ def reconstruct(flight: RepairedFlight, settings: ImportSettings) -> Reconstruct
     Raises
     ------
     MissionError
-        If the file lacks what the curve asked for needs, or the grid would be too large.
+        If the file lacks the quantities of the curve asked for, or the grid would be too large.
     """
     raw = flight.raw
     curves = offered(raw)
@@ -119,8 +119,8 @@ def reconstruct(flight: RepairedFlight, settings: ImportSettings) -> Reconstruct
     recording = _as_recorded(flight, grid, settings) if curve == "velocity" else None
     unchanged = recording is not None
     if recording is None:
-        ways = {"velocity": made.of_velocity, "position": made.of_positions, "air data": made.of_air_data}
-        position, velocity_n = ways[curve]()
+        methods = {"velocity": made.of_velocity, "position": made.of_positions, "air data": made.of_air_data}
+        position, velocity_n = methods[curve]()
         euler = _attitude(made, position, velocity_n, vehicle)
         recording = _recording(raw, grid, position, velocity_n, euler)
     residuals = (np.zeros(3), np.zeros(3), 0.0) if unchanged else _residuals(made, recording)
@@ -163,19 +163,19 @@ def _chosen(wanted: str, curves: Mapping[str, float], raw: RawFlight) -> str:
 
 
 def _vehicle(raw: RawFlight, settings: ImportSettings) -> str:
-    """Return what moved: as the settings say, or the file, or an aircraft."""
+    """Return the vehicle: that of the settings, or of the file, or an aircraft."""
     if settings.vehicle != AUTO:
         return str(settings.vehicle)
-    said = raw.vehicle.casefold()
+    stated = raw.vehicle.casefold()
     words = {"car": ("car", "rover", "truck", "vehicle"), "boat": ("boat", "ship", "vessel")}
-    return next((kind for kind, names in words.items() if any(name in said for name in names)), "aircraft")
+    return next((kind for kind, names in words.items() if any(name in stated for name in names)), "aircraft")
 
 
 def _attitude(made: FlightCurves, position: FloatArray, velocity_n: FloatArray, vehicle: str) -> FloatArray:
     """Return roll, pitch, yaw on the grid: those recorded, or those of a coordinated turn."""
     raw, grid = made.raw, made.grid
     if raw.euler is None:
-        # What moves more slowly than the noise of its positions stands still, and keeps its heading.
+        # A vehicle slower than the noise of its positions stands still, and keeps its heading.
         moves = np.hypot(velocity_n[:, 0], velocity_n[:, 1]) > made.slowest
         seen = velocity_n * np.stack((moves, moves, np.ones_like(moves)), axis=-1)
         return coordinated_turn.attitude(grid, seen, cast(coordinated_turn.Vehicle, vehicle))
@@ -198,7 +198,7 @@ def _interpolated(grid: FloatArray, position: FloatArray, time: FloatArray) -> F
 
 
 def _as_recorded(flight: RepairedFlight, grid: FloatArray, settings: ImportSettings) -> Recording | None:
-    """Return the samples themselves where nothing has to be done to them; long ones by their middle."""
+    """Return the samples themselves where they need no change; long flights are judged by their middle."""
     raw, time = flight.raw, flight.raw.time
     if raw.latitude is None or raw.longitude is None or raw.height is None:
         return None
@@ -245,7 +245,7 @@ def _recording(
 def _residuals(
     made: FlightCurves, recording: Recording
 ) -> tuple[FloatArray | None, FloatArray | None, float | None]:
-    """Return by how much the curve misses the samples: position, velocity and attitude, if there are any."""
+    """Return the residuals of the curve: position, velocity and attitude, where recorded."""
     raw, time = made.raw, recording.time
     position = np.stack((recording.latitude, recording.longitude, recording.height), axis=-1)
     axes = SmoothAxes(recording.latitude)

@@ -1,4 +1,4 @@
-"""Sensor noise: the white noise of an IMU in two numbers, to compare the noise of a recording with."""
+"""Sensor noise: the white noise of an IMU in two numbers, for comparison with the noise of a recording."""
 
 from __future__ import annotations
 

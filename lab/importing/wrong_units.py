@@ -1,4 +1,4 @@
-"""Agreement: how one series of numbers follows another that should be the same, and what breaks it."""
+"""Wrong units: how one series of numbers agrees with another, and the likely cause if not."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ _SPEEDS = {  # factor of a speed that is too large
     0.001: "whole units read as thousandths, or milliseconds as seconds",
 }
 FACTORS = {"angle": _ANGLES, "speed": _SPEEDS}
-"""By kind of quantity: factors by which a wrong unit makes numbers too large, and what it is."""
+"""Factors by which a wrong unit makes numbers too large, and its name, by kind of quantity."""
 _FACTOR_TOLERANCE = 0.05
 """Relative distance of a slope from a unit's factor at which it is named: half of what parts the nearest
 two."""
@@ -38,12 +38,12 @@ _NO_FACTOR = 0.15
 
 @dataclass(frozen=True)
 class Agreement:
-    """How one series follows another.
+    """How one series agrees with another.
 
     Attributes
     ----------
     slope : float
-        By what the reference is to be multiplied, by least squares through the origin.
+        Factor on the reference, by least squares through the origin.
     correlation : float
         Correlation coefficient; 0 where one of them does not change.
     strength : float
@@ -56,7 +56,7 @@ class Agreement:
 
 
 def agreement(reference: FloatArray, other: FloatArray) -> Agreement:
-    """Return how a series (n,) follows a reference (n,)."""
+    """Return how a series (n,) agrees with a reference (n,)."""
     power = float(reference @ reference)
     spread = float(np.std(reference) * np.std(other))
     both = float(np.mean((reference - reference.mean()) * (other - other.mean())))
@@ -68,10 +68,10 @@ def agreement(reference: FloatArray, other: FloatArray) -> Agreement:
 
 
 def cause(factor: float, kind: str) -> str:
-    """Return in words what probably makes numbers of a kind of quantity, a key of `FACTORS`, too large."""
+    """Return the likely cause of numbers that are too large, of a kind of quantity in `FACTORS`."""
     if not factor or not math.isfinite(factor):
         return "a column of another quantity"
-    turned = "its sign is turned round" if factor < 0 else ""
+    turned = "it has the opposite sign" if factor < 0 else ""
     if abs(abs(factor) - 1) < _NO_FACTOR:
         return turned or "noise"
     for known, words in FACTORS[kind].items():

@@ -1,4 +1,4 @@
-"""X-Plane live: a flight recorded from a running X-Plane over its network, as it is flown."""
+"""X-Plane live: a flight recorded over the network while X-Plane flies it."""
 
 from __future__ import annotations
 
@@ -15,13 +15,13 @@ from lab.recordings.mission_error import MissionError
 from lab.repair.raw_flight import RawFlight
 
 PORT = 49000
-"""Where X-Plane listens unless it is set otherwise."""
+"""X-Plane's default port."""
 RATES = (1.0, 1000.0)
 """Rates accepted [Hz]; X-Plane sends at most once in a frame."""
 MAX_SAMPLES = 4_000_000
 """Most samples kept: more than a day at 40 Hz."""
 SILENCE = 3.0
-"""After how long without a sample something is wrong [s]."""
+"""Time without a sample after which a problem is reported [s]."""
 
 _WAKE = 0.1
 """Longest wait for a packet [s]: within it a recording that is ended ends."""
@@ -39,7 +39,7 @@ class XPlaneRecorder:
     host : str
         Name or address of the computer X-Plane runs on.
     port : int
-        Where X-Plane listens.
+        X-Plane's port.
     rate : float
         Samples to ask for [Hz]; X-Plane sends at most one in a frame.
 
@@ -103,7 +103,7 @@ class XPlaneRecorder:
 
     @property
     def problem(self) -> str:
-        """What a person should look after, as a sentence; empty while samples arrive."""
+        """The problem to solve, as a sentence; empty while samples arrive."""
         if self._failure or not self.running:
             return self._failure
         silent = time.monotonic() - self._heard
@@ -150,7 +150,7 @@ class XPlaneRecorder:
         Raises
         ------
         MissionError
-            If that is too little for a flight, saying what to look after.
+            If there are too few samples for a flight, naming the problem.
         """
         problem = self.problem
         self.close()
@@ -191,7 +191,7 @@ class XPlaneRecorder:
                 except TimeoutError:
                     pass
                 except OSError as error:
-                    # On Windows an unreachable port is told by an error of the next call.
+                    # On Windows the next call fails after an unreachable port.
                     if not isinstance(error, ConnectionError):
                         self._failure = f"{self._where}: the network failed: {error}"
                         return

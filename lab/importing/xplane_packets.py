@@ -1,4 +1,4 @@
-"""X-Plane packets: what is asked of X-Plane over its network, and the flight its answers make.
+"""X-Plane packets: the requests sent to X-Plane, and the flight made of its answers.
 
 RPOS has position, attitude and velocity, but no time. The simulator's own clock, the place in its local frame
 and the air data are asked for as data references (RREF) at a rate above any frame rate: X-Plane then sends
@@ -36,7 +36,7 @@ REFERENCES = (
     ("alpha", "sim/flightmodel/position/alpha", "angle", "°"),
     ("beta", "sim/flightmodel/position/beta", "angle", "°"),
 )
-"""What is asked for as data references: our name, X-Plane's, the limits and the unit."""
+"""Data references that are requested: our name, X-Plane's, the limits and the unit."""
 POSITION = np.dtype(
     [("longitude", "<f8"), ("latitude", "<f8"), ("height", "<f8"), ("above_ground", "<f4")]
     + [(name, "<f4") for name in ("pitch", "heading", "roll", "east", "up", "south", "p", "q", "r")]
@@ -89,7 +89,7 @@ def flight(
     clock_arrivals: Sequence[float],
     remarks: Sequence[str] = (),
 ) -> RawFlight:
-    """Return the flight which packets make.
+    """Return the flight made of packets.
 
     Parameters
     ----------
@@ -101,7 +101,7 @@ def flight(
         The latest values of all references at each RREF packet with a clock, packet by packet, and when these
         arrived [s].
     remarks
-        What else is to be said.
+        Further remarks.
 
     Raises
     ------
@@ -159,7 +159,7 @@ def flight(
 def _paired(arrival: FloatArray, clock_arrival: FloatArray, clocks: FloatArray) -> FloatArray:
     """Return for each position the references of its frame, NaN where there are none.
 
-    Within a frame either may come first; which one is told by the shorter of the two waits.
+    Within a frame either may come first; the shorter of the two waits decides.
     """
     if not len(clocks):
         return np.full((len(arrival), len(REFERENCES)), np.nan)
@@ -178,7 +178,7 @@ def _paired(arrival: FloatArray, clock_arrival: FloatArray, clocks: FloatArray) 
 def _believable(
     known: dict[str, FloatArray], limits: dict[str, tuple[float, float]], timed: NDArray[np.bool_]
 ) -> tuple[NDArray[np.bool_], tuple[Dropped, ...]]:
-    """Return which samples have a clock and numbers a flight can have, and what is said of the others."""
+    """Return which samples have a clock and possible numbers, and the report on the others."""
     believed = timed.copy()
     for name, column in known.items():
         low, high = limits[name]

@@ -1,4 +1,4 @@
-"""Missions: where a flight comes from: recordings, the missions that ship, and the pilot who flies new ones.
+"""Missions: the shipped missions, the user's own, and the functions that add new ones.
 
 >>> from lab.missions import mission, missions
 >>> sorted(missions())[:2]
@@ -60,7 +60,7 @@ __all__ = [
 
 
 def __getattr__(name: str) -> Any:
-    """Import what rebuilds flights when it is first used: SciPy takes its time."""
+    """Import the rebuilding of flights at its first use: SciPy is slow to import."""
     if name in {"FlightImport", "prepare_import"}:
         from lab.missions import flight_import  # noqa: PLC0415
 

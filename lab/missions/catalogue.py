@@ -1,4 +1,4 @@
-"""Catalogue: the missions there are: those that ship with the lab, the user's own and their logs."""
+"""Catalogue: all missions: those that ship with the lab, the user's own, and logs."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ _SETTLED = 2.0
 
 
 class _Read(NamedTuple):
-    """A mission as it was read, and the time stamps, size and number of its file then."""
+    """A mission as read, with the time stamps, size and number of its file at that time."""
 
     stamp: tuple[int, ...]
     mission: Mission

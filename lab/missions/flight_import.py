@@ -1,4 +1,4 @@
-"""Flight import: from files of a simulator or logger to a mission, with a report to judge it by first."""
+"""Flight import: from files of a simulator or logger to a mission, with a report to judge it before."""
 
 from __future__ import annotations
 
@@ -72,7 +72,7 @@ class FlightImport:
 
     @property
     def origin(self) -> str:
-        """Where the flight comes from and how it was made, in words."""
+        """The source of the flight and how it was rebuilt, in words."""
         names = ", ".join(path.name for path in self.paths)
         parts = [f"{self.raw.format}{f' {names}' if names else ''}"]
         parts.append("as recorded" if self.rebuilt.unchanged else f"rebuilt from {self.rebuilt.curve}")
@@ -157,7 +157,7 @@ def prepare_import(
 
 
 def read_log(paths: Sequence[Path]) -> SensorLog:
-    """Return the recorded IMU and GPS of a file that has both, and beside them the recorder's own solution.
+    """Return the recorded IMU and GPS of a file that has both, with the recorder's own solution.
 
     Raises
     ------
@@ -175,7 +175,7 @@ def read_log(paths: Sequence[Path]) -> SensorLog:
 
 
 def own_solution(reader: Reader, path: Path, epoch: float) -> tuple[Comparison, ...]:
-    """Return what the estimator of an autopilot made of its sensors, if that is in the file.
+    """Return the solution of an autopilot's estimator, if the file has it.
 
     Parameters
     ----------
@@ -205,7 +205,7 @@ def prepare_flight(
     sensor: SensorNoise | None = None,
     paths: Sequence[Path] = (),
 ) -> FlightImport:
-    """Return the same of a flight that is read already, such as one recorded live.
+    """Return the same for a flight that has been read, such as one recorded live.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""Flown mission: the plan of a mission is flown, and what was flown of it is added to the library."""
+"""Flown mission: the plan of a mission is flown, and its recording is added to the library."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from lab.missions.catalogue import mission, own_folder, shipped_folder
 from lab.missions.library import (
     add_mission,
     encoded,
-    file_errors_told,
+    file_errors_reported,
     named_by_others,
     new_recording,
     recordings_named,
@@ -125,7 +125,7 @@ def _target_folder(source: Path, folder: str | os.PathLike[str] | None) -> Path:
 def add_flown(
     flown: Mission, recording: Recording, *, seed: int | None, ending: str, folder: Path, overwrite: bool
 ) -> Mission:
-    """Add the flight of a mission's plan: its TOML file word by word, but for what the flight changed.
+    """Add the flight of a mission's plan; its TOML file is kept except for the keys that the flight changes.
 
     The recording is written as by `add_mission`. It takes the place of the old one if nothing changes in the
     TOML file, so that there is never a recording beside words that are not true of it.
@@ -155,7 +155,7 @@ def add_flown(
     """
     source = _toml_of(flown)
     toml, old = folder / source.name, folder / flown.recording_path.name
-    with file_errors_told(folder):
+    with file_errors_reported(folder):
         folder.mkdir(parents=True, exist_ok=True)
         with new_recording(old, recording) as path, folder_lock(folder):
             _check_flown(flown, seed, folder, overwrite, written=path)  # again: flying took a while
@@ -180,7 +180,7 @@ def check_flown(flown: Mission, seed: int | None, folder: Path, overwrite: bool)
     MissionError
         If it would replace files and may not.
     """
-    with file_errors_told(folder):
+    with file_errors_reported(folder):
         _check_flown(flown, seed, folder, overwrite)
 
 
@@ -198,7 +198,7 @@ def _check_flown(
 
 
 def _flown_content(flown: Mission, recording: str, seed: int | None, ending: str) -> bytes:
-    """Return a mission's TOML file as it is after a flight."""
+    """Return a mission's TOML file after a flight."""
     source = _toml_of(flown)
     read_toml(source)  # checks its size too
     content = source.read_bytes()

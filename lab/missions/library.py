@@ -1,9 +1,9 @@
-"""Library: the user's own missions: added, renamed, described and deleted, never by half.
+"""Library: the user's own missions: added, renamed, described and deleted, each as a whole.
 
-A mission is its TOML file, which names the recording. So a recording is written first, under a name nobody
-has, and the TOML file then takes its own name in one step; what is deleted goes in the opposite order. All
-but the writing of recordings is done by one process at a time. Files are never written or deleted outside
-the folder, and links in it are never followed.
+A mission is its TOML file, which names the recording. The recording is written first, under an unused
+name; the TOML file then takes its own name in one step. Deleting goes in the opposite order. Except for
+writing recordings, one process at a time changes the folder. Files outside the folder are never written or
+deleted, and links in it are never followed.
 """
 
 from __future__ import annotations
@@ -101,7 +101,7 @@ def add_mission(
     toml = where / f"{name}.toml"
     if flight is not None:
         read_plan(flight, f"{name}, flight")
-    with file_errors_told(where):
+    with file_errors_reported(where):
         where.mkdir(parents=True, exist_ok=True)
         _check_free(where, name, overwrite)
         with new_recording(where / f"{name}.csv.gz", recording) as path, folder_lock(where):
@@ -146,7 +146,7 @@ def add_log(
     where = own_folder() if folder is None else Path(folder)
     name = accepted_name(name)
     title, tags = _title(name, title), _tags(tags)
-    with file_errors_told(where):
+    with file_errors_reported(where):
         where.mkdir(parents=True, exist_ok=True)
         _check_free(where, name)
         with temporary_folder(where) as temporary:
@@ -165,7 +165,7 @@ def sweep_own_folder() -> list[str]:
 
 
 def free_name(text: str) -> str:
-    """Return an accepted name that no mission has, as near as can be to a text, such as a file's name."""
+    """Return an unused accepted name as close as possible to a text, such as a file's name."""
     name = plain = suggested_name(text)
     taken = {place.removeprefix("user:").casefold() for place in places()}
     number = 1
@@ -176,12 +176,12 @@ def free_name(text: str) -> str:
 
 
 def own_names() -> frozenset[str]:
-    """Return which missions are the user's own and may be changed, those that cannot be listed too."""
+    """Return the user's own missions, which may be changed, including those that cannot be listed."""
     return frozenset(name for name, place in places().items() if _is_own(place))
 
 
 def own_place(name: str) -> Path:
-    """Return where a mission of the user's own is: its TOML file, or the folder of its log.
+    """Return the place of one of the user's own missions: its TOML file, or the folder of its log.
 
     Raises
     ------
@@ -208,7 +208,7 @@ def rename_mission(name: str, new: str) -> Mission:
     path, new = own_place(name), accepted_name(new)
     target = path.parent / (new if path.is_dir() else f"{new}.toml")
     if target != path:
-        with file_errors_told(path.parent), folder_lock(path.parent):
+        with file_errors_reported(path.parent), folder_lock(path.parent):
             _check_free(path.parent, new)
             if os.path.lexists(target):
                 raise MissionError(f"{target}: is there already; choose another name")
@@ -219,7 +219,7 @@ def rename_mission(name: str, new: str) -> Mission:
 def describe_mission(
     name: str, *, title: str | None = None, description: str | None = None, tags: Sequence[str] | None = None
 ) -> Mission:
-    """Change what is said of a mission of the user's own; the rest of its TOML file stays, comments too.
+    """Change the description of a user's own mission; the rest of its TOML file stays, comments too.
 
     Parameters
     ----------
@@ -240,7 +240,7 @@ def describe_mission(
         "description": description,
         "tags": None if tags is None else _tags(tags),
     }
-    with file_errors_told(path.parent), folder_lock(path.parent):
+    with file_errors_reported(path.parent), folder_lock(path.parent):
         old = read_toml(toml) if toml.exists() else {}  # checks its size too
         changed = {key: value for key, value in new.items() if value is not None and value != old.get(key)}
         if changed:
@@ -263,7 +263,7 @@ def delete_mission(name: str) -> None:
         If it is not the user's own, or a file cannot be deleted.
     """
     path = own_place(name)
-    with file_errors_told(path.parent), folder_lock(path.parent):
+    with file_errors_reported(path.parent), folder_lock(path.parent):
         if path.is_symlink():
             path.unlink()
         elif not path.is_dir():
@@ -300,7 +300,7 @@ def _check_free(folder: Path, name: str, overwrite: bool = False) -> None:
 
 @contextlib.contextmanager
 def new_recording(wanted: Path, recording: Recording) -> Iterator[Path]:
-    """Write a recording under a file name nobody has, and check that it can be read; if not used, it goes."""
+    """Write a recording under an unused file name and check it; remove it if it is not used."""
     for path in _numbered(wanted):
         with contextlib.suppress(FileExistsError):
             path.open("xb").close()
@@ -316,7 +316,7 @@ def new_recording(wanted: Path, recording: Recording) -> Iterator[Path]:
 
 
 def _numbered(wanted: Path) -> Iterator[Path]:
-    """Return a path, and then the same with numbers before its ending, in place of one already there."""
+    """Yield a path, and then the same with numbers before its ending."""
     yield wanted
     stem = re.sub(r"(?i)(\.csv)?(\.gz)?$", "", wanted.name)
     ending, plain = wanted.name.removeprefix(stem), re.sub(r"\.[0-9]{1,3}$", "", stem)
@@ -353,7 +353,7 @@ def encoded(text: str, toml: Path) -> bytes:
 
 
 def recordings_named(place: Path) -> list[Path]:
-    """Return the csv files in its own folder that a mission names; of one that cannot be read, none."""
+    """Return the csv files in its folder that a mission names; none if the mission cannot be read."""
     if not place.exists() or place.is_symlink():
         return []
     try:
@@ -392,8 +392,8 @@ def _tags(tags: Sequence[str]) -> list[str]:
 
 
 @contextlib.contextmanager
-def file_errors_told(folder: Path) -> Iterator[None]:
-    """Tell what the file system refuses as a `MissionError`."""
+def file_errors_reported(folder: Path) -> Iterator[None]:
+    """Raise errors of the file system as a `MissionError`."""
     try:
         yield
     except OSError as error:

@@ -1,4 +1,4 @@
-"""Log mission: what an IMU and a GPS receiver recorded on a vehicle, as a mission like any other."""
+"""Log mission: a sensor log of an IMU and a GPS receiver as a mission."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from lab.recordings.text_blocks import check_file
 
 @dataclass(frozen=True, eq=False, repr=False)
 class LogMission(Mission):
-    """A log of real sensors that can be navigated: nothing of it is simulated, and there is no true flight.
+    """A log of real sensors that can be navigated; nothing is simulated, and there is no true flight.
 
     Attributes
     ----------
@@ -74,7 +74,7 @@ class LogMission(Mission):
         return self.files.read()
 
     def log_of(self, vehicle: str = "") -> SensorLog:
-        """Return the log as that of a vehicle, which the files need not name; of an empty name, as they say.
+        """Return the log with a given vehicle; an empty name keeps the vehicle of the files.
 
         Raises
         ------
@@ -98,7 +98,7 @@ class LogMission(Mission):
 
     @cached_property
     def content_hash(self) -> str:
-        """SHA-256 of all that the log is read from, to cache by what was computed from it.
+        """SHA-256 of all files of the log, a key for caches of results.
 
         Raises
         ------

@@ -1,4 +1,4 @@
-"""Mission: a flight with a name: what its TOML file says about it, and its recording."""
+"""Mission: a named flight: its TOML file and its recording."""
 
 from __future__ import annotations
 
@@ -113,7 +113,7 @@ class Mission(NotebookCard):
 
     @cached_property
     def content_hash(self) -> str:
-        """SHA-256 of the recording's file, to cache by what was computed from it.
+        """SHA-256 of the recording's file, a key for caches of results.
 
         Raises
         ------

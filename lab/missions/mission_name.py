@@ -1,4 +1,4 @@
-"""Mission name: what a mission of one's own may be called, on every system its files may come to."""
+"""Mission name: the names of user missions that every file system accepts."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ def accepted_name(name: str) -> str:
 
 
 def suggested_name(text: str) -> str:
-    """Return a name that is accepted and as near as can be to a text, such as the name of a file."""
+    """Return an accepted name as close as possible to a text, such as the name of a file."""
     text = unicodedata.normalize("NFC", text)
     while text.lower().endswith(_ENDINGS):
         text = text[: text.rindex(".")]

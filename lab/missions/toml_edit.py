@@ -1,4 +1,4 @@
-"""Mission text: the TOML file of a mission with some of its values changed, and otherwise word by word."""
+"""TOML edit: the TOML file of a mission with some values changed and the rest kept."""
 
 from __future__ import annotations
 

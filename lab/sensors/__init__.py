@@ -1,1 +1,1 @@
-"""Sensors: what an IMU and a GPS receiver make of the truth."""
+"""Sensors: simulated measurements of an IMU and a GPS receiver."""

@@ -1,11 +1,10 @@
 """Cards: the datasheet numbers of real inertial sensors, each with its unit and its source, ready to load.
 
-The catalogue is ``cards.toml`` beside this file; a card of your own has the same form. A number that has no
-source is not among the given ones of a card. What is typical of the grade (`lab.sensors.typical`) is assumed
-in its place, and kept apart: an error that a sheet leaves out is an error all the same, and without it the
-part whose sheet says least would navigate best. Loaded without what is assumed, such a term is off. What
-datasheets call in-run bias stability or instability is taken as the coefficient B of the Allan deviation, the
-setting ``flicker``.
+The catalogue is ``cards.toml`` in this folder; a card of your own has the same form. A given number of a
+card has a source. Numbers without a source are assumed to be typical of the grade (`lab.sensors.typical`)
+and kept apart: an error that a sheet omits is present all the same, and without it the part with the
+shortest sheet would navigate best. Without the assumed numbers such a term is off. In-run bias stability
+or instability of datasheets is read as the coefficient B of the Allan deviation, the setting ``flicker``.
 """
 
 from __future__ import annotations
@@ -56,7 +55,7 @@ Terms = Mapping[str, Mapping[str, Datum]]
 
 @dataclass(frozen=True)
 class Card:
-    """What is known of a sensor.
+    """The numbers of a sensor with their sources.
 
     Attributes
     ----------
@@ -151,11 +150,11 @@ class Card:
         return datum and datum.in_unit(SensorSuite().groups()[group].param[term].unit)
 
     def is_assumed(self, group: str, term: str) -> bool:
-        """Say whether a number of the card is assumed."""
+        """Return whether a number of the card is assumed."""
         return term in self.assumed.get(group, {})
 
     def to_dict(self) -> dict[str, Any]:
-        """Return the card as its TOML file has it, what is assumed in a table of its own."""
+        """Return the card as in its TOML file, with assumed numbers in a table of their own."""
         both = (self.terms, self.assumed)
         data = [datum for terms in both for group in terms.values() for datum in group.values()]
         data = [datum for terms in both for group in terms.values() for datum in group.values()]
@@ -234,7 +233,7 @@ def read_cards(path: Path) -> dict[str, Card]:
 
 
 def card_in_force(sensors: SensorSuite) -> str | None:
-    """Return the name of the card of the catalogue the settings are those of; None if they are of none.
+    """Return the name of the catalogue card that the settings equal; None if there is none.
 
     With what is assumed, or without.
     """
@@ -327,7 +326,7 @@ def _card(where: str, name: str, table: Any) -> Card:
 
 
 def _assumed(where: str, table: Mapping[str, Any], terms: Terms, sources: Mapping[str, str]) -> Terms:
-    """Return what is assumed: what the file says of it, otherwise what is typical of the grade."""
+    """Return the assumed numbers: those of the file, otherwise those typical of the grade."""
     own = table.get("assumed")
     if own is None:
         filling = {} if set(terms) == {"gps"} else typical(table["grade"])

@@ -1,9 +1,9 @@
-"""Datum: a number of a data sheet with its unit, its convention and its source, and how it becomes a setting.
+"""Datum: a number of a data sheet with unit, convention and source, and its conversion to a setting.
 
 White noise has two conventions. The setting ``noise_density`` is the coefficient N of IEEE Std 952: the mean
 over an interval Δt has the variance N² / Δt, the Allan deviation is N / √τ, and N² is the *two-sided*
-spectral density. Angle and velocity random walk (°/√h, m/s/√h) are N. What data sheets call noise density
-(°/s/√Hz, µg/√Hz) is read off a spectrum analyser, which folds negative frequencies onto the positive ones:
+spectral density. Angle and velocity random walk (°/√h, m/s/√h) are N. The noise density of data sheets
+(°/s/√Hz, µg/√Hz) comes from a spectrum analyser, which folds negative frequencies onto the positive ones:
 its square is the *one-sided* density 2 N², so that noise density times the root of a bandwidth is the rms in
 that band. A datum in such a unit says which of the two it is; `Datum.in_unit` is the one place that converts.
 """
@@ -200,5 +200,5 @@ def _value(where: str, value: Any, parameter: Any) -> float | tuple[float, ...]:
 
 
 def _is_random_walk(unit: str) -> bool:
-    """Say whether a unit is that of an angle or velocity random walk, which is N by definition."""
+    """Return whether a unit is that of an angle or velocity random walk, which is N by definition."""
     return "√h" in unit

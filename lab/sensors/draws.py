@@ -1,8 +1,8 @@
 """Draws: named, independent streams of random numbers, one for each source of error.
 
 Draws have unit variance and are scaled afterwards, so that changing the size of an error keeps its
-realisation. A stream depends on the seed and on its own name alone: no error source disturbs another's
-draws.
+realisation. A stream depends on the seed and on its own name alone: no error source changes the draws of
+another.
 """
 
 from __future__ import annotations

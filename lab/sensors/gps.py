@@ -1,8 +1,8 @@
-"""GPS: what a receiver reports of the true position and velocity (the truth side).
+"""GPS: simulated fixes of a receiver from the true position and velocity (the truth side).
 
 A fix is the truth at its time plus errors in metres: white and first-order Gauss-Markov noise, whose σ grows
-while the constellation is bad; outliers of the position; and, where the receiver is late or its antenna is
-not where the IMU is, the way from the IMU now to the antenna then.
+while the constellation is bad; outliers of the position; and, with a latency or a lever arm, the displacement
+from the IMU now to the antenna then.
 
 References
 ----------
@@ -174,7 +174,7 @@ class GpsDraws(NamedTuple):
 
 
 class GpsFixes(NamedTuple):
-    """What a receiver reports; the position [rad], [rad], [m] and velocity_n [m/s] as in `navigation.Fixes`.
+    """The fixes of a receiver; the position [rad], [rad], [m] and velocity_n [m/s] as in `navigation.Fixes`.
 
     Attributes
     ----------
@@ -207,7 +207,7 @@ def outside_outages(errors: GpsErrors, times: FloatArray) -> NDArray[np.bool_]:
 
 
 def antenna(trajectory: Trajectory, errors: GpsErrors, times: FloatArray) -> Truth:
-    """Return the truth of the antenna as fixes at the times report it.
+    """Return the true motion of the antenna at the times of fixes.
 
     The truth one latency earlier, moved by the lever arm l_b: C_nb l_b in position and C_nb (ω_eb,b × l_b) in
     velocity, with ω_eb,b = ω_ib,b − C_bn ω_ie,n (Groves, ch. 2.5). Attitude stays that of the IMU.
@@ -238,7 +238,7 @@ def antenna(trajectory: Trajectory, errors: GpsErrors, times: FloatArray) -> Tru
 
 
 def measure(truth: Truth, errors: GpsErrors, draws: GpsDraws, seen: Truth | None = None) -> GpsFixes:
-    """Return the fixes of a receiver; with a latency, none before it has passed.
+    """Return the fixes of a receiver; with a latency, none before it has elapsed.
 
     Parameters
     ----------

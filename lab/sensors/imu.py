@@ -1,9 +1,9 @@
-"""IMU: what real inertial sensors make of the true rates and specific forces (the truth side).
+"""IMU: simulated measurements of inertial sensors from true rates and specific forces (the truth side).
 
 x_meas = (I + M) (x_true + b) + ν, then the bandwidth, the range and the quantisation, in this order, applied
 to the increments of each sample; see Groves, *Principles of GNSS, Inertial and Multisensor Integrated
 Navigation Systems*, 2nd ed., ch. 4.4, eqs. 4.16-4.18. b is the turn-on bias plus a first-order Gauss-Markov
-process, flicker, a random walk, and what the temperature and (gyros) the specific force add; M holds the
+process, flicker, a random walk, and the contributions of temperature and (gyros) specific force; M holds the
 scale factors, given, drawn and by temperature, and the misalignments; ν is white with the given density.
 """
 
@@ -46,7 +46,7 @@ FloatArray = NDArray[np.float64]
 
 
 class Measured(NamedTuple):
-    """What a triad of sensors put out.
+    """The output of a triad of sensors.
 
     Attributes
     ----------
@@ -115,7 +115,7 @@ class ImuDraws(NamedTuple):
 
 
 class Environment(NamedTuple):
-    """What a triad is exposed to besides what it measures.
+    """The environment of a triad, besides the quantity it measures.
 
     Attributes
     ----------
@@ -141,7 +141,7 @@ def measure(
     draws: ImuDraws,
     environment: Environment = REFERENCE_ENVIRONMENT,
 ) -> Measured:
-    """Return what a triad with the given errors puts out.
+    """Return the output of a triad with the given errors.
 
     Parameters
     ----------
@@ -163,7 +163,7 @@ def measure(
     increments = biased @ (np.eye(3) + M).T if M.any() else biased
     scale, by_temperature = np.diag(M), si(errors, "scale_temperature")
     if by_temperature.any():
-        warming = by_temperature * _from_reference(environment.temperature)
+        warming = by_temperature * _above_reference(environment.temperature)
         scale, increments = scale + warming, increments + warming * biased
     settled = increments[0].copy()
     increments += si(errors, "noise_density") * np.sqrt(dt) * draws.noise
@@ -199,14 +199,14 @@ def drift(errors: GyroErrors | AccelerometerErrors, draws: ImuDraws, dt: float) 
 
 
 def induced_bias(errors: GyroErrors | AccelerometerErrors, environment: Environment, dt: float) -> FloatArray:
-    """Return what temperature and specific force add to the bias, (n, 3), or (3,) zeros where nothing is.
+    """Return the bias induced by temperature and specific force, (n, 3), or (3,) zeros without any.
 
     In [rad/s] or [m/s²].
     """
     total = np.zeros(3)
     by_temperature = si(errors, "bias_temperature")
     if by_temperature.any():
-        total = by_temperature * _from_reference(environment.temperature)
+        total = by_temperature * _above_reference(environment.temperature)
     if isinstance(errors, GyroErrors) and any(errors.g_sensitivity):
         total = total + si(errors, "g_sensitivity") * environment.dvelocity / dt
     return total
@@ -232,7 +232,7 @@ def mean_at_rest(
     at_rest: FloatArray,
     environment: Environment,
 ) -> FloatArray:
-    """Return what a triad at rest puts out on the average (3,), without noise [rad/s] or [m/s²].
+    """Return the mean output of a triad at rest (3,), without noise [rad/s] or [m/s²].
 
     Parameters
     ----------
@@ -247,7 +247,7 @@ def mean_at_rest(
     """
     bias = turn_on_bias(errors, draws) + induced_bias(errors, environment, 1.0).reshape(-1, 3)[0]
     M = cross_coupling(errors, draws)
-    M = M + np.diag(si(errors, "scale_temperature") * _from_reference(environment.temperature)[0])
+    M = M + np.diag(si(errors, "scale_temperature") * _above_reference(environment.temperature)[0])
     return np.asarray((np.eye(3) + M) @ (at_rest + bias))
 
 
@@ -296,17 +296,17 @@ def compensate(
         True temperature in each sample interval and what the thermometer shows [°C].
     """
     scale, bias = si(errors, "scale_temperature"), si(errors, "bias_temperature")
-    excess = _from_reference(reading)
+    excess = _above_reference(reading)
     return Measured(
         measured.increments / (1 + scale * excess) - bias * excess * dt,
-        measured.bias - bias * _from_reference(temperature),
-        (1 + measured.scale) / (1 + scale * _from_reference(temperature)) - 1,
+        measured.bias - bias * _above_reference(temperature),
+        (1 + measured.scale) / (1 + scale * _above_reference(temperature)) - 1,
         measured.saturated,
     )
 
 
 def without_bias(measured: Measured, dt: float, bias: FloatArray, M: FloatArray) -> Measured:
-    """Return the output of a triad without a bias that was found before, as a calibration takes it off.
+    """Return the output of a triad minus a bias that was estimated before, as in a calibration.
 
     A constant rate of the output is all that a calibration at rest sees: scale factors and misalignments
     have changed the bias in it. The bias that is left is what the found one misses.
@@ -339,13 +339,13 @@ def as_kept(measured: Measured) -> Measured:
     return measured._replace(bias=kept(measured.bias), scale=kept(measured.scale))
 
 
-def _from_reference(temperature: FloatArray) -> FloatArray:
+def _above_reference(temperature: FloatArray) -> FloatArray:
     """Return temperatures above that of calibration, as a column (n, 1) or (1,) [K]."""
     return np.asarray(temperature)[..., None] - REFERENCE
 
 
 def _lag(increments: FloatArray, settled: FloatArray, cutoff: FloatArray) -> None:
-    """Send increments through the first-order lag of each axis, in place."""
+    """Filter increments by the first-order lag of each axis, in place."""
     for axis in np.flatnonzero(cutoff):
         increments[:, axis] = processes.first_order_lag(
             increments[:, axis], settled[axis], 2 * np.pi * cutoff[axis]

@@ -1,4 +1,4 @@
-"""IMU errors: the settings of what is wrong with the gyros and the accelerometers of an IMU.
+"""IMU errors: the settings of the errors of gyros and accelerometers.
 
 Coefficients N, B and K are those of IEEE Std 952-1997, annex C.
 """

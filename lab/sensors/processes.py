@@ -72,7 +72,7 @@ def random_walk(draws: FloatArray) -> FloatArray:
 
 
 def first_order_lag(inputs: FloatArray, start: float, cutoff: float) -> FloatArray:
-    """Return what a first-order lag makes of the means of a signal over each sample interval.
+    """Return the means of a signal over each sample interval after a first-order lag.
 
     Exact for a signal that is constant within the intervals, and unity for constants. A cutoff far above the
     rate of the samples changes nothing.

@@ -44,7 +44,7 @@ class SensorSuite(Settings):
     )
 
     def remarks(self, states: int | None = None) -> tuple[str, ...]:
-        """Say what changes nothing, what the filter has no state for, and what a card assumed.
+        """Return remarks on settings without effect, errors without a filter state, and assumed numbers.
 
         Parameters
         ----------
@@ -122,7 +122,7 @@ class SensorSuite(Settings):
 
 
 def _has(triad: Settings, name: str, text: str) -> bool:
-    """Say whether there is such a setting, with the value of a text: one number or one for each axis."""
+    """Return whether there is such a setting, with the value of a text: one number or one for each axis."""
     if name not in (leaf for _, _, leaf in triad.leaves()):
         return False
     value = getattr(triad, name)

@@ -1,6 +1,6 @@
-"""Temperature: that of the IMU over the mission, and the thermometer that reads it.
+"""Temperature: the temperature of the IMU over the mission, and its thermometer.
 
-In degrees Celsius throughout; the sensors' coefficients count from `REFERENCE`, where they are zero.
+All temperatures are in degrees Celsius; the sensors' coefficients refer to `REFERENCE`.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ REFERENCE = 25.0
 
 
 class TemperatureSettings(Settings):
-    """Temperature of the IMU, and whether the navigator makes up for it."""
+    """Temperature of the IMU, and whether the navigator compensates it."""
 
     profile = param.Selector(
         default="none",
@@ -105,7 +105,7 @@ def temperature(settings: TemperatureSettings, time: FloatArray, height: FloatAr
 
 
 def thermometer(settings: TemperatureSettings, seed: int, temperature: FloatArray) -> FloatArray:
-    """Return what the thermometer shows (n,) [°C].
+    """Return the reading of the thermometer (n,) [°C].
 
     Parameters
     ----------

@@ -1,6 +1,6 @@
-"""Typical: what a number that a card does not have is taken to be, by the grade of the sensor.
+"""Typical: the assumed values of numbers that a card lacks, by the grade of the sensor.
 
-The table is ``assumed.toml`` beside this file: every number with its unit and its source.
+The table is ``assumed.toml`` in this folder: every number with its unit and its source.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ Terms = Mapping[str, Mapping[str, Datum]]
 
 @functools.cache
 def grades() -> Mapping[str, Terms]:
-    """Return by grade, triad and name of the setting what is typical.
+    """Return the typical values by grade, triad and name of the setting.
 
     Raises
     ------
@@ -36,7 +36,7 @@ def grades() -> Mapping[str, Terms]:
 
 
 def typical(grade: str) -> Terms:
-    """Return what is typical of a grade; nothing of one that the table does not have, such as own sensors."""
+    """Return the typical values of a grade; none for grades that the table lacks, such as own sensors."""
     return grades().get(grade, {})
 
 

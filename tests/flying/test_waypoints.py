@@ -187,7 +187,7 @@ def test_whatever_is_asked_limits_are_kept_and_the_end_is_reached(corners, vehic
     except MissionError as error:
         assert any(
             word in str(error)
-            for word in ("too near", "turns back", "at one place", "climbs", "the way takes")
+            for word in ("too near", "turns back", "at one place", "climbs", "the path takes")
         )
         assume(False)
     assert all(np.isfinite(getattr(flight, name)).all() for name in ("time", "velocity_n", "euler"))
@@ -211,7 +211,7 @@ def test_whatever_is_asked_limits_are_kept_and_the_end_is_reached(corners, vehic
         (((45, 7, 0, 0), (45.01, 7, 0, 20)), "waypoint 1: speed_m_s = 0 leads nowhere"),
         (((45, 7, 0, 50), (45.0003, 7, 0, 50), (45.0003, 7.01, 0, 50)), "too near for the turns"),
         (((45, 7, 0, 50), (45.01, 7, 900, 50)), "climbs or descends by"),
-        (((45, 7, 0, 1), (46, 7, 0, 1)), "the way takes"),
+        (((45, 7, 0, 1), (46, 7, 0, 1)), "the path takes"),
     ],
 )
 def test_a_way_that_cannot_be_gone_says_why(plan, message):

@@ -102,7 +102,7 @@ def test_rows_out_of_order_are_put_in_place():
     order[[100, 101, 700, 701]] = order[[101, 100, 701, 700]]
     found = repair(weave(EVEN).rows(order))
     np.testing.assert_array_equal(found.raw.time, EVEN)
-    assert "2 rows came out of order" in " ".join(found.raw.remarks)
+    assert "2 rows were out of order" in " ".join(found.raw.remarks)
 
 
 def test_the_longest_stretch_is_taken_where_the_clock_starts_anew():
@@ -178,7 +178,7 @@ def test_a_single_position_far_off_is_left_out():
     latitude[700] += 0.01
     found = repair(replace(raw, latitude=latitude))
     assert found.raw.time.size == 1499
-    assert "far off" in found.dropped[0].reason
+    assert "far from the path" in found.dropped[0].reason
 
 
 def test_a_jump_elsewhere_cuts():
