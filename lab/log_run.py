@@ -157,13 +157,13 @@ def _result(
     # The filter was given something in place of what the receiver does not measure.
     seen = np.where(np.isnan(log.gnss.velocity_n[rows]), np.nan, made.fixes.velocity_n)
     notes = [*made.remarks, *clock_remarks(log, experiment.sensors.gps.outages)]
-    unnamed = experiment.navigator.vehicle == "auto" and not vehicle_of(log.beside.vehicle).name
+    unnamed = experiment.navigator.vehicle == "auto" and not vehicle_of(log.auxiliary.vehicle).name
     if unnamed and made.alignment.heading.is_course:
         notes.append(
             "Nobody named the vehicle: the course is taken for its heading, which the motion does not "
             "contradict. --vehicle or vehicle in log.toml names it."
         )
-    notes += [comparison_remark(other, made.imu.time, solution) for other in log.beside.comparisons]
+    notes += [comparison_remark(other, made.imu.time, solution) for other in log.auxiliary.comparisons]
     if log.reference is None:
         notes.append("There is no reference: errors are not known, innovations are.")
     elif truth is None:

@@ -307,7 +307,9 @@ def test_another_solution_is_compared_with_and_no_truth(tmp_path):
     assert result.truth_arrays is None
     (remark,) = (remark for remark in result.remarks if "their filter" in remark)
     assert "not the truth" in remark
-    made = differences(read_sensor_log(tmp_path).beside.comparisons[0], result.time, result.solution_arrays)
+    made = differences(
+        read_sensor_log(tmp_path).auxiliary.comparisons[0], result.time, result.solution_arrays
+    )
     # It is the truth here, so that the differences are the errors.
     write(tmp_path / "told", flown)
     errors = experiment(tmp_path / "told").run().errors

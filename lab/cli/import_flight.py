@@ -120,7 +120,7 @@ def _add_log(files: Sequence[Path], name: str | None, title: str, preview: bool,
         log = read_log(files)
         progress("writing", 0.7)
         added = add_log(log, name or _free_name(files[0]), title=title or f"Log of {files[0].name}").name
-    vehicle = vehicle_of(log.beside.vehicle).name
+    vehicle = vehicle_of(log.auxiliary.vehicle).name
     facts = {
         "added": added,
         "duration_s": log.duration,

@@ -97,7 +97,7 @@ class Headings:
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Beside:
+class AuxiliaryData:
     """What a log holds in addition to IMU and GPS.
 
     Attributes
@@ -118,16 +118,16 @@ class Beside:
     headings: Headings | None = None
     comparisons: tuple[Comparison, ...] = ()
 
-    def later(self, seconds: float) -> Beside:
+    def later(self, seconds: float) -> AuxiliaryData:
         """Return the same with later times."""
         moved = {
             name: None if part is None else part.later(seconds)
             for name, part in (("magnetometer", self.magnetometer), ("headings", self.headings))
         }
         others = tuple(one.later(seconds) for one in self.comparisons)
-        return Beside(self.vehicle, comparisons=others, **moved)  # type: ignore[arg-type]  # each its own kind
+        return AuxiliaryData(self.vehicle, comparisons=others, **moved)  # type: ignore[arg-type]  # each its own kind
 
-    def named(self, vehicle: str) -> Beside:
+    def named(self, vehicle: str) -> AuxiliaryData:
         """Return the same with another vehicle."""
         return replace(self, vehicle=vehicle)
 

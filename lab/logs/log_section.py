@@ -106,7 +106,7 @@ def _cut(log: SensorLog, span: FloatArray, remarks: tuple[str, ...]) -> SensorLo
         reference=None if log.reference is None else log.reference.later(-zero),
         gaps=gaps - zero,
         breaks=np.empty((0, 2)),
-        beside=log.beside.later(-zero),
+        auxiliary=log.auxiliary.later(-zero),
         repairs=(*log.repairs, *remarks),
     )
 

@@ -13,7 +13,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from lab.logs.auxiliary_data import Beside, Reference
+from lab.logs.auxiliary_data import AuxiliaryData, Reference
 from lab.recordings.mission_error import MissionError
 
 FloatArray = NDArray[np.float64]
@@ -90,7 +90,7 @@ class SensorLog:
     gaps, breaks : (g, 2) arrays
         Start and end of the gaps of the IMU that were filled, and of those too long for that [s]. In a break
         there is one interval without increments, which must not be navigated.
-    beside : Beside
+    auxiliary : AuxiliaryData
         What else was recorded: vehicle, magnetometer, headings, other solutions; of the same 0.
     repairs : tuple of str
         The report on what was repaired and what is missing.
@@ -106,7 +106,7 @@ class SensorLog:
     gaps: FloatArray
     repairs: tuple[str, ...]
     breaks: FloatArray = field(default_factory=lambda: np.empty((0, 2)))
-    beside: Beside = field(default_factory=Beside)
+    auxiliary: AuxiliaryData = field(default_factory=AuxiliaryData)
 
     @property
     def duration(self) -> float:
@@ -137,7 +137,7 @@ def repaired(
     reference: Reference | None = None,
     *,
     increments: bool = False,
-    beside: Beside | None = None,
+    auxiliary: AuxiliaryData | None = None,
 ) -> SensorLog:
     """Return the log of raw rows, repaired.
 
@@ -154,8 +154,8 @@ def repaired(
         The fixes and, where there is one, a better solution, stamped by the same clock.
     increments
         Whether the samples are increments.
-    beside
-        What else was recorded, stamped by the same clock.
+    auxiliary
+        Auxiliary data, stamped by the same clock.
 
     Raises
     ------
@@ -194,7 +194,7 @@ def repaired(
         gaps=gaps - epoch,
         repairs=tuple(repairs),
         breaks=breaks - epoch,
-        beside=Beside() if beside is None else beside.later(-epoch),
+        auxiliary=AuxiliaryData() if auxiliary is None else auxiliary.later(-epoch),
     )
 
 

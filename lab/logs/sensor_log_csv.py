@@ -39,7 +39,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lab.earth import STANDARD_GRAVITY
-from lab.logs.auxiliary_data import Beside, Comparison, Headings, Magnetometer, Reference
+from lab.logs.auxiliary_data import AuxiliaryData, Comparison, Headings, Magnetometer, Reference
 from lab.logs.log_toml import DESCRIPTION_FILE, check_values
 from lab.logs.sensor_log import MIN_IMU_SAMPLES, SIGMAS, GnssLog, SensorLog, repaired
 from lab.recordings.bounds import HEIGHTS, LATITUDES, LONGITUDES, MAX_DURATION, MAX_SPEED, TIME_STAMPS
@@ -179,7 +179,7 @@ class LogFiles:
         """
         time, samples, increments = self._read_imu()
         gnss, headings = self._read_gnss()
-        beside = Beside(
+        auxiliary = AuxiliaryData(
             vehicle=self.vehicle,
             magnetometer=None if self.magnetometer is None else self._read_field(self.magnetometer),
             headings=headings,
@@ -188,7 +188,9 @@ class LogFiles:
             ),
         )
         reference = None if self.reference is None else Reference(*_read_solution(self.reference))
-        log = repaired(str(self.path), time, samples, gnss, reference, increments=increments, beside=beside)
+        log = repaired(
+            str(self.path), time, samples, gnss, reference, increments=increments, auxiliary=auxiliary
+        )
         from lab.logs.log_check import check_log  # noqa: PLC0415 - imports scipy, which takes a while
 
         check_log(log)

@@ -87,17 +87,17 @@ def write_sensor_log(
 
 
 def _write_files(folder: Path, log: SensorLog, title: str, description: str, tags: Sequence[str]) -> None:
-    beside, epoch = log.beside, log.epoch
+    auxiliary, epoch = log.auxiliary, log.epoch
     _write_csv(folder / "imu.csv", _IMU, _imu_rows(log), epoch)
-    fixes = np.column_stack((_gnss_rows(log.gnss), _heading_rows(log.gnss, beside.headings)))
+    fixes = np.column_stack((_gnss_rows(log.gnss), _heading_rows(log.gnss, auxiliary.headings)))
     _write_csv(folder / "gnss.csv", (*_PLACE, *_SIGMA, *_HEADING), fixes, epoch)
     if log.reference is not None:
         _write_csv(folder / "ref.csv", (*_PLACE, *_ATTITUDE), _reference_rows(log.reference), epoch)
-    if beside.magnetometer is not None:
-        field = np.column_stack((beside.magnetometer.time, beside.magnetometer.field))
+    if auxiliary.magnetometer is not None:
+        field = np.column_stack((auxiliary.magnetometer.time, auxiliary.magnetometer.field))
         _write_csv(folder / "mag.csv", _FIELD, field, epoch)
     others = {}
-    for number, other in enumerate(beside.comparisons, 1):
+    for number, other in enumerate(auxiliary.comparisons, 1):
         others[other.name] = f"comparison{number}.csv"
         _write_csv(folder / others[other.name], (*_PLACE, *_ATTITUDE), _reference_rows(other), epoch)
     values: dict[str, Any] = {
@@ -107,10 +107,10 @@ def _write_files(folder: Path, log: SensorLog, title: str, description: str, tag
         "lever_arm_m": [float(one) for one in log.gnss.lever_arm],
         "latency_s": float(log.gnss.latency),
     }
-    if vehicle_of(beside.vehicle).name:
-        values["vehicle"] = vehicle_of(beside.vehicle).name
-    if beside.magnetometer is not None and np.isfinite(beside.magnetometer.declination):
-        values["declination_deg"] = float(np.degrees(beside.magnetometer.declination))
+    if vehicle_of(auxiliary.vehicle).name:
+        values["vehicle"] = vehicle_of(auxiliary.vehicle).name
+    if auxiliary.magnetometer is not None and np.isfinite(auxiliary.magnetometer.declination):
+        values["declination_deg"] = float(np.degrees(auxiliary.magnetometer.declination))
     if others:
         values["comparisons"] = others
     (folder / DESCRIPTION_FILE).write_bytes(toml_text(values).encode())

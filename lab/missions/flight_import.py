@@ -171,7 +171,9 @@ def read_log(paths: Sequence[Path]) -> SensorLog:
         logs = ", ".join(other.name for other in READERS if other.read_log is not None)
         raise MissionError(f"{paths[0]}: is {reader.name}, which has no IMU and GPS; accepted: {logs}")
     log = reader.read_log(paths[0])
-    return replace(log, beside=replace(log.beside, comparisons=own_solution(reader, paths[0], log.epoch)))
+    return replace(
+        log, auxiliary=replace(log.auxiliary, comparisons=own_solution(reader, paths[0], log.epoch))
+    )
 
 
 def own_solution(reader: Reader, path: Path, epoch: float) -> tuple[Comparison, ...]:

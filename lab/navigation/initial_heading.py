@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from lab.logs.auxiliary_data import Beside, Headings, Magnetometer
+from lab.logs.auxiliary_data import AuxiliaryData, Headings, Magnetometer
 from lab.logs.vehicle import Vehicle, vehicle_of
 from lab.logs.velocity_matching import WINDOW, Match, lively, match, steps, turned, window_of
 from lab.navigation.solution import Fixes, Imu
@@ -73,7 +73,7 @@ class Hints(NamedTuple):
     magnetometer: Magnetometer | None = None
 
     @classmethod
-    def of(cls, beside: Beside, vehicle: str, heading: float | None, heading_sigma: float) -> Hints:
+    def of(cls, beside: AuxiliaryData, vehicle: str, heading: float | None, heading_sigma: float) -> Hints:
         """Return the hints of a log and of settings, which rule.
 
         Parameters

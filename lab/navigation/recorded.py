@@ -166,7 +166,7 @@ def _check(log: SensorLog, navigator: NavigatorSettings) -> None:
 def _hints(log: SensorLog, navigator: NavigatorSettings) -> Hints:
     """Return what log and settings say of vehicle and heading."""
     return Hints.of(
-        log.beside, navigator.vehicle, navigator.initial_heading, navigator.initial_heading_uncertainty
+        log.auxiliary, navigator.vehicle, navigator.initial_heading, navigator.initial_heading_uncertainty
     )
 
 

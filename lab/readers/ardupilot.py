@@ -18,7 +18,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from lab.logs.auxiliary_data import Beside
+from lab.logs.auxiliary_data import AuxiliaryData
 from lab.logs.log_check import check_log
 from lab.logs.sensor_log import GnssLog, SensorLog, believed_sigma, repaired
 from lab.readers import sdlog2
@@ -137,8 +137,8 @@ def read_log(path: Path) -> SensorLog:
     if not gnss.time.size:
         raise MissionError(f"{path}: {_no_fix(gps)}; accepted are logs with fixes")
     compass, headings = magnetometer_of(_messages(times, "MAG")), headings_of(gps, _fixed(gps))
-    beside = Beside(_vehicle(log), compass, headings)
-    made = repaired(str(path), imu.time, imu.values, gnss, beside=beside)
+    auxiliary = AuxiliaryData(_vehicle(log), compass, headings)
+    made = repaired(str(path), imu.time, imu.values, gnss, auxiliary=auxiliary)
     check_log(made)
     if not times.unstamped:
         return made

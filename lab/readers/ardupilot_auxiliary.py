@@ -1,4 +1,4 @@
-"""ArduPilot beside: the magnetometer and the headings of two antennas in a DataFlash log.
+"""ArduPilot auxiliary data: the magnetometer and the headings of two antennas in a DataFlash log.
 
 References
 ----------

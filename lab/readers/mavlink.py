@@ -20,7 +20,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from lab.logs.auxiliary_data import Beside
+from lab.logs.auxiliary_data import AuxiliaryData
 from lab.logs.log_check import check_log
 from lab.logs.sensor_log import SensorLog, repaired
 from lab.readers.fields import OF_THE_FORMAT, SEA_LEVEL, one_file
@@ -129,7 +129,7 @@ def read_log(path: Path) -> SensorLog:
     fixes = gnss_of(vehicle, gps)
     if not len(fixes.time):
         raise MissionError(f"{path}: {_no_fix(vehicle)}")
-    made = repaired(str(path), imu.time, imu.values, fixes, beside=Beside(_kind(vehicle)))
+    made = repaired(str(path), imu.time, imu.values, fixes, auxiliary=AuxiliaryData(_kind(vehicle)))
     check_log(made)
     return made
 

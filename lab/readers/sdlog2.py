@@ -17,7 +17,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from lab.logs.auxiliary_data import Beside
+from lab.logs.auxiliary_data import AuxiliaryData
 from lab.logs.log_check import check_log
 from lab.logs.sensor_log import GnssLog, SensorLog, believed_sigma, repaired
 from lab.readers.dataflash_file import MAGIC, DataFlashFile
@@ -123,7 +123,7 @@ def read_log(path: Path) -> SensorLog:
     gnss = _gnss(log, gps)
     if not gnss.time.size:
         raise MissionError(f"{path}: {log.no_fix()}; accepted are logs with fixes")
-    made = repaired(str(path), imu.time, imu.values, gnss, beside=Beside(log.vehicle))
+    made = repaired(str(path), imu.time, imu.values, gnss, auxiliary=AuxiliaryData(log.vehicle))
     check_log(made)
     return made
 

@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from lab.logs.auxiliary_data import Beside, Headings, Magnetometer
+from lab.logs.auxiliary_data import AuxiliaryData, Headings, Magnetometer
 from lab.logs.log_check import check_log
 from lab.logs.sensor_log import GnssLog, SensorLog, believed_sigma, repaired
 from lab.readers.fields import OF_THE_FORMAT, SEA_LEVEL, one_file
@@ -126,9 +126,9 @@ def read_log(path: Path) -> SensorLog:
         missing = "an IMU (sensor_combined, vehicle_imu)" if imu is None else "a GPS (vehicle_gps_position)"
         raise MissionError(f"{path}: the log does not have {missing}; accepted are logs with both")
     gnss = _gnss(log, gps)
-    beside = Beside(_vehicle(log), _magnetometer(log), _headings(gps))
+    auxiliary = AuxiliaryData(_vehicle(log), _magnetometer(log), _headings(gps))
     try:
-        made = repaired(str(path), imu.time, imu.values, gnss, beside=beside)
+        made = repaired(str(path), imu.time, imu.values, gnss, auxiliary=auxiliary)
     except MissionError as error:
         raise MissionError(f"{error}{_no_fix(gps, gnss)}") from None
     check_log(made)

@@ -304,13 +304,13 @@ def test_what_else_was_recorded(tmp_path, log):
     columns = np.column_stack((log.gnss[:, :4], times % 360, np.full(len(times), 0.5)))
     write_csv(folder / "gnss.csv", (*POSITION, "heading_deg", "sd_heading_deg"), columns)
     read = read_sensor_log(folder)
-    beside = read.beside
-    assert beside.vehicle == "car"
-    np.testing.assert_array_equal(beside.magnetometer.field, np.tile((1.0, 0, 0), (len(times), 1)))
-    assert beside.magnetometer.declination == pytest.approx(np.radians(-12))
-    np.testing.assert_allclose(beside.headings.heading, np.radians(times % 360))
-    np.testing.assert_allclose(beside.headings.time + read.epoch, times)
-    (own,) = beside.comparisons
+    auxiliary = read.auxiliary
+    assert auxiliary.vehicle == "car"
+    np.testing.assert_array_equal(auxiliary.magnetometer.field, np.tile((1.0, 0, 0), (len(times), 1)))
+    assert auxiliary.magnetometer.declination == pytest.approx(np.radians(-12))
+    np.testing.assert_allclose(auxiliary.headings.heading, np.radians(times % 360))
+    np.testing.assert_allclose(auxiliary.headings.time + read.epoch, times)
+    (own,) = auxiliary.comparisons
     assert own.name == "their own"
     assert np.isnan(own.position).all()
     np.testing.assert_allclose(own.euler[:, 1], np.radians(times % 300))

@@ -10,7 +10,7 @@ from sensor_logs import tables, write
 from writers import ardupilot, autopilot, ulog
 
 from lab import Experiment, ecef
-from lab.logs.auxiliary_data import Beside, Comparison, Headings, Magnetometer
+from lab.logs.auxiliary_data import AuxiliaryData, Comparison, Headings, Magnetometer
 from lab.logs.sensor_log import SensorLog
 from lab.logs.sensor_log_writer import write_sensor_log
 from lab.missions import LogMission, MissionError, add_log, mission, missions, read_sensor_log
@@ -76,7 +76,7 @@ def test_what_was_recorded_beside_is_kept(log, tmp_path):
     rng = np.random.default_rng(4)
     times = np.arange(0.0, 20.0, 0.5)
     other = Comparison(times, *(rng.uniform(0.1, 1, size=(40, 3)) for _ in range(3)), name='"their" own')
-    beside = Beside(
+    auxiliary = AuxiliaryData(
         "rotary wing",
         Magnetometer(times, rng.normal(scale=30, size=(40, 3)), -0.2),
         Headings(
@@ -89,7 +89,7 @@ def test_what_was_recorded_beside_is_kept(log, tmp_path):
     breaks = np.array([[log.time[1500], log.time[1800]]])
     rows = np.delete(np.arange(len(log.dtheta)), np.arange(1501, 1800))
     broken = replace(
-        log, beside=beside, breaks=breaks, time=np.delete(log.time, np.arange(1501, 1800)),
+        log, auxiliary=auxiliary, breaks=breaks, time=np.delete(log.time, np.arange(1501, 1800)),
         dtheta=log.dtheta[rows], dvelocity=log.dvelocity[rows],
     )  # fmt: skip
     broken.dtheta[1500] = broken.dvelocity[1500] = 0.0
@@ -97,12 +97,12 @@ def test_what_was_recorded_beside_is_kept(log, tmp_path):
     read = read_sensor_log(tmp_path / "copy")
     np.testing.assert_allclose(read.breaks, breaks, atol=1e-9)
     np.testing.assert_allclose(read.dtheta, broken.dtheta, rtol=1e-9, atol=1e-18)
-    assert read.beside.vehicle == "copter"
-    np.testing.assert_array_equal(read.beside.magnetometer.field, beside.magnetometer.field)
-    assert read.beside.magnetometer.declination == pytest.approx(-0.2)
-    np.testing.assert_allclose(read.beside.headings.heading, beside.headings.heading, rtol=1e-12)
-    np.testing.assert_allclose(read.beside.headings.time, beside.headings.time, atol=1e-9)
-    (own,) = read.beside.comparisons
+    assert read.auxiliary.vehicle == "copter"
+    np.testing.assert_array_equal(read.auxiliary.magnetometer.field, auxiliary.magnetometer.field)
+    assert read.auxiliary.magnetometer.declination == pytest.approx(-0.2)
+    np.testing.assert_allclose(read.auxiliary.headings.heading, auxiliary.headings.heading, rtol=1e-12)
+    np.testing.assert_allclose(read.auxiliary.headings.time, auxiliary.headings.time, atol=1e-9)
+    (own,) = read.auxiliary.comparisons
     assert own.name == other.name
     for name in ("position", "velocity_n", "euler"):
         np.testing.assert_allclose(getattr(own, name), getattr(other, name), rtol=1e-12)

@@ -10,7 +10,7 @@ from copter_logs import LATITUDE, LONGITUDE, copter
 from scipy.spatial.transform import Rotation
 from sensor_logs import EPOCH, tables, write
 
-from lab.logs.auxiliary_data import Beside, Headings, Magnetometer
+from lab.logs.auxiliary_data import AuxiliaryData, Headings, Magnetometer
 from lab.logs.velocity_matching import match, turned, window_of
 from lab.missions import read_sensor_log
 from lab.navigation.initial_heading import Found, Hints, magnetic_declination, surest
@@ -86,7 +86,7 @@ def test_a_magnetometer_shows_the_heading_of_what_stands(tmp_path, nose):
     north = np.array((np.cos(dip) * np.cos(declination), np.cos(dip) * np.sin(declination), np.sin(dip)))
     attitude = Rotation.from_euler("ZYX", log.reference.euler[:, ::-1])
     field = Magnetometer(log.reference.time, 50.0 * attitude.inv().apply(north), declination)
-    log = replace(log, beside=replace(log.beside, magnetometer=field))
+    log = replace(log, auxiliary=replace(log.auxiliary, magnetometer=field))
     made = navigate_log(log, suite(), NavigatorSettings())
     assert abs(heading_error(log, made.alignment)) < 1.0
     assert np.degrees(made.alignment.attitude_sigma[2]) == pytest.approx(10, abs=1.5)
@@ -96,7 +96,7 @@ def test_a_magnetometer_shows_the_heading_of_what_stands(tmp_path, nose):
 def test_two_antennas_are_surest(tmp_path):
     log = read_sensor_log(write(tmp_path, copter(30, nose=2.0, rest=5.0), 'vehicle = "copter"'))
     headings = Headings(log.reference.time, log.reference.euler[:, 2], np.full(len(log.reference.time), 0.01))
-    log = replace(log, beside=replace(log.beside, headings=headings))
+    log = replace(log, auxiliary=replace(log.auxiliary, headings=headings))
     made = navigate_log(log, suite(), NavigatorSettings())
     assert abs(heading_error(log, made.alignment)) < 1.0
     assert np.degrees(made.alignment.attitude_sigma[2]) < 1.0
@@ -122,8 +122,8 @@ def test_a_contradiction_makes_the_heading_uncertain():
 
 def test_the_words_of_autopilots_are_known():
     for word, follows in (("rotary wing", False), ("fixed wing", True), ("rover", True), ("boat", False)):
-        assert Hints.of(Beside(word), "auto", None, 5.0).vehicle.follows_nose == follows
-    assert Hints.of(Beside("fixed wing"), "copter", None, 5.0).vehicle.name == "copter"
+        assert Hints.of(AuxiliaryData(word), "auto", None, 5.0).vehicle.follows_nose == follows
+    assert Hints.of(AuxiliaryData("fixed wing"), "copter", None, 5.0).vehicle.name == "copter"
 
 
 def test_matching_over_many_seeds_knows_how_well_it_knows():

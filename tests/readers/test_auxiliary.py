@@ -20,8 +20,8 @@ def test_vehicle_and_own_solution(name, tmp_path):
     recording = mission("montreal").recording
     path.write_bytes(WRITERS[name](recording))
     log = read_log([path])
-    assert vehicle_of(log.beside.vehicle).name == "aeroplane"
-    (own,) = log.beside.comparisons
+    assert vehicle_of(log.auxiliary.vehicle).name == "aeroplane"
+    (own,) = log.auxiliary.comparisons
     assert name in own.name
     assert log.reference is None
     # At the times of the file, it is the flight that was written.
