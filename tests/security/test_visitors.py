@@ -158,7 +158,7 @@ def test_options_reach_the_server(tmp_path: Path, monkeypatch: pytest.MonkeyPatc
     path = tmp_path / "password"
     path.write_text("an open sesame\n")
     asked: list[dict[str, Any]] = []
-    monkeypatch.setattr(dashboards, "serve", lambda **how: asked.append(how))
+    monkeypatch.setattr("dashboards.server.serve", lambda **how: asked.append(how))
     flags = ["--password-file", str(path), "--visitors", "edit", "--origin", "a.example", "--origin", "b:1"]
     assert ask("serve", "--no-browser", *flags).exit_code == 0
     (how,) = asked
