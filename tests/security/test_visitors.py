@@ -20,6 +20,7 @@ import dashboards
 from dashboards import password as passwords
 from dashboards.pages.missions.missions import PARTS, Missions
 from dashboards.password import COOKIE, Password
+from dashboards.serve_command import free_port
 from dashboards.session import Session
 from dashboards.visitors import VARIABLE, allow, may_edit
 from lab.missions import missions
@@ -160,6 +161,7 @@ def test_options_reach_the_server(tmp_path: Path, monkeypatch: pytest.MonkeyPatc
     asked: list[dict[str, Any]] = []
     monkeypatch.setattr("dashboards.server.serve", lambda **how: asked.append(how))
     flags = ["--password-file", str(path), "--visitors", "edit", "--origin", "a.example", "--origin", "b:1"]
+    flags += ["--port", str(free_port())]
     assert ask("serve", "--no-browser", *flags).exit_code == 0
     (how,) = asked
     assert (how["password"], how["visitors"]) == ("an open sesame", "edit")
