@@ -31,10 +31,9 @@ def test_serving_on_a_taken_port_names_a_free_one() -> None:
 def test_the_page_opens_where_there_is_a_screen(
     monkeypatch: pytest.MonkeyPatch, screen: str, flags: list[str], show: bool
 ) -> None:
-    import dashboards
 
     asked: list[dict[str, Any]] = []
-    monkeypatch.setattr(dashboards, "serve", lambda **how: asked.append(how))
+    monkeypatch.setattr("dashboards.server.serve", lambda **how: asked.append(how))
     monkeypatch.setenv("DISPLAY", screen)
     monkeypatch.delenv("WAYLAND_DISPLAY", raising=False)
     port = free_port()
