@@ -244,9 +244,9 @@ class _Run:
         ideal, settings, seed = flight.ideal, self.sensors.temperature, self.experiment.seed
         height = flight.truth.height[1:] - flight.truth.height[0]
         temperature = thermal.temperature(settings, ideal.time[1:], height)
-        specific = imu.with_vibration(self.sensors.accelerometer, seed, ideal.dvelocity, ideal.dt)
-        quantity = ideal.dtheta if isinstance(errors, imu.GyroErrors) else specific
-        measured = imu.measure(quantity, ideal.dt, errors, draws, imu.Environment(temperature, specific))
+        dvelocity = imu.with_vibration(self.sensors.accelerometer, seed, ideal.dvelocity, ideal.dt)
+        quantity = ideal.dtheta if isinstance(errors, imu.GyroErrors) else dvelocity
+        measured = imu.measure(quantity, ideal.dt, errors, draws, imu.Environment(temperature, dvelocity))
         if not settings.compensation:
             return measured
         reading = thermal.thermometer(settings, seed, temperature)

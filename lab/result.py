@@ -15,6 +15,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
+from param.parameterized import ParameterizedABC
 
 from lab import result_files
 from lab.analysis import budget, feedforward, observability, trial
@@ -57,12 +58,12 @@ DATASETS = (
 """Names of the datasets every result has, as they are written to files."""
 
 
-class Runnable(ExperimentSettings):
+class Runnable(ExperimentSettings, ParameterizedABC):
     """Settings that can be run: the experiment as a result knows it."""
 
+    @abstractmethod
     def run(self, progress: Progress | None = None, *, algorithm: Algorithm | None = None) -> Result:
         """Compute the experiment; see `lab.experiment.Experiment.run`."""
-        raise NotImplementedError
 
 
 @dataclass(frozen=True, eq=False, repr=False, kw_only=True)

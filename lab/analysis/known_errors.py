@@ -95,7 +95,7 @@ def _of_triad(run: Run, number: int, name: str) -> list[Series]:
             before = imu.Environment(environment.temperature[:1], _at_rest(truth))
             alone = alone - imu.mean_at_rest(quiet, _NONE, np.zeros(3), before) * ideal.dt
         add(source, alone, term in BIASES)
-    specific = imu.with_vibration(
+    dvelocity = imu.with_vibration(
         experiment.sensors.accelerometer, experiment.seed, ideal.dvelocity, ideal.dt
     )
     coarse = any(errors.quantisation) and not rounding(errors, ideal.dt).any()
@@ -115,7 +115,7 @@ def _of_triad(run: Run, number: int, name: str) -> list[Series]:
         changed = errors.copy()
         for term, value in changes.items():
             changed.set(term, value)
-        quantity, around = specific if number else true, imu.Environment(temperature, specific)
+        quantity, around = dvelocity if number else true, imu.Environment(temperature, dvelocity)
         return imu.measure(quantity, ideal.dt, changed, draws, around).increments
 
     as_it_was = simulated()

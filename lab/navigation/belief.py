@@ -35,9 +35,11 @@ FLICKER_FLOOR = np.sqrt(2 * np.log(2) / np.pi)
 """Allan deviation of flicker over its coefficient B (IEEE Std 952-1997, annex C)."""
 
 HIDDEN = np.sqrt(2)
-"""Variance to which a bias is known whose changes the noise hides, over the variance of the changes. NEES of
-the gyro biases over ten flights of montreal, with 30 and 100 °/h and τ of 0.5 and 5 s, is 0.69 to 1.46
-without this limit, 0.87 to 1.35 at 1, and 0.88 to 1.12 at √2."""
+"""Largest steady-state variance of a bias estimate over the variance of an instability that the noise hides.
+
+NEES of the gyro biases over ten flights of montreal, with 30 and 100 °/h and τ of 0.5 and 5 s, is 0.69 to
+1.46 without this limit, 0.87 to 1.35 at 1, and 0.88 to 1.12 at √2.
+"""
 
 
 def belief(sensors: SensorSuite, navigator: NavigatorSettings, constants: FloatArray | None = None) -> Belief:

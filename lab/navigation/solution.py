@@ -128,7 +128,7 @@ class Start(NamedTuple):
         position, velocity, attitude : (3,) arrays
             Errors north, east, down [m], [m/s], and φ of Ĉ_nb = exp(−[φ×]) C_nb [rad].
         """
-        place = displaced(truth.position[:1], position[None])[0]
+        place = displaced(truth.taken(slice(1)).position, position[None])[0]
         q_nb = Rotation.from_rotvec(-attitude) * Rotation.from_quat(truth.q_nb[0], scalar_first=True)
         return cls(
             place,

@@ -91,7 +91,7 @@ def _plane(position: FloatArray) -> tuple[FloatArray, FloatArray]:
         level = position * (1, 1, 0)
         north, east, _ = displacement(np.broadcast_to(level[0], level.shape), level).T
         return east, north
-    north, east = metres_per_radian(np.full_like(latitude, (latitude.max() + latitude.min()) / 2), 0.0)
+    north, east = metres_per_radian(np.array([(latitude.max() + latitude.min()) / 2]), 0.0)
     return (longitude - longitude[0]) * east, (latitude - latitude[0]) * north
 
 
