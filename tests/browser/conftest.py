@@ -10,9 +10,10 @@ import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from typing import Any
 
 import pytest
-from playwright.sync_api import Browser, ConsoleMessage, Page, sync_playwright
+from playwright.sync_api import Browser, BrowserContext, ConsoleMessage, Page, expect, sync_playwright
 
 from dashboards.visitors import VARIABLE
 
@@ -27,6 +28,10 @@ ARGUMENTS = [
     "--enable-unsafe-swiftshader",
 ]
 HARMLESS = ("THREE.", "GPU stall", "GL Driver Message", "could not set initial ranges", "WebGL")
+
+PATIENCE = 240_000.0
+"""Longest wait for what a page shows [ms]: build machines share their cores, and a first run compiles."""
+expect.set_options(timeout=PATIENCE)
 
 IDLE = "window.Bokeh && Bokeh.documents.length === 1 && Bokeh.documents[0].is_idle"
 DRAWN = f"{IDLE} && Bokeh.documents[0].get_model_by_name('time:position_east')?.data.time?.length > 100"
@@ -43,6 +48,13 @@ def chromium() -> Iterator[Browser]:
         browser = playwright.chromium.launch(executable_path=path, args=ARGUMENTS)
         yield browser
         browser.close()
+
+
+def new_context(chromium: Browser, **options: Any) -> BrowserContext:
+    """Return a new visitor: a browser without cookies, which waits patiently."""
+    context = chromium.new_context(**options)
+    context.set_default_timeout(PATIENCE)
+    return context
 
 
 def free_port() -> int:
@@ -103,10 +115,9 @@ def open_page(chromium: Browser, address: str, complaints: list[str]) -> Iterato
     contexts = []
 
     def open_it(query: str = "", *, width: int = 1440, height: int = 900, drawn: bool = True) -> Page:
-        context = chromium.new_context(viewport={"width": width, "height": height})
+        context = new_context(chromium, viewport={"width": width, "height": height})
         contexts.append(context)
         page = context.new_page()
-        page.set_default_timeout(30_000)
         page.on("console", lambda message: complaints.extend(complaint(message)))
         page.on("pageerror", lambda error: complaints.append(str(error)))
         page.goto(address + query)

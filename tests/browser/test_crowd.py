@@ -10,7 +10,7 @@ from urllib.parse import urlparse
 import pytest
 from playwright.sync_api import Browser, Page, expect
 
-from tests.browser.conftest import DRAWN, ROOT, complaint
+from tests.browser.conftest import DRAWN, ROOT, complaint, new_context
 
 pytestmark = pytest.mark.browser
 
@@ -21,8 +21,6 @@ HEIGHT = 900
 """Height of the windows [px], which is that of `open_page` too."""
 PLOTS = "Array.from(Bokeh.index.query((view) => view.model.type === 'Figure')).length"
 DATA = "Bokeh.documents[0].get_model_by_name('time:position_east').data"
-PATIENCE = 120_000
-"""Longest time to wait for one of the pages [ms]: all browsers draw at the same time, on a busy machine."""
 FILES = "[...Bokeh.documents[0].all_models].map((model) => model.data?.filename).filter(Boolean).sort()"
 WATCH = f"""
 const watch = setInterval(() => {{
@@ -46,10 +44,9 @@ def crowd(chromium: Browser, address: str, complaints: list[str]) -> Iterator[li
     with ExitStack() as stack:
         pages = []
         for _ in range(PAGES + 1):
-            context = stack.enter_context(chromium.new_context(viewport={"width": 1440, "height": HEIGHT}))
+            context = stack.enter_context(new_context(chromium, viewport={"width": 1440, "height": HEIGHT}))
             pages.append(context.new_page())
         for page in pages:
-            page.set_default_timeout(PATIENCE)
             page.on("console", lambda message: complaints.extend(complaint(message)))
             page.on("pageerror", lambda error: complaints.append(str(error)))
             page.add_init_script(WATCH)
@@ -78,7 +75,7 @@ def test_pages_opened_at_once_arrive_whole_and_work(
     with crowd(chromium, address, complaints) as pages:
         for page in pages:
             page.wait_for_function(DRAWN)
-            expect(page.get_by_role("slider")).to_have_count(len(names), timeout=PATIENCE)
+            expect(page.get_by_role("slider")).to_have_count(len(names))
             assert settings(page) == names
             assert page.evaluate(PLOTS) == 9
             assert page.evaluate(FILES) == files

@@ -3,13 +3,10 @@
 from __future__ import annotations
 
 import pytest
-from conftest import DRAWN, IDLE, serving
+from conftest import DRAWN, IDLE, new_context, serving
 from sensor_logs import tables, write
 
 from lab.missions.catalogue import OWN_FOLDER_VARIABLE
-
-PATIENCE = 240_000
-"""What the first run may take where the navigator has to be compiled [ms]."""
 
 
 @pytest.mark.browser
@@ -18,11 +15,10 @@ def test_a_log_without_reference(chromium, tmp_path, monkeypatch):
     (folder / "ref.csv").unlink()
     monkeypatch.setenv(OWN_FOLDER_VARIABLE, str(tmp_path))
     with serving() as (address, _process):
-        page = chromium.new_page(viewport={"width": 1440, "height": 900})
-        page.set_default_timeout(30_000)
+        page = new_context(chromium, viewport={"width": 1440, "height": 900}).new_page()
         page.goto(f"{address}?mission=blind")
         page.wait_for_function(IDLE)
-        page.get_by_text("has no reference, so its errors are not known").wait_for(timeout=PATIENCE)
+        page.get_by_text("has no reference, so its errors are not known").wait_for()
         page.get_by_text("nothing is simulated").wait_for()
         assert not page.get_by_text("Temperature", exact=True).first.is_visible()
         page.get_by_role("tab", name="Innovations").click()
@@ -33,7 +29,7 @@ def test_a_log_without_reference(chromium, tmp_path, monkeypatch):
         page.get_by_role("tab", name="Summary").click()
         page.get_by_text("There is no reference").wait_for()
         page.get_by_text("Levelled in motion").wait_for()
-        page.close()
+        page.context.close()
 
 
 @pytest.mark.browser
@@ -42,14 +38,13 @@ def test_an_outage_set_on_a_plot_is_of_the_clock_of_the_file(chromium, tmp_path,
     write(tmp_path / "drive", tables(60, 90))
     monkeypatch.setenv(OWN_FOLDER_VARIABLE, str(tmp_path))
     with serving() as (address, _process):
-        page = chromium.new_page(viewport={"width": 1440, "height": 900})
-        page.set_default_timeout(30_000)
+        page = new_context(chromium, viewport={"width": 1440, "height": 900}).new_page()
         page.goto(f"{address}?mission=drive")
-        page.wait_for_function(DRAWN, timeout=PATIENCE)
+        page.wait_for_function(DRAWN)
         page.get_by_role("button", name="GPS outage").click()
         shaded = "Bokeh.documents[0].get_model_by_name('GPS outages').data"
-        page.wait_for_function(f"{shaded}.start?.length === 1", timeout=PATIENCE)
+        page.wait_for_function(f"{shaded}.start?.length === 1")
         assert page.evaluate(f"[{shaded}.start[0], {shaded}.end[0]]") == pytest.approx([0, 20], abs=0.1)
         written = page.get_by_role("textbox", name="Outages").input_value()
         assert [float(part) for part in written.split("–")] == pytest.approx([1060, 1080], abs=0.1)
-        page.close()
+        page.context.close()

@@ -19,8 +19,6 @@ pytestmark = pytest.mark.browser
 
 Open = Callable[..., Page]
 
-expect.set_options(timeout=20_000)
-
 
 @pytest.fixture
 def mine(own_missions: Path) -> Iterator[Path]:

@@ -29,13 +29,10 @@ FIRST = {
 """First figure of each tab that has figures."""
 WORDS = {"Missions": "Over the Pacific", "Models": "invariant", "Summary": "position east error"}
 """What stands on those that have none."""
-PATIENCE = 240_000
-"""What a first run may take where kernels are compiled [ms]."""
 
 
 def test_every_tab_shows_its_own_plots_where_states_are_known_exactly(open_page: Callable[..., Page]) -> None:
     page = open_page("?mission=los_angeles&navigator.states=21", drawn=False)
-    page.set_default_timeout(PATIENCE)
     page.wait_for_function(
         "Bokeh.documents[0].get_model_by_name('time:position_east')?.data.time?.length > 100"
     )
@@ -48,9 +45,9 @@ def test_every_tab_shows_its_own_plots_where_states_are_known_exactly(open_page:
             strange = [first for other, first in FIRST.items() if other != name]
             assert not set(strange) & set(page.evaluate(TITLES)) - {"Position error, up [m]"}
         elif name in WORDS:
-            expect(page.get_by_text(WORDS[name]).first).to_be_visible(timeout=PATIENCE)
+            expect(page.get_by_text(WORDS[name]).first).to_be_visible()
         else:
-            expect(page.frame_locator("iframe").get_by_text("Connected")).to_be_visible(timeout=PATIENCE)
+            expect(page.frame_locator("iframe").get_by_text("Connected")).to_be_visible()
         assert page.get_by_text("could not be drawn").count() == 0
     page.get_by_role("tab", name="Covariance", exact=True).click()
     page.wait_for_function(f"{TITLES}.includes('σ of the gyro scale factors [%]: zero')")

@@ -11,7 +11,7 @@ import psutil
 import pytest
 from playwright.sync_api import Browser, Page, expect
 
-from tests.browser.conftest import DRAWN, serving
+from tests.browser.conftest import DRAWN, new_context, serving
 
 pytestmark = pytest.mark.browser
 
@@ -26,7 +26,7 @@ def ports(server: psutil.Process) -> int:
 def leave_when(page: Page) -> None:
     page.wait_for_function(DRAWN)
     page.get_by_role("tab", name="3-D", exact=True).click()
-    expect(page.frame_locator("iframe").get_by_text("Connected")).to_be_visible(timeout=30_000)
+    expect(page.frame_locator("iframe").get_by_text("Connected")).to_be_visible()
 
 
 def test_a_closed_page_leaves_no_port_and_no_thread(chromium: Browser) -> None:
@@ -34,7 +34,7 @@ def test_a_closed_page_leaves_no_port_and_no_thread(chromium: Browser) -> None:
         server = psutil.Process(process.pid)
         threads = []
         for _ in range(2):
-            context = chromium.new_context()
+            context = new_context(chromium)
             page = context.new_page()
             page.goto(address)
             alone = ports(server)
@@ -53,7 +53,7 @@ def test_a_closed_page_leaves_no_upload_and_no_recording(
     with serving(*SOON) as (address, process), socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as simulator:
         simulator.bind(("127.0.0.1", 0))
         server = psutil.Process(process.pid)
-        context = chromium.new_context()
+        context = new_context(chromium)
         page = context.new_page()
         page.goto(address)
         page.wait_for_function(DRAWN)

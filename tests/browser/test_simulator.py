@@ -137,7 +137,7 @@ def test_pages_that_take_a_while_arrive(open_page: Open) -> None:
         ("Models", "invariant"),
     ):
         show(page, title)
-        expect(page.get_by_text(words).first).to_be_visible(timeout=120_000)
+        expect(page.get_by_text(words).first).to_be_visible()
 
 
 def test_a_page_that_was_left_is_there_again(open_page: Open) -> None:

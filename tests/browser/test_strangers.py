@@ -20,7 +20,7 @@ from playwright.sync_api import Browser, BrowserContext, Page, expect
 
 from lab.missions import add_mission, mission
 from lab.toml_file import MAX_BYTES
-from tests.browser.conftest import HARMLESS, IDLE, ROOT, free_port
+from tests.browser.conftest import HARMLESS, IDLE, PATIENCE, ROOT, free_port, new_context
 
 pytestmark = pytest.mark.browser
 
@@ -28,9 +28,6 @@ Strange = tuple[BrowserContext, list[str]]
 
 RUN = "window.ran = true"
 ATTRIBUTE = f'<img id="tried" src="data:," onerror="{RUN}">'
-
-PATIENCE = 60.0
-"""Time a server may take to answer [s]: it compiles nothing, but imports a lot."""
 
 
 def mark(place: str) -> str:
@@ -82,7 +79,7 @@ def server(own_missions: Path) -> Iterator[str]:
 
 
 def _wait(address: str, process: subprocess.Popen[bytes]) -> None:
-    deadline = time.monotonic() + PATIENCE
+    deadline = time.monotonic() + PATIENCE / 1000
     while process.poll() is None and time.monotonic() < deadline:
         try:
             urlopen(address).close()
@@ -96,8 +93,7 @@ def _wait(address: str, process: subprocess.Popen[bytes]) -> None:
 @pytest.fixture
 def strange(chromium: Browser) -> Iterator[tuple[BrowserContext, list[str]]]:
     """Return a browser window, and a list of what it was asked for and complained about."""
-    context, wrong = chromium.new_context(), list[str]()
-    context.set_default_timeout(PATIENCE * 1000)
+    context, wrong = new_context(chromium), list[str]()
     context.on(
         "request", lambda one: wrong.append(one.url) if "/stranger" in urlparse(one.url).path else None
     )
@@ -167,7 +163,7 @@ def test_what_a_mission_and_a_file_say_is_text_on_every_page(
     page.get_by_role("tab", name="Summary", exact=True).click()
     expect(page.get_by_text("stranger-title").first).to_be_visible()
     page.get_by_role("tab", name="3-D", exact=True).click()
-    expect(page.frame_locator("iframe").get_by_text("Connected")).to_be_visible(timeout=PATIENCE * 1000)
+    expect(page.frame_locator("iframe").get_by_text("Connected")).to_be_visible()
     page.get_by_role("tab", name="Missions", exact=True).click()
     card = page.locator("article[data-name='mine']")
     expect(card).to_contain_text('<img src="/stranger-title">')
@@ -183,7 +179,7 @@ def test_what_a_mission_and_a_file_say_is_text_on_every_page(
         with page.expect_file_chooser() as chooser:  # each is the same file, changed, as a person chooses it
             page.locator("label:has(input[accept='.toml'])").click()
         chooser.value.set_files(tmp_path / "x.toml")
-        expect(page.get_by_role("alert").filter(has_text=words)).to_be_visible(timeout=PATIENCE * 1000)
+        expect(page.get_by_role("alert").filter(has_text=words)).to_be_visible()
     (said,) = strange[1]  # by the button, of the file that is too large
     assert said.startswith("Upload error")
     strange[1].clear()
@@ -223,7 +219,7 @@ def test_what_a_recording_says_is_text_where_it_is_judged(
         files.set_input_files(path)
         said = page.get_by_role("alert").filter(has_text=place)
         judged = page.get_by_role("cell").filter(has_text="rows read")
-        expect(said.or_(judged).first).to_be_visible(timeout=PATIENCE * 1000)
+        expect(said.or_(judged).first).to_be_visible()
         expect(page.locator("img[src*='stranger']")).to_have_count(0)
     assert page.evaluate("window.ran") is None
     assert strange[1] == []
