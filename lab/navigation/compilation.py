@@ -17,6 +17,7 @@ from types import CellType, FunctionType
 from typing import Any, ParamSpec, TypeVar, cast
 
 import numba
+from numba.core.registry import CPUDispatcher
 
 from lab import earth
 from lab.compiled_cache import check_files
@@ -24,15 +25,43 @@ from lab.compiled_cache import check_files
 P = ParamSpec("P")
 R = TypeVar("R")
 
+OPTIONS: dict[str, Any] = {"nopython": True, "error_model": "numpy", "fastmath": {"contract"}}
+"""Options of every kernel."""
+
+WITHOUT_WRAPPERS = {"no_cpython_wrapper": True, "no_cfunc_wrapper": True}
+"""Options of a kernel that no Python and no C calls."""
+
+
+class Kernel(CPUDispatcher):
+    """A function that kernels call, compiled without the wrappers for callers in Python and in C.
+
+    The wrappers of all kernels of a driver are a seventh of the time its compilation takes. A kernel that
+    Python calls, as tests do, is compiled a second time, with them.
+    """
+
+    def __call__(self, *arguments: Any) -> Any:
+        """Call the function from Python."""
+        return self.for_python(*arguments)
+
+    @functools.cached_property
+    def for_python(self) -> Callable[..., Any]:
+        """The function compiled for callers in Python, at the first call."""
+        called = {name: value for name, value in self.targetoptions.items() if name not in WITHOUT_WRAPPERS}
+        return cast(Callable[..., Any], numba.jit(**called)(self.py_func))
+
+
+def _kernel(function: Callable[P, R], options: dict[str, Any]) -> Callable[P, R]:
+    return cast(Callable[P, R], Kernel(function, targetoptions=options))
+
 
 def kernel(function: Callable[P, R]) -> Callable[P, R]:
     """Compile a function that other kernels call."""
-    return numba.njit(error_model="numpy", fastmath={"contract"})(function)
+    return _kernel(function, OPTIONS | WITHOUT_WRAPPERS)
 
 
 def inline_kernel(function: Callable[P, R]) -> Callable[P, R]:
     """Compile a small function of the hot path into its callers."""
-    return numba.njit(error_model="numpy", fastmath={"contract"}, forceinline=True)(function)
+    return _kernel(function, OPTIONS | WITHOUT_WRAPPERS | {"forceinline": True})
 
 
 def embedded_kernel(function: Callable[P, R]) -> Callable[P, R]:
@@ -41,12 +70,12 @@ def embedded_kernel(function: Callable[P, R]) -> Callable[P, R]:
     The compiler optimises each kernel by itself, with all that it calls, and again in each caller: what is
     called once is compiled in half the time where it is no kernel of its own.
     """
-    return numba.njit(error_model="numpy", fastmath={"contract"}, inline="always")(function)
+    return _kernel(function, OPTIONS | WITHOUT_WRAPPERS | {"inline": "always"})
 
 
 def entry_kernel(function: Callable[P, R]) -> Callable[P, R]:
     """Compile a function called from Python: cached on disk, and running without the interpreter's lock."""
-    compiled = numba.njit(error_model="numpy", fastmath={"contract"}, nogil=True, cache=True)(function)
+    compiled = cast(Callable[P, R], numba.jit(**OPTIONS, nogil=True, cache=True)(function))
     check_files(compiled)
     return compiled
 
@@ -124,7 +153,7 @@ def _rebound(function: Callable[P, R], changes: tuple[tuple[str, Any, Any], ...]
     # Another name, for the reason that `named` gives.
     bound.__qualname__ = plain.__qualname__
     named("_".join(str(new) for _, _, new in changes if isinstance(new, int)))(bound)
-    return numba.jit(**function.targetoptions)(bound) if plain is not function else bound  # type: ignore[attr-defined]
+    return _kernel(bound, function.targetoptions) if isinstance(function, Kernel) else bound
 
 
 def _fingerprint() -> str:
