@@ -13,7 +13,7 @@ from lab.sensors.cards import card, card_in_force, cards
 
 OWN = "Own settings"
 """Shown where the settings came from elsewhere and are those of no card."""
-IN_FORCE = "in force"
+IN_FORCE = "current"
 """Title over what is in force without being a card."""
 
 
@@ -42,8 +42,8 @@ class CardChooser:
         self._switch = pmui.Switch(
             label="Assume what the datasheet lacks",
             value=True,
-            description="On: terms the datasheet has no number for are typical of the sensor's grade. Off: "
-            "they are zero.",
+            description="On: terms without a number in the datasheet get values typical of the sensor's "
+            "grade. Off: they are zero.",
             size="small",
             margin=(0, 0),
             sizing_mode="stretch_width",

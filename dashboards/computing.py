@@ -165,7 +165,7 @@ def attempt(work: Callable[[], Any]) -> Outcome:
     except (SettingError, MissionError, ValueError) as error:
         return Outcome(problem=str(error))
     except MemoryError:
-        return Outcome(problem="This run needs more memory than there is; a lower IMU rate needs less.")
+        return Outcome(problem="This run needs more memory than is available. A lower IMU rate needs less.")
     except Exception as error:
         log.exception("a run failed")
         return Outcome(problem=f"This run failed: {type(error).__name__}: {error}")

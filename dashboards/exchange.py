@@ -214,7 +214,7 @@ def experiment_of_query(query: str) -> tuple[Experiment, list[str]]:
         except SettingError as error:
             problems.append(str(error))
         if len(problems) == MOST_PROBLEMS:
-            problems.append("The rest of the address is left out.")
+            problems.append("The rest of the address is ignored.")
             break
     return trial, problems
 

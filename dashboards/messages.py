@@ -98,9 +98,9 @@ def _check_content(message: Message[Any]) -> None:
     content = message.content
     events = content.get("events", []) if isinstance(content, dict) else None
     if not isinstance(events, list) or len(events) > MAX_EVENTS:
-        raise ProtocolError(f"a message is no list of events; accepted are up to {MAX_EVENTS}")
+        raise ProtocolError(f"a message is not a list of events; accepted are up to {MAX_EVENTS}")
     if not all(isinstance(event, dict) and event.get("kind") in KINDS for event in events):
-        raise ProtocolError(f"an event is of another kind; accepted are {', '.join(sorted(KINDS))}")
+        raise ProtocolError(f"an event is of an unknown kind; accepted are {', '.join(sorted(KINDS))}")
     used: Counter[str] = Counter()
     for value in _encoded(content):
         if value["type"] not in TYPES:

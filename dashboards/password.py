@@ -97,7 +97,7 @@ class PasswordHandler(RequestHandler):
         provider: Password = self.application.auth_provider  # type: ignore[attr-defined]  # of Bokeh's application
         if provider.waiting >= TRIES:
             self.set_status(429)
-            self._ask("Too many wrong passwords were given. Try again in a moment.")
+            self._ask("There were too many wrong passwords. Try again in a moment.")
             return
         if not provider.is_right(self.get_body_argument("password", "", strip=False)):
             provider.waiting += 1
@@ -106,7 +106,7 @@ class PasswordHandler(RequestHandler):
             finally:
                 provider.waiting -= 1
             self.set_status(403)
-            self._ask("This is not the password.")
+            self._ask("The password is wrong.")
             return
         secure = self.request.protocol == "https"
         self.set_signed_cookie(

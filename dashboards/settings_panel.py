@@ -63,8 +63,8 @@ COMMON = frozenset(
 """Settings shown at once; the others unfold below them."""
 
 OF_A_LOG = (
-    "A log of real sensors: nothing is simulated. The sensors' settings are what the filter assumes of them; "
-    "those that change nothing are not shown."
+    "A sensor log: nothing is simulated. The settings of the sensors are what the filter assumes about "
+    "them. Settings without effect are hidden."
 )
 
 
@@ -118,7 +118,7 @@ class SettingsPanel:
         self._mission.offer(mission_titles(missions()), self._session.experiment.mission)
 
     def _suit(self) -> None:
-        """Show what changes something: of a log of real sensors nothing is simulated."""
+        """Show what changes something: of a sensor log nothing is simulated."""
         self._is_log = isinstance(missions().get(self._session.experiment.mission), LogMission)
         self._note.say(OF_A_LOG if self._is_log else "", "info")
         for view, paths in self._views:

@@ -93,8 +93,8 @@ class TimeBar:
             icon="gps_off",
             size="1.2em",
             margin=(6, 0, 0, 0),
-            description="GPS outage over the visible stretch (drag over a plot to choose one); "
-            f"with the whole flight visible, {OUTAGE:g} s from the time cursor on",
+            description="Adds a GPS outage over the visible stretch (drag over a plot to choose one). If the "
+            f"whole flight is visible, the outage starts at the time cursor and lasts {OUTAGE:g} s.",
             stylesheets=[TOOLTIP],
         )
         outage.on_click(lambda _event: self._cut_stretch())

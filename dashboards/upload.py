@@ -119,7 +119,7 @@ class Upload(pmui.FileInput):
         self._bytes += len(data)
         if self._bytes > self._largest or chunk != self._chunks.get(name, 0) + 1:
             self._problem = (
-                f"{name}: too large, or cut; accepted are up to {self._largest // 2**20} MB in all."
+                f"{name}: too large, or incomplete; accepted are up to {self._largest // 2**20} MB in all."
             )
             return
         if name not in self._paths:

@@ -138,7 +138,7 @@ class ViserHandler(WebSocketHandler):
         """Answer with the client, or open the websocket."""
         view = self.application.settings[VIEWS].get(args[0])
         if view is None:
-            raise HTTPError(403, reason="this address is not valid, or no longer")
+            raise HTTPError(403, reason="this address is not valid, or no longer valid")
         if self.request.headers.get("Upgrade", "").lower() != "websocket":
             self._send_client()
             return

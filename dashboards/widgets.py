@@ -371,7 +371,7 @@ def _label(declaration: param.Parameter) -> str:
 
 def _placeholder(declaration: param.Parameter) -> str:
     if isinstance(declaration, Intervals):
-        return "none; such as 60–75, 120–130"
+        return "none, or such as 60–75, 120–130"
     if isinstance(declaration, QuantityOrNone):
         return str(declaration.unset)
     return "matched" if isinstance(declaration, MatrixOrNone) else ""

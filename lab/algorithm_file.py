@@ -89,7 +89,7 @@ def _module(path: Path) -> ModuleType:
     except SyntaxError as error:
         raise AlgorithmError(f"{error.filename}, line {error.lineno}: {error.msg}") from error
     except (Exception, SystemExit) as error:
-        raise AlgorithmError(f"{path}: failed by itself: {described(error)}") from error
+        raise AlgorithmError(f"{path}: raised an exception: {described(error)}") from error
     return module
 
 
@@ -100,4 +100,4 @@ def _offered(module: ModuleType) -> str:
         for name, value in inspect.getmembers(module)
         if callable(getattr(value, "navigate", None)) and not name.startswith("_")
     ]
-    return f"; what navigates there: {', '.join(names)}" if names else ""
+    return f"; algorithms in the file: {', '.join(names)}" if names else ""

@@ -84,13 +84,13 @@ class Ensemble:
     nees, nis : (runs, m) arrays
         Consistency at each fix; NaN where a run did not use it.
     grid : (k,) array
-        Times once a second, just before it, so that outages show [s]; empty for a log of real sensors.
+        Times once a second, just before it, so that outages show [s]; empty for a sensor log.
     between : (runs, k) array
         NEES of the position there.
     between_degrees : int
         Its degrees of freedom.
     degrees : int
-        Degrees of freedom of NEES; 0 for a log of real sensors, of which NEES is not known.
+        Degrees of freedom of NEES; 0 for a sensor log, of which NEES is not known.
     nis_degrees : int
         Degrees of freedom of NIS.
     error, sigma : (runs, m, 9) arrays
@@ -254,7 +254,7 @@ def run_ensemble(
     experiment
         What to run; its own seed is the first where a number of runs is given.
     seeds
-        Number of runs, or the seed of each; of a log of real sensors there is one run.
+        Number of runs, or the seed of each; of a sensor log there is one run.
     progress
         Called with a sentence about what is being done and the fraction done, from 0 to 1.
     workers
@@ -270,11 +270,11 @@ def run_ensemble(
     chosen = range(experiment.seed, experiment.seed + seeds) if isinstance(seeds, int) else seeds
     numbers = tuple(int(seed) for seed in chosen)
     if not numbers:
-        raise ValueError(f"seeds: {seeds!r} names no run; accepted is a number from 1, or a list of seeds")
+        raise ValueError(f"seeds: {seeds!r} contains no run; accepted is a number from 1, or a list of seeds")
     if len(numbers) > 1 and isinstance(mission(experiment.mission), LogMission):
         raise ValueError(
-            f"seeds: {len(numbers)} runs of a log of real sensors would all be the same, since nothing of it "
-            "is drawn; accepted is one"
+            f"seeds: {len(numbers)} runs of a sensor log would all be the same, since it has no random "
+            "draws; accepted is one"
         )
     count = 0
     lock = threading.Lock()

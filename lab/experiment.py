@@ -76,7 +76,7 @@ class Experiment(Runnable):
     def run(self, progress: Progress | None = None, *, algorithm: Algorithm | None = None) -> Result:
         """Compute this experiment, using every stage already computed for the same settings.
 
-        A log of real sensors is navigated as it is: the settings of the sensors are then what the filter
+        A sensor log is navigated as it is: the settings of the sensors are then what the filter
         assumes of them, and those of the simulation, such as the seed, change nothing (`lab.log_run`).
 
         Parameters
@@ -304,7 +304,7 @@ class _Run:
             if near_pole(truth.latitude).any():
                 raise
             raise diverged(
-                "the estimate ran off to a pole, which the flight does not come near", error
+                "the estimate moved to a pole, and the flight does not come near one", error
             ) from error
         except ValueError as error:  # the reference's linear algebra, which stops at what is no number
             raise diverged("the filter cannot go on", error) from error

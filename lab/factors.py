@@ -26,7 +26,7 @@ Flags = NDArray[np.bool_]
 # As ON_Q, below.
 ON_R = (1.0, 0.03, 0.1, 0.3, 3.0, 10.0, 30.0)
 ON_Q = (1.0, 0.1, 10.0, 100.0, 1000.0, 10000.0)
-"""Factors that are tried. On eight logs of real sensors the best of a grid lay from 0.1 to 30 for R and from
+"""Factors that are tried. On eight sensor logs the best of a grid lay from 0.1 to 30 for R and from
 0.1 to 10,000 for Q. Of equals the first is kept: 1."""
 FEWEST = 3
 """Fewest turns of outages: with two, each choice is made by one outage or a few."""

@@ -131,7 +131,7 @@ def identify(run: Run, progress: Progress | None = None) -> Identification:
         If the filter cannot be run with the settings of the run.
     """
     if run.algorithm:
-        raise ResultError("The navigator is your own algorithm: what it assumes is not known here.")
+        raise ResultError("The navigator is your own algorithm, so its assumptions are unknown.")
     tell, begun_at = progress or (lambda _stage, _fraction: None), time.perf_counter()
     again = subject(run)
     now, densities = assumed(run)
@@ -146,8 +146,8 @@ def identify(run: Run, progress: Progress | None = None) -> Identification:
     begin = np.array([parameter.start for parameter in whole])
     if int(np.isfinite(search.run(begin).innovation).any(axis=1).sum()) < FEWEST:
         raise ResultError(
-            f"There are too few fixes to identify anything from; accepted are at least {FEWEST} after the "
-            f"first {settling:.0f} s."
+            f"There are too few fixes for an identification; accepted are at least {FEWEST} after the first "
+            f"{settling:.0f} s."
         )
     free = np.zeros(begin.size, np.bool_)
     estimate = _maximised(search, whole, begin, free, tell, 0.0, 0.4)

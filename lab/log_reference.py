@@ -119,7 +119,7 @@ def comparison_remark(other: Comparison, time: FloatArray, solution: Solution) -
     """Say how far an estimate is from another solution, rms of what that knows."""
     apart = differences(other, time, solution)
     if apart is None:
-        return f"{other.name} has no rows while the IMU recorded: it cannot be compared with."
+        return f"{other.name} has no rows during the IMU data, so there is no comparison."
     parts = []
     if np.isfinite(apart["position"]).any():
         north, east, down = apart["position"].T
@@ -135,7 +135,7 @@ def comparison_remark(other: Comparison, time: FloatArray, solution: Solution) -
         roll, pitch, heading = (np.degrees(_rms(column)) for column in apart["attitude"].T)
         parts.append(f"roll {roll:.2g}°, pitch {pitch:.2g}°, heading {heading:.2g}°")
     return (
-        f"Difference to {other.name}, which is not the truth, rms: {'; '.join(parts) or 'nothing in common'}."
+        f"Rms difference to {other.name}, which is not the truth: {'; '.join(parts) or 'nothing in common'}."
     )
 
 

@@ -1,4 +1,4 @@
-"""Log result: what the run of a log of real sensors gave, with a reference or without one."""
+"""Log result: what the run of a sensor log gave, with a reference or without one."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Log run: an experiment on a log of real sensors: nothing is simulated, the settings say what is assumed."""
+"""Log run: an experiment on a sensor log: nothing is simulated, the settings say what is assumed."""
 
 from __future__ import annotations
 
@@ -160,18 +160,18 @@ def _result(
     unnamed = experiment.navigator.vehicle == "auto" and not vehicle_of(log.auxiliary.vehicle).name
     if unnamed and made.alignment.heading.is_course:
         notes.append(
-            "Nobody named the vehicle: the course is taken for its heading, which the motion does not "
-            "contradict. --vehicle or vehicle in log.toml names it."
+            "The vehicle is unknown: the course is used as its heading, and the motion does not contradict "
+            "this. --vehicle, or vehicle in log.toml, sets the vehicle."
         )
     notes += [comparison_remark(other, made.imu.time, solution) for other in log.auxiliary.comparisons]
     if log.reference is None:
-        notes.append("There is no reference: errors are not known, innovations are.")
+        notes.append("There is no reference: the errors are unknown, the innovations are known.")
     elif truth is None:
-        notes.append("The reference has no rows while the IMU recorded: errors are not known.")
+        notes.append("The reference has no rows during the IMU data: the errors are unknown.")
     else:
         notes.append(
-            "Errors are differences to the reference, which has errors of its own: NEES is not claimed, and "
-            "the verdict rests on the innovations."
+            "Errors are differences to the reference, which has errors of its own. NEES is therefore not "
+            "given, and the verdict is based on the innovations."
         )
     idle = [
         path
@@ -180,7 +180,7 @@ def _result(
         and not has_effect(path, experiment.navigator.states)
     ]
     if idle:
-        notes.append(f"Nothing is simulated for a log: {', '.join(idle)} changes nothing.")
+        notes.append(f"Nothing is simulated for a log: {', '.join(idle)} has no effect.")
     return LogResult(
         experiment=experiment,
         mission=mission,
@@ -206,14 +206,14 @@ def clock_remarks(log: SensorLog, outages: Sequence[tuple[float, float]]) -> lis
     remarks = []
     if abs(log.epoch) > _SAME_CLOCK:
         remarks.append(
-            f"Time 0 is {log.epoch:.10g} s in the clock of the file, in which --from, --to and outages are "
-            "given."
+            f"Time 0 is {log.epoch:.10g} s in the clock of the file; --from, --to and outages are given in "
+            "this clock."
         )
     outside = [f"{a:g} to {b:g} s" for a, b in outages if b <= log.epoch or a >= log.epoch + log.duration]
     if outside:
         remarks.append(
-            f"GPS outages outside the log change nothing: {', '.join(outside)}; in the clock of the file it "
-            f"lasts from {log.epoch:.10g} to {log.epoch + log.duration:.10g} s."
+            f"GPS outages outside the log have no effect: {', '.join(outside)}; in the clock of the file, "
+            f"the log lasts from {log.epoch:.10g} to {log.epoch + log.duration:.10g} s."
         )
     return remarks
 

@@ -93,7 +93,7 @@ class Simulated:
 
 
 class Logged:
-    """A log of real sensors.
+    """A sensor log.
 
     Where it starts is found once for each latency: to match velocities takes longer than to navigate.
     """

@@ -2,7 +2,7 @@
 
 The arrays are those of the `Run` that a result is; what a person takes out is an `xarray.Dataset`, built when
 first asked for: degrees, datasheet units for the sensors, east-north-up. A result is that of a simulation
-(`lab.simulated_result`) or that of a log of real sensors (`lab.log_result`).
+(`lab.simulated_result`) or that of a sensor log (`lab.log_result`).
 """
 
 from __future__ import annotations
@@ -71,7 +71,7 @@ class Result(NotebookCard, Repeatable):
     """What one run gave.
 
     The datasets are made from the arrays when first asked for. Two threads that ask at once may both make
-    one; it is the same. Of a log of real sensors some are not known: `lacks` says which and why, and asking
+    one; it is the same. Of a sensor log some are not known: `lacks` says which and why, and asking
     for one raises `ResultError`.
 
     Attributes
@@ -273,8 +273,8 @@ class Result(NotebookCard, Repeatable):
             if measured.saturated:
                 part = 100 * measured.saturated / measured.increments.size
                 remarks.append(
-                    f"The {sensor}s met the end of their range (sensors.{sensor}.range) in "
-                    f"{measured.saturated} values, {part:.2g} % of all; the filter is not told."
+                    f"The {sensor}s saturated (sensors.{sensor}.range) in {measured.saturated} values, "
+                    f"{part:.2g} % of all; the filter does not model this."
                 )
         rejected = int(self.solution_arrays.fix_rejected.sum())
         if rejected:
@@ -285,15 +285,17 @@ class Result(NotebookCard, Repeatable):
         recovered = int(self.solution_arrays.fix_recovered.sum())
         if recovered:
             remarks.append(
-                f"The filter recovered {recovered} time{'s' if recovered > 1 else ''}: fixes in a row were "
-                "so implausible that the filter itself had to be in error; it raised P and used the fix."
+                f"The filter recovered {recovered} time{'s' if recovered > 1 else ''}: several fixes in a "
+                "row were so implausible that the filter took itself to be wrong; it raised P and used the "
+                "fix."
             )
         drift = self.feedforward_drift
         if drift > feedforward.LINEAR:
             remarks.append(
-                f"Feedforward: the free-running navigator is up to {np.degrees(drift):.3g}° off in attitude, "
-                f"and the filter is linear up to {np.degrees(feedforward.LINEAR):g}°: its σ is not that of "
-                "its errors. navigator.correction = feedback keeps the navigator close to the truth."
+                "Feedforward: the attitude error of the free-running navigator reaches "
+                f"{np.degrees(drift):.3g}°, but the filter is linear only up to "
+                f"{np.degrees(feedforward.LINEAR):g}°, so its σ does not describe its errors. "
+                "navigator.correction = feedback keeps the navigator close to the truth."
             )
         if not self.fixes.time.size:
             remarks.append(

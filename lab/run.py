@@ -32,7 +32,7 @@ NEEDS_TRUTH = frozenset(("truth", "errors", "summary"))
 NEEDS_SIMULATION = frozenset(("consistency", "coverage", "budget", "temperature"))
 """What is not known of any log: a reference knows neither the biases nor its own errors."""
 
-_KNOWN = "the innovations and the verdict on them tell whether the filter is right."
+_KNOWN = "the innovations and the verdict on them show whether the filter is right."
 _SPOKEN = {
     "consistency": "NEES",
     "coverage": "the coverage of the errors",
@@ -46,7 +46,7 @@ class ResultError(ValueError):
 
 
 class Recorded(NamedTuple):
-    """What a log of real sensors has, of which nothing is simulated.
+    """What a sensor log has, of which nothing is simulated.
 
     Attributes
     ----------
@@ -173,11 +173,11 @@ class Run:
             return ""
         if name in NEEDS_SIMULATION:
             return (
-                "Nobody knows the true flight and the true biases of a log of real sensors, which "
-                f"{_SPOKEN.get(name, name)} needs; {_KNOWN}"
+                "The true flight and the true biases of a sensor log are unknown, and "
+                f"{_SPOKEN.get(name, name)} needs them; {_KNOWN}"
             )
         if name in NEEDS_TRUTH and self.truth_arrays is None:
-            return f"This log of real sensors has no reference, so its errors are not known; {_KNOWN}"
+            return f"This sensor log has no reference, so its errors are unknown; {_KNOWN}"
         return ""
 
     def known_truth(self, name: str) -> Truth:

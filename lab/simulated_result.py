@@ -61,7 +61,7 @@ class SimulatedResult(Result):
         if alignment:
             remarks.append(
                 f"An alignment of {alignment:g} s at rest before the flight (navigator.alignment) levelled "
-                "the navigator and took the constant gyro biases off: the gyro biases shown, true and "
-                "estimated, are what is left."
+                "the navigator and removed the constant gyro biases. The gyro biases shown, true and "
+                "estimated, are the remaining ones."
             )
         return (*remarks, *self.experiment.sensors.remarks(navigator.states))

@@ -112,7 +112,7 @@ def read_text(path: Path) -> str:
     try:
         return content.decode("utf-8-sig").replace("\r\n", "\n")
     except UnicodeDecodeError as error:
-        raise TomlError("is not TOML: it is not text in UTF-8") from error
+        raise TomlError("is not TOML: the text is not UTF-8") from error
 
 
 def _content(path: Path) -> bytes:

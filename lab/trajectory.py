@@ -320,6 +320,6 @@ def _check(recording: Recording, imu_rate: float, attitude_curve: str) -> None:
         )
     if attitude_curve == "euler" and ecef.near_pole(recording.latitude).any():
         raise ValueError(
-            "attitude curve 'euler' does not go with a recording closer than 1° to a pole, where the heading "
+            "attitude curve 'euler' cannot follow a recording closer than 1° to a pole, where the heading "
             "jumps; accepted here: rotation"
         )

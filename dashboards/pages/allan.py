@@ -42,7 +42,7 @@ class Allan(ComputedPage):
     """Allan deviation of the simulated sensors at rest, with the settings' own values."""
 
     title = "Allan"
-    working = "Letting the sensors rest …"
+    working = "Simulating the sensors at rest …"
 
     def make(self) -> pn.viewable.Viewable:
         """Return two figures and a table."""
@@ -57,12 +57,12 @@ class Allan(ComputedPage):
         )
 
     def lacks(self, result: Result) -> str:
-        """Return why a log of real sensors has no Allan deviation: it moves."""
+        """Return why a sensor log has no Allan deviation: it moves."""
         if result.recorded is None or result.recorded.alignment.rest >= LEAST_REST:
             return ""
         return (
-            "An Allan deviation needs sensors at rest, and this log of real sensors starts with "
-            f"{result.recorded.alignment.rest:.0f} s of rest; {LEAST_REST:g} s are the least."
+            f"An Allan deviation needs sensors at rest for {LEAST_REST:g} s or more. This sensor log starts "
+            f"with {result.recorded.alignment.rest:.0f} s of rest."
         )
 
     def work_out(self, result: Result, _progress: Progress) -> AtRest:
@@ -88,11 +88,11 @@ class Allan(ComputedPage):
         poor = escape(rest.misfit(content.terms))
         if result.recorded:
             return (
-                f"The log of real sensors, {content.durations['gyro']:.0f} s at rest; dashed and as set: "
-                f"what the filter assumes of the sensors. {poor}"
+                f"The sensor log, {content.durations['gyro']:.0f} s at rest. Dashed lines and the columns "
+                f"'set' are what the filter assumes about the sensors. {poor}"
             ).rstrip()
         hours = {triad: f"{duration / 3600:.3g} h" for triad, duration in content.durations.items()}
-        name = card_in_force(sensors) or "Sensors as set, no card"
+        name = card_in_force(sensors) or "Own settings, no card"
         return (
             f"{escape(name)}: simulated at rest, the gyros for {hours['gyro']}, the accelerometers for "
             f"{hours['accelerometer']}. {escape(sensors.assumed_remark())} {poor}"

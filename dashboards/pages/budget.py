@@ -25,7 +25,7 @@ class Budget(ComputedPage):
     """Stacked contributions to the variance of a quantity, its σ, and the manoeuvres that brought it."""
 
     title = "Budget"
-    working = "Working out the error budget; the first time, its code is compiled …"
+    working = "Computing the error budget (the first time, its code is compiled) …"
 
     def make(self) -> pn.viewable.Viewable:
         """Return the choice of the quantity, the words about it, and the two figures."""
@@ -83,9 +83,9 @@ def sentence(result: Result, quantity: str) -> str:
     parts = ", ".join(f"{there.source.values[at]} {there.share.values[at]:.0f} %" for at in order)
     row = observability_table(result.observability).set_index("quantity").loc[quantity]
     text = (
-        f"At the end σ of the {quantity} is {float(there.total):.3g} {row['unit']}; the filter believes "
-        f"{float(there.believed):.3g} {row['unit']}. Its largest sources: {parts}. The filter's σ came from "
-        f"{row['σ at start']:.3g} {row['unit']}: {row['brought by']}."
+        f"At the end, σ of the {quantity} is {float(there.total):.3g} {row['unit']}; the filter states "
+        f"{float(there.believed):.3g} {row['unit']}. The largest sources are {parts}. The filter's σ was "
+        f"{row['σ at start']:.3g} {row['unit']} at the start. It was reduced by {row['brought by']}."
     )
     left_out = result.budget.attrs["left_out"]
     return f"{text} Not in the budget: {left_out}." if left_out else text

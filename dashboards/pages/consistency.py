@@ -210,7 +210,7 @@ def _html() -> pn.pane.HTML:
 
 def _what_is_judged(result: Result) -> str:
     if result.recorded:
-        return "A log of real sensors: nothing of it is drawn, so it is judged alone, by its innovations."
+        return "A sensor log has no random draws, so this one run is judged, by its innovations."
     return f"The flight shown, seed {result.experiment.seed}."
 
 
@@ -224,7 +224,7 @@ def verdict_html(verdict: Verdict, by_innovations: Verdict, *, tried: bool = Tru
         f'<span class="quiet">({escape(finding.evidence)})</span></p>'
         for number, finding in enumerate(verdict.findings)
     )
-    same = verdict.basis == by_innovations.basis  # as of a log of real sensors
+    same = verdict.basis == by_innovations.basis  # as of a sensor log
     alone = "" if same else f" By the innovations alone: {by_innovations.headline}"
     return (
         f'<div class="verdict {_COLOUR[verdict.consistent]}">'
@@ -235,7 +235,7 @@ def verdict_html(verdict: Verdict, by_innovations: Verdict, *, tried: bool = Tru
 
 def _advice(finding: Finding, *, tried: bool) -> str:
     if finding.changes and not tried:
-        return "Advice is being tried."
+        return "The advice is being tried."
     return escape(finding.counsel).replace("Try:", "<b>Try:</b>", 1)
 
 
@@ -252,7 +252,7 @@ def over_seeds(ensemble: Ensemble) -> str:
 def whiteness_html(table: pd.DataFrame) -> str:
     """Return mean, variance and whiteness of each channel's innovations as a table."""
     if table["mean"].isna().all():
-        return '<p class="quiet">Innovations: not known.</p>'
+        return '<p class="quiet">Innovations: unknown.</p>'
     limits = table.iloc[0]
     digits = 2 if limits["mean ±"] > 0.1 else 3
     heads = (
@@ -275,8 +275,9 @@ def whiteness_html(table: pd.DataFrame) -> str:
         )
         rows.append(_row(str(row["innovation"]), cells))
     note = (
-        "95 % of matched filters lie within the limits; what does not is marked. Q is Ljung and Box's, p the "
-        "probability of a larger one; the autocorrelation itself is on the page Innovations."
+        "A matched filter is within each limit in 95 % of the cases; values outside are marked. Q is the "
+        "Ljung-Box statistic, p the probability of a larger Q if the innovations are white. The page "
+        "Innovations shows the autocorrelation."
     )
     return _table(heads, rows, note)
 
@@ -286,7 +287,7 @@ def coverage_html(judged: Result | Ensemble) -> str:
     table = judged.coverage
     many = isinstance(judged, Ensemble)
     if table["mean [σ]"].isna().all():
-        return '<p class="quiet">Errors in their σ: not known, for want of fixes.</p>'
+        return '<p class="quiet">Errors in their σ: unknown, because there are no fixes.</p>'
     limit = f", ±{table['mean ±'].iloc[0]:.2f}" if many else ""
     heads = ("Errors", f"mean [σ]{limit}", "in ±1σ, 68 %", "in ±3σ, 99.7 %")
     rows = [
@@ -300,9 +301,12 @@ def coverage_html(judged: Result | Ensemble) -> str:
         )
         for row in table.to_dict("records")
     ]
-    note = "Errors change slowly: one flight may well stray by half a σ for long. Marked is what must not be."
+    note = "Errors change slowly: in one flight, a mean of half a σ is normal. Suspicious values are marked."
     if many:
-        note = "Errors after the fixes. The limit of the mean is that of independent flights; more is marked."
+        note = (
+            "Errors after the fixes. The limit of the mean holds for independent flights; values beyond it "
+            "are marked."
+        )
     return _table(heads, rows, note)
 
 

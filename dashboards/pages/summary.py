@@ -66,7 +66,7 @@ def summary_html(result: Result) -> str:
 
 
 def log_html(result: Result) -> str:
-    """Return the summary of a log of real sensors as HTML.
+    """Return the summary of a sensor log as HTML.
 
     Errors against its reference, or where there is none what the innovations say; and what was repaired and
     assumed.
@@ -89,7 +89,7 @@ def log_html(result: Result) -> str:
         head = '<th class="unit">unit</th>' + "".join(f"<th>{escape(name)}</th>" for name in names)
     span = f"{result.time[0]:.0f} to {result.time[-1]:.0f} s"
     return (
-        f"<p>{mission}, log of real sensors, {span}; {words}</p>"
+        f"<p>{mission}, sensor log, {span}; {words}</p>"
         f"<table><tr><th></th>{head}</tr>{''.join(rows)}</table><ul>{remarks}</ul>"
     )
 

@@ -67,7 +67,7 @@ def judge(evidence: Evidence) -> Verdict:
     parts = {"errors": evidence.nees is not None, "innovations": bool(evidence.innovations.nis.number)}
     judged = " and ".join(name for name, known in parts.items() if known)
     if not judged:
-        return Verdict("Not known: there is neither a covariance nor an innovation at any fix.", (), NOTHING)
+        return Verdict("Unknown: there is neither a covariance nor an innovation at any fix.", (), NOTHING)
     weighed = _gain(evidence)
     for squares, quantity, (what, whose, where) in (
         (evidence.nees, "covariance", ("errors", "its", "the sensors and its start")),
@@ -77,13 +77,13 @@ def judge(evidence: Evidence) -> Verdict:
             weighed += judge_size(
                 squares,
                 quantity,
-                f"The {what} are {{root}} × as large as the algorithm says: {whose} covariance is about "
+                f"The {what} are {{root}} × as large as the algorithm states: {whose} covariance is about "
                 "{factor} × too {wrong}.",
-                f"Look at what the algorithm assumes of {where}.",
+                f"Check what the algorithm assumes about {where}.",
                 what,
             )
     findings = sorted_findings(weighed)
-    said = headline(findings, f"Consistent: {judged} are as large as the algorithm says.")
+    said = headline(findings, f"Consistent: {judged} are as large as the algorithm states.")
     runs = f"{evidence.runs} run{'s' if evidence.runs > 1 else ''}"
     return Verdict(said, findings, f"{runs}, {judged}{'' if all(parts.values()) else ' only'}")
 
@@ -100,13 +100,15 @@ def _gain(evidence: AlgorithmEvidence) -> list[Weighed]:
     most = follows if follows > -alternates else alternates
     if abs(most) < MANY_SIGMA:
         return []
-    words = ("follow each other", "too little", "small") if most > 0 else ("alternate", "too much", "large")
+    words = (
+        ("are correlated in time", "too little", "small") if most > 0 else ("alternate", "too much", "large")
+    )
     finding = Finding(
         "gain",
         f"too {words[2]}",
         float("nan"),
         f"The innovations {words[0]}: the algorithm corrects {words[1]}.",
-        "Look at what the algorithm assumes of the IMU against what it assumes of the fixes.",
+        "Check what the algorithm assumes about the IMU and about the fixes.",
         f"correlation from fix to fix {after[0, 0]:.2f} (position), {after[0, 1]:.2f} (velocity)",
     )
     return [Weighed(most**2 / 2, finding)]

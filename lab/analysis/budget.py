@@ -104,7 +104,7 @@ def error_budget(run: Run) -> xr.Dataset:
     SettingError
         If the filter is not one whose gains act on these error states.
     ResultError
-        If the run is that of a log of real sensors, whose true flight nobody knows.
+        If the run is that of a sensor log, whose true flight nobody knows.
     """
     _, ideal = run.true_flight("budget")
     _check(run)
@@ -140,7 +140,8 @@ def check_latitude(flight: Truth) -> None:
     if highest > MAX_LATITUDE:
         raise SettingError(
             f"mission: the flight reaches latitude {np.degrees(highest):.3f}°, and this analysis follows "
-            "errors in north, east, down, which turn too fast there; accepted here are flights up to 89.9°"
+            "errors in north, east, down, and these axes turn too fast there; accepted here are flights up "
+            "to 89.9°"
         )
 
 
@@ -148,13 +149,13 @@ def check_gains(run: Run) -> None:
     """Raise `SettingError` of smoothed solutions and users' algorithms, which have no gains."""
     if run.algorithm:
         raise SettingError(
-            f"{run.algorithm}: this analysis follows the gains of the filter, which an algorithm of your "
-            "own does not give; accepted here is the navigator of the settings"
+            f"{run.algorithm}: this analysis needs the gains of the filter, and your own algorithm does not "
+            "give them; accepted here is the navigator of the settings"
         )
     if run.experiment.navigator.smoother:
         raise SettingError(
-            "navigator.smoother: this analysis follows the gains of the filter, which a smoothed solution "
-            "does not have; accepted here is false"
+            "navigator.smoother: this analysis needs the gains of the filter, and a smoothed solution has "
+            "none; accepted here is false"
         )
 
 
@@ -162,8 +163,8 @@ def check_rest(run: Run) -> None:
     """Raise `SettingError` of runs with updates at rest, whose gains are not kept."""
     if run.solution_arrays.rest.any():
         raise SettingError(
-            "navigator.rest_updates: the error budget follows the gains of fixes, and here the filter was "
-            "also updated while the vehicle stood still; accepted here is false"
+            "navigator.rest_updates: the error budget needs the gains of all updates, and those of the "
+            "updates at rest are not kept; accepted here is false"
         )
 
 
@@ -172,8 +173,8 @@ def check_feedforward(run: Run) -> None:
     drift = feedforward.drift_of(run)
     if drift > feedforward.LINEAR:
         raise SettingError(
-            "navigator.correction: the error budget is linear, and the free-running navigator of this "
-            f"feedforward run is up to {np.degrees(drift):.3g}° off in attitude; accepted are up to "
+            "navigator.correction: the error budget is linear, and the attitude error of the free-running "
+            f"navigator reaches {np.degrees(drift):.3g}° in this feedforward run; accepted are up to "
             f"{np.degrees(feedforward.LINEAR):g}°, or feedback"
         )
 

@@ -206,7 +206,7 @@ def _of_fixes(experiment: ExperimentSettings) -> list[Process]:
 def left_out(experiment: ExperimentSettings) -> list[str]:
     """Return the settings that err and are no source."""
     if experiment.navigator.gate and experiment.sensors.gps.outlier_rate:
-        return ["sensors.gps.outlier_rate (the gate refuses outliers: those it lets pass are not followed)"]
+        return ["sensors.gps.outlier_rate (the gate rejects outliers, and those it passes are not followed)"]
     return []
 
 

@@ -45,8 +45,8 @@ def judge(drift: float, verdict: Verdict) -> Verdict:
         "feedforward",
         "not modelled",
         float(drift),
-        f"The free-running navigator of the feedforward filter is up to {degrees:.3g}° off in attitude, "
-        "beyond its linear model: its σ is not that of its errors.",
+        f"The attitude error of the free-running navigator reaches {degrees:.3g}°. The linear model of the "
+        "feedforward filter does not hold there, so its σ does not describe its errors.",
         "Set navigator.correction to feedback.",
         f"attitude error of the free-running navigator {degrees:.3g}°, limit {np.degrees(LINEAR):g}°",
         (Change("navigator.correction", "feedback"),),

@@ -77,8 +77,8 @@ def _size(fixes: FixErrors, kind: int, scale: float, size: float, plain: bool) -
             f"R {name}",
             f"{words[0].upper()}{words[1:]} the {name} errors of the fixes are {{root}} × as large as "
             f"assumed, R {name} is about {{factor}} × too {{wrong}}; before and after they are right.",
-            "Look at the receiver in that time (satellites, multipath); a larger R position and velocity, or "
-            "navigator.robust, covers it.",
+            "Check the receiver in that time (satellites, multipath). A larger R of position and velocity, "
+            "or navigator.robust, covers these errors.",
             f"{name} errors of the fixes {words}",
         )
     axis = channel(squares) if plain else None
@@ -87,8 +87,8 @@ def _size(fixes: FixErrors, kind: int, scale: float, size: float, plain: bool) -
         return judge_size(
             one,
             f"R {name} {AXES[axis]}",
-            f"The {name} errors {AXES[axis]} of the fixes are {{root}} × as large as assumed, the others are "
-            f"right: R {name} {AXES[axis]} about {{factor}} × too {{wrong}}.",
+            f"The {name} errors {AXES[axis]} of the fixes are {{root}} × as large as assumed, the others "
+            f"are right: R {name} {AXES[axis]} is about {{factor}} × too {{wrong}}.",
             f"Multiply the variance of the {name} {AXES[axis]} in navigator.r by {{multiply}}.",
             f"{name} errors {AXES[axis]} of the fixes",
             scales=("navigator.r", (3 * kind + axis, 3 * kind + axis + 1)),
@@ -96,7 +96,7 @@ def _size(fixes: FixErrors, kind: int, scale: float, size: float, plain: bool) -
     return judge_size(
         Squares(np.array(scale) * count, count),
         f"R {name}",
-        f"{name.capitalize()} innovations {size:.2g} × as large as assumed: R {name} about {{factor}} × "
+        f"The {name} innovations are {size:.2g} × as large as assumed: R {name} is about {{factor}} × "
         "too {wrong}.",
         f"Multiply the {name} variances of navigator.r by {{multiply}}.",
         f"{name} errors of the fixes",
@@ -174,7 +174,8 @@ def lever_arm(arm: FloatArray, gain: float, told: FloatArray) -> Finding:
         "GPS lever arm",
         "not modelled",
         length,
-        f"The antenna is {length:.1f} m off ({where}): the errors of the fixes turn with the vehicle.",
+        f"The lever arm to the antenna is wrong by {length:.1f} m ({where}): the errors of the fixes rotate "
+        "with the vehicle.",
         f"Set navigator.lever_arm to [{place}].",
         f"lever arm {where}, logarithm of the likelihood ratio {gain:.0f}",
         (Change("navigator.lever_arm", [float(round(metres, 2)) for metres in told[1:] + arm]),),
@@ -189,8 +190,8 @@ def judge_refused(rejected: int, expected: float, offered: int) -> list[Weighed]
         "rejected",
         part,
         f"The gate rejected {rejected} of {offered} fixes ({100 * part:.2g} %), where chance rejects "
-        f"{expected:.2g}: they stand out from those around them as outliers do, such as from multipath.",
-        "The filter does without them; look at the antenna and its surroundings.",
+        f"{expected:.2g}: they differ from their neighbours as outliers do, such as those from multipath.",
+        "The filter does not use them. Check the antenna and its environment.",
         f"{rejected} rejected, expected {expected:.2g}",
     )
     return [Weighed(float(rejected - expected), finding)]
@@ -204,8 +205,9 @@ def judge_outliers(number: int, fixes: int, what: str) -> list[Weighed]:
         "GPS outliers",
         "not modelled",
         number / fixes,
-        f"{number} of {fixes} fixes have {what} no Gaussian would give: outliers, such as from multipath.",
-        "Set navigator.gate to 0.999: the filter then refuses fixes that are implausible.",
+        f"{number} of {fixes} fixes have {what} that are not Gaussian: outliers, such as those from "
+        "multipath.",
+        "Set navigator.gate to 0.999: the filter then rejects implausible fixes.",
         f"{number} of {fixes} beyond what one Gaussian fix in {0.5 / CHANCE:.0e} reaches",
         (Change("navigator.gate", 0.999),),
     )
@@ -218,8 +220,8 @@ def correlation(sigma: float, time: float, gain: float) -> Finding:
         "GPS correlation",
         "not modelled",
         sigma,
-        f"The position errors of the fixes are correlated, about {sigma:.2g} m over {time:.0f} s; the filter "
-        "takes them for white.",
+        f"The position errors of the fixes are correlated, about {sigma:.2g} m over {time:.0f} s; the "
+        "filter assumes that they are white.",
         ADVICE_CORRELATION,
         f"logarithm of the likelihood ratio {gain:.0f}",
     )

@@ -2,7 +2,7 @@
 
 What a filter with another Q, R or P0 would have made of the same flight follows from the innovations and the
 gains of the one that flew, fix by fix: their errors differ by what the gains differ. So the likelihood of the
-innovations under each hypothesis is known without another run, for logs of real sensors too.
+innovations under each hypothesis is known without another run, for sensor logs too.
 
 References
 ----------

@@ -163,7 +163,7 @@ class Identification:
             f"{self.before.in_sigma:.3g} before, {self.after.in_sigma:.3g} after. NIS in its 95 % interval: "
             f"{100 * self.inside[0]:.0f} % of the fixes before, {100 * self.inside[1]:.0f} % after."
         )
-        advice = "Apply the settings." if self.recommended else "The settings are better left as they are."
+        advice = "Apply the settings." if self.recommended else "Do not change the settings."
         return f"{text} {advice}"
 
     @property
@@ -172,8 +172,8 @@ class Identification:
         remarks = []
         if not self.white:
             remarks.append(
-                "The innovations are not white: no values of these parameters explain them. The cause is "
-                "elsewhere, such as errors of the fixes that are correlated."
+                "The innovations are not white: no values of these parameters explain them. They have "
+                "another cause, such as correlated errors of the fixes."
                 + ("" if self.chosen_by == "factors" else " The intervals allow for that.")
             )
         if self.inside[1] < INSIDE and self.spread:
@@ -185,13 +185,13 @@ class Identification:
             )
         if self.chosen_by == "factors":
             remarks.append(
-                "No values of the parameters predict withheld fixes better, one factor on R and one on Q do. "
-                "They are a remedy, not a property of the sensors. Each outage is judged by what the other "
-                "outages choose."
+                "No values of the parameters predict withheld fixes better, but one factor on R and one on "
+                "Q do. These factors are a remedy, not a property of the sensors. Each outage is judged "
+                "with the factors that the other outages choose."
             )
         if self.outliers:
             remarks.append(
-                f"{self.outliers} fixes were left out as outliers; a gate or a robust update handles them "
+                f"{self.outliers} fixes were omitted as outliers; a gate or a robust update handles them "
                 "(navigator.gate, navigator.robust)."
             )
         return tuple(remarks)
@@ -223,7 +223,11 @@ class Identification:
                 datum = Datum(tuple(float(f"{number:.4g}") for number in numbers), unit, where, density)
                 groups.setdefault(group, {})[term] = datum
         return Card(
-            name=name, maker="", grade="own", note="In this vehicle, its vibration included.", terms=groups
+            name=name,
+            maker="",
+            grade="own",
+            note="Identified in this vehicle, its vibration included.",
+            terms=groups,
         )
 
     def __repr__(self) -> str:

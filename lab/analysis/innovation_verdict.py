@@ -112,7 +112,7 @@ def _local(seen: Innovations, gain: float, whose: str) -> list[Weighed]:
                 f"R {name}" if whose == GPS else EITHER,
                 f"{words[0].upper()}{words[1:]} the {name} innovations are {{root}} × as large as assumed; "
                 "before and after they are right.",
-                "Look at the receiver in that time (satellites, multipath), and at outages before it.",
+                "Check the receiver in that time (satellites, multipath), and outages before it.",
                 f"{name} innovations {words}",
             )
     if found and sum(entry.weight for entry in found) > (1 - ALIKE) * gain:
@@ -127,7 +127,7 @@ def _local(seen: Innovations, gain: float, whose: str) -> list[Weighed]:
                 Squares(seen.offered.total[own][axis], seen.offered.number[own][axis]),
                 f"R {name} {AXES[axis]}" if whose == GPS else EITHER,
                 f"The {name} innovations {AXES[axis]} are {{root}} × as large as assumed, the others are "
-                f"right: R {name} {AXES[axis]} about {{factor}} × too {{wrong}}.",
+                f"right: R {name} {AXES[axis]} is about {{factor}} × too {{wrong}}.",
                 f"Multiply the variance of the {name} {AXES[axis]} in navigator.r by {{multiply}}.",
                 f"{name} innovations {AXES[axis]}",
                 scales=("navigator.r", (3 * kind + axis, 3 * kind + axis + 1)),
@@ -149,9 +149,9 @@ def _stated(found: list[Explanation], seen: Innovations, told: FloatArray) -> We
             "not modelled",
             float("nan"),
             f"The innovations are not what the filter expects: {_words(best)} explains them, and "
-            f"{_words(rival)} nearly as well; they cannot tell GPS from IMU.",
-            f"{f'{_gain_advice(best)} ' if variance else ''}Compare with a reference, or with another IMU or "
-            "receiver; a flight with more turns tells more.",
+            f"{_words(rival)} explains them nearly as well. They cannot tell GPS from IMU.",
+            f"{f'{_gain_advice(best)} ' if variance else ''}Compare with a reference, or with another IMU "
+            "or receiver. A flight with more turns shows the difference better.",
             f"{statistic}, {rival.gain:.0f} of the other",
             (_gain_change(best),) if variance else (),
         )
@@ -197,8 +197,8 @@ def _finding(best: Explanation, seen: Innovations, statistic: str, told: FloatAr
             "GPS correlation",
             "not modelled",
             float("nan"),
-            f"Position innovations {size:.2g} × as large as assumed follow each other: the errors of the "
-            "fixes are correlated, and the filter takes them for white.",
+            f"The position innovations are {size:.2g} × as large as assumed and correlated in time: the "
+            "errors of the fixes are correlated, and the filter assumes that they are white.",
             ADVICE_CORRELATION,
             statistic,
         )
@@ -208,7 +208,7 @@ def _finding(best: Explanation, seen: Innovations, statistic: str, told: FloatAr
             best.name,
             "not modelled",
             best.size,
-            f"The innovations go with the motion as errors of the {sensor}s do: {_words(best)}.",
+            f"The innovations depend on the motion as errors of the {sensor}s do: {_words(best)}.",
             f"Calibrate the {sensor}s"
             + (
                 ", or set navigator.states to 21."
@@ -224,8 +224,8 @@ def _finding(best: Explanation, seen: Innovations, statistic: str, told: FloatAr
         "gain",
         "too small" if too_small else "too large",
         best.size if too_small else 1 / best.size,
-        f"The innovations {'follow each other' if too_small else 'alternate'}: the filter corrects too "
-        f"{'little' if too_small else 'much'}; most likely is {_words(best)}.",
+        f"The innovations {'are correlated in time' if too_small else 'alternate'}: the filter corrects too "
+        f"{'little' if too_small else 'much'}. The most likely cause is {_words(best)}.",
         _gain_advice(best),
         statistic,
         (_gain_change(best),),
@@ -272,7 +272,7 @@ def _size_of_r(best: Explanation, seen: Innovations) -> Finding:
         f"R {name}",
         f"too {wrong}",
         factor,
-        f"{name.capitalize()} innovations {np.sqrt(float(squares.mean)):.2g} × as large as assumed: R {name} "
+        f"The {name} innovations are {np.sqrt(float(squares.mean)):.2g} × as large as assumed: R {name} is "
         f"about {factor:.2g} × too {wrong}.",
         f"Multiply the {name} variances of navigator.r by {ratio:.2g}.",
         mean_square(squares, f"{name} innovations"),
@@ -289,8 +289,8 @@ def _sizes(seen: Innovations) -> list[Weighed]:
     return judge_size(
         seen.nis,
         "NIS",
-        f"The innovations are {np.sqrt(ratio):.2g} × as large as the filter says, and nothing that was tried "
-        "explains it.",
-        "Look for what the filter does not model.",
+        f"The innovations are {np.sqrt(ratio):.2g} × as large as the filter states, and none of the tested "
+        "causes explains it.",
+        "Look for errors that the filter does not model.",
         "innovations (by NIS)",
     )

@@ -199,7 +199,7 @@ def maximise(
     here = run(place)
     value = float(log_likelihoods(here).sum()) - _cost(place[free], start, prior)
     if not np.isfinite(value):
-        raise ValueError("the innovations are no numbers where the search begins")
+        raise ValueError("the innovations are not finite where the search begins")
     damping, rounds = 1e-3, 0
     with ThreadPoolExecutor(max_workers=min(4, os.cpu_count() or 1)) as pool:
         slopes = _slopes(run, parameters, free, place, here, pool)

@@ -280,7 +280,7 @@ def _in_words(dataset: xr.Dataset, index: int) -> str:
     share = dataset.share.values[:, index]
     order = [segment for segment in np.argsort(-share, kind="stable") if share[segment] >= WORTH_A_WORD]
     if not order:
-        return "nothing: σ never fell"
+        return "nothing, σ never fell"
     names = dataset.segment.values
     return ", ".join(f"{share[segment]:.0f} % {_place(str(names[segment]))}" for segment in order)
 

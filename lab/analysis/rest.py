@@ -192,8 +192,8 @@ def misfit(fitted: Mapping[str, allan.NoiseTerms]) -> str:
     if not poor:
         return ""
     return (
-        f"The five terms do not explain the Allan deviation of {', '.join(poor)}: there is something else in "
-        "it, such as vibration, a temperature that changes, or a bias with a correlation time."
+        f"The five terms do not explain the Allan deviation of {', '.join(poor)}. Other possible causes are "
+        "vibration, a changing temperature, or a bias with a correlation time."
     )
 
 

@@ -36,24 +36,24 @@ _CAUSES = {  # which regressors each cause has
     "bandwidth": (3, 4),
 }
 _WORDS = {
-    "scale factor": "The scale factors of the {kind}s are wrong, by {size:.2g} %: their errors go with what "
-    "they measure.",
-    "misalignment": "The {kind}s are misaligned, by {size:.2g}°: each feels the other axes.",
-    "bandwidth": "The {kind}s lag behind the motion, by {size:.2g} ms: their bandwidth is limited.",
-    "temperature": "The biases of the {kind}s follow the temperature, {size:.2g} {unit} per K.",
-    "g-sensitivity": "The biases of the {kind}s go with the specific force, {size:.2g} °/s per g.",
-    "bias drift": "The biases of the {kind}s drift steadily, {size:.2g} {unit} per minute.",
+    "scale factor": "The scale factors of the {kind}s are wrong by {size:.2g} %: their errors are "
+    "proportional to the measured quantity.",
+    "misalignment": "The {kind}s are misaligned by {size:.2g}°: each also measures the other axes.",
+    "bandwidth": "The {kind}s lag behind the motion by {size:.2g} ms: their bandwidth is limited.",
+    "temperature": "The biases of the {kind}s depend on the temperature, by {size:.2g} {unit} per K.",
+    "g-sensitivity": "The biases of the {kind}s depend on the specific force, by {size:.2g} °/s per g.",
+    "bias drift": "The biases of the {kind}s drift steadily, by {size:.2g} {unit} per minute.",
 }
 _ADVICE = {
     "scale factor": "Set navigator.states to 21, and sensors.{kind}.scale_factor_sigma to {size:.2g}: the "
     "filter then estimates the scale factors.",
-    "misalignment": "Calibrate the {kind}s: no state of the filter stands for misalignments; more {kind} "
-    "noise in navigator.q covers a part.",
-    "bandwidth": "Move the times of the {kind}s by −{size:.2g} ms, or use {kind}s of a larger bandwidth "
-    "(sensors.{kind}.bandwidth).",
+    "misalignment": "Calibrate the {kind}s: no state of the filter models misalignments. More {kind} noise "
+    "in navigator.q covers a part of them.",
+    "bandwidth": "Shift the time stamps of the {kind}s by −{size:.2g} ms, or use {kind}s with a larger "
+    "bandwidth (sensors.{kind}.bandwidth).",
     "temperature": "Set sensors.temperature.compensation, or let the {kind} biases walk: a larger bias drive "
     "in navigator.q.",
-    "g-sensitivity": "Compensate the {kind}s for the specific force; more {kind} noise in navigator.q covers "
+    "g-sensitivity": "Compensate the {kind}s for the specific force. More {kind} noise in navigator.q covers "
     "a part.",
     "bias drift": "Let the {kind} biases walk: a larger {kind} bias drive in navigator.q.",
 }
@@ -152,9 +152,9 @@ def _clipped(errors: SensorErrors, sensor: int, kind: str) -> list[Weighed]:
         f"{kind} range",
         "not modelled",
         float(np.sqrt(total / count)),
-        f"The {kind}s met the end of their range in {count:.0f} windows of 1 s: their errors there are "
+        f"The {kind}s saturated in {count:.0f} windows of 1 s: their errors there are "
         f"{np.sqrt(total / count):.2g} × as large as assumed.",
-        f"Use {kind}s of a larger range (sensors.{kind}.range).",
+        f"Use {kind}s with a larger range (sensors.{kind}.range).",
         mean_square(Squares(np.array(total), np.array(count)), "errors at the end of the range"),
     )
     return [Weighed(size_weight(total, count), finding)]
@@ -226,14 +226,15 @@ def _noise(noise: Squares) -> list[Weighed]:
     """Judge Q by what gyros and accelerometers add beside their biases and what goes with the motion."""
     ratio = noise.mean
     sentence = (
-        "Errors grow {root} × as fast as σ says: the {kind} noise, and so Q, is about {factor} × too {wrong}."
+        "Errors grow {root} × as fast as σ states: the {kind} noise, and so Q, is about {factor} × too "
+        "{wrong}."
     )
     together = bool(noise.number.all()) and 0.5 < ratio[0] / max(ratio[1], 1e-12) < 2
     if together:
         return judge_size(
             Squares(noise.total.sum(), noise.number.sum()),
             "Q",
-            "Errors grow {root} × as fast as σ says: Q about {factor} × too {wrong}.",
+            "Errors grow {root} × as fast as σ states: Q is about {factor} × too {wrong}.",
             "Multiply navigator.q_scale by {multiply}.",
             "noise of the inertial sensors",
             scales=("navigator.q_scale", None),

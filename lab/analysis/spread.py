@@ -45,8 +45,8 @@ def _halves(seen: Seen) -> str:
     if 2 * stats.f.sf(ratio, parts[larger][1], parts[smaller][1]) > BY_CHANCE:
         return ""
     return (
-        f"The noise is not the same throughout: NIS per degree of freedom is {first:.2g} in the first half "
-        f"of the log and {second:.2g} in the second. No one R and Q fit both."
+        f"The noise is not constant: NIS per degree of freedom is {first:.2g} in the first half of the log "
+        f"and {second:.2g} in the second. No single R and Q fit both."
     )
 
 

@@ -144,14 +144,14 @@ def _tried(finding: Finding, runs: Sequence[Repeatable], before: Figures) -> Fin
         after = _followed(runs, finding.changes)
     except (SettingError, ValueError) as error:
         return replace(
-            finding, advice=f"{finding.advice} (Tried, it cannot be navigated: {error})", changes=()
+            finding, advice=f"{finding.advice} (Tried: the run cannot be navigated: {error})", changes=()
         )
     worse = worsened(before, after)
     if worse:
         return replace(
             finding,
-            advice=f"{WITHHELD} what such a finding suggests was tried and makes worse {worse}. It was: "
-            f"{finding.advice}",
+            advice=f"{WITHHELD} the change that such a finding suggests was tried, and it makes worse "
+            f"{worse}. It was: {finding.advice}",
             changes=(),
         )
     return replace(finding, advice=f"{finding.advice} Tried: {_words(before, after)}.")

@@ -57,7 +57,7 @@ def judge(evidence: Evidence) -> Verdict:
     basis = f"{runs}, {'errors and innovations' if with_truth else 'innovations only'}"
     what = "errors and innovations are" if with_truth else "the innovations are white and"
     return Verdict(
-        headline(findings, f"Consistent: {what} as large as the filter says."),
+        headline(findings, f"Consistent: {what} as large as the filter states."),
         findings,
         basis,
     )
@@ -78,8 +78,8 @@ def judge_usage(usage: Usage, refused: int) -> list[Weighed]:
         part,
         f"The gate rejected {usage.rejected} of {usage.offered} fixes ({100 * part:.2g} %), where chance "
         f"rejects {usage.expected:.2g}.",
-        "Look at what makes these fixes implausible before you believe the rest: too small a Q, R or P₀ "
-        "makes good fixes implausible. Run with navigator.gate 0 and read the verdict on all fixes.",
+        "Find out why these fixes are implausible; do not trust the rest before. A Q, R or P₀ that is too "
+        "small makes good fixes implausible. Run with navigator.gate 0 and read the verdict on all fixes.",
         f"{usage.rejected} rejected, expected {usage.expected:.2g}",
     )
     return [Weighed(float(unused), finding)]

@@ -24,7 +24,7 @@ Examples:
   ins-lab allan imu.csv
   ins-lab allan imu.csv --card my_imu.toml
   ins-lab allan ADIS16470 --seed 3
-A log is a csv with the columns t_s, gx_rad_s, gy_rad_s, gz_rad_s, fx_m_s2, fy_m_s2, fz_m_s2."""
+A log is a csv file with the columns t_s, gx_rad_s, gy_rad_s, gz_rad_s, fx_m_s2, fy_m_s2, fz_m_s2."""
 
 
 def allan(
@@ -42,17 +42,17 @@ def allan(
     ] = None,
     seed: Annotated[
         int,
-        typer.Option("--seed", min=0, max=2**32 - 1, metavar="N", help="Seed of what is simulated."),
+        typer.Option("--seed", min=0, max=2**32 - 1, metavar="N", help="Seed of the simulation."),
     ] = 1,
     assumed: Assumed = True,
     force: Force = False,
     as_json: AsJson = False,
 ) -> None:
-    """Fit the noise terms of IEEE 952 to the Allan deviation of an IMU at rest, and say how well they fit."""
+    """Fit the noise terms of IEEE 952 to the Allan deviation of an IMU at rest, and test the fit."""
     is_log = record.lower().endswith(".csv")
     if out is not None:
         if not is_log:
-            raise CommandError(f"--card {out}: a card is made of a log, not of {record}")
+            raise CommandError(f"--card {out}: a card is made from a log, and {record} is not one")
         check_out(out, force, ".toml", "a card", "--card")
     with working(record) as progress:
         progress("reading" if is_log else "simulating", 0.0)

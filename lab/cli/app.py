@@ -107,8 +107,8 @@ def working(task: str) -> Iterator[Progress]:
             raise CommandError(f"{task}: {error}") from error
         except MemoryError as error:
             raise CommandError(
-                f"{task}: needs more memory than there is; a shorter flight or a lower trajectory.imu_rate "
-                "needs less"
+                f"{task}: needs more memory than is available; a shorter flight or a lower "
+                "trajectory.imu_rate needs less"
             ) from error
 
 

@@ -19,8 +19,8 @@ Examples:
   ins-lab budget montreal
   ins-lab budget montreal --set navigator.r_scale=100
   ins-lab budget los_angeles --at 60 --json
-The columns are 1σ of all three components together, and the part of the variance. The total is that of the
-errors, be the filter right or wrong; what it believes itself, and every component, is in the JSON."""
+The columns are 1σ of all three components together, and the share of the variance. The total is σ of the
+true errors, whether the filter is right or wrong. The JSON adds the filter's own σ and every component."""
 
 
 def error_budget(
@@ -32,7 +32,7 @@ def error_budget(
     seed: Seed = None,
     at: Annotated[
         float | None,
-        typer.Option("--at", metavar="TIME", help="When, in seconds.", show_default="the end"),
+        typer.Option("--at", metavar="TIME", help="Time of the budget, in seconds.", show_default="the end"),
     ] = None,
     as_json: AsJson = False,
 ) -> None:

@@ -20,14 +20,14 @@ Examples:
   ins-lab cards ADIS16470
   ins-lab run montreal --card ADIS16470
   ins-lab run montreal --card ADIS16470 --no-assumed
-What a card has no source for is assumed, as typical of its grade, and marked so; --no-assumed leaves it out.
+Numbers without a source are assumed, typical of the grade, and marked; --no-assumed omits them.
 White noise is the two-sided N of IEEE 952, which is 1/√2 of a one-sided noise density."""
 
 NOTHING = "–"
 """Stands where a card has no number."""
 ASSUMED = "*"
 """Stands behind a number that is assumed."""
-FOOT = f"{ASSUMED} assumed: typical of the grade, since the card has no source for it"
+FOOT = f"{ASSUMED} assumed: a value typical of the grade, since the card has no source"
 """Says what the mark means, below a table."""
 
 _COLUMNS = (
@@ -42,7 +42,7 @@ def list_cards(
     name: Annotated[
         str | None,
         typer.Argument(
-            metavar="[NAME]", help="A card, by name or .toml file: all of it.", show_default=False
+            metavar="[NAME]", help="Card to show in full, by name or .toml file.", show_default=False
         ),
     ] = None,
     assumed: Assumed = True,
@@ -93,7 +93,7 @@ def _card(card: Card) -> str:
     head += [card.note] if card.note else []
     lines = [*head, _terms(card.terms)]
     if card.assumed:
-        lines += ["", "Assumed, for what the card has no source for (--no-assumed leaves it out):"]
+        lines += ["", "Assumed, since the card has no source (--no-assumed omits these):"]
         lines.append(_terms(card.assumed))
     missing = [
         f"No source, off when loaded: {triad}: {'; '.join(labels)}"

@@ -22,7 +22,7 @@ Examples:
   ins-lab export montreal --to montreal.kml
   ins-lab export my_drive --to my_drive.gpx
   ins-lab run montreal --export run.kml
-The last writes the true path, the estimated path and the GPS fixes of a run."""
+The last example writes the true path, the estimated path and the GPS fixes of a run."""
 
 
 def export(
@@ -30,12 +30,15 @@ def export(
     to: Annotated[
         Path,
         typer.Option(
-            "--to", metavar="FILE", help="The file; .kml, .gpx, .csv or .csv.gz.", show_default=False
+            "--to",
+            metavar="FILE",
+            help="File to write, ending in .kml, .gpx, .csv or .csv.gz.",
+            show_default=False,
         ),
     ],
     force: Force = False,
 ) -> None:
-    """Write where a mission went: KML for Google Earth, GPX for maps, or a flight csv."""
+    """Write the path of a mission: KML for Google Earth, GPX for maps, or a flight csv."""
     check_export(to, force, "--to")
     write(find_mission(mission), to, force, "--to")
     print(to)

@@ -57,7 +57,9 @@ def delete(
     place = own_place(mission)
     if not yes:
         if not sys.stdin.isatty():
-            raise CommandError(f"delete {mission}: nobody can be asked here; say --yes to delete it")
+            raise CommandError(
+                f"delete {mission}: there is no terminal for a question; add --yes to delete it"
+            )
         with contextlib.redirect_stdout(sys.stderr):  # the answer is typed after a space that is printed
             typer.confirm(f"Delete {place} and its recording?", abort=True)
     delete_mission(mission)

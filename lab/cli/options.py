@@ -29,7 +29,7 @@ Mission = Annotated[
 Config = Annotated[
     Path | None,
     typer.Option(
-        "--config", metavar="FILE.toml", help="Settings, before those of --set.", show_default=False
+        "--config", metavar="FILE.toml", help="File with settings; --set overrides them.", show_default=False
     ),
 ]
 Card = Annotated[
@@ -37,7 +37,7 @@ Card = Annotated[
     typer.Option(
         "--card",
         metavar="NAME",
-        help="Sensors of a card, by name or .toml file; before --set.",
+        help="Sensors of a card, by name or .toml file; --set overrides them.",
         show_default=False,
     ),
 ]
@@ -45,12 +45,14 @@ Assumed = Annotated[
     bool,
     typer.Option(
         "--assumed/--no-assumed",
-        help="Numbers the card has no source for: typical of its grade, or off.",
+        help="Terms without a source in the card: typical of its grade, or off.",
     ),
 ]
 Assignments = Annotated[
     list[str] | None,
-    typer.Option("--set", metavar="PATH=VALUE", help="One setting; may be repeated.", show_default=False),
+    typer.Option(
+        "--set", metavar="PATH=VALUE", help="Sets one setting; may be repeated.", show_default=False
+    ),
 ]
 Seed = Annotated[
     int | None, typer.Option("--seed", metavar="N", help="Seed of all random draws.", show_default=False)
@@ -60,7 +62,7 @@ AlgorithmFile = Annotated[
     typer.Option(
         "--algorithm",
         metavar="FILE.py:Name",
-        help="An algorithm of your own; the file is executed.",
+        help="Your own algorithm; the file is executed.",
         show_default=False,
     ),
 ]
@@ -69,12 +71,12 @@ AlgorithmFiles = Annotated[
     typer.Option(
         "--algorithm",
         metavar="FILE.py:Name",
-        help="An algorithm of your own beside the models; may be repeated. The file is executed.",
+        help="Your own algorithm beside the models; may be repeated. The file is executed.",
         show_default=False,
     ),
 ]
-Force = Annotated[bool, typer.Option("--force", "--overwrite", help="Replace what exists.")]
-AsJson = Annotated[bool, typer.Option("--json", help="JSON instead of a table.")]
+Force = Annotated[bool, typer.Option("--force", "--overwrite", help="Replace existing files.")]
+AsJson = Annotated[bool, typer.Option("--json", help="Print JSON instead of a table.")]
 
 
 def experiment(
@@ -93,7 +95,7 @@ def experiment(
         If the mission does not exist, a setting is not accepted, or --no-assumed stands without a card.
     """
     if card is None and not assumed:
-        raise CommandError("--no-assumed: goes with --card, from which it leaves out what is assumed")
+        raise CommandError("--no-assumed: needs --card, whose assumed numbers it omits")
     mission = _single(mission)
     find_mission(mission)
     from lab.experiment import Experiment  # noqa: PLC0415 - takes a second

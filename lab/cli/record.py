@@ -36,14 +36,14 @@ _PERIOD = 0.2
 def record(
     name: Annotated[
         str,
-        typer.Argument(metavar="NAME", help="What the mission is to be called.", show_default=False),
+        typer.Argument(metavar="NAME", help="Name of the mission.", show_default=False),
     ],
     host: Annotated[
-        str, typer.Option("--host", metavar="HOST", help="The computer X-Plane runs on.")
+        str, typer.Option("--host", metavar="HOST", help="Computer that X-Plane runs on.")
     ] = "127.0.0.1",
-    port: Annotated[int, typer.Option("--port", metavar="PORT", help="Where X-Plane listens.")] = 49000,
+    port: Annotated[int, typer.Option("--port", metavar="PORT", help="UDP port of X-Plane.")] = 49000,
     rate: Annotated[
-        float, typer.Option("--rate", metavar="HZ", help="Samples a second, at most one in a frame.")
+        float, typer.Option("--rate", metavar="HZ", help="Samples per second, at most one per frame.")
     ] = 50.0,
     seconds: Annotated[
         float | None,
@@ -55,14 +55,14 @@ def record(
     out: Annotated[
         Path | None,
         typer.Option(
-            "--out", metavar="FOLDER", help="Where the mission is written.", show_default="your own missions"
+            "--out", metavar="FOLDER", help="Folder for the mission.", show_default="your own missions"
         ),
     ] = None,
     force: Force = False,
 ) -> None:
     """Record a mission from a running X-Plane.
 
-    Ctrl-C ends the recording and keeps it; so does an X-Plane that falls silent.
+    Ctrl-C ends the recording and keeps it. The same happens when X-Plane stops sending.
     """
     from lab.importing.xplane_live import XPlaneRecorder  # noqa: PLC0415
     from lab.missions.flight_import import prepare_flight  # noqa: PLC0415 - loads what help does not need

@@ -47,7 +47,7 @@ Examples:
   ins-lab run montreal --export montreal.kml
   ins-lab run my_drive --set navigator.gate=0.999
   ins-lab run my_copter --from 1030 --to 1100 --vehicle copter
-my_drive is the folder of a log, with imu.csv, gnss.csv and perhaps ref.csv and log.toml.
+my_drive is the folder of a log, with imu.csv, gnss.csv and optionally ref.csv and log.toml.
 A FILE.toml holds the same settings in tables, such as
   [sensors.gyro]
   noise_density = 0.02"""
@@ -74,18 +74,20 @@ def run(
         typer.Option(
             "--from",
             metavar="SECONDS",
-            help="Where in a log to start, in the clock of its file.",
+            help="Start within a log, in the clock of its file.",
             show_default=False,
         ),
     ] = None,
     end: Annotated[
         float | None,
-        typer.Option("--to", metavar="SECONDS", help="Where in a log to end, likewise.", show_default=False),
+        typer.Option(
+            "--to", metavar="SECONDS", help="End within a log, in the clock of its file.", show_default=False
+        ),
     ] = None,
     vehicle: Annotated[
         str | None,
         typer.Option(
-            "--vehicle", metavar="NAME", help="What carried the sensors of a log.", show_default=False
+            "--vehicle", metavar="NAME", help="Vehicle that carried the sensors of a log.", show_default=False
         ),
     ] = None,
     heading: Annotated[
@@ -93,7 +95,7 @@ def run(
         typer.Option(
             "--heading",
             metavar="DEGREES",
-            help="True heading of a log at its first sample, where it is known.",
+            help="True heading at the first sample of a log, if it is known.",
             show_default=False,
         ),
     ] = None,
@@ -108,14 +110,15 @@ def run(
         typer.Option(
             "--export",
             metavar="FILE",
-            help="Write the paths: .kml for Google Earth, .gpx for maps, .csv the estimate as a flight csv.",
+            help="Write the paths: .kml for Google Earth, .gpx for maps, .csv for the estimate as a flight "
+            "csv.",
             show_default=False,
         ),
     ] = None,
     force: Force = False,
     as_json: AsJson = False,
 ) -> None:
-    """Navigate a mission; show how large the errors are, and whether the filter knows."""
+    """Navigate a mission; show the errors, and whether the filter states them correctly."""
     check_out(out, force, ".nc", "a netCDF file", "--out")
     check_export(export, force, "--export")
     chosen = experiment(mission, config, card, assignments, seed, assumed)
@@ -139,7 +142,7 @@ def _set_log(chosen: Experiment, options: Mapping[str, float | str | None]) -> N
     given = {option: value for option, value in options.items() if value is not None}
     if given and not isinstance(find_mission(chosen.mission), LogMission):
         raise CommandError(
-            f"{', '.join(given)}: is for logs of real sensors; {chosen.mission} is a simulated flight"
+            f"{', '.join(given)}: only for sensor logs; {chosen.mission} is a simulated flight"
         )
     for option, value in given.items():
         chosen.set(_LOG_SETTINGS[option], value)

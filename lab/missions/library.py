@@ -123,7 +123,7 @@ def add_log(
     tags: Sequence[str] = (),
     folder: str | os.PathLike[str] | None = None,
 ) -> Mission:
-    """Add a log of real sensors to the library: a folder of its files, which appears whole or not at all.
+    """Add a sensor log to the library: a folder of its files, which appears whole or not at all.
 
     Parameters
     ----------

@@ -94,7 +94,7 @@ def run_algorithm(algorithm: Algorithm, imu: Imu, fixes: Fixes, start: Start) ->
     except AlgorithmError:
         raise
     except (Exception, SystemExit) as error:
-        raise AlgorithmError(f"{name}: failed by itself: {described(error)}") from error
+        raise AlgorithmError(f"{name}: raised an exception: {described(error)}") from error
     samples, m = imu.time.size, fixes.time.size
     position = _array(name, estimate, "position", (samples, 3))
     velocity_n = _array(name, estimate, "velocity_n", (samples, 3))

@@ -97,21 +97,21 @@ class Alignment(NamedTuple):
     def remark(self) -> str:
         """How the start was found, for people."""
         levelled = (
-            f"Levelled at rest over {self.rest:.1f} s, gyro biases from the same time"
+            f"Levelled at rest over {self.rest:.1f} s, gyro biases from the same rest"
             if self.rest
-            else "Levelled in motion by the acceleration the fixes show, gyro biases from the motion too"
+            else "Levelled in motion with the acceleration from the fixes, gyro biases from the motion too"
         )
         if not self.heading.source:
             return (
-                f"{levelled}; the heading is unknown, since no motion and no sensor shows it: it can be "
-                "given as navigator.initial_heading."
+                f"{levelled}; the heading is unknown, since no motion and no sensor shows it. "
+                "navigator.initial_heading sets it."
             )
         late, sigma = self.heading.late, self.heading.late_sigma
         clock = ""
         if abs(late) > max(_LATE, 5 * sigma):
             clock = (
-                f" The same motion shows the fixes {abs(late):.2f} s {'late' if late > 0 else 'early'} (σ "
-                f"{sigma:.2f} s), which latency_s of the log is to say."
+                f" The same motion shows that the fixes are {abs(late):.2f} s "
+                f"{'late' if late > 0 else 'early'} (σ {sigma:.2f} s); set latency_s of the log accordingly."
             )
         return f"{levelled}; heading {self.heading.source}, σ {np.degrees(self.heading.sigma):.0f}°.{clock}"
 

@@ -98,7 +98,7 @@ def _given_p0(navigator: NavigatorSettings) -> FloatArray:
     P0 = _given(navigator.p0)
     if P0.shape[0] != navigator.states:
         raise SettingError(
-            f"navigator.p0: is of {P0.shape[0]} states, and the filter has {navigator.states} "
+            f"navigator.p0: has {P0.shape[0]} states, but the filter has {navigator.states} "
             f"(navigator.states); accepted are {navigator.states} variances or a matrix of so many rows"
         )
     return P0

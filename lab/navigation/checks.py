@@ -36,13 +36,13 @@ def check_smoother(settings: NavigatorSettings, schedule: Schedule) -> None:
         return
     reason = None
     if settings.model == "nonlinear":
-        reason = f"goes back over the steps of a linear filter, which the model nonlinear is not; {_SMOOTHED}"
+        reason = f"needs the steps of a linear filter, and the model nonlinear is not linear; {_SMOOTHED}"
     elif settings.engine == "filterpy":
-        reason = f"goes back over the steps of the compiled filter, not of the one in filterpy; {_SMOOTHED}"
+        reason = f"needs the steps of the compiled filter, not of the one in filterpy; {_SMOOTHED}"
     elif schedule.stride > 1:
         reason = (
-            "goes back sample by sample, and navigator.filter_rate = "
-            f"{settings.filter_rate:g} Hz propagates the covariance less often; {_SMOOTHED}"
+            f"needs the covariance at every sample, and navigator.filter_rate = {settings.filter_rate:g} Hz "
+            f"propagates the covariance less often; {_SMOOTHED}"
         )
     if reason:
         raise SettingError(f"navigator.smoother: {reason}")
@@ -57,12 +57,12 @@ def check_engine(settings: NavigatorSettings) -> None:
         return
     if settings.model == "nonlinear":
         raise SettingError(
-            "navigator.engine: the reference in filterpy is a linear filter, which the model nonlinear is "
+            "navigator.engine: the reference in filterpy is a linear filter, and the model nonlinear is "
             "not; accepted is compiled"
         )
     if settings.robust != "none":
         raise SettingError(
-            "navigator.engine: the reference in filterpy takes each fix at its full weight, and "
+            "navigator.engine: the reference in filterpy uses each fix with its full weight, and "
             f"navigator.robust = {settings.robust} does not; accepted is compiled, or robust = none"
         )
 
@@ -73,7 +73,7 @@ def check_r(R: FloatArray) -> None:
         np.linalg.cholesky(R)
     except np.linalg.LinAlgError as error:
         raise SettingError(
-            "navigator.r: is singular: some measurement, or combination of measurements, is without noise; "
+            "navigator.r: is singular: some measurement, or a combination of measurements, has no noise; "
             "accepted is a positive definite matrix (very small variances are possible)"
         ) from error
 
@@ -91,10 +91,10 @@ def check_bias_decay(step: float, bias_decay: FloatArray) -> None:
     fastest = float(bias_decay.max())
     if step * fastest > 1 + 1e-9:
         raise SettingError(
-            f"navigator.filter_rate: the filter's step of {step:g} s is longer than the shortest correlation "
-            f"time of a bias, {1 / fastest:g} s (sensors.gyro.correlation_time, "
-            "sensors.accelerometer.correlation_time, or what stands for their flicker); accepted here is a "
-            f"rate from {fastest:g} Hz, or 0 for every IMU sample"
+            f"navigator.filter_rate: the filter's step of {step:g} s is longer than the shortest "
+            f"correlation time of a bias, {1 / fastest:g} s (sensors.gyro.correlation_time, "
+            "sensors.accelerometer.correlation_time, or the process that models their flicker); accepted "
+            f"here is a rate from {fastest:g} Hz, or 0 for every IMU sample"
         )
 
 
@@ -110,13 +110,13 @@ def check_finite(solution: Solution, time: FloatArray) -> None:
     bad = (solution.variance < 0).any(axis=1)
     for values in states:
         bad |= ~np.isfinite(values).all(axis=1)
-    raise diverged(f"no usable numbers from t = {time[int(np.argmax(bad))]:.3f} s on")
+    raise diverged(f"the numbers are not usable from t = {time[int(np.argmax(bad))]:.3f} s on")
 
 
 def diverged(what: str, error: Exception | None = None) -> ValueError:
     """Return the error of a solution that diverged; `what` says how, `error` what it looked like."""
     detail = f" ({error})" if error else ""
     return ValueError(
-        f"the navigation solution diverged: {what}{detail}. Look at extreme settings of the navigator (p0, "
-        "q, r, their scales, the initial σ, filter_rate) and of the sensors it should match"
+        f"the navigation solution diverged: {what}{detail}. Check for extreme settings of the navigator "
+        "(p0, q, r, their scales, the initial σ, filter_rate) and of the sensors"
     )

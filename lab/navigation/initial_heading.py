@@ -141,7 +141,8 @@ def surest(found: Sequence[Found]) -> Found:
         if apart > _CONTRADICTION * np.hypot(best.sigma, other.sigma):
             return best._replace(
                 sigma=min(np.pi, max(best.sigma, apart)),
-                source=f"{best.source} (but by {np.degrees(apart):.0f}° another one {other.source})",
+                source=f"{best.source} (contradicted: {np.degrees(apart):.0f}° away from the heading "
+                f"{other.source})",
             )
     return best
 
@@ -233,7 +234,7 @@ def by_velocity(imu: Imu, fixes: Fixes, velocity_sigma: FloatArray, bias: FloatA
     return Found(
         float(C_nb.as_euler("ZYX")[0]),
         sigma,
-        f"from how the velocity changed from {start:.0f} to {min(start + WINDOW, imu.time[-1]):.0f} s",
+        f"from the change of the velocity from {start:.0f} to {min(start + WINDOW, imu.time[-1]):.0f} s",
         start,
         found.gyro_bias,
         found.gyro_bias_sigma,

@@ -134,9 +134,8 @@ def go_through(
 
 
 POLAR = (
-    "t = {time:.3f} s: closer than 0.1° to a pole, where a north-slaved navigation frame cannot follow; "
-    "accepted are latitudes up to 89.9°, or navigator.mechanization = wander azimuth, which works over the "
-    "poles"
+    "t = {time:.3f} s: closer than 0.1° to a pole, where a north-slaved navigation frame fails; accepted "
+    "are latitudes up to 89.9°, or navigator.mechanization = wander azimuth, which works over the poles"
 )
 """What a `PolarError` says."""
 

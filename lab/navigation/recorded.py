@@ -1,4 +1,4 @@
-"""Recorded: the navigator over a log of real sensors: each fix with its own σ, at its own time, of the IMU.
+"""Recorded: the navigator over a sensor log: each fix with its own σ, at its own time, of the IMU.
 
 It is the very filter of the simulated flights, told the lever arm and the latency of the log. It goes through
 the log in stretches: gaps of the IMU apart, and fixes that measure more apart from those that measure less.
@@ -91,7 +91,7 @@ def navigate_log(
     withheld: NDArray[np.bool_] | None = None,
     start: Alignment | None = None,
 ) -> RecordedRun:
-    """Navigate a log of real sensors.
+    """Navigate a sensor log.
 
     >>> from lab.missions import read_sensor_log
     >>> run = navigate_log(read_sensor_log("drive"), SensorSuite(), NavigatorSettings())
@@ -158,8 +158,8 @@ def _check(log: SensorLog, navigator: NavigatorSettings) -> None:
     check_mechanization(navigator)
     if navigator.engine != "compiled":
         raise SettingError(
-            "navigator.engine: the reference in filterpy knows neither gaps of the IMU nor velocities that "
-            "the receiver does not measure: it cannot navigate a log of real sensors; accepted is compiled"
+            "navigator.engine: the reference in filterpy cannot handle gaps of the IMU or unmeasured "
+            "velocities, so it cannot navigate a sensor log; accepted is compiled"
         )
 
 
@@ -174,7 +174,10 @@ def _first_sample(log: SensorLog, times: FloatArray) -> int:
     """Return the first sample from which the position is known."""
     first = int(np.searchsorted(log.time, times[0] - _ROUNDING))
     if log.time.size - first < 3 or times.size < 2:
-        raise MissionError(f"{log.name}: the fixes begin after the IMU ended; accepted are both together")
+        raise MissionError(
+            f"{log.name}: the fixes begin after the end of the IMU data; accepted are fixes and IMU data of "
+            "the same time"
+        )
     return first
 
 
@@ -263,7 +266,7 @@ def _solution(
         if near_pole(log.gnss.position[:, 0]).any():
             raise
         raise diverged(
-            "the estimate ran off to a pole, which the vehicle did not come near", error
+            "the estimate moved to a pole, and the vehicle did not come near one", error
         ) from error
     check_finite(solution, imu.time)
     return solution

@@ -195,12 +195,12 @@ def check(schedule: Schedule) -> None:
     """Raise `SettingError` if a schedule leaves the navigator uncorrected."""
     if not schedule.feedback:
         raise SettingError(
-            "navigator.correction: the nonlinear filter spreads its sigma points about its estimate, so "
-            "there is no free-running navigator to subtract an error from; accepted is feedback"
+            "navigator.correction: the nonlinear filter places its sigma points about its estimate, so it "
+            "has no free-running navigator; accepted is feedback"
         )
     if schedule.correction_period:
         raise SettingError(
-            "navigator.correction_period: the nonlinear filter spreads its sigma points about the corrected "
+            "navigator.correction_period: the nonlinear filter places its sigma points about the corrected "
             "navigator, so it corrects at each fix; accepted is 0"
         )
 

@@ -84,13 +84,13 @@ class GpsErrors(Settings):
         softbounds=(0.1, 10),
         step=0.1,
         label="Period",
-        doc="Time from fix to fix; the first comes one period after the start.",
+        doc="Time from fix to fix; the first fix is one period after the start.",
     )
     outages = Intervals(
         default=[],
         label="Outages",
-        doc="Times without fixes, as [start, end] pairs in seconds since the start; of a log, in the clock "
-        "of its file.",
+        doc="Times without fixes, as [start, end] pairs in seconds since the start; for a log, in the "
+        "clock of its file.",
     )
     latency = Quantity(
         0.0,
@@ -99,7 +99,7 @@ class GpsErrors(Settings):
         softbounds=(0, 1),
         step=0.01,
         label="Latency",
-        doc="Age of what a fix reports at the time it is stamped with.",
+        doc="Age of the reported position and velocity at the time stamp of the fix.",
     )
     lever_arm = AxisQuantity(
         0.0,

@@ -39,8 +39,8 @@ class SensorSuite(Settings):
     assumed = param.String(
         default="",
         label="Assumed terms",
-        doc="Terms that a card set to what is typical of its grade, since it has no source for them, with "
-        "the value set, such as gyro.flicker=4.6; a term that was changed since no longer counts.",
+        doc="Terms without a source, which a card set to values typical of its grade, each with its value, "
+        "such as gyro.flicker=4.6. A term that was changed later no longer counts.",
     )
 
     def remarks(self, states: int | None = None) -> tuple[str, ...]:
@@ -72,7 +72,7 @@ class SensorSuite(Settings):
         ]
         if not terms:
             return ""
-        return f"Assumed, as typical of the grade, where the card has no source: {'; '.join(terms)}."
+        return f"Assumed as typical of the grade, since the card has no source: {'; '.join(terms)}."
 
     def _triad(self, name: str) -> Settings:
         triad = getattr(self, name)
@@ -93,11 +93,12 @@ class SensorSuite(Settings):
         profile = self.temperature.profile
         if wanted and profile == "none":
             return (
-                f"There is no temperature profile (sensors.temperature.profile), so {wanted[0]} does nothing."
+                f"There is no temperature profile (sensors.temperature.profile), so {wanted[0]} has no "
+                "effect."
             )
         if profile != "none" and not sensitive:
             return (
-                f"No sensor feels the temperature (sensors.temperature.profile is {profile}): all their "
+                f"No sensor depends on the temperature (sensors.temperature.profile is {profile}): all "
                 "coefficients, such as sensors.gyro.bias_temperature, are zero."
             )
         return ""

@@ -82,7 +82,7 @@ class AllanFigures:
     def _draw(self, triad: str) -> figure:
         source = self._sources[triad]
         fig = plain_figure(
-            f"{TITLES[triad]}: Allan deviation [{UNITS[triad]}], dashed as set",
+            f"{TITLES[triad]}: Allan deviation [{UNITS[triad]}], dashed: as set",
             "averaging time τ [s]",
             x_axis_type="log",
             y_axis_type="log",

@@ -223,7 +223,7 @@ class TimeFigures:
         return thinned
 
     def _show_known(self, plot: TimePlot, fig: figure, result: Result | Ensemble) -> None:
-        """Hide a figure, or an entry of its legend, of which nothing is known, as in logs of real sensors."""
+        """Hide a figure, or an entry of its legend, of which nothing is known, as in sensor logs."""
         # In a stretch of time without fixes nothing is hidden: a figure does not come and go by zooming.
         whole = getattr(result, "recorded", None) is not None
         known = {curve.name: not whole or _is_known(curve, result) for curve in plot.curves}

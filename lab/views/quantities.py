@@ -138,7 +138,7 @@ _AT_FIXES = ("gps", "innovations", "consistency")
 
 
 def _unknown(result: Result, group: str, variable: str) -> FloatArray | None:
-    """Return NaN (n,) in place of what is not known of a log of real sensors."""
+    """Return NaN (n,) in place of what is not known of a sensor log."""
     if not result.lacks(group) and variable in getattr(result, group):
         return None
     return np.full((result.fixes.time if group in _AT_FIXES else result.time).shape, np.nan)

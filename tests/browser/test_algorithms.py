@@ -75,7 +75,7 @@ def test_what_fails_is_a_row_with_the_reason() -> None:
 def test_the_consistency_page_shows_what_is_known_of_an_algorithm() -> None:
     result = Experiment(mission="los_angeles").run(algorithm=served_algorithms()["Still"])
     html = verdict_html(result.verdict, result.innovation_verdict)
-    assert "Not known" in html
+    assert "Unknown" in html
     assert 'class="verdict fine"' not in html
     tables = whiteness_html(result.whiteness) + coverage_html(result)
     assert "nan" not in tables

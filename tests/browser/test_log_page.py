@@ -1,4 +1,4 @@
-"""A log of real sensors on the page: what is known is shown, the rest is said in a sentence."""
+"""A sensor log on the page: what is known is shown, the rest is said in a sentence."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Commands on logs of real sensors: the folder is the mission, and what was repaired and assumed is said."""
+"""Commands on sensor logs: the folder is the mission, and what was repaired and assumed is said."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ def test_logs_are_listed(own):
     answer = ask("missions")
     assert answer.exit_code == 0
     assert "To work" in answer.stdout
-    assert "log of real sensors" in answer.stdout
+    assert "sensor log" in answer.stdout
     assert "mission broken left out" in answer.stderr
     assert "imu.csv" in answer.stderr
     (facts,) = [entry for entry in json.loads(ask("missions", "--json").stdout) if entry["name"] == "drive"]
@@ -70,7 +70,7 @@ def test_models_are_compared_and_seeds_and_budget_refused(own):
     assert answer.exit_code == 0, answer.stderr
     assert "/ 6" in answer.stdout
     refused(ask("compare", "blind", "--models", "phi", "--seeds", "3"), "runs of a log", "accepted is one")
-    refused(ask("budget", "blind"), "Nobody knows the true flight", "the error budget needs")
+    refused(ask("budget", "blind"), "The true flight and the true biases", "the error budget needs")
     refused(ask("run", "broken"), "imu.csv", "1 rows; accepted are at least 10")
 
 
@@ -86,4 +86,4 @@ def test_a_stretch_of_a_log_is_given_in_the_clock_of_its_file(own):
     assert settings["navigator"]["initial_heading"] == 20
     refused(ask("run", "drive", "--from", "5", "--to", "30"), "within 1060 to 1090 s of the file's clock")
     refused(ask("run", "drive", "--vehicle", "bicycle"), "vehicle", "aeroplane, car, boat, copter")
-    refused(ask("run", "montreal", "--from", "5"), "--from", "for logs of real sensors")
+    refused(ask("run", "montreal", "--from", "5"), "--from", "for sensor logs")

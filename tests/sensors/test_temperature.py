@@ -127,4 +127,6 @@ def test_a_temperature_nobody_feels_and_a_coefficient_without_temperature_are_re
     one = Experiment(mission=flight)
     assert one.run().remarks == ()
     one.sensors.temperature.profile = "climb"
-    assert "No sensor feels the temperature (sensors.temperature.profile is climb)" in one.run().remarks[0]
+    assert (
+        "No sensor depends on the temperature (sensors.temperature.profile is climb)" in one.run().remarks[0]
+    )

@@ -80,7 +80,7 @@ class Draft:
             label="Add as log",
             variant="outlined",
             margin=(10, 4),
-            description="The IMU and the GPS receiver recorded on the flight, as a log of real sensors.",
+            description="Adds the IMU and GPS data in the file as a sensor log.",
         )
         self._add_log.on_click(lambda _event: self._start_adding(as_log=True))
         self._body = pn.Column(
@@ -169,7 +169,7 @@ class Draft:
         self._raw = flight.raw
         verdict = flight.report.verdict
         self._verdict.say(verdict.capitalize(), SEVERITY[verdict], flight.report.reasons)
-        self._add.label = "Add all the same" if verdict == "implausible" else "Add mission"
+        self._add.label = "Add anyway" if verdict == "implausible" else "Add mission"
         self._add_log.visible = read.has_log
         self._report.object = report_html(flight.report)
         self._units.show(flight.raw.units)
@@ -197,7 +197,7 @@ class Draft:
     def _added(self, added: Mission) -> None:
         self._clear()
         self._session.library_changed(added.name)
-        self._job.say(f"{added.name} is added and chosen.", "success")
+        self._job.say(f"{added.name} was added and chosen.", "success")
 
 
 def _panes(flight: FlightImport) -> Iterator[pn.viewable.Viewable]:

@@ -36,7 +36,7 @@ class SettingFields:
         self._changed = changed
         self._refused = refused
         fields = [self._make(path, name) for path, _, name in settings.leaves()]
-        self.view = _card("How it is rebuilt", *(made.view for made in fields))
+        self.view = _card("Reconstruction", *(made.view for made in fields))
 
     def _make(self, path: str, name: str) -> Field:
         def change(value: Any) -> bool:

@@ -33,8 +33,8 @@ class Importing:
         )
         formats = ", ".join(reader.name for reader in READERS)
         note = pn.pane.HTML(
-            f"<p>Found by what they hold, whatever they are called: {formats}. "
-            f"Up to {MAX_BYTES // 2**20} MB.</p>",
+            f"<p>The format is detected from the content, whatever the file name: {formats}. Up to "
+            f"{MAX_BYTES // 2**20} MB.</p>",
             margin=(0, 6),
             sizing_mode="stretch_width",
             styles={"opacity": "0.7", "font-size": "13px"},

@@ -164,7 +164,7 @@ class Library:
         name = self._about
 
         def done(_nothing: None) -> None:
-            self._say(f"{name} is deleted.")
+            self._say(f"{name} was deleted.")
             was_chosen = self._session.experiment.mission == name
             self._session.library_changed(Experiment().mission if was_chosen else None)
 

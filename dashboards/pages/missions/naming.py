@@ -58,7 +58,7 @@ class Naming:
         """
         name = accepted_name(str(self._name.value_input).strip())
         if free_name(name) != name:
-            raise MissionError(f"name {name!r}: a mission has it already; choose another name")
+            raise MissionError(f"name {name!r}: a mission already has this name; choose another one")
         return name
 
     @property

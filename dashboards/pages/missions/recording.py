@@ -46,8 +46,8 @@ class Recording:
         self._job = Job()
         self._draft = Draft(session)
         note = pn.pane.HTML(
-            "<p>X-Plane sends where it is by itself, once asked: nothing has to be set there but that it "
-            "accepts incoming connections (Settings, Network).</p>",
+            "<p>X-Plane sends position and attitude on request. It needs one setting: it must accept "
+            "incoming connections (Settings, Network).</p>",
             margin=(0, 6),
             sizing_mode="stretch_width",
             styles={"opacity": "0.7", "font-size": "13px"},
@@ -87,7 +87,7 @@ class Recording:
         host = str(self._host.value_input or self._host.value).strip()
         port, rate = number(str(self._port.value)), number(str(self._rate.value))
         if isinstance(port, str) or isinstance(rate, str) or not port.is_integer():
-            self._job.say("Port and rate are numbers: such as port 49000 and 50 Hz.")
+            self._job.say("Port and rate must be numbers, such as port 49000 and 50 Hz.")
             return
 
         def work(_progress: Progress) -> XPlaneRecorder:
@@ -98,7 +98,7 @@ class Recording:
             return recorder
 
         if not self._job.busy:
-            self._job.start("Asking X-Plane", work, self._started)
+            self._job.start("Sending a request to X-Plane", work, self._started)
 
     def _started(self, recorder: XPlaneRecorder) -> None:
         self._recorder = recorder
