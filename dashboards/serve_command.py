@@ -77,7 +77,7 @@ def serve(
 ) -> None:
     """Serve the dashboard, and open it in a browser if there is a screen."""
     _check_port(address, port)
-    algorithms(own)  # what cannot be loaded is said now, not to visitors
+    algorithms(own)  # a failure to load is reported now, not to visitors
     password = None if password_file is None else read_password(password_file)
     from dashboards import server  # noqa: PLC0415 - takes a second
     from dashboards.origins import OriginError  # noqa: PLC0415 - takes a second
@@ -97,12 +97,12 @@ def serve(
 
 
 def read_password(path: Path) -> str:
-    """Return the password in a file: its only line.
+    """Return the password in a file, its only line.
 
     Raises
     ------
     CommandError
-        If the file cannot be read, or holds no acceptable password.
+        If the file cannot be read, or contains no acceptable password.
     """
     accepted = f"accepted is a file with one line of {LEAST_PASSWORD} to {MAX_PASSWORD} characters"
     if not path.is_file():
@@ -137,7 +137,7 @@ def _check_port(address: str, port: int) -> None:
 
 
 def free_port() -> int:
-    """Return a port nobody listens on."""
+    """Return a free port."""
     with socket.socket() as probe:
         probe.bind(("127.0.0.1", 0))
         return int(probe.getsockname()[1])

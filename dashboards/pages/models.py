@@ -27,11 +27,11 @@ class Models(ComputedPage):
         return pn.Column(self.words, self._table, sizing_mode="stretch_width", margin=0)
 
     def work_out(self, result: Result, progress: Progress) -> tuple[Compared, ...]:
-        """Run every model, and what else is served, with the settings of the result."""
+        """Run every model, and the operator's algorithms, with the settings of the result."""
         return compare(result.experiment, progress=progress, algorithms=served_algorithms())
 
     def clear(self) -> None:
-        """Show no table."""
+        """Clear the table."""
         self._table.object = ""
 
     def paint(self, result: Result, content: tuple[Compared, ...]) -> str:
@@ -51,7 +51,7 @@ class Models(ComputedPage):
 
 
 def models_html(rows: tuple[Compared, ...], chosen: str) -> str:
-    """Return compared models as an HTML table, the one chosen in bold."""
+    """Return compared models as an HTML table, with the selected one in bold."""
     head = "".join(
         f"<th>{name}</th>"
         for name in ("position [m]", "velocity [m/s]", "heading [°]", "NEES", "NIS", "time [ms]")

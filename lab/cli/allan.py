@@ -1,4 +1,4 @@
-"""``ins-lab allan``: the noise of an IMU at rest, from its log or from a card simulated."""
+"""``ins-lab allan``: the noise of an IMU at rest, from its log or simulated from a card."""
 
 from __future__ import annotations
 
@@ -94,7 +94,7 @@ def _fitted(records: Mapping[str, Record]) -> dict[str, NoiseTerms]:
 
 
 def _terms(fitted: Mapping[str, NoiseTerms], card: Card | None) -> str:
-    """Return the fitted terms as a table, beside those of the card simulated."""
+    """Return the fitted terms as a table, beside those of the simulated card."""
     from lab.analysis import rest  # noqa: PLC0415 - takes half a second
 
     rows = []
@@ -113,7 +113,7 @@ def _terms(fitted: Mapping[str, NoiseTerms], card: Card | None) -> str:
 
 
 def _goodness(fitted: Mapping[str, NoiseTerms]) -> str:
-    """Return the goodness of the fits as a table, and what it means where they are poor."""
+    """Return the goodness of the fits as a table, with an explanation of poor fits."""
     from lab.analysis import rest  # noqa: PLC0415 - takes half a second
 
     rows = [

@@ -1,4 +1,4 @@
-"""``ins-lab budget``: what each source of error contributes to the errors of a mission's solution."""
+"""``ins-lab budget``: the contribution of each source of error to the errors of a mission's solution."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ def error_budget(
     ] = None,
     as_json: AsJson = False,
 ) -> None:
-    """Show what each source of error contributes to the errors of a mission's solution."""
+    """Show the contribution of each source of error to the errors of a mission's solution."""
     chosen = experiment(mission, config, card, assignments, seed, assumed)
     with working(chosen.mission) as progress:
         result = chosen.run(progress)
@@ -57,7 +57,7 @@ def _check_time(at: float | None, end: float) -> None:
 
 
 def _budget(there: xr.Dataset) -> str:
-    """Return a budget at one time as text: the sources, the largest first, their total, what is not in it.
+    """Return a budget at one time as text: the sources by size, their total, and the omitted errors.
 
     Each kind of quantity is one number, of all three components together: the root of the sum of the
     variances of east, north and up, or of roll, pitch and heading.
@@ -86,7 +86,7 @@ def _budget(there: xr.Dataset) -> str:
 
 
 def _facts(there: xr.Dataset) -> dict[str, Any]:
-    """Return a budget at one time as plain data, every quantity for itself."""
+    """Return a budget at one time as plain data, each quantity separately."""
     quantities = []
     for quantity in there.quantity.values:
         column = there.sel(quantity=quantity)

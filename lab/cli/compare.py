@@ -74,7 +74,7 @@ def compare(
 
 
 def _comparison(rows: Sequence[Compared]) -> str:
-    """Return compared models as a table: rms errors, mean NEES and NIS beside what they should be, time."""
+    """Return compared models as a table: rms errors, mean NEES and NIS with expected values, time."""
     cells = [
         (
             row.model,
@@ -90,7 +90,7 @@ def _comparison(rows: Sequence[Compared]) -> str:
 
 
 def _beside(value: float, degrees: int, refusal: str) -> str:
-    """Return a mean NEES or NIS beside what it should be."""
+    """Return a mean NEES or NIS beside its expected value."""
     if math.isfinite(value):
         return f"{value:.2f} / {degrees}"
     return "–" if refusal else "unknown"

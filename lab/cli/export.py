@@ -1,4 +1,4 @@
-"""``ins-lab export``: where a mission went, for Google Earth, GIS programs and spreadsheets."""
+"""``ins-lab export``: the path of a mission, for Google Earth, GIS programs and spreadsheets."""
 
 from __future__ import annotations
 
@@ -45,12 +45,12 @@ def export(
 
 
 def check_export(path: Path | None, force: bool, option: str) -> None:
-    """Refuse a file that could not be written, before the work is done.
+    """Check before the work that a file can be written.
 
     Raises
     ------
     CommandError
-        If it has another ending, exists, or cannot be written where it is.
+        If the ending is wrong, the file exists, or its folder is not writable.
     """
     if path is not None:
         ending = next((one for one in ENDINGS if path.name.lower().endswith(one)), "")

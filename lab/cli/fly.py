@@ -1,4 +1,4 @@
-"""``ins-lab fly``: a plan flown in JSBSim, or a way or a motion carried out without it."""
+"""``ins-lab fly``: a plan flown in JSBSim, or waypoints or motion commands carried out without it."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""``ins-lab identify``: the noise of a log's sensors, latency and lever arm from the innovations."""
+"""``ins-lab identify``: sensor noise, latency and lever arm from the innovations."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""``ins-lab import``: a flight of a simulator or logger judged, rebuilt and added to the missions."""
+"""``ins-lab import``: a flight of a simulator or logger, checked, rebuilt and added to the missions."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ rate; the message about a refused value lists the accepted ones."""
 
 
 class Kind(StrEnum):
-    """What a file becomes: the flight it tells of, or the log of the IMU and the GPS receiver in it."""
+    """What a file becomes: a flight recording, or a sensor log with the IMU and GPS data in it."""
 
     FLIGHT = "flight"
     LOG = "log"
@@ -108,7 +108,7 @@ def import_flight(
 
 
 def _add_log(files: Sequence[Path], name: str | None, title: str, preview: bool, as_json: bool) -> None:
-    """Add the IMU and GPS of a file as the log they are."""
+    """Add the IMU and GPS data of a file as a sensor log."""
     from lab.logs.vehicle import VEHICLES, vehicle_of  # noqa: PLC0415 - beside what it goes with
     from lab.missions import add_log  # noqa: PLC0415 - beside what it goes with
     from lab.missions.flight_import import read_log  # noqa: PLC0415 - takes a second
@@ -166,7 +166,7 @@ def _noise(card: str | None) -> SensorNoise:
 
 
 def _preview(read: FlightImport, file: Path) -> Path:
-    """Write the picture of a flight into the folder the command is given in, and return where."""
+    """Write the preview of a flight into the current folder, and return its path."""
     from lab.views.import_preview import save_preview  # noqa: PLC0415 - Bokeh takes a second
 
     out = Path(f"{file.name}.preview.html")
@@ -178,7 +178,7 @@ def _preview(read: FlightImport, file: Path) -> Path:
 
 
 def _show(read: FlightImport, added: str | None, shown: Path | None, as_json: bool) -> None:
-    """Print the report, and what became of the flight."""
+    """Print the report and the outcome."""
     has_log = read.log is not None
     if as_json:
         facts = _facts(read.report)

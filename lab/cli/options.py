@@ -1,4 +1,4 @@
-"""Options: those that several commands have, and the experiment they make."""
+"""Options: the options that several commands share, and the experiment they define."""
 
 from __future__ import annotations
 
@@ -87,12 +87,12 @@ def experiment(
     seed: int | None,
     assumed: bool = True,
 ) -> Experiment:
-    """Return the experiment of a command: of the file, then the card, then --set, then the other options.
+    """Return the experiment of a command: file, then card, then --set, then the other options.
 
     Raises
     ------
     MissionError, SettingError, CommandError
-        If the mission does not exist, a setting is not accepted, or --no-assumed stands without a card.
+        If the mission does not exist, a setting is not accepted, or --no-assumed is given without a card.
     """
     if card is None and not assumed:
         raise CommandError("--no-assumed: needs --card, whose assumed numbers it omits")
@@ -131,7 +131,7 @@ def algorithms(places: Sequence[str] | None) -> dict[str, Algorithm]:
 
 
 def _single(mission: str) -> str:
-    """Return the mission itself where its folder is named; a log is its folder."""
+    """Return the mission in a named folder; for a log, the folder itself."""
     if not Path(mission).is_dir() or mission in find_missions() or is_log_folder(Path(mission)):
         return mission
     inside = [str(path) for path in sorted(Path(mission).glob("*.toml"))]
@@ -145,7 +145,7 @@ def _single(mission: str) -> str:
 
 
 def check_out(out: Path | None, force: bool, ending: str, kind: str, option: str) -> None:
-    """Refuse a file that could not be written, before the work is done.
+    """Check before the work that a file can be written.
 
     Parameters
     ----------
@@ -154,14 +154,14 @@ def check_out(out: Path | None, force: bool, ending: str, kind: str, option: str
     force
         Whether it may be replaced.
     ending, kind
-        What its name must end with, and what is written.
+        Required ending of the name, and the kind of file.
     option
         The option that names it.
 
     Raises
     ------
     CommandError
-        If it has another ending, exists, or cannot be written where it is.
+        If the ending is wrong, the file exists, or its folder is not writable.
     """
     if out is None:
         return

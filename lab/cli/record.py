@@ -28,9 +28,9 @@ Examples:
 X-Plane must run with a flight loaded, and accept incoming connections in its Settings, Network."""
 
 PATIENCE = 30.0
-"""How long X-Plane may be silent before the recording ends [s]."""
+"""Time without data from X-Plane after which the recording ends [s]."""
 _PERIOD = 0.2
-"""Time between two looks at the recording [s]."""
+"""Time between two checks of the recording [s]."""
 
 
 def record(
@@ -67,7 +67,7 @@ def record(
     from lab.importing.xplane_live import XPlaneRecorder  # noqa: PLC0415
     from lab.missions.flight_import import prepare_flight  # noqa: PLC0415 - loads what help does not need
 
-    # After an hour's flight it is too late to find that the name is taken.
+    # Checked first: after an hour's flight it is too late to find that the name is in use.
     name = accepted_name(name)
     taken = (out or own_folder()) / f"{name}.toml"
     if taken.exists() and not force:
@@ -91,7 +91,7 @@ def record(
 def _recorded(
     recorder: XPlaneRecorder, pressed: threading.Event, seconds: float | None, progress: Progress
 ) -> RawFlight:
-    """Return what X-Plane sends until it is enough, Ctrl-C is pressed or nothing comes any more."""
+    """Return the data from X-Plane until the time is over, Ctrl-C is pressed, or the data stop."""
     recorder.start()
     heard = time.monotonic()
     told = ""

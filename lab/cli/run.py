@@ -1,4 +1,4 @@
-"""``ins-lab run``: a mission navigated once; its errors, and what they say of the filter."""
+"""``ins-lab run``: a mission navigated once: its errors, and the verdict on the filter."""
 
 from __future__ import annotations
 
@@ -138,7 +138,7 @@ def run(
 
 
 def _set_log(chosen: Experiment, options: Mapping[str, float | str | None]) -> None:
-    """Set what the options say of a log."""
+    """Apply the options for logs."""
     given = {option: value for option, value in options.items() if value is not None}
     if given and not isinstance(find_mission(chosen.mission), LogMission):
         raise CommandError(
@@ -174,12 +174,12 @@ def _renamed(summary: pd.DataFrame) -> list[dict[Hashable, Any]]:
 
 
 def _remarks(result: Result) -> list[str]:
-    """Return the remarks, one below the other, if there are any."""
+    """Return the remarks, one per line, if there are any."""
     return ["\n".join(f"- {remark}" for remark in result.remarks)] if result.remarks else []
 
 
 def _errors(result: Result) -> str:
-    """Return the errors as a table; where they are not known, what is known of the innovations."""
+    """Return the errors as a table; if they are unknown, the innovations."""
     if result.lacks("summary"):
         rows = [
             tuple(f"{cell:.3f}" if isinstance(cell, float) else str(cell) for cell in row)
@@ -190,7 +190,7 @@ def _errors(result: Result) -> str:
         )
     summary = result.summary
     numbers = {column for column, kind in enumerate(summary.dtypes) if kind.kind == "f"}
-    # Fixed decimals align; errors far below a millimetre, as without sensor noise, need powers of ten.
+    # Fixed decimals align. Errors far below a millimetre, as without sensor noise, need powers of ten.
     form = ".3f" if summary["rms"].min() > 0.01 else ".2e"
     rows = [
         tuple(f"{cell:{form}}" if column in numbers else str(cell) for column, cell in enumerate(row))
@@ -200,7 +200,7 @@ def _errors(result: Result) -> str:
 
 
 def verdict_text(verdict: Verdict) -> str:
-    """Return a verdict as text: the headline, then each finding beyond the first, and what to try."""
+    """Return a verdict as text: the headline, then the findings and their advice."""
     basis = "" if verdict.consistent is None else f" ({verdict.basis})"
     lines = [f"Verdict{basis}: {verdict.headline}"]
     for number, finding in enumerate(verdict.findings):

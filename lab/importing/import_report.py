@@ -281,12 +281,12 @@ def _curve(rebuilt: Reconstruction) -> list[ReportRow]:
         text = ", ".join(f"{name} λ = {value:.2g} s³" for name, value in rebuilt.smoothing.items())
         rows.append(ReportRow("Curve", "Smoothed", text))
     if rebuilt.position_residual is not None:
-        rows.append(ReportRow("Curve", "Off the positions", f"{_ned(rebuilt.position_residual)} m rms"))
+        rows.append(ReportRow("Curve", "Position residual", f"{_ned(rebuilt.position_residual)} m rms"))
     if rebuilt.velocity_residual is not None:
-        rows.append(ReportRow("Curve", "Off the velocity", f"{_ned(rebuilt.velocity_residual)} m/s rms"))
+        rows.append(ReportRow("Curve", "Velocity residual", f"{_ned(rebuilt.velocity_residual)} m/s rms"))
     if rebuilt.attitude_residual is not None:
         rows.append(
-            ReportRow("Curve", "Off the attitude", f"{np.degrees(rebuilt.attitude_residual):.2g}° rms")
+            ReportRow("Curve", "Attitude residual", f"{np.degrees(rebuilt.attitude_residual):.2g}° rms")
         )
     if rebuilt.attitude_reconstructed:
         text = f"reconstructed from the velocity, as of {_article(rebuilt.vehicle)}: the file has none"

@@ -342,7 +342,9 @@ def encoded(text: str, toml: Path) -> bytes:
     try:
         content = text.encode()
     except UnicodeEncodeError as error:
-        raise MissionError(f"{toml}: not written: {error.object[error.start]!r} is no character") from error
+        raise MissionError(
+            f"{toml}: not written: {error.object[error.start]!r} is not a valid character"
+        ) from error
     if len(content) > MAX_BYTES:
         raise MissionError(f"{toml}: not written: its texts are too long; accepted are 1 MB in all")
     try:

@@ -1,4 +1,4 @@
-"""Recording: the part of the page that records a flight from a running X-Plane and makes a mission of it."""
+"""Recording: the part of the page that records a flight from a running X-Plane as a mission."""
 
 from __future__ import annotations
 
@@ -17,17 +17,17 @@ from lab.importing.xplane_live import PORT, XPlaneRecorder
 from lab.repair.raw_flight import RawFlight
 
 TELL = 500
-"""Time from one word about the recording to the next [ms]."""
+"""Time between two updates of the recording's state [ms]."""
 _FIELD: dict[str, Any] = {"size": "small", "variant": "outlined", "margin": (8, 4)}
 
 
 class Recording:
-    """Records from X-Plane, over the network.
+    """Records from X-Plane over the network.
 
     Parameters
     ----------
     session
-        Which flies through the mission then.
+        Session that then runs the mission.
     """
 
     def __init__(self, session: Session) -> None:
@@ -73,10 +73,10 @@ class Recording:
         )
 
     def refresh(self) -> None:
-        """Show what is now: nothing here depends on it."""
+        """Do nothing: this part does not depend on the missions."""
 
     def close(self) -> None:
-        """End the recording, and what goes with it."""
+        """End the recording and its draft."""
         self._closed = True
         if self._recorder is not None:
             self._recorder.close()
@@ -91,7 +91,7 @@ class Recording:
             return
 
         def work(_progress: Progress) -> XPlaneRecorder:
-            recorder = XPlaneRecorder(host, int(port), rate)  # asks for the address of the host
+            recorder = XPlaneRecorder(host, int(port), rate)  # resolves the host name
             recorder.start()
             if self._closed:
                 recorder.close()
