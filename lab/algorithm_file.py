@@ -94,7 +94,7 @@ def _module(path: Path) -> ModuleType:
 
 
 def _offered(module: ModuleType) -> str:
-    """Say which names of a module navigate."""
+    """Return text that lists the algorithms of a module."""
     names = [
         name
         for name, value in inspect.getmembers(module)

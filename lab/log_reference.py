@@ -116,7 +116,7 @@ def differences(other: Reference, time: FloatArray, solution: Solution) -> dict[
 
 
 def comparison_remark(other: Comparison, time: FloatArray, solution: Solution) -> str:
-    """Say how far an estimate is from another solution, rms of what that knows."""
+    """Return a sentence with the rms difference of an estimate to another solution."""
     apart = differences(other, time, solution)
     if apart is None:
         return f"{other.name} has no rows during the IMU data, so there is no comparison."

@@ -202,7 +202,7 @@ def outages_in(log: SensorLog, outages: Sequence[tuple[float, float]]) -> list[t
 
 
 def clock_remarks(log: SensorLog, outages: Sequence[tuple[float, float]]) -> list[str]:
-    """Say where time 0 is in the clock of the file, and which outages lie outside the log."""
+    """Return remarks about time 0 in the clock of the file, and about outages outside the log."""
     remarks = []
     if abs(log.epoch) > _SAME_CLOCK:
         remarks.append(

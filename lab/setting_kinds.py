@@ -230,7 +230,7 @@ class MatrixOrNone(param.Parameter):
 
 
 def describe(parameter: param.Parameter) -> str:
-    """Say in words what a parameter accepts, such as ``"a number from 0 to 10 °/s"``."""
+    """Describe what a parameter accepts, such as ``"a number from 0 to 10 °/s"``."""
     unit = f" {parameter.unit}" if getattr(parameter, "unit", "") else ""
     for kind, words in _WORDS.items():
         if isinstance(parameter, kind):

@@ -194,7 +194,7 @@ def likelihoods(
 
 
 def _beyond(nu: FloatArray, S: FloatArray, limit: float) -> bool:
-    """Say whether a position or a velocity innovation exceeds a limit."""
+    """Return whether a position or a velocity innovation exceeds a limit."""
     return any(
         float(nu[own] @ np.linalg.solve(S[own, own], nu[own])) > limit for own in (slice(0, 3), slice(3, 6))
     )

@@ -85,7 +85,7 @@ class HeldOut(NamedTuple):
 
 
 def better(before: HeldOut, after: HeldOut) -> bool:
-    """Say whether withheld fixes are more likely than before, and their error no larger."""
+    """Return whether withheld fixes are more likely than before, and their error no larger."""
     return bool(
         after.log_likelihood > before.log_likelihood
         and not after.position_error > ALLOWED * before.position_error

@@ -157,7 +157,7 @@ def _without_outliers(
 
 
 def _clustered(times: FloatArray, which: NDArray[np.bool_]) -> bool:
-    """Say whether some fixes lie so close together as chance puts them one time in 1,000."""
+    """Return whether some fixes lie so close together as chance puts them one time in 1,000."""
     n, length = int(which.sum()), max(float(np.ptp(times)), 1e-9)
     part = float(np.ptp(times[which])) / length
     return bool(n > 1 and n * part ** (n - 1) - (n - 1) * part**n < 1e-3)
@@ -284,7 +284,7 @@ def _fit(answer: FloatArray, nu: FloatArray, S: FloatArray) -> Fit:
 
 
 def suspicious(found: Innovations) -> bool:
-    """Say whether innovations are too large, too small, or follow each other, beyond what chance does."""
+    """Return whether innovations are too large, too small, or follow each other, beyond what chance does."""
     for squares in (found.offered, found.nis):
         for total, count in zip(np.atleast_1d(squares.total), np.atleast_1d(squares.number), strict=True):
             if count:

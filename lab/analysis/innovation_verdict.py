@@ -281,7 +281,7 @@ def _size_of_r(best: Explanation, seen: Innovations) -> Finding:
 
 
 def _sizes(seen: Innovations) -> list[Weighed]:
-    """Say that the innovations are too large or too small where nothing that was tried explains it."""
+    """Judge the size of the innovations if none of the tested causes explains it."""
     total, count = float(seen.nis.total), float(seen.nis.number)
     if not count or is_right(total, count):
         return []

@@ -360,7 +360,7 @@ def long_run_covariance(scores: FloatArray) -> FloatArray:
 
 
 def is_white(seen: Seen, probability: float = 0.001) -> bool:
-    """Say whether no channel of the innovations is correlated with itself over the first lags.
+    """Return whether no channel of the innovations is correlated with itself over the first lags.
 
     Parameters
     ----------

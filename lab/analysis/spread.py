@@ -31,7 +31,7 @@ def spread(seen: Seen) -> str:
 
 
 def _halves(seen: Seen) -> str:
-    """Say whether NIS is larger in one half of the log than in the other."""
+    """Return whether NIS is larger in one half of the log than in the other."""
     nis, degrees = squares(seen)
     middle = nis.size // 2
     parts = [
@@ -51,7 +51,7 @@ def _halves(seen: Seen) -> str:
 
 
 def _tails(seen: Seen) -> str:
-    """Say whether a channel has a few innovations that are far larger than the rest."""
+    """Return whether a channel has a few innovations that are far larger than the rest."""
     normalised = seen.innovation / np.sqrt(np.diagonal(seen.covariance, axis1=1, axis2=2))
     heaviest, where = 0.0, ""
     for name, channel in zip(CHANNELS, normalised.T, strict=True):
@@ -70,7 +70,7 @@ def _tails(seen: Seen) -> str:
 
 
 def _size(seen: Seen) -> str:
-    """Say whether all innovations are larger or smaller than the filter states."""
+    """Return whether all innovations are larger or smaller than the filter states."""
     nis, degrees = squares(seen)
     count = int(degrees.sum())
     if not count:

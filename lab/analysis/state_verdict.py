@@ -72,7 +72,7 @@ def judge_start(start: Squares, without: Collection[str] = ()) -> list[Weighed]:
 
 
 def judge_states(evidence: Evidence) -> list[Weighed]:
-    """Say that the filter is wrong where it is, and none of the causes above explains it."""
+    """Judge the size of the errors if none of the other causes explains it."""
     found = []
     for squares, name, what in (
         (evidence.nees, "NEES", "errors of the states"),

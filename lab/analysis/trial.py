@@ -77,7 +77,7 @@ class Repeatable(Run, ABC):
 
 
 def can_be_tried(verdict: Verdict, algorithm: str) -> bool:
-    """Say whether any advice names settings, which can be tried; not those of a user's own navigator."""
+    """Return whether any advice names settings, which can be tried; not those of a user's own navigator."""
     return not algorithm and any(finding.changes for finding in verdict.findings)
 
 

@@ -1,4 +1,4 @@
-"""Checks: whether the settings of a navigator go together, and whether what it computed is usable."""
+"""Checks: whether the settings of a navigator are compatible, and whether its solution is usable."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ FloatArray = NDArray[np.float64]
 
 
 def check_mechanization(settings: NavigatorSettings) -> None:
-    """Raise `SettingError` if a mechanization does not go with the model or the engine."""
+    """Raise `SettingError` if a mechanization is incompatible with the model or the engine."""
     if settings.mechanization == NORTH_SLAVED:
         return
     reason = None
@@ -31,7 +31,7 @@ def check_mechanization(settings: NavigatorSettings) -> None:
 
 
 def check_smoother(settings: NavigatorSettings, schedule: Schedule) -> None:
-    """Raise `SettingError` if the smoother cannot go back over the steps of the filter."""
+    """Raise `SettingError` if the smoother cannot use the steps of the filter."""
     if not settings.smoother:
         return
     reason = None
@@ -52,7 +52,7 @@ _SMOOTHED = f"accepted with it are the models {', '.join(MODELS)}, the compiled 
 
 
 def check_engine(settings: NavigatorSettings) -> None:
-    """Raise `SettingError` if the reference in filterpy does not know what the settings ask for."""
+    """Raise `SettingError` if the reference in filterpy does not support the settings."""
     if settings.engine != "filterpy":
         return
     if settings.model == "nonlinear":
@@ -79,7 +79,7 @@ def check_r(R: FloatArray) -> None:
 
 
 def check_bias_decay(step: float, bias_decay: FloatArray) -> None:
-    """Raise `SettingError` if a step of the filter is longer than the correlation time of a bias it follows.
+    """Raise `SettingError` if a step of the filter is longer than the correlation time of a bias.
 
     Parameters
     ----------
@@ -99,8 +99,8 @@ def check_bias_decay(step: float, bias_decay: FloatArray) -> None:
 
 
 def check_finite(solution: Solution, time: FloatArray) -> None:
-    """Raise `ValueError` if a solution, at times (n + 1,), has what is no number, or variances below zero."""
-    # What is not finite stays so: the last sample tells.
+    """Raise `ValueError` if a solution, at times (n + 1,), is not finite or has negative variances."""
+    # A value that is not finite stays so: checking the last sample is enough.
     states = (
         *(solution.position, solution.velocity_n, solution.q_nb),
         *(solution.bias, solution.scale, solution.variance),
@@ -114,7 +114,7 @@ def check_finite(solution: Solution, time: FloatArray) -> None:
 
 
 def diverged(what: str, error: Exception | None = None) -> ValueError:
-    """Return the error of a solution that diverged; `what` says how, `error` what it looked like."""
+    """Return the exception for a solution that diverged; `what` says how, `error` is the cause."""
     detail = f" ({error})" if error else ""
     return ValueError(
         f"the navigation solution diverged: {what}{detail}. Check for extreme settings of the navigator "

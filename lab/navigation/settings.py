@@ -1,4 +1,4 @@
-"""Navigator settings: what the filter believes, and how it corrects (the belief side)."""
+"""Navigator settings: the filter's assumptions, and how it corrects (the belief side)."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ _NOISE_ROWS = [
 
 
 class NavigatorSettings(Settings):
-    """How the navigator starts, what its filter assumes, and when it corrects."""
+    """The start of the navigator, the assumptions of its filter, and its corrections."""
 
     model = param.Selector(
         default="phi",

@@ -48,7 +48,7 @@ TOTAL, BELIEVED, FREE = BLUE, ORANGE, FIXES
 
 
 class BudgetFigures:
-    """Stacked shares of the variance over time; and σ: true, according to the filter, and without fixes.
+    """Stacked shares of the variance over time; and σ of errors, of the filter, and without fixes.
 
     Parameters
     ----------

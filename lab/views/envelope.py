@@ -128,8 +128,7 @@ def limits(series: Sequence[FloatArray], scale: str) -> tuple[float, float]:
     series : sequence of arrays
         All values drawn.
     scale : {"symmetric", "free", "logarithmic"}
-        Zero in the middle; the range of the values; or positive, from a power of ten to another, or half of
-        it.
+        Zero in the middle; the range of the values; or, for positive values, limits 10^(k/4) with integer k.
 
     Returns
     -------
