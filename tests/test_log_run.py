@@ -115,7 +115,7 @@ def test_navigation_is_cached_by_what_it_depends_on(folder):
         made.set(path, value)
         result = made.run()
         assert result.solution_arrays is first.solution_arrays
-        assert any(path in remark and "changes nothing" in remark for remark in result.remarks)
+        assert any(path in remark and "has no effect" in remark for remark in result.remarks)
     assert CACHE.computed["log navigation"] == count
     assert experiment(folder, navigator__r_scale=2.0).run().solution_arrays is not first.solution_arrays
 

@@ -1,7 +1,7 @@
-"""Identification: what innovations say of the sensors, with error bars, and whether that predicts better.
+"""Identification: sensor parameters from innovations, with error bars, and their effect on predictions.
 
-The table of the parameters before and after, the errors of withheld fixes before and after, and the settings
-and the card that take the parameters over.
+It contains the parameters and the errors of withheld fixes, both before and after, and the settings and the
+card with the new parameters.
 """
 
 from __future__ import annotations
@@ -22,9 +22,9 @@ if TYPE_CHECKING:
 ChosenBy = Literal["next fixes", "outages", "factors"]
 
 INSIDE = 0.85
-"""Part of the NIS in their 95 % intervals below which the reason is named."""
+"""Fraction of the NIS in their 95 % intervals below which the reason is reported."""
 ALLOWED = 1.05
-"""By how much the error of withheld fixes may grow where their likelihood is better: chance, no more."""
+"""Largest factor by which the error of withheld fixes may grow, by chance, if their likelihood improves."""
 
 
 class Row(NamedTuple):
@@ -33,15 +33,15 @@ class Row(NamedTuple):
     Attributes
     ----------
     parameter, unit : str
-        What it is; the unit is empty for a factor.
+        Name and unit; the unit is empty for a factor.
     before, after : float
-        What the filter assumed, and what it should; the same where the log does not show it.
+        Assumed value and identified value; equal if the log does not show the parameter.
     sigma : float
-        Standard deviation of `after`; NaN where the log does not show it.
+        Standard deviation of `after`; NaN if the log does not show the parameter.
     low, high : float
-        95 % interval; from 0 where the log only says that it is not larger than `high`.
+        95 % interval; it starts at 0 if the log only shows that the parameter is at most `high`.
     observable : bool
-        Whether the log shows it.
+        Whether the log shows the parameter.
     """
 
     parameter: str
@@ -55,7 +55,7 @@ class Row(NamedTuple):
 
     @property
     def words(self) -> str:
-        """What the log says of it."""
+        """The information in the log, as text."""
         if not self.observable:
             same = self.after == self.before
             return "not observable from this log" if same else "chosen by withheld fixes"
@@ -63,16 +63,16 @@ class Row(NamedTuple):
 
 
 class HeldOut(NamedTuple):
-    """How well a filter predicts fixes that are withheld from it.
+    """The accuracy with which a filter predicts withheld fixes.
 
     Attributes
     ----------
     fixes : int
         How many.
     position_error, velocity_error : float
-        Root mean square, all components together [m], [m/s]; NaN where nothing of it is measured.
+        Root mean square, all components together [m], [m/s]; NaN if not measured.
     in_sigma : float
-        Root mean square of each component in its σ: 1 for a filter that knows its errors.
+        Root mean square of each component in its σ: 1 for a consistent filter.
     log_likelihood : float
         Mean log-likelihood of a fix.
     """
@@ -94,36 +94,38 @@ def better(before: HeldOut, after: HeldOut) -> bool:
 
 @dataclass(frozen=True, eq=False)
 class Identification:
-    """What the innovations of a run say of its sensors.
+    """The result of an identification from the innovations of a run.
 
     Attributes
     ----------
     mission : str
-        Whose innovations.
+        Mission of the innovations.
     rows : tuple of Row
         The parameters.
     before, after : HeldOut
         Prediction of fixes that were withheld for `withheld` seconds every `every` seconds.
     withheld, every : float
-        See there [s].
+        Lengths of these times [s].
     inside : (float, float)
-        Part of the NIS in their 95 % intervals, before and after; one by one, the next fix from all before.
+        Fraction of the NIS in their 95 % intervals, before and after; each fix is predicted from all before
+        it.
     white : bool
-        Whether the innovations can be made white; if not, the intervals are those of correlated ones.
+        Whether the innovations are white with the new parameters; if not, the intervals allow for their
+        correlation.
     spread : str
-        What is wrong with the spread of the innovations afterwards; empty if nothing is.
+        Remaining problem of the spread of the innovations; empty if there is none.
     chosen_by : {"next fixes", "outages", "factors"}
-        What the parameters were chosen by: the likelihood of each next fix; that of fixes across outages,
-        others than those judged; or one factor on R and one on Q by the error of withheld fixes, where no
-        parameters predict those better.
+        Criterion of the choice: the likelihood of each next fix; the likelihood of fixes across other outages
+        than those judged; or, if no parameters predict withheld fixes better, one factor on R and one on Q by
+        the error of these fixes.
     outliers : int
-        Fixes that were left out, since no Gaussian would give them.
+        Number of fixes omitted as outliers.
     fixes : int
-        Fixes that were used.
+        Number of used fixes.
     changes : mapping
-        Settings by group, nested, that take the parameters over.
+        Settings with the new parameters, nested by group.
     seconds : float
-        Time it took [s].
+        Computing time [s].
     """
 
     mission: str
@@ -155,7 +157,7 @@ class Identification:
 
     @property
     def sentence(self) -> str:
-        """What came of it, in words."""
+        """The result in a few sentences."""
         word = "better" if self.recommended else "no better"
         text = (
             f"Fixes withheld for {self.withheld:g} s are predicted {word}: error "
@@ -168,7 +170,7 @@ class Identification:
 
     @property
     def remarks(self) -> tuple[str, ...]:
-        """What to know before believing it."""
+        """Remarks on the reliability of the result."""
         remarks = []
         if not self.white:
             remarks.append(
@@ -201,14 +203,14 @@ class Identification:
         return {group: dict(values) for group, values in self.changes.items()}
 
     def card(self, name: str) -> Card:
-        """Return the sensors as a card of one's own: what the log shows of them, and the noise assumed.
+        """Return a card of the sensors, with the parameters that the log shows and the assumed noise.
 
-        Of a simulated run, too, it is the sensors as identified, not as simulated.
+        For a simulated run, too, these are the identified parameters, not the simulated ones.
 
         Parameters
         ----------
         name
-            What the card is called.
+            Name of the card.
         """
         groups: dict[str, dict[str, Datum]] = {}
         where = f"Innovations of {self.mission}: {self.fixes} fixes, maximum likelihood"

@@ -1,4 +1,4 @@
-"""Sensor verdict: what the true errors of gyros and accelerometers say of Q, and of what nobody models."""
+"""Sensor verdict: findings about Q and unmodelled errors, from the true errors of the inertial sensors."""
 
 from __future__ import annotations
 
@@ -23,14 +23,15 @@ FloatArray = NDArray[np.float64]
 
 SENSORS = ("gyro", "accelerometer")
 EXPLAINS = 0.2
-"""Part of the noise's variance that an error must add in windows of 1 s to be stated: an error that goes with
-the motion adds up over a manoeuvre, so it matters earlier than noise."""
+"""Smallest variance of an error that is reported, in windows of 1 s, relative to the noise. An error that
+depends on the motion accumulates over a manoeuvre, so it matters earlier than noise."""
 LEFT = 0.1
-"""Part of what the first cause explains that the next must, as first-order regressors leave something."""
+"""Fraction of the first cause's gain that the next cause must reach, because first-order regressors leave a
+remainder."""
 WANDERS = 3.0
-"""Factor from which on a wrong bias drive is stated: σ of a bias goes with its fourth root."""
+"""Smallest factor of a wrong bias drive that is reported: σ of a bias is proportional to its fourth root."""
 
-_CAUSES = {  # which regressors each cause has
+_CAUSES = {  # regressors of each cause
     "scale factor": (0,),
     "misalignment": (1, 2),
     "bandwidth": (3, 4),
@@ -60,7 +61,7 @@ _ADVICE = {
 
 
 def judge_sensors(errors: SensorErrors) -> list[Weighed]:
-    """Return what is wrong with what the filter assumes of the inertial sensors, by what they added."""
+    """Return the wrong assumptions about the inertial sensors, from the errors that they added."""
     found: list[Weighed] = []
     noise: list[tuple[float, float]] = []
     wanders: list[Weighed] = []
@@ -71,7 +72,7 @@ def judge_sensors(errors: SensorErrors) -> list[Weighed]:
         noise.append(rest)
         wanders += _bias(errors, axes, kind)
     white = _noise(Squares(*(np.array(parts) for parts in zip(*noise, strict=True))))
-    # Who scales Q scales noise and drive alike: that is one fault.
+    # A wrong scale of Q changes noise and drive equally: that is one fault.
     accused = {entry.finding.quantity: entry.finding.direction for entry in white}
     for entry in wanders:
         kind = entry.finding.quantity.split()[1] if entry.finding.quantity.startswith("Q ") else ""
@@ -81,7 +82,7 @@ def judge_sensors(errors: SensorErrors) -> list[Weighed]:
 
 
 def _motion(errors: SensorErrors, sensor: int, kind: str) -> tuple[list[Weighed], tuple[float, float]]:
-    """Judge what goes with the motion; return also squares and number of what remains."""
+    """Judge the errors that depend on the motion; also return squares and number of the remaining ones."""
     axes = slice(3 * sensor, 3 * sensor + 3)
     number = errors.number.values[:, axes]
     count = float(number.sum())
@@ -144,7 +145,7 @@ def _stated(entry: Explained, kind: str, sensor: int) -> Weighed:
 
 
 def _clipped(errors: SensorErrors, sensor: int, kind: str) -> list[Weighed]:
-    """Judge the windows in which the range was exceeded."""
+    """Judge the windows with saturation."""
     total, count = (float(figure[sensor]) for figure in errors.clipped)
     if not count or total < count or is_right(total, count):
         return []
@@ -161,11 +162,11 @@ def _clipped(errors: SensorErrors, sensor: int, kind: str) -> list[Weighed]:
 
 
 def _bias(errors: SensorErrors, axes: slice, kind: str) -> list[Weighed]:
-    """Judge how the biases wander: by the drive, or with time, temperature or specific force.
+    """Judge the changes of the biases: by the drive, or with time, temperature or specific force.
 
-    One state stands for turn-on bias, instability and flicker together. What the sensor adds may then be
-    likelier with a smaller drive than the one that keeps the estimates consistent. So a drive is compared
-    with a smaller one only down to that of a filter that is matched to the sensor.
+    One state models turn-on bias, instability and flicker together. The sensor errors may then be likelier
+    with a smaller drive than the one that keeps the estimates consistent. So a drive is compared with smaller
+    ones only down to that of a filter matched to the sensor.
     """
     number = errors.number.values[:, axes]
     used = number > 0
@@ -223,7 +224,7 @@ def _bias(errors: SensorErrors, axes: slice, kind: str) -> list[Weighed]:
 
 
 def _noise(noise: Squares) -> list[Weighed]:
-    """Judge Q by what gyros and accelerometers add beside their biases and what goes with the motion."""
+    """Judge Q by the sensor errors besides the biases and the errors that depend on the motion."""
     ratio = noise.mean
     sentence = (
         "Errors grow {root} × as fast as σ states: the {kind} noise, and so Q, is about {factor} × too "

@@ -1,4 +1,4 @@
-"""Spread: how the innovations differ from Gaussian ones of the covariance that the filter states."""
+"""Spread: deviations of the innovations from a Gaussian with the covariance that the filter states."""
 
 from __future__ import annotations
 
@@ -9,18 +9,18 @@ from lab.analysis.likelihood import Seen, squares
 from lab.navigation.error_models import STATES
 
 BY_CHANCE = 1e-3
-"""Probability of a difference between the halves of a log that is still chance."""
+"""Significance level of a difference between the halves of a log."""
 HEAVY = 6.0
-"""Kurtosis of a channel above which its tails are heavy: that of a Gaussian is 3, of a Laplace density 6."""
+"""Kurtosis of a channel above which its tails count as heavy: a Gaussian has 3, a Laplace density 6."""
 FEWEST = 20
-"""Fewest values that a kurtosis says anything by: its own σ is √(24 / n)."""
+"""Fewest values for a useful kurtosis: its σ is √(24 / n)."""
 
 CHANNELS = STATES[:6]
-"""Position and velocity, of which fixes are."""
+"""Position and velocity, the parts of a fix."""
 
 
 def spread(seen: Seen) -> str:
-    """Return what is wrong with the spread of innovations, in a sentence; empty if nothing is found.
+    """Return a sentence about the spread of innovations; empty if nothing is wrong.
 
     Parameters
     ----------

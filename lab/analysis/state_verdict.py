@@ -1,4 +1,4 @@
-"""State verdict: whether the errors of the states are as large as the filter says, from the start on."""
+"""State verdict: whether the errors of the states are as large as the filter states, from the start on."""
 
 from __future__ import annotations
 
@@ -23,14 +23,14 @@ _SETTINGS = {
 
 
 def judge_start(start: Squares, without: Collection[str] = ()) -> list[Weighed]:
-    """Judge P0 by the error at the start: in one group of states, or altogether.
+    """Judge P0 by the initial error: in one group of states, or as a whole.
 
     Parameters
     ----------
     start
-        As of `Evidence`.
+        As in `Evidence`.
     without
-        Groups of states, as `BLOCKS` names them, whose error at the start has another cause.
+        Groups of states, by their names in `BLOCKS`, whose initial error has another cause.
     """
     explained = [at for at, name in enumerate(BLOCKS, start=1) if name in without]
     start = Squares(start.total.copy(), start.number.copy())

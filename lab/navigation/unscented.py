@@ -91,7 +91,7 @@ class Filter(NamedTuple):
     driven: FloatArray  # covariance from process noise since the points were placed
     spare: FloatArray  # a navigator
     counts: NDArray[np.int64]  # next fix; samples since mean and covariance were computed
-    clock: FloatArray  # seconds since then; seconds since the points were placed, negative before; time of last fix
+    clock: FloatArray  # s since then; s since the points were placed, negative before; time of last fix
     streak: FloatArray  # of implausible fixes, see `kalman.stands_out`
     R: FloatArray  # of all fixes, or of each
     R_fix: FloatArray  # of this fix

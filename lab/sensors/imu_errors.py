@@ -13,7 +13,7 @@ from lab.settings import Settings
 OFF_DIAGONAL = ("xy", "xz", "yx", "yz", "zx", "zy")
 
 
-# What both triads have: in the same words, and where it is a pure number or a time also in the same size.
+# Common declarations of both triads: the same texts, and for pure numbers and times the same values.
 
 
 def _bias(**size: Any) -> AxisQuantity:

@@ -22,14 +22,14 @@ _WORDS = {
     "bias_temperature": "temperature",
     "scale_temperature": "temperature",
 }
-"""What terms are called in a sentence, where it is not their name."""
+"""Words for terms in a sentence, if they differ from their names."""
 
 
 class SensorSuite(Settings):
     """The errors of all sensors. Defaults: MEMSense AccelRate3D and receiver of the classic experiment.
 
-    Noise, range and receiver are those of the experiment, which states no biases: the turn-on biases' 0.1
-    °/s and 2 mg (1σ) are this lab's choice, of the size that remains after a calibration at rest.
+    Noise, range and receiver are those of the experiment. It states no biases: the turn-on biases of 0.1 °/s
+    and 2 mg (1σ) are this lab's choice, a typical size after a calibration at rest.
     """
 
     gyro = group(GyroErrors, "Gyro errors.")
@@ -49,7 +49,7 @@ class SensorSuite(Settings):
         Parameters
         ----------
         states
-            Number of states of the filter, 15 or 21; None says nothing of scale factors.
+            Number of states of the filter, 15 or 21; None omits remarks on scale factors.
         """
         found = (self._idle_temperature(), self._without_state(states), self.assumed_remark())
         return tuple(remark for remark in found if remark)
@@ -65,7 +65,7 @@ class SensorSuite(Settings):
         return found
 
     def assumed_remark(self) -> str:
-        """Return the sentence that names what is assumed; empty if nothing is."""
+        """Return a sentence with the assumed terms; empty if there are none."""
         terms = [
             f"{triad} {', '.join(dict.fromkeys(_WORDS.get(name, name) for name in names))}"
             for triad, names in self.assumed_terms().items()
@@ -104,7 +104,7 @@ class SensorSuite(Settings):
         return ""
 
     def _without_state(self, states: int | None) -> str:
-        """Return the sentence that names the errors which the filter has no state for."""
+        """Return a sentence with the errors for which the filter has no state."""
         scales = ("scale_factor", "scale_factor_sigma") if states == 15 else ()
         paths = [
             f"sensors.{sensor}.{name}"
@@ -123,7 +123,7 @@ class SensorSuite(Settings):
 
 
 def _has(triad: Settings, name: str, text: str) -> bool:
-    """Return whether there is such a setting, with the value of a text: one number or one for each axis."""
+    """Return whether a setting exists and has the value of a text: one number, or one for each axis."""
     if name not in (leaf for _, _, leaf in triad.leaves()):
         return False
     value = getattr(triad, name)
@@ -139,14 +139,14 @@ def _has(triad: Settings, name: str, text: str) -> bool:
 
 
 def white_noise(sensors: SensorSuite, name: str) -> SensorNoise:
-    """Return the white noise of an IMU, rms of its axes, to compare the noise of a recording with.
+    """Return the white noise of an IMU, rms over its axes, for comparison with the noise of a recording.
 
     Parameters
     ----------
     sensors
         The errors of the IMU.
     name
-        What it is called.
+        Name of the IMU.
     """
     gyro, accelerometer = (
         float(np.sqrt(np.mean(si(triad, "noise_density") ** 2)))

@@ -21,7 +21,7 @@ REFERENCE = 25.0
 
 
 class TemperatureSettings(Settings):
-    """Temperature of the IMU, and whether the navigator compensates it."""
+    """Temperature of the IMU, and whether its effect is compensated."""
 
     profile = param.Selector(
         default="none",

@@ -50,7 +50,7 @@ def test_it_stands_beside_the_models_and_its_failure_is_a_row(mine: str) -> None
     _, phi, still, broken = ask("compare", "los_angeles", "--models", "phi", *own).stdout.splitlines()
     assert phi.startswith("phi")
     assert still.split()[0] == "Still"
-    assert still.count("not known") == 2
+    assert still.count("unknown") == 2
     assert "Does not run: Broken: raised an exception: mine.py, line 13, in navigate: LinAlgError" in broken
     rows = json.loads(ask("compare", "los_angeles", "--models", "phi", *own, "--json").stdout)
     assert rows[1]["nees"] is None

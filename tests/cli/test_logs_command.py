@@ -48,7 +48,7 @@ def test_a_run_says_what_was_repaired_and_assumed(own):
         assert "position north" in answer.stdout
         assert "- 1 IMU sample with the time of the one before was dropped." in answer.stdout
         assert "- Levelled in motion" in answer.stdout
-        assert "seed changes nothing" in answer.stdout
+        assert "seed has no effect" in answer.stdout
         assert "Verdict (1 run, innovations only)" in answer.stdout
     facts = json.loads(ask("run", "drive", "--json").stdout)
     assert "mean" in facts["summary"][0]
@@ -69,7 +69,9 @@ def test_models_are_compared_and_seeds_and_budget_refused(own):
     answer = ask("compare", "blind", "--models", "phi")
     assert answer.exit_code == 0, answer.stderr
     assert "/ 6" in answer.stdout
-    refused(ask("compare", "blind", "--models", "phi", "--seeds", "3"), "runs of a log", "accepted is one")
+    refused(
+        ask("compare", "blind", "--models", "phi", "--seeds", "3"), "runs of a sensor log", "accepted is one"
+    )
     refused(ask("budget", "blind"), "The true flight and the true biases", "the error budget needs")
     refused(ask("run", "broken"), "imu.csv", "1 rows; accepted are at least 10")
 
