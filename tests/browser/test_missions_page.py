@@ -93,7 +93,7 @@ def test_a_mission_of_ones_own_is_changed_and_deleted(open_page: Open, mine: Pat
     assert "better" in missions()
     card(page, "better").get_by_role("button", name="Delete better").click()
     dialog.get_by_role("button", name="Delete").click()
-    expect(page.get_by_text("better is deleted.")).to_be_visible()
+    expect(page.get_by_text("better was deleted.")).to_be_visible()
     expect(card(page, "better")).to_have_count(0)
     expect(chooser(page)).to_have_text("Montréal")
     assert "better" not in missions()
