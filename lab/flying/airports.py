@@ -53,7 +53,7 @@ def runway(name: str, where: str = "runway") -> dict[str, float]:
     name
         ICAO code and runway, such as ``EGSS 22``.
     where
-        What to call it in messages.
+        Name in messages.
 
     Raises
     ------

@@ -111,7 +111,7 @@ class MotionPlan:
             ``start``, a table as `MotionStart`; ``commands``, a list of tables as `MotionCommand`; and the
             limits.
         where
-            What to call the mapping in messages.
+            Name of the mapping in messages.
 
         Raises
         ------

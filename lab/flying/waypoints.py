@@ -81,7 +81,7 @@ class WaypointPlan:
         "Acceleration",
         "m/s²",
         (0.01, 30),
-        "Largest along the way; the vehicle's own by default.",
+        "Largest along the path; the vehicle's own by default.",
         default=None,
     )
     lateral_acceleration_m_s2: float | None = number(
@@ -98,7 +98,7 @@ class WaypointPlan:
         values
             ``waypoints``, a list of tables as `Waypoint`; the vehicle and its limits.
         where
-            What to call the mapping in messages.
+            Name of the mapping in messages.
 
         Raises
         ------

@@ -27,7 +27,7 @@ class Gust:
     hold_s: float = number("Hold", "s", (0, 600), "Time at full size.", default=0.0)
 
     def blows(self, time: float) -> bool:
-        """Return whether the gust is felt at a time from the start of the flight [s]."""
+        """Return whether the gust acts at a time from the start of the flight [s]."""
         return 0.0 < time - self.time_s < 2 * self.rise_s + self.hold_s
 
     def velocity_n(self, time: float) -> tuple[float, float, float]:

@@ -36,7 +36,7 @@ NOISE_THAT_MATTERS = 0.5
 """Roughness of the acceleration from which a velocity is smoothed [m/s²]."""
 
 _MIN_HEADING_SPEED = 1.0
-"""Speed below which smoothed positions tell no heading, however little noise is left in them [m/s]."""
+"""Speed below which smoothed positions show no heading, for any remaining noise [m/s]."""
 _NOISE_FACTOR = 3
 """The same speed over σ of the velocity's noise."""
 _PREDICTED_BY = 5
@@ -79,7 +79,7 @@ class FlightCurves:
     slowest : float
         Speed below which the noise of the positions hides the heading [m/s].
     remarks : list of str
-        Remarks on what was assumed.
+        Remarks on assumptions.
     """
 
     raw: RawFlight
@@ -213,7 +213,7 @@ class FlightCurves:
             time = self.raw.time[own]
             parameter = worthwhile_smoothing(time, velocity[own], NOISE_THAT_MATTERS)
             if parameter and own.step > 1:
-                # What was interpolated has no noise of its own: it is smoothed where it was measured.
+                # Interpolated values have no noise of their own, so smoothing uses the measured ones.
                 self.smoothing["velocity"] = parameter
                 curve = smoothing_spline(time, velocity[own], parameter)
                 return np.asarray(curve(np.minimum(self.raw.time, time[-1])))

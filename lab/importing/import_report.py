@@ -65,7 +65,7 @@ class ReportRow:
     group : str
         Its subject: "File", "Time", "Resolution", "Curve", "Noise", "Motion", "Units" or "Remarks".
     name : str
-        What is reported.
+        Name of the quantity.
     value : str
         Its value, with its unit.
     """
@@ -143,7 +143,7 @@ def report(
     Parameters
     ----------
     raw
-        What the file has.
+        The data of the file.
     flight
         Its longest unbroken stretch, with repaired time stamps.
     rebuilt
@@ -356,7 +356,7 @@ def _stretches(recording: Recording) -> Iterator[Recording]:
 
 
 def _evenly(part: Recording, flight: RepairedFlight, rebuilt: Reconstruction, name: str) -> FloatArray:
-    """Return times in a stretch at the rate a quantity has, or that of the recording where that is less."""
+    """Return times in a stretch at the rate of a quantity, or that of the recording if lower."""
     share = min(1.0, len(flight.raw.time) / flight.raw.every(name) / len(rebuilt.recording.time))
     return np.linspace(part.time[0], part.time[-1], max(2, round(share * len(part.time))))
 

@@ -12,11 +12,11 @@ from lab.settings import Settings
 
 AUTO = "auto"
 CURVES = ("velocity", "position", "air data")
-"""What a flight can be rebuilt from."""
+"""Sources for the reconstruction of a flight."""
 
 
 class ImportSettings(Settings):
-    """How a flight is rebuilt. What is left to ``auto`` the recording decides, and the report says how."""
+    """Settings of the reconstruction of a flight; the report names the choices made for ``auto``."""
 
     curve = param.Selector(
         default=AUTO,

@@ -56,7 +56,7 @@ _LIVELY_SPEED = 0.3
 """σ of the acceleration along the path from which it is compared [m/s²]: noise of fixes at 1 Hz is 0.1.
 The tests pass at half; at twice it, swapped axes of the car of comma2k19 are missed."""
 _MIN_CORRELATION = 0.8
-"""Correlation from which an axis follows what the fixes show."""
+"""Smallest correlation at which an axis agrees with the fixes."""
 _MAX_CORRELATION_LEAD = 0.3
 """By how much the right axis may follow the speed better than the forward one."""
 _SAME_FACTOR = (0.5, 2.0)
@@ -69,7 +69,7 @@ _LAG_STEP = 0.1
 _MIN_LEGS = 10
 """Fewest legs by which an axis is judged. The tests pass at half and at twice it."""
 _WINDOWS = 4
-"""Most windows in which the clock offset is looked for: each is fitted eight times or more."""
+"""Largest number of windows for the estimate of the clock offset: each is fitted eight times or more."""
 _MIN_WINDOWS = 2
 """Fewest windows that have to show an offset."""
 _STARTS = (-1.5, 1.5)

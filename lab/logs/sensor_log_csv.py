@@ -112,7 +112,7 @@ class LogFiles:
     imu, gnss : Path
         The csv files.
     reference, magnetometer : Path or None
-        Csv files of the reference and the magnetometer, where there are any.
+        Csv files of the reference and the magnetometer, if there are any.
     comparisons : tuple of (str, Path)
         Names and csv files of other solutions.
     title, description : str
@@ -350,7 +350,7 @@ def _geodetic(table: dict[str, FloatArray], rows: int) -> FloatArray:
 
 
 def _read_solution(path: Path) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
-    """Return time, position, velocity and attitude of a solution, NaN where it does not know them."""
+    """Return time, position, velocity and attitude of a solution; NaN where it has none."""
     table, rows = _read(path, (_TIME, *_PLACE_IF_KNOWN, *_VELOCITY, *_ATTITUDE))
     time = table["t_s"]
     if rows < 2 or (np.diff(time) <= 0).any():

@@ -140,7 +140,7 @@ def read_columns(
     path
         The file.
     fields
-        What the format has.
+        The fields of the format.
     units
         Units that overrule those of the fields, by column as in the file.
     required
@@ -275,7 +275,7 @@ def refuse_no_motion(path: Path, flight: RawFlight, advice: str) -> None:
     flight
         As read.
     advice
-        What to record instead; whole sentences.
+        What the user should record instead, as whole sentences.
 
     Raises
     ------

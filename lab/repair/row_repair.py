@@ -68,7 +68,7 @@ _MAX_SPIKE_RETURN = 0.2
 _MIN_GAP_STEPS = 5
 """Usual steps that are bridged, whatever `longest_gap` says: a slow recording has long steps."""
 _STAMP_ROUNDING = 1e-9
-"""Rounding of a time stamp beside that of a reset [s]."""
+"""Rounding of a time stamp next to that of a reset [s]."""
 MAX_BRIDGED_GAP = 3600.0
 """Longest gap that may be bridged [s]: what moved in an hour nothing says."""
 _MAX_GAPS_TRIED = 50
@@ -79,7 +79,7 @@ _MIN_GAIN = 0.05
 """Part of the samples that a suggested gap has to keep beyond what is kept already. The tests pass at half
 and at twice it."""
 _ZERO_ANGLE = 1e-9
-"""Latitude and longitude that are zero but for rounding [rad]: 6 mm."""
+"""Latitude and longitude that are zero except for rounding [rad]: 6 mm."""
 _MAX_DISTANCE_FROM_ZERO = 10_000.0
 """Distance of the flight to 0° N 0° E within which its zeros are positions [m]. The tests pass at half and
 at twice it."""
@@ -181,7 +181,7 @@ def _moves(time: FloatArray, places: FloatArray, starts: NDArray[np.intp], ends:
     lasts = time[ends] - time[starts] > _STOP_TIME
     after = np.where(lasts, np.searchsorted(time, time[ends] + _STOP_TIME), ends + 1)
     seen = after < len(time)
-    # The last run is judged by what was before it.
+    # The last run is judged by the data before it.
     here = np.where(seen, ends, np.maximum(starts - 1, 0))
     there = np.where(seen, np.minimum(after, len(time) - 1), starts)
     distance = np.linalg.norm(places[there] - places[here], axis=1)
