@@ -70,7 +70,7 @@ class CardChooser:
         self._show(found or (f"{self._name}, changed" if self._name else OWN))
 
     def _arrived(self) -> None:
-        """Show a complete new set of settings, of which no original card is known."""
+        """Show a complete new set of settings, whose original card is unknown."""
         self._name = None
         self.refresh()
 

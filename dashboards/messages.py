@@ -1,4 +1,4 @@
-"""Messages: what a browser may send over the websocket of a page, and how much of it.
+"""Messages: bounds on the kind and the amount of data that a browser may send over a page's websocket.
 
 Bokeh's own reader accepts everything its protocol can express: compressed bytes of any size, arrays of any
 type and shape, new models, other documents. It logs unreadable messages in full. A page sends only a small

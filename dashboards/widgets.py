@@ -59,7 +59,7 @@ class Field(param.Parameterized):
 
     @property
     def view(self) -> pn.viewable.Viewable:
-        """What is laid out in the page."""
+        """The widgets to place on the page."""
         raise NotImplementedError
 
     def show(self, value: Any) -> None:
@@ -119,7 +119,7 @@ class NumberField(Field):
 
     @property
     def view(self) -> pn.viewable.Viewable:
-        """What is laid out in the page."""
+        """The widgets to place on the page."""
         return self._column
 
     def _make_slider(self, label: str, doc: str | None = None) -> Slider:
@@ -195,7 +195,7 @@ class ChoiceField(Field):
 
     @property
     def view(self) -> pn.viewable.Viewable:
-        """What is laid out in the page."""
+        """The widgets to place on the page."""
         return self._widget
 
     def offer(self, labels: dict[str, Any], value: Any) -> None:
@@ -228,7 +228,7 @@ class SwitchField(Field):
 
     @property
     def view(self) -> pn.viewable.Viewable:
-        """What is laid out in the page."""
+        """The widgets to place on the page."""
         return self._widget
 
     def _render(self, value: Any) -> None:
@@ -254,7 +254,7 @@ class TextField(Field):
 
     @property
     def view(self) -> pn.viewable.Viewable:
-        """What is laid out in the page."""
+        """The widgets to place on the page."""
         return self._widget
 
     def _render(self, value: Any) -> None:

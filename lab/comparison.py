@@ -75,7 +75,7 @@ def compare(
     seeds
         Number of runs with each, or the seed of each run.
     progress
-        Called with a sentence about what is being done and the fraction done, from 0 to 1.
+        Called with a sentence about the current work and the fraction done, from 0 to 1.
     algorithms
         The user's navigators by name, compared after the models; one that fails is a refusal. Their first run
         is timed too, including compilation and loading.

@@ -44,7 +44,7 @@ class CheckedCacheFile(IndexDataCacheFile):
         path = Path(self._data_path(name))
         content = path.read_bytes()
         if hashlib.sha256(content[:-DIGEST]).digest() != content[-DIGEST:]:
-            raise ValueError(f"{path} is not what was written")
+            raise ValueError(f"{path} does not match its checksum")
         # Numba reads only its own part of the file, without the checksum.
         return super()._load_data(name)
 
@@ -55,7 +55,7 @@ class CheckedCacheFile(IndexDataCacheFile):
 
     def _remove(self, error: Exception) -> None:
         """Remove all files of the kernel."""
-        log.warning("%s: the compiled code is damaged (%s) and is compiled anew", self._index_path, error)
+        log.warning("%s: the compiled code is damaged (%s) and is compiled again", self._index_path, error)
         index = Path(self._index_path)
         for path in (index, *index.parent.glob(f"{index.stem}.*.nbc")):
             with contextlib.suppress(OSError):

@@ -256,7 +256,7 @@ def run_ensemble(
     seeds
         Number of runs, or the seed of each; a sensor log has one run.
     progress
-        Called with a sentence about what is being done and the fraction done, from 0 to 1.
+        Called with a sentence about the current work and the fraction done, from 0 to 1.
     workers
         Number of threads; by default one for each core.
     algorithm

@@ -26,7 +26,7 @@ class TrajectorySettings(Settings):
         softbounds=(50, 1000),
         step=10,
         label="IMU rate",
-        doc="Rate of the IMU samples, and of the truth beside them.",
+        doc="Rate of the IMU samples, and of the truth.",
     )
     attitude_curve = param.Selector(
         default="rotation",

@@ -127,7 +127,7 @@ def comparison_remark(other: Comparison, time: FloatArray, solution: Solution) -
         # Heights above sea level and above the ellipsoid differ by nearly a constant.
         parts.append(
             f"position {np.hypot(_rms(north), _rms(east)):.2g} m horizontal, {_rms(down - constant):.2g} m "
-            f"vertical (beside a constant {abs(constant):.2g} m)"
+            f"vertical (besides a constant offset of {abs(constant):.2g} m)"
         )
     if np.isfinite(apart["velocity"]).any():
         parts.append(f"velocity {np.sqrt(sum(_rms(column) ** 2 for column in apart['velocity'].T)):.2g} m/s")

@@ -93,7 +93,7 @@ def run_log(
     cache
         Cache for the log and its navigation.
     progress
-        Called with a sentence about what is being done and the fraction done, from 0 to 1.
+        Called with a sentence about the current work and the fraction done, from 0 to 1.
     algorithm
         The user's navigator; it gets the same input as the filter of the settings.
 

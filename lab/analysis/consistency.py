@@ -82,7 +82,7 @@ def ljung_box(correlations: FloatArray, count: float, runs: int = 1) -> tuple[Fl
     Parameters
     ----------
     correlations : (lags + 1, channels) array
-        Autocorrelation for lags from 0 on, as of `autocorrelation`.
+        Autocorrelation for lags from 0 on, as from `autocorrelation`.
     count
         Number of values.
     runs

@@ -117,7 +117,7 @@ class Verdict:
 
 
 class Weighed(NamedTuple):
-    """A finding, and by how much its explanation raises the logarithm of the likelihood."""
+    """A finding, and the gain in log-likelihood of its explanation."""
 
     weight: float
     finding: Finding

@@ -157,8 +157,8 @@ def latency(size: float, gain: float, told: FloatArray) -> Finding:
         "GPS latency",
         "not modelled",
         abs(size),
-        f"The fixes are {abs(size):.2f} s {'late' if size > 0 else 'early'}: their errors go with the "
-        "velocity.",
+        f"The fixes are {abs(size):.2f} s {'late' if size > 0 else 'early'}: their errors are proportional "
+        "to the velocity.",
         f"Set navigator.latency to {told[0] + size:.2f}.",
         f"latency {size:.3f} s, logarithm of the likelihood ratio {gain:.0f}",
         (Change("navigator.latency", float(round(told[0] + size, 2))),),
@@ -208,7 +208,7 @@ def judge_outliers(number: int, fixes: int, what: str) -> list[Weighed]:
         f"{number} of {fixes} fixes have {what} that are not Gaussian: outliers, such as those from "
         "multipath.",
         "Set navigator.gate to 0.999: the filter then rejects implausible fixes.",
-        f"{number} of {fixes} beyond what one Gaussian fix in {0.5 / CHANCE:.0e} reaches",
+        f"{number} of {fixes} beyond the value that one Gaussian fix in {0.5 / CHANCE:.0e} reaches",
         (Change("navigator.gate", 0.999),),
     )
     return [Weighed(-number * float(np.log(CHANCE)), finding)]

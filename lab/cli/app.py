@@ -17,7 +17,7 @@ from lab.settings import SettingError
 
 
 class CommandError(ValueError):
-    """A command that cannot be carried out as given; the message says what is accepted."""
+    """A command with invalid arguments; the message says what is accepted."""
 
 
 class Commands(typer.core.TyperGroup):

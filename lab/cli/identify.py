@@ -38,7 +38,7 @@ def identify(
         typer.Option(
             "--settings",
             metavar="OUT.toml",
-            help="Write all settings with what was found, for --config.",
+            help="Write all settings, including the identified ones, for --config.",
             show_default=False,
         ),
     ] = None,

@@ -48,7 +48,7 @@ class Estimate(NamedTuple):
     innovation : (m, 6) array, optional
         Navigator minus GPS before the fix is used: position [m], then velocity [m/s], north, east, down.
     innovation_covariance : (m, 6, 6) array, optional
-        Its covariance; needed where there is an innovation.
+        Covariance of the innovation; required for each innovation.
     """
 
     position: FloatArray
@@ -170,7 +170,7 @@ def _numbers(name: str, estimate: Estimate, part: str, shape: tuple[int, ...]) -
     except (AttributeError, TypeError, ValueError) as error:
         needed = ", ".join(field for field in Estimate._fields if field not in Estimate._field_defaults)
         raise AlgorithmError(
-            f"{name}: what it returned has no array {part!r} of numbers; accepted is an Estimate with "
+            f"{name}: the returned object has no numeric array {part!r}; accepted is an Estimate with "
             f"{needed}"
         ) from error
     if array.shape != shape:

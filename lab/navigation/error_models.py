@@ -78,7 +78,7 @@ class ErrorModel:
         step. The first-order decay of the biases is not part of it.
     write_map
         ``write_map(state, T)`` writes the non-zero elements of T (9, 9), the derivative of the position,
-        velocity and attitude errors with respect to the model's own; None where they are the same.
+        velocity and attitude errors with respect to the model's own; None if they are the same.
     write_fix_map, write_frame_map
         As `write_map`, but for errors along the axes of the last fix, and for errors in the form that the
         correction of the navigator takes. None if they are the same as `write_map`.
@@ -274,8 +274,8 @@ def invariant(state: FloatArray, F: FloatArray) -> None:
 
         exp(−[ψ_b×]) = C_ibᵀ Ĉ_ib,   J ν_b = C_ibᵀ (v̂_i − v_i),   J ρ_b = C_ibᵀ (r̂ − r)
 
-    with J the group's Jacobian at −ψ_b, and follows, to any size but for the biases and the change of gravity
-    (Barrau & Bonnabel 2017, theorem 2),
+    with J the group's Jacobian at −ψ_b, and obeys, for any size except for the biases and the change of
+    gravity, (Barrau & Bonnabel 2017, theorem 2),
 
         ρ̇_b = −ω_ib × ρ_b + ν_b
         ν̇_b = −ω_ib × ν_b + f_b × ψ_b − δb_a + C_nbᵀ Γ C_nb ρ_b

@@ -102,7 +102,7 @@ def see_antenna(
     age
         Time from the fix to the end of the sample [s].
     noise : (12,) array
-        Densities of the process noise, as of `Belief`.
+        Densities of the process noise, as in `Belief`.
     axes
         North, east and down of the fix in the navigation frame.
     z : (6,) array

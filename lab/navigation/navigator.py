@@ -53,7 +53,7 @@ def navigate(
     start
         Initial position, velocity, attitude and gyro bias; other biases and scale factor errors are zero.
     belief
-        What the filter assumes.
+        The assumptions of the filter.
     schedule
         Times at which it propagates its covariance and corrects.
     model

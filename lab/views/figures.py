@@ -279,7 +279,7 @@ def time_figure(title: str, axis: TimeAxis, *, logarithmic: bool = False, height
     Parameters
     ----------
     title
-        What it shows, with the unit.
+        Title, with the unit.
     axis
         The shared time axis.
     logarithmic
@@ -323,7 +323,7 @@ def plain_figure(
     Parameters
     ----------
     title, x_label, y_label
-        What it shows, with units.
+        Title and labels, with units.
     height
         Least height [px].
     **options

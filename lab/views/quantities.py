@@ -62,7 +62,7 @@ class Band:
 
     @property
     def label(self) -> str:
-        """What a legend calls it."""
+        """Label in a legend."""
         return f"±{self.factor:g}σ"
 
     @property
@@ -89,7 +89,7 @@ class Interval(Band):
 
     @property
     def label(self) -> str:
-        """What a legend calls it."""
+        """Label in a legend."""
         return "95 %"
 
 
