@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from lab.cli.app import CommandError, print_json, working
-from lab.cli.options import AsJson, Card, Force
+from lab.cli.options import AsJson, Force
 
 if TYPE_CHECKING:
     from lab.importing.import_report import ImportReport
@@ -76,7 +76,15 @@ def import_flight(
             "--as", help="Add the flight, to simulate sensors on it; or add the IMU and GPS data as a log."
         ),
     ] = Kind.FLIGHT,
-    card: Card = None,
+    card: Annotated[
+        str | None,
+        typer.Option(
+            "--card",
+            metavar="NAME",
+            help="Card, by name or .toml file, whose noise the report compares with the recording's.",
+            show_default=False,
+        ),
+    ] = None,
     implausible: Annotated[
         bool, typer.Option("--implausible", help="Add the flight even if it is implausible.")
     ] = False,
