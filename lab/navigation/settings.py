@@ -66,7 +66,7 @@ class NavigatorSettings(Settings):
         objects=["feedback", "feedforward"],
         label="Correction",
         doc="feedback: corrects the navigator with the estimated error. feedforward: lets it run free and "
-        "subtracts.",
+        "subtracts the estimated error from its output.",
     )
     correction_period = Quantity(
         0.0,
