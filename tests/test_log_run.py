@@ -276,7 +276,7 @@ def test_a_stretch_and_outages_are_of_the_clock_of_the_file(folder):
     part = experiment(folder, navigator__log_from=1070.0, navigator__log_to=1100.0).run()
     assert part.time[0] == pytest.approx(0, abs=0.02)
     assert part.time[-1] == pytest.approx(30, abs=0.02)
-    assert any("1070 to 1100 s of the file's clock, as asked" in remark for remark in part.remarks)
+    assert any("1070 to 1100 s of the file's clock, as requested" in remark for remark in part.remarks)
     assert any("Time 0 is 1070 s in the clock of the file" in remark for remark in part.remarks)
     cut = experiment(
         folder, navigator__log_from=1070.0, navigator__log_to=1100.0, sensors__gps__outages=[(1080.0, 1090.0)]

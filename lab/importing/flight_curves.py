@@ -135,7 +135,7 @@ class FlightCurves:
         if self.raw.latitude is None:
             start = self._given_start()
             if kind == "fitted":
-                self.remarks.append("There are no positions to fit a wind to: the air is taken to be still.")
+                self.remarks.append("There are no positions to fit a wind, so still air is assumed.")
         else:
             recorded = self.recorded_positions()
             start = recorded[0]
@@ -150,11 +150,11 @@ class FlightCurves:
         height = self.raw.height
         if height is None:
             height = np.full(len(self.raw.time), float(self.settings.start_height))
-            sentence = f"No height is recorded: it is taken to be {height[0]:g} m"
+            sentence = f"No height is recorded: {height[0]:g} m is assumed"
             if self.raw.velocity_n is not None:
                 climb = CubicSpline(self.raw.time, -self.raw.velocity_n[:, 2]).antiderivative()
                 height += climb(self.raw.time)
-                sentence += " at the start, and then what the velocity says"
+                sentence += " at the start, and then the integral of the vertical velocity"
             self._remark(f"{sentence} (setting start_height).")
         return np.stack((self.raw.latitude, self.raw.longitude, height), axis=-1)
 

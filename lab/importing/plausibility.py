@@ -388,7 +388,7 @@ def _bank(rebuilt: Reconstruction, moving: NDArray[np.bool_]) -> list[Finding]:
     return [
         Finding(
             IMPLAUSIBLE,
-            f"The roll is {like.slope:.3g} times what the turns ask for. Likely: "
+            f"The roll is {like.slope:.3g} times the value that the turns require. Likely: "
             f"{cause(like.slope, 'angle')}.",
         )
     ]
@@ -406,7 +406,7 @@ def _pitch(velocity: FloatArray, pitch: FloatArray) -> list[Finding]:
         return [
             Finding(
                 IMPLAUSIBLE,
-                f"The pitch changes by {like.slope:.3g} times what the path climbs. Likely: "
+                f"The pitch changes by {like.slope:.3g} times the slope of the path. Likely: "
                 f"{cause(like.slope, 'angle')}.",
             )
         ]

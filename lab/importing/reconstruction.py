@@ -150,7 +150,7 @@ def _chosen(wanted: str, curves: Mapping[str, float], raw: RawFlight) -> str:
     if wanted != AUTO:
         if wanted not in curves:
             raise MissionError(
-                f"curve = {wanted}: the file lacks what that needs; accepted here: "
+                f"curve = {wanted}: the file lacks the required data; accepted here: "
                 f"{', '.join((AUTO, *curves))}"
             )
         return wanted

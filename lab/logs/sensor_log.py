@@ -292,10 +292,10 @@ def _report_missing(gnss: GnssLog, repairs: list[str]) -> None:
     for word, sigma in (("position", gnss.position_sigma), ("velocity", gnss.velocity_sigma)):
         if np.isnan(sigma).all(axis=0).any():
             missing.append(word)
-        _report_some(repairs, np.isnan(sigma), f"no σ of the {word}: the variance of the settings stands in")
+        _report_some(repairs, np.isnan(sigma), f"no σ of the {word}: the variance of the settings is used")
     if missing:
         repairs.append(
-            f"The GPS gives no σ of its {' and '.join(missing)}: the variances of the settings stand in."
+            f"The GPS gives no σ of its {' and '.join(missing)}: the variances of the settings are used."
         )
 
 

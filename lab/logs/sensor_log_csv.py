@@ -362,8 +362,9 @@ def _read_solution(path: Path) -> tuple[FloatArray, FloatArray, FloatArray, Floa
     )
     if not any(np.isfinite(part).all(axis=1).any() for part in parts):
         raise MissionError(
-            f"{path}: knows neither positions nor velocities nor attitudes; accepted are the columns "
-            "lat_deg, lon_deg, alt_m, or vn_m_s, ve_m_s, vd_m_s, or roll_deg, pitch_deg, heading_deg, or more"
+            f"{path}: contains neither positions nor velocities nor attitudes; accepted are the columns "
+            "lat_deg, lon_deg, alt_m, or vn_m_s, ve_m_s, vd_m_s, or roll_deg, pitch_deg, heading_deg, or "
+            "more"
         )
     return (time, *parts)
 

@@ -28,7 +28,7 @@ LIMITS: dict[str, tuple[float, float, str]] = {
     "beta": (-np.pi, np.pi, "a sideslip beyond ±180°"),
 }
 """Smallest and largest value of each quantity [SI], and the reason reported for a row beyond them."""
-NO_FIX = "at 0° N 0° E, which is written while there is no fix"
+NO_FIX = "at 0° N 0° E, which receivers write without a fix"
 """The reason reported for positions of zero, written without a fix."""
 CHECKED_WITH = ("body_rate", "acceleration_b")
 """Quantities that are only compared: impossible values are left out, and the row is kept."""
@@ -226,7 +226,7 @@ def distinct(raw: RawFlight) -> RawFlight:
         same &= (value[1:] == value[:-1]).all(axis=1)
     repeated = np.concatenate(([False], same))
     return raw.rows(
-        ~repeated, tuple(dropped_samples(raw, repeated, "what the row before has, time included"))
+        ~repeated, tuple(dropped_samples(raw, repeated, "the values of the row before, time included"))
     )
 
 

@@ -79,7 +79,7 @@ def test_models_are_compared_and_seeds_and_budget_refused(own):
 def test_a_stretch_of_a_log_is_given_in_the_clock_of_its_file(own):
     answer = ask("run", "drive", "--from", "1065", "--to", "1085", "--vehicle", "aeroplane")
     assert answer.exit_code == 0, answer.stderr
-    assert "- Navigated is 1065 to 1085 s of the file's clock, as asked." in answer.stdout
+    assert "- The navigated part is 1065 to 1085 s of the file's clock, as requested." in answer.stdout
     assert "- Time 0 is 1065 s in the clock of the file" in answer.stdout
     settings = json.loads(ask("run", "drive", "--from", "1065", "--heading", "20", "--json").stdout)[
         "settings"
