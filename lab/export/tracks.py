@@ -18,9 +18,9 @@ from lab.views.envelope import thin_path
 FloatArray = NDArray[np.float64]
 
 HEIGHTS = (
-    "Heights are above the WGS-84 ellipsoid, in metres. Maps expect heights above the sea, which are less by "
-    "the height of the geoid there (from -106 m to +85 m): the track shows as much too high where that is "
-    "positive, and too low where it is negative."
+    "Heights are above the WGS-84 ellipsoid, in metres. Maps expect heights above sea level, which are "
+    "less by the height of the geoid (from -106 m to +85 m): the track appears too high by this amount if "
+    "it is positive, and too low if it is negative."
 )
 """Remark about heights: the lab has no geoid model."""
 

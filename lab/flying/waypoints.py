@@ -64,7 +64,7 @@ class Waypoint:
     longitude_deg: float = number("Longitude", "°", TURNS, "Longitude on WGS-84, east positive.")
     height_m: float = number("Height", "m", (-500, 20_000), "Height above the ellipsoid.")
     speed_m_s: float = number(
-        "Speed", "m/s", (0, 350), "Horizontal speed from here on; that of the last one is its own."
+        "Speed", "m/s", (0, 350), "Horizontal speed from here on; at the last waypoint, the speed there."
     )
     wait_s: float = number("Wait", "s", (0, MAX_DURATION), "Time to stand still here.", default=0.0)
 

@@ -54,8 +54,8 @@ LIMITS = {
 """Range accepted for each quantity, or for single keys [SI]."""
 
 SEA_LEVEL = (
-    "Heights are above the sea, as the file has them, and are taken as heights above the ellipsoid: the "
-    "flight lies as much too low or too high as the geoid is from the ellipsoid there (at most 107 m)."
+    "The file gives heights above sea level, which are used as heights above the ellipsoid: the flight is "
+    "too low or too high by the height of the geoid there (at most 107 m)."
 )
 """The remark for files that have no other height."""
 
