@@ -253,9 +253,9 @@ def test_fixes_an_algorithm_did_not_use_count_for_nothing() -> None:
     ("part", "change", "words"),
     [
         ("covariance", lambda P: P[:-1], r"covariance has shape \(\d+, 9, 9\), expected"),
-        ("covariance", lambda P: -P, "covariance at fix 0 is no covariance"),
-        ("covariance", lambda P: P + np.eye(9, k=1), "covariance at fix 0 is no covariance"),
-        ("innovation_covariance", lambda S: 0 * S + 1.0, "innovation_covariance at fix 0 is no covariance"),
+        ("covariance", lambda P: -P, "covariance at fix 0 is not a covariance"),
+        ("covariance", lambda P: P + np.eye(9, k=1), "covariance at fix 0 is not a covariance"),
+        ("innovation_covariance", lambda S: 0 * S + 1.0, "innovation_covariance at fix 0 is not a covariance"),
         ("innovation_covariance", lambda S: None, ".*belong together"),
         (
             "innovation",
