@@ -255,7 +255,11 @@ def test_fixes_an_algorithm_did_not_use_count_for_nothing() -> None:
         ("covariance", lambda P: P[:-1], r"covariance has shape \(\d+, 9, 9\), expected"),
         ("covariance", lambda P: -P, "covariance at fix 0 is not a covariance"),
         ("covariance", lambda P: P + np.eye(9, k=1), "covariance at fix 0 is not a covariance"),
-        ("innovation_covariance", lambda S: 0 * S + 1.0, "innovation_covariance at fix 0 is not a covariance"),
+        (
+            "innovation_covariance",
+            lambda S: 0 * S + 1.0,
+            "innovation_covariance at fix 0 is not a covariance",
+        ),
         ("innovation_covariance", lambda S: None, ".*belong together"),
         (
             "innovation",
