@@ -1,4 +1,4 @@
-"""Algorithms: those of whoever started the server, compared beside the built-in models."""
+"""Algorithms: the operator's own algorithms, compared beside the built-in models."""
 
 from __future__ import annotations
 
@@ -10,22 +10,22 @@ from lab.navigation.algorithm import Algorithm, AlgorithmError, Estimate
 from lab.navigation.solution import Fixes, Imu, Start
 
 VARIABLE = "INS_LAB_ALGORITHMS"
-"""Environment variable that names them for ``panel serve``: ``FILE.py:Name`` with commas between.
+"""Environment variable that names the algorithms for ``panel serve``: ``FILE.py:Name``, separated by commas.
 
-No visitor can set it.
+Visitors cannot set it.
 """
 
 _given: list[str] = []
-"""Algorithms of the server of this process, which stand in place of those of the environment."""
+"""Algorithms set by the server of this process; they replace those of the environment."""
 
 
 def use_algorithms(places: Sequence[str]) -> None:
-    """Have all sessions of this process compare these algorithms, as ``FILE.py:Name``."""
+    """Set the algorithms, as ``FILE.py:Name``, that all sessions of this process compare."""
     _given[:] = places
 
 
 class Unusable:
-    """Stands for an algorithm that could not be loaded.
+    """Placeholder for an algorithm that could not be loaded.
 
     Parameters
     ----------
@@ -37,12 +37,12 @@ class Unusable:
         self._reason = reason
 
     def navigate(self, imu: Imu, fixes: Fixes, start: Start) -> Estimate:
-        """Say why there is none."""
+        """Raise the error that loading the algorithm raised."""
         raise AlgorithmError(self._reason)
 
 
 def served_algorithms() -> dict[str, Algorithm]:
-    """Return the server's algorithms by name, loaded anew: sessions share no object of them."""
+    """Return the server's algorithms by name, loaded anew, so that sessions share no objects."""
     found: dict[str, Algorithm] = {}
     places = _given or [part.strip() for part in os.environ.get(VARIABLE, "").split(",")]
     for place in filter(None, places):

@@ -1,4 +1,4 @@
-"""Card chooser: which sensor's card is in force, whether it was changed since, and all others by grade."""
+"""Card chooser: the current sensor card, whether it was changed since, and all other cards by grade."""
 
 from __future__ import annotations
 
@@ -12,13 +12,13 @@ from dashboards.session import Session
 from lab.sensors.cards import card, card_in_force, cards
 
 OWN = "Own settings"
-"""Shown where the settings came from elsewhere and are those of no card."""
-IN_FORCE = "in force"
-"""Title over what is in force without being a card."""
+"""Shown if the settings come from elsewhere and match no card."""
+IN_FORCE = "current"
+"""Heading of the current settings if they match no card."""
 
 
 class CardChooser:
-    """The cards of real sensors, by grade, with the one in force shown.
+    """The cards of real sensors, by grade, with the current one selected.
 
     Parameters
     ----------
@@ -42,8 +42,8 @@ class CardChooser:
         self._switch = pmui.Switch(
             label="Assume what the datasheet lacks",
             value=True,
-            description="On: terms the datasheet has no number for are typical of the sensor's grade. Off: "
-            "they are zero.",
+            description="On: terms without a number in the datasheet get values typical of the sensor's "
+            "grade. Off: they are zero.",
             size="small",
             margin=(0, 0),
             sizing_mode="stretch_width",
@@ -56,11 +56,11 @@ class CardChooser:
 
     @property
     def view(self) -> pn.viewable.Viewable:
-        """What is laid out in the page."""
+        """The widgets to place on the page."""
         return pn.Column(self._widget, self._switch, self._note, margin=0, sizing_mode="stretch_width")
 
     def refresh(self) -> None:
-        """Show whether the sensors are still those of the card, and which of their terms are assumed."""
+        """Show whether the sensors still match the card, and which of their terms are assumed."""
         note = self._session.experiment.sensors.assumed_remark()
         self._note.param.update(object=f"<small>{escape(note)}</small>", visible=bool(note))
         found = card_in_force(self._session.experiment.sensors)
@@ -70,12 +70,12 @@ class CardChooser:
         self._show(found or (f"{self._name}, changed" if self._name else OWN))
 
     def _arrived(self) -> None:
-        """Show settings that came as a whole: of these nobody knows what they were changed from."""
+        """Show a complete new set of settings, whose original card is unknown."""
         self._name = None
         self.refresh()
 
     def _turn(self, assumed: bool) -> None:
-        """Show whether the sensors are those of the card with what is assumed."""
+        """Show whether the sensors match the card with its assumed terms."""
         self._showing = True
         try:
             self._switch.value = assumed
@@ -98,7 +98,7 @@ class CardChooser:
         self._load(event.new)
 
     def _reload(self) -> None:
-        """Load the card in force anew where it has something to assume; one that was changed stays."""
+        """Reload the current card if it has assumed terms; a changed card stays as it is."""
         found = card_in_force(self._session.experiment.sensors)
         if not self._showing and found and card(found).assumed:
             self._load(found)

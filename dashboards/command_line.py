@@ -1,4 +1,4 @@
-"""Command line: ``ins-lab``, the commands of `lab.cli` and the one that serves the dashboard."""
+"""Command line: ``ins-lab`` with the commands of `lab.cli` and the command that serves the dashboard."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Computing: what takes time, in threads, so that no page ever waits for another."""
+"""Computing: long computations in threads, so that no page waits for another."""
 
 from __future__ import annotations
 
@@ -19,50 +19,51 @@ from lab.settings import SettingError
 
 log = logging.getLogger(__name__)
 
-# While a run works in Python, pages wait this long for their turn; Python's own 5 ms add up over a change.
+# Pages wait this long for the interpreter while a run works in Python; the default 5 ms add up over a change.
 sys.setswitchinterval(0.001)
 
 POOL = ThreadPoolExecutor(max_workers=os.cpu_count(), thread_name_prefix="experiment")
-"""Computes for all sessions; the kernels release the interpreter, so each core is used."""
+"""Pool for the runs of all sessions; the kernels release the interpreter lock, so all cores are used."""
 LONG = ThreadPoolExecutor(max_workers=os.cpu_count(), thread_name_prefix="long")
-"""Computes what takes longer than a run, so that no run has to wait for it."""
+"""Pool for work that takes longer than a run, so that no run waits for it."""
 WRITING = ThreadPoolExecutor(max_workers=1, thread_name_prefix="writing")
-"""Changes missions, one at a time, as the lock of their folder wants it: no other pool waits for that."""
+"""Pool for changes of missions, one at a time because of the lock of their folder; no other pool waits for
+it."""
 
 T = TypeVar("T")
 Progress = Callable[[str, float], None]
 
 
 class SupersededError(Exception):
-    """Ends a computation nobody waits for any more; raised where it tells its progress."""
+    """Ends a computation that is no longer needed; raised when the computation reports its progress."""
 
 
 @dataclass(frozen=True)
 class Outcome:
-    """What became of a computation: its content, or a sentence about what was wrong."""
+    """The outcome of a computation: its content, or a sentence about the problem."""
 
     result: Any = None
     problem: str = ""
 
 
 class LatestWins(Generic[T]):
-    """Works on one thing at a time; a newer one replaces the one that waits.
+    """Works on one item at a time; a newer item replaces the waiting one.
 
     Parameters
     ----------
     work
-        Called in a thread of the pool with what was submitted, and with a function that takes progress.
+        Called in a thread of the pool with the submitted item, and with a function that takes progress.
     deliver
-        Called in a thread of the pool with what was submitted and the outcome.
+        Called in a thread of the pool with the submitted item and the outcome.
     pool
-        Where the work is done.
+        Pool that does the work.
     at_once
-        Whether a newer thing also ends the work on the one before, the next time that tells its progress.
+        Whether a newer item also ends the current work, when that next reports its progress.
 
     Attributes
     ----------
     stage : tuple of str, float
-        What is being done, and the fraction done.
+        Description of the current work, and the fraction done.
     """
 
     def __init__(
@@ -86,16 +87,16 @@ class LatestWins(Generic[T]):
 
     @property
     def busy(self) -> bool:
-        """Whether something is being worked on or waits."""
+        """Whether an item is being worked on or waiting."""
         return self._running
 
     @property
     def busy_for(self) -> float:
-        """How long what is worked on now has been so, or waiting for a core [s]."""
+        """Time since the current work started, or started to wait for a core [s]."""
         return time.monotonic() - self._begun if self._running else 0.0
 
     def submit(self, thing: T) -> None:
-        """Work on a thing as soon as the work on the present one has ended."""
+        """Work on an item as soon as the current work has ended."""
         with self._lock:
             self._waiting = thing
             if self._running or self._closed:
@@ -104,12 +105,12 @@ class LatestWins(Generic[T]):
         self._next()
 
     def cancel(self) -> None:
-        """Let go what waits, and what is worked on as if there were a newer thing."""
+        """Drop the waiting item, and end the current work as if there were a newer item."""
         with self._lock:
             self._waiting, self._cancelled = None, True
 
     def close(self) -> None:
-        """Deliver nothing more."""
+        """Deliver no further outcomes."""
         with self._lock:
             self._closed, self._waiting = True, None
 
@@ -145,7 +146,7 @@ def run(
     progress: Progress | None = None,
     prepare: Callable[[Result], None] | None = None,
 ) -> Outcome:
-    """Run an experiment, and have what will be shown of it prepared; what goes wrong becomes a sentence."""
+    """Run an experiment and prepare the visible page; an error becomes a sentence."""
 
     def work() -> Result:
         result = experiment.run(progress)
@@ -157,7 +158,7 @@ def run(
 
 
 def attempt(work: Callable[[], Any]) -> Outcome:
-    """Return the content of a computation; what goes wrong becomes a sentence, never an exception."""
+    """Return the content of a computation; an error becomes a sentence, never an exception."""
     try:
         return Outcome(result=work())
     except SupersededError:
@@ -165,7 +166,7 @@ def attempt(work: Callable[[], Any]) -> Outcome:
     except (SettingError, MissionError, ValueError) as error:
         return Outcome(problem=str(error))
     except MemoryError:
-        return Outcome(problem="This run needs more memory than there is; a lower IMU rate needs less.")
+        return Outcome(problem="This run needs more memory than is available. A lower IMU rate needs less.")
     except Exception as error:
         log.exception("a run failed")
         return Outcome(problem=f"This run failed: {type(error).__name__}: {error}")

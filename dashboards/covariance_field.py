@@ -1,4 +1,4 @@
-"""Covariance field: a covariance as text, or σ by σ in a list that unfolds."""
+"""Covariance field: a covariance as text, or each σ in an expandable list."""
 
 from __future__ import annotations
 
@@ -16,14 +16,14 @@ from lab.units import TO_SI
 
 
 class CovarianceField(TextField):
-    """A covariance: as text, or σ by σ in a list that unfolds; what is not given is matched to the sensors.
+    """A covariance as text, or each σ in an expandable list; an unset one is matched to the sensors.
 
     Parameters
     ----------
     declaration, change
-        As of any field.
+        As for any field.
     matched
-        Returns the variances that hold while none are given, SI units.
+        Returns the variances that apply while none are given, in SI units.
     """
 
     def __init__(
@@ -53,11 +53,11 @@ class CovarianceField(TextField):
 
     @property
     def view(self) -> pn.viewable.Viewable:
-        """What is laid out in the page."""
+        """The widgets to place on the page."""
         return self._column
 
     def refresh(self) -> None:
-        """Show the matched values as they are now."""
+        """Show the current matched values."""
         self.show(self._value)
 
     def _render(self, value: Any) -> None:
@@ -70,7 +70,7 @@ class CovarianceField(TextField):
                 box.value = shown(float(f"{math.sqrt(variances[index]) / TO_SI[unit]:.4g}"))
 
     def _variances(self) -> tuple[float, ...]:
-        """Return the variances in force: given as a diagonal or with the whole matrix, or matched."""
+        """Return the current variances: given as a diagonal or as a whole matrix, or matched."""
         if self._value is None:
             return tuple(self._matched())
         return tuple(row[i] if isinstance(row, tuple) else row for i, row in enumerate(self._value))
@@ -95,7 +95,7 @@ class CovarianceField(TextField):
         if self._showing:
             return
         sigma = number(text)
-        # What is no number, or a negative one, goes on: the setting itself says what it accepts.
+        # Invalid or negative numbers are passed on: the setting itself says what it accepts.
         unit = self.declaration.rows[index][1]
         variance = sigma if isinstance(sigma, str) else sigma * abs(sigma) * TO_SI[unit] ** 2
         asked: tuple[Any, ...]
@@ -108,5 +108,5 @@ class CovarianceField(TextField):
 
 
 def _with(values: tuple[Any, ...], index: int, value: Any) -> tuple[Any, ...]:
-    """Return values with another one at an index."""
+    """Return the values with one replaced."""
     return (*values[:index], value, *values[index + 1 :])

@@ -1,4 +1,4 @@
-"""Exchange: settings and results to files and back, and settings to the address of the page and back."""
+"""Exchange: settings and results to and from files, and settings to and from the address of the page."""
 
 from __future__ import annotations
 
@@ -31,14 +31,15 @@ MOST_FIELDS = 200
 """Most settings an address may hold; there are fewer than 100."""
 
 MOST_PROBLEMS = 10
-"""How many settings of an address may be wrong before the rest is left out: finding the words takes time."""
+"""Most wrong settings of an address that are reported; the rest is ignored, because each message takes
+time."""
 
 QUIET = 1500
-"""The address follows when nothing has changed for this long [ms]."""
+"""Quiet time before the address is updated [ms]."""
 
 
 class Download(pmui.FileDownload):
-    """A button for a file; where its callback returns None, there is none."""
+    """A download button; if its callback returns None, there is no file."""
 
     def __init__(self, **params: Any) -> None:
         super().__init__(**params)  # type: ignore[no-untyped-call]
@@ -108,7 +109,7 @@ class Files:
         return await self._written(gpx_file)
 
     async def _written(self, write: Callable[[Result], bytes]) -> io.BytesIO | None:
-        """Return the file of the result; where there is none yet, or no room for it, None."""
+        """Return the file of the result; None if there is no result yet, or no room on the disk."""
         result = self._session.result
         if result is None:
             return None
@@ -123,7 +124,7 @@ class Files:
         return io.BytesIO(self._session.experiment.to_toml().encode())
 
     def close(self) -> None:
-        """Delete what was uploaded, and read nothing more."""
+        """Delete the uploaded files, and read no more."""
         self._reading.close()
         self._upload.delete()
 
@@ -131,8 +132,8 @@ class Files:
         self._session.problem = f"The settings file is not accepted. {reason}"
 
     def _uploaded(self, paths: list[Path]) -> None:
-        """Have a settings file parsed in a thread: other pages must not wait for it."""
-        # Its content, since the next upload deletes the file.
+        """Parse a settings file in a thread, so that other pages do not wait."""
+        # The content is read now, because the next upload deletes the file.
         self._reading.submit(paths[0].read_bytes())
 
     def _arrive(self, document: Document, _content: bytes, outcome: Outcome) -> None:
@@ -149,12 +150,12 @@ class Files:
 
 
 def experiment_of(content: bytes) -> Experiment:
-    """Return the experiment of a settings file, from what is in it.
+    """Return the experiment described by the content of a settings file.
 
     Raises
     ------
     SettingError
-        If it is not a settings file, or holds what is not accepted.
+        If it is not a settings file, or contains a setting that is not accepted.
     """
     if len(content) > MAX_BYTES:
         raise SettingError("The settings file is too large; accepted are TOML files up to 1 MB.")
@@ -177,7 +178,7 @@ class Address:
         session.param.watch(lambda _event: self._later(), "result")
 
     def read(self) -> None:
-        """Take over the settings in the address; what is not accepted is said, and the rest taken."""
+        """Apply the settings in the address; report those that are not accepted."""
         query = self._location.search.removeprefix("?") if self._location is not None else ""
         trial, problems = experiment_of_query(query)
         try:
@@ -201,20 +202,20 @@ class Address:
 
 
 def experiment_of_query(query: str) -> tuple[Experiment, list[str]]:
-    """Return the experiment of the query of an address, and what of it was not accepted."""
+    """Return the experiment of an address query, and messages about settings that were not accepted."""
     trial, problems = Experiment(), list[str]()
     try:
         fields = parse_qsl(query, max_num_fields=MOST_FIELDS)
     except ValueError:
         return trial, [f"The address has too many settings; accepted are up to {MOST_FIELDS}."]
-    # Other forms last: what they mean depends on the rest.
+    # Other forms come last, because they depend on the other settings.
     for path, text in sorted(fields, key=lambda item: item[0] in Experiment.OTHER_FORMS):
         try:
             trial.set_text(path, text)
         except SettingError as error:
             problems.append(str(error))
         if len(problems) == MOST_PROBLEMS:
-            problems.append("The rest of the address is left out.")
+            problems.append("The rest of the address is ignored.")
             break
     return trial, problems
 
@@ -241,12 +242,12 @@ def netcdf(result: Result) -> bytes:
 
 
 def kml_file(result: Result) -> bytes:
-    """Return the paths of a result for Google Earth."""
+    """Return the paths of a result as KML, for Google Earth."""
     return kml.text(tracks_of(result)).encode()
 
 
 def gpx_file(result: Result) -> bytes:
-    """Return the paths of a result for maps."""
+    """Return the paths of a result as GPX, for maps."""
     return gpx.text(tracks_of(result)).encode()
 
 

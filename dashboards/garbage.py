@@ -1,9 +1,9 @@
-"""Garbage: an ended page is searched alone, so that nobody waits for a search through all pages.
+"""Garbage: an ended page is collected alone, so that no session waits for a collection over all pages.
 
-To find what is left in cycles, Python goes through all objects there are, and answers nobody meanwhile.
-Thirty pages and what they import are 1.6 million objects, and such a search takes more than a second. So
-what lives is left out of the searches. Once a page has ended, its objects are made young again, 27,000 of a
-page that shows its first plots, and a search of the young frees them.
+To find cyclic garbage, Python goes through all objects, and serves no request meanwhile. Thirty pages and
+their imports have 1.6 million objects, which takes more than a second. Live objects are therefore frozen:
+collections skip them. When a page has ended, its objects are moved to the youngest generation (27,000 objects
+for a page that shows its first plots), and a collection of that generation frees them.
 """
 
 from __future__ import annotations
@@ -27,12 +27,12 @@ from tornado.ioloop import IOLoop
 from tornado.web import Application as WebApplication
 
 NEWEST, YOUNG = 0, 1
-"""Generations of Python's objects."""
+"""Generations of Python's garbage collector."""
 
 AT_ONCE = 3000
-"""Objects of an ended page that are looked at before others have their turn; they take 15 ms."""
+"""Objects of an ended page that are examined before other tasks run; they take 15 ms."""
 MOST = 400_000
-"""Most objects that are taken for those of a page; one that has shown all its tabs has 100,000."""
+"""Most objects that count as those of one page; a page that has shown all its tabs has 100,000."""
 
 SHARED = (
     *(type, ModuleType, BuiltinFunctionType, CodeType, str, bytes, int, float),
@@ -47,7 +47,7 @@ SHARED = (
     ),
     *(IOLoop, asyncio.AbstractEventLoop, concurrent.futures.Executor, threading.Thread, logging.Logger),
 )
-"""Types of what a page refers to without owning it, and of what refers to nothing."""
+"""Types of objects that a page refers to without owning them, and of objects that refer to nothing."""
 
 _untrack, _track = ctypes.pythonapi.PyObject_GC_UnTrack, ctypes.pythonapi.PyObject_GC_Track
 _untrack.argtypes = _track.argtypes = [ctypes.py_object]
@@ -55,22 +55,22 @@ _untrack.restype = _track.restype = None
 
 
 def keep() -> None:
-    """Leave all objects there are out of the next searches."""
+    """Exclude all present objects from the next collections."""
     gc.collect(YOUNG)
     gc.freeze()
 
 
 def search_all() -> None:
-    """Search all objects there are, and leave those that live out of the next searches."""
+    """Collect over all objects, and exclude the live ones from the next collections."""
     gc.unfreeze()
     gc.collect()
     gc.freeze()
 
 
 async def search_from(root: object) -> None:
-    """Search what can be reached from an object that nobody else needs, and free what is garbage.
+    """Collect the garbage that is reachable from an object.
 
-    What somebody still refers to stays: it is only searched in vain.
+    Objects that are still referred to stay; the search is then only wasted time.
     """
     await _make_young(root)
     del root
@@ -78,7 +78,7 @@ async def search_from(root: object) -> None:
 
 
 async def _make_young(root: object) -> None:
-    """Move what can be reached from an object to the newest generation."""
+    """Move all objects reachable from an object to the youngest generation."""
     shared = {id(vars(module)) for module in list(sys.modules.values()) if isinstance(module, ModuleType)}
     found: dict[int, object] = {}
     waiting = [root]
@@ -90,5 +90,5 @@ async def _make_young(root: object) -> None:
             waiting.extend(gc.get_referents(one))
             if len(found) % AT_ONCE == 0:
                 await asyncio.sleep(0)
-    # All of it without a line of Python: no other thread sees an object between the two calls.
+    # Both calls run in C without releasing the lock, so no other thread sees an object in between.
     deque(map(_track, filterfalse(_untrack, filter(gc.is_tracked, found.values()))), maxlen=0)

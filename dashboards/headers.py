@@ -1,4 +1,4 @@
-"""Headers: what every answer tells a browser to refuse: scripts of others, and frames elsewhere."""
+"""Headers: HTTP headers that make a browser refuse foreign scripts and frames on other sites."""
 
 from __future__ import annotations
 
@@ -13,11 +13,11 @@ _SCRIPT = re.compile(rb"<script(?=[\s>])", re.IGNORECASE)
 
 
 class SecurityHeaders(OutputTransform):
-    """Adds the headers to an answer, and lets the scripts of a document run that the server itself wrote.
+    """Adds the headers to a response, and allows the scripts that the server itself wrote.
 
-    A document is a few scripts with the state of the page in them. Each gets a number drawn for this answer;
-    a browser runs no other script that is written in the document, nor one in an attribute of a tag. Nothing
-    from outside is a tag in the document as it is sent: texts arrive later, as data.
+    A document consists of a few scripts with the state of the page. Each gets a random nonce for this
+    response. A browser runs no other inline script, and no script in an attribute of a tag. The document
+    contains no tags from outside: texts arrive later, as data.
     """
 
     def __init__(self, request: HTTPServerRequest) -> None:
@@ -26,7 +26,7 @@ class SecurityHeaders(OutputTransform):
     def transform_first_chunk(
         self, status_code: int, headers: HTTPHeaders, chunk: bytes, finishing: bool
     ) -> tuple[int, HTTPHeaders, bytes]:
-        """Add what is missing."""
+        """Add the headers and the nonces."""
         headers.setdefault("X-Content-Type-Options", "nosniff")
         headers.setdefault("Referrer-Policy", "same-origin")
         if "Content-Security-Policy" not in headers:
@@ -40,7 +40,7 @@ class SecurityHeaders(OutputTransform):
 
 
 def sockets(request: HTTPServerRequest) -> str:
-    """Return where websockets of a page lead: not every browser takes this for the server itself."""
+    """Return the websocket addresses of a page: not every browser counts them as 'self'."""
     host = request.host if _HOST.fullmatch(request.host) else ""
     return f"ws://{host} wss://{host}" if host else ""
 
@@ -51,16 +51,17 @@ def policy(scripts: str, sockets: str = "") -> str:
     Parameters
     ----------
     scripts
-        Which scripts within a document may run, beside the files of the server.
+        Inline scripts that may run, besides the files of the server.
     sockets
-        Where websockets may lead, beside what a browser takes for the server itself.
+        Addresses of websockets that are allowed besides 'self'.
     """
     return "; ".join(
         (
             "default-src 'self'",
-            # Bokeh makes functions of the texts of its CustomJS, Panel modules of those of its components.
+            # Bokeh compiles the text of its CustomJS to functions, and Panel that of its components to
+            # modules.
             f"script-src 'self' blob: 'unsafe-eval' {scripts}",
-            "style-src 'self' 'unsafe-inline'",  # components write their styles as they are drawn
+            "style-src 'self' 'unsafe-inline'",  # components set inline styles when drawn
             "img-src 'self' data: blob:",
             "font-src 'self' data:",
             f"connect-src 'self' data: blob: {sockets}".rstrip(),

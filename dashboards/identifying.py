@@ -1,4 +1,4 @@
-"""Identifying: a button that finds what the innovations say of the sensors, and one that applies it."""
+"""Identifying: a button that identifies sensor parameters from the innovations, and one that applies them."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from lab.result import Result
 from lab.settings import SettingError
 
 TELL = 0.25
-"""Time from one word about the progress to the next [s]."""
+"""Time between two progress messages [s]."""
 
 _STYLE = """
 :host { font: 14px/1.5 Roboto, sans-serif; overflow-x: auto; }
@@ -34,12 +34,12 @@ p { max-width: 1100px; margin: 2px 0; }
 
 
 class Identifying:
-    """What the innovations of the result shown say of its sensors, when asked.
+    """The identification of the sensors from the innovations of the shown result, on request.
 
     Parameters
     ----------
     session
-        Whose settings are changed.
+        Session whose settings are changed.
 
     Attributes
     ----------
@@ -65,7 +65,7 @@ class Identifying:
         self.view = pn.Column(buttons, self._text, sizing_mode="stretch_width", margin=0)
 
     def show(self, result: Result) -> None:
-        """Take a result to identify from; what is shown of another one goes, and the work on it ends."""
+        """Take a new result: clear the table of the previous one, and end the work on it."""
         if result is self._result:
             return
         self._work.cancel()
@@ -86,7 +86,7 @@ class Identifying:
             self._work.submit(self._result)
 
     def _applied(self) -> None:
-        """Change the settings of the session to what was found."""
+        """Apply the identified settings to the session."""
         if self._found is None:
             return
         trial = self._session.experiment.copy()
@@ -134,7 +134,7 @@ class Identifying:
 
 
 def identification_html(found: Identification) -> str:
-    """Return the parameters as a table, whether they predict better, and what to know."""
+    """Return HTML: the table of parameters, whether they predict better, and the remarks."""
     heads = ("parameter", "unit", "before", "after", "σ", "95 % interval")
     rows = []
     for row in found.rows:

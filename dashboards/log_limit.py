@@ -1,4 +1,4 @@
-"""Log limit: how long a line of the log may be, and how many may come; a visitor can cause any number."""
+"""Log limit: bounds on the length and rate of log records, since a visitor can cause any number of them."""
 
 from __future__ import annotations
 
@@ -10,13 +10,13 @@ from panel.io.logging import panel_log_handler
 LONGEST = 4000
 """Longest text of one record, and of its traceback [characters]: a traceback of forty frames fits."""
 AT_ONCE = 100
-"""Records that may come in a row: what one fault in thirty sessions writes."""
+"""Records that may come in a burst: as many as one fault in thirty sessions writes."""
 PER_SECOND = 5.0
-"""Records that may come for long [1/s]: more than a person reads, and 40 kB/s if all are of the longest."""
+"""Sustained rate of records [1/s]: more than a person reads, and 40 kB/s if all have the greatest length."""
 
 
 class LogLimit(logging.Filter):
-    """Shortens long records, and drops those that come too fast; the next that passes says how many."""
+    """Shortens long records, and drops those that come too fast; the next one written says how many."""
 
     def __init__(self) -> None:
         super().__init__()

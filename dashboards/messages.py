@@ -1,8 +1,8 @@
-"""Messages: what a browser may send over the websocket of a page, and how much of it.
+"""Messages: bounds on the kind and the amount of data that a browser may send over a page's websocket.
 
-Bokeh's own reading takes whatever its protocol can say: compressed bytes of any size, arrays of any type and
-shape, new models, other documents; and it writes what it cannot read to the log as a whole. A page sends
-little of that. The rest is refused here before it is decoded, and its connection is closed.
+Bokeh's own reader accepts everything its protocol can express: compressed bytes of any size, arrays of any
+type and shape, new models, other documents. It logs unreadable messages in full. A page sends only a small
+part of that. All other messages are refused here before they are decoded, and the connection is closed.
 """
 
 from __future__ import annotations
@@ -22,26 +22,26 @@ from bokeh.server.views import ws
 log = logging.getLogger(__name__)
 
 MAX_TEXT = 64 * 2**10
-"""Longest text of a message [characters]; on a walk over all pages none is longer than 4,000."""
+"""Longest text of a message [characters]; in a walk over all pages, the longest has 4,000."""
 CHUNK = 2**20
-"""Size of the pieces in which files are uploaded [bytes]: what a message has to have room for."""
+"""Size of the pieces in which files are uploaded [bytes]; a message must have room for one."""
 MAX_MESSAGE = CHUNK + 2 * MAX_TEXT
 """Largest message with all its parts [bytes]."""
 MAX_BUFFERS = 4
 """Most binary parts of a message; a piece of an upload has one."""
 MAX_EVENTS = 100
-"""Most events of a message; on a walk over all pages none has more than 14."""
+"""Most events of a message; in a walk over all pages, the largest number is 14."""
 MAX_REASON = 100
 """Longest reason for a refusal [characters]; the last frame of a websocket holds 123 bytes of it."""
 
 KINDS = frozenset({"ModelChanged", "MessageSent"})
-"""What may happen in a browser: a property of a model changes, or a widget sends something."""
+"""Accepted kinds of events: a property of a model changes, or a widget sends an event."""
 TYPES = frozenset({"array", "bytes", "event", "map", "number", "object", "set", "typed_array"})
-"""How a browser may encode a value; an object only as one that the page has already."""
+"""Accepted encodings of a value; an object must already exist in the page."""
 
 
 class BoundedReceiver(Receiver):
-    """Puts messages together, up to the largest accepted."""
+    """Assembles messages, up to the largest accepted size."""
 
     _size = 0
 
@@ -51,7 +51,7 @@ class BoundedReceiver(Receiver):
         Raises
         ------
         ProtocolError
-            If it is not a message of a page.
+            If it is not an acceptable message of a page.
         """
         self._size += len(fragment)
         if self._size > MAX_MESSAGE or (isinstance(fragment, str) and len(fragment) > MAX_TEXT):
@@ -65,13 +65,13 @@ class BoundedReceiver(Receiver):
                 _check_content(message)
         except ProtocolError as error:
             raise ProtocolError(ascii(str(error))[1 : 1 + MAX_REASON].removesuffix("'")) from None
-        except Exception as error:  # whatever nonsense makes of Bokeh's own reading
+        except Exception as error:  # malformed input can raise any exception in Bokeh's reader
             raise ProtocolError(f"a message cannot be read: {type(error).__name__}") from None
         return message
 
 
 class BoundedHandler(ProtocolHandler):
-    """Does what messages ask for, but for another document; what goes wrong is told in a line."""
+    """Carries out messages, except those for other documents; an error is logged in one line."""
 
     async def handle(self, message: Message[Any], connection: ServerConnection) -> Any:
         """Return the answer to a message."""
@@ -94,13 +94,13 @@ def _check_header(header: Any) -> None:
 
 
 def _check_content(message: Message[Any]) -> None:
-    """Refuse what would become larger than it is, and what a page does not send."""
+    """Refuse content that would grow when decoded, and content that pages do not send."""
     content = message.content
     events = content.get("events", []) if isinstance(content, dict) else None
     if not isinstance(events, list) or len(events) > MAX_EVENTS:
-        raise ProtocolError(f"a message is no list of events; accepted are up to {MAX_EVENTS}")
+        raise ProtocolError(f"a message is not a list of events; accepted are up to {MAX_EVENTS}")
     if not all(isinstance(event, dict) and event.get("kind") in KINDS for event in events):
-        raise ProtocolError(f"an event is of another kind; accepted are {', '.join(sorted(KINDS))}")
+        raise ProtocolError(f"an event is of an unknown kind; accepted are {', '.join(sorted(KINDS))}")
     used: Counter[str] = Counter()
     for value in _encoded(content):
         if value["type"] not in TYPES:
@@ -115,7 +115,7 @@ def _check_content(message: Message[Any]) -> None:
 
 
 def _check_objects(message: Message[Any], connection: ServerConnection) -> None:
-    """Refuse models that the page does not have: a browser makes none here."""
+    """Refuse models that the page does not have: browsers create no models here."""
     models = connection.session.document.models
     for value in _encoded(message.content):
         if value["type"] == "object" and not (isinstance(value.get("id"), str) and value["id"] in models):
@@ -136,5 +136,5 @@ def _encoded(content: Any) -> Iterator[dict[str, Any]]:
 
 
 def bound_messages() -> None:
-    """Have Bokeh's server read messages with these bounds from now on."""
+    """Make Bokeh's server apply these bounds to all messages from now on."""
     vars(ws).update(Receiver=BoundedReceiver, ProtocolHandler=BoundedHandler)

@@ -1,4 +1,4 @@
-"""Mission titles: what missions are called where one is chosen."""
+"""Mission titles: the titles of missions in a selection."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from lab.missions import Mission
 
 
 def mission_titles(found: Mapping[str, Mission]) -> dict[str, str]:
-    """Return names of missions by title, with the name beside titles that occur twice."""
+    """Return names of missions by title; titles that occur twice get the name appended."""
     titles: dict[str, str] = {}
     for name, mission in found.items():
         title = mission.title or name

@@ -1,6 +1,6 @@
-"""Notice: a sentence in a coloured box, as plain text: what a file is called is never taken for markup.
+"""Notice: a sentence in a coloured box, as plain text, so that file names are never interpreted as markup.
 
-Whatever the page has to say goes through this one component. Panel's own boxes take texts for markup.
+All messages of the page use this component. Panel's own boxes interpret texts as markup.
 """
 
 from __future__ import annotations
@@ -12,27 +12,27 @@ import panel as pn
 import panel_material_ui as pmui
 
 LONGEST = 4000
-"""Most characters said at once; what was wrong with a value of a megabyte is said by its beginning."""
+"""Most characters of a message; a message about a value of a megabyte is cut after its beginning."""
 MOST_POINTS = 50
 """Most points below a sentence."""
 
 
 class Notice:
-    """A box that is there while it has something to say.
+    """A box that is visible while it has a text.
 
     Parameters
     ----------
     closeable
         Whether a person can close it.
     margin
-        Space around it, above and below and beside [px].
+        Margins, vertical and horizontal [px].
 
     Attributes
     ----------
     text : str
-        What it says.
+        The text.
     view : panel_material_ui.Alert
-        What is laid out in the page.
+        The box to place on the page.
     """
 
     def __init__(self, closeable: bool = False, margin: tuple[int, int] = (6, 4)) -> None:
@@ -50,7 +50,7 @@ class Notice:
         )
 
     def say(self, text: str, severity: str = "error", points: Sequence[str] = ()) -> None:
-        """Say something, with points below it; nothing is shown with no text."""
+        """Show a text with a list of points below it; an empty text hides the box."""
         self.text = _bounded(text)
         listed = "".join(f"<li>{escape(_bounded(point))}</li>" for point in points[:MOST_POINTS])
         style = ' style="margin:4px 0 0;padding-left:18px"'

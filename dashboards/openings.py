@@ -1,4 +1,4 @@
-"""Openings: pages that open and end take turns, and what else the server is asked comes in between."""
+"""Openings: pages that open and end take turns, and the server handles other requests in between."""
 
 from __future__ import annotations
 
@@ -18,28 +18,28 @@ from bokeh.server.session import ServerSession
 from dashboards import garbage
 
 PAUSE = 0.01
-"""Time between two turns [s]: what open pages have asked meanwhile takes a few rounds of the event loop."""
+"""Time between two turns [s]: requests of open pages meanwhile take a few rounds of the event loop."""
 
 LONGEST = 2.0
-"""Longest wait for a step that does not begin, because a slow browser holds its document [s]."""
+"""Longest wait for the start of a step while a slow browser holds its document [s]."""
 
 AGAIN = 10.0
-"""Time after which an ended page that is still in use is searched again [s], then twice that, and so on: a
-computation in a thread refers to its page until it is done."""
+"""Time until an ended page that is still in use is collected again [s]; it doubles each time. A computation
+in a thread refers to its page until it is done."""
 
 ENOUGH = 100
-"""Ended pages after which everything is searched, for what a search from a page does not find: 100 objects
-of a page that shows its first plots, and what lived while another page opened and was dropped before its own
-page ended."""
+"""Ended pages between two full collections. A collection from a page misses 100 objects of a page that shows
+its first plots, and objects that were frozen while another page opened and dropped before their own page
+ended."""
 FEW = 10
-"""Most open pages with which everything is searched: they and what they import are 800,000 objects, half a
-second; with thirty it would be more than one."""
+"""Most open pages for a full collection: with their imports they have 800,000 objects, which takes half a
+second; thirty pages would take more than one second."""
 
 Turn = Callable[[], "asyncio.Future[None]"]
 
 
 class Openings(Handler):
-    """Gives one page after the other its turn for the next step of its opening, in the order they asked.
+    """Gives each page in turn the next step of its opening, in the order of the requests.
 
     Bokeh asks each handler of an application before it makes a session, and waits for the answer.
     """
@@ -69,7 +69,7 @@ class Openings(Handler):
 
     @property
     def crowded(self) -> bool:
-        """Whether other pages are open in a browser, or wait for their turn."""
+        """Whether other pages are open in a browser or waiting for their turn."""
         return bool(self._waiting) or any(session.connection_count for session in self._sessions)
 
     @property
@@ -78,10 +78,10 @@ class Openings(Handler):
         return list(context.sessions) if context is not None else []
 
     def modify_document(self, doc: Document) -> None:
-        """Leave the document to the page."""
+        """Do not change the document here; the page fills it."""
 
     async def on_session_created(self, session_context: SessionContext) -> None:
-        """Have a new page wait for its turn; once this returns, Bokeh makes it without a break."""
+        """Wait for the turn of a new page; when this returns, Bokeh creates the page without a break."""
         mine: asyncio.Future[None] = asyncio.get_running_loop().create_future()
 
         def begin() -> asyncio.Future[None]:
@@ -93,11 +93,11 @@ class Openings(Handler):
         await mine
 
     def later(self, document: Document, step: Callable[[], None]) -> None:
-        """Take a step of a page once it is its turn, as a callback of its document."""
+        """Run a step of a page in its turn, as a callback of its document."""
         self._ask(partial(_step, document, step))
 
     def let_go(self, page: object, wait: float = AGAIN) -> None:
-        """Free what a page has left, once no page waits to be opened."""
+        """Free the objects of an ended page, once no page waits to be opened."""
         self._ended.append(partial(self._search, [page], wait))
         self._begin()
 
@@ -125,7 +125,8 @@ class Openings(Handler):
 
     def _begin(self) -> None:
         if self._working is None or self._working.done():
-            # In an empty context: that of a page refers to its document for as long as the work goes on.
+            # In an empty context, because the context of a page refers to its document while the work goes
+            # on.
             self._working = asyncio.get_running_loop().create_task(self._work(), context=Context())
 
     async def _work(self) -> None:
@@ -136,7 +137,7 @@ class Openings(Handler):
 
 
 def _step(document: Document, step: Callable[[], None]) -> asyncio.Future[None]:
-    """Have a document take a step; return what is done once the step has been taken or has failed."""
+    """Schedule a step of a document; return a future that completes when the step is done or has failed."""
     taken: asyncio.Future[None] = asyncio.get_running_loop().create_future()
 
     def take() -> None:

@@ -1,4 +1,4 @@
-"""Origins: the pages that may talk to the server: its own, under the names and addresses it is reached by."""
+"""Origins: the pages that may connect to the server: its own, under its host names and addresses."""
 
 from __future__ import annotations
 
@@ -21,22 +21,22 @@ SETTING = "ins_lab_origins"
 """Key of the accepted hosts, each with its port, in the settings of the web application."""
 
 WEB_PORT = 80
-"""Port taken for an origin that names none, as Bokeh takes it, for https too."""
+"""Port of an origin without a port; as in Bokeh, for https too."""
 
 
 class OriginError(ValueError):
-    """What was named is not an origin."""
+    """The given text is not an origin."""
 
 
 def accepted_hosts(address: str, port: int, more: Iterable[str] = ()) -> frozenset[str]:
-    """Return the hosts, each with a port, whose pages may talk to a server.
+    """Return the hosts, each with a port, whose pages may connect to a server.
 
     Addresses of this computer need not be among them: see `is_accepted`.
 
     Parameters
     ----------
     address
-        Name or address the server listens on.
+        Name or address that the server listens on.
     port
         Port it listens on.
     more
@@ -46,7 +46,7 @@ def accepted_hosts(address: str, port: int, more: Iterable[str] = ()) -> frozens
     Raises
     ------
     OriginError
-        If one of them is not a host.
+        If one of the origins is not a host.
     """
     names = {"localhost", "127.0.0.1", "::1", address.lower()} - {"", "0.0.0.0", "::"}
     if not is_loopback(address):
@@ -60,7 +60,7 @@ def accepted_hosts(address: str, port: int, more: Iterable[str] = ()) -> frozens
 
 
 def is_loopback(address: str) -> bool:
-    """Return whether only this computer reaches a server that listens on an address."""
+    """Return whether only this computer can reach a server that listens on an address."""
     try:
         return ipaddress.ip_address(address).is_loopback
     except ValueError:
@@ -68,20 +68,20 @@ def is_loopback(address: str) -> bool:
 
 
 def is_from_accepted(request: HTTPServerRequest, application: Application) -> bool:
-    """Return whether a request comes from a page that may talk to the server, or from no page at all.
+    """Return whether a request comes from an accepted page, or from no page at all.
 
-    Tornado's own check lets pass whatever names the same host as origin and as server. With a stranger's name
-    that leads to this computer, a browser does just that for the stranger's page.
+    Tornado's own check accepts any request whose origin equals its host. If a foreign host name resolves to
+    this computer, the requests of the foreign page satisfy that check (DNS rebinding).
     """
     origin = request.headers.get("Origin")
     return origin is None or is_accepted(origin, request, application)
 
 
 def is_accepted(origin: str, request: HTTPServerRequest, application: Application) -> bool:
-    """Return whether a page of an origin may talk to the server.
+    """Return whether a page of an origin may connect to the server.
 
-    It may where the server was told its host, and where its host is the address of this computer that the
-    request arrived at. No name is looked up: a stranger's name may lead here.
+    It may if its host was configured, or if its host is the local address at which the request arrived. No
+    name is looked up, because a foreign name may resolve to this computer.
     """
     try:
         host, port = _parsed(origin)
@@ -95,12 +95,12 @@ def is_accepted(origin: str, request: HTTPServerRequest, application: Applicatio
 
 
 def _reached(request: HTTPServerRequest) -> tuple[str, int] | None:
-    """Return the address and port of this computer that a request arrived at."""
+    """Return the local address and port at which a request arrived."""
     stream: Any = getattr(request.connection, "stream", None)
     try:
         address, port, *_ = stream.socket.getsockname()
         return _plain(address), int(port)
-    except (AttributeError, OSError, ValueError):  # closed meanwhile, or no socket of the internet
+    except (AttributeError, OSError, ValueError):  # closed meanwhile, or not an internet socket
         return None
 
 
@@ -121,7 +121,7 @@ def _parsed(origin: str) -> tuple[str, int | None]:
 
 
 def _plain(host: str) -> str:
-    """Return a host in one way of writing it: an IPv4 address inside an IPv6 one as itself."""
+    """Return a host in canonical form; an IPv4-mapped IPv6 address becomes the IPv4 address."""
     try:
         address = ipaddress.ip_address(host)
     except ValueError:
@@ -134,10 +134,10 @@ def _with_port(host: str, port: int) -> str:
 
 
 class PageSocket(WSHandler):
-    """The websocket of a page, open to the pages this server accepts."""
+    """The websocket of a page; it opens only for accepted origins."""
 
     async def get(self, *args: Any, **kwargs: Any) -> None:
-        """Open it for the pages accepted."""
+        """Open the websocket if the origin is accepted."""
         if not is_from_accepted(self.request, self.application):
             origin = self.request.headers["Origin"]
             log.warning("a page of %.200r was refused; `--origin HOST` accepts one more", origin)
@@ -145,11 +145,11 @@ class PageSocket(WSHandler):
         await super().get(*args, **kwargs)
 
     def check_origin(self, origin: str) -> bool:
-        """Accept every origin: whether it is accepted was asked before."""
+        """Accept every origin, because the origin was checked before."""
         return True
 
     def _protocol_error(self, message: str) -> None:
-        """Close with a code that browsers know; Bokeh's own is none, so that they wait for another."""
+        """Close with a valid close code; with Bokeh's invalid one, browsers wait for another."""
         log.warning("the websocket of a page is closed: %s", message)
         self.close(1008, message)
 
@@ -157,7 +157,7 @@ class PageSocket(WSHandler):
 
 
 def check_origins_of_pages() -> None:
-    """Have the servers made from now on check the origins of pages here; Bokeh's own way knows names only."""
+    """Make servers created from now on check origins here; Bokeh's own check compares names only."""
     per_app_patterns[:] = [
         (pattern[0], PageSocket) if issubclass(pattern[1], WSHandler) else pattern
         for pattern in per_app_patterns

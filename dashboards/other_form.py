@@ -1,4 +1,4 @@
-"""Other form: a box below a setting that shows it in another form and takes it in that form."""
+"""Other form: a box below a setting that shows and accepts its value in another form."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ class OtherFormField(Field):
 
     @property
     def view(self) -> pn.viewable.Viewable:
-        """What is laid out in the page."""
+        """The widgets to place on the page."""
         return self._box
 
     def _render(self, value: Any) -> None:

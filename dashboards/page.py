@@ -42,7 +42,7 @@ from lab.views.figures import TimeAxis
 log = logging.getLogger(__name__)
 
 ZOOM_DEBOUNCE = 60
-"""Time without a further zoom before the visible stretch is drawn anew [ms]."""
+"""Quiet time after a zoom before the visible stretch is redrawn [ms]."""
 
 OUTAGES = "sensors.gps.outages"
 
@@ -64,7 +64,7 @@ PAGES: tuple[type[Page], ...] = (
 
 
 class SimulatorPage:
-    """One open page; makes its session, and ends it when the browser leaves."""
+    """One open page: creates its session, and ends it when the browser disconnects."""
 
     def __init__(self) -> None:
         document = pn.state.curdoc
@@ -107,18 +107,18 @@ class SimulatorPage:
     def servable(self) -> None:
         """Put the page into the document of this session and compute the first result.
 
-        Alone, it is there at once. While other pages are open, or wait to be opened, it gets its frame first,
-        then its plots and its settings, so that nobody else waits for all of it.
+        A page alone is shown at once. While other pages are open or waiting, the page gets its frame first,
+        then its plots and its settings, so that no other session waits for all of it.
         """
         self._steps += [self._show, self._add_settings, self._add_files]
         if self._openings is None or not self._openings.crowded:
             while self._steps:
                 self._steps.pop(0)()
-        self._view = self._frame()  # what an ended page leaves is found from here
+        self._view = self._frame()  # the garbage of an ended page is found from here
         self._view.servable()
         pn.state.on_session_destroyed(partial(_close, self))
         self._document.js_on_event(DocumentReady, CustomJS(code=SAME_STYLE_ONCE + SAME_FILE_AGAIN))
-        # A browser ignores changes that overtake the document it has asked for.
+        # A browser ignores changes that arrive before the requested document.
         self._document.on_event(DocumentReady, lambda _event: self._go_on())
         self._address.read()
 
@@ -148,12 +148,12 @@ class SimulatorPage:
         return frame
 
     def _go_on(self) -> None:
-        """Ask for the turn of the next step of the opening."""
+        """Request the turn for the next step of the opening."""
         if self._steps and self._openings is not None:
             self._openings.later(self._document, self._take_step)
 
     def _take_step(self) -> None:
-        """Take the next step of the opening: one message, after one search for the models that are new."""
+        """Run the next step of the opening: one message, after one search for new models."""
         if self._closed or not self._steps:
             return
         step = self._steps.pop(0)
@@ -191,7 +191,7 @@ class SimulatorPage:
         return self._pages[index]
 
     def _show_if_begun(self) -> None:
-        """Draw the page that is chosen, unless its first plots have to wait for their turn."""
+        """Draw the selected page, unless its first plots must wait for their turn."""
         if self._show not in self._steps:
             self._show()
 
@@ -200,7 +200,7 @@ class SimulatorPage:
         self._show()
 
     def _show(self) -> None:
-        """Draw the page that is chosen; it is laid out afterwards, so that it arrives complete."""
+        """Draw the selected page, and lay it out afterwards, so that it arrives complete."""
         with self._failures_shown():
             page, result = self._page, self.session.result
             reason = page.lacks(result) if result is not None else ""
@@ -218,7 +218,7 @@ class SimulatorPage:
 
     @contextmanager
     def _failures_shown(self) -> Iterator[None]:
-        """Show what went wrong while a page was drawn in its place, never the plots of another one."""
+        """Show an error in place of a page that could not be drawn, never the plots of another page."""
         index = self._tabs.active
         try:
             yield
@@ -230,7 +230,7 @@ class SimulatorPage:
             self._stage[:] = [self._failure.view]
 
     def _prepare(self, result: Result) -> None:
-        """Have a page prepare a result; what goes wrong there is shown when the page is drawn."""
+        """Let a page prepare a result; an error is shown when the page is drawn."""
         page = self._pages.get(self._tabs.active)
         try:
             if page is not None and not page.lacks(result):
@@ -247,7 +247,7 @@ class SimulatorPage:
         self._show_if_begun()
 
     def _cut(self, start: float, end: float) -> None:
-        """Add a GPS outage at times of the plots; those that touch become one."""
+        """Add a GPS outage at times of the plots; outages that touch become one."""
         epoch = self.session.result.epoch if self.session.result is not None else 0.0
         start, end = round(start + epoch, 1), round(end + epoch, 1)
         outages: list[tuple[float, float]] = []
@@ -283,7 +283,7 @@ class SimulatorPage:
 def _unlink_busy(frame: MaterialPage) -> None:
     """Unlink a frame from the busy state of the server.
 
-    Linked, the frames of all sessions are gone through at every event, and no closed one is ever freed.
+    A linked frame is visited at every event of any session, and is never freed.
     """
     with edit_constant(frame):
         frame.busy = False

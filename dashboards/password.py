@@ -1,4 +1,4 @@
-"""Password: the one that whoever opens the page has to give, once in a browser."""
+"""Password: visitors must enter it once in each browser."""
 
 from __future__ import annotations
 
@@ -14,11 +14,11 @@ from tornado.web import RequestHandler
 
 COOKIE = "ins_lab_visitor"
 DAYS = 7
-"""How long a browser is remembered [days], at the longest until the server ends."""
+"""Time for which a browser stays logged in [days], at most until the server ends."""
 PENALTY = 1.0
-"""Time that the answer to a wrong password takes [s]: it bounds how many can be tried."""
+"""Delay of the answer to a wrong password [s]; it bounds the rate of guesses."""
 TRIES = 8
-"""Wrong passwords that may wait for their answer at once: eight guesses a second in all."""
+"""Most wrong passwords that wait for their answer at once: eight guesses a second in all."""
 
 _PAGE = """<!DOCTYPE html>
 <html lang="en">
@@ -36,7 +36,7 @@ _PAGE = """<!DOCTYPE html>
 
 
 class Password(AuthProvider):
-    """Lets those in who have given the password.
+    """Admits visitors who have entered the password.
 
     Parameters
     ----------
@@ -50,54 +50,54 @@ class Password(AuthProvider):
         super().__init__()
 
     def is_right(self, password: str) -> bool:
-        """Return whether a password is the right one, in a time that does not tell how near it is."""
+        """Return whether a password is right, in a time that does not depend on how similar it is."""
         return hmac.compare_digest(password.encode(errors="replace"), self._password)
 
     @property
     def get_user(self) -> Callable[[Any], Any]:
-        """Function that returns who asks: a visitor who has given the password, or nobody."""
+        """Function that returns the user of a request: a visitor who has entered the password, or None."""
         return _visitor
 
     @property
     def login_url(self) -> str:
-        """Where the password is asked for."""
+        """Address of the login page."""
         return "/login"
 
     @property
     def login_handler(self) -> type[RequestHandler]:
-        """What asks for it."""
+        """Handler of the login page."""
         return PasswordHandler
 
     @property
     def get_user_async(self) -> None:
-        """Nothing: who asks is known at once."""
+        """None: `get_user` returns at once."""
 
     @property
     def get_login_url(self) -> None:
-        """Nothing: the password is asked for in one place."""
+        """None: the address of the login page is constant."""
 
     @property
     def logout_url(self) -> None:
-        """Nothing: there is no way out but to forget the cookie."""
+        """None: there is no logout; a visitor can delete the cookie."""
 
     @property
     def logout_handler(self) -> None:
-        """Nothing, as `logout_url`."""
+        """None, as `logout_url`."""
 
 
 class PasswordHandler(RequestHandler):
-    """Asks for the password, and leads to the page."""
+    """Asks for the password, then redirects to the page."""
 
     def get(self) -> None:
         """Ask."""
         self._ask("")
 
     async def post(self) -> None:
-        """Let in whoever gave the password; the answer to a wrong one takes a moment."""
+        """Admit a visitor with the right password; the answer to a wrong one is delayed."""
         provider: Password = self.application.auth_provider  # type: ignore[attr-defined]  # of Bokeh's application
         if provider.waiting >= TRIES:
             self.set_status(429)
-            self._ask("Too many wrong passwords were given. Try again in a moment.")
+            self._ask("There were too many wrong passwords. Try again in a moment.")
             return
         if not provider.is_right(self.get_body_argument("password", "", strip=False)):
             provider.waiting += 1
@@ -106,7 +106,7 @@ class PasswordHandler(RequestHandler):
             finally:
                 provider.waiting -= 1
             self.set_status(403)
-            self._ask("This is not the password.")
+            self._ask("The password is wrong.")
             return
         secure = self.request.protocol == "https"
         self.set_signed_cookie(
@@ -125,7 +125,7 @@ def _visitor(handler: Any) -> str | None:
 
 
 def _own(address: str) -> str:
-    """Return an address if it is one of this server, and else that of its page."""
+    """Return an address if it belongs to this server, otherwise that of the page."""
     try:
         parts = urlsplit(address)
     except ValueError:

@@ -1,4 +1,4 @@
-"""Progress: a word in the header about what is being computed, for runs that take long enough to notice."""
+"""Progress: a text in the header about the current computation, for runs that take noticeably long."""
 
 from __future__ import annotations
 
@@ -11,11 +11,11 @@ from dashboards.session import Session
 
 
 class Progress:
-    """Shows the stage and the share that is done while a session computes."""
+    """Shows the stage and the fraction done while a session computes."""
 
     def __init__(self, session: Session) -> None:
-        # Only its text changes: to show or hide a model has the browser lay the whole page out, and a ring
-        # that turns keeps it painting while it has plots to draw.
+        # Only its text changes. Showing or hiding a model would make the browser lay out the whole page, and
+        # a rotating ring would keep it painting while it has plots to draw.
         self.view = pn.pane.HTML(
             "",
             margin=(0, 8),

@@ -1,4 +1,4 @@
-"""Sending: changes that leave for the browser together, and surely."""
+"""Sending: changes that are sent to the browser together and reliably."""
 
 from __future__ import annotations
 
@@ -10,11 +10,11 @@ from bokeh.document import Document
 
 @contextmanager
 def together(document: Document) -> Iterator[None]:
-    """Hold back the changes made inside, and send them when it ends, each property once.
+    """Hold back the changes made inside, and send them at the end, each property once.
 
-    Bokeh's own hold, not Panel's (`panel.io.hold`), which drops changes of a page whose browser has fetched
-    the document and not yet said that it is ready, and can leave a message lying when two of its write
-    tasks overlap: the plots then stay empty, or a change behind, until the next change.
+    This is Bokeh's hold, not Panel's (`panel.io.hold`). Panel's drops changes if the browser has fetched the
+    document but has not yet reported that it is ready. It can also delay a message when two of its write
+    tasks overlap: the plots then stay empty, or one change behind, until the next change.
     """
     if document.callbacks.hold_value:
         yield

@@ -20,8 +20,8 @@ Examples:
   ins-lab serve --port 8000
   ins-lab serve --algorithm my_filter.py:MyFilter
   ins-lab serve --address 0.0.0.0 --password-file secret.txt
-Everything stays on this computer unless you name another address. Then visitors
-run missions and settings, and change no mission unless you add --visitors edit.
+Only this computer reaches the page, unless you name another address. Visitors may
+then run missions and change settings; --visitors edit lets them change missions too.
 The page Models compares your algorithm."""
 
 MAX_PASSWORD = 1024
@@ -53,7 +53,7 @@ def serve(
         typer.Option(
             "--origin",
             metavar="HOST[:PORT]",
-            help="A further name under which the page is reached, such as that of a proxy; may be repeated.",
+            help="A further host name of the page, such as that of a proxy; may be repeated.",
             show_default=False,
         ),
     ] = None,
@@ -70,14 +70,14 @@ def serve(
         typer.Option(
             "--password-file",
             metavar="FILE",
-            help="File with the password that visitors have to give, in one line.",
+            help="File whose one line is the password for visitors.",
             show_default=False,
         ),
     ] = None,
 ) -> None:
-    """Serve the dashboard and open it where there is a screen."""
+    """Serve the dashboard, and open it in a browser if there is a screen."""
     _check_port(address, port)
-    algorithms(own)  # what cannot be loaded is said now, not to visitors
+    algorithms(own)  # a failure to load is reported now, not to visitors
     password = None if password_file is None else read_password(password_file)
     from dashboards import server  # noqa: PLC0415 - takes a second
     from dashboards.origins import OriginError  # noqa: PLC0415 - takes a second
@@ -97,12 +97,12 @@ def serve(
 
 
 def read_password(path: Path) -> str:
-    """Return the password in a file: its only line.
+    """Return the password in a file, its only line.
 
     Raises
     ------
     CommandError
-        If the file cannot be read, or holds no acceptable password.
+        If the file cannot be read, or contains no acceptable password.
     """
     accepted = f"accepted is a file with one line of {LEAST_PASSWORD} to {MAX_PASSWORD} characters"
     if not path.is_file():
@@ -137,7 +137,7 @@ def _check_port(address: str, port: int) -> None:
 
 
 def free_port() -> int:
-    """Return a port nobody listens on."""
+    """Return a free port."""
     with socket.socket() as probe:
         probe.bind(("127.0.0.1", 0))
         return int(probe.getsockname()[1])

@@ -14,7 +14,7 @@ from typing import Any
 APP = Path(__file__).with_name("simulator.py")
 
 MAX_BODY = 2**16
-"""Largest body of a request [bytes]: that of the password; files come over the websocket."""
+"""Largest body of a request [bytes]: the password is the only body; files come over the websocket."""
 
 
 def serve(
@@ -38,16 +38,16 @@ def serve(
     show
         Whether to open the page in a browser.
     algorithms
-        Algorithms of whoever serves, as ``FILE.py:Name``, compared beside the built-in models.
+        The operator's algorithms, as ``FILE.py:Name``, compared beside the built-in models.
     origins
-        Further hosts whose pages may talk to the server, such as that of a proxy before it.
+        Further hosts whose pages may connect to the server, such as a proxy before it.
     visitors
-        What whoever opens the page may do: ``"run"``, or ``"edit"`` for missions too; by default edit where
-        only this computer reaches the server, and else run.
+        What visitors may do: ``"run"``, or ``"edit"`` for missions too. The default is edit if only this
+        computer reaches the server, otherwise run.
     password
-        What they have to give first; None for nothing.
+        Password for visitors; None for no password.
     """
-    # All of these take a second; the first visitor shall not wait for the page.
+    # These take a second; the first visitor should not wait for them.
     import panel as pn  # noqa: PLC0415
 
     import dashboards.page  # noqa: F401, PLC0415
@@ -65,7 +65,7 @@ def serve(
     use_algorithms(algorithms)
     sweep_own_folder()
     with warnings.catch_warnings(action="ignore"):
-        missions()  # what is read here, no page reads again
+        missions()  # read here once, so that no page reads it again
     loopback = is_loopback(address)
     allow(visitors or ("edit" if loopback else "run"))
     limit_log()
@@ -94,14 +94,14 @@ def serve(
 
 
 def _on_end(clean: Callable[[], None]) -> None:
-    """Clean up when the system ends this process, which then ends at once, whatever is being computed."""
+    """Clean up when the system ends this process, then exit at once, even during a computation."""
 
     def end(number: int, _frame: FrameType | None) -> None:
         clean()
         signal.signal(number, signal.SIG_DFL)
         signal.raise_signal(number)
 
-    with contextlib.suppress(ValueError):  # only the main thread is told of signals
+    with contextlib.suppress(ValueError):  # only the main thread receives signals
         for name in ("SIGTERM", "SIGHUP"):
             if hasattr(signal, name):
                 signal.signal(getattr(signal, name), end)

@@ -1,4 +1,4 @@
-"""Session: the state of one open page: its settings, its last good result, and what it has to say."""
+"""Session: the state of one open page: its settings, its last good result, and its messages."""
 
 from __future__ import annotations
 
@@ -18,19 +18,21 @@ from lab.result import Result
 from lab.settings import SettingError
 
 PATIENCE = 500
-"""How long a run may take before the page speaks of progress [ms]."""
+"""Time after which the page shows the progress of a run [ms]."""
 
 REST = 1000
-"""How long nothing must change until the settings are at rest [ms]; a change on ten pages takes less."""
+"""Quiet time before the settings count as settled [ms]; a change on ten pages takes less."""
 
 
 class Session(param.Parameterized):
     """Settings of one page, computed in the background; the last good result stays until the next."""
 
     result: Result | None = param.Parameter(None, doc="The last good result.")
-    problem: str = param.String("", doc="What was wrong with the last change; empty if nothing.")
-    stage: str = param.String("", doc="What is being computed, if it takes long enough to be worth a word.")
-    fraction: float = param.Number(0.0, doc="Fraction of it that is done.")
+    problem: str = param.String("", doc="Error of the last change; empty if there was none.")
+    stage: str = param.String(
+        "", doc="Description of the current computation, if it takes long enough to be shown."
+    )
+    fraction: float = param.Number(0.0, doc="Fraction of the computation that is done.")
 
     def __init__(self, document: Document) -> None:
         super().__init__()
@@ -46,34 +48,34 @@ class Session(param.Parameterized):
         self._closed = False
         self._arrived: Outcome | None = None
         self._browser_ready = False
-        # A browser ignores changes that overtake the document it has asked for.
+        # A browser ignores changes that arrive before the requested document.
         document.on_event(DocumentReady, lambda _event: self._open())
 
     def on_settings(self, callback: Callable[[], None]) -> None:
-        """Call back whenever the settings were changed by anything but a single widget."""
+        """Register a callback for changes of the settings that do not come from a single widget."""
         self._on_settings.append(callback)
 
     def on_rest(self, callback: Callable[[], None]) -> None:
-        """Call back once a widget has changed settings, and no more for a moment.
+        """Register a callback for settled settings after changes by a widget.
 
-        For what may follow later than the plots: a box that shows another text takes the browser so long
-        that a slider is seen to lag behind.
+        This is for updates that may come later than the plots: changing the text of a box takes the browser
+        so long that a slider would visibly lag.
         """
         self._on_rest.append(callback)
 
     def on_library(self, callback: Callable[[], None]) -> None:
-        """Call back whenever this session has added, renamed or deleted a mission."""
+        """Register a callback for missions that this session added, renamed or deleted."""
         self._on_library.append(callback)
 
     def library_changed(self, chosen: str | None = None) -> None:
-        """Tell that there are other missions now, and fly through another one if it is named."""
+        """Report that the missions have changed, and choose another one if it is named."""
         if chosen is not None:
             self.change("mission", chosen)
         for callback in (*self._on_library, *self._on_settings):
             callback()
 
     def compute(self) -> None:
-        """Compute the settings as they are now, in the background."""
+        """Run the current settings in the background."""
         if self._closed:
             return
         self._runs.submit(self.experiment.copy())
@@ -99,12 +101,12 @@ class Session(param.Parameterized):
         return True
 
     def take(self, experiment: Experiment) -> None:
-        """Take over all settings of an experiment and compute.
+        """Take over all settings of an experiment, and run them.
 
         Raises
         ------
         SettingError
-            If its mission is not in the catalogue; nothing is changed then.
+            If its mission is not in the catalogue; then nothing is changed.
         """
         _check_mission(experiment.mission)
         self.experiment = experiment
@@ -114,7 +116,7 @@ class Session(param.Parameterized):
         self.compute()
 
     def close(self) -> None:
-        """End: deliver nothing more and forget the result."""
+        """End the session: deliver no more, and drop the result."""
         self._closed = True
         self._runs.close()
         self._on_settings.clear()
@@ -134,7 +136,7 @@ class Session(param.Parameterized):
         self._collect()
 
     def _collect(self) -> None:
-        """Take what has arrived; until the browser has its document, it waits."""
+        """Take the arrived outcome; it waits until the browser has its document."""
         if self._browser_ready and self._arrived is not None:
             outcome, self._arrived = self._arrived, None
             self._receive(outcome)
@@ -174,7 +176,7 @@ class Session(param.Parameterized):
 
 
 def _check_mission(name: str) -> None:
-    """Refuse what is not in the catalogue: a page must not be a way to files of the server."""
+    """Refuse missions outside the catalogue: a page must not give access to files of the server."""
     known = missions()
     if name not in known:
         raise SettingError(

@@ -1,4 +1,4 @@
-"""Settings panel: all settings as fields, in the order and words of their declarations."""
+"""Settings panel: all settings as fields, with the order and texts of their declarations."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ SECTIONS = {
     "navigator": ("Navigator and filter", True),
     "trajectory": ("Trajectory", False),
 }
-"""Title of each group of settings, and whether it is open at first."""
+"""Title of each group of settings, and whether it is initially open."""
 
 COMMON = frozenset(
     {
@@ -60,23 +60,23 @@ COMMON = frozenset(
         "trajectory.imu_rate",
     }
 )
-"""Settings shown at once; the others unfold below them."""
+"""Settings that are always visible; the others are in an expandable list below."""
 
 OF_A_LOG = (
-    "A log of real sensors: nothing is simulated. The sensors' settings are what the filter assumes of them; "
-    "those that change nothing are not shown."
+    "A sensor log: nothing is simulated. The settings of the sensors are what the filter assumes about "
+    "them. Settings without effect are hidden."
 )
 
 
 class SettingsPanel:
-    """The settings of a session, as shown in the sidebar.
+    """The settings of a session in the sidebar.
 
     Parameters
     ----------
     session
-        Whose settings are shown and changed.
+        Session whose settings are shown and changed.
     later
-        Called with what fills an open group of settings, one after the other; at once if it is not given.
+        Called with functions that fill the open groups, one after the other; by default they run at once.
     """
 
     def __init__(self, session: Session, later: Callable[[Callable[[], None]], None] | None = None) -> None:
@@ -109,7 +109,7 @@ class SettingsPanel:
         self.refresh()
 
     def refresh(self) -> None:
-        """Show the settings as they are."""
+        """Show the current settings."""
         for path, shown in self._fields.items():
             shown.show(self._session.experiment.get(path))
         self._suit()
@@ -118,14 +118,14 @@ class SettingsPanel:
         self._mission.offer(mission_titles(missions()), self._session.experiment.mission)
 
     def _suit(self) -> None:
-        """Show what changes something: of a log of real sensors nothing is simulated."""
+        """Show only settings with an effect: for a sensor log, nothing is simulated."""
         self._is_log = isinstance(missions().get(self._session.experiment.mission), LogMission)
         self._note.say(OF_A_LOG if self._is_log else "", "info")
         for view, paths in self._views:
             view.visible = not self._is_log or any(map(has_effect, paths))
 
     def _suited(self, view: pn.viewable.Viewable, paths: list[str]) -> pn.viewable.Viewable:
-        """Return a view that is shown only where one of its settings changes something."""
+        """Return a view that is visible only if one of its settings has an effect."""
         self._views.append((view, paths))
         view.visible = not self._is_log or any(map(has_effect, paths))
         return view
@@ -245,16 +245,16 @@ class SettingsPanel:
         return made.view
 
     def _refresh_forms(self) -> None:
-        """Show settings and their other forms alike, whichever was changed."""
+        """Show the same value in settings and their other forms, whichever was changed."""
         for path in (*self._forms, *self._forms.values()):
             if path in self._fields:
                 self._fields[path].show(self._session.experiment.get(path))
 
 
 def matched_variances(experiment: Experiment, name: str) -> list[float]:
-    """Return the variances, SI units, the filter takes for p0, q or r while none are given.
+    """Return the variances, in SI units, that the filter uses for p0, q or r while none are given.
 
-    Those of p0 after an alignment are of a level vehicle, for its first attitude is not known here.
+    For p0 after an alignment, a level vehicle is assumed, because the first attitude is unknown here.
     """
     plain = experiment.navigator.copy()
     for setting in ("p0", "q", "r"):

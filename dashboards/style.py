@@ -1,4 +1,4 @@
-"""Style: colours and measures of the page."""
+"""Style: colours and dimensions of the page."""
 
 from __future__ import annotations
 
@@ -30,22 +30,22 @@ FRAME = """
 """
 """All below the header: tabs, message, page and time bar share the height of the window.
 
-Panel asks for the height of all plots, where they are there before the frame.
+Panel requests the height of all plots if they exist before the frame.
 """
 
 STAGE = """
 :host { flex: 1 1 0 !important; min-height: 0 !important; overflow: hidden auto !important; }
 """
-"""The page, which scrolls where it is higher than its place."""
+"""The page, which scrolls if it is higher than its place."""
 
 WRAP = """
 :host { flex-wrap: wrap; }
 :host > :last-child { flex: 1 1 260px; }
 """
-"""A choice and the words about it: below each other where they do not fit side by side."""
+"""A selection and the text about it: one below the other if they do not fit side by side."""
 
 TOOLTIP = ".MuiTooltip-tooltip { width: max-content; max-width: 280px; }"
-"""The tooltip of a button with an icon only, which would be as narrow as its button: one word a line."""
+"""The tooltip of an icon button; otherwise it would be as narrow as the button, with one word per line."""
 
 SAME_STYLE_ONCE = """
 const {InlineStyleSheet} = Bokeh.require("core/dom");
@@ -56,6 +56,6 @@ InlineStyleSheet.prototype._update = function(css) {
 """
 """Spares the browser style sheets that do not change.
 
-Bokeh writes the place of each axis and title anew at every repaint, the same or not, and each time the
-browser works out all styles again: a repaint of nine plots took 84 ms, and takes 47 ms without.
+Bokeh rewrites the place of each axis and title at every repaint, changed or not, and each time the browser
+recomputes all styles. A repaint of nine plots took 84 ms with this, and takes 47 ms without.
 """

@@ -16,16 +16,16 @@ from dashboards.widgets import Slider
 from lab.views.figures import TimeAxis
 
 FRAME = 50
-"""Time from picture to picture while playing [ms]."""
+"""Time between two frames while playing [ms]."""
 
 OUTAGE = 20.0
-"""Length of a GPS outage set from the cursor on [s]."""
+"""Length of a GPS outage that starts at the cursor [s]."""
 
 SPEEDS = {"1 ×": 1.0, "5 ×": 5.0, "20 ×": 20.0}
 
 
 ROOMY = "@media (max-width: 800px) { :host { display: none !important; } }"
-"""Leaves the room to the slider on narrow windows."""
+"""Hides labels on narrow windows, to leave room for the slider."""
 
 READOUT = """
 :host { width: 104px; }
@@ -34,18 +34,18 @@ READOUT = """
 
 
 class TimeBar:
-    """Moves the time cursor: by hand, by playing, and by a click into a plot.
+    """Moves the time cursor: by hand, by playing, or by a click into a plot.
 
     Parameters
     ----------
     axis
-        The time axis whose cursor is moved.
+        Time axis whose cursor moves.
     document
-        Document of the session, which is this bar's clock.
+        Document of the session; its callbacks are the clock of this bar.
     follow
         Called with each new time [s].
     cut
-        Called with the start and the end of a stretch of time [s] that is to be without GPS.
+        Called with start and end [s] of a GPS outage to add.
     """
 
     def __init__(
@@ -93,8 +93,8 @@ class TimeBar:
             icon="gps_off",
             size="1.2em",
             margin=(6, 0, 0, 0),
-            description="GPS outage over the visible stretch (drag over a plot to choose one); "
-            f"with the whole flight visible, {OUTAGE:g} s from the time cursor on",
+            description="Adds a GPS outage over the visible stretch (drag over a plot to choose one). If the "
+            f"whole flight is visible, the outage starts at the time cursor and lasts {OUTAGE:g} s.",
             stylesheets=[TOOLTIP],
         )
         outage.on_click(lambda _event: self._cut_stretch())
@@ -127,13 +127,13 @@ class TimeBar:
         self._tell(self._axis.time)
 
     def play(self) -> None:
-        """Let the time run, from the beginning if it is at the end."""
+        """Start playing; from the beginning if the cursor is at the end."""
         if self._axis.time >= self._axis.duration:
             self._go(0.0)
         self._playing = self._document.add_periodic_callback(self._advance, FRAME)
 
     def stop(self) -> None:
-        """Let the time stand."""
+        """Stop playing."""
         if self._playing is not None:
             self._document.remove_periodic_callback(self._playing)
             self._playing = None
@@ -147,7 +147,7 @@ class TimeBar:
             self.stop()
 
     def _cut_stretch(self) -> None:
-        """Take GPS away over the visible stretch, or from the cursor on; show the whole flight."""
+        """Add a GPS outage over the visible stretch or from the cursor on, and show the whole flight."""
         start, end = self._axis.window
         if end - start >= self._axis.duration:
             start, end = self._axis.time, min(self._axis.time + OUTAGE, self._axis.duration)

@@ -1,4 +1,4 @@
-"""Upload: a button files are dropped on; they go to a folder of the session, which ends with it."""
+"""Upload: a button that takes dropped files into a folder of the session, deleted when the session ends."""
 
 from __future__ import annotations
 
@@ -27,22 +27,22 @@ document.addEventListener("click", (event) => {
   if (field instanceof HTMLInputElement && field.type === "file") field.value = "";
 }, true);
 """
-"""Lets a person choose the file of before once more, such as after it was corrected.
+"""Allows choosing the same file again, such as after a correction.
 
-A browser says nothing of a choice of what the field holds already, and the button empties its field only two
-seconds after an upload, and never after one that it refused.
+A browser reports no choice of a file that the field already holds. The button empties its field only two
+seconds after an upload, and never after a refused one.
 """
 PREFIX = "ins-lab-upload-"
-"""How the folders of uploads begin, in the folder for temporary files; the number of the process follows."""
+"""Prefix of the folders of uploads, in the folder for temporary files; the process number follows."""
 
 
 class Upload(pmui.FileInput):
-    """A button that takes files, piece by piece, so that they are never whole in memory.
+    """A button that receives files in pieces, so that they are never whole in memory.
 
     Parameters
     ----------
     arrived
-        Called with the paths of the files once all are there; those of before are gone then.
+        Called with the paths of the files once all have arrived; the previous files are deleted then.
     refused
         Called with the reason when an upload is not accepted.
     most
@@ -72,7 +72,7 @@ class Upload(pmui.FileInput):
         self._begin()
 
     def delete(self) -> None:
-        """Delete all files, and take no more."""
+        """Delete all files, and accept no more."""
         self._closed = True
         if self._temporary is not None:
             self._lock.close()
@@ -86,18 +86,18 @@ class Upload(pmui.FileInput):
 
     @property
     def _folder(self) -> Path:
-        """The folder of all uploads here; it goes with the session, or with the server."""
+        """The folder of all uploads of the session; it is deleted with the session or the server."""
         if self._temporary is None:
             remove_abandoned()
         while self._temporary is None:
             made = tempfile.TemporaryDirectory(prefix=f"{PREFIX}{os.getpid()}-", ignore_cleanup_errors=True)
             lock = hold(Path(made.name))
-            if lock is not None:  # None: a server that starts takes the folder for abandoned
+            if lock is not None:  # None means that a starting server would treat the folder as abandoned
                 self._temporary, self._lock = made, lock
         return Path(self._temporary.name)
 
     def _handle_msg(self, msg: Any) -> None:
-        """Do what the browser says of an upload; the button itself does not expect that it refuses a file."""
+        """Handle the browser's messages about an upload; the base class does not expect a refused file."""
         if isinstance(msg, dict) and msg.get("status") == "error":
             self._problem = self._problem or (
                 f"The browser did not send the files; accepted are up to {self._largest // 2**20} MB in all."
@@ -107,11 +107,11 @@ class Upload(pmui.FileInput):
         super()._handle_msg(msg)
 
     def _process_chunk(self, msg: dict[str, Any]) -> None:
-        """Write a piece of a file; what a browser would not send is refused."""
+        """Write a piece of a file; a piece that no browser would send is refused."""
         name, chunk, data = msg.get("name"), msg.get("chunk"), msg.get("data")
         if self._closed or self._problem or not isinstance(name, str):
             return
-        if not isinstance(data, bytes | bytearray | memoryview):  # a number would make as many zeros
+        if not isinstance(data, bytes | bytearray | memoryview):  # bytes(n) of a number n would be n zeros
             data = b""
         if name not in self._paths and len(self._paths) >= self._most:
             self._problem = f"More than {self._most} files; accepted are up to {self._most} at once."
@@ -119,7 +119,7 @@ class Upload(pmui.FileInput):
         self._bytes += len(data)
         if self._bytes > self._largest or chunk != self._chunks.get(name, 0) + 1:
             self._problem = (
-                f"{name}: too large, or cut; accepted are up to {self._largest // 2**20} MB in all."
+                f"{name}: too large, or incomplete; accepted are up to {self._largest // 2**20} MB in all."
             )
             return
         if name not in self._paths:
@@ -133,7 +133,7 @@ class Upload(pmui.FileInput):
             file.write(data)
 
     def _flush_buffer(self) -> None:
-        """Hand the files over."""
+        """Report the uploaded files."""
         paths, problem = list(self._paths.values()), self._problem
         self._begin()
         if self._closed:
@@ -149,14 +149,14 @@ class Upload(pmui.FileInput):
 
 
 def plain_name(name: str) -> str:
-    """Return a name that is one of a file in a folder, as near as can be to what a browser claims."""
+    """Return a plain file name, as close as possible to the name that the browser sent."""
     last = name.replace("\\", "/").rpartition("/")[2]
     plain = "".join(sign if sign.isalnum() or sign in PUNCTUATION else "_" for sign in last)
     return plain[-LONGEST_NAME:].strip(" .") or "file"
 
 
 def remove_abandoned() -> None:
-    """Remove the uploads of servers that were killed: of those folders nobody holds the lock."""
+    """Remove the uploads of killed servers: no process holds the lock of those folders."""
     for folder in _folders(""):
         if (folder / LOCK_FILE).exists():
             with contextlib.suppress(OSError):
@@ -167,13 +167,13 @@ def remove_abandoned() -> None:
 
 
 def remove_all_here() -> None:
-    """Remove all uploads of this process, which ends."""
+    """Remove all uploads of this process when it ends."""
     for folder in _folders(f"{os.getpid()}-"):
         shutil.rmtree(folder, ignore_errors=True)
 
 
 def _folders(more: str) -> Iterator[Path]:
-    """Yield the folders of uploads that are this user's own, and no links."""
+    """Yield the upload folders that belong to this user and are not links."""
     for path in Path(tempfile.gettempdir()).glob(f"{PREFIX}{more}*"):
         with contextlib.suppress(OSError):
             found = path.lstat()

@@ -1,19 +1,19 @@
-"""Upstream: what the laboratory replaces or reads of Bokeh, Panel and viser that they do not offer in public.
+"""Upstream: the private parts of Bokeh, Panel and viser that the laboratory replaces or reads.
 
-Each of them is tested against the installed version, to which `pyproject.toml` is bound
-(`tests/dashboards/test_upstream.py`). What would make a part needless:
+Each part is tested against the installed version, which `pyproject.toml` pins
+(`tests/dashboards/test_upstream.py`). These upstream changes would make parts unnecessary:
 
-- Defaults worked out when asked for, and one description of properties for each class: Bokeh 4, issue
-  `bokeh#15354 <https://github.com/bokeh/bokeh/issues/15354>`_, and for 3.10 pull request ``bokeh#15322``.
-- An ended document without cycles: ``bokeh#11523``, open since 2021; that a search for them holds up all
-  others: ``panel#3259``.
-- What Panel copies and asks again for each component, and a question of viser for who connects: no issue
-  of theirs is known.
+- Lazily computed defaults, and one description of properties for each class: Bokeh 4, issue `bokeh#15354
+  <https://github.com/bokeh/bokeh/issues/15354>`_, and for 3.10 pull request ``bokeh#15322``.
+- An ended document without reference cycles: ``bokeh#11523``, open since 2021. Collections that block all
+  sessions: ``panel#3259``.
+- Panel's repeated copies and lookups for each component, and access control in viser: no upstream issue is
+  known.
 
-A page consists of 600 models. Bokeh asks for the default of each of their properties several times, and each
-time it copies and checks the default: half of the time to open a page. A default that is a number, a text, a
-truth value or nothing is the same for all models of a class, and one that is empty is made anew unchecked,
-once somebody asks for it: it refers to its model, which would outlive its page until a search for garbage.
+A page consists of 600 models. Bokeh reads the default of each of their properties several times, and copies
+and checks it each time, which takes half of the time to open a page. A default that is a number, a text, a
+Boolean or None is shared by all models of a class. An empty default is created on first use, without checks:
+it refers to its model, which would otherwise outlive its page until a garbage collection.
 """
 
 from __future__ import annotations
@@ -46,21 +46,21 @@ from viser.infra import WebsockClientConnection, WebsockServer
 from websockets.asyncio.server import ServerConnection
 
 MOST_PATHS = 1024
-"""Most files and folders of which it is remembered whether one is in the other; a page asks for 60."""
+"""Most pairs of file and folder whose relation is cached; a page needs 60."""
 
 
 CONSTANT = (type(None), bool, int, float, str)
-"""Types of the defaults that are remembered: what nobody can change in place."""
+"""Types of cached defaults: immutable ones."""
 CONTAINERS = (PropertyValueDict, PropertyValueList, PropertyValueSet)
-"""Types of the defaults of which it is remembered that they are empty."""
+"""Types of defaults that are cached as empty."""
 
 _Key = tuple[PropertyDescriptor[Any], type[HasProps]]
 
 
 class RememberedDefaults:
-    """The defaults of Bokeh's properties, each worked out once for a class of models.
+    """The defaults of Bokeh's properties, each computed once for a class of models.
 
-    A theme may set another default for single models, so what a theme names is always asked of Bokeh.
+    A theme may set other defaults for single models, so properties in a theme always go to Bokeh.
     """
 
     def __init__(self) -> None:
@@ -72,7 +72,7 @@ class RememberedDefaults:
         self._own: dict[type[HasProps], list[tuple[str, PropertyDescriptor[Any]]]] = {}
 
     def install(self) -> None:
-        """Answer in place of Bokeh from now on."""
+        """Replace Bokeh's functions from now on."""
         remembered = self
 
         def begin(model: HasProps, **properties: Any) -> None:
@@ -97,7 +97,7 @@ class RememberedDefaults:
         PropertyDescriptor.has_unstable_default = has_unstable_default  # type: ignore[method-assign, assignment]
 
     def begin(self, model: HasProps, properties: dict[str, Any]) -> None:
-        """Begin a model as Bokeh does, with the properties given and the defaults that are its own."""
+        """Initialise a model as Bokeh does, with the given properties and its own defaults."""
         super(HasProps, model).__init__()
         model._property_values = {}
         model._unstable_default_values = {}
@@ -107,7 +107,7 @@ class RememberedDefaults:
                 setattr(model, name, value)
         for name, descriptor in self._own_defaults(model):
             if name not in properties and (descriptor, model.__class__) not in self._empty:
-                descriptor._get(model)  # makes the default
+                descriptor._get(model)  # creates the default
         model._initialized = True
 
     def default(self, descriptor: PropertyDescriptor[Any], model: HasProps) -> Any:
@@ -129,14 +129,14 @@ class RememberedDefaults:
         return default
 
     def is_unstable(self, descriptor: PropertyDescriptor[Any], model: HasProps) -> bool:
-        """Return whether each model has a default of its own, such as an empty list."""
+        """Return whether each model has its own default, such as an empty list."""
         key = (descriptor, model.__class__)
         if key not in self._unstable:
             self._unstable[key] = self._is_unstable(descriptor, model)
         return self._unstable[key]
 
     def _own_defaults(self, model: HasProps) -> list[tuple[str, PropertyDescriptor[Any]]]:
-        """Return the properties of which each model has a default of its own, in Bokeh's order."""
+        """Return the properties for which each model has its own default, in Bokeh's order."""
         kind = model.__class__
         if kind not in self._own:
             every = [(name, model.lookup(name)) for name in model.properties(_with_props=True)]
@@ -145,14 +145,14 @@ class RememberedDefaults:
 
 
 def themed(model: HasProps) -> dict[str, Any] | None:
-    """Return what a theme sets on a model; Bokeh's own way asks all properties where there is nothing."""
+    """Return the values that a theme sets on a model; Bokeh's own code visits all properties."""
     return model.__dict__.get("__themed_values__")
 
 
 def speed_up() -> None:
-    """Have Bokeh and Panel remember, and leave out the checks that serve those who write pages.
+    """Make Bokeh and Panel cache, and skip the checks that only help authors of pages.
 
-    The checks are those of whole documents and of the arguments of each callback.
+    These are the checks of whole documents and of the arguments of each callback.
     """
     if PropertyDescriptor.instance_default.__module__ != RememberedDefaults.__module__:
         RememberedDefaults().install()
@@ -165,7 +165,7 @@ def speed_up() -> None:
 
 
 def _look_at_values_that_are_set() -> None:
-    """Have Bokeh look for models, and for what it sends, only among values that are no constant defaults."""
+    """Make Bokeh search for models, and for values to send, only among values that are no constants."""
     visit_any = util.visit_immediate_value_references
     visit_inside = util.visit_value_and_its_immediate_references
     query_any = HasProps.query_properties_with_values
@@ -197,12 +197,12 @@ def _look_at_values_that_are_set() -> None:
 
 
 def _own_values(model: HasProps) -> dict[str, Any]:
-    """Return the values of a model that are not those of all models of its class."""
+    """Return the values of a model that its class does not share."""
     return {**model._unstable_default_values, **model._unstable_themed_values, **model._property_values}
 
 
 def _changed(model: HasProps) -> Iterator[tuple[str, Any]]:
-    """Yield the properties of a model that a browser cannot know, in Bokeh's order."""
+    """Yield the properties of a model that must be sent to a browser, in Bokeh's order."""
     own = _own_values(model)
     for name in model.properties(_with_props=True):
         if name in own:
@@ -212,9 +212,9 @@ def _changed(model: HasProps) -> Iterator[tuple[str, Any]]:
 
 
 def _share_declarations() -> None:
-    """Have Panel read the declarations of a component's class, and not copy each of them for the component.
+    """Make Panel read the declarations of a component's class instead of copying each for the component.
 
-    The copies, 2,700 for a page, are for components that change their own declarations.
+    The copies, 2,700 for a page, serve only components that change their own declarations.
     """
     get_properties = ReactiveESM._get_properties
 
@@ -240,7 +240,7 @@ def _share_declarations() -> None:
         return models, old
 
     def init_params(component: Syncable) -> dict[str, Any]:
-        synced = component._synced_params  # asked once, not for each of them
+        synced = component._synced_params  # read once, not for each of them
         return {name: value for name in synced if (value := getattr(component, name)) is not None}
 
     ReactiveESM._get_properties = properties  # type: ignore[method-assign, assignment]
@@ -249,15 +249,15 @@ def _share_declarations() -> None:
 
 
 def _remember_paths() -> None:
-    """Have Panel look once whether a file of a component is in a folder it serves: 700 times for a page."""
+    """Make Panel check only once whether it serves the folder of a component's file, not 700 times a page."""
     vars(resources)["_is_subpath"] = lru_cache(MOST_PATHS)(resources._is_subpath)
 
 
 def cut_cycles() -> None:
-    """Have Bokeh let go of callbacks that were called, and of what belongs to models of ended pages.
+    """Make Bokeh release callbacks after their call, and the data of models of ended pages.
 
-    Both refer to themselves and to the page, and nothing refers to them: a search from the page would not
-    find them, and the page would have to stay.
+    Both refer to themselves and to the page, and nothing refers to them. A collection from the page would not
+    find them, and the page would stay in memory.
     """
     remove, destroy = DocumentCallbackManager.remove_session_callback, Model.destroy
 
@@ -286,7 +286,7 @@ def serving_application(document: Document) -> Application | None:
 
 
 def viser_sockets(server: viser.ViserServer) -> WebsockServer:
-    """Return the part of a viser server that browsers connect to."""
+    """Return the part of a viser server to which browsers connect."""
     return server._websock_server
 
 

@@ -1,10 +1,10 @@
-"""Viser proxy: the 3-D view through the port of the page, so that one port is all a browser needs to reach.
+"""Viser proxy: the 3-D view through the port of the page, so that a browser needs only one port.
 
-Each session has a viser server of its own that listens on this computer only. It sends nothing to whoever
-does not know its key, since any page in a browser on this computer could ask it. The session's page shows the
-scene in a frame at ``viser/TOKEN/`` beside itself. The handler here serves viser's client there and carries
-its websocket. A token is random. It opens the way while its scene is served, and never leads to what uses the
-port afterwards.
+Each session has its own viser server, which listens on this computer only. It requires a key, since any page
+in a browser on this computer could connect to it. The session's page shows the scene in a frame at
+``viser/TOKEN/`` beside itself. The handler here serves viser's client there and carries its websocket. A
+token is random. It is valid only while its scene is served, and never gives access to a later user of the
+port.
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ VIEWS = "ins_lab_3d_views"
 """Key of the registered views, by token, in the settings of the web application."""
 
 KEY_HEADER = "X-INS-Lab-Key"
-"""Header in which the handler shows a viser server its key."""
+"""Header in which the handler sends the key to a viser server."""
 
 MAX_MESSAGE = 64 * 2**20
 """Largest message carried to a browser [bytes]."""
@@ -45,14 +45,14 @@ MAX_MESSAGE = 64 * 2**20
 
 @dataclass(frozen=True)
 class View:
-    """Where a viser server listens on this computer, and the key it asks for."""
+    """Port of a viser server on this computer, and its key."""
 
     port: int
     key: str
 
 
 class ServedScene:
-    """A viser server of one session, and the way to it through the web application that serves its page.
+    """A viser server of one session, and its route in the web application that serves the page.
 
     Parameters
     ----------
@@ -69,7 +69,7 @@ class ServedScene:
     server : viser.ViserServer
         The viser server.
     address : str
-        Address of viser's client, beside the page.
+        Address of viser's client, relative to the page.
     """
 
     def __init__(self, document: Document) -> None:
@@ -79,31 +79,31 @@ class ServedScene:
         self.server, self._views[self._token] = guarded_server()
 
     def end(self) -> None:
-        """Close the way, and stop the server; in a thread, since that takes a moment."""
+        """Remove the route, and stop the server in a thread, since that takes a moment."""
         self._views.pop(self._token, None)
         Thread(target=self.server.stop, name="viser-stop", daemon=True).start()
 
 
 def guarded_server() -> tuple[viser.ViserServer, View]:
-    """Start a viser server on this computer that ends the connection of whoever does not know its key."""
+    """Start a viser server on this computer that closes connections without its key."""
     server = viser.ViserServer(host="127.0.0.1", port=0, verbose=False)
     view = View(server.get_port(), secrets.token_urlsafe(24))
     sockets = viser_sockets(server)
 
     async def ask_for_key(client: WebsockClientConnection) -> None:
-        # Called before anything is sent; viser itself asks for nothing.
+        # Called before anything is sent; viser itself does not authenticate.
         connection = viser_connection(sockets, client)
         given = connection.request.headers.get(KEY_HEADER, "") if connection.request is not None else ""
         if not hmac.compare_digest(given.encode(), view.key.encode()):
             await connection.close(1008, "this view belongs to a page")
 
     sockets.on_client_connect(ask_for_key)
-    sockets.disconnect_all_clients()  # who came before the question
+    sockets.disconnect_all_clients()  # connections from before the check
     return server, view
 
 
 def registered_views(application: Application) -> dict[str, View]:
-    """Return the views of a web application by token; at first, have it serve them."""
+    """Return the views of a web application by token; the first call adds their handler."""
     if VIEWS not in application.settings:
         application.settings[VIEWS] = {}
         application.add_handlers(r".*", [(r".*/viser/([\w.-]+)/?", ViserHandler)])
@@ -135,10 +135,10 @@ class ViserHandler(WebSocketHandler):
     _ended = False
 
     async def get(self, *args: Any, **kwargs: Any) -> None:
-        """Answer with the client, or open the websocket."""
+        """Send the client, or open the websocket."""
         view = self.application.settings[VIEWS].get(args[0])
         if view is None:
-            raise HTTPError(403, reason="this address is not valid, or no longer")
+            raise HTTPError(403, reason="this address is not valid, or no longer valid")
         if self.request.headers.get("Upgrade", "").lower() != "websocket":
             self._send_client()
             return
@@ -148,15 +148,15 @@ class ViserHandler(WebSocketHandler):
         await super().get(*args, **kwargs)
 
     def check_origin(self, origin: str) -> bool:
-        """Accept every origin: whether it is accepted was asked before."""
+        """Accept every origin, because the origin was checked before."""
         return True
 
     def select_subprotocol(self, subprotocols: list[str]) -> str | None:
-        """Choose the version the client speaks; a viser server of another closes the connection."""
+        """Choose the client's protocol version; a viser server of another version closes the connection."""
         return subprotocols[0] if subprotocols else None
 
     async def open(self, *_args: str, **_kwargs: str) -> None:
-        """Connect to the viser server, now that the browser's side stands, and carry what it sends."""
+        """Connect to the viser server, now that the browser is connected, and forward its messages."""
         offered = [self.selected_subprotocol] if self.selected_subprotocol else []
         try:
             upstream = await connect(
@@ -177,7 +177,7 @@ class ViserHandler(WebSocketHandler):
         self._pump = asyncio.ensure_future(self._downstream())
 
     async def on_message(self, message: str | bytes) -> None:
-        """Carry a message to the viser server."""
+        """Forward a message to the viser server."""
         try:
             if self._upstream is not None:
                 await self._upstream.send(message)
@@ -185,7 +185,7 @@ class ViserHandler(WebSocketHandler):
             self.close()
 
     def on_close(self) -> None:
-        """End the other half of the connection."""
+        """Close the other half of the connection."""
         self._ended = True
         if self._pump is not None:
             self._pump.cancel()
@@ -193,14 +193,14 @@ class ViserHandler(WebSocketHandler):
             self._closing = asyncio.ensure_future(self._upstream.close())
 
     def get_compression_options(self) -> Mapping[str, Any] | None:  # type: ignore[override]
-        """Compress nothing: viser's messages are compressed already."""
+        """Do not compress: viser's messages are already compressed."""
         return None
 
     async def _downstream(self) -> None:
         assert self._upstream is not None
         try:
             async for message in self._upstream:
-                # Waiting for each write is what slows the server down for a slow browser.
+                # Waiting for each write slows the server down to the speed of the browser.
                 await self.write_message(message, binary=isinstance(message, bytes))
         except (ConnectionClosed, WebSocketClosedError):
             return
@@ -212,7 +212,7 @@ class ViserHandler(WebSocketHandler):
         self.set_header("Content-Type", "text/html; charset=utf-8")
         self.set_header("Cache-Control", "private, max-age=0, must-revalidate")
         self.set_header("Etag", tag)
-        # It unpacks itself into a script of its own making; no text from outside is ever in it.
+        # The client unpacks itself into an inline script; it never contains text from outside.
         self.set_header("Content-Security-Policy", policy("'unsafe-inline'", sockets(self.request)))
         if self.check_etag_header():
             self.set_status(304)

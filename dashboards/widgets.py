@@ -16,22 +16,22 @@ from lab.setting_kinds import AxisQuantity, Intervals, MatrixOrNone, Quantity, Q
 Change = Callable[[Any], bool]
 
 LOGARITHMIC_FROM = 100
-"""A slider whose ends have at least this ratio runs in decades."""
+"""A slider is logarithmic if the ratio of its ends is at least this."""
 
 
 _LABEL = {"& .MuiFormLabel-root": {"fontSize": "0.8125rem"}}
 _AT_ONCE = {"& .MuiSlider-thumb, & .MuiSlider-track": {"transition": "none"}}
-"""A thumb that glides keeps the browser painting frames while it should paint the plots."""
+"""An animated thumb would keep the browser painting frames while it should paint the plots."""
 _BOX = {"& input": {"fontSize": "0.8125rem", "textAlign": "right", "padding": "0 0 1px"}}
 
 
 def _over(right: int) -> dict[str, str]:
-    """Place a widget in the line of the label, this far from the right edge [px]."""
+    """Place a widget on the line of the label, at this distance from the right edge [px]."""
     return {"position": "absolute", "top": "0", "right": f"{right}px", "z-index": "1"}
 
 
 class Slider(pmui.FloatSlider):
-    """A slider that tells each movement at once."""
+    """A slider that reports each movement at once."""
 
     _debounce = 10
 
@@ -40,7 +40,7 @@ class Slider(pmui.FloatSlider):
 
 
 class Field(param.Parameterized):
-    """Shows one setting and asks to change it.
+    """A field that shows one setting and requests changes.
 
     Parameters
     ----------
@@ -59,11 +59,11 @@ class Field(param.Parameterized):
 
     @property
     def view(self) -> pn.viewable.Viewable:
-        """What is laid out in the page."""
+        """The widgets to place on the page."""
         raise NotImplementedError
 
     def show(self, value: Any) -> None:
-        """Show a value that did not come from this field."""
+        """Show a value that another part of the page has set."""
         self._value = value
         self._showing = True
         try:
@@ -81,7 +81,7 @@ class Field(param.Parameterized):
 
 
 class NumberField(Field):
-    """A number, or one for each axis: a slider over the usual range, and a box for all that is accepted."""
+    """A number, or one for each axis: a slider over the usual range, and a box for all accepted values."""
 
     def __init__(self, declaration: param.Parameter, change: Change) -> None:
         super().__init__(declaration, change)
@@ -119,7 +119,7 @@ class NumberField(Field):
 
     @property
     def view(self) -> pn.viewable.Viewable:
-        """What is laid out in the page."""
+        """The widgets to place on the page."""
         return self._column
 
     def _make_slider(self, label: str, doc: str | None = None) -> Slider:
@@ -176,7 +176,7 @@ class NumberField(Field):
 
 
 class ChoiceField(Field):
-    """One of a few words: buttons side by side, or a list where they are many."""
+    """One of a few words: buttons side by side, or a list if there are many."""
 
     def __init__(
         self, declaration: param.Parameter, change: Change, labels: dict[str, Any] | None = None
@@ -195,11 +195,11 @@ class ChoiceField(Field):
 
     @property
     def view(self) -> pn.viewable.Viewable:
-        """What is laid out in the page."""
+        """The widgets to place on the page."""
         return self._widget
 
     def offer(self, labels: dict[str, Any], value: Any) -> None:
-        """Offer other choices, and show one of them."""
+        """Set other choices, and show one of them."""
         self._value = value
         self._showing = True
         try:
@@ -228,7 +228,7 @@ class SwitchField(Field):
 
     @property
     def view(self) -> pn.viewable.Viewable:
-        """What is laid out in the page."""
+        """The widgets to place on the page."""
         return self._widget
 
     def _render(self, value: Any) -> None:
@@ -236,7 +236,7 @@ class SwitchField(Field):
 
 
 class TextField(Field):
-    """What is best written: whole numbers, stretches of time, variances."""
+    """A text box: for whole numbers, intervals of time, variances."""
 
     def __init__(self, declaration: param.Parameter, change: Change) -> None:
         super().__init__(declaration, change)
@@ -254,7 +254,7 @@ class TextField(Field):
 
     @property
     def view(self) -> pn.viewable.Viewable:
-        """What is laid out in the page."""
+        """The widgets to place on the page."""
         return self._widget
 
     def _render(self, value: Any) -> None:
@@ -267,7 +267,7 @@ class TextField(Field):
 
 
 class Scale:
-    """Where on a slider a value is: linear, or in decades where the range spans many."""
+    """The scale of a slider: linear, or logarithmic if the range spans decades."""
 
     def __init__(self, declaration: param.Parameter) -> None:
         low, high = declaration.softbounds or declaration.bounds
@@ -277,14 +277,14 @@ class Scale:
         self.step = 0.01 if self.logarithmic else float(declaration.step or (high - low) / 200)
 
     def position(self, value: float) -> float:
-        """Return where a value is; values beyond the slider are at its end."""
+        """Return the position of a value; values beyond the slider are at its end."""
         if self.logarithmic:
             value = math.log10(value) if value > 0 else self.start
         return min(max(value, self.start), self.end)
 
     def value(self, position: float) -> float:
-        """Return the value at a position, on round digits; a position beyond the slider is at its end."""
-        # Ten to the power of a whole number, as a message may hold it, would take for ever.
+        """Return the rounded value at a position; a position beyond the slider counts as its end."""
+        # Ten to the power of a huge integer, which a message may contain, would take forever.
         position = min(max(self.start, position), self.end)
         value = 10**position if self.logarithmic else round(position / self.step) * self.step
         return float(f"{value:.3g}" if self.logarithmic else f"{value:.10g}")
@@ -302,7 +302,7 @@ def field(declaration: param.Parameter, change: Change) -> Field:
 
 
 def shown(value: Any) -> str:
-    """Return a value as a person writes it: equal components once, nothing for an unset one."""
+    """Return a value as text: equal components once, empty if unset."""
     if value is None:
         return ""
     if isinstance(value, bool | str):
@@ -319,7 +319,7 @@ def shown(value: Any) -> str:
 
 
 def parsed(declaration: param.Parameter, text: str) -> Any:
-    """Return what was written; the setting itself judges whether it is acceptable."""
+    """Return the entered value; the setting itself checks it."""
     text = text.strip()
     if isinstance(declaration, param.Integer):
         whole = number(text)
@@ -336,7 +336,7 @@ def parsed(declaration: param.Parameter, text: str) -> Any:
 
 
 def per_axis(text: str, axes: Sequence[str]) -> Any:
-    """Return the number in a text, or one for each axis; one alone is that of all axes."""
+    """Return the number in a text, or one for each axis; a single number applies to all axes."""
     found = numbers(text)
     if len(found) == 1:
         return found * len(axes) if axes else found[0]
@@ -357,7 +357,7 @@ def numbers(text: str) -> tuple[float | str, ...]:
 
 
 def number(text: str) -> float | str:
-    """Return the number in a text, with a point or a comma; the text itself if it is none."""
+    """Return the number in a text, with a point or a comma; the text itself if it is not a number."""
     try:
         return float(text.replace(",", "."))
     except ValueError:
@@ -371,7 +371,7 @@ def _label(declaration: param.Parameter) -> str:
 
 def _placeholder(declaration: param.Parameter) -> str:
     if isinstance(declaration, Intervals):
-        return "none; such as 60–75, 120–130"
+        return "none, or such as 60–75, 120–130"
     if isinstance(declaration, QuantityOrNone):
         return str(declaration.unset)
     return "matched" if isinstance(declaration, MatrixOrNone) else ""

@@ -18,9 +18,9 @@ The language, the same everywhere:
   datasheet units, east-north-up; every number that leaves carries its unit.
 - Error is estimate minus truth, always. Error states, in order: position, velocity, attitude, gyro bias,
   accelerometer bias, and with 21 states gyro and accelerometer scale (`lab.navigation.error_models.STATES`).
-- Truth and belief are different things: `lab.sensors` is what the sensors really do,
-  `lab.navigation.settings` what the filter assumes of them.
-- Same settings and seed, same bits.
+- Truth and belief are different: `lab.sensors` describes the real errors of the sensors,
+  `lab.navigation.settings` the filter's assumptions about them.
+- The same settings and seed give the same result, bit by bit.
 """
 
 from __future__ import annotations
@@ -98,7 +98,7 @@ register_cards()
 
 
 def __getattr__(name: str) -> Any:
-    """Import a public name when it is first used: the compiler and the plotting libraries take their time."""
+    """Import a public name at its first use, because the compiler and the plotting libraries load slowly."""
     if name in _MODULES:
         return importlib.import_module(_MODULES[name])
     if name not in _HOMES:

@@ -1,4 +1,4 @@
-"""Algorithm file: an algorithm of the user's own, out of a Python file that the user names."""
+"""Algorithm file: the user's own algorithm, from a Python file that the user names."""
 
 from __future__ import annotations
 
@@ -15,17 +15,17 @@ FORM = "FILE.py:Name, such as my_filter.py:MyFilter"
 
 
 def load_algorithm(place: str) -> Algorithm:
-    """Return the algorithm of a Python file, which is executed.
+    """Execute a Python file and return its algorithm.
 
     Parameters
     ----------
     place
-        ``FILE.py:Name``. The name is that of a class, called without arguments, or of a ready object.
+        ``FILE.py:Name``. The name is that of a class, which is called without arguments, or of an object.
 
     Raises
     ------
     AlgorithmError
-        If there is no such file or name, if the file or the class fails, or if the object has no method
+        If the file or the name does not exist, if the file or the class fails, or if the object has no method
         `navigate`.
     """
     file, colon, name = place.rpartition(":")
@@ -51,12 +51,12 @@ def load_algorithm(place: str) -> Algorithm:
 
 
 def load_algorithms(places: Sequence[str]) -> dict[str, Algorithm]:
-    """Return algorithms of Python files by name; by place where two have the same name.
+    """Return algorithms of Python files by name; by place if two have the same name.
 
     Parameters
     ----------
     places
-        Of each, as for `load_algorithm`.
+        Place of each, as for `load_algorithm`.
 
     Raises
     ------
@@ -71,33 +71,33 @@ def load_algorithms(places: Sequence[str]) -> dict[str, Algorithm]:
 
 
 def _module(path: Path) -> ModuleType:
-    """Return what a Python file defines; files beside it can be imported from it, as from any script."""
+    """Execute a Python file and return its module; it can import files beside it, like any script."""
     if not path.is_file():
         raise AlgorithmError(f"{path}: there is no such file")
     folder = str(path.resolve().parent)
     if folder not in sys.path:
         sys.path.append(folder)
-    # A name of its own: a file called numpy.py must not stand in for NumPy.
+    # A unique name, because a file called numpy.py must not replace NumPy.
     name = f"algorithm:{path.resolve()}"
     spec = importlib.util.spec_from_file_location(name, path)
     assert spec is not None
     assert spec.loader is not None
     module = importlib.util.module_from_spec(spec)
-    sys.modules[name] = module  # dataclasses look for it there
+    sys.modules[name] = module  # dataclasses look it up there
     try:
         spec.loader.exec_module(module)
     except SyntaxError as error:
         raise AlgorithmError(f"{error.filename}, line {error.lineno}: {error.msg}") from error
     except (Exception, SystemExit) as error:
-        raise AlgorithmError(f"{path}: failed by itself: {described(error)}") from error
+        raise AlgorithmError(f"{path}: raised an exception: {described(error)}") from error
     return module
 
 
 def _offered(module: ModuleType) -> str:
-    """Say which names of a module navigate."""
+    """Return text that lists the algorithms of a module."""
     names = [
         name
         for name, value in inspect.getmembers(module)
         if callable(getattr(value, "navigate", None)) and not name.startswith("_")
     ]
-    return f"; what navigates there: {', '.join(names)}" if names else ""
+    return f"; algorithms in the file: {', '.join(names)}" if names else ""

@@ -1,8 +1,8 @@
-"""Anchoring: the way a recorded velocity leads, held to recorded positions by a slow correction.
+"""Anchoring: the path from the integrated recorded velocity, tied to recorded positions by a slow correction.
 
-Differentiating velocity once costs far less noise than differentiating rounded positions twice. So the
-velocity is splined and integrated over the ellipsoid, and only what slowly grows between this and the
-positions is added.
+Differentiating velocity once gives far less noise than differentiating rounded positions twice. So the
+velocity is splined and integrated over the ellipsoid, and only the slowly growing difference to the positions
+is added.
 """
 
 from __future__ import annotations
@@ -17,11 +17,11 @@ from lab.displacement import metres_per_radian
 FloatArray = NDArray[np.float64]
 
 ANCHOR_SPACING = 10.0
-"""Knot spacing of the correction that holds the integrated velocity to the position fixes [s]."""
+"""Knot spacing of the correction that ties the integrated velocity to the positions [s]."""
 
 _LONG = 100_000
-"""Samples from which the normal equations make the spline: for more, the QR decomposition takes longer and
-more memory."""
+"""Number of samples above which the spline is fitted by normal equations, because the QR decomposition takes
+more time and memory."""
 
 
 def anchored_offsets(
@@ -29,9 +29,9 @@ def anchored_offsets(
 ) -> FloatArray:
     """Return latitude, longitude and height (m, 3) at other times, minus those of the first sample.
 
-    The integral of the recorded velocity over the ellipsoid, plus the slow least-squares spline through its
-    distance to the recorded positions. The curvature of the Earth is taken at the recorded positions: a metre
-    there changes it by a few parts in 10⁷.
+    The result is the integral of the recorded velocity over the ellipsoid, plus a slow least-squares spline
+    through its difference to the recorded positions. The curvature of the Earth is evaluated at the recorded
+    positions: an error of a metre changes it by a few parts in 10⁷.
 
     Parameters
     ----------
@@ -56,7 +56,7 @@ def anchored_offsets(
 def anchored_cartesian(
     time: FloatArray, position: FloatArray, velocity_n: FloatArray, grid: FloatArray
 ) -> FloatArray:
-    """Return r_e (m, 3) at other times, minus that of the first sample; as `anchored_offsets`, with poles.
+    """Return r_e (m, 3) at other times, minus that of the first sample; as `anchored_offsets`, also at poles.
 
     Parameters
     ----------
@@ -77,17 +77,17 @@ def anchored_cartesian(
 
 
 def slow_spline(time: FloatArray, values: FloatArray) -> BSpline:
-    """Return the least-squares cubic spline with knots about `ANCHOR_SPACING` apart, samples between them.
+    """Return the least-squares cubic spline with knots about `ANCHOR_SPACING` apart, with samples between.
 
     Parameters
     ----------
     time : (n,) array
         Times of the values, from 0 [s].
     values : (n, 3) array
-        What the spline is to follow slowly.
+        Values that the spline approximates.
     """
     pieces = int(np.clip(time[-1] / ANCHOR_SPACING, 1, (len(time) - 1) // 3))
     inner = time[np.linspace(0, len(time) - 1, pieces + 1).astype(int)[1:-1]]
     knots = np.concatenate((np.full(4, time[0]), inner, np.full(4, time[-1])))
-    # The normal equations are as good here to 13 digits, and sixteen times as fast where that counts.
+    # Here, the normal equations agree to 13 digits, and are sixteen times as fast for long flights.
     return make_lsq_spline(time, values, knots, k=3, method="norm-eq" if len(time) > _LONG else "qr")

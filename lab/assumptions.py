@@ -1,7 +1,7 @@
-"""Assumptions: what a filter assumes of its sensors as a few parameters, and as the settings that say so.
+"""Assumptions: the filter's assumptions about its sensors, as a few parameters and as settings.
 
-One factor for the noise of each triad, one for the drive of its biases, three for a fix, latency, lever arm.
-Noise and σ are searched by their logarithms.
+The parameters are a factor for the noise of each triad, a factor for the drive of its biases, three factors
+for a fix, latency, and lever arm. The search uses the logarithms of noise and σ.
 """
 
 from __future__ import annotations
@@ -24,11 +24,11 @@ from lab.units import TO_SI, si
 FloatArray = NDArray[np.float64]
 
 NOISE, FIX, LATENCY, LEVER_ARM = slice(0, 4), slice(4, 7), 7, slice(8, 11)
-"""Where the parameters are: logarithms of noise and of σ of a fix, then latency [s] and lever arm [m]."""
+"""Slices of the parameters: logarithms of noise and of σ of a fix, then latency [s] and lever arm [m]."""
 LOGARITHMS = slice(0, 7)
-"""Where the parameters are logarithms."""
+"""Slice of the logarithms."""
 PARAMETERS = 11
-"""How many there are."""
+"""Number of parameters."""
 TRIADS = ("gyro", "accelerometer")
 NAMES = (
     "gyro noise density",
@@ -45,29 +45,29 @@ NAMES = (
 )
 
 FACTOR = 3.5
-"""Prior σ of a logarithm: noise is known within a factor of 1000 beforehand."""
+"""Prior σ of a logarithm: noise is initially known within a factor of 1000."""
 LATE = 1.0
-"""Prior σ of the latency [s]; receivers are 0 to 0.5 s late."""
+"""Prior σ of the latency [s]; receivers have 0 to 0.5 s."""
 ARM = 5.0
-"""Prior σ of the lever arm [m]: vehicles, up to airliners."""
+"""Prior σ of the lever arm [m]: for vehicles up to airliners."""
 OBSERVABLE = 1 / 3
-"""Part of the prior σ below which a parameter counts as observable."""
+"""Fraction of the prior σ below which a parameter counts as observable."""
 MEETING = 60.0
-"""Time at which a drive that nobody assumed is first tried to reach the white noise [s]: a smaller one does
-not show in a flight of minutes."""
+"""Time at which the start value of an unassumed drive reaches the white noise [s]: a smaller drive does not
+show in a flight of minutes."""
 NOTHING = 10.0
-"""Logarithm at which noise is taken as none: 20,000 times less than where the search begins."""
+"""Logarithm at which noise counts as zero: 20,000 times less than the start value of the search."""
 
 
 class Assumed(NamedTuple):
-    """What a filter assumes.
+    """The assumptions of a filter.
 
     Attributes
     ----------
     noise : (12,) array
-        Densities of the process noise, as of `Belief`.
+        Densities of the process noise, as in `Belief`.
     factors : (3,) array
-        On the variances of a fix: horizontal position, vertical position, velocity.
+        Factors on the variances of a fix: horizontal position, vertical position, velocity.
     latency : float
         [s].
     lever_arm : (3,) array
@@ -80,12 +80,12 @@ class Assumed(NamedTuple):
     lever_arm: FloatArray
 
     def moved(self, by: FloatArray) -> Assumed:
-        """Return other assumptions, from the parameters (11,): logarithms are those of factors."""
+        """Return other assumptions from the parameters (11,); the logarithms are those of factors."""
         noise = self.noise.reshape(4, 3) * np.exp(2 * by[NOISE])[:, None]
         return Assumed(noise.ravel(), self.factors * np.exp(2 * by[FIX]), float(by[LATENCY]), by[LEVER_ARM])
 
     def on(self, experiment: ExperimentSettings) -> ExperimentSettings:
-        """Return a copy of an experiment whose filter assumes this."""
+        """Return a copy of an experiment whose filter has these assumptions."""
         changed = experiment.copy()
         navigator = changed.navigator
         navigator.q = (self.noise / navigator.q_scale).tolist()
@@ -96,7 +96,7 @@ class Assumed(NamedTuple):
 
 
 def assumed(run: Run) -> tuple[Assumed, FloatArray]:
-    """Return what the filter of a run assumes, and what a search begins with: nothing in it is zero."""
+    """Return the assumptions of a run's filter, and the start values of a search, without zeros."""
     sensors, navigator = run.experiment.sensors, run.experiment.navigator
     noise = belief(sensors, navigator).noise
     if run.recorded:
@@ -121,7 +121,7 @@ def assumed(run: Run) -> tuple[Assumed, FloatArray]:
 
 
 def parameters(now: Assumed) -> list[Parameter]:
-    """Return what is searched, and within which bounds."""
+    """Return the parameters of the search with their bounds."""
     logarithms = [Parameter(name, 0.0, -12.0, 12.0, FACTOR, 1e-3, 2.0) for name in NAMES[LOGARITHMS]]
     arms = [
         Parameter(name, float(arm), -100.0, 100.0, ARM, 1e-2, 5.0)
@@ -145,13 +145,13 @@ def rows_of(
     run
         The run.
     now, begun
-        What its filter assumes, and what the search began with.
+        The filter's assumptions, and the start values of the search.
     estimate
-        The parameters found.
+        The estimated parameters.
     intervals
-        Of each that the log shows, the ends of its 95 % interval.
+        Ends of the 95 % interval of each parameter that the log shows.
     bounded : (11,) array
-        Of which of these it shows only that they are not larger.
+        Mask of the parameters for which the log only shows an upper bound.
     """
     found, rows = begun.moved(estimate.value), []
     before, after = _shown_values(run, now), _shown_values(run, found)
@@ -182,7 +182,7 @@ def scaled_rows(run: Run, now: Assumed, r: float, q: float) -> tuple[Row, ...]:
     run
         The run.
     now
-        What its filter assumes.
+        The filter's assumptions.
     r, q
         The factors on R and on Q.
     """
@@ -195,7 +195,7 @@ def scaled_rows(run: Run, now: Assumed, r: float, q: float) -> tuple[Row, ...]:
 
 
 def _shown_values(run: Run, of: Assumed) -> list[tuple[str, float]]:
-    """Return unit and value of each parameter as a person reads it; rms over the axes."""
+    """Return unit and value of each parameter for display; rms over the axes."""
     units = ("°/s/√Hz", "µg/√Hz", "°/h/√h", "mg/√h")
     amplitude = np.sqrt(of.noise.reshape(4, 3).mean(axis=1))
     values = [(unit, float(value / TO_SI[unit])) for unit, value in zip(units, amplitude, strict=True)]
@@ -209,7 +209,7 @@ def _shown_values(run: Run, of: Assumed) -> list[tuple[str, float]]:
 
 
 def own_sigma(run: Run) -> tuple[bool, bool]:
-    """Return whether the fixes of a log state their own σ, of position and of velocity, and it is used."""
+    """Return whether the σ of the fixes of a log is used, for position and for velocity."""
     if not run.recorded or run.experiment.navigator.r is not None:
         return False, False
     gnss = run.recorded.log.gnss
@@ -217,7 +217,7 @@ def own_sigma(run: Run) -> tuple[bool, bool]:
 
 
 def _variances(run: Run) -> tuple[float | None, ...]:
-    """Return the variances that the factors are on; None where each fix has its own."""
+    """Return the variances to which the factors apply; None if each fix has its own."""
     settings = run.experiment.copy()
     settings.navigator.r_factors = 1.0
     R = np.diag(belief(settings.sensors, settings.navigator).R)
@@ -231,18 +231,19 @@ def _variances(run: Run) -> tuple[float | None, ...]:
 
 
 def changes_of(run: Run, rows: Sequence[Row], found: Assumed) -> dict[str, Any]:
-    """Return the settings, nested by group, that make the filter of a run assume what was found.
+    """Return the settings, nested by group, with which a run's filter assumes the identified parameters.
 
-    Of a simulated run the filter's own; of a log those of the sensors, which are what its filter assumes.
+    For a simulated run, these are settings of the filter; for a log, those of the sensors, which its filter
+    assumes.
 
     Parameters
     ----------
     run
         The run.
     rows
-        The table of the parameters; what is not observable stays.
+        The table of the parameters; unobservable ones do not change.
     found
-        What was found, with what stays in it.
+        The new assumptions, including those that do not change.
     """
     seen = np.array([row.observable for row in rows])
     navigator: dict[str, Any] = {}
@@ -271,9 +272,9 @@ def changes_of(run: Run, rows: Sequence[Row], found: Assumed) -> dict[str, Any]:
 
 
 def _noise_settings(run: Run, found: Assumed, seen: NDArray[np.bool_]) -> dict[str, Any]:
-    """Return the settings of the triads that make the matched process noise that which was found.
+    """Return the settings of the triads whose matched process noise equals the identified one.
 
-    With Q given or scaled, all of it becomes that of the sensors.
+    If Q is given or scaled, all of it becomes part of the sensor settings.
     """
     settings, noise = run.experiment, found.noise.reshape(4, 3)
     every = settings.navigator.q is not None or settings.navigator.q_scale != 1
@@ -292,7 +293,7 @@ def _noise_settings(run: Run, found: Assumed, seen: NDArray[np.bool_]) -> dict[s
             unit = group.param["rate_random_walk"].unit
             low, high = group.param["rate_random_walk"].bounds
             walk = np.clip(np.sqrt(noise[2 + row]) / TO_SI[unit], low, high)
-            # What varied by other processes walks now; it stays part of the uncertainty at the start.
+            # Other bias processes become random walks; they stay part of the initial uncertainty.
             start = np.hypot(si(group, "bias_sigma"), si(group, "instability"))
             unit = group.param["bias_sigma"].unit
             terms |= {
@@ -309,7 +310,7 @@ def _noise_settings(run: Run, found: Assumed, seen: NDArray[np.bool_]) -> dict[s
 def _fix_settings(
     run: Run, found: Assumed, seen: NDArray[np.bool_]
 ) -> tuple[dict[str, Any], list[float] | None]:
-    """Return settings of the receiver, and factors where its fixes have their own σ or R is given."""
+    """Return settings of the receiver, or factors if its fixes have their own σ or R is given."""
     gps: dict[str, Any] = {}
     if not seen[FIX].any():
         return gps, None
@@ -330,5 +331,5 @@ def _fix_settings(
 
 
 def _digits(value: float) -> float:
-    """Return a number with as many digits as a setting needs."""
+    """Return a number with the digits of a setting."""
     return float(f"{value:.6g}")

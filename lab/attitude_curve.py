@@ -42,7 +42,7 @@ class RotationCurve:
     times : (n,) array
         Knots [s].
     attitudes
-        n rotations C_nb; or another curve, through which this one goes.
+        n rotations C_nb; or another curve that this one interpolates.
     """
 
     def __init__(self, times: FloatArray, attitudes: Rotation | RotationCurve) -> None:
@@ -52,7 +52,7 @@ class RotationCurve:
             return RotationSpline(knots, given)
 
         self._spline = SplineWindows(times, make)
-        # A curve of one window is made already.
+        # A curve of one window already exists.
         self._through = None if self._spline.only else attitudes
 
     def attitude(self, times: FloatArray) -> Rotation:

@@ -1,7 +1,7 @@
-"""Cache: results of computation stages, kept by the content of what they were computed from.
+"""Cache: results of computation stages, keyed by the content of their inputs.
 
-One computation per key at a time, however many threads ask for it; bounded in bytes, the least recently
-used leave first; arrays are made read-only, since several results share them.
+There is one computation per key at a time, for any number of threads. The size is bounded, and the least
+recently used results are dropped first. Arrays are made read-only, since several results share them.
 """
 
 from __future__ import annotations
@@ -28,17 +28,17 @@ def digest(*parts: Any) -> str:
 
 
 class StageCache:
-    """Keeps the results of stages.
+    """A cache for the results of stages.
 
     Parameters
     ----------
     limit
-        Bytes to keep at most. A result larger than that is handed out and not kept.
+        Largest size of the cache [bytes]. A larger result is returned but not kept.
 
     Attributes
     ----------
     bytes : int
-        Memory of what is kept: of arrays, and of anything else with an attribute `nbytes`.
+        Memory of the kept results: arrays, and other objects with an attribute `nbytes`.
     computed : dict
         How many times each stage has been computed.
     """
@@ -54,7 +54,7 @@ class StageCache:
     def get(self, stage: str, key: str, compute: Callable[[], T]) -> T:
         """Return the result of a stage for a key, computing it if it is not kept.
 
-        An exception raised by `compute` reaches everybody who waits for it, and nothing is kept.
+        An exception raised by `compute` is raised in all waiting threads, and nothing is kept.
         """
         at = (stage, key)
         with self._lock:
@@ -71,7 +71,7 @@ class StageCache:
             value = compute()
             self._keep(at, value)
         except BaseException as error:
-            # Whatever ended it, even an interrupt: nobody may be left waiting.
+            # For any end, even an interrupt, so that no thread waits forever.
             with self._lock:
                 self._running.pop(at, None)
             mine.set_exception(error)
@@ -80,7 +80,7 @@ class StageCache:
         return value
 
     def clear(self) -> None:
-        """Forget everything."""
+        """Drop all results."""
         with self._lock:
             self._kept.clear()
             self.computed.clear()
@@ -106,7 +106,7 @@ def _freeze(value: Any) -> int:
     for part in _parts(value):
         if isinstance(part, np.ndarray):
             part.setflags(write=False)
-            # Views hold the whole of their array, and several may share one.
+            # Views keep their whole array alive, and several may share one.
             part = _owner(part)  # noqa: PLW2901
         holders[id(part)] = int(part.nbytes)
     return sum(holders.values())
@@ -120,7 +120,7 @@ def _owner(array: NDArray[Any]) -> NDArray[Any]:
 
 
 def _parts(value: Any) -> Iterator[Any]:
-    """Iterate over what takes memory in a result: arrays, and other things that know their `nbytes`.
+    """Iterate over the objects of a result that take memory: arrays, and others with an `nbytes`.
 
     They may be inside tuples, lists, dictionaries and dataclasses.
     """

@@ -1,4 +1,4 @@
-"""Comparison: the error models of the navigator, and a user's own, side by side on the same realisations."""
+"""Comparison: the error models of the navigator, and a user's algorithms, on the same realisations."""
 
 from __future__ import annotations
 
@@ -18,24 +18,24 @@ Progress = Callable[[str, float], None]
 
 @dataclass(frozen=True)
 class Compared:
-    """What one error model, or an algorithm of the user's own, made of the flights.
+    """The results of one error model, or of a user's algorithm, on the flights.
 
     Attributes
     ----------
     model
-        Its name.
+        Name of the model or algorithm.
     position, velocity, heading
         Root mean square errors over all runs, of the vectors [m], [m/s] and of the heading [°].
     nees, degrees
-        NEES averaged over epochs and runs, and what it should be; NaN and 0 where it is not known.
+        NEES averaged over epochs and runs, and its expected value; NaN and 0 if unknown.
     nis, nis_degrees
-        NIS averaged likewise, and what it should be; NaN where not known.
+        NIS averaged likewise, and its expected value; NaN if unknown.
     seconds
-        Time the navigator took for one flight, the median of the runs, without compilation [s].
+        Computing time of the navigator for one flight, median of the runs, without compilation [s].
     verdict
-        In one sentence.
+        Verdict in one sentence.
     refusal
-        Why it did not run; empty if it did, and otherwise all figures are NaN.
+        Reason why it did not run, in which case all figures are NaN; empty if it ran.
     """
 
     model: str
@@ -52,7 +52,7 @@ class Compared:
 
 
 def models() -> tuple[str, ...]:
-    """Return the names of the error models there are."""
+    """Return the names of the error models."""
     return tuple(Experiment().navigator.param["model"].objects)
 
 
@@ -69,23 +69,23 @@ def compare(
     Parameters
     ----------
     experiment
-        What to run; the rest of its settings are the same for all.
+        Experiment to run; its other settings are the same for all.
     names
-        Error models; by default all there are.
+        Error models; by default all.
     seeds
         Number of runs with each, or the seed of each run.
     progress
-        Called with a sentence about what is being done and the fraction done, from 0 to 1.
+        Called with a sentence about the current work and the fraction done, from 0 to 1.
     algorithms
-        Navigators of the user's own by name, compared after the models; one that fails is a refusal. Their
-        first run is timed too: what they compile or load counts.
+        The user's navigators by name, compared after the models; one that fails is a refusal. Their first run
+        is timed too, including compilation and loading.
 
     Raises
     ------
     SettingError
-        If there is no such model, or nothing of what is compared can run with these settings.
+        If a model does not exist, or none of the models can run with these settings.
     ValueError
-        As `run_ensemble`.
+        As in `run_ensemble`.
     """
     rivals: list[tuple[str, Experiment, Algorithm | None]] = []
     for name in dict.fromkeys(models() if names is None else names):
@@ -105,7 +105,7 @@ def compare(
         try:
             seconds = np.inf if algorithm is not None else _warm_up(variant)
             row = _compared(name, run_ensemble(variant, seeds, tell, algorithm=algorithm))
-            # The run that is compared may be known already, with the time it took to compile.
+            # The compared run may be cached, with a time that includes compilation.
             found.append(replace(row, seconds=min(row.seconds, seconds)))
         except (SettingError, AlgorithmError) as error:
             found.append(Compared(name, refusal=str(error)))
@@ -115,7 +115,7 @@ def compare(
 
 
 def _warm_up(experiment: Experiment) -> float:
-    """Run what nobody asks for; return its time [s]. The first run of a model also compiles its code."""
+    """Run once more for the time, and return it [s]; the first run of a model also compiles its code."""
     stranger = experiment.copy()
     scale = experiment.navigator.q_scale
     stranger.set("navigator.q_scale", scale * (1 - 1e-9 if scale > 1 else 1 + 1e-9))

@@ -1,6 +1,6 @@
-"""Compiled cache: kernels on disk that are checked before they are loaded; what is damaged is compiled anew.
+"""Compiled cache: kernels on disk that are checked before they are loaded; damaged ones are recompiled.
 
-Numba reads its files as they are: an empty one ends every command, and damaged machine code would be run.
+Numba does not check its files: an empty one makes every command fail, and damaged machine code would run.
 """
 
 from __future__ import annotations
@@ -23,15 +23,15 @@ class CheckedCacheFile(IndexDataCacheFile):
     """The index and the files of one kernel's compiled code, each with a checksum."""
 
     def load(self, key: Any) -> Any:
-        """Return the compiled code of a key; None if there is none, or if it was damaged and is removed."""
+        """Return the compiled code of a key; None if there is none, or if it was damaged (then removed)."""
         try:
             return super().load(key)
-        except Exception as error:  # a damaged pickle raises whatever its bytes happen to mean
+        except Exception as error:  # a damaged pickle can raise any exception
             self._remove(error)
             return None
 
     def save(self, key: Any, data: Any) -> None:
-        """Keep compiled code."""
+        """Store compiled code."""
         try:
             super().save(key, data)
         except OSError:
@@ -44,8 +44,8 @@ class CheckedCacheFile(IndexDataCacheFile):
         path = Path(self._data_path(name))
         content = path.read_bytes()
         if hashlib.sha256(content[:-DIGEST]).digest() != content[-DIGEST:]:
-            raise ValueError(f"{path} is not what was written")
-        # Numba reads to the end of what it has written, and leaves out the checksum.
+            raise ValueError(f"{path} does not match its checksum")
+        # Numba reads only its own part of the file, without the checksum.
         return super()._load_data(name)
 
     def _save_data(self, name: str, data: Any) -> None:
@@ -55,7 +55,7 @@ class CheckedCacheFile(IndexDataCacheFile):
 
     def _remove(self, error: Exception) -> None:
         """Remove all files of the kernel."""
-        log.warning("%s: the compiled code is damaged (%s) and is compiled anew", self._index_path, error)
+        log.warning("%s: the compiled code is damaged (%s) and is compiled again", self._index_path, error)
         index = Path(self._index_path)
         for path in (index, *index.parent.glob(f"{index.stem}.*.nbc")):
             with contextlib.suppress(OSError):
@@ -63,7 +63,7 @@ class CheckedCacheFile(IndexDataCacheFile):
 
 
 def check_files(function: Any) -> None:
-    """Have the files of a compiled function checked, if it is kept on disk at all."""
+    """Check the files of a compiled function, if it is cached on disk."""
     own = getattr(getattr(function, "_cache", None), "_cache_file", None)
     if isinstance(own, IndexDataCacheFile):
         function._cache._cache_file = CheckedCacheFile(

@@ -1,7 +1,7 @@
 """Displacement: from latitude, longitude and height to metres north, east, down, and back.
 
-To first order in the displacement: over 1 km to the east at 45° the error is 8 cm. Close to a pole, where
-that fails within metres, it is computed in Earth-fixed axes (`lab.ecef`).
+The conversion is of first order: over 1 km to the east at 45°, the error is 8 cm. Close to a pole, where this
+fails within metres, the computation uses Earth-fixed axes (`lab.ecef`).
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ FloatArray = NDArray[np.float64]
 
 
 def metres_per_radian(latitude: FloatArray, height: FloatArray | float) -> tuple[FloatArray, FloatArray]:
-    """Return how far a radian of latitude leads north, and one of longitude east [m].
+    """Return metres per radian of latitude (north) and of longitude (east).
 
     Parameters
     ----------
@@ -31,7 +31,7 @@ def metres_per_radian(latitude: FloatArray, height: FloatArray | float) -> tuple
 
 
 def displacement(here: FloatArray, there: FloatArray) -> FloatArray:
-    """Return the displacement (n, 3) from one position to another, north, east, down of the first [m].
+    """Return the displacement (n, 3) from one position to another, in north, east, down of the first [m].
 
     Parameters
     ----------
@@ -51,7 +51,7 @@ def displacement(here: FloatArray, there: FloatArray) -> FloatArray:
 
 
 def displaced(here: FloatArray, displacement_n: FloatArray) -> FloatArray:
-    """Return the position (n, 3) that a displacement (n, 3) leads to [m]; the inverse of `displacement`.
+    """Return the position (n, 3) after a displacement (n, 3) [m]; the inverse of `displacement`.
 
     Parameters
     ----------

@@ -1,7 +1,7 @@
 """Earth: the WGS-84 ellipsoid, its rotation and its gravity; the one gravity and Earth rate of the lab.
 
-The functions are plain arithmetic on the sine of the latitude: they take scalars or arrays, and the compiled
-navigator compiles these very functions, so the ideal IMU and the navigator cannot disagree.
+The functions are plain arithmetic on the sine of the latitude. They take scalars or arrays, and the compiled
+navigator compiles the same functions, so the ideal IMU and the navigator agree exactly.
 
 References
 ----------
@@ -50,8 +50,9 @@ def radii(sin_latitude: Value) -> tuple[Value, Value]:
 def gravity(sin_latitude: Value, height: Value) -> Value:
     """Return normal gravity, positive down along the ellipsoid's normal [m/s²] (Groves 2.134, 2.139).
 
-    Within 1 µm/s² of the exact gradient of the normal potential up to 12 km. The small north component that
-    normal gravity has above the ellipsoid (8 µm/s² per km at 45°) is left out, here and therefore everywhere.
+    The error is within 1 µm/s² of the exact gradient of the normal potential up to 12 km. The small north
+    component of normal gravity above the ellipsoid (8 µm/s² per km at 45°) is omitted here and therefore
+    everywhere.
 
     Parameters
     ----------
@@ -68,7 +69,7 @@ def gravity(sin_latitude: Value, height: Value) -> Value:
 
 
 def gravity_gradient(sin_latitude: Value, cos_latitude: Value, height: Value) -> tuple[Value, Value]:
-    """Return the derivatives of `gravity` with latitude [m/s² per rad] and with height [1/s²].
+    """Return the derivatives of `gravity` with respect to latitude [m/s² per rad] and height [1/s²].
 
     Parameters
     ----------

@@ -1,7 +1,7 @@
-"""ECEF: positions and directions in Earth-fixed Cartesian axes, where longitude and north fail near a pole.
+"""ECEF: positions and directions in Earth-fixed Cartesian axes, for use near a pole.
 
-Axes e: x through Greenwich on the equator, z through the north pole. Exact at the poles themselves, where the
-longitude given, or zero, says which way north is.
+Axes e: x through Greenwich on the equator, z through the north pole. The functions are exact at the poles,
+where the given longitude, or zero, defines the direction of north.
 
 References
 ----------
@@ -20,11 +20,11 @@ from lab.earth import ECCENTRICITY_SQUARED, FLATTENING, SEMI_MAJOR_AXIS, radii
 FloatArray = NDArray[np.float64]
 
 NEAR_POLE = float(np.radians(89.0))
-"""Beyond this latitude small displacements and rotations are computed in e [rad]."""
+"""Latitude beyond which small displacements and rotations are computed in e [rad]."""
 
 
 def near_pole(latitude: FloatArray) -> NDArray[np.bool_]:
-    """Return which latitudes are so close to a pole that displacements are computed in e."""
+    """Return the mask of the latitudes so close to a pole that displacements are computed in e."""
     return np.asarray(np.abs(latitude) > NEAR_POLE)
 
 
@@ -41,7 +41,7 @@ def position(geodetic: FloatArray) -> FloatArray:
 def geodetic(r_e: FloatArray) -> FloatArray:
     """Return latitude, longitude [rad] and height [m], (n, 3), of r_e (n, 3) [m], to a nanometre.
 
-    Bowring's iteration on the latitude, which gains three digits or more with each round.
+    Bowring's iteration on the latitude gains three digits or more with each step.
     """
     x, y, z = r_e.T
     a, squared = SEMI_MAJOR_AXIS, ECCENTRICITY_SQUARED
@@ -69,7 +69,7 @@ def axes(latitude: FloatArray, longitude: FloatArray) -> FloatArray:
 
 
 def resolved(vectors_n: FloatArray, here: FloatArray, there: FloatArray) -> FloatArray:
-    """Return vectors (n, 3), resolved north, east, down at one place, resolved at another.
+    """Return vectors (n, 3) resolved in north, east, down at one place, resolved at another.
 
     Parameters
     ----------
@@ -83,9 +83,9 @@ def resolved(vectors_n: FloatArray, here: FloatArray, there: FloatArray) -> Floa
 
 
 def resolved_near_pole(vectors_n: FloatArray, here: FloatArray, there: FloatArray) -> FloatArray:
-    """Return vectors as `resolved` where they are close to a pole, and as they are elsewhere.
+    """Return vectors as `resolved` does close to a pole, and unchanged elsewhere.
 
-    Elsewhere places a few metres apart have the same north to 10⁻⁵.
+    Elsewhere, places a few metres apart have the same north to 10⁻⁵.
     """
     near = near_pole(here[:, 0])
     if near.any():
@@ -95,7 +95,7 @@ def resolved_near_pole(vectors_n: FloatArray, here: FloatArray, there: FloatArra
 
 
 def displacement(here: FloatArray, there: FloatArray) -> FloatArray:
-    """Return the displacement (n, 3) from one position to another nearby, north, east, down of the first [m].
+    """Return the displacement (n, 3) to another position nearby, in north, east, down of the first [m].
 
     Parameters
     ----------
@@ -109,7 +109,7 @@ def displacement(here: FloatArray, there: FloatArray) -> FloatArray:
 
 
 def displaced(here: FloatArray, displacement_n: FloatArray) -> FloatArray:
-    """Return the position (n, 3) that a displacement north, east, down leads to [m]; see `displacement`."""
+    """Return the position (n, 3) after a displacement in north, east, down [m]; see `displacement`."""
     level = displacement_n * (1.0, 1.0, 0.0)
     r_e = position(here) + np.einsum("nij,nj->ni", axes(here[:, 0], here[:, 1]), level)
     there = geodetic(r_e)

@@ -1,6 +1,6 @@
-"""Ensemble: one experiment over many seeds, and what the runs say together of its filter.
+"""Ensemble: one experiment over many seeds, and the verdict on its filter from all runs.
 
-Of each run only what is needed at the fixes is kept, so that hundreds of runs fit into memory.
+Only the required values at the fixes are kept of each run, so that hundreds of runs fit into memory.
 """
 
 from __future__ import annotations
@@ -40,18 +40,18 @@ QUANTITIES = (
     *(f"velocity {axis}" for axis in EAST_NORTH_UP),
     *(f"attitude {angle}" for angle in ANGLES),
 )
-"""The errors that are kept, in this order."""
+"""The kept errors, in this order."""
 EXPLAINED = 8
-"""Runs whose innovations are explained where they are suspicious, which takes several times as long as a run;
-the others add to all that needs no explanation."""
+"""Number of runs whose suspicious innovations are explained, which takes several times as long as a run. The
+other runs add only to the remaining evidence."""
 TRIED = 4
-"""Runs on which advice is tried: they average out half of what chance does to one."""
+"""Number of runs on which advice is tried: their mean has half the random scatter of one run."""
 UNITS = ("m",) * 3 + ("m/s",) * 3 + ("°",) * 3
 """Units of position, velocity and attitude errors."""
 
 
 class _Run(NamedTuple):
-    """What is kept of one run: at the m fixes, and as a whole."""
+    """The kept values of one run: at the m fixes, and for the whole run."""
 
     time: FloatArray
     nees: FloatArray
@@ -76,21 +76,21 @@ class Ensemble:
     Attributes
     ----------
     experiment : Experiment
-        What was run.
+        The experiment.
     seeds : tuple of int
         The seeds, one for each run.
     time : (m,) array
-        Times of the fixes all runs have [s].
+        Times of the fixes that all runs have [s].
     nees, nis : (runs, m) arrays
-        Consistency at each fix; NaN where a run did not use it.
+        NEES and NIS at each fix; NaN if a run did not use the fix.
     grid : (k,) array
-        Times once a second, just before it, so that outages show [s]; empty for a log of real sensors.
+        Times just before each whole second, so that outages show [s]; empty for a sensor log.
     between : (runs, k) array
-        NEES of the position there.
+        NEES of the position at these times.
     between_degrees : int
         Its degrees of freedom.
     degrees : int
-        Degrees of freedom of NEES; 0 for a log of real sensors, of which NEES is not known.
+        Degrees of freedom of NEES; 0 for a sensor log, whose NEES is unknown.
     nis_degrees : int
         Degrees of freedom of NIS.
     error, sigma : (runs, m, 9) arrays
@@ -98,9 +98,9 @@ class Ensemble:
     rms : (runs, 9) array
         Root mean square of the errors over each whole flight.
     seconds : (runs,) array
-        Time the navigator took for each run, next to none where its solution was known already [s].
+        Computing time of the navigator for each run [s]; close to zero for a cached solution.
     evidence : tuple of Evidence
-        What each run says of the filter.
+        Evidence of each run.
     algorithm : str
         Name of the user's own navigator; empty for those of the lab.
     """
@@ -124,19 +124,19 @@ class Ensemble:
 
     @cached_property
     def verdict(self) -> Verdict:
-        """Whether the filter tells the truth about itself, judged by all runs together."""
+        """The verdict on the filter from all runs together."""
         return judge(reduce(operator.add, self.evidence))
 
     @cached_property
     def tried_verdict(self) -> Verdict:
-        """The verdict, its advice tried on the first runs: with what it brings, or not given.
+        """The verdict, with its advice tried on the first runs; advice that makes things worse is not given.
 
-        Costs several times as many runs as `TRIED`; `verdict` is the same without.
+        This takes several times as many runs as `TRIED`; `verdict` is the same without trials.
         """
         return self.with_advice_tried()
 
     def with_advice_tried(self, progress: Progress | None = None) -> Verdict:
-        """Return the verdict, its advice tried on the first runs; `progress` as of `run_ensemble`."""
+        """Return the verdict, with its advice tried on the first runs; `progress` as in `run_ensemble`."""
         if not trial.can_be_tried(self.verdict, self.algorithm):
             return self.verdict
         first = [self.experiment.copy().update({"seed": seed}) for seed in self.seeds[:TRIED]]
@@ -144,7 +144,7 @@ class Ensemble:
 
     @cached_property
     def innovation_verdict(self) -> Verdict:
-        """The same judged by the innovations alone."""
+        """The verdict from the innovations alone."""
         return judge(reduce(operator.add, self.evidence).without_truth())
 
     @cached_property
@@ -156,7 +156,7 @@ class Ensemble:
     def consistency(self) -> xr.Dataset:
         """NEES and NIS averaged over the runs, with their 95 % intervals (5.4.2-9).
 
-        Of all states and of the innovations at each fix, of the position also between the fixes.
+        NEES of all states and NIS at each fix; NEES of the position also between the fixes.
         """
         import xarray as xr  # noqa: PLC0415 - takes a while to import, and a run does without
 
@@ -177,12 +177,12 @@ class Ensemble:
         return xr.Dataset(variables, coords=coords)
 
     def inside(self, after: float = 0.0) -> tuple[float, float]:
-        """Return at which part of the epochs the averages of NEES and of NIS lie in their 95 % intervals.
+        """Return the fractions of the epochs with average NEES and NIS in their 95 % intervals.
 
         Parameters
         ----------
         after
-            Epochs up to this time are left out [s].
+            Epochs up to this time are omitted [s].
         """
         late = self.time > after
         parts = []
@@ -196,11 +196,11 @@ class Ensemble:
     def whiteness(self) -> pd.DataFrame:
         """Table of the innovations of all runs in their σ: mean, variance, and whether they are white.
 
-        The columns are those of `lab.analysis.consistency.whiteness_table`. What the receiver of a log does
-        not measure has no row.
+        The columns are those of `lab.analysis.consistency.whiteness_table`. Components that the receiver of a
+        log does not measure have no row.
         """
         seen = reduce(operator.add, self.evidence).innovations
-        # The evidence has north, east, down, position first.
+        # The evidence is in north, east, down, with position first.
         order, sign = [1, 0, 2, 4, 3, 5], np.array([1, 1, -1] * 2)
         number = seen.squares.number[order]
         power = np.maximum(seen.squares.total, 1e-300)
@@ -215,9 +215,9 @@ class Ensemble:
 
     @cached_property
     def coverage(self) -> pd.DataFrame:
-        """Table of the errors after the fixes: their rms, their mean in σ, and what lies within ±1σ and ±3σ.
+        """Table of the errors after the fixes: rms, mean in σ, and fractions within ±1σ and ±3σ.
 
-        `mean ±` is the 95 % interval of the mean over independent runs, of which each counts once.
+        `mean ±` is the 95 % interval of the mean over independent runs; each run counts once.
         """
         import pandas as pd  # noqa: PLC0415 - takes a while to import, and a run does without
 
@@ -252,29 +252,29 @@ def run_ensemble(
     Parameters
     ----------
     experiment
-        What to run; its own seed is the first where a number of runs is given.
+        Experiment to run; its own seed is the first if a number of runs is given.
     seeds
-        Number of runs, or the seed of each; of a log of real sensors there is one run.
+        Number of runs, or the seed of each; a sensor log has one run.
     progress
-        Called with a sentence about what is being done and the fraction done, from 0 to 1.
+        Called with a sentence about the current work and the fraction done, from 0 to 1.
     workers
         Number of threads; by default one for each core.
     algorithm
-        A navigator of the user's own; called from one thread only.
+        The user's navigator; it is called from one thread only.
 
     Raises
     ------
     ValueError
-        If there is no seed to run, or more than one on a log; and what `Experiment.run` raises.
+        If there is no seed, or more than one for a log; and as in `Experiment.run`.
     """
     chosen = range(experiment.seed, experiment.seed + seeds) if isinstance(seeds, int) else seeds
     numbers = tuple(int(seed) for seed in chosen)
     if not numbers:
-        raise ValueError(f"seeds: {seeds!r} names no run; accepted is a number from 1, or a list of seeds")
+        raise ValueError(f"seeds: {seeds!r} contains no run; accepted is a number from 1, or a list of seeds")
     if len(numbers) > 1 and isinstance(mission(experiment.mission), LogMission):
         raise ValueError(
-            f"seeds: {len(numbers)} runs of a log of real sensors would all be the same, since nothing of it "
-            "is drawn; accepted is one"
+            f"seeds: {len(numbers)} runs of a sensor log would all be the same, since it has no random "
+            "draws; accepted is one"
         )
     count = 0
     lock = threading.Lock()
@@ -290,7 +290,7 @@ def run_ensemble(
                 progress(f"{count} of {len(numbers)} runs", count / len(numbers))
         return kept
 
-    # A stranger's code need not stand two threads.
+    # The user's code need not be thread-safe.
     workers = 1 if algorithm is not None else workers or os.cpu_count()
     pool = ThreadPoolExecutor(workers, thread_name_prefix="ensemble")
     try:
@@ -301,9 +301,9 @@ def run_ensemble(
 
 
 def _keep(result: Result, *, explain: bool = True) -> _Run:
-    """Take out of a result what is kept; what is not known of a log is NaN.
+    """Return the kept values of a result; unknown values of a log are NaN.
 
-    `explain` says whether the innovations are explained, if they need it.
+    `explain` is true if suspicious innovations are to be explained.
     """
     solution = result.solution_arrays
     used = solution.fix_sample >= 0
@@ -345,14 +345,14 @@ def _between(result: Result) -> tuple[FloatArray, FloatArray, int]:
 
 
 def _root_mean_square(error: FloatArray) -> FloatArray:
-    """Return the root mean square (9,) of errors (n, 9), of those that are known."""
+    """Return the root mean square (9,) of the known errors (n, 9)."""
     known = np.isfinite(error)
     total, count = np.sum(error**2, axis=0, where=known), known.sum(axis=0)
     return np.asarray(np.sqrt(np.divide(total, count, out=np.full(error.shape[1], np.nan), where=count > 0)))
 
 
 def _together(experiment: Experiment, seeds: tuple[int, ...], runs: list[_Run]) -> Ensemble:
-    """Put runs beside each other at the fixes; a run that did not use a fix has NaN there."""
+    """Align runs at the fixes; a run that did not use a fix has NaN there."""
     time = np.unique(np.concatenate([run.time for run in runs]))
     places = [np.searchsorted(time, run.time) for run in runs]
 

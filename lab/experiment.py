@@ -1,7 +1,7 @@
 """Experiment: all settings of one run, computed in cached stages into a `Result`.
 
-Each stage is kept by the content of the settings it depends on: a change of R recomputes the navigation and
-nothing before it, a change of a gyro's noise does not touch the flight, the accelerometers or the fixes.
+Each stage is cached by the content of the settings on which it depends. A change of R recomputes only the
+navigation; a change of a gyro's noise does not recompute the flight, the accelerometers or the fixes.
 """
 
 from __future__ import annotations
@@ -74,27 +74,27 @@ class Experiment(Runnable):
     """
 
     def run(self, progress: Progress | None = None, *, algorithm: Algorithm | None = None) -> Result:
-        """Compute this experiment, using every stage already computed for the same settings.
+        """Compute this experiment; stages that were computed for the same settings are reused.
 
-        A log of real sensors is navigated as it is: the settings of the sensors are then what the filter
-        assumes of them, and those of the simulation, such as the seed, change nothing (`lab.log_run`).
+        A sensor log is navigated without simulation: the settings of the sensors are then the filter's
+        assumptions, and settings of the simulation, such as the seed, have no effect (`lab.log_run`).
 
         Parameters
         ----------
         progress
-            Called with a sentence about what is being done and the fraction done, from 0 to 1.
+            Called with a sentence about the current stage and the fraction done, from 0 to 1.
         algorithm
-            A navigator of the user's own, in place of the one of the settings; never taken from the cache.
+            The user's navigator, in place of the one of the settings; its solution is never cached.
 
         Raises
         ------
         MissionError
             If the mission cannot be found or read.
         SettingError
-            If settings do not go together, or the navigator cannot work with them.
+            If settings are incompatible, or the navigator cannot work with them.
         ValueError
-            If the flight cannot be navigated, such as across a pole, or the filter diverges beyond all
-            numbers; if there is not enough memory (`TooLongError`); or if the `algorithm` fails
+            If the flight cannot be navigated, such as across a pole, or the filter diverges to values that
+            are not finite; if there is not enough memory (`TooLongError`); or if the `algorithm` fails
             (`AlgorithmError`).
         """
         settings, tell = self.copy(), progress or (lambda _stage, _fraction: None)
@@ -109,7 +109,7 @@ class Experiment(Runnable):
 
 
 class _Run:
-    """One computation of an experiment: its stages, each with the key of all it depends on."""
+    """One computation of an experiment: its stages, each with the key of all its inputs."""
 
     def __init__(
         self, experiment: Experiment, found: Mission, progress: Progress, algorithm: Algorithm | None = None
@@ -131,7 +131,7 @@ class _Run:
         fixes = self.fixes(flight)
         gyro = self.triad("gyro", flight, aligned.gyro_bias)
         accelerometer = self.triad("accelerometer", flight)
-        # From here on the curve and its exact increments are not needed.
+        # The curve and its exact increments are not needed any more.
         truth, ideal = flight.truth, flight.ideal.as_kept()
         del flight
         ready = self.algorithm is not None or is_ready(self.navigator)
@@ -178,7 +178,7 @@ class _Run:
         )
 
     def flight(self) -> Flight:
-        """Make the trajectory, and truth and ideal IMU on its grid."""
+        """Compute the trajectory, and truth and ideal IMU on its grid."""
         settings = self.experiment.trajectory
         self.check_memory(int(self.mission.recording.duration * settings.imu_rate) + 1)
         trajectory = Trajectory.from_recording(
@@ -188,7 +188,7 @@ class _Run:
         return Flight(trajectory, trajectory.at(ideal.time), ideal)
 
     def check_memory(self, samples: int) -> None:
-        """Refuse a flight of so many samples for which there is not enough memory."""
+        """Raise `TooLongError` if a flight with this number of samples needs too much memory."""
         rate, navigator = float(self.experiment.trajectory.imu_rate), self.navigator
         triads = (self.sensors.gyro, self.sensors.accelerometer)
         check_memory(
@@ -202,9 +202,9 @@ class _Run:
         )
 
     def triad(self, sensor: str, flight: Flight, found: FloatArray = NO_VECTOR) -> imu.Measured:
-        """Simulate the gyros or the accelerometers, compensated for temperature where asked for.
+        """Simulate the gyros or the accelerometers, with temperature compensation if set.
 
-        A bias that an alignment has found is taken off.
+        A bias estimated by an alignment is subtracted.
         """
         errors = self.sensors.groups()[sensor]
         assert isinstance(errors, imu.GyroErrors | imu.AccelerometerErrors)
@@ -218,7 +218,7 @@ class _Run:
         def draw() -> imu.ImuDraws:
             return imu.ImuDraws.of(seed, sensor, samples, **long)
 
-        # Those of a long flight are drawn faster than they are worth their memory.
+        # Draws of a long flight are not kept, because drawing them again is cheaper than their memory.
         draws = draw() if samples > LONG else CACHE.get("draws", digest(seed, sensor, samples, long), draw)
         shaken = sensor == "accelerometer" or any(self.sensors.gyro.g_sensitivity)
         key = digest(
@@ -240,7 +240,7 @@ class _Run:
     def measured(
         self, errors: imu.GyroErrors | imu.AccelerometerErrors, flight: Flight, draws: imu.ImuDraws
     ) -> imu.Measured:
-        """Return what a triad puts out in the temperature and the vibration of the flight."""
+        """Return the output of a triad with the temperature and the vibration of the flight."""
         ideal, settings, seed = flight.ideal, self.sensors.temperature, self.experiment.seed
         height = flight.truth.height[1:] - flight.truth.height[0]
         temperature = thermal.temperature(settings, ideal.time[1:], height)
@@ -304,9 +304,9 @@ class _Run:
             if near_pole(truth.latitude).any():
                 raise
             raise diverged(
-                "the estimate ran off to a pole, which the flight does not come near", error
+                "the estimate moved to a pole, and the flight does not come near one", error
             ) from error
-        except ValueError as error:  # the reference's linear algebra, which stops at what is no number
+        except ValueError as error:  # the reference's linear algebra stops at values that are not finite
             raise diverged("the filter cannot go on", error) from error
         check_finite(solution, truth.time)
         return solution
@@ -349,14 +349,14 @@ class _Run:
 
 
 def start(truth: Truth, settings: NavigatorSettings, seed: int) -> Start:
-    """Return where the navigator believes it starts before any alignment: the truth with the initial error.
+    """Return the assumed start before any alignment: the truth plus the initial error.
 
     Parameters
     ----------
     truth
         The flight; its first sample is used.
     settings
-        The given initial errors, and the standard deviations of those drawn.
+        The given initial errors, and the standard deviations of the drawn ones.
     seed
         Seed of the run.
     """
@@ -368,7 +368,7 @@ def start(truth: Truth, settings: NavigatorSettings, seed: int) -> Start:
 
 
 def begin(truth: Truth, experiment: Experiment) -> Aligned:
-    """Return where the navigator of an experiment starts, after its alignment if it has one.
+    """Return the start of an experiment's navigator, after its alignment if it has one.
 
     Parameters
     ----------

@@ -26,7 +26,7 @@ class TrajectorySettings(Settings):
         softbounds=(50, 1000),
         step=10,
         label="IMU rate",
-        doc="Rate of the IMU samples, and of the truth beside them.",
+        doc="Rate of the IMU samples, and of the truth.",
     )
     attitude_curve = param.Selector(
         default="rotation",
@@ -56,31 +56,31 @@ class ExperimentSettings(Settings):
         return noise_variance(self.get(path.rpartition(".")[0]), path, float(self.trajectory.imu_rate))
 
     def update(self, values: Mapping[str, Any]) -> Self:
-        """Set everything in a nested mapping, all or nothing, and return self.
+        """Apply all settings of a nested mapping, all or nothing, and return self.
 
-        The trajectory comes first: variances of a sample are those at its IMU rate.
+        The trajectory comes first, because variances of a sample depend on its IMU rate.
 
         Raises
         ------
         SettingError
-            If a key does not exist or a value is not accepted; nothing is changed then.
+            If a key does not exist or a value is not accepted; then nothing is changed.
         """
         first = {name: values[name] for name in ("trajectory",) if name in values}
         return super().update({**first, **values})
 
     @classmethod
     def from_toml(cls, source: str | Path) -> Self:
-        """Return an experiment from a TOML file or TOML text; settings it leaves out keep their defaults.
+        """Return an experiment from a TOML file or TOML text; missing settings keep their defaults.
 
         Parameters
         ----------
         source
-            A path; or text, which is taken for the name of a file if it ends with ``.toml``.
+            A path, or text; text that ends with ``.toml`` is a file name.
 
         Raises
         ------
         SettingError
-            If the file cannot be read, is not TOML, or holds a setting that does not exist or is not
+            If the file cannot be read, is not TOML, or contains an unknown setting or a value that is not
             accepted.
         """
         if isinstance(source, str) and source.endswith(".toml"):

@@ -1,8 +1,8 @@
-"""Factors: one on R and one on Q, chosen by how well the filter predicts withheld fixes.
+"""Factors: one on R and one on Q, chosen by the prediction of withheld fixes.
 
-What remains where no noise of the sensors explains the innovations: errors of the fixes that are correlated,
-a mounting that gives way. The choice is judged by fixes that it was not made by: for each turn of outages it
-is made by the other turns.
+They are a last resort if no sensor noise explains the innovations, such as with correlated errors of the
+fixes or a flexible mounting. The choice is judged by other fixes than those used for it: for each set of
+outages, the other sets make the choice.
 """
 
 from __future__ import annotations
@@ -23,24 +23,24 @@ from lab.withheld import judged, predicted
 
 Flags = NDArray[np.bool_]
 
-# As ON_Q, below.
+# As for ON_Q, below.
 ON_R = (1.0, 0.03, 0.1, 0.3, 3.0, 10.0, 30.0)
 ON_Q = (1.0, 0.1, 10.0, 100.0, 1000.0, 10000.0)
-"""Factors that are tried. On eight logs of real sensors the best of a grid lay from 0.1 to 30 for R and from
-0.1 to 10,000 for Q. Of equals the first is kept: 1."""
+"""Tried factors. On eight real sensor logs, the best factors of a grid were 0.1 to 30 for R and 0.1 to 10,000
+for Q. Of equally good factors, the first one is kept: 1."""
 FEWEST = 3
-"""Fewest turns of outages: with two, each choice is made by one outage or a few."""
+"""Fewest sets of outages: with two sets, a few outages make each choice."""
 
 
 class Factors(NamedTuple):
-    """What was chosen.
+    """The chosen factors.
 
     Attributes
     ----------
     r, q : float
-        Factors on what the filter assumed.
+        Factors on R and Q of the filter.
     before, after : HeldOut
-        Prediction of withheld fixes; `after` of each turn with what the other turns choose.
+        Prediction of withheld fixes; `after` uses, for each set, the choice of the other sets.
     """
 
     r: float
@@ -55,7 +55,7 @@ def scaled(experiment: ExperimentSettings, r: float, q: float) -> ExperimentSett
     Raises
     ------
     SettingError
-        If a scale leaves its bounds.
+        If a scale is out of bounds.
     """
     changed = experiment.copy()
     changed.set("navigator.r_scale", r * changed.navigator.r_scale)
@@ -66,18 +66,18 @@ def scaled(experiment: ExperimentSettings, r: float, q: float) -> ExperimentSett
 def choose(
     subject: Subject, experiment: ExperimentSettings, turns: Sequence[Flags], dropped: Flags
 ) -> Factors | None:
-    """Return the factors with which withheld fixes are predicted best; None if none are better than 1.
+    """Return the factors that predict withheld fixes best; None if no factors are better than 1.
 
     Parameters
     ----------
     subject
         The run.
     experiment
-        Its settings.
+        Settings of the run.
     turns
-        Which fixes (m,) are withheld, in each turn.
+        Mask (m,) of the withheld fixes for each set of outages.
     dropped : (m,) array
-        Outliers, by which nothing is judged.
+        Mask of the outliers, which are ignored.
     """
     if len(turns) < FEWEST:
         return None
@@ -87,7 +87,7 @@ def choose(
         changed = scaled(experiment, *pair)
         try:
             return [predicted(subject, changed, mask, dropped) for mask in turns]
-        except ValueError:  # a filter that runs off
+        except ValueError:  # a filter that diverges
             return None
 
     with ThreadPoolExecutor(max_workers=2) as pool:
@@ -113,7 +113,7 @@ def _without(seen: dict[tuple[float, float], list[Seen]], turn: int) -> dict[tup
 
 
 def _best(seen: dict[tuple[float, float], list[Seen]]) -> tuple[float, float]:
-    """Return the pair with the smallest error, of those with which the fixes are no less likely."""
+    """Return the pair with the smallest error, among those that do not reduce the likelihood of the fixes."""
     judgements = {pair: judged(parts) for pair, parts in seen.items()}
     least = judgements[1.0, 1.0].log_likelihood
     fine = {pair: _error(one) for pair, one in judgements.items() if one.log_likelihood >= least}
@@ -121,5 +121,5 @@ def _best(seen: dict[tuple[float, float], list[Seen]]) -> tuple[float, float]:
 
 
 def _error(one: HeldOut) -> float:
-    """Return the error of the positions [m]; of a log without positions that of the velocities [m/s]."""
+    """Return the error of the positions [m]; for a log without positions, that of the velocities [m/s]."""
     return one.position_error if np.isfinite(one.position_error) else one.velocity_error

@@ -22,7 +22,7 @@ class GeodeticPath:
     time : (n,) array
         Knots: the IMU grid, from 0 [s].
     origin : (3,) array
-        Latitude, longitude [rad] and height [m] the offsets count from.
+        Latitude, longitude [rad] and height [m] of the origin of the offsets.
     offsets : (n, 3) array
         Latitude, longitude (without jumps) and height at the knots, minus the origin. The spline of small
         offsets keeps the second derivative free of the roundoff of the coordinates themselves.

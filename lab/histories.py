@@ -1,7 +1,7 @@
-"""Histories: in what precision those of a flight are kept that are looked at, and not computed on.
+"""Histories: the precision of a flight's histories that are displayed, not used in computations.
 
-Up to `LONG` samples everything is float64. Beyond, what nobody integrates is kept in float32: variances,
-biases and true increments. A float32 has 24 bits, so a σ is off by 3 parts in 10⁸, and a bias by 6.
+Up to `LONG` samples, everything is float64. Beyond, arrays that are not integrated are float32: variances,
+biases and true increments. A float32 has 24 bits, so a σ has an error of 3 parts in 10⁸, and a bias of 6.
 """
 
 from __future__ import annotations
@@ -16,19 +16,19 @@ FloatArray = NDArray[np.float64]
 T = TypeVar("T")
 
 LONG = 2**20
-"""Samples up to which everything is kept in float64: 87 minutes at 200 Hz, some 600 MB."""
+"""Number of samples up to which everything is float64: 87 minutes at 200 Hz, some 600 MB."""
 
 
 def kept(values: FloatArray) -> FloatArray:
-    """Return a history as it is kept: of a long flight in float32, unless it is one value throughout."""
+    """Return a history for storage: for a long flight in float32, unless it is constant."""
     if values.shape[0] <= LONG or values.strides[0] == 0:
         return values
-    # Whoever reads it gets float64 as soon as anything is computed of it.
+    # Computations with it give float64.
     return cast(FloatArray, values.astype(np.float32))
 
 
 class made_when_asked(Generic[T]):  # noqa: N801 - a decorator, like `cached_property`
-    """A property that is computed at its first use and then kept, but of a long flight computed each time.
+    """A property that is computed at its first use and then kept; not kept for a long flight.
 
     Its owner has an attribute `is_long`.
     """
@@ -45,7 +45,7 @@ class made_when_asked(Generic[T]):  # noqa: N801 - a decorator, like `cached_pro
     def __get__(self, owner: object, kind: type[Any]) -> T: ...
 
     def __get__(self, owner: Any, kind: type[Any]) -> Self | T:
-        """Return what is computed; what is kept hides this, as it has the same name."""
+        """Compute the value; a kept value hides this descriptor, as it has the same name."""
         if owner is None:
             return self
         value = self._function(owner)

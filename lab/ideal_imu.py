@@ -1,7 +1,7 @@
-"""Ideal IMU: what a perfect strapdown IMU feels, and the increments it delivers.
+"""Ideal IMU: the inputs of a perfect strapdown IMU, and its increments.
 
-Inputs are geodetic coordinates and their exact time derivatives, so velocity, acceleration, angular rate and
-specific force belong to one and the same motion.
+The functions take geodetic coordinates and their exact time derivatives, so velocity, acceleration, angular
+rate and specific force belong to the same motion.
 
 References
 ----------
@@ -25,16 +25,16 @@ from lab.histories import kept
 FloatArray = NDArray[np.float64]
 
 GAUSS_NODES = 0.5 + np.sqrt(0.15) * np.array([-1.0, 0.0, 1.0])
-"""Nodes of Gauss's quadrature with three points, on the interval from 0 to 1."""
+"""Nodes of the three-point Gauss quadrature on the interval from 0 to 1."""
 GAUSS_WEIGHTS = np.array([5.0, 8.0, 5.0]) / 18
 """Their weights."""
 AT_ONCE = 2**16
-"""Intervals that are integrated at once: what is needed meanwhile takes some 2 kB each."""
+"""Intervals that are integrated in one block, with some 2 kB of temporary memory each."""
 
 
 @dataclass(frozen=True)
 class IdealImu:
-    """What a perfect strapdown IMU delivers: the integrals of its inputs over each sample interval.
+    """The output of a perfect strapdown IMU: the integrals of its inputs over each sample interval.
 
     Attributes
     ----------
@@ -54,11 +54,11 @@ class IdealImu:
     dt: float
 
     def as_kept(self) -> IdealImu:
-        """Return it as it is kept beside a result: of a long flight the increments are float32."""
+        """Return a copy for storage in a result: for a long flight, the increments are float32."""
         return replace(self, dtheta=kept(self.dtheta), dvelocity=kept(self.dvelocity))
 
     def to_compute_on(self) -> IdealImu:
-        """Return it in float64."""
+        """Return the increments in float64."""
         return replace(
             self,
             dtheta=self.dtheta.astype(np.float64, copy=False),
@@ -136,12 +136,13 @@ def integrate(
 ) -> IdealImu:
     """Return the integrals of angular rate and specific force over the sample intervals.
 
-    Three-point Gauss-Legendre quadrature between the knots of the curve, where it is smooth.
+    The integral is a three-point Gauss-Legendre quadrature between the knots of the curve, where it is
+    smooth.
 
     Parameters
     ----------
     rates
-        Gives ω_ib,b and f_b (n, 3) at n times.
+        Returns ω_ib,b and f_b (n, 3) at n times.
     intervals
         Number of intervals between knots.
     knot_rate
@@ -152,7 +153,7 @@ def integrate(
     Raises
     ------
     ValueError
-        For a rate that does not fit the knots.
+        If the rate does not fit the knots.
     """
     merge, split = _fit(rate, knot_rate)
     step = 1 / (knot_rate * split)
@@ -170,7 +171,7 @@ def integrate(
 
 
 def _fit(rate: float, knot_rate: float) -> tuple[int, int]:
-    """Return how many knot intervals make one sample, and how many samples make one knot interval."""
+    """Return the number of knot intervals per sample, and of samples per knot interval."""
     if rate > 0:
         merge, split = max(1, round(knot_rate / rate)), max(1, round(rate / knot_rate))
         if abs(knot_rate * split - rate * merge) < 1e-9 * knot_rate:

@@ -51,25 +51,25 @@ Flags = NDArray[np.bool_]
 Progress = Callable[[str, float], None]
 
 SETTLING = 30.0
-"""Time after the start whose innovations are those of the initial errors, not of the sensors [s]."""
+"""Time after the start in which initial errors, not sensor errors, dominate the innovations [s]."""
 LARGEST_PART = 0.2
-"""Largest part of the run that is left out for that, and largest part of its end."""
+"""Largest fraction of the run that is omitted for this, and largest fraction at its end."""
 MARGIN = 3.0
-"""Time before the end whose fixes are left out: with another latency they might be beyond it [s]."""
+"""Time before the end whose fixes are omitted, because another latency could move them beyond the end [s]."""
 AHEAD = 5
-"""Most steps of a search across outages, each of which runs the filter up to three times as often."""
+"""Most steps of a search across outages; each runs the filter up to three times as often."""
 FEWEST = 20
-"""Fewest fixes that something can be identified from."""
+"""Fewest fixes for an identification."""
 BY_CHANCE = 1e-6
-"""Probability of the NIS beyond which a fix is an outlier."""
+"""Probability of the NIS below which a fix is an outlier."""
 MOST_OUTLIERS = 0.05
-"""Part of the fixes above which outliers are none, but a wrong model."""
+"""Fraction of the fixes above which apparent outliers indicate a wrong model."""
 REJECTED = 3.84
-"""Twice the loss of log-likelihood at which a value is outside the 95 % interval (χ², 1 degree)."""
+"""Twice the loss of log-likelihood at the ends of the 95 % interval (χ², 1 degree of freedom)."""
 
 
 class _Search(NamedTuple):
-    """What the likelihood is made of: all fixes one after the other, or those predicted across outages."""
+    """The data of the likelihood: all fixes in sequence, or those predicted across outages."""
 
     subject: Subject
     experiment: ExperimentSettings  # with a filter that uses every fix
@@ -79,7 +79,7 @@ class _Search(NamedTuple):
     masks: tuple[Flags, ...] = ()  # fixes in outages
 
     def run(self, by: FloatArray) -> Seen:
-        """Return the innovations that count, with other assumptions."""
+        """Return the innovations in the likelihood, with other assumptions."""
         experiment = self.begun.moved(by).on(self.experiment)
         counts = self.counted & ~self.dropped
         if not self.masks:
@@ -92,7 +92,7 @@ class _Search(NamedTuple):
 
 
 class _Found(NamedTuple):
-    """What a search found, and how well it predicts."""
+    """The result of a search, and its accuracy of prediction."""
 
     rows: tuple[Row, ...]
     changes: dict[str, Any]
@@ -104,17 +104,17 @@ class _Found(NamedTuple):
 
 
 def _of(seen: Seen, rows: Flags, counts: Flags) -> Seen:
-    """Return some rows of what is seen, those that do not count without an innovation."""
+    """Return some rows of the innovations, with NaN for the ignored ones."""
     return Seen(np.where(counts[:, None], seen.innovation, np.nan)[rows], seen.covariance[rows])
 
 
 def _seconds_apart(stamps: FloatArray) -> Flags:
-    """Return which fixes are the first of their second: closer ones say the same of a prediction."""
+    """Return the mask of the first fix of each second: closer ones add no information about a prediction."""
     return np.asarray(np.diff(np.floor(stamps + 1e-6), prepend=-1.0) > 0)
 
 
 def identify(run: Run, progress: Progress | None = None) -> Identification:
-    """Return what the innovations of a run say of its sensors.
+    """Identify the sensors of a run from its innovations.
 
     Parameters
     ----------
@@ -128,10 +128,10 @@ def identify(run: Run, progress: Progress | None = None) -> Identification:
     ResultError
         If a user's algorithm navigated, or there are too few fixes.
     ValueError
-        If the filter cannot be run with the settings of the run.
+        If the filter cannot run with the settings of the run.
     """
     if run.algorithm:
-        raise ResultError("The navigator is your own algorithm: what it assumes is not known here.")
+        raise ResultError("The navigator is your own algorithm, so its assumptions are unknown.")
     tell, begun_at = progress or (lambda _stage, _fraction: None), time.perf_counter()
     again = subject(run)
     now, densities = assumed(run)
@@ -146,8 +146,8 @@ def identify(run: Run, progress: Progress | None = None) -> Identification:
     begin = np.array([parameter.start for parameter in whole])
     if int(np.isfinite(search.run(begin).innovation).any(axis=1).sum()) < FEWEST:
         raise ResultError(
-            f"There are too few fixes to identify anything from; accepted are at least {FEWEST} after the "
-            f"first {settling:.0f} s."
+            f"There are too few fixes for an identification; accepted are at least {FEWEST} after the first "
+            f"{settling:.0f} s."
         )
     free = np.zeros(begin.size, np.bool_)
     estimate = _maximised(search, whole, begin, free, tell, 0.0, 0.4)
@@ -161,8 +161,8 @@ def identify(run: Run, progress: Progress | None = None) -> Identification:
     found = _judged(run, search, whole, estimate, now, masks, before, tell)
     white = found.white
     if not white or not better(before, found.after):
-        # The next fix is predicted well by a filter that follows correlated errors of the fixes; what is
-        # withheld for longer is not.
+        # A filter that follows correlated errors of the fixes predicts the next fix well, but not fixes
+        # withheld for longer.
         ahead = search._replace(masks=tuple(between[: _turns(last - first)]))
         if ahead.masks:
             estimate = _maximised(ahead, whole, begin, free, tell, 0.7, 0.8)
@@ -202,7 +202,7 @@ def _judged(
     before: HeldOut,
     tell: Progress,
 ) -> _Found:
-    """Return what a search found, with what is not observable left as it was, and how well it predicts."""
+    """Return the result of a search and its prediction; unobservable parameters do not change."""
     done = 0.8 if search.masks else 0.5
     estimate, shown, bounded = _observable(search, whole, estimate, _zero(now), tell, done)
     begun = search.begun
@@ -218,7 +218,7 @@ def _judged(
 
 
 def _by_factors(run: Run, again: Subject, now: Assumed, turns: list[Flags], dropped: Flags) -> _Found | None:
-    """Return the factors on R and Q that predict withheld fixes better; None if there are none."""
+    """Return the factors on R and Q that predict withheld fixes better; None if no factors do."""
     factors = choose(again, run.experiment, turns, dropped)
     if factors is None:
         return None
@@ -229,24 +229,24 @@ def _by_factors(run: Run, again: Subject, now: Assumed, turns: list[Flags], drop
 
 
 def _better_of(one: _Found, other: _Found) -> _Found:
-    """Return what predicts better; an error that grows counts before the likelihood."""
+    """Return the better prediction; a larger error outweighs a better likelihood."""
     fine = [found for found in (one, other) if better(found.before, found.after)]
     return max(fine or (one, other), key=lambda found: found.after.log_likelihood)
 
 
 def _turns(length: float) -> int:
-    """Return with how many turns of outages a search is made: a long log has enough of them in one."""
+    """Return the number of sets of outages for a search: a long log has enough outages in one set."""
     return TURNS if length < TURNS * EVERY * 2 else 1
 
 
 def _every_fix(experiment: ExperimentSettings) -> ExperimentSettings:
-    """Return the experiment with a filter that uses every fix fully, at once, forwards."""
+    """Return the experiment with a filter that uses every fix fully and immediately, without smoothing."""
     plain = experiment.copy()
     navigator = plain.navigator
     navigator.gate, navigator.robust, navigator.smoother = 0.0, "none", False
     navigator.correction, navigator.correction_period, navigator.engine = "feedback", 0.0, "compiled"
     if navigator.model == "nonlinear":
-        navigator.model = "invariant"  # as good with large errors of the attitude, and much faster
+        navigator.model = "invariant"  # as good for large attitude errors, and much faster
     return plain
 
 
@@ -266,7 +266,7 @@ def _maximised(
 
 
 def _outliers(seen: Seen) -> Flags:
-    """Return which fixes no Gaussian gives; none if so many are that the model must be wrong."""
+    """Return the mask of non-Gaussian fixes; all False if there are so many that the model must be wrong."""
     nis, degrees = squares(seen)
     far = (degrees > 0) & (special.gammaincc(np.maximum(degrees, 1) / 2, nis / 2) < BY_CHANCE)
     few = far.sum() <= MOST_OUTLIERS * max(1, int((degrees > 0).sum()))
@@ -276,10 +276,10 @@ def _outliers(seen: Seen) -> Flags:
 def _observable(
     search: _Search, whole: list[Parameter], estimate: Estimate, zero: Flags, tell: Progress, done: float
 ) -> tuple[Estimate, Flags, Flags]:
-    """Return the estimate with what is not observable held where it was; what is; what has no lower bound.
+    """Return the estimate with unobservable parameters held, and masks: observable, without lower bound.
 
-    A noise that might as well be zero is not observable, unless what was assumed is refuted: then the log
-    shows that it is not larger. Another parameter that is poorly known goes back to its start likewise.
+    A noise that may be zero is not observable, unless the log refutes the assumed value: then the log shows
+    an upper bound. Other poorly known parameters are also set back to their start values.
     """
     prior = np.array([parameter.prior for parameter in whole])
     start = np.array([parameter.start for parameter in whole])
@@ -300,7 +300,7 @@ def _observable(
     if held.any():
         begin, together = np.where(held, np.where(zero, -NOTHING, start), estimate.value), estimate.sigma
         estimate = _maximised(search, whole, begin, held, tell, done, done + 0.1)
-        # A lever arm that is held is not known: along the track it is as good as a latency.
+        # A held lever arm is unknown: along the track, it has the same effect as a latency.
         unsure = ~held & (np.arange(held.size) >= LATENCY) & held[LATENCY:].any()
         estimate = replace(
             estimate, sigma=np.where(unsure, np.maximum(estimate.sigma, together), estimate.sigma)
@@ -313,7 +313,8 @@ def _intervals(
 ) -> dict[int, tuple[float, float]]:
     """Return the ends of the 95 % interval of each parameter that the log shows.
 
-    Those of latency and lever arm follow the likelihood: how well the log shows one depends on the other.
+    Intervals of latency and lever arm follow the likelihood, because the information about one depends on the
+    other.
     """
     half = NORMAL * estimate.sigma
     indices = [int(index) for index in np.flatnonzero(shown & (half > 0))]
@@ -325,14 +326,14 @@ def _intervals(
 
 
 def _zero(now: Assumed) -> Flags:
-    """Return which parameters (11,) are noise that the filter assumes to be zero."""
+    """Return the mask (11,) of noise parameters that the filter assumes to be zero."""
     zero = np.zeros(PARAMETERS, np.bool_)
     zero[NOISE] = ~now.noise.reshape(4, 3).any(axis=1)
     return zero
 
 
 def _with_what_stays(found: Assumed, now: Assumed, shown: Flags) -> Assumed:
-    """Return what was found, with what the filter assumed before in place of what the log does not show."""
+    """Return the identified assumptions, with the old ones for parameters that the log does not show."""
     noise = np.where(np.repeat(shown[:4], 3), found.noise, now.noise)
     factors = np.where(shown[4:7], found.factors, now.factors)
     arm = np.where(shown[8:], found.lever_arm, now.lever_arm)
@@ -340,14 +341,14 @@ def _with_what_stays(found: Assumed, now: Assumed, shown: Flags) -> Assumed:
 
 
 def _next_fixes(search: _Search, experiment: ExperimentSettings) -> Seen:
-    """Return the innovations that count of a filter with some settings, each fix from all before it."""
+    """Return the used innovations of a filter with some settings, each fix predicted from all before it."""
     seen, _ = search.subject.navigate(_every_fix(experiment), search.dropped)
     counts = search.counted & ~search.dropped
     return Seen(seen.innovation[counts], seen.covariance[counts])
 
 
 def _inside(seen: Seen) -> float:
-    """Return which part of the NIS lies in the 95 % interval."""
+    """Return the fraction of the NIS in the 95 % interval."""
     nis, degrees = squares(seen)
     nis, degrees = nis[degrees > 0], degrees[degrees > 0]
     if not nis.size:

@@ -1,4 +1,4 @@
-"""Log reference: the reference of a log, or another solution, at the navigator's times and beside its own."""
+"""Log reference: the reference of a log, or another solution, at the navigator's times, and differences."""
 
 from __future__ import annotations
 
@@ -16,15 +16,15 @@ from lab.trajectory import Truth
 FloatArray = NDArray[np.float64]
 
 _LONGEST = 1.0
-"""Longest time between two rows of a reference that is bridged [s]."""
+"""Longest time between two rows of a reference that is interpolated [s]."""
 
 
 def reference_at(reference: Reference, time: FloatArray) -> Truth | None:
-    """Return a reference at other times; None where it has no row within them.
+    """Return a reference at other times; None if it has no row within them.
 
-    Positions follow a cubic curve through the rows with their velocities, or straight lines where velocities
-    are not known; velocities straight lines, attitudes rotations at a constant rate. NaN outside the time of
-    the reference, where it does not know, and between rows that are far apart.
+    Positions follow a cubic curve through the rows with their velocities, or straight lines if velocities are
+    unknown. Velocities follow straight lines, attitudes rotations at a constant rate. The values are NaN
+    outside the time of the reference, where the reference has no values, and between rows that are far apart.
 
     Parameters
     ----------
@@ -50,7 +50,7 @@ def reference_at(reference: Reference, time: FloatArray) -> Truth | None:
 
 
 def _positions(reference: Reference, time: FloatArray, after: NDArray[np.intp]) -> FloatArray:
-    """Return positions (n, 3), NaN where either neighbour is not known."""
+    """Return positions (n, 3); NaN if a neighbouring row is unknown."""
     given = np.asarray(np.isfinite(reference.position).all(axis=1))
     if given.sum() < 2:
         return np.full((time.size, 3), np.nan)
@@ -71,7 +71,7 @@ def _positions(reference: Reference, time: FloatArray, after: NDArray[np.intp]) 
 def _attitudes(
     reference: Reference, time: FloatArray, after: NDArray[np.intp]
 ) -> tuple[FloatArray, FloatArray]:
-    """Return quaternions (n, 4) and Euler angles (n, 3), NaN where either neighbour is not known."""
+    """Return quaternions (n, 4) and Euler angles (n, 3); NaN if a neighbouring row is unknown."""
     q_nb, euler = np.full((time.size, 4), np.nan), np.full((time.size, 3), np.nan)
     given = np.asarray(np.isfinite(reference.euler).all(axis=1))
     if given.sum() < 2:
@@ -100,8 +100,8 @@ def differences(other: Reference, time: FloatArray, solution: Solution) -> dict[
     Returns
     -------
     dict or None
-        ``position`` [m], ``velocity`` [m/s], ``attitude`` [rad], each (n, 3), NaN where the other
-        does not know; None if it has no row within the times.
+        ``position`` [m], ``velocity`` [m/s], ``attitude`` [rad], each (n, 3); NaN where the other solution
+        has no values. None if it has no row within the times.
     """
     there = reference_at(other, time)
     if there is None:
@@ -116,18 +116,18 @@ def differences(other: Reference, time: FloatArray, solution: Solution) -> dict[
 
 
 def comparison_remark(other: Comparison, time: FloatArray, solution: Solution) -> str:
-    """Say how far an estimate is from another solution, rms of what that knows."""
+    """Return a sentence with the rms difference of an estimate to another solution."""
     apart = differences(other, time, solution)
     if apart is None:
-        return f"{other.name} has no rows while the IMU recorded: it cannot be compared with."
+        return f"{other.name} has no rows during the IMU data, so there is no comparison."
     parts = []
     if np.isfinite(apart["position"]).any():
         north, east, down = apart["position"].T
         constant = float(np.nanmean(down))
-        # Heights above sea and above the ellipsoid differ by a constant, nearly.
+        # Heights above sea level and above the ellipsoid differ by nearly a constant.
         parts.append(
             f"position {np.hypot(_rms(north), _rms(east)):.2g} m horizontal, {_rms(down - constant):.2g} m "
-            f"vertical (beside a constant {abs(constant):.2g} m)"
+            f"vertical (besides a constant offset of {abs(constant):.2g} m)"
         )
     if np.isfinite(apart["velocity"]).any():
         parts.append(f"velocity {np.sqrt(sum(_rms(column) ** 2 for column in apart['velocity'].T)):.2g} m/s")
@@ -135,7 +135,7 @@ def comparison_remark(other: Comparison, time: FloatArray, solution: Solution) -
         roll, pitch, heading = (np.degrees(_rms(column)) for column in apart["attitude"].T)
         parts.append(f"roll {roll:.2g}°, pitch {pitch:.2g}°, heading {heading:.2g}°")
     return (
-        f"Difference to {other.name}, which is not the truth, rms: {'; '.join(parts) or 'nothing in common'}."
+        f"Rms difference to {other.name}, which is not the truth: {'; '.join(parts) or 'nothing in common'}."
     )
 
 

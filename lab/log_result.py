@@ -1,4 +1,4 @@
-"""Log result: what the run of a log of real sensors gave, with a reference or without one."""
+"""Log result: the result of a run of a sensor log, with or without a reference."""
 
 from __future__ import annotations
 
@@ -16,16 +16,16 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, eq=False, repr=False, kw_only=True)
 class LogResult(Result):
-    """What the run of a log gave; `lacks` says what is not known of it.
+    """The result of a run of a log; `lacks` names the unknown data.
 
     Attributes
     ----------
     truth_arrays : Truth or None
         The reference of the log.
     ideal, aligned : None
-        Nothing is simulated.
+        None, because nothing is simulated.
     recorded : Recorded
-        What the log has beside.
+        The log and further data of its run.
     """
 
     ideal: None = None
@@ -34,22 +34,22 @@ class LogResult(Result):
 
     @property
     def truth_word(self) -> str:
-        """What errors are differences to."""
+        """Word for the data to which errors are differences."""
         return "reference"
 
     @property
     def epoch(self) -> float:
-        """What time 0 is in the clock of the log's file, in which outages are given [s]."""
+        """Time 0 in the clock of the log's file, which outages use [s]."""
         return self.recorded.log.epoch
 
     @property
     def realisation(self) -> str:
-        """Empty: nothing of a log is drawn."""
+        """Empty, because a log has no random draws."""
         return ""
 
     @property
     def has_temperature(self) -> bool:
-        """False: no temperature is simulated."""
+        """False, because no temperature is simulated."""
         return False
 
     @property
@@ -59,15 +59,15 @@ class LogResult(Result):
 
     @cached_property
     def summary(self) -> pd.DataFrame:
-        """Table of the errors over the whole flight: rms, largest, and what 95 % stay below.
+        """Table of the errors over the whole flight: rms, maximum, and 95 % quantile.
 
-        Of what the reference knows; with mean and standard deviation, since a reference may be off by a
-        constant.
+        Only for quantities in the reference; with mean and standard deviation, since a reference may have a
+        constant error.
         """
         return tables.summary(self, None if self.is_long else self.errors, moments=True)
 
     @cached_property
     def remarks(self) -> tuple[str, ...]:
-        """What to know before believing the result: repairs, assumptions, and how the filter got on."""
+        """Remarks on the reliability of the result: repairs, assumptions, and problems of the filter."""
         assumed = self.experiment.sensors.assumed_remark()
         return (*self.recorded.notes, *self._run_remarks(), *((assumed,) if assumed else ()))

@@ -1,4 +1,4 @@
-"""Log run: an experiment on a log of real sensors: nothing is simulated, the settings say what is assumed."""
+"""Log run: an experiment on a sensor log: nothing is simulated, the settings are assumptions."""
 
 from __future__ import annotations
 
@@ -51,22 +51,22 @@ IN_EFFECT = frozenset(
         "sensors.assumed",
     )
 )
-"""Settings of the sensors that say something of a log's navigation: what its filter assumes of them, which of
-them a card assumed in turn, and outages."""
+"""Settings of the sensors with an effect on the navigation of a log: the filter's assumptions, the terms that
+a card assumed, and outages."""
 
 _OF_THE_START = ("position", "velocity", "attitude")
 WITHOUT_EFFECT = frozenset(
     f"navigator.{part}_{kind}" for part in _OF_THE_START for kind in ("sigma", "error")
 )
-"""Settings of the navigator that a log answers itself: where it starts, and how uncertain that is."""
+"""Settings of the navigator that the log itself provides: the start and its uncertainty."""
 
 _LONGEST = 1.0
-"""Longest time between two rows of a reference that is bridged [s]."""
-_SAME_CLOCK = 1e-3  # from where on the clock of the file differs from the time of the log [s]
+"""Longest time between two rows of a reference that is interpolated [s]."""
+_SAME_CLOCK = 1e-3  # largest offset at which the clock of the file counts as the time of the log [s]
 
 
 def has_effect(path: str, states: int = 21) -> bool:
-    """Return whether a setting changes anything in a log's navigation by a filter with so many states."""
+    """Return whether a setting affects the navigation of a log by a filter with a number of states."""
     if ".scale_factor" in path and states == 15:
         return False
     if path.startswith("sensors."):
@@ -81,28 +81,28 @@ def run_log(
     progress: Callable[[str, float], None],
     algorithm: Algorithm | None = None,
 ) -> LogResult:
-    """Return what an experiment on a log gives.
+    """Run an experiment on a log.
 
     Parameters
     ----------
     experiment
-        The settings: those of the sensors are what the filter assumes of them; those of the simulation, such
-        as the seed, have no effect.
+        The settings. Those of the sensors are the filter's assumptions; those of the simulation, such as the
+        seed, have no effect.
     mission
         The log.
     cache
-        Keeps the log, and its navigation.
+        Cache for the log and its navigation.
     progress
-        Called with a sentence about what is being done and the fraction done, from 0 to 1.
+        Called with a sentence about the current work and the fraction done, from 0 to 1.
     algorithm
-        A navigator of the user's own, given what the filter of the settings would be given.
+        The user's navigator; it gets the same input as the filter of the settings.
 
     Raises
     ------
     MissionError
         If the log cannot be read, or has too few fixes.
     SettingError
-        If the settings do not go together, or cannot be applied to a log.
+        If the settings are incompatible, or cannot be applied to a log.
     ValueError
         If the log cannot be navigated; or if the `algorithm` fails (`AlgorithmError`).
     """
@@ -154,24 +154,24 @@ def _result(
     nothing = np.broadcast_to(np.nan, (max(samples, fixes), 3))
     latency = assumed_latency(experiment.navigator, log.gnss.latency)
     rows = np.searchsorted(log.gnss.time - latency, made.fixes.time)
-    # The filter was given something in place of what the receiver does not measure.
+    # The filter got substitutes for components that the receiver does not measure.
     seen = np.where(np.isnan(log.gnss.velocity_n[rows]), np.nan, made.fixes.velocity_n)
     notes = [*made.remarks, *clock_remarks(log, experiment.sensors.gps.outages)]
     unnamed = experiment.navigator.vehicle == "auto" and not vehicle_of(log.auxiliary.vehicle).name
     if unnamed and made.alignment.heading.is_course:
         notes.append(
-            "Nobody named the vehicle: the course is taken for its heading, which the motion does not "
-            "contradict. --vehicle or vehicle in log.toml names it."
+            "The vehicle is unknown: the course is used as its heading, and the motion does not contradict "
+            "this. --vehicle, or vehicle in log.toml, sets the vehicle."
         )
     notes += [comparison_remark(other, made.imu.time, solution) for other in log.auxiliary.comparisons]
     if log.reference is None:
-        notes.append("There is no reference: errors are not known, innovations are.")
+        notes.append("There is no reference: the errors are unknown, the innovations are known.")
     elif truth is None:
-        notes.append("The reference has no rows while the IMU recorded: errors are not known.")
+        notes.append("The reference has no rows during the IMU data: the errors are unknown.")
     else:
         notes.append(
-            "Errors are differences to the reference, which has errors of its own: NEES is not claimed, and "
-            "the verdict rests on the innovations."
+            "Errors are differences to the reference, which has errors of its own. NEES is therefore not "
+            "given, and the verdict is based on the innovations."
         )
     idle = [
         path
@@ -180,7 +180,7 @@ def _result(
         and not has_effect(path, experiment.navigator.states)
     ]
     if idle:
-        notes.append(f"Nothing is simulated for a log: {', '.join(idle)} changes nothing.")
+        notes.append(f"Nothing is simulated for a log: {', '.join(idle)} has no effect.")
     return LogResult(
         experiment=experiment,
         mission=mission,
@@ -197,28 +197,28 @@ def _result(
 
 
 def outages_in(log: SensorLog, outages: Sequence[tuple[float, float]]) -> list[tuple[float, float]]:
-    """Return outages given in the clock of a log's file in the time of the log [s]."""
+    """Convert outages from the clock of a log's file to the time of the log [s]."""
     return [(start - log.epoch, end - log.epoch) for start, end in outages]
 
 
 def clock_remarks(log: SensorLog, outages: Sequence[tuple[float, float]]) -> list[str]:
-    """Say where time 0 is in the clock of the file, and which outages lie outside the log."""
+    """Return remarks about time 0 in the clock of the file, and about outages outside the log."""
     remarks = []
     if abs(log.epoch) > _SAME_CLOCK:
         remarks.append(
-            f"Time 0 is {log.epoch:.10g} s in the clock of the file, in which --from, --to and outages are "
-            "given."
+            f"Time 0 is {log.epoch:.10g} s in the clock of the file; --from, --to and outages are given in "
+            "this clock."
         )
     outside = [f"{a:g} to {b:g} s" for a, b in outages if b <= log.epoch or a >= log.epoch + log.duration]
     if outside:
         remarks.append(
-            f"GPS outages outside the log change nothing: {', '.join(outside)}; in the clock of the file it "
-            f"lasts from {log.epoch:.10g} to {log.epoch + log.duration:.10g} s."
+            f"GPS outages outside the log have no effect: {', '.join(outside)}; in the clock of the file, "
+            f"the log lasts from {log.epoch:.10g} to {log.epoch + log.duration:.10g} s."
         )
     return remarks
 
 
 def timed(navigate: Callable[[], T]) -> tuple[T, float]:
-    """Return what a navigator gives, and the time it took [s]."""
+    """Return the result of a navigator, and its computing time [s]."""
     begun = time.perf_counter()
     return navigate(), time.perf_counter() - begun

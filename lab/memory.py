@@ -1,4 +1,4 @@
-"""Memory: how much a run needs, how much there is, and a message before a run that needs more."""
+"""Memory: the memory that a run needs, the available memory, and a check before the run."""
 
 from __future__ import annotations
 
@@ -11,49 +11,49 @@ from lab.histories import LONG
 from lab.navigation.kalman import MEASUREMENTS
 
 BESIDE = 230
-"""What a sample takes beside the solution [bytes]: truth 88, measured increments 48, true ones 24, and room
-to work in; measured on four hours at 200 Hz."""
+"""Memory per sample besides the solution [bytes]: truth 88, measured increments 48, true ones 24, and work
+space; measured on four hours at 200 Hz."""
 DRIFT = 48
-"""What a sample takes for each triad whose bias changes [bytes]."""
+"""Memory per sample for each triad with a varying bias [bytes]."""
 ARM = 49
-"""What a sample takes for the sum of all turns, where a lever arm asks for the rate about each fix [bytes];
-measured, see `lab.navigation.lever_arm.turns`."""
+"""Memory per sample for the angular rates about each fix, needed with a lever arm [bytes]; measured, see
+`lab.navigation.lever_arm.turns`."""
 ALWAYS = 256 * 2**20
-"""What a run may take without asking [bytes]: the limit of the cache, which is there anyway."""
+"""Memory that a run may use without a check [bytes]: the limit of the cache, which is available anyway."""
 SPARE = 0.9
-"""Part of the available memory that a run may take; the rest is for what goes on beside it."""
+"""Fraction of the available memory that a run may use; the rest is for other work."""
 
 _CONTROL_GROUPS = Path("/sys/fs/cgroup")
 
 
 class TooLongError(ValueError):
-    """A run needs more memory than there is."""
+    """A run needs more memory than is available."""
 
 
 def check_memory(
     samples: int, fixes: int, rate: float, *, states: int, drifting: int, exact: bool, arm: bool
 ) -> None:
-    """Refuse a run that needs more memory than is available.
+    """Raise `TooLongError` if a run needs more memory than is available.
 
     Parameters
     ----------
     samples, fixes
-        How many there are.
+        Numbers of samples and fixes.
     rate
         Rate of the samples [Hz].
     states
         Number of error states of the filter.
     drifting
-        Number of triads whose bias changes.
+        Number of triads with a varying bias.
     exact
-        Whether all histories are kept in float64, as by the smoother.
+        Whether all histories are float64, as for the smoother.
     arm
         Whether the filter assumes a lever arm.
 
     Raises
     ------
     TooLongError
-        If it needs more; the message says how long a flight may be.
+        If it needs more; the message gives the longest possible flight.
     """
     each = bytes_per_sample(samples, states=states, drifting=drifting, exact=exact, arm=arm)
     needed = samples * each + fixes * bytes_per_fix(states)
@@ -70,21 +70,22 @@ def check_memory(
 
 
 def bytes_per_sample(samples: int, *, states: int, drifting: int, exact: bool, arm: bool) -> int:
-    """Return the memory that a sample of a run takes [bytes]; see `check_memory`."""
+    """Return the memory per sample of a run [bytes]; see `check_memory`."""
     motion, shown = 10, states + 12 + (states - 15)
     precise = exact or samples <= LONG
     return BESIDE + DRIFT * drifting + ARM * arm + 8 * motion + (8 if precise else 4) * shown
 
 
 def bytes_per_fix(states: int) -> int:
-    """Return the memory that a fix takes [bytes]: P, H, two covariances, and copies of a smoother."""
+    """Return the memory per fix [bytes]: P, H, two covariances, and copies for a smoother."""
     return 8 * (2 * states**2 + 4 * MEASUREMENTS * states + 3 * MEASUREMENTS**2)
 
 
 def available() -> int:
     """Return the memory that this process can still take without swapping [bytes].
 
-    The least of what the system has, what its control group may take, and what its own limit allows.
+    This is the smallest of the system's available memory, the control groups' remaining memory, and the
+    process limit.
     """
     return max(min(_sources()), 0)
 
@@ -101,19 +102,19 @@ def _sources() -> Iterator[int]:
 
 
 def _of_system() -> int:
-    """Return what the system says is available; where it does not say, so much that nothing is refused."""
+    """Return the available memory of the system; if unknown, so much that nothing is refused."""
     for line in _read(Path("/proc/meminfo")).splitlines():
         if line.startswith("MemAvailable:"):
             return int(line.split()[1]) * 1024
     try:
-        # macOS does not say what is available: half of what there is.
+        # macOS does not report the available memory, so half of the total is used.
         return os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE") // 2
     except (AttributeError, ValueError, OSError):
         return sys.maxsize
 
 
 def _of_groups() -> Iterator[int]:
-    """Iterate over what the control groups of this process, and those they are in, may still take."""
+    """Iterate over the remaining memory of this process's control groups and their parents."""
     for line in _read(Path("/proc/self/cgroup")).splitlines():
         _, kinds, path = [*line.split(":", 2), "", ""][:3]
         if not kinds:  # version 2
@@ -124,7 +125,7 @@ def _of_groups() -> Iterator[int]:
         else:
             continue
         group = root / path.lstrip("/")
-        # In a container the path may be that of the host, and only the root is there.
+        # In a container, the path may be that of the host, and only the root is visible.
         for folder in (group, *group.parents):
             limit, used = (_read(folder / name).strip() for name in names[:2])
             if limit.isdigit() and used.isdigit():
@@ -134,7 +135,7 @@ def _of_groups() -> Iterator[int]:
 
 
 def _cached(folder: Path, name: str) -> int:
-    """Return how much of what a control group uses is a cache of files, which the system gives back."""
+    """Return the file cache within the memory of a control group, which the system can release."""
     for line in _read(folder / "memory.stat").splitlines():
         key, _, value = line.partition(" ")
         if key == name and value.strip().isdigit():
@@ -143,7 +144,7 @@ def _cached(folder: Path, name: str) -> int:
 
 
 def _taken() -> int:
-    """Return the address space that this process takes [bytes]."""
+    """Return the address space of this process [bytes]."""
     pages = _read(Path("/proc/self/statm")).split()
     return int(pages[0]) * os.sysconf("SC_PAGE_SIZE") if pages else 0
 

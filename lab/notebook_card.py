@@ -1,6 +1,7 @@
-"""Notebook card: what an object shows of itself in a notebook, drawn by whoever registered for it.
+"""Notebook card: the display of an object in a notebook, drawn by a registered function.
 
-What is shown lies below what draws it: the object says which card it has, and `lab.views.cards` who draws it.
+Objects must not import their views: an object names its card, and `lab.views.cards` registers the function
+that draws it.
 """
 
 from __future__ import annotations
@@ -12,24 +13,24 @@ _DRAWERS: dict[str, Callable[[Any], str]] = {}
 
 
 def register(card: str, draw: Callable[[Any], str]) -> None:
-    """Register what draws a card.
+    """Register the function that draws a card.
 
     Parameters
     ----------
     card
-        Name of the card, the `CARD` of what it shows.
+        Name of the card: the `CARD` of its objects.
     draw
-        Returns the HTML of what it is given.
+        Returns the HTML of an object.
     """
     _DRAWERS[card] = draw
 
 
 class NotebookCard:
-    """What Jupyter shows as a card; a subclass names the card in `CARD`."""
+    """Base class of objects that Jupyter shows as a card; a subclass names the card in `CARD`."""
 
     CARD: ClassVar[str]
 
     def _repr_html_(self) -> str | None:
-        """Return the card as HTML; None, for which Jupyter shows the text, where nobody draws it."""
+        """Return the card as HTML; None if no function is registered, so that Jupyter shows the text."""
         draw = _DRAWERS.get(self.CARD)
         return draw(self) if draw else None

@@ -1,8 +1,8 @@
 """Polar path: the curve of a flight that comes close to a pole, in Earth-fixed Cartesian axes.
 
-Like `GeodeticPath`, but the curve that is twice differentiable is that of the Cartesian position r_e and of
-the attitude C_eb, to which a pole is a place like any other. Latitude, longitude and heading are what follows
-of them; over the pole longitude and heading jump.
+As `GeodeticPath`, but with a twice-differentiable curve of the Cartesian position r_e and of the attitude
+C_eb, which have no singularity at a pole. Latitude, longitude and heading are computed from them; over the
+pole, longitude and heading jump.
 
 References
 ----------
@@ -33,7 +33,7 @@ class PolarPath:
     time : (n,) array
         Knots: the IMU grid, from 0 [s].
     origin : (3,) array
-        Position r_e the offsets count from [m].
+        Position r_e of the origin of the offsets [m].
     offsets : (n, 3) array
         r_e at the knots, minus the origin [m].
     attitude

@@ -1,4 +1,4 @@
-"""Projection: positions as metres on a map, UTM wherever it is defined."""
+"""Projection: positions as metres on a map, in UTM where it is defined."""
 
 from __future__ import annotations
 
@@ -16,14 +16,14 @@ UTM_LATITUDES = (-80.0, 84.0)
 
 
 class Projection(NamedTuple):
-    """A map projection, fixed by where a flight starts, so that all of it lies on one sheet.
+    """A map projection, determined by the start of a flight, so that the whole flight has one projection.
 
     Attributes
     ----------
     latitude, longitude : float
-        Where the flight starts [rad].
+        Start of the flight [rad].
     zone : int
-        UTM zone, or 0 for local east and north from the start, beyond the latitudes UTM covers.
+        UTM zone; 0 for local east and north from the start, beyond the latitudes of UTM.
     """
 
     latitude: float
@@ -37,7 +37,7 @@ class Projection(NamedTuple):
 
         south, north = UTM_LATITUDES
         degrees = np.degrees(latitude)
-        # A flight that starts within a degree of the limits could leave them.
+        # A flight that starts within a degree of the limits could cross them.
         covered = south + 1 <= degrees <= north - 1
         zone = utm.latlon_to_zone_number(degrees, np.degrees(longitude)) if covered else 0
         return cls(latitude, longitude, zone)
@@ -52,7 +52,7 @@ class Projection(NamedTuple):
     def project(self, position: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return easting and northing (n,) [m] of positions (n, 3): latitude, longitude [rad], height [m].
 
-        An estimate that strays beyond the latitudes of UTM is shown on their edge; NaN stays NaN.
+        An estimate beyond the latitudes of UTM is shown at their limit; NaN stays NaN.
         """
         import pymap3d  # noqa: PLC0415 - only needed where a map is shown
         import utm  # noqa: PLC0415

@@ -1,6 +1,6 @@
-"""Renavigation: a run navigated anew with other settings of the filter, and with fixes that are withheld.
+"""Renavigation: a run navigated again with other settings of the filter, and with withheld fixes.
 
-The sensors' output stays: of a simulated run as it was simulated, of a log as it was recorded.
+The sensor output does not change: it is that of the simulated run or of the log.
 """
 
 from __future__ import annotations
@@ -30,28 +30,28 @@ _ROUNDING = 1e-9  # of time stamps [s]
 
 
 class Subject(Protocol):
-    """A run that can be navigated anew.
+    """A run that can be navigated again.
 
     Attributes
     ----------
     stamps : (m,) array
         Time stamps of all its fixes [s].
     span : (float, float)
-        When the IMU begins and ends [s].
+        Start and end of the IMU data [s].
     """
 
     stamps: FloatArray
     span: tuple[float, float]
 
     def navigate(self, experiment: ExperimentSettings, withheld: Flags) -> tuple[Seen, Seen]:
-        """Return the innovations of all fixes: with the S of the filter, and with that of fixes withheld.
+        """Return the innovations of all fixes twice: with the S of the filter, and with H P Hᵀ + R.
 
         Parameters
         ----------
         experiment
-            Settings, of which those of what the filter assumes count.
+            Settings; only the filter's assumptions are used.
         withheld : (m,) array
-            Which fixes change nothing.
+            Mask of the fixes without effect on the filter.
         """
         ...
 
@@ -93,9 +93,9 @@ class Simulated:
 
 
 class Logged:
-    """A log of real sensors.
+    """A sensor log.
 
-    Where it starts is found once for each latency: to match velocities takes longer than to navigate.
+    The start is determined once for each latency, because matching velocities takes longer than navigating.
     """
 
     def __init__(self, recorded: Recorded) -> None:
@@ -118,7 +118,7 @@ class Logged:
         )
 
     def _of_all(self, seen: Seen, rows: NDArray[np.intp]) -> Seen:
-        """Return what is seen of all fixes, where only some were within the time of the run."""
+        """Return the innovations of all fixes, with NaN for those outside the time of the run."""
         innovation = np.full((self.stamps.size, MEASUREMENTS), np.nan)
         covariance = np.tile(np.eye(MEASUREMENTS), (self.stamps.size, 1, 1))
         innovation[rows], covariance[rows] = seen
@@ -126,7 +126,7 @@ class Logged:
 
 
 def subject(run: Run) -> Subject:
-    """Return what navigates a run anew."""
+    """Return the object that navigates a run again."""
     return Logged(run.recorded) if run.recorded else Simulated(run)
 
 
@@ -137,7 +137,7 @@ def _seen(solution: Solution) -> Seen:
 def _predicted(solution: Solution, R: FloatArray) -> Seen:
     """Return innovations with their covariance H P Hᵀ + R by the P after each fix.
 
-    A withheld fix leaves P as it was. The filter's own S of it would be the difference of large numbers.
+    A withheld fix does not change P. The filter's own S for it would be the difference of large numbers.
     """
     H = solution.fix_H
     S = H @ solution.fix_covariance @ np.swapaxes(H, 1, 2) + R

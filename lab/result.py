@@ -1,8 +1,8 @@
-"""Result: the desk on top of a run: its datasets with units, its tables, its verdict, its files.
+"""Result: the user interface of a run: its datasets with units, its tables, its verdict, its files.
 
-The arrays are those of the `Run` that a result is; what a person takes out is an `xarray.Dataset`, built when
-first asked for: degrees, datasheet units for the sensors, east-north-up. A result is that of a simulation
-(`lab.simulated_result`) or that of a log of real sensors (`lab.log_result`).
+A result is a `Run` with its arrays. Users read it as `xarray.Dataset`s, which are built at their first use:
+degrees, datasheet units for the sensors, east-north-up. There are results of a simulation
+(`lab.simulated_result`) and of a sensor log (`lab.log_result`).
 """
 
 from __future__ import annotations
@@ -55,11 +55,11 @@ DATASETS = (
     "autocorrelation",
     "consistency",
 )
-"""Names of the datasets every result has, as they are written to files."""
+"""Names of the datasets of every result, as in files."""
 
 
 class Runnable(ExperimentSettings, ParameterizedABC):
-    """Settings that can be run: the experiment as a result knows it."""
+    """Settings that can be run: the part of the experiment that a result needs."""
 
     @abstractmethod
     def run(self, progress: Progress | None = None, *, algorithm: Algorithm | None = None) -> Result:
@@ -68,16 +68,15 @@ class Runnable(ExperimentSettings, ParameterizedABC):
 
 @dataclass(frozen=True, eq=False, repr=False, kw_only=True)
 class Result(NotebookCard, Repeatable):
-    """What one run gave.
+    """The result of one run.
 
-    The datasets are made from the arrays when first asked for. Two threads that ask at once may both make
-    one; it is the same. Of a log of real sensors some are not known: `lacks` says which and why, and asking
-    for one raises `ResultError`.
+    The datasets are made from the arrays at their first use. Two threads may both make the same one. Some
+    datasets of a sensor log are unknown: `lacks` gives the reason, and reading one raises `ResultError`.
 
     Attributes
     ----------
     experiment : Experiment
-        The settings it was computed with. The arrays are those of `Run`.
+        The settings of the run. The arrays are those of `Run`.
     """
 
     CARD = "result"
@@ -87,12 +86,12 @@ class Result(NotebookCard, Repeatable):
     @property
     @abstractmethod
     def truth_word(self) -> str:
-        """What errors are differences to: ``"truth"``, or the ``"reference"`` of a log."""
+        """The data to which errors are differences: ``"truth"``, or the ``"reference"`` of a log."""
 
     @property
     @abstractmethod
     def realisation(self) -> str:
-        """What tells this run from others of the same settings: ``"seed 1"``; empty of a log."""
+        """Text that distinguishes runs with the same settings: ``"seed 1"``; empty for a log."""
 
     @property
     @abstractmethod
@@ -101,22 +100,22 @@ class Result(NotebookCard, Repeatable):
 
     @cached_property
     def feedforward_drift(self) -> float:
-        """Largest attitude error of the free-running navigator of a feedforward filter [rad]; else zero."""
+        """Largest attitude error of a feedforward filter's free-running navigator [rad]; else zero."""
         return feedforward.drift_of(self)
 
     @made_when_asked
     def truth(self) -> xr.Dataset:
-        """The true flight; of a log its reference."""
+        """The true flight; for a log, its reference."""
         return flight.truth(self)
 
     @made_when_asked
     def solution(self) -> xr.Dataset:
-        """The flight as navigated."""
+        """The estimated flight."""
         return flight.solution(self)
 
     @made_when_asked
     def errors(self) -> xr.Dataset:
-        """Errors of the solution: estimate minus truth; of a log minus its reference, NaN without."""
+        """Errors of the solution: estimate minus truth; for a log, minus its reference, or NaN."""
         return flight.errors(self)
 
     @made_when_asked
@@ -131,22 +130,22 @@ class Result(NotebookCard, Repeatable):
 
     @made_when_asked
     def imu(self) -> xr.Dataset:
-        """What the IMU put out, as mean rates over each sample; if simulated, what a perfect one had."""
+        """Output of the IMU as mean rates over each sample; for a simulation, also of a perfect IMU."""
         return sensors.imu(self)
 
     @made_when_asked
     def temperature(self) -> xr.Dataset:
-        """Temperature of the IMU in each sample interval, and what its thermometer showed."""
+        """Temperature of the IMU in each sample interval, and the reading of its thermometer."""
         return sensors.temperature(self)
 
     @cached_property
     def gps(self) -> xr.Dataset:
-        """The GPS fixes and, if simulated, their errors; those of a log as they were used, of the IMU."""
+        """The GPS fixes and, if simulated, their errors; those of a log as used, reduced to the IMU."""
         return sensors.gps(self, self.projection)
 
     @made_when_asked
     def track(self) -> xr.Dataset:
-        """True and estimated path in metres on the map; of a log the reference, if any, is the true one."""
+        """True and estimated path in metres on the map; for a log, the reference, if any, is the true one."""
         return flight.track(self, self.projection)
 
     @cached_property
@@ -158,19 +157,19 @@ class Result(NotebookCard, Repeatable):
     @property
     @abstractmethod
     def _origin(self) -> tuple[float, float]:
-        """Latitude and longitude [rad] about which the flight is projected."""
+        """Latitude and longitude [rad] of the centre of the projection."""
 
     @made_when_asked
     def sensor_errors(self) -> xr.Dataset:
-        """Biases and their σ as estimated, if simulated as they were; with 21 states also scale factors."""
+        """Estimated biases with σ, and the true ones if simulated; with 21 states also scale factors."""
         return sensors.sensor_errors(self)
 
     @cached_property
     def innovations(self) -> xr.Dataset:
         """Innovations of the fixes (navigator minus GPS), their σ, and NIS; NaN for a fix not used.
 
-        A fix rejected by the gate keeps its innovation, and has no NIS. What a real receiver does not measure
-        is NaN; attribute `degrees` of `nis`: how much the fixes measure.
+        A fix rejected by the gate keeps its innovation, and has no NIS. Unmeasured components of a real
+        receiver are NaN. Attribute `degrees` of `nis`: number of measurements per fix.
         """
         return innovations.innovations(self)
 
@@ -183,18 +182,18 @@ class Result(NotebookCard, Repeatable):
     def consistency(self) -> xr.Dataset:
         """NEES of the states after each fix; attribute `degrees` of `nees`: states that have a variance.
 
-        NaN, and 0 degrees, where no fix was used, or a user's algorithm gave no covariance.
+        NaN with 0 degrees if no fix was used, or a user's algorithm gave no covariance.
         """
         return innovations.consistency(self)
 
     @cached_property
     def budget(self) -> xr.Dataset:
-        """Error budget: what each source contributes to the σ of the errors; see `budget.error_budget`."""
+        """Error budget: the contribution of each source to the σ of the errors; see `budget.error_budget`."""
         return budget.error_budget(self)
 
     @cached_property
     def observability(self) -> xr.Dataset:
-        """How far σ came down, and in which manoeuvre; see `observability.observability`."""
+        """Reduction of σ by manoeuvre; see `observability.observability`."""
         return observability.observability(self)
 
     @cached_property
@@ -204,19 +203,19 @@ class Result(NotebookCard, Repeatable):
 
     @cached_property
     def summary(self) -> pd.DataFrame:
-        """Table of the errors over the whole flight: rms, largest, and what 95 % stay below."""
+        """Table of the errors over the whole flight: rms, maximum, and 95 % quantile."""
         return tables.summary(self, None if self.is_long else self.errors, moments=False)
 
     @cached_property
     def verdict(self) -> Verdict:
-        """Whether the filter tells the truth about itself, judged by errors and innovations."""
+        """The verdict on the filter, from errors and innovations."""
         return feedforward.judge(self.feedforward_drift, judge(self.evidence))
 
     @cached_property
     def tried_verdict(self) -> Verdict:
-        """The verdict, its advice tried: with what it brings, or not given where it makes things worse.
+        """The verdict with the effect of its advice; advice that makes things worse is not given.
 
-        Costs three runs and more; `verdict` is the same without.
+        This takes three runs and more; `verdict` is the same without trials.
         """
         if not trial.can_be_tried(self.verdict, self.algorithm):
             return self.verdict
@@ -224,17 +223,17 @@ class Result(NotebookCard, Repeatable):
 
     @cached_property
     def innovation_verdict(self) -> Verdict:
-        """The same judged by the innovations alone, as in a flight of which nobody knows the truth."""
+        """The verdict from the innovations alone, as for a flight with unknown truth."""
         return feedforward.judge(self.feedforward_drift, judge(self.evidence.without_truth()))
 
     @cached_property
     def evidence(self) -> Evidence:
-        """What this run says for and against each assumption of the filter; of a log its innovations."""
+        """The evidence of this run for each assumption of the filter; for a log, from its innovations."""
         return evidence_of(self, self.filtered)
 
     @property
     def filtered(self) -> Solution:
-        """What the filter alone computed: of a smoothed run its own run, otherwise the solution."""
+        """The solution of the filter itself: for a smoothed run, its forward run, otherwise the solution."""
         if self.algorithm or not self.experiment.navigator.smoother:
             return self.solution_arrays
         alone = self.experiment.copy()
@@ -242,13 +241,13 @@ class Result(NotebookCard, Repeatable):
         return alone.run().solution_arrays
 
     def repeated(self, experiment: ExperimentSettings) -> Result:
-        """Return the run with other settings, from a changed copy of its own."""
+        """Return the run with a changed copy of its settings."""
         assert isinstance(experiment, Runnable)
         return experiment.run()
 
     @cached_property
     def coverage(self) -> pd.DataFrame:
-        """Table of the errors in their σ: their mean, and how many percent lie within ±1σ and ±3σ."""
+        """Table of the errors in their σ: mean, and percentage within ±1σ and ±3σ."""
         self.known_truth("coverage")
         return tables.coverage(self.errors, self.sigma)
 
@@ -256,25 +255,25 @@ class Result(NotebookCard, Repeatable):
     def whiteness(self) -> pd.DataFrame:
         """Table of the innovations in their σ: mean, variance, and whether they are white.
 
-        The columns are those of `lab.analysis.consistency.whiteness_table`. What the receiver of a log does
-        not measure has no row.
+        The columns are those of `lab.analysis.consistency.whiteness_table`. Components that the receiver of a
+        log does not measure have no row.
         """
         return tables.whiteness(self.innovations)
 
     @cached_property
     @abstractmethod
     def remarks(self) -> tuple[str, ...]:
-        """What to know before believing the result: a saturated sensor, rejected fixes, or none at all."""
+        """Remarks on the reliability of the result, such as a saturated sensor, rejected or missing fixes."""
 
     def _run_remarks(self) -> list[str]:
-        """Return what the run itself gives reason to remark."""
+        """Return remarks about the run itself."""
         remarks = []
         for sensor, measured in (("gyro", self.gyro), ("accelerometer", self.accelerometer)):
             if measured.saturated:
                 part = 100 * measured.saturated / measured.increments.size
                 remarks.append(
-                    f"The {sensor}s met the end of their range (sensors.{sensor}.range) in "
-                    f"{measured.saturated} values, {part:.2g} % of all; the filter is not told."
+                    f"The {sensor}s saturated (sensors.{sensor}.range) in {measured.saturated} values, "
+                    f"{part:.2g} % of all; the filter does not model this."
                 )
         rejected = int(self.solution_arrays.fix_rejected.sum())
         if rejected:
@@ -285,15 +284,17 @@ class Result(NotebookCard, Repeatable):
         recovered = int(self.solution_arrays.fix_recovered.sum())
         if recovered:
             remarks.append(
-                f"The filter recovered {recovered} time{'s' if recovered > 1 else ''}: fixes in a row were "
-                "so implausible that the filter itself had to be in error; it raised P and used the fix."
+                f"The filter recovered {recovered} time{'s' if recovered > 1 else ''}: several fixes in a "
+                "row were so implausible that the filter took itself to be wrong; it raised P and used the "
+                "fix."
             )
         drift = self.feedforward_drift
         if drift > feedforward.LINEAR:
             remarks.append(
-                f"Feedforward: the free-running navigator is up to {np.degrees(drift):.3g}° off in attitude, "
-                f"and the filter is linear up to {np.degrees(feedforward.LINEAR):g}°: its σ is not that of "
-                "its errors. navigator.correction = feedback keeps the navigator close to the truth."
+                "Feedforward: the attitude error of the free-running navigator reaches "
+                f"{np.degrees(drift):.3g}°, but the filter is linear only up to "
+                f"{np.degrees(feedforward.LINEAR):g}°, so its σ does not describe its errors. "
+                "navigator.correction = feedback keeps the navigator close to the truth."
             )
         if not self.fixes.time.size:
             remarks.append(
@@ -303,10 +304,10 @@ class Result(NotebookCard, Repeatable):
         return remarks
 
     def identify(self, progress: Progress | None = None) -> Identification:
-        """Return what the innovations say of the sensors: noise, bias drive, R, latency and lever arm.
+        """Identify the sensors from the innovations: noise, bias drive, R, latency and lever arm.
 
-        The most likely values with error bars, and how well fixes that are withheld for 10 s are predicted
-        with them and without; see `lab.analysis.identification`.
+        The result has the most likely values with error bars, and the accuracy of the prediction of fixes
+        withheld for 10 s, before and after; see `lab.analysis.identification`.
 
         Parameters
         ----------
@@ -321,7 +322,7 @@ class Result(NotebookCard, Repeatable):
         return identify(self, progress)
 
     def datasets(self) -> dict[str, xr.Dataset]:
-        """Return by name all datasets that are known of this run; the temperature where a profile is set."""
+        """Return all known datasets of this run by name; the temperature only with a profile."""
         names = (*DATASETS, "temperature") if self.has_temperature else DATASETS
         return {name: getattr(self, name) for name in names if not self.lacks(name)}
 
@@ -340,7 +341,7 @@ class Result(NotebookCard, Repeatable):
         result_files.write_netcdf(Path(path), self.datasets, title, settings, overwrite=overwrite)
 
     def to_csv(self, folder: str | Path, *, overwrite: bool = False) -> None:
-        """Write each dataset as a csv file in a folder, units in the column names, and the settings as TOML.
+        """Write each dataset as a csv file with units in the column names, and the settings as TOML.
 
         Raises
         ------
@@ -352,7 +353,7 @@ class Result(NotebookCard, Repeatable):
 
     @property
     def overview(self) -> tuple[str, pd.DataFrame]:
-        """Name and content of the table that says most: the errors, or where unknown the innovations."""
+        """Name and content of the main table: the errors, or the innovations if the errors are unknown."""
         return ("whiteness", self.whiteness) if self.lacks("summary") else ("summary", self.summary)
 
     def __repr__(self) -> str:

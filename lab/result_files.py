@@ -1,4 +1,4 @@
-"""Result files: what writes a result to files, given its datasets and tables."""
+"""Result files: functions that write a result's datasets and tables to files."""
 
 from __future__ import annotations
 
@@ -32,11 +32,11 @@ def write_netcdf(
     path
         The file, in a folder that exists.
     datasets
-        Returns the datasets by name; called where there is no reason to refuse.
+        Returns the datasets by name; called only if the file can be written.
     title, settings
-        Attributes of the file: what was run, and all settings as TOML.
+        Attributes of the file: name of the run, and all settings as TOML.
     overwrite
-        True replaces a file that is there.
+        True replaces an existing file.
 
     Raises
     ------
@@ -56,7 +56,7 @@ def write_netcdf(
         whole = folder / path.name
         try:
             tree.to_netcdf(whole, engine="netcdf4")
-        except RuntimeError as error:  # whatever the system refuses the library, that is what it says
+        except RuntimeError as error:  # the library reports only its own error for any refusal by the system
             raise _refused(path, sum(leaf.nbytes for leaf in tree.leaves), error) from error
         whole.replace(path)
 
@@ -81,15 +81,15 @@ def write_csv(
     Parameters
     ----------
     folder
-        Where to; it is made if it does not exist.
+        Target folder; it is created if it does not exist.
     datasets
         The datasets by name.
     overview
         Name and content of one more table.
     settings
-        All settings as TOML; written beside.
+        All settings as TOML, written to the same folder.
     overwrite
-        True replaces files that are there.
+        True replaces existing files.
 
     Raises
     ------
@@ -114,13 +114,13 @@ def write_csv(
         if is_new:
             with contextlib.suppress(OSError):
                 folder.rmdir()
-        # Where the disk is full, the system does not say which file it was.
+        # If the disk is full, the system does not name the file.
         error.filename = error.filename or str(folder)
         raise
 
 
 def table(dataset: xr.Dataset) -> pd.DataFrame:
-    """Return a dataset as a table: a row for each time (or lag), a column for each component, with units."""
+    """Return a dataset as a table: a row per time (or lag), a column per component, with units."""
     import pandas as pd  # noqa: PLC0415 - as above
 
     rows = next(str(dim) for dim in dataset.dims if str(dim).startswith("time") or dim == "lag")

@@ -132,8 +132,8 @@ def _euler(
     C32: FloatArray, C33: FloatArray, sin_pitch: FloatArray, C21: FloatArray, C11: FloatArray
 ) -> FloatArray:
     """Return roll, pitch, yaw from the five elements of `C_nb` that hold them."""
-    # The arctangent keeps pitch exact near ±90°, where the arcsine loses half of the digits.
-    # Each angle in one piece: they are mostly used one by one.
+    # The arctangent keeps pitch exact near ±90°, where the arcsine loses half of the digits. Each angle is
+    # contiguous, because the angles are mostly used separately.
     euler = np.moveaxis(np.empty((3, *np.shape(C32))), 0, -1)
     euler[..., 0] = np.arctan2(C32, C33)
     euler[..., 1] = np.arctan2(sin_pitch, np.sqrt(C32 * C32 + C33 * C33))
@@ -163,7 +163,7 @@ def body_rate(euler: FloatArray, euler_rate: FloatArray) -> FloatArray:
 
 
 def euler_jacobian(euler: ArrayLike) -> FloatArray:
-    """Return the matrix (..., 3, 3) that takes the attitude error φ to the errors of roll, pitch and heading.
+    """Return the matrix (..., 3, 3) that maps the attitude error φ to the errors of roll, pitch and heading.
 
     φ is defined by Ĉ_nb = (I − [φ×]) C_nb and errors are estimate − truth: a positive φ_D turns the estimated
     heading *down*. The covariance of the Euler angle errors is J P_φ Jᵀ.
@@ -171,7 +171,7 @@ def euler_jacobian(euler: ArrayLike) -> FloatArray:
     Parameters
     ----------
     euler : (..., 3) array
-        Roll, pitch, yaw [rad]; pitch other than ±90°, where roll and heading errors are unbounded.
+        Roll, pitch, yaw [rad]; pitch must not be ±90°, where roll and heading errors are unbounded.
     """
     euler = np.asarray(euler, dtype=np.float64)
     pitch, yaw = euler[..., 1], euler[..., 2]

@@ -1,6 +1,6 @@
-"""Run: the frozen arrays of one run, simulated or of a log, and what follows directly from them.
+"""Run: the frozen arrays of one run, simulated or of a log, and values derived directly from them.
 
-Analyses and datasets are functions of a `Run`. What a person takes out of it is `lab.result`.
+Analyses and datasets are functions of a `Run`. `lab.result` is its user interface.
 """
 
 from __future__ import annotations
@@ -28,11 +28,11 @@ from lab.trajectory import Truth
 FloatArray = NDArray[np.float64]
 
 NEEDS_TRUTH = frozenset(("truth", "errors", "summary"))
-"""What is not known of a log without a reference."""
+"""Data that are unknown for a log without a reference."""
 NEEDS_SIMULATION = frozenset(("consistency", "coverage", "budget", "temperature"))
-"""What is not known of any log: a reference knows neither the biases nor its own errors."""
+"""Data that are unknown for any log: a reference has neither the biases nor its own errors."""
 
-_KNOWN = "the innovations and the verdict on them tell whether the filter is right."
+_KNOWN = "the innovations and the verdict on them show whether the filter is right."
 _SPOKEN = {
     "consistency": "NEES",
     "coverage": "the coverage of the errors",
@@ -42,11 +42,11 @@ _SPOKEN = {
 
 
 class ResultError(ValueError):
-    """What was asked for is not known of this run; the message says why, and what is known."""
+    """The requested data are unknown for this run; the message says why, and which data are known."""
 
 
 class Recorded(NamedTuple):
-    """What a log of real sensors has, of which nothing is simulated.
+    """Data of a run on a sensor log.
 
     Attributes
     ----------
@@ -55,9 +55,9 @@ class Recorded(NamedTuple):
     time : (n + 1,) array
         Times of the IMU samples that were navigated [s].
     alignment : Alignment
-        Where the navigator started, and how that was found.
+        The start of the navigator, and how it was found.
     notes : tuple of str
-        What was repaired and assumed, for people.
+        Repairs and assumptions, as text.
     """
 
     log: SensorLog
@@ -73,29 +73,29 @@ class Run:
     Attributes
     ----------
     experiment : ExperimentSettings
-        The settings it was computed with: a copy, which nobody changes.
+        A copy of the settings, which does not change.
     mission : Mission
-        The mission that was flown.
+        The mission.
     truth_arrays : Truth or None
-        The true flight. Of a log its reference, NaN where that knows nothing, or None.
+        The true flight. For a log, its reference, with NaN where it has no values, or None.
     ideal : IdealImu or None
-        What a perfect IMU had measured; None of a log.
+        Output of a perfect IMU; None for a log.
     gyro, accelerometer : Measured
-        What the inertial sensors put out; of a log the biases are NaN.
+        Output of the inertial sensors; for a log, the biases are NaN.
     fixes : GpsFixes
-        What the receiver put out; of a log the errors are NaN.
+        Output of the receiver; for a log, the errors are NaN.
     belief : Belief
-        What the filter assumed.
+        The assumptions of the filter.
     solution_arrays : Solution
-        What the navigator computed.
+        The solution of the navigator.
     seconds : float
-        Time the navigator took when it computed the solution [s].
+        Computing time of the solution [s].
     algorithm : str
         Name of the user's algorithm that navigated; empty for the navigator of the settings.
     recorded : Recorded or None
-        What a log has beside.
+        Further data of a log.
     aligned : Aligned or None
-        Where the navigator of a simulated run started.
+        The start of the navigator of a simulated run.
     """
 
     experiment: ExperimentSettings
@@ -119,7 +119,7 @@ class Run:
 
     @property
     def is_long(self) -> bool:
-        """Whether the flight is so long that what is made of its samples is not kept."""
+        """Whether the flight is so long that derived histories are not kept."""
         return int(self.solution_arrays.position.shape[0]) > LONG
 
     @property
@@ -130,8 +130,8 @@ class Run:
 
     @property
     def fix_validity(self) -> FloatArray:
-        """Times (m,) that the filter took for those of the fixes' validity [s]."""
-        # Those of a log are stored without the latency.
+        """Times of validity (m,) of the fixes, as the filter assumed them [s]."""
+        # For a log, the stored times are already reduced by the latency.
         return self.fixes.time if self.recorded else self.fixes.time - self.latency
 
     @made_when_asked
@@ -162,7 +162,7 @@ class Run:
         return thermal.temperature(settings, self.time[1:], height[1:] - height[0])
 
     def lacks(self, name: str) -> str:
-        """Return why something is not known of this run, in a sentence; empty if it is.
+        """Return, in a sentence, why something is unknown for this run; empty if it is known.
 
         Parameters
         ----------
@@ -173,20 +173,20 @@ class Run:
             return ""
         if name in NEEDS_SIMULATION:
             return (
-                "Nobody knows the true flight and the true biases of a log of real sensors, which "
-                f"{_SPOKEN.get(name, name)} needs; {_KNOWN}"
+                "The true flight and the true biases of a sensor log are unknown, and "
+                f"{_SPOKEN.get(name, name)} needs them; {_KNOWN}"
             )
         if name in NEEDS_TRUTH and self.truth_arrays is None:
-            return f"This log of real sensors has no reference, so its errors are not known; {_KNOWN}"
+            return f"This sensor log has no reference, so its errors are unknown; {_KNOWN}"
         return ""
 
     def known_truth(self, name: str) -> Truth:
-        """Return the truth, or the reference of a log, for what is called `name`.
+        """Return the truth, or the reference of a log, to compute the data `name`.
 
         Raises
         ------
         ResultError
-            If it is not known.
+            If it is unknown.
         """
         reason = self.lacks(name)
         if reason or self.truth_arrays is None:
@@ -194,7 +194,7 @@ class Run:
         return self.truth_arrays
 
     def true_flight(self, name: str) -> tuple[Truth, IdealImu]:
-        """Return truth and ideal IMU of a simulated run, for what is called `name`.
+        """Return truth and ideal IMU of a simulated run, to compute the data `name`.
 
         Raises
         ------
@@ -208,7 +208,7 @@ class Run:
 
 
 def _at_samples(gyro: FloatArray, accelerometer: FloatArray) -> FloatArray:
-    """Return what gyros and accelerometers have in each interval (n, 3) as at all samples, (n + 1, 6)."""
+    """Return values of gyros and accelerometers in each interval, (n, 3) each, at all samples, (n + 1, 6)."""
     constant = not (gyro.strides[0] or accelerometer.strides[0])
     rows = slice(0, 1) if constant else slice(None)
     values = np.concatenate((gyro[rows], accelerometer[rows]), axis=1)

@@ -1,4 +1,4 @@
-"""Setting kinds: the parameters settings are made of, what each accepts, and how that is said in words."""
+"""Setting kinds: the parameter classes of settings, their accepted values, and descriptions of these."""
 
 from __future__ import annotations
 
@@ -22,9 +22,10 @@ class Quantity(param.Number):
     default
         Default value, in `unit`.
     unit
-        Unit as shown to a person, such as ``"s"`` or ``"°/s/√Hz"``; empty for pure numbers.
+        Displayed unit, such as ``"s"`` or ``"°/s/√Hz"``; empty for pure numbers.
     **kwargs
-        As for `param.Number`: ``bounds``, ``softbounds`` (what a slider shows), ``step``, ``label``, ``doc``.
+        As for `param.Number`: ``bounds``, ``softbounds`` (the range of a slider), ``step``, ``label``,
+        ``doc``.
     """
 
     __slots__ = ["unit"]
@@ -51,7 +52,7 @@ class AxisQuantity(param.Parameter):
     axes
         Names of the components, in order.
     bounds, softbounds
-        Hard limits, and the range a slider shows, for every component.
+        Hard limits, and the range of a slider, for every component.
     step
         Step of the widget.
     **kwargs
@@ -90,7 +91,7 @@ class AxisQuantity(param.Parameter):
         Raises
         ------
         ValueError
-            If it is neither, not finite, or beyond the bounds.
+            If it is neither, not finite, or out of bounds.
         """
         count = len(self.axes)
         components = (value,) * count if isinstance(value, numbers.Real) else value
@@ -113,7 +114,7 @@ class QuantityOrNone(param.Parameter):
     Parameters
     ----------
     unset
-        What holds while it is unset, in a word such as ``"matched"``; the word is accepted as value, too.
+        Word for the unset state, such as ``"matched"``; the word is also accepted as a value.
     unit
         Unit as shown to a person.
     axes
@@ -169,11 +170,11 @@ class MatrixOrNone(param.Parameter):
     Parameters
     ----------
     size
-        Number of rows, or the numbers there may be.
+        Number of rows, or the possible numbers.
     diagonal_only
         True refuses off-diagonal elements.
     rows
-        Name of each row, and the unit in which a person reads and writes its σ.
+        Name of each row, and the displayed unit of its σ.
     **kwargs
         As for `param.Parameter`: ``label``, ``doc``.
     """
@@ -230,7 +231,7 @@ class MatrixOrNone(param.Parameter):
 
 
 def describe(parameter: param.Parameter) -> str:
-    """Say in words what a parameter accepts, such as ``"a number from 0 to 10 °/s"``."""
+    """Describe what a parameter accepts, such as ``"a number from 0 to 10 °/s"``."""
     unit = f" {parameter.unit}" if getattr(parameter, "unit", "") else ""
     for kind, words in _WORDS.items():
         if isinstance(parameter, kind):

@@ -1,7 +1,7 @@
-"""Setting text: a value as a person writes it after ``--set`` or in an address, read by its declaration.
+"""Setting text: a value written after ``--set`` or in an address, read according to its declaration.
 
-Such a text is never taken for a piece of a file: what it may be, its declaration says. Whether the value is
-acceptable, the setting itself judges afterwards.
+Such a text is never parsed as part of a file: its declaration determines the possible types. The setting
+itself checks the value afterwards.
 """
 
 from __future__ import annotations
@@ -15,13 +15,13 @@ import param
 MAX_CHARACTERS = 20_000
 """Longest text of a value accepted; a full covariance of 21 states has 11,000 characters."""
 MAX_PATH = 200
-"""Longest dotted path accepted [characters]; the longest there is has about 40."""
+"""Longest accepted dotted path [characters]; the longest existing one has about 40."""
 MAX_DIGITS = 400
-"""Longest number accepted [characters]; the largest number there is has 309 digits."""
+"""Longest accepted number [characters]; the largest float has 309 digits."""
 
 _MAX_DEPTH = 3
 """Deepest nesting of lists; settings have two."""
-# A word longer than any number.
+# Matches a word longer than any number.
 _LONG_WORD = re.compile(rf"[^\s,\[\]]{{{MAX_DIGITS + 1}}}")
 _NUMBER = re.compile(r"[+-]?(\d+(_\d+)*\.?\d*|\.\d+)(e[+-]?\d+)?", re.IGNORECASE | re.ASCII)
 _WHOLE = re.compile(r"[+-]?\d+(_\d+)*", re.ASCII)
@@ -41,7 +41,7 @@ def value_of(declaration: param.Parameter, text: str) -> Any:
     Returns
     -------
     object
-        What the text stands for; the text itself where it is nothing that such a setting could have.
+        The value of the text; the text itself if such a setting cannot have it.
 
     Raises
     ------
@@ -74,7 +74,7 @@ def _number(text: str) -> int | float | str:
 
 
 def _numbers(text: str) -> Any:
-    """Return a list of numbers, or of lists of them; the text itself if it is none."""
+    """Return a list of numbers, or of lists of them; the text itself if it is not such a list."""
     depth = deepest = 0
     for sign in text:
         depth += (sign == "[") - (sign == "]")

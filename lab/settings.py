@@ -1,8 +1,7 @@
 """Settings: parameters that carry label, unit, bounds, documentation and default in one place.
 
-Widgets, TOML files, ``--set path=value`` and the documentation are all derived from these declarations;
-nobody writes a bound twice. Values are in the units a datasheet uses; the code that consumes them converts
-once.
+Widgets, TOML files, ``--set path=value`` and the documentation are all derived from these declarations; no
+bound is written twice. Values are in datasheet units; the code that uses them converts once.
 """
 
 from __future__ import annotations
@@ -20,22 +19,22 @@ from lab.setting_text import MAX_PATH, value_of
 
 
 class SettingError(ValueError):
-    """A setting that does not exist, or a value it does not accept; the message says what is accepted."""
+    """An unknown setting, or a value that it does not accept; the message says what is accepted."""
 
 
 class Derived(NamedTuple):
-    """Another way to give a setting: what is kept, and written to files, is the setting itself.
+    """Another form of a setting; only the setting itself is stored and written to files.
 
     Attributes
     ----------
     declaration : AxisQuantity
-        What is shown and accepted.
+        Declaration of the displayed and accepted value.
     setting : str
-        Dotted path of the setting it is another form of.
+        Dotted path of the setting.
     form : callable
-        Takes the setting to what is shown.
+        Converts the setting to the displayed value.
     back : callable
-        Takes what is accepted to the setting.
+        Converts the accepted value to the setting.
     """
 
     declaration: AxisQuantity
@@ -45,17 +44,17 @@ class Derived(NamedTuple):
 
 
 class Settings(NotebookCard, param.Parameterized):
-    """A group of settings, itself made of parameters and of further groups, addressed by dotted paths.
+    """A group of settings: parameters and further groups, addressed by dotted paths.
 
     A subclass declares a group inside it with `group`. Every instance owns its groups.
     """
 
     CARD = "settings"
     OTHER_FORMS: ClassVar[tuple[str, ...]] = ()
-    """Dotted paths with which settings can be given in another form."""
+    """Dotted paths of the other forms of settings."""
 
     def derived(self, path: str) -> Derived:
-        """Return the other form of a setting that one of `OTHER_FORMS` stands for."""
+        """Return the other form for one of the paths in `OTHER_FORMS`."""
         raise KeyError(path)
 
     def __init__(self, **values: Any) -> None:
@@ -66,7 +65,7 @@ class Settings(NotebookCard, param.Parameterized):
             self.set(name, value)
 
     def __setattr__(self, name: str, value: Any) -> None:
-        # Without this a misspelt setting would be accepted as a new attribute and change nothing.
+        # Without this, a misspelt setting would be accepted as a new attribute without effect.
         if not name.startswith("_") and not hasattr(type(self), name):
             raise SettingError(_unknown(name, name, "", self))
         super().__setattr__(name, value)
@@ -149,12 +148,12 @@ class Settings(NotebookCard, param.Parameterized):
         self.set(path, value)
 
     def set_texts(self, assignments: Sequence[str]) -> None:
-        """Apply assignments ``path=value`` as `set_text`, `OTHER_FORMS` last: they may depend on the others.
+        """Apply assignments ``path=value`` as `set_text`; `OTHER_FORMS` last, as they depend on others.
 
         Raises
         ------
         SettingError
-            At the first that is no assignment, or is not accepted.
+            At the first text that is not an assignment or is not accepted.
         """
         pairs = [_assignment(text) for text in assignments]
         for path, text in sorted(pairs, key=lambda pair: pair[0] in self.OTHER_FORMS):
@@ -171,12 +170,12 @@ class Settings(NotebookCard, param.Parameterized):
         return out
 
     def update(self, values: Mapping[str, Any]) -> Self:
-        """Set everything in a nested mapping, all or nothing, and return self.
+        """Apply all settings of a nested mapping, all or nothing, and return self.
 
         Raises
         ------
         SettingError
-            If a key does not exist or a value is not accepted; nothing is changed then.
+            If a key does not exist or a value is not accepted; then nothing is changed.
         """
         trial = self.copy()
         for name, value in values.items():
@@ -191,14 +190,15 @@ class Settings(NotebookCard, param.Parameterized):
         return twin
 
     def _take(self, other: Self) -> None:
-        # Only what differs: setting a parameter costs far more than reading it, and tells every watcher.
+        # Only differences, because setting a parameter is far slower than reading it, and notifies every
+        # watcher.
         for path, owner, name in other.leaves():
             value = getattr(owner, name)
             if value != self.get(path):
                 self.set(path, value)
 
     def _check_once(self, path: str, group: Mapping[str, Any]) -> None:
-        """Refuse a group that gives a setting in two forms."""
+        """Raise `SettingError` if a group gives a setting in two forms."""
         for other in self.OTHER_FORMS:
             names = [whole.removeprefix(f"{path}.") for whole in (other, self.derived(other).setting)]
             if all(name in group for name in names):
@@ -226,11 +226,11 @@ class Settings(NotebookCard, param.Parameterized):
 
 
 def group(settings: type[Settings], doc: str) -> Any:
-    """Declare a group of settings inside another; every instance of the owner gets its own."""
+    """Declare a group of settings inside another; every instance of the owner gets its own group."""
     return param.ClassSelector(class_=settings, default=None, allow_None=True, doc=doc)
 
 
-# Declarations do not change, and every slider that moves asks for them a thousand times.
+# Cached, because declarations do not change, and a moving slider reads them a thousand times.
 _NAMES: dict[type[Settings], tuple[str, ...]] = {}
 _GROUPS: dict[type[Settings], frozenset[str]] = {}
 

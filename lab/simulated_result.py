@@ -1,4 +1,4 @@
-"""Simulated result: what a run gave whose sensors were simulated, so that the truth is known."""
+"""Simulated result: the result of a run with simulated sensors, whose truth is known."""
 
 from __future__ import annotations
 
@@ -13,16 +13,16 @@ from lab.trajectory import Truth
 
 @dataclass(frozen=True, eq=False, repr=False, kw_only=True)
 class SimulatedResult(Result):
-    """What a simulated run gave.
+    """The result of a simulated run.
 
     Attributes
     ----------
     truth_arrays : Truth
         The true flight.
     ideal : IdealImu
-        What a perfect IMU had measured.
+        Output of a perfect IMU.
     aligned : Aligned
-        Where the navigator started.
+        The start of the navigator.
     """
 
     truth_arrays: Truth
@@ -31,17 +31,17 @@ class SimulatedResult(Result):
 
     @property
     def truth_word(self) -> str:
-        """What errors are differences to."""
+        """Word for the data to which errors are differences."""
         return "truth"
 
     @property
     def epoch(self) -> float:
-        """What time 0 is in the clock that outages are given in [s]: the same."""
+        """Time 0 in the clock of the outages [s], which is the same clock."""
         return 0.0
 
     @property
     def realisation(self) -> str:
-        """What tells this run from others of the same settings, such as ``"seed 1"``."""
+        """Text that distinguishes this run from others with the same settings, such as ``"seed 1"``."""
         return f"seed {self.experiment.seed}"
 
     @property
@@ -55,13 +55,13 @@ class SimulatedResult(Result):
 
     @cached_property
     def remarks(self) -> tuple[str, ...]:
-        """What to know before believing the result: a saturated sensor, rejected fixes, or none at all."""
+        """Remarks on the reliability of the result, such as a saturated sensor, rejected or missing fixes."""
         remarks, navigator = self._run_remarks(), self.experiment.navigator
         alignment = float(navigator.alignment)
         if alignment:
             remarks.append(
                 f"An alignment of {alignment:g} s at rest before the flight (navigator.alignment) levelled "
-                "the navigator and took the constant gyro biases off: the gyro biases shown, true and "
-                "estimated, are what is left."
+                "the navigator and removed the constant gyro biases. The gyro biases shown, true and "
+                "estimated, are the remaining ones."
             )
         return (*remarks, *self.experiment.sensors.remarks(navigator.states))

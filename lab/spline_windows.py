@@ -1,7 +1,7 @@
-"""Spline windows: a spline through very many knots, as splines through windows of them, made when asked for.
+"""Spline windows: a spline through very many knots, as splines through windows, made when needed.
 
-A spline through millions of knots takes kilobytes a knot while it is solved. A knot changes a cubic spline
-less by a factor of 3.7 from knot to knot, so a window that reaches `OVERLAP` knots further on both sides
+Solving a spline through millions of knots takes kilobytes of memory per knot. The effect of a knot on a cubic
+spline decreases by a factor of 3.7 from knot to knot, so a window with `OVERLAP` more knots on both sides
 gives the same curve to the last digit.
 """
 
@@ -19,22 +19,22 @@ FloatArray = NDArray[np.float64]
 Spline = TypeVar("Spline")
 
 WINDOW = 2**17
-"""Knots in a window: 11 minutes at 200 Hz, which need some 130 MB while they are solved. A flight with fewer
-is one spline, which is kept."""
+"""Knots in a window: 11 minutes at 200 Hz, which need some 130 MB during the solution. A flight with fewer
+knots has one spline, which is kept."""
 OVERLAP = 64
-"""Knots by which a window reaches over its ends: 3.7 to the power of 64 is 10 to the power of 36, beyond all
-digits."""
+"""Additional knots at both ends of a window: 3.7 to the power of 64 is 10 to the power of 36, beyond double
+precision."""
 
 
 class SplineWindows(Generic[Spline]):
-    """A spline that is made window by window.
+    """A spline that is computed window by window.
 
     Parameters
     ----------
     times : (n,) array
         Knots [s].
     make
-        Gives the spline through the knots of a slice.
+        Returns the spline through the knots of a slice.
 
     Attributes
     ----------
@@ -50,17 +50,17 @@ class SplineWindows(Generic[Spline]):
         self._make = make
         self._starts = np.arange(0, times.size - 1, WINDOW)
         self._ends = times[self._starts[1:]]
-        # Who goes through a flight in order asks for the same window many times.
+        # Cached, because reading a flight in order needs the same window many times.
         self._last: tuple[int, Spline] | None = None
         self._lock = threading.Lock()
 
     @property
     def kept(self) -> int:
-        """Knots whose spline is kept, at most."""
+        """Largest number of knots with a kept spline."""
         return min(self._knots, WINDOW + 2 * OVERLAP)
 
     def __call__(self, times: FloatArray, evaluate: Callable[[Spline, FloatArray], FloatArray]) -> FloatArray:
-        """Return what a function makes of the spline at times in any order, rows in that order.
+        """Evaluate a function of the spline at times in any order, with rows in that order.
 
         Parameters
         ----------
@@ -86,7 +86,7 @@ class SplineWindows(Generic[Spline]):
         with self._lock:
             if self._last is None or self._last[0] != window:
                 start = int(self._starts[window])
-                self._last = None  # not two at a time
+                self._last = None  # one computation at a time
                 around = slice(max(start - OVERLAP, 0), start + WINDOW + 1 + OVERLAP)
                 self._last = window, self._make(around)
             return self._last[1]
@@ -108,11 +108,11 @@ class CubicCurve:
         self._values = values if self._spline.only is None else values[:0].copy()
 
     def __call__(self, times: FloatArray, derivative: int = 0) -> FloatArray:
-        """Return the values, or a derivative of them in time, at times within the knots (m, 3)."""
+        """Return the values, or a time derivative of them, at times within the knots (m, 3)."""
         return self._spline(times, lambda spline, at: np.asarray(spline(at, derivative)))
 
     @property
     def nbytes(self) -> int:
-        """Memory of what is kept, beside the knots [bytes]."""
+        """Memory of the cached data, besides the knots [bytes]."""
         # Four coefficients of each component, and a time.
         return self._spline.kept * (4 * 3 + 1) * 8 + int(self._values.nbytes)

@@ -1,8 +1,8 @@
-"""TOML file: the one reader and the one writer of TOML; what is too much is refused before it is parsed.
+"""TOML file: the one reader and the one writer of TOML; excessive content is refused before it is parsed.
 
-`tomllib` takes time and memory that grow with the square of the parts of a dotted key, ends with a
-`RecursionError` where values are nested deeply, and gives integers so long that Python refuses to print them.
-A file comes from anybody, so these are counted first, in one pass over the text.
+In `tomllib`, time and memory grow with the square of the number of parts of a dotted key, deeply nested
+values raise a `RecursionError`, and integers may be so long that Python refuses to print them. Files come
+from untrusted sources, so these are counted first, in one pass over the text.
 """
 
 from __future__ import annotations
@@ -22,9 +22,9 @@ MAX_DEPTH = 16
 MAX_PARTS = 8
 """Most parts of a dotted key accepted; the settings have 3, cards 4."""
 MAX_WORD = 1000
-"""Longest number or bare key accepted [characters]; the largest number there is has 309 digits."""
+"""Longest accepted number or bare key [characters]; the largest float has 309 digits."""
 MAX_SIGNS = 150_000
-"""Most points, commas, equals signs and brackets accepted outside of texts.
+"""Most accepted dots, commas, equals signs and brackets outside of strings.
 
 A motion definition of 1 MB has 135,000. The worst text of so many takes 130 MB and about a second.
 """
@@ -37,11 +37,11 @@ _TOKEN = re.compile(
 )
 
 _SIGNS = frozenset(".,=[]{}")
-_DEEPER = {"[": 1, "{": 1, "]": -1, "}": -1}  # how many levels a sign leads down
+_DEEPER = {"[": 1, "{": 1, "]": -1, "}": -1}  # change of the nesting level by a sign
 
 
 class TomlError(ValueError):
-    """A text or a file that is not read as TOML; the message says what is accepted."""
+    """A text or a file that cannot be read as TOML; the message says what is accepted."""
 
 
 def parse_toml(text: str) -> dict[str, Any]:
@@ -50,7 +50,7 @@ def parse_toml(text: str) -> dict[str, Any]:
     Raises
     ------
     TomlError
-        If it is not TOML, or is larger or deeper than what is accepted.
+        If it is not TOML, or is larger or more deeply nested than accepted.
     """
     if len(text) > MAX_BYTES:
         raise TomlError(f"too large; accepted are TOML files up to {MAX_BYTES // 2**20} MB")
@@ -62,7 +62,7 @@ def parse_toml(text: str) -> dict[str, Any]:
 
 
 def toml_text(values: Mapping[str, Any]) -> str:
-    """Return values as TOML text; `parse_toml` gives them back.
+    """Return values as TOML text, the inverse of `parse_toml`.
 
     Parameters
     ----------
@@ -73,7 +73,7 @@ def toml_text(values: Mapping[str, Any]) -> str:
 
     def written(value: Any) -> Any:
         if isinstance(value, str):
-            # A carriage return within a text of several lines would be read as the end of a line.
+            # A carriage return within a multi-line string would be read as the end of a line.
             return tomlkit.string(value, multiline="\n" in value and "\r" not in value)
         if isinstance(value, Mapping):
             return {key: written(item) for key, item in value.items()}
@@ -112,12 +112,12 @@ def read_text(path: Path) -> str:
     try:
         return content.decode("utf-8-sig").replace("\r\n", "\n")
     except UnicodeDecodeError as error:
-        raise TomlError("is not TOML: it is not text in UTF-8") from error
+        raise TomlError("is not TOML: the text is not UTF-8") from error
 
 
 def _content(path: Path) -> bytes:
-    """Return what is in an ordinary file, and at most one byte more than is accepted."""
-    # A pipe or a device could keep whoever opens it waiting, or whoever reads it reading, for ever.
+    """Return the content of an ordinary file, at most one byte more than accepted."""
+    # Opening or reading a pipe or a device could block forever.
     descriptor = os.open(path, os.O_RDONLY | getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_BINARY", 0))
     try:
         if not stat.S_ISREG(os.fstat(descriptor).st_mode):
@@ -129,9 +129,9 @@ def _content(path: Path) -> bytes:
 
 
 def _check_bounds(text: str) -> None:
-    """Refuse what `tomllib` could not cope with.
+    """Refuse text that `tomllib` cannot handle.
 
-    Up to the first mistake in the text these are the same words that `tomllib` reads, and there it stops.
+    Up to the first error in the text, these are the same tokens that `tomllib` reads; there, it stops.
     """
     depth = dots = signs = 0
     for found in _TOKEN.finditer(text):

@@ -1,12 +1,11 @@
 """Trajectory: from a flight record to one twice-differentiable curve, its truth and its ideal IMU.
 
 The recorded velocity is splined, integrated over the ellipsoid and anchored on the position fixes by a slow
-correction: differentiating velocity once costs far less noise than differentiating rounded positions twice.
+correction: differentiating velocity once gives far less noise than differentiating rounded positions twice.
 One C2 curve with its knots on the IMU grid is then put through latitude, longitude, height and attitude
 (`geodetic_path`; close to a pole, where longitude fails, through Cartesian position and attitude:
-`polar_path`).
-Truth and ideal IMU are exact derivatives of that curve, and the IMU's increments are integrals over intervals
-that contain no knot, so a navigator fed with them must return to the truth.
+`polar_path`). Truth and ideal IMU are exact derivatives of that curve, and the IMU's increments are integrals
+over intervals that contain no knot, so a navigator with these increments must reproduce the truth.
 
 References
 ----------
@@ -34,14 +33,15 @@ from lab.recordings.recording import Recording
 FloatArray = NDArray[np.float64]
 
 MIN_SAMPLES = 4
-"""A cubic needs four points."""
+"""Fewest samples: a cubic needs four points."""
 AT_ONCE = 2**16
-"""Times at which the truth is computed at once: what is needed meanwhile takes some 500 bytes each."""
+"""Number of times for which the truth is computed in one block, with some 500 bytes of temporary memory
+each."""
 
 
 @dataclass(frozen=True)
 class Truth:
-    """What is true at given times.
+    """The true values at given times.
 
     Attributes
     ----------
@@ -78,7 +78,7 @@ class Truth:
 
 
 class LongTruth(Truth):
-    """The truth of a long flight, whose Euler angles are computed whenever they are asked for."""
+    """The truth of a long flight, whose Euler angles are computed at each use."""
 
     def __init__(self, time: FloatArray, **parts: FloatArray) -> None:
         for name, values in {"time": time, **parts}.items():
@@ -97,10 +97,10 @@ class LongTruth(Truth):
 
 
 class FlightPath(Protocol):
-    """A twice-differentiable curve of position and attitude, in whatever coordinates."""
+    """A twice-differentiable curve of position and attitude, in any coordinates."""
 
     def motion(self, times: FloatArray) -> tuple[FloatArray, ...]:
-        """Return where and how the vehicle is at the times.
+        """Return position, velocity and attitude at the times.
 
         Returns
         -------
@@ -181,7 +181,7 @@ class Trajectory:
         """
         _check(recording, imu_rate, attitude_curve)
         time = recording.time - recording.time[0]
-        intervals = int(time[-1] * imu_rate + 1e-6)  # 1e-6: stamps are rounded
+        intervals = int(time[-1] * imu_rate + 1e-6)  # 1e-6, because time stamps are rounded
         grid = np.arange(intervals + 1) / imu_rate
         path: FlightPath
         if ecef.near_pole(recording.latitude).any():
@@ -304,7 +304,7 @@ def _rms(values: FloatArray) -> FloatArray:
 
 
 def _check(recording: Recording, imu_rate: float, attitude_curve: str) -> None:
-    """Refuse what no curve can be made of."""
+    """Raise `ValueError` if no curve can be made."""
     if attitude_curve not in ATTITUDE_CURVES:
         raise ValueError(
             f"attitude curve {attitude_curve!r} is unknown; accepted: {', '.join(ATTITUDE_CURVES)}"
@@ -320,6 +320,6 @@ def _check(recording: Recording, imu_rate: float, attitude_curve: str) -> None:
         )
     if attitude_curve == "euler" and ecef.near_pole(recording.latitude).any():
         raise ValueError(
-            "attitude curve 'euler' does not go with a recording closer than 1° to a pole, where the heading "
+            "attitude curve 'euler' cannot follow a recording closer than 1° to a pole, where the heading "
             "jumps; accepted here: rotation"
         )

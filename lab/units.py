@@ -1,4 +1,4 @@
-"""Units: the one table of factors to SI, of files as of settings and data sheets."""
+"""Units: the one table of factors to SI, for files, settings and data sheets."""
 
 from __future__ import annotations
 

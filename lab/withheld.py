@@ -1,4 +1,4 @@
-"""Withheld fixes: which ones the filter is not given, and how well it predicts them."""
+"""Withheld fixes: their choice, and the accuracy of their prediction."""
 
 from __future__ import annotations
 
@@ -17,21 +17,21 @@ FloatArray = NDArray[np.float64]
 Flags = NDArray[np.bool_]
 
 OUTAGE, EVERY, TURNS = 10.0, 60.0, 3
-"""Length of the outages in which the prediction is judged, time from one to the next [s], and how often that
-is done, each time with the outages elsewhere."""
+"""Length of the outages for the test of the prediction, time from one to the next [s], and number of sets of
+outages at different times."""
 
 
 def outages(stamps: FloatArray, start: float, end: float, shift: float = 0.0) -> list[Flags]:
-    """Return which fixes are withheld in each of the turns.
+    """Return the mask of the withheld fixes for each set of outages.
 
     Parameters
     ----------
     stamps : (m,) array
         Time stamps of all fixes [s].
     start, end
-        Part of the run in which fixes are withheld [s].
+        Start and end of the part of the run in which fixes are withheld [s].
     shift
-        How much later the outages of the first turn begin [s].
+        Delay of the outages of the first set [s].
     """
     since = stamps - start - shift
     masks = []
@@ -42,7 +42,7 @@ def outages(stamps: FloatArray, start: float, end: float, shift: float = 0.0) ->
 
 
 def predicted(subject: Subject, experiment: ExperimentSettings, withheld: Flags, dropped: Flags) -> Seen:
-    """Return the innovations of the fixes withheld in one turn, outliers (`dropped`) apart."""
+    """Return the innovations of the fixes withheld in one set, without outliers (`dropped`)."""
     settings = experiment.copy()
     settings.navigator.smoother, settings.navigator.engine = False, "compiled"
     _, seen = subject.navigate(settings, withheld)
@@ -55,13 +55,13 @@ def predicted(subject: Subject, experiment: ExperimentSettings, withheld: Flags,
 def held_out(
     subject: Subject, experiment: ExperimentSettings, masks: Sequence[Flags], dropped: Flags
 ) -> HeldOut:
-    """Return how well a filter predicts the fixes of all turns."""
+    """Return the accuracy of a filter's prediction of the fixes of all sets."""
     with ThreadPoolExecutor(max_workers=2) as pool:
         return judged(list(pool.map(lambda mask: predicted(subject, experiment, mask, dropped), masks)))
 
 
 def judged(parts: Sequence[Seen]) -> HeldOut:
-    """Return how well fixes were predicted."""
+    """Return the accuracy of the prediction."""
     seen = Seen(*(np.concatenate(arrays) for arrays in zip(*parts, strict=True)))
     nis, degrees = squares(seen)
     position, velocity = (

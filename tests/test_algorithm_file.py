@@ -76,13 +76,13 @@ def test_algorithms_of_one_name_are_told_apart_by_their_files(folder: Path) -> N
         ("mine:Mine", "accepted is FILE.py:Name"),
         ("mine.py:1", "accepted is FILE.py:Name"),
         ("nowhere.py:Mine", "nowhere.py: there is no such file"),
-        ("mine.py:Nobody", "has no 'Nobody'; what navigates there: Failing, Mine, Needy, ready"),
+        ("mine.py:Nobody", "has no 'Nobody'; algorithms in the file: Failing, Mine, Needy, ready"),
         ("mine.py:number", r"of type int, without a method navigate\(imu, fixes, start\)"),
         ("mine.py:Needy", "called without arguments, it fails: TypeError: .*'gain'"),
         ("mine.py:Failing", "fails: mine.py, line 23, in __init__: OSError: no licence"),
         ("odd.py:Mine", "odd.py, line 2: invalid syntax"),
-        ("broken.py:Mine", "failed by itself: broken.py, line 2, in <module>: ZeroDivisionError"),
-        ("leaves.py:Mine", "failed by itself: leaves.py, line 1, in <module>: SystemExit: 3"),
+        ("broken.py:Mine", "raised an exception: broken.py, line 2, in <module>: ZeroDivisionError"),
+        ("leaves.py:Mine", "raised an exception: leaves.py, line 1, in <module>: SystemExit: 3"),
     ],
 )
 def test_what_cannot_be_loaded_is_named(

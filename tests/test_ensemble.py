@@ -133,7 +133,7 @@ def test_seeds_may_be_named_and_progress_is_told() -> None:
 
 @pytest.mark.parametrize("seeds", [0, -3, ()])
 def test_no_seeds_are_refused(seeds: object) -> None:
-    with pytest.raises(ValueError, match="names no run; accepted is"):
+    with pytest.raises(ValueError, match="contains no run; accepted is"):
         run_ensemble(Experiment(), seeds)  # type: ignore[arg-type]
 
 

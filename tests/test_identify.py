@@ -49,7 +49,7 @@ def of_the_drive(drive):
 
 
 def within(row, true: float) -> bool:
-    """Say whether the true value is as near as the error bar says; that of noise in its logarithm."""
+    """Return whether the true value is as near as the error bar says; that of noise in its logarithm."""
     if row.unit in {"s", "m"}:
         return abs(row.after - true) < LIMIT * row.sigma
     half = np.log(row.high / row.after) / 1.96

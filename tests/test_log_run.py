@@ -1,4 +1,4 @@
-"""Experiments on logs of real sensors: nothing simulated, errors against the reference or not at all."""
+"""Experiments on sensor logs: nothing simulated, errors against the reference or not at all."""
 
 from __future__ import annotations
 
@@ -54,7 +54,7 @@ def test_errors_against_the_reference(folder, tmp_path):
     assert {"mean", "std"} <= set(result.summary.columns)
     assert np.isfinite(result.summary[["rms", "max", "mean", "std"]].to_numpy()).all()
     assert "reference, which has errors of its own" in " ".join(result.remarks)
-    assert "Nobody named the vehicle: the course is taken for its heading" in " ".join(result.remarks)
+    assert "The vehicle is unknown: the course is used as its heading" in " ".join(result.remarks)
     assert result.verdict.basis == "1 run, innovations only"
     assert "_true" not in " ".join(map(str, (*result.imu, *result.sensor_errors)))
     result.to_netcdf(tmp_path / "result.nc")
@@ -76,7 +76,7 @@ def test_without_reference_errors_are_not_known(blind, tmp_path):
     result = experiment(blind).run()
     assert set(result.datasets()) == set(DATASETS) - {"consistency", "truth", "errors"}
     for name in ("truth", "errors", "summary", "consistency", "coverage", "budget"):
-        with pytest.raises(ResultError, match=r"log of real sensors.*the innovations and the verdict"):
+        with pytest.raises(ResultError, match=r"sensor log.*the innovations and the verdict"):
             getattr(result, name)
     assert list(result.track.path.values) == ["estimated"]
     assert list(result.whiteness["innovation"]) == [
@@ -115,7 +115,7 @@ def test_navigation_is_cached_by_what_it_depends_on(folder):
         made.set(path, value)
         result = made.run()
         assert result.solution_arrays is first.solution_arrays
-        assert any(path in remark and "changes nothing" in remark for remark in result.remarks)
+        assert any(path in remark and "has no effect" in remark for remark in result.remarks)
     assert CACHE.computed["log navigation"] == count
     assert experiment(folder, navigator__r_scale=2.0).run().solution_arrays is not first.solution_arrays
 
@@ -198,9 +198,9 @@ def test_a_log_is_smoothed_over_short_gaps(tmp_path):
 
 
 def test_what_cannot_be_done_is_refused(folder):
-    with pytest.raises(SettingError, match="reference in filterpy knows neither gaps of the IMU nor"):
+    with pytest.raises(SettingError, match="reference in filterpy cannot handle gaps of the IMU or"):
         experiment(folder, navigator__engine="filterpy").run()
-    with pytest.raises(ValueError, match="3 runs of a log of real sensors would all be the same"):
+    with pytest.raises(ValueError, match="3 runs of a sensor log would all be the same"):
         run_ensemble(experiment(folder), 3)
 
 
@@ -276,7 +276,7 @@ def test_a_stretch_and_outages_are_of_the_clock_of_the_file(folder):
     part = experiment(folder, navigator__log_from=1070.0, navigator__log_to=1100.0).run()
     assert part.time[0] == pytest.approx(0, abs=0.02)
     assert part.time[-1] == pytest.approx(30, abs=0.02)
-    assert any("1070 to 1100 s of the file's clock, as asked" in remark for remark in part.remarks)
+    assert any("1070 to 1100 s of the file's clock, as requested" in remark for remark in part.remarks)
     assert any("Time 0 is 1070 s in the clock of the file" in remark for remark in part.remarks)
     cut = experiment(
         folder, navigator__log_from=1070.0, navigator__log_to=1100.0, sensors__gps__outages=[(1080.0, 1090.0)]
@@ -284,7 +284,7 @@ def test_a_stretch_and_outages_are_of_the_clock_of_the_file(folder):
     withheld = set(np.round(part.fixes.time + 1070, 3)) - set(np.round(cut.fixes.time + 1070, 3))
     assert withheld == {time for time in np.round(part.fixes.time + 1070, 3) if 1080 <= time <= 1090}
     aside = experiment(folder, sensors__gps__outages=[(20.0, 40.0)]).run()
-    assert any("outages outside the log change nothing: 20 to 40 s" in remark for remark in aside.remarks)
+    assert any("outages outside the log have no effect: 20 to 40 s" in remark for remark in aside.remarks)
 
 
 def test_a_reference_of_attitude_alone_gives_its_errors(tmp_path):
@@ -326,7 +326,7 @@ def test_a_vehicle_that_only_the_settings_name(tmp_path):
     with pytest.raises(MissionError, match="vehicle"):
         experiment(folder).run()
     result = experiment(folder, navigator__vehicle="copter").run()
-    assert not any("Nobody named the vehicle" in remark for remark in result.remarks)
+    assert not any("The vehicle is unknown" in remark for remark in result.remarks)
     assert abs(float(result.errors.attitude.sel(angle="heading")[0])) < 5
 
 

@@ -154,7 +154,7 @@ def test_what_the_system_refuses_is_a_message(monkeypatch: pytest.MonkeyPatch) -
     monkeypatch.setattr(Experiment, "run", refused)
     answer = CliRunner().invoke(app, ["run", "montreal"])
     assert answer.exit_code == 2
-    assert "needs more memory than there is" in answer.stderr
+    assert "needs more memory than is available" in answer.stderr
 
 
 @pytest.mark.parametrize(

@@ -1,1 +1,1 @@
-"""Pages: what a session shows of its result, one module for each kind."""
+"""Pages: the views of a session's result, one module for each."""

@@ -1,4 +1,4 @@
-"""Allan: how the sensors of the settings look at rest, and the noise terms a record of them gives back."""
+"""Allan: the simulated output of the sensors at rest, and the noise terms fitted to it."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from lab.settings import Settings
 from lab.views.allan import TITLES, AllanFigures
 
 LEAST_REST = 10.0
-"""Shortest rest at the start of a log that an Allan deviation is made of [s]."""
+"""Shortest rest at the start of a log for an Allan deviation [s]."""
 
 WORDS = {
     "noise_density": "White noise N",
@@ -42,7 +42,7 @@ class Allan(ComputedPage):
     """Allan deviation of the simulated sensors at rest, with the settings' own values."""
 
     title = "Allan"
-    working = "Letting the sensors rest …"
+    working = "Simulating the sensors at rest …"
 
     def make(self) -> pn.viewable.Viewable:
         """Return two figures and a table."""
@@ -57,16 +57,16 @@ class Allan(ComputedPage):
         )
 
     def lacks(self, result: Result) -> str:
-        """Return why a log of real sensors has no Allan deviation: it moves."""
+        """Return why a sensor log has no Allan deviation: its rest is too short."""
         if result.recorded is None or result.recorded.alignment.rest >= LEAST_REST:
             return ""
         return (
-            "An Allan deviation needs sensors at rest, and this log of real sensors starts with "
-            f"{result.recorded.alignment.rest:.0f} s of rest; {LEAST_REST:g} s are the least."
+            f"An Allan deviation needs sensors at rest for {LEAST_REST:g} s or more. This sensor log starts "
+            f"with {result.recorded.alignment.rest:.0f} s of rest."
         )
 
     def work_out(self, result: Result, _progress: Progress) -> AtRest:
-        """Let the sensors rest, and fit what they put out; of a log, its beginning."""
+        """Simulate the sensors at rest, and fit their output; for a log, fit its beginning."""
         if result.recorded is None:
             records = rest.simulate(result.experiment.sensors, result.experiment.seed)
         else:
@@ -81,18 +81,18 @@ class Allan(ComputedPage):
         self._table.object = ""
 
     def paint(self, result: Result, content: AtRest) -> str:
-        """Draw the deviations, and write the terms."""
+        """Draw the deviations, and fill the table of terms."""
         sensors = result.experiment.sensors
         self._figures.show(sensors, content.deviations)
         self._table.object = terms_html(result, content)
         poor = escape(rest.misfit(content.terms))
         if result.recorded:
             return (
-                f"The log of real sensors, {content.durations['gyro']:.0f} s at rest; dashed and as set: "
-                f"what the filter assumes of the sensors. {poor}"
+                f"The sensor log, {content.durations['gyro']:.0f} s at rest. Dashed lines and the columns "
+                f"'set' are what the filter assumes about the sensors. {poor}"
             ).rstrip()
         hours = {triad: f"{duration / 3600:.3g} h" for triad, duration in content.durations.items()}
-        name = card_in_force(sensors) or "Sensors as set, no card"
+        name = card_in_force(sensors) or "Own settings, no card"
         return (
             f"{escape(name)}: simulated at rest, the gyros for {hours['gyro']}, the accelerometers for "
             f"{hours['accelerometer']}. {escape(sensors.assumed_remark())} {poor}"
@@ -128,14 +128,14 @@ def terms_html(result: Result, content: AtRest) -> str:
 
 
 def _set(group: Settings, name: str) -> list[str]:
-    """Return the values of a setting, one for each axis; nothing for a term that is no setting."""
+    """Return the values of a setting, one for each axis; empty for a term without a setting."""
     if name not in rest.TERMS.values():
         return [""] * 3
     return [f"{value:.4g}" for value in np.broadcast_to(getattr(group, name), 3)]
 
 
 def with_sigma(value: float, sigma: float) -> str:
-    """Return a value and its σ, both to the first digit of σ, the second too where the first is a one."""
+    """Return a value and its σ, both rounded to the first digit of σ; to the second if the first is a one."""
     if not np.isfinite(sigma) or sigma <= 0:
         return f"{value:.3g}"
     first = int(np.floor(np.log10(sigma)))

@@ -1,4 +1,4 @@
-"""Base: what every page is: made when first shown, drawn again only while it is shown."""
+"""Base: the base class of pages: made when first shown, redrawn only while visible."""
 
 from __future__ import annotations
 
@@ -16,9 +16,9 @@ from lab.views.figures import TimeAxis
 
 GAP = 8
 AROUND = 160
-"""Height of the window that header, tabs and time bar take [px]."""
+"""Height of header, tabs and time bar together [px]."""
 NARROW = 1150
-"""Width of the window below which plots stand in one column [px]."""
+"""Width of the window below which plots are in one column [px]."""
 
 
 class Page(ABC):
@@ -27,12 +27,12 @@ class Page(ABC):
     Parameters
     ----------
     axis
-        The time axis all pages share.
+        The time axis that all pages share.
 
     Attributes
     ----------
     draw_again : callable
-        Draws the page anew, after a choice on it. It is set by what shows the page, and does nothing before.
+        Redraws the page after a choice on it. The code that shows the page sets it; before, it does nothing.
     """
 
     title: str
@@ -46,7 +46,7 @@ class Page(ABC):
 
     @classmethod
     def of(cls, axis: TimeAxis, _session: Session) -> Self:
-        """Return the page for a session; most need nothing of it but the results they are given."""
+        """Return the page for a session; most pages need only the results."""
         return cls(axis)
 
     @abstractmethod
@@ -54,36 +54,36 @@ class Page(ABC):
         """Return the layout, made once, without any data."""
 
     def lacks(self, result: Result) -> str:
-        """Return why there is nothing to show of a result, in a sentence; empty if there is."""
+        """Return, in a sentence, why a result has nothing to show; empty if it has."""
         return ""
 
     def prepare(self, result: Result) -> None:  # noqa: B027 - most pages have nothing to do
-        """Have a result work out what this page shows; called in a thread of the pool."""
+        """Compute the content of this page for a result; called in a thread of the pool."""
 
     @abstractmethod
     def draw(self, result: Result) -> None:
         """Draw a result."""
 
     def show(self, result: Result) -> None:
-        """Draw a result if what is shown is not up to date."""
+        """Draw a result if the page is not up to date."""
         state = (ref(result), self.axis.window if self.depends_on_window else (0.0, 0.0))
         if state != self._drawn:
             self._drawn = state
             self.draw(result)
 
     def forget(self) -> None:
-        """Draw anew at the next occasion: what a browser was sent is gone once it shows another page."""
+        """Redraw at the next occasion, because a browser drops the content of a hidden page."""
         self._drawn = None
 
     def show_time(self, time: float) -> None:  # noqa: B027 - most pages have nothing to do
         """Follow the time cursor."""
 
     def close(self) -> None:  # noqa: B027 - most pages have nothing to do
-        """Give back what does not go away by itself."""
+        """Release resources that are not freed automatically."""
 
 
 def not_drawn(title: str, error: Exception) -> str:
-    """Return what a person is told of a page that could not be drawn."""
+    """Return the message about a page that could not be drawn."""
     return (
         f"The page {title} could not be drawn ({type(error).__name__}: {error}). This is a fault of the "
         "program; its log says where. The result is there: look at the other pages, or change the settings."
@@ -123,7 +123,7 @@ def plot_grid(
     panes = [pn.pane.Bokeh(fig, sizing_mode="stretch_both", margin=0) for fig in figures]
     if columns > 1 and len(figures) % columns == 1:
         panes[-1].styles = {"grid-column": "1 / -1"}
-    # With a height of its own, Panel does not stretch the column because its figures are stretched; the
-    # browser takes the height of the rows.
+    # With an explicit height, Panel does not stretch the column along with its figures; the browser uses the
+    # height of the rows.
     sizing = {"sizing_mode": "stretch_both"} if fill else {"sizing_mode": "stretch_width", "height": least}
     return pn.Column(*panes, **sizing, stylesheets=[grid], margin=(6, 8))

@@ -1,4 +1,4 @@
-"""Budget: what each source of error contributes over time, and which manoeuvre made what observable."""
+"""Budget: the contribution of each source of error over time, and which manoeuvres reduced σ."""
 
 from __future__ import annotations
 
@@ -18,17 +18,17 @@ from lab.views.budget import BudgetFigures
 
 _WORDS = "p { margin: 0; font: 14px/1.45 Roboto, sans-serif; }"
 _ROWS = f":host {{ grid-auto-rows: max(240px, calc((100vh - {AROUND + 100}px) / 2)) !important; }}"
-"""Two rows that share what choice and sentence leave of the window."""
+"""Two rows that share the height of the window below the selection and the sentence."""
 
 
 class Budget(ComputedPage):
-    """Stacked contributions to the variance of a quantity, its σ, and the manoeuvres that brought it."""
+    """Stacked contributions to the variance of a quantity, its σ, and the manoeuvres that reduced it."""
 
     title = "Budget"
-    working = "Working out the error budget; the first time, its code is compiled …"
+    working = "Computing the error budget (the first time, its code is compiled) …"
 
     def make(self) -> pn.viewable.Viewable:
-        """Return the choice of the quantity, the words about it, and the two figures."""
+        """Return the selection of the quantity, the sentence about it, and the two figures."""
         self._figures = BudgetFigures(self.axis)
         self._choice = pmui.Select(
             label="Quantity",
@@ -53,7 +53,7 @@ class Budget(ComputedPage):
         return result.lacks("budget")
 
     def work_out(self, result: Result, _progress: Progress) -> None:
-        """Have the result work out its budget and its observability."""
+        """Compute the budget and the observability of the result."""
         _ = result.budget, result.observability
 
     def clear(self) -> None:
@@ -61,7 +61,7 @@ class Budget(ComputedPage):
         self._figures.clear()
 
     def paint(self, result: Result, _content: None) -> str:
-        """Draw the quantity that is chosen."""
+        """Draw the selected quantity."""
         known = result.budget.quantity.values.tolist()
         if self._choice.options != known:
             chosen = self._choice.value if self._choice.value in known else "heading"
@@ -77,15 +77,15 @@ class Budget(ComputedPage):
 
 
 def sentence(result: Result, quantity: str) -> str:
-    """Return in words where the errors of a quantity come from at the end, and how its σ came down."""
+    """Return a sentence: the largest error sources of a quantity at the end, and what reduced its σ."""
     there = result.budget.isel(time=-1).sel(quantity=quantity)
     order = there.share.values.argsort()[::-1][:3]
     parts = ", ".join(f"{there.source.values[at]} {there.share.values[at]:.0f} %" for at in order)
     row = observability_table(result.observability).set_index("quantity").loc[quantity]
     text = (
-        f"At the end σ of the {quantity} is {float(there.total):.3g} {row['unit']}; the filter believes "
-        f"{float(there.believed):.3g} {row['unit']}. Its largest sources: {parts}. The filter's σ came from "
-        f"{row['σ at start']:.3g} {row['unit']}: {row['brought by']}."
+        f"At the end, σ of the {quantity} is {float(there.total):.3g} {row['unit']}; the filter states "
+        f"{float(there.believed):.3g} {row['unit']}. The largest sources are {parts}. The filter's σ was "
+        f"{row['σ at start']:.3g} {row['unit']} at the start. It was reduced by {row['brought by']}."
     )
     left_out = result.budget.attrs["left_out"]
     return f"{text} Not in the budget: {left_out}." if left_out else text

@@ -1,4 +1,4 @@
-"""Computed: pages whose content takes a while: worked out in a thread, drawn when it is there."""
+"""Computed: pages with slow content: computed in a thread, drawn when ready."""
 
 from __future__ import annotations
 
@@ -20,21 +20,21 @@ from lab.views.figures import TimeAxis
 log = logging.getLogger(__name__)
 
 TELL = 0.25
-"""Time from one word about the progress to the next [s]."""
+"""Time between two progress messages [s]."""
 
 _STYLE = "p { margin: 0; opacity: .75; font: 14px/1.5 Roboto, sans-serif; }"
 
 
 class ComputedPage(Page):
-    """A page that says what it works on, and what was wrong, in a line above its content.
+    """A page that shows its progress, or an error, in a line above its content.
 
-    One computation runs at a time; a newer result ends it where it tells its progress, and of the results
-    that come meanwhile only the newest is looked at.
+    One computation runs at a time. A newer result ends it when it next reports its progress. Of the results
+    that arrive meanwhile, only the newest is used.
     """
 
     depends_on_window = False
     working = "Computing …"
-    """What is said while the content is worked out."""
+    """Text shown while the content is computed."""
 
     def __init__(self, axis: TimeAxis) -> None:
         self._document = pn.state.curdoc
@@ -49,21 +49,22 @@ class ComputedPage(Page):
 
     @abstractmethod
     def work_out(self, result: Result, progress: Progress) -> Any:
-        """Return what `paint` draws of a result; called in a thread.
+        """Return the content that `paint` draws for a result; called in a thread.
 
-        Work that takes seconds tells its progress, with a phrase and the fraction done: it may end there.
+        Work that takes seconds reports its progress, with a phrase and the fraction done; it may be ended
+        there.
         """
 
     @abstractmethod
     def paint(self, result: Result, content: Any) -> str:
-        """Draw what has been worked out, and return the line above it (HTML)."""
+        """Draw the computed content, and return the line above it (HTML)."""
 
     @abstractmethod
     def clear(self) -> None:
-        """Draw nothing: there is nothing to show of the newest result."""
+        """Clear the content: the newest result has nothing to show."""
 
     def draw(self, result: Result) -> None:
-        """Have a result worked out; the content follows."""
+        """Start the computation for a result; the content follows."""
         if result is self._wanted and self._work.busy:
             return
         self._wanted = result
@@ -74,11 +75,11 @@ class ComputedPage(Page):
         self._work.submit(result)
 
     def say(self, text: str) -> None:
-        """Say something in the line above the content."""
+        """Show a text in the line above the content."""
         self.words.object = f"<p>{escape(text)}</p>"
 
     def close(self) -> None:
-        """Draw nothing more."""
+        """End the computation, and draw no more."""
         self._wanted = self._content = None
         self._work.close()
 

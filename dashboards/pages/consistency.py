@@ -1,4 +1,4 @@
-"""Consistency: does the filter tell the truth about itself? The verdict in words, and what it rests on."""
+"""Consistency: whether the filter states its errors correctly: the verdict in words, and its evidence."""
 
 from __future__ import annotations
 
@@ -48,9 +48,9 @@ td.off { font-weight: 700; box-shadow: inset -3px 0 0 #e8862e; }
 """
 
 RUNS = (1, 10, 30, 100)
-"""Numbers of runs that are offered."""
+"""Numbers of runs to choose from."""
 SETTLED = 20.0
-"""From when on it is counted how often the averages lie in their intervals [s]."""
+"""Time after which the averages inside their intervals are counted [s]."""
 DOUBTFUL = 0.01
 """Probability of being white below which a channel is marked."""
 ALMOST_ALL = 95.0
@@ -60,7 +60,7 @@ ALMOST_ALL = 95.0
 class Consistency(ComputedPage):
     """Verdict, NEES and NIS with their 95 % intervals, innovations and coverage: of one run or of many.
 
-    One run is drawn at once; many are run in the background, and those shown stay until the new ones arrive.
+    One run is drawn at once. Many runs are computed in the background; the old ones stay visible meanwhile.
     """
 
     title = "Consistency"
@@ -72,11 +72,11 @@ class Consistency(ComputedPage):
 
     @classmethod
     def of(cls, axis: TimeAxis, session: Session) -> Self:
-        """Return the page for a session, whose settings it can change to what the innovations say."""
+        """Return the page for a session; the page can apply the identified settings to it."""
         return cls(axis, session)
 
     def make(self) -> pn.viewable.Viewable:
-        """Return the number of runs, the verdict, the plots and the tables, one below the other."""
+        """Return the selection of runs, the verdict, the plots and the tables, one below the other."""
         self._result: Result | None = None
         self._choice = pmui.Select(
             label="Runs",
@@ -99,17 +99,17 @@ class Consistency(ComputedPage):
         return pn.Column(*self._parts(self._plots_of_one), sizing_mode="stretch_width", margin=0)
 
     def _parts(self, *plots: pn.viewable.Viewable) -> list[pn.viewable.Viewable]:
-        """Return what stands one below the other."""
+        """Return the parts of the page from top to bottom."""
         identifying = [] if self._identifying is None or self.runs > 1 else [self._identifying.view]
         return [self._choice_and_words, self._verdict, *identifying, *plots, self._tables]
 
     @property
     def runs(self) -> int:
-        """How many runs are judged."""
+        """Number of runs to judge."""
         return int(self._choice.value)
 
     def prepare(self, result: Result) -> None:
-        """Have the result judge its filter, if it is judged alone."""
+        """Compute the verdict of the result, if it is judged alone."""
         if self.runs == 1:
             self._one.prepare(result)
             _ = result.verdict, result.innovation_verdict, result.whiteness
@@ -117,7 +117,7 @@ class Consistency(ComputedPage):
                 _ = result.coverage
 
     def draw(self, result: Result) -> None:
-        """Draw a result in the visible stretch of time, or have its experiment run with many seeds."""
+        """Draw a result in the visible stretch of time, or start runs of its experiment with many seeds."""
         self._result = result
         if self._identifying is not None:
             self._identifying.show(result)
@@ -141,7 +141,7 @@ class Consistency(ComputedPage):
         super().draw(result)
 
     def work_out(self, result: Result, progress: Progress) -> Ensemble | Verdict:
-        """Have the advice on one run tried, or run as many seeds as are chosen and judge them together."""
+        """Try the advice on one run, or run the selected number of seeds and judge them together."""
         if self.runs == 1:
             return tried(result.verdict, [result], progress)
         found = ensemble(result, self.runs, progress)
@@ -149,7 +149,7 @@ class Consistency(ComputedPage):
         return found
 
     def _arrive(self, result: Result, outcome: Outcome) -> None:
-        """Draw what was worked out, unless another number of runs has been chosen meanwhile."""
+        """Draw the computed content, unless another number of runs was selected meanwhile."""
         of_one = isinstance(outcome.result, Verdict)
         if outcome.problem or of_one == (self.runs == 1):
             super()._arrive(result, outcome)
@@ -166,9 +166,9 @@ class Consistency(ComputedPage):
         self.view[:] = self._parts()
 
     def paint(self, result: Result, content: Ensemble | Verdict) -> str:
-        """Draw averages over the runs in the visible stretch of time, and write what all runs say.
+        """Draw averages over the runs in the visible stretch of time, and write the verdict on all runs.
 
-        Of one run, what its advice brings is written.
+        For one run, write the effect of the advice.
         """
         if isinstance(content, Verdict):
             self._write(result, content)
@@ -179,7 +179,7 @@ class Consistency(ComputedPage):
         return escape(over_seeds(content))
 
     def _write(self, judged: Result | Ensemble, verdict: Verdict | None = None) -> None:
-        """Write verdict and tables; they are about the whole flight. Without a verdict, its advice waits."""
+        """Write verdict and tables for the whole flight; without a `verdict`, the advice is not yet tried."""
         self._verdict.object = verdict_html(
             verdict or judged.verdict, judged.innovation_verdict, tried=verdict is not None
         )
@@ -191,12 +191,12 @@ class Consistency(ComputedPage):
         )
 
     def _lay_out(self, plots: pn.viewable.Viewable) -> None:
-        """Lay out plots that were drawn before, so that they arrive complete."""
+        """Lay out plots that are already drawn, so that they arrive complete."""
         if plots not in self.view.objects:
             self.view[:] = self._parts(plots)
 
     def _chosen(self) -> None:
-        """Judge the newest result anew."""
+        """Judge the newest result again."""
         self._wanted = self._content = None
         self.draw_again()
 
@@ -210,21 +210,21 @@ def _html() -> pn.pane.HTML:
 
 def _what_is_judged(result: Result) -> str:
     if result.recorded:
-        return "A log of real sensors: nothing of it is drawn, so it is judged alone, by its innovations."
+        return "A sensor log has no random draws, so this one run is judged, by its innovations."
     return f"The flight shown, seed {result.experiment.seed}."
 
 
 def verdict_html(verdict: Verdict, by_innovations: Verdict, *, tried: bool = True) -> str:
-    """Return a verdict with its findings, and what could be said without the truth.
+    """Return a verdict with its findings, and the verdict by the innovations alone, as HTML.
 
-    Advice is tried before it is given: before that, it is only said that it will come.
+    Advice is tried before it is given; until then, a note says that it is being tried.
     """
     findings = "".join(
         f"<p>{f'{escape(finding.sentence)} ' if number else ''}{_advice(finding, tried=tried)} "
         f'<span class="quiet">({escape(finding.evidence)})</span></p>'
         for number, finding in enumerate(verdict.findings)
     )
-    same = verdict.basis == by_innovations.basis  # as of a log of real sensors
+    same = verdict.basis == by_innovations.basis  # as for a sensor log
     alone = "" if same else f" By the innovations alone: {by_innovations.headline}"
     return (
         f'<div class="verdict {_COLOUR[verdict.consistent]}">'
@@ -235,12 +235,12 @@ def verdict_html(verdict: Verdict, by_innovations: Verdict, *, tried: bool = Tru
 
 def _advice(finding: Finding, *, tried: bool) -> str:
     if finding.changes and not tried:
-        return "Advice is being tried."
+        return "The advice is being tried."
     return escape(finding.counsel).replace("Try:", "<b>Try:</b>", 1)
 
 
 def over_seeds(ensemble: Ensemble) -> str:
-    """Return which runs are judged, and how often their averages lie where they should."""
+    """Return a sentence: which runs are judged, and how often their averages lie in their intervals."""
     nees, nis = (f"{100 * part:.0f} %" if np.isfinite(part) else "none" for part in ensemble.inside(SETTLED))
     return (
         f"{len(ensemble.seeds)} flights, seeds {ensemble.seeds[0]} to {ensemble.seeds[-1]}. "
@@ -250,9 +250,9 @@ def over_seeds(ensemble: Ensemble) -> str:
 
 
 def whiteness_html(table: pd.DataFrame) -> str:
-    """Return mean, variance and whiteness of each channel's innovations as a table."""
+    """Return mean, variance and whiteness of each channel's innovations as an HTML table."""
     if table["mean"].isna().all():
-        return '<p class="quiet">Innovations: not known.</p>'
+        return '<p class="quiet">Innovations: unknown.</p>'
     limits = table.iloc[0]
     digits = 2 if limits["mean ±"] > 0.1 else 3
     heads = (
@@ -275,18 +275,19 @@ def whiteness_html(table: pd.DataFrame) -> str:
         )
         rows.append(_row(str(row["innovation"]), cells))
     note = (
-        "95 % of matched filters lie within the limits; what does not is marked. Q is Ljung and Box's, p the "
-        "probability of a larger one; the autocorrelation itself is on the page Innovations."
+        "A matched filter is within each limit in 95 % of the cases; values outside are marked. Q is the "
+        "Ljung-Box statistic, p the probability of a larger Q if the innovations are white. The page "
+        "Innovations shows the autocorrelation."
     )
     return _table(heads, rows, note)
 
 
 def coverage_html(judged: Result | Ensemble) -> str:
-    """Return bias and coverage of the errors as a table, of one run or of many."""
+    """Return bias and coverage of the errors of one run or many as an HTML table."""
     table = judged.coverage
     many = isinstance(judged, Ensemble)
     if table["mean [σ]"].isna().all():
-        return '<p class="quiet">Errors in their σ: not known, for want of fixes.</p>'
+        return '<p class="quiet">Errors in their σ: unknown, because there are no fixes.</p>'
     limit = f", ±{table['mean ±'].iloc[0]:.2f}" if many else ""
     heads = ("Errors", f"mean [σ]{limit}", "in ±1σ, 68 %", "in ±3σ, 99.7 %")
     rows = [
@@ -300,9 +301,12 @@ def coverage_html(judged: Result | Ensemble) -> str:
         )
         for row in table.to_dict("records")
     ]
-    note = "Errors change slowly: one flight may well stray by half a σ for long. Marked is what must not be."
+    note = "Errors change slowly: in one flight, a mean of half a σ is normal. Suspicious values are marked."
     if many:
-        note = "Errors after the fixes. The limit of the mean is that of independent flights; more is marked."
+        note = (
+            "Errors after the fixes. The limit of the mean holds for independent flights; values beyond it "
+            "are marked."
+        )
     return _table(heads, rows, note)
 
 

@@ -1,4 +1,4 @@
-"""Ground track: where the flight went, on the map."""
+"""Ground track: the path of the flight on the map."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ class GroundTrack(Page):
         return plot_grid([self._track.figure], 1, least=420)
 
     def prepare(self, result: Result) -> None:
-        """Have the result project its paths."""
+        """Compute the projected paths of the result."""
         _ = result.track, result.gps
 
     def draw(self, result: Result) -> None:

@@ -1,4 +1,4 @@
-"""Innovations: what each fix had to say that the navigator did not know, and whether that was white."""
+"""Innovations: the differences of navigator and fixes, and their whiteness."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ class Innovations(Page):
         return plot_grid([*over_time[:3], *over_lags[:3], *over_time[3:], *over_lags[3:]], 3)
 
     def prepare(self, result: Result) -> None:
-        """Have the result work out innovations and autocorrelation."""
+        """Compute the innovations and their autocorrelation."""
         self._time.prepare(result)
         _ = result.autocorrelation
 

@@ -19,7 +19,7 @@ class Models(ComputedPage):
     """The error models side by side: errors, consistency, time, and the verdict on each."""
 
     title = "Models"
-    working = "Running every error model on this flight; the first time, their code is compiled …"
+    working = "Running every error model on this flight (the first time, their code is compiled) …"
 
     def make(self) -> pn.viewable.Viewable:
         """Return an empty table."""
@@ -27,11 +27,11 @@ class Models(ComputedPage):
         return pn.Column(self.words, self._table, sizing_mode="stretch_width", margin=0)
 
     def work_out(self, result: Result, progress: Progress) -> tuple[Compared, ...]:
-        """Run every model, and what else is served, with the settings of the result."""
+        """Run every model, and the operator's algorithms, with the settings of the result."""
         return compare(result.experiment, progress=progress, algorithms=served_algorithms())
 
     def clear(self) -> None:
-        """Show no table."""
+        """Clear the table."""
         self._table.object = ""
 
     def paint(self, result: Result, content: tuple[Compared, ...]) -> str:
@@ -39,19 +39,19 @@ class Models(ComputedPage):
         self._table.object = models_html(content, str(result.experiment.navigator.model))
         mission = escape(result.mission.title or result.mission.name)
         if result.recorded:
-            against = "not known without a reference" if result.lacks("errors") else "against the reference"
+            against = "unknown without a reference" if result.lacks("errors") else "against the reference"
             return (
-                f"{mission}, a log of real sensors: rms errors are {against}; NIS as the mean over its "
-                "fixes, beside what it should be."
+                f"{mission}, a sensor log: rms errors are {against}. NIS is the mean over the fixes, beside "
+                "its expected value."
             )
         return (
-            f"{mission}, seed {result.experiment.seed}: rms errors over the flight; NEES and NIS as means "
-            "over its fixes, beside what they should be."
+            f"{mission}, seed {result.experiment.seed}: rms errors over the flight. NEES and NIS are means "
+            "over the fixes, beside their expected values."
         )
 
 
 def models_html(rows: tuple[Compared, ...], chosen: str) -> str:
-    """Return compared models as an HTML table, the one chosen in bold."""
+    """Return compared models as an HTML table, with the selected one in bold."""
     head = "".join(
         f"<th>{name}</th>"
         for name in ("position [m]", "velocity [m/s]", "heading [°]", "NEES", "NIS", "time [ms]")
@@ -71,8 +71,8 @@ def _row(row: Compared, is_chosen: bool) -> str:
             f"{error:.3f}" if np.isfinite(error) else "–"
             for error in (row.position, row.velocity, row.heading)
         ),
-        f"{row.nees:.1f} / {row.degrees}" if np.isfinite(row.nees) else "not known",
-        f"{row.nis:.1f} / {row.nis_degrees}" if np.isfinite(row.nis) else "not known",
+        f"{row.nees:.1f} / {row.degrees}" if np.isfinite(row.nees) else "unknown",
+        f"{row.nis:.1f} / {row.nis_degrees}" if np.isfinite(row.nis) else "unknown",
         f"{1e3 * row.seconds:.0f}",
     )
     cells = "".join(f"<td>{figure}</td>" for figure in figures)

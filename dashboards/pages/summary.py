@@ -29,7 +29,7 @@ ul { font: 14px/1.5 Roboto, sans-serif; max-width: 900px; margin: 14px 0; paddin
 
 
 class Summary(Page):
-    """Root mean square, largest error, and what 95 % of all errors stay below."""
+    """Root mean square, largest error, and 95 % quantile of all errors."""
 
     title = "Summary"
     depends_on_window = False
@@ -42,7 +42,7 @@ class Summary(Page):
         return self._table
 
     def prepare(self, result: Result) -> None:
-        """Have the result work out its summary."""
+        """Compute the summary of the result."""
         _ = result.whiteness if result.lacks("summary") else result.summary
 
     def draw(self, result: Result) -> None:
@@ -51,7 +51,7 @@ class Summary(Page):
 
 
 def summary_html(result: Result) -> str:
-    """Return the summary of a result as an HTML table; of a log with what was repaired and assumed."""
+    """Return the summary of a result as an HTML table; for a log, with repairs and assumptions."""
     if result.recorded:
         return log_html(result)
     table = result.summary
@@ -66,10 +66,9 @@ def summary_html(result: Result) -> str:
 
 
 def log_html(result: Result) -> str:
-    """Return the summary of a log of real sensors as HTML.
+    """Return the summary of a sensor log as HTML.
 
-    Errors against its reference, or where there is none what the innovations say; and what was repaired and
-    assumed.
+    Errors against the reference, or the innovations if there is none, with repairs and assumptions.
     """
     mission = escape(result.mission.title or result.mission.name)
     remarks = "".join(f"<li>{escape(remark)}</li>" for remark in result.remarks)
@@ -89,7 +88,7 @@ def log_html(result: Result) -> str:
         head = '<th class="unit">unit</th>' + "".join(f"<th>{escape(name)}</th>" for name in names)
     span = f"{result.time[0]:.0f} to {result.time[-1]:.0f} s"
     return (
-        f"<p>{mission}, log of real sensors, {span}; {words}</p>"
+        f"<p>{mission}, sensor log, {span}; {words}</p>"
         f"<table><tr><th></th>{head}</tr>{''.join(rows)}</table><ul>{remarks}</ul>"
     )
 

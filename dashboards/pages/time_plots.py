@@ -1,4 +1,4 @@
-"""Time plots: the pages that are nothing but plots over time."""
+"""Time plots: the pages that contain only plots over time."""
 
 from __future__ import annotations
 
@@ -38,11 +38,11 @@ class TimePlots(Page):
         return self._grid(self._shown)[1]
 
     def wanted(self, result: Result) -> Plots:
-        """Return the plots a result is shown in; those after the first group are across the window."""
+        """Return the plots for a result; those after the first group have the full width."""
         return (with_scale(result, self.plots, self.scale_plots),)
 
     def _grid(self, groups: Plots) -> tuple[list[TimeFigures], pn.viewable.Viewable]:
-        """Return the grid of some plots, made when first shown."""
+        """Return the grid of some plots; it is made when first shown."""
         if groups not in self._grids:
             first, *wide = groups
             made = [TimeFigures(first, self.axis, buckets=1000 // self.columns)]
@@ -52,7 +52,7 @@ class TimePlots(Page):
         return self._grids[groups]
 
     def prepare(self, result: Result) -> None:
-        """Have the result work out what these plots show, if it needs no others."""
+        """Compute the data of these plots, if the result needs no other plots."""
         groups = self._shown
         if groups == self.wanted(result):
             for figures in self._grids[groups][0]:
@@ -73,7 +73,7 @@ class Errors(TimePlots):
     plots = ERRORS
 
     def lacks(self, result: Result) -> str:
-        """Return why errors are not known."""
+        """Return why the errors are unknown."""
         return result.lacks("errors")
 
 
@@ -87,20 +87,20 @@ class Covariance(TimePlots):
 
 
 class SensorErrors(TimePlots):
-    """Estimated biases, and scale factors if they are states, against the true ones; and the temperature."""
+    """Estimated and true biases, and scale factors if they are states; and the temperature."""
 
     title = "Sensor errors"
     plots = SENSOR_ERRORS
     scale_plots = SCALE_ERRORS
 
     def wanted(self, result: Result) -> Plots:
-        """Return the plots a result is shown in; the temperature across the window."""
+        """Return the plots for a result; the temperature has the full width."""
         rest = (TEMPERATURE,) if result.has_temperature else ()
         return (*super().wanted(result), *rest)
 
 
 class Height(TimePlots):
-    """Height and vertical velocity as navigated, as they were, and as the fixes say."""
+    """Height and vertical velocity: estimated, true, and of the fixes."""
 
     title = "Height"
     plots = HEIGHT

@@ -19,7 +19,7 @@ FACTORS = {"Heights × 1": 1.0, "Heights × 2": 2.0, "Heights × 5": 5.0}
 
 
 class View3D(Page):
-    """Paths, fixes, ellipsoids and the aircraft, from a viser server that lives as long as the session."""
+    """Paths, fixes, ellipsoids and the aircraft, from a viser server that runs as long as the session."""
 
     title = "3-D"
     depends_on_window = False
@@ -52,7 +52,7 @@ class View3D(Page):
         )
 
     def prepare(self, result: Result) -> None:
-        """Have the result project its paths."""
+        """Compute the projected paths of the result."""
         _ = result.track, result.gps, result.position_covariance
 
     def draw(self, result: Result) -> None:

@@ -1,1 +1,1 @@
-"""Analysis: how good a solution is, and whether its filter knows."""
+"""Analysis: the accuracy of a solution, and the consistency of its filter."""

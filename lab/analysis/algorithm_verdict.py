@@ -1,7 +1,8 @@
-"""Algorithm verdict: whether a user's algorithm tells the truth about itself, by what it gives itself.
+"""Algorithm verdict: whether the covariance and innovations of a user's algorithm are consistent.
 
-What it assumes of sensors, start and fixes nobody else knows, so nothing is said of Q, P₀ or R: only whether
-its errors and its innovations are as large as it says, and whether its innovations are white.
+Its assumptions about sensors, start and fixes are unknown, so the verdict does not name Q, P₀ or R. It only
+states whether errors and innovations are as large as the algorithm states, and whether the innovations are
+white.
 """
 
 from __future__ import annotations
@@ -30,18 +31,18 @@ from lab.navigation.solution import Solution
 
 @dataclass(frozen=True)
 class AlgorithmEvidence(Evidence):
-    """What runs of a user's algorithm say: nothing of fixes, noise and start."""
+    """The evidence of runs of a user's algorithm: none on fixes, noise and start."""
 
 
 def algorithm_evidence(solution: Solution, reference: Reference | None) -> AlgorithmEvidence:
-    """Return what a run says of a user's algorithm, by the covariance and the innovations it gave.
+    """Return the evidence of a run of a user's algorithm, from its covariance and innovations.
 
     Parameters
     ----------
     solution
-        What it computed; what it did not give is NaN and counts for nothing.
+        Its solution; arrays that it did not return are NaN and have no effect.
     reference
-        The truth; None where nobody knows it.
+        The truth; None if unknown.
     """
     used = np.flatnonzero(solution.fix_sample >= 0)
     given = used[np.isfinite(solution.innovation[used]).all(axis=1)]
@@ -67,7 +68,7 @@ def judge(evidence: Evidence) -> Verdict:
     parts = {"errors": evidence.nees is not None, "innovations": bool(evidence.innovations.nis.number)}
     judged = " and ".join(name for name, known in parts.items() if known)
     if not judged:
-        return Verdict("Not known: there is neither a covariance nor an innovation at any fix.", (), NOTHING)
+        return Verdict("Unknown: there is neither a covariance nor an innovation at any fix.", (), NOTHING)
     weighed = _gain(evidence)
     for squares, quantity, (what, whose, where) in (
         (evidence.nees, "covariance", ("errors", "its", "the sensors and its start")),
@@ -77,36 +78,38 @@ def judge(evidence: Evidence) -> Verdict:
             weighed += judge_size(
                 squares,
                 quantity,
-                f"The {what} are {{root}} × as large as the algorithm says: {whose} covariance is about "
+                f"The {what} are {{root}} × as large as the algorithm states: {whose} covariance is about "
                 "{factor} × too {wrong}.",
-                f"Look at what the algorithm assumes of {where}.",
+                f"Check what the algorithm assumes about {where}.",
                 what,
             )
     findings = sorted_findings(weighed)
-    said = headline(findings, f"Consistent: {judged} are as large as the algorithm says.")
+    said = headline(findings, f"Consistent: {judged} are as large as the algorithm states.")
     runs = f"{evidence.runs} run{'s' if evidence.runs > 1 else ''}"
     return Verdict(said, findings, f"{runs}, {judged}{'' if all(parts.values()) else ' only'}")
 
 
 def _gain(evidence: AlgorithmEvidence) -> list[Weighed]:
-    """Judge the gain: one too low makes innovations follow each other, one too high makes them alternate."""
+    """Judge the gain: innovations are correlated if it is too low, and alternate if it is too high."""
     seen = evidence.innovations
     power = seen.squares.total.reshape(2, 3).sum(axis=1)
     after = seen.lagged.reshape(-1, 2, 3).sum(axis=2) / np.maximum(power, 1e-12)
     count = float(seen.squares.number.sum()) / 2
-    # What follows does so for long; what alternates, from one to the next.
+    # A positive correlation lasts for several lags; an alternation shows at the first lag.
     follows = float((after.sum(axis=0) * np.sqrt(count / after.shape[0])).max())
     alternates = float((after[0] * np.sqrt(count)).min())
     most = follows if follows > -alternates else alternates
     if abs(most) < MANY_SIGMA:
         return []
-    words = ("follow each other", "too little", "small") if most > 0 else ("alternate", "too much", "large")
+    words = (
+        ("are correlated in time", "too little", "small") if most > 0 else ("alternate", "too much", "large")
+    )
     finding = Finding(
         "gain",
         f"too {words[2]}",
         float("nan"),
         f"The innovations {words[0]}: the algorithm corrects {words[1]}.",
-        "Look at what the algorithm assumes of the IMU against what it assumes of the fixes.",
+        "Check what the algorithm assumes about the IMU and about the fixes.",
         f"correlation from fix to fix {after[0, 0]:.2f} (position), {after[0, 1]:.2f} (velocity)",
     )
     return [Weighed(most**2 / 2, finding)]

@@ -32,23 +32,26 @@ PER_OCTAVE = 3
 FLOOR = math.sqrt(2 * math.log(2) / math.pi)
 """Deviation of a bias instability B, in units of B: 0.664."""
 MIN_SAMPLES = 16
-"""Fewest samples of which a deviation is estimated."""
+"""Fewest samples for an Allan deviation."""
 
 FITS = 1e-3
 """p value below which the five terms do not explain a deviation."""
 
 _FEWEST_DEGREES = 3.0
-"""Fewest degrees of freedom of an estimate that is used: with three its σ is 40 % of it."""
+"""Fewest degrees of freedom of an estimate that is used: with three, its σ is 40 % of the estimate."""
 _REWEIGHTINGS = 20
-"""Most rounds in which the weights follow the fit."""
+"""Most iterations in which the weights are adapted to the fit."""
 _GENERALISED = 6
-"""Rounds in which the covariance of the estimates follows the fit; from the fourth on nothing changes."""
+"""Iterations in which the covariance of the estimates is adapted to the fit; nothing changes after the
+fourth."""
 _DISTINCT = 1e-2
-"""Smallest part of the largest eigenvalue of the estimates' correlations that is used: the estimates of
-neighbouring times are nearly the same, and what tells them apart is rounding and approximation."""
+"""Smallest used eigenvalue of the estimates' correlations, relative to the largest. The estimates of
+neighbouring times are nearly the same, and smaller eigenvalues contain only rounding and approximation
+errors."""
 _BEYOND = np.array((3.0, 2.0, 2.0, 2.0, 3.0))[:, None]
-"""σ of the square of each of `LETTERS` beyond which it is taken as there. By chance 2 are exceeded in one
-case of 44 and 3 in one of 740: most sensors have no quantisation noise and no ramp, and are shown none."""
+"""Threshold on the square of each of `LETTERS`, in its σ, above which the term counts as present. Chance
+exceeds 2 in one case of 44 and 3 in one of 740: most sensors have no quantisation noise and no ramp, and
+should show none."""
 
 
 class AllanDeviation(NamedTuple):
@@ -63,7 +66,7 @@ class AllanDeviation(NamedTuple):
     degrees : (k,) array
         Degrees of freedom of each estimate.
     samples : int
-        Number of samples of the record; the shortest averaging time is one of them.
+        Number of samples of the record; the shortest averaging time is one sample.
     """
 
     tau: FloatArray
@@ -72,12 +75,12 @@ class AllanDeviation(NamedTuple):
     samples: int
 
     def interval(self, probability: float = 0.95) -> tuple[FloatArray, FloatArray]:
-        """Return the ends (k, axes) of the interval that holds the true deviation (Riley 5.3.2).
+        """Return the ends (k, axes) of the confidence interval of the true deviation (Riley 5.3.2).
 
         Parameters
         ----------
         probability
-            Probability that it does, on each side of the estimate alike.
+            Probability that the interval contains the true deviation, with equal tails.
         """
         from scipy import special  # noqa: PLC0415 - takes a tenth of a second, and only this needs it
 
@@ -105,9 +108,9 @@ class NoiseTerms(NamedTuple):
     R, R_sigma : (axes,) arrays
         Ramp of the bias [rad/s²] or [m/s³], without its sign.
     chi_square, degrees, p_value : (axes,) arrays
-        Goodness of fit: sum of the squared residuals in their σ, freed of their correlation; its degrees of
-        freedom; and the probability of so large a sum if the five terms are all there is. Below `FITS` they
-        are not, and the terms describe the deviation only roughly.
+        Goodness of fit: sum of the squared decorrelated residuals in their σ; its degrees of freedom; and the
+        probability of such a large sum if there are only the five terms. Below `FITS`, there are other
+        errors, and the terms describe the deviation only roughly.
     """
 
     N: FloatArray
@@ -125,7 +128,7 @@ class NoiseTerms(NamedTuple):
     p_value: FloatArray
 
     def deviation(self, tau: FloatArray) -> FloatArray:
-        """Return the Allan deviation (k, axes) that the terms add up to at averaging times (k,) [s]."""
+        """Return the Allan deviation (k, axes) of all terms together at averaging times (k,) [s]."""
         squares = np.stack([getattr(self, letter) for letter in LETTERS]) ** 2
         return np.asarray(np.sqrt(_slopes(np.asarray(tau, dtype=np.float64)) @ squares))
 
@@ -147,7 +150,7 @@ def deviation(record: FloatArray, dt: float, *, increments: bool = False) -> All
     Raises
     ------
     ValueError
-        If the record is too short, or holds what is not a finite number.
+        If the record is too short, or contains a value that is not finite.
     """
     table = np.asarray(record, dtype=np.float64)
     table = table[:, None] if table.ndim == 1 else table
@@ -158,7 +161,7 @@ def deviation(record: FloatArray, dt: float, *, increments: bool = False) -> All
         raise ValueError("there is a sample that is not a finite number")
     if not (math.isfinite(dt) and dt > 0):
         raise ValueError(f"{dt!r} s from sample to sample; accepted is a time above zero")
-    # The mean has no part in the deviation, and without it the integral keeps its digits.
+    # The mean has no effect on the deviation; without it, the integral keeps its digits.
     theta = np.zeros((samples + 1, table.shape[1]))
     np.cumsum((table - table.mean(axis=0)) * (1.0 if increments else dt), axis=0, out=theta[1:])
     lengths = cluster_lengths(samples)
@@ -168,7 +171,7 @@ def deviation(record: FloatArray, dt: float, *, increments: bool = False) -> All
 
 
 def cluster_lengths(samples: int) -> NDArray[np.int64]:
-    """Return the numbers of samples averaged over: `PER_OCTAVE` in each factor of two, up to a third."""
+    """Return averaging lengths in samples: `PER_OCTAVE` per factor of two, up to a third of the record."""
     octaves = math.log2(samples / 3)
     lengths = np.round(2 ** np.arange(0, octaves + 1e-9, 1 / PER_OCTAVE)).astype(np.int64)
     lengths = np.unique(lengths)
@@ -202,15 +205,15 @@ def degrees_of_freedom(samples: int, lengths: NDArray[np.int64]) -> FloatArray:
 def fit(allan: AllanDeviation) -> NoiseTerms:
     """Fit quantisation noise Q, white noise N, bias instability B, random walk K and ramp R to a deviation.
 
-    Generalised least squares of the variance. Estimates share their data and vary together: their covariance
-    is the one that the fitted terms give them (`allan_covariance`). Where the five terms do not explain the
-    deviation, weights alone are used, with no term below zero, which keeps the fit close to it. A term whose
-    square is below twice its own uncertainty, or three times of quantisation noise and ramp, is one the
-    record does not show: its σ is the size that would be as uncertain as large.
+    The fit is a generalised least-squares fit of the variance. The estimates share their data and are
+    correlated; their covariance follows from the fitted terms (`allan_covariance`). If the five terms do not
+    explain the deviation, only weights are used, with no negative terms, which keeps the fit close to the
+    deviation. A term is not shown by the record if its square is below twice its σ, or three times for
+    quantisation noise and ramp. Its σ is then the size whose square would equal its own uncertainty.
     """
     tau = allan.tau
     terms = _slopes(tau)
-    # The terms per sample interval, and variances of rates whatever the interval.
+    # The terms are per sample interval; the variances are those of rates.
     dt = float(tau[0])
     intervals = np.array((1 / dt**2, 1 / dt, 1.0, dt, dt**2))
     together = covariance(allan.samples, tuple(np.round(tau / dt).astype(int).tolist()))
@@ -231,7 +234,7 @@ def _slopes(tau: FloatArray) -> FloatArray:
 
 
 def _variance(theta: FloatArray, length: int, dt: float) -> FloatArray:
-    # In place: of a long record the memory written to is what takes the time.
+    # In place, because for a long record, writing to memory takes most of the time.
     second = theta[2 * length :] - theta[length:-length]
     second -= theta[length:-length]
     second += theta[: -2 * length]
@@ -242,11 +245,11 @@ def _variance(theta: FloatArray, length: int, dt: float) -> FloatArray:
 def _fit_axis(
     terms: FloatArray, variance: FloatArray, degrees: FloatArray, together: FloatArray
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return the squares of the terms, the variances of these squares, and the goodness of the fit (3,)."""
+    """Return the squares of the terms, their variances, and the goodness of the fit (3,)."""
     if not variance.any():
         return np.zeros(len(LETTERS)), np.zeros(len(LETTERS)), np.array((0.0, 0.0, 1.0))
     weighted = _weighted(terms, variance, degrees)
-    if not weighted[:-1].any():  # a ramp alone, of which nothing is left to chance
+    if not weighted[:-1].any():  # a ramp alone is deterministic
         return weighted, np.zeros(len(LETTERS)), np.array((0.0, 0.0, 1.0))
     squares, uncertain, goodness = _generalised(terms, variance, weighted, together)
     if goodness[2] >= FITS:
@@ -263,10 +266,10 @@ def _fit_axis(
 def _generalised(
     terms: FloatArray, variance: FloatArray, squares: FloatArray, together: FloatArray
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return what generalised least squares make of the terms, and the goodness of that.
+    """Return the terms from generalised least squares, and the goodness of the fit.
 
-    Squares may come out below zero on the way, so that a term which is not there does not draw on the
-    others; what is returned is zero then.
+    Squares may be negative during the iteration, so that an absent term does not bias the others; the
+    returned square is then zero.
     """
     for _ in range(_GENERALISED):
         freed = _freed(squares, together)
@@ -305,12 +308,12 @@ def _norms(columns: FloatArray) -> FloatArray:
 
 
 def _least(variance: FloatArray) -> float:
-    """Return a variance that is as good as none."""
+    """Return a negligible variance."""
     return 1e-12 * float(variance.max())
 
 
 def _freed(squares: FloatArray, together: FloatArray) -> FloatArray:
-    """Return what makes estimates independent, each of unit variance, if the terms are as given (r, k)."""
+    """Return the whitening matrix (r, k) of the estimates for the given terms."""
     spread = np.einsum("a,b,abij->ij", squares, squares, together)
     sigma = np.sqrt(np.diag(spread))
     sizes, vectors = np.linalg.eigh(spread / np.outer(sigma, sigma))
@@ -323,9 +326,9 @@ def _goodness(
 ) -> FloatArray:
     """Return χ² of a fit, its degrees of freedom and its p value (3,).
 
-    The residuals are those of the squares found, the covariance is that of those that are not negative. Mean
-    squares of few degrees of freedom are skewed, and would look like a misfit: their cube roots are
-    nearly normal (Wilson and Hilferty).
+    The residuals use the fitted squares, the covariance uses those that are not negative. Mean squares with
+    few degrees of freedom are skewed, which would look like a misfit; their cube roots are nearly normal
+    (Wilson and Hilferty).
     """
     from scipy import special  # noqa: PLC0415 - takes a tenth of a second, and only this needs it
 

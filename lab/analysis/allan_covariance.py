@@ -1,14 +1,14 @@
-"""Allan covariance: how estimates of the Allan variance at several averaging times vary together.
+"""Allan covariance: the covariance of estimates of the Allan variance at several averaging times.
 
 The estimate at a cluster of m samples is the mean square of z(k) = θ(k + 2m) − 2 θ(k + m) + θ(k), θ being the
 integral of the rate. The z of two clusters m and m' have at lag t the covariance
 
     c(t) = Σ_p Σ_q a_p a_q G(t + p m − q m'),    a = (1, −2, 1),
 
-with the generalised covariance G of θ: Q² where t = 0 of quantisation noise, −N² |t| / 2 of white noise,
-B² t² ln|t| / (2π) of bias instability and K² |t|³ / 12 of a random walk. What is not in G is a polynomial
-that the differences take away. Of Gaussian noise, the products of two mean squares vary with 2 c². A ramp R
-of the rate is not random: it gives z(k) the mean R m², so that the products vary with 4 c R² m² m'² more.
+with the generalised covariance G of θ: Q² where t = 0 of quantisation noise, −N² |t| / 2 of white noise, B²
+t² ln|t| / (2π) of bias instability and K² |t|³ / 12 of a random walk. G is defined up to a polynomial that
+the differences remove. For Gaussian noise, two mean squares have the covariance 2 c². A ramp R of the rate is
+not random: it gives z(k) the mean R m², which adds 4 c R² m² m'² to the covariance.
 
 References
 ----------
@@ -29,16 +29,16 @@ LETTERS = "QNBKR"
 """Quantisation noise, white noise, bias instability, random walk and ramp: each of unit coefficient."""
 
 _RANDOM = 4
-"""How many of them are random: all but the ramp."""
+"""Number of random terms: all but the ramp."""
 
 _CLOSE = 12
-"""Lags, in the shorter cluster, that are all taken on both sides of an end of the longer one."""
+"""Lags, in units of the shorter cluster, on both sides of an end of the longer one that are all evaluated."""
 _STEPS = 4
-"""Lags in each shorter cluster, where there are more than that."""
+"""Lags evaluated in each shorter cluster, if it has more."""
 _SPREAD = 1.15
-"""Ratio of one lag to the next beyond."""
+"""Ratio of successive lags beyond."""
 _FAR = 30.0
-"""Distance, in clusters, from which on the fourth difference of G is its fourth derivative."""
+"""Distance, in clusters, above which the fourth derivative of G replaces its fourth difference."""
 
 
 @lru_cache(maxsize=4)
@@ -50,7 +50,7 @@ def covariance(samples: int, lengths: tuple[int, ...]) -> FloatArray:
     samples
         Number of samples of the record.
     lengths
-        Numbers k of samples averaged over.
+        Averaging lengths k in samples.
 
     Returns
     -------
@@ -70,7 +70,7 @@ def _pair(samples: int, short: int, long: int) -> FloatArray:
     """Return W (5, 5) of two clusters."""
     # Lag t = k − l of the k-th difference of the short cluster and the l-th of the long one.
     first, last = -(samples - 2 * long), samples - 2 * short
-    # How many pairs (k, l) have the lag, of so many differences each.
+    # Number of pairs (k, l) with the lag.
     kmax, lmax = samples - 2 * short + 1, samples - 2 * long + 1
 
     def pairs(lags: NDArray[np.int64]) -> FloatArray:
@@ -82,7 +82,7 @@ def _pair(samples: int, short: int, long: int) -> FloatArray:
     W = np.zeros((len(LETTERS), len(LETTERS)))
     W[1:_RANDOM, 1:_RANDOM] = 2 * weighted @ c.T
     ramp = 2.0 * float(short) ** 2 * float(long) ** 2 * weighted.sum(axis=1)
-    # Quantisation noise has a part at single lags alone, which no sum over strides of lags may miss.
+    # Quantisation noise contributes at single lags only, which a sum over strides of lags must not miss.
     met, quantum = _meetings(first, last, short, long)
     at_met = np.vstack((quantum, _cross_covariance(met.astype(np.float64), float(short), float(long))))
     W[0, :_RANDOM] = W[:_RANDOM, 0] = 2 * at_met @ (quantum * pairs(met))
@@ -92,7 +92,7 @@ def _pair(samples: int, short: int, long: int) -> FloatArray:
 
 
 def _meetings(first: int, last: int, short: int, long: int) -> tuple[NDArray[np.int64], FloatArray]:
-    """Return the lags at which samples of two clusters meet, and c there of quantisation noise."""
+    """Return the lags at which samples of two clusters coincide, and c of quantisation noise there."""
     lags = (long * np.arange(3) - short * np.arange(3)[:, None]).ravel()
     products = np.outer((1.0, -2.0, 1.0), (1.0, -2.0, 1.0)).ravel()
     met, places = np.unique(lags, return_inverse=True)
@@ -102,7 +102,7 @@ def _meetings(first: int, last: int, short: int, long: int) -> tuple[NDArray[np.
 
 
 def _lags(first: int, last: int, short: int, long: int) -> tuple[NDArray[np.int64], FloatArray]:
-    """Return lags from the first to the last and how many lags each stands for: dense where c(t) bends."""
+    """Return lags from the first to the last, and how many lags each represents: dense where c(t) bends."""
     step = max(1, short // _STEPS)
     close = step * np.arange(_CLOSE * _STEPS + 1)
     beyond = max(1, _CLOSE * short)
@@ -114,7 +114,7 @@ def _lags(first: int, last: int, short: int, long: int) -> tuple[NDArray[np.int6
     weights = np.ones(lags.size)
     gaps = np.diff(lags).astype(np.float64)
     if lags.size > 1:
-        # The trapezoid rule; of neighbouring lags each counts once, the ends too.
+        # The trapezoid rule; neighbouring lags count once each, including the ends.
         weights[:] = (np.append(gaps, 1.0) + np.append(1.0, gaps)) / 2
     return lags, weights
 
@@ -128,10 +128,10 @@ def _cross_covariance(lags: FloatArray, short: float, long: float) -> FloatArray
             t = np.abs(lags + p * short - q * long)
             logarithm = np.log(np.maximum(t, 1.0))
             c += a[p] * a[q] * np.stack((-t / 2, t**2 * logarithm / (2 * np.pi), t**3 / 12))
-    # White noise and the increments of a walk have no part in what does not overlap.
+    # White noise and the increments of a walk do not contribute without overlap.
     middle = np.abs(lags + short - long)
     c[[0, 2]] *= middle < short + long
-    # There the difference of large numbers would be all rounding.
+    # There, the difference of large numbers would consist of rounding errors.
     far = middle > _FAR * (short + long)
     c[1, far] = -2 * (short * long) ** 2 / (2 * np.pi * middle[far] ** 2)
     return c

@@ -1,17 +1,18 @@
-"""Budget: which source of error contributes how much to the errors of the solution.
+"""Budget: the contribution of each source of error to the errors of the solution.
 
-Truth-model covariance analysis: the covariance that each source alone gives the true error is propagated
-along the true flight and through the gains the filter really used, whether what it believes is right or
-wrong. The sources are independent and all is linear, so their variances sum to the variance of the error.
+This is a truth-model covariance analysis. The covariance of the true error due to each source alone is
+propagated along the true flight and through the gains that the filter really used, whether its assumptions
+are right or wrong. The sources are independent and the model is linear, so their variances sum to the
+variance of the error.
 
-The error e of the solution, its estimate x̂ that still waits to be corrected, and a source's own state c obey
+The error e of the solution, its pending estimate x̂, and the state c of a source obey
 
     e⁻ = Φ e + (Φ − Φ_f) x̂ + Γ c,    x̂⁻ = Φ_f x̂                from fix to fix, Φ_f as the filter has it,
     e⁺ = (I − K H) e⁻ + K v,          x̂⁺ = x̂⁻ + K (H e⁻ − v)     with a fix of error v,
 
-and a correction takes x̂ out of the navigator and sets it to zero. Only the biases of x̂ matter: elsewhere Φ
-and Φ_f are the same. c is v itself, or the error of an inertial sensor with the sign of an error of the
-estimated bias, which it is to the navigator.
+and a correction subtracts x̂ from the navigator and sets it to zero. Only the biases of x̂ matter, because Φ
+and Φ_f are equal elsewhere. c is v itself, or the error of an inertial sensor with the sign of an error of
+the estimated bias, because it acts as one on the navigator.
 
 References
 ----------
@@ -64,14 +65,15 @@ QUANTITIES = (
     *("roll", "pitch", "heading"),
     *STATES[9:15],
 )
-"""What the budget of a filter with 15 states is made for: the error states as a person reads them."""
+"""Quantities of the budget of a filter with 15 states: the error states in east, north, up and Euler
+angles."""
 
 UNITS = ("m",) * 3 + ("m/s",) * 3 + ("°",) * 3 + ("°/s",) * 3 + ("mg",) * 3
 """Units of the quantities."""
 
 
 def quantities(states: int) -> dict[str, str]:
-    """Return what the budget of a filter with so many states is made for, and the units."""
+    """Return the quantities of the budget of a filter with a number of states, and their units."""
     units = (*UNITS, *("%",) * (len(STATES) - N))
     return dict(zip((*QUANTITIES, *STATES[N:])[:states], units[:states], strict=True))
 
@@ -86,30 +88,29 @@ def error_budget(run: Run) -> xr.Dataset:
     Parameters
     ----------
     run
-        The run: its flight, its settings and the gains of its filter are used, its errors are not.
+        The run. Its flight, its settings and the gains of its filter are used; its errors are not.
 
     Returns
     -------
     xr.Dataset
-        ``sigma`` (source, time, quantity): one standard deviation that each source alone gives, in the
-        `unit` of the quantity; of an error given by its value, its effect. ``share`` (source, time,
-        quantity): its part of the variance [%]. ``total`` and ``believed`` (time, quantity): σ of all
-        sources together, and σ according to the filter; what is known of an error counts with its square, as
-        if its sign were drawn. Times are the start, the fixes used (after the fix),
-        the end, and others so that none is more than a second from the next. Attribute `left_out`: settings
-        that err and are not in the budget.
+        ``sigma`` (source, time, quantity): one standard deviation due to each source alone, in the `unit` of
+        the quantity; for an error given by its value, its effect. ``share`` (source, time, quantity): its
+        share of the variance [%]. ``total`` and ``believed`` (time, quantity): σ of all sources together, and
+        σ according to the filter. A known error counts with its square, as if its sign were random. Times are
+        the start, the used fixes (after the fix), the end, and others, so that none is more than a second
+        from the next. Attribute `left_out`: settings with errors that are not in the budget.
 
     Raises
     ------
     SettingError
-        If the filter is not one whose gains act on these error states.
+        If the filter's gains do not act on these error states.
     ResultError
-        If the run is that of a log of real sensors, whose true flight nobody knows.
+        If the run is that of a sensor log, whose true flight is unknown.
     """
     _, ideal = run.true_flight("budget")
     _check(run)
     experiment = run.experiment
-    assert run.aligned is not None  # of a simulated run
+    assert run.aligned is not None  # for a simulated run
     constant = constants(experiment, run.aligned)
     random = processes(experiment, ideal, float(run.time[-1]))
     known = known_errors(run)
@@ -120,7 +121,7 @@ def error_budget(run: Run) -> xr.Dataset:
 
 
 def _check(run: Run) -> None:
-    """Refuse filters whose covariance says nothing of the gains on these error states."""
+    """Raise `SettingError` for filters whose covariance does not give the gains on these error states."""
     model = run.experiment.navigator.model
     if model not in MODELS:
         raise SettingError(
@@ -135,51 +136,52 @@ def _check(run: Run) -> None:
 
 
 def check_latitude(flight: Truth) -> None:
-    """Raise `SettingError` of flights too close to a pole for errors in north, east, down."""
+    """Raise `SettingError` for flights too close to a pole for errors in north, east, down."""
     highest = float(np.abs(flight.latitude).max())
     if highest > MAX_LATITUDE:
         raise SettingError(
             f"mission: the flight reaches latitude {np.degrees(highest):.3f}°, and this analysis follows "
-            "errors in north, east, down, which turn too fast there; accepted here are flights up to 89.9°"
+            "errors in north, east, down, and these axes turn too fast there; accepted here are flights up "
+            "to 89.9°"
         )
 
 
 def check_gains(run: Run) -> None:
-    """Raise `SettingError` of smoothed solutions and users' algorithms, which have no gains."""
+    """Raise `SettingError` for smoothed solutions and users' algorithms, which have no gains."""
     if run.algorithm:
         raise SettingError(
-            f"{run.algorithm}: this analysis follows the gains of the filter, which an algorithm of your "
-            "own does not give; accepted here is the navigator of the settings"
+            f"{run.algorithm}: this analysis needs the gains of the filter, and your own algorithm does not "
+            "give them; accepted here is the navigator of the settings"
         )
     if run.experiment.navigator.smoother:
         raise SettingError(
-            "navigator.smoother: this analysis follows the gains of the filter, which a smoothed solution "
-            "does not have; accepted here is false"
+            "navigator.smoother: this analysis needs the gains of the filter, and a smoothed solution has "
+            "none; accepted here is false"
         )
 
 
 def check_rest(run: Run) -> None:
-    """Raise `SettingError` of runs with updates at rest, whose gains are not kept."""
+    """Raise `SettingError` for runs with updates at rest, whose gains are not kept."""
     if run.solution_arrays.rest.any():
         raise SettingError(
-            "navigator.rest_updates: the error budget follows the gains of fixes, and here the filter was "
-            "also updated while the vehicle stood still; accepted here is false"
+            "navigator.rest_updates: the error budget needs the gains of all updates, and those of the "
+            "updates at rest are not kept; accepted here is false"
         )
 
 
 def check_feedforward(run: Run) -> None:
-    """Raise `SettingError` of a feedforward run whose free navigator is beyond the linear model."""
+    """Raise `SettingError` for a feedforward run whose free navigator is beyond the linear model."""
     drift = feedforward.drift_of(run)
     if drift > feedforward.LINEAR:
         raise SettingError(
-            "navigator.correction: the error budget is linear, and the free-running navigator of this "
-            f"feedforward run is up to {np.degrees(drift):.3g}° off in attitude; accepted are up to "
+            "navigator.correction: the error budget is linear, and the attitude error of the free-running "
+            f"navigator reaches {np.degrees(drift):.3g}° in this feedforward run; accepted are up to "
             f"{np.degrees(feedforward.LINEAR):g}°, or feedback"
         )
 
 
 class Epochs(NamedTuple):
-    """Steps of a flight: IMU samples (e,), the fix at each or −1, and whether it is the last one there."""
+    """Epochs of a flight: IMU samples (e,), the fix at each or −1, and whether it is the sample's last."""
 
     sample: NDArray[np.int64]
     fix: NDArray[np.int64]
@@ -187,7 +189,7 @@ class Epochs(NamedTuple):
 
 
 def epochs_of(run: Run) -> Epochs:
-    """Return the start, the fixes used, the end, and samples between so that none is far from the next."""
+    """Return the epochs: start, used fixes, end, and samples between, so that none is far from the next."""
     end = run.time.size - 1
     used = np.flatnonzero(run.solution_arrays.fix_sample >= 0)
     at_fix = run.solution_arrays.fix_sample[used]
@@ -235,7 +237,7 @@ class _Propagation:
             np.array([source.decay(ideal.dt) for source in self.inertial]),
             np.array([source.drive(ideal.dt) for source in self.inertial]).reshape(-1, 3),
         )
-        # K = P⁺ Hᵀ R⁻¹, whatever P⁺ and R are worth (Gelb 4.2-16b).
+        # K = P⁺ Hᵀ R⁻¹, even if P⁺ and R are wrong (Gelb 4.2-16b).
         solution = run.solution_arrays
         used = solution.fix_sample >= 0
         self.H = solution.fix_H
@@ -289,7 +291,7 @@ class _Propagation:
         A[:NAV, NAV:N] = step.bias
         for c in range(
             self.states - N
-        ):  # an error of a scale factor is one of the bias times what is measured
+        ):  # an error of a scale factor acts as one of the bias, times the measured quantity
             A[:NAV, N + c] = step.coupled[:, c, c]
         fade = np.diag(self.fade ** (last - first))
         A[:NAV, waiting] = step.bias - step.fading
@@ -353,7 +355,7 @@ class _Propagation:
         seen = np.zeros((len(self.processes), n, self.own.stop))
         seen[:, :, :n] = T
         for p, source in enumerate(self.inertial):
-            # The true bias includes the instability; white noise is none.
+            # The true bias includes the instability, but not white noise.
             if source.time:
                 seen[p, NAV + 3 * source.channel : NAV + 3 * source.channel + 3, self.own] = np.eye(3)
         random = np.einsum("pqi,pij,pqj->pq", seen, self.P, seen, optimize=True)
@@ -375,7 +377,7 @@ def _corrections(run: Run) -> NDArray[np.bool_]:
 
 
 def _dataset(run: Run, sources: list[str], epochs: Epochs, variance: FloatArray) -> xr.Dataset:
-    """Return what `error_budget` returns."""
+    """Return the result of `error_budget`."""
     import xarray as xr  # noqa: PLC0415 - takes a while to import, and a run does without
 
     names = list(dict.fromkeys(sources))

@@ -1,4 +1,4 @@
-"""Consistency: does the filter tell the truth about itself? NEES, NIS and the whiteness of the innovations.
+"""Consistency: NEES, NIS and the whiteness of the innovations, as tests of the filter's covariance.
 
 References
 ----------
@@ -19,23 +19,23 @@ if TYPE_CHECKING:
 FloatArray = NDArray[np.float64]
 
 MAX_LAG = 30
-"""Largest lag of the innovations' autocorrelation that is looked at."""
+"""Largest lag of the innovations' autocorrelation."""
 SINGULAR = 1e-6
-"""A state of which the others leave less than this part of its σ is taken as a combination of them."""
+"""A state counts as a combination of the others if its remaining σ is below this fraction."""
 
 
 def normalised_squares(vectors: FloatArray, covariances: FloatArray) -> FloatArray:
-    """Return vᵀ P⁻¹ v of each epoch (m,): NEES of errors and P, NIS of innovations and S (5.4.2-2, 5.4.2-11).
+    """Return vᵀ P⁻¹ v of each epoch (m,): NEES of errors, NIS of innovations (5.4.2-2, 5.4.2-11).
 
-    States without variance (certain, such as a bias nobody doubts) are left out of the sum, and so are
-    combinations of states without variance, as a P0 of less than full rank may have.
+    States without variance, such as a certain bias, are omitted from the sum. So are combinations of states
+    without variance, as a singular P0 may have.
 
     Parameters
     ----------
     vectors : (m, n) array
         Errors or innovations.
     covariances : (m, n, n) array
-        Their covariances according to the filter; if any is not known (NaN), no sum is.
+        Their covariances according to the filter; if one is unknown (NaN), the sum of its epoch is NaN.
     """
     if vectors.shape[0] == 0:
         return np.zeros(0)
@@ -44,7 +44,7 @@ def normalised_squares(vectors: FloatArray, covariances: FloatArray) -> FloatArr
     used = uncertain(covariances)
     P = covariances[:, used[:, None], used]
     v = vectors[:, used]
-    # Scaled to unit diagonal: metres beside rad/s would spoil the condition number.
+    # Scaled to unit diagonal, because mixing metres and rad/s gives a bad condition number.
     sigma = np.sqrt(np.diagonal(P, axis1=1, axis2=2))
     v = v / sigma
     P = P / (sigma[:, :, None] * sigma[:, None, :])
@@ -61,20 +61,20 @@ def normalised_squares(vectors: FloatArray, covariances: FloatArray) -> FloatArr
 
 
 def uncertain(covariances: FloatArray) -> NDArray[np.intp]:
-    """Return the numbers of the states that have a variance at every epoch, of covariances (m, n, n)."""
+    """Return the indices of the states that have a variance at every epoch, given covariances (m, n, n)."""
     return np.flatnonzero((np.diagonal(covariances, axis1=1, axis2=2) > 0).all(axis=0))
 
 
 def chi_square_interval(degrees: float, runs: int = 1, probability: float = 0.95) -> tuple[float, float]:
     """Return the two-sided interval of a χ² variable averaged over runs (5.4.2-5 to 5.4.2-9)."""
     tail = (1 - probability) / 2
-    # Quantiles of χ² as those of the gamma distribution: scipy.stats takes a quarter of a second to import.
+    # Quantiles of χ² from the gamma distribution, because importing scipy.stats takes a quarter of a second.
     low, high = 2 * special.gammaincinv(degrees * runs / 2, [tail, 1 - tail]) / runs
     return float(low), float(high)
 
 
 def ljung_box(correlations: FloatArray, count: float, runs: int = 1) -> tuple[FloatArray, FloatArray]:
-    """Return Ljung-Box's Q and the probability of a larger one if the values were white, of each channel.
+    """Return the Ljung-Box Q of each channel, and the probability of a larger Q for white values.
 
     Q = n (n + 2) Σ r_k² / (n − k) is χ² with as many degrees of freedom as there are lags (G. M. Ljung, G. E.
     P. Box, *On a Measure of Lack of Fit in Time Series Models*, Biometrika 65 (1978), eq. 1.3).
@@ -82,9 +82,9 @@ def ljung_box(correlations: FloatArray, count: float, runs: int = 1) -> tuple[Fl
     Parameters
     ----------
     correlations : (lags + 1, channels) array
-        Autocorrelation for lags from 0 on, as of `autocorrelation`.
+        Autocorrelation for lags from 0 on, as from `autocorrelation`.
     count
-        Number of values it is of.
+        Number of values.
     runs
         Number of independent records of as many values each, if the correlations are of their sums.
     """
@@ -96,22 +96,22 @@ def ljung_box(correlations: FloatArray, count: float, runs: int = 1) -> tuple[Fl
 def whiteness_table(
     mean: FloatArray, variance: FloatArray, correlations: FloatArray, count: float, runs: int = 1
 ) -> pd.DataFrame:
-    """Return a table of innovations in their σ, a row for each channel.
+    """Return a table of innovations in their σ, with a row for each channel.
 
-    `mean ±`, `variance from` and `variance to` are the 95 % intervals of a matched filter; `Q` is Ljung and
-    Box's, of so many `lags`, and `p white` the probability of a larger one.
+    `mean ±`, `variance from` and `variance to` are the 95 % intervals of a matched filter; `Q` is the
+    Ljung-Box statistic over `lags` lags, and `p white` the probability of a larger Q.
 
     Parameters
     ----------
     mean, variance : (6,) arrays
-        Of the innovations, position and velocity, east, north, up.
+        Mean and variance of the innovations, position and velocity, east, north, up.
     correlations, count, runs
         As of `ljung_box`.
     """
     import pandas as pd  # noqa: PLC0415 - takes a while to import, and a run does without
 
     number = round(count * runs)
-    if not number:  # of no innovations nothing is known
+    if not number:  # without innovations, all is NaN
         mean = variance = np.full(mean.shape, np.nan)
     low, high = chi_square_interval(1, number) if number else (np.nan, np.nan)
     Q, white = ljung_box(correlations, count, runs) if number else (mean, mean)
@@ -132,14 +132,14 @@ def whiteness_table(
 
 
 def coverage(errors: FloatArray, sigma: FloatArray, factor: float = 3.0) -> FloatArray:
-    """Return which part of the errors (m, channels) lies within ± `factor` σ, of each channel."""
+    """Return the fraction of the errors (m, channels) within ± `factor` σ, for each channel."""
     if not errors.shape[0]:
         return np.full(errors.shape[1], np.nan)
     return np.asarray(np.mean(np.abs(errors) <= factor * sigma, axis=0))
 
 
 def normal_coverage(factor: float = 3.0) -> float:
-    """Return which part of a normal variable lies within ± `factor` σ."""
+    """Return the probability that a normal variable lies within ± `factor` σ."""
     return float(special.erf(factor / np.sqrt(2)))
 
 
@@ -165,8 +165,8 @@ def autocorrelation(innovations: FloatArray, max_lag: int = MAX_LAG) -> FloatArr
 
 
 def whiteness_band(count: int, probability: float = 0.95) -> float:
-    """Return the half-width of the band that holds the autocorrelation of `count` white values (5.4.2-16).
+    """Return the half-width of the 95 % band of the autocorrelation of `count` white values (5.4.2-16).
 
-    The mean of as many values of variance one has the same (5.4.2-13).
+    The mean of as many values of unit variance has the same band (5.4.2-13).
     """
     return float(special.ndtri(0.5 + probability / 2) / np.sqrt(count)) if count else 0.0

@@ -1,6 +1,6 @@
-"""Error sources: what errs in a run by constants and by chance, in the form in which it can be followed.
+"""Error sources: the constant and random errors of a run, in a form for covariance analysis.
 
-What is known sample by sample, such as the effect of a temperature or of a latency, is in `known_errors`.
+Errors known sample by sample, such as the effect of a temperature or a latency, are in `known_errors`.
 """
 
 from __future__ import annotations
@@ -34,23 +34,23 @@ if TYPE_CHECKING:
 FloatArray = NDArray[np.float64]
 
 STAGE = 1.0
-"""Width of the processes flicker is made of, in the logarithm of their correlation times."""
+"""Spacing of the processes that model flicker, in the logarithm of their correlation times."""
 
 GYRO, ACCELEROMETER, GPS_POSITION, GPS_VELOCITY = range(4)
-"""Numbers of the groups of sensors that errors belong to."""
+"""Indices of the groups of sensors to which errors belong."""
 
 
 class Constant(NamedTuple):
-    """An error that stays as it is during a flight: independent numbers, one column each.
+    """An error that is constant during a flight: independent numbers, one column each.
 
     Attributes
     ----------
     name
         Name of the source.
     start : (n, c) array
-        Initial error states, one standard deviation of each number; the filter's, or more of them.
+        Initial error states for one standard deviation of each number; as many as the filter has, or more.
     coupling : (c, 6, 6) array
-        Takes angular rate and specific force in b to the errors of gyros and accelerometers.
+        Maps angular rate and specific force in b to the errors of gyros and accelerometers.
     """
 
     name: str
@@ -66,15 +66,16 @@ class Process(NamedTuple):
     name
         Name of the source.
     channel
-        What it disturbs: `GYRO`, `ACCELEROMETER`, `GPS_POSITION` or `GPS_VELOCITY`.
+        The disturbed measurement: `GYRO`, `ACCELEROMETER`, `GPS_POSITION` or `GPS_VELOCITY`.
     variance : (3,) array
-        Variance it settles at, body axes or north, east, down; of a random walk, its growth per second.
+        Steady-state variance, body axes or north, east, down; for a random walk, its growth per second.
     time
-        Correlation time [s]: 0 is white, from sample to sample or from fix to fix; infinite is a walk.
+        Correlation time [s]; 0 for white noise from sample to sample or fix to fix; infinite for a random
+        walk.
     settled
-        Whether it has its variance from the start, or starts from zero.
+        Whether the process is stationary from the start; otherwise it starts from zero.
     graded
-        Whether its σ grows while the constellation is bad.
+        Whether its σ is larger while the constellation is bad.
     """
 
     name: str
@@ -85,11 +86,11 @@ class Process(NamedTuple):
     graded: bool = False
 
     def decay(self, elapsed: float) -> float:
-        """Return what is left of a value after some time [s]."""
+        """Return the remaining fraction of a value after some time [s]."""
         return float(np.exp(-elapsed / self.time)) if self.time else 0.0
 
     def drive(self, elapsed: float) -> FloatArray:
-        """Return the variance (3,) that is new after some time [s]."""
+        """Return the added variance (3,) after some time [s]."""
         if np.isinf(self.time):
             return self.variance * elapsed
         return self.variance * (1 - self.decay(elapsed) ** 2)
@@ -103,7 +104,7 @@ def constants(experiment: ExperimentSettings, aligned: Aligned) -> list[Constant
     experiment
         The settings.
     aligned
-        The start of the navigator: an alignment turns what errs before the flight into what is left.
+        The start of the navigator; an alignment reduces the errors before the flight to the remaining ones.
     """
     navigator, sensors = experiment.navigator, experiment.sensors
     found: list[Constant] = []
@@ -114,11 +115,11 @@ def constants(experiment: ExperimentSettings, aligned: Aligned) -> list[Constant
     for number, (name, block, scale_block) in enumerate(blocks):
         errors = sensors.groups()[name]
         own = slice(3 * number, 3 * number + 3)
-        # The estimate starts with zero: the error is the bias, with the other sign.
+        # The estimate starts at zero, so its error is minus the bias.
         found.append(initial(f"{name} turn-on bias σ", block, -np.diag(si(errors, "bias_sigma"))))
         found.append(initial(f"{name} turn-on bias, given", block, -si(errors, "bias")[None]))
         scale, drawn = si(errors, "scale_factor"), si(errors, "scale_factor_sigma")
-        # In a filter with 21 states they are errors of an estimate that starts with zero, as the biases are.
+        # In a filter with 21 states, they are errors of an estimate that starts at zero, as for the biases.
         sources = [
             initial(f"{name} scale factor σ", scale_block, -np.diag(drawn)),
             initial(f"{name} scale factor, given", scale_block, -scale[None]),
@@ -138,14 +139,14 @@ def constants(experiment: ExperimentSettings, aligned: Aligned) -> list[Constant
 
 
 def initial(name: str, block: slice, columns: FloatArray) -> Constant:
-    """Return a source that is there at the start, from (c, 3) values of one block of states."""
+    """Return a source of initial errors, from (c, 3) values of one block of states."""
     start = np.zeros((len(STATES), columns.shape[0]))
     start[block] = columns.T
     return Constant(name, start, np.zeros((columns.shape[0], 6, 6)))
 
 
 def coupled(name: str, rows: slice, columns: slice, matrices: FloatArray) -> Constant:
-    """Return a source in proportion to rate or force, from (c, 3, 3) matrices."""
+    """Return a source proportional to rate or force, from (c, 3, 3) matrices."""
     coupling = np.zeros((matrices.shape[0], 6, 6))
     coupling[:, rows, columns] = matrices
     return Constant(name, np.zeros((len(STATES), matrices.shape[0])), coupling)
@@ -197,24 +198,24 @@ def _of_fixes(experiment: ExperimentSettings) -> list[Process]:
     )
     found.append(Process("GPS correlated position", GPS_POSITION, correlated, time, graded=True))
     if not experiment.navigator.gate:
-        # By chance: the variance is that of all fixes, outliers or not.
+        # As a random error: the variance is that of all fixes, outliers or not.
         jumps = np.full(3, errors.outlier_rate * float(si(errors, "outlier_size")) ** 2)
         found.append(Process("GPS outliers", GPS_POSITION, jumps))
     return found
 
 
 def left_out(experiment: ExperimentSettings) -> list[str]:
-    """Return the settings that err and are no source."""
+    """Return the settings with errors that are not among the sources."""
     if experiment.navigator.gate and experiment.sensors.gps.outlier_rate:
-        return ["sensors.gps.outlier_rate (the gate refuses outliers: those it lets pass are not followed)"]
+        return ["sensors.gps.outlier_rate (the gate rejects outliers, and those it passes are not followed)"]
     return []
 
 
 def rounding(errors: Settings, dt: float) -> FloatArray:
-    """Return the variance (3,) of the quantisation where it is white: q² / 12, or zeros.
+    """Return the variance (3,) of the quantisation if it is white: q² / 12, otherwise zeros.
 
-    White it is where the noise of the samples reaches over the steps (B. Widrow, I. Kollár, *Quantization
-    Noise*, ch. 4 and 20); elsewhere it depends on the motion, and `known_errors` has it.
+    It is white where the noise of the samples exceeds the quantisation step (B. Widrow, I. Kollár,
+    *Quantization Noise*, ch. 4 and 20). Elsewhere it depends on the motion, and `known_errors` includes it.
     """
     step = si(errors, "quantisation")
     spread = si(errors, "noise_density") / np.sqrt(dt)
@@ -224,7 +225,8 @@ def rounding(errors: Settings, dt: float) -> FloatArray:
 def _thermometer(experiment: ExperimentSettings, errors: Settings, size: FloatArray) -> FloatArray:
     """Return the variance (3,) that the thermometer's noise leaves after a compensation.
 
-    As if each axis had a thermometer of its own, and the mean square of rate or force were always there.
+    The formula assumes a separate thermometer for each axis, and a constant rate or force with the same mean
+    square.
     """
     temperature = experiment.sensors.temperature
     if not temperature.compensation:
@@ -234,12 +236,13 @@ def _thermometer(experiment: ExperimentSettings, errors: Settings, size: FloatAr
 
 
 def flicker(name: str, channel: int, coefficient: FloatArray, dt: float, duration: float) -> list[Process]:
-    """Return flicker that begins with nothing before it as first-order processes, one for each `STAGE`.
+    """Return flicker that starts from zero, as first-order processes, one for each `STAGE`.
 
-    Half an integral of white noise has the covariance (B² / π) ln((√t + √s)² / |t − s|). Processes of all
-    correlation times that start from zero, B² / π for each unit of ln T, have (B² / π) ln((t + s) / |t − s|);
-    what is missing hardly changes with time and is ln 2 where t and s are alike. The shortest correlation
-    time, a quarter of a sample, gives the variance of the sampled process (Kasdin, Proc. IEEE 83, eq. 104).
+    White noise integrated to order one half has the covariance (B² / π) ln((√t + √s)² / |t − s|). Processes
+    of all correlation times T that start from zero, with B² / π for each unit of ln T, have (B² / π) ln((t +
+    s) / |t − s|). The difference hardly changes with time, and is (B² / π) ln 2 where t and s are similar.
+    The shortest correlation time, a quarter of a sample, gives the variance of the sampled process (Kasdin,
+    Proc. IEEE 83, eq. 104).
     """
     density = coefficient**2 / np.pi
     times = np.exp(np.arange(np.log(dt / 4) + STAGE / 2, np.log(30 * duration), STAGE))

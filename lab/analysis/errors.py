@@ -1,7 +1,7 @@
-"""Errors: what a navigation solution misses the truth by, and what the filter said it would.
+"""Errors: the errors of a navigation solution, and their σ according to the filter.
 
 Errors are estimate minus truth. Position and velocity errors are given east, north, up; attitude errors are
-differences of roll, pitch and heading, with the filter's covariance of φ mapped to them by the Jacobian
+differences of roll, pitch and heading, and the Jacobian maps the filter's covariance of φ to them
 (`rotation.euler_jacobian`). Close to a pole, positions are compared in Earth-fixed Cartesian axes.
 """
 
@@ -56,20 +56,20 @@ def error_state(
     bias: FloatArray,
     scale: FloatArray | None = None,
 ) -> FloatArray:
-    """Return the error state (m, 15) or (m, 21) at some samples, in the filter's order and units.
+    """Return the error states (m, 15) or (m, 21) at some samples, in the filter's order and units.
 
     Parameters
     ----------
     solution
         The solution.
     samples : (m,) array
-        Which samples.
+        Indices of the samples.
     truth
         Truth at all samples.
     bias : (n, 6) array
         True gyro and accelerometer biases at all samples [rad/s], [m/s²].
     scale : (n, 6) array
-        True scale factor errors of gyros and accelerometers at all samples; needed of 21 states only.
+        True scale factor errors of gyros and accelerometers at all samples; needed for 21 states only.
     """
     there = truth.taken(samples)
     x = np.empty((samples.size, solution.states))
@@ -88,10 +88,10 @@ def error_state(
 
 
 def _error_near_pole(solution: Solution, samples: NDArray[np.int64], truth: Truth) -> FloatArray:
-    """Return the errors of position, velocity and attitude (m, 9) where north turns within metres.
+    """Return the errors of position, velocity and attitude (m, 9) close to a pole.
 
-    Compared in e, where they are small, and taken to n as the filter takes its covariance, to first order:
-    δv = δv_c + v × δθ and φ = ψ + δθ, with δθ the turn of north, east, down along the position error.
+    Computed in e, where they are small, and converted to n to first order, as the filter's covariance is: δv
+    = δv_c + v × δθ and φ = ψ + δθ, with δθ the rotation of north, east, down along the position error.
     """
     here = solution.position[samples]
     C_ec, C_en = ecef.axes(here[:, 0], here[:, 1]), ecef.axes(truth.latitude, truth.longitude)
@@ -131,8 +131,8 @@ def euler_sigma(euler: FloatArray, variance: FloatArray, covariance: FloatArray)
     P00, P11, P22 = np.ascontiguousarray(variance.T)
     P01, P02, P12 = np.ascontiguousarray(covariance.T)
     cy, sy, sec, tan = _trigonometry(euler)
-    # J P Jᵀ of `rotation.euler_jacobian`, written out: it is on the way of every slider. Roll and heading
-    # errors come of the tilt along the heading, pitch errors of the tilt across it.
+    # J P Jᵀ of `rotation.euler_jacobian`, written out for speed, because every slider needs it. Roll and
+    # heading errors follow from the tilt along the heading, pitch errors from the tilt across it.
     cross = 2 * sy * cy * P01
     along = cy * cy * P00 + sy * sy * P11 + cross
     across = sy * sy * P00 + cy * cy * P11 - cross
@@ -140,7 +140,7 @@ def euler_sigma(euler: FloatArray, variance: FloatArray, covariance: FloatArray)
     sigma[:, 0] = sec * sec * along
     sigma[:, 1] = across
     sigma[:, 2] = P22 + tan * (tan * along + 2 * (cy * P02 + sy * P12))
-    # Roundoff may leave a variance of nothing slightly negative.
+    # Roundoff may make a zero variance slightly negative.
     return np.sqrt(np.maximum(sigma, 0, out=sigma), out=sigma)
 
 

@@ -1,8 +1,8 @@
-"""Evidence: what one run, or many together, say for and against each assumption of the filter.
+"""Evidence: the statistics of one run, or many together, for each assumption of the filter.
 
-With the truth, each assumption has a sample of its own: the errors of the fixes for R, what the sensors added
-beside their biases for Q, the error at the start for P0. Without it there are the innovations alone. All
-figures are sums, or are kept run by run, so those of many runs are added.
+With the truth, each assumption has its own sample: the errors of the fixes for R, the sensor errors besides
+the biases for Q, the initial error for P0. Without the truth, there are only the innovations. All figures are
+sums, or are kept run by run, so the figures of many runs can be added.
 
 References
 ----------
@@ -42,10 +42,11 @@ __all__ = [
 FloatArray = NDArray[np.float64]
 
 SETTLING = 60.0
-"""Time in which a solution forgets its errors, biases more slowly, attitude and position faster [s]: over 100
-runs the mean NEES of flights of 205 s and 105 s varies like that of 3.5 and 2.6 independent epochs."""
+"""Correlation time of the errors of a solution [s]; that of biases is longer, that of attitude and position
+shorter. Over 100 runs, the mean NEES of flights of 205 s and 105 s varies like that of 3.5 and 2.6
+independent epochs."""
 GRID = 1.0
-"""Step of the time grid on which the errors of the position are judged [s]."""
+"""Step of the time grid for the NEES of the position [s]."""
 BLOCKS = {
     "position": POS,
     "velocity": VEL,
@@ -55,19 +56,19 @@ BLOCKS = {
     "gyro scale": GYRO_SCALE,
     "accelerometer scale": ACCEL_SCALE,
 }
-"""Groups of states that P0 is judged by."""
+"""Groups of states for the test of P0."""
 
 
 @dataclass(frozen=True)
 class Usage(Sum):
-    """How many fixes the filter was offered, and what became of them.
+    """The numbers of fixes: offered, used and rejected.
 
     Attributes
     ----------
     offered, used, rejected
-        Numbers of fixes while the IMU recorded, used, and rejected by the gate.
+        Numbers of fixes during the IMU data, of used ones, and of those rejected by the gate.
     expected
-        How many a gate of this probability rejects of fixes that are as the filter assumes.
+        Number of rejections expected from the gate's probability if the filter's assumptions are right.
     """
 
     offered: int
@@ -78,29 +79,29 @@ class Usage(Sum):
 
 @dataclass(frozen=True)
 class Evidence(Sum):
-    """All that is known of one run, or of many.
+    """The evidence of one run or of many.
 
     Attributes
     ----------
     runs : int
-        How many.
+        Number of runs.
     innovations : Innovations
-        Of the fixes.
+        Innovations of the fixes.
     usage : Usage
-        How many of the fixes were used.
+        Use of the fixes.
     told : Kept
-        Latency [s] and lever arm [m] that the filter was told, (runs, 4).
+        Latency [s] and lever arm [m] that the filter assumed, (runs, 4).
     fixes : FixErrors or None
-        With the truth.
+        Errors of the fixes; needs the truth.
     sensors : SensorErrors or None
-        What gyros and accelerometers added to the truth.
+        Errors of gyros and accelerometers; needs the truth.
     start : Squares or None
-        Error at the start against P0, for all states (first) and each of `BLOCKS`.
+        Initial error relative to P0, for all states (first) and each of `BLOCKS`.
     nees : Squares or None
-        NEES, in total, and its degrees of freedom, discounted for its correlation in time.
+        Sum of NEES and its degrees of freedom, reduced for its correlation in time.
     between : Squares or None
         NEES of the position on the time grid, once a second, and just before the fixes, where outages show;
-        discounted as `nees`.
+        reduced as `nees`.
     """
 
     runs: int
@@ -114,7 +115,7 @@ class Evidence(Sum):
     between: Squares | None = None
 
     def without_truth(self) -> Self:
-        """Return what would be known without the truth."""
+        """Return the evidence without that which needs the truth."""
         return type(self)(self.runs, self.innovations, self.usage, self.told)
 
 
@@ -130,24 +131,24 @@ def evidence(
     smoothed: Solution | None = None,
     explain: bool = True,
 ) -> Evidence:
-    """Return what a run says of its filter.
+    """Return the evidence of a run about its filter.
 
     Parameters
     ----------
     solution, belief
-        What the filter computed, and what it assumed. Innovations that are NaN, of what the receiver does
-        not measure, count for nothing: their R is very large.
+        The solution and the assumptions of the filter. Innovations that are NaN, of quantities that the
+        receiver does not measure, have no effect: their R is very large.
     fixes, imu
-        What it was given; the fixes at the times the filter takes for those of their validity.
+        The input of the filter; the fixes at the filter's times of validity.
     reference
-        The truth, where it is known.
+        The truth, if known.
     gate
-        Part of the good fixes that the filter lets through; 0 where it has no gate.
+        Fraction of the good fixes that pass the gate; 0 without a gate.
     latency
-        That the filter was told [s].
+        Latency that the filter assumed [s].
     smoothed
-        What a smoother made of the solution: NEES is then that of the smoothed states. All else, the start
-        and the innovations among it, is the filter's own.
+        Smoothed solution: NEES is then that of the smoothed states. All other evidence, including the start
+        and the innovations, is the filter's.
     explain
         Whether suspicious innovations are explained.
     """
@@ -179,7 +180,7 @@ def evidence(
 
 
 def usage(solution: Solution, gate: float) -> Usage:
-    """Return how many fixes a solution used, of a filter that lets the part `gate` of good fixes through."""
+    """Return the use of fixes by a filter whose gate passes the fraction `gate` of good fixes."""
     used, rejected = int(np.sum(solution.fix_sample >= 0)), int(solution.fix_rejected.sum())
     return Usage(used + rejected, used, rejected, (1 - gate) * (used + rejected) if gate else 0.0)
 
@@ -205,9 +206,9 @@ def _correlation(P: FloatArray) -> FloatArray:
 def nees_squares(
     solution: Solution, used: NDArray[np.intp], reference: Reference, block: slice = slice(None)
 ) -> Squares:
-    """Return NEES of a block of states after the fixes used.
+    """Return NEES of a block of states after the used fixes.
 
-    It changes slowly, so a flight counts as an epoch for each `SETTLING` seconds.
+    It changes slowly, so a flight counts as one epoch for each `SETTLING` seconds.
     """
     if not used.size:
         return Squares(np.zeros(()), np.zeros(()))

@@ -1,8 +1,8 @@
-"""Feedforward: how far the free-running navigator of a feedforward filter is from the truth it estimates.
+"""Feedforward: the error of the free-running navigator of a feedforward filter.
 
-The filter's model is linear in the error of the free-running navigator, which is never corrected. Attitude
-errors of a few degrees make the products it neglects, such as f φ² / 2, larger than its noise: then its
-covariance is not that of its error.
+The filter's model is linear in the error of the free-running navigator, which is never corrected. With
+attitude errors of a few degrees, the neglected products, such as f φ² / 2, are larger than the noise. The
+covariance then does not describe the error.
 
 References
 ----------
@@ -27,16 +27,16 @@ montreal over gyros of all qualities: at 0.8° NEES is 1.4 × too large, at 1.5�
 
 
 def judge(drift: float, verdict: Verdict) -> Verdict:
-    """Return a verdict in which feedforward is the cause of what is inconsistent, where it is.
+    """Return the verdict, with feedforward as the cause of an inconsistency if it is.
 
-    Beyond its linear model nothing else can be judged.
+    Beyond the linear model, nothing else can be judged.
 
     Parameters
     ----------
     drift
         Largest attitude error of the free-running navigator [rad], see `drift_of`.
     verdict
-        What its evidence says.
+        The verdict from the evidence.
     """
     if not verdict.findings or drift <= LINEAR:
         return verdict
@@ -45,8 +45,8 @@ def judge(drift: float, verdict: Verdict) -> Verdict:
         "feedforward",
         "not modelled",
         float(drift),
-        f"The free-running navigator of the feedforward filter is up to {degrees:.3g}° off in attitude, "
-        "beyond its linear model: its σ is not that of its errors.",
+        f"The attitude error of the free-running navigator reaches {degrees:.3g}°. The linear model of the "
+        "feedforward filter does not hold there, so its σ does not describe its errors.",
         "Set navigator.correction to feedback.",
         f"attitude error of the free-running navigator {degrees:.3g}°, limit {np.degrees(LINEAR):g}°",
         (Change("navigator.correction", "feedback"),),
@@ -57,7 +57,7 @@ def judge(drift: float, verdict: Verdict) -> Verdict:
 def drift_of(run: Run) -> float:
     """Return the largest attitude error of the free-running navigator, as estimated [rad].
 
-    Zero of a filter that corrects its navigator, and of a user's algorithm.
+    Zero for a filter that corrects its navigator, and for a user's algorithm.
 
     Parameters
     ----------
@@ -75,6 +75,6 @@ def drift_of(run: Run) -> float:
         model = chosen_model(run.experiment.navigator)
         none = Fixes(np.zeros(0), nothing, nothing)
         free = navigate(imu, none, start, alone, Schedule(feedback=False), model)
-    except PolarError:  # it ran off to a pole
+    except PolarError:  # it diverged to a pole
         return float(np.pi)
     return float(np.linalg.norm(attitude_error(free.q_nb, solution.q_nb), axis=1).max())

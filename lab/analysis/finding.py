@@ -1,7 +1,7 @@
-"""Finding: one thing that is wrong with what a filter assumes, in plain words, and what to try.
+"""Finding: one wrong assumption of a filter, in plain words, with advice.
 
-Each finding rests on one statistic with a known distribution, and is made only if that is both beyond doubt
-and large enough to matter (see `verdict`).
+Each finding is based on one statistic with a known distribution. It is made only if the deviation is both
+significant and large enough to matter (see `verdict`).
 """
 
 from __future__ import annotations
@@ -17,15 +17,15 @@ from lab.analysis.sums import Squares
 DOUBT = 0.002
 """Probability that a χ² statistic of a matched filter lies outside its interval."""
 MATTERS = 1.5
-"""Factor from which on a wrong variance is worth a statement."""
+"""Smallest factor of a wrong variance that is reported."""
 MANY_SIGMA = 4.0
-"""Standard deviations from which on a correlation of the innovations is stated."""
+"""Smallest correlation of the innovations that is reported, in its standard deviations."""
 WITHHELD = "No advice:"
-"""How advice begins that was tried and made something worse."""
+"""Beginning of advice that was tried and made something worse."""
 RATIO = 10.0
-"""Logarithm of the likelihood ratio from which on one explanation is preferred to another."""
+"""Smallest logarithm of the likelihood ratio at which one explanation is preferred to another."""
 NOTHING = "nothing"
-"""Basis of a verdict that says only that there is none."""
+"""Basis of a verdict without evidence."""
 
 
 class Change(NamedTuple):
@@ -36,11 +36,11 @@ class Change(NamedTuple):
     path : str
         The setting.
     value : object
-        What it is set to; or what it is multiplied by.
+        New value, or factor.
     times : bool
-        Whether it is multiplied.
+        Whether `value` is a factor.
     rows : tuple of int or None
-        First row that is changed of a matrix, and the one after the last.
+        First changed row of a matrix, and the one after the last.
     """
 
     path: str
@@ -51,28 +51,28 @@ class Change(NamedTuple):
 
 @dataclass(frozen=True)
 class Finding:
-    """One thing that is wrong.
+    """One wrong assumption.
 
     Attributes
     ----------
     quantity
-        What: an assumption of the filter (``"R position"``, ``"R velocity down"``, ``"Q"``, ``"Q gyro"``,
-        ``"Q accelerometer bias"``, ``"P0"``, ``"P0 attitude"``); an error nobody told it of (``"GPS
+        The wrong quantity: an assumption of the filter (``"R position"``, ``"R velocity down"``, ``"Q"``,
+        ``"Q gyro"``, ``"Q accelerometer bias"``, ``"P0"``, ``"P0 attitude"``); an unmodelled error (``"GPS
         latency"``, ``"GPS lever arm"``, ``"GPS correlation"``, ``"GPS outliers"``, ``"gyro scale factor"``,
-        ``"accelerometer misalignment"``); ``"gate"`` where it rejects good fixes; ``"gain"``, ``"NEES"`` or
-        ``"NIS"`` where nothing more can be said. `algorithm_verdict` has its own.
+        ``"accelerometer misalignment"``); ``"gate"`` if it rejects good fixes; ``"gain"``, ``"NEES"`` or
+        ``"NIS"`` if the cause is unknown. `algorithm_verdict` has its own.
     direction
         ``"too small"``, ``"too large"``, ``"not modelled"`` or ``"rejected"``.
     factor
-        How many times too small or too large a variance is; of what is not modelled its size: latency [s],
-        length of the lever arm [m], σ of the correlated error [m], a scale factor error [1], a misalignment
-        [rad] (NaN where it cannot be known), the part of the fixes that are outliers or were rejected.
+        Factor by which a variance is too small or too large. For an unmodelled error, its size: latency [s],
+        length of the lever arm [m], σ of the correlated error [m], scale factor error [1], misalignment [rad]
+        (NaN if unknown), fraction of the fixes that are outliers or were rejected.
     sentence, advice
-        What is wrong and what to try, for a person.
+        The error and the advice, as text.
     evidence
-        The statistic it rests on.
+        The statistic behind the finding.
     changes
-        The settings that the advice changes, which can be tried; empty where it names none.
+        The changes of settings that the advice names, which can be tried; may be empty.
     """
 
     quantity: str
@@ -85,22 +85,22 @@ class Finding:
 
     @property
     def counsel(self) -> str:
-        """The advice as it is said: to be tried, or why there is none."""
+        """The advice as displayed: what to try, or why there is none."""
         return self.advice if self.advice.startswith(WITHHELD) else f"Try: {self.advice}"
 
 
 @dataclass(frozen=True)
 class Verdict:
-    """What there is to say about a filter.
+    """The verdict on a filter.
 
     Attributes
     ----------
     headline
         One sentence.
     findings
-        What is wrong, the weightiest first; empty for a filter that is consistent.
+        The findings by weight; empty for a consistent filter.
     basis
-        What it was judged by.
+        The evidence used.
     """
 
     headline: str
@@ -109,7 +109,7 @@ class Verdict:
 
     @property
     def consistent(self) -> bool | None:
-        """Whether nothing is wrong; None if there was nothing to judge by."""
+        """Whether nothing is wrong; None if there was no evidence."""
         return None if self.basis == NOTHING else not self.findings
 
     def __str__(self) -> str:
@@ -117,14 +117,14 @@ class Verdict:
 
 
 class Weighed(NamedTuple):
-    """A finding, and by how much its explanation raises the logarithm of the likelihood."""
+    """A finding, and the gain in log-likelihood of its explanation."""
 
     weight: float
     finding: Finding
 
 
 def headline(findings: tuple[Finding, ...], otherwise: str) -> str:
-    """Return the first finding's sentence and how many more there are, or what is said without any."""
+    """Return the first finding's sentence and the number of further ones, or the text for no findings."""
     if not findings:
         return otherwise
     more = len(findings) - 1
@@ -132,7 +132,7 @@ def headline(findings: tuple[Finding, ...], otherwise: str) -> str:
 
 
 def sorted_findings(weighed: list[Weighed]) -> tuple[Finding, ...]:
-    """Return findings, the weightiest first."""
+    """Return findings by weight, the largest first."""
     return tuple(entry.finding for entry in sorted(weighed, key=lambda entry: -entry.weight))
 
 
@@ -145,7 +145,7 @@ def judge_size(
     doubt: float = DOUBT,
     scales: tuple[str, tuple[int, int] | None] | None = None,
 ) -> list[Weighed]:
-    """Judge a variance by the mean square of what it should be the variance of.
+    """Judge a variance by the mean square of the values that should have this variance.
 
     `scales` is the setting, and the rows of it, that the advice multiplies by the mean square.
     """
@@ -173,19 +173,19 @@ def judge_size(
 
 
 def size_weight(total: float, count: float) -> float:
-    """Return by how much a variance of the mean square raises the logarithm of the likelihood."""
+    """Return the gain in log-likelihood if the variance equals the mean square."""
     ratio = max(total / count, 1e-12)
     return float(count / 2 * (ratio - 1 - np.log(ratio)))
 
 
 def mean_square(squares: Squares, of_what: str, doubt: float = DOUBT) -> str:
-    """Return a mean square and where it should lie, in words."""
+    """Return a mean square and its expected interval as text."""
     total, count = float(squares.total), float(squares.number)
     low, high = (limit / count for limit in chi_square_interval(count, 1, 1 - doubt))
     return f"mean square of the {of_what} {total / count:.3g}, expected {low:.2f} to {high:.2f}"
 
 
 def is_right(total: float, count: float, doubt: float = DOUBT) -> bool:
-    """Return whether a sum of `count` squares may be of unit variance, or is close enough to it."""
+    """Return whether a sum of `count` squares is compatible with unit variance, or close enough to it."""
     low, high = chi_square_interval(count, 1, 1 - doubt)
     return low <= total <= high or 1 / MATTERS < total / count < MATTERS

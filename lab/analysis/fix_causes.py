@@ -1,4 +1,4 @@
-"""Fix causes: latency and lever arm, and what they make of the errors of fixes and of the innovations.
+"""Fix causes: the effects of latency and lever arm on the errors of fixes and on the innovations.
 
 References
 ----------
@@ -24,13 +24,13 @@ FloatArray = NDArray[np.float64]
 CAUSES = 4
 """Regressors: latency [s], then the lever arm forward, right, down [m]."""
 AT_ONCE = 2**16
-"""Samples that are summed at once, with some 250 bytes each."""
+"""Samples that are summed in one block, with some 250 bytes each."""
 RATE_WINDOW = 0.1
 """Time over which angular rate and acceleration at a fix are averaged [s]."""
 
 
 class Motion(NamedTuple):
-    """The motion at the m fixes used, as estimated: all (m, 3), and C_nb (m, 3, 3)."""
+    """The estimated motion at the m used fixes: all (m, 3), and C_nb (m, 3, 3)."""
 
     velocity: FloatArray
     acceleration: FloatArray
@@ -40,12 +40,12 @@ class Motion(NamedTuple):
 
 
 def motion_at_fixes(solution: Solution, samples: NDArray[np.intp], imu: Imu) -> Motion:
-    """Return the motion at the fixes, from the samples before each, which its correction does not touch.
+    """Return the motion at the fixes, from the samples before each, before its correction.
 
     Parameters
     ----------
     solution, imu
-        What the navigator computed, and what it was given.
+        Solution and input of the navigator.
     samples : (m,) array
         Samples of the fixes.
     """
@@ -83,10 +83,10 @@ def sums_at(values: FloatArray, samples: NDArray[np.intp]) -> FloatArray:
 
 
 def _sums_of(values: Callable[[slice], FloatArray], count: int, samples: NDArray[np.intp]) -> FloatArray:
-    """Return the sums (m, 3) before some samples of `count` values, which are asked for part by part."""
+    """Return the sums (m, 3) before some samples of `count` values, which are computed in blocks."""
     sums, carried = np.zeros((samples.size, 3)), np.zeros((1, 3))
     for first in range(0, count, AT_ONCE):
-        # What went before is the first value, so that all are added in the same order as in one go.
+        # The previous sum is the first value, so that the order of the additions is that of a single block.
         running = np.cumsum(np.concatenate((carried, values(slice(first, first + AT_ONCE)))), axis=0)
         here = (samples >= first) & (samples < first + running.shape[0])
         sums[here] = running[samples[here] - first]
@@ -97,8 +97,8 @@ def _sums_of(values: Callable[[slice], FloatArray], count: int, samples: NDArray
 def causes_of(motion: Motion) -> FloatArray:
     """Return the error (m, 6, CAUSES) of the fixes for each second of latency and metre of lever arm.
 
-    A fix that is late by τ reports p(t − τ) and v(t − τ); one of an antenna at l reports p + C_nb l and
-    v + C_nb (ω × l) (Groves 14.3).
+    A fix with the latency τ reports p(t − τ) and v(t − τ). A fix of an antenna at l reports p + C_nb l and v
+    + C_nb (ω × l) (Groves 14.3).
     """
     m = motion.velocity.shape[0]
     causes = np.empty((m, 6, CAUSES))
@@ -109,12 +109,12 @@ def causes_of(motion: Motion) -> FloatArray:
 
 
 def matrices(solution: Solution, belief: Belief, fixes: NDArray[np.intp]) -> tuple[FloatArray, FloatArray]:
-    """Return H (m, 6, n) of some fixes and the R (m, 6, 6) they were given, before any robust weight."""
+    """Return H (m, 6, n) of some fixes and their assumed R (m, 6, 6), before any robust weight."""
     return solution.fix_H[fixes], np.broadcast_to(belief.fix_covariance(fixes), (fixes.size, 6, 6))
 
 
 def gains(solution: Solution, fixes: NDArray[np.intp]) -> FloatArray:
-    """Return the gains (m, n, 6) of some fixes, K = P Hᵀ R⁻¹ with P after the fix; zero of rejected ones."""
+    """Return the gains (m, n, 6) of some fixes, K = P Hᵀ R⁻¹ with P after the fix; zero for rejected ones."""
     H, R = solution.fix_H[fixes], solution.fix_R[fixes]
     used = solution.fix_sample[fixes] >= 0
     K = np.zeros((fixes.size, solution.states, 6))
@@ -133,22 +133,23 @@ def response(
     motion: Motion,
     causes: FloatArray,
 ) -> FloatArray:
-    """Return what the causes make of the innovations (m, 6, CAUSES), through the gains of the filter.
+    """Return the response of the innovations (m, 6, CAUSES) to the causes, through the gains of the filter.
 
-    From fix to fix the error grows by the short-term terms of F alone: velocity, specific force, biases.
+    From fix to fix, the error is propagated by the short-term terms of F only: velocity, specific force,
+    biases.
 
     Parameters
     ----------
     gains : (m, n, 6) array
         Of the fixes.
     solution, belief
-        What the navigator computed, and what it assumed.
+        Solution and assumptions of the navigator.
     fixes, samples : (m,) arrays
-        Numbers of the fixes it was offered, and the samples they belong to.
+        Indices of the offered fixes, and their samples.
     time : (n + 1,) array
         Times of the IMU samples [s].
     motion, causes
-        Those of these fixes.
+        Motion and causes at these fixes.
     """
     n, m = solution.states, fixes.size
     dt = np.diff(time[samples], append=time[-1])[:, None, None]
@@ -163,7 +164,7 @@ def response(
         F[:, VEL, ACCEL_SCALE] = -motion.C_nb * force_b[:, None, :]
     step = F * dt
     after = np.eye(n) + step + step @ step / 2 + step @ step @ step / 6
-    # The first step ends at the first fix, before which nothing has been off.
+    # The first step ends at the first fix; before it, there is no error.
     transition = np.concatenate((np.eye(n)[None], after[:-1]))
     return respond(
         gains,
@@ -177,22 +178,22 @@ def response(
 def respond(
     gains: FloatArray, H: FloatArray, transition: FloatArray, fixes: FloatArray, forced: FloatArray
 ) -> FloatArray:
-    """Return what causes make of the innovations (m, 6, p).
+    """Return the response of the innovations (m, 6, p) to causes.
 
     Parameters
     ----------
     gains, H : (m, n, 6), (m, 6, n) arrays
         Of the fixes.
     transition : (m, n, n) array
-        Of the error, to each fix from the one before.
+        Transition of the error to each fix from the previous one.
     fixes : (m, 6, p) array
-        Error of each fix, for each unit of the causes.
+        Error of each fix per unit of each cause.
     forced : (m, n, p) array
-        What the causes add to the error on the way to each fix.
+        Error that the causes add between the previous fix and each fix.
     """
     error = np.zeros(forced.shape[1:])
     answer = np.empty(fixes.shape)
-    for k in range(fixes.shape[0]):  # a recursion over fixes, not samples
+    for k in range(fixes.shape[0]):  # a loop over fixes, not samples
         error = transition[k] @ error + forced[k]
         answer[k] = H[k] @ error - fixes[k]
         error = error - gains[k] @ answer[k]

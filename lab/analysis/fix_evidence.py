@@ -1,4 +1,4 @@
-"""Fix evidence: what the errors of the fixes say of R, of their correlation, and of latency and lever arm."""
+"""Fix evidence: statistics of the errors of fixes on R, correlation, latency and lever arm."""
 
 from __future__ import annotations
 
@@ -22,46 +22,45 @@ from lab.trajectory import Truth
 FloatArray = NDArray[np.float64]
 
 TIMES = (5.0, 10.0, 20.0, 40.0, 80.0, 160.0)
-"""Correlation times that are tried on the position errors of the fixes [s]."""
+"""Tried correlation times of the position errors of the fixes [s]."""
 RATIOS = (0.0, 0.1, 0.3, 1.0, 2.0, 5.0, 10.0, 20.0, 50.0, 200.0)
-"""Variances of the correlated part that are tried, in those of the white part."""
+"""Tried variances of the correlated part, relative to those of the white part."""
 CAPPED = 10.8
-"""Square of unit variance that one in 1,000 exceeds."""
+"""Square of a variable of unit variance that one in 1,000 exceeds."""
 NONLINEAR = 0.05
-"""Latency from which on the fixes are compared with the truth so much earlier [s]."""
+"""Smallest latency for which the fixes are compared with an earlier truth [s]."""
 FEWEST = 10
-"""Fixes from which on latency and lever arm are looked for."""
+"""Fewest fixes for an estimate of latency and lever arm."""
 LEAST = 6.0
-"""Logarithm of the likelihood ratio from which on latency (with its price 8, 1 in 16,000) or a lever arm (12,
-1 in 40,000) are stated."""
+"""Smallest logarithm of the likelihood ratio at which a latency (8 with its price, false alarm 1 in 16,000)
+or a lever arm (12, 1 in 40,000) is reported."""
 STRETCH = 200
-"""Fixes that are taken as correlated with each other; longer records are cut, which keeps the work linear."""
+"""Number of fixes that are treated as correlated; longer records are cut, so that the work grows linearly."""
 
 
 @dataclass(frozen=True)
 class FixErrors(Sum):
-    """What the errors of the fixes say of R, in the units of its σ; those of outliers apart.
+    """Statistics of the errors of the fixes, in the σ of R, without outliers.
 
     Attributes
     ----------
     count : int
-        Fixes that are no outliers.
+        Number of fixes that are not outliers.
     position : Fit
-        For each correlation time and variance ratio (TIMES, RATIOS), the errors made white with them.
+        Fit of the position errors, whitened with each correlation time and variance ratio (TIMES, RATIOS).
     log_determinant : (TIMES, RATIOS) array
-        Of the covariance they were made white with.
+        Log-determinant of the covariance used for whitening.
     velocity : Fit
-        Of the velocity errors.
+        Fit of the velocity errors.
     variance : (6,) array
-        What R assumes, times the fixes [m²], [(m/s)²].
+        Variance according to R, times the number of fixes [m²], [(m/s)²].
     outliers, refused : int
-        Fixes whose errors no Gaussian would give: those used, and those the gate rejected.
+        Numbers of fixes with non-Gaussian errors: used ones, and ones that the gate rejected.
     channels, in_time : Squares
-        Of what latency and lever arm leave: of each channel (2, 6), plain and with no fix counting for more
-        than `CAPPED`, and of position and velocity in each part
-        of the flight (2, 2, BINS).
+        Squares of the errors without latency and lever arm: of each channel (2, 6), plain and with each
+        square limited to `CAPPED`; and of position and velocity in each part of the flight (2, 2, BINS).
     span : Kept
-        Begin and end of each flight [s].
+        Start and end of each flight [s].
     """
 
     count: int
@@ -84,20 +83,20 @@ def fix_errors(
     truth: Truth,
     rejected: NDArray[np.bool_],
 ) -> FixErrors:
-    """Return what the errors of the fixes offered say.
+    """Return the statistics of the errors of the offered fixes.
 
     Parameters
     ----------
     belief, fixes
-        What the filter assumed, and was given.
+        Assumptions and input of the filter.
     used : (m,) array
-        Numbers of the fixes it was offered.
+        Indices of the offered fixes.
     causes : (m, 6, CAUSES) array
-        What latency and lever arm make of these.
+        Effects of latency and lever arm on them.
     truth
         The true flight.
     rejected : (m,) array
-        Which of them the filter rejected.
+        Mask of the rejected ones.
     """
     times = fixes.time[used]
     told = causes[:, :, 1:] @ belief.lever_arm
@@ -106,7 +105,8 @@ def fix_errors(
     plain = normal_equations(causes / root[:, None], error / root)
     late, gain = _latency(plain)
     if times.size >= FEWEST and gain > LEAST and abs(late) > NONLINEAR:
-        # What is far off in time is off by more than its velocity: compared with the truth then.
+        # For a long latency, the error is not velocity times latency, so the fixes are compared with the
+        # earlier truth.
         error = _errors(fixes, used, truth, late) - told + causes[..., 0] * late
     variance = np.diagonal(belief.R)
     error, causes = error / np.sqrt(variance), causes / np.sqrt(variance)[:, None]
@@ -134,13 +134,13 @@ def fix_errors(
 
 
 def _latency(fit: Fit) -> tuple[float, float]:
-    """Return the latency [s] that explains the errors if nothing else does, and what likelihood it gains."""
+    """Return the latency [s] that best explains the errors alone, and its gain in log-likelihood."""
     late = float(fit.vector[0] / max(fit.matrix[0, 0], 1e-30))
     return late, 0.5 * late * float(fit.vector[0])
 
 
 def _errors(fixes: Fixes, used: NDArray[np.intp], truth: Truth, late: float) -> FloatArray:
-    """Return the errors (m, 6) of fixes against the truth so much earlier [m], [m/s]."""
+    """Return the errors (m, 6) of fixes relative to the truth one latency earlier [m], [m/s]."""
     times = np.clip(fixes.time[used] - late, truth.time[0], truth.time[-1])
     longitude = np.unwrap(truth.longitude)
     there = Truth(
@@ -184,7 +184,7 @@ def coloured(times: FloatArray, causes: FloatArray, values: FloatArray) -> tuple
 
 @lru_cache(maxsize=64)
 def correlation_spectrum(times: bytes, correlation_time: float) -> tuple[FloatArray, FloatArray]:
-    """Return eigenvalues (m,) and eigenvectors (m, m) of exp(−|t − t'| / time); runs share their times."""
+    """Return eigenvalues (m,) and eigenvectors (m, m) of exp(−|t − t'| / time); runs have the same times."""
     t = np.frombuffer(times)
     power, basis = np.linalg.eigh(np.exp(-np.abs(t[:, None] - t) / correlation_time))
     return np.maximum(power, 0), basis

@@ -1,4 +1,4 @@
-"""Fix verdict: what the true errors of the fixes say of R, and of what is wrong with the receiver."""
+"""Fix verdict: findings about R and the receiver from the true errors of the fixes."""
 
 from __future__ import annotations
 
@@ -18,9 +18,9 @@ from lab.analysis.sums import Fit, Squares
 FloatArray = NDArray[np.float64]
 
 LATENCY, LEVER_ARM = 0.01, 0.2
-"""Latency [s] and length of a lever arm [m] from which on they are stated."""
+"""Smallest latency [s] and length of a lever arm [m] that are reported."""
 CORRELATED = 0.3
-"""Part of the white σ from which on a correlated error is stated."""
+"""Smallest correlated error that is reported, as a fraction of the white σ."""
 ADVICE_CORRELATION = (
     "Raise R position to the variance of the correlated error times its correlation time over the period of "
     "the fixes, or use fewer fixes."
@@ -30,8 +30,8 @@ ADVICE_CORRELATION = (
 def judge_fixes(fixes: FixErrors, sizes: FloatArray, told: FloatArray) -> list[Weighed]:
     """Judge R, the correlation of the fixes, latency and lever arm by the errors of the fixes.
 
-    `sizes` are the rms of the position and the velocity innovations in their σ, `told` the latency and the
-    lever arm (4,) that the filter was told.
+    `sizes` are the rms of the position and the velocity innovations in their σ, `told` are the latency and
+    the lever arm (4,) that the filter assumed.
     """
     if not fixes.count:
         return []
@@ -49,7 +49,7 @@ def judge_fixes(fixes: FixErrors, sizes: FloatArray, told: FloatArray) -> list[W
     if correlated:
         sigma = float(np.sqrt(scales[0] * ratio * fixes.variance[:3].mean() / fixes.count))
         found.append(Weighed(gain, correlation(sigma, time, gain)))
-        # Who gave the filter white and correlated variance together did not make R too large.
+        # If R already includes the correlated part, it is not too large.
         total = scales[0] * (1 + ratio)
         scales[0] = scales[0] if scales[0] > 1 else min(total, 1.0)
     for index, (scale, size) in enumerate(zip(scales, sizes, strict=True)):
@@ -58,10 +58,10 @@ def judge_fixes(fixes: FixErrors, sizes: FloatArray, told: FloatArray) -> list[W
 
 
 def _size(fixes: FixErrors, kind: int, scale: float, size: float, plain: bool) -> list[Weighed]:
-    """Judge R of the position (0) or the velocity: in a stretch, in a channel, or altogether.
+    """Judge R of the position (0) or the velocity (1): in a stretch, in a channel, or as a whole.
 
-    `scale` is the variance that remains, in that of R, and `size` the rms of the innovations in their σ;
-    `plain` says whether the fixes are white, as stretches and channels are looked for.
+    `scale` is the remaining variance relative to R, and `size` the rms of the innovations in their σ. `plain`
+    is true if the fixes are white; stretches and channels are searched only then.
     """
     name = ("position", "velocity")[kind]
     count = np.array(3.0 * fixes.count)
@@ -77,8 +77,8 @@ def _size(fixes: FixErrors, kind: int, scale: float, size: float, plain: bool) -
             f"R {name}",
             f"{words[0].upper()}{words[1:]} the {name} errors of the fixes are {{root}} × as large as "
             f"assumed, R {name} is about {{factor}} × too {{wrong}}; before and after they are right.",
-            "Look at the receiver in that time (satellites, multipath); a larger R position and velocity, or "
-            "navigator.robust, covers it.",
+            "Check the receiver in that time (satellites, multipath). A larger R of position and velocity, "
+            "or navigator.robust, covers these errors.",
             f"{name} errors of the fixes {words}",
         )
     axis = channel(squares) if plain else None
@@ -87,8 +87,8 @@ def _size(fixes: FixErrors, kind: int, scale: float, size: float, plain: bool) -
         return judge_size(
             one,
             f"R {name} {AXES[axis]}",
-            f"The {name} errors {AXES[axis]} of the fixes are {{root}} × as large as assumed, the others are "
-            f"right: R {name} {AXES[axis]} about {{factor}} × too {{wrong}}.",
+            f"The {name} errors {AXES[axis]} of the fixes are {{root}} × as large as assumed, the others "
+            f"are right: R {name} {AXES[axis]} is about {{factor}} × too {{wrong}}.",
             f"Multiply the variance of the {name} {AXES[axis]} in navigator.r by {{multiply}}.",
             f"{name} errors {AXES[axis]} of the fixes",
             scales=("navigator.r", (3 * kind + axis, 3 * kind + axis + 1)),
@@ -96,7 +96,7 @@ def _size(fixes: FixErrors, kind: int, scale: float, size: float, plain: bool) -
     return judge_size(
         Squares(np.array(scale) * count, count),
         f"R {name}",
-        f"{name.capitalize()} innovations {size:.2g} × as large as assumed: R {name} about {{factor}} × "
+        f"The {name} innovations are {size:.2g} × as large as assumed: R {name} is about {{factor}} × "
         "too {wrong}.",
         f"Multiply the {name} variances of navigator.r by {{multiply}}.",
         f"{name} errors of the fixes",
@@ -105,10 +105,10 @@ def _size(fixes: FixErrors, kind: int, scale: float, size: float, plain: bool) -
 
 
 class _FixFit(NamedTuple):
-    """Latency and lever arm fitted to the errors of the fixes, and the size of what remains.
+    """Latency and lever arm fitted to the errors of the fixes, and the size of the remaining errors.
 
-    `equations` are the normal equations, of unit variance, and
-    `position` and `velocity` are the variances that remain, in those of R; `at` is which correlation.
+    `equations` are the normal equations with unit variance, `position` and `velocity` are the remaining
+    variances relative to R, and `at` is the index of the correlation.
     """
 
     at: tuple[int, ...]
@@ -119,7 +119,7 @@ class _FixFit(NamedTuple):
 
 
 def _fit(fixes: FixErrors, at: tuple[int, ...]) -> _FixFit:
-    """Fit latency and lever arm by weighted least squares, the weights being the sizes of what remains."""
+    """Fit latency and lever arm by least squares, weighted by the sizes of the remaining errors."""
     parts = (Fit(*(figure[at] for figure in fixes.position)), fixes.velocity)
     count = 3.0 * fixes.count
     scales = np.ones(2)
@@ -136,9 +136,9 @@ def _fit(fixes: FixErrors, at: tuple[int, ...]) -> _FixFit:
 
 
 def judge_causes(fit: Fit, told: FloatArray) -> list[Weighed]:
-    """Judge latency and lever arm by the normal equations of what they explain, of unit variance.
+    """Judge latency and lever arm by their normal equations with unit variance.
 
-    `told` is what the filter was told of them (4,).
+    `told` are the values (4,) that the filter assumed.
     """
     found = []
     records = Fit(fit.matrix[None], fit.vector[None], fit.squares)
@@ -152,13 +152,13 @@ def judge_causes(fit: Fit, told: FloatArray) -> list[Weighed]:
 
 
 def latency(size: float, gain: float, told: FloatArray) -> Finding:
-    """Return the finding of fixes that are late by so much beyond what the filter was told (4,) [s]."""
+    """Return the finding of a latency [s] beyond the one the filter assumed, `told` (4,)."""
     return Finding(
         "GPS latency",
         "not modelled",
         abs(size),
-        f"The fixes are {abs(size):.2f} s {'late' if size > 0 else 'early'}: their errors go with the "
-        "velocity.",
+        f"The fixes are {abs(size):.2f} s {'late' if size > 0 else 'early'}: their errors are proportional "
+        "to the velocity.",
         f"Set navigator.latency to {told[0] + size:.2f}.",
         f"latency {size:.3f} s, logarithm of the likelihood ratio {gain:.0f}",
         (Change("navigator.latency", float(round(told[0] + size, 2))),),
@@ -166,7 +166,7 @@ def latency(size: float, gain: float, told: FloatArray) -> Finding:
 
 
 def lever_arm(arm: FloatArray, gain: float, told: FloatArray) -> Finding:
-    """Return the finding of an antenna that is off by (3,) from what the filter was told (4,) [m]."""
+    """Return the finding of a lever arm error (3,) [m] beyond the arm the filter assumed, `told` (4,)."""
     place = ", ".join(f"{metres:.2f}" for metres in told[1:] + arm)
     where = f"{arm[0]:.1f} m forward, {arm[1]:.1f} m right, {arm[2]:.1f} m down"
     length = float(np.linalg.norm(arm))
@@ -174,7 +174,8 @@ def lever_arm(arm: FloatArray, gain: float, told: FloatArray) -> Finding:
         "GPS lever arm",
         "not modelled",
         length,
-        f"The antenna is {length:.1f} m off ({where}): the errors of the fixes turn with the vehicle.",
+        f"The lever arm to the antenna is wrong by {length:.1f} m ({where}): the errors of the fixes rotate "
+        "with the vehicle.",
         f"Set navigator.lever_arm to [{place}].",
         f"lever arm {where}, logarithm of the likelihood ratio {gain:.0f}",
         (Change("navigator.lever_arm", [float(round(metres, 2)) for metres in told[1:] + arm]),),
@@ -182,44 +183,45 @@ def lever_arm(arm: FloatArray, gain: float, told: FloatArray) -> Finding:
 
 
 def judge_refused(rejected: int, expected: float, offered: int) -> list[Weighed]:
-    """Judge outliers that the gate rejected, and rightly."""
+    """Judge outliers that the gate rightly rejected."""
     part = rejected / offered
     finding = Finding(
         "GPS outliers",
         "rejected",
         part,
         f"The gate rejected {rejected} of {offered} fixes ({100 * part:.2g} %), where chance rejects "
-        f"{expected:.2g}: they stand out from those around them as outliers do, such as from multipath.",
-        "The filter does without them; look at the antenna and its surroundings.",
+        f"{expected:.2g}: they differ from their neighbours as outliers do, such as those from multipath.",
+        "The filter does not use them. Check the antenna and its environment.",
         f"{rejected} rejected, expected {expected:.2g}",
     )
     return [Weighed(float(rejected - expected), finding)]
 
 
 def judge_outliers(number: int, fixes: int, what: str) -> list[Weighed]:
-    """Judge fixes that stand out from those around them."""
+    """Judge used fixes that differ from their neighbours."""
     if not number:
         return []
     finding = Finding(
         "GPS outliers",
         "not modelled",
         number / fixes,
-        f"{number} of {fixes} fixes have {what} no Gaussian would give: outliers, such as from multipath.",
-        "Set navigator.gate to 0.999: the filter then refuses fixes that are implausible.",
-        f"{number} of {fixes} beyond what one Gaussian fix in {0.5 / CHANCE:.0e} reaches",
+        f"{number} of {fixes} fixes have {what} that are not Gaussian: outliers, such as those from "
+        "multipath.",
+        "Set navigator.gate to 0.999: the filter then rejects implausible fixes.",
+        f"{number} of {fixes} beyond the value that one Gaussian fix in {0.5 / CHANCE:.0e} reaches",
         (Change("navigator.gate", 0.999),),
     )
     return [Weighed(-number * float(np.log(CHANCE)), finding)]
 
 
 def correlation(sigma: float, time: float, gain: float) -> Finding:
-    """Return the finding of position errors that are correlated, of a σ [m] over a time [s]."""
+    """Return the finding of correlated position errors with a σ [m] and a correlation time [s]."""
     return Finding(
         "GPS correlation",
         "not modelled",
         sigma,
-        f"The position errors of the fixes are correlated, about {sigma:.2g} m over {time:.0f} s; the filter "
-        "takes them for white.",
+        f"The position errors of the fixes are correlated, about {sigma:.2g} m over {time:.0f} s; the "
+        "filter assumes that they are white.",
         ADVICE_CORRELATION,
         f"logarithm of the likelihood ratio {gain:.0f}",
     )

@@ -1,8 +1,8 @@
-"""Hypotheses: how likely the innovations are if one assumption of the filter is wrong, each in turn.
+"""Hypotheses: the likelihood of the innovations if one assumption of the filter is wrong, for each in turn.
 
-What a filter with another Q, R or P0 would have made of the same flight follows from the innovations and the
-gains of the one that flew, fix by fix: their errors differ by what the gains differ. So the likelihood of the
-innovations under each hypothesis is known without another run, for logs of real sensors too.
+The result of a filter with another Q, R or P0 on the same flight follows, fix by fix, from the innovations
+and gains of the filter that ran, because the errors of the two differ only by their gains. So the likelihood
+of the innovations under each hypothesis is known without another run, for sensor logs too.
 
 References
 ----------
@@ -32,26 +32,26 @@ STARTS = {
     "gyro bias": GYRO_BIAS,
     "accelerometer bias": ACCEL_BIAS,
 }
-"""Groups of states whose P0 may be wrong alone."""
+"""Groups of states that may have a wrong P0 alone."""
 
 
 class Hypothesis(NamedTuple):
-    """What is wrong: factors on what the filter assumes.
+    """A hypothesis: factors on the assumptions of the filter.
 
     Attributes
     ----------
     name : str
-        Quantity that is wrong.
+        The wrong quantity.
     factor : float
-        How many times larger its variance is than assumed.
+        Ratio of its variance to the assumed one.
     r : (2,) tuple
         Factors on R of position and velocity.
     q : (4,) tuple
-        On gyro noise, accelerometer noise, and the drives of their biases.
+        Factors on gyro noise, accelerometer noise, and the drives of their biases.
     p0 : (6,) tuple
-        On P0 altogether, and of each of `STARTS`.
+        Factors on the whole P0, and on each of `STARTS`.
     correlated : (2,) tuple
-        Variance of correlated position errors, in that of R, and their correlation time [s].
+        Variance of correlated position errors relative to R, and their correlation time [s].
     """
 
     name: str
@@ -63,18 +63,18 @@ class Hypothesis(NamedTuple):
 
 
 class Outcome(NamedTuple):
-    """What hypotheses make of the innovations.
+    """The innovations under the hypotheses.
 
     Attributes
     ----------
     likelihoods : (h,) array
-        Logarithm of the likelihood under each, less that under the first.
+        Log-likelihood under each, minus that under the first.
     innovation, covariance : (m, 6), (m, 6, 6) arrays
-        What the innovations would be under the first, and their covariance.
+        Innovations under the first, and their covariance.
     gains : (m, n, 6) array
-        Gains of the first; zero of fixes that are skipped.
+        Gains of the first; zero for skipped fixes.
     skipped : (m,) array
-        Which are.
+        Mask of the skipped fixes.
     """
 
     likelihoods: FloatArray
@@ -110,7 +110,7 @@ def _all() -> tuple[Hypothesis, ...]:
 
 
 HYPOTHESES = _all()
-"""What is tried; the first is that nothing is wrong."""
+"""The hypotheses; under the first, nothing is wrong."""
 
 
 def likelihoods(
@@ -125,29 +125,29 @@ def likelihoods(
     tried: Sequence[Hypothesis] = HYPOTHESES,
     limit: float = np.inf,
 ) -> Outcome:
-    """Return how likely the innovations are under each hypothesis.
+    """Return the likelihood of the innovations under each hypothesis.
 
     Parameters
     ----------
     innovation : (m, 6) array
-        Of the fixes offered; zero where the receiver measures nothing.
+        Innovations of the offered fixes; zero for unmeasured components.
     correction : (m, n) array
-        What the filter took off the error state at each: K ν, zero of a fix it rejected.
+        Correction of the error state at each fix, K ν; zero for a rejected fix.
     steps
-        How the error goes on.
+        Transition of the error between the fixes.
     H, R : (m, 6, n) and (m, 6, 6) arrays
-        Of the fixes.
+        H and R of the fixes.
     P0 : (n, n) array
-        Covariance at the start.
+        Initial covariance.
     times : (m + 1,) array
-        Of the start and of the fixes [s].
+        Times of the start and of the fixes [s].
     skipped : (m,) array
-        Fixes that no hypothesis uses, such as outliers.
+        Mask of the fixes that no hypothesis uses, such as outliers.
     limit
-        Largest square of position and of velocity innovations, in their covariances, of fixes that are used;
-        judged by the first hypothesis.
+        Largest normalised square of position and of velocity innovations of used fixes, under the first
+        hypothesis.
     tried
-        The hypotheses; what the innovations would be is told of the first.
+        The hypotheses; the innovations are returned for the first one.
     """
     m, n = correction.shape
     N = n + 3
@@ -194,7 +194,7 @@ def likelihoods(
 
 
 def _beyond(nu: FloatArray, S: FloatArray, limit: float) -> bool:
-    """Say whether a position or a velocity innovation exceeds a limit."""
+    """Return whether a position or a velocity innovation exceeds the limit."""
     return any(
         float(nu[own] @ np.linalg.solve(S[own, own], nu[own])) > limit for own in (slice(0, 3), slice(3, 6))
     )

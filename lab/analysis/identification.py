@@ -1,7 +1,7 @@
-"""Identification: what innovations say of the sensors, with error bars, and whether that predicts better.
+"""Identification: sensor parameters from innovations, with error bars, and their effect on predictions.
 
-The table of the parameters before and after, the errors of withheld fixes before and after, and the settings
-and the card that take the parameters over.
+It contains the parameters and the errors of withheld fixes, both before and after, and the settings and the
+card with the new parameters.
 """
 
 from __future__ import annotations
@@ -22,9 +22,9 @@ if TYPE_CHECKING:
 ChosenBy = Literal["next fixes", "outages", "factors"]
 
 INSIDE = 0.85
-"""Part of the NIS in their 95 % intervals below which the reason is named."""
+"""Fraction of the NIS in their 95 % intervals below which the reason is reported."""
 ALLOWED = 1.05
-"""By how much the error of withheld fixes may grow where their likelihood is better: chance, no more."""
+"""Largest factor by which the error of withheld fixes may grow, by chance, if their likelihood improves."""
 
 
 class Row(NamedTuple):
@@ -33,15 +33,15 @@ class Row(NamedTuple):
     Attributes
     ----------
     parameter, unit : str
-        What it is; the unit is empty for a factor.
+        Name and unit; the unit is empty for a factor.
     before, after : float
-        What the filter assumed, and what it should; the same where the log does not show it.
+        Assumed value and identified value; equal if the log does not show the parameter.
     sigma : float
-        Standard deviation of `after`; NaN where the log does not show it.
+        Standard deviation of `after`; NaN if the log does not show the parameter.
     low, high : float
-        95 % interval; from 0 where the log only says that it is not larger than `high`.
+        95 % interval; it starts at 0 if the log only shows that the parameter is at most `high`.
     observable : bool
-        Whether the log shows it.
+        Whether the log shows the parameter.
     """
 
     parameter: str
@@ -55,7 +55,7 @@ class Row(NamedTuple):
 
     @property
     def words(self) -> str:
-        """What the log says of it."""
+        """The information in the log, as text."""
         if not self.observable:
             same = self.after == self.before
             return "not observable from this log" if same else "chosen by withheld fixes"
@@ -63,16 +63,16 @@ class Row(NamedTuple):
 
 
 class HeldOut(NamedTuple):
-    """How well a filter predicts fixes that are withheld from it.
+    """The accuracy with which a filter predicts withheld fixes.
 
     Attributes
     ----------
     fixes : int
         How many.
     position_error, velocity_error : float
-        Root mean square, all components together [m], [m/s]; NaN where nothing of it is measured.
+        Root mean square, all components together [m], [m/s]; NaN if not measured.
     in_sigma : float
-        Root mean square of each component in its σ: 1 for a filter that knows its errors.
+        Root mean square of each component in its σ: 1 for a consistent filter.
     log_likelihood : float
         Mean log-likelihood of a fix.
     """
@@ -85,7 +85,7 @@ class HeldOut(NamedTuple):
 
 
 def better(before: HeldOut, after: HeldOut) -> bool:
-    """Say whether withheld fixes are more likely than before, and their error no larger."""
+    """Return whether withheld fixes are more likely than before, and their error no larger."""
     return bool(
         after.log_likelihood > before.log_likelihood
         and not after.position_error > ALLOWED * before.position_error
@@ -94,36 +94,38 @@ def better(before: HeldOut, after: HeldOut) -> bool:
 
 @dataclass(frozen=True, eq=False)
 class Identification:
-    """What the innovations of a run say of its sensors.
+    """The result of an identification from the innovations of a run.
 
     Attributes
     ----------
     mission : str
-        Whose innovations.
+        Mission of the innovations.
     rows : tuple of Row
         The parameters.
     before, after : HeldOut
         Prediction of fixes that were withheld for `withheld` seconds every `every` seconds.
     withheld, every : float
-        See there [s].
+        Lengths of these times [s].
     inside : (float, float)
-        Part of the NIS in their 95 % intervals, before and after; one by one, the next fix from all before.
+        Fraction of the NIS in their 95 % intervals, before and after; each fix is predicted from all before
+        it.
     white : bool
-        Whether the innovations can be made white; if not, the intervals are those of correlated ones.
+        Whether the innovations are white with the new parameters; if not, the intervals allow for their
+        correlation.
     spread : str
-        What is wrong with the spread of the innovations afterwards; empty if nothing is.
+        Remaining problem of the spread of the innovations; empty if there is none.
     chosen_by : {"next fixes", "outages", "factors"}
-        What the parameters were chosen by: the likelihood of each next fix; that of fixes across outages,
-        others than those judged; or one factor on R and one on Q by the error of withheld fixes, where no
-        parameters predict those better.
+        Criterion of the choice: the likelihood of each next fix; the likelihood of fixes across other outages
+        than those judged; or, if no parameters predict withheld fixes better, one factor on R and one on Q by
+        the error of these fixes.
     outliers : int
-        Fixes that were left out, since no Gaussian would give them.
+        Number of fixes omitted as outliers.
     fixes : int
-        Fixes that were used.
+        Number of used fixes.
     changes : mapping
-        Settings by group, nested, that take the parameters over.
+        Settings with the new parameters, nested by group.
     seconds : float
-        Time it took [s].
+        Computing time [s].
     """
 
     mission: str
@@ -155,7 +157,7 @@ class Identification:
 
     @property
     def sentence(self) -> str:
-        """What came of it, in words."""
+        """The result in a few sentences."""
         word = "better" if self.recommended else "no better"
         text = (
             f"Fixes withheld for {self.withheld:g} s are predicted {word}: error "
@@ -163,17 +165,17 @@ class Identification:
             f"{self.before.in_sigma:.3g} before, {self.after.in_sigma:.3g} after. NIS in its 95 % interval: "
             f"{100 * self.inside[0]:.0f} % of the fixes before, {100 * self.inside[1]:.0f} % after."
         )
-        advice = "Apply the settings." if self.recommended else "The settings are better left as they are."
+        advice = "Apply the settings." if self.recommended else "Do not change the settings."
         return f"{text} {advice}"
 
     @property
     def remarks(self) -> tuple[str, ...]:
-        """What to know before believing it."""
+        """Remarks on the reliability of the result."""
         remarks = []
         if not self.white:
             remarks.append(
-                "The innovations are not white: no values of these parameters explain them. The cause is "
-                "elsewhere, such as errors of the fixes that are correlated."
+                "The innovations are not white: no values of these parameters explain them. They have "
+                "another cause, such as correlated errors of the fixes."
                 + ("" if self.chosen_by == "factors" else " The intervals allow for that.")
             )
         if self.inside[1] < INSIDE and self.spread:
@@ -185,13 +187,13 @@ class Identification:
             )
         if self.chosen_by == "factors":
             remarks.append(
-                "No values of the parameters predict withheld fixes better, one factor on R and one on Q do. "
-                "They are a remedy, not a property of the sensors. Each outage is judged by what the other "
-                "outages choose."
+                "No values of the parameters predict withheld fixes better, but one factor on R and one on "
+                "Q do. These factors are a remedy, not a property of the sensors. Each outage is judged "
+                "with the factors that the other outages choose."
             )
         if self.outliers:
             remarks.append(
-                f"{self.outliers} fixes were left out as outliers; a gate or a robust update handles them "
+                f"{self.outliers} fixes were omitted as outliers; a gate or a robust update handles them "
                 "(navigator.gate, navigator.robust)."
             )
         return tuple(remarks)
@@ -201,14 +203,14 @@ class Identification:
         return {group: dict(values) for group, values in self.changes.items()}
 
     def card(self, name: str) -> Card:
-        """Return the sensors as a card of one's own: what the log shows of them, and the noise assumed.
+        """Return a card of the sensors, with the parameters that the log shows and the assumed noise.
 
-        Of a simulated run, too, it is the sensors as identified, not as simulated.
+        For a simulated run, too, these are the identified parameters, not the simulated ones.
 
         Parameters
         ----------
         name
-            What the card is called.
+            Name of the card.
         """
         groups: dict[str, dict[str, Datum]] = {}
         where = f"Innovations of {self.mission}: {self.fixes} fixes, maximum likelihood"
@@ -223,7 +225,11 @@ class Identification:
                 datum = Datum(tuple(float(f"{number:.4g}") for number in numbers), unit, where, density)
                 groups.setdefault(group, {})[term] = datum
         return Card(
-            name=name, maker="", grade="own", note="In this vehicle, its vibration included.", terms=groups
+            name=name,
+            maker="",
+            grade="own",
+            note="Identified in this vehicle, its vibration included.",
+            terms=groups,
         )
 
     def __repr__(self) -> str:

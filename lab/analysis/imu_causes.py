@@ -1,7 +1,7 @@
-"""IMU causes: errors of the inertial sensors that no state stands for, and what they make of the error.
+"""IMU causes: errors of the inertial sensors without a filter state, and their effect on the error.
 
-From fix to fix an error of the sensors, resolved in n, adds to attitude and velocity; the filter takes off
-what its gains make of the innovations. What is left shows in the innovations as that of fix causes does.
+Between fixes, a sensor error, resolved in n, adds to attitude and velocity. The filter corrects a part of it
+through its gains. The rest appears in the innovations, like the effect of fix causes.
 """
 
 from __future__ import annotations
@@ -28,24 +28,24 @@ CAUSES = {
     "accelerometer bias drift": ("accelerometer", "drift"),
     "accelerometer bandwidth": ("accelerometer", "slope"),
 }
-"""Errors that are looked for: the sensor, and what the error goes with."""
+"""Tested errors: the sensor, and the quantity on which the error depends."""
 DRIFT_TIME = 60.0
-"""Time in which a drift of one changes a bias by one [s]."""
+"""Time in which a unit drift changes a bias by one unit [s]."""
 NODES = ((-np.sqrt(0.6), 5 / 18), (0.0, 8 / 18), (np.sqrt(0.6), 5 / 18))
-"""Nodes and weights of Gauss and Legendre, exact for the powers that the short-term error has."""
+"""Gauss-Legendre nodes and weights, exact for the powers in the short-term error."""
 
 
 class Steps(NamedTuple):
-    """How the error of a filter goes on from fix to fix; the first step is that from the start to fix one.
+    """The propagation of a filter's error from fix to fix; the first step is from the start to the first fix.
 
     Attributes
     ----------
     transition : (m, n, n) array
-        From the fix before, or the start, to each fix.
+        Transition from the previous fix, or the start, to each fix.
     noise : (m, 4, n, n) array
-        What gyro noise, accelerometer noise, gyro bias drive and accelerometer bias drive add.
+        Covariance added by gyro noise, accelerometer noise, gyro bias drive and accelerometer bias drive.
     forced : (m, n, p) array
-        What the causes add, for each unit of their p regressors.
+        Error added by the causes, per unit of their p regressors.
     """
 
     transition: FloatArray
@@ -66,21 +66,21 @@ def columns() -> dict[str, list[int]]:
 def steps(
     solution: Solution, belief: Belief, imu: Imu, samples: NDArray[np.intp], *, forced: bool = True
 ) -> Steps:
-    """Return how the error goes on over a flight, by its short-term terms alone.
+    """Return the propagation of the error over a flight, with the short-term terms only.
 
     Parameters
     ----------
     solution, belief
-        What the filter computed, and what it assumed.
+        Solution and assumptions of the filter.
     imu
-        What it was given.
+        Input of the filter.
     samples : (m,) array
         Samples of the fixes.
     forced
-        Whether the causes are wanted.
+        Whether to compute the effects of the causes.
     """
     starts = np.append(0, samples[:-1])
-    # A fix may share the sample of the one before it.
+    # A fix may share the sample of the previous one.
     ends = np.maximum(samples, starts + 1)
     last = min(int(ends.max()), imu.dtheta.shape[0])
     C_nb = C_nb_from_euler(euler_from_quaternion(solution.q_nb[: last + 1]))
@@ -144,7 +144,7 @@ def _system_matrix(
 def _forced(
     imu: Imu, C_nb: FloatArray, last: int, gathered: type[FloatArray] | object
 ) -> tuple[FloatArray, FloatArray]:
-    """Return what the causes of gyros and of accelerometers add (m, 3, p), resolved in n."""
+    """Return the errors (m, 3, p) that the causes of gyros and accelerometers add, resolved in n."""
     assert callable(gathered)
     dt = np.diff(imu.time[: last + 1])
     since = (imu.time[1 : last + 1] - imu.time[0]) / DRIFT_TIME * dt

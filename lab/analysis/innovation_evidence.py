@@ -1,4 +1,4 @@
-"""Innovation evidence: sizes and correlations of the innovations, and how well each cause explains them."""
+"""Innovation evidence: sizes and correlations of the innovations, and the fit of each cause to them."""
 
 from __future__ import annotations
 
@@ -24,52 +24,53 @@ from lab.navigation.solution import Belief, Fixes, Imu, Solution
 FloatArray = NDArray[np.float64]
 
 LAGS = 5
-"""Lags at which the innovations are correlated with themselves."""
+"""Number of lags of the autocorrelation of the innovations."""
 REGRESSORS = CAUSES + sum(len(own) for own in columns().values())
 """Regressors of all causes: those of the fixes first, then those of the inertial sensors."""
 PASSES = 4
-"""How often outliers are looked for, each time among innovations as they would be without those found."""
+"""Number of searches for outliers, each in the innovations without the outliers found before."""
 OUTLYING = chi_square_interval(3, 1, 1 - 2 * CHANCE)[1]
-"""Square of three components of which Gaussian ones exceed as much as `outliers.CHANCE`."""
+"""Square of three components that Gaussian ones exceed with the probability `outliers.CHANCE`."""
 MOST = 0.2
-"""Part of the fixes that can be outliers."""
+"""Largest fraction of the fixes that can be outliers."""
 TRIED = 5.0
-"""Logarithm of the likelihood ratio of latency and lever arm together from which on everything is tried:
+"""Logarithm of the likelihood ratio of latency and lever arm together above which all causes are tested;
 chance reaches it in 4 % of the runs."""
 LONGEST = 2000
-"""Fixes of one run that hypotheses are tried on; of longer records the first ones, which bounds the time."""
+"""Number of fixes of a run for the tests of hypotheses; longer records use the first ones, to bound the
+time."""
 
 
 @dataclass(frozen=True)
 class Innovations(Sum):
-    """What the innovations say, each divided by its σ; channels are position, then velocity, N, E, D.
+    """Statistics of the innovations divided by their σ; channels are position, then velocity, N, E, D.
 
     Attributes
     ----------
     squares : Squares
-        Of each channel (6,), of the fixes used.
+        Squares of each channel (6,), of the used fixes.
     sums : (6,) array
-        Of each channel.
+        Sums of each channel.
     lagged : (LAGS, 6) array
-        Sums of products with the innovations so many fixes later.
+        Sums of products with the innovations one or more fixes later.
     offered : Squares
-        Of each channel (6,), of all fixes offered but those that stand out from their neighbours, and as they
-        would be without these.
+        Squares of each channel (6,), of all offered fixes except outliers, in the form they would have
+        without these outliers.
     follows : (LAGS, 6) array
-        Sums of their products, as `lagged`.
+        Sums of products of `offered`, as `lagged`.
     in_time : Squares
-        Of these, of position and velocity in each part of the flight (2, 2, BINS).
+        Squares of these, of position and velocity in each part of the flight (2, 2, BINS).
     span : Kept
-        Begin and end of each flight [s].
+        Start and end of each flight [s].
     nis : Squares
-        NIS of all fixes offered but those that stand out.
+        NIS of all offered fixes except outliers.
     causes : Fit
-        Of these innovations, made white, on the filter's response to latency and lever arm, and where they
-        are suspicious also to errors of the inertial sensors (`REGRESSORS`).
+        Fit of these innovations, whitened, to the filter's response to latency and lever arm; suspicious ones
+        are also fitted to errors of the inertial sensors (`REGRESSORS`).
     likelihoods : array
-        Logarithm of the likelihood of each of `hypotheses.HYPOTHESES`, zero where they are not suspicious.
+        Log-likelihood of each of `hypotheses.HYPOTHESES`; zero if the innovations are not suspicious.
     outliers, refused : int
-        How many no Gaussian would give, of the fixes used and of those rejected.
+        Numbers of non-Gaussian fixes, among the used and among the rejected ones.
     """
 
     squares: Squares
@@ -87,7 +88,7 @@ class Innovations(Sum):
 
 
 def offered(solution: Solution, fixes: Fixes, imu: Imu) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
-    """Return the numbers of the fixes that the filter used or rejected, and the samples they belong to."""
+    """Return the indices of the fixes that the filter used or rejected, and their samples."""
     seen = np.flatnonzero((solution.fix_sample >= 0) | solution.fix_rejected)
     used = solution.fix_sample[seen]
     step = float(np.median(np.diff(imu.time)))
@@ -98,7 +99,7 @@ def offered(solution: Solution, fixes: Fixes, imu: Imu) -> tuple[NDArray[np.intp
 def innovations(
     solution: Solution, belief: Belief, fixes: Fixes, imu: Imu, *, explain: bool = True
 ) -> Innovations:
-    """Return what the innovations of a run say; the parameters are those of `evidence.evidence`."""
+    """Return the statistics of the innovations of a run; the parameters are those of `evidence.evidence`."""
     seen, samples = offered(solution, fixes, imu)
     used = solution.fix_sample[seen] >= 0
     known = np.isfinite(solution.innovation[seen])
@@ -131,10 +132,11 @@ def innovations(
 def _without_outliers(
     record: Record, known: NDArray[np.bool_], normalised: FloatArray
 ) -> tuple[Record, NDArray[np.bool_]]:
-    """Return a record as it had been without outliers, and which fixes (m,) these are.
+    """Return a record as it would be without outliers, and the mask (m,) of these fixes.
 
-    Through the filter each outlier reaches the innovations after it, where it hides others. So they are
-    looked for by a filter that refuses them, if that makes all else right; otherwise one after the other.
+    Through the filter, each outlier affects the innovations after it, which can hide other outliers. So a
+    filter that rejects them searches for them, if all other innovations are then right; otherwise they are
+    searched one after the other.
     """
     usual = float(np.median(np.sum(normalised**2, axis=1), axis=0)) / 5.35 if normalised.size else 1.0
     limit = OUTLYING * max(usual, 1.0)
@@ -157,7 +159,7 @@ def _without_outliers(
 
 
 def _clustered(times: FloatArray, which: NDArray[np.bool_]) -> bool:
-    """Say whether some fixes lie so close together as chance puts them one time in 1,000."""
+    """Return whether some fixes are closer together than chance puts them one time in 1,000."""
     n, length = int(which.sum()), max(float(np.ptp(times)), 1e-9)
     part = float(np.ptp(times[which])) / length
     return bool(n > 1 and n * part ** (n - 1) - (n - 1) * part**n < 1e-3)
@@ -168,7 +170,7 @@ def _normalised(nu: FloatArray, S: FloatArray) -> FloatArray:
 
 
 class Record(NamedTuple):
-    """The m fixes a filter was offered, what it made of them, and where they are in the flight."""
+    """The m fixes offered to a filter, their effects, and their places in the flight."""
 
     solution: Solution
     belief: Belief
@@ -180,14 +182,14 @@ class Record(NamedTuple):
     gains: FloatArray
 
     def without(self, skipped: NDArray[np.bool_], known: NDArray[np.bool_]) -> Record:
-        """Return what it had been if the filter had not used some fixes; `known` is what they measure."""
+        """Return the record as it would be if the filter had not used some fixes; `known` masks values."""
         found = self.tried(skipped, hypotheses.HYPOTHESES[:1])
         return self._replace(
             innovation=found.innovation * known, covariance=found.covariance, gains=found.gains
         )
 
     def cut(self, count: int) -> Record:
-        """Return the first fixes alone."""
+        """Return the record with the first fixes only."""
         return self._replace(
             seen=self.seen[:count],
             samples=self.samples[:count],
@@ -203,7 +205,7 @@ class Record(NamedTuple):
         ahead: Steps | None = None,
         limit: float = np.inf,
     ) -> hypotheses.Outcome:
-        """Return how likely the innovations are under some hypotheses, without the fixes skipped."""
+        """Return the likelihood of the innovations under some hypotheses, without skipped fixes."""
         H, R = matrices(self.solution, self.belief, self.seen)
         return hypotheses.likelihoods(
             self.innovation,
@@ -220,7 +222,7 @@ class Record(NamedTuple):
 
 
 def none_given(squares: Squares, sums: FloatArray, lagged: FloatArray) -> Innovations:
-    """Return what is said by sizes and correlations alone, as of a user's algorithm."""
+    """Return the statistics of sizes and correlations only, as for a user's algorithm."""
     empty = Squares(np.zeros((2, 2, BINS)), np.zeros((2, 2, BINS)))
     nothing = Squares(np.zeros(()), np.zeros(()))
     likelihoods = np.zeros(len(hypotheses.HYPOTHESES))
@@ -246,7 +248,7 @@ def _nothing() -> Fit:
 
 
 def _explained(found: Innovations, record: Record, apart: NDArray[np.bool_], explain: bool) -> Innovations:
-    """Return the same with what causes and, where the innovations are suspicious, hypotheses explain."""
+    """Return the same with the fit of causes and, for suspicious innovations, of hypotheses."""
     solution, belief, imu, seen, samples, nu, S, _ = record
     motion = motion_at_fixes(solution, samples, imu)
     causes = causes_of(motion)
@@ -275,7 +277,7 @@ def _explained(found: Innovations, record: Record, apart: NDArray[np.bool_], exp
 
 
 def _fit(answer: FloatArray, nu: FloatArray, S: FloatArray) -> Fit:
-    """Return the normal equations of innovations, made white, on what causes make of them."""
+    """Return the normal equations of whitened innovations on the responses to causes."""
     sigma = np.sqrt(np.diagonal(S, axis1=1, axis2=2))
     root = np.linalg.cholesky(S / (sigma[:, :, None] * sigma[:, None, :]))
     both = np.concatenate((answer, nu[..., None]), axis=2) / sigma[..., None]
@@ -284,7 +286,7 @@ def _fit(answer: FloatArray, nu: FloatArray, S: FloatArray) -> Fit:
 
 
 def suspicious(found: Innovations) -> bool:
-    """Say whether innovations are too large, too small, or follow each other, beyond what chance does."""
+    """Return whether innovations are too large, too small or correlated, beyond chance."""
     for squares in (found.offered, found.nis):
         for total, count in zip(np.atleast_1d(squares.total), np.atleast_1d(squares.number), strict=True):
             if count:

@@ -1,8 +1,8 @@
-"""Innovation verdict: what the innovations alone say, as in a flight of which nobody knows the truth.
+"""Innovation verdict: the findings from the innovations alone, as for a flight with unknown truth.
 
-Everything that may be wrong is an explanation of the same innovations, and all are compared by how likely
-they make them: wrong variances by `hypotheses`, errors of fixes and of inertial sensors by the filter's
-response to them. Where GPS and IMU explain them nearly as well, both are named.
+Each possible error is an explanation of the same innovations, and all are compared by the likelihood of the
+innovations: wrong variances by `hypotheses`, errors of fixes and of inertial sensors by the filter's response
+to them. If GPS and IMU explain them about equally well, the verdict names both.
 """
 
 from __future__ import annotations
@@ -33,13 +33,13 @@ from lab.analysis.sums import Fit, Squares
 FloatArray = NDArray[np.float64]
 
 ALIKE = 0.15
-"""Part of the likelihood gained by which the best explanation must surpass that by the other instrument: the
-responses are of first order, and variances are tried in steps."""
+"""Fraction of the gain in log-likelihood by which the best explanation must exceed that by the other
+instrument, because the responses are of first order, and variances are tried in steps."""
 GPS, IMU, START, EITHER = "GPS", "IMU", "P0", "GPS or IMU"
 
 
 class Explanation(NamedTuple):
-    """Something that may be wrong, and by how much it raises the logarithm of the likelihood."""
+    """A possible error, and its gain in log-likelihood."""
 
     name: str
     source: str
@@ -49,12 +49,12 @@ class Explanation(NamedTuple):
 
 
 def judge_innovations(evidence: Evidence) -> list[Weighed]:
-    """Return what is wrong by the innovations: altogether, in a stretch, in a channel, or single fixes."""
+    """Return the findings from the innovations: for all, a stretch, a channel, or single fixes."""
     seen = evidence.innovations
     found = explanations(seen)
     apart = judge_outliers(seen.outliers, int(seen.squares.number.max()), "innovations")
     rest = float(seen.nis.total), float(seen.nis.number)
-    # Outliers are stated only where the rest is right.
+    # Outliers are reported only if the rest is right.
     if apart and is_right(*rest) and (not found or found[0].gain < apart[0].weight):
         return apart
     if found and found[0].gain > RATIO:
@@ -65,7 +65,7 @@ def judge_innovations(evidence: Evidence) -> list[Weighed]:
 
 
 def explanations(seen: Innovations) -> list[Explanation]:
-    """Return what may explain the innovations, the best first, the price of its parameters taken off."""
+    """Return the explanations of the innovations, the best first, minus the price of their parameters."""
     found = []
     for name in dict.fromkeys(hypothesis.name for hypothesis in HYPOTHESES[1:]):
         gains = [
@@ -98,9 +98,9 @@ def _matters(name: str, parts: FloatArray) -> bool:
 
 
 def _local(seen: Innovations, gain: float, whose: str) -> list[Weighed]:
-    """Judge a stretch or a channel that is too large where all else is right, if that explains as much.
+    """Judge a stretch or a channel that is too large while the rest is right, if that explains as much.
 
-    `whose` is ``"GPS"`` where the fixes are likelier than the inertial sensors to be its cause.
+    `whose` is ``"GPS"`` if the fixes are a more likely cause than the inertial sensors.
     """
     found = []
     for kind, name in enumerate(("position", "velocity")):
@@ -112,7 +112,7 @@ def _local(seen: Innovations, gain: float, whose: str) -> list[Weighed]:
                 f"R {name}" if whose == GPS else EITHER,
                 f"{words[0].upper()}{words[1:]} the {name} innovations are {{root}} × as large as assumed; "
                 "before and after they are right.",
-                "Look at the receiver in that time (satellites, multipath), and at outages before it.",
+                "Check the receiver in that time (satellites, multipath), and outages before it.",
                 f"{name} innovations {words}",
             )
     if found and sum(entry.weight for entry in found) > (1 - ALIKE) * gain:
@@ -127,7 +127,7 @@ def _local(seen: Innovations, gain: float, whose: str) -> list[Weighed]:
                 Squares(seen.offered.total[own][axis], seen.offered.number[own][axis]),
                 f"R {name} {AXES[axis]}" if whose == GPS else EITHER,
                 f"The {name} innovations {AXES[axis]} are {{root}} × as large as assumed, the others are "
-                f"right: R {name} {AXES[axis]} about {{factor}} × too {{wrong}}.",
+                f"right: R {name} {AXES[axis]} is about {{factor}} × too {{wrong}}.",
                 f"Multiply the variance of the {name} {AXES[axis]} in navigator.r by {{multiply}}.",
                 f"{name} innovations {AXES[axis]}",
                 scales=("navigator.r", (3 * kind + axis, 3 * kind + axis + 1)),
@@ -138,7 +138,7 @@ def _local(seen: Innovations, gain: float, whose: str) -> list[Weighed]:
 
 
 def _stated(found: list[Explanation], seen: Innovations, told: FloatArray) -> Weighed:
-    """Return the finding of the best explanation, or of GPS or IMU where both explain nearly as much."""
+    """Return the finding of the best explanation, or of GPS or IMU if both explain nearly as much."""
     best = found[0]
     rival = _rival(found)
     statistic = f"logarithm of the likelihood ratio {best.gain:.0f}"
@@ -149,9 +149,9 @@ def _stated(found: list[Explanation], seen: Innovations, told: FloatArray) -> We
             "not modelled",
             float("nan"),
             f"The innovations are not what the filter expects: {_words(best)} explains them, and "
-            f"{_words(rival)} nearly as well; they cannot tell GPS from IMU.",
-            f"{f'{_gain_advice(best)} ' if variance else ''}Compare with a reference, or with another IMU or "
-            "receiver; a flight with more turns tells more.",
+            f"{_words(rival)} explains them nearly as well. They cannot tell GPS from IMU.",
+            f"{f'{_gain_advice(best)} ' if variance else ''}Compare with a reference, or with another IMU "
+            "or receiver. A flight with more turns shows the difference better.",
             f"{statistic}, {rival.gain:.0f} of the other",
             (_gain_change(best),) if variance else (),
         )
@@ -160,7 +160,7 @@ def _stated(found: list[Explanation], seen: Innovations, told: FloatArray) -> We
 
 
 def _rival(found: list[Explanation]) -> Explanation | None:
-    """Return the best explanation by the other instrument where it explains nearly as much as the best."""
+    """Return the best explanation by the other instrument if it explains nearly as much as the best."""
     best = found[0]
     rivals = [one for one in found[1:] if one.source != best.source and GPS in (one.source, best.source)]
     rival = max(rivals, key=lambda one: one.gain, default=None)
@@ -170,7 +170,7 @@ def _rival(found: list[Explanation]) -> Explanation | None:
 
 
 def _words(one: Explanation) -> str:
-    """Return an explanation in words."""
+    """Return an explanation as text."""
     if one.parts.size:
         unit = {"GPS latency": "s", "GPS lever arm": "m"}
         if one.name in unit:
@@ -197,8 +197,8 @@ def _finding(best: Explanation, seen: Innovations, statistic: str, told: FloatAr
             "GPS correlation",
             "not modelled",
             float("nan"),
-            f"Position innovations {size:.2g} × as large as assumed follow each other: the errors of the "
-            "fixes are correlated, and the filter takes them for white.",
+            f"The position innovations are {size:.2g} × as large as assumed and correlated in time: the "
+            "errors of the fixes are correlated, and the filter assumes that they are white.",
             ADVICE_CORRELATION,
             statistic,
         )
@@ -208,7 +208,7 @@ def _finding(best: Explanation, seen: Innovations, statistic: str, told: FloatAr
             best.name,
             "not modelled",
             best.size,
-            f"The innovations go with the motion as errors of the {sensor}s do: {_words(best)}.",
+            f"The innovations depend on the motion as errors of the {sensor}s do: {_words(best)}.",
             f"Calibrate the {sensor}s"
             + (
                 ", or set navigator.states to 21."
@@ -224,15 +224,15 @@ def _finding(best: Explanation, seen: Innovations, statistic: str, told: FloatAr
         "gain",
         "too small" if too_small else "too large",
         best.size if too_small else 1 / best.size,
-        f"The innovations {'follow each other' if too_small else 'alternate'}: the filter corrects too "
-        f"{'little' if too_small else 'much'}; most likely is {_words(best)}.",
+        f"The innovations {'are correlated in time' if too_small else 'alternate'}: the filter corrects too "
+        f"{'little' if too_small else 'much'}. The most likely cause is {_words(best)}.",
         _gain_advice(best),
         statistic,
         (_gain_change(best),),
     )
 
 
-_ROWS = {  # the first and one past the last of the values that a part of the belief explains
+_ROWS = {  # first and one past the last index of the affected values of the belief
     "P0 position": (0, 3),
     "P0 velocity": (3, 6),
     "Q gyro": (0, 3),
@@ -259,7 +259,7 @@ def _gain_advice(best: Explanation) -> str:
 
 
 def _size_of_r(best: Explanation, seen: Innovations) -> Finding:
-    """Return the finding that R is wrong, by the size of the innovations of its kind."""
+    """Return the finding that R is wrong, from the size of its innovations."""
     kind = 1 if best.name.endswith("velocity") else 0
     if best.name == "R":
         kind = int(np.argmax(np.abs(np.log(seen.offered.mean.reshape(2, 3).mean(axis=1)))))
@@ -272,7 +272,7 @@ def _size_of_r(best: Explanation, seen: Innovations) -> Finding:
         f"R {name}",
         f"too {wrong}",
         factor,
-        f"{name.capitalize()} innovations {np.sqrt(float(squares.mean)):.2g} × as large as assumed: R {name} "
+        f"The {name} innovations are {np.sqrt(float(squares.mean)):.2g} × as large as assumed: R {name} is "
         f"about {factor:.2g} × too {wrong}.",
         f"Multiply the {name} variances of navigator.r by {ratio:.2g}.",
         mean_square(squares, f"{name} innovations"),
@@ -281,7 +281,7 @@ def _size_of_r(best: Explanation, seen: Innovations) -> Finding:
 
 
 def _sizes(seen: Innovations) -> list[Weighed]:
-    """Say that the innovations are too large or too small where nothing that was tried explains it."""
+    """Judge the size of the innovations if none of the tested causes explains it."""
     total, count = float(seen.nis.total), float(seen.nis.number)
     if not count or is_right(total, count):
         return []
@@ -289,8 +289,8 @@ def _sizes(seen: Innovations) -> list[Weighed]:
     return judge_size(
         seen.nis,
         "NIS",
-        f"The innovations are {np.sqrt(ratio):.2g} × as large as the filter says, and nothing that was tried "
-        "explains it.",
-        "Look for what the filter does not model.",
+        f"The innovations are {np.sqrt(ratio):.2g} × as large as the filter states, and none of the tested "
+        "causes explains it.",
+        "Look for errors that the filter does not model.",
         "innovations (by NIS)",
     )

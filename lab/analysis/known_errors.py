@@ -1,8 +1,8 @@
-"""Known errors: those that flight, settings and seed determine, sample by sample and fix by fix.
+"""Known errors: errors determined by flight, settings and seed, sample by sample and fix by fix.
 
-Each is the difference of two simulations, one with the error and one without: of temperature, g-sensitivity
-and bandwidth alone on the true flight; of saturation, and of steps coarser than the noise, in the run as it
-was; of latency and lever arm in the fixes.
+Each is the difference of two simulations, with and without the error: temperature, g-sensitivity and
+bandwidth alone on the true flight; saturation, and quantisation steps coarser than the noise, in the run
+itself; latency and lever arm in the fixes.
 """
 
 from __future__ import annotations
@@ -33,13 +33,13 @@ TERMS = {
     "g-sensitivity": "g_sensitivity",
     "bandwidth": "bandwidth",
 }
-"""Errors that are followed alone: what the source is called after its sensor, and its setting."""
+"""Separately simulated errors: the name of the source after its sensor, and its setting."""
 BIASES = frozenset({"bias_temperature", "g_sensitivity"})
-"""Those that the true bias includes."""
+"""Errors that the true bias includes."""
 
 
 class Series(NamedTuple):
-    """An error that is known: one for each sample of the IMU, or for each fix.
+    """A known error: one value for each IMU sample, or for each fix.
 
     Attributes
     ----------
@@ -91,7 +91,7 @@ def _of_triad(run: Run, number: int, name: str) -> list[Series]:
         quiet.set(term, getattr(errors, term))
         alone = imu.measure(true, ideal.dt, quiet, _NONE, environment).increments - true
         if isinstance(errors, imu.GyroErrors) and term in BIASES and experiment.navigator.alignment:
-            # An alignment took off what of it was there at rest.
+            # An alignment removed the part present at rest.
             before = imu.Environment(environment.temperature[:1], _at_rest(truth))
             alone = alone - imu.mean_at_rest(quiet, _NONE, np.zeros(3), before) * ideal.dt
         add(source, alone, term in BIASES)
@@ -127,18 +127,18 @@ def _of_triad(run: Run, number: int, name: str) -> list[Series]:
 
 
 def _at_rest(truth: Truth) -> FloatArray:
-    """Return the specific force (1, 3) that the IMU would feel at rest in its first attitude [m/s²]."""
+    """Return the specific force (1, 3) of an IMU at rest in its first attitude [m/s²]."""
     into_b = Rotation.from_quat(truth.q_nb[0], scalar_first=True).inv()
     gravity = float(earth.gravity(np.sin(truth.latitude[0]), truth.height[0]))
     return np.asarray(into_b.apply([[0.0, 0.0, -gravity]]))
 
 
 _NONE = imu.ImuDraws(*(np.zeros(3),) * 3, *(np.zeros((0, 3)),) * 3, np.zeros((1, 3)))
-"""Draws of a triad in which nothing is random."""
+"""Draws of a triad without random errors."""
 
 
 def _of_fixes(run: Run) -> list[Series]:
-    """Return what latency and lever arm make of the fixes."""
+    """Return the errors of the fixes due to latency and lever arm."""
     errors, fixes, navigator = run.experiment.sensors.gps, run.fixes, run.experiment.navigator
     latency = assumed_latency(navigator, errors.latency)
     told = assumed_lever_arm(navigator, si(errors, "lever_arm"))
@@ -164,7 +164,7 @@ def _of_fixes(run: Run) -> list[Series]:
 
 
 def _moved(run: Run, times: FloatArray) -> FloatArray:
-    """Return where the IMU was at some times (m,) against the time stamps of the fixes, and its velocity."""
+    """Return displacement and velocity change of the IMU at some times (m,) relative to the time stamps."""
     truth, _ = run.true_flight("budget")
     now, then = (_truth_at(truth, at) for at in (run.fixes.time, times))
     position = np.stack((then.latitude, then.longitude, then.height), axis=-1)
@@ -172,7 +172,7 @@ def _moved(run: Run, times: FloatArray) -> FloatArray:
 
 
 def _truth_at(truth: Truth, times: FloatArray) -> Truth:
-    """Return position and velocity at some times, straight between samples."""
+    """Return position and velocity at some times, linearly interpolated."""
     return Truth(
         times,
         np.interp(times, truth.time, truth.latitude),
@@ -185,7 +185,7 @@ def _truth_at(truth: Truth, times: FloatArray) -> Truth:
 
 
 def _lever_arm(run: Run, times: FloatArray, arm: FloatArray) -> FloatArray:
-    """Return where an antenna is and how it moves (m, 6) beside the IMU at some times (m,)."""
+    """Return displacement and velocity (m, 6) of an antenna relative to the IMU at some times (m,)."""
     truth, ideal = run.true_flight("budget")
     at = np.clip(np.round(times / ideal.dt).astype(np.int64), 1, ideal.dtheta.shape[0])
     C_nb = C_nb_from_euler(truth.taken(at).euler)

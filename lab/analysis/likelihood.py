@@ -1,14 +1,14 @@
-"""Likelihood: the parameters of a filter that make its innovations most likely, and how well they are known.
+"""Likelihood: the maximum-likelihood parameters of a filter, from its innovations, and their σ.
 
-The innovations of the right filter are white, with the covariance S it states; their log-likelihood is
-−½ Σ (ln det S + νᵀ S⁻¹ ν). It is climbed by Fisher scoring: the derivatives of ν and S by differences of
-whole runs of the filter, the expected information in place of the Hessian.
+The innovations of the right filter are white, with the covariance S it states; their log-likelihood is −½ Σ
+(ln det S + νᵀ S⁻¹ ν). It is maximised by Fisher scoring: the derivatives of ν and S are differences of whole
+runs of the filter, and the expected information replaces the Hessian.
 
 References
 ----------
-N. K. Gupta, R. K. Mehra, *Computational aspects of maximum likelihood estimation and reduction in
-sensitivity function calculations*, IEEE Trans. AC 19 (1974), for score and information; W. K. Newey, K. D.
-West, *A simple, positive semi-definite, heteroskedasticity and autocorrelation consistent covariance matrix*,
+N. K. Gupta, R. K. Mehra, *Computational aspects of maximum likelihood estimation and reduction in sensitivity
+function calculations*, IEEE Trans. AC 19 (1974), for score and information; W. K. Newey, K. D. West, *A
+simple, positive semi-definite, heteroskedasticity and autocorrelation consistent covariance matrix*,
 Econometrica 55 (1987), for scores that are correlated in time.
 """
 
@@ -30,32 +30,32 @@ FloatArray = NDArray[np.float64]
 Progress = Callable[[str, float], None]
 
 ROUNDS = 12
-"""Most steps of the search; from parameters ten times off 8 to 12 are needed."""
+"""Most steps of the search; from parameters wrong by a factor of ten, 8 to 12 are needed."""
 SETTLED = 0.1
-"""A step shorter than this part of each σ ends the search."""
+"""A step shorter than this fraction of each σ ends the search."""
 LARGEST_STEP = 2.0
-"""Longest step of a logarithm at once: a factor of e²."""
+"""Longest step of a logarithm: a factor of e²."""
 NORMAL = 1.959964
 """Half-width of a 95 % interval in σ."""
 BRACKETS = 4
-"""Most steps to an end of an interval."""
+"""Most steps to find an end of an interval."""
 CLOSE = 0.03
-"""Part of the loss in σ by which an end of an interval may miss."""
+"""Accuracy of an end of an interval, as a fraction of the loss in σ."""
 FARTHEST = 2.0
-"""Largest factor from one step to an end of an interval to the next."""
+"""Largest factor between successive steps to an end of an interval."""
 FEWEST = 10
-"""Innovations of a channel above which they can be called correlated: ten have one lag."""
+"""Number of innovations of a channel above which their correlation is tested: ten have one lag."""
 STIFFEST = 1e8
-"""Damping at which no step is found and the search ends."""
+"""Damping at which the search ends without a step."""
 
 
 class Seen(NamedTuple):
-    """What a filter says of the fixes, each by its innovation.
+    """The innovations of a filter at the fixes.
 
     Attributes
     ----------
     innovation : (m, 6) array
-        NaN in what is not measured, and in fixes that count for nothing.
+        Innovations; NaN for unmeasured components, and for fixes without effect.
     covariance : (m, 6, 6) array
         S of the innovations.
     """
@@ -65,28 +65,28 @@ class Seen(NamedTuple):
 
 
 Run = Callable[[FloatArray], Seen]
-"""Runs the filter with the parameters (p,); the fixes are always the same ones, in the same order."""
+"""Runs the filter with the parameters (p,); the fixes are always the same, in the same order."""
 
 
 @dataclass(frozen=True)
 class Parameter:
-    """A parameter of the filter, in the coordinate in which it is searched.
+    """A parameter of the filter, in the coordinate of the search.
 
     Attributes
     ----------
     name : str
-        What it is called.
+        Name of the parameter.
     start : float
         Where the search begins.
     low, high : float
         Its bounds.
     prior : float
-        σ of what is known beforehand, about the start.
+        σ of the prior about the start value.
     step : float
-        Step of the differences.
+        Step of the finite differences.
     both : bool
-        Whether they are taken to both sides. The noise of the gyros on the lever arm makes the likelihood
-        uneven over the latency: there the step is long, and to both sides.
+        Whether the differences are central. The noise of the gyros on the lever arm makes the likelihood
+        uneven over the latency: there, the step is long and central.
     longest : float
         Longest step of the search.
     """
@@ -110,11 +110,11 @@ class Estimate:
     value, sigma : (p,) arrays
         Estimates and their standard deviations; 0 for a parameter that was held.
     covariance : (p, p) array
-        By the information alone: σ may be larger.
+        Covariance from the information only; σ may be larger.
     log_likelihood : float
-        At the estimate.
+        Log-likelihood at the estimate.
     seen : Seen
-        What the filter says there.
+        Innovations at the estimate.
     white : bool
         Whether the innovations are white.
     rounds : int
@@ -131,28 +131,28 @@ class Estimate:
 
 
 class _Slopes(NamedTuple):
-    """Derivatives of the log-likelihood at one place."""
+    """Derivatives of the log-likelihood at one point."""
 
     scores: FloatArray  # (m, p), of each fix
     information: FloatArray  # (p, p)
 
 
 def log_likelihoods(seen: Seen) -> FloatArray:
-    """Return the log-likelihood of each fix (m,), without the constant; 0 for one that measures nothing."""
+    """Return the log-likelihood of each fix (m,), without the constant; 0 for a fix without measurements."""
     nu, S = _measured(seen)
     square = np.einsum("mi,mi->m", nu, np.linalg.solve(S, nu[..., None])[..., 0])
     return np.asarray(-0.5 * (np.linalg.slogdet(S)[1] + square))
 
 
 def squares(seen: Seen) -> tuple[FloatArray, NDArray[np.int64]]:
-    """Return NIS (m,) and its degrees of freedom (m,), of what each fix measures."""
+    """Return NIS (m,) and its degrees of freedom (m,), from the measured components of each fix."""
     nu, S = _measured(seen)
     degrees = np.isfinite(seen.innovation).sum(axis=1)
     return np.einsum("mi,mi->m", nu, np.linalg.solve(S, nu[..., None])[..., 0]), degrees
 
 
 def _measured(seen: Seen) -> tuple[FloatArray, FloatArray]:
-    """Return innovations and covariances with unit variance and zero in place of what is not measured."""
+    """Return innovations and covariances, with zero and unit variance for unmeasured components."""
     known = np.isfinite(seen.innovation)
     S = np.where(known[:, :, None] & known[:, None, :], seen.covariance, 0.0)
     at = np.arange(known.shape[1])
@@ -173,13 +173,13 @@ def maximise(
     Parameters
     ----------
     run
-        Runs the filter; raises `ValueError` where it cannot.
+        Runs the filter; raises `ValueError` if it cannot.
     parameters
-        What is searched.
+        The parameters of the search.
     begin : (p,) array
         Where the search begins.
     held : (p,) array
-        Parameters that stay where they begin.
+        Mask of the parameters that keep their start value.
     progress
         Called with a phrase and the fraction done; it may end the search by raising.
     most
@@ -188,7 +188,7 @@ def maximise(
     Raises
     ------
     ValueError
-        If the filter cannot be run where the search begins.
+        If the filter cannot run at the start values.
     """
     free = np.flatnonzero(~held)
     low, high, longest, prior, start = (
@@ -199,7 +199,7 @@ def maximise(
     here = run(place)
     value = float(log_likelihoods(here).sum()) - _cost(place[free], start, prior)
     if not np.isfinite(value):
-        raise ValueError("the innovations are no numbers where the search begins")
+        raise ValueError("the innovations are not finite where the search begins")
     damping, rounds = 1e-3, 0
     with ThreadPoolExecutor(max_workers=min(4, os.cpu_count() or 1)) as pool:
         slopes = _slopes(run, parameters, free, place, here, pool)
@@ -241,18 +241,18 @@ def interval(
 ) -> tuple[float, float]:
     """Return the 95 % interval of a parameter: where the log-likelihood is 1.92 lower than at the estimate.
 
-    The other parameters move with it as the information says. It is longer on the side on which the
-    log-likelihood falls more slowly; that of correlated innovations is as much longer as their σ is larger
-    than that of the information. Where the filter cannot be run it is estimate ± 1.96 σ.
+    The other parameters move with it according to the information. The interval is longer on the side on
+    which the log-likelihood falls more slowly. For correlated innovations, it is longer by the ratio of their
+    σ to that of the information. If the filter cannot run there, it is estimate ± 1.96 σ.
 
     Parameters
     ----------
     run, parameters
-        As of `maximise`.
+        As for `maximise`.
     estimate
         The most likely parameters.
     index
-        Which parameter; not one that was held.
+        Index of the parameter, which must not be a held one.
     """
     start, prior = (np.array([getattr(one, name) for one in parameters]) for name in ("start", "prior"))
     way = estimate.covariance[:, index] / estimate.covariance[index, index]
@@ -262,7 +262,7 @@ def interval(
     best = estimate.log_likelihood - _cost(estimate.value[moved], start[moved], prior[moved])
 
     def fall(distance: float) -> float:
-        """Return the loss at a distance, in σ of a parabola."""
+        """Return the loss at a distance, in the σ of a parabola."""
         place = estimate.value + distance * way
         _, there = _tried(run, place, place[moved], start[moved], prior[moved])
         return math.sqrt(max(2 * (best - there), 0.0))
@@ -289,7 +289,7 @@ def _cost(values: FloatArray, start: FloatArray, prior: FloatArray) -> float:
 def _tried(
     run: Run, trial: FloatArray, values: FloatArray, start: FloatArray, prior: FloatArray
 ) -> tuple[Seen | None, float]:
-    """Return what the filter says at a place, and how likely that is; None where it cannot be run."""
+    """Return the innovations and the log-likelihood at a point; None if the filter cannot run there."""
     try:
         there = run(trial)
         likely = float(log_likelihoods(there).sum())
@@ -306,7 +306,7 @@ def _slopes(
     here: Seen,
     pool: ThreadPoolExecutor,
 ) -> _Slopes:
-    """Return scores and expected information by differences of runs."""
+    """Return scores and expected information from differences of runs."""
 
     def beside(step: tuple[int, float]) -> Seen:
         moved = place.copy()
@@ -338,7 +338,7 @@ def _slopes(
 
 
 def _sigma(slopes: _Slopes, prior: FloatArray) -> FloatArray:
-    """Return the σ of the estimates: by the information, and by the scores' own spread if that is larger."""
+    """Return the σ of the estimates from the information, or from the spread of the scores if larger."""
     inverse = np.linalg.inv(slopes.information + np.diag(1 / prior**2))
     variance = np.diag(inverse)
     if variance.size:
@@ -360,21 +360,21 @@ def long_run_covariance(scores: FloatArray) -> FloatArray:
 
 
 def is_white(seen: Seen, probability: float = 0.001) -> bool:
-    """Say whether no channel of the innovations is correlated with itself over the first lags.
+    """Return whether no channel of the innovations is autocorrelated over the first lags.
 
     Parameters
     ----------
     seen
         The innovations.
     probability
-        Of calling white innovations correlated, for each channel.
+        False-alarm probability for white innovations, per channel.
     """
     normalised = seen.innovation / np.sqrt(np.diagonal(seen.covariance, axis1=1, axis2=2))
     for channel in normalised.T:
         known = channel[np.isfinite(channel)]
         if known.size > FEWEST:
-            # With as many lags as a tenth of the values, χ² is wrong by chance three times as often as said;
-            # with a third of them ten times.
+            # With lags up to a tenth of the number of values, false alarms are three times as frequent as
+            # stated; with a third, ten times.
             found = autocorrelation(known[:, None], min(MAX_LAG, known.size // 10))
             _, p = ljung_box(found, known.size)
             if float(np.min(p)) < probability:

@@ -1,8 +1,8 @@
-"""Observability: how far the fixes brought the filter's σ down, when, and which manoeuvre made it possible.
+"""Observability: the reduction of the filter's σ by the fixes, over time and by manoeuvre.
 
-A GPS receiver sees position and velocity only. Attitude and biases are observed through what they do to the
-velocity, and that depends on how the vehicle moves: the tilts by gravity at all times, the heading by
-horizontal acceleration, the biases by turns. See Groves, *Principles of GNSS, Inertial and Multisensor
+A GPS receiver measures only position and velocity. Attitude and biases are observed through their effect on
+the velocity, which depends on the motion: the tilts through gravity at all times, the heading through
+horizontal acceleration, the biases through turns. See Groves, *Principles of GNSS, Inertial and Multisensor
 Integrated Navigation Systems*, 2nd ed., ch. 14.2.1 and 14.2.6, and D. Goshen-Meskin, I. Y. Bar-Itzhack,
 *Observability analysis of piece-wise constant systems*, IEEE Trans. AES 28 (1992).
 """
@@ -41,21 +41,21 @@ if TYPE_CHECKING:
 FloatArray = NDArray[np.float64]
 
 AT_REST = 0.5
-"""A vehicle below this speed is at rest [m/s]."""
+"""Speed below which a vehicle is at rest [m/s]."""
 TURNING = np.radians(1.5)
-"""Above this rate of the heading it turns, half the rate of a standard turn [rad/s]."""
+"""Rate of the heading above which it turns, half the rate of a standard turn [rad/s]."""
 ACCELERATING = 0.5
-"""Above this change of the speed it accelerates or brakes [m/s²]."""
+"""Rate of change of the speed above which it accelerates or brakes [m/s²]."""
 CLIMBING = 1.0
-"""Above this vertical speed it climbs or descends [m/s]."""
+"""Vertical speed above which it climbs or descends [m/s]."""
 SMOOTHING = 3.0
-"""All these are means over so long [s]."""
+"""Averaging time of these quantities [s]."""
 SHORTEST = 4.0
-"""What lasts less belongs to what was before it [s]."""
+"""Shorter stretches are merged with the previous one [s]."""
 
 REST, TAKE_OFF = "rest", "take-off run"
 WORTH_A_WORD = 10.0
-"""Part of the reduction from which a manoeuvre is named [%]."""
+"""Smallest share of the reduction for which a manoeuvre is named [%]."""
 _ORDINALS = ("first", "second", "third", "fourth", "fifth", "sixth", "seventh", "eighth", "ninth")
 
 
@@ -69,10 +69,10 @@ class Manoeuvre(NamedTuple):
 
 
 def manoeuvres(truth: Truth) -> list[Manoeuvre]:
-    """Return what a vehicle does, one after the other, from the start of a flight to its end.
+    """Return the manoeuvres of a flight from start to end.
 
-    In this order of precedence: at rest, turning, accelerating or braking, climbing or descending, level.
-    The limits are the constants of this file.
+    The order of precedence is: at rest, turning, accelerating or braking, climbing or descending, level. The
+    limits are the constants of this file.
 
     Parameters
     ----------
@@ -111,7 +111,7 @@ def _mean(values: FloatArray, width: int) -> FloatArray:
 
 
 def _merged(kinds: list[str], starts: FloatArray, end: float) -> list[Manoeuvre]:
-    """Return the stretches without those that are too short."""
+    """Return the stretches, with too short ones merged."""
     found: list[Manoeuvre] = []
     for kind, start, until in zip(kinds, starts.tolist(), [*starts[1:].tolist(), end], strict=True):
         brief = until - start < SHORTEST and kind != REST
@@ -123,7 +123,7 @@ def _merged(kinds: list[str], starts: FloatArray, end: float) -> list[Manoeuvre]
 
 
 def _named(stretches: list[Manoeuvre]) -> list[Manoeuvre]:
-    """Return the stretches with their names: counted where there are several of a kind."""
+    """Return the stretches with their names, numbered if there are several of a kind."""
     kinds = [stretch.kind for stretch in stretches]
     for before, after in zip(range(len(kinds)), range(1, len(kinds)), strict=False):
         if kinds[before : after + 1] == ["acceleration", "climb"] and "climb" not in kinds[:before]:
@@ -139,26 +139,27 @@ def _named(stretches: list[Manoeuvre]) -> list[Manoeuvre]:
 
 
 def observability(run: Run) -> xr.Dataset:
-    """Return how the filter's σ came down in a run.
+    """Return the reduction of the filter's σ in a run.
 
     Parameters
     ----------
     run
-        The run; what its filter believes is used, its errors are not.
+        The run; its filter's covariance is used, its errors are not.
 
     Returns
     -------
     xr.Dataset
-        ``sigma`` and ``free`` (time, quantity): σ according to the filter, and what it would be without any
-        fix, in the `unit` of the quantity. ``reduction`` (segment, quantity): natural logarithm of σ at the
-        start of a manoeuvre over σ at its end, both after the last fix; negative where σ grew. ``share``
-        (segment, quantity): part of all its reductions [%]. Coordinates `start` and `end` of the segments
-        [s]. Times as in the error budget.
+        ``sigma`` and ``free`` (time, quantity): σ according to the filter, and σ without any fix, in the
+        `unit` of the quantity. ``reduction`` (segment, quantity): natural logarithm of σ at the start of a
+        manoeuvre over σ at its end, both after the last fix; negative if σ grew. ``share`` (segment,
+        quantity): share of the sum of all reductions [%]. Coordinates `start` and `end` of the segments [s].
+        The times are those of the error budget.
 
     Raises
     ------
     SettingError
-        If the solution is smoothed, or of a user's algorithm, or the flight comes closer than 0.1° to a pole.
+        If the solution is smoothed or from a user's algorithm, or the flight comes closer than 0.1° to a
+        pole.
     """
     import xarray as xr  # noqa: PLC0415 - takes a while to import, and a run does without
 
@@ -172,7 +173,7 @@ def observability(run: Run) -> xr.Dataset:
     edges = np.array([*(stretch.start for stretch in found), found[-1].end])
     at = np.append(0, epochs.sample[epochs.fix >= 0])
     known = sigma[at[np.searchsorted(run.time[at], edges, side="right") - 1]]
-    known = np.log(np.maximum(known, np.finfo(float).tiny))  # of what is certain, nothing is reduced
+    known = np.log(np.maximum(known, np.finfo(float).tiny))  # a certain quantity has no reduction
     reduction = known[:-1] - known[1:]
     gained = np.maximum(reduction, 0)
     total = gained.sum(axis=0)
@@ -197,7 +198,7 @@ def observability(run: Run) -> xr.Dataset:
 
 
 def _flight(run: Run) -> Truth:
-    """Return the flight: the true one, or of a log the one that was navigated."""
+    """Return the flight: the true one, or for a log the estimated one."""
     if run.recorded is None:
         return run.known_truth("observability")
     solution = run.solution_arrays
@@ -209,7 +210,7 @@ def _free_sigma(run: Run) -> FloatArray:
     """Return σ of all quantities (n + 1, states) that the filter would have without any fix.
 
     A perfect IMU and start keep the navigator on the true flight, so that the covariance is propagated there.
-    Of a log that flight is the estimated one, to which the navigator returns at each fix.
+    For a log, that flight is the estimated one, to which the navigator is reset at each fix.
     """
     flight, nothing = _flight(run), np.zeros(3)
     start = Start.off(flight, nothing, nothing, nothing)
@@ -224,7 +225,7 @@ def _free_sigma(run: Run) -> FloatArray:
 
 
 def _led(run: Run, start: Start, model: ErrorModel) -> Solution:
-    """Return the solution of a log without fixes that is led back to the estimated one at each of them."""
+    """Return the solution of a log without fixes, reset to the estimated one at the time of each fix."""
     imu = Imu(run.time, run.gyro.increments, run.accelerometer.increments)
     none = Fixes(np.zeros(0), np.zeros((0, 3)), np.zeros((0, 3)))
     out, led = Solution.empty(imu.time.size, 0, model.states), run.solution_arrays
@@ -250,12 +251,12 @@ def _led(run: Run, start: Start, model: ErrorModel) -> Solution:
 
 
 def observability_table(dataset: xr.Dataset) -> pd.DataFrame:
-    """Return a table: each quantity with σ at the start and the end, without fixes, and what brought it.
+    """Return a table: σ of each quantity at start and end and without fixes, and the reducing manoeuvres.
 
     Parameters
     ----------
     dataset
-        What `observability` returned.
+        The result of `observability`.
     """
     import pandas as pd  # noqa: PLC0415 - takes a while to import, and a run does without
 
@@ -276,11 +277,11 @@ def observability_table(dataset: xr.Dataset) -> pd.DataFrame:
 
 
 def _in_words(dataset: xr.Dataset, index: int) -> str:
-    """Return which manoeuvres brought σ of a quantity down, such as ``"68 % in the take-off run"``."""
+    """Return the manoeuvres that reduced σ of a quantity, such as ``"68 % in the take-off run"``."""
     share = dataset.share.values[:, index]
     order = [segment for segment in np.argsort(-share, kind="stable") if share[segment] >= WORTH_A_WORD]
     if not order:
-        return "nothing: σ never fell"
+        return "nothing, σ never fell"
     names = dataset.segment.values
     return ", ".join(f"{share[segment]:.0f} % {_place(str(names[segment]))}" for segment in order)
 

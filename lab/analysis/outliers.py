@@ -1,4 +1,4 @@
-"""Outliers: fixes whose errors or innovations no Gaussian would give, however large its σ."""
+"""Outliers: fixes whose errors or innovations are not Gaussian, for any σ."""
 
 from __future__ import annotations
 
@@ -10,30 +10,30 @@ from lab.analysis.consistency import chi_square_interval
 FloatArray = NDArray[np.float64]
 
 NEIGHBOURS = 10
-"""How many fixes around it each fix is compared with."""
+"""Number of neighbouring fixes with which each fix is compared."""
 CHANCE = 1e-7
-"""Probability that an error of three components of Gaussian fixes counts as an outlier."""
+"""Probability that an error with three Gaussian components counts as an outlier."""
 
 
 def outliers(errors: FloatArray, settled: int = 0) -> NDArray[np.bool_]:
     """Return which errors (m,) stand out from those around them.
 
-    Each is compared with the median of its neighbours, which takes away what changes slowly (correlated
-    errors, a latency), and its square with the medians of the squares, near and overall: an R that is too
-    small makes all errors large, a bad constellation those of its time, and neither makes outliers. Where
-    more than one in five stand out, not all are found.
+    Each is compared with the median of its neighbours, which removes slow changes (correlated errors, a
+    latency). Its square is compared with the medians of the squares, local and overall. An R that is too
+    small makes all errors large, and a bad constellation those of its time; neither makes outliers. If more
+    than one error in five is an outlier, not all are found.
 
     Parameters
     ----------
     errors : (m, 6) array
-        Of position and velocity, each divided by its assumed σ.
+        Errors of position and velocity, each divided by its assumed σ.
     settled
-        Number of the first error that can be an outlier; those before are of a start from which the filter
-        had yet to recover.
+        Index of the first error that can be an outlier; before it, the filter is still recovering from its
+        start.
     """
     found = np.zeros(errors.shape[0], dtype=np.bool_)
     while True:
-        # Among those that are left: where outliers are many, they hide each other at first.
+        # Repeated among the remaining ones, because many outliers hide each other at first.
         left = np.flatnonzero(~found)
         new = left[_apart(errors[left]) & (left >= settled)]
         if not new.size:

@@ -1,7 +1,7 @@
-"""Pattern: whether everything is inconsistent, a stretch of time, a channel, or single fixes.
+"""Pattern: whether all values are inconsistent, or a stretch of time, a channel, or single fixes.
 
-That is asked before any cause is looked for: an R that is wrong for one channel or for half a minute is
-another fault than one that is wrong altogether.
+The pattern is determined before the cause: an R that is wrong for one channel or for half a minute is a
+different fault from an R that is wrong as a whole.
 """
 
 from __future__ import annotations
@@ -17,25 +17,25 @@ from lab.analysis.sums import Kept, Squares
 FloatArray = NDArray[np.float64]
 
 BINS = 40
-"""Parts of a flight that are looked at one by one."""
+"""Number of parts of a flight that are tested separately."""
 AXES = ("north", "east", "down")
 FEWEST = 30
-"""Values from which on a stretch is one, and not a single fix or two."""
+"""Fewest values of a stretch, more than a fix or two."""
 CAPPED = 16.3
-"""Sum of three squares of unit variance that one in 1,000 exceeds."""
+"""Sum of three squares with unit variance that one in 1,000 exceeds."""
 FEW = 1e-12
-"""Least mean square whose logarithm is taken: no innovations are as small."""
+"""Smallest mean square before its logarithm is taken; innovations are never as small."""
 
 
 class Stretch(NamedTuple):
-    """A stretch of time, as bins from `first` up to `last`, that last one not included.
+    """A stretch of time, from bin `first` to bin `last`, without the latter.
 
     Attributes
     ----------
     squares : Squares
-        Of what lies inside.
+        Squares inside the stretch.
     gain : float
-        By how much a variance of its own raises the logarithm of the likelihood.
+        Gain in log-likelihood with a separate variance.
     """
 
     first: int
@@ -47,16 +47,16 @@ class Stretch(NamedTuple):
 def binned(values: FloatArray, times: FloatArray, span: tuple[float, float]) -> Squares:
     """Return the squares (2, 2, BINS) of position and velocity in each part of a flight.
 
-    Last of all those in which no single fix counts for more than `CAPPED`, since one makes no stretch.
+    The second set limits the square of each fix to `CAPPED`, since a single fix does not make a stretch.
 
     Parameters
     ----------
     values : (m, 6) array
-        What should be of unit variance; NaN counts for nothing.
+        Values that should have unit variance; NaN has no effect.
     times : (m,) array
-        Its times [s].
+        Times of the values [s].
     span
-        Begin and end of the flight [s].
+        Start and end of the flight [s].
     """
     length = max(span[1] - span[0], 1e-9)
     at = np.clip(((times - span[0]) / length * BINS).astype(np.int64), 0, BINS - 1)
@@ -73,18 +73,18 @@ def binned(values: FloatArray, times: FloatArray, span: tuple[float, float]) -> 
 
 
 def _likelihood(total: FloatArray, number: FloatArray) -> FloatArray:
-    """Return the logarithm of the likelihood of squares whose variance is fitted."""
+    """Return the log-likelihood of squares with a fitted variance."""
     mean = np.divide(total, number, out=np.ones_like(total), where=number > 0)
     return np.asarray(-0.5 * number * (np.log(np.maximum(mean, FEW)) + 1))
 
 
 def stretch(squares: Squares, kind: int) -> Stretch | None:
-    """Return the stretch that is too large where all else is right, or None.
+    """Return the stretch that is too large while the rest is right, or None.
 
     Parameters
     ----------
     squares
-        As of `binned`.
+        As from `binned`.
     kind
         0 for position, 1 for velocity.
     """
@@ -104,7 +104,7 @@ def stretch(squares: Squares, kind: int) -> Stretch | None:
     best = float(gain[first, last])
     size = inside[first, last] / max(count[first, last], 1)
     rest = float(outside[first, last]), float(others[first, last])
-    # 800 stretches are tried, which costs ln 800.
+    # 800 stretches are tested, so the price is ln 800.
     if best < RATIO + np.log(BINS**2 / 2) or size < MATTERS or not is_right(*rest):
         return None
     return Stretch(
@@ -116,14 +116,14 @@ def stretch(squares: Squares, kind: int) -> Stretch | None:
 
 
 def stretch_words(found: Stretch, span: Kept) -> str:
-    """Return from when to when a stretch lasts, in words; `span` holds begin and end of each run [s]."""
+    """Return the times of a stretch as text; `span` holds start and end of each run [s]."""
     begin, end = span.values.mean(axis=0)
     edges = begin + (end - begin) * np.array((found.first, found.last)) / BINS
     return f"from {edges[0]:.0f} s to {edges[1]:.0f} s"
 
 
 def channel(squares: Squares) -> int | None:
-    """Return the one of three channels (3,) that is wrong where the other two are right, else None."""
+    """Return the one of three channels (3,) that is wrong while the other two are right, otherwise None."""
     wrong = [
         axis
         for axis in range(3)

@@ -1,4 +1,4 @@
-"""Rest: what an IMU puts out while it stands still, logged or simulated, and the card that is made of it."""
+"""Rest: the output of an IMU at rest, logged or simulated, and a card made from it."""
 
 from __future__ import annotations
 
@@ -26,27 +26,27 @@ LOG_COLUMNS = {
     "gyro": ("gx_rad_s", "gy_rad_s", "gz_rad_s"),
     "accelerometer": ("fx_m_s2", "fy_m_s2", "fz_m_s2"),
 }
-"""Columns of a log for each triad, beside the time ``t_s``: rates and specific forces in b."""
+"""Columns of a log for each triad, besides the time ``t_s``: rates and specific forces in b."""
 MAX_LOG_BYTES = 1024 * 2**20
 """Largest log accepted [bytes]."""
 SAMPLES = 2**15
 """Number of samples of a simulated record."""
 TERMS = {"N": "noise_density", "B": "flicker", "K": "rate_random_walk"}
-"""The setting that each fitted noise term is."""
+"""The setting of each fitted noise term."""
 OTHER_TERMS = {
     "Q": ("quantisation_noise", "Quantisation noise", {"gyro": "″", "accelerometer": "mm/s"}),
     "R": ("rate_ramp", "Rate ramp", {"gyro": "°/h²", "accelerometer": "mg/h"}),
 }
-"""Name, label and units of the fitted terms that no setting is."""
+"""Name, label and units of the fitted terms without a setting."""
 
 _PER_CORNER = 32
-"""Samples within the averaging time at which bias instability outgrows white noise."""
+"""Number of samples within the averaging time at which bias instability exceeds white noise."""
 _SHORTEST = 5e-4
 """Shortest time from sample to sample that is simulated: 2 kHz, the fastest rate of an IMU here [s]."""
 _SHOWN = 2.0
-"""A fitted term below this many of its σ is not shown by a record."""
+"""A record does not show a term below this multiple of its σ."""
 _STILL = 0.5
-"""Largest change of the specific force over a record at rest, as means of a hundredth of it [m/s²]."""
+"""Largest change of the specific force over a record at rest, between means over a hundredth of it [m/s²]."""
 
 
 class Record(NamedTuple):
@@ -70,7 +70,7 @@ class Record(NamedTuple):
 
 
 def read_log(path: Path) -> dict[str, Record]:
-    """Read a log of an IMU at rest: a csv with the columns ``t_s`` and `LOG_COLUMNS`, others are ignored.
+    """Read a log of an IMU at rest: a csv with the columns ``t_s`` and `LOG_COLUMNS`; others are ignored.
 
     Returns
     -------
@@ -101,14 +101,14 @@ def read_log(path: Path) -> dict[str, Record]:
 
 
 def of_log(log: SensorLog, length: float) -> dict[str, Record]:
-    """Return the beginning of a log, in which the vehicle was at rest.
+    """Return the beginning of a log, during which the vehicle was at rest.
 
     Parameters
     ----------
     log
-        The log; its samples are taken as equally spaced.
+        The log; its samples are treated as equally spaced.
     length
-        How long the vehicle was at rest [s].
+        Duration of the rest [s].
     """
     count = int(np.searchsorted(log.time, length, side="right")) - 1
     dt = float(log.time[count] / count)
@@ -116,10 +116,10 @@ def of_log(log: SensorLog, length: float) -> dict[str, Record]:
 
 
 def simulate(sensors: SensorSuite, seed: int = 1) -> dict[str, Record]:
-    """Return what the sensors put out at rest, long enough for their noise terms to be fitted.
+    """Return the simulated output of the sensors at rest, long enough to fit their noise terms.
 
-    The errors alone, without the Earth's rate and gravity, which have no part in the Allan deviation. The
-    samples of each triad are spaced so that white noise and bias instability both show.
+    It contains only the errors, without the Earth's rate and gravity, which do not affect the Allan
+    deviation. The sample interval of each triad is chosen so that white noise and bias instability both show.
 
     Parameters
     ----------
@@ -151,9 +151,9 @@ def noise_terms(records: Mapping[str, Record]) -> dict[str, allan.NoiseTerms]:
 
 
 def in_setting_units(triad: str, terms: allan.NoiseTerms) -> dict[str, dict[str, Any]]:
-    """Return fitted terms by name: label, unit, values and σ, one for each axis.
+    """Return fitted terms by name: label, unit, and a value and σ for each axis.
 
-    Those of `TERMS` are settings, in their units; those of `OTHER_TERMS` follow.
+    The terms of `TERMS` are settings, in their units; those of `OTHER_TERMS` follow.
 
     Parameters
     ----------
@@ -176,7 +176,7 @@ def in_setting_units(triad: str, terms: allan.NoiseTerms) -> dict[str, dict[str,
 
 
 def misfit(fitted: Mapping[str, allan.NoiseTerms]) -> str:
-    """Return the sentence that names what the five terms do not explain; empty if they explain all.
+    """Return a sentence about the axes that the five terms do not explain; empty if there are none.
 
     Parameters
     ----------
@@ -192,26 +192,26 @@ def misfit(fitted: Mapping[str, allan.NoiseTerms]) -> str:
     if not poor:
         return ""
     return (
-        f"The five terms do not explain the Allan deviation of {', '.join(poor)}: there is something else in "
-        "it, such as vibration, a temperature that changes, or a bias with a correlation time."
+        f"The five terms do not explain the Allan deviation of {', '.join(poor)}. Other possible causes are "
+        "vibration, a changing temperature, or a bias with a correlation time."
     )
 
 
 def card_of(name: str, records: Mapping[str, Record], source: str) -> Card:
-    """Return the card of an IMU of one's own from its record at rest.
+    """Return a card of an IMU from its record at rest.
 
-    A term the record does not show, below twice its σ on every axis, is left out; so are quantisation noise
-    and ramp, which are no settings. A record at rest says nothing of turn-on bias, scale factor, range and
-    bandwidth: these are missing too. The note says where the fit is poor.
+    A term that the record does not show (below twice its σ on every axis) is omitted; so are quantisation
+    noise and ramp, which have no setting. A record at rest does not show turn-on bias, scale factor, range
+    and bandwidth, so these are missing too. The note names poor fits.
 
     Parameters
     ----------
     name
-        What the card is called.
+        Name of the card.
     records
-        Gyros and accelerometers, such as from `read_log`.
+        Records of gyros and accelerometers, such as from `read_log`.
     source
-        Where the records come from.
+        Source of the records.
     """
     groups, found = {}, noise_terms(records)
     for triad, terms in found.items():
@@ -272,7 +272,7 @@ def _table(path: Path) -> FloatArray:
 
 
 def _check_rest(path: Path, specific_force: FloatArray) -> None:
-    """Refuse what is not the specific force of a body that stands still."""
+    """Raise `MissionError` if this is not the specific force of a body at rest."""
     size = float(np.linalg.norm(specific_force.mean(axis=0)))
     if abs(size - earth.STANDARD_GRAVITY) > 0.1 * earth.STANDARD_GRAVITY:
         hint = "; this looks like g" if abs(size - 1) < 0.1 else ""

@@ -1,4 +1,4 @@
-"""Run evidence: the evidence of a run, put together from what its stages computed."""
+"""Run evidence: the evidence of a run, from the results of its stages."""
 
 from __future__ import annotations
 
@@ -13,18 +13,17 @@ from lab.run import Run
 
 
 def evidence_of(run: Run, filtered: Solution, *, explain: bool = True) -> Evidence:
-    """Return what a run says for and against each assumption of its filter; of a log its innovations.
+    """Return the evidence of a run for each assumption of its filter; for a log, from its innovations.
 
     Parameters
     ----------
     run
         The run.
     filtered
-        What the filter alone computed. Where a smoother worked on it, it moved the start and every state
-        after it, and keeps no gain, so that the start, the gains and the innovations are judged by the
-        filter's own run.
+        Solution of the filter itself. A smoother changes the start and all later states, and keeps no gains,
+        so the start, the gains and the innovations are those of the filter's own run.
     explain
-        Whether suspicious innovations are explained, which takes several times as long as the run.
+        Whether to explain suspicious innovations, which takes several times as long as the run.
     """
     reference = None if run.recorded else reference_of(run)
     if run.algorithm:

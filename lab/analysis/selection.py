@@ -1,7 +1,8 @@
-"""Selection: which of several causes explain what was seen, the best first, one after the other.
+"""Selection: the causes that explain the observations, the best first, one after the other.
 
-Each cause has one or more regressors. Causes resemble each other, so all are compared by the likelihood each
-reaches alone, and a second is stated only for what the first leaves unexplained (forward selection).
+Each cause has one or more regressors. Causes resemble each other, so all are compared by the likelihood that
+each reaches alone. A second cause is reported only for observations that the first does not explain (forward
+selection).
 """
 
 from __future__ import annotations
@@ -17,20 +18,20 @@ from lab.analysis.sums import Fit
 FloatArray = NDArray[np.float64]
 
 PRICE = 2.0
-"""Logarithm of the likelihood that each regressor must bring, beside what a cause must: chance brings 0.5."""
+"""Required gain in log-likelihood per regressor, in addition to that of a cause; chance gives 0.5."""
 
 
 class Explained(NamedTuple):
-    """A cause that was chosen.
+    """A selected cause.
 
     Attributes
     ----------
     name : str
         Name of the cause.
     gain : float
-        By how much it raises the logarithm of the likelihood, beyond the causes chosen before it.
+        Gain in log-likelihood beyond the causes selected before it.
     estimate, sigma : (b, k) arrays
-        Size of each of its regressors in each record, and its standard deviation, with all chosen causes
+        Size of each of its regressors in each record, and its standard deviation, with all selected causes
         fitted together.
     """
 
@@ -41,7 +42,7 @@ class Explained(NamedTuple):
 
 
 def gain_of(fit: Fit, columns: Sequence[int]) -> float:
-    """Return by how much regressors together raise the logarithm of the likelihood of white values."""
+    """Return the gain in log-likelihood of white values with several regressors together."""
     return (
         float(0.5 * np.sum(_part(fit, columns)[0] * fit.vector[:, np.asarray(columns, dtype=np.intp)]))
         if len(columns)
@@ -60,12 +61,12 @@ def select(fit: Fit, causes: Mapping[str, Sequence[int]], least: float) -> list[
     Parameters
     ----------
     fit
-        Normal equations of b records of values, of unit variance, on p regressors, (b, p, p) and (b, p); each
-        record has estimates of its own.
+        Normal equations of b records of values of unit variance on p regressors, (b, p, p) and (b, p); each
+        record has its own estimates.
     causes
         The regressors of each cause.
     least
-        Logarithm of the likelihood ratio from which on a cause is chosen, its `PRICE` taken off.
+        Smallest logarithm of the likelihood ratio, minus `PRICE`, at which a cause is selected.
     """
     chosen: list[str] = []
     gains: list[float] = []
@@ -95,7 +96,8 @@ def select(fit: Fit, causes: Mapping[str, Sequence[int]], least: float) -> list[
 def _part(fit: Fit, columns: Sequence[int]) -> tuple[FloatArray, FloatArray]:
     """Return estimates and their σ (b, k) with some of the regressors.
 
-    They have different units, or hardly differ: the normal equations are scaled to a unit diagonal.
+    The regressors have different units or are nearly equal, so the normal equations are scaled to a unit
+    diagonal.
     """
     at = np.asarray(columns, dtype=np.intp)
     matrix = fit.matrix[:, at[:, None], at]

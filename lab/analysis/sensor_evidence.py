@@ -1,8 +1,8 @@
-"""Sensor evidence: what a simulated IMU added to the true motion, against what Q assumes of it.
+"""Sensor evidence: the errors that a simulated IMU added to the true motion, relative to Q.
 
-Beside its bias a sensor adds noise, and what goes with the motion: scale factors, misalignments, a lag. The
-bias itself wanders, or follows the time, the temperature or the specific force. The noise is judged by sums
-over windows of `WINDOW`, the wandering by how the bias would be seen through the noise.
+Besides its bias, a sensor adds noise and errors that depend on the motion: scale factors, misalignments, a
+lag. The bias itself is a random process, or depends on time, temperature or specific force. The noise is
+tested with sums over windows of `WINDOW`, the bias process with the bias as visible through the noise.
 """
 
 from __future__ import annotations
@@ -22,26 +22,28 @@ from lab.trajectory import Truth
 FloatArray = NDArray[np.float64]
 
 AT_ONCE = 2**18
-"""Samples that are averaged at once."""
+"""Number of samples that are averaged in one block."""
 WINDOW = 1.0
-"""Time over which the sensors' noise is summed [s]."""
+"""Summation time of the sensors' noise [s]."""
 MOTION = ("own axis", "second axis", "third axis", "lag", "more lag")
-"""Regressors of what goes with the motion: the rate or force, with its bias, of the axis itself and of the
-two axes after it [1]; what a first-order lag makes of the true one, for each second, and a longer one [s]."""
+"""Regressors of the errors that depend on the motion: the rate or force, with its bias, of the axis itself
+and of the two axes after it [1]; the effect of a first-order lag on the true one, per second, and of a longer
+lag [s]."""
 DRIFT = ("constant", "time", "temperature", "specific force")
 """Regressors of the bias: [1], [s], [K], and the specific force of the axis [m/s²]."""
 SHORT, LONG = 5e-3, 1.0
-"""Lag from which on it does more than follow the slope, and longest one: 32 and 0.16 Hz of bandwidth [s]."""
+"""Smallest lag with an effect beyond the slope, and longest lag: bandwidths of 32 and 0.16 Hz [s]."""
 LONGEST = 256
-"""Most windows that the wandering of a bias is judged by; longer flights have longer windows."""
+"""Most windows for the test of a bias process; longer flights have longer windows."""
 FACTORS = np.concatenate(([0.0], np.logspace(-4, 4, 17)))
-"""Bias drives that are tried, in those of the filter."""
+"""Tried bias drives, relative to the filter's."""
 UNSEEN = 0.01
-"""Part of the drive that noise would just hide; it takes the place of a drive of zero."""
+"""Fraction of the drive that noise would just hide; it replaces a drive of zero."""
 
 
 SLOW = 1e-6
-"""Part of its correlation time below which a flight cannot tell a first-order process from a random walk."""
+"""Fraction of the correlation time below which a flight cannot distinguish a first-order process from a
+random walk."""
 
 
 class Reference(NamedTuple):
@@ -50,20 +52,20 @@ class Reference(NamedTuple):
     Attributes
     ----------
     truth : Truth
-        At all samples.
+        Truth at all samples.
     bias : (n + 1, 6) array
         True gyro and accelerometer biases at all samples [rad/s], [m/s²].
     dtheta, dvelocity : (n, 3) arrays
         True increments [rad], [m/s].
     scale : (n + 1, 6) array
-        True scale factor errors of gyros and accelerometers; needed of filters with 21 states only.
+        True scale factor errors of gyros and accelerometers; needed for filters with 21 states only.
     temperature : (n,) array
-        That of the IMU in each interval [°C]; None where it does not change.
+        Temperature of the IMU in each interval [°C]; None if constant.
     saturated : (2,) tuple
-        How many values of gyros and of accelerometers met the end of their range.
+        Numbers of saturated values of gyros and of accelerometers.
     bias_drive : (6,) array
-        Drive of the gyro and accelerometer biases [rad²/s³], [(m/s²)²/s] that a filter matched to the sensors
-        has; None where it is not known.
+        Drive of the gyro and accelerometer biases [rad²/s³], [(m/s²)²/s] in a filter matched to the sensors;
+        None if unknown.
     """
 
     truth: Truth
@@ -78,25 +80,27 @@ class Reference(NamedTuple):
 
 @dataclass(frozen=True)
 class SensorErrors(Sum):
-    """What gyros x, y, z and accelerometers x, y, z added, each divided by its assumed σ.
+    """The errors that gyros x, y, z and accelerometers x, y, z added, each divided by its assumed σ.
 
     Attributes
     ----------
     matrix : Kept
-        Normal equations of the noise on `MOTION` (runs, 6, 5, 5), vector (runs, 6, 5) and squares (runs, 6).
+        Normal equations of the noise on `MOTION`: matrix (runs, 6, 5, 5), vector (runs, 6, 5) and squares
+        (runs, 6).
     vector, squares, number : Kept
-        See there; the number of windows (runs, 6), zero of axes that are assumed to be without noise.
+        See `matrix`; `number` is the number of windows (runs, 6), zero for axes that are assumed to be free
+        of noise.
     clipped : Squares
-        Of the windows in which the range was exceeded (2,), which the others leave out.
+        Squares of the windows with saturation (2,); the other figures omit these windows.
     drift_matrix : Kept
-        Normal equations of bias and noise, made white under each drive, on `DRIFT`: (runs, 6, drives, 4, 4);
-        the first drive is that of the filter, the second that of a filter matched to the sensor, zero where
-        it is not known, the others `FACTORS` times the filter's.
+        Normal equations of bias and noise, whitened under each drive, on `DRIFT`: (runs, 6, drives, 4, 4).
+        The first drive is that of the filter, the second that of a filter matched to the sensor (zero if
+        unknown), the others are `FACTORS` times the filter's.
     drift_vector, drift_squares, log_determinant : Kept
-        See there; (runs, 6, drives, 4) and twice (runs, 6, drives).
+        See `drift_matrix`; (runs, 6, drives, 4) and twice (runs, 6, drives).
     drive : Kept
-        Drives of the filter and of the matched one over the one that was multiplied (runs, 6, 2); zero where
-        there is none.
+        Drives of the filter and of the matched one, relative to the one that `FACTORS` multiply (runs, 6, 2);
+        zero if there is none.
     """
 
     matrix: Kept
@@ -112,10 +116,10 @@ class SensorErrors(Sum):
 
 
 class _Axis(NamedTuple):
-    """An axis of a sensor, summed over windows of a length [s]."""
+    """The errors of an axis of a sensor, summed over windows of a length [s]."""
 
     window: float
-    noise: FloatArray  # (windows,) what it added beside its bias, over the time
+    noise: FloatArray  # (windows,) error besides the bias, divided by the time
     bias: FloatArray
     motion: FloatArray  # (windows, 5) MOTION
     drift: FloatArray  # (windows, 4) DRIFT
@@ -123,16 +127,16 @@ class _Axis(NamedTuple):
 
 
 def sensor_errors(belief: Belief, imu: Imu, reference: Reference) -> SensorErrors:
-    """Return what the sensors of a run added.
+    """Return the errors that the sensors of a run added.
 
     Parameters
     ----------
     belief
-        What the filter assumed of them.
+        The filter's assumptions about the sensors.
     imu
-        What they put out.
+        Output of the sensors.
     reference
-        What they should have.
+        True values.
     """
     runs, drives = 1, FACTORS.size + 2
     terms = len(MOTION)
@@ -175,7 +179,7 @@ def sensor_errors(belief: Belief, imu: Imu, reference: Reference) -> SensorError
 
 
 def _axis(imu: Imu, reference: Reference, axis: int, window: float, has_scale: bool) -> _Axis:
-    """Return what an axis added, averaged over windows."""
+    """Return the errors of an axis, averaged over windows."""
     sensor, own = divmod(axis, 3)
     measured, true = ((imu.dtheta, reference.dtheta), (imu.dvelocity, reference.dvelocity))[sensor]
     dt = float(np.mean(np.diff(imu.time)))
@@ -183,7 +187,7 @@ def _axis(imu: Imu, reference: Reference, axis: int, window: float, has_scale: b
     count = true.shape[0] // width
 
     def mean(values: Callable[[slice], FloatArray]) -> FloatArray:
-        """Return the means (count,) over the windows of what is computed for some samples at a time."""
+        """Return the means (count,) over the windows of values that are computed in blocks of samples."""
         means, at_once = np.empty(count), max(AT_ONCE // width, 1)
         for first in range(0, count, at_once):
             last = min(first + at_once, count)
@@ -192,15 +196,15 @@ def _axis(imu: Imu, reference: Reference, axis: int, window: float, has_scale: b
         return means
 
     def moving(column: int, part: slice) -> FloatArray:
-        """Return a true rate or force with its bias, as the sensor has it."""
+        """Return a true rate or force plus the bias of the sensor."""
         bias = reference.bias[1:, 3 * sensor + column]
         return true[part, column].astype(np.float64, copy=False) / dt + bias[part]
 
     def added_in(part: slice) -> FloatArray:
-        """Return what the axis added beside its bias."""
+        """Return the errors of the axis besides its bias."""
         exact = true[part, own].astype(np.float64, copy=False)
         added = measured[part, own] / dt - exact / dt - reference.bias[1:, axis][part]
-        if has_scale and reference.scale is not None:  # scale factors are states, and known exactly
+        if has_scale and reference.scale is not None:  # scale factors are states, with known true values
             added = added - reference.scale[1:, axis][part] * moving(own, part)
         return np.asarray(added)
 
@@ -224,9 +228,9 @@ def _axis(imu: Imu, reference: Reference, axis: int, window: float, has_scale: b
 
 
 def _lag(values: FloatArray, added: FloatArray, windows: int, dt: float) -> FloatArray:
-    """Return what a first-order lag makes of values, for each second of it, and a longer one (windows, 2).
+    """Return the effect of a first-order lag on values, per second of lag, and of a longer lag (windows, 2).
 
-    The lag that fits what was `added` comes first: a slow one does more than follow the slope.
+    The lag that fits the `added` errors is determined first, because a long lag has effects beyond the slope.
     """
     parts = values.reshape(windows, -1)
     few = max(1, parts.shape[1] // 20)
@@ -248,7 +252,7 @@ def _lag(values: FloatArray, added: FloatArray, windows: int, dt: float) -> Floa
 
 
 def _fitted(effect: FloatArray, added: FloatArray) -> float:
-    """Return how many times an effect was added, beside a constant."""
+    """Return the fitted factor of an effect, next to a constant."""
     centred = effect - effect.mean()
     return float(centred @ added / max(centred @ centred, 1e-300))
 
@@ -256,17 +260,17 @@ def _fitted(effect: FloatArray, added: FloatArray) -> float:
 def _drift(
     seen: _Axis, belief: Belief, axis: int, matched: float, rest: float, spread: FloatArray
 ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray, FloatArray]:
-    """Return the first two drives, and normal equations of a bias under all drives tried.
+    """Return the first two drives, and the normal equations of a bias under all tried drives.
 
-    `matched` is the drive of a filter that is matched to the sensor, `rest` the variance of the noise in that
-    assumed, `spread` what goes with the motion (5,).
+    `matched` is the drive of a filter matched to the sensor, `rest` the variance of the noise relative to the
+    assumed one, `spread` the errors that depend on the motion (5,).
     """
     duration = seen.window * seen.noise.size
     density = belief.noise[axis] * rest
     drive, decay = float(belief.noise[6 + axis]), float(belief.bias_decay[axis])
     base = max(drive, UNSEEN * 3 * density / duration**2)
     power, basis = spectrum(seen.noise.size, seen.window, decay)
-    # What exceeds the range says nothing of the bias.
+    # Saturated windows contain no information about the bias.
     values = np.where(seen.clipped, 0.0, seen.noise - seen.motion @ spread) + seen.bias
     values, causes = basis.T @ values, basis.T @ seen.drift
     white = density / seen.window
@@ -284,10 +288,11 @@ def _drift(
 
 @lru_cache(maxsize=32)
 def spectrum(count: int, window: float, decay: float) -> tuple[FloatArray, FloatArray]:
-    """Return eigenvalues (m,) and eigenvectors (m, m) of what a process of unit drive grows from its start.
+    """Return eigenvalues (m,) and eigenvectors (m, m) of the growth of a process of unit drive.
 
-    It is stationary and of first order, and averaged over windows. The covariance of its growth up to t and
-    up to t' is (exp(−λ|t − t'|) + 1 − exp(−λt) − exp(−λt')) / 2λ; for a random walk it is the lesser of both.
+    The process is stationary, of first order, and averaged over windows. The covariance of its growth until t
+    and until t' is (exp(−λ|t − t'|) + 1 − exp(−λt) − exp(−λt')) / 2λ; for a random walk, it is the smaller of
+    t and t'.
 
     Parameters
     ----------

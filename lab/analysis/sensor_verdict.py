@@ -1,4 +1,4 @@
-"""Sensor verdict: what the true errors of gyros and accelerometers say of Q, and of what nobody models."""
+"""Sensor verdict: findings about Q and unmodelled errors, from the true errors of the inertial sensors."""
 
 from __future__ import annotations
 
@@ -23,44 +23,45 @@ FloatArray = NDArray[np.float64]
 
 SENSORS = ("gyro", "accelerometer")
 EXPLAINS = 0.2
-"""Part of the noise's variance that an error must add in windows of 1 s to be stated: an error that goes with
-the motion adds up over a manoeuvre, so it matters earlier than noise."""
+"""Smallest variance of an error that is reported, in windows of 1 s, relative to the noise. An error that
+depends on the motion accumulates over a manoeuvre, so it matters earlier than noise."""
 LEFT = 0.1
-"""Part of what the first cause explains that the next must, as first-order regressors leave something."""
+"""Fraction of the first cause's gain that the next cause must reach, because first-order regressors leave a
+remainder."""
 WANDERS = 3.0
-"""Factor from which on a wrong bias drive is stated: σ of a bias goes with its fourth root."""
+"""Smallest factor of a wrong bias drive that is reported: σ of a bias is proportional to its fourth root."""
 
-_CAUSES = {  # which regressors each cause has
+_CAUSES = {  # regressors of each cause
     "scale factor": (0,),
     "misalignment": (1, 2),
     "bandwidth": (3, 4),
 }
 _WORDS = {
-    "scale factor": "The scale factors of the {kind}s are wrong, by {size:.2g} %: their errors go with what "
-    "they measure.",
-    "misalignment": "The {kind}s are misaligned, by {size:.2g}°: each feels the other axes.",
-    "bandwidth": "The {kind}s lag behind the motion, by {size:.2g} ms: their bandwidth is limited.",
-    "temperature": "The biases of the {kind}s follow the temperature, {size:.2g} {unit} per K.",
-    "g-sensitivity": "The biases of the {kind}s go with the specific force, {size:.2g} °/s per g.",
-    "bias drift": "The biases of the {kind}s drift steadily, {size:.2g} {unit} per minute.",
+    "scale factor": "The scale factors of the {kind}s are wrong by {size:.2g} %: their errors are "
+    "proportional to the measured quantity.",
+    "misalignment": "The {kind}s are misaligned by {size:.2g}°: each also measures the other axes.",
+    "bandwidth": "The {kind}s lag behind the motion by {size:.2g} ms: their bandwidth is limited.",
+    "temperature": "The biases of the {kind}s depend on the temperature, by {size:.2g} {unit} per K.",
+    "g-sensitivity": "The biases of the {kind}s depend on the specific force, by {size:.2g} °/s per g.",
+    "bias drift": "The biases of the {kind}s drift steadily, by {size:.2g} {unit} per minute.",
 }
 _ADVICE = {
     "scale factor": "Set navigator.states to 21, and sensors.{kind}.scale_factor_sigma to {size:.2g}: the "
     "filter then estimates the scale factors.",
-    "misalignment": "Calibrate the {kind}s: no state of the filter stands for misalignments; more {kind} "
-    "noise in navigator.q covers a part.",
-    "bandwidth": "Move the times of the {kind}s by −{size:.2g} ms, or use {kind}s of a larger bandwidth "
-    "(sensors.{kind}.bandwidth).",
+    "misalignment": "Calibrate the {kind}s: no state of the filter models misalignments. More {kind} noise "
+    "in navigator.q covers a part of them.",
+    "bandwidth": "Shift the time stamps of the {kind}s by −{size:.2g} ms, or use {kind}s with a larger "
+    "bandwidth (sensors.{kind}.bandwidth).",
     "temperature": "Set sensors.temperature.compensation, or let the {kind} biases walk: a larger bias drive "
     "in navigator.q.",
-    "g-sensitivity": "Compensate the {kind}s for the specific force; more {kind} noise in navigator.q covers "
+    "g-sensitivity": "Compensate the {kind}s for the specific force. More {kind} noise in navigator.q covers "
     "a part.",
     "bias drift": "Let the {kind} biases walk: a larger {kind} bias drive in navigator.q.",
 }
 
 
 def judge_sensors(errors: SensorErrors) -> list[Weighed]:
-    """Return what is wrong with what the filter assumes of the inertial sensors, by what they added."""
+    """Return the wrong assumptions about the inertial sensors, from the errors that they added."""
     found: list[Weighed] = []
     noise: list[tuple[float, float]] = []
     wanders: list[Weighed] = []
@@ -71,7 +72,7 @@ def judge_sensors(errors: SensorErrors) -> list[Weighed]:
         noise.append(rest)
         wanders += _bias(errors, axes, kind)
     white = _noise(Squares(*(np.array(parts) for parts in zip(*noise, strict=True))))
-    # Who scales Q scales noise and drive alike: that is one fault.
+    # A wrong scale of Q changes noise and drive equally: that is one fault.
     accused = {entry.finding.quantity: entry.finding.direction for entry in white}
     for entry in wanders:
         kind = entry.finding.quantity.split()[1] if entry.finding.quantity.startswith("Q ") else ""
@@ -81,7 +82,7 @@ def judge_sensors(errors: SensorErrors) -> list[Weighed]:
 
 
 def _motion(errors: SensorErrors, sensor: int, kind: str) -> tuple[list[Weighed], tuple[float, float]]:
-    """Judge what goes with the motion; return also squares and number of what remains."""
+    """Judge the errors that depend on the motion; also return squares and number of the remaining ones."""
     axes = slice(3 * sensor, 3 * sensor + 3)
     number = errors.number.values[:, axes]
     count = float(number.sum())
@@ -144,7 +145,7 @@ def _stated(entry: Explained, kind: str, sensor: int) -> Weighed:
 
 
 def _clipped(errors: SensorErrors, sensor: int, kind: str) -> list[Weighed]:
-    """Judge the windows in which the range was exceeded."""
+    """Judge the windows with saturation."""
     total, count = (float(figure[sensor]) for figure in errors.clipped)
     if not count or total < count or is_right(total, count):
         return []
@@ -152,20 +153,20 @@ def _clipped(errors: SensorErrors, sensor: int, kind: str) -> list[Weighed]:
         f"{kind} range",
         "not modelled",
         float(np.sqrt(total / count)),
-        f"The {kind}s met the end of their range in {count:.0f} windows of 1 s: their errors there are "
+        f"The {kind}s saturated in {count:.0f} windows of 1 s: their errors there are "
         f"{np.sqrt(total / count):.2g} × as large as assumed.",
-        f"Use {kind}s of a larger range (sensors.{kind}.range).",
+        f"Use {kind}s with a larger range (sensors.{kind}.range).",
         mean_square(Squares(np.array(total), np.array(count)), "errors at the end of the range"),
     )
     return [Weighed(size_weight(total, count), finding)]
 
 
 def _bias(errors: SensorErrors, axes: slice, kind: str) -> list[Weighed]:
-    """Judge how the biases wander: by the drive, or with time, temperature or specific force.
+    """Judge the changes of the biases: by the drive, or with time, temperature or specific force.
 
-    One state stands for turn-on bias, instability and flicker together. What the sensor adds may then be
-    likelier with a smaller drive than the one that keeps the estimates consistent. So a drive is compared
-    with a smaller one only down to that of a filter that is matched to the sensor.
+    One state models turn-on bias, instability and flicker together. The sensor errors may then be likelier
+    with a smaller drive than the one that keeps the estimates consistent. So a drive is compared with smaller
+    ones only down to that of a filter matched to the sensor.
     """
     number = errors.number.values[:, axes]
     used = number > 0
@@ -223,17 +224,18 @@ def _bias(errors: SensorErrors, axes: slice, kind: str) -> list[Weighed]:
 
 
 def _noise(noise: Squares) -> list[Weighed]:
-    """Judge Q by what gyros and accelerometers add beside their biases and what goes with the motion."""
+    """Judge Q by the sensor errors besides the biases and the errors that depend on the motion."""
     ratio = noise.mean
     sentence = (
-        "Errors grow {root} × as fast as σ says: the {kind} noise, and so Q, is about {factor} × too {wrong}."
+        "Errors grow {root} × as fast as σ states: the {kind} noise, and so Q, is about {factor} × too "
+        "{wrong}."
     )
     together = bool(noise.number.all()) and 0.5 < ratio[0] / max(ratio[1], 1e-12) < 2
     if together:
         return judge_size(
             Squares(noise.total.sum(), noise.number.sum()),
             "Q",
-            "Errors grow {root} × as fast as σ says: Q about {factor} × too {wrong}.",
+            "Errors grow {root} × as fast as σ states: Q is about {factor} × too {wrong}.",
             "Multiply navigator.q_scale by {multiply}.",
             "noise of the inertial sensors",
             scales=("navigator.q_scale", None),

@@ -1,4 +1,4 @@
-"""Spread: how the innovations differ from Gaussian ones of the covariance that the filter states."""
+"""Spread: deviations of the innovations from a Gaussian with the covariance that the filter states."""
 
 from __future__ import annotations
 
@@ -9,18 +9,18 @@ from lab.analysis.likelihood import Seen, squares
 from lab.navigation.error_models import STATES
 
 BY_CHANCE = 1e-3
-"""Probability of a difference between the halves of a log that is still chance."""
+"""Significance level of a difference between the halves of a log."""
 HEAVY = 6.0
-"""Kurtosis of a channel above which its tails are heavy: that of a Gaussian is 3, of a Laplace density 6."""
+"""Kurtosis of a channel above which its tails count as heavy: a Gaussian has 3, a Laplace density 6."""
 FEWEST = 20
-"""Fewest values that a kurtosis says anything by: its own σ is √(24 / n)."""
+"""Fewest values for a useful kurtosis: its σ is √(24 / n)."""
 
 CHANNELS = STATES[:6]
-"""Position and velocity, of which fixes are."""
+"""Position and velocity, the parts of a fix."""
 
 
 def spread(seen: Seen) -> str:
-    """Return what is wrong with the spread of innovations, in a sentence; empty if nothing is found.
+    """Return a sentence about the spread of innovations; empty if nothing is wrong.
 
     Parameters
     ----------
@@ -31,7 +31,7 @@ def spread(seen: Seen) -> str:
 
 
 def _halves(seen: Seen) -> str:
-    """Say whether NIS is larger in one half of the log than in the other."""
+    """Return whether NIS is larger in one half of the log than in the other."""
     nis, degrees = squares(seen)
     middle = nis.size // 2
     parts = [
@@ -45,13 +45,13 @@ def _halves(seen: Seen) -> str:
     if 2 * stats.f.sf(ratio, parts[larger][1], parts[smaller][1]) > BY_CHANCE:
         return ""
     return (
-        f"The noise is not the same throughout: NIS per degree of freedom is {first:.2g} in the first half "
-        f"of the log and {second:.2g} in the second. No one R and Q fit both."
+        f"The noise is not constant: NIS per degree of freedom is {first:.2g} in the first half of the log "
+        f"and {second:.2g} in the second. No single R and Q fit both."
     )
 
 
 def _tails(seen: Seen) -> str:
-    """Say whether a channel has a few innovations that are far larger than the rest."""
+    """Return whether a channel has a few innovations that are far larger than the rest."""
     normalised = seen.innovation / np.sqrt(np.diagonal(seen.covariance, axis1=1, axis2=2))
     heaviest, where = 0.0, ""
     for name, channel in zip(CHANNELS, normalised.T, strict=True):
@@ -70,7 +70,7 @@ def _tails(seen: Seen) -> str:
 
 
 def _size(seen: Seen) -> str:
-    """Say whether all innovations are larger or smaller than the filter states."""
+    """Return whether all innovations are larger or smaller than the filter states."""
     nis, degrees = squares(seen)
     count = int(degrees.sum())
     if not count:

@@ -1,4 +1,4 @@
-"""State verdict: whether the errors of the states are as large as the filter says, from the start on."""
+"""State verdict: whether the errors of the states are as large as the filter states, from the start on."""
 
 from __future__ import annotations
 
@@ -23,14 +23,14 @@ _SETTINGS = {
 
 
 def judge_start(start: Squares, without: Collection[str] = ()) -> list[Weighed]:
-    """Judge P0 by the error at the start: in one group of states, or altogether.
+    """Judge P0 by the initial error: in one group of states, or as a whole.
 
     Parameters
     ----------
     start
-        As of `Evidence`.
+        As in `Evidence`.
     without
-        Groups of states, as `BLOCKS` names them, whose error at the start has another cause.
+        Groups of states, by their names in `BLOCKS`, whose initial error has another cause.
     """
     explained = [at for at, name in enumerate(BLOCKS, start=1) if name in without]
     start = Squares(start.total.copy(), start.number.copy())
@@ -46,9 +46,10 @@ def judge_start(start: Squares, without: Collection[str] = ()) -> list[Weighed]:
         judged = judge_size(
             part,
             f"P0 {name}",
-            f"The error of the {name} at the start is {{root}} × its assumed σ: P₀ of the {name} about "
-            "{factor} × too {wrong}.",
-            f"Set {_SETTINGS[name]} to what applies, or the rows of the {name} in navigator.p0.",
+            f"The error of the {name} at the start is {{root}} × its assumed σ: P₀ of the {name} is "
+            "about {factor} × too {wrong}.",
+            f"Set {_SETTINGS[name]} to the values that apply, or change the rows of the {name} in "
+            "navigator.p0.",
             f"{name} at the start",
             doubt,
             ("navigator.p0", (BLOCKS[name].start, BLOCKS[name].stop)),
@@ -63,15 +64,15 @@ def judge_start(start: Squares, without: Collection[str] = ()) -> list[Weighed]:
     return judge_size(
         whole,
         "P0",
-        "The error at the start is {root} × its assumed σ: P₀ about {factor} × too {wrong}.",
-        "Multiply navigator.p0_scale by {multiply}, or set the initial σ that apply.",
+        "The error at the start is {root} × its assumed σ: P₀ is about {factor} × too {wrong}.",
+        "Multiply navigator.p0_scale by {multiply}, or set the initial σ to the values that apply.",
         "start",
         scales=("navigator.p0_scale", None),
     )
 
 
 def judge_states(evidence: Evidence) -> list[Weighed]:
-    """Say that the filter is wrong where it is, and none of the causes above explains it."""
+    """Judge the size of the errors if none of the other causes explains it."""
     found = []
     for squares, name, what in (
         (evidence.nees, "NEES", "errors of the states"),
@@ -85,10 +86,10 @@ def judge_states(evidence: Evidence) -> list[Weighed]:
             name,
             "too large" if ratio > 1 else "too small",
             max(ratio, 1 / ratio),
-            f"The {what} are {np.sqrt(ratio):.2g} × as large as the filter says, and neither R, Q, P₀ nor "
-            "the timing or place of the fixes explains it.",
-            "Look for what the filter does not model: scale factors, drifting biases, an error model that "
-            "does not fit.",
+            f"The {what} are {np.sqrt(ratio):.2g} × as large as the filter states. Neither R, Q, P₀ nor the "
+            "timing or place of the fixes explains it.",
+            "Look for errors that the filter does not model: scale factors, drifting biases, an error "
+            "model that does not fit.",
             mean_square(squares, f"{what} (by {name})"),
         )
         found.append(Weighed(size_weight(float(squares.total), float(squares.number)), finding))

@@ -12,14 +12,14 @@ FloatArray = NDArray[np.float64]
 
 
 class Squares(NamedTuple):
-    """Sums of squares of what should have unit variance, and how many independent values they are of."""
+    """Sums of squares of values that should have unit variance, and their numbers of independent values."""
 
     total: FloatArray
     number: FloatArray
 
     @property
     def mean(self) -> FloatArray:
-        """Mean squares: one where the assumption holds."""
+        """Mean squares: one if the assumption holds."""
         return np.divide(self.total, self.number, out=np.ones_like(self.total), where=self.number > 0)
 
 
@@ -32,7 +32,7 @@ class Fit(NamedTuple):
 
 
 class Kept(NamedTuple):
-    """Arrays whose first dimension is the run: those of many runs stand one after the other."""
+    """Arrays whose first dimension is the run; those of many runs are concatenated."""
 
     values: FloatArray
 

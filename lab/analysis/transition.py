@@ -1,8 +1,8 @@
-"""Transition: what becomes of the navigation errors, and of errors of the IMU, over an interval of a flight.
+"""Transition: the response of the navigation errors to initial errors and IMU errors over an interval.
 
 The error model `phi` is linear: the errors at the end of an interval are a sum of responses to the errors at
-its start and to those of every inertial sample in it. Going backwards through the samples, each response is
-the product of what is already known of the samples after it.
+its start and to those of every inertial sample in it. The samples are processed backwards, so that each
+response is a product with the transition over the later samples.
 """
 
 from __future__ import annotations
@@ -51,16 +51,16 @@ class Flight(NamedTuple):
 
 
 class Processes(NamedTuple):
-    """First-order random processes c that p triads err by, as errors of their bias estimates.
+    """First-order random processes c of p triads, as errors of their bias estimates.
 
     Attributes
     ----------
     channel : (p,) array
         0 for gyros, 1 for accelerometers.
     decay : (p,) array
-        What is left of c in the next sample.
+        Remaining fraction of c in the next sample.
     drive : (p, 3) array
-        Variance that is new in each sample.
+        Added variance in each sample.
     """
 
     channel: NDArray[np.int64]
@@ -69,24 +69,24 @@ class Processes(NamedTuple):
 
 
 class Transition(NamedTuple):
-    """What becomes of the nine navigation errors over an interval.
+    """Responses of the nine navigation errors over an interval.
 
     Attributes
     ----------
     navigation : (9, 9) array
         Response to themselves.
     bias, fading : (9, 6) arrays
-        Response to the errors of the biases, constant, and fading as the filter believes.
+        Response to bias errors: constant, and decaying as in the filter.
     coupled : (9, 6, 6) array
-        Response to errors of gyros and accelerometers, each in proportion to a component of rate or force.
+        Response to errors of gyros and accelerometers that are proportional to a component of rate or force.
     process : (p, 9, 3) array
         Response to c, decaying from 1 in the first sample.
     covariance, cross : (p, 9, 9), (p, 9, 3) arrays
-        Covariance that what is new in c gives the navigation errors, with themselves and with c at the end.
+        Covariance of the navigation errors due to the noise of c: with themselves, and with c at the end.
     power : (p,) array
-        What is left of c of the first sample after the last.
+        Fraction of c of the first sample that remains after the last.
     driven : (s, 9) array
-        What known errors of the IMU give the navigation errors.
+        Response to known errors of the IMU.
     """
 
     navigation: FloatArray
@@ -101,7 +101,7 @@ class Transition(NamedTuple):
 
     @classmethod
     def empty(cls, processes: int, known: int = 0) -> Transition:
-        """Return room for numbers of processes and of known errors."""
+        """Allocate arrays for a number of processes and of known errors."""
         return cls(
             np.zeros((NAV, NAV)),
             np.zeros((NAV, BIASES)),
@@ -122,7 +122,7 @@ _matrix = strapdown.matrix
 
 @inline_kernel
 def _set_state(state: FloatArray, flight: Flight, k: int) -> None:
-    """Write what the error model reads of the strapdown, from the truth of sample k."""
+    """Write the strapdown state for the error model, from the truth at sample k."""
     sine, cosine, height = np.sin(flight.latitude[k]), np.cos(flight.latitude[k]), flight.height[k]
     meridian, transverse = _radii(sine)
     state[strapdown.LATITUDE], state[strapdown.HEIGHT] = flight.latitude[k], height
@@ -151,7 +151,7 @@ def _clear(out: Transition) -> None:
 
 @inline_kernel
 def _respond(flight: Flight, k: int, F: FloatArray, fade: FloatArray, r: FloatArray, out: Transition) -> None:
-    """Write the response r (9, 6) to errors of the IMU in sample k, and put the sample before the others."""
+    """Write the response r (9, 6) to errors of the IMU in sample k, and prepend the sample."""
     L, dt = out.navigation, flight.dt
     row = np.empty(NAV)
     for i in range(NAV):
@@ -176,7 +176,7 @@ def _respond(flight: Flight, k: int, F: FloatArray, fade: FloatArray, r: FloatAr
 
 @inline_kernel
 def _drive(p: int, channel: int, decay: float, drive: FloatArray, r: FloatArray, out: Transition) -> None:
-    """Put what process p does in a sample before the others."""
+    """Prepend the effect of process p in a sample."""
     for j in range(3):
         for i in range(NAV):
             s = r[i, 3 * channel + j] + decay * out.process[p, i, j]
@@ -212,7 +212,7 @@ def _compile(
         flight
             The flight.
         first, last
-            Samples between which the errors are followed; the same gives the transition over no time.
+            First and last sample of the interval; equal samples give the transition over no time.
         fade : (6,) array
             The filter's decay of the biases in one sample.
         processes

@@ -1,8 +1,8 @@
-"""Trial: advice is tried before it is given: the run with the settings advised, and what it brings.
+"""Trial: advice is tried before it is given, in a run with the advised settings.
 
-Three figures judge it, none of which needs the truth: NIS over its degrees of freedom, the correlation of
-the innovations from fix to fix, and the errors across outages of `OUTAGE` every `EVERY`, made on purpose,
-against the fixes held out there. Advice that makes any of them worse is not given.
+Three figures judge the run, and none of them needs the truth: NIS over its degrees of freedom, the
+correlation of the innovations from fix to fix, and the errors relative to the fixes withheld in artificial
+outages of `OUTAGE` every `EVERY`. Advice that makes any of them worse is not given.
 """
 
 from __future__ import annotations
@@ -26,30 +26,30 @@ from lab.settings import SettingError
 FloatArray = NDArray[np.float64]
 
 OUTAGE, EVERY = 10.0, 60.0
-"""Length of the outages made on purpose, and time from one to the next [s]."""
+"""Length of the artificial outages, and time from one to the next [s]."""
 WORSE = 1.05
-"""Factor by which the errors across outages may grow; less is chance over half a dozen outages."""
+"""Factor by which the errors across outages may grow by chance, over half a dozen outages."""
 CHANCE = 0.05
-"""Change of NIS per degree of freedom, or of a correlation, that is no worsening."""
+"""Largest change of NIS per degree of freedom, or of a correlation, that does not count as worse."""
 RARE = 3.0
-"""Standard deviations of a figure of a right filter within which it is as good as right."""
+"""Number of standard deviations within which a figure counts as that of a right filter."""
 
 _TRYING = "Trying the advice"
 
 
 class Figures(NamedTuple):
-    """What judges a run, or several, without the truth.
+    """The figures of a run, or of several, that do not need the truth.
 
     Attributes
     ----------
     nis : float
-        NIS over its degrees of freedom, of all fixes the filter was offered.
+        NIS over its degrees of freedom, for all offered fixes.
     correlation : float
-        Largest correlation of a kind of innovation from one fix to the next, as a size.
+        Largest absolute correlation of a kind of innovation from one fix to the next.
     held_out : float
-        Rms of the position errors against fixes held out [m]; NaN where the flight is too short.
+        Rms of the position errors relative to withheld fixes [m]; NaN if the flight is too short.
     fixes : float
-        Number of fixes that NIS and the correlation are of.
+        Number of fixes for NIS and the correlation.
     """
 
     nis: float
@@ -59,41 +59,41 @@ class Figures(NamedTuple):
 
 
 class Repeatable(Run, ABC):
-    """A run that can be repeated with other settings, and says what speaks for and against its filter."""
+    """A run that can be repeated with other settings, and gives evidence about its filter."""
 
     @property
     @abstractmethod
     def epoch(self) -> float:
-        """What time 0 is in the clock that outages are given in [s]: of a log, that of its file."""
+        """Time 0 in the clock of the outages [s]; for a log, the clock of its file."""
 
     @property
     @abstractmethod
     def evidence(self) -> Evidence:
-        """What this run says for and against each assumption of the filter; of a log its innovations."""
+        """The evidence of this run for each assumption of the filter; for a log, from its innovations."""
 
     @abstractmethod
     def repeated(self, experiment: ExperimentSettings) -> Repeatable:
-        """Return the run with other settings, from a changed copy of its own."""
+        """Return the run with a changed copy of its settings."""
 
 
 def can_be_tried(verdict: Verdict, algorithm: str) -> bool:
-    """Say whether any advice names settings, which can be tried; not those of a user's own navigator."""
+    """Return whether any advice names settings to try; false for a user's own navigator."""
     return not algorithm and any(finding.changes for finding in verdict.findings)
 
 
 def tried(
     verdict: Verdict, runs: Sequence[Repeatable], progress: Callable[[str, float], None] | None = None
 ) -> Verdict:
-    """Return a verdict, its advice tried and what it brings said.
+    """Return a verdict with the effect of its advice.
 
-    Each finding whose advice names settings costs two runs for each of `runs`, and the first one more.
+    Each finding whose advice names settings takes two runs for each of `runs`, and the first one a third.
 
     Parameters
     ----------
     verdict
-        The verdict on these runs, or on these and others of the same settings.
+        The verdict on these runs, or on these and others with the same settings.
     runs
-        On which the advice is tried: the figures are their averages.
+        Runs on which the advice is tried; the figures are their averages.
     progress
         Called before each trial with a phrase and the fraction done, from 0 to 1.
     """
@@ -120,9 +120,9 @@ def tried(
 def _together(
     findings: list[Finding], runs: Sequence[Repeatable], before: Figures, tell: Callable[[str, float], None]
 ) -> str:
-    """Return what all advice brings at once, in words; empty where that makes anything worse.
+    """Return the effect of all advice together as text; empty if it makes anything worse.
 
-    What one fault hides of another, its advice alone makes worse.
+    If one fault hides another, the advice for it alone can make things worse.
     """
     changes = tuple(change for finding in findings for change in finding.changes)
     tell(_TRYING, 0.1)
@@ -134,35 +134,35 @@ def _together(
 
 
 def _followed(runs: Sequence[Repeatable], changes: tuple[Change, ...]) -> Figures:
-    """Return what judges runs with some settings changed."""
+    """Return the figures of runs with some settings changed."""
     return average([figures(run.repeated(advised(run, changes))) for run in runs])
 
 
 def _tried(finding: Finding, runs: Sequence[Repeatable], before: Figures) -> Finding:
-    """Return a finding with what its advice brings, or without its advice."""
+    """Return a finding with the effect of its advice, or without its advice."""
     try:
         after = _followed(runs, finding.changes)
     except (SettingError, ValueError) as error:
         return replace(
-            finding, advice=f"{finding.advice} (Tried, it cannot be navigated: {error})", changes=()
+            finding, advice=f"{finding.advice} (Tried: the run cannot be navigated: {error})", changes=()
         )
     worse = worsened(before, after)
     if worse:
         return replace(
             finding,
-            advice=f"{WITHHELD} what such a finding suggests was tried and makes worse {worse}. It was: "
-            f"{finding.advice}",
+            advice=f"{WITHHELD} the change that such a finding suggests was tried, and it makes worse "
+            f"{worse}. It was: {finding.advice}",
             changes=(),
         )
     return replace(finding, advice=f"{finding.advice} Tried: {_words(before, after)}.")
 
 
 def worsened(before: Figures, after: Figures) -> str:
-    """Return what has become worse, in words; empty if nothing has."""
+    """Return the figures that became worse, as text; empty if none did."""
     found = []
     by_chance = RARE / np.sqrt(max(after.fixes, 1.0))
     off = abs(np.log(max(after.nis, 1e-9)))
-    # The variance of χ² is twice its degrees of freedom, of which a fix has six.
+    # The variance of χ² is twice its degrees of freedom; a fix has six.
     if off > max(by_chance * np.sqrt(2 / 6), abs(np.log(max(before.nis, 1e-9))) + CHANCE):
         found.append(f"NIS per degree of freedom ({before.nis:.2f}, then {after.nis:.2f})")
     if after.correlation > max(by_chance, before.correlation + CHANCE):
@@ -192,8 +192,8 @@ def _words(before: Figures, after: Figures) -> str:
 def advised(run: Repeatable, changes: tuple[Change, ...]) -> ExperimentSettings:
     """Return the experiment of a run with some settings changed.
 
-    Matrices that are matched are taken from what the filter assumed; of a log's fixes, each with its own σ,
-    their mean.
+    Matched matrices are replaced by the filter's; for the fixes of a log, which have their own σ, by the
+    mean.
     """
     experiment, assumed = run.experiment.copy(), run.belief
     navigator = experiment.navigator
@@ -223,7 +223,7 @@ def advised(run: Repeatable, changes: tuple[Change, ...]) -> ExperimentSettings:
 
 
 def figures(run: Repeatable) -> Figures:
-    """Return what judges a run without the truth."""
+    """Return the figures of a run, without the truth."""
     seen = run.evidence.innovations
     power = seen.squares.total.reshape(2, 3).sum(axis=1)
     after = seen.lagged[0].reshape(2, 3).sum(axis=1) / np.maximum(power, 1e-12)
@@ -244,7 +244,7 @@ def average(of: Sequence[Figures]) -> Figures:
 
 
 def held_out(run: Repeatable) -> float:
-    """Return the rms position error across outages made on purpose, against the fixes held out there [m]."""
+    """Return the rms position error across artificial outages, relative to the fixes withheld there [m]."""
     begin, end = float(run.time[0]), float(run.time[-1])
     starts = np.arange(begin + EVERY - OUTAGE, end - OUTAGE, EVERY)
     outages = [[float(start), float(start + OUTAGE)] for start in starts]
@@ -253,7 +253,7 @@ def held_out(run: Repeatable) -> float:
     made = [[start + run.epoch, end + run.epoch] for start, end in outages]
     experiment.set("sensors.gps.outages", [*map(list, experiment.sensors.gps.outages), *made])
     fixes, times = run.fixes, run.fix_validity
-    # Of the last half of each outage, where the errors have grown.
+    # The second half of each outage, where the errors have grown.
     chosen = np.zeros(times.size, dtype=np.bool_)
     for first, last in outages:
         chosen |= (times > first + OUTAGE / 2) & (times <= last)

@@ -1,19 +1,19 @@
-"""Verdict: in plain words, whether a filter tells the truth about itself, and if not, what is wrong.
+"""Verdict: whether a filter states its errors correctly, and if not, what is wrong, in plain words.
 
-Each statement rests on one statistic with a known distribution, and is made only if that is both beyond
-doubt and large enough to matter:
+Each statement is based on one statistic with a known distribution. It is made only if the deviation is both
+beyond doubt and large enough to matter:
 
-- *Beyond doubt.* A χ² statistic outside its two-sided 99.8 % interval (`DOUBT`), an explanation that raises
-  the likelihood by e¹⁰ (`RATIO`) beyond the price of its parameters, a fix that stands out from those around
-  it as one in 5 million does (`outliers`). Together they raise less than one false alarm in 100 runs.
-- *Large enough.* A variance that is wrong by less than half (`MATTERS`) costs a filter next to nothing: its
-  gain depends on the root of it. Nor does a latency below 10 ms, or a lever arm below 20 cm.
+- *Beyond doubt.* A χ² statistic is outside its two-sided 99.8 % interval (`DOUBT`), an explanation raises the
+  likelihood by e¹⁰ (`RATIO`) beyond the price of its parameters, or a fix differs from its neighbours as one
+  in 5 million does (`outliers`). Together they raise less than one false alarm in 100 runs.
+- *Large enough.* A variance that is wrong by less than half (`MATTERS`) hardly affects a filter, because its
+  gain depends on the root of the variance. The same holds for a latency below 10 ms, or a lever arm below 20
+  cm.
 
-Asked first is whether everything is inconsistent, a stretch, a channel, or single fixes (`pattern`).
-
-With the truth, every assumption has a sample of its own (`fix_verdict`, `sensor_verdict`, `state_verdict`),
-so one wrong assumption does not accuse another. Innovations alone (`innovation_verdict`) cannot tell
-everything apart: a P0 or Q that is too large hardly shows.
+The first question is whether all values are inconsistent, or a stretch, a channel, or single fixes
+(`pattern`). With the truth, each assumption has its own sample (`fix_verdict`, `sensor_verdict`,
+`state_verdict`), so one wrong assumption is not mistaken for another. Innovations alone
+(`innovation_verdict`) cannot distinguish all causes: a P0 or Q that is too large hardly shows.
 """
 
 from __future__ import annotations
@@ -39,13 +39,13 @@ from lab.analysis.state_verdict import judge_start, judge_states
 __all__ = ["MANY_SIGMA", "NOTHING", "Finding", "Verdict", "Weighed", "judge", "judge_size", "judge_usage"]
 
 UNUSED = 0.02
-"""Part of the fixes that a gate may reject beyond what its probability lets expect."""
+"""Fraction of the fixes that a gate may reject beyond the expected number."""
 RIGHTLY = 0.7
-"""Part of the rejected fixes that must stand out from their neighbours for the gate to be right."""
+"""Fraction of the rejected fixes that must differ from their neighbours for the gate to be right."""
 
 
 def judge(evidence: Evidence) -> Verdict:
-    """Return the verdict on one run, or on many whose evidence was added."""
+    """Return the verdict on one run, or on many with added evidence."""
     with_truth = evidence.fixes is not None
     refused = evidence.innovations.refused if evidence.fixes is None else evidence.fixes.refused
     weighed = judge_usage(evidence.usage, refused)
@@ -57,14 +57,14 @@ def judge(evidence: Evidence) -> Verdict:
     basis = f"{runs}, {'errors and innovations' if with_truth else 'innovations only'}"
     what = "errors and innovations are" if with_truth else "the innovations are white and"
     return Verdict(
-        headline(findings, f"Consistent: {what} as large as the filter says."),
+        headline(findings, f"Consistent: {what} as large as the filter states."),
         findings,
         basis,
     )
 
 
 def judge_usage(usage: Usage, refused: int) -> list[Weighed]:
-    """Judge how many fixes the gate rejected, of which `refused` stand out from their neighbours."""
+    """Judge the number of fixes that the gate rejected; `refused` of them differ from their neighbours."""
     unused = usage.rejected - usage.expected
     beyond = usage.rejected > usage.expected + MANY_SIGMA * np.sqrt(usage.expected + 1)
     if not usage.offered or unused <= UNUSED * usage.offered or not beyond:
@@ -78,8 +78,8 @@ def judge_usage(usage: Usage, refused: int) -> list[Weighed]:
         part,
         f"The gate rejected {usage.rejected} of {usage.offered} fixes ({100 * part:.2g} %), where chance "
         f"rejects {usage.expected:.2g}.",
-        "Look at what makes these fixes implausible before you believe the rest: too small a Q, R or P₀ "
-        "makes good fixes implausible. Run with navigator.gate 0 and read the verdict on all fixes.",
+        "Find out why these fixes are implausible; do not trust the rest before. A Q, R or P₀ that is too "
+        "small makes good fixes implausible. Run with navigator.gate 0 and read the verdict on all fixes.",
         f"{usage.rejected} rejected, expected {usage.expected:.2g}",
     )
     return [Weighed(float(unused), finding)]
@@ -92,7 +92,7 @@ def _by_truth(evidence: Evidence) -> list[Weighed]:
     if evidence.sensors is not None:
         found += judge_sensors(evidence.sensors)
     if evidence.start is not None:
-        # What the specific force does to the gyros looks like a bias at the start that nobody expected.
+        # The effect of the specific force on the gyros looks like an unexpected initial bias.
         g_sensitive = any(entry.finding.quantity == "gyro g-sensitivity" for entry in found)
         found += judge_start(evidence.start, without=("gyro bias",) if g_sensitive else ())
     return found or judge_states(evidence)

@@ -1,7 +1,7 @@
-"""The command line, ``ins-lab``: one file for each command, with what it answers.
+"""The command line, ``ins-lab``: one file for each command.
 
-Results go to standard output, everything else to standard error. What a person can put right is answered with
-one message and exit code 2. Commands import what they need when they run, so that help appears at once.
+Results go to standard output, everything else to standard error. An error that a person can correct gives one
+message and exit code 2. Commands import their dependencies when they run, so that help appears at once.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ from lab.cli.app import app, main
 
 __all__ = ["app", "main"]
 
-# In the order in which help lists them; `dashboards.command_line` adds the last, which serves the dashboard.
+# In the order of the help; `dashboards.command_line` adds the last one, which serves the dashboard.
 app.command("missions")(missions.list_missions)
 app.command("run", epilog=run.EXAMPLES)(run.run)
 app.command("compare", epilog=compare.EXAMPLES)(compare.compare)

@@ -1,4 +1,4 @@
-"""``ins-lab allan``: the noise of an IMU at rest, from its log or from a card simulated."""
+"""``ins-lab allan``: the noise of an IMU at rest, from its log or simulated from a card."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ Examples:
   ins-lab allan imu.csv
   ins-lab allan imu.csv --card my_imu.toml
   ins-lab allan ADIS16470 --seed 3
-A log is a csv with the columns t_s, gx_rad_s, gy_rad_s, gz_rad_s, fx_m_s2, fy_m_s2, fz_m_s2."""
+A log is a csv file with the columns t_s, gx_rad_s, gy_rad_s, gz_rad_s, fx_m_s2, fy_m_s2, fz_m_s2."""
 
 
 def allan(
@@ -42,17 +42,17 @@ def allan(
     ] = None,
     seed: Annotated[
         int,
-        typer.Option("--seed", min=0, max=2**32 - 1, metavar="N", help="Seed of what is simulated."),
+        typer.Option("--seed", min=0, max=2**32 - 1, metavar="N", help="Seed of the simulation."),
     ] = 1,
     assumed: Assumed = True,
     force: Force = False,
     as_json: AsJson = False,
 ) -> None:
-    """Fit the noise terms of IEEE 952 to the Allan deviation of an IMU at rest, and say how well they fit."""
+    """Fit the noise terms of IEEE 952 to the Allan deviation of an IMU at rest, and test the fit."""
     is_log = record.lower().endswith(".csv")
     if out is not None:
         if not is_log:
-            raise CommandError(f"--card {out}: a card is made of a log, not of {record}")
+            raise CommandError(f"--card {out}: a card is made from a log, and {record} is not one")
         check_out(out, force, ".toml", "a card", "--card")
     with working(record) as progress:
         progress("reading" if is_log else "simulating", 0.0)
@@ -94,7 +94,7 @@ def _fitted(records: Mapping[str, Record]) -> dict[str, NoiseTerms]:
 
 
 def _terms(fitted: Mapping[str, NoiseTerms], card: Card | None) -> str:
-    """Return the fitted terms as a table, beside those of the card simulated."""
+    """Return the fitted terms as a table, beside those of the simulated card."""
     from lab.analysis import rest  # noqa: PLC0415 - takes half a second
 
     rows = []
@@ -113,7 +113,7 @@ def _terms(fitted: Mapping[str, NoiseTerms], card: Card | None) -> str:
 
 
 def _goodness(fitted: Mapping[str, NoiseTerms]) -> str:
-    """Return the goodness of the fits as a table, and what it means where they are poor."""
+    """Return the goodness of the fits as a table, with an explanation of poor fits."""
     from lab.analysis import rest  # noqa: PLC0415 - takes half a second
 
     rows = [

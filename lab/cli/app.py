@@ -1,4 +1,4 @@
-"""App: what all commands share: help, the one place where something runs, and what becomes of its errors."""
+"""App: the common part of all commands: help, execution, and the messages for errors."""
 
 from __future__ import annotations
 
@@ -17,11 +17,11 @@ from lab.settings import SettingError
 
 
 class CommandError(ValueError):
-    """A command that cannot be carried out as given; the message says what is accepted."""
+    """A command with invalid arguments; the message says what is accepted."""
 
 
 class Commands(typer.core.TyperGroup):
-    """The commands, answering whatever a person can put right with a message instead of a traceback."""
+    """The commands; an error that a person can correct gives a message instead of a traceback."""
 
     def get_command(self, ctx: Any, cmd_name: str) -> Any:
         """Return a command by its name."""
@@ -40,7 +40,7 @@ class Commands(typer.core.TyperGroup):
             print(f"ins-lab: {error}", file=sys.stderr)
             raise typer.Exit(2) from error
         except OSError as error:
-            if error.filename is None:  # such as a closed pipe
+            if error.filename is None:  # for example a closed pipe
                 raise
             print(f"ins-lab: {error.filename}: {error.strerror}", file=sys.stderr)
             raise typer.Exit(2) from error
@@ -86,17 +86,17 @@ def ins_lab(
 
 @contextlib.contextmanager
 def working(task: str) -> Iterator[Progress]:
-    """Tell how work goes; only the answer goes to standard output, whatever a library prints.
+    """Report progress; only the answer goes to standard output, whatever a library prints.
 
     Parameters
     ----------
     task
-        What is worked on, such as the mission; stands before the message of an error that does not say.
+        Subject of the work, such as the mission; it precedes an error message that does not name it.
 
     Raises
     ------
     CommandError
-        In place of a `ValueError` that does not name itself what is wrong, and of a `MemoryError`.
+        In place of a `ValueError` without a message of the lab, and of a `MemoryError`.
     """
     with contextlib.redirect_stdout(sys.stderr), Progress(task) as progress:
         try:
@@ -107,8 +107,8 @@ def working(task: str) -> Iterator[Progress]:
             raise CommandError(f"{task}: {error}") from error
         except MemoryError as error:
             raise CommandError(
-                f"{task}: needs more memory than there is; a shorter flight or a lower trajectory.imu_rate "
-                "needs less"
+                f"{task}: needs more memory than is available; a shorter flight or a lower "
+                "trajectory.imu_rate needs less"
             ) from error
 
 
@@ -118,7 +118,7 @@ def print_json(data: Any) -> None:
 
 
 def plain(data: Any) -> Any:
-    """Return data as JSON has it, which knows neither NaN nor infinity nor NumPy's numbers."""
+    """Return data in a form for JSON, which has no NaN, infinity or NumPy numbers."""
     if isinstance(data, Mapping):
         return {str(key): plain(value) for key, value in data.items()}
     if isinstance(data, list | tuple):

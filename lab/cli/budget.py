@@ -1,4 +1,4 @@
-"""``ins-lab budget``: what each source of error contributes to the errors of a mission's solution."""
+"""``ins-lab budget``: the contribution of each source of error to the errors of a mission's solution."""
 
 from __future__ import annotations
 
@@ -19,8 +19,8 @@ Examples:
   ins-lab budget montreal
   ins-lab budget montreal --set navigator.r_scale=100
   ins-lab budget los_angeles --at 60 --json
-The columns are 1σ of all three components together, and the part of the variance. The total is that of the
-errors, be the filter right or wrong; what it believes itself, and every component, is in the JSON."""
+The columns are 1σ of all three components together, and the share of the variance. The total is σ of the
+true errors, whether the filter is right or wrong. The JSON adds the filter's own σ and every component."""
 
 
 def error_budget(
@@ -32,11 +32,11 @@ def error_budget(
     seed: Seed = None,
     at: Annotated[
         float | None,
-        typer.Option("--at", metavar="TIME", help="When, in seconds.", show_default="the end"),
+        typer.Option("--at", metavar="TIME", help="Time of the budget, in seconds.", show_default="the end"),
     ] = None,
     as_json: AsJson = False,
 ) -> None:
-    """Show what each source of error contributes to the errors of a mission's solution."""
+    """Show the contribution of each source of error to the errors of a mission's solution."""
     chosen = experiment(mission, config, card, assignments, seed, assumed)
     with working(chosen.mission) as progress:
         result = chosen.run(progress)
@@ -57,7 +57,7 @@ def _check_time(at: float | None, end: float) -> None:
 
 
 def _budget(there: xr.Dataset) -> str:
-    """Return a budget at one time as text: the sources, the largest first, their total, what is not in it.
+    """Return a budget at one time as text: the sources by size, their total, and the omitted errors.
 
     Each kind of quantity is one number, of all three components together: the root of the sum of the
     variances of east, north and up, or of roll, pitch and heading.
@@ -86,7 +86,7 @@ def _budget(there: xr.Dataset) -> str:
 
 
 def _facts(there: xr.Dataset) -> dict[str, Any]:
-    """Return a budget at one time as plain data, every quantity for itself."""
+    """Return a budget at one time as plain data, each quantity separately."""
     quantities = []
     for quantity in there.quantity.values:
         column = there.sel(quantity=quantity)

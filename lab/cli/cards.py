@@ -1,4 +1,4 @@
-"""``ins-lab cards``: the sensors there are, with the sources of their numbers."""
+"""``ins-lab cards``: the cards of sensors, with the sources of their numbers."""
 
 from __future__ import annotations
 
@@ -20,15 +20,15 @@ Examples:
   ins-lab cards ADIS16470
   ins-lab run montreal --card ADIS16470
   ins-lab run montreal --card ADIS16470 --no-assumed
-What a card has no source for is assumed, as typical of its grade, and marked so; --no-assumed leaves it out.
+Numbers without a source are assumed, typical of the grade, and marked; --no-assumed omits them.
 White noise is the two-sided N of IEEE 952, which is 1/√2 of a one-sided noise density."""
 
 NOTHING = "–"
-"""Stands where a card has no number."""
+"""Placeholder for a missing number."""
 ASSUMED = "*"
-"""Stands behind a number that is assumed."""
-FOOT = f"{ASSUMED} assumed: typical of the grade, since the card has no source for it"
-"""Says what the mark means, below a table."""
+"""Mark after an assumed number."""
+FOOT = f"{ASSUMED} assumed: a value typical of the grade, since the card has no source"
+"""Legend of the mark, below a table."""
 
 _COLUMNS = (
     ("gyro", "noise_density", "gyro noise"),
@@ -42,13 +42,13 @@ def list_cards(
     name: Annotated[
         str | None,
         typer.Argument(
-            metavar="[NAME]", help="A card, by name or .toml file: all of it.", show_default=False
+            metavar="[NAME]", help="Card to show in full, by name or .toml file.", show_default=False
         ),
     ] = None,
     assumed: Assumed = True,
     as_json: AsJson = False,
 ) -> None:
-    """List the cards of real sensors, or show one: its sources, what is assumed, what is missing."""
+    """List the cards of real sensors, or show one with its sources, assumed and missing terms."""
     from lab.sensors.cards import card, cards  # noqa: PLC0415 - takes half a second
 
     if name is None:
@@ -83,17 +83,17 @@ def _cards(cards: Sequence[Card]) -> str:
 
 
 def _marked(card: Card, group: str, term: str) -> str:
-    """Return a number of a card in the unit of its setting, marked where it is assumed."""
+    """Return a number of a card in the unit of its setting, marked if assumed."""
     return number(card.value(group, term)) + (ASSUMED if card.is_assumed(group, term) else "")
 
 
 def _card(card: Card) -> str:
-    """Return a whole card: every number with its source, what is assumed, and what is missing."""
+    """Return a whole card as text: every number with its source, the assumed and the missing terms."""
     head = [f"{card.name}: {', '.join(text for text in (card.maker, f'{card.grade} grade') if text)}"]
     head += [card.note] if card.note else []
     lines = [*head, _terms(card.terms)]
     if card.assumed:
-        lines += ["", "Assumed, for what the card has no source for (--no-assumed leaves it out):"]
+        lines += ["", "Assumed, since the card has no source (--no-assumed omits these):"]
         lines.append(_terms(card.assumed))
     missing = [
         f"No source, off when loaded: {triad}: {'; '.join(labels)}"
@@ -104,7 +104,7 @@ def _card(card: Card) -> str:
 
 
 def _terms(terms: Terms) -> str:
-    """Return data as a table: as the source has them, and a density with its convention."""
+    """Return data as a table in the units of the source; a density with its convention."""
     from lab.sensors.suite import SensorSuite  # noqa: PLC0415 - takes half a second
 
     suite = SensorSuite().groups()

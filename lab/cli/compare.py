@@ -33,8 +33,8 @@ Examples:
   ins-lab compare montreal --models phi,psi --seeds 20
   ins-lab compare montreal --algorithm my_filter.py:MyFilter
   ins-lab compare los_angeles --set navigator.attitude_sigma=20 --json
-Every model gets the same flights: same sensors, same draws. Errors are root mean squares over all runs; NEES
-and NIS stand beside what they should be; the time is that of the navigator for one flight."""
+Every model gets the same flights: same sensors, same draws. Errors are root mean squares over all runs. NEES
+and NIS stand beside their expected values. The time is the navigator's for one flight."""
 
 _TITLES = ("model", "position [m]", "velocity [m/s]", "heading [°]", "NEES", "NIS", "time [ms]", "verdict")
 
@@ -46,7 +46,7 @@ def compare(
         typer.Option(
             "--models",
             metavar="NAME,...",
-            help="Error models, by commas; all by default.",
+            help="Error models, separated by commas; all by default.",
             show_default=False,
         ),
     ] = None,
@@ -74,7 +74,7 @@ def compare(
 
 
 def _comparison(rows: Sequence[Compared]) -> str:
-    """Return compared models as a table: rms errors, mean NEES and NIS beside what they should be, time."""
+    """Return compared models as a table: rms errors, mean NEES and NIS with expected values, time."""
     cells = [
         (
             row.model,
@@ -90,10 +90,10 @@ def _comparison(rows: Sequence[Compared]) -> str:
 
 
 def _beside(value: float, degrees: int, refusal: str) -> str:
-    """Return a mean NEES or NIS beside what it should be."""
+    """Return a mean NEES or NIS beside its expected value."""
     if math.isfinite(value):
         return f"{value:.2f} / {degrees}"
-    return "–" if refusal else "not known"
+    return "–" if refusal else "unknown"
 
 
 def _shown(value: float, form: str = ".3f") -> str:

@@ -1,4 +1,4 @@
-"""``ins-lab export``: where a mission went, for Google Earth, GIS programs and spreadsheets."""
+"""``ins-lab export``: the path of a mission, for Google Earth, GIS programs and spreadsheets."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ Examples:
   ins-lab export montreal --to montreal.kml
   ins-lab export my_drive --to my_drive.gpx
   ins-lab run montreal --export run.kml
-The last writes the true path, the estimated path and the GPS fixes of a run."""
+The last example writes the true path, the estimated path and the GPS fixes of a run."""
 
 
 def export(
@@ -30,24 +30,27 @@ def export(
     to: Annotated[
         Path,
         typer.Option(
-            "--to", metavar="FILE", help="The file; .kml, .gpx, .csv or .csv.gz.", show_default=False
+            "--to",
+            metavar="FILE",
+            help="File to write, ending in .kml, .gpx, .csv or .csv.gz.",
+            show_default=False,
         ),
     ],
     force: Force = False,
 ) -> None:
-    """Write where a mission went: KML for Google Earth, GPX for maps, or a flight csv."""
+    """Write the path of a mission: KML for Google Earth, GPX for maps, or a flight csv."""
     check_export(to, force, "--to")
     write(find_mission(mission), to, force, "--to")
     print(to)
 
 
 def check_export(path: Path | None, force: bool, option: str) -> None:
-    """Refuse a file that could not be written, before the work is done.
+    """Check before the work that a file can be written.
 
     Raises
     ------
     CommandError
-        If it has another ending, exists, or cannot be written where it is.
+        If the ending is wrong, the file exists, or its folder is not writable.
     """
     if path is not None:
         ending = next((one for one in ENDINGS if path.name.lower().endswith(one)), "")

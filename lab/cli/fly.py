@@ -1,4 +1,4 @@
-"""``ins-lab fly``: a plan flown in JSBSim, or a way or a motion carried out without it."""
+"""``ins-lab fly``: a plan flown in JSBSim, or waypoints or motion commands carried out without it."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ def fly(
     out: Annotated[
         Path | None,
         typer.Option(
-            "--out", metavar="FOLDER", help="Where the mission is written.", show_default="your own missions"
+            "--out", metavar="FOLDER", help="Folder for the mission.", show_default="your own missions"
         ),
     ] = None,
     force: Force = False,
@@ -51,7 +51,7 @@ def fly(
     need no simulator; missions/README.md shows each. The same plan and seed give the same flight, bit by bit.
 
     A flight that ends early (a stall, the ground, a plan that cannot be flown, Ctrl-C) is kept as far as it
-    went; the answer says why, with exit code 3.
+    went; a message says why, and the exit code is 3.
     """
     with working(mission) as progress, interrupted() as cancelled:
         flown = fly_mission(
@@ -64,5 +64,5 @@ def fly(
         )
     print(f"{flown.recording_path}: {flown.duration:.1f} s flown")
     if flown.ending:
-        print(f"ins-lab: {flown.ending}; what was flown until then is kept", file=sys.stderr)
+        print(f"ins-lab: {flown.ending}; the flight up to that point is kept", file=sys.stderr)
         raise typer.Exit(ENDED_EARLY)

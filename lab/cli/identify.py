@@ -1,4 +1,4 @@
-"""``ins-lab identify``: the noise of a log's sensors, latency and lever arm from the innovations."""
+"""``ins-lab identify``: sensor noise, latency and lever arm from the innovations."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ Examples:
   ins-lab identify my_drive --card my_imu.toml --settings my_drive_settings.toml
   ins-lab run my_drive --config my_drive_settings.toml
   ins-lab identify montreal --set navigator.q_scale=0.01
-The intervals hold 95 %. What the log does not show stays as it is assumed."""
+The intervals are 95 % intervals. Parameters that the log does not show keep the assumed values."""
 
 
 def identify(
@@ -38,7 +38,7 @@ def identify(
         typer.Option(
             "--settings",
             metavar="OUT.toml",
-            help="Write all settings with what was found, for --config.",
+            help="Write all settings, including the identified ones, for --config.",
             show_default=False,
         ),
     ] = None,
@@ -67,8 +67,8 @@ def _card(found: Identification, out: Path) -> str:
     card = found.card(out.stem)
     if not card.terms:
         raise CommandError(
-            f"--card {out}: the innovations show nothing that a card has; --settings writes what the filter "
-            "assumes"
+            f"--card {out}: the innovations show no parameter that a card has; --settings writes what the "
+            "filter assumes"
         )
     return card.to_toml()
 

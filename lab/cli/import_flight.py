@@ -1,4 +1,4 @@
-"""``ins-lab import``: a flight of a simulator or logger judged, rebuilt and added to the missions."""
+"""``ins-lab import``: a flight of a simulator or logger, checked, rebuilt and added to the missions."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from lab.cli.app import CommandError, print_json, working
-from lab.cli.options import AsJson, Card, Force
+from lab.cli.options import AsJson, Force
 
 if TYPE_CHECKING:
     from lab.importing.import_report import ImportReport
@@ -26,13 +26,13 @@ Examples:
   ins-lab import Data.csv --unit Plane_Altitude=m --set curve="air data" --set wind=none
   ins-lab import track.gpx --set vehicle=car
   ins-lab import flight.ulg --as log
-The format is found by what the file holds. --set takes curve, time_stamps, longest_gap, smoothing,
+The format is detected from the content. --set takes curve, time_stamps, longest_gap, smoothing,
 smoothing_parameter, wind, wind_from, wind_speed, vehicle, start_latitude, start_longitude, start_height and
-rate; a value that is not accepted is answered with those that are."""
+rate; the message about a refused value lists the accepted ones."""
 
 
 class Kind(StrEnum):
-    """What a file becomes: the flight it tells of, or the log of the IMU and the GPS receiver in it."""
+    """What a file becomes: a flight recording, or a sensor log with the IMU and GPS data in it."""
 
     FLIGHT = "flight"
     LOG = "log"
@@ -45,19 +45,19 @@ def import_flight(
     ],
     name: Annotated[
         str | None,
-        typer.Option("--name", help="What the mission is to be called.", show_default="the file's name"),
+        typer.Option("--name", help="Name of the mission.", show_default="the file's name"),
     ] = None,
-    title: Annotated[str, typer.Option("--title", help="Its title, for people.", show_default=False)] = "",
+    title: Annotated[str, typer.Option("--title", help="Title of the mission.", show_default=False)] = "",
     preview: Annotated[
         bool,
-        typer.Option("--preview", help="Write a picture of it as an html file, and add nothing."),
+        typer.Option("--preview", help="Write a preview as an html file, and add nothing."),
     ] = False,
     units: Annotated[
         list[str] | None,
         typer.Option(
             "--unit",
             metavar="COLUMN=UNIT",
-            help="The unit of a column, where the file says another or none; may be repeated.",
+            help="Unit of a column, if the file states none or a wrong one; may be repeated.",
             show_default=False,
         ),
     ] = None,
@@ -66,17 +66,27 @@ def import_flight(
         typer.Option(
             "--set",
             metavar="NAME=VALUE",
-            help="How the flight is rebuilt; may be repeated.",
+            help="One setting of the import; may be repeated.",
             show_default=False,
         ),
     ] = None,
     kind: Annotated[
         Kind,
-        typer.Option("--as", help="The flight, to simulate sensors on; or the IMU and GPS recorded on it."),
+        typer.Option(
+            "--as", help="Add the flight, to simulate sensors on it; or add the IMU and GPS data as a log."
+        ),
     ] = Kind.FLIGHT,
-    card: Card = None,
+    card: Annotated[
+        str | None,
+        typer.Option(
+            "--card",
+            metavar="NAME",
+            help="Card, by name or .toml file, whose noise the report compares with the recording's.",
+            show_default=False,
+        ),
+    ] = None,
     implausible: Annotated[
-        bool, typer.Option("--implausible", help="Add a flight that is implausible, too.")
+        bool, typer.Option("--implausible", help="Add the flight even if it is implausible.")
     ] = False,
     force: Force = False,
     as_json: AsJson = False,
@@ -102,13 +112,11 @@ def import_flight(
             added = read.add(name or _free_name(files[0]), title, overwrite=force).name
     _show(read, added, shown, as_json)
     if refused:
-        raise CommandError(
-            f"{files[0]}: not added, since it is implausible; to add it all the same: --implausible"
-        )
+        raise CommandError(f"{files[0]}: not added, since it is implausible; to add it anyway: --implausible")
 
 
 def _add_log(files: Sequence[Path], name: str | None, title: str, preview: bool, as_json: bool) -> None:
-    """Add the IMU and GPS of a file as the log they are."""
+    """Add the IMU and GPS data of a file as a sensor log."""
     from lab.logs.vehicle import VEHICLES, vehicle_of  # noqa: PLC0415 - beside what it goes with
     from lab.missions import add_log  # noqa: PLC0415 - beside what it goes with
     from lab.missions.flight_import import read_log  # noqa: PLC0415 - takes a second
@@ -166,7 +174,7 @@ def _noise(card: str | None) -> SensorNoise:
 
 
 def _preview(read: FlightImport, file: Path) -> Path:
-    """Write the picture of a flight into the folder the command is given in, and return where."""
+    """Write the preview of a flight into the current folder, and return its path."""
     from lab.views.import_preview import save_preview  # noqa: PLC0415 - Bokeh takes a second
 
     out = Path(f"{file.name}.preview.html")
@@ -178,7 +186,7 @@ def _preview(read: FlightImport, file: Path) -> Path:
 
 
 def _show(read: FlightImport, added: str | None, shown: Path | None, as_json: bool) -> None:
-    """Print the report, and what became of the flight."""
+    """Print the report and the outcome."""
     has_log = read.log is not None
     if as_json:
         facts = _facts(read.report)
@@ -187,7 +195,7 @@ def _show(read: FlightImport, added: str | None, shown: Path | None, as_json: bo
         return
     print(read.report)
     if has_log:
-        print("The file also holds the IMU and the GPS of the flight: --as log adds those as a log.")
+        print("The file also holds IMU and GPS data of the flight: --as log adds these as a log.")
     if shown is not None:
         print(f"Preview: {shown}")
     if added is not None:

@@ -1,4 +1,4 @@
-"""Interrupt: Ctrl-C as an event, for work that ends by keeping what it has."""
+"""Interrupt: Ctrl-C as an event, for work that keeps its partial result."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from collections.abc import Iterator
 
 @contextlib.contextmanager
 def interrupted() -> Iterator[threading.Event]:
-    """Give an event that Ctrl-C sets, in place of ending the program."""
+    """Yield an event that Ctrl-C sets instead of ending the program."""
     pressed = threading.Event()
     if threading.current_thread() is not threading.main_thread():
         yield pressed

@@ -1,4 +1,4 @@
-"""``ins-lab missions``, ``rename`` and ``delete``: the missions there are, and the care of your own."""
+"""``ins-lab missions``, ``rename`` and ``delete``: list all missions, and manage your own."""
 
 from __future__ import annotations
 
@@ -25,9 +25,9 @@ OwnMission = Annotated[
 
 
 def list_missions(as_json: AsJson = False) -> None:
-    """List the missions there are: those that ship, and your own."""
+    """List all missions: those that ship with the lab, and your own."""
     with warnings.catch_warnings():
-        warnings.simplefilter("ignore")  # those left out are listed below
+        warnings.simplefilter("ignore")  # omitted missions are listed below
         found = find_missions()
     readable = [entry for entry in found.values() if _readable(entry)]
     for reason in broken_missions().values():
@@ -51,14 +51,16 @@ def delete(
     mission: OwnMission,
     yes: Annotated[bool, typer.Option("--yes", "-y", help="Do not ask first.")] = False,
 ) -> None:
-    """Delete a mission of your own and its recording; those that ship stay."""
+    """Delete a mission of your own and its recording; missions that ship cannot be deleted."""
     from lab.missions.library import own_place  # noqa: PLC0415 - rarely needed
 
     place = own_place(mission)
     if not yes:
         if not sys.stdin.isatty():
-            raise CommandError(f"delete {mission}: nobody can be asked here; say --yes to delete it")
-        with contextlib.redirect_stdout(sys.stderr):  # the answer is typed after a space that is printed
+            raise CommandError(
+                f"delete {mission}: there is no terminal for a question; add --yes to delete it"
+            )
+        with contextlib.redirect_stdout(sys.stderr):  # the prompt ends with a printed space
             typer.confirm(f"Delete {place} and its recording?", abort=True)
     delete_mission(mission)
     print(f"{mission} deleted")

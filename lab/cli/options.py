@@ -1,4 +1,4 @@
-"""Options: those that several commands have, and the experiment they make."""
+"""Options: the options that several commands share, and the experiment they define."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ Mission = Annotated[
 Config = Annotated[
     Path | None,
     typer.Option(
-        "--config", metavar="FILE.toml", help="Settings, before those of --set.", show_default=False
+        "--config", metavar="FILE.toml", help="File with settings; --set overrides them.", show_default=False
     ),
 ]
 Card = Annotated[
@@ -37,7 +37,7 @@ Card = Annotated[
     typer.Option(
         "--card",
         metavar="NAME",
-        help="Sensors of a card, by name or .toml file; before --set.",
+        help="Sensors of a card, by name or .toml file; --set overrides them.",
         show_default=False,
     ),
 ]
@@ -45,12 +45,14 @@ Assumed = Annotated[
     bool,
     typer.Option(
         "--assumed/--no-assumed",
-        help="Numbers the card has no source for: typical of its grade, or off.",
+        help="Terms without a source in the card: typical of its grade, or off.",
     ),
 ]
 Assignments = Annotated[
     list[str] | None,
-    typer.Option("--set", metavar="PATH=VALUE", help="One setting; may be repeated.", show_default=False),
+    typer.Option(
+        "--set", metavar="PATH=VALUE", help="Sets one setting; may be repeated.", show_default=False
+    ),
 ]
 Seed = Annotated[
     int | None, typer.Option("--seed", metavar="N", help="Seed of all random draws.", show_default=False)
@@ -60,7 +62,7 @@ AlgorithmFile = Annotated[
     typer.Option(
         "--algorithm",
         metavar="FILE.py:Name",
-        help="An algorithm of your own; the file is executed.",
+        help="Your own algorithm; the file is executed.",
         show_default=False,
     ),
 ]
@@ -69,12 +71,12 @@ AlgorithmFiles = Annotated[
     typer.Option(
         "--algorithm",
         metavar="FILE.py:Name",
-        help="An algorithm of your own beside the models; may be repeated. The file is executed.",
+        help="Your own algorithm beside the models; may be repeated. The file is executed.",
         show_default=False,
     ),
 ]
-Force = Annotated[bool, typer.Option("--force", "--overwrite", help="Replace what exists.")]
-AsJson = Annotated[bool, typer.Option("--json", help="JSON instead of a table.")]
+Force = Annotated[bool, typer.Option("--force", "--overwrite", help="Replace existing files.")]
+AsJson = Annotated[bool, typer.Option("--json", help="Print JSON instead of a table.")]
 
 
 def experiment(
@@ -85,15 +87,15 @@ def experiment(
     seed: int | None,
     assumed: bool = True,
 ) -> Experiment:
-    """Return the experiment of a command: of the file, then the card, then --set, then the other options.
+    """Return the experiment of a command: file, then card, then --set, then the other options.
 
     Raises
     ------
     MissionError, SettingError, CommandError
-        If the mission does not exist, a setting is not accepted, or --no-assumed stands without a card.
+        If the mission does not exist, a setting is not accepted, or --no-assumed is given without a card.
     """
     if card is None and not assumed:
-        raise CommandError("--no-assumed: goes with --card, from which it leaves out what is assumed")
+        raise CommandError("--no-assumed: needs --card, whose assumed numbers it omits")
     mission = _single(mission)
     find_mission(mission)
     from lab.experiment import Experiment  # noqa: PLC0415 - takes a second
@@ -129,7 +131,7 @@ def algorithms(places: Sequence[str] | None) -> dict[str, Algorithm]:
 
 
 def _single(mission: str) -> str:
-    """Return the mission itself where its folder is named; a log is its folder."""
+    """Return the mission in a named folder; for a log, the folder itself."""
     if not Path(mission).is_dir() or mission in find_missions() or is_log_folder(Path(mission)):
         return mission
     inside = [str(path) for path in sorted(Path(mission).glob("*.toml"))]
@@ -143,7 +145,7 @@ def _single(mission: str) -> str:
 
 
 def check_out(out: Path | None, force: bool, ending: str, kind: str, option: str) -> None:
-    """Refuse a file that could not be written, before the work is done.
+    """Check before the work that a file can be written.
 
     Parameters
     ----------
@@ -152,14 +154,14 @@ def check_out(out: Path | None, force: bool, ending: str, kind: str, option: str
     force
         Whether it may be replaced.
     ending, kind
-        What its name must end with, and what is written.
+        Required ending of the name, and the kind of file.
     option
         The option that names it.
 
     Raises
     ------
     CommandError
-        If it has another ending, exists, or cannot be written where it is.
+        If the ending is wrong, the file exists, or its folder is not writable.
     """
     if out is None:
         return

@@ -28,22 +28,22 @@ Examples:
 X-Plane must run with a flight loaded, and accept incoming connections in its Settings, Network."""
 
 PATIENCE = 30.0
-"""How long X-Plane may be silent before the recording ends [s]."""
+"""Time without data from X-Plane after which the recording ends [s]."""
 _PERIOD = 0.2
-"""Time between two looks at the recording [s]."""
+"""Time between two checks of the recording [s]."""
 
 
 def record(
     name: Annotated[
         str,
-        typer.Argument(metavar="NAME", help="What the mission is to be called.", show_default=False),
+        typer.Argument(metavar="NAME", help="Name of the mission.", show_default=False),
     ],
     host: Annotated[
-        str, typer.Option("--host", metavar="HOST", help="The computer X-Plane runs on.")
+        str, typer.Option("--host", metavar="HOST", help="Computer that X-Plane runs on.")
     ] = "127.0.0.1",
-    port: Annotated[int, typer.Option("--port", metavar="PORT", help="Where X-Plane listens.")] = 49000,
+    port: Annotated[int, typer.Option("--port", metavar="PORT", help="UDP port of X-Plane.")] = 49000,
     rate: Annotated[
-        float, typer.Option("--rate", metavar="HZ", help="Samples a second, at most one in a frame.")
+        float, typer.Option("--rate", metavar="HZ", help="Samples per second, at most one per frame.")
     ] = 50.0,
     seconds: Annotated[
         float | None,
@@ -55,19 +55,19 @@ def record(
     out: Annotated[
         Path | None,
         typer.Option(
-            "--out", metavar="FOLDER", help="Where the mission is written.", show_default="your own missions"
+            "--out", metavar="FOLDER", help="Folder for the mission.", show_default="your own missions"
         ),
     ] = None,
     force: Force = False,
 ) -> None:
     """Record a mission from a running X-Plane.
 
-    Ctrl-C ends the recording and keeps it; so does an X-Plane that falls silent.
+    Ctrl-C ends the recording and keeps it. The same happens when X-Plane stops sending.
     """
     from lab.importing.xplane_live import XPlaneRecorder  # noqa: PLC0415
     from lab.missions.flight_import import prepare_flight  # noqa: PLC0415 - loads what help does not need
 
-    # After an hour's flight it is too late to find that the name is taken.
+    # Checked first: after an hour's flight it is too late to find that the name is in use.
     name = accepted_name(name)
     taken = (out or own_folder()) / f"{name}.toml"
     if taken.exists() and not force:
@@ -91,7 +91,7 @@ def record(
 def _recorded(
     recorder: XPlaneRecorder, pressed: threading.Event, seconds: float | None, progress: Progress
 ) -> RawFlight:
-    """Return what X-Plane sends until it is enough, Ctrl-C is pressed or nothing comes any more."""
+    """Return the data from X-Plane until the time is over, Ctrl-C is pressed, or the data stop."""
     recorder.start()
     heard = time.monotonic()
     told = ""

@@ -1,4 +1,4 @@
-"""``ins-lab run``: a mission navigated once; its errors, and what they say of the filter."""
+"""``ins-lab run``: a mission navigated once: its errors, and the verdict on the filter."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ Examples:
   ins-lab run montreal --export montreal.kml
   ins-lab run my_drive --set navigator.gate=0.999
   ins-lab run my_copter --from 1030 --to 1100 --vehicle copter
-my_drive is the folder of a log, with imu.csv, gnss.csv and perhaps ref.csv and log.toml.
+my_drive is the folder of a log, with imu.csv, gnss.csv and optionally ref.csv and log.toml.
 A FILE.toml holds the same settings in tables, such as
   [sensors.gyro]
   noise_density = 0.02"""
@@ -74,18 +74,20 @@ def run(
         typer.Option(
             "--from",
             metavar="SECONDS",
-            help="Where in a log to start, in the clock of its file.",
+            help="Start within a log, in the clock of its file.",
             show_default=False,
         ),
     ] = None,
     end: Annotated[
         float | None,
-        typer.Option("--to", metavar="SECONDS", help="Where in a log to end, likewise.", show_default=False),
+        typer.Option(
+            "--to", metavar="SECONDS", help="End within a log, in the clock of its file.", show_default=False
+        ),
     ] = None,
     vehicle: Annotated[
         str | None,
         typer.Option(
-            "--vehicle", metavar="NAME", help="What carried the sensors of a log.", show_default=False
+            "--vehicle", metavar="NAME", help="Vehicle that carried the sensors of a log.", show_default=False
         ),
     ] = None,
     heading: Annotated[
@@ -93,7 +95,7 @@ def run(
         typer.Option(
             "--heading",
             metavar="DEGREES",
-            help="True heading of a log at its first sample, where it is known.",
+            help="True heading at the first sample of a log, if it is known.",
             show_default=False,
         ),
     ] = None,
@@ -108,14 +110,15 @@ def run(
         typer.Option(
             "--export",
             metavar="FILE",
-            help="Write the paths: .kml for Google Earth, .gpx for maps, .csv the estimate as a flight csv.",
+            help="Write the paths: .kml for Google Earth, .gpx for maps, .csv for the estimate as a flight "
+            "csv.",
             show_default=False,
         ),
     ] = None,
     force: Force = False,
     as_json: AsJson = False,
 ) -> None:
-    """Navigate a mission; show how large the errors are, and whether the filter knows."""
+    """Navigate a mission; show the errors, and whether the filter states them correctly."""
     check_out(out, force, ".nc", "a netCDF file", "--out")
     check_export(export, force, "--export")
     chosen = experiment(mission, config, card, assignments, seed, assumed)
@@ -135,11 +138,11 @@ def run(
 
 
 def _set_log(chosen: Experiment, options: Mapping[str, float | str | None]) -> None:
-    """Set what the options say of a log."""
+    """Apply the options for logs."""
     given = {option: value for option, value in options.items() if value is not None}
     if given and not isinstance(find_mission(chosen.mission), LogMission):
         raise CommandError(
-            f"{', '.join(given)}: is for logs of real sensors; {chosen.mission} is a simulated flight"
+            f"{', '.join(given)}: only for sensor logs; {chosen.mission} is a simulated flight"
         )
     for option, value in given.items():
         chosen.set(_LOG_SETTINGS[option], value)
@@ -171,12 +174,12 @@ def _renamed(summary: pd.DataFrame) -> list[dict[Hashable, Any]]:
 
 
 def _remarks(result: Result) -> list[str]:
-    """Return the remarks, one below the other, if there are any."""
+    """Return the remarks, one per line, if there are any."""
     return ["\n".join(f"- {remark}" for remark in result.remarks)] if result.remarks else []
 
 
 def _errors(result: Result) -> str:
-    """Return the errors as a table; where they are not known, what is known of the innovations."""
+    """Return the errors as a table; if they are unknown, the innovations."""
     if result.lacks("summary"):
         rows = [
             tuple(f"{cell:.3f}" if isinstance(cell, float) else str(cell) for cell in row)
@@ -187,7 +190,7 @@ def _errors(result: Result) -> str:
         )
     summary = result.summary
     numbers = {column for column, kind in enumerate(summary.dtypes) if kind.kind == "f"}
-    # Fixed decimals align; errors far below a millimetre, as without sensor noise, need powers of ten.
+    # Fixed decimals align. Errors far below a millimetre, as without sensor noise, need powers of ten.
     form = ".3f" if summary["rms"].min() > 0.01 else ".2e"
     rows = [
         tuple(f"{cell:{form}}" if column in numbers else str(cell) for column, cell in enumerate(row))
@@ -197,7 +200,7 @@ def _errors(result: Result) -> str:
 
 
 def verdict_text(verdict: Verdict) -> str:
-    """Return a verdict as text: the headline, then each finding beyond the first, and what to try."""
+    """Return a verdict as text: the headline, then the findings and their advice."""
     basis = "" if verdict.consistent is None else f" ({verdict.basis})"
     lines = [f"Verdict{basis}: {verdict.headline}"]
     for number, finding in enumerate(verdict.findings):

@@ -1,4 +1,4 @@
-"""Terminal: tables, progress and units for people who read them on a screen of any width and encoding."""
+"""Terminal: tables, progress and units for screens of any width and encoding."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from collections.abc import Collection, Sequence
 from typing import Self, TextIO
 
 PATIENCE = 0.5
-"""Time after which work still under way says so [s]."""
+"""Time after which unfinished work shows its progress [s]."""
 
 _SPELLED = {
     "°": "deg",
@@ -29,7 +29,7 @@ _SPELLED = {
 
 
 def spell_what_cannot_be_encoded() -> None:
-    """Let standard output and error write ``deg`` for ``°`` and so on where their encoding lacks the sign."""
+    """Make standard output and error write ``deg`` for ``°`` and so on if their encoding lacks the sign."""
     codecs.register_error("ins-lab-spelled", _spell)
     for stream in (sys.stdout, sys.stderr):
         if hasattr(stream, "reconfigure"):
@@ -43,14 +43,14 @@ def _spell(error: UnicodeError) -> tuple[str, int]:
 
 
 def _in_ascii(sign: str) -> str:
-    letter = unicodedata.normalize("NFKD", sign)[0]  # é is e and an accent
+    letter = unicodedata.normalize("NFKD", sign)[0]  # é becomes e and an accent
     return _SPELLED.get(sign) or (letter if letter.isascii() else "?")
 
 
 def table(header: Sequence[str], rows: Sequence[Sequence[str]], *, right: Collection[int] = ()) -> str:
     """Return an aligned table.
 
-    Where the terminal is too narrow, the last column goes on in further lines; in a pipe it does not.
+    If the terminal is too narrow, the last column is wrapped; in a pipe it is not.
 
     Parameters
     ----------
@@ -78,15 +78,15 @@ def table(header: Sequence[str], rows: Sequence[Sequence[str]], *, right: Collec
 
 
 class Progress:
-    """Tells on standard error how work goes that takes longer than `PATIENCE`.
+    """Reports on standard error the progress of work that takes longer than `PATIENCE`.
 
-    In a terminal one line follows the news and the seconds, and goes when the work is done; elsewhere each
-    step is one line.
+    In a terminal, one line shows the current step and the seconds, and disappears when the work is done.
+    Elsewhere, each step is one line.
 
     Parameters
     ----------
     task
-        What is being done, as a whole.
+        Name of the whole task.
     stream
         Where to write; standard error by default.
     """
@@ -115,7 +115,7 @@ class Progress:
             self._stream.flush()
 
     def __call__(self, step: str, fraction: float) -> None:
-        """Take news: what is done now, and the fraction of the whole that is done."""
+        """Report the current step and the fraction of the whole that is done."""
         with self._lock:
             new = step != self._step
             self._step, self._fraction = step, fraction

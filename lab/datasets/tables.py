@@ -1,4 +1,4 @@
-"""Tables: how large the errors of a run are, beside their σ too, and whether its innovations are white."""
+"""Tables: the errors of a run, also in their σ, and the whiteness of its innovations."""
 
 from __future__ import annotations
 

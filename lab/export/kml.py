@@ -1,7 +1,7 @@
 """KML 2.2: the true path, the estimated path and the GPS fixes for Google Earth.
 
 Lines are drawn at their height (absolute). Long ones are thinned, as Google Earth shows ten thousand points
-well; what is left out is told in the file.
+well; the file names the omitted parts.
 
 References
 ----------

@@ -1,4 +1,4 @@
-"""Tracks: where a flight was, truly and as estimated, and its GPS fixes, as files for maps have them."""
+"""Tracks: the true path, the estimated path and the GPS fixes of a flight, in the form of map files."""
 
 from __future__ import annotations
 
@@ -18,11 +18,11 @@ from lab.views.envelope import thin_path
 FloatArray = NDArray[np.float64]
 
 HEIGHTS = (
-    "Heights are above the WGS-84 ellipsoid, in metres. Maps expect heights above the sea, which are less by "
-    "the height of the geoid there (from -106 m to +85 m): the track shows as much too high where that is "
-    "positive, and too low where it is negative."
+    "Heights are above the WGS-84 ellipsoid, in metres. Maps expect heights above sea level, which are "
+    "less by the height of the geoid (from -106 m to +85 m): the track appears too high by this amount if "
+    "it is positive, and too low if it is negative."
 )
-"""What is said of heights: no geoid is at hand, and none is made up."""
+"""Remark about heights: the lab has no geoid model."""
 
 FIXES = "GPS fixes"
 
@@ -36,7 +36,7 @@ class Track:
     Attributes
     ----------
     name : str
-        What it is, for people.
+        Title of the track.
     time : (n,) array
         Time from the start of the flight [s].
     position : (n, 3) array

@@ -53,7 +53,7 @@ def runway(name: str, where: str = "runway") -> dict[str, float]:
     name
         ICAO code and runway, such as ``EGSS 22``.
     where
-        What to call it in messages.
+        Name in messages.
 
     Raises
     ------
@@ -66,7 +66,7 @@ def runway(name: str, where: str = "runway") -> dict[str, float]:
     close = difflib.get_close_matches(wanted, runways(), n=1)
     hint = f" Did you mean {close[0]}?" if close else ""
     raise MissionError(
-        f"{where}: {name!r} is not known.{hint} Accepted: {', '.join(runways())}, or a table with "
+        f"{where}: {name!r} is unknown.{hint} Accepted: {', '.join(runways())}, or a table with "
         "latitude_deg, longitude_deg, height_m and heading_deg"
     )
 

@@ -55,7 +55,8 @@ direction of noise does, from sample to sample."""
 _SLOW = 8.0
 """Speed below which the direction of motion may be noise [m/s]."""
 _REACHES = (0.5, 1.0, 2.0, 4.0, 8.0, 16.0)
-"""How far around such a turn the heading is held [s], each tried where the one before was too short."""
+"""Times around such a turn during which the heading is held [s]; each is tried if the previous one is too
+short."""
 
 
 def attitude(time: FloatArray, velocity_n: FloatArray, vehicle: Vehicle = "aircraft") -> FloatArray:
@@ -116,7 +117,7 @@ def _check(time: FloatArray, velocity: FloatArray, vehicle: str) -> None:
 
 
 def _believable_heading(time: FloatArray, speed: FloatArray, course: FloatArray) -> FloatArray:
-    """Return the heading, held where slow motion would turn it too fast, and ever longer around there."""
+    """Return the heading, held for increasing times where slow motion would turn it too fast."""
     moving = speed > STANDSTILL
     for reach in _REACHES:
         heading = _heading(time, moving, course)

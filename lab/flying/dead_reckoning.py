@@ -13,7 +13,8 @@ FloatArray = NDArray[np.float64]
 _CONVERGED = 1e-14
 """Change of the latitude in a round below which it is found [rad]: 0.1 µm."""
 _MAX_ROUNDS = 60
-"""Most rounds of Picard's iteration; a few do, but the longest motions at the highest latitudes."""
+"""Most iterations of Picard's method; a few are enough, except for the longest motions at the highest
+latitudes."""
 
 
 def integral(time: FloatArray, values: FloatArray) -> FloatArray:
@@ -23,7 +24,7 @@ def integral(time: FloatArray, values: FloatArray) -> FloatArray:
 
 
 def position(time: FloatArray, velocity_n: FloatArray, start: FloatArray) -> FloatArray:
-    """Return where a velocity over the Earth leads.
+    """Return the positions from integrating a velocity over the Earth.
 
     Solves P. D. Groves, *Principles of GNSS, Inertial and Multisensor Integrated Navigation Systems*, 2nd
     ed., eq. 2.111, by Picard's iteration on splines: the radii change so slowly that a few rounds do.

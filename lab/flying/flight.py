@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 SAMPLE_MS = 55
 """Time between two samples of the record [ms]."""
 PILOT_MS = 5
-"""Time between two looks of the pilot at the instruments [ms]."""
+"""Time between two readings of the instruments by the pilot [ms]."""
 
 _MAX_ROLL_ON_GROUND = math.radians(30.0)
 """Roll beyond which an aircraft on the ground has turned over [rad]: the wheels of one side have left the
@@ -58,7 +58,7 @@ def fly(
     progress: Callable[[float], None] | None = None,
     cancelled: Callable[[], bool] | None = None,
 ) -> Flight:
-    """Fly a plan and return its record and, where it ended early, why.
+    """Fly a plan and return its recording and, if it ended early, the reason.
 
     The same plan and seed give the same bits on the same machine. The last sample is the first one not before
     the plan's duration, or the last one before the flight ended. Waypoints and motion commands need no
@@ -67,7 +67,7 @@ def fly(
     Parameters
     ----------
     plan
-        What to fly.
+        The plan.
     seed
         Seed of the turbulence; the plan's own by default.
     progress
@@ -132,7 +132,7 @@ def _fly_samples(
     progress: Callable[[float], None] | None,
     cancelled: Callable[[], bool] | None,
 ) -> tuple[int, str]:
-    """Fill the samples; return how many were flown, and why no more."""
+    """Fill the samples; return the number of flown samples, and the reason of an early end."""
     last = (len(samples) - 1) * SAMPLE_MS
     for now in range(0, last + 1, STEP_MS):
         if now % PILOT_MS == 0:

@@ -88,7 +88,7 @@ class FlightPlan:
             Keys as the attributes of `FlightPlan`; each manoeuvre has a key ``do``, one of `MANOEUVRES`. The
             runway may be the name of one, see `lab.flying.airports`.
         where
-            What to call the mapping in messages.
+            Name of the mapping in messages.
 
         Raises
         ------

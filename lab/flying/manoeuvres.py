@@ -76,7 +76,7 @@ class ChangeSpeed:
 class Hold:
     """Keep heading, height and airspeed for a time."""
 
-    seconds: float = number("Time", "s", (0, MAX_DURATION), "How long.")
+    seconds: float = number("Time", "s", (0, MAX_DURATION), "Duration.")
 
 
 def _bank(default: float = 25.0) -> float:
@@ -120,7 +120,7 @@ class TurnBy:
 class STurns:
     """Turns to one side and back to the other, each by the same angle; ends as the last `Turn` does."""
 
-    turns: int = number("Turns", "", (1, 100), "How many turns in all.", default=4, whole=True)
+    turns: int = number("Turns", "", (1, 100), "Number of turns.", default=4, whole=True)
     angle_deg: float = number("Angle", "°", (10, 180), "Change of heading in each.", default=60.0)
     bank_deg: float = _bank()
     direction: str = choice("Direction", ("right", "left"), "Which way the first one goes.", default="right")
@@ -131,7 +131,7 @@ class STurns:
 class FigureEight:
     """A full circle to one side, then one to the other; ends with the last of them, as `Turn` does."""
 
-    times: int = number("Times", "", (1, 100), "How many eights.", default=1, whole=True)
+    times: int = number("Times", "", (1, 100), "Number of eights.", default=1, whole=True)
     bank_deg: float = _bank()
     direction: str = choice(
         "Direction", ("right", "left"), "Which way the first circle goes.", default="right"

@@ -52,8 +52,9 @@ def read_motion_file(path: Path) -> MotionPlan:
         raise MissionError(f"{path}: cannot be read: {getattr(error, 'strerror', None) or error}") from error
     if not is_motion_file(text.encode()) or len(rows) < 4:
         raise MissionError(
-            f"{path}: is no motion definition; accepted are a header line that begins with 'ini lat', a line "
-            "of 9 numbers, a header line that begins with 'command type', and a line of 9 numbers per command"
+            f"{path}: is not a motion definition; accepted are a header line that begins with 'ini lat', a "
+            "line of 9 numbers, a header line that begins with 'command type', and a line of 9 numbers per "
+            "command"
         )
     start = _numbers(path, 2, rows[1], _START)
     has_gps = any("visib" in cell.lower() for cell in rows[2])

@@ -44,7 +44,7 @@ class Pilot:
     Parameters
     ----------
     plan : FlightPlan
-        What to fly.
+        The plan.
     period : float
         Time between two looks at the instruments [s].
     controls : Controls
@@ -106,7 +106,7 @@ class Pilot:
         return self._number == len(self._steps) - 1
 
     def fly(self, time: float, seen: Instruments) -> Controls:
-        """Return the controls for what the instruments show.
+        """Return the controls for the readings of the instruments.
 
         Parameters
         ----------
@@ -205,7 +205,7 @@ class Pilot:
                 elif step.direction == "left" and self._turn_left > 0:
                     self._turn_left -= math.tau
             case TurnBy():
-                # From the heading asked for last, so that what a turn misses does not add up.
+                # Relative to the last commanded heading, so that the errors of turns do not add up.
                 angle = math.radians(step.angle_deg if step.direction == "right" else -step.angle_deg)
                 self._turn(self._turn_left + angle, step)
 

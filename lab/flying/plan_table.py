@@ -103,7 +103,7 @@ def read_part(
     values
         What the mapping has, by the names of the fields.
     where
-        What to call the mapping in messages.
+        Name of the mapping in messages.
     parts
         Fields that are read already.
     limits

@@ -127,7 +127,8 @@ class SimulatedAircraft:
         fdm["ic/long-gc-deg"] = start.longitude_deg
         fdm["ic/terrain-elevation-ft"] = start.ground_m / FOOT
         fdm["ic/h-agl-ft"] = start.height_m / FOOT
-        # In this order: each of these moves what was set before it, but for the heading set last.
+        # In this order, because each of these changes the ones set before it, except for the heading, which
+        # is set last.
         fdm["ic/psi-true-deg"] = start.heading_deg
         fdm["ic/vw-mag-fps"] = air.wind_m_s / FOOT
         fdm["ic/vw-dir-deg"] = air.wind_from_deg + 180.0
@@ -217,7 +218,7 @@ class SimulatedAircraft:
         return not self._fdm["propulsion/engine/set-running"]
 
     def sample(self) -> tuple[float, ...]:
-        """Return what a flight record holds: position, velocity over the Earth, attitude and air data.
+        """Return the values of a recording: position, velocity over the Earth, attitude and air data.
 
         Returns
         -------

@@ -64,7 +64,7 @@ class Waypoint:
     longitude_deg: float = number("Longitude", "°", TURNS, "Longitude on WGS-84, east positive.")
     height_m: float = number("Height", "m", (-500, 20_000), "Height above the ellipsoid.")
     speed_m_s: float = number(
-        "Speed", "m/s", (0, 350), "Horizontal speed from here on; that of the last one is its own."
+        "Speed", "m/s", (0, 350), "Horizontal speed from here on; at the last waypoint, the speed there."
     )
     wait_s: float = number("Wait", "s", (0, MAX_DURATION), "Time to stand still here.", default=0.0)
 
@@ -81,7 +81,7 @@ class WaypointPlan:
         "Acceleration",
         "m/s²",
         (0.01, 30),
-        "Largest along the way; the vehicle's own by default.",
+        "Largest along the path; the vehicle's own by default.",
         default=None,
     )
     lateral_acceleration_m_s2: float | None = number(
@@ -98,7 +98,7 @@ class WaypointPlan:
         values
             ``waypoints``, a list of tables as `Waypoint`; the vehicle and its limits.
         where
-            What to call the mapping in messages.
+            Name of the mapping in messages.
 
         Raises
         ------

@@ -15,7 +15,9 @@ class Gust:
     It rises from nothing as (1 - cos)/2, stays at its full size, and falls as it rose.
     """
 
-    time_s: float = number("Time", "s", (0, math.inf), "Time from the start of the flight to its begin.")
+    time_s: float = number(
+        "Time", "s", (0, math.inf), "Time from the start of the flight to the start of the gust."
+    )
     speed_m_s: float = number("Speed", "m/s", (0, 20), "Its horizontal speed at full size.", default=0.0)
     from_deg: float = number(
         "From", "°", TURNS, "True direction its horizontal part comes from.", default=0.0
@@ -27,7 +29,7 @@ class Gust:
     hold_s: float = number("Hold", "s", (0, 600), "Time at full size.", default=0.0)
 
     def blows(self, time: float) -> bool:
-        """Return whether the gust is felt at a time from the start of the flight [s]."""
+        """Return whether the gust acts at a time from the start of the flight [s]."""
         return 0.0 < time - self.time_s < 2 * self.rise_s + self.hold_s
 
     def velocity_n(self, time: float) -> tuple[float, float, float]:
@@ -55,8 +57,8 @@ class Air:
         "Turbulence severity",
         "",
         (0, 7),
-        "0 none at all, 1-2 light, 3-4 moderate, 5-7 severe (MIL-F-8785C probability of exceedance curves): "
-        "decides the turbulence more than 600 m above the ground.",
+        "0 none at all, 1-2 light, 3-4 moderate, 5-7 severe (MIL-F-8785C probability of exceedance "
+        "curves): determines the turbulence more than 600 m above the ground.",
         default=0,
         whole=True,
     )
@@ -64,7 +66,7 @@ class Air:
         "Turbulence wind",
         "m/s",
         (0, 25),
-        "Wind 20 ft above the ground, which decides the turbulence less than 300 m above the ground.",
+        "Wind 20 ft above the ground, which determines the turbulence less than 300 m above the ground.",
         default=0.0,
     )
     temperature_deviation_k: float = number(

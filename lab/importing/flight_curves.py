@@ -36,7 +36,7 @@ NOISE_THAT_MATTERS = 0.5
 """Roughness of the acceleration from which a velocity is smoothed [m/s²]."""
 
 _MIN_HEADING_SPEED = 1.0
-"""Speed below which smoothed positions tell no heading, however little noise is left in them [m/s]."""
+"""Speed below which smoothed positions show no heading, for any remaining noise [m/s]."""
 _NOISE_FACTOR = 3
 """The same speed over σ of the velocity's noise."""
 _PREDICTED_BY = 5
@@ -79,7 +79,7 @@ class FlightCurves:
     slowest : float
         Speed below which the noise of the positions hides the heading [m/s].
     remarks : list of str
-        Remarks on what was assumed.
+        Remarks on assumptions.
     """
 
     raw: RawFlight
@@ -135,7 +135,7 @@ class FlightCurves:
         if self.raw.latitude is None:
             start = self._given_start()
             if kind == "fitted":
-                self.remarks.append("There are no positions to fit a wind to: the air is taken to be still.")
+                self.remarks.append("There are no positions to fit a wind, so still air is assumed.")
         else:
             recorded = self.recorded_positions()
             start = recorded[0]
@@ -150,11 +150,11 @@ class FlightCurves:
         height = self.raw.height
         if height is None:
             height = np.full(len(self.raw.time), float(self.settings.start_height))
-            sentence = f"No height is recorded: it is taken to be {height[0]:g} m"
+            sentence = f"No height is recorded: {height[0]:g} m is assumed"
             if self.raw.velocity_n is not None:
                 climb = CubicSpline(self.raw.time, -self.raw.velocity_n[:, 2]).antiderivative()
                 height += climb(self.raw.time)
-                sentence += " at the start, and then what the velocity says"
+                sentence += " at the start, and then the integral of the vertical velocity"
             self._remark(f"{sentence} (setting start_height).")
         return np.stack((self.raw.latitude, self.raw.longitude, height), axis=-1)
 
@@ -213,7 +213,7 @@ class FlightCurves:
             time = self.raw.time[own]
             parameter = worthwhile_smoothing(time, velocity[own], NOISE_THAT_MATTERS)
             if parameter and own.step > 1:
-                # What was interpolated has no noise of its own: it is smoothed where it was measured.
+                # Interpolated values have no noise of their own, so smoothing uses the measured ones.
                 self.smoothing["velocity"] = parameter
                 curve = smoothing_spline(time, velocity[own], parameter)
                 return np.asarray(curve(np.minimum(self.raw.time, time[-1])))

@@ -65,7 +65,7 @@ class ReportRow:
     group : str
         Its subject: "File", "Time", "Resolution", "Curve", "Noise", "Motion", "Units" or "Remarks".
     name : str
-        What is reported.
+        Name of the quantity.
     value : str
         Its value, with its unit.
     """
@@ -143,7 +143,7 @@ def report(
     Parameters
     ----------
     raw
-        What the file has.
+        The data of the file.
     flight
         Its longest unbroken stretch, with repaired time stamps.
     rebuilt
@@ -216,7 +216,7 @@ def _time(flight: RepairedFlight) -> list[ReportRow]:
     if flight.method != AS_RECORDED:
         text += f", moved by {1000 * flight.moved_rms:.3g} ms rms, {1000 * flight.moved_max:.3g} ms at most"
         if flight.calmed < 1:
-            text += f"; the motion's unsmoothness falls to {100 * flight.calmed:.2g} %"
+            text += f"; the roughness of the motion falls to {100 * flight.calmed:.2g} %"
     rows.append(ReportRow("Time", "Stamps", text))
     rows.append(ReportRow("Time", "Gaps", _gaps(flight)))
     if flight.raw.resets:
@@ -244,7 +244,7 @@ def _resets(resets: Sequence[Reset]) -> str:
     where = "; ".join(f"{reset.change} at {reset.time:.6g} s" for reset in resets[:_MAX_RESETS_SHOWN])
     more = f" and {len(resets) - _MAX_RESETS_SHOWN} more" if len(resets) > _MAX_RESETS_SHOWN else ""
     return (
-        "the autopilot's estimator was reset, which is no motion, and the recording is cut there: "
+        "the autopilot's estimator was reset, which is not a motion, so the recording is cut there: "
         f"{where}{more}"
     )
 
@@ -274,22 +274,22 @@ def _curve(rebuilt: Reconstruction) -> list[ReportRow]:
     rate = (len(recording.time) - 1) / recording.duration
     rows = [ReportRow("Curve", "Mission", f"{how}, {len(recording.time)} samples at {rate:.4g} Hz")]
     rows += [
-        ReportRow("Curve", f"From {name}", f"acceleration rough by {noise:.3g} m/s² before smoothing")
+        ReportRow("Curve", f"From {name}", f"noise of the acceleration {noise:.3g} m/s² before smoothing")
         for name, noise in rebuilt.offered.items()
     ]
     if rebuilt.smoothing:
         text = ", ".join(f"{name} λ = {value:.2g} s³" for name, value in rebuilt.smoothing.items())
         rows.append(ReportRow("Curve", "Smoothed", text))
     if rebuilt.position_residual is not None:
-        rows.append(ReportRow("Curve", "Off the positions", f"{_ned(rebuilt.position_residual)} m rms"))
+        rows.append(ReportRow("Curve", "Position residual", f"{_ned(rebuilt.position_residual)} m rms"))
     if rebuilt.velocity_residual is not None:
-        rows.append(ReportRow("Curve", "Off the velocity", f"{_ned(rebuilt.velocity_residual)} m/s rms"))
+        rows.append(ReportRow("Curve", "Velocity residual", f"{_ned(rebuilt.velocity_residual)} m/s rms"))
     if rebuilt.attitude_residual is not None:
         rows.append(
-            ReportRow("Curve", "Off the attitude", f"{np.degrees(rebuilt.attitude_residual):.2g}° rms")
+            ReportRow("Curve", "Attitude residual", f"{np.degrees(rebuilt.attitude_residual):.2g}° rms")
         )
     if rebuilt.attitude_reconstructed:
-        text = f"reconstructed from the velocity, as of {_article(rebuilt.vehicle)}: the file has none"
+        text = f"reconstructed from the velocity, as for {_article(rebuilt.vehicle)}: the file has none"
         rows.append(ReportRow("Curve", "Attitude", text))
     if rebuilt.wind is not None:
         rows.append(ReportRow("Curve", "Wind", _wind(rebuilt.wind)))
@@ -356,7 +356,7 @@ def _stretches(recording: Recording) -> Iterator[Recording]:
 
 
 def _evenly(part: Recording, flight: RepairedFlight, rebuilt: Reconstruction, name: str) -> FloatArray:
-    """Return times in a stretch at the rate a quantity has, or that of the recording where that is less."""
+    """Return times in a stretch at the rate of a quantity, or that of the recording if lower."""
     share = min(1.0, len(flight.raw.time) / flight.raw.every(name) / len(rebuilt.recording.time))
     return np.linspace(part.time[0], part.time[-1], max(2, round(share * len(part.time))))
 
@@ -421,8 +421,8 @@ def _losses(raw: RawFlight, flight: RepairedFlight) -> Iterable[Finding]:
     if used < 1 - _MAX_LOST:
         yield Finding(
             QUESTIONABLE,
-            f"Only {100 * used:.0f} % of the rows are used; what was left out, and why, is listed under "
-            f"File.{f' {_what_keeps_more(flight)}.' if flight.bridging else ''}"
+            f"Only {100 * used:.0f} % of the rows are used; the section File lists the omitted rows and the "
+            f"reasons.{f' {_what_keeps_more(flight)}.' if flight.bridging else ''}"
             f"{' It is cut where the estimator of the autopilot was reset.' if flight.raw.resets else ''}",
         )
 
@@ -432,8 +432,8 @@ def _loudness(force: float) -> Iterable[Finding]:
         yield Finding(
             IMPLAUSIBLE if force > _IMPLAUSIBLE_NOISE else QUESTIONABLE,
             f"The specific force has {force:.3g} m/s² rms of noise: differentiated samples, not motion. "
-            "Likely: coarse "
-            "numbers or time stamps; repair and smoothing (settings time_stamps, smoothing) make it less.",
+            "Likely: coarse numbers or time stamps; repair and smoothing (settings time_stamps, smoothing) "
+            "reduce it.",
         )
 
 

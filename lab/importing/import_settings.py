@@ -12,29 +12,26 @@ from lab.settings import Settings
 
 AUTO = "auto"
 CURVES = ("velocity", "position", "air data")
-"""What a flight can be rebuilt from."""
+"""Sources for the reconstruction of a flight."""
 
 
 class ImportSettings(Settings):
-    """How a flight is rebuilt. What is left to ``auto`` the recording decides, and the report says how."""
+    """Settings of the reconstruction of a flight; the report names the choices made for ``auto``."""
 
     curve = param.Selector(
         default=AUTO,
         objects=[AUTO, *CURVES],
         label="Curve from",
-        doc="What the flight is rebuilt from. velocity: recorded velocity, integrated and held to the "
-        "positions. "
+        doc="Source of the curve. velocity: the recorded velocity, integrated and tied to the positions. "
         "position: a curve through the positions, differentiated. air data: airspeed, angle of attack, "
-        "sideslip "
-        "and attitude, plus the wind. auto takes what makes the least noise.",
+        "sideslip and attitude, plus the wind. auto: the source with the least noise.",
     )
     time_stamps = param.Selector(
         default=REPAIRED,
         objects=list(TIME_STAMPS),
         label="Time stamps",
-        doc="repaired: rounded, repeated or jittering stamps are replaced by the times that fit the "
-        "stamps and the "
-        "motion, where the motion bears them out. as recorded: stamps are believed.",
+        doc="repaired: rounded, repeated or jittery time stamps are re-estimated from the stamps and the "
+        "motion, if the motion supports it. as recorded: the stamps are used unchanged.",
     )
     longest_gap = Quantity(
         2.0,
@@ -43,17 +40,15 @@ class ImportSettings(Settings):
         softbounds=(0.5, 30),
         step=0.5,
         label="Longest gap",
-        doc="Longest pause between samples that is bridged; at a longer one the recording is cut, and "
-        "its longest "
-        "stretch is taken. Five usual steps are always bridged.",
+        doc="Longest pause between samples that is bridged. The recording is cut at longer pauses, and its "
+        "longest stretch is used. Five usual steps are always bridged.",
     )
     smoothing = param.Selector(
         default=AUTO,
         objects=[AUTO, "none", "given"],
         label="Smoothing",
-        doc="auto: as much as predicts left-out samples best, where noise asks for it. none: the curve "
-        "goes through "
-        "every sample. given: as much as the smoothing parameter says.",
+        doc="auto: the amount that predicts left-out samples best, if there is noise. none: the curve "
+        "passes through every sample. given: the amount of the smoothing parameter.",
     )
     smoothing_parameter = Quantity(
         0.05,
@@ -62,16 +57,17 @@ class ImportSettings(Settings):
         softbounds=(0, 1),
         step=0.01,
         label="Smoothing parameter λ",
-        doc="Weight of the curve's bending against its distance from the samples, with smoothing = given: "
-        "Σ (y − g)² + λ ∫ g''² dt is made least. Of the positions, or of the velocity where that makes "
-        "the curve.",
+        doc="With smoothing = given: weight of the curve's bending against its distance from the samples. "
+        "The curve minimises Σ (y − g)² + λ ∫ g''² dt. It smooths the positions, or the velocity for a "
+        "curve from velocity.",
     )
     wind = param.Selector(
         default="fitted",
         objects=["fitted", "constant", "none"],
         label="Wind",
-        doc="For a curve from air data. fitted: the constant wind with which the flight follows the recorded "
-        "positions best; without positions there is none. constant: the wind given. none: still air.",
+        doc="For a curve from air data. fitted: the constant wind with which the flight follows the "
+        "recorded positions best; without positions, still air. constant: the given wind. none: still "
+        "air.",
     )
     wind_from = Quantity(
         0.0,
@@ -95,10 +91,9 @@ class ImportSettings(Settings):
         default=AUTO,
         objects=[AUTO, *VEHICLES],
         label="Vehicle",
-        doc="What moved: decides what is plausible, and the attitude where none is recorded (an "
-        "aircraft banks into "
-        "its turns, a car follows the slope, a boat stays level). auto: what the file says, or else an "
-        "aircraft.",
+        doc="Kind of vehicle: determines the limits of plausibility, and the attitude if none is recorded "
+        "(an aircraft banks into its turns, a car follows the slope, a boat stays level). auto: as "
+        "stated in the file, otherwise an aircraft.",
     )
     start_latitude = Quantity(
         0.0,
@@ -106,7 +101,7 @@ class ImportSettings(Settings):
         bounds=(-90, 90),
         step=0.1,
         label="Start, latitude",
-        doc="Where the flight starts, if the file has no positions.",
+        doc="Latitude of the start, if the file has no positions.",
     )
     start_longitude = Quantity(
         0.0,
@@ -114,7 +109,7 @@ class ImportSettings(Settings):
         bounds=(-180, 180),
         step=0.1,
         label="Start, longitude",
-        doc="Where the flight starts, if the file has no positions.",
+        doc="Longitude of the start, if the file has no positions.",
     )
     start_height = Quantity(
         0.0,
@@ -132,5 +127,5 @@ class ImportSettings(Settings):
         softbounds=(0, 200),
         step=1,
         label="Rate",
-        doc="Rate of the mission's samples; 0 for one that suits the recording.",
+        doc="Rate of the mission's samples; 0 chooses a rate that suits the recording.",
     )

@@ -35,14 +35,14 @@ _MAX_LEGS, _MIN_LEGS = 200, 20
 _MIN_LEG = 2.0
 """Shortest of these legs [s]: in shorter ones the noise of a receiver is as large as the displacement."""
 _MIN_EXTENT = 30.0
-"""Extent of the positions within which a receiver stands, as far as its noise tells [m]."""
+"""Extent of the positions below which a receiver counts as standing, because of its noise [m]."""
 _MIN_PATH = 100.0
 """Shortest path, along an axis, from which it is compared [m]: far beyond the noise of a receiver."""
 _MIN_CORRELATION = 0.8
 """Correlation from which a slope means a unit, and below which two series have little in common: with random
 errors as large as 3/4 of the motion it is 0.8."""
 _CERTAIN_CORRELATION = 0.95
-"""Correlation from which another axis, or the opposite sign, is said to be the right one."""
+"""Smallest correlation for which another axis, or the opposite sign, is reported as the right one."""
 _SAME_VELOCITY = (0.9, 1.1)
 """Slopes of velocity against positions that no wrong unit explains: the nearest factor is 0.51."""
 _RADIANS_AS_DEGREES = (20, 65)
@@ -62,7 +62,8 @@ _MIN_MOVING_SAMPLES = 20
 _MAX_CRAB = np.radians(35.0)
 """Median angle between heading and course that wind explains [rad]: 17 m/s across an airspeed of 30 m/s."""
 _CLEARLY_BETTER = 1 / 3
-"""Part of that angle which has to be left when the heading is read in another way, to name that."""
+"""Largest remaining fraction of that angle with another reading of the heading for which that reading is
+reported."""
 _MIN_BANKING, _MIN_CLIMBING = np.radians(4.0), np.radians(1.5)
 """σ of the bank of coordinated turns, and of the slope of the path, from which roll and pitch are judged
 [rad]."""
@@ -201,7 +202,7 @@ def rate_agreement(flight: RepairedFlight, rebuilt: Reconstruction) -> tuple[Agr
 
 
 def findings(flight: RepairedFlight, rebuilt: Reconstruction, moves: Motion) -> tuple[Finding, ...]:
-    """Return what is implausible about a flight, worst first.
+    """Return the implausible properties of a flight, worst first.
 
     Parameters
     ----------
@@ -361,7 +362,7 @@ def _heading(velocity: FloatArray, yaw: FloatArray) -> list[Finding]:
         "degrees read as radians": np.radians(yaw),
         "it has the opposite sign": -yaw,
         "counted from east, anticlockwise": np.pi / 2 - yaw,
-        "it is 180° off, as the way back": yaw + np.pi,
+        "it is reversed by 180°": yaw + np.pi,
     }
     best = min(guesses, key=lambda name: _usual_angle(guesses[name] - course))
     sentence = f"The heading is usually {np.degrees(off):.0f}° from the direction of motion"
@@ -387,7 +388,7 @@ def _bank(rebuilt: Reconstruction, moving: NDArray[np.bool_]) -> list[Finding]:
     return [
         Finding(
             IMPLAUSIBLE,
-            f"The roll is {like.slope:.3g} times what the turns ask for. Likely: "
+            f"The roll is {like.slope:.3g} times the value that the turns require. Likely: "
             f"{cause(like.slope, 'angle')}.",
         )
     ]
@@ -405,7 +406,7 @@ def _pitch(velocity: FloatArray, pitch: FloatArray) -> list[Finding]:
         return [
             Finding(
                 IMPLAUSIBLE,
-                f"The pitch changes by {like.slope:.3g} times what the path climbs. Likely: "
+                f"The pitch changes by {like.slope:.3g} times the slope of the path. Likely: "
                 f"{cause(like.slope, 'angle')}.",
             )
         ]

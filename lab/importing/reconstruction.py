@@ -39,9 +39,9 @@ ATTITUDE_NOISE_THAT_MATTERS = float(np.radians(0.5))
 """Roughness of the body rates from which an attitude is smoothed [rad/s]."""
 
 _MAX_OFF_SAMPLES = 0.05
-"""Largest distance of the curve from the recorded positions at which the samples are kept as they are [m]."""
+"""Largest distance of the curve from the recorded positions at which the samples are kept unchanged [m]."""
 _EXACT = 1e-9
-"""Largest difference of times that are the same but for rounding [s]."""
+"""Largest difference of times that are equal except for rounding [s]."""
 _MIN_RATE = 10.0
 """Least rate of a flight without a recorded attitude [Hz]: so that a bank that builds up within a second
 is followed."""
@@ -58,11 +58,11 @@ class Reconstruction:
     recording : Recording
         The flight on a regular grid, its time from 0.
     curve : str
-        What it was rebuilt from: "velocity", "position" or "air data".
+        Source of the reconstruction: "velocity", "position" or "air data".
     offered : mapping of float
         The roughness of the acceleration that each possible curve has before it is smoothed [m/s²].
     unchanged : bool
-        True where the samples were good as they are and are the recording.
+        True if the samples were good and are the recording, unchanged.
     smoothing : mapping of float
         λ by what was smoothed: "velocity", "position", "height", "attitude" [s³].
     position_residual : (3,) array or None
@@ -74,11 +74,11 @@ class Reconstruction:
     wind : (3,) array or None
         Velocity of the air that was added, north, east, down [m/s].
     attitude_reconstructed : bool
-        True where the file has no attitude and it is that of a coordinated turn.
+        True if the file has no attitude, and the attitude is that of a coordinated turn.
     vehicle : str
         The vehicle that is assumed.
     remarks : tuple of str
-        What was assumed.
+        Assumptions.
     """
 
     recording: Recording
@@ -150,7 +150,7 @@ def _chosen(wanted: str, curves: Mapping[str, float], raw: RawFlight) -> str:
     if wanted != AUTO:
         if wanted not in curves:
             raise MissionError(
-                f"curve = {wanted}: the file lacks what that needs; accepted here: "
+                f"curve = {wanted}: the file lacks the required data; accepted here: "
                 f"{', '.join((AUTO, *curves))}"
             )
         return wanted
@@ -198,7 +198,7 @@ def _interpolated(grid: FloatArray, position: FloatArray, time: FloatArray) -> F
 
 
 def _as_recorded(flight: RepairedFlight, grid: FloatArray, settings: ImportSettings) -> Recording | None:
-    """Return the samples themselves where they need no change; long flights are judged by their middle."""
+    """Return the samples themselves if they need no change; long flights are judged by their middle."""
     raw, time = flight.raw, flight.raw.time
     if raw.latitude is None or raw.longitude is None or raw.height is None:
         return None

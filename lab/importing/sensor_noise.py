@@ -12,7 +12,7 @@ class SensorNoise:
     Attributes
     ----------
     name : str
-        What the IMU is called.
+        Name of the IMU.
     gyro : float
         Density of the angular rate's noise, root mean square of the three axes [rad/s/√Hz].
     accelerometer : float

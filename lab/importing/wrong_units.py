@@ -45,7 +45,7 @@ class Agreement:
     slope : float
         Factor on the reference, by least squares through the origin.
     correlation : float
-        Correlation coefficient; 0 where one of them does not change.
+        Correlation coefficient; 0 if one of them is constant.
     strength : float
         Rms of the reference.
     """

@@ -26,13 +26,13 @@ SILENCE = 3.0
 _WAKE = 0.1
 """Longest wait for a packet [s]: within it a recording that is ended ends."""
 _BUFFER = 2**20
-"""Bytes of packets that the system keeps while nobody takes them: seconds of X-Plane's."""
+"""Size of the system's buffer for packets [bytes]: seconds of X-Plane's data."""
 _MAX_PACKET = 2**16
 """Largest packet taken [bytes]: the largest of UDP."""
 
 
 class XPlaneRecorder:
-    """Records a flight from a running X-Plane; a context manager that ends what is under way.
+    """Records a flight from a running X-Plane; as a context manager, it ends a running recording.
 
     Parameters
     ----------
@@ -87,7 +87,7 @@ class XPlaneRecorder:
 
     @property
     def running(self) -> bool:
-        """Whether a recording is under way."""
+        """Whether a recording is running."""
         return self._thread is not None and self._thread.is_alive()
 
     @property
@@ -124,10 +124,10 @@ class XPlaneRecorder:
         Raises
         ------
         MissionError
-            If a recording is under way, or the network cannot be used.
+            If a recording is running, or the network cannot be used.
         """
         if self.running:
-            raise MissionError(f"{self._where}: a recording is under way; stop it first")
+            raise MissionError(f"{self._where}: a recording is running; stop it first")
         self.close()
         udp = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
         try:
@@ -145,7 +145,7 @@ class XPlaneRecorder:
         self._thread.start()
 
     def stop(self) -> RawFlight:
-        """End the recording and return what was received.
+        """End the recording and return the received flight.
 
         Raises
         ------
@@ -169,7 +169,7 @@ class XPlaneRecorder:
         )
 
     def close(self) -> None:
-        """End the recording, if one is under way; what was received is kept until the next begins."""
+        """End the recording, if one is running; the received data are kept until the next one begins."""
         self._ended.set()
         if self._thread is not None:
             self._thread.join()
@@ -197,7 +197,7 @@ class XPlaneRecorder:
                         return
                 now = time.monotonic()
                 if now - max(self._heard, asked) > SILENCE / 2:
-                    # X-Plane forgets who asked when it is started again.
+                    # X-Plane drops its subscribers when it restarts.
                     self._ask_again(udp)
                     asked = now
             self._ask_again(udp, 0.0)

@@ -13,7 +13,7 @@ FloatArray = NDArray[np.float64]
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Reference:
-    """The solution of a better system: where the vehicle was.
+    """The solution of a better system, used as reference.
 
     Attributes
     ----------
@@ -44,7 +44,7 @@ class Comparison(Reference):
     Attributes
     ----------
     name : str
-        What it is called, such as "PX4 EKF2".
+        Name, such as "PX4 EKF2".
     """
 
     name: str = ""
@@ -98,7 +98,7 @@ class Headings:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class AuxiliaryData:
-    """What a log holds in addition to IMU and GPS.
+    """Data of a log in addition to IMU and GPS.
 
     Attributes
     ----------

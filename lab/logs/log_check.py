@@ -56,7 +56,7 @@ _LIVELY_SPEED = 0.3
 """σ of the acceleration along the path from which it is compared [m/s²]: noise of fixes at 1 Hz is 0.1.
 The tests pass at half; at twice it, swapped axes of the car of comma2k19 are missed."""
 _MIN_CORRELATION = 0.8
-"""Correlation from which an axis follows what the fixes show."""
+"""Smallest correlation at which an axis agrees with the fixes."""
 _MAX_CORRELATION_LEAD = 0.3
 """By how much the right axis may follow the speed better than the forward one."""
 _SAME_FACTOR = (0.5, 2.0)
@@ -69,7 +69,7 @@ _LAG_STEP = 0.1
 _MIN_LEGS = 10
 """Fewest legs by which an axis is judged. The tests pass at half and at twice it."""
 _WINDOWS = 4
-"""Most windows in which the clock offset is looked for: each is fitted eight times or more."""
+"""Largest number of windows for the estimate of the clock offset: each is fitted eight times or more."""
 _MIN_WINDOWS = 2
 """Fewest windows that have to show an offset."""
 _STARTS = (-1.5, 1.5)
@@ -203,9 +203,9 @@ def _check_force(log: SensorLog) -> None:
         felt = ("forward", "right", "down")[axis]
         sign = "" if mean[axis] > 0 else "minus "
         raise MissionError(
-            f"{log.name}: the support against gravity is measured along {sign}{felt}, where a level vehicle "
-            "has it along minus down: swapped axes or signs are likely. axes in the TOML says which axes "
-            "of the IMU point forward, right, down"
+            f"{log.name}: the reaction to gravity is measured along {sign}{felt}, but a level vehicle "
+            "measures it along minus down: swapped axes or signs are likely. axes in the TOML says which "
+            "axes of the IMU point forward, right, down"
         )
 
 
@@ -214,9 +214,9 @@ def _check_tumbling(log: SensorLog) -> None:
     mean = float(np.linalg.norm(log.dtheta[:, :2].sum(axis=0))) / log.duration
     if mean > _MAX_TUMBLING:
         raise MissionError(
-            f"{log.name}: the gyros show {np.degrees(mean):.3g} °/s about a horizontal axis on the average, "
-            "which would tip the vehicle over again and again, but gravity keeps its direction: the numbers "
-            "look like degrees where radians are declared (columns gx_rad_s, gx_deg_s)"
+            f"{log.name}: the gyros show {np.degrees(mean):.3g} °/s about a horizontal axis on average, "
+            "which would overturn the vehicle, but the direction of gravity is constant: the numbers look "
+            "like degrees where radians are declared (columns gx_rad_s, gx_deg_s)"
         )
 
 
@@ -232,7 +232,7 @@ def _check_turn(log: SensorLog, motion: Motion) -> None:
     correlation, factor = likeness[2, :2]
     if abs(correlation) < _MIN_CORRELATION and best != 2 and abs(likeness[best, 0]) > _MIN_CORRELATION:
         raise MissionError(
-            f"{log.name}: the vehicle turns as the GPS says about the axis called "
+            f"{log.name}: the turns that the GPS shows are about the axis called "
             f"{('forward', 'right')[best]}, not about down (correlation {likeness[best, 0]:.2f} against "
             f"{correlation:.2f}): swapped axes of the gyros are likely"
         )
@@ -286,7 +286,7 @@ def _check_forward(log: SensorLog, motion: Motion) -> None:
     if backward or (abs(right) > _MIN_CORRELATION and forward < abs(right) - _MAX_CORRELATION_LEAD):
         axis, value = ("minus forward", forward) if backward else ("right", right)
         raise MissionError(
-            f"{log.name}: the speed the GPS shows is gained along the axis called {axis} (correlation "
+            f"{log.name}: the acceleration that the GPS shows is along the axis called {axis} (correlation "
             f"{value:.2f}, along forward {forward:.2f}): swapped axes or signs are likely"
         )
 
@@ -345,10 +345,10 @@ def _check_clock(log: SensorLog, windows: list[Window], matches: list[Match]) ->
     if abs(lag) >= _MIN_LAG and agreeing.mean() > _MIN_AGREEING:
         side = "late" if lag < 0 else "early"
         raise MissionError(
-            f"{log.name}: the stamps of the GPS are about {abs(lag):.1f} s {side} against the IMU's (the "
-            f"velocity changes as the IMU felt it that much {'before' if lag < 0 else 'after'}, in "
+            f"{log.name}: the stamps of the GPS are about {abs(lag):.1f} s {side} relative to the IMU's "
+            f"(the velocity changes like the IMU data of that much {'before' if lag < 0 else 'after'}, in "
             f"{agreeing.sum()} of {len(lags)} stretches): two clocks are likely. latency_s = "
-            f"{log.gnss.latency - lag:.1f} in the TOML would bring them together"
+            f"{log.gnss.latency - lag:.1f} in the TOML aligns them"
         )
 
 

@@ -117,18 +117,18 @@ def _remarks(
     clock = spans + log.epoch
     taken = f"{_clock(clock[best, 0])} to {_clock(clock[best, 1])} s"
     if len(spans) == 1:
-        return (f"Navigated is {taken} of the file's clock, as asked.",)
+        return (f"The navigated part is {taken} of the file's clock, as requested.",)
     longest = float(np.diff(log.breaks, axis=1).max())
     count = "1 gap" if len(log.breaks) == 1 else f"{len(log.breaks)} gaps"
-    asked_for = " of the stretch asked for" if asked else ""
+    asked_for = " of the requested stretch" if asked else ""
     text = (
-        f"The IMU has {count} of more than {MAX_GAP:g} s, up to {longest:.4g} s long: navigated is the "
-        f"longest piece{asked_for}, {taken} of the file's clock."
+        f"The IMU has {count} of more than {MAX_GAP:g} s, up to {longest:.4g} s long: only the longest "
+        f"piece{asked_for} is navigated, {taken} of the file's clock."
     )
     others = [f"{_clock(clock[i, 0])} to {_clock(clock[i, 1])} s" for i in usable.tolist() if i != best]
     if others:
         more = f" and {len(others) - _LISTED} more" if len(others) > _LISTED else ""
-        text += f" Other pieces, to be had with --from and --to: {', '.join(others[:_LISTED])}{more}."
+        text += f" Other pieces, for --from and --to: {', '.join(others[:_LISTED])}{more}."
     return (text,)
 
 

@@ -37,7 +37,7 @@ def check_values(path: Path, values: Mapping[str, Any]) -> None:
     path
         The TOML file, for messages.
     values
-        What is in it.
+        Content of the file.
 
     Raises
     ------

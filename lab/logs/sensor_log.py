@@ -86,14 +86,14 @@ class SensorLog:
     gnss : GnssLog
         The fixes, their stamps counted from the same 0.
     reference : Reference or None
-        A better solution, where there is one; of the same 0.
+        A better solution, if there is one; with the same time 0.
     gaps, breaks : (g, 2) arrays
         Start and end of the gaps of the IMU that were filled, and of those too long for that [s]. In a break
         there is one interval without increments, which must not be navigated.
     auxiliary : AuxiliaryData
-        What else was recorded: vehicle, magnetometer, headings, other solutions; of the same 0.
+        Further data: vehicle, magnetometer, headings, other solutions; with the same time 0.
     repairs : tuple of str
-        The report on what was repaired and what is missing.
+        The report on repairs and missing data.
     """
 
     name: str
@@ -151,7 +151,7 @@ def repaired(
         Angular rate [rad/s] and specific force [m/s²], in b; or with `increments` their integrals over the
         interval [rad], [m/s].
     gnss, reference
-        The fixes and, where there is one, a better solution, stamped by the same clock.
+        The fixes and, if there is one, a better solution, with time stamps of the same clock.
     increments
         Whether the samples are increments.
     auxiliary
@@ -292,10 +292,10 @@ def _report_missing(gnss: GnssLog, repairs: list[str]) -> None:
     for word, sigma in (("position", gnss.position_sigma), ("velocity", gnss.velocity_sigma)):
         if np.isnan(sigma).all(axis=0).any():
             missing.append(word)
-        _report_some(repairs, np.isnan(sigma), f"no σ of the {word}: the variance of the settings stands in")
+        _report_some(repairs, np.isnan(sigma), f"no σ of the {word}: the variance of the settings is used")
     if missing:
         repairs.append(
-            f"The GPS gives no σ of its {' and '.join(missing)}: the variances of the settings stand in."
+            f"The GPS gives no σ of its {' and '.join(missing)}: the variances of the settings are used."
         )
 
 

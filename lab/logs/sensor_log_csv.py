@@ -112,7 +112,7 @@ class LogFiles:
     imu, gnss : Path
         The csv files.
     reference, magnetometer : Path or None
-        Csv files of the reference and the magnetometer, where there are any.
+        Csv files of the reference and the magnetometer, if there are any.
     comparisons : tuple of (str, Path)
         Names and csv files of other solutions.
     title, description : str
@@ -350,7 +350,7 @@ def _geodetic(table: dict[str, FloatArray], rows: int) -> FloatArray:
 
 
 def _read_solution(path: Path) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
-    """Return time, position, velocity and attitude of a solution, NaN where it does not know them."""
+    """Return time, position, velocity and attitude of a solution; NaN where it has none."""
     table, rows = _read(path, (_TIME, *_PLACE_IF_KNOWN, *_VELOCITY, *_ATTITUDE))
     time = table["t_s"]
     if rows < 2 or (np.diff(time) <= 0).any():
@@ -362,8 +362,9 @@ def _read_solution(path: Path) -> tuple[FloatArray, FloatArray, FloatArray, Floa
     )
     if not any(np.isfinite(part).all(axis=1).any() for part in parts):
         raise MissionError(
-            f"{path}: knows neither positions nor velocities nor attitudes; accepted are the columns "
-            "lat_deg, lon_deg, alt_m, or vn_m_s, ve_m_s, vd_m_s, or roll_deg, pitch_deg, heading_deg, or more"
+            f"{path}: contains neither positions nor velocities nor attitudes; accepted are the columns "
+            "lat_deg, lon_deg, alt_m, or vn_m_s, ve_m_s, vd_m_s, or roll_deg, pitch_deg, heading_deg, or "
+            "more"
         )
     return (time, *parts)
 

@@ -58,7 +58,7 @@ def write_sensor_log(
     log
         The log.
     title, description, tags
-        What the mission is called and what it is, for people.
+        Title and description of the mission.
 
     Raises
     ------
@@ -138,7 +138,7 @@ def _gnss_rows(gnss: GnssLog) -> FloatArray:
 
 
 def _heading_rows(gnss: GnssLog, headings: Headings | None) -> FloatArray:
-    """Return heading and σ at each fix [°]; NaN where there is none of its time."""
+    """Return heading and σ at each fix [°]; NaN if there is none at its time."""
     rows = np.full((gnss.time.size, 2), np.nan)
     if headings is not None and headings.time.size:
         at = gnss.time - gnss.latency

@@ -18,7 +18,7 @@ class Vehicle(NamedTuple):
     name : str
         As written in ``log.toml`` and settings; empty where unknown.
     sideslip : float
-        σ of heading minus course in motion [rad]; infinite where the course does not show the heading.
+        σ of heading minus course in motion [rad]; infinite if the course does not show the heading.
     """
 
     name: str

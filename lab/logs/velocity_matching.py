@@ -26,14 +26,14 @@ WINDOW = 20.0
 GYRO_BIAS_SIGMA = np.radians(5.0)
 """σ of an unknown gyro bias: consumer parts are off by a few °/s [rad/s]."""
 LAG_SIGMA = 2.0
-"""σ of the lag where it is fitted, wide beside what receivers do [s]."""
+"""Prior σ of a fitted lag, large compared with real receivers [s]."""
 
 _STEP = 0.05
 """Length of the steps to which samples are summed [s]."""
 _FORCE_BIAS_SIGMA = 0.3
 """σ of the bias of a consumer accelerometer [m/s²]."""
 _MODEL_SIGMA = 0.1
-"""σ of what the model leaves out: scale factors, coning between steps, vibration [m/s]."""
+"""σ of unmodelled errors: scale factors, coning between steps, vibration [m/s]."""
 _HEADINGS = np.radians([0.0, 90.0, 180.0, 270.0])
 """Headings from which the fit starts [rad]: it converges from within 45°."""
 _ROUGH, _FINE = 3, 8
@@ -43,11 +43,11 @@ _MIN_FIXES = 8
 _MAX_CHANGE = 1e4
 """Largest change of an unknown in a round: numbers of no physics stay numbers."""
 _MAX_FITTED_LAG = 4.0
-"""Largest lag that the fit may reach [s]: beyond the offsets looked for, so that it does not end at one."""
+"""Largest lag of the fit [s]: beyond the searched offsets, so that the fit does not end at one of them."""
 _UNKNOWN_VARIANCE = 1e6
 """Variance of unknowns that cannot be fitted."""
 _RIDGE = 1e-9
-"""What is added to the scaled normal matrix: an unknown that nothing shows has a σ of 3e4 times its scale."""
+"""Term added to the scaled normal matrix: an unobservable unknown has a σ of 3e4 times its scale."""
 _MIN_LIVELINESS = 0.2
 """σ of the velocity beside a straight line from which a window is fitted [m/s]: twice a receiver's noise."""
 _NOISE_FACTOR = 2
@@ -95,7 +95,7 @@ class Match(NamedTuple):
     lag, lag_sigma : float
         How much later than the fixes' stamps the IMU measured the same; 0 where it was not fitted [s].
     misfit : float
-        Mean square of the residuals in their σ: near 1, or less, where the motion is explained.
+        Mean square of the residuals in their σ: near 1, or less, if the fit explains the motion.
     cost : float
         Sum of squares that was made least.
     """

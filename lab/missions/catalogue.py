@@ -19,7 +19,8 @@ OWN_FOLDER_VARIABLE = "INS_LAB_MISSIONS"
 
 
 _SETTLED = 2.0
-"""Age from which on a change of a file shows in its time stamp [s]: some file systems count in 2 s."""
+"""Age above which a change of a file shows in its time stamp [s]: some file systems have a resolution of 2
+s."""
 
 
 class _Read(NamedTuple):
@@ -30,7 +31,8 @@ class _Read(NamedTuple):
 
 
 _READ: dict[Path, dict[str, _Read]] = {}
-"""What was read of the folders, by file name: thousands of files are not read again at every change."""
+"""Cache of the files in the folders, by file name, so that thousands of files are not read again at every
+change."""
 
 
 def shipped_folder() -> Path:
@@ -118,7 +120,7 @@ def mission(name_or_path: str | os.PathLike[str]) -> Mission:
 def _expanded(text: str) -> Path:
     try:
         return Path(text).expanduser()
-    except RuntimeError:  # "~somebody" with no such user
+    except RuntimeError:  # "~name" of an unknown user
         return Path(text)
 
 
@@ -202,7 +204,7 @@ def _find() -> tuple[dict[str, Mission], dict[str, str], dict[str, Path]]:
 
 
 def _listed(path: Path, name: str, read: dict[str, _Read]) -> Mission:
-    """Return what a TOML file describes; read only if it has changed since it was last listed."""
+    """Return the mission or log of a TOML file, which is read only if it changed since the last listing."""
     try:
         facts = path.stat()
     except OSError:
@@ -211,8 +213,8 @@ def _listed(path: Path, name: str, read: dict[str, _Read]) -> Mission:
     known = _READ.get(path.parent, {}).get(path.name)
     if known is None or known.stamp != stamp:
         known = _Read(stamp, _from_toml(path, name))
-    # What was written just now may be written again within the same tick of the clock.
+    # A file written just now may be written again within the same tick of the clock.
     if time.time() - max(facts.st_mtime, facts.st_ctime) > _SETTLED:
         read[path.name] = known
-    # Each listing has missions of its own, so that recordings read through them are let go.
+    # Each listing has its own missions, so that recordings read through them are freed.
     return replace(known.mission, name=name)

@@ -39,13 +39,13 @@ class FlightImport:
     paths : tuple of Path
         The files; empty for a flight that was recorded live.
     raw : RawFlight
-        What they have.
+        The flight in the files.
     flight : RepairedFlight
         Its longest unbroken stretch, time stamps repaired.
     rebuilt : Reconstruction
         The flight rebuilt from that, and how.
     report : ImportReport
-        What to judge it by.
+        Settings for the plausibility checks.
     settings : ImportSettings
         How it was rebuilt.
     """
@@ -64,7 +64,7 @@ class FlightImport:
 
     @cached_property
     def log(self) -> SensorLog | None:
-        """The recorded IMU and GPS, where the file has both; read when first asked for."""
+        """The recorded IMU and GPS data, if the file has both; read at first use."""
         try:
             return read_log(self.paths)
         except MissionError:
@@ -97,7 +97,7 @@ class FlightImport:
         Parameters
         ----------
         name
-            What the mission is to be called.
+            Name of the mission.
         title, description, tags
             As of `Mission`; without a title it is that of the file.
         folder
@@ -139,7 +139,7 @@ def prepare_import(
     Parameters
     ----------
     paths
-        The file, or the files where a format spreads a flight over several.
+        The file, or the files if a format uses several for one flight.
     settings
         How to rebuild it.
     units

@@ -128,18 +128,18 @@ def add_flown(
     """Add the flight of a mission's plan; its TOML file is kept except for the keys that the flight changes.
 
     The recording is written as by `add_mission`. It takes the place of the old one if nothing changes in the
-    TOML file, so that there is never a recording beside words that are not true of it.
+    TOML file, so that there is never a recording with a wrong description.
 
     Parameters
     ----------
     flown
         The mission whose plan was flown, of a TOML file.
     recording
-        What was flown.
+        The flown flight.
     seed, ending
         As of `flown_text`.
     folder
-        Where to write; it is made where there is none.
+        Target folder; it is created if it does not exist.
     overwrite
         True replaces files of these names.
 

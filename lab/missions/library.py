@@ -62,7 +62,7 @@ def add_mission(
     recording
         The flight.
     name
-        What the mission is to be called; see `accepted_name`.
+        Name of the mission; see `accepted_name`.
     title, description, origin, aircraft, airport, tags
         As of `Mission`; a title is needed.
     flight
@@ -70,7 +70,7 @@ def add_mission(
     ending
         Why the flight ended before its plan did.
     folder
-        Where to write; the user's own folder by default. It is made where there is none.
+        Target folder, by default the user's own. It is created if it does not exist.
     overwrite
         True replaces a flight of that name; the old recording goes once the new one is in its place.
 
@@ -123,14 +123,14 @@ def add_log(
     tags: Sequence[str] = (),
     folder: str | os.PathLike[str] | None = None,
 ) -> Mission:
-    """Add a log of real sensors to the library: a folder of its files, which appears whole or not at all.
+    """Add a sensor log to the library: a folder of its files, which appears whole or not at all.
 
     Parameters
     ----------
     log
         The log.
     name, title, description, tags, folder
-        As of `add_mission`. What was repaired in the log is added to the description.
+        As for `add_mission`. Repairs of the log are added to the description.
 
     Returns
     -------
@@ -193,7 +193,7 @@ def own_place(name: str) -> Path:
         own = ", ".join(sorted(own_names())) or "there is none yet"
         raise MissionError(f"there is no mission {name!r}. Accepted are your own: {own}")
     if not _is_own(found[name]):
-        raise MissionError(f"mission {name}: ships with the lab and stays as it is; accepted are your own")
+        raise MissionError(f"mission {name}: ships with the lab and cannot be changed; accepted are your own")
     return found[name]
 
 
@@ -342,7 +342,9 @@ def encoded(text: str, toml: Path) -> bytes:
     try:
         content = text.encode()
     except UnicodeEncodeError as error:
-        raise MissionError(f"{toml}: not written: {error.object[error.start]!r} is no character") from error
+        raise MissionError(
+            f"{toml}: not written: {error.object[error.start]!r} is not a valid character"
+        ) from error
     if len(content) > MAX_BYTES:
         raise MissionError(f"{toml}: not written: its texts are too long; accepted are 1 MB in all")
     try:

@@ -22,7 +22,7 @@ from lab.recordings.text_blocks import check_file
 
 @dataclass(frozen=True, eq=False, repr=False)
 class LogMission(Mission):
-    """A log of real sensors that can be navigated; nothing is simulated, and there is no true flight.
+    """A sensor log that can be navigated; nothing is simulated, and there is no true flight.
 
     Attributes
     ----------
@@ -56,7 +56,7 @@ class LogMission(Mission):
             recording_path=files.imu,
             title=files.title,
             description=files.description,
-            origin="log of real sensors",
+            origin="sensor log",
             tags=files.tags,
             path=files.path,
             files=files,
@@ -87,8 +87,8 @@ class LogMission(Mission):
     def recording(self) -> Recording:
         """A log is no flight recording: raises `MissionError`."""
         raise MissionError(
-            f"{self.name}: is a log of real sensors, of which nobody knows the true flight; accepted here is "
-            "a mission with a flight recording"
+            f"{self.name}: is a sensor log, and its true flight is unknown; accepted here is a mission with "
+            "a flight recording"
         )
 
     @property

@@ -32,7 +32,7 @@ class Mission(NotebookCard):
     Attributes
     ----------
     name : str
-        What it is called in settings and on the command line.
+        Name in settings and on the command line.
     recording_path : Path
         The flight csv.
     title, description : str

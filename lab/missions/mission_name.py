@@ -10,7 +10,7 @@ from lab.recordings.mission_error import MissionError
 MAX_LETTERS = 48
 """Longest name [characters]: with its ending and in UTF-8 it fits every file system."""
 PUNCTUATION = " -_.+()"
-"""What a name may hold besides letters and digits."""
+"""Accepted characters of a name besides letters and digits."""
 
 _ENDINGS = (".toml", ".csv", ".gz")
 _RESERVED = frozenset(
@@ -59,7 +59,7 @@ def suggested_name(text: str) -> str:
 
 
 def _wrong(name: str) -> str:
-    """Return what is wrong with a name; nothing if it is accepted."""
+    """Return the problem of a name; empty if it is accepted."""
     strange = next((letter for letter in name if not _is_plain(letter)), None)
     if not name:
         wrong = "is empty"

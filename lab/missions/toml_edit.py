@@ -18,7 +18,7 @@ def changed_text(toml: Path, text: str, changes: Mapping[str, Any]) -> str:
     toml
         The file, for messages.
     text
-        What is in it.
+        Content of the file.
     changes
         New values by key. None removes a key; a mapping changes values in the table of that name.
 
@@ -53,7 +53,7 @@ def flown_text(toml: Path, text: str, *, recording: str, seed: int | None, endin
     recording
         Name of the file of the new recording.
     seed
-        New seed of the plan; None leaves what is there.
+        New seed of the plan; None keeps the old one.
     ending
         Why the flight ended before its plan did; empty when it did not.
 

@@ -1,1 +1,1 @@
-"""Navigation: strapdown, error models, the error-state Kalman filter, and the navigator made of them."""
+"""Navigation: strapdown, error models, error-state Kalman filter, and the navigator that combines them."""

@@ -17,18 +17,19 @@ FloatArray = NDArray[np.float64]
 Arrays = TypeVar("Arrays", Imu, Fixes, Start)
 
 SLACK = 1e-6
-"""Part of a sample by which the time of a fix may miss that of a sample."""
+"""Largest difference between the times of a fix and of a sample that count as equal, as a fraction of a
+sample."""
 
 
 class AlgorithmError(ValueError):
-    """A user's algorithm failed, or returned what is no solution; the message says which and why."""
+    """A user's algorithm failed or did not return a solution; the message says which one, and why."""
 
 
 class Estimate(NamedTuple):
-    """What an algorithm returns: n + 1 samples at the IMU times, and what it knows at the m fixes.
+    """The result of an algorithm: n + 1 samples at the IMU times, and optional arrays at the m fixes.
 
-    The first four are needed. Of the covariance NEES is made, of the innovations NIS and their whiteness;
-    without them these are not known. A fix the algorithm did not use has NaN in its whole rows.
+    The first four arrays are required. NEES needs the covariance; NIS and whiteness need the innovations.
+    Without these arrays, they are unknown. A fix that the algorithm did not use has NaN in its whole rows.
 
     Attributes
     ----------
@@ -42,12 +43,12 @@ class Estimate(NamedTuple):
         σ of the errors the algorithm expects: position north, east, down [m], velocity [m/s], and the small
         rotation φ of the computed navigation frame about north, east, down [rad].
     covariance : (m, 9, 9) array, optional
-        Covariance of the same nine errors, of the sample that first knows the fix: the one at its time, or
-        the next after it.
+        Covariance of the same nine errors at the first sample that includes the fix: the sample at its time,
+        or the next one.
     innovation : (m, 6) array, optional
-        Navigator minus GPS before the fix is used, position [m], then velocity [m/s], north, east, down.
+        Navigator minus GPS before the fix is used: position [m], then velocity [m/s], north, east, down.
     innovation_covariance : (m, 6, 6) array, optional
-        Its covariance; needed where there is an innovation.
+        Covariance of the innovation; required for each innovation.
     """
 
     position: FloatArray
@@ -61,7 +62,7 @@ class Estimate(NamedTuple):
 
 @runtime_checkable
 class Algorithm(Protocol):
-    """Any object that navigates: IMU and GPS in, solution and σ out."""
+    """Any object that navigates: it takes IMU and GPS data, and returns a solution with σ."""
 
     def navigate(self, imu: Imu, fixes: Fixes, start: Start) -> Estimate:
         """Return the solution of a flight.
@@ -78,9 +79,9 @@ class Algorithm(Protocol):
 
 
 def run_algorithm(algorithm: Algorithm, imu: Imu, fixes: Fixes, start: Start) -> Solution:
-    """Return what an algorithm makes of a flight, as a solution like the built-in ones.
+    """Run an algorithm on a flight and return its solution, in the form of the built-in ones.
 
-    It has no biases: these are NaN, and so is what it did not give.
+    The biases are NaN, and so are the arrays that the algorithm did not return.
 
     Raises
     ------
@@ -94,7 +95,7 @@ def run_algorithm(algorithm: Algorithm, imu: Imu, fixes: Fixes, start: Start) ->
     except AlgorithmError:
         raise
     except (Exception, SystemExit) as error:
-        raise AlgorithmError(f"{name}: failed by itself: {described(error)}") from error
+        raise AlgorithmError(f"{name}: raised an exception: {described(error)}") from error
     samples, m = imu.time.size, fixes.time.size
     position = _array(name, estimate, "position", (samples, 3))
     velocity_n = _array(name, estimate, "velocity_n", (samples, 3))
@@ -128,7 +129,7 @@ def run_algorithm(algorithm: Algorithm, imu: Imu, fixes: Fixes, start: Start) ->
 
 
 def described(error: BaseException) -> str:
-    """Say what an exception is and where it was raised, in the code that was called or beside it.
+    """Return text that describes an exception and the place, in the called code or beside it, that raised it.
 
     Parameters
     ----------
@@ -140,14 +141,14 @@ def described(error: BaseException) -> str:
     called = [frame for frame in frames if not frame.filename.startswith("<")]
     if not called:
         return what
-    # What fails within NumPy is looked for in the line that called it.
+    # A failure inside NumPy is reported at the line that called NumPy.
     folder = Path(called[0].filename).parent
     place = [frame for frame in called if Path(frame.filename).parent == folder][-1]
     return f"{Path(place.filename).name}, line {place.lineno}, in {place.name}: {what}"
 
 
 def _read_only(arrays: Arrays) -> Arrays:
-    """Return views that cannot be written through: the cache holds what is behind them."""
+    """Return read-only views, because the cache shares the arrays."""
     views = {name: np.asarray(array).view() for name, array in arrays._asdict().items()}
     for view in views.values():
         view.setflags(write=False)
@@ -155,7 +156,7 @@ def _read_only(arrays: Arrays) -> Arrays:
 
 
 def _samples(time: FloatArray, fix_time: FloatArray) -> NDArray[np.int64]:
-    """Return the sample (m,) that first knows each fix, or −1 for those outside the time of the IMU."""
+    """Return the first sample (m,) that includes each fix, or −1 for fixes outside the IMU data."""
     slack = SLACK * float(np.mean(np.diff(time)))
     sample = np.searchsorted(time, fix_time - slack).astype(np.int64)
     sample[(fix_time < time[0] - slack) | (sample == time.size)] = -1
@@ -169,7 +170,7 @@ def _numbers(name: str, estimate: Estimate, part: str, shape: tuple[int, ...]) -
     except (AttributeError, TypeError, ValueError) as error:
         needed = ", ".join(field for field in Estimate._fields if field not in Estimate._field_defaults)
         raise AlgorithmError(
-            f"{name}: what it returned has no array {part!r} of numbers; accepted is an Estimate with "
+            f"{name}: the returned object has no numeric array {part!r}; accepted is an Estimate with "
             f"{needed}"
         ) from error
     if array.shape != shape:
@@ -187,7 +188,7 @@ def _array(name: str, estimate: Estimate, part: str, shape: tuple[int, ...]) -> 
 
 
 def _at_fixes(name: str, estimate: Estimate, part: str, shape: tuple[int, ...]) -> FloatArray | None:
-    """Return an array of an estimate that may be left out, and be NaN in the whole row of a fix."""
+    """Return an optional array of an estimate, which may be NaN in the whole row of a fix."""
     if getattr(estimate, part, None) is None:
         return None
     array = _numbers(name, estimate, part, shape)
@@ -201,7 +202,7 @@ def _at_fixes(name: str, estimate: Estimate, part: str, shape: tuple[int, ...]) 
 
 
 def _left_out(array: FloatArray) -> NDArray[np.bool_]:
-    """Say of which fixes (m,) nothing is given."""
+    """Return a mask (m,) of the fixes without any value."""
     return np.asarray(np.isnan(array).all(axis=tuple(range(1, array.ndim))))
 
 
@@ -214,14 +215,14 @@ def _covariance(name: str, estimate: Estimate, part: str, shape: tuple[int, ...]
     known = array[fixes]
     variance = np.diagonal(known, axis1=1, axis2=2)
     bad = (variance <= 0).any(axis=1)
-    # Scaled to unit diagonal: metres beside radians would hide what is small.
+    # Scaled to unit diagonal: next to metres, small variances in radians would be lost.
     sigma = np.sqrt(np.where(variance > 0, variance, 1))
     scaled = known / (sigma[:, :, None] * sigma[:, None, :])
     bad |= np.abs(scaled - scaled.transpose(0, 2, 1)).max(axis=(1, 2), initial=0) > SLACK
     bad |= np.linalg.eigvalsh(scaled)[:, 0] <= 0
     if bad.any():
         raise AlgorithmError(
-            f"{name}: {part} at fix {fixes[int(np.argmax(bad))]} is no covariance; accepted is a symmetric, "
-            "positive definite matrix"
+            f"{name}: {part} at fix {fixes[int(np.argmax(bad))]} is not a covariance; accepted is a "
+            "symmetric, positive definite matrix"
         )
     return array

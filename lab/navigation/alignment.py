@@ -1,9 +1,9 @@
-"""Alignment: where a navigator starts with recorded sensors.
+"""Alignment: the start of a navigator with recorded sensors.
 
-At rest the accelerometers show the vertical and the gyros their bias; in motion the acceleration that the
-fixes show is taken off first. The heading is that of `lab.navigation.initial_heading`, carried back to the
-start by the gyros; where nothing shows it, it stays unknown. P. D. Groves, *Principles of GNSS, Inertial and
-Multisensor Integrated Navigation Systems*, 2nd ed., ch. 5.6.
+At rest, the accelerometers show the vertical, and the gyros show their bias. In motion, the acceleration of
+the fixes is subtracted first. The heading comes from `lab.navigation.initial_heading`; the gyros carry it
+back to the start. If no sensor or motion shows it, it stays unknown. P. D. Groves, *Principles of GNSS,
+Inertial and Multisensor Integrated Navigation Systems*, 2nd ed., ch. 5.6.
 """
 
 from __future__ import annotations
@@ -32,34 +32,35 @@ from lab.rotation import quaternion_from_euler, wrap
 FloatArray = NDArray[np.float64]
 
 REST_SPEED = 0.5
-"""A vehicle slower than this may be at rest [m/s]."""
+"""Speed below which a vehicle may be at rest [m/s]."""
 
 _REST_RATE = np.radians(2.0)
-"""Largest σ of the gyros within a second of rest [rad/s]: engines and noise stay below, handling does not."""
+"""Largest σ of the gyros within a second of rest [rad/s]: above that of engines and noise, below that of
+handling."""
 _REST_FORCE = 0.4
 """Largest σ of the accelerometers within a second of rest, and twice the largest change of their mean
 [m/s²]."""
 _SECOND = 1.0
-"""Length of the stretches by which rest and turns are judged [s]."""
+"""Length of the intervals in which rest and turns are detected [s]."""
 _LEVELLING = 2.0
-"""Time over which the specific force gives the vertical where there is no rest [s]."""
+"""Averaging time of the specific force that gives the vertical in motion [s]."""
 _AROUND = 1.1
-"""How far around the stretch of the alignment fixes are used [s]: those of a receiver of 1 Hz."""
+"""Margin around the alignment within which fixes are used [s]: enough for a receiver at 1 Hz."""
 _LONGEST_REST = 60.0
-"""Longest rest that is used [s]."""
+"""Longest part of a rest that is used [s]."""
 _TILT_IN_MOTION = np.radians(3.0)
-"""σ of roll and pitch levelled in motion [rad]: 0.5 m/s² of acceleration that is not known."""
+"""σ of roll and pitch after levelling in motion [rad]: an unknown acceleration of 0.5 m/s²."""
 _ALLOWED_BIAS = 0.05
-"""Accelerometer bias that a σ of the tilt at rest allows for [m/s²]."""
+"""Accelerometer bias that is included in the σ of the tilt at rest [m/s²]."""
 _STRAIGHT = np.radians(2.0)
-"""Rate of the course up to which motion is straight [rad/s]."""
+"""Largest rate of the course in straight motion [rad/s]."""
 _STRAIGHT_SIGMA = np.radians(0.3)
-"""σ of a gyro bias taken from straight motion, and the least of one from a match [rad/s]."""
+"""σ of a gyro bias from straight motion, and smallest σ of one from velocity matching [rad/s]."""
 _LEAST_STRAIGHT = 10
-"""Fewest seconds of straight motion by which a gyro bias is taken."""
+"""Fewest seconds of straight motion for a gyro bias."""
 _ROUNDS = 3
-"""Rounds of levelling and heading, each with what the one before found."""
-_LATE = 0.05  # from where on the lateness of fixes is worth a word [s]
+"""Number of iterations of levelling and heading, each with the result of the previous one."""
+_LATE = 0.05  # smallest lateness of the fixes that is reported [s]
 
 
 class Alignment(NamedTuple):
@@ -76,9 +77,9 @@ class Alignment(NamedTuple):
     gyro_bias_sigma : (3,) array
         σ of the gyro bias [rad/s].
     rest : float
-        How long the vehicle was at rest at the start [s].
+        Duration of the rest at the start [s].
     heading : Found
-        Where the heading comes from.
+        The initial heading and its source.
     """
 
     start: Start
@@ -90,43 +91,43 @@ class Alignment(NamedTuple):
 
     @property
     def course_time(self) -> float:
-        """When the heading was seen [s]; NaN where it never was."""
+        """Time at which the heading was observed [s]; NaN if it was not."""
         return self.heading.time
 
     @property
     def remark(self) -> str:
-        """How the start was found, for people."""
+        """Description of how the start was found."""
         levelled = (
-            f"Levelled at rest over {self.rest:.1f} s, gyro biases from the same time"
+            f"Levelled at rest over {self.rest:.1f} s, gyro biases from the same rest"
             if self.rest
-            else "Levelled in motion by the acceleration the fixes show, gyro biases from the motion too"
+            else "Levelled in motion with the acceleration from the fixes, gyro biases from the motion too"
         )
         if not self.heading.source:
             return (
-                f"{levelled}; the heading is unknown, since no motion and no sensor shows it: it can be "
-                "given as navigator.initial_heading."
+                f"{levelled}; the heading is unknown, since no motion and no sensor shows it. "
+                "navigator.initial_heading sets it."
             )
         late, sigma = self.heading.late, self.heading.late_sigma
         clock = ""
         if abs(late) > max(_LATE, 5 * sigma):
             clock = (
-                f" The same motion shows the fixes {abs(late):.2f} s {'late' if late > 0 else 'early'} (σ "
-                f"{sigma:.2f} s), which latency_s of the log is to say."
+                f" The same motion shows that the fixes are {abs(late):.2f} s "
+                f"{'late' if late > 0 else 'early'} (σ {sigma:.2f} s); set latency_s of the log accordingly."
             )
         return f"{levelled}; heading {self.heading.source}, σ {np.degrees(self.heading.sigma):.0f}°.{clock}"
 
 
 def align(imu: Imu, fixes: Fixes, velocity_sigma: FloatArray, hints: Hints | None = None) -> Alignment:
-    """Return where a navigator starts.
+    """Return the start of a navigator.
 
     Parameters
     ----------
     imu, fixes
-        The measurements; the fixes of the IMU itself, all three velocities given.
+        The measurements; the fixes are those of the IMU itself, with all three velocities.
     velocity_sigma : (m, 3) array
         σ of the velocities [m/s].
     hints
-        What is known of vehicle and heading beside.
+        Further information about vehicle and heading.
     """
     hints = Hints() if hints is None else hints
     rest = _rest(imu, fixes)
@@ -148,7 +149,8 @@ def align(imu: Imu, fixes: Fixes, velocity_sigma: FloatArray, hints: Hints | Non
     roll, pitch = level(force, force_n, heading)
     q_nb = quaternion_from_euler(np.array([roll, pitch, heading]))
     if rest:
-        # What turns at rest is the Earth and the bias; of the Earth's rate the vertical part is known.
+        # At rest, the gyros measure the Earth's rate and their bias; of the Earth's rate, the vertical part
+        # is known.
         up = (
             Rotation.from_quat(q_nb, scalar_first=True).inv().apply([0, 0, -earth.RATE * np.sin(position[0])])
         )
@@ -167,7 +169,7 @@ def align(imu: Imu, fixes: Fixes, velocity_sigma: FloatArray, hints: Hints | Non
 
 
 def level(force: FloatArray, force_n: FloatArray, heading: float) -> tuple[float, float]:
-    """Return roll and pitch [rad] that turn a specific force measured in b into that in n.
+    """Return the roll and pitch [rad] that rotate a specific force measured in b to that in n.
 
     Parameters
     ----------
@@ -188,7 +190,7 @@ def level(force: FloatArray, force_n: FloatArray, heading: float) -> tuple[float
 
 
 def _rest(imu: Imu, fixes: Fixes) -> float:
-    """Return how long the vehicle is at rest from the first sample on, in whole seconds; 0 below two [s]."""
+    """Return the duration of the rest from the first sample on, in whole seconds; 0 if below two [s]."""
     start = imu.time[0]
     seconds = int(min(imu.time[-1] - start, _LONGEST_REST))
     dt = np.diff(imu.time)[:, None]
@@ -223,8 +225,8 @@ def _mean_rate(imu: Imu, length: float) -> FloatArray:
 def _straight(imu: Imu, fixes: Fixes, velocity_sigma: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Return the gyro bias (3,) as the median rate in straight seconds, and its σ [rad/s].
 
-    A vehicle that keeps its course keeps its attitude on the average. Without ten such seconds the bias is
-    zero, and uncertain by the mean rate of the whole record.
+    A vehicle on a constant course has a constant attitude on average. Without ten such seconds, the bias is
+    zero, and its σ is the mean rate of the whole record.
     """
     ends = np.arange(imu.time[0], imu.time[-1], _SECOND)
     angle = np.concatenate((np.zeros((1, 3)), np.cumsum(imu.dtheta, axis=0)))
@@ -246,7 +248,7 @@ def _mean_force(imu: Imu, length: float) -> FloatArray:
 
 
 def _at_start(time: float, fixes: Fixes, values: FloatArray) -> FloatArray:
-    """Return values of the fixes (3,) at a time: between two fixes, or that of the first."""
+    """Return the value of the fixes (3,) at a time, interpolated; before the first fix, that of the first."""
     after = int(np.clip(np.searchsorted(fixes.time, time), 1, fixes.time.size - 1))
     a, b = fixes.time[after - 1], fixes.time[after]
     step = values[after] - values[after - 1]
@@ -256,7 +258,7 @@ def _at_start(time: float, fixes: Fixes, values: FloatArray) -> FloatArray:
 
 
 def _acceleration(imu: Imu, fixes: Fixes, length: float) -> FloatArray:
-    """Return the mean acceleration (3,) over the first seconds, by a straight line through the velocities."""
+    """Return the mean acceleration (3,) over the first seconds, by a linear fit of the velocities."""
     start = imu.time[0]
     near = np.abs(fixes.time - start - length / 2) < length / 2 + _AROUND
     if near.sum() < 3:
@@ -266,7 +268,7 @@ def _acceleration(imu: Imu, fixes: Fixes, length: float) -> FloatArray:
 
 
 def _turned(imu: Imu, bias: FloatArray) -> FloatArray:
-    """Return the angle (n + 1,) that a nearly level IMU has turned about the vertical [rad]."""
+    """Return the angle (n + 1,) by which a nearly level IMU has rotated about the vertical [rad]."""
     down = -_mean_force(imu, _LEVELLING)
     down /= np.linalg.norm(down)
     turned = (imu.dtheta - bias * np.diff(imu.time)[:, None]) @ down
@@ -276,7 +278,7 @@ def _turned(imu: Imu, bias: FloatArray) -> FloatArray:
 def _heading(
     imu: Imu, fixes: Fixes, velocity_sigma: FloatArray, hints: Hints, bias: FloatArray, rest: float
 ) -> Found:
-    """Return the heading at the first sample, as given, or as antennas, course and velocities show it."""
+    """Return the heading at the first sample: given, or from antennas, course and velocities."""
     turning = _turned(imu, bias)
     vehicle = hints.vehicle
     course = by_course(imu, fixes, velocity_sigma, turning, rest, vehicle)
@@ -289,14 +291,14 @@ def _heading(
         given = Found(float(wrap(hints.given)), hints.given_sigma, "given", float(imu.time[0]))
         return given._replace(gyro_bias=matched.gyro_bias, gyro_bias_sigma=matched.gyro_bias_sigma)
     if vehicle.follows_nose and course.source:
-        # The course holds, unless the specific force contradicts it: then nobody knows what vehicle it is.
+        # The course is used unless the specific force contradicts it: then the kind of vehicle is unknown.
         course = course if surest((course, matched)).sigma <= course.sigma else UNKNOWN
         matched = UNKNOWN if course.source else matched
     return surest((antennas, course, matched))
 
 
 def _bias_of_motion(imu: Imu, found: Found) -> tuple[FloatArray, FloatArray]:
-    """Return the gyro bias found with the heading, or zero, as uncertain as the mean rate; and its σ."""
+    """Return the gyro bias found with the heading, or zero with the mean rate as its σ; and its σ."""
     if found.gyro_bias is not None and found.gyro_bias_sigma is not None:
         return found.gyro_bias, np.maximum(found.gyro_bias_sigma, _STRAIGHT_SIGMA)
     return np.zeros(3), np.maximum(
@@ -313,9 +315,9 @@ def _with_compass(
     length: float,
     position: FloatArray,
 ) -> Found:
-    """Return the surest heading, the magnetometer's taken in."""
+    """Return the most certain heading, including that of the magnetometer."""
     compass = found
-    for _ in range(_ROUNDS):  # in motion the vertical depends on the heading
+    for _ in range(_ROUNDS):  # in motion, the vertical depends on the heading
         attitude = level(*forces, compass.heading)
         compass = by_magnetometer(imu, hints.magnetometer, attitude, tilt, length, position)
     return surest((found, compass))

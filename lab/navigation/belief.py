@@ -1,4 +1,4 @@
-"""Belief: what the filter assumes of its start and its sensors; matched to them, or as the settings say."""
+"""Belief: the filter's assumptions about its start and sensors, matched to them or given by the settings."""
 
 from __future__ import annotations
 
@@ -22,20 +22,22 @@ from lab.units import si
 FloatArray = NDArray[np.float64]
 
 PLAUSIBLE = 0.999
-"""Part of the good fixes that is plausible to a robust filter without a gate."""
+"""Fraction of the good fixes that a robust filter without a gate counts as plausible."""
 UNEXPLAINED = 1e-6
-"""Probability of rejected good fixes in a row from which on chance does not explain them."""
+"""Probability of rejected good fixes in a row below which chance does not explain them."""
 FEWEST_AGREEING = 4
-"""Fewest rejected fixes in a row that accuse the filter if they agree: of four outliers with random
-directions one row in 64 does."""
+"""Fewest consecutive rejected fixes that indicate a wrong filter if they agree: of four outliers with random
+directions, one row in 64 agrees."""
 FEWEST_SCATTERED = 10
-"""Fewest that accuse it whatever their directions: of 20 % outliers one row in 10 million is as long."""
+"""Fewest consecutive rejected fixes that indicate a wrong filter in any directions: with 20 % outliers, one
+row in 10 million is as long."""
 
 FLICKER_FLOOR = np.sqrt(2 * np.log(2) / np.pi)
 """Allan deviation of flicker over its coefficient B (IEEE Std 952-1997, annex C)."""
 
 HIDDEN = np.sqrt(2)
-"""Largest steady-state variance of a bias estimate over the variance of an instability that the noise hides.
+"""Largest steady-state variance of a bias estimate, divided by the variance of an instability that the noise
+hides.
 
 NEES of the gyro biases over ten flights of montreal, with 30 and 100 °/h and τ of 0.5 and 5 s, is 0.69 to
 1.46 without this limit, 0.87 to 1.35 at 1, and 0.88 to 1.12 at √2.
@@ -43,14 +45,14 @@ NEES of the gyro biases over ten flights of montreal, with 30 and 100 °/h and �
 
 
 def belief(sensors: SensorSuite, navigator: NavigatorSettings, constants: FloatArray | None = None) -> Belief:
-    """Return what the filter assumes: P0, Q and R matched, or as given, and scaled.
+    """Return the filter's assumptions: P0, Q and R, matched or given, and scaled.
 
     Parameters
     ----------
     sensors, navigator
         The errors of the sensors, and the filter.
     constants : (21, 21) array
-        Covariance of the constant errors that an alignment left; by default those before any alignment.
+        Covariance of the constant errors after an alignment; by default, those before any alignment.
 
     Raises
     ------
@@ -78,36 +80,36 @@ def belief(sensors: SensorSuite, navigator: NavigatorSettings, constants: FloatA
 
 
 def assumed_lever_arm(navigator: NavigatorSettings, true: FloatArray) -> FloatArray:
-    """Return the lever arm (3,) that the filter assumes, where that of the receiver is `true` [m]."""
+    """Return the lever arm (3,) that the filter assumes; `true` is that of the receiver [m]."""
     return np.array(true if navigator.lever_arm is None else navigator.lever_arm, dtype=np.float64)
 
 
 def assumed_latency(navigator: NavigatorSettings, true: float) -> float:
-    """Return the latency that the filter assumes, where that of the receiver is `true` [s]."""
+    """Return the latency that the filter assumes; `true` is that of the receiver [s]."""
     return float(true if navigator.latency is None else navigator.latency)
 
 
 def _given(value: Any) -> FloatArray:
-    """Return a matrix given whole or as its diagonal."""
+    """Return the matrix that is given whole or by its diagonal."""
     array = np.asarray(value, dtype=np.float64)
     return np.diag(array) if array.ndim == 1 else array
 
 
 def _given_p0(navigator: NavigatorSettings) -> FloatArray:
-    """Return the given P0, if it is of as many states as the filter has."""
+    """Return the given P0, if it has the filter's number of states."""
     P0 = _given(navigator.p0)
     if P0.shape[0] != navigator.states:
         raise SettingError(
-            f"navigator.p0: is of {P0.shape[0]} states, and the filter has {navigator.states} "
+            f"navigator.p0: has {P0.shape[0]} states, but the filter has {navigator.states} "
             f"(navigator.states); accepted are {navigator.states} variances or a matrix of so many rows"
         )
     return P0
 
 
 def constant_errors(sensors: SensorSuite, navigator: NavigatorSettings) -> FloatArray:
-    """Return the second moment (21, 21) of the initial errors, given and drawn, and of constant biases.
+    """Return the second moment (21, 21) of the initial errors, given and drawn, and of the constant biases.
 
-    And of scale factors. What temperature does to biases and scale factors is not in it.
+    Scale factors are included. The effect of temperature on biases and scale factors is not.
     """
     variance = np.empty(21)
     variance[POS] = si(navigator, "position_sigma") ** 2 + si(navigator, "position_error") ** 2
@@ -123,11 +125,11 @@ def constant_errors(sensors: SensorSuite, navigator: NavigatorSettings) -> Float
 def _matched_p0(
     sensors: SensorSuite, navigator: NavigatorSettings, constants: FloatArray, *, aligned: bool
 ) -> FloatArray:
-    """Return the covariance of the initial errors, the instability of the biases with them."""
+    """Return the covariance of the initial errors, including the instability of the biases."""
     varying = np.zeros(21)
     varying[GYRO_BIAS] = si(sensors.gyro, "instability") ** 2
     varying[ACCEL_BIAS] = si(sensors.accelerometer, "instability") ** 2
-    if aligned:  # what flicker does beside a whole turn-on bias is nothing
+    if aligned:  # flicker is negligible next to a whole turn-on bias
         varying[GYRO_BIAS] += flicker_process(sensors.gyro)[0]
         varying[ACCEL_BIAS] += flicker_process(sensors.accelerometer)[0]
     return (constants + np.diag(varying))[: navigator.states, : navigator.states]
@@ -136,7 +138,7 @@ def _matched_p0(
 def matched_noise(sensors: SensorSuite, gyro_drive: FloatArray, accel_drive: FloatArray) -> FloatArray:
     """Return the process noise densities of the sensors as a diagonal matrix (12, 12).
 
-    Vibration is white to the accelerometers and counts with their noise.
+    Vibration is white for the accelerometers and counts as part of their noise.
     """
     gyro = si(sensors.gyro, "noise_density") ** 2
     accel = si(sensors.accelerometer, "noise_density") ** 2
@@ -151,7 +153,7 @@ def matched_r(sensors: SensorSuite) -> FloatArray:
 
 
 def r_factors(navigator: NavigatorSettings) -> FloatArray:
-    """Return what the variances of a fix are multiplied by (6,), position and velocity north, east, down."""
+    """Return the factors (6,) on the variances of a fix, position and velocity north, east, down."""
     horizontal, vertical, velocity = navigator.r_factors
     factors = np.array([horizontal, horizontal, vertical, velocity, velocity, velocity])
     return np.asarray(navigator.r_scale * factors)
@@ -167,7 +169,7 @@ def bias_processes(
     sensors
         The errors of the sensors.
     constants : (21,) array
-        Variances of the constant errors that an alignment left; by default those before any alignment.
+        Variances of the constant errors after an alignment; by default, those before any alignment.
     """
     gyro, accel = (None, None) if constants is None else (constants[GYRO_BIAS], constants[ACCEL_BIAS])
     parts = bias_process(sensors.gyro, gyro), bias_process(sensors.accelerometer, accel)
@@ -180,13 +182,13 @@ def bias_process(
 ) -> tuple[FloatArray, FloatArray]:
     """Return drive density (3,) and decay rate (3,) of the filter's one bias state for each axis.
 
-    The true bias is a constant plus Gauss-Markov processes, flicker standing in as one of them; the filter's
+    The true bias is a constant plus Gauss-Markov processes; flicker is modelled as one of them. The filter's
     single Gauss-Markov state has the variance of all together and the short-term growth Σ 2 σ² / τ. A random
-    walk adds K² to the drive and nothing to the decay. It is exact where there is but one part.
+    walk adds K² to the drive and nothing to the decay. The model is exact for a single part.
 
-    The noise hides changes of the instability that are fast, and only their variance counts. A bias with the
-    drive q under noise of the density N² is known to the variance √(q N²), the steady state of the Riccati
-    equation. Beside a constant C that variance need not exceed `HIDDEN` σ² √((C + σ²) / C).
+    The noise hides fast changes of the instability, so only their variance counts. For a bias with the drive
+    q under noise of the density N², the steady state of the Riccati equation has the variance √(q N²). With a
+    constant of variance C, that variance need not exceed `HIDDEN` σ² √((C + σ²) / C).
     """
     constant = _turn_on_variance(errors) if constant is None else constant
     instability, (flicker, flicker_time) = si(errors, "instability") ** 2, flicker_process(errors)
@@ -201,13 +203,13 @@ def bias_process(
 
 
 def flicker_process(errors: GyroErrors | AccelerometerErrors) -> tuple[FloatArray, FloatArray]:
-    """Return variance (3,) and correlation time (3,) [s] of the Gauss-Markov process that stands for flicker.
+    """Return variance (3,) and correlation time (3,) [s] of the Gauss-Markov process that models flicker.
 
-    No process with one state has a 1/f spectrum. This one has the variance 5 B²: the 4 B² that flicker
-    reaches some 10⁵ samples after its start, and a quarter more, found by NEES, for changes that last
-    longer than the process remembers. It has the peak of its Allan deviation (at 1.89 correlation times,
-    IEEE 952) at the time where the white noise sinks to the floor 0.664 B of the flicker: faster changes
-    the noise hides. That time counts as 10 s at least, since changes within a few fixes average out.
+    No process with one state has a 1/f spectrum. This one has the variance 5 B²: flicker reaches 4 B² some
+    10⁵ samples after its start, and NEES requires a quarter more, for changes that last longer than the
+    correlation time. The peak of its Allan deviation (at 1.89 correlation times, IEEE 952) is at the time at
+    which the white noise falls to the floor 0.664 B of the flicker, because the noise hides faster changes.
+    That time is at least 10 s, since changes within a few fixes average out.
     """
     B, N = si(errors, "flicker"), si(errors, "noise_density")
     meeting = np.divide(N, FLICKER_FLOOR * B, out=np.zeros(3), where=B > 0) ** 2
@@ -220,7 +222,7 @@ def _turn_on_variance(errors: GyroErrors | AccelerometerErrors) -> FloatArray:
 
 
 def schedule_of(navigator: NavigatorSettings, dt: float, samples: int) -> Schedule:
-    """Return when the filter does what.
+    """Return the schedule of the filter.
 
     Parameters
     ----------
@@ -229,7 +231,7 @@ def schedule_of(navigator: NavigatorSettings, dt: float, samples: int) -> Schedu
     dt
         Time from IMU sample to IMU sample [s].
     samples
-        How many there are.
+        Number of IMU samples.
     """
     rate = navigator.filter_rate
     by_chance = max(1 - suspicion(navigator), UNEXPLAINED)
@@ -247,12 +249,12 @@ def schedule_of(navigator: NavigatorSettings, dt: float, samples: int) -> Schedu
 
 
 def implausible(navigator: NavigatorSettings, measurements: int = MEASUREMENTS) -> float:
-    """Return the NIS from which on fixes in a row accuse the filter; infinite where every fix is taken."""
+    """Return the NIS above which consecutive fixes indicate a wrong filter; infinite if every fix is used."""
     if not navigator.gate and navigator.robust == "none":
         return math.inf
     return gate(suspicion(navigator), measurements)
 
 
 def suspicion(navigator: NavigatorSettings) -> float:
-    """Return which part of the good fixes is plausible: the gate's, or `PLAUSIBLE` without a gate."""
+    """Return the plausible fraction of the good fixes: that of the gate, else `PLAUSIBLE`."""
     return float(navigator.gate) or PLAUSIBLE

@@ -1,4 +1,4 @@
-"""Checks: whether the settings of a navigator go together, and whether what it computed is usable."""
+"""Checks: whether the settings of a navigator are compatible, and whether its solution is usable."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ FloatArray = NDArray[np.float64]
 
 
 def check_mechanization(settings: NavigatorSettings) -> None:
-    """Raise `SettingError` if a mechanization does not go with the model or the engine."""
+    """Raise `SettingError` if a mechanization is incompatible with the model or the engine."""
     if settings.mechanization == NORTH_SLAVED:
         return
     reason = None
@@ -31,18 +31,18 @@ def check_mechanization(settings: NavigatorSettings) -> None:
 
 
 def check_smoother(settings: NavigatorSettings, schedule: Schedule) -> None:
-    """Raise `SettingError` if the smoother cannot go back over the steps of the filter."""
+    """Raise `SettingError` if the smoother cannot use the steps of the filter."""
     if not settings.smoother:
         return
     reason = None
     if settings.model == "nonlinear":
-        reason = f"goes back over the steps of a linear filter, which the model nonlinear is not; {_SMOOTHED}"
+        reason = f"needs the steps of a linear filter, and the model nonlinear is not linear; {_SMOOTHED}"
     elif settings.engine == "filterpy":
-        reason = f"goes back over the steps of the compiled filter, not of the one in filterpy; {_SMOOTHED}"
+        reason = f"needs the steps of the compiled filter, not of the one in filterpy; {_SMOOTHED}"
     elif schedule.stride > 1:
         reason = (
-            "goes back sample by sample, and navigator.filter_rate = "
-            f"{settings.filter_rate:g} Hz propagates the covariance less often; {_SMOOTHED}"
+            f"needs the covariance at every sample, and navigator.filter_rate = {settings.filter_rate:g} Hz "
+            f"propagates the covariance less often; {_SMOOTHED}"
         )
     if reason:
         raise SettingError(f"navigator.smoother: {reason}")
@@ -52,17 +52,17 @@ _SMOOTHED = f"accepted with it are the models {', '.join(MODELS)}, the compiled 
 
 
 def check_engine(settings: NavigatorSettings) -> None:
-    """Raise `SettingError` if the reference in filterpy does not know what the settings ask for."""
+    """Raise `SettingError` if the reference in filterpy does not support the settings."""
     if settings.engine != "filterpy":
         return
     if settings.model == "nonlinear":
         raise SettingError(
-            "navigator.engine: the reference in filterpy is a linear filter, which the model nonlinear is "
+            "navigator.engine: the reference in filterpy is a linear filter, and the model nonlinear is "
             "not; accepted is compiled"
         )
     if settings.robust != "none":
         raise SettingError(
-            "navigator.engine: the reference in filterpy takes each fix at its full weight, and "
+            "navigator.engine: the reference in filterpy uses each fix with its full weight, and "
             f"navigator.robust = {settings.robust} does not; accepted is compiled, or robust = none"
         )
 
@@ -73,13 +73,13 @@ def check_r(R: FloatArray) -> None:
         np.linalg.cholesky(R)
     except np.linalg.LinAlgError as error:
         raise SettingError(
-            "navigator.r: is singular: some measurement, or combination of measurements, is without noise; "
+            "navigator.r: is singular: some measurement, or a combination of measurements, has no noise; "
             "accepted is a positive definite matrix (very small variances are possible)"
         ) from error
 
 
 def check_bias_decay(step: float, bias_decay: FloatArray) -> None:
-    """Raise `SettingError` if a step of the filter is longer than the correlation time of a bias it follows.
+    """Raise `SettingError` if a step of the filter is longer than the correlation time of a bias.
 
     Parameters
     ----------
@@ -91,16 +91,16 @@ def check_bias_decay(step: float, bias_decay: FloatArray) -> None:
     fastest = float(bias_decay.max())
     if step * fastest > 1 + 1e-9:
         raise SettingError(
-            f"navigator.filter_rate: the filter's step of {step:g} s is longer than the shortest correlation "
-            f"time of a bias, {1 / fastest:g} s (sensors.gyro.correlation_time, "
-            "sensors.accelerometer.correlation_time, or what stands for their flicker); accepted here is a "
-            f"rate from {fastest:g} Hz, or 0 for every IMU sample"
+            f"navigator.filter_rate: the filter's step of {step:g} s is longer than the shortest "
+            f"correlation time of a bias, {1 / fastest:g} s (sensors.gyro.correlation_time, "
+            "sensors.accelerometer.correlation_time, or the process that models their flicker); accepted "
+            f"here is a rate from {fastest:g} Hz, or 0 for every IMU sample"
         )
 
 
 def check_finite(solution: Solution, time: FloatArray) -> None:
-    """Raise `ValueError` if a solution, at times (n + 1,), has what is no number, or variances below zero."""
-    # What is not finite stays so: the last sample tells.
+    """Raise `ValueError` if a solution, at times (n + 1,), is not finite or has negative variances."""
+    # A value that is not finite stays so: checking the last sample is enough.
     states = (
         *(solution.position, solution.velocity_n, solution.q_nb),
         *(solution.bias, solution.scale, solution.variance),
@@ -110,13 +110,13 @@ def check_finite(solution: Solution, time: FloatArray) -> None:
     bad = (solution.variance < 0).any(axis=1)
     for values in states:
         bad |= ~np.isfinite(values).all(axis=1)
-    raise diverged(f"no usable numbers from t = {time[int(np.argmax(bad))]:.3f} s on")
+    raise diverged(f"the numbers are not usable from t = {time[int(np.argmax(bad))]:.3f} s on")
 
 
 def diverged(what: str, error: Exception | None = None) -> ValueError:
-    """Return the error of a solution that diverged; `what` says how, `error` what it looked like."""
+    """Return the exception for a solution that diverged; `what` says how, `error` is the cause."""
     detail = f" ({error})" if error else ""
     return ValueError(
-        f"the navigation solution diverged: {what}{detail}. Look at extreme settings of the navigator (p0, "
-        "q, r, their scales, the initial σ, filter_rate) and of the sensors it should match"
+        f"the navigation solution diverged: {what}{detail}. Check for extreme settings of the navigator "
+        "(p0, q, r, their scales, the initial σ, filter_rate) and of the sensors"
     )

@@ -1,4 +1,4 @@
-"""Choice: the linear error model that the settings of a navigator name, and whether their filter is ready."""
+"""Choice: the linear error model that a navigator's settings name, and whether its filter is ready."""
 
 from __future__ import annotations
 
@@ -9,12 +9,12 @@ from lab.navigation.wander_models import linear_model
 
 
 def chosen_model(settings: NavigatorSettings) -> ErrorModel:
-    """Return the error model of a linear filter: of this name, mechanization and number of states."""
+    """Return the error model of a linear filter by name, mechanization and number of states."""
     return with_states(linear_model(settings.model, settings.mechanization), settings.states)
 
 
 def is_ready(settings: NavigatorSettings) -> bool:
-    """Say whether the filter is ready in this process: compiled, or loaded from the disk."""
+    """Return whether the filter is ready in this process: compiled, or loaded from the disk."""
     if settings.model == "nonlinear":
         return unscented.is_compiled()
     return navigator.is_compiled(chosen_model(settings))

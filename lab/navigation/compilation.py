@@ -1,9 +1,9 @@
 """Compilation: the one set of options under which every navigation kernel is compiled.
 
-A kernel works on arrays its caller provides, allocates nothing per step and holds no state. The compiler's
-cache on disk looks only at the file of the function called from Python, not at the functions that one
-calls; functions called from Python therefore close over `SOURCES`, which makes it part of their identity in
-the cache: a change in any file below gives a new compilation.
+A kernel works on arrays from its caller, allocates nothing per step and holds no state. The compiler's cache
+on disk checks only the file of the function that Python calls, not the functions that this one calls.
+Functions called from Python therefore close over `SOURCES`, which makes it part of their identity in the
+cache: a change in any file below causes a new compilation.
 """
 
 from __future__ import annotations
@@ -60,15 +60,15 @@ def kernel(function: Callable[P, R]) -> Callable[P, R]:
 
 
 def inline_kernel(function: Callable[P, R]) -> Callable[P, R]:
-    """Compile a small function of the hot path into its callers."""
+    """Compile a small function of the hot path, inlined into its callers."""
     return _kernel(function, OPTIONS | WITHOUT_WRAPPERS | {"forceinline": True})
 
 
 def embedded_kernel(function: Callable[P, R]) -> Callable[P, R]:
-    """Put the body of a function that is called in one place into its caller, before that is compiled.
+    """Inline a function that is called in one place into its caller, before the caller is compiled.
 
-    The compiler optimises each kernel by itself, with all that it calls, and again in each caller: what is
-    called once is compiled in half the time where it is no kernel of its own.
+    The compiler optimises each kernel with all functions that it calls, and again in each caller. A function
+    that is called once compiles in half the time if it is not a separate kernel.
     """
     return _kernel(function, OPTIONS | WITHOUT_WRAPPERS | {"inline": "always"})
 
@@ -81,7 +81,7 @@ def entry_kernel(function: Callable[P, R]) -> Callable[P, R]:
 
 
 def interpreted(function: Callable[P, R]) -> Callable[P, R]:
-    """Return a kernel, and all kernels it calls, as plain Python: slow, but ready at once."""
+    """Return a kernel and all kernels that it calls as plain Python: slow, but ready at once."""
     plain = getattr(function, "py_func", function)
     scope = {name: plain.__globals__[name] for name in plain.__code__.co_names if name in plain.__globals__}
     scope |= {name: interpreted(value) for name, value in scope.items() if hasattr(value, "py_func")}
@@ -89,10 +89,10 @@ def interpreted(function: Callable[P, R]) -> Callable[P, R]:
 
 
 def rebound(function: Callable[P, R], **kernels: Callable[..., Any]) -> Callable[P, R]:
-    """Return a function, or kernel, as a plain one that calls other kernels in place of those of its module.
+    """Return a function or kernel as a plain function that calls other kernels than its module's.
 
-    A function cached on disk may not close over kernels, for they are part of its identity there and new in
-    each process; over names of its module it does not close.
+    A function cached on disk must not close over kernels, because they would be part of its identity there
+    and are new in each process. It does not close over names of its module.
     """
     plain = cast(FunctionType, getattr(function, "py_func", function))
     scope = plain.__globals__ | kernels
@@ -103,11 +103,11 @@ def rebound(function: Callable[P, R], **kernels: Callable[..., Any]) -> Callable
 
 
 def named(label: str) -> Callable[[Callable[P, R]], Callable[P, R]]:
-    """Return a decorator that gives a function a name of its own, for one made many times over.
+    """Return a decorator that gives a unique name to a function that is made many times.
 
     Compiled code loaded from the disk calls other functions by name, argument types and a number that is
-    unique in the process that compiled it only: of two functions with the same name, compiled by two
-    processes, a third one that loads both could call the wrong one.
+    unique only in the process that compiled it. If two processes compile two functions with the same name, a
+    third process that loads both could call the wrong one.
     """
 
     def rename(function: Callable[P, R]) -> Callable[P, R]:
@@ -118,11 +118,11 @@ def named(label: str) -> Callable[[Callable[P, R]], Callable[P, R]]:
 
 
 def rebound_throughout(function: Callable[P, R], **values: Any) -> Callable[P, R]:
-    """Return a function in which, and in all kernels it calls, names of its module have other values.
+    """Return a function with other values for names of its module, also in all kernels that it calls.
 
-    So one source serves filters of any number of states: the number stays a constant to the compiler. What
-    is a kernel stays one of the same options; what has none of the names is returned as it is. In the modules
-    of the kernels it calls, a name is taken for the same only where it stands for the same value.
+    So one source serves filters with any number of states, and the number stays a constant for the compiler.
+    A kernel stays a kernel with the same options; a function without any of the names is returned unchanged.
+    In the modules of the called kernels, a name counts as the same only if it has the same value.
     """
     plain = cast(FunctionType, getattr(function, "py_func", function))
     return _rebound(function, tuple((name, plain.__globals__[name], new) for name, new in values.items()))
@@ -130,7 +130,7 @@ def rebound_throughout(function: Callable[P, R], **values: Any) -> Callable[P, R
 
 @functools.cache
 def _rebound(function: Callable[P, R], changes: tuple[tuple[str, Any, Any], ...]) -> Callable[P, R]:
-    """Return a function with changes of names (name, value as it is written, other value) throughout."""
+    """Return a function with changes of names (name, old value, new value) throughout."""
     plain = cast(FunctionType, getattr(function, "py_func", function))
 
     def other(value: Any) -> Any:
@@ -163,4 +163,4 @@ def _fingerprint() -> str:
 
 
 SOURCES = _fingerprint()
-"""Digest of the sources the kernels are compiled from: all that have kernels, or the tuples given to them."""
+"""Digest of the sources of the kernels: all files with kernels, or with the tuples given to them."""

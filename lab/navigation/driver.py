@@ -1,9 +1,9 @@
 """Driver: strapdown and filter over IMU increments and GPS fixes, compiled once for each error model.
 
-`driver` gives the one compiled loop: a batch run hands it a whole flight, a live run hands it one sample at a
-time. The loop is written with the kernels of `phi`; for another model, its own stand in their place, and are
-compiled when that model is first used; likewise those of the wander-azimuth mechanization. What is written
-for 15 states is compiled anew for 21.
+`driver` gives the one compiled loop: a batch run passes a whole flight, a live run passes one sample at a
+time. The loop is written with the kernels of `phi`. For another model or the wander-azimuth mechanization,
+their kernels replace these, and are compiled at their first use. The code for 15 states is compiled again for
+21.
 
 References
 ----------
@@ -107,20 +107,20 @@ def _add_noise_in_body(w: FloatArray, state: FloatArray, noise: FloatArray, dt: 
 
 @kernel
 def second_order(A: FloatArray, elapsed: float, bias_decay: FloatArray, E: FloatArray) -> None:
-    """Write E = A + A²/2 + A³/6, so that exp(A) = I + E, for the sum A of F dt over many samples.
+    """Write E = A + A²/2 + A³/6, so that exp(A) ≈ I + E, for the sum A of F dt over many samples.
 
     Parameters
     ----------
     A : (n, n) array
         Sum of F dt: the rows of the navigation states; those of the biases are their decay.
     elapsed
-        Time the sum is over [s].
+        Time span of the sum [s].
     bias_decay : (6,) array
         Decay rates of the biases [1/s].
     E : (n, n) array
         Receives the rows of the navigation states.
     """
-    states = A.shape[0]  # no constant: the compiler would write all products out
+    states = A.shape[0]  # not a constant: the compiler would unroll all products
     power, product = np.empty(states), np.empty(states)
     for r in range(NAV):
         for c in range(states):
@@ -143,13 +143,13 @@ def second_order(A: FloatArray, elapsed: float, bias_decay: FloatArray, E: Float
 
 @inline_kernel
 def faded(rate: float, elapsed: float) -> float:
-    """Return exp(−rate · elapsed) to third order, as `second_order` has it."""
+    """Return exp(−rate · elapsed) to third order, as in `second_order`."""
     x = rate * elapsed
     return 1 - x * (1 - x / 2 * (1 - x / 3))
 
 
 def _prediction(model: ErrorModel, *, summed: bool) -> Kernel:
-    """Return the kernel that propagates [P | x] of a model, at each sample or with sums of F dt."""
+    """Return the kernel that propagates [P | x] of a model at each sample, or with sums of F dt."""
     propagate = compile_propagation(model, summed=summed)
     label = f"{model.label} {summed}"
     add_noise = _add_noise_in_body if model.in_body else _add_noise
@@ -157,7 +157,7 @@ def _prediction(model: ErrorModel, *, summed: bool) -> Kernel:
     @embedded_kernel
     @named(label)
     def predict(run: Filter, dt: float, fix_due: bool, stride: int) -> None:
-        """Propagate [P | x] over the sample, with F to first order, and the noise after it."""
+        """Propagate [P | x] over the sample with F to first order, then add the noise."""
         decay = (
             1 - dt * run.bias_decay[0],
             1 - dt * run.bias_decay[1],
@@ -167,7 +167,7 @@ def _prediction(model: ErrorModel, *, summed: bool) -> Kernel:
             1 - dt * run.bias_decay[5],
         )
         propagate(run.F, dt, decay, run.w)
-        # What has been fed back decays as what is still in x.
+        # Corrections already fed back decay like those still in x.
         for b in range(BIASES):
             run.state[GYRO_BIAS + b] *= decay[b]
         add_noise(run.w, run.state, run.noise, dt)
@@ -175,9 +175,9 @@ def _prediction(model: ErrorModel, *, summed: bool) -> Kernel:
     @embedded_kernel
     @named(label)
     def predict_summed(run: Filter, dt: float, fix_due: bool, stride: int) -> None:
-        """Add the step to the sum of F dt; when due, propagate [P | x] over all steps since it last was.
+        """Add the step to the sum of F dt; when due, propagate [P | x] over the whole sum.
 
-        The noise enters half before and half after, which is of second order in the time.
+        Half of the noise is added before and half after, which is accurate to second order in time.
         """
         due = fix_due or run.counts[1] + 1 >= stride
         run.counts[1] += 1
@@ -210,7 +210,7 @@ def _prediction(model: ErrorModel, *, summed: bool) -> Kernel:
 
 @kernel
 def _correct(state: FloatArray, w: FloatArray, T: FloatArray) -> None:
-    """Take the estimated error out of the navigator, and set the estimate to zero."""
+    """Correct the navigator by the estimated error, and set the estimate to zero."""
     x, y, z = w[X], w[WIDTH + X], w[2 * WIDTH + X]
     latitude = state[LATITUDE] - x * state[strapdown.MERIDIAN]
     longitude = state[strapdown.LONGITUDE] - y * state[strapdown.TRANSVERSE] / state[strapdown.COSINE]
@@ -232,7 +232,7 @@ def _correct(state: FloatArray, w: FloatArray, T: FloatArray) -> None:
 
 @kernel
 def _correct_in_wander(state: FloatArray, w: FloatArray, T: FloatArray) -> None:
-    """Take the estimated error out of a navigator in a wander frame, and set the estimate to zero."""
+    """Correct a navigator in a wander frame by the estimated error, and set the estimate to zero."""
     x = np.empty(STATES)
     for i in range(STATES):
         x[i] = w[WIDTH * i + X]
@@ -242,7 +242,7 @@ def _correct_in_wander(state: FloatArray, w: FloatArray, T: FloatArray) -> None:
 
 @inline_kernel
 def _bend(psi: Vector, v: Vector) -> Vector:
-    """Return J v with J the left Jacobian of the rotation ψ, the exponential's of SE₂(3)."""
+    """Return J v with J the left Jacobian of the rotation ψ, as in the exponential of SE₂(3)."""
     square = psi[0] * psi[0] + psi[1] * psi[1] + psi[2] * psi[2]
     if square < 1e-4:
         a, b = 1 / 2 - square / 24, 1 / 6 - square / 120
@@ -286,12 +286,12 @@ def _fix_axes(state: FloatArray) -> Matrix:
 
 @inline_kernel
 def _through_map(state: FloatArray, T: FloatArray, H: FloatArray) -> None:
-    """Turn H of the errors into H of the model's own: the same, of `phi`."""
+    """Transform H of the errors to H of the model's own errors; for `phi`, they are the same."""
 
 
 @embedded_kernel
 def _sight(run: Filter, m: int, age: float, z: FloatArray, out: Solution) -> None:
-    """Write H and R of fix m, `age` seconds old, and move z from the IMU to the antenna."""
+    """Write H and R of fix m, which is `age` seconds old, and move z from the IMU to the antenna."""
     H, R = run.H, run.R_fix
     for i in range(MEASUREMENTS):
         for j in range(MEASUREMENTS):
@@ -309,9 +309,9 @@ def _sight(run: Filter, m: int, age: float, z: FloatArray, out: Solution) -> Non
 def _observe(
     run: Filter, m: int, age: float, time: float, schedule: Schedule, z: FloatArray, out: Solution
 ) -> int:
-    """Update [P | x] with fix m, `age` seconds before the sample at `time`; say what became of it.
+    """Update [P | x] with fix m, `age` seconds before the sample at `time`; return its outcome.
 
-    z is navigator minus fix, the antenna taken for the IMU.
+    z is navigator minus fix, without the lever arm.
     """
     _sight(run, m, age, z, out)
     H, R, nu, S = run.H, run.R_fix, out.innovation[m], out.innovation_covariance[m]
@@ -350,13 +350,13 @@ def _frame_rate(state: FloatArray) -> Vector:
 
 @inline_kernel
 def _own_attitude(state: FloatArray, seen: Vector) -> Vector:
-    """Return how the model's own attitude error is seen where that of the navigation frame is seen so."""
+    """Return the row of H for the model's own attitude error, given that of the navigation frame's."""
     return seen
 
 
 @inline_kernel
 def _own_attitude_in_body(state: FloatArray, seen: Vector) -> Vector:
-    """Return how an attitude error in b is seen where that of the navigation frame is seen so."""
+    """Return the row of H for an attitude error in b, given that for the navigation frame's."""
     at = strapdown.Q_NB
     C = strapdown.matrix((state[at], state[at + 1], state[at + 2], state[at + 3]))
     return (
@@ -368,7 +368,7 @@ def _own_attitude_in_body(state: FloatArray, seen: Vector) -> Vector:
 
 @embedded_kernel
 def _observe_rest(run: Filter) -> bool:
-    """Update [P | x] with the mean rate about the vertical at rest, unless the vehicle turns; say whether."""
+    """Update [P | x] with the mean rate about the vertical at rest; return False if the vehicle turns."""
     H = np.empty(6)
     z = see_rest(run.state, _frame_rate(run.state), run.noise, run.rest_sums, H)
     done = run.rest_scalars[0]
@@ -425,7 +425,7 @@ def _store_fix(out: Solution, m: int, state: FloatArray, w: FloatArray, T: Float
 
 
 def _mapped(model: ErrorModel) -> dict[str, Kernel]:
-    """Return the kernels of a model with coordinates of its own, which do all that leaves the filter by T."""
+    """Return the kernels of a model with its own coordinates, which map all output of the filter by T."""
     write_map, project, in_body = model.write_map, compile_projection(model), model.in_body
     assert write_map is not None
     write_fix_map, write_frame_map = model.write_fix_map or write_map, model.write_frame_map or write_map
@@ -494,7 +494,8 @@ def _mapped(model: ErrorModel) -> dict[str, Kernel]:
                 P[j, i] = P[i, j]
 
     correct = correction(bent=in_body)
-    # An estimate that waits is as linear as the fixes that made it: bent, it would leave them, far off.
+    # A pending estimate is linear like the fixes that it comes from: the exponential map would move it away
+    # from them if it is large.
     corrected = _estimation(correction(bent=False) if in_body else correct, model)
     return {
         "_through_map": through_map,
@@ -507,7 +508,7 @@ def _mapped(model: ErrorModel) -> dict[str, Kernel]:
 
 @kernel
 def _has_estimate(w: FloatArray) -> bool:
-    """Say whether an estimated error waits to be corrected."""
+    """Return whether an estimated error is pending."""
     estimate = False
     for i in range(STATES):
         estimate |= w[WIDTH * i + X] != 0
@@ -515,7 +516,7 @@ def _has_estimate(w: FloatArray) -> bool:
 
 
 def _estimation(correct: Kernel, model: ErrorModel) -> Kernel:
-    """Return the kernel that says what a navigator would be with its estimated error taken out."""
+    """Return the kernel that computes the state of a navigator corrected by its estimated error."""
 
     @kernel
     @named(model.label)
@@ -537,18 +538,18 @@ def _estimation(correct: Kernel, model: ErrorModel) -> Kernel:
 
 @inline_kernel
 def _lost(state: FloatArray) -> bool:
-    """Say whether the navigator came too close to a pole for its frame."""
+    """Return whether the navigator came too close to a pole for its frame."""
     return bool(abs(state[LATITUDE]) > strapdown.MAX_LATITUDE)
 
 
-# The kernels of `phi` at each sample, in whose place those of other models stand.
+# The kernels of `phi` at each sample; those of other models replace them.
 _step = strapdown.step
 _write = PHI.write
 _predict = _prediction(PHI, summed=False)
 _corrected = _estimation(_correct, PHI)
 
 SETTLED, PENDING = 0, 1
-"""How measurements leave it: corrected, or with an estimated error that is not yet taken out."""
+"""State of a navigator after measurements: corrected, or with an estimated error that is still pending."""
 
 
 @kernel
@@ -564,9 +565,10 @@ def take_measurements(
     spare: FloatArray,
     pending: bool,
 ) -> int:
-    """Let a navigator take what is due at sample k; say how it is left.
+    """Apply the measurements due at sample k to a navigator; return `SETTLED` or `PENDING`.
 
-    Where nothing is due a loop over samples leaves it out: with so many arrays a call costs half a sample.
+    A loop over samples skips the call if no measurement is due: with so many arrays, a call takes half the
+    time of a sample.
     """
     state, w, T = run.state, run.w, run.T
     time = imu.time[k + 1]
@@ -607,7 +609,7 @@ def take_measurements(
 
 
 def kernels(model: ErrorModel, *, summed: bool) -> dict[str, Kernel]:
-    """Return the kernels that differ from those of `phi` at each sample, by their names here."""
+    """Return the kernels that differ from those of `phi` at each sample, by their names in this module."""
     if model is PHI and not summed:
         return {}
     others: dict[str, Kernel] = {"_write": model.write, "_predict": _prediction(model, summed=summed)}
@@ -632,7 +634,7 @@ def compiled_for(function: Kernel, model: ErrorModel, *, summed: bool) -> Kernel
     Parameters
     ----------
     function
-        The loop: it calls kernels by their names here, such as `take_measurements`.
+        The loop; it calls kernels by their names in this module, such as `take_measurements`.
     model
         The error model.
     summed
@@ -662,9 +664,9 @@ def driver(model: ErrorModel, *, summed: bool) -> Advance:
     identity = SOURCES, model.name, model.mechanization, model.states, summed
 
     def advance(run: Filter, imu: Imu, fixes: Fixes, out: Solution, first: int, schedule: Schedule) -> int:
-        """Advance a navigator over the samples of `imu` from number `first` on; return where it stopped.
+        """Advance a navigator over `imu` from sample `first` on; return the sample where it stopped.
 
-        It stops early, at the number of samples written, if it comes too close to a pole.
+        It stops early if it comes too close to a pole, and returns the number of samples written.
         """
         _ = identity
         state, w, T = run.state, run.w, run.T

@@ -1,14 +1,14 @@
 """Error models: the matrix F of ẋ = F x + w, declared block by block.
 
-The error is estimate minus truth, in the order of `STATES`, of which a filter has the first 15 or all 21;
-position errors are metres north, east, down; the attitude error φ is the small rotation of the computed
-navigation frame, Ĉ_nb = (I − [φ×]) C_nb. A model is a function that writes the non-zero elements of F; which
-elements those are is found by calling it, and the code that propagates the covariance is generated from that
-pattern.
+The error is estimate minus truth, in the order of `STATES`; a filter has the first 15 or all 21 states.
+Position errors are metres north, east, down. The attitude error φ is the small rotation of the computed
+navigation frame, Ĉ_nb = (I − [φ×]) C_nb. A model is a function that writes the non-zero elements of F.
+Calling it gives the pattern of these elements, and the code that propagates the covariance is generated from
+the pattern.
 
-A model may hold position, velocity and attitude errors in coordinates of its own; it then also writes T, the
-derivative of the errors above with respect to its own. Whatever leaves the filter has gone through T, so that
-all models speak of the same errors.
+A model may use its own coordinates for position, velocity and attitude errors. It then also writes T, the
+derivative of the errors above with respect to its own. All output of the filter is mapped by T, so that all
+models output the same errors.
 
 References
 ----------
@@ -39,7 +39,7 @@ from lab.navigation.strapdown import Vector, earth_rate, get, matrix, transport_
 FloatArray = NDArray[np.float64]
 
 POS, VEL, ATT, GYRO_BIAS, ACCEL_BIAS, GYRO_SCALE, ACCEL_SCALE = (slice(i, i + 3) for i in range(0, 21, 3))
-"""Where the error states are."""
+"""Slices of the error states."""
 
 STATES = (
     *("position north", "position east", "position down"),
@@ -67,7 +67,7 @@ NORTH_SLAVED, WANDER_AZIMUTH = "north-slaved", "wander azimuth"
 
 @dataclass(frozen=True)
 class ErrorModel:
-    """An error model: its name, the function that writes F, and what its coordinates are.
+    """An error model: its name, the function that writes F, and its coordinates.
 
     Attributes
     ----------
@@ -78,15 +78,15 @@ class ErrorModel:
         step. The first-order decay of the biases is not part of it.
     write_map
         ``write_map(state, T)`` writes the non-zero elements of T (9, 9), the derivative of the position,
-        velocity and attitude errors with respect to the model's own; None where they are the same.
+        velocity and attitude errors with respect to the model's own; None if they are the same.
     write_fix_map, write_frame_map
-        As `write_map`, but along the axes of the last fix, and as the correction of the navigator takes them;
-        None where they are those of `write_map`.
+        As `write_map`, but for errors along the axes of the last fix, and for errors in the form that the
+        correction of the navigator takes. None if they are the same as `write_map`.
     in_body
-        Whether the model's errors are those of the group, resolved in b: white noise of the sensors enters
-        them axis by axis, and the navigator is corrected by the group's exponential.
+        Whether the model's errors are those of the group, resolved in b. White noise of the sensors then
+        enters them axis by axis, and the group's exponential corrects the navigator.
     mechanization
-        Of the navigator whose errors these are, as in the settings.
+        Mechanization of the navigator, as in the settings.
     states
         Number n of error states.
     """
@@ -102,15 +102,15 @@ class ErrorModel:
 
     @property
     def label(self) -> str:
-        """Name that no other model has, for the functions made for this one."""
+        """Unique name for the functions made for this model."""
         return f"{self.name} {self.mechanization} {self.states}"
 
     def pattern(self) -> NDArray[np.bool_]:
-        """Return which elements of F can differ from zero, (n, n)."""
+        """Return the mask (n, n) of the elements of F that can be non-zero."""
         return _pattern(self.write, self.states)
 
     def map_pattern(self) -> NDArray[np.bool_]:
-        """Return which elements of T can differ from zero, (9, 9)."""
+        """Return the mask (9, 9) of the elements of T that can be non-zero."""
         return _pattern(self.write_map, 9) if self.write_map else np.eye(9, dtype=np.bool_)
 
     def map(self, state: FloatArray) -> FloatArray:
@@ -122,13 +122,13 @@ class ErrorModel:
 
 
 def _pattern(write: Write, size: int) -> NDArray[np.bool_]:
-    """Return which elements of a matrix a function can write, other than zeros."""
+    """Return the mask of the elements of a matrix to which a function can write non-zero values."""
     plain = interpreted(write)
     rng = np.random.default_rng(0)
     matrix = np.zeros((size, size))
     seen = np.zeros((size, size), dtype=np.bool_)
     for _ in range(3):
-        state = rng.uniform(0.1, 0.5, 2 * strapdown.LENGTH)  # other mechanizations keep more
+        state = rng.uniform(0.1, 0.5, 2 * strapdown.LENGTH)  # other mechanizations have longer states
         state[strapdown.HEIGHT] = 1000.0
         plain(state, matrix)
         seen |= matrix != 0
@@ -202,7 +202,7 @@ def phi(state: FloatArray, F: FloatArray) -> None:
 
 @inline_kernel
 def computed_frame_turn(T: FloatArray, row: int, state: FloatArray) -> None:
-    """Write [δθ / δr]: the true navigation frame turns by δθ on the way to the computed position."""
+    """Write [δθ / δr]: δθ is the rotation of the navigation frame from the true to the computed position."""
     m, t = state[strapdown.MERIDIAN], state[strapdown.TRANSVERSE]
     T[row + N, P + E] = t
     T[row + E, P + N] = -m
@@ -224,9 +224,9 @@ def turned_velocity(T: FloatArray, state: FloatArray) -> None:
 def psi(state: FloatArray, F: FloatArray) -> None:
     """Errors in the computer frame c, the navigation frame at the computed position (Benson 1975).
 
-    c is turned from n by δθ, to first order δr_E / (R_N + h) north, −δr_N / (R_M + h) east and
-    −δr_E tan L / (R_N + h) down. With ψ = φ − δθ and δv_c = v̂ − C_cn v = δv + δθ × v, the errors are those of
-    the navigator's matrices and vectors in e, resolved in n; the transport rate is not in error:
+    c is rotated from n by δθ, to first order δr_E / (R_N + h) north, −δr_N / (R_M + h) east and −δr_E tan L /
+    (R_N + h) down. With ψ = φ − δθ and δv_c = v̂ − C_cn v = δv + δθ × v, the errors are those of the
+    navigator's matrices and vectors in e, resolved in n; the transport rate is not in error:
 
         δṙ = −ω_en × δr + δv_c
         δv̇_c = −(2 ω_ie + ω_en) × δv_c + f × ψ − C_nb δb_a + δg + δθ × g
@@ -274,8 +274,8 @@ def invariant(state: FloatArray, F: FloatArray) -> None:
 
         exp(−[ψ_b×]) = C_ibᵀ Ĉ_ib,   J ν_b = C_ibᵀ (v̂_i − v_i),   J ρ_b = C_ibᵀ (r̂ − r)
 
-    with J the group's Jacobian at −ψ_b, and follows, to any size but for the biases and the change of gravity
-    (Barrau & Bonnabel 2017, theorem 2),
+    with J the group's Jacobian at −ψ_b, and obeys, for any size except for the biases and the change of
+    gravity, (Barrau & Bonnabel 2017, theorem 2),
 
         ρ̇_b = −ω_ib × ρ_b + ν_b
         ν̇_b = −ω_ib × ν_b + f_b × ψ_b − δb_a + C_nbᵀ Γ C_nb ρ_b
@@ -324,7 +324,7 @@ def gravitation_gradient(F: FloatArray, state: FloatArray) -> None:
 def invariant_map(state: FloatArray, T: FloatArray) -> None:
     """Write δr = C ρ_b, δv = C ν_b − ω_ie × δr + v × δθ and φ = C ψ_b + δθ, with C = Ĉ_nb.
 
-    The velocity in n differs from that in inertial space by the Earth's rotation and by the turn of the
+    The velocity in n differs from that in inertial space by the Earth's rotation and by the rotation of the
     navigation frame, as for `psi`.
     """
     at = strapdown.Q_NB
@@ -346,7 +346,7 @@ def invariant_map(state: FloatArray, T: FloatArray) -> None:
 
 @inline_kernel
 def scaled(state: FloatArray, previous: int, bias: int, scale: int) -> Vector:
-    """Return (x + b) / (1 + s) for the mean x of the last step: minus the derivative of x by s.
+    """Return (x + b) / (1 + s) for the mean x of the last step: minus the derivative of x with respect to s.
 
     The navigator has x = x_measured / (1 + s) − b, so an error δs acts as an error (x + b) / (1 + s) δs of
     the bias.
@@ -386,7 +386,7 @@ def _write_both(state: FloatArray, F: FloatArray) -> None:
 
 @functools.cache
 def with_states(model: ErrorModel, states: int) -> ErrorModel:
-    """Return a model with 15 states as one with so many, 15 or 21: the scale factors are random constants."""
+    """Return a model of 15 states as one of 15 or 21 states: the scale factors are random constants."""
     if states == model.states:
         return model
     columns = scale_columns_in_body if model.in_body else scale_columns

@@ -1,4 +1,4 @@
-"""Filter: a navigator between two samples, as the arrays that the compiled loop works on, and its start."""
+"""Filter: a navigator between two samples, as arrays for the compiled loop, and its start."""
 
 from __future__ import annotations
 
@@ -22,28 +22,28 @@ FloatArray = NDArray[np.float64]
 
 
 class Filter(NamedTuple):
-    """A navigator between two samples: the strapdown's state, the filter's workspace, and what both need."""
+    """A navigator between two samples: state of the strapdown, workspace of the filter, parameters."""
 
     state: FloatArray
     w: FloatArray
     P: FloatArray  # [P | x] of the workspace, (n, width)
     F: FloatArray
     F_sum: FloatArray  # of F dt since P was last propagated
-    F_step: FloatArray  # what the sum makes of the errors
+    F_step: FloatArray  # transition of the errors over the sum
     T: FloatArray  # derivative of the errors with respect to the model's own
     counts: NDArray[np.int64]  # next fix; samples since P was last propagated
     clock: FloatArray  # of the last feedback correction; seconds since P was last propagated; of the last fix
     streak: FloatArray  # of implausible fixes, see `kalman.stands_out`
     R: FloatArray  # of all fixes, or of each
     R_fix: FloatArray  # of this fix
-    H: FloatArray  # how this fix sees the model's own errors
+    H: FloatArray  # of this fix, for the model's own errors
     scalars: FloatArray  # updates of the last fix, or of each; see `kalman.update`
     rest_sums: FloatArray  # of the rates at rest, see `standstill`
     rest_scalars: FloatArray  # updates of the last update at rest
     noise: FloatArray
     bias_decay: FloatArray
     lever_arm: FloatArray
-    turns: FloatArray  # measured about all fixes, or about each, see `lever_arm.turns`
+    turns: FloatArray  # rates about all fixes, or about each, see `lever_arm.turns`
 
     @classmethod
     def begin(
@@ -55,10 +55,10 @@ class Filter(NamedTuple):
         kept_fixes: int = 1,
         turned: FloatArray = NO_TURNS,
     ) -> Filter:
-        """Return a navigator that starts at a time [s], with the error model it will be advanced with.
+        """Return a navigator that starts at a time [s]; it must be advanced with the same error model.
 
-        `kept_fixes` is of how many fixes the updates are kept, for a smoother: of all, or of the last one.
-        `turned` (m, 4) is what the gyros measure about each fix; a navigator with a lever arm needs it.
+        `kept_fixes` is the number of fixes whose updates are kept for a smoother: all, or only the last.
+        `turned` (m, 4) holds the angular rates about each fix; a navigator with a lever arm needs it.
         """
         in_wander = model.mechanization == WANDER_AZIMUTH
         state = np.zeros(wander.LENGTH if in_wander else strapdown.LENGTH)
@@ -103,7 +103,7 @@ def initial_covariance(model: ErrorModel, state: FloatArray, P0: FloatArray) -> 
     model
         The error model.
     state
-        The strapdown's state, position, velocity and attitude set; the radii are filled in.
+        The strapdown's state with position, velocity and attitude; the radii are filled in.
     P0 : (n, n) array
         Covariance of the initial error.
     """
@@ -116,7 +116,7 @@ def initial_covariance(model: ErrorModel, state: FloatArray, P0: FloatArray) -> 
 
 
 def _keep_radii(state: FloatArray, *, in_wander: bool) -> None:
-    """Fill in the curvatures at the start, which later each step keeps."""
+    """Fill in the curvatures at the start; later, each step updates them."""
     sine, height = float(state[strapdown.SINE]), float(state[strapdown.HEIGHT])
     meridian, transverse = earth.radii(sine)
     m, t = 1 / (meridian + height), 1 / (transverse + height)
@@ -127,7 +127,7 @@ def _keep_radii(state: FloatArray, *, in_wander: bool) -> None:
 
 
 def _aligned_zeros(size: int) -> FloatArray:
-    """Return zeros on a 64-byte boundary; vector loads that cross cache lines cost a tenth of a run."""
+    """Return zeros on a 64-byte boundary; vector loads across cache lines take a tenth of a run's time."""
     buffer = np.zeros(size + 8)
     offset = (-buffer.ctypes.data // 8) % 8
     return buffer[offset : offset + size]

@@ -1,10 +1,10 @@
-"""Initial heading: what a log shows of the heading at its first sample, each with its σ.
+"""Initial heading: the sources of the heading at the first sample of a log, each with its σ.
 
-A given heading is taken as it is. Otherwise the surest of these: headings measured with two antennas, the
-course of a vehicle that goes where its nose points, the velocities matched with the specific force (any
-vehicle, `lab.logs.velocity_matching`), and a magnetometer. Where two contradict each other, σ is their
-difference. P. D. Groves, *Principles of GNSS, Inertial and Multisensor Integrated Navigation Systems*,
-2nd ed., ch. 5.6, 6.1.
+A given heading is used unchanged. Otherwise, the source with the smallest σ is used: two antennas, the course
+of a vehicle that moves where its nose points, velocities matched with the specific force (any vehicle,
+`lab.logs.velocity_matching`), or a magnetometer. If two sources contradict each other, σ is their difference.
+P. D. Groves, *Principles of GNSS, Inertial and Multisensor Integrated Navigation Systems*, 2nd ed., ch. 5.6,
+6.1.
 """
 
 from __future__ import annotations
@@ -25,43 +25,43 @@ from lab.rotation import wrap
 FloatArray = NDArray[np.float64]
 
 COURSE_SPEED = 1.0
-"""A vehicle faster than this, and than three σ of its speed, has a course [m/s]."""
+"""Speed above which a vehicle has a course, if it also exceeds three σ of the speed [m/s]."""
 MAGNETIC_SIGMA = np.radians(10.0)
-"""σ of a magnetometer's heading: iron and currents of the vehicle, calibrated once [rad]."""
+"""σ of a magnetometer's heading [rad]: iron and currents of the vehicle after one calibration."""
 ANTENNA_SIGMA = np.radians(2.0)
-"""σ of a heading by two antennas that come without σ: 1 cm over 0.3 m [rad]."""
+"""σ of a heading from two antennas if the log gives none [rad]: 1 cm over 0.3 m."""
 
 _COURSE = "from the course"
-_MATCH_SIGMA = np.radians(2.0)  # what the model of the match leaves out
-_SURE = np.radians(6.0)  # no further windows are looked at
+_MATCH_SIGMA = np.radians(2.0)  # errors that the model of the match omits
+_SURE = np.radians(6.0)  # no further windows are examined
 _WORTH = np.radians(30.0)
-"""σ up to which a heading found by a match is used [rad]."""
+"""Largest σ of a heading from velocity matching that is used [rad]."""
 _MISFIT = 9.0
-"""Mean square residual, in σ, up to which a match is believed: residuals of three σ."""
+"""Largest mean square residual, in σ, of an accepted match: residuals of three σ."""
 _MOST_WINDOWS = 8
-"""Most windows that are matched."""
-_WITHIN = 1800.0  # of the start: further on gyros carry nothing back [s]
+"""Largest number of windows that are matched."""
+_WITHIN = 1800.0  # from the start: over longer times, gyros cannot carry a heading back [s]
 _DRIFT_AT_REST = np.radians(0.02)
-"""Drift of a heading that gyros carry back, after their bias was taken at rest [rad/s]."""
+"""Drift of a heading that gyros carry back, if their bias was measured at rest [rad/s]."""
 _DRIFT = np.radians(1.0)
-"""The same of a bias that nobody knows [rad/s]."""
+"""Drift for an unknown bias [rad/s]."""
 _CONTRADICTION = 3.5
-"""Difference of two headings, in σ, from which they contradict each other."""
+"""Difference of two headings, in σ, above which they contradict each other."""
 _DECLINATION_YEAR = 2025.0  # declination drifts by 0.1-0.2° a year, far below the σ
-_WEAK = 6.0  # horizontal field [µT] below which compasses are not to be trusted (World Magnetic Model 2025)
+_WEAK = 6.0  # horizontal field [µT] below which compasses are unreliable (World Magnetic Model 2025)
 
 
 class Hints(NamedTuple):
-    """What is known of the heading beside IMU and fixes.
+    """Information about the heading in addition to IMU and fixes.
 
     Attributes
     ----------
     vehicle : Vehicle
-        What carries the sensors.
+        The vehicle that carries the sensors.
     given, given_sigma : float
         Heading at the first sample and its σ; NaN if none is given [rad].
     headings : Headings or None
-        Headings as measured.
+        Measured headings.
     magnetometer : Magnetometer or None
         The magnetometer.
     """
@@ -74,16 +74,16 @@ class Hints(NamedTuple):
 
     @classmethod
     def of(cls, beside: AuxiliaryData, vehicle: str, heading: float | None, heading_sigma: float) -> Hints:
-        """Return the hints of a log and of settings, which rule.
+        """Return the hints of a log and of the settings; the settings take precedence.
 
         Parameters
         ----------
         beside
-            What the log holds.
+            The hints in the log.
         vehicle
             Vehicle of the settings, or "auto".
         heading, heading_sigma
-            Heading of the settings and its σ [°]; None if it is to be found.
+            Heading of the settings and its σ [°]; None if it is unknown.
         """
         return cls(
             vehicle_of(beside.vehicle if vehicle == "auto" else vehicle),
@@ -102,13 +102,14 @@ class Found(NamedTuple):
     heading, sigma : float
         Heading and its σ [rad].
     source : str
-        Where it comes from, for people.
+        Description of its source.
     time : float
-        When it was seen [s]; NaN if nothing showed it.
+        Time of the observation [s]; NaN if there was none.
     gyro_bias, gyro_bias_sigma : (3,) arrays or None
         Gyro bias that was found with it [rad/s].
     late, late_sigma : float
-        By how much the fixes' stamps are late, as found with it, and its σ [s]; NaN where it was not.
+        Lateness of the time stamps of the fixes, estimated with the heading, and its σ [s]; NaN if not
+        estimated.
     """
 
     heading: float
@@ -127,11 +128,11 @@ class Found(NamedTuple):
 
 
 UNKNOWN = Found(0.0, np.pi, "", np.nan)
-"""The heading where nothing shows it."""
+"""An unknown heading."""
 
 
 def surest(found: Sequence[Found]) -> Found:
-    """Return the surest of several headings, with a σ and a source that tell of a contradiction."""
+    """Return the most certain of several headings; its σ and source report a contradiction."""
     known = sorted((one for one in found if one.sigma < np.pi), key=lambda one: one.sigma)
     if not known:
         return UNKNOWN
@@ -141,13 +142,14 @@ def surest(found: Sequence[Found]) -> Found:
         if apart > _CONTRADICTION * np.hypot(best.sigma, other.sigma):
             return best._replace(
                 sigma=min(np.pi, max(best.sigma, apart)),
-                source=f"{best.source} (but by {np.degrees(apart):.0f}° another one {other.source})",
+                source=f"{best.source} (contradicted: {np.degrees(apart):.0f}° away from the heading "
+                f"{other.source})",
             )
     return best
 
 
 def shows_course(fixes: Fixes, velocity_sigma: FloatArray) -> NDArray[np.bool_]:
-    """Return which fixes are fast enough for their course to be known."""
+    """Return the mask of the fixes that are fast enough for a course."""
     speed = np.linalg.norm(fixes.velocity_n[:, :2], axis=1)
     slowest = np.maximum(COURSE_SPEED, 3 * np.linalg.norm(velocity_sigma[:, :2], axis=1))
     return np.asarray(speed > slowest)
@@ -156,7 +158,7 @@ def shows_course(fixes: Fixes, velocity_sigma: FloatArray) -> NDArray[np.bool_]:
 def by_course(
     imu: Imu, fixes: Fixes, velocity_sigma: FloatArray, turning: FloatArray, rest: float, vehicle: Vehicle
 ) -> Found:
-    """Return the heading by the course of the first motion that lasts, carried back by the gyros.
+    """Return the heading from the course of the first lasting motion, carried back by the gyros.
 
     Parameters
     ----------
@@ -165,11 +167,11 @@ def by_course(
     velocity_sigma : (m, 3) array
         σ of the velocities [m/s].
     turning : (n + 1,) array
-        Angle turned about the vertical since the first sample [rad].
+        Rotation about the vertical since the first sample [rad].
     rest
         How long the vehicle was at rest at the start [s].
     vehicle
-        How far its course may be off its heading.
+        The vehicle, with the largest difference between its course and its heading.
     """
     speed = np.linalg.norm(fixes.velocity_n[:, :2], axis=1)
     sigma = np.linalg.norm(velocity_sigma[:, :2], axis=1)
@@ -190,7 +192,7 @@ def by_course(
 
 
 def by_antennas(imu: Imu, headings: Headings | None, turning: FloatArray, rest: float) -> Found:
-    """Return the heading by two antennas, of the first time in the log, carried back by the gyros."""
+    """Return the heading of the first measurement with two antennas, carried back by the gyros."""
     if headings is None:
         return UNKNOWN
     rows = np.flatnonzero((headings.time >= imu.time[0] - 1.0) & (headings.time <= imu.time[-1]))
@@ -205,7 +207,7 @@ def by_antennas(imu: Imu, headings: Headings | None, turning: FloatArray, rest: 
 
 
 def by_velocity(imu: Imu, fixes: Fixes, velocity_sigma: FloatArray, bias: FloatArray, rest: float) -> Found:
-    """Return the heading that makes specific force and velocities agree, whatever the vehicle."""
+    """Return the heading for which specific force and velocities agree, for any vehicle."""
     log = (imu.time, imu.dtheta, imu.dvelocity, fixes.time, fixes.velocity_n, velocity_sigma)
     spread = 0.1 * _DRIFT if rest else 5 * _DRIFT
     best: tuple[float, float, Match] | None = None
@@ -233,7 +235,7 @@ def by_velocity(imu: Imu, fixes: Fixes, velocity_sigma: FloatArray, bias: FloatA
     return Found(
         float(C_nb.as_euler("ZYX")[0]),
         sigma,
-        f"from how the velocity changed from {start:.0f} to {min(start + WINDOW, imu.time[-1]):.0f} s",
+        f"from the change of the velocity from {start:.0f} to {min(start + WINDOW, imu.time[-1]):.0f} s",
         start,
         found.gyro_bias,
         found.gyro_bias_sigma,
@@ -250,7 +252,7 @@ def by_magnetometer(
     length: float,
     position: FloatArray,
 ) -> Found:
-    """Return the heading by the magnetic field over the first seconds.
+    """Return the heading from the magnetic field over the first seconds.
 
     Parameters
     ----------
@@ -263,7 +265,7 @@ def by_magnetometer(
     tilt_sigma
         Their σ [rad].
     length
-        How many seconds [s].
+        Averaging time [s].
     position : (3,) array
         Latitude, longitude [rad] and height [m].
     """
@@ -303,5 +305,5 @@ def magnetic_declination(position: FloatArray) -> tuple[float, float]:
 
 
 def _drift(rest: float) -> float:
-    """Return how fast a heading carried by the gyros becomes uncertain [rad/s]."""
+    """Return the rate at which the σ of a heading carried by the gyros grows [rad/s]."""
     return float(_DRIFT_AT_REST if rest else _DRIFT)

@@ -1,9 +1,10 @@
-"""Kalman: the update of the error state with a GPS fix, which may be refused or weighed as implausible.
+"""Kalman: the update of the error state with a GPS fix; an implausible fix is rejected or gets less weight.
 
-A fix is z = H x + v. It measures position and velocity of the antenna: H sees the errors of position,
-velocity and, through the lever arm, of the attitude and the gyros. The update is sequential: the six
-measurements are made independent by the Cholesky factor of R and taken one after the other, which needs no
-matrix inverse and subtracts from P only products of the form k kᵀ / s: P stays symmetric and positive.
+A fix is z = H x + v. It measures position and velocity of the antenna: H contains the errors of position and
+velocity and, through the lever arm, those of the attitude and the gyros. The update is sequential: the
+Cholesky factor of R makes the six measurements independent, and they are used one after the other. This needs
+no matrix inverse, and it subtracts only products of the form k kᵀ / s from P, so that P stays symmetric and
+positive.
 
 References
 ----------
@@ -30,18 +31,18 @@ from lab.navigation.schedule import Schedule
 FloatArray = NDArray[np.float64]
 
 MEASUREMENTS = 6
-"""Position north, east, down, then velocity, of the antenna."""
+"""Measurements: position north, east, down, then velocity, of the antenna."""
 
 EVERY, HUBER, STUDENT_T = 0, 1, 2
-"""How an update weighs its fix: fully, or less the more its NIS stands out."""
+"""Weight of a fix in an update: full, or decreasing with its NIS."""
 
 HUBER_NIS = 12.6
-"""NIS from which on Huber's weight falls: what 95 % of good fixes of six measurements stay below."""
+"""NIS above which Huber's weight decreases: the 95 % quantile for good fixes with six measurements."""
 STUDENT_DEGREES = 4.0
 """Degrees of freedom of Student's t: the usual choice for heavy tails, with finite variance."""
 
 ATTITUDE_LIMIT = 0.5
-"""Largest σ that a recovery adds to the attitude: 30°, which a linear filter still follows [rad]."""
+"""Largest σ that a recovery adds to the attitude: 30°, for which a linear filter still works [rad]."""
 BIAS_GROWTH = 4.0
 """Factor on the variance of biases and scale factors in a recovery: twice the σ."""
 
@@ -79,7 +80,7 @@ def predict_fix(P: FloatArray, H: FloatArray, R: FloatArray, S: FloatArray) -> N
 
 @kernel
 def normalised_square(nu: FloatArray, S: FloatArray) -> float:
-    """Return νᵀ S⁻¹ ν, by elimination of one measurement after the other."""
+    """Return νᵀ S⁻¹ ν, eliminating one measurement after the other."""
     A, v = S.copy(), nu.copy()
     total = 0.0
     for m in range(MEASUREMENTS):
@@ -94,7 +95,7 @@ def normalised_square(nu: FloatArray, S: FloatArray) -> float:
 
 @kernel
 def weight(robust: int, nis: float) -> float:
-    """Return the weight w of a fix in a robust update, by which R is divided.
+    """Return the weight w of a fix in a robust update; R is divided by it.
 
     Huber's is √(c / NIS) beyond c = `HUBER_NIS`, Student's t (ν + 6) / (ν + NIS), at most one, with ν =
     `STUDENT_DEGREES` (Huber ch. 7; Agamennoni et al. 2012, eq. 23).
@@ -110,19 +111,21 @@ def weight(robust: int, nis: float) -> float:
 def stands_out(
     streak: FloatArray, nu: FloatArray, S: FloatArray, nis: float, agreeing: int, any_of: int
 ) -> bool:
-    """Count an implausible fix; return whether the filter, not the fixes, must be wrong.
+    """Count an implausible fix; return whether the filter must be wrong, not the fixes.
 
-    Good fixes are refused by chance one at a time, and outliers scatter. Fixes in a row whose innovations
-    point the same way (within 60° in the metric of S), or a long row in any direction, accuse the filter.
+    Chance rejects good fixes one at a time, and outliers scatter. Consecutive fixes whose innovations have
+    the same direction (within 60° in the metric of S), or a long row in any directions, indicate a wrong
+    filter.
 
     Parameters
     ----------
     streak : (8,) array
-        Implausible fixes in a row, how many of them agree with the one before, and the last innovation.
+        Number of consecutive implausible fixes, how many of them agree with the previous one, and the last
+        innovation.
     nu, S, nis
         Innovation, its covariance, and its NIS.
     agreeing, any_of
-        How many in a row accuse the filter, if they agree, and if they do not.
+        Number of consecutive fixes that indicate a wrong filter, if they agree, and if they do not.
     """
     both = np.empty(MEASUREMENTS)
     for i in range(MEASUREMENTS):
@@ -140,11 +143,11 @@ def stands_out(
 
 @kernel
 def inflate(P: FloatArray, nu: FloatArray, elapsed: float, n: int) -> None:
-    """Add to P what the filter must be wrong by where fixes that agree are implausible.
+    """Increase P by the errors that agreeing implausible fixes imply.
 
-    Position and velocity may be off by the innovation; the attitude by the tilt that gives such a velocity in
-    the time elapsed; the variance of what else is estimated grows by `BIAS_GROWTH`. All of it is added to the
-    diagonal, so that P stays positive, and alike along all axes, so that it holds in any frame.
+    Position and velocity may be wrong by the innovation, the attitude by the tilt that gives such a velocity
+    in the elapsed time. The variance of all other states grows by `BIAS_GROWTH`. All of it is added to the
+    diagonal, so that P stays positive, and equally along all axes, so that it holds in any frame.
 
     Parameters
     ----------
@@ -169,7 +172,7 @@ def inflate(P: FloatArray, nu: FloatArray, elapsed: float, n: int) -> None:
 
 
 REJECTED, USED, RECOVERED = 0, 1, 2
-"""What becomes of a fix: left alone, used, or used after P was raised."""
+"""Outcome of a fix: rejected, used, or used after P was raised."""
 
 
 @kernel
@@ -184,20 +187,20 @@ def plausibility(
     schedule: Schedule,
     n: int,
 ) -> int:
-    """Say what becomes of a fix by its NIS; raise P if the filter must be in error.
+    """Return the outcome of a fix by its NIS; raise P if the filter must be wrong.
 
     Parameters
     ----------
     P : (n, ≥ n) array
         Covariance.
     streak : (8,) array
-        Of implausible fixes, as of `stands_out`.
+        Data of implausible fixes, as for `stands_out`.
     clock : (3,) array
-        The last element is when a fix was last plausible [s].
+        Its last element is the time of the last plausible fix [s].
     nu, S, nis
         Innovation, its covariance, and its NIS.
     time
-        Now [s].
+        Current time [s].
     schedule
         The limits.
     n
@@ -236,11 +239,11 @@ def update(w: FloatArray, z: FloatArray, H: FloatArray, R: FloatArray, scalars: 
     z : (6,) array
         Navigator minus GPS: position [m] and velocity [m/s], north, east, down.
     H : (6, n) array
-        How the fix sees the errors.
+        Measurement matrix of the fix.
     R : (6, 6) array
         Covariance of the fix.
     scalars : (6, 2 n + 2) array
-        Receives the six scalar updates: what each sees (n,), its gain (n,), its innovation and its variance.
+        Receives the six scalar updates: row of H (n,), gain (n,), innovation and its variance.
     """
     root = np.zeros((MEASUREMENTS, MEASUREMENTS))
     cholesky_of_fix(R, root)
@@ -273,7 +276,7 @@ def _whitening_row(R_root: FloatArray, m: int, row: FloatArray, z: FloatArray) -
 
 @kernel
 def scalar_update(w: FloatArray, z: float, done: FloatArray) -> None:
-    """Update with one measurement z of unit variance; `done` holds what it sees, and receives the rest."""
+    """Update with one measurement z of unit variance; `done` holds its row of H, and receives the rest."""
     s = 1.0
     residual = z
     for i in range(STATES):

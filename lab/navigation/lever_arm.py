@@ -1,4 +1,4 @@
-"""Lever arm: how a fix sees the errors of a navigator, the antenna being away from the IMU.
+"""Lever arm: the measurement matrix of a fix if the antenna is away from the IMU.
 
 References
 ----------
@@ -33,34 +33,35 @@ from lab.navigation.strapdown import (
 FloatArray = NDArray[np.float64]
 
 ATT, GYRO_BIAS, GYRO_SCALE = 6, 9, 15
-"""Where these error states begin."""
+"""Indices at which these error states begin."""
 WINDOW = 0.1
-"""Time about a fix over which the gyros are averaged [s], about as long as a receiver averages its velocity:
-with the noise of one sample on an arm the velocity of the antenna would jump from one sample to the next. An
-oscillation of 2 Hz loses 6 %."""
+"""Time about a fix over which the gyros are averaged [s], about as long as a receiver averages its velocity.
+With a single sample, its noise on the lever arm would make the velocity of the antenna jump. An oscillation
+of 2 Hz loses 6 % of its amplitude."""
 
 NO_TURNS = np.array([[0.0, 0.0, 0.0, 1.0]])
-"""What stands for the rates about the fixes where the antenna is at the IMU."""
+"""Placeholder for the rates about the fixes if the antenna is at the IMU."""
 
 
 def turns(imu: Imu, times: FloatArray, arm: FloatArray) -> FloatArray:
-    """Return the mean rate (m, 3) about some times as the gyros measured it [rad/s], and over how long [s].
+    """Return the mean measured rate (m, 3) about some times [rad/s], and the averaging time [s].
 
-    Over `WINDOW`, or two samples if they are longer; at the ends of the flight over what there is of it.
+    The averaging time is `WINDOW`, or two samples if they are longer; at the ends of the flight it is
+    shorter.
 
     Parameters
     ----------
     imu
         The measurements.
     times : (m,) array
-        When fixes are valid [s].
+        Times of validity of the fixes [s].
     arm : (3,) array
-        Lever arm [m]; without one the rates are of no use, and `NO_TURNS` is returned.
+        Lever arm [m]; without one, the rates are not needed, and `NO_TURNS` is returned.
 
     Returns
     -------
     (m, 4) array
-        Rates, then lengths.
+        Rates, then averaging times.
     """
     if not arm.any():
         return NO_TURNS
@@ -85,10 +86,10 @@ def see_antenna(
     H: FloatArray,
     R: FloatArray,
 ) -> None:
-    """Move navigator minus fix from the IMU to the antenna, and write how the fix sees the errors.
+    """Move navigator minus fix from the IMU to the antenna, and write H.
 
     The antenna is at r + C_nb l and moves with v + C_nb (ω_ib,b × l) − ω_ie,n × C_nb l, with the mean rate
-    about the fix. The noise of the gyros over that time is in R.
+    about the fix. R includes the noise of the gyros over that time.
 
     Parameters
     ----------
@@ -97,22 +98,22 @@ def see_antenna(
     arm : (3,) array
         Lever arm l in b [m].
     turn : (4,) array
-        Mean rate about the fix as the gyros measured it [rad/s], and over how long [s]; see `turns`.
+        Mean measured rate about the fix [rad/s], and its averaging time [s]; see `turns`.
     age
         Time from the fix to the end of the sample [s].
     noise : (12,) array
-        Densities of the process noise, as of `Belief`.
+        Densities of the process noise, as in `Belief`.
     axes
         North, east and down of the fix in the navigation frame.
     z : (6,) array
-        Navigator minus fix; the antenna's way and velocity against the IMU are added.
+        Navigator minus fix; displacement and velocity of the antenna relative to the IMU are added.
     H : (6, n) array
         Holds [I 0]; receives the elements of velocity, attitude, gyro biases and scale factors.
     R : (6, 6) array
         Covariance of the fix; that of the gyros' noise is added.
     """
     for i in range(3):
-        H[i, 3 + i] = -age  # the position is that of the time of the fix
+        H[i, 3 + i] = -age  # the position refers to the time of the fix
     if arm[0] == 0 and arm[1] == 0 and arm[2] == 0:
         return
     scale = get(state, strapdown.GYRO_SCALE)

@@ -1,7 +1,7 @@
 """Navigator: strapdown and error-state Kalman filter run together over IMU increments and GPS fixes.
 
-`advance` is the navigator's time step, one for all: a batch run hands it a whole flight, a live run hands it
-one sample at a time.
+`advance` is the navigator's only time step: a batch run passes a whole flight, a live run passes one sample
+at a time.
 
 References
 ----------
@@ -28,7 +28,7 @@ FloatArray = NDArray[np.float64]
 
 
 PIECE = 2**16
-"""Samples of a long flight that are navigated in one go, with some 220 bytes each."""
+"""Samples of a long flight that are navigated in one call, with some 220 bytes each."""
 
 
 class PolarError(ValueError):
@@ -53,13 +53,13 @@ def navigate(
     start
         Initial position, velocity, attitude and gyro bias; other biases and scale factor errors are zero.
     belief
-        What the filter assumes.
+        The assumptions of the filter.
     schedule
-        When it propagates its covariance and corrects.
+        Times at which it propagates its covariance and corrects.
     model
         Error model of the filter, with as many states as the belief.
     stretches
-        Those of a log, up to its end, where not the same holds throughout.
+        Stretches of a log, up to its end, if the conditions change.
 
     Raises
     ------
@@ -84,7 +84,7 @@ def navigate(
 
 
 Onwards = Callable[[Imu, Solution, int, Schedule], int]
-"""Advances a navigator over increments from number `first` on, writes the solution, says where it stopped."""
+"""Advances a navigator from increment `first` on, writes the solution, and returns where it stopped."""
 
 
 def go_through(
@@ -99,18 +99,18 @@ def go_through(
     *,
     polar: bool = False,
 ) -> None:
-    """Take a navigator from its start through a whole flight, stretch by stretch.
+    """Advance a navigator through a whole flight, stretch by stretch.
 
     Parameters
     ----------
     state, noise
-        The strapdown's state, and the densities of the process noise the filter has, changed in place.
+        The strapdown's state, and the filter's densities of the process noise; changed in place.
     imu, out, schedule, stretches
         As of `navigate`.
     onwards
         Advances the navigator.
     longest
-        Largest number of samples it is advanced over in one go; 0 for no limit.
+        Largest number of samples per call; 0 for no limit.
     polar
         Whether its frame works at a pole.
 
@@ -134,11 +134,10 @@ def go_through(
 
 
 POLAR = (
-    "t = {time:.3f} s: closer than 0.1° to a pole, where a north-slaved navigation frame cannot follow; "
-    "accepted are latitudes up to 89.9°, or navigator.mechanization = wander azimuth, which works over the "
-    "poles"
+    "t = {time:.3f} s: closer than 0.1° to a pole, where a north-slaved navigation frame fails; accepted "
+    "are latitudes up to 89.9°, or navigator.mechanization = wander azimuth, which works over the poles"
 )
-"""What a `PolarError` says."""
+"""Message of a `PolarError`."""
 
 
 def advance(
@@ -153,8 +152,8 @@ def advance(
     """Advance a navigator over the samples of `imu` from number `first` on.
 
     Returns the number of samples written: fewer than there are times in `imu` if the navigator comes too
-    close to a pole. The flight may be handed over in one piece or piece by piece: the result is the same.
-    The model must be the one the navigator began with.
+    close to a pole. The flight may be passed whole or in pieces: the result is the same. The model must be
+    the one with which the navigator began.
     """
     go = driver(model, summed=schedule.stride > 1)
     return go(run, read_only(imu), read_only(fixes), out, first, schedule)
@@ -171,9 +170,9 @@ def _advance_piece(
 ) -> int:
     """Advance a navigator as `advance` does, over samples whose variances and biases are kept in float32.
 
-    It is compiled for float64, and so is given room for these samples alone.
+    The kernel is compiled for float64, so it gets a float64 buffer for these samples only.
     """
-    before = max(first - 1, 0)  # only the first sample of a flight is written before it is advanced over
+    before = max(first - 1, 0)  # only the first sample of a flight is written before the first step
     end, fix = imu.time.size, int(run.counts[0])
     room = Solution.empty(end - before, 0, model.states)
     here = {name: getattr(out, name)[before:end] for name in ("position", "velocity_n", "q_nb", "rest")}
@@ -189,5 +188,5 @@ def _advance_piece(
 
 
 def is_compiled(model: ErrorModel = PHI) -> bool:
-    """Say whether the driver of a model is ready in this process: compiled, or loaded from the disk."""
+    """Return whether the driver of a model is ready in this process: compiled, or loaded from the disk."""
     return bool(driver(model, summed=False).signatures)  # type: ignore[attr-defined]

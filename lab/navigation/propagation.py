@@ -1,13 +1,13 @@
 """Propagation: P ← Φ P Φᵀ + Q and x ← Φ x, as straight-line code generated from an error model's pattern.
 
-F is sparse and its pattern is fixed, so the products are written out once per model: only the elements that
-can differ from zero are multiplied, and every multiplication runs over a whole row, which the compiler
-turns into vector instructions. Rows are 16 wide for 15 states, 24 for 21; the column after those of P carries
-the error estimate x, which goes through Φ like a column of P. The bias rows of Φ are diagonal (first-order
-decay), and those of the scale factors, random constants, are of the unit matrix, so only the nine navigation
-rows are multiplied out.
+F is sparse with a fixed pattern, so the products are written out once per model. Only the elements that can
+be non-zero are multiplied, and each multiplication runs over a whole row, which the compiler converts to
+vector instructions. Rows are 16 wide for 15 states, 24 for 21. The column after those of P holds the error
+estimate x, which Φ transforms like a column of P. The bias rows of Φ are diagonal (first-order decay), and
+those of the scale factors, which are random constants, are rows of the unit matrix. So only the nine
+navigation rows are multiplied out.
 
-A model with coordinates of its own has its covariance projected, T P Tᵀ, by code made the same way.
+For a model with its own coordinates, similar generated code projects the covariance, T P Tᵀ.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ BIASES = 6
 
 
 class Layout(NamedTuple):
-    """The workspace of a filter: [P | x], then Φ P; in the kernels by these names, as constants."""
+    """The workspace of a filter: [P | x], then Φ P; the kernels use these names as constants."""
 
     STATES: int
     WIDTH: int  # of a row: whole vectors of eight numbers
@@ -50,12 +50,12 @@ class Layout(NamedTuple):
 
 
 def layout(states: int) -> Layout:
-    """Return the workspace of a filter with so many states."""
+    """Return the workspace layout of a filter with a number of states."""
     return Layout(states, 8 * (states // 8 + 1), states)
 
 
 STATES, WIDTH, X = layout(15)
-"""Those the kernels are written for; see `compilation.rebound_throughout` for others."""
+"""Layout for which the kernels are written; see `compilation.rebound_throughout` for others."""
 
 
 def compile_propagation(model: ErrorModel, *, summed: bool = False) -> Propagate:
@@ -69,7 +69,7 @@ def compile_propagation(model: ErrorModel, *, summed: bool = False) -> Propagate
     model
         The error model.
     summed
-        Whether F is that of `second_order`, of many samples, with the elements of its square.
+        Whether F is the sum over many samples from `second_order`, with the elements of its square.
     """
     namespace: dict[str, Propagate] = {}
     exec(
@@ -109,7 +109,8 @@ def _navigation_rows(terms: dict[int, list[int]], space: Layout) -> list[str]:
 def _navigation_block(terms: dict[int, list[int]], space: Layout) -> list[str]:
     """Write (Φ P) Φᵀ for the navigation states.
 
-    It is symmetric, so each pair of states is computed once, with the row of Φ that has fewer elements.
+    The product is symmetric, so each pair of states is computed once, with the row of Φ that has fewer
+    elements.
     """
     lines, width = [], space.WIDTH
     left = set(range(NAV))
@@ -168,7 +169,7 @@ def projection_source(model: ErrorModel) -> str:
     for row, columns in terms.items():
         lines += [f"    t_{row}_{c} = T[{row}, {c}]" for c in columns]
         products = " + ".join(f"t_{row}_{c} * w[{width * c} + j]" for c in columns)
-        # Four columns at a time, of which each block needs three.
+        # Four columns at a time; each block needs three of them.
         for first in sorted({3 * (c // 3) for c in columns}):
             lines += [f"    for j in range({first}, {first + 4}):"]
             lines += [f"        w[{space.product + width * row} + j] = {products}"]

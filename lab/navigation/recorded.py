@@ -1,8 +1,8 @@
-"""Recorded: the navigator over a log of real sensors: each fix with its own σ, at its own time, of the IMU.
+"""Recorded: the navigator on a sensor log, with a σ and a time for each fix.
 
-It is the very filter of the simulated flights, told the lever arm and the latency of the log. It goes through
-the log in stretches: gaps of the IMU apart, and fixes that measure more apart from those that measure less.
-The biases found at the start are no part of what its settings describe, so that they do not fade: they walk.
+The filter is the same as for simulated flights, with the lever arm and the latency of the log. It processes
+the log in stretches: gaps of the IMU are separate, and so are fixes with different numbers of measurements.
+The settings do not describe the biases found at the start, so these do not decay: they are random walks.
 """
 
 from __future__ import annotations
@@ -47,32 +47,32 @@ FloatArray = NDArray[np.float64]
 Arrays = TypeVar("Arrays", Imu, Fixes)
 
 UNKNOWN = 1e4
-"""σ of a velocity the receiver does not have, which makes it count for nothing [m/s]."""
+"""σ of an unmeasured velocity, so that it has no effect [m/s]."""
 WITHHELD = 1e6
-"""σ of each measurement of a fix that is withheld [m], [m/s]."""
+"""σ of each measurement of a withheld fix [m], [m/s]."""
 NO_VERTICAL_SIGMA = 1.0
-"""σ of the initial vertical velocity without any measured [m/s]."""
+"""σ of the initial vertical velocity if none is measured [m/s]."""
 
 _ROUNDING = 1e-6  # of time stamps [s]
 
 
 class RecordedRun(NamedTuple):
-    """What a navigator made of a log.
+    """The navigation of a log.
 
     Attributes
     ----------
     imu : Imu
-        What it was given, from the first fix on; times of the log [s].
+        The input, from the first fix on; times of the log [s].
     fixes : Fixes
         The fixes as they were used: at their time of validity, of the antenna.
     belief : Belief
-        What the filter assumed, with an R for each fix.
+        The filter's assumptions, with an R for each fix.
     alignment : Alignment
-        Where it started.
+        The start of the navigator.
     solution : Solution
         The solution at the times of `imu`; innovations are NaN where the receiver measures nothing.
     remarks : tuple of str
-        What was repaired and assumed, for people.
+        Repairs and assumptions, as text.
     """
 
     imu: Imu
@@ -91,7 +91,7 @@ def navigate_log(
     withheld: NDArray[np.bool_] | None = None,
     start: Alignment | None = None,
 ) -> RecordedRun:
-    """Navigate a log of real sensors.
+    """Navigate a sensor log.
 
     >>> from lab.missions import read_sensor_log
     >>> run = navigate_log(read_sensor_log("drive"), SensorSuite(), NavigatorSettings())
@@ -101,25 +101,25 @@ def navigate_log(
     log
         The log.
     sensors
-        What the filter assumes of the sensors: their noise and biases, and the variances of a fix where the
-        log gives none.
+        The filter's assumptions about the sensors: noise, biases, and the variances of a fix if the log gives
+        none.
     navigator
         The filter. An R given there takes the place of the log's own σ; P0 is that of the start found in the
         log, unless given.
     outages
-        Stretches of time [s] of which the filter gets no fix.
+        Intervals of time [s] without fixes for the filter.
     withheld : (m,) array
-        Which fixes of the log the filter gets with the σ `WITHHELD`, so that they change nothing and their
-        innovations are errors of its prediction. The belief that is returned has their own R.
+        Mask of the fixes that the filter gets with the σ `WITHHELD`. They have no effect, and their
+        innovations are prediction errors. The returned belief has their own R.
     start
-        Where the navigator starts, if that has been found before for the same latency.
+        Start of the navigator, if it is already known for the same latency.
 
     Raises
     ------
     MissionError
-        If there are too few fixes while the IMU recorded.
+        If there are too few fixes during the IMU data.
     SettingError
-        If the settings do not go together, or cannot be applied to a log.
+        If the settings are incompatible, or cannot be applied to a log.
     ValueError
         If the solution diverges beyond all numbers, or comes too close to a pole.
     """
@@ -133,7 +133,7 @@ def navigate_log(
     gnss, R, variances = _measurements(log, assumed, navigator)
     fixes = Fixes(times, gnss.position, gnss.velocity_n)
     start = start or align(imu, fixes, np.sqrt(variances[:, 3:]), _hints(log, navigator))
-    # The last fix before the start gave the start.
+    # The last fix before the start was used for the start.
     rows = (times > imu.time[0] + _ROUNDING) & (times <= imu.time[-1])
     if not rows.any():
         raise MissionError(f"{log.name}: no fix while the IMU recorded; accepted is at least one")
@@ -158,13 +158,13 @@ def _check(log: SensorLog, navigator: NavigatorSettings) -> None:
     check_mechanization(navigator)
     if navigator.engine != "compiled":
         raise SettingError(
-            "navigator.engine: the reference in filterpy knows neither gaps of the IMU nor velocities that "
-            "the receiver does not measure: it cannot navigate a log of real sensors; accepted is compiled"
+            "navigator.engine: the reference in filterpy cannot handle gaps of the IMU or unmeasured "
+            "velocities, so it cannot navigate a sensor log; accepted is compiled"
         )
 
 
 def _hints(log: SensorLog, navigator: NavigatorSettings) -> Hints:
-    """Return what log and settings say of vehicle and heading."""
+    """Return the hints of log and settings about vehicle and heading."""
     return Hints.of(
         log.auxiliary, navigator.vehicle, navigator.initial_heading, navigator.initial_heading_uncertainty
     )
@@ -174,7 +174,10 @@ def _first_sample(log: SensorLog, times: FloatArray) -> int:
     """Return the first sample from which the position is known."""
     first = int(np.searchsorted(log.time, times[0] - _ROUNDING))
     if log.time.size - first < 3 or times.size < 2:
-        raise MissionError(f"{log.name}: the fixes begin after the IMU ended; accepted are both together")
+        raise MissionError(
+            f"{log.name}: the fixes begin after the end of the IMU data; accepted are fixes and IMU data of "
+            "the same time"
+        )
     return first
 
 
@@ -208,7 +211,7 @@ def _measurements(
 
 
 def _velocity_of_positions(gnss: GnssLog) -> FloatArray:
-    """Return the velocity (m, 3) north, east, down by differences of the positions; down as zero [m/s]."""
+    """Return the velocity (m, 3) north, east, down from differences of the positions; down is zero [m/s]."""
     latitude, longitude = gnss.position[:, 0], np.unwrap(gnss.position[:, 1])
     per_latitude, per_longitude = metres_per_radian(latitude, 0.0)
     north = np.gradient(latitude, gnss.time) * per_latitude
@@ -219,7 +222,7 @@ def _velocity_of_positions(gnss: GnssLog) -> FloatArray:
 def _initial(
     assumed: Belief, navigator: NavigatorSettings, start: Alignment, variances: FloatArray
 ) -> FloatArray:
-    """Return the covariance of the start that was found, or that of the settings where given."""
+    """Return the covariance of the start, or that of the settings if given."""
     if navigator.p0 is not None:
         return assumed.P0
     variance = np.diag(assumed.P0).copy()
@@ -241,7 +244,7 @@ def _solution(
     measured: NDArray[np.int64],
     given: NDArray[np.bool_],
 ) -> Solution:
-    """Navigate, and smooth where asked for; fixes that are not given count for nothing."""
+    """Navigate, and smooth if set; withheld fixes have no effect."""
     schedule = schedule_of(navigator, float(np.median(np.diff(imu.time))), imu.dtheta.shape[0])
     check_smoother(navigator, schedule)
     stretches = _stretches(imu, fixes, log, assumed, navigator, measured)
@@ -263,14 +266,14 @@ def _solution(
         if near_pole(log.gnss.position[:, 0]).any():
             raise
         raise diverged(
-            "the estimate ran off to a pole, which the vehicle did not come near", error
+            "the estimate moved to a pole, and the vehicle did not come near one", error
         ) from error
     check_finite(solution, imu.time)
     return solution
 
 
 def _shown(arrays: Arrays) -> Arrays:
-    """Return read-only views, as a simulated flight's arrays are: the code is compiled for these."""
+    """Return read-only views like the arrays of a simulated flight, for which the code is compiled."""
     views = {name: np.ascontiguousarray(values).view() for name, values in arrays._asdict().items()}
     for view in views.values():
         view.setflags(write=False)
@@ -285,8 +288,8 @@ def _stretches(
     navigator: NavigatorSettings,
     measured: NDArray[np.int64],
 ) -> list[Stretch]:
-    """Return the stretches of a log, each with fixes of one number of measurements, and in a gap or not."""
-    sample = np.searchsorted(imu.time, fixes.time - _ROUNDING)  # after which each fix is used
+    """Return the stretches of a log, each with one number of measurements and in a gap or not."""
+    sample = np.searchsorted(imu.time, fixes.time - _ROUNDING)  # sample after which each fix is used
     gaps = np.clip(np.searchsorted(imu.time, log.gaps), 0, imu.time.size - 1)
     changes = sample[:-1][np.diff(measured) != 0]
     ends = {imu.time.size - 1, *gaps.ravel().tolist(), *changes.tolist()} - {0}
@@ -303,7 +306,7 @@ def _stretches(
 
 
 def _gap_noise(imu: Imu, log: SensorLog) -> FloatArray:
-    """Return the densities (6,) of what is not known in a gap: the spread of the rates for its length."""
+    """Return the densities (6,) of the unknown motion in a gap: the spread of the rates over its length."""
     if not log.gaps.size:
         return np.zeros(6)
     dt = np.diff(imu.time)[:, None]

@@ -1,7 +1,7 @@
 """Reference: the same filter in filterpy, written to be read rather than to be fast.
 
-It shares the strapdown step and the error model with the compiled navigator; covariance, update, correction
-and bookkeeping are written here a second time, with whole matrices.
+It shares the strapdown step and the error model with the compiled navigator. Covariance, update, correction
+and bookkeeping are written here independently, with whole matrices.
 
 References
 ----------
@@ -130,8 +130,8 @@ def _predict(
 ) -> None:
     """Propagate over the time elapsed, given the sum A of F dt and the axes of the noise.
 
-    Over one sample to first order in the time, the noise after it; over a sum of samples to third order, half
-    of the noise before it and half after.
+    Over one sample: to first order in time, with the noise after it. Over a sum of samples: to third order,
+    with half of the noise before and half after.
     """
     biases = slice(GYRO_BIAS.start, ACCEL_BIAS.stop)
     A = A.copy()
@@ -162,7 +162,7 @@ def _begin(start: Start, belief: Belief, model: ErrorModel) -> tuple[FloatArray,
 
 
 class _Rest:
-    """The updates at rest: the attitude that is held, and the rates since the last update."""
+    """The updates at rest: the held attitude, and the rates since the last update."""
 
     def __init__(self, belief: Belief, model: ErrorModel) -> None:
         self.belief, self.model = belief, model
@@ -171,7 +171,7 @@ class _Rest:
         self.length = 0.0
 
     def hold(self, state: FloatArray, imu: Imu, k: int) -> None:
-        """Let the error model see the attitude at the beginning of the rest."""
+        """Give the error model the attitude at the beginning of the rest."""
         if not imu.rest.size or not imu.rest[k]:
             self.held, self.rates, self.length = None, [], 0.0
             return
@@ -182,7 +182,7 @@ class _Rest:
         _put(state, strapdown.FORCE_N, self.held @ force)
 
     def gathered(self, state: FloatArray, imu: Imu, k: int, dt: float) -> bool:
-        """Add the rate of a sample at rest; return whether there are enough."""
+        """Add the rate of a sample at rest; return whether an update is due."""
         if self.held is None:
             return False
         self.rates.append(_get(state, strapdown.PREVIOUS_DTHETA) / dt + _get(state, strapdown.GYRO_BIAS))
@@ -211,7 +211,7 @@ class _Rest:
 
 
 def _fading(belief: Belief, elapsed: float, *, summed: bool) -> FloatArray:
-    """Return what is left of the biases (6,) after some time, to the order of `_predict`."""
+    """Return the decay factors (6,) of the biases over a time, to the order of `_predict`."""
     x = elapsed * belief.bias_decay
     return np.asarray(1 - x + (x**2 / 2 - x**3 / 6 if summed else 0))
 
@@ -219,9 +219,10 @@ def _fading(belief: Belief, elapsed: float, *, summed: bool) -> FloatArray:
 def _antenna(
     state: FloatArray, belief: Belief, turn: FloatArray, age: float, n: int
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return how a fix sees the errors (6, n), the antenna against the IMU (6,), and what adds to R (6, 6).
+    """Return H of a fix (6, n), the antenna relative to the IMU (6,), and an addition to R (6, 6).
 
-    Of the antenna, displacement and velocity; to R, the noise of the gyros on the lever arm.
+    The antenna has a displacement and a velocity; the addition to R is the noise of the gyros on the lever
+    arm.
     """
     arm = belief.lever_arm
     measured, length = turn[:3], turn[3]
@@ -272,9 +273,10 @@ def _difference(state: FloatArray, fixes: Fixes, m: int, age: float, dt: float) 
 
 
 def correct(state: FloatArray, own: FloatArray, model: ErrorModel, *, bent: bool = True) -> None:
-    """Take an estimated error, in the coordinates of the model, out of the navigator.
+    """Correct the navigator by an estimated error in the coordinates of the model.
 
-    Of a model in the body it goes along the group, unless it only waits to be taken out: `bent` is false.
+    For a model in the body frame, the correction is the group's exponential, unless the estimate is only
+    pending (`bent` is false).
     """
     own = own.copy()
     if model.in_body and bent:
@@ -297,7 +299,7 @@ def correct(state: FloatArray, own: FloatArray, model: ErrorModel, *, bent: bool
 
 
 def _corrected(state: FloatArray, x: FloatArray, model: ErrorModel) -> FloatArray:
-    """Return the state with an estimated error taken out."""
+    """Return the state corrected by an estimated error."""
     corrected = state.copy()
     if x.any():
         correct(corrected, x, model, bent=False)
@@ -305,7 +307,7 @@ def _corrected(state: FloatArray, x: FloatArray, model: ErrorModel) -> FloatArra
 
 
 def _store(out: Solution, k: int, state: FloatArray, kalman: KalmanFilter, model: ErrorModel) -> None:
-    """Write sample k of the solution, with the estimated error taken out."""
+    """Write sample k of the solution, corrected by the estimated error."""
     corrected = _corrected(state, kalman.x, model)
     T = model.map(corrected)
     P = T @ kalman.P @ T.T

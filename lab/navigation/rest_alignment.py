@@ -1,9 +1,9 @@
-"""Rest alignment: what the sensors of a vehicle at rest before a flight show of attitude and gyro biases.
+"""Rest alignment: attitude and gyro biases from the sensors of a vehicle at rest before a flight.
 
-The accelerometers show the vertical as far as their own biases let them; the gyros show their biases, and
-north by the Earth's rate if their biases are small enough. Both are one update of the initial estimate, so
-that each comes out as well as the grade of the sensors allows, and the errors that are left are correlated
-as they are in truth: a tilt with the accelerometer bias that caused it.
+The accelerometers show the vertical with the accuracy of their biases. The gyros show their biases and, if
+these are small enough, north by the Earth's rate. Both are one update of the initial estimate. So each is as
+accurate as the grade of the sensors allows, and the remaining errors have the right correlations, such as a
+tilt with the accelerometer bias that caused it.
 
 References
 ----------
@@ -36,24 +36,24 @@ from lab.units import si
 FloatArray = NDArray[np.float64]
 
 ROUNDS = 8
-"""Times the update is made anew about its own result; from a heading 20° off, gyros of 0.01 °/h take six."""
+"""Iterations of the update about its own result; with a heading error of 20°, gyros of 0.01 °/h need six."""
 LEAST_FORCE, LEAST_RATE = 1e-6, 5e-9
-"""σ below which no mean at rest is believed, of 0.1 µg [m/s²] and 0.001 °/h [rad/s]: sensors without noise
-would leave a covariance of lower rank."""
+"""Smallest σ of a mean at rest, 0.1 µg [m/s²] and 0.001 °/h [rad/s]: sensors without noise would give a
+singular covariance."""
 ESTIMATED = np.r_[6:12]
-"""The states that are estimated: attitude and gyro biases. Biases of the accelerometers and scale factors
-are considered."""
+"""The estimated states: attitude and gyro biases. Accelerometer biases and scale factors are considered
+(Schmidt), not estimated."""
 
 
 class Means(NamedTuple):
-    """What the sensors put out on the average of a rest, and how well that is known.
+    """The mean output of the sensors over a rest, and its covariance.
 
     Attributes
     ----------
     force, rate : (3,) arrays
         In b [m/s²], [rad/s].
     force_covariance, rate_covariance : (3, 3) arrays
-        Of what no state stands for: the noise of the mean, and misalignments.
+        Covariance of the errors without a state: noise of the mean, and misalignments.
     """
 
     force: FloatArray
@@ -68,15 +68,15 @@ class Aligned(NamedTuple):
     Attributes
     ----------
     start : Start
-        With the attitude that was found.
+        Start with the new attitude.
     gyro_bias : (3,) array
-        Gyro bias that was found [rad/s].
+        Estimated gyro bias [rad/s].
     P : (21, 21) array
-        Covariance of the errors that are left.
+        Covariance of the remaining errors.
     kept : (21, 21) array
-        What is left of an initial error: I − K H.
+        Remaining part of an initial error: I − K H.
     noise : (21, 6) array
-        Errors that the noise of the means brought, one σ in each column.
+        Errors from the noise of the means, one σ in each column.
     """
 
     start: Start
@@ -89,14 +89,14 @@ class Aligned(NamedTuple):
 def begin(
     start: Start, true: Start, sensors: SensorSuite, navigator: NavigatorSettings, seed: int
 ) -> Aligned:
-    """Return the start of a simulated navigator: after its alignment, or as it is without one.
+    """Return the start of a simulated navigator, after its alignment if it has one.
 
     Parameters
     ----------
     start, true
-        What is believed before, and where the vehicle is.
+        Assumed start before the alignment, and true start.
     sensors, navigator
-        The errors of the sensors; the filter, which says how long the rest is.
+        The errors of the sensors; the filter, with the length of the rest.
     seed
         Seed of the run.
     """
@@ -121,11 +121,11 @@ def align(start: Start, P: FloatArray, means: Means) -> Aligned:
     Parameters
     ----------
     start
-        What is believed before, the gyro bias taken for zero.
+        Assumed start before the alignment, with a gyro bias of zero.
     P : (21, 21) array
-        Covariance of the errors before; those of position and velocity stay.
+        Covariance of the errors before; those of position and velocity do not change.
     means
-        What the sensors put out.
+        Mean output of the sensors.
     """
     sine, height = float(np.sin(start.position[0])), float(start.position[2])
     gravity = np.array([0.0, 0.0, float(earth.gravity(sine, height))])
@@ -140,7 +140,8 @@ def align(start: Start, P: FloatArray, means: Means) -> Aligned:
         R = np.zeros((6, 6))
         R[:3, :3] = C_nb @ means.force_covariance @ C_nb.T + LEAST_FORCE**2 * np.eye(3)
         R[3:, 3:] = C_nb @ means.rate_covariance @ C_nb.T + LEAST_RATE**2 * np.eye(3)
-        # Beyond first order a heading error ψ takes 1 − cos ψ off the level part of the Earth's rate.
+        # Beyond first order, a heading error ψ reduces the measured level part of the Earth's rate to cos ψ
+        # of it.
         R[3, 3] += 0.75 * (omega_ie[0] * after[ATT.stop - 1, ATT.stop - 1]) ** 2
         K = np.zeros((21, 6))
         K[ESTIMATED] = np.linalg.solve(H @ P @ H.T + R, H @ P)[:, ESTIMATED].T
@@ -152,10 +153,10 @@ def align(start: Start, P: FloatArray, means: Means) -> Aligned:
 
 
 def means_of(sensors: SensorSuite, seed: int, length: float, start: Start) -> Means:
-    """Return what simulated sensors put out on the average of a rest in a true attitude.
+    """Return the mean output of simulated sensors over a rest in a true attitude.
 
-    Their constant biases at the temperature of the start and under gravity, scale factors, misalignments and
-    the noise of a mean. What varies, the instability of the flight, is not there before it.
+    It includes their constant biases at the temperature of the start and under gravity, scale factors,
+    misalignments and the noise of a mean. The instability of the flight is not included.
 
     Parameters
     ----------
@@ -188,7 +189,7 @@ def means_of(sensors: SensorSuite, seed: int, length: float, start: Start) -> Me
 
 
 def induced_variance(sensors: SensorSuite) -> FloatArray:
-    """Return the square of what temperature and gravity add to the biases at rest (6,), in SI units."""
+    """Return the squared biases (6,) from temperature and gravity at rest, in SI units."""
     environment = imu.Environment(_temperature(sensors), np.full((1, 3), earth.STANDARD_GRAVITY))
     added = np.zeros((2, 3))
     for row, errors in enumerate((sensors.gyro, sensors.accelerometer)):
@@ -197,7 +198,7 @@ def induced_variance(sensors: SensorSuite) -> FloatArray:
 
 
 def _temperature(sensors: SensorSuite) -> FloatArray:
-    """Return the temperature (1,) at which the biases are those of the rest; a compensation's reference."""
+    """Return the temperature (1,) of the rest; with a compensation, its reference temperature."""
     if sensors.temperature.compensation:
         return np.array([thermal.REFERENCE])
     return thermal.temperature(sensors.temperature, np.zeros(1), np.zeros(1))
@@ -215,10 +216,11 @@ def _unmodelled(errors: GyroErrors | AccelerometerErrors, at_rest: FloatArray, l
 
 
 def _sight(C_nb: FloatArray, gravity: FloatArray, omega_ie: FloatArray, force: FloatArray) -> FloatArray:
-    """Return how the errors (21,) show in specific force plus gravity and rate less the Earth's, in n."""
+    """Return H (6, 21) of specific force plus gravity, and of rate minus the Earth's rate, in n."""
     H = np.zeros((6, 21))
     H[:3, ATT], H[3:, ATT] = -skew(gravity), skew(omega_ie)
     H[:3, ACCEL_BIAS], H[3:, GYRO_BIAS] = -C_nb, -C_nb
-    # The bias comes off the output of the gyros: their scale factors count for what turns the IMU alone.
+    # The bias is subtracted from the output of the gyros: their scale factors apply to the true rotation
+    # only.
     H[:3, ACCEL_SCALE], H[3:, GYRO_SCALE] = -C_nb * force, -C_nb * (C_nb.T @ omega_ie)
     return H

@@ -1,4 +1,4 @@
-"""Schedule: when a filter propagates, corrects and refuses, throughout or stretch by stretch."""
+"""Schedule: when a filter propagates, corrects and rejects, for the whole flight or by stretch."""
 
 from __future__ import annotations
 
@@ -12,26 +12,28 @@ FloatArray = NDArray[np.float64]
 
 
 class Schedule(NamedTuple):
-    """When a filter does what.
+    """The schedule of a filter.
 
     Attributes
     ----------
     feedback : bool
-        True corrects the navigator with the estimated error and resets the estimate; False lets the
-        navigator run free and subtracts the estimate from what it puts out.
+        True corrects the navigator with the estimated error and resets the estimate. False lets the navigator
+        run free and subtracts the estimate from its output.
     correction_period : float
         Shortest time between two feedback corrections [s]; 0 corrects at each fix.
     stride : int
-        P is propagated once in so many IMU samples, with the sum of F dt over them, and whenever a fix comes.
+        Number of IMU samples per propagation of P, with the sum of F dt over them; P is also propagated at
+        each fix.
     gate : float
         Largest NIS of a fix that is used, a quantile of χ² with as many degrees of freedom as the fix has
         measurements; infinite uses all.
     robust : int
-        How a fix is weighed: `kalman.EVERY`, `HUBER` or `STUDENT_T`.
+        Weight of a fix: `kalman.EVERY`, `HUBER` or `STUDENT_T`.
     implausible : float
-        NIS from which on fixes in a row accuse the filter; infinite if it uses every fix as it is.
+        NIS above which consecutive fixes indicate a wrong filter; infinite if it uses every fix.
     agreeing, any_of : int
-        How many such fixes in a row accuse the filter: if their innovations agree, and if they do not.
+        Number of such consecutive fixes that indicate a wrong filter, if their innovations agree, and if they
+        do not.
     """
 
     feedback: bool = True
@@ -45,16 +47,16 @@ class Schedule(NamedTuple):
 
 
 class Stretch(NamedTuple):
-    """Samples of a log for which the same holds.
+    """Samples of a log with constant conditions.
 
     Attributes
     ----------
     end : int
-        The sample it ends with.
+        The last sample.
     gate, implausible : float
-        As of `Schedule`, for the measurements that the fixes in it have.
+        As in `Schedule`, for the measurements of its fixes.
     noise : (12,) array
-        As of `Belief`, with what is not known in a gap of the IMU.
+        As in `Belief`, with the unknown motion in a gap of the IMU.
     """
 
     end: int
@@ -64,4 +66,4 @@ class Stretch(NamedTuple):
 
 
 EVERY_FIX = Schedule()
-"""Feedback at each fix, P propagated at each sample."""
+"""Feedback at each fix, and propagation of P at each sample."""

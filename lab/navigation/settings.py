@@ -1,4 +1,4 @@
-"""Navigator settings: what the filter believes, and how it corrects (the belief side)."""
+"""Navigator settings: the filter's assumptions, and how it corrects (the belief side)."""
 
 from __future__ import annotations
 
@@ -29,24 +29,24 @@ _NOISE_ROWS = [
 
 
 class NavigatorSettings(Settings):
-    """How the navigator starts, what its filter assumes, and when it corrects."""
+    """The start of the navigator, the assumptions of its filter, and its corrections."""
 
     model = param.Selector(
         default="phi",
         objects=["phi", "psi", "invariant", "nonlinear"],
         label="Error model",
         doc="phi: linear, perturbation of the true navigation frame. psi: linear, errors in the computer "
-        "frame. invariant: linear, group error on SE₂(3) whose model does not depend on the estimate, also "
-        "for large attitude errors. nonlinear: unscented filter on the exact kinematics, also for large "
-        "attitude errors; corrects by feedback at each fix.",
+        "frame. invariant: linear, group error on SE₂(3) whose model does not depend on the estimate; "
+        "also for large attitude errors. nonlinear: unscented filter on the exact kinematics; also for "
+        "large attitude errors; corrects by feedback at each fix.",
     )
     mechanization = param.Selector(
         default="north-slaved",
         objects=["north-slaved", "wander azimuth"],
         label="Mechanization",
-        doc="Frame the navigator computes in: north-slaved, which ends 0.1° from a pole, or wander azimuth, "
-        "which does not turn about the vertical and works over the poles. What is shown is in north, east, "
-        "down with both.",
+        doc="Frame in which the navigator computes. north-slaved: ends 0.1° from a pole. wander azimuth: "
+        "does not turn about the vertical, and works over the poles. Both show their results in north, "
+        "east, down.",
     )
     states = param.Selector(
         default=15,
@@ -59,14 +59,14 @@ class NavigatorSettings(Settings):
         default="compiled",
         objects=["compiled", "filterpy"],
         label="Engine",
-        doc="The compiled filter, or the same filter in filterpy as readable reference (much slower).",
+        doc="The compiled filter, or the same filter in filterpy as a readable reference (much slower).",
     )
     correction = param.Selector(
         default="feedback",
         objects=["feedback", "feedforward"],
         label="Correction",
-        doc="Feedback corrects the navigator with the estimated error; feedforward lets it run free and "
-        "subtracts.",
+        doc="feedback: corrects the navigator with the estimated error. feedforward: lets it run free and "
+        "subtracts the estimated error from its output.",
     )
     correction_period = Quantity(
         0.0,
@@ -124,7 +124,7 @@ class NavigatorSettings(Settings):
         softbounds=(-100, 100),
         step=0.1,
         label="Initial position, given error",
-        doc="Initial position error beside the drawn one; P₀ takes in the second moment of both.",
+        doc="Initial position error in addition to the drawn one; P₀ includes the second moment of both.",
     )
     velocity_error = AxisQuantity(
         0.0,
@@ -134,7 +134,7 @@ class NavigatorSettings(Settings):
         softbounds=(-10, 10),
         step=0.01,
         label="Initial velocity, given error",
-        doc="Initial velocity error beside the drawn one; P₀ takes in the second moment of both.",
+        doc="Initial velocity error in addition to the drawn one; P₀ includes the second moment of both.",
     )
     attitude_error = AxisQuantity(
         0.0,
@@ -144,8 +144,8 @@ class NavigatorSettings(Settings):
         softbounds=(-90, 90),
         step=0.1,
         label="Initial attitude, given error",
-        doc="Initial attitude error φ beside the drawn one, such as 60° down for a heading 60° too small; P₀ "
-        "takes in the second moment of both.",
+        doc="Initial attitude error φ in addition to the drawn one, such as 60° down for a heading 60° too "
+        "small; P₀ includes the second moment of both.",
     )
     alignment = Quantity(
         0.0,
@@ -154,21 +154,22 @@ class NavigatorSettings(Settings):
         softbounds=(0, 120),
         step=1,
         label="Alignment before the flight",
-        doc="Rest before the flight, as an autopilot takes it when it is switched on. The accelerometers "
-        "level the navigator, the gyros show their constant biases, which are taken off their output, and "
-        "north if they are good enough for it. P₀ is what is left. 0 starts with the whole turn-on bias.",
+        doc="Duration of a rest before the flight, as an autopilot needs it after it is switched on. The "
+        "accelerometers level the navigator. The gyros show their constant biases, which are removed, "
+        "and north if they are accurate enough. P₀ is the covariance of the remaining errors. 0 starts "
+        "with the whole turn-on bias.",
     )
     rest_updates = param.Boolean(
         default=True,
         label="Updates at rest",
-        doc="Where the vehicle stands still for 10 s or more, by the GPS velocity and the spread of the IMU, "
-        "the gyros show their biases (zero angular rate updates).",
+        doc="Zero angular rate updates: where the vehicle stands still for 10 s or more, the mean of the "
+        "gyros shows their biases. GPS velocity and spread of the IMU samples detect the rest.",
     )
     smoother = param.Boolean(
         default=False,
         label="Smoother",
-        doc="After the flight, use all fixes for every sample (fixed-interval smoothing, as Rauch, Tung and "
-        "Striebel's). Model phi only; innovations remain the filter's.",
+        doc="Use all fixes of the flight for every sample (fixed-interval smoothing, as by Rauch, Tung and "
+        "Striebel). Linear models only; the innovations remain those of the filter.",
     )
     gate = Quantity(
         0.0,
@@ -176,16 +177,16 @@ class NavigatorSettings(Settings):
         softbounds=(0, 1),
         step=0.001,
         label="Gate",
-        doc="Part of the good fixes that the χ² test of their six innovations lets through, such as 0.999; "
-        "the others are rejected. 0 uses every fix. After rejections that chance cannot explain, the filter "
-        "assumes that it is itself in error: it raises P and uses the fix, and the result counts that.",
+        doc="Fraction of the good fixes that pass the χ² test of their six innovations, such as 0.999; the "
+        "others are rejected. 0 uses every fix. After rejections that chance cannot explain, the "
+        "filter takes itself to be wrong: it raises P and uses the fix, and the result counts this.",
     )
     robust = param.Selector(
         default="none",
         objects=["none", "huber", "student-t"],
         label="Robust update",
-        doc="How much a fix counts that stands out from what the filter expects. none: fully. huber: its "
-        "effect on the estimate is bounded. student-t: the further off it is, the smaller its effect (4 "
+        doc="Weight of a fix whose innovation is larger than expected. none: full weight. huber: its "
+        "effect on the estimate is bounded. student-t: its effect decreases as the innovation grows (4 "
         "degrees of freedom).",
     )
     lever_arm = QuantityOrNone(
@@ -194,7 +195,7 @@ class NavigatorSettings(Settings):
         axes=("forward", "right", "down"),
         bounds=(-1000, 1000),
         label="Lever arm the filter assumes",
-        doc="Place of the GPS antenna, from the IMU forward, right, down, as the filter is told; matched: "
+        doc="Place of the GPS antenna that the filter assumes, from the IMU forward, right, down. matched: "
         "that of the simulated receiver, or of the log.",
     )
     latency = QuantityOrNone(
@@ -202,8 +203,8 @@ class NavigatorSettings(Settings):
         unit="s",
         bounds=(-60, 60),
         label="Latency the filter assumes",
-        doc="How much older a fix is than its time stamp says, as the filter is told; matched: that of the "
-        "simulated receiver, or of the log.",
+        doc="Age of a fix at its time stamp, as the filter assumes it. matched: that of the simulated "
+        "receiver, or of the log.",
     )
     p0_scale = Quantity(
         1.0,
@@ -232,46 +233,47 @@ class NavigatorSettings(Settings):
         bounds=(1e-6, 1e6),
         softbounds=(0.01, 100),
         label="R factors",
-        doc="Factors on the variances of a fix beside the R scale, one for each part: a receiver that states "
-        "its own σ may be too sure of one and not of another.",
+        doc="Factors on the variances of a fix in addition to the R scale, one for each part. A receiver "
+        "that states its own σ may be too optimistic for one part and not for another.",
     )
     p0 = MatrixOrNone(
         size=(15, 21),
         rows=_STATE_ROWS,
         label="P₀",
         doc="Initial covariance the filter assumes, SI units, order POS VEL ATT GYRO_BIAS ACCEL_BIAS, and "
-        "with 21 states GYRO_SCALE ACCEL_SCALE: its diagonal or the whole matrix; unset, matched to the "
-        "initial errors and sensors.",
+        "with 21 states GYRO_SCALE ACCEL_SCALE: its diagonal or the whole matrix. Unset: matched to "
+        "the initial errors and sensors.",
     )
     q = MatrixOrNone(
         size=12,
         diagonal_only=True,
         rows=_NOISE_ROWS,
         label="Q",
-        doc="Process noise densities the filter assumes, SI units: gyro noise, "
-        "accelerometer noise, gyro bias drive, accelerometer bias drive; unset, matched to the sensors.",
+        doc="Process noise densities the filter assumes, SI units: gyro noise, accelerometer noise, gyro "
+        "bias drive, accelerometer bias drive. Unset: matched to the sensors.",
     )
     r = MatrixOrNone(
         size=6,
         rows=_FIX_ROWS,
         label="R",
-        doc="Covariance of a fix the filter assumes, SI units: position north, east, down, then "
-        "velocity: its diagonal or the whole matrix; unset, matched to the receiver.",
+        doc="Covariance of a fix the filter assumes, SI units: position north, east, down, then velocity: "
+        "its diagonal or the whole matrix. Unset: matched to the receiver.",
     )
     vehicle = param.Selector(
         default="auto",
         objects=["auto", *VEHICLES],
         label="Vehicle of a log",
-        doc="What carried the sensors of a log. Aeroplanes and cars go where their nose points, which shows "
-        "the initial heading and wrong axes; the others need not. auto: what the log says.",
+        doc="Vehicle that carried the sensors of a log. Aeroplanes and cars move where their nose points: "
+        "this shows the initial heading and wrong axes. The others need not. auto: as stated in the "
+        "log.",
     )
     initial_heading = QuantityOrNone(
         unset="found",
         unit="°",
         bounds=(-360, 360),
         label="Initial heading of a log",
-        doc="True heading of a log at its first sample; found: what antennas, course, motion or magnetometer "
-        "show.",
+        doc="True heading at the first sample of a log. found: what antennas, course, motion or "
+        "magnetometer show.",
     )
     initial_heading_uncertainty = Quantity(
         5.0,
@@ -280,19 +282,19 @@ class NavigatorSettings(Settings):
         softbounds=(0.1, 30),
         step=0.1,
         label="Initial heading of a log, σ",
-        doc="Standard deviation of the initial heading where it is given.",
+        doc="Standard deviation of a given initial heading.",
     )
     log_from = QuantityOrNone(
         unset="start",
         unit="s",
         bounds=(-1e10, 1e10),
         label="Log from",
-        doc="Where navigation of a log starts, in the clock of its file; start: at its first sample.",
+        doc="Start of the navigation of a log, in the clock of its file. start: at its first sample.",
     )
     log_to = QuantityOrNone(
         unset="end",
         unit="s",
         bounds=(-1e10, 1e10),
         label="Log to",
-        doc="Where navigation of a log ends, in the clock of its file; end: at its last sample.",
+        doc="End of the navigation of a log, in the clock of its file. end: at its last sample.",
     )

@@ -1,13 +1,13 @@
-"""Sigma points: a navigator and its covariance as 2 n navigators, and back; attitudes on SO(3).
+"""Sigma points: a navigator and its covariance as 2 n navigators, and the inverse; attitudes on SO(3).
 
-A sigma point is what the truth may be: the navigator with an error of its covariance taken out of it, the
-attitude by an exact rotation.
+A sigma point is a possible truth: the navigator minus an error from its covariance, with an exact rotation
+for the attitude.
 
 The transform is the scaled one with α = 1, β = 0, κ = 3 − n for n states: the points lie at √3 σ, where they
-have the fourth moment of the normal distribution, weigh 1/6 each, and the centre 1 − n/3. That this is
-negative can spoil a covariance. Here it cannot: but for the small products of scale factors with what they
-scale, the kinematics are nonlinear in the attitude alone, and the root of P is taken with the attitude first,
-so that it moves in six points only, whose weights sum to one.
+have the fourth moment of the normal distribution, weigh 1/6 each, and the centre 1 − n/3. A negative weight
+can make a covariance indefinite, but not here: except for the small products of scale factors with rates and
+forces, the kinematics are nonlinear only in the attitude. The root of P has the attitude first, so that the
+attitude varies in six points only, and their weights sum to one.
 
 References
 ----------
@@ -48,14 +48,14 @@ WEIGHT = 1 / 6
 ROUNDS = 20
 """Largest number of iterations for a mean attitude; five are enough for errors of 60°."""
 CONVERGED = 1e-12
-"""Where they end [rad]."""
+"""Step of the iteration at which it ends [rad]."""
 
 
 @kernel
 def cholesky(P: FloatArray, order: NDArray[np.int64], root: FloatArray) -> None:
-    """Write the root of P, P = root rootᵀ, lower triangular once its rows are in the given order.
+    """Write the root of P, P = root rootᵀ, which is lower triangular with its rows in the given order.
 
-    A state without variance of its own, beyond that of those before it, gets a column of zeros.
+    A state whose variance is explained by the states before it gets a column of zeros.
     """
     for j in range(order.size):
         row = order[j]
@@ -90,14 +90,14 @@ def rotation_vector(p: Quaternion, q: Quaternion) -> Vector:
 
 @kernel
 def displace(state: FloatArray, x: FloatArray) -> None:
-    """Take an error x out of a navigator, its attitude by the exact rotation C_nb = exp([φ×]) Ĉ_nb."""
+    """Subtract an error x from a navigator, from the attitude by the rotation C_nb = exp([φ×]) Ĉ_nb."""
     latitude = state[LATITUDE] - x[0] * state[strapdown.MERIDIAN]
     longitude = state[strapdown.LONGITUDE] - x[1] * state[strapdown.TRANSVERSE] / state[strapdown.COSINE]
     strapdown.set_position(state, latitude, longitude, state[strapdown.HEIGHT] + x[2])
     for i in range(3):
         state[VELOCITY + i] -= x[3 + i]
         state[PREVIOUS_VELOCITY + i] -= x[3 + i]
-    for i in range(9, x.size):  # biases, and scale factors where they are states
+    for i in range(9, x.size):  # biases, and scale factors if they are states
         state[GYRO_BIAS - 9 + i] -= x[i]
     q = strapdown.product(strapdown.rotation((x[6], x[7], x[8])), attitude(state))
     put(state, strapdown.Q_NB, (q[0], q[1], q[2]))
@@ -106,9 +106,9 @@ def displace(state: FloatArray, x: FloatArray) -> None:
 
 @kernel
 def transport(P: FloatArray, phi: Vector) -> None:
-    """Carry P to the attitude corrected by φ: the error left is J (error − φ), J the left Jacobian of SO(3).
+    """Transform P to the attitude corrected by φ: the error is then J (error − φ).
 
-    See Mueller et al. 2017; J = I + (1 − cos φ)/φ² [φ×] + (φ − sin φ)/φ³ [φ×]².
+    J is the left Jacobian of SO(3) (Mueller et al. 2017), J = I + (1 − cos φ)/φ² [φ×] + (φ − sin φ)/φ³ [φ×]².
     """
     square = phi[0] * phi[0] + phi[1] * phi[1] + phi[2] * phi[2]
     angle = math.sqrt(square)
@@ -139,7 +139,7 @@ def spread(
     x: FloatArray,
     points: FloatArray,
 ) -> None:
-    """Write the sigma points: the navigator with ± √3 times each column of the root of P taken out of it.
+    """Write the sigma points: the navigator minus ± √3 times each column of the root of P.
 
     Parameters
     ----------
@@ -180,7 +180,7 @@ def gather(
     deviations : (2 n, n) array
         Workspace.
     x : (n,) array
-        Receives the error of the navigator, were the mean the truth.
+        Receives the error of the navigator relative to the mean.
     P : (n, n) array
         Receives the covariance of the error of the mean.
     """
@@ -198,8 +198,8 @@ def gather(
         for i in range(n):
             x[i] += WEIGHT * deviation[i]
     put(x, 6, (-centre[0], -centre[1], -centre[2]))
-    # Deviations d are from the centre, which itself is −x off the mean: the weighted sum of squares about the
-    # mean, weight of the centre and all, is that of d less x xᵀ.
+    # The deviations d are from the centre, which deviates from the mean by −x: the weighted sum of squares
+    # about the mean, including the centre, is that of d minus x xᵀ.
     for i in range(n):
         for j in range(n):
             P[i, j] = 0.0
@@ -214,7 +214,7 @@ def gather(
 
 @inline_kernel
 def _difference(state: FloatArray, truth: FloatArray, x: FloatArray) -> None:
-    """Write the error of a navigator, were another one the truth; all but its attitude."""
+    """Write the error of a navigator relative to another one as truth, except for its attitude."""
     x[0] = (state[LATITUDE] - truth[LATITUDE]) / state[strapdown.MERIDIAN]
     east = state[strapdown.LONGITUDE] - truth[strapdown.LONGITUDE]
     east -= 2 * math.pi * math.floor(east / (2 * math.pi) + 0.5)
@@ -229,7 +229,7 @@ def _difference(state: FloatArray, truth: FloatArray, x: FloatArray) -> None:
 
 @inline_kernel
 def _mean_attitude(state: FloatArray, points: FloatArray) -> Quaternion:
-    """Return the attitude from which the weighted rotation vectors to all points sum to nothing (Kraft)."""
+    """Return the attitude from which the weighted rotation vectors to all points sum to zero (Kraft)."""
     q = attitude(state)
     at_centre = 1 - WEIGHT * points.shape[0]
     for _ in range(ROUNDS):

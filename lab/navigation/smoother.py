@@ -1,12 +1,13 @@
-"""Smoother: what the whole flight's fixes say of every sample, for post-processing of a linear filter.
+"""Smoother: every sample estimated from all fixes of the flight, for post-processing of a linear filter.
 
-Fixed-interval smoothing in the form of Bryson and Frazier, which gives what Rauch, Tung and Striebel's does
-but inverts nothing, so that states nobody doubts do no harm. Backwards through the flight go λ and Λ, what
-later innovations say; the error of the navigator is then x − P λ, and its covariance loses P Λ P.
+Fixed-interval smoothing in the form of Bryson and Frazier. Its result is that of Rauch, Tung and Striebel's
+form, but it inverts no matrix, so that states without variance do no harm. The backward pass propagates λ and
+Λ, the information of later innovations. The error of the navigator is then x − P λ, and its covariance P − P
+Λ P.
 
-The backward pass uses the filter's own steps: copies of the filter from the forward pass are advanced again,
-so many samples at a time, by the filter's own kernels, and what these did to [P | x] is kept. So Φ, P, gains
-and linearisation are the filter's, whatever its corrections, weights, refused fixes and gaps.
+The backward pass uses the filter's own steps: the filter's kernels advance copies of the filter from the
+forward pass again, a block of samples at a time, and the changes of [P | x] are kept. So Φ, P, gains and
+linearisation are those of the filter, with all its corrections, weights, rejected fixes and gaps.
 
 References
 ----------
@@ -51,11 +52,11 @@ from lab.navigation.strapdown import get
 FloatArray = NDArray[np.float64]
 
 GO = 1024
-"""Samples that are kept in memory on the way back, each with some 4 kB."""
+"""Samples kept in memory in the backward pass, with some 4 kB each."""
 
 
 class _Copy(NamedTuple):
-    """A filter before a number of samples, and the schedule that it advances with."""
+    """A filter before a block of samples, and the schedule for the block."""
 
     first: int
     run: Filter
@@ -63,11 +64,11 @@ class _Copy(NamedTuple):
 
 
 class _Kept(NamedTuple):
-    """What is kept of samples on the way back."""
+    """The data of a block of samples for the backward pass."""
 
     state: FloatArray  # (samples, length), navigators at the ends of the samples
     w: FloatArray  # (samples, n · width), [P | x]
-    Phi: FloatArray  # (samples, 9, n), rows of the transitions that are not those of the unit matrix
+    Phi: FloatArray  # (samples, 9, n), rows of the transitions that differ from the unit matrix
     rest: FloatArray  # (samples, 1, 2 n + 2), updates at rest
     fixes: NDArray[np.int64]  # (samples + 1,), next fix before each sample, and after the last
 
@@ -142,7 +143,7 @@ def _copied(run: Filter) -> Filter:
 
 @inline_kernel
 def _copy(values: FloatArray, out: FloatArray) -> None:
-    """Copy as many values as both have; a slice would compile its error messages too: seconds."""
+    """Copy as many values as both have; a slice would also compile its error messages, for seconds."""
     for i in range(min(values.size, out.size)):
         out[i] = values[i]
 
@@ -164,7 +165,7 @@ def _multiply(A: FloatArray, B: FloatArray, out: FloatArray) -> None:
 def _before_step(
     Phi: FloatArray, decay: FloatArray, later: FloatArray, Later: FloatArray, half: FloatArray
 ) -> None:
-    """Take λ and Λ back over a step: λ ← Φᵀ λ, Λ ← Φᵀ Λ Φ."""
+    """Propagate λ and Λ back over a step: λ ← Φᵀ λ, Λ ← Φᵀ Λ Φ."""
     row = half[0]
     for c in range(STATES):
         row[c] = _column(Phi, decay, later, c)
@@ -204,7 +205,7 @@ def _column(Phi: FloatArray, decay: FloatArray, v: FloatArray, c: int) -> Any:
 
 @kernel
 def _before_update(scalars: FloatArray, later: FloatArray, Later: FloatArray, product: FloatArray) -> None:
-    """Take λ and Λ back over an update, scalar by scalar, the last one first.
+    """Propagate λ and Λ back over an update, scalar by scalar, the last one first.
 
     With h, gain k, innovation ν and its variance s: λ ← (I − k hᵀ)ᵀ λ − h ν / s and
     Λ ← (I − k hᵀ)ᵀ Λ (I − k hᵀ) + h hᵀ / s (Bierman 1973).
@@ -230,7 +231,7 @@ def _before_update(scalars: FloatArray, later: FloatArray, Later: FloatArray, pr
 
 @kernel
 def _smooth(w: FloatArray, later: FloatArray, Later: FloatArray, half: FloatArray, P: FloatArray) -> None:
-    """Replace [P | x] by that of the smoothed error: P − P Λ P, x − P λ."""
+    """Replace [P | x] by those of the smoothed error: P − P Λ P, x − P λ."""
     for i in range(STATES):
         for j in range(STATES):
             P[i, j] = w[WIDTH * i + j]

@@ -1,4 +1,4 @@
-"""Solution: what goes into a navigator, and what comes out of it, as plain arrays."""
+"""Solution: the input and the output of a navigator as plain arrays."""
 
 from __future__ import annotations
 
@@ -16,14 +16,14 @@ FloatArray = NDArray[np.float64]
 
 
 def _block(samples: int, widths: dict[str, int], dtype: DTypeLike) -> dict[str, FloatArray]:
-    """Return flat arrays of so many values a sample, by name, in one block of memory."""
+    """Return flat arrays with given numbers of values per sample, by name, in one block of memory."""
     block = np.empty(samples * sum(widths.values()), dtype=dtype)
     cuts = np.cumsum([samples * width for width in widths.values()])[:-1]
     return dict(zip(widths, np.split(block, cuts), strict=True))
 
 
 def _zeros(count: int) -> FloatArray:
-    """Return zeros that nobody can change."""
+    """Return read-only zeros."""
     values = np.zeros(count)
     values.setflags(write=False)
     return values
@@ -42,11 +42,11 @@ class Imu(NamedTuple):
     Attributes
     ----------
     time : (n + 1,) array
-        Ends of the sample intervals, the first one their common start [s].
+        Ends of the sample intervals; the first value is the start of the first interval [s].
     dtheta, dvelocity : (n, 3) arrays
         Integrals of angular rate [rad] and specific force [m/s] over each interval, in b.
     rest : (n,) array
-        Samples in which the vehicle stands still, and the filter may know it; empty if it is not told.
+        Samples at rest that the filter may use; empty if it must not.
     """
 
     time: FloatArray
@@ -83,10 +83,10 @@ Input = TypeVar("Input", Imu, Fixes)
 
 
 def read_only(given: Input) -> Input:
-    """Return increments or fixes as read-only views, whatever they were.
+    """Return increments or fixes as read-only views.
 
-    A kernel is compiled anew, for 20 s, for each combination of arrays that may be written to and of arrays
-    that may not: all are given as what every array can be.
+    A kernel is compiled separately, for 20 s, for each combination of writable and read-only arrays. Every
+    array can be passed as read-only, so all are.
     """
     return given._replace(**{name: _read_only(values) for name, values in given._asdict().items()})
 
@@ -98,7 +98,7 @@ def _read_only(values: NDArray[Any]) -> NDArray[Any]:
 
 
 class Start(NamedTuple):
-    """Where a navigator believes it is when it starts.
+    """The assumed start of a navigator.
 
     Attributes
     ----------
@@ -109,7 +109,7 @@ class Start(NamedTuple):
     q_nb : (4,) array
         Attitude, scalar first.
     gyro_bias : (3,) array
-        Gyro bias that an alignment found [rad/s].
+        Gyro bias from an alignment [rad/s].
     """
 
     position: FloatArray
@@ -119,7 +119,7 @@ class Start(NamedTuple):
 
     @classmethod
     def off(cls, truth: Truth, position: FloatArray, velocity: FloatArray, attitude: FloatArray) -> Start:
-        """Return a start that misses the first sample of the truth by an error.
+        """Return the first sample of the truth plus an error, as a start.
 
         Parameters
         ----------
@@ -138,7 +138,7 @@ class Start(NamedTuple):
 
 
 class Belief(NamedTuple):
-    """What the filter assumes.
+    """The assumptions of the filter.
 
     Attributes
     ----------
@@ -167,7 +167,7 @@ class Belief(NamedTuple):
 
 
 class Solution(NamedTuple):
-    """What a navigator computed; n + 1 samples at the IMU times, m fixes.
+    """The solution of a navigator: n + 1 samples at the IMU times, m fixes.
 
     Attributes
     ----------
@@ -182,7 +182,7 @@ class Solution(NamedTuple):
     scale : (n + 1, 6) array, or (n + 1, 0) of a filter with 15 states
         Estimated scale factor errors of gyros and accelerometers.
     variance : (n + 1, 15) or (n + 1, 21) array
-        Diagonal of P, in the order of `error_models.STATES`. Of a long flight bias, scale, variance and
+        Diagonal of P, in the order of `error_models.STATES`. For a long flight, bias, scale, variance and
         covariance are float32 (`lab.histories`).
     covariance : (n + 1, 2, 3) array
         Elements (0, 1), (0, 2), (1, 2) of P's position and attitude blocks.
@@ -193,19 +193,19 @@ class Solution(NamedTuple):
     fix_covariance : (m, 15, 15) or (m, 21, 21) array
         P after each fix.
     fix_sample : (m,) array
-        Sample after which each fix was used; −1 for those outside the time of the IMU, or rejected.
+        Sample after which each fix was used; −1 for fixes that are outside the IMU data or rejected.
     fix_rejected : (m,) array
         Whether the fix was rejected by the gate; its innovation is kept.
     fix_recovered : (m,) array
-        Whether the filter took the fix after it had found that it is itself in error, and had raised P; the
-        innovation and its covariance are those before.
+        Whether the filter used the fix after it took itself to be wrong and raised P; the innovation and its
+        covariance are those before.
     fix_H : (m, 6, 15) or (m, 6, 21) array
-        How the fix sees the errors: the innovation is H times the error of the navigator, plus noise.
+        Measurement matrix of the fix: the innovation is H times the error of the navigator, plus noise.
     fix_R : (m, 6, 6) array
-        Covariance of the fix as it was used: divided by the weight of a robust update, and with the noise of
+        Covariance of the fix as used: divided by the weight of a robust update, and including the noise of
         the gyros on the lever arm.
     rest : (n + 1,) array
-        After which samples the filter made an update at rest.
+        Mask of the samples after which the filter made an update at rest.
     """
 
     position: FloatArray
@@ -234,10 +234,10 @@ class Solution(NamedTuple):
     def empty(cls, samples: int, fixes: int, states: int = 15, shown: DTypeLike = np.float64) -> Solution:
         """Return a solution with room for `samples` samples and `fixes` fixes, of a filter with `states`.
 
-        `shown` is the type of what is looked at, not integrated: biases, scale factors and variances.
+        `shown` is the type of the arrays that are shown, not integrated: biases, scale factors and variances.
 
-        The histories share one block: the system hands out large blocks in large pages, which saves a fifth
-        of a run.
+        The histories share one block: the system allocates large blocks in large pages, which saves a fifth
+        of the time of a run.
         """
         motion = {"position": 3, "velocity_n": 3, "q_nb": 4}
         others = {"bias": 6, "scale": states - 15, "variance": states, "covariance": 6}

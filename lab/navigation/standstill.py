@@ -1,8 +1,8 @@
-"""Standstill: when a vehicle stands still, and what its gyros then say of their biases.
+"""Standstill: the detection of rest, and the gyro biases that the gyros then show.
 
-At rest only the Earth turns the IMU, so that the mean of the gyros is their bias and the Earth's rate. A
-filter that does not use this lets its heading drift with the bias, and its model, linearised along that
-heading, shows information that is not there.
+At rest, only the Earth rotates the IMU, so the mean of the gyros is their bias plus the Earth's rate. Without
+this information, the heading of the filter drifts with the bias, and its model, linearised along that
+heading, gains information that does not exist.
 
 References
 ----------
@@ -29,31 +29,32 @@ FloatArray = NDArray[np.float64]
 SPAN = 1.0
 """Time over which the gyros are averaged for one update [s]."""
 SHORTEST = 10
-"""Seconds in a row that look like rest before any of them counts; a walker pauses for less [s]."""
+"""Fewest consecutive seconds that count as rest; a walker pauses for less [s]."""
 SLOW = 16.3
-"""Largest square of a GPS velocity in its σ at rest: what 99.9 % of three components stay below."""
+"""Largest squared GPS velocity at rest, in its σ: the 99.9 % quantile for three components."""
 LEAST_SPEED = 0.05
-"""σ below which the noise of a GPS velocity is not trusted [m/s]."""
+"""Smallest σ of a GPS velocity that is assumed [m/s]."""
 RATE_SPREAD = math.radians(0.3)
-"""Spread of the rates of a MEMS gyro on a table at 100 Hz; more is allowed if more is assumed [rad/s]."""
+"""Spread of the rates of a MEMS gyro on a table at 100 Hz [rad/s]; the limit is higher if the filter assumes
+more noise."""
 FORCE_SPREAD = 0.15
-"""Spread of the specific force of a vehicle whose engine is idling [m/s²]."""
+"""Spread of the specific force of a vehicle with an idling engine [m/s²]."""
 RATE_CHANGE = math.radians(0.05)
-"""Change of the mean rate from one second to the next beyond its noise [rad/s]."""
+"""Largest change of the mean rate from one second to the next beyond its noise [rad/s]."""
 GATE = 16.0
-"""Largest square of a mean rate in its σ that is used: 4 σ, beyond which the vehicle turns slowly."""
+"""Largest squared mean rate, in its σ, that is used: (4 σ)²; beyond it, the vehicle turns slowly."""
 
 SUMS, SQUARES, ELAPSED, COUNT, HELD, ATTITUDE, ROOM = 0, 3, 6, 7, 8, 9, 18
-"""Where sums of the rates, of their squares, time and samples are kept, whether an attitude is, and which."""
+"""Offsets in the workspace: sums of the rates and of their squares, time, samples, and the held attitude."""
 
 
 def at_rest(imu: Imu, fixes: Fixes, belief: Belief) -> NDArray[np.bool_]:
-    """Return in which samples (n,) the vehicle stands still, by GPS velocities and the spread of the IMU.
+    """Return the mask (n,) of the samples at rest, from GPS velocities and the spread of the IMU.
 
     Parameters
     ----------
     imu, fixes, belief
-        The measurements, and what the filter assumes of them.
+        The measurements, and the filter's assumptions about them.
     """
     n = imu.dtheta.shape[0]
     rest = np.zeros(n, dtype=np.bool_)
@@ -69,7 +70,7 @@ def at_rest(imu: Imu, fixes: Fixes, belief: Belief) -> NDArray[np.bool_]:
 
 
 def _slow(seconds: FloatArray, fixes: Fixes, belief: Belief) -> NDArray[np.bool_]:
-    """Return which seconds have fixes about them, and none that shows a speed."""
+    """Return the mask of the seconds with fixes about them of which none shows a speed."""
     variance = np.diagonal(belief.fix_covariance(np.arange(fixes.time.size)), axis1=-2, axis2=-1)[..., 3:]
     squares = np.sum(fixes.velocity_n**2 / np.maximum(variance, LEAST_SPEED**2), axis=1)
     fast = np.concatenate(([0], np.cumsum(squares > SLOW)))
@@ -78,7 +79,7 @@ def _slow(seconds: FloatArray, fixes: Fixes, belief: Belief) -> NDArray[np.bool_
 
 
 def _still(imu: Imu, belief: Belief, edges: NDArray[np.intp]) -> NDArray[np.bool_]:
-    """Return in which seconds between the samples `edges` the IMU shows neither shaking nor turning."""
+    """Return the mask of the seconds between the samples `edges` without vibration and rotation."""
     still = np.zeros(edges.size - 1, dtype=np.bool_)
     mean_before = None
     for second, (a, b) in enumerate(itertools.pairwise(edges)):
@@ -100,26 +101,26 @@ def _still(imu: Imu, belief: Belief, edges: NDArray[np.intp]) -> NDArray[np.bool
 
 
 def _stretches(flags: NDArray[np.bool_]) -> list[tuple[int, int]]:
-    """Return the stretches (first, end) of at least `SHORTEST` flags that are set."""
+    """Return the stretches (first, end) of at least `SHORTEST` consecutive true flags."""
     edges = np.flatnonzero(np.diff(np.concatenate(([False], flags, [False])).astype(np.int8)))
     return [(int(a), int(b)) for a, b in edges.reshape(-1, 2) if b - a >= SHORTEST]
 
 
 @kernel
 def hold_attitude(state: FloatArray, sums: FloatArray, rest: bool) -> None:
-    """Hold the attitude along which the error model is linearised for as long as a rest lasts.
+    """Hold the attitude of the linearisation constant during a rest.
 
-    At rest the heading is not observable but through the Earth's rate. Linearised along an estimate that
-    varies, the model shows information about it that is not there (G. P. Huang, A. I. Mourikis, S. I.
+    At rest, the heading is observable only through the Earth's rate. A model linearised along a varying
+    estimate gains information about the heading that does not exist (G. P. Huang, A. I. Mourikis, S. I.
     Roumeliotis, *Observability-based rules for designing consistent EKF SLAM estimators*, Int. J. Robotics
     Research 29 (2010): first-estimates Jacobian).
 
     Parameters
     ----------
     state
-        The navigator after a step; its `C_NB` and `FORCE_N` are what the error model reads.
+        The navigator after a step; the error model reads its `C_NB` and `FORCE_N`.
     sums
-        Workspace, with the attitude held.
+        Workspace with the held attitude.
     rest
         Whether the vehicle stands still in this sample.
     """
@@ -140,7 +141,7 @@ def hold_attitude(state: FloatArray, sums: FloatArray, rest: bool) -> None:
 
 @kernel
 def gather_rest(state: FloatArray, sums: FloatArray, dt: float) -> bool:
-    """Add the rates of a sample at rest, the estimated biases in them; return whether an update is due."""
+    """Add the rates of a sample at rest, including the estimated biases; return whether an update is due."""
     for i in range(3):
         rate = state[strapdown.PREVIOUS_DTHETA + i] / dt + state[strapdown.GYRO_BIAS + i]
         sums[SUMS + i] += rate
@@ -154,12 +155,12 @@ def gather_rest(state: FloatArray, sums: FloatArray, dt: float) -> bool:
 def see_rest(
     state: FloatArray, frame_rate: Vector, noise: FloatArray, sums: FloatArray, H: FloatArray
 ) -> float:
-    """Return what an update at rest measures, in its σ, write what it sees, and start new sums.
+    """Return the measurement of an update at rest in its σ, write its row of H, and start new sums.
 
-    Rate about the vertical of the navigator minus that of the Earth: −d δb + (ω_ie × φ)_D and noise, with d
-    the vertical in b; the noise is that of the gyros over the time, or what their samples show if more.
-    The level rates are left to the tilt, which the fixes show: it has the same noise of the gyros, and both
-    together would count it twice.
+    The measurement is the navigator's rate about the vertical minus that of the Earth: −d δb + (ω_ie × φ)_D
+    plus noise, with d the vertical in b. The noise is that of the gyros over the time, or that shown by their
+    samples if larger. The level rates are not used: the fixes show the tilt, which contains the same gyro
+    noise, and using both would count it twice.
 
     Parameters
     ----------
@@ -170,9 +171,9 @@ def see_rest(
     noise : (12,) array
         Densities of the process noise.
     sums
-        Of the rates, as of `gather_rest`.
+        Sums of the rates, as for `gather_rest`.
     H : (6,) array
-        Receives how the attitude error, in the navigation frame, and the gyro biases are seen.
+        Receives the row of H for the attitude error in the navigation frame and the gyro biases.
     """
     at = strapdown.Q_NB
     C = matrix((state[at], state[at + 1], state[at + 2], state[at + 3]))

@@ -1,8 +1,8 @@
 """Strapdown: from angle and velocity increments to attitude, velocity and position on the ellipsoid.
 
-The navigation frame is north-slaved; `wander` takes the same step in a frame that works over the poles.
-Two-sample coning and sculling compensation; gravity, Coriolis and transport rate at mid-interval. The whole
-state of a navigator is one vector, addressed by the named offsets below.
+The navigation frame is north-slaved; `wander` makes the same step in a frame that works over the poles. The
+step uses two-sample coning and sculling compensation, and gravity, Coriolis term and transport rate at
+mid-interval. The whole state of a navigator is one vector, addressed by the named offsets below.
 
 References
 ----------
@@ -26,16 +26,17 @@ Vector = tuple[float, float, float]
 Matrix = tuple[Vector, Vector, Vector]
 Quaternion = tuple[float, float, float, float]
 
-LATITUDE = 0  # where the numbers of the state are; vectors begin there
+LATITUDE = 0  # offsets of the numbers in the state; vectors begin there
 LONGITUDE = 1  # [rad]
 HEIGHT = 2  # [m]
 VELOCITY = 3  # v_n
 Q_NB = 6  # scalar first
 GYRO_BIAS = 10  # [rad/s]
 ACCEL_BIAS = 13  # [m/s²]
-GYRO_SCALE = 16  # zero where the filter does not estimate it
-ACCEL_SCALE = 19  # as that of the gyros
-# What follows is derived from the above in each step, and kept for the next step and for the error model.
+GYRO_SCALE = 16  # zero if the filter does not estimate it
+ACCEL_SCALE = 19  # as for the gyros
+# The following values are derived from those above in each step, and kept for the next step and the error
+# model.
 SINE = 22  # of the latitude
 COSINE = 23  # of the latitude
 PREVIOUS_DTHETA = 24  # increments of the last step [rad]
@@ -48,10 +49,11 @@ FORCE_N = 36  # mean specific force of the last step, in n
 C_NB = 39  # attitude at the start of the last step, row by row
 PER_STEP = 48  # one over the length of the last step
 GRAVITY = 49  # during the last step
-LENGTH = 50  # how many numbers there are
+LENGTH = 50  # length of the state
 
 MAX_LATITUDE = math.radians(89.9)
-"""North-slaved navigation ends here: its rate about the vertical grows without bound towards the poles."""
+"""Limit of north-slaved navigation [rad]: its rate about the vertical grows without bound towards the
+poles."""
 
 radii = inline_kernel(earth.radii)
 gravity = inline_kernel(earth.gravity)
@@ -136,7 +138,7 @@ def rotation(v: Vector) -> Quaternion:
 
 @inline_kernel
 def unit(q: Quaternion) -> Quaternion:
-    """Return a nearly unit quaternion with its length put right (one Newton step)."""
+    """Return a nearly unit quaternion, normalised by one Newton step."""
     f = 1.5 - 0.5 * (q[0] * q[0] + q[1] * q[1] + q[2] * q[2] + q[3] * q[3])
     return f * q[0], f * q[1], f * q[2], f * q[3]
 
@@ -167,7 +169,7 @@ def set_position(state: FloatArray, latitude: float, longitude: float, height: f
 
 @inline_kernel
 def environment(state: FloatArray, height: float) -> tuple[Vector, Vector, float]:
-    """Return ω_ie in n, the curvature as `transport_rate` takes it, and gravity; keep what is derived."""
+    """Return ω_ie in n, the curvature for `transport_rate`, and gravity; store the derived values."""
     sine, cosine = state[SINE], state[COSINE]
     per_cosine = 1 / cosine
     tangent = sine * per_cosine
@@ -180,7 +182,7 @@ def environment(state: FloatArray, height: float) -> tuple[Vector, Vector, float
 
 @inline_kernel
 def move(state: FloatArray, velocity: Vector, dt: float) -> None:
-    """Move the position by a mean velocity; sine and cosine of the latitude follow by a tiny rotation."""
+    """Move the position by a mean velocity; update sine and cosine of the latitude by a small rotation."""
     sine, cosine, per_cosine = state[SINE], state[COSINE], state[PER_COSINE]
     turn = velocity[0] * state[MERIDIAN] * dt
     half = 0.5 * turn * turn
@@ -200,7 +202,7 @@ def move(state: FloatArray, velocity: Vector, dt: float) -> None:
 
 @inline_kernel
 def corrected(measured: Vector, dt: float, scale: Vector, bias: Vector) -> Vector:
-    """Return increments x / (1 + s) − b dt: those without the estimated errors."""
+    """Return the corrected increments x / (1 + s) − b dt."""
     scaled = measured[0] / (1 + scale[0]), measured[1] / (1 + scale[1]), measured[2] / (1 + scale[2])
     return plus(scaled, -dt, bias)
 
@@ -226,7 +228,7 @@ def step(state: FloatArray, dtheta_measured: Vector, dvelocity_measured: Vector,
     q = (state[Q_NB], state[Q_NB + 1], state[Q_NB + 2], state[Q_NB + 3])
     C_nb = matrix(q)
 
-    # Savage's two-sample form: the previous sample stands in for the curvature of this one.
+    # Savage's two-sample form: the previous sample gives the curvature of this one.
     coned = plus(dtheta, 1 / 12, cross(dtheta_before, dtheta))
     turned = cross(dtheta, dvelocity)
     sculled = plus(plus(dvelocity, 0.5, turned), 1 / 6, cross(dtheta, turned))
@@ -235,7 +237,7 @@ def step(state: FloatArray, dtheta_measured: Vector, dvelocity_measured: Vector,
 
     omega_ie, curvature, g = environment(state, state[HEIGHT] - 0.5 * dt * v[2])
 
-    # Predict the velocity at mid-interval, then take every rate there.
+    # Predict the velocity at mid-interval, then evaluate every rate there.
     omega_en = transport_rate(v, *curvature)
     dvelocity_n = rotate(C_nb, sculled)
     coriolis = cross(plus(omega_en, 2.0, omega_ie), v)

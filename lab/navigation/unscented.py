@@ -1,9 +1,9 @@
-"""Unscented: the nonlinear filter, sigma points through the exact strapdown kinematics, attitude on SO(3).
+"""Unscented: the nonlinear filter: sigma points through the exact strapdown kinematics, attitude on SO(3).
 
-The navigator and its sigma points, 30 for 15 states and 42 for 21, are stepped side by side through every IMU
-sample. Mean and covariance are formed of where they have come to 50 times a second; at each fix, and once a
-second without, the points are spread anew about the mean. Nothing is linearised but the way of the process
-noise from one spreading to the next, so the attitude error may be as large as a heading nobody knows.
+The navigator and its sigma points, 30 for 15 states and 42 for 21, are propagated together through every IMU
+sample. Mean and covariance are computed from the points 50 times a second. At each fix, and once a second
+without fixes, new points are placed about the mean. Only the propagation of the process noise between two
+placements is linearised, so the attitude error may be as large as that of an unknown heading.
 
 References
 ----------
@@ -62,9 +62,9 @@ from lab.settings import SettingError
 FloatArray = NDArray[np.float64]
 
 FORMED = 0.02
-"""Shortest time between two formations of mean and covariance, those at fixes apart [s]."""
+"""Shortest time between two computations of mean and covariance, except at fixes [s]."""
 HELD = 1.0
-"""Longest time for which the sigma points go on before they are spread anew [s]."""
+"""Longest time before new sigma points are placed [s]."""
 
 
 class Filter(NamedTuple):
@@ -84,24 +84,22 @@ class Filter(NamedTuple):
     points: FloatArray
     P: FloatArray
     root: FloatArray  # lower Cholesky factor of P
-    deviations: FloatArray  # error of the navigator, were each sigma point the truth
-    order: NDArray[np.int64]  # of the states in the root: the attitude first
+    deviations: FloatArray  # error of the navigator relative to each sigma point
+    order: NDArray[np.int64]  # order of the states in the root: the attitude first
     x: FloatArray
-    mean: FloatArray  # error of the navigator, were the mean of the sigma points the truth
-    driven: FloatArray  # covariance that process noise has brought since the points were spread
+    mean: FloatArray  # error of the navigator relative to the mean of the sigma points
+    driven: FloatArray  # covariance from process noise since the points were placed
     spare: FloatArray  # a navigator
-    counts: NDArray[np.int64]  # next fix; samples since mean and covariance were formed
-    clock: (
-        FloatArray  # seconds since then; since the points were spread, negative before that; of the last fix
-    )
+    counts: NDArray[np.int64]  # next fix; samples since mean and covariance were computed
+    clock: FloatArray  # s since then; s since the points were placed, negative before; time of last fix
     streak: FloatArray  # of implausible fixes, see `kalman.stands_out`
     R: FloatArray  # of all fixes, or of each
     R_fix: FloatArray  # of this fix
-    H: FloatArray  # how this fix sees the errors
+    H: FloatArray  # of this fix
     noise: FloatArray
     bias_decay: FloatArray
     lever_arm: FloatArray
-    turns: FloatArray  # measured about all fixes, or about each, see `lever_arm.turns`
+    turns: FloatArray  # rates about all fixes, or about each, see `lever_arm.turns`
     rest_sums: FloatArray  # of the rates at rest, see `standstill`
 
     @classmethod
@@ -151,16 +149,15 @@ def navigate(
 ) -> Solution:
     """Navigate a whole flight with the unscented filter; arguments and result as for `navigator.navigate`.
 
-    Between two formations of the covariance (`FORMED`, or `schedule.stride` samples if that is longer) the
-    variance put out is the last one formed.
+    Between two computations of the covariance (`FORMED`, or `schedule.stride` samples if that is longer), the
+    output variance is the last one.
 
     Raises
     ------
     PolarError
         If the navigator comes closer than 0.1° to a pole.
     SettingError
-        If the schedule asks for what this filter cannot do: feedforward, or corrections less often than at
-        each fix.
+        If the schedule is not supported: feedforward, or corrections less often than at each fix.
     """
     check(schedule)
     check_heading(belief.P0)
@@ -175,8 +172,8 @@ def navigate(
 
 
 LARGEST_SIGMA = math.radians(60)
-"""Largest σ of an initial attitude error [rad]: the sigma points lie at √3 σ, and from 104° on they meet on
-the other side of the circle."""
+"""Largest σ of an initial attitude error [rad]: the sigma points lie at √3 σ, and for σ of 104° and more they
+overlap on the other side of the circle."""
 
 
 def check_heading(P0: FloatArray) -> None:
@@ -195,19 +192,19 @@ def check(schedule: Schedule) -> None:
     """Raise `SettingError` if a schedule leaves the navigator uncorrected."""
     if not schedule.feedback:
         raise SettingError(
-            "navigator.correction: the nonlinear filter spreads its sigma points about its estimate, so "
-            "there is no free-running navigator to subtract an error from; accepted is feedback"
+            "navigator.correction: the nonlinear filter places its sigma points about its estimate, so it "
+            "has no free-running navigator; accepted is feedback"
         )
     if schedule.correction_period:
         raise SettingError(
-            "navigator.correction_period: the nonlinear filter spreads its sigma points about the corrected "
+            "navigator.correction_period: the nonlinear filter places its sigma points about the corrected "
             "navigator, so it corrects at each fix; accepted is 0"
         )
 
 
 @inline_kernel
 def _decay(run: Filter, elapsed: float) -> None:
-    """Let the biases fade: the navigator's, those of all points, and what noise has added to them."""
+    """Let the biases decay: those of the navigator and of all points, and the covariance from noise."""
     for b in range(6):
         if run.bias_decay[b] > 0:
             kept = math.exp(-run.bias_decay[b] * elapsed)
@@ -237,11 +234,11 @@ def _add_noise(run: Filter, C_nb: Matrix, elapsed: float) -> None:
 
 @inline_kernel
 def _drive(run: Filter, elapsed: float) -> None:
-    """Carry the covariance that noise has brought over the time elapsed, and add the noise of that time.
+    """Propagate the covariance from noise over the elapsed time, and add the noise of that time.
 
-    Half of it before and half after, which is of second order in that time. The covariance is small and stays
-    with its points for a second at most: of the error's rates those that matter are δṙ = δv,
-    δv̇ = f × φ − C_nb δb_a and φ̇ = C_nb δb_g.
+    Half of the noise is added before and half after, which is accurate to second order in that time. The
+    covariance is small and lasts for a second at most, so only these error rates matter: δṙ = δv, δv̇ = f × φ
+    − C_nb δb_a and φ̇ = C_nb δb_g.
     """
     D, n = run.driven, run.x.size
     C_nb = strapdown.matrix(attitude(run.state))
@@ -267,12 +264,12 @@ def _drive(run: Filter, elapsed: float) -> None:
 
 @embedded_kernel
 def _form(run: Filter) -> None:
-    """Form mean and covariance: what the points say, and what noise has brought since they were spread."""
+    """Compute mean and covariance from the points and from the noise since they were placed."""
     _decay(run, run.clock[0])
     gather(run.state, run.points, run.deviations, run.mean, run.P)
     _drive(run, run.clock[0])
     for i in range(run.x.size):
-        for j in range(i + 1):  # one triangle for both: roundoff would part them
+        for j in range(i + 1):  # one triangle for both, because roundoff would make them differ
             p = run.P[i, j] + run.driven[i, j]
             run.P[i, j] = p
             run.P[j, i] = p
@@ -282,7 +279,7 @@ def _form(run: Filter) -> None:
 
 @embedded_kernel
 def _centre(run: Filter) -> None:
-    """Move the navigator to the mean; its sigma points are to be spread anew."""
+    """Move the navigator to the mean, and mark its sigma points as outdated."""
     displace(run.state, run.mean)
     for i in range(run.x.size):
         run.mean[i] = 0.0
@@ -311,7 +308,7 @@ def _innovation(
 def _judge(
     run: Filter, m: int, age: float, time: float, schedule: Schedule, nu: FloatArray, out: Solution
 ) -> int:
-    """Write H and R of fix m, move its innovation to the antenna, and say what becomes of it."""
+    """Write H and R of fix m, move its innovation to the antenna, and return its outcome."""
     H, R, S, n = run.H, run.R_fix, out.innovation_covariance[m], run.x.size
     for i in range(MEASUREMENTS):
         for j in range(MEASUREMENTS):
@@ -341,11 +338,11 @@ def _judge(
 
 @embedded_kernel
 def _update(run: Filter, nu: FloatArray) -> None:
-    """Update P with an innovation, and take the estimated error out of the navigator.
+    """Update P with an innovation, and correct the navigator by the estimated error.
 
-    H is linear but for the lever arm, small against the distance at which position errors matter: there the
-    unscented transform is exact and the update the Kalman filter's (Groves 3.2.7). With S = L Lᵀ and
-    W = P Hᵀ L⁻ᵀ the estimate is W L⁻¹ ν, and P loses W Wᵀ.
+    H is linear except for the lever arm, which is small compared with relevant position errors. For a linear
+    H, the unscented transform is exact, and the update is that of the Kalman filter (Groves 3.2.7). With S =
+    L Lᵀ and W = P Hᵀ L⁻ᵀ, the estimate is W L⁻¹ ν, and P is reduced by W Wᵀ.
     """
     P, x, H = run.P, run.x, run.H
     S, root = np.empty((MEASUREMENTS, MEASUREMENTS)), np.zeros((MEASUREMENTS, MEASUREMENTS))
@@ -380,7 +377,7 @@ def _update(run: Filter, nu: FloatArray) -> None:
 
 @inline_kernel
 def _rests(run: Filter, imu: Imu, k: int, dt: float) -> bool:
-    """Take in whether the vehicle stands still in sample k; return whether an update at rest is due."""
+    """Process the rest flag of sample k; return whether an update at rest is due."""
     if imu.rest.size == 0:
         return False
     hold_attitude(run.state, run.rest_sums, imu.rest[k])
@@ -389,7 +386,7 @@ def _rests(run: Filter, imu: Imu, k: int, dt: float) -> bool:
 
 @embedded_kernel
 def _update_at_rest(run: Filter) -> bool:
-    """Update with the mean rate about the vertical at rest, unless the vehicle turns; say whether."""
+    """Update with the mean rate about the vertical at rest; return False if the vehicle turns."""
     P, x, state = run.P, run.x, run.state
     H, gain = np.empty(6), np.empty(x.size)
     sine = state[strapdown.SINE]
@@ -415,7 +412,7 @@ def _update_at_rest(run: Filter) -> bool:
 
 @inline_kernel
 def _store(out: Solution, k: int, run: Filter) -> None:
-    """Write sample k of the solution: the mean of the sigma points, as far off the navigator as last seen."""
+    """Write sample k of the solution: the navigator minus its last difference to the mean of the points."""
     mean = run.spare
     for i in range(mean.size):
         mean[i] = run.state[i]
@@ -440,7 +437,7 @@ def _store(out: Solution, k: int, run: Filter) -> None:
 
 @embedded_kernel
 def _store_fix(out: Solution, m: int, sample: int, run: Filter) -> None:
-    """Write what is kept of fix m."""
+    """Write the results of fix m."""
     out.fix_sample[m] = sample
     for i in range(run.x.size):
         for j in range(run.x.size):
@@ -449,7 +446,7 @@ def _store_fix(out: Solution, m: int, sample: int, run: Filter) -> None:
 
 @embedded_kernel
 def _step(run: Filter, dtheta: Vector, dvelocity: Vector, dt: float) -> None:
-    """Take the navigator and its sigma points through one IMU sample."""
+    """Advance the navigator and its sigma points by one IMU sample."""
     if run.clock[1] < 0:
         spread(run.state, run.P, run.order, run.root, run.x, run.points)
         run.clock[1] = 0.0
@@ -466,7 +463,7 @@ def _compile_advance(sources: str) -> Callable[[Filter, Imu, Fixes, Solution, in
 
     @entry_kernel
     def advance(run: Filter, imu: Imu, fixes: Fixes, out: Solution, first: int, schedule: Schedule) -> int:
-        """Advance a filter over the samples of `imu` from number `first` on; return where it stopped."""
+        """Advance a filter over `imu` from sample `first` on; return the sample where it stopped."""
         _ = sources
         if first == 0:
             _store(out, 0, run)
@@ -517,11 +514,11 @@ def advance(run: Filter, imu: Imu, fixes: Fixes, out: Solution, first: int, sche
     """Advance a filter over the samples of `imu` from number `first` on.
 
     Returns the number of samples written: fewer than there are times in `imu` if the navigator comes too
-    close to a pole. The flight may be handed over in one piece or piece by piece: the result is the same.
+    close to a pole. The flight may be passed whole or in pieces: the result is the same.
     """
     return _advance(run, read_only(imu), read_only(fixes), out, first, schedule)
 
 
 def is_compiled() -> bool:
-    """Say whether the driver is ready in this process: compiled, or loaded from the disk."""
+    """Return whether the driver is ready in this process: compiled, or loaded from the disk."""
     return bool(_advance.signatures)  # type: ignore[attr-defined]

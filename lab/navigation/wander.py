@@ -1,18 +1,18 @@
 """Wander: the strapdown in a wander-azimuth frame, which works over the poles.
 
-The frame w is horizontal and starts aligned with north, east, down; relative to the Earth it does not turn
-about the vertical, ω_ew,z = 0, so that no tan L appears. Position is the quaternion q_ew, and height. The
-transport rate follows from the curvature of the ellipsoid written without longitude or north,
+The frame w is horizontal and initially aligned with north, east, down. Relative to the Earth, it does not
+rotate about the vertical, ω_ew,z = 0, so that no tan L appears. The position is the quaternion q_ew and the
+height. The transport rate follows from the curvature of the ellipsoid, written without longitude or north,
 
     ω_ew = (u_y, −u_x, 0),   u = K v,   K = t I + k c cᵀ,   k = R_N e² / (1 − e² sin² L) · m t
 
 with m = 1/(R_M + h), t = 1/(R_N + h) and c the horizontal part of the Earth's axis in w, of length cos L:
-along it K is m, across it t, and over the pole all of it is smooth.
+along it, K is m, across it t; K is smooth over the pole.
 
-The step is that of `strapdown`, with the kernels below in place of its own; a navigator has the same state,
-with w where n is written there, and what is named here behind it. Its latitude and longitude are not kept:
-they follow from q_ew where they are asked for. An error taken out of it, and the difference to a fix, are in
-the computer frame, as those of the error model `psi`: true matrices and vectors resolved in the computed w.
+The step is that of `strapdown`, with the kernels below instead of its own. A navigator has the same state,
+with w instead of n, followed by the values named here. Latitude and longitude are not stored: they are
+computed from q_ew when needed. Corrections, and the difference to a fix, are in the computer frame, as for
+the error model `psi`: true matrices and vectors resolved in the computed w.
 
 References
 ----------
@@ -69,10 +69,10 @@ AXIS = Q_EW + 4  # the Earth's axis in w: cos L in the direction of north, and �
 BEND = AXIS + 3  # k of the curvature K
 FIX_AXES = BEND + 1  # north, east and down of the last fix, in w
 LENGTH = FIX_AXES + 9
-"""How many numbers there are."""
+"""Length of the state."""
 
 _AT_POLE = 1e-15
-"""cos L below which north is the frame's x: 6 nm from the pole."""
+"""cos L below which the frame's x replaces north: 6 nm from the pole."""
 
 
 @inline_kernel
@@ -90,7 +90,7 @@ def put_quaternion(state: FloatArray, at: int, q: Quaternion) -> None:
 
 @inline_kernel
 def _keep_axis(state: FloatArray) -> None:
-    """Write the Earth's axis and the sine of the latitude, which follow from the position."""
+    """Write the Earth's axis and the sine of the latitude from the position."""
     w, x, y, z = quaternion(state, Q_EW)
     state[AXIS] = 2 * (x * z - w * y)
     state[AXIS + 1] = 2 * (y * z + w * x)
@@ -100,7 +100,7 @@ def _keep_axis(state: FloatArray) -> None:
 
 @kernel
 def place(state: FloatArray, latitude: float, longitude: float, height: float) -> None:
-    """Write the position, w aligned with north, east, down there."""
+    """Write the position, with w aligned with north, east, down there."""
     turn, tilt = 0.5 * longitude, -0.5 * (latitude + 0.5 * math.pi)
     about_axis = (math.cos(turn), 0.0, 0.0, math.sin(turn))
     put_quaternion(state, Q_EW, product(about_axis, (math.cos(tilt), 0.0, math.sin(tilt), 0.0)))
@@ -110,7 +110,7 @@ def place(state: FloatArray, latitude: float, longitude: float, height: float) -
 
 @inline_kernel
 def environment(state: FloatArray, height: float) -> tuple[Vector, tuple[float, float, float, float], float]:
-    """Return ω_ie in w, the curvature as `transport_rate` takes it, and gravity; keep the curvature."""
+    """Return ω_ie in w, the curvature for `transport_rate`, and gravity; store the curvature."""
     sine = state[SINE]
     axis = get(state, AXIS)
     radius_meridian, radius_transverse = radii(sine)
@@ -125,14 +125,14 @@ def environment(state: FloatArray, height: float) -> tuple[Vector, tuple[float, 
 
 @inline_kernel
 def transport_rate(velocity: Vector, t: float, k: float, c_x: float, c_y: float) -> Vector:
-    """Return ω_ew in w [rad/s]: the horizontal rate of K v, nothing about the vertical."""
+    """Return ω_ew in w [rad/s]: the horizontal rate from K v, zero about the vertical."""
     along = k * (c_x * velocity[0] + c_y * velocity[1])
     return t * velocity[1] + along * c_y, -t * velocity[0] - along * c_x, 0.0
 
 
 @inline_kernel
 def turn_of(state: FloatArray, way: Vector) -> Vector:
-    """Return the turn of the frame along a way in w [rad]."""
+    """Return the rotation of the frame along a displacement in w [rad]."""
     return transport_rate(way, state[TRANSVERSE], state[BEND], state[AXIS], state[AXIS + 1])
 
 
@@ -154,7 +154,7 @@ step = inline_kernel(
 
 @inline_kernel
 def lost(state: FloatArray) -> bool:
-    """Say whether the frame ends here: nowhere."""
+    """Return False: this frame has no limiting latitude."""
     return False
 
 
@@ -201,17 +201,17 @@ def store_state(out: Solution, k: int, state: FloatArray) -> None:
 
 @inline_kernel
 def _minus(state: FloatArray, at: int, C: Matrix, error: Vector) -> None:
-    """Take an error out of a vector, and turn what is left by C."""
+    """Subtract an error from a vector, and rotate the difference by C."""
     x, y, z = get(state, at)
     put(state, at, rotate(C, (x - error[0], y - error[1], z - error[2])))
 
 
 @kernel
 def displace(state: FloatArray, x: FloatArray) -> None:
-    """Take an error x out of a navigator, by exact rotations.
+    """Correct a navigator by an error x, with exact rotations.
 
-    C_wb = exp([δθ×]) exp([ψ×]) Ĉ_wb, v = exp([δθ×]) (v̂ − δv_c) and C_ew = Ĉ_ew exp(−[δθ×]), with δθ the turn
-    of the frame along the position error.
+    C_wb = exp([δθ×]) exp([ψ×]) Ĉ_wb, v = exp([δθ×]) (v̂ − δv_c) and C_ew = Ĉ_ew exp(−[δθ×]), with δθ the
+    rotation of the frame along the position error.
     """
     turn = turn_of(state, get(x, 0))
     q = rotation(turn)
@@ -241,9 +241,9 @@ def _back(C: Matrix, v: Vector) -> Vector:
 
 @inline_kernel
 def way_from(state: FloatArray, up: Vector, height: float) -> Vector:
-    """Return the way to the navigator, in w [m], from where `up` (in w) is the vertical, at a height.
+    """Return the displacement to the navigator [m] from a point with a height and the vertical `up`, in w.
 
-    The verticals are apart by K times the way; K⁻¹ = (I − k/m c cᵀ) / t.
+    The verticals differ by K times the displacement; K⁻¹ = (I − k/m c cᵀ) / t.
     """
     t, c_x, c_y = state[TRANSVERSE], state[AXIS], state[AXIS + 1]
     along = state[BEND] / state[MERIDIAN] * (c_x * up[0] + c_y * up[1])
@@ -256,7 +256,8 @@ def difference(
 ) -> None:
     """Write navigator minus fix, the navigator interpolated to `age` seconds (`fraction` of a step) ago.
 
-    Along north, east and down of the fix, the axes of its velocity, which are kept in `FIX_AXES`.
+    The components are along north, east and down of the fix, the axes of its velocity, which are stored in
+    `FIX_AXES`.
     """
     s, c = math.sin(position[0]), math.cos(position[0])
     sl, cl = math.sin(position[1]), math.cos(position[1])
@@ -290,7 +291,7 @@ def fix_axes(state: FloatArray) -> Matrix:
 
 @kernel
 def to_fix(state: FloatArray, T: FloatArray) -> None:
-    """Turn the rows of T from w to the axes of the last fix."""
+    """Rotate the rows of T from w to the axes of the last fix."""
     for j in range(9):
         for row in range(0, 9, 3):
             x, y, z = T[row, j], T[row + 1, j], T[row + 2, j]
@@ -301,10 +302,10 @@ def to_fix(state: FloatArray, T: FloatArray) -> None:
 
 @kernel
 def to_north(state: FloatArray, T: FloatArray) -> None:
-    """Turn the rows of T from w to n, and errors of the computer frame into those that leave a filter.
+    """Rotate the rows of T from w to n, and convert computer-frame errors to the output errors of a filter.
 
-    δr, δv = δv_c + v × δθ and φ = ψ + δθ, with the turn δθ of the north-slaved frame along δr: close to a
-    pole the errors of heading and of the velocity's components grow as tan L.
+    δr, δv = δv_c + v × δθ and φ = ψ + δθ, with the rotation δθ of the north-slaved frame along δr. Close to a
+    pole, the errors of heading and of the velocity components grow as tan L.
     """
     x, y, cosine = north(state)
     m, t, tangent = state[MERIDIAN], state[TRANSVERSE], state[SINE] / cosine

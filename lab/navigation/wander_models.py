@@ -1,8 +1,8 @@
 """Wander models: the matrix F of each linear error model, its errors resolved in the wander-azimuth frame w.
 
-As `error_models`, for the mechanization of `wander`. The computed frame is turned from w by δθ = Θ δr, which
-has no part about the vertical: of all frames that are horizontal at the true place, w is the one that is not
-turned in azimuth. Nowhere does tan L appear.
+As `error_models`, for the mechanization of `wander`. The computed frame is rotated from w by δθ = Θ δr, which
+has no vertical component: of all frames that are horizontal at the true position, w is the one without a
+rotation in azimuth. The models contain no tan L.
 
 References
 ----------
@@ -50,7 +50,7 @@ from lab.navigation.wander import frame_rate as _earth_rate
 
 FloatArray = NDArray[np.float64]
 
-X, Y = 0, 1  # axes of w beside D
+X, Y = 0, 1  # axes of w besides D
 
 
 @inline_kernel
@@ -63,7 +63,8 @@ def _curvature(state: FloatArray) -> tuple[float, float, float]:
 @inline_kernel
 def _gravity_slope(state: FloatArray) -> tuple[float, float, float]:
     """Return the derivatives of gravity along x, y and down."""
-    # That with the latitude is in proportion to cos L, which is in the Earth's axis already.
+    # The derivative with respect to latitude is proportional to cos L, which the Earth's axis already
+    # contains.
     by_latitude, by_height = gravity_gradient(state[SINE], 1.0, state[HEIGHT])
     slope = by_latitude * state[MERIDIAN]
     return slope * state[AXIS], slope * state[AXIS + 1], -by_height
@@ -132,7 +133,7 @@ def invariant_map(state: FloatArray, T: FloatArray) -> None:
 
 @inline_kernel
 def _curvature_rate(state: FloatArray) -> tuple[float, float, float]:
-    """Return the rates of the elements xx, xy and yy of K along the way."""
+    """Return the rates of the elements xx, xy and yy of K along the path."""
     s, height = state[SINE], state[HEIGHT]
     m, t, k = state[MERIDIAN], state[TRANSVERSE], state[BEND]
     x, y, z = get(state, AXIS)
@@ -157,7 +158,7 @@ def _curvature_rate(state: FloatArray) -> tuple[float, float, float]:
 def phi(state: FloatArray, F: FloatArray) -> None:
     """Perturbation in the true frame w, as `error_models.phi`; column by column.
 
-    The computed frame is turned by δθ = Θ δr, so that both rates are in error,
+    The computed frame is rotated by δθ = Θ δr, so that both rates are in error,
 
         δω_ie = ω_ie × δθ,   δω_ew = δθ̇ + ω_ew × δθ,   δθ̇ = Θ δṙ + Θ̇ δr,
 
@@ -213,7 +214,7 @@ def phi_map(state: FloatArray, T: FloatArray) -> None:
 
 @inline_kernel
 def _clear(T: FloatArray) -> None:
-    """Write zeros where errors of position, velocity and attitude meet."""
+    """Write zeros into the block of position, velocity and attitude errors."""
     for i in range(9):
         for j in range(9):
             T[i, j] = 0.0
@@ -224,14 +225,14 @@ _own_map = psi_map
 
 @kernel
 def _frame_map(state: FloatArray, T: FloatArray) -> None:
-    """Write how the model's own errors make those of the computer frame."""
+    """Write the map of the model's own errors to those of the computer frame."""
     _clear(T)
     _own_map(state, T)
 
 
 @kernel
 def _fix_map(state: FloatArray, T: FloatArray) -> None:
-    """Write how a fix sees the model's own errors."""
+    """Write the map of the model's own errors to those along the axes of the fix."""
     _clear(T)
     _own_map(state, T)
     to_fix(state, T)
@@ -239,14 +240,14 @@ def _fix_map(state: FloatArray, T: FloatArray) -> None:
 
 @kernel
 def _north_map(state: FloatArray, T: FloatArray) -> None:
-    """Write how the model's own errors make those that leave the filter."""
+    """Write the map of the model's own errors to the output errors of the filter."""
     _clear(T)
     _own_map(state, T)
     to_north(state, T)
 
 
 def _model(name: str, write: Write, own_map: Write, *, in_body: bool = False) -> ErrorModel:
-    """Return a model from its F and the map of its errors to those of the computer frame."""
+    """Return a model, given its F and the map of its errors to those of the computer frame."""
     north, fix, frame = (kernel(rebound(m, _own_map=own_map)) for m in (_north_map, _fix_map, _frame_map))
     return ErrorModel(name, write, north, fix, frame, in_body, WANDER_AZIMUTH)
 
@@ -261,5 +262,5 @@ MODELS = {model.name: model for model in (PHI, PSI, INVARIANT)}
 
 
 def linear_model(name: str, mechanization: str) -> ErrorModel:
-    """Return the linear error model of a name for a mechanization, both as in the settings."""
+    """Return the linear error model by its name and mechanization, both as in the settings."""
     return (MODELS if mechanization == WANDER_AZIMUTH else error_models.MODELS)[name]

@@ -32,7 +32,7 @@ class Kind:
     Attributes
     ----------
     words : str
-        What it is.
+        Name of the quantity.
     unit : str
         Unit in which its steps are reported.
     steps : callable
@@ -91,7 +91,7 @@ def resets(kind: Kind, time: FloatArray, values: FloatArray, counter: FloatArray
     around = np.pad(steps, _NEIGHBOURS)
     windows = np.lib.stride_tricks.sliding_window_view(around, 2 * _NEIGHBOURS + 1).copy()
     windows[:, _NEIGHBOURS] = 0.0
-    # What is left of a step once the motion before and after it is taken off.
+    # Remainder of a step after subtraction of the motion before and after it.
     excess = steps - np.median(windows, axis=1)
     if counter is not None:
         found = (np.diff(counter) != 0) & (excess > kind.counted)

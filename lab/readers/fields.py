@@ -54,8 +54,8 @@ LIMITS = {
 """Range accepted for each quantity, or for single keys [SI]."""
 
 SEA_LEVEL = (
-    "Heights are above the sea, as the file has them, and are taken as heights above the ellipsoid: the "
-    "flight lies as much too low or too high as the geoid is from the ellipsoid there (at most 107 m)."
+    "The file gives heights above sea level, which are used as heights above the ellipsoid: the flight is "
+    "too low or too high by the height of the geoid there (at most 107 m)."
 )
 """The remark for files that have no other height."""
 
@@ -140,7 +140,7 @@ def read_columns(
     path
         The file.
     fields
-        What the format has.
+        The fields of the format.
     units
         Units that overrule those of the fields, by column as in the file.
     required
@@ -275,7 +275,7 @@ def refuse_no_motion(path: Path, flight: RawFlight, advice: str) -> None:
     flight
         As read.
     advice
-        What to record instead; whole sentences.
+        What the user should record instead, as whole sentences.
 
     Raises
     ------

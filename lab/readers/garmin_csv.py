@@ -275,8 +275,8 @@ def _north(columns: Columns, time: FloatArray) -> _North:
         return _North(
             np.zeros_like(time),
             None,
-            "The track is from true north, as the positions show. Whether the heading is too is not known: "
-            "attitude is not used.",
+            "The track is from true north, as the positions show. The reference of the heading is unknown, "
+            "so the attitude is not used.",
         )
     return _North(
         sign * variation,

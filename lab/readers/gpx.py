@@ -113,8 +113,8 @@ class _Points:
         if not len(segments):
             what = f" It is broken in {self._broken}." if self._broken else ""
             raise MissionError(
-                f"{self._path}: has no track points.{what} Accepted is a GPX file with a track (trk); routes "
-                "and waypoints have no time along the way"
+                f"{self._path}: has no track points.{what} Accepted is a GPX file with a track (trk); "
+                "routes and waypoints have no times"
             )
         kept = self._continued(segments)
         lines = np.array(self._lines, dtype=np.int64)
@@ -175,7 +175,7 @@ class _Points:
         if np.isfinite(height).any():
             remarks.append(SEA_LEVEL)
         if self._broken:
-            remarks.append(f"The file is broken in {self._broken}. What comes after is not read.")
+            remarks.append(f"The file is broken in {self._broken}. The rest is not read.")
         return tuple(remarks)
 
     def _doctype(self, *_: object) -> None:

@@ -161,7 +161,7 @@ class _Records:
         datum = _DATUM.match(record)
         if datum is not None and datum[1] != _WGS84 and b"WGS" not in datum[2].upper():
             name = datum[2].decode("ascii", "replace")[:40] or datum[1].decode()
-            self.remarks = (f"The file names the datum {name}. Its positions are taken as of WGS-84.",)
+            self.remarks = (f"The file names the datum {name}. Its positions are used as WGS-84.",)
 
 
 def _extensions(record: bytes) -> dict[str, slice]:
@@ -224,7 +224,8 @@ def _heights(records: _Records) -> tuple[str, NDArray[np.float64], tuple[str, ..
         SEA_LEVEL
         if records.above_sea
         else "Heights are those of the GPS, above the ellipsoid, as the format has them; recorders that "
-        "write heights above the sea and do not say so are off by the geoid's separation (at most 107 m)."
+        "write heights above the sea and do not say so are wrong by the geoid's separation (at most "
+        "107 m)."
     ]
     if has_pressure:
         apart = float(np.nanmedian(by_pressure - by_gps))

@@ -191,8 +191,8 @@ def _geocentric(columns: Columns) -> list[str]:
         return []
     columns.values["latitude"], columns.units["latitude"] = latitude, unit
     return [
-        "The latitude is geocentric and taken as geodetic: the flight lies up to 21 km off along the "
-        "meridian, and is the same otherwise."
+        "The latitude is geocentric but used as geodetic: the flight is displaced by up to 21 km along the "
+        "meridian, and otherwise unchanged."
     ]
 
 

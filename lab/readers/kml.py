@@ -69,7 +69,7 @@ def read(paths: Sequence[Path], units: Mapping[str, str]) -> RawFlight:
     if tracks.unused:
         remarks.append(f"Other data of the tracks is not used: {', '.join(tracks.unused)}.")
     if broken:
-        remarks.append(f"The file is broken in {broken}. What comes after is not read.")
+        remarks.append(f"The file is broken in {broken}. The rest is not read.")
     return fixes.track(
         path,
         NAME,

@@ -123,7 +123,7 @@ def read_log(path: Path) -> SensorLog:
     if imu.rate < MIN_IMU_RATE:
         raise MissionError(
             f"{path}: the IMU was sent {imu.rate:.2g} times a second; accepted are at least "
-            f"{MIN_IMU_RATE:g} times, since between fewer samples the motion is not known. The autopilot is "
+            f"{MIN_IMU_RATE:g} times, since the motion between fewer samples is unknown. The autopilot is "
             "told how often to send each message"
         )
     fixes = gnss_of(vehicle, gps)
@@ -298,6 +298,6 @@ def _gps_track(
         columns=tuple(ColumnUnit(name, unit, OF_THE_FORMAT) for name, unit in _TRACK_UNITS.items()),
         rows_read=len(known),
         dropped=(Dropped("without a fix", lost, int(lines[~known][0])),) if lost else (),
-        remarks=("The vehicle sent no solution of its estimator: the track of its GPS is taken.", *remarks),
+        remarks=("The vehicle sent no solution of its estimator: the track of its GPS is used.", *remarks),
         vehicle=kind,
     )

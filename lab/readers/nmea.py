@@ -52,7 +52,7 @@ _MIN_GEOID_PART = 0.9
 """Part of the fixes that have to have the height of the geoid, for heights to be above the ellipsoid."""
 _FIRST_YEAR = 80
 """Two digits of a year from which it is one of the last century: GPS counts from 1980."""
-_FIELDS = {  # what the cells of each sentence are
+_FIELDS = {  # meaning of the cells of each sentence
     "GGA": {1: "time", 2: "lat", 3: "ns", 4: "lon", 5: "ew", 6: "quality", 9: "altitude", 11: "geoid"},
     "GNS": {1: "time", 2: "lat", 3: "ns", 4: "lon", 5: "ew", 6: "mode", 9: "altitude", 10: "geoid"},
     "RMC": {1: "time", 2: "mode", 3: "lat", 4: "ns", 5: "lon", 6: "ew", 7: "speed", 8: "course", 9: "date"},
@@ -142,7 +142,7 @@ def _lines(path: Path) -> Iterator[bytes]:
     for piece in content(path, MAX_BYTES, _PIECE):
         data = rest + piece.replace(b"\r\n", b"\n").replace(b"\r", b"\n")
         end = data.rfind(b"\n") + 1
-        # What goes on for so long without a line end is no sentence.
+        # A longer text without a line end is not a sentence.
         rest = data[end:][-_PIECE:]
         if end:
             yield data[:end]
@@ -260,7 +260,7 @@ def _angle(value: FloatArray, side: Any, positive: str, negative: str) -> FloatA
 
 
 def _valid(name: str, values: Mapping[str, FloatArray], texts: Mapping[str, Any]) -> FloatArray:
-    """Return 1 where the receiver has a fix, 0 where not."""
+    """Return 1 if the receiver has a fix, otherwise 0."""
     if name == "GGA":
         return np.asarray(values["quality"] > 0, dtype=np.float64)
     if name == "RMC":
@@ -358,7 +358,7 @@ def _time(clock: FloatArray, date: FloatArray) -> tuple[FloatArray, str]:
 
 
 def _days(date: FloatArray) -> FloatArray:
-    """Return days since 1970 of dates written ddmmyy; NaN where there is none."""
+    """Return days since 1970 of dates written ddmmyy; NaN if there is none."""
     known = np.isfinite(date) & (date >= 10_100) & (date <= 311_299)
     number = np.where(known, date, 10_100).astype(np.int64)
     day, month, year = number // 10_000, number // 100 % 100, number % 100

@@ -90,7 +90,7 @@ class Table:
     dropped : tuple of Dropped
         Which were left out.
     remarks : tuple of str
-        What else was seen.
+        Further observations.
     """
 
     columns: dict[str, FloatArray]
@@ -232,7 +232,7 @@ def _pieces(block: bytes) -> Iterator[bytes]:
 
 @dataclass
 class _Recording:
-    """Rows under one header, as they are read."""
+    """The rows under one header during reading."""
 
     header: Header
     wanted: Collection[str]

@@ -69,7 +69,7 @@ def read(paths: Sequence[Path], units: Mapping[str, str]) -> RawFlight:
     if points.speeds:
         remarks.append("The speed in the file is not used: it has no direction.")
     if broken:
-        remarks.append(f"The file is broken in {broken}. What comes after is not read.")
+        remarks.append(f"The file is broken in {broken}. The rest is not read.")
     return points.fixes.track(
         path,
         NAME,

@@ -20,7 +20,7 @@ MAX_DEPTH = 100
 """Deepest nesting of elements accepted; recordings have about ten levels."""
 
 _MAX_TEXT = 256
-"""Letters kept of an element's text: what is read of it is shorter."""
+"""Characters kept of an element's text; the texts that are read are shorter."""
 _PIECE = 2**18
 """Bytes parsed at a time."""
 _HEAD = 4096

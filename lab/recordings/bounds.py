@@ -1,4 +1,4 @@
-"""Bounds: what is accepted of a user's flights and logs, each bound stated once."""
+"""Bounds: limits of a user's flights and logs, each stated once."""
 
 from __future__ import annotations
 

@@ -33,7 +33,7 @@ def check_keys(path: Path, values: Mapping[str, Any], accepted: Sequence[str], t
     path
         The TOML file, for messages.
     values
-        What is in it.
+        Content of the file.
     accepted
         All keys that are accepted, in the order in which a message lists them; ``tags`` is a list of texts.
     texts

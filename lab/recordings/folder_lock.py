@@ -1,4 +1,4 @@
-"""Folder lock: one process or thread at a time changes what is in a folder; a crash gives the lock back."""
+"""Folder lock: only one process or thread at a time changes a folder; a crash releases the lock."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ PATIENCE = 10.0
 """Longest wait for a lock [s]: a holder writes a few small files meanwhile."""
 
 _PAUSE = 0.02
-"""Time from one attempt to the next [s]: short beside what a person notices."""
+"""Time between two attempts [s]: too short for a person to notice."""
 
 
 @contextlib.contextmanager
@@ -26,7 +26,7 @@ def folder_lock(folder: Path, patience: float = PATIENCE) -> Iterator[None]:
     Raises
     ------
     TimeoutError
-        If somebody holds it for longer than the patience [s].
+        If another process holds the lock for longer than the patience [s].
     OSError
         If the folder cannot be written.
     """

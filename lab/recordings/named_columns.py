@@ -43,7 +43,7 @@ class Column:
     low, high : float
         Smallest and largest value accepted, in that unit.
     decimals : int
-        Decimals written, where it is.
+        Number of written decimals.
     required : bool
         False for columns that may be absent.
     may_be_empty : bool
@@ -59,7 +59,7 @@ class Column:
 
     @property
     def accepted(self) -> str:
-        """What is accepted, in words."""
+        """Accepted values, as text."""
         return f"a number from {self.low:.12g} to {self.high:.12g}"
 
 

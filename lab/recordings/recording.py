@@ -1,4 +1,4 @@
-"""Recording: what a flight record holds, whatever file or simulator it came from."""
+"""Recording: the data of a flight recording from any file or simulator."""
 
 from __future__ import annotations
 

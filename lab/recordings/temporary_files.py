@@ -1,4 +1,4 @@
-"""Temporary files: what a killed process left in a folder is removed later.
+"""Temporary files: files that a killed process left in a folder are removed later.
 
 The sweep removes only files that the lab names itself: temporary files and folders, and recordings with a
 note that their mission is not written yet. A writer holds a lock, which ends with its process; locked
@@ -23,7 +23,7 @@ TEMPORARY = ".ins-lab-"
 NOTE = ".unfinished"
 """How the names of notes end."""
 OLD = 24 * 3600.0
-"""Age of a file from which nobody writes it any more, without locks [s]: writing takes no hour."""
+"""Age above which a file is no longer being written, without locks [s]: writing takes less than an hour."""
 
 _FILE = re.compile(r"\..+\.(toml|csv|csv\.gz)\.[a-z0-9_]{8}")
 
@@ -114,7 +114,7 @@ def sweep(folder: Path, is_named: Callable[[Path], bool], now: float | None = No
 
 
 def _is_own(entry: os.DirEntry[str]) -> bool:
-    """Return whether the lab gives such names to what it has not finished."""
+    """Return whether this is a name of an unfinished file of the lab."""
     if entry.is_dir():
         return entry.name.startswith(TEMPORARY)
     return entry.is_file() and bool(entry.name.endswith(NOTE) or _FILE.fullmatch(entry.name))

@@ -12,7 +12,7 @@ from typing import BinaryIO, Self
 from lab.recordings.mission_error import MissionError
 
 _BLOCK = 2**21
-"""Bytes read at a time: large beside a line, small beside a file."""
+"""Bytes read at a time: large compared with a line, small compared with a file."""
 MAX_RATIO = 100
 """How many times its stored size a file may grow when decompressed; logs of numbers grow at most 20 times."""
 
@@ -28,7 +28,7 @@ def check_file(path: Path, limit: int) -> None:
     Raises
     ------
     MissionError
-        Saying what is there instead.
+        With the bytes found instead.
     """
     if path.is_dir():
         raise MissionError(f"{path}: is a folder; accepted is a file")
@@ -74,7 +74,7 @@ class TextBlocks:
     limit : int
         Most bytes accepted, stored as well as decompressed.
     strict : bool
-        False to replace what is not UTF-8 by replacement characters, instead of refusing it.
+        False replaces bytes that are not UTF-8 by replacement characters, instead of refusing them.
 
     Attributes
     ----------

@@ -43,7 +43,7 @@ _VELOCITY_UNITS = {
     KILOMETRE_PER_HOUR: "km/h",
     MILE_PER_HOUR: "miles per hour",
 }
-"""What a velocity may be recorded in by mistake, by its factor to m/s."""
+"""Units in which a velocity may be recorded by mistake, by their factor to m/s."""
 
 
 def check_units(where: str, table: FloatArray) -> None:

@@ -78,7 +78,7 @@ VERTICAL_VELOCITY = "vertical velocity"
 
 @dataclass(frozen=True, eq=False, repr=False)
 class RawFlight:
-    """A flight as read: what the file has, as time-stamped by its source. Arrays are read-only and finite.
+    """A flight as read, with the time stamps of its source. Arrays are read-only and finite.
 
     Time stamps may repeat, run backwards or lie on a coarse grid: `lab.importing` repairs them.
 
@@ -109,9 +109,9 @@ class RawFlight:
     units : tuple of ColumnUnit
         The unit of every column that was used.
     remarks : tuple of str
-        What else a person should know: whole sentences.
+        Further remarks, as whole sentences.
     vehicle : str
-        What moved, where the file says so.
+        The vehicle, if the file states it.
     rates : tuple of (str, float)
         What the file has less often than its samples, such as "velocity", and how often [Hz]: it is
         interpolated.
@@ -145,7 +145,7 @@ class RawFlight:
     def __post_init__(self) -> None:
         for name in self.quantities:
             value = getattr(self, name)
-            # Another flight's arrays need no copy: nobody can write to them.
+            # Another flight's arrays need no copy, because they are read-only.
             own = value.dtype == np.float64 and value.flags.c_contiguous and value.base is None
             if value.flags.writeable or not own:
                 value = np.array(value, dtype=np.float64, order="C")

@@ -28,7 +28,7 @@ LIMITS: dict[str, tuple[float, float, str]] = {
     "beta": (-np.pi, np.pi, "a sideslip beyond ±180°"),
 }
 """Smallest and largest value of each quantity [SI], and the reason reported for a row beyond them."""
-NO_FIX = "at 0° N 0° E, which is written while there is no fix"
+NO_FIX = "at 0° N 0° E, which receivers write without a fix"
 """The reason reported for positions of zero, written without a fix."""
 CHECKED_WITH = ("body_rate", "acceleration_b")
 """Quantities that are only compared: impossible values are left out, and the row is kept."""
@@ -68,7 +68,7 @@ _MAX_SPIKE_RETURN = 0.2
 _MIN_GAP_STEPS = 5
 """Usual steps that are bridged, whatever `longest_gap` says: a slow recording has long steps."""
 _STAMP_ROUNDING = 1e-9
-"""Rounding of a time stamp beside that of a reset [s]."""
+"""Rounding of a time stamp next to that of a reset [s]."""
 MAX_BRIDGED_GAP = 3600.0
 """Longest gap that may be bridged [s]: what moved in an hour nothing says."""
 _MAX_GAPS_TRIED = 50
@@ -79,7 +79,7 @@ _MIN_GAIN = 0.05
 """Part of the samples that a suggested gap has to keep beyond what is kept already. The tests pass at half
 and at twice it."""
 _ZERO_ANGLE = 1e-9
-"""Latitude and longitude that are zero but for rounding [rad]: 6 mm."""
+"""Latitude and longitude that are zero except for rounding [rad]: 6 mm."""
 _MAX_DISTANCE_FROM_ZERO = 10_000.0
 """Distance of the flight to 0° N 0° E within which its zeros are positions [m]. The tests pass at half and
 at twice it."""
@@ -181,7 +181,7 @@ def _moves(time: FloatArray, places: FloatArray, starts: NDArray[np.intp], ends:
     lasts = time[ends] - time[starts] > _STOP_TIME
     after = np.where(lasts, np.searchsorted(time, time[ends] + _STOP_TIME), ends + 1)
     seen = after < len(time)
-    # The last run is judged by what was before it.
+    # The last run is judged by the data before it.
     here = np.where(seen, ends, np.maximum(starts - 1, 0))
     there = np.where(seen, np.minimum(after, len(time) - 1), starts)
     distance = np.linalg.norm(places[there] - places[here], axis=1)
@@ -226,7 +226,7 @@ def distinct(raw: RawFlight) -> RawFlight:
         same &= (value[1:] == value[:-1]).all(axis=1)
     repeated = np.concatenate(([False], same))
     return raw.rows(
-        ~repeated, tuple(dropped_samples(raw, repeated, "what the row before has, time included"))
+        ~repeated, tuple(dropped_samples(raw, repeated, "the values of the row before, time included"))
     )
 
 

@@ -38,7 +38,8 @@ _ON_TICKS = 0.95
 _MAX_OFF_TICK = 0.03
 """How far off a multiple that is, in ticks: steps that are no multiples lie evenly, up to 0.5."""
 _MIN_TICK = 1e-4
-"""Finest tick looked for among the steps [s]: one that is no decimal is that of a coarse timer."""
+"""Finest tick that is searched among the steps [s]: a tick that is not a decimal fraction is that of a coarse
+timer."""
 _MAX_OFF_EVEN = 0.5
 """How far a stamp may lie from an even clock, in steps of it: beyond, it would be another sample's."""
 _TICKS_PER_STEP = 20
@@ -196,7 +197,7 @@ def by_motion(time: FloatArray, place: FloatArray, limit: float) -> FloatArray:
 
 
 def _increasing(times: FloatArray, stamps: FloatArray) -> FloatArray:
-    """Return times that increase, drawn back towards increasing stamps where they do not."""
+    """Return increasing times; times that do not increase are moved towards increasing stamps."""
     least = _LEAST_STEP * np.diff(stamps)
     for _ in range(_DRAWING_BACK):
         short = np.diff(times) < least

@@ -46,7 +46,8 @@ _MIN_ALONG = 2.0
 """Error of the positions along the path over that across it, from which wrong times are suspected: noise of
 positions is alike in both. The tests pass at half and at twice it."""
 _COARSE_TICK = 0.02
-"""Resolution of stamps, in usual steps, from which on it bounds how wrong they are; finer stamps jitter."""
+"""Resolution of stamps, in usual steps, above which the resolution bounds their error; finer stamps
+jitter."""
 _MAX_JITTER = 0.5
 """How wrong jittering stamps may be, in usual steps: beyond, samples would change places."""
 _OUTLIERS = 5

@@ -1,10 +1,10 @@
 """Cards: the datasheet numbers of real inertial sensors, each with its unit and its source, ready to load.
 
-The catalogue is ``cards.toml`` in this folder; a card of your own has the same form. A given number of a
-card has a source. Numbers without a source are assumed to be typical of the grade (`lab.sensors.typical`)
-and kept apart: an error that a sheet omits is present all the same, and without it the part with the
-shortest sheet would navigate best. Without the assumed numbers such a term is off. In-run bias stability
-or instability of datasheets is read as the coefficient B of the Allan deviation, the setting ``flicker``.
+The catalogue is ``cards.toml`` in this folder; a card of your own has the same form. A given number of a card
+has a source. Numbers without a source are assumed to be typical of the grade (`lab.sensors.typical`) and kept
+separate: an error that a sheet omits is present all the same, and without it the sensor with the shortest
+sheet would navigate best. Without the assumed numbers, such a term is off. In-run bias stability or
+instability of datasheets is read as the coefficient B of the Allan deviation, the setting ``flicker``.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ from lab.toml_file import TomlError, read_toml, toml_text
 CATALOGUE = Path(__file__).with_name("cards.toml")
 """The cards that ship with the lab."""
 GRADES = ("consumer", "industrial", "tactical", "navigation", "own")
-"""Grades of sensors, from the least to the most accurate; own ones come last."""
+"""Grades of sensors, from the least to the most accurate; the user's own ones come last."""
 GROUPS = (*TRIADS, "gps")
 """Groups of the settings of the sensors that a card may describe."""
 CLASSIC = "MEMSense AccelRate3D"
@@ -45,7 +45,7 @@ EXPECTED = (
     "range",
     "bandwidth",
 )
-"""Terms of a triad a card should have; `Card.missing` names those it has not."""
+"""Terms that a card of a triad should have; `Card.missing` names the missing ones."""
 
 _TEXTS = ("maker", "grade", "note")
 _KEYS = (*_TEXTS, "sources", *GROUPS, "assumed")
@@ -60,14 +60,14 @@ class Card:
     Attributes
     ----------
     name : str
-        What the sensor is called.
+        Name of the sensor.
     maker, grade, note : str
-        Who makes it, one of `GRADES`, and what else should be known.
+        Manufacturer, one of `GRADES`, and further remarks.
     terms : mapping of mappings of Datum
         The given numbers, by group of the settings (``gyro``, ``accelerometer``, ``gps``) and name of the
         setting.
     assumed : mapping of mappings of Datum
-        Numbers that stand in for those that are not given, in the same form.
+        Assumed numbers for terms that are not given, in the same form.
     """
 
     name: str
@@ -78,15 +78,15 @@ class Card:
     assumed: Terms = field(default_factory=dict)
 
     def without_assumed(self) -> Card:
-        """Return the card with the given numbers alone."""
+        """Return the card with the given numbers only."""
         return replace(self, assumed={})
 
     def settings(self) -> dict[str, Any]:
         """Return the settings of the sensors, for ``experiment.update({"sensors": card.settings()})``.
 
         A triad is set as a whole: a term that is neither given nor assumed is off, and without a range
-        nothing saturates. The receiver is left as it is, but for what the card says of it. The setting
-        ``assumed`` keeps which terms are assumed.
+        nothing saturates. For the receiver, only the terms of the card are set. The setting ``assumed`` lists
+        the assumed terms.
         """
         suite = SensorSuite().groups()
         triads = () if self._receiver_alone() else TRIADS
@@ -104,14 +104,14 @@ class Card:
     def load(self, experiment: Settings) -> None:
         """Give an experiment the sensors of the card, a filter that suits them, and an alignment.
 
-        21 states for scale factors that err, and `ALIGNMENT` at rest before the flight, as every autopilot
-        takes it: turn-on biases of some °/s are no start for a linear filter. A filter whose P0 is given
-        keeps its number of states.
+        The filter gets 21 states if the scale factors have errors, and a rest of `ALIGNMENT` before the
+        flight, as every autopilot needs it: a linear filter cannot start with turn-on biases of some °/s. A
+        filter with a given P0 keeps its number of states.
 
         Parameters
         ----------
         experiment : Experiment
-            What is changed.
+            Experiment to change.
         """
         settings: dict[str, Any] = {"sensors": self.settings()}
         if not self._receiver_alone() and experiment.get("navigator.p0") is None:
@@ -123,7 +123,7 @@ class Card:
 
     @property
     def states(self) -> int:
-        """States of a filter that suits the sensors: 21 if the scale factors err, otherwise 15."""
+        """Number of states that suits the sensors: 21 if the scale factors have errors, otherwise 15."""
         scales = ("scale_factor", "scale_factor_sigma")
         values = (self.value(triad, name) for triad in TRIADS for name in scales)
         return 21 if any(np.any(value) for value in values if value is not None) else 15
@@ -141,7 +141,7 @@ class Card:
         }
 
     def datum(self, group: str, term: str) -> Datum | None:
-        """Return a number as the card has it, given or assumed; None if it does not have it."""
+        """Return a datum of the card, given or assumed; None if the card does not have it."""
         return self.terms.get(group, {}).get(term) or self.assumed.get(group, {}).get(term)
 
     def value(self, group: str, term: str) -> Any:
@@ -154,7 +154,7 @@ class Card:
         return term in self.assumed.get(group, {})
 
     def to_dict(self) -> dict[str, Any]:
-        """Return the card as in its TOML file, with assumed numbers in a table of their own."""
+        """Return the card in the form of its TOML file, with assumed numbers in a separate table."""
         both = (self.terms, self.assumed)
         data = [datum for terms in both for group in terms.values() for datum in group.values()]
         data = [datum for terms in both for group in terms.values() for datum in group.values()]
@@ -163,7 +163,7 @@ class Card:
         card: dict[str, Any] = {"maker": self.maker, "grade": self.grade, "note": self.note}
         card["sources"] = {key: source for source, key in keys.items()}
         card |= _entries(self.terms, keys)
-        # Empty it says that nothing is assumed, where the grade has something to assume.
+        # An empty table means that nothing is assumed, although the grade has typical values.
         if self.assumed or typical(self.grade):
             card["assumed"] = _entries(self.assumed, keys)
         return {self.name: card}
@@ -189,7 +189,7 @@ def card(name_or_path: str | os.PathLike[str], *, assumed: bool = True) -> Card:
     name_or_path
         A name as `cards` lists it, in capitals or not, or a path ending with ``.toml``.
     assumed
-        False leaves out what is assumed: terms without a source are off then.
+        False omits the assumed numbers: terms without a source are then off.
 
     Raises
     ------
@@ -235,7 +235,7 @@ def read_cards(path: Path) -> dict[str, Card]:
 def card_in_force(sensors: SensorSuite) -> str | None:
     """Return the name of the catalogue card that the settings equal; None if there is none.
 
-    With what is assumed, or without.
+    With or without the assumed numbers.
     """
     groups = {name: group.to_dict() for name, group in sensors.groups().items()}
     for name, variants in _catalogue_settings().items():
@@ -258,7 +258,7 @@ def _catalogue() -> Mapping[str, Card]:
 
 @functools.cache
 def _catalogue_settings() -> Mapping[str, list[dict[str, dict[str, Any]]]]:
-    """Return the settings of every card, with and without what is assumed, as settings give them back."""
+    """Return the settings of every card, with and without assumed numbers, as the settings return them."""
     plain: dict[str, list[dict[str, dict[str, Any]]]] = {}
     for name, entry in _catalogue().items():
         for variant in (entry, entry.without_assumed()):
@@ -284,7 +284,7 @@ def _off(group: Settings) -> dict[str, Any]:
 
 
 def _entries(terms: Terms, keys: Mapping[str, str]) -> dict[str, Any]:
-    """Return data as a TOML file has them."""
+    """Return data in the form of a TOML file."""
     return {
         group: {name: datum.entry(keys[datum.source]) for name, datum in data.items()}
         for group, data in terms.items()
@@ -292,7 +292,7 @@ def _entries(terms: Terms, keys: Mapping[str, str]) -> dict[str, Any]:
 
 
 def _mark(value: Any) -> str:
-    """Return a value of a setting as the setting ``assumed`` keeps it."""
+    """Return a value of a setting in the form of the setting ``assumed``."""
     return "|".join(f"{number:.12g}" for number in (value if isinstance(value, list) else [value]))
 
 

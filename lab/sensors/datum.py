@@ -27,7 +27,7 @@ ONE_SIDED, TWO_SIDED = "one-sided", "two-sided"
 DENSITY = "noise_density"
 """The setting that is a density of white noise."""
 OF_THE_VEHICLE = frozenset({"vibration_density"})
-"""Settings of a triad that say nothing of the sensor."""
+"""Settings of a triad that do not describe the sensor."""
 ALIKE = (
     ("°/s/√Hz", "°/h/√Hz", "°/√h"),
     ("µg/√Hz", "mg/√Hz", "m/s/√h", "ft/s/√h"),
@@ -37,7 +37,7 @@ ALIKE = (
     ("g", "mg", "µg"),
     ("%", "ppm"),
 )
-"""Units of the same kind, each of which is accepted for the others."""
+"""Units of the same kind; each is accepted in place of the others."""
 
 _KEYS = ("value", "unit", "source", "density")
 
@@ -51,12 +51,12 @@ class Datum:
     value : float or tuple of float
         The number, or one for each axis.
     unit : str
-        Its unit, as the source has it.
+        Unit in the source.
     source : str
-        Where it comes from: document and revision.
+        Source: document and revision.
     density : str
-        Of white noise in a unit per √Hz: `ONE_SIDED` or `TWO_SIDED`; empty where the card does not say, which
-        is taken as two-sided.
+        Convention of white noise in a unit per √Hz: `ONE_SIDED` or `TWO_SIDED`; empty if not stated, which is
+        read as two-sided.
     """
 
     value: float | tuple[float, ...]
@@ -66,7 +66,7 @@ class Datum:
 
     @property
     def convention(self) -> str:
-        """Convention of a density in a unit per √Hz, in words; empty for any other number."""
+        """Convention of a density in a unit per √Hz, as text; empty for any other number."""
         stated = self.density or not self.unit.endswith("/√Hz")
         return self.density if stated else f"not stated, taken as {TWO_SIDED}"
 
@@ -75,14 +75,14 @@ class Datum:
         fold = math.sqrt(2) if self.density == ONE_SIDED else 1.0
         if self.unit == unit and fold == 1.0:
             return list(self.value) if isinstance(self.value, tuple) else self.value
-        # Rounded: a conversion there and back should not show in the last digits.
+        # Rounded, so that a conversion and its inverse do not change the last digits.
         converted = np.asarray(self.value) * (TO_SI[self.unit] / TO_SI[unit] / fold)
         if converted.ndim:
             return [float(f"{number:.12g}") for number in converted]
         return float(f"{converted:.12g}")
 
     def entry(self, source: str) -> dict[str, Any]:
-        """Return the datum as a TOML file has it.
+        """Return the datum in the form of a TOML file.
 
         Parameters
         ----------
@@ -100,11 +100,11 @@ def read_terms(where: str, declared: Settings, table: Any, sources: Mapping[str,
     Parameters
     ----------
     where
-        What the table is called in a message.
+        Name of the table in messages.
     declared
-        A group of settings, which declares units and bounds; its values are used up.
+        A group of settings, which declares units and bounds; its values are overwritten.
     table
-        What a TOML file holds for the group.
+        Content of the group in a TOML file.
     sources
         Documents by key.
 
@@ -138,7 +138,7 @@ def read_sources(where: str, table: Mapping[str, Any]) -> Mapping[str, str]:
     Raises
     ------
     SettingError
-        If they are not texts.
+        If one is not text.
     """
     sources = table.get("sources", {})
     if not isinstance(sources, Mapping) or not all(isinstance(text, str) for text in sources.values()):
@@ -147,12 +147,12 @@ def read_sources(where: str, table: Mapping[str, Any]) -> Mapping[str, str]:
 
 
 def check_keys(where: str, table: Mapping[str, Any], accepted: Iterable[str]) -> None:
-    """Refuse a key that is not accepted.
+    """Raise `SettingError` for a key that is not accepted.
 
     Raises
     ------
     SettingError
-        Naming it, and those accepted.
+        With the key and the accepted ones.
     """
     accepted = tuple(accepted)
     for key in table:

@@ -1,8 +1,8 @@
 """GPS: simulated fixes of a receiver from the true position and velocity (the truth side).
 
-A fix is the truth at its time plus errors in metres: white and first-order Gauss-Markov noise, whose σ grows
-while the constellation is bad; outliers of the position; and, with a latency or a lever arm, the displacement
-from the IMU now to the antenna then.
+A fix is the truth at its time plus errors in metres: white and first-order Gauss-Markov noise, with a larger
+σ while the constellation is bad; outliers of the position; and, with a latency or a lever arm, the
+displacement from the IMU at the fix time to the antenna one latency earlier.
 
 References
 ----------
@@ -84,13 +84,13 @@ class GpsErrors(Settings):
         softbounds=(0.1, 10),
         step=0.1,
         label="Period",
-        doc="Time from fix to fix; the first comes one period after the start.",
+        doc="Time from fix to fix; the first fix is one period after the start.",
     )
     outages = Intervals(
         default=[],
         label="Outages",
-        doc="Times without fixes, as [start, end] pairs in seconds since the start; of a log, in the clock "
-        "of its file.",
+        doc="Times without fixes, as [start, end] pairs in seconds since the start; for a log, in the "
+        "clock of its file.",
     )
     latency = Quantity(
         0.0,
@@ -99,7 +99,7 @@ class GpsErrors(Settings):
         softbounds=(0, 1),
         step=0.01,
         label="Latency",
-        doc="Age of what a fix reports at the time it is stamped with.",
+        doc="Age of the reported position and velocity at the time stamp of the fix.",
     )
     lever_arm = AxisQuantity(
         0.0,
@@ -152,7 +152,7 @@ class GpsDraws(NamedTuple):
         East, north, up: white position and velocity errors, drive of the Gauss-Markov position error (its
         first row is the start), jumps of outliers.
     outlier : (m,) array
-        Which fixes are outliers: those whose draw is among the lowest.
+        Draws that select the outliers: the lowest ones.
     """
 
     position: FloatArray
@@ -202,7 +202,7 @@ def fix_times(errors: GpsErrors, duration: float) -> FloatArray:
 
 
 def outside_outages(errors: GpsErrors, times: FloatArray) -> NDArray[np.bool_]:
-    """Return which times are outside all outages; an outage includes its start and its end."""
+    """Return the mask of the times outside all outages; an outage includes its start and its end."""
     return ~within(errors.outages, times)
 
 
@@ -219,7 +219,7 @@ def antenna(trajectory: Trajectory, errors: GpsErrors, times: FloatArray) -> Tru
     errors
         The receiver's latency and lever arm.
     times : (m,) array
-        Times the fixes are stamped with; up to the latency the start of the flight is returned [s].
+        Time stamps of the fixes [s]; for times below the latency, the start of the flight is returned.
     """
     lever_arm = si(errors, "lever_arm")
     seen = np.maximum(times - errors.latency, 0.0)
@@ -257,7 +257,7 @@ def measure(truth: Truth, errors: GpsErrors, draws: GpsDraws, seen: Truth | None
         seen_n = ecef.resolved_near_pole(seen.velocity_n, seen.position, truth.position)
         velocity_error = velocity_error + east_north_up(seen_n - truth.velocity_n)
     position = displaced(truth.position, east_north_up(position_error))
-    # A receiver knows north at the place it gives.
+    # A receiver resolves its velocity in north, east, down at its reported position.
     velocity_n = ecef.resolved_near_pole(
         truth.velocity_n + east_north_up(velocity_error), truth.position, position
     )
@@ -293,14 +293,15 @@ def noise(times: FloatArray, errors: GpsErrors, draws: GpsDraws) -> tuple[FloatA
         factor = np.where(within(errors.quality_steps, times), errors.quality_factor, 1.0)[:, None]
         position, velocity = factor * position, factor * velocity
     if errors.outlier_rate:
-        # Those with the lowest draws: a higher rate adds outliers and keeps the ones there are.
+        # Outliers are the fixes with the lowest draws: a higher rate adds outliers and keeps the existing
+        # ones.
         outlier = scipy.special.ndtr(draws.outlier) < errors.outlier_rate
         position = position + np.where(outlier[:, None], si(errors, "outlier_size") * draws.jump, 0.0)
     return position, velocity
 
 
 def within(intervals: Sequence[tuple[float, float]], times: FloatArray) -> NDArray[np.bool_]:
-    """Return which times are in any of the intervals, their starts and ends included."""
+    """Return the mask of the times in any of the intervals, including their starts and ends."""
     inside = np.zeros(times.shape, dtype=np.bool_)
     for start, end in intervals:
         inside |= (times >= start) & (times <= end)

@@ -3,8 +3,9 @@
 x_meas = (I + M) (x_true + b) + ν, then the bandwidth, the range and the quantisation, in this order, applied
 to the increments of each sample; see Groves, *Principles of GNSS, Inertial and Multisensor Integrated
 Navigation Systems*, 2nd ed., ch. 4.4, eqs. 4.16-4.18. b is the turn-on bias plus a first-order Gauss-Markov
-process, flicker, a random walk, and the contributions of temperature and (gyros) specific force; M holds the
-scale factors, given, drawn and by temperature, and the misalignments; ν is white with the given density.
+process, flicker, a random walk, and the contributions of temperature and, for gyros, specific force. M
+contains the scale factors (given, drawn and due to temperature) and the misalignments. ν is white with the
+given density.
 """
 
 from __future__ import annotations
@@ -57,7 +58,7 @@ class Measured(NamedTuple):
     scale : (n, 3) array
         True scale factor error in each interval.
     saturated : int
-        Number of values that met the end of the range.
+        Number of saturated values.
     """
 
     increments: FloatArray
@@ -74,7 +75,7 @@ class ImuDraws(NamedTuple):
     bias, scale, start : (3,) arrays
         Turn-on bias, scale factor, and the first sample of the instability.
     drive, flicker, walk : (n, 3) arrays, or (0, 3) where the triad has no such error
-        What drives the instability; flicker and random walk of unit coefficient.
+        Drive of the instability; flicker and random walk of unit coefficient.
     noise : (n, 3) array
         White noise.
     """
@@ -98,7 +99,7 @@ class ImuDraws(NamedTuple):
         flicker: bool = False,
         walk: bool = False,
     ) -> ImuDraws:
-        """Draw for one triad, named by `sensor`; long draws of errors it may not have only where it has."""
+        """Draw for one triad, named by `sensor`; long draws only for the errors that it has."""
 
         def long(name: str, wanted: bool = True) -> FloatArray:
             return unit_draws(seed, f"{sensor}.{name}", (samples if wanted else 0, 3))
@@ -152,7 +153,7 @@ def measure(
     errors
         The errors of the triad.
     draws
-        Unit draws for n samples, with the long draws of those errors that `errors` has.
+        Unit draws for n samples, with the long draws of the errors in `errors`.
     environment
         Temperature and specific force in the same intervals.
     """
@@ -181,7 +182,7 @@ def turn_on_bias(errors: GyroErrors | AccelerometerErrors, draws: ImuDraws) -> F
 
 
 def drift(errors: GyroErrors | AccelerometerErrors, draws: ImuDraws, dt: float) -> FloatArray:
-    """Return the random processes of the bias together, (n, 3), or (3,) zeros where there is none.
+    """Return the sum of the random processes of the bias, (n, 3), or (3,) zeros without any.
 
     Gauss-Markov instability, flicker and random walk [rad/s] or [m/s²].
     """
@@ -280,20 +281,20 @@ def compensate(
 ) -> Measured:
     """Return the output of a triad corrected by its known temperature coefficients and a thermometer.
 
-    x = x_meas / (1 + s ΔT) − c ΔT. What is left of the scale factor and the misalignments is unknown to the
-    correction; the true bias and scale factor that are left are those at 25 °C, and the noise of the
-    thermometer is noise.
+    x = x_meas / (1 + s ΔT) − c ΔT. The correction does not know the remaining scale factor error and the
+    misalignments. The remaining true bias and scale factor are those at 25 °C, and the noise of the
+    thermometer adds to the noise.
 
     Parameters
     ----------
     measured
-        Output of the triad; its bias with the temperature's part.
+        Output of the triad; its bias includes the effect of temperature.
     dt
         Length of the sample intervals [s].
     errors
-        The errors of the triad, of which the temperature coefficients are used.
+        The errors of the triad; only the temperature coefficients are used.
     temperature, reading : (n,) arrays
-        True temperature in each sample interval and what the thermometer shows [°C].
+        True temperature in each sample interval, and the reading of the thermometer [°C].
     """
     scale, bias = si(errors, "scale_temperature"), si(errors, "bias_temperature")
     excess = _above_reference(reading)
@@ -306,10 +307,10 @@ def compensate(
 
 
 def without_bias(measured: Measured, dt: float, bias: FloatArray, M: FloatArray) -> Measured:
-    """Return the output of a triad minus a bias that was estimated before, as in a calibration.
+    """Return the output of a triad minus a bias that was estimated before.
 
-    A constant rate of the output is all that a calibration at rest sees: scale factors and misalignments
-    have changed the bias in it. The bias that is left is what the found one misses.
+    A calibration at rest measures only the mean output, in which scale factors and misalignments have changed
+    the bias. The remaining bias is the error of the estimate.
 
     Parameters
     ----------
@@ -318,9 +319,9 @@ def without_bias(measured: Measured, dt: float, bias: FloatArray, M: FloatArray)
     dt
         Length of the sample intervals [s].
     bias : (3,) array
-        The bias that was found in the output [rad/s] or [m/s²].
+        The bias estimated from the output [rad/s] or [m/s²].
     M : (3, 3) array
-        Cross-coupling of the triad, as of `cross_coupling`.
+        Cross-coupling of the triad, as from `cross_coupling`.
     """
     increments = measured.increments - bias * dt
     inside = np.linalg.solve(np.eye(3) + M, bias)
@@ -335,7 +336,7 @@ def is_drifting(errors: GyroErrors | AccelerometerErrors) -> bool:
 
 
 def as_kept(measured: Measured) -> Measured:
-    """Return the output of a triad as it is kept: of a long flight the true errors are float32."""
+    """Return the output of a triad for storage: for a long flight, the true errors are float32."""
     return measured._replace(bias=kept(measured.bias), scale=kept(measured.scale))
 
 
@@ -353,6 +354,6 @@ def _lag(increments: FloatArray, settled: FloatArray, cutoff: FloatArray) -> Non
 
 
 def _quantise(increments: FloatArray, step: FloatArray) -> None:
-    """Round increments to whole steps on the axes that have any, in place."""
+    """Round increments to whole steps on the axes with quantisation, in place."""
     for axis in np.flatnonzero(step):
         increments[:, axis] = np.round(increments[:, axis] / step[axis]) * step[axis]

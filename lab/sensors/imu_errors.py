@@ -13,11 +13,11 @@ from lab.settings import Settings
 OFF_DIAGONAL = ("xy", "xz", "yx", "yz", "zx", "zy")
 
 
-# What both triads have: in the same words, and where it is a pure number or a time also in the same size.
+# Common declarations of both triads: the same texts, and for pure numbers and times the same values.
 
 
 def _bias(**size: Any) -> AxisQuantity:
-    doc = "Known part of the turn-on bias; the filter is not told its value."
+    doc = "Known part of the turn-on bias; the filter does not know its value."
     return AxisQuantity(0.0, label="Turn-on bias, given", doc=doc, **size)
 
 
@@ -86,7 +86,7 @@ def _misalignment() -> AxisQuantity:
         softbounds=(-2, 2),
         step=0.01,
         label="Misalignment",
-        doc="Off-diagonal elements of M: 'xy' is what the x sensor feels of the y axis.",
+        doc="Off-diagonal elements of M: 'xy' is the part of the y axis that the x sensor measures.",
     )
 
 
@@ -115,7 +115,7 @@ def _bandwidth() -> AxisQuantity:
         softbounds=(0, 500),
         step=1,
         label="Bandwidth",
-        doc="Frequency at which a first-order lag has brought the output down to 1/√2; 0 for no lag.",
+        doc="Frequency at which a first-order lag reduces the output to 1/√2; 0 for no lag.",
     )
 
 
@@ -172,7 +172,7 @@ class GyroErrors(Settings):
         softbounds=(0, 0.1),
         step=0.001,
         label="Quantisation",
-        doc="Step of the output, to which the mean rate of each sample is rounded.",
+        doc="Step of the output: the mean rate of each sample is rounded to it.",
     )
 
 
@@ -210,8 +210,8 @@ class AccelerometerErrors(Settings):
         softbounds=(0, 1000),
         step=1,
         label="Vibration",
-        doc="Density of the vehicle's vibration, white in the band of the sensor: real specific force, which "
-        "the accelerometers feel and the true flight leaves out.",
+        doc="Density of the vehicle's vibration, white in the band of the sensor: real specific force, "
+        "which the accelerometers measure and the true flight omits.",
     )
     bandwidth = _bandwidth()
     range = Quantity(
@@ -230,5 +230,5 @@ class AccelerometerErrors(Settings):
         softbounds=(0, 10),
         step=0.01,
         label="Quantisation",
-        doc="Step of the output, to which the mean specific force of each sample is rounded.",
+        doc="Step of the output: the mean specific force of each sample is rounded to it.",
     )

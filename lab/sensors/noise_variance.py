@@ -37,7 +37,7 @@ def noise_variance(errors: Settings, path: str, rate: float) -> Derived:
         return tuple((number * factor) ** 2 * rate for number in value)
 
     def back(value: Any) -> tuple[float, ...]:
-        # Rounded: the end of the bounds should not come out beyond them.
+        # Rounded, so that a value at the bounds does not exceed them.
         return tuple(float(f"{math.sqrt(number / rate) / factor:.15g}") for number in value)
 
     return Derived(

@@ -33,17 +33,18 @@ def gauss_markov(start: FloatArray, draws: FloatArray, decay: float) -> FloatArr
     """
     drive = np.sqrt(1 - decay**2) * draws
     drive[:1] = start
-    # By its full name: scipy.signal is imported at its first use only, which takes a third of a second.
+    # With its full name, scipy.signal is imported only at its first use; the import takes a third of a
+    # second.
     return np.asarray(scipy.signal.lfilter([1.0], [1.0, -decay], drive, axis=0))
 
 
 def flicker(draws: FloatArray) -> FloatArray:
     """Return 1/f noise (n, 3) whose coefficient of bias instability B (IEEE 952) is 1.
 
-    White noise integrated half a time, (1 − z⁻¹)^(−1/2), by convolution with the coefficients of that
-    (Kasdin, eq. 104 with α = 1). Its two-sided spectral density Δt / (2 sin π f Δt) is B² / (2π f) below the
-    rate of the samples, and does not depend on that rate. It begins with nothing before it: what the process
-    did before the start is the business of the turn-on bias.
+    White noise integrated to order one half, (1 − z⁻¹)^(−1/2), by convolution with the coefficients of this
+    filter (Kasdin, eq. 104 with α = 1). Its two-sided spectral density Δt / (2 sin π f Δt) is B² / (2π f)
+    below the rate of the samples, and does not depend on that rate. The process starts from zero: the turn-on
+    bias covers its past.
 
     Parameters
     ----------
@@ -82,7 +83,7 @@ def first_order_lag(inputs: FloatArray, start: float, cutoff: float) -> FloatArr
     inputs : (n,) array
         Means of the input over each interval.
     start
-        The constant at which the lag is settled before the first interval, in units of the input.
+        Constant input before the first interval, at which the lag is in steady state, in units of the input.
     cutoff
         Angular frequency at which the gain is 1/√2, times the length of the interval [rad].
     """

@@ -22,14 +22,14 @@ _WORDS = {
     "bias_temperature": "temperature",
     "scale_temperature": "temperature",
 }
-"""What terms are called in a sentence, where it is not their name."""
+"""Words for terms in a sentence, if they differ from their names."""
 
 
 class SensorSuite(Settings):
     """The errors of all sensors. Defaults: MEMSense AccelRate3D and receiver of the classic experiment.
 
-    Noise, range and receiver are those of the experiment, which states no biases: the turn-on biases' 0.1
-    °/s and 2 mg (1σ) are this lab's choice, of the size that remains after a calibration at rest.
+    Noise, range and receiver are those of the experiment. It states no biases: the turn-on biases of 0.1 °/s
+    and 2 mg (1σ) are this lab's choice, a typical size after a calibration at rest.
     """
 
     gyro = group(GyroErrors, "Gyro errors.")
@@ -39,8 +39,8 @@ class SensorSuite(Settings):
     assumed = param.String(
         default="",
         label="Assumed terms",
-        doc="Terms that a card set to what is typical of its grade, since it has no source for them, with "
-        "the value set, such as gyro.flicker=4.6; a term that was changed since no longer counts.",
+        doc="Terms without a source, which a card set to values typical of its grade, each with its value, "
+        "such as gyro.flicker=4.6. A term that was changed later no longer counts.",
     )
 
     def remarks(self, states: int | None = None) -> tuple[str, ...]:
@@ -49,7 +49,7 @@ class SensorSuite(Settings):
         Parameters
         ----------
         states
-            Number of states of the filter, 15 or 21; None says nothing of scale factors.
+            Number of states of the filter, 15 or 21; None omits remarks on scale factors.
         """
         found = (self._idle_temperature(), self._without_state(states), self.assumed_remark())
         return tuple(remark for remark in found if remark)
@@ -65,14 +65,14 @@ class SensorSuite(Settings):
         return found
 
     def assumed_remark(self) -> str:
-        """Return the sentence that names what is assumed; empty if nothing is."""
+        """Return a sentence with the assumed terms; empty if there are none."""
         terms = [
             f"{triad} {', '.join(dict.fromkeys(_WORDS.get(name, name) for name in names))}"
             for triad, names in self.assumed_terms().items()
         ]
         if not terms:
             return ""
-        return f"Assumed, as typical of the grade, where the card has no source: {'; '.join(terms)}."
+        return f"Assumed as typical of the grade, since the card has no source: {'; '.join(terms)}."
 
     def _triad(self, name: str) -> Settings:
         triad = getattr(self, name)
@@ -93,17 +93,18 @@ class SensorSuite(Settings):
         profile = self.temperature.profile
         if wanted and profile == "none":
             return (
-                f"There is no temperature profile (sensors.temperature.profile), so {wanted[0]} does nothing."
+                f"There is no temperature profile (sensors.temperature.profile), so {wanted[0]} has no "
+                "effect."
             )
         if profile != "none" and not sensitive:
             return (
-                f"No sensor feels the temperature (sensors.temperature.profile is {profile}): all their "
+                f"No sensor depends on the temperature (sensors.temperature.profile is {profile}): all "
                 "coefficients, such as sensors.gyro.bias_temperature, are zero."
             )
         return ""
 
     def _without_state(self, states: int | None) -> str:
-        """Return the sentence that names the errors which the filter has no state for."""
+        """Return a sentence with the errors for which the filter has no state."""
         scales = ("scale_factor", "scale_factor_sigma") if states == 15 else ()
         paths = [
             f"sensors.{sensor}.{name}"
@@ -122,7 +123,7 @@ class SensorSuite(Settings):
 
 
 def _has(triad: Settings, name: str, text: str) -> bool:
-    """Return whether there is such a setting, with the value of a text: one number or one for each axis."""
+    """Return whether a setting exists and has the value of a text: one number, or one for each axis."""
     if name not in (leaf for _, _, leaf in triad.leaves()):
         return False
     value = getattr(triad, name)
@@ -138,14 +139,14 @@ def _has(triad: Settings, name: str, text: str) -> bool:
 
 
 def white_noise(sensors: SensorSuite, name: str) -> SensorNoise:
-    """Return the white noise of an IMU, rms of its axes, to compare the noise of a recording with.
+    """Return the white noise of an IMU, rms over its axes, for comparison with the noise of a recording.
 
     Parameters
     ----------
     sensors
         The errors of the IMU.
     name
-        What it is called.
+        Name of the IMU.
     """
     gyro, accelerometer = (
         float(np.sqrt(np.mean(si(triad, "noise_density") ** 2)))

@@ -21,14 +21,14 @@ REFERENCE = 25.0
 
 
 class TemperatureSettings(Settings):
-    """Temperature of the IMU, and whether the navigator compensates it."""
+    """Temperature of the IMU, and whether its effect is compensated."""
 
     profile = param.Selector(
         default="none",
         objects=["none", "constant", "warm_up", "climb"],
         label="Temperature profile",
-        doc="none: 25 °C, where the coefficients count zero; constant; warm_up: an exponential rise from "
-        "switching on; climb: falling with height.",
+        doc="none: 25 °C, the temperature of calibration. constant. warm_up: an exponential rise from the "
+        "time of switching on. climb: falls with height.",
     )
     start = Quantity(
         25.0,
@@ -46,7 +46,7 @@ class TemperatureSettings(Settings):
         softbounds=(0, 50),
         step=1,
         label="Warm-up, rise",
-        doc="How far the temperature rises in the end, in the profile warm_up.",
+        doc="Final rise of the temperature, in the profile warm_up.",
     )
     warm_up_time = Quantity(
         300.0,
@@ -55,7 +55,7 @@ class TemperatureSettings(Settings):
         softbounds=(10, 3600),
         step=10,
         label="Warm-up, time constant",
-        doc="Time in which 63 % of the rise are done, in the profile warm_up.",
+        doc="Time of the first 63 % of the rise, in the profile warm_up.",
     )
     lapse_rate = Quantity(
         6.5,
@@ -64,7 +64,7 @@ class TemperatureSettings(Settings):
         softbounds=(0, 10),
         step=0.1,
         label="Lapse rate",
-        doc="By how much the temperature falls with height above the start, in the profile climb.",
+        doc="Decrease of the temperature with height above the start, in the profile climb.",
     )
     compensation = param.Boolean(
         default=False,

@@ -15,9 +15,9 @@ from lab.settings import Settings
 from lab.toml_file import read_toml
 
 TABLE = Path(__file__).with_name("assumed.toml")
-"""What is typical of each grade."""
+"""The table of typical values."""
 GROUPS: dict[str, type[Settings]] = {"gyro": GyroErrors, "accelerometer": AccelerometerErrors}
-"""The triads, and what declares their settings."""
+"""The triads, and the classes that declare their settings."""
 
 Terms = Mapping[str, Mapping[str, Datum]]
 

@@ -1,4 +1,4 @@
-"""Allan: figures of the Allan deviation of the sensors at rest, with what their settings promise."""
+"""Allan: figures of the Allan deviation of the sensors at rest, measured and expected from the settings."""
 
 from __future__ import annotations
 
@@ -26,10 +26,10 @@ TITLES = {"gyro": "Gyros", "accelerometer": "Accelerometers"}
 
 
 def promised(sensors: SensorSuite, triad: str, tau: FloatArray) -> FloatArray:
-    """Return the Allan deviation (k, 3) that noise density, flicker and random walk add up to, in SI units.
+    """Return the Allan deviation (k, 3) expected from noise density, flicker and random walk, in SI units.
 
-    With the quantisation of the samples, whose rounding is white, of σ = q/√12 in each sample, where their
-    noise exceeds half a step.
+    Quantisation with the step q is included as white noise with σ = q/√12 in each sample, where the noise of
+    a sample exceeds half a step.
 
     Parameters
     ----------
@@ -64,7 +64,7 @@ class AllanFigures:
         self.figures = [self._draw(triad) for triad in UNITS]
 
     def show(self, sensors: SensorSuite, deviations: Mapping[str, AllanDeviation]) -> None:
-        """Draw the deviations of both triads, beside what the settings promise."""
+        """Draw the deviations of both triads, beside those expected from the settings."""
         for (triad, unit), fig in zip(UNITS.items(), self.figures, strict=True):
             found = deviations[triad]
             columns = {"tau": found.tau}
@@ -82,7 +82,7 @@ class AllanFigures:
     def _draw(self, triad: str) -> figure:
         source = self._sources[triad]
         fig = plain_figure(
-            f"{TITLES[triad]}: Allan deviation [{UNITS[triad]}], dashed as set",
+            f"{TITLES[triad]}: Allan deviation [{UNITS[triad]}], dashed: as set",
             "averaging time τ [s]",
             x_axis_type="log",
             y_axis_type="log",

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from lab.result import Result
 
 LEAST_LIMIT = 0.4
-"""Least end of the ordinate, so that it stays where it is while small correlations change."""
+"""Smallest limit of the ordinate, so that it stays constant while small correlations change."""
 
 
 class AutocorrelationFigures:

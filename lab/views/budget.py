@@ -1,4 +1,4 @@
-"""Budget: figures of what each source of error contributes, and of σ over the manoeuvres that brought it."""
+"""Budget: figures of the contribution of each source of error, and of σ over the manoeuvres."""
 
 from __future__ import annotations
 
@@ -36,19 +36,19 @@ FAMILIES = {
 """Colours of the sources, by the first word of their names."""
 
 SLOTS = sum(len(colours) for colours in FAMILIES.values())
-"""Most sources that are drawn."""
+"""Largest number of drawn sources."""
 
 WORTH_A_WORD = 1.0
 """Part of the variance that a source must have at some time to be in the legend [%]."""
 
 LEAST_RATIO = 5.0
-"""Least ratio of the ends of the axis of σ."""
+"""Smallest ratio of the ends of the axis of σ."""
 
 TOTAL, BELIEVED, FREE = BLUE, ORANGE, FIXES
 
 
 class BudgetFigures:
-    """Parts of the variance, stacked in time; and σ as it is, as believed, and as it were without fixes.
+    """Stacked shares of the variance over time; and σ of errors, of the filter, and without fixes.
 
     Parameters
     ----------

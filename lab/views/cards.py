@@ -1,6 +1,6 @@
-"""Cards: who draws which card in a notebook.
+"""Cards: the functions that draw the cards in a notebook.
 
-`import lab` registers them, so that this file is light: what draws a card is imported with the first one.
+`import lab` registers them. To keep that fast, a drawing function is imported when its first card is drawn.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ def _log(mission: Any) -> str:
 
 
 def register_cards() -> None:
-    """Register all that is drawn."""
+    """Register all cards."""
     register("settings", _settings)
     register("result", _result)
     register("mission", _mission)

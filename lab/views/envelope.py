@@ -10,12 +10,12 @@ from numpy.typing import NDArray
 FloatArray = NDArray[np.floating]
 
 BUCKETS = 600
-"""Stretches a curve is thinned to: about one for each pixel of a plot."""
+"""Number of intervals to which a curve is thinned: about one for each pixel of a plot."""
 SMALLEST_DRAWN = 1e-37
-"""Below this a number counts as zero: it is drawn in single precision, which ends at 1.2e-38."""
+"""Numbers below this count as zero: plots use single precision, whose smallest normal number is 1.2e-38."""
 CONSTANT = 1e-6
-"""Relative extent below which a series counts as constant: single precision resolves 6e-8, so its few steps
-would be all there is to see."""
+"""Relative extent below which a series counts as constant: single precision resolves 6e-8, so a plot would
+show only its steps."""
 
 
 def envelope(
@@ -28,17 +28,17 @@ def envelope(
     time : (n,) array
         Times of the samples, increasing.
     series : sequence of (n,) arrays
-        What is thinned; NaN marks a gap, which stays visible.
+        Series to thin; NaN marks a gap, which stays visible.
     window : (start, end)
-        Stretch of time that is shown; one sample beyond either end is kept, so that lines reach the edges.
+        Visible time window; one sample beyond either end is kept, so that lines reach the edges.
     buckets : int
         Number of stretches.
 
     Returns
     -------
     time : (m,) array
-        Times of the thinned samples, m <= 2 `buckets`, common to all series; the samples as they are where
-        the window holds no more than that.
+        Times of the thinned samples, m <= 2 `buckets`, common to all series. If the window holds no more
+        samples than that, all are kept.
     series : list of (m,) arrays
         Two values for each stretch: the smaller first where the series rises over the stretch.
     """
@@ -73,7 +73,7 @@ def thin_path(points: FloatArray, count: int) -> NDArray[np.intp]:
     points : (n, d) array
         Positions along the path; rows that are not finite are never chosen.
     count : int
-        How many samples to keep at most.
+        Largest number of samples to keep.
 
     Returns
     -------
@@ -92,7 +92,7 @@ def thin_path(points: FloatArray, count: int) -> NDArray[np.intp]:
     directions = steps / np.where(lengths > 0, lengths, 1)[:, None]
     turns = np.zeros_like(lengths)
     turns[1:] = np.linalg.norm(np.diff(directions, axis=0), axis=1)
-    # Standing still, the direction of a step is noise: weighted with the length it says nothing there.
+    # At rest, the direction of a step is noise; the weight by its length removes it.
     turns *= lengths
     progress = np.concatenate([[0.0], np.cumsum(_share(lengths) + _share(turns))])
     chosen = np.searchsorted(progress, np.linspace(0, progress[-1], count))
@@ -107,8 +107,8 @@ def _share(weights: FloatArray) -> FloatArray:
 def nice_limit(value: float) -> float:
     """Round a positive number up to 1, 1.2, 1.5, 2, 2.5, 3, 4, 5, 6 or 8 times a power of ten.
 
-    An axis limit made so stays where it is while a curve moves a little. What is below
-    `SMALLEST_DRAWN` is taken for zero, which gets 1.
+    Such an axis limit stays constant while a curve moves a little. Numbers below `SMALLEST_DRAWN` count as
+    zero, which gives 1.
     """
     if not np.isfinite(value) or value < SMALLEST_DRAWN:
         return 1.0
@@ -120,15 +120,15 @@ def nice_limit(value: float) -> float:
 def limits(series: Sequence[FloatArray], scale: str) -> tuple[float, float]:
     """Return axis limits that hold all finite values, on round numbers.
 
-    A constant is shown in the middle of its own size, zero between -1 and 1. On a logarithmic axis, zeros
-    have no place.
+    A constant is shown in the middle of an axis of its own size, zero between -1 and 1. A logarithmic axis
+    ignores zeros.
 
     Parameters
     ----------
     series : sequence of arrays
         All values drawn.
     scale : {"symmetric", "free", "logarithmic"}
-        Zero in the middle; as the values lie; or positive, whole powers or halves of them.
+        Zero in the middle; the range of the values; or, for positive values, limits 10^(k/4) with integer k.
 
     Returns
     -------
@@ -137,7 +137,7 @@ def limits(series: Sequence[FloatArray], scale: str) -> tuple[float, float]:
     """
     lows, highs = [], []
     for values in series:
-        # In double precision: in single precision a small threshold would be rounded to zero.
+        # Double precision, because single precision would round a small threshold to zero.
         finite = values[np.isfinite(values)].astype(np.float64)
         finite = finite[finite >= SMALLEST_DRAWN] if scale == "logarithmic" else finite
         if len(finite):

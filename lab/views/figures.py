@@ -33,23 +33,23 @@ const column = (i) => new Float32Array(all.buffer, all.byteOffset + 4 * i * leng
 const data = Object.fromEntries(names.map((name, i) => [name, column(i)]));
 source.setv({data}, {sync: false});
 """
-"""Cuts what has arrived in one piece into the columns of a source, without copying or sending them back."""
+"""Splits the transferred block into the columns of a source, without copying or sending them back."""
 
 
 MOST_DECADES = 10
-"""Most decades of a logarithmic axis that have a tick each: a figure of 150 px holds no more."""
+"""Most decades of a logarithmic axis with one tick each: a figure of 150 px has room for no more."""
 
 SMALL: dict[str, str | None] = {"font-size": "12px"}
-"""Style of a legend, whose font the page gives in parts of this one."""
+"""Style of a legend; the page gives its font relative to this one."""
 
 
 class TimeAxis:
-    """The time axis all figures of one session share: range, cursor and crosshair.
+    """The time axis that all figures of one session share: range, cursor and crosshair.
 
     Parameters
     ----------
     touch
-        Whether the figures are on a touch screen, where a finger that drags scrolls the page.
+        Whether the figures are on a touch screen, where dragging scrolls the page.
 
     Attributes
     ----------
@@ -85,7 +85,7 @@ class TimeAxis:
         return self.cursor.location  # type: ignore[return-value]  # never a date here
 
     def span(self, duration: float) -> None:
-        """Make the axis end with the flight; a flight of another length is shown whole."""
+        """Set the end of the axis to that of the flight; a flight of another length is shown whole."""
         if duration != self.duration:
             self.duration = duration
             self.range.update(bounds=(0.0, duration), reset_start=0.0, reset_end=duration)
@@ -101,7 +101,7 @@ class TimeAxis:
                 strip.visible = bool(starts)
 
     def shade_outages(self, fig: figure) -> None:
-        """Have a figure shade the outages; where there are none, it has nothing more to paint."""
+        """Make a figure shade the outages; without outages, it paints nothing more."""
         area = VStrip(
             x0="start", x1="end", fill_color="#808895", fill_alpha=0.18, line_color="#808895", line_alpha=0.18
         )
@@ -115,9 +115,9 @@ class TimeAxis:
 
 
 class Columns:
-    """A data source whose columns travel to the browser in one piece.
+    """A data source whose columns are sent to the browser in one block.
 
-    Each array is a message of its own; 28 of them take longer on their way than the plots to be drawn.
+    Otherwise each array would be a separate message; 28 messages take longer than drawing the plots.
 
     Parameters
     ----------
@@ -129,7 +129,7 @@ class Columns:
     Attributes
     ----------
     source : ColumnDataSource
-        What the figures draw from. Once it is in a document, its data are in the browser only.
+        Data source of the figures. Once it is in a document, its data are only in the browser.
     """
 
     def __init__(self, names: Sequence[str], name: str) -> None:
@@ -151,18 +151,19 @@ class Columns:
 
 
 class TimeFigures:
-    """A set of figures over the shared time axis that draw from one data source for each clock.
+    """Figures over the shared time axis, with one data source for each clock.
 
     Parameters
     ----------
     plots
-        What is shown, one figure each.
+        The plots to show, one figure each.
     axis
         Time axis, shared with other figures.
     buckets
-        Number of stretches the visible time is thinned to; one or two for each pixel of a figure's width.
+        Number of intervals to which the visible time is thinned; one or two for each pixel of a figure's
+        width.
     in_place
-        Whether a figure of which nothing is known leaves its place empty; otherwise the others close up.
+        Whether a figure without known values leaves its place empty; otherwise the others close the gap.
 
     Attributes
     ----------
@@ -189,12 +190,12 @@ class TimeFigures:
         self.figures = [self._draw(plot) for plot in self.plots]
 
     def prepare(self, result: Result | Ensemble) -> None:
-        """Thin a result to what `show` will draw of it; in any thread."""
+        """Thin a result to the data that `show` draws; in any thread."""
         window = self.axis.window
         self._ready = (result, window, self._thinned(result, window))
 
     def show(self, result: Result | Ensemble) -> None:
-        """Draw a result, or the averages of an ensemble, in the stretch of time that is visible."""
+        """Draw a result, or the averages of an ensemble, in the visible stretch of time."""
         window, ready = self.axis.window, self._ready
         self._ready = None
         prepared = ready is not None and ready[0] is result and ready[1] == window
@@ -223,8 +224,8 @@ class TimeFigures:
         return thinned
 
     def _show_known(self, plot: TimePlot, fig: figure, result: Result | Ensemble) -> None:
-        """Hide a figure, or an entry of its legend, of which nothing is known, as in logs of real sensors."""
-        # In a stretch of time without fixes nothing is hidden: a figure does not come and go by zooming.
+        """Hide a figure, or an entry of its legend, without known values, as in sensor logs."""
+        # Nothing is hidden in a stretch of time without fixes: zooming must not hide a figure.
         whole = getattr(result, "recorded", None) is not None
         known = {curve.name: not whole or _is_known(curve, result) for curve in plot.curves}
         hide(fig, not any(known.values()), in_place=self._in_place)
@@ -234,7 +235,7 @@ class TimeFigures:
                 self._legends[curve.name].update(visible=is_known, label=value(_spoken(curve.label, result)))
 
     def _name_zeros(self, plot: TimePlot, fig: figure, series: dict[str, FloatArray]) -> None:
-        """Say which curves are zero as far as they are visible: a logarithmic axis cannot show them."""
+        """Report visible curves that are zero, because a logarithmic axis cannot show them."""
         zeros = [curve for curve in plot.curves if _is_zero(series[curve.name])]
         assert isinstance(fig.title, Title)
         fig.title.text = f"{plot.heading}: zero" if len(zeros) == len(plot.curves) else plot.heading
@@ -278,7 +279,7 @@ def time_figure(title: str, axis: TimeAxis, *, logarithmic: bool = False, height
     Parameters
     ----------
     title
-        What it shows, with the unit.
+        Title, with the unit.
     axis
         The shared time axis.
     logarithmic
@@ -317,12 +318,12 @@ def plain_figure(
     height: int = 150,
     **options: Any,
 ) -> figure:
-    """Return an empty figure with labelled axes, in the same dress as the figures over time.
+    """Return an empty figure with labelled axes, in the style of the figures over time.
 
     Parameters
     ----------
     title, x_label, y_label
-        What it shows, with units.
+        Title and labels, with units.
     height
         Least height [px].
     **options
@@ -332,13 +333,13 @@ def plain_figure(
 
 
 def tick_by_hand(fig: figure) -> None:
-    """Leave the ticks of a logarithmic ordinate to `set_ordinate`; over few decades Bokeh's would crowd."""
+    """Leave the ticks of a logarithmic ordinate to `set_ordinate`; over few decades, Bokeh sets too many."""
     fig.yaxis.ticker = fig.ygrid.ticker = FixedTicker(ticks=[])
     fig.yaxis.formatter = CustomJSTickFormatter(code="return `${+tick.toPrecision(3)}`")
 
 
 def set_ordinate(fig: figure, low: float, high: float) -> None:
-    """Set the ends of the ordinate, and its ticks where they are left to this."""
+    """Set the ends of the ordinate, and its ticks if `tick_by_hand` was called."""
     fig.y_range.update(start=low, end=high)
     ticker = fig.yaxis[0].ticker
     if isinstance(ticker, FixedTicker):
@@ -348,7 +349,7 @@ def set_ordinate(fig: figure, low: float, high: float) -> None:
 def decade_ticks(low: float, high: float) -> list[float]:
     """Return ticks of a logarithmic axis: powers of ten; over few decades 1, 2, 5; within one, more.
 
-    Over many decades, powers of ten are left out. Ends that a logarithmic axis cannot have give no ticks.
+    Over many decades, some powers of ten are omitted. Invalid ends of a logarithmic axis give no ticks.
     """
     if not 0 < low < high < np.inf:
         return []
@@ -363,7 +364,7 @@ def decade_ticks(low: float, high: float) -> list[float]:
 
 def draw_curve(fig: figure, curve: Curve, source: ColumnDataSource, x: str) -> GlyphRenderer[Any]:
     """Draw a curve of a source and return its renderer."""
-    # `add_glyph` makes one glyph; `fig.line` makes two more, of what is selected or muted, and nothing is.
+    # `add_glyph` makes one glyph; `fig.line` makes two more, for selected and muted data, which are not used.
     if curve.style == "points":
         points = Scatter(x=x, y=curve.name, size=4, fill_color=curve.colour, line_color=None)
         return fig.add_glyph(source, points)
@@ -380,7 +381,7 @@ def draw_band(fig: figure, band: Band, source: ColumnDataSource) -> None:
 
 
 def add_legend(fig: figure, glyphs: dict[str, GlyphRenderer[Any]]) -> dict[str, LegendItem]:
-    """Put a legend on the right of the title line, a click hides a curve; return its entries by label."""
+    """Put a legend right of the title; a click hides a curve. Return its entries by label."""
     items = {label: LegendItem(label=label, renderers=[glyph]) for label, glyph in glyphs.items()}
     legend = Legend(
         items=list(items.values()),
@@ -404,7 +405,7 @@ def _is_known(curve: Curve, result: Result | Ensemble) -> bool:
 
 
 def _spoken(label: str, result: Result | Ensemble) -> str:
-    """Return the label of a curve; what is not the truth, but a reference, is called so."""
+    """Return the label of a curve; a reference is not called truth."""
     return getattr(result, "truth_word", label) if label == "truth" else label
 
 
@@ -444,7 +445,7 @@ def _tooltips(plot: TimePlot) -> list[tuple[str, str]]:
 
 
 def _times(result: Result | Ensemble, clock: Clock) -> FloatArray:
-    # Of an ensemble there is no time of the IMU: its own is that of the fixes.
+    # An ensemble has no IMU times; its times are those of the fixes.
     if clock == "time":
         return result.time
     return result.grid if clock == "time_between" else result.fixes.time  # type: ignore[union-attr]

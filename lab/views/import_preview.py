@@ -1,4 +1,4 @@
-"""Import preview: a flight about to be imported: the recorded samples against the curve made of them."""
+"""Import preview: the samples of a flight to import, and the curve through them."""
 
 from __future__ import annotations
 
@@ -30,12 +30,12 @@ from lab.views.quantities import ESTIMATE, FIXES
 FloatArray = NDArray[np.float64]
 
 POINTS = 2000
-"""Most points a curve or a path is drawn with."""
+"""Largest number of drawn points of a curve or a path."""
 ANGLES = ("roll", "pitch", "heading")
 
 
 def preview_figures(read: FlightImport) -> tuple[figure, list[figure]]:
-    """Return figures of a flight about to be imported: the track, and height, speed and attitude over time.
+    """Return figures of a flight to import: the track, and height, speed and attitude over time.
 
     Parameters
     ----------
@@ -45,7 +45,7 @@ def preview_figures(read: FlightImport) -> tuple[figure, list[figure]]:
     Returns
     -------
     tuple of figure and list of figures
-        What the file has as points, what the mission will hold as lines.
+        The data of the file as points, the curves of the mission as lines.
     """
     axis = TimeAxis()
     axis.span(float(read.recording.time[-1]))
@@ -62,7 +62,7 @@ def import_preview(read: FlightImport) -> Row:
 
 
 def save_preview(read: FlightImport, path: Path) -> None:
-    """Write the preview and the report as an html file that needs nothing else.
+    """Write the preview and the report as a self-contained html file.
 
     Raises
     ------

@@ -18,7 +18,7 @@ CARD_WIDTH = 400
 
 
 def mission_html(mission: Mission) -> str:
-    """Return a card of a mission as HTML; where its recording cannot be read, the reason."""
+    """Return a card of a mission as HTML; if its recording cannot be read, the reason."""
     try:
         recording = mission.recording
     except MissionError as error:
@@ -34,7 +34,7 @@ def mission_html(mission: Mission) -> str:
 
 
 def log_html(mission: LogMission) -> str:
-    """Return a card of a log as HTML; where it cannot be read, the reason."""
+    """Return a card of a log as HTML; if it cannot be read, the reason."""
     try:
         log = mission.log
     except MissionError as error:

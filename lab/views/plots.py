@@ -1,6 +1,6 @@
 """Plots: a result as HoloViews objects, for notebooks and reports.
 
-What is shown is declared in `quantities`; curves are thinned to what a screen can show, so a notebook stays
+`quantities` declares the content. Curves are thinned to the resolution of a screen, so a notebook stays
 small. All time axes of a layout are linked.
 """
 
@@ -36,7 +36,7 @@ from lab.views.quantities import (
 if TYPE_CHECKING:
     from lab.result import Result
 
-# As Panel does: offline, the environment variable PANEL_INLINE=True puts the scripts into the page.
+# As in Panel: for offline use, the environment variable PANEL_INLINE=True puts the scripts into the page.
 hv.extension("bokeh", logo=False, inline=pn.config.inline)
 
 WIDTH, HEIGHT_PIXELS = 330, 230
@@ -44,7 +44,7 @@ WIDTH, HEIGHT_PIXELS = 330, 230
 PATH_POINTS = 2000
 """Points of a path on the map."""
 BUCKETS = 300
-"""Stretches each curve is thinned to: one for each pixel of a plot of this width."""
+"""Number of intervals to which each curve is thinned: one for each pixel of a plot of this width."""
 
 
 def errors(result: Result) -> hv.Layout:
@@ -53,12 +53,12 @@ def errors(result: Result) -> hv.Layout:
 
 
 def covariance(result: Result) -> hv.Layout:
-    """Return σ of all states in time, on logarithmic axes."""
+    """Return σ of all states over time, on logarithmic axes."""
     return _layout(result, with_scale(result, COVARIANCE, SCALE_COVARIANCE), columns=3)
 
 
 def sensor_errors(result: Result) -> hv.Layout:
-    """Return estimated biases and scale factors with ±3σ beside the true ones, and the temperature if any."""
+    """Return estimated biases and scale factors with ±3σ, the true ones, and the temperature if any."""
     plots = with_scale(result, SENSOR_ERRORS, SCALE_ERRORS)
     return _layout(result, (*plots, *(TEMPERATURE if result.has_temperature else ())), columns=3)
 
@@ -71,12 +71,12 @@ def innovations(result: Result) -> hv.Layout:
 
 
 def height(result: Result) -> hv.Layout:
-    """Return height and vertical velocity, true, estimated and of the fixes, and the height error."""
+    """Return height and vertical velocity (true, estimated, of the fixes), and the height error."""
     return _layout(result, HEIGHT, columns=1).opts(hv.opts.Overlay(width=2 * WIDTH))
 
 
 def ground_track(result: Result) -> hv.Overlay:
-    """Return true and estimated path and the fixes from above, in metres on the map, equal scales."""
+    """Return the true path, the estimated path and the fixes on a map in metres, with equal scales."""
     track, gps = result.track, result.gps
     label = result.projection.label
     easting = hv.Dimension("easting", label=f"Easting ({label})", unit="m")
@@ -124,7 +124,7 @@ def _value(plot: TimePlot) -> hv.Dimension:
 
 
 def _time_plot(result: Result, plot: TimePlot) -> hv.Overlay:
-    """Draw the curves of one unit over time, thinned, with the band behind them."""
+    """Draw the thinned curves of one unit over time, with the band behind them."""
     time = result.time if plot.clock == "time" else result.fixes.time
     edges = plot.band.edges(result) if plot.band else ()
     series = [*edges, *(curve.read(result) for curve in plot.curves)]

@@ -1,4 +1,4 @@
-"""Quantities: what each plot shows (names, units, colours, bands), declared once for page and notebook."""
+"""Quantities: names, units, colours and bands of all plots, declared once for page and notebook."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 FloatArray = NDArray[np.floating]
 Reader = Callable[[Any], FloatArray]
-"""Takes samples (n,) out of a result, or out of an ensemble."""
+"""Returns samples (n,) of a result or of an ensemble."""
 Clock = Literal["time", "time_gps", "time_between"]
 
 BLUE, GREEN, ORANGE = "#3b8eea", "#12a67c", "#e8862e"
@@ -32,15 +32,15 @@ class Curve:
     Attributes
     ----------
     name
-        Unique name, also the column that carries its samples.
+        Unique name; also the name of the column with its samples.
     label
-        What a legend or a hover box calls it.
+        Label in a legend or a hover box.
     colour
-        Line colour, chosen to be seen on white and on black.
+        Line colour, visible on white and on black.
     read
-        Takes the samples (n,) out of a result.
+        Returns the samples (n,) of a result.
     style
-        How it is drawn.
+        Line style.
     """
 
     name: str
@@ -62,7 +62,7 @@ class Band:
 
     @property
     def label(self) -> str:
-        """What a legend calls it."""
+        """Label in a legend."""
         return f"±{self.factor:g}σ"
 
     @property
@@ -85,11 +85,11 @@ class Band:
 
 @dataclass(frozen=True)
 class Interval(Band):
-    """The region that holds a curve with a probability of 95 %, given by its middle and half its width."""
+    """The region that contains a curve with a probability of 95 %, given by its centre and half-width."""
 
     @property
     def label(self) -> str:
-        """What a legend calls it."""
+        """Label in a legend."""
         return "95 %"
 
 
@@ -102,20 +102,20 @@ class TimePlot:
     name
         Unique name.
     title
-        What it shows, without the unit.
+        Title without the unit.
     unit
         Unit of the ordinate.
     curves
-        What is drawn, the first one on top.
+        The curves; the first is on top.
     band
-        Where the first curve is expected to be.
+        Region in which the first curve is expected.
     fixes
-        What the GPS fixes say of the same quantity, drawn below the curves at their times.
+        The same quantity from the GPS fixes, drawn below the curves at the times of the fixes.
     clock
-        Coordinate of the samples of curves and band: IMU time, time of the fixes, or, of an ensemble,
-        once a second between them.
+        Coordinate of the samples of curves and band: IMU time, time of the fixes, or, for an ensemble, once a
+        second between the fixes.
     scale
-        Zero in the middle; free; or logarithmic.
+        Scale of the ordinate: zero in the middle, free, or logarithmic.
     """
 
     name: str
@@ -138,7 +138,7 @@ _AT_FIXES = ("gps", "innovations", "consistency")
 
 
 def _unknown(result: Result, group: str, variable: str) -> FloatArray | None:
-    """Return NaN (n,) in place of what is not known of a log of real sensors."""
+    """Return NaN (n,) for unknown quantities of a sensor log."""
     if not result.lacks(group) and variable in getattr(result, group):
         return None
     return np.full((result.fixes.time if group in _AT_FIXES else result.time).shape, np.nan)
@@ -192,7 +192,7 @@ def _sigmas(name: str, title: str, unit: str, labels: Sequence[str], states: Seq
     )
 
 
-# The filter's states are north, east, down; shown is east, north, up, which has the same σ.
+# The filter's states are north, east, down; the plots show east, north, up, which have the same σ.
 COVARIANCE: tuple[TimePlot, ...] = (
     _sigmas("position", "position", "m", EAST_NORTH_UP, (1, 0, 2)),
     _sigmas("velocity", "velocity", "m/s", EAST_NORTH_UP, (4, 3, 5)),
@@ -248,7 +248,7 @@ SCALE_ERRORS: tuple[TimePlot, ...] = (
 def with_scale(
     result: Result, plots: tuple[TimePlot, ...], scale_plots: tuple[TimePlot, ...]
 ) -> tuple[TimePlot, ...]:
-    """Return plots of the sensors, and those of the scale factors if a result has estimates of them."""
+    """Return plots of the biases, and of the scale factors if a result has estimates of them."""
     return plots + scale_plots if result.solution_arrays.scale.size else plots
 
 
@@ -272,7 +272,7 @@ TEMPERATURE: tuple[TimePlot, ...] = (
         scale="free",
     ),
 )
-"""Shown where a temperature profile is set."""
+"""Shown if a temperature profile is set."""
 
 
 def _innovations(variable: str, title: str, unit: str) -> tuple[TimePlot, ...]:
@@ -318,7 +318,7 @@ def _scalar(group: str, variable: str) -> Reader:
 
 
 def _chi_square(name: str, variable: str, colour: str, group: str) -> TimePlot:
-    """Return a plot of what should be χ², with its 95 % interval."""
+    """Return a plot of a quantity that should be χ²-distributed, with its 95 % interval."""
 
     def edges(result: Result) -> tuple[float, float]:
         if result.lacks(group):
@@ -430,4 +430,4 @@ HEIGHT: tuple[TimePlot, ...] = (  # component 2 of a vector is down
 )
 
 LAGS = 30
-"""Largest lag of the autocorrelation that is shown, in fixes."""
+"""Largest plotted lag of the autocorrelation, in fixes."""

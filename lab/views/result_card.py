@@ -1,4 +1,4 @@
-"""Result card: a result shown in Jupyter: what was run, settings that are not default, and the errors."""
+"""Result card: a result in Jupyter: the run, the changed settings, and the errors."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from lab.views.settings_card import settings_html
 
 
 def result_html(result: Result) -> str:
-    """Return a result as HTML; of a log without reference the innovations stand for the errors."""
+    """Return a result as HTML; for a log without reference, the innovations replace the errors."""
     remarks = "".join(f"<li>{escape(remark)}</li>" for remark in result.remarks)
     parts = (result.mission.title or result.mission.name, f"{result.time[-1]:.0f} s", result.realisation)
     title = ", ".join(part for part in parts if part)

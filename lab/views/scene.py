@@ -21,21 +21,21 @@ if TYPE_CHECKING:
 FloatArray = NDArray[np.float64]
 
 SEGMENTS = 4000
-"""Most segments a path is drawn with."""
+"""Largest number of drawn segments of a path."""
 
 ELLIPSOIDS = 200
-"""Most ellipsoids that are drawn."""
+"""Largest number of drawn ellipsoids."""
 
 SIGMAS = 3.0
 """Semi-axes of an ellipsoid, in standard deviations."""
 
 SHORT = 0.2
-"""Extent of a path up to which the ellipsoids are drawn as they are [km]."""
+"""Extent of a path up to which the ellipsoids are drawn to scale [km]."""
 
 _KILOMETRE = 1e-3
-"""Kilometres in a metre, in which the scene is drawn."""
+"""Kilometres per metre; the scene is in kilometres."""
 _NED_TO_ENU = Rotation.from_matrix(NED_TO_ENU)
-"""Takes north, east, down to east, north, up."""
+"""Rotates north, east, down to east, north, up."""
 
 
 class Scene:
@@ -44,13 +44,13 @@ class Scene:
     Parameters
     ----------
     server
-        Where it is drawn.
+        Server of the scene.
     result
-        What is drawn; None for later, see `show`.
+        Result to draw; None if `show` gets it later.
     exaggeration
         Factor on all heights.
     ellipsoid_scale
-        Factor on the ellipsoids, which would be too small to see beside a flight.
+        Factor on the ellipsoids, which would be too small to see at the scale of a flight.
     """
 
     def __init__(
@@ -75,7 +75,7 @@ class Scene:
             self.show(result)
 
     def show(self, result: Result, time: float = 0.0) -> None:
-        """Draw a result, replacing the one before, with the aircraft at a time [s]."""
+        """Draw a result in place of the previous one, with the aircraft at a time [s]."""
         new_flight = self._result is None or self._result.mission.name != result.mission.name
         self._result = result
         if new_flight:
@@ -98,7 +98,7 @@ class Scene:
         self.show_time(time)
 
     def show_time(self, time: float) -> None:
-        """Put the aircraft where the navigator believed it at a time [s]."""
+        """Put the aircraft at the estimated position and attitude at a time [s]."""
         if self._result is None or self._aircraft is None:
             return
         index = min(int(np.searchsorted(self._time, time)), len(self._time) - 1)
@@ -114,7 +114,7 @@ class Scene:
 
     @staticmethod
     def _ground(result: Result) -> str:
-        """Return which path lies in the middle of the picture; a reference may not be known everywhere."""
+        """Return the path to centre the picture on; a reference may have gaps."""
         return "estimated" if result.recorded else "true"
 
     def _enu(self, result: Result, path: str) -> FloatArray:
@@ -198,7 +198,7 @@ class Scene:
 
     @property
     def scale(self) -> float:
-        """Factor on the ellipsoids, which need none beside a path hardly longer than they are."""
+        """Factor on the ellipsoids: 1 for a path hardly longer than they are."""
         return self.ellipsoid_scale if self._size > SHORT else 1.0
 
     def _draw_aircraft(self) -> None:

@@ -12,14 +12,14 @@ _CHANGED = f"{_LEFT};font-weight:bold"
 
 
 def settings_html(settings: Settings, *, changed_only: bool = False) -> str:
-    """Return settings as an HTML table with their units; those that are not default stand out in bold.
+    """Return settings as an HTML table with their units; changed ones are bold.
 
     Parameters
     ----------
     settings
-        What to show.
+        Settings to show.
     changed_only
-        True leaves out those that have their default value.
+        True omits settings with their default value.
     """
     rows = []
     for path, owner, name in settings.leaves():
@@ -37,7 +37,7 @@ def settings_html(settings: Settings, *, changed_only: bool = False) -> str:
 
 
 def _shown(value: Any) -> str:
-    """Return a value as a person writes it, one number for all axes where they are equal."""
+    """Return a value as text; one number for all axes if they are equal."""
     if value is None or value == []:
         return "-"
     if isinstance(value, tuple) and all(isinstance(item, float) for item in value):

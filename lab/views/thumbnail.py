@@ -15,7 +15,7 @@ from lab.missions.mission import Mission
 FloatArray = NDArray[np.float64]
 
 WIDTH, HEIGHT = 320, 200
-"""Size of the drawing, which scales [px]."""
+"""Size of the scalable drawing [px]."""
 
 _MARGIN = 14.0
 """Space around the track [px]."""
@@ -24,13 +24,13 @@ _TRACK = 138.0
 _LONGEST_BAR = 90.0
 """Longest bar of the scale [px]."""
 _PROFILE_TOP, _PROFILE_BOTTOM = 162.0, 194.0
-"""Where the profile of the height lies [px]."""
+"""Vertical limits of the height profile [px]."""
 _MAX_SAMPLES = 20_000
-"""Most samples of a recording that are looked at."""
+"""Largest number of samples of a recording that are used."""
 _MAX_POINTS = 500
-"""Most points of the track: more than the drawing has pixels across."""
+"""Largest number of points of the track: more than the width of the drawing in pixels."""
 _COLUMNS = 150
-"""Columns of the height, each from its least to its greatest."""
+"""Number of columns of the height profile, each from its smallest to its largest height."""
 
 
 def picture(mission: Mission, width: int = WIDTH) -> str:
@@ -58,7 +58,7 @@ def thumbnail(time: FloatArray, position: FloatArray, width: int = WIDTH) -> str
     position : (n, 3) array
         Geodetic latitude, longitude [rad] and height [m].
     width
-        Width at which it is shown, where nothing else decides it [px].
+        Default width of the picture [px].
     """
     stride = -(-len(time) // _MAX_SAMPLES)
     east, north = _plane(position[::stride])
@@ -85,7 +85,7 @@ def thumbnail(time: FloatArray, position: FloatArray, width: int = WIDTH) -> str
 
 
 def _plane(position: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return east and north of the first position [m]; a pole and the date line may lie between."""
+    """Return east and north of the first position [m]; the path may cross a pole or the date line."""
     latitude, longitude = position[:, 0], np.unwrap(position[:, 1])
     if near_pole(latitude).any():
         level = position * (1, 1, 0)
@@ -96,7 +96,7 @@ def _plane(position: FloatArray) -> tuple[FloatArray, FloatArray]:
 
 
 def _thinned(x: FloatArray, y: FloatArray) -> str:
-    """Return points without those that would not be seen."""
+    """Return points without invisible ones."""
     points = np.round(np.column_stack((x, y)) * 2) / 2
     points = points[np.concatenate(([True], (np.diff(points, axis=0) != 0).any(axis=1)))]
     picked = points[np.unique(np.linspace(0, len(points) - 1, _MAX_POINTS).astype(int))]
@@ -104,7 +104,7 @@ def _thinned(x: FloatArray, y: FloatArray) -> str:
 
 
 def _scale_bar(scale: float) -> str:
-    """Return a bar of a round length, right above the height."""
+    """Return a scale bar of a round length, just above the height profile."""
     longest = _LONGEST_BAR / scale
     decade = 10.0 ** np.floor(np.log10(longest))
     length = max(step * decade for step in (1, 2, 5) if step * decade <= longest * (1 + 1e-9))
@@ -117,7 +117,7 @@ def _scale_bar(scale: float) -> str:
 
 
 def _profile(time: FloatArray, height: FloatArray, low: float, high: float) -> str:
-    """Return the height over time, filled below."""
+    """Return the height over time as a filled curve."""
     duration = max(float(time[-1] - time[0]), 1e-9)
     column = np.minimum(((time - time[0]) / duration * _COLUMNS).astype(int), _COLUMNS - 1)
     starts = np.flatnonzero(np.concatenate(([True], np.diff(column) != 0)))

@@ -21,11 +21,11 @@ if TYPE_CHECKING:
     from lab.result import Result
 
 POINTS = 2000
-"""Most points a path is drawn with."""
+"""Largest number of drawn points of a path."""
 
 
 class TrackFigure:
-    """Truth, estimate, GPS fixes, and where the aircraft is at the time cursor.
+    """Truth, estimate, GPS fixes, and the position of the aircraft at the time cursor.
 
     Attributes
     ----------
@@ -105,7 +105,7 @@ class TrackFigure:
         self.show_time(time)
 
     def show_time(self, time: float) -> None:
-        """Mark where the navigator believed the aircraft at a time [s]."""
+        """Mark the estimated position at a time [s]."""
         if self._result is None:
             return
         index = min(int(np.searchsorted(self._result.time, time)), len(self._result.time) - 1)

@@ -322,7 +322,7 @@ def test_the_effect_of_a_g_sensitivity_is_the_difference_it_makes(length: int) -
 
 def test_outliers_that_a_gate_refuses_are_named_as_left_out() -> None:
     found = error_budget(made("sensors.gps.outlier_rate=0.1", "navigator.gate=0.999").run())
-    assert "sensors.gps.outlier_rate (the gate refuses outliers" in found.attrs["left_out"]
+    assert "sensors.gps.outlier_rate (the gate rejects outliers" in found.attrs["left_out"]
     assert "GPS outliers" not in found.source.values
 
 

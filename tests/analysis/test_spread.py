@@ -27,7 +27,7 @@ def test_noise_that_changes_is_named():
     values = gaussian(1)
     values[200:] *= 0.5
     text = spread(drawn(values))
-    assert text.startswith("The noise is not the same throughout")
+    assert text.startswith("The noise is not constant")
     assert "0.2" in text
 
 

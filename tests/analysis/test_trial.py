@@ -88,7 +88,7 @@ def test_advice_that_makes_the_prediction_worse_is_not_given(monkeypatch):
     spoilt = trial.replace(verdict, findings=(trial.replace(finding, changes=(wrong,)),))
     monkeypatch.setitem(result.__dict__, "verdict", spoilt)
     (refused,) = trial.tried(result.verdict, [result]).findings
-    assert refused.counsel.startswith("No advice: what such a finding suggests was tried")
+    assert refused.counsel.startswith("No advice: the change that such a finding suggests was tried")
     assert not refused.changes
 
 

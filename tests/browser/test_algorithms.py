@@ -66,7 +66,7 @@ def test_what_fails_is_a_row_with_the_reason() -> None:
     rows = compare(Experiment(mission="los_angeles"), ["phi"], algorithms=served_algorithms())
     assert [row.model for row in rows] == ["phi", "Still", "Broken", "Nobody"]
     html = models_html(rows, "phi")
-    assert html.count("not known") == 2
+    assert html.count("unknown") == 2
     assert "mine.py, line 11, in navigate: RuntimeError: &lt;b&gt;lost&lt;/b&gt;" in html
     assert "has no &#x27;Nobody&#x27;" in html
 
@@ -75,11 +75,11 @@ def test_what_fails_is_a_row_with_the_reason() -> None:
 def test_the_consistency_page_shows_what_is_known_of_an_algorithm() -> None:
     result = Experiment(mission="los_angeles").run(algorithm=served_algorithms()["Still"])
     html = verdict_html(result.verdict, result.innovation_verdict)
-    assert "Not known" in html
+    assert "Unknown" in html
     assert 'class="verdict fine"' not in html
     tables = whiteness_html(result.whiteness) + coverage_html(result)
     assert "nan" not in tables
-    assert "not known" in tables
+    assert "unknown" in tables
     for plots in (CONSISTENCY, INNOVATIONS, SENSOR_ERRORS):
         figures = TimeFigures(plots, TimeAxis())
         figures.show(result)

@@ -61,7 +61,7 @@ def test_settings_of_no_card_are_called_own(open_page: Open) -> None:
 
 
 def assumed(page: Page) -> Locator:
-    return page.get_by_text("Assumed, as typical of the grade")
+    return page.get_by_text("Assumed as typical of the grade")
 
 
 def test_what_is_assumed_is_marked_and_switched_off(open_page: Open) -> None:

@@ -1,4 +1,4 @@
-"""A log of real sensors on the page: what is known is shown, the rest is said in a sentence."""
+"""A sensor log on the page: what is known is shown, the rest is said in a sentence."""
 
 from __future__ import annotations
 
@@ -18,14 +18,14 @@ def test_a_log_without_reference(chromium, tmp_path, monkeypatch):
         page = new_context(chromium, viewport={"width": 1440, "height": 900}).new_page()
         page.goto(f"{address}?mission=blind")
         page.wait_for_function(IDLE)
-        page.get_by_text("has no reference, so its errors are not known").wait_for()
+        page.get_by_text("has no reference, so its errors are unknown").wait_for()
         page.get_by_text("nothing is simulated").wait_for()
         assert not page.get_by_text("Temperature", exact=True).first.is_visible()
         page.get_by_role("tab", name="Innovations").click()
         source = "Bokeh.documents[0].get_model_by_name('time_gps:innovation_position_east')"
         page.wait_for_function(f"{source}?.data.time?.length > 20")
         page.get_by_role("tab", name="Budget").click()
-        page.get_by_text("which the error budget needs").wait_for()
+        page.get_by_text("and the error budget needs them").wait_for()
         page.get_by_role("tab", name="Summary").click()
         page.get_by_text("There is no reference").wait_for()
         page.get_by_text("Levelled in motion").wait_for()

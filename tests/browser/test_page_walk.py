@@ -21,7 +21,7 @@ FIRST = {
     "Innovations": "Position innovation, east [m]",
     "Consistency": "NEES: errors of all states, normalised",
     "Sensor errors": "Gyro bias, x [°/s]",
-    "Allan": "Gyros: Allan deviation [°/h], dashed as set",
+    "Allan": "Gyros: Allan deviation [°/h], dashed: as set",
     "Ground track": "Ground track, UTM zone 11 north",
     "Height": "Height above the ellipsoid [m]",
     "Budget": "Parts of the variance of heading [%]",

@@ -133,7 +133,7 @@ def test_pages_that_take_a_while_arrive(open_page: Open) -> None:
     for title, words in (
         ("Consistency", "Judged by 1 run"),
         ("Allan", "Gyros: White noise N"),
-        ("Budget", "At the end σ of"),
+        ("Budget", "At the end, σ of"),
         ("Models", "invariant"),
     ):
         show(page, title)

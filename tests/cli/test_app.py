@@ -70,7 +70,7 @@ def test_the_version_is_the_one_installed() -> None:
         (["allan", "nowhere.csv"], ["nowhere.csv", "no such file"]),
         (["allan", "ADIS1647"], ["Did you mean ADIS16470?", "of a log, ending in .csv"]),
         (["allan", "nowhere.toml"], ["nowhere.toml", "cannot be read"]),
-        (["allan", "STIM300", "--card", "mine.toml"], ["a card is made of a log, not of STIM300"]),
+        (["allan", "STIM300", "--card", "mine.toml"], ["a card is made from a log, and STIM300 is not one"]),
         (["allan", "imu.csv", "--card", "mine.csv"], ["--card mine.csv", "ending in .toml"]),
         (["allan", "imu.csv", "--card", "nowhere/mine.toml"], ["no folder nowhere"]),
         (["allan", "STIM300", "--seed", "-1"], ["--seed", "greater than or equal to 0"]),

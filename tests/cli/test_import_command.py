@@ -121,7 +121,7 @@ def test_a_log_becomes_a_flight_or_a_log(tmp_path: Path, settings: list[str]) ->
     assert answer.exit_code == 0, answer.output
     assert ("--as log adds" in answer.stdout) is (not settings)
     origin = missions()["sitl"].origin
-    assert (origin == "log of real sensors") is bool(settings)
+    assert (origin == "sensor log") is bool(settings)
 
 
 def test_what_cannot_be_imported_is_answered_with_what_can(tmp_path: Path, flight: Path) -> None:

@@ -1,4 +1,4 @@
-"""Commands on logs of real sensors: the folder is the mission, and what was repaired and assumed is said."""
+"""Commands on sensor logs: the folder is the mission, and what was repaired and assumed is said."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ def test_logs_are_listed(own):
     answer = ask("missions")
     assert answer.exit_code == 0
     assert "To work" in answer.stdout
-    assert "log of real sensors" in answer.stdout
+    assert "sensor log" in answer.stdout
     assert "mission broken left out" in answer.stderr
     assert "imu.csv" in answer.stderr
     (facts,) = [entry for entry in json.loads(ask("missions", "--json").stdout) if entry["name"] == "drive"]
@@ -48,7 +48,7 @@ def test_a_run_says_what_was_repaired_and_assumed(own):
         assert "position north" in answer.stdout
         assert "- 1 IMU sample with the time of the one before was dropped." in answer.stdout
         assert "- Levelled in motion" in answer.stdout
-        assert "seed changes nothing" in answer.stdout
+        assert "seed has no effect" in answer.stdout
         assert "Verdict (1 run, innovations only)" in answer.stdout
     facts = json.loads(ask("run", "drive", "--json").stdout)
     assert "mean" in facts["summary"][0]
@@ -69,15 +69,17 @@ def test_models_are_compared_and_seeds_and_budget_refused(own):
     answer = ask("compare", "blind", "--models", "phi")
     assert answer.exit_code == 0, answer.stderr
     assert "/ 6" in answer.stdout
-    refused(ask("compare", "blind", "--models", "phi", "--seeds", "3"), "runs of a log", "accepted is one")
-    refused(ask("budget", "blind"), "Nobody knows the true flight", "the error budget needs")
+    refused(
+        ask("compare", "blind", "--models", "phi", "--seeds", "3"), "runs of a sensor log", "accepted is one"
+    )
+    refused(ask("budget", "blind"), "The true flight and the true biases", "the error budget needs")
     refused(ask("run", "broken"), "imu.csv", "1 rows; accepted are at least 10")
 
 
 def test_a_stretch_of_a_log_is_given_in_the_clock_of_its_file(own):
     answer = ask("run", "drive", "--from", "1065", "--to", "1085", "--vehicle", "aeroplane")
     assert answer.exit_code == 0, answer.stderr
-    assert "- Navigated is 1065 to 1085 s of the file's clock, as asked." in answer.stdout
+    assert "- The navigated part is 1065 to 1085 s of the file's clock, as requested." in answer.stdout
     assert "- Time 0 is 1065 s in the clock of the file" in answer.stdout
     settings = json.loads(ask("run", "drive", "--from", "1065", "--heading", "20", "--json").stdout)[
         "settings"
@@ -86,4 +88,4 @@ def test_a_stretch_of_a_log_is_given_in_the_clock_of_its_file(own):
     assert settings["navigator"]["initial_heading"] == 20
     refused(ask("run", "drive", "--from", "5", "--to", "30"), "within 1060 to 1090 s of the file's clock")
     refused(ask("run", "drive", "--vehicle", "bicycle"), "vehicle", "aeroplane, car, boat, copter")
-    refused(ask("run", "montreal", "--from", "5"), "--from", "for logs of real sensors")
+    refused(ask("run", "montreal", "--from", "5"), "--from", "for sensor logs")

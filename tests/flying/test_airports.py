@@ -52,5 +52,5 @@ def test_a_plan_names_its_runway() -> None:
     assert plan.runway is not None
     assert plan.runway.latitude_deg == runway("EGSS 22")["latitude_deg"]
     assert FlightPlan.from_dict(plan.to_dict()) == plan
-    with pytest.raises(MissionError, match=r"flight.runway: 'EGSS 2' is not known. Did you mean EGSS 22\?"):
+    with pytest.raises(MissionError, match=r"flight.runway: 'EGSS 2' is unknown. Did you mean EGSS 22\?"):
         FlightPlan.from_dict({**values, "runway": "EGSS 2"})

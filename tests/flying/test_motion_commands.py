@@ -166,7 +166,7 @@ def test_a_reserved_column_says_nothing_of_gps(tmp_path):
         (FILE.replace("2,1\n", "2\n", 1), "line 4: 8 numbers; accepted are 9"),
         (FILE.replace("5,30", "7,30"), r"number 4: type = 7; accepted is a whole number from 1 to 5"),
         (FILE.replace("32,120,5", "32,120,x"), "line 2: height_m = 'x'; accepted is a number"),
-        ("\n".join(FILE.splitlines()[:3]), "no motion definition"),
+        ("\n".join(FILE.splitlines()[:3]), "not a motion definition"),
         (FILE.replace("1,-15,0,0,0,0,0,6,0", "1,-15,0,0,0,0,0,nan,0"), "seconds = nan"),
     ],
 )

@@ -164,7 +164,7 @@ def test_a_recorder_can_record_again_and_ends_its_thread():
             recorder = recorder or XPlaneRecorder(port=port)
             sender.received = partial(getattr, recorder, "samples")
             recorder.start()
-            with pytest.raises(MissionError, match="a recording is under way"):
+            with pytest.raises(MissionError, match="a recording is running"):
                 recorder.start()
             assert sender.done.wait(30)
             assert len(recorder.stop().time) == count

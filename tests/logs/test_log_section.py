@@ -34,7 +34,7 @@ def test_between_two_times_of_the_file(tmp_path, flown):
     np.testing.assert_array_equal(part.gnss.position, log.gnss.position[rows])
     assert part.gnss.time[0] < 0 <= part.gnss.time[1]
     np.testing.assert_allclose(part.reference.time + part.epoch, log.reference.time + log.epoch)
-    assert "1075 to 1095 s of the file's clock, as asked" in part.repairs[-1]
+    assert "1075 to 1095 s of the file's clock, as requested" in part.repairs[-1]
 
 
 def test_the_longest_piece_without_a_break(tmp_path, flown):
@@ -49,7 +49,7 @@ def test_the_longest_piece_without_a_break(tmp_path, flown):
     assert np.diff(part.time).max() < 0.02
     remark = part.repairs[-1]
     assert "2 gaps of more than 2 s, up to 11" in remark
-    assert "Other pieces, to be had with --from and --to: 1060 to 1070 s, 1111 to 1120 s" in remark
+    assert "Other pieces, for --from and --to: 1060 to 1070 s, 1111 to 1120 s" in remark
     other = piece(log, EPOCH + 60, EPOCH + 72)
     assert other.epoch == pytest.approx(EPOCH + 60, abs=0.02)
     assert other.duration == pytest.approx(10, abs=0.03)

@@ -325,7 +325,7 @@ def test_a_reference_may_know_the_attitude_alone(tmp_path, log):
     assert np.isnan(read.position).all()
     assert np.isnan(read.velocity_n).all()
     write_csv(tmp_path / "ref.csv", ("t_s",), attitude[:, :1])
-    refused(tmp_path, "knows neither positions nor velocities nor attitudes")
+    refused(tmp_path, "contains neither positions nor velocities nor attitudes")
 
 
 @pytest.mark.parametrize(

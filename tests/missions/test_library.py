@@ -197,7 +197,7 @@ def test_free_names_are_counted(own):
         ({"tags": "turns"}, "accepted is a list of texts"),
         ({"flight": {"duration_s": 5}}, "is missing"),
         ({"description": "x" * 2**20}, "too long"),
-        ({"description": "\ud800"}, "is no character"),
+        ({"description": "\ud800"}, "is not a valid character"),
         ({"recording": circle(samples=3)}, "accepted are at least 4"),
     ],
 )

@@ -66,7 +66,7 @@ def test_a_folder_without_a_log_is_refused(tmp_path):
 
 def test_a_log_is_no_flight_recording(tmp_path, flown):
     found = mission(write(tmp_path / "drive", flown))
-    with pytest.raises(MissionError, match="nobody knows the true flight"):
+    with pytest.raises(MissionError, match="its true flight is unknown"):
         _ = found.recording
     with pytest.raises(MissionError, match="cannot be flown again"):
         _ = found.plan

@@ -130,13 +130,13 @@ def test_a_fault_of_its_own_is_reported_as_its_own_and_harms_nobody() -> None:
     before = experiment.run()
     with pytest.raises(
         AlgorithmError,
-        match=r"Broken: failed .* test_algorithm\.py, line \d+, in navigate: ValueError",
+        match=r"Broken: raised an exception: test_algorithm\.py, line \d+, in navigate: ValueError",
     ):
         experiment.run(algorithm=Broken())
     assert experiment.run().solution_arrays is before.solution_arrays
     (row, fault) = compare(experiment, ["phi"], algorithms={"mine": Broken()})
     assert row.refusal == ""
-    assert fault.refusal.startswith("Broken: failed by itself")
+    assert fault.refusal.startswith("Broken: raised an exception")
 
 
 def test_nees_of_nine_states_and_nis_come_of_the_covariances_it_gives() -> None:
@@ -160,7 +160,7 @@ def test_nees_of_nine_states_and_nis_come_of_the_covariances_it_gives() -> None:
     np.testing.assert_allclose(own.consistency["nees"], nees, rtol=1e-6)
     assert own.consistency["nees"].attrs["degrees"] == 9
     assert own.verdict.consistent
-    assert own.verdict.headline == "Consistent: errors and innovations are as large as the algorithm says."
+    assert own.verdict.headline == "Consistent: errors and innovations are as large as the algorithm states."
 
 
 @pytest.mark.parametrize(
@@ -205,7 +205,7 @@ def test_the_settings_of_the_navigator_say_nothing_of_an_algorithm() -> None:
 def test_what_an_algorithm_does_not_give_is_not_known() -> None:
     result = Experiment(mission=MISSION).run(algorithm=LastFix())
     assert result.verdict.consistent is None
-    assert result.verdict.headline.startswith("Not known")
+    assert result.verdict.headline.startswith("Unknown")
     assert np.isnan(result.consistency["nees"]).all()
     assert result.consistency["nees"].attrs["degrees"] == 0
     assert np.isnan(result.innovations["nis"]).all()
@@ -214,7 +214,7 @@ def test_what_an_algorithm_does_not_give_is_not_known() -> None:
     for part in ("gyro_bias", "accelerometer_bias_sigma"):
         assert np.isnan(result.sensor_errors[part]).all()
     for analysis in ("budget", "observability"):
-        with pytest.raises(SettingError, match="LastFix: this analysis follows the gains"):
+        with pytest.raises(SettingError, match="LastFix: this analysis needs the gains"):
             getattr(result, analysis)
     ensemble = run_ensemble(Experiment(mission=MISSION), 2, algorithm=LastFix())
     assert ensemble.verdict.consistent is None
@@ -229,7 +229,7 @@ def test_of_errors_alone_only_the_errors_are_judged() -> None:
 
     experiment = Experiment(mission=MISSION, seed=3)
     verdict = experiment.run(algorithm=Quiet(experiment.run().belief)).verdict
-    assert verdict.headline == "Consistent: errors are as large as the algorithm says."
+    assert verdict.headline == "Consistent: errors are as large as the algorithm states."
     assert verdict.basis == "1 run, errors only"
 
 
@@ -253,9 +253,13 @@ def test_fixes_an_algorithm_did_not_use_count_for_nothing() -> None:
     ("part", "change", "words"),
     [
         ("covariance", lambda P: P[:-1], r"covariance has shape \(\d+, 9, 9\), expected"),
-        ("covariance", lambda P: -P, "covariance at fix 0 is no covariance"),
-        ("covariance", lambda P: P + np.eye(9, k=1), "covariance at fix 0 is no covariance"),
-        ("innovation_covariance", lambda S: 0 * S + 1.0, "innovation_covariance at fix 0 is no covariance"),
+        ("covariance", lambda P: -P, "covariance at fix 0 is not a covariance"),
+        ("covariance", lambda P: P + np.eye(9, k=1), "covariance at fix 0 is not a covariance"),
+        (
+            "innovation_covariance",
+            lambda S: 0 * S + 1.0,
+            "innovation_covariance at fix 0 is not a covariance",
+        ),
         ("innovation_covariance", lambda S: None, ".*belong together"),
         (
             "innovation",

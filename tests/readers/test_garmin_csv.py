@@ -94,7 +94,7 @@ def test_a_track_from_true_north_leaves_the_heading_open(file):
     truth = resampled(recording(), writer.RATE)
     assert np.abs(flight.velocity_n - truth.velocity_n).max() < 0.05
     assert flight.euler is None
-    assert "Whether the heading is too is not known" in " ".join(flight.remarks)
+    assert "The reference of the heading is unknown" in " ".join(flight.remarks)
 
 
 def test_without_a_variation_the_positions_give_it(file):

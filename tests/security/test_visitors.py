@@ -189,7 +189,7 @@ class Page(RequestHandler):
     """A page behind the password."""
 
     def get(self) -> None:
-        """Say whether the visitor is let in."""
+        """Return whether the visitor is let in."""
         user = self.application.auth_provider.get_user(self)
         self.set_status(200 if user else 401)
 

@@ -122,9 +122,11 @@ def test_without_a_profile_compensation_with_a_perfect_thermometer_changes_nothi
 
 
 def test_a_temperature_nobody_feels_and_a_coefficient_without_temperature_are_remarked(flight):
-    assert "sensors.gyro.bias_temperature does nothing" in run(flight).remarks[0]
+    assert "sensors.gyro.bias_temperature has no effect" in run(flight).remarks[0]
     assert run(flight, profile="warm_up").remarks == ()
     one = Experiment(mission=flight)
     assert one.run().remarks == ()
     one.sensors.temperature.profile = "climb"
-    assert "No sensor feels the temperature (sensors.temperature.profile is climb)" in one.run().remarks[0]
+    assert (
+        "No sensor depends on the temperature (sensors.temperature.profile is climb)" in one.run().remarks[0]
+    )

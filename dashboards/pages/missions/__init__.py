@@ -1,4 +1,4 @@
-"""Missions: the page on which missions are chosen, looked after and made."""
+"""Missions: the page to choose, manage and create missions."""
 
 from dashboards.pages.missions.missions import Missions
 

@@ -33,7 +33,7 @@ export function render({model}) {
     foot.append(made("code", "name", mission.name))
     for (const tag of mission.tags) {
       const chip = made("button", "tag", tag)
-      chip.title = "Show those with this tag"
+      chip.title = "Show missions with this tag"
       chip.onclick = () => act("filter", tag)
       foot.append(chip)
     }
@@ -66,7 +66,7 @@ export function render({model}) {
   }
 
   function draw() {
-    grid.replaceChildren(...model.missions.map(card), made("p", "none", "No mission has all of these words."))
+    grid.replaceChildren(...model.missions.map(card), made("p", "none", "No mission contains all these words."))
     mark()
   }
 

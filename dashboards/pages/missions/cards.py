@@ -1,4 +1,4 @@
-"""Cards: the missions there are, each with its picture, as one component that a click tells of."""
+"""Cards: all missions, each with its picture, as one component that reports clicks."""
 
 from __future__ import annotations
 
@@ -22,19 +22,19 @@ KEPT = StageCache(limit=8 * 2**20)
 
 
 class MissionCards(JSComponent):
-    """All missions as cards, of which those are shown that have all words of a filter.
+    """All missions as cards; those that contain all words of a filter are shown.
 
     Parameters
     ----------
     act
-        Called with what a person wants ("choose", "edit", "delete" or "filter") and with the name of the
-        mission, or the tag to filter by; and with "ready" once the browser shows the cards.
+        Called with an action ("choose", "edit", "delete" or "filter") and with the name of the mission, or
+        the tag to filter by. Also called with "ready" once the browser shows the cards.
     """
 
-    missions: list[dict[str, Any]] = param.List(doc="What `card_of` returns for each.")
-    chosen: str = param.String(doc="Name of the mission that is flown through.")
-    filter: str = param.String(doc="Words that must all occur.")
-    wish: dict[str, Any] = param.Dict({}, doc="What was clicked last: what, name, and a count.")
+    missions: list[dict[str, Any]] = param.List(doc="The values of `card_of` for all missions.")
+    chosen: str = param.String(doc="Name of the chosen mission.")
+    filter: str = param.String(doc="Words that a shown mission must all contain.")
+    wish: dict[str, Any] = param.Dict({}, doc="The last click: action, name, and a count.")
 
     _esm = _HERE / "cards.js"
     _stylesheets = [(_HERE / "cards.css").read_text(encoding="utf-8")]  # noqa: RUF012 - Panel's own
@@ -50,26 +50,26 @@ class MissionCards(JSComponent):
 
 @dataclass(frozen=True)
 class Picture:
-    """Picture of a mission, and how long it lasts [s]."""
+    """Picture of a mission, and its duration [s]."""
 
     svg: str
     duration: float
 
     @property
     def nbytes(self) -> int:
-        """Memory it takes."""
+        """Memory of the picture [bytes]."""
         return len(self.svg)
 
 
 def all_cards(tell: Callable[[str, float], None], editable: bool) -> Iterator[list[dict[str, Any]]]:
-    """Yield the cards of all missions: at once without the pictures, and then with them.
+    """Yield the cards of all missions, first without the pictures, then with them.
 
     Parameters
     ----------
     tell
         Called before each picture, with a phrase and the fraction done.
     editable
-        Whether the user's own can be changed.
+        Whether the user's own missions can be changed.
     """
     found, broken, own = missions(), broken_missions(), own_names() if editable else frozenset()
     cards = [card_of(name, mission, name in own) for name, mission in found.items()]
@@ -78,13 +78,13 @@ def all_cards(tell: Callable[[str, float], None], editable: bool) -> Iterator[li
     drawn = []
     for number, card in enumerate(cards):
         tell("Drawing the missions", number / len(cards))
-        # A mission that is let go takes its recording along: thousands of them are some gigabytes.
+        # Dropping a mission frees its recording: thousands of recordings need some gigabytes.
         drawn.append(_drawn(card, found.pop(card["name"])))
     yield sorted([*drawn, *wrecks], key=lambda card: bool(card["problem"]))
 
 
 def card_of(name: str, mission: Mission, own: bool) -> dict[str, Any]:
-    """Return what a card says of a mission, without what its recording has to be read for."""
+    """Return the content of a mission's card that does not need its recording."""
     return _card(
         name,
         own,
@@ -128,7 +128,7 @@ def _drawn(card: dict[str, Any], mission: Mission) -> dict[str, Any]:
 
 
 def spoken(seconds: float) -> str:
-    """Return a duration as people say it."""
+    """Return a duration as text, such as ``"3 min 25 s"``."""
     whole = round(seconds)
     if whole < 600:
         return f"{whole} s"

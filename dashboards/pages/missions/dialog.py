@@ -1,4 +1,4 @@
-"""Dialog: a question over the page with one act, done in a thread; a refusal is said in the dialog itself."""
+"""Dialog: a question over the page with one action, done in a thread; the dialog itself shows a refusal."""
 
 from __future__ import annotations
 
@@ -13,14 +13,14 @@ from dashboards.pages.missions.job import Job
 
 
 class Act(NamedTuple):
-    """What a dialog does.
+    """The action of a dialog.
 
     Attributes
     ----------
     work
-        Called in a thread. A `MissionError` is shown, and the dialog stays.
+        Called in a thread. A `MissionError` is shown, and the dialog stays open.
     done
-        Called with what it returned, in the page's own thread, once the dialog is closed.
+        Called with the result of `work`, in the page's own thread, once the dialog is closed.
     """
 
     work: Callable[[Progress], Any]
@@ -28,23 +28,23 @@ class Act(NamedTuple):
 
 
 class Dialog:
-    """A dialog with Cancel and one act.
+    """A dialog with Cancel and one action.
 
     Parameters
     ----------
     title
-        What is asked.
+        The question.
     word
-        What the button of the act says.
+        Label of the button of the action.
     act
-        Called when it is clicked, to return what is to be done.
+        Called when the button is clicked; returns the action.
     color
         Colour of the button.
 
     Attributes
     ----------
     body : panel.Column
-        What is above the buttons.
+        The content above the buttons.
     """
 
     def __init__(self, title: str, word: str, act: Callable[[], Act], color: str = "primary") -> None:
@@ -70,7 +70,7 @@ class Dialog:
         self.view.open = True
 
     def close(self) -> None:
-        """Do nothing more."""
+        """Close the dialog, and start no further action."""
         self._job.close()
 
     def _close(self) -> None:
@@ -89,5 +89,5 @@ class Dialog:
 
 
 def fill(field: Any, text: str) -> None:
-    """Show a text in a text field; what is typed from then on is in its `value_input`."""
+    """Show a text in a text field; later typing changes its `value_input`."""
     field.param.update(value=text, value_input=text)

@@ -1,4 +1,4 @@
-"""Draft: a flight that was read and is not yet a mission: its report, its preview, its settings, and Add."""
+"""Draft: an imported flight that is not yet a mission: its report, preview and settings, and Add."""
 
 from __future__ import annotations
 
@@ -51,12 +51,12 @@ class _Read(NamedTuple):
 
 
 class Draft:
-    """A flight to be judged and added.
+    """An imported flight to check and add.
 
     Parameters
     ----------
     session
-        Which flies through the mission then.
+        Session that then runs the mission.
     """
 
     def __init__(self, session: Session) -> None:
@@ -80,7 +80,7 @@ class Draft:
             label="Add as log",
             variant="outlined",
             margin=(10, 4),
-            description="The IMU and the GPS receiver recorded on the flight, as a log of real sensors.",
+            description="Adds the IMU and GPS data in the file as a sensor log.",
         )
         self._add_log.on_click(lambda _event: self._start_adding(as_log=True))
         self._body = pn.Column(
@@ -111,25 +111,25 @@ class Draft:
         )
 
     def read(self, paths: Sequence[Path]) -> None:
-        """Read files and show what they are."""
+        """Read files, and show the flight in them."""
         self._clear()
         self._paths = tuple(paths)
         self._naming.suggest(paths[0].name, f"Flight of {paths[0].name}")
         self._prepare()
 
     def take(self, raw: RawFlight, name: str, title: str) -> None:
-        """Show a flight that is read already, such as one recorded live."""
+        """Show a flight that is already read, such as a live recording."""
         self._clear()
         self._raw = raw
         self._naming.suggest(name, title)
         self._prepare()
 
     def say(self, text: str) -> None:
-        """Say what is wrong."""
+        """Show an error."""
         self._job.say(text)
 
     def close(self) -> None:
-        """Show nothing more."""
+        """End the work, and show no more."""
         self._job.close()
 
     def _clear(self) -> None:
@@ -156,7 +156,7 @@ class Draft:
                 progress("Rebuilding", 0.0)
                 read = prepare_flight(flight, settings, white_noise(sensors, "the chosen IMU"), paths)
             except MissionError as error:
-                # Where it is kept here is nothing to a person.
+                # The folder of the upload is not shown.
                 raise MissionError(
                     str(error).replace(f"{paths[0].parent}/" if paths else "\0", "")
                 ) from error
@@ -169,7 +169,7 @@ class Draft:
         self._raw = flight.raw
         verdict = flight.report.verdict
         self._verdict.say(verdict.capitalize(), SEVERITY[verdict], flight.report.reasons)
-        self._add.label = "Add all the same" if verdict == "implausible" else "Add mission"
+        self._add.label = "Add anyway" if verdict == "implausible" else "Add mission"
         self._add_log.visible = read.has_log
         self._report.object = report_html(flight.report)
         self._units.show(flight.raw.units)
@@ -197,7 +197,7 @@ class Draft:
     def _added(self, added: Mission) -> None:
         self._clear()
         self._session.library_changed(added.name)
-        self._job.say(f"{added.name} is added and chosen.", "success")
+        self._job.say(f"{added.name} was added and chosen.", "success")
 
 
 def _panes(flight: FlightImport) -> Iterator[pn.viewable.Viewable]:

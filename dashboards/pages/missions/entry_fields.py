@@ -1,4 +1,4 @@
-"""Entry fields: the numbers and texts of a table of a flight plan as fields, made from its declaration."""
+"""Entry fields: fields for the numbers and texts of a flight plan's table, made from its declaration."""
 
 from __future__ import annotations
 
@@ -14,15 +14,15 @@ from dashboards.widgets import number
 from lab.flying.plan_table import Entry, Limits, entries
 
 WRAP = ":host { flex-wrap: wrap; min-width: 0 !important; }"
-"""Has fields that do not fit beside each other go on in a further line."""
+"""Wraps fields that do not fit on one line."""
 
 
 WHOLE = ":host { max-height: none !important; min-width: 0 !important; }"
-"""Has a column be as high as what is in it, where Panel lets what is higher than the window overlap."""
+"""Makes a column as high as its content; otherwise Panel lets content higher than the window overlap."""
 
 
 def sized(width: int) -> dict[str, Any]:
-    """Return what gives something a width [px], of which Panel makes no least width of all around it."""
+    """Return layout options for a width [px] that Panel does not turn into a minimum width of the parents."""
     return {
         "sizing_mode": "stretch_width",
         "stylesheets": [f":host {{ flex: 0 0 {width}px !important; width: {width}px !important; }}"],
@@ -30,20 +30,20 @@ def sized(width: int) -> dict[str, Any]:
 
 
 class EntryFields:
-    """A field for every number and text of a table.
+    """Fields for all numbers and texts of a table.
 
     Parameters
     ----------
     kind
         The dataclass of the table.
     values
-        What the table has at first.
+        Initial values of the table.
     changed
-        Called whenever a person has changed something.
+        Called after every change by a person.
     limits
         Narrower limits of some numbers, by name.
     skip
-        Those without a field.
+        Entries without a field.
     """
 
     def __init__(
@@ -64,7 +64,7 @@ class EntryFields:
         self.view = pn.Row(*self._fields.values(), stylesheets=[WRAP], margin=0, sizing_mode="stretch_width")
 
     def read(self) -> dict[str, Any]:
-        """Return what the fields hold, as a table of a plan has it; empty ones are left out."""
+        """Return the values of the fields, in the form of a plan's table; empty fields are omitted."""
         values = {}
         for name, field in self._fields.items():
             value = _value(self._entries[name], field.value)
@@ -73,7 +73,7 @@ class EntryFields:
         return values
 
     def write(self, numbers: Mapping[str, float]) -> None:
-        """Put other numbers into fields."""
+        """Set the numbers of some fields."""
         for name, value in numbers.items():
             self._fields[name].value = _text(value)
 
@@ -102,7 +102,7 @@ def _field(entry: Entry, value: Any, limits: tuple[float, float]) -> Any:
 
 
 def _value(entry: Entry, text: Any) -> Any:
-    """Return what was written, as TOML has it; the plan itself judges whether it is acceptable."""
+    """Return the entered text as a TOML value; the plan itself checks it."""
     if entry.choices:
         return text
     text = str(text).strip()

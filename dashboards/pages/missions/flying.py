@@ -1,4 +1,4 @@
-"""Flying: the part of the page where a flight plan is made, flown in JSBSim, and becomes a mission."""
+"""Flying: the part of the page to edit a flight plan, fly it in JSBSim, and get a mission."""
 
 from __future__ import annotations
 
@@ -27,12 +27,12 @@ _SMALL: dict[str, Any] = {"size": "small", "variant": "outlined"}
 
 
 class Flying:
-    """Makes a flight plan and flies it.
+    """Edits a flight plan and flies it.
 
     Parameters
     ----------
     session
-        Which flies through the mission then.
+        Session that then runs the mission.
     """
 
     def __init__(self, session: Session) -> None:
@@ -72,10 +72,10 @@ class Flying:
         session.on_library(self._offer)
 
     def refresh(self) -> None:
-        """Show what is now: nothing here depends on it."""
+        """Do nothing: this part does not depend on the missions."""
 
     def close(self) -> None:
-        """End a flight that is under way; it is not kept."""
+        """End a flight in progress; it is not kept."""
         self._closed = True
         self._cancelled.set()
         self._job.close()
@@ -89,7 +89,7 @@ class Flying:
             self._editor.load(found.flight or {})
 
     def _check(self) -> None:
-        """Say what is not accepted."""
+        """Show what is not accepted."""
         problem = "" if importlib.util.find_spec("jsbsim") else MISSING
         try:
             self._editor.plan()
@@ -130,9 +130,9 @@ class Flying:
         )
 
     def _landed(self, flown: Mission) -> None:
-        words = f"{flown.name} is flown, {flown.duration:.0f} s, and chosen."
+        words = f"{flown.name} was flown for {flown.duration:.0f} s and chosen."
         if flown.ending:
-            words += f" It ended early: {flown.ending}. What was flown until then is kept."
+            words += f" It ended early: {flown.ending}. The flight up to that point is kept."
         self._job.say(words, "warning" if flown.ending else "success")
         self._session.library_changed(flown.name)
         self._naming.suggest("flight", "A flight")

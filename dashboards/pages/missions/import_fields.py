@@ -1,4 +1,4 @@
-"""Import fields: how a flight is rebuilt, and the units its columns are read in, as fields."""
+"""Import fields: fields for the settings of an import, and for the units of the columns."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ class SettingFields:
     Parameters
     ----------
     settings
-        What is shown and changed.
+        Settings to show and change.
     changed
         Called when one was changed.
     refused
@@ -36,7 +36,7 @@ class SettingFields:
         self._changed = changed
         self._refused = refused
         fields = [self._make(path, name) for path, _, name in settings.leaves()]
-        self.view = _card("How it is rebuilt", *(made.view for made in fields))
+        self.view = _card("Reconstruction", *(made.view for made in fields))
 
     def _make(self, path: str, name: str) -> Field:
         def change(value: Any) -> bool:
@@ -54,7 +54,7 @@ class SettingFields:
 
 
 class UnitFields:
-    """The units of the columns that were used; choosing another one overrules what was found.
+    """The units of the used columns; a selected unit overrides the detected one.
 
     Parameters
     ----------
@@ -70,11 +70,11 @@ class UnitFields:
         self.view = _card("Units", self._list)
 
     def chosen(self) -> Mapping[str, str]:
-        """Return the units chosen, by column."""
+        """Return the selected units by column."""
         return dict(self._chosen)
 
     def clear(self) -> None:
-        """Forget what was chosen: there is another file."""
+        """Reset the selection for another file."""
         self._chosen, self._columns, self._list[:] = {}, (), []
         self.view.visible = False
 

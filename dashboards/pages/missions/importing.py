@@ -1,4 +1,4 @@
-"""Importing: the part of the page that takes files of a simulator or logger and makes a mission of them."""
+"""Importing: the part of the page that makes a mission of files of a simulator or logger."""
 
 from __future__ import annotations
 
@@ -12,12 +12,12 @@ from lab.readers import READERS
 
 
 class Importing:
-    """Takes files, reports on the flight in them, and adds it.
+    """Takes files, shows a report on the flight in them, and adds it.
 
     Parameters
     ----------
     session
-        Which flies through the mission then.
+        Session that then runs the mission.
     """
 
     def __init__(self, session: Session) -> None:
@@ -33,8 +33,8 @@ class Importing:
         )
         formats = ", ".join(reader.name for reader in READERS)
         note = pn.pane.HTML(
-            f"<p>Found by what they hold, whatever they are called: {formats}. "
-            f"Up to {MAX_BYTES // 2**20} MB.</p>",
+            f"<p>The format is detected from the content, whatever the file name: {formats}. Up to "
+            f"{MAX_BYTES // 2**20} MB.</p>",
             margin=(0, 6),
             sizing_mode="stretch_width",
             styles={"opacity": "0.7", "font-size": "13px"},
@@ -49,9 +49,9 @@ class Importing:
         )
 
     def refresh(self) -> None:
-        """Show what is now: nothing here depends on it."""
+        """Do nothing: this part does not depend on the missions."""
 
     def close(self) -> None:
-        """Delete what was uploaded."""
+        """Delete the uploaded files."""
         self._draft.close()
         self._upload.delete()

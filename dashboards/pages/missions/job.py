@@ -1,4 +1,4 @@
-"""Job: work in a thread with a bar of its progress; below it is said in a sentence what became of it."""
+"""Job: work in a thread with a progress bar, and a sentence about the outcome."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from dashboards.pages.missions.entry_fields import sized
 from dashboards.sending import together
 
 TELL = 0.25
-"""Time from one word about the progress to the next [s]."""
+"""Time between two progress messages [s]."""
 
 
 class _Task(NamedTuple):
@@ -27,19 +27,19 @@ class _Task(NamedTuple):
 
 
 class Job:
-    """Does one thing at a time in a thread; of several that wait, the newest.
+    """Does one job at a time in a thread; of several waiting jobs, it does the newest.
 
     Parameters
     ----------
     cancel
-        Called when a person wants an end of it; None where there is no use in that.
+        Called when a person cancels the job; None if it cannot be cancelled.
     pool
-        Where the work is done.
+        Pool that does the work.
 
     Attributes
     ----------
     view : panel.Column
-        Progress and what became of it.
+        Progress and outcome.
     """
 
     def __init__(self, cancel: Callable[[], None] | None = None, pool: ThreadPoolExecutor = LONG) -> None:
@@ -58,20 +58,20 @@ class Job:
 
     @property
     def busy(self) -> bool:
-        """Whether something is being worked on."""
+        """Whether a job is in progress."""
         return self._work.busy
 
     def start(self, words: str, work: Callable[[Progress], Any], done: Callable[[Any], None]) -> None:
-        """Begin.
+        """Start a job.
 
         Parameters
         ----------
         words
-            What is said meanwhile.
+            Text shown meanwhile.
         work
             Called in a thread, with a function that takes progress.
         done
-            Called with what it returned, in the page's own thread, unless something newer was begun.
+            Called with the result, in the page's own thread, unless a newer job was started.
         """
         self.say("")
         self._show(words, 0.0)
@@ -79,11 +79,11 @@ class Job:
         self._work.submit(_Task(work, done))
 
     def say(self, text: str, severity: str = "error") -> None:
-        """Say what is wrong, or what was done; nothing is said with no text."""
+        """Show an error or an outcome; an empty text shows nothing."""
         self._after.say(text, severity)
 
     def close(self) -> None:
-        """Deliver nothing more."""
+        """Deliver no further results."""
         self._work.close()
 
     def _attempt(self, task: _Task, progress: Progress) -> Outcome:

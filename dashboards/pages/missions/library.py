@@ -1,4 +1,4 @@
-"""Library: the part of the page that shows all missions, chooses one, and looks after the user's own."""
+"""Library: the part of the page that shows all missions, chooses one, and manages the user's own."""
 
 from __future__ import annotations
 
@@ -60,7 +60,7 @@ class Library:
         self._deleting.body[:] = [self._what]
         self._about = ""
         self._message = Notice(closeable=True)
-        # Without dialogs in the page there is nothing a hand-made message could press.
+        # Without dialogs in the page, a hand-made message has no button to press.
         dialogs = [self._changing.view, self._deleting.view] if self._may_edit else []
         self.view = pn.Column(
             self._message.view,
@@ -73,11 +73,11 @@ class Library:
         session.on_library(self._changed)
 
     def refresh(self) -> None:
-        """Mark the mission that is flown through."""
+        """Mark the chosen mission."""
         self._cards.chosen = self._session.experiment.mission
 
     def _changed(self) -> None:
-        """List what there is now."""
+        """List the current missions."""
         self.refresh()
         self._work.submit(self._cards.chosen)
 
@@ -85,7 +85,7 @@ class Library:
         self._message.say(text, "success")
 
     def close(self) -> None:
-        """Show nothing more."""
+        """End the work, and show no more."""
         self._work.close()
         self._changing.close()
         self._deleting.close()
@@ -100,7 +100,7 @@ class Library:
 
     def _show(self, cards: list[dict[str, Any]]) -> None:
         pictures = {card["name"]: (card["picture"], card["duration"]) for card in self._cards.missions}
-        for card in cards:  # until the pictures are there, those of before
+        for card in cards:  # the old pictures stay until the new ones are ready
             if not card["picture"] and not card["problem"]:
                 card["picture"], card["duration"] = pictures.get(card["name"], ("", ""))
         assert self._document is not None
@@ -164,7 +164,7 @@ class Library:
         name = self._about
 
         def done(_nothing: None) -> None:
-            self._say(f"{name} is deleted.")
+            self._say(f"{name} was deleted.")
             was_chosen = self._session.experiment.mission == name
             self._session.library_changed(Experiment().mission if was_chosen else None)
 

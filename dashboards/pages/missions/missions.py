@@ -1,4 +1,4 @@
-"""Missions page: its parts, of which one is shown."""
+"""Missions page: its parts, one of which is visible."""
 
 from __future__ import annotations
 
@@ -21,15 +21,15 @@ from lab.views.figures import TimeAxis
 
 
 class Part(Protocol):
-    """A part of the page: made when first shown."""
+    """A part of the page, made when first shown."""
 
     view: pn.viewable.Viewable
 
     def refresh(self) -> None:
-        """Show what is now; called whenever the part is shown."""
+        """Show the current state; called whenever the part is shown."""
 
     def close(self) -> None:
-        """End with the session."""
+        """End the part with its session."""
 
 
 PARTS: dict[str, Callable[[Session], Part]] = {
@@ -38,14 +38,14 @@ PARTS: dict[str, Callable[[Session], Part]] = {
     "Fly": Flying,
     "X-Plane": Recording,
 }
-"""What makes each part, by what its button says."""
+"""Factory of each part, by the label of its button."""
 
 FOR_ALL = ("Library",)
-"""Parts for visitors who may not change the missions; the others are never made."""
+"""Parts for visitors who may not change missions; the other parts are not made."""
 
 
 class Missions(Page):
-    """The missions there are, and where new ones come from."""
+    """All missions, and the sources of new ones."""
 
     title = "Missions"
     depends_on_window = False
@@ -62,7 +62,7 @@ class Missions(Page):
         return cls(axis, session)
 
     def make(self) -> pn.viewable.Viewable:
-        """Return the choice of parts above the part chosen."""
+        """Return the selection of parts above the selected part."""
         self._choice = pmui.RadioButtonGroup(
             sx={"& button": {"whiteSpace": "nowrap", "padding": "4px 14px"}},
             options=self._titles,
@@ -84,20 +84,20 @@ class Missions(Page):
         )
 
     def draw(self, result: Result) -> None:
-        """Show what is now."""
+        """Show the current state."""
         self._part.refresh()
 
     @property
     def _part(self) -> Part:
         title = self._choice.value
-        if title not in self._titles:  # a hand-made message may choose anything
+        if title not in self._titles:  # a hand-made message may contain any value
             title = self._titles[0]
         if title not in self._parts:
             self._parts[title] = PARTS[title](self._session)
         return self._parts[title]
 
     def _turn(self) -> None:
-        """Show the part that is chosen."""
+        """Show the selected part."""
         self._part.refresh()
         self._stage[:] = [self._part.view]
 

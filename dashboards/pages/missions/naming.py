@@ -1,4 +1,4 @@
-"""Naming: how a new mission is to be called."""
+"""Naming: name and title of a new mission."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ class Naming:
     Parameters
     ----------
     name, title
-        What they are at first; a name that is taken gets a number.
+        Initial values; a name that is in use gets a number.
     """
 
     def __init__(self, name: str, title: str) -> None:
@@ -44,24 +44,24 @@ class Naming:
         self.suggest(name, title)
 
     def suggest(self, name: str, title: str) -> None:
-        """Suggest others."""
+        """Suggest another name and title."""
         fill(self._name, free_name(name))
         fill(self._title, title)
 
     def checked_name(self) -> str:
-        """Return the name as it is now.
+        """Return the current name.
 
         Raises
         ------
         MissionError
-            If it is not accepted, or a mission has it.
+            If the name is not accepted or in use.
         """
         name = accepted_name(str(self._name.value_input).strip())
         if free_name(name) != name:
-            raise MissionError(f"name {name!r}: a mission has it already; choose another name")
+            raise MissionError(f"name {name!r}: a mission already has this name; choose another one")
         return name
 
     @property
     def title(self) -> str:
-        """The title as it is now; the name where it is empty."""
+        """The current title; the name if the title is empty."""
         return str(self._title.value_input).strip() or str(self._name.value_input).strip()

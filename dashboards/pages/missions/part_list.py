@@ -1,4 +1,4 @@
-"""Part list: tables of a flight plan in their order, such as its manoeuvres: added, removed and moved."""
+"""Part list: ordered tables of a flight plan, such as its manoeuvres, to add, remove and move."""
 
 from __future__ import annotations
 
@@ -28,16 +28,16 @@ class _Part(NamedTuple):
 
 
 class PartList:
-    """Tables in their order.
+    """An ordered list of tables.
 
     Parameters
     ----------
     kinds
-        The dataclasses a table may be of, by the words a plan calls them.
+        The dataclasses of the tables, by their words in a plan.
     noun
-        What one of them is called.
+        Name of one table.
     changed
-        Called whenever a person has changed something.
+        Called after every change by a person.
     """
 
     def __init__(self, kinds: Mapping[str, type], noun: str, changed: Callable[[], None]) -> None:
@@ -72,7 +72,7 @@ class PartList:
         self._show()
 
     def read(self) -> list[tuple[str, dict[str, Any]]]:
-        """Return the tables as they are now, each with its word."""
+        """Return the current tables, each with its word."""
         return [(part.word, part.fields.read()) for part in self._parts]
 
     def _make(self, word: str, values: Mapping[str, Any]) -> _Part:
@@ -122,5 +122,5 @@ class PartList:
 
 
 def spoken(word: str) -> str:
-    """Return a word of a plan as people say it."""
+    """Return a word of a plan as displayed text."""
     return word.replace("_", " ").capitalize()

@@ -30,7 +30,7 @@ class PlanEditor:
     Parameters
     ----------
     changed
-        Called whenever there is another plan.
+        Called after every change of the plan.
     """
 
     def __init__(self, changed: Callable[[], None]) -> None:
@@ -73,7 +73,7 @@ class PlanEditor:
         )
 
     def load(self, values: Mapping[str, Any]) -> None:
-        """Show a plan, as the ``[flight]`` table of a mission has it; without one there are no fields yet."""
+        """Show a plan in the form of a mission's ``[flight]`` table; without a plan there are no fields."""
         if isinstance(values.get("runway"), str):
             values = {**values, "runway": airports.runway(values["runway"])}
         self._loading = True
@@ -86,7 +86,7 @@ class PlanEditor:
         self._changed()
 
     def read(self) -> dict[str, Any]:
-        """Return the plan as it is now, as plain data, acceptable or not."""
+        """Return the current plan as plain data, valid or not."""
         air = self._air_fields.read()
         gusts = [values for _, values in self._gusts.read()]
         return {
@@ -103,7 +103,7 @@ class PlanEditor:
         Raises
         ------
         MissionError
-            If something in it is not accepted.
+            If the plan is not accepted.
         """
         return FlightPlan.from_dict(self.read(), "plan")
 
@@ -119,11 +119,11 @@ class PlanEditor:
         self._air[:] = [self._air_fields.view]
         self._gusts.load([("gust", gust) for gust in air.get("gusts", [])])
         tables = [(entry["do"], entry) for entry in values.get("manoeuvres", [])]
-        # A take-off ends low: the heights of the aircraft are those it climbs to.
+        # A take-off ends low: the heights of the aircraft are those that it climbs to.
         self._manoeuvres.load(tables, limits)
 
     def _chosen(self) -> None:
-        """Show the fields that go with another aircraft or start; where it starts stays the same place."""
+        """Show the fields for another aircraft or kind of start; the place of the start stays."""
         if self._loading:
             return
         values = self.read()
@@ -133,7 +133,7 @@ class PlanEditor:
         self.load(values)
 
     def _placed(self, event: param.parameterized.Event) -> None:
-        """Put the start on a runway; then another may be chosen, or the fields changed."""
+        """Put the start on a runway, which can be changed afterwards."""
         if event.new:
             self._where_fields.write(airports.runway(event.new))
             self._runway.value = ""

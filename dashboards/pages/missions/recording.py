@@ -1,4 +1,4 @@
-"""Recording: the part of the page that records a flight from a running X-Plane and makes a mission of it."""
+"""Recording: the part of the page that records a flight from a running X-Plane as a mission."""
 
 from __future__ import annotations
 
@@ -17,17 +17,17 @@ from lab.importing.xplane_live import PORT, XPlaneRecorder
 from lab.repair.raw_flight import RawFlight
 
 TELL = 500
-"""Time from one word about the recording to the next [ms]."""
+"""Time between two updates of the recording's state [ms]."""
 _FIELD: dict[str, Any] = {"size": "small", "variant": "outlined", "margin": (8, 4)}
 
 
 class Recording:
-    """Records from X-Plane, over the network.
+    """Records from X-Plane over the network.
 
     Parameters
     ----------
     session
-        Which flies through the mission then.
+        Session that then runs the mission.
     """
 
     def __init__(self, session: Session) -> None:
@@ -46,8 +46,8 @@ class Recording:
         self._job = Job()
         self._draft = Draft(session)
         note = pn.pane.HTML(
-            "<p>X-Plane sends where it is by itself, once asked: nothing has to be set there but that it "
-            "accepts incoming connections (Settings, Network).</p>",
+            "<p>X-Plane sends position and attitude on request. It needs one setting: it must accept "
+            "incoming connections (Settings, Network).</p>",
             margin=(0, 6),
             sizing_mode="stretch_width",
             styles={"opacity": "0.7", "font-size": "13px"},
@@ -73,10 +73,10 @@ class Recording:
         )
 
     def refresh(self) -> None:
-        """Show what is now: nothing here depends on it."""
+        """Do nothing: this part does not depend on the missions."""
 
     def close(self) -> None:
-        """End the recording, and what goes with it."""
+        """End the recording and its draft."""
         self._closed = True
         if self._recorder is not None:
             self._recorder.close()
@@ -87,18 +87,18 @@ class Recording:
         host = str(self._host.value_input or self._host.value).strip()
         port, rate = number(str(self._port.value)), number(str(self._rate.value))
         if isinstance(port, str) or isinstance(rate, str) or not port.is_integer():
-            self._job.say("Port and rate are numbers: such as port 49000 and 50 Hz.")
+            self._job.say("Port and rate must be numbers, such as port 49000 and 50 Hz.")
             return
 
         def work(_progress: Progress) -> XPlaneRecorder:
-            recorder = XPlaneRecorder(host, int(port), rate)  # asks for the address of the host
+            recorder = XPlaneRecorder(host, int(port), rate)  # resolves the host name
             recorder.start()
             if self._closed:
                 recorder.close()
             return recorder
 
         if not self._job.busy:
-            self._job.start("Asking X-Plane", work, self._started)
+            self._job.start("Sending a request to X-Plane", work, self._started)
 
     def _started(self, recorder: XPlaneRecorder) -> None:
         self._recorder = recorder

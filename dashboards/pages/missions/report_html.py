@@ -1,4 +1,4 @@
-"""Report html: what an import report tells beside its verdict, as a table in groups."""
+"""Report html: the rows of an import report, besides its verdict, as a table in groups."""
 
 from __future__ import annotations
 
@@ -17,11 +17,11 @@ td:first-child { opacity: .7; white-space: nowrap; width: 1%; }
 
 
 def report_html(report: ImportReport) -> str:
-    """Return everything else of a report as an HTML table."""
+    """Return the rows of a report as an HTML table."""
     parts = []
     for group, rows in groupby(report.rows, key=lambda row: row.group):
         parts.append(f'<tr><th colspan="2">{escape(group)}</th></tr>')
-        # All but the note on the command line's --unit.
+        # The note about the command line's --unit is omitted.
         kept = (row for row in rows if row.name or group != "Units")
         parts += [f"<tr><td>{escape(row.name)}</td><td>{escape(row.value)}</td></tr>" for row in kept]
     return f"<table>{''.join(parts)}</table>"
