@@ -55,6 +55,10 @@ OBSERVABLE = 1 / 3
 MEETING = 60.0
 """Time at which a drive that nobody assumed is first tried to reach the white noise [s]: a smaller one does
 not show in a flight of minutes."""
+LONGEST_LATENCY = 60.0
+"""Largest latency [s], of either sign, that is written into the settings: `navigator.latency` accepts it."""
+FARTHEST = 50.0
+"""Largest logarithm of an end of an interval over its estimate: e⁵⁰ is finite, and beyond any use."""
 NOTHING = 10.0
 """Logarithm at which noise is taken as none: 20,000 times less than where the search begins."""
 
@@ -90,7 +94,7 @@ class Assumed(NamedTuple):
         navigator = changed.navigator
         navigator.q = (self.noise / navigator.q_scale).tolist()
         navigator.r_factors = self.factors.tolist()
-        navigator.latency = float(np.clip(self.latency, -60, 60))
+        navigator.latency = float(np.clip(self.latency, -LONGEST_LATENCY, LONGEST_LATENCY))
         navigator.lever_arm = self.lever_arm.tolist()
         return changed
 
@@ -166,7 +170,7 @@ def rows_of(
         if index < LOGARITHMS.stop:
             power = 2.0 if FIX.start <= index < FIX.stop else 1.0
             low, high = (
-                new * math.exp(float(np.clip(power * (end - estimate.value[index]), -50.0, 50.0)))
+                new * math.exp(float(np.clip(power * (end - estimate.value[index]), -FARTHEST, FARTHEST)))
                 for end in (low, high)
             )
             low, sigma = 0.0 if bounded[index] else low, new * power * sigma

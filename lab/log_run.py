@@ -60,8 +60,6 @@ WITHOUT_EFFECT = frozenset(
 )
 """Settings of the navigator that a log answers itself: where it starts, and how uncertain that is."""
 
-_LONGEST = 1.0
-"""Longest time between two rows of a reference that is bridged [s]."""
 _SAME_CLOCK = 1e-3  # from where on the clock of the file differs from the time of the log [s]
 
 

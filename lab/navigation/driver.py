@@ -57,7 +57,7 @@ from lab.navigation.propagation import (
     compile_propagation,
     layout,
 )
-from lab.navigation.schedule import Schedule
+from lab.navigation.schedule import SLACK, Schedule
 from lab.navigation.solution import Fixes, Imu, Solution
 from lab.navigation.standstill import GATE, gather_rest, hold_attitude, see_rest
 from lab.navigation.strapdown import (
@@ -572,18 +572,18 @@ def take_measurements(
     time = imu.time[k + 1]
     dt = time - imu.time[k]
     m = run.counts[0]
-    fix_due = m < fixes.time.size and fixes.time[m] <= time + 1e-6 * dt
+    fix_due = m < fixes.time.size and fixes.time[m] <= time + SLACK * dt
     rests = imu.rest.size > 0 and imu.rest[k]
     if rests and gather_rest(state, run.rest_sums, dt) and _observe_rest(run):
         out.rest[k + 1] = True
         pending = True
-        if schedule.feedback and time - run.clock[0] >= schedule.correction_period - 1e-6 * dt:
+        if schedule.feedback and time - run.clock[0] >= schedule.correction_period - SLACK * dt:
             _correct(state, w, T)
             run.clock[0] = time
             pending = False
     while fix_due:
         age = time - fixes.time[m]
-        if age <= dt * (1 + 1e-6):
+        if age <= dt * (1 + SLACK):
             _difference(state, age, age / dt, fixes.position[m], fixes.velocity_n[m], z)
             became = _observe(run, m, age, time, schedule, z, out)
             if became == REJECTED:
@@ -592,7 +592,7 @@ def take_measurements(
                 out.fix_sample[m] = k + 1
                 out.fix_recovered[m] = became == RECOVERED
                 pending = True
-                if schedule.feedback and time - run.clock[0] >= schedule.correction_period - 1e-6 * dt:
+                if schedule.feedback and time - run.clock[0] >= schedule.correction_period - SLACK * dt:
                     _correct(state, w, T)
                     run.clock[0] = time
                     pending = False
@@ -602,7 +602,7 @@ def take_measurements(
                     _store_fix(out, m, state, w, T)
         m += 1
         run.counts[0] = m
-        fix_due = m < fixes.time.size and fixes.time[m] <= time + 1e-6 * dt
+        fix_due = m < fixes.time.size and fixes.time[m] <= time + SLACK * dt
     return PENDING if pending else SETTLED
 
 
@@ -680,7 +680,7 @@ def driver(model: ErrorModel, *, summed: bool) -> Advance:
             if _lost(state):
                 return k + 1
             m = run.counts[0]
-            fix_due = m < fixes.time.size and fixes.time[m] <= time + 1e-6 * dt
+            fix_due = m < fixes.time.size and fixes.time[m] <= time + SLACK * dt
             if imu.rest.size > 0:
                 hold_attitude(state, run.rest_sums, imu.rest[k])
             _write(state, run.F)

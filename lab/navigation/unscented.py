@@ -43,7 +43,7 @@ from lab.navigation.kalman import (
 )
 from lab.navigation.lever_arm import NO_TURNS, see_antenna, turns
 from lab.navigation.navigator import go_through
-from lab.navigation.schedule import EVERY_FIX, Schedule, Stretch
+from lab.navigation.schedule import EVERY_FIX, SLACK, Schedule, Stretch
 from lab.navigation.sigma_points import attitude, displace, gather, spread, transport
 from lab.navigation.solution import Belief, Fixes, Imu, Solution, Start, read_only
 from lab.navigation.standstill import GATE, ROOM, gather_rest, hold_attitude, see_rest
@@ -477,21 +477,21 @@ def _compile_advance(sources: str) -> Callable[[Filter, Imu, Fixes, Solution, in
             if abs(run.state[LATITUDE]) > strapdown.MAX_LATITUDE:
                 return k + 1
             m = run.counts[0]
-            fix_due = m < fixes.time.size and fixes.time[m] <= time + 1e-6 * dt
+            fix_due = m < fixes.time.size and fixes.time[m] <= time + SLACK * dt
             rest_due = _rests(run, imu, k, dt)
             if (
                 fix_due
                 or rest_due
-                or (run.counts[1] >= schedule.stride and run.clock[0] >= FORMED - 1e-6 * dt)
+                or (run.counts[1] >= schedule.stride and run.clock[0] >= FORMED - SLACK * dt)
             ):
                 _form(run)
-                if fix_due or rest_due or run.clock[1] >= HELD - 1e-6 * dt:
+                if fix_due or rest_due or run.clock[1] >= HELD - SLACK * dt:
                     _centre(run)
             if rest_due and _update_at_rest(run):
                 out.rest[k + 1] = True
             while fix_due:
                 age = time - fixes.time[m]
-                if age <= dt * (1 + 1e-6):
+                if age <= dt * (1 + SLACK):
                     nu = out.innovation[m]
                     _innovation(run.state, age, age / dt, fixes.position[m], fixes.velocity_n[m], nu)
                     became = _judge(run, m, age, time, schedule, nu, out)
@@ -503,7 +503,7 @@ def _compile_advance(sources: str) -> Callable[[Filter, Imu, Fixes, Solution, in
                         out.fix_recovered[m] = became == RECOVERED
                 m += 1
                 run.counts[0] = m
-                fix_due = m < fixes.time.size and fixes.time[m] <= time + 1e-6 * dt
+                fix_due = m < fixes.time.size and fixes.time[m] <= time + SLACK * dt
             _store(out, k + 1, run)
         return imu.time.size
 
