@@ -73,8 +73,9 @@ _DATES = (10_100, 311_299)
 """First and last date, ddmmyy."""
 _DAYS, _MONTHS = 31, 12
 """Most days of a month, and months of a year."""
-# The value of each character as a hexadecimal digit; 255 for the others.
 _NO_DIGIT = 255
+"""The value of a character that is no hexadecimal digit."""
+# The value of each character as a hexadecimal digit.
 _HEX = np.full(256, _NO_DIGIT, dtype=np.uint8)
 for _digit in b"0123456789ABCDEFabcdef":
     _HEX[_digit] = int(chr(_digit), 16)
