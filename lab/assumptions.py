@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from lab.analysis.identification import Row
 from lab.analysis.likelihood import Estimate, Parameter
 from lab.experiment_settings import ExperimentSettings
-from lab.navigation.belief import assumed_latency, assumed_lever_arm, belief
+from lab.navigation.belief import assumed_lever_arm, belief
 from lab.run import Run
 from lab.sensors.suite import SensorSuite
 from lab.units import TO_SI, si
@@ -103,16 +103,11 @@ def assumed(run: Run) -> tuple[Assumed, FloatArray]:
     """Return what the filter of a run assumes, and what a search begins with: nothing in it is zero."""
     sensors, navigator = run.experiment.sensors, run.experiment.navigator
     noise = belief(sensors, navigator).noise
-    if run.recorded:
-        gnss = run.recorded.log.gnss
-        latency, lever_arm = gnss.latency, gnss.lever_arm
-    else:
-        latency, lever_arm = float(sensors.gps.latency), si(sensors.gps, "lever_arm")
     now = Assumed(
         noise,
         np.array(navigator.r_factors),
-        assumed_latency(navigator, latency),
-        assumed_lever_arm(navigator, lever_arm),
+        run.latency,
+        assumed_lever_arm(navigator, run.own_lever_arm),
     )
     begin = noise.reshape(4, 3).copy()
     usual = SensorSuite().groups()
