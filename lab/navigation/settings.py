@@ -168,7 +168,7 @@ class NavigatorSettings(Settings):
         default=False,
         label="Smoother",
         doc="After the flight, use all fixes for every sample (fixed-interval smoothing, as Rauch, Tung and "
-        "Striebel's). Model phi only; innovations remain the filter's.",
+        "Striebel's), with the three linear models; innovations remain the filter's.",
     )
     gate = Quantity(
         0.0,
