@@ -24,12 +24,12 @@ JUDGES = (
     *(
         "flying/motion_commands.py",
         "flying/motion_file.py",
-        "flying/motion_response.py",
         "flying/waypoints.py",
     ),
     *(
         "log_run.py",
         "navigation/driver.py",
+        "navigation/observation.py",
         "navigation/reference.py",
         "renavigation.py",
         "setting_kinds.py",

@@ -23,7 +23,7 @@ CURVATURE = {
     "importing/derived_motion.py": "the transport rate",
     "navigation/filter.py": "the strapdown's state",
     "navigation/strapdown.py": "the transport rate, compiled",
-    "navigation/unscented.py": "the strapdown's state",
+    "navigation/unscented_filter.py": "the strapdown's state",
     "navigation/wander.py": "the curvature in the wander frame",
 }
 """Files that need the radii of curvature themselves, and what for; all others need metres per radian."""

@@ -16,19 +16,16 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from lab import earth
 from lab.navigation import strapdown
 from lab.navigation.compilation import (
     SOURCES,
     embedded_kernel,
     entry_kernel,
     inline_kernel,
-    interpreted,
 )
 from lab.navigation.error_models import ATT
 from lab.navigation.kalman import (
@@ -41,12 +38,12 @@ from lab.navigation.kalman import (
     predict_fix,
     weight,
 )
-from lab.navigation.lever_arm import NO_TURNS, see_antenna, turns
+from lab.navigation.lever_arm import see_antenna, turns
 from lab.navigation.navigator import go_through
 from lab.navigation.schedule import EVERY_FIX, SLACK, Schedule, Stretch
 from lab.navigation.sigma_points import attitude, displace, gather, spread, transport
 from lab.navigation.solution import Belief, Fixes, Imu, Solution, Start, read_only
-from lab.navigation.standstill import GATE, ROOM, gather_rest, hold_attitude, see_rest
+from lab.navigation.standstill import GATE, gather_rest, hold_attitude, see_rest
 from lab.navigation.strapdown import (
     GYRO_BIAS,
     LATITUDE,
@@ -57,6 +54,7 @@ from lab.navigation.strapdown import (
     get,
     put,
 )
+from lab.navigation.unscented_filter import Filter
 from lab.settings import SettingError
 
 FloatArray = NDArray[np.float64]
@@ -65,80 +63,6 @@ FORMED = 0.02
 """Shortest time between two formations of mean and covariance, those at fixes apart [s]."""
 HELD = 1.0
 """Longest time for which the sigma points go on before they are spread anew [s]."""
-
-
-class Filter(NamedTuple):
-    """An unscented filter between two samples, with the workspace of its kernels.
-
-    Attributes
-    ----------
-    state : (LENGTH,) array
-        The navigator: the mean, and the centre of the sigma points.
-    points : (2 n, LENGTH) array
-        The sigma points, navigators of the same kind.
-    P : (n, n) array
-        Covariance of the error, in the order of `error_models.STATES`, 15 or 21 of them.
-    """
-
-    state: FloatArray
-    points: FloatArray
-    P: FloatArray
-    root: FloatArray  # lower Cholesky factor of P
-    deviations: FloatArray  # error of the navigator, were each sigma point the truth
-    order: NDArray[np.int64]  # of the states in the root: the attitude first
-    x: FloatArray
-    mean: FloatArray  # error of the navigator, were the mean of the sigma points the truth
-    driven: FloatArray  # covariance that process noise has brought since the points were spread
-    spare: FloatArray  # a navigator
-    counts: NDArray[np.int64]  # next fix; samples since mean and covariance were formed
-    clock: (
-        FloatArray  # seconds since then; since the points were spread, negative before that; of the last fix
-    )
-    streak: FloatArray  # of implausible fixes, see `kalman.stands_out`
-    R: FloatArray  # of all fixes, or of each
-    R_fix: FloatArray  # of this fix
-    H: FloatArray  # how this fix sees the errors
-    noise: FloatArray
-    bias_decay: FloatArray
-    lever_arm: FloatArray
-    turns: FloatArray  # measured about all fixes, or about each, see `lever_arm.turns`
-    rest_sums: FloatArray  # of the rates at rest, see `standstill`
-
-    @classmethod
-    def begin(cls, start: Start, belief: Belief, time: float = 0.0, turned: FloatArray = NO_TURNS) -> Filter:
-        """Return a filter at its start, at a time [s]; for `turned` see `filter.Filter.begin`."""
-        state = np.zeros(strapdown.LENGTH)
-        interpreted(strapdown.set_position)(state, *start.position)
-        meridian, transverse = earth.radii(state[strapdown.SINE])
-        state[strapdown.MERIDIAN] = 1 / (meridian + start.position[2])
-        state[strapdown.TRANSVERSE] = 1 / (transverse + start.position[2])
-        state[VELOCITY : VELOCITY + 3] = start.velocity_n
-        state[strapdown.Q_NB : strapdown.Q_NB + 4] = start.q_nb
-        state[GYRO_BIAS : GYRO_BIAS + 3] = start.gyro_bias
-        n = belief.P0.shape[0]
-        return cls(
-            state,
-            np.zeros((2 * n, strapdown.LENGTH)),
-            np.array(belief.P0, dtype=np.float64, order="C"),
-            np.zeros((n, n)),
-            np.zeros((2 * n, n)),
-            np.r_[6:9, 0:6, 9:n],
-            np.zeros(n),
-            np.zeros(n),
-            np.zeros((n, n)),
-            np.zeros(strapdown.LENGTH),
-            np.zeros(2, dtype=np.int64),
-            np.array([0.0, -1.0, time]),
-            np.zeros(2 + MEASUREMENTS),
-            np.array(belief.R, dtype=np.float64).reshape(-1, MEASUREMENTS, MEASUREMENTS),
-            np.zeros((MEASUREMENTS, MEASUREMENTS)),
-            np.zeros((MEASUREMENTS, n)),
-            np.array(belief.noise, dtype=np.float64),
-            np.array(belief.bias_decay, dtype=np.float64),
-            np.array(belief.lever_arm, dtype=np.float64),
-            np.array(turned, dtype=np.float64),
-            np.zeros(ROOM),
-        )
 
 
 def navigate(
