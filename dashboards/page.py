@@ -74,6 +74,7 @@ class SimulatorPage:
         self.axis = TimeAxis(touch=self._on_phone)
         self._document = document
         self._zooming = False
+        self._dark = False
         self._pages: dict[int, Page] = {}
         self._time_bar = TimeBar(self.axis, document, self._follow, self._cut)
         self._settings: SettingsPanel | None = None
@@ -115,6 +116,9 @@ class SimulatorPage:
             while self._steps:
                 self._steps.pop(0)()
         self._view = self._frame()  # the garbage of an ended page is found from here
+        self._view.param.watch(self._dress, "dark_theme")
+        if self._view.dark_theme:
+            self._dress()
         self._view.servable()
         pn.state.on_session_destroyed(partial(_close, self))
         self._document.js_on_event(DocumentReady, CustomJS(code=SAME_STYLE_ONCE + SAME_FILE_AGAIN))
@@ -163,6 +167,11 @@ class SimulatorPage:
         finally:
             self._go_on()
 
+    def _dress(self, *_events: param.parameterized.Event) -> None:
+        self._dark = bool(self._view.dark_theme)
+        for page in self._pages.values():
+            page.dress(self._dark)
+
     def _add_settings(self) -> None:
         self._settings = SettingsPanel(self.session, self._steps.append)
         self._sidebar.append(self._settings.view)
@@ -186,6 +195,7 @@ class SimulatorPage:
         index = self._tabs.active
         if index not in self._pages:
             page = PAGES[index].of(self.axis, self.session)
+            page.dress(self._dark)
             page.draw_again = partial(self._show_again, page)
             self._pages[index] = page
         return self._pages[index]

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from lab.analysis.identification import Row
 from lab.analysis.likelihood import Estimate, Parameter
 from lab.experiment_settings import ExperimentSettings
-from lab.navigation.belief import assumed_latency, assumed_lever_arm, belief
+from lab.navigation.belief import assumed_lever_arm, belief
 from lab.run import Run
 from lab.sensors.suite import SensorSuite
 from lab.units import TO_SI, si
@@ -55,6 +55,10 @@ OBSERVABLE = 1 / 3
 MEETING = 60.0
 """Time at which the start value of an unassumed drive reaches the white noise [s]: a smaller drive does not
 show in a flight of minutes."""
+LONGEST_LATENCY = 60.0
+"""Largest latency [s], of either sign, that is written into the settings: `navigator.latency` accepts it."""
+FARTHEST = 50.0
+"""Largest logarithm of an end of an interval over its estimate: e⁵⁰ is finite, and beyond any use."""
 NOTHING = 10.0
 """Logarithm at which noise counts as zero: 20,000 times less than the start value of the search."""
 
@@ -90,7 +94,7 @@ class Assumed(NamedTuple):
         navigator = changed.navigator
         navigator.q = (self.noise / navigator.q_scale).tolist()
         navigator.r_factors = self.factors.tolist()
-        navigator.latency = float(np.clip(self.latency, -60, 60))
+        navigator.latency = float(np.clip(self.latency, -LONGEST_LATENCY, LONGEST_LATENCY))
         navigator.lever_arm = self.lever_arm.tolist()
         return changed
 
@@ -99,16 +103,11 @@ def assumed(run: Run) -> tuple[Assumed, FloatArray]:
     """Return the assumptions of a run's filter, and the start values of a search, without zeros."""
     sensors, navigator = run.experiment.sensors, run.experiment.navigator
     noise = belief(sensors, navigator).noise
-    if run.recorded:
-        gnss = run.recorded.log.gnss
-        latency, lever_arm = gnss.latency, gnss.lever_arm
-    else:
-        latency, lever_arm = float(sensors.gps.latency), si(sensors.gps, "lever_arm")
     now = Assumed(
         noise,
         np.array(navigator.r_factors),
-        assumed_latency(navigator, latency),
-        assumed_lever_arm(navigator, lever_arm),
+        run.latency,
+        assumed_lever_arm(navigator, run.own_lever_arm),
     )
     begin = noise.reshape(4, 3).copy()
     usual = SensorSuite().groups()
@@ -166,7 +165,7 @@ def rows_of(
         if index < LOGARITHMS.stop:
             power = 2.0 if FIX.start <= index < FIX.stop else 1.0
             low, high = (
-                new * math.exp(float(np.clip(power * (end - estimate.value[index]), -50.0, 50.0)))
+                new * math.exp(float(np.clip(power * (end - estimate.value[index]), -FARTHEST, FARTHEST)))
                 for end in (low, high)
             )
             low, sigma = 0.0 if bounded[index] else low, new * power * sigma

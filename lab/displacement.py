@@ -30,6 +30,20 @@ def metres_per_radian(latitude: FloatArray, height: FloatArray | float) -> tuple
     return meridian + height, (transverse + height) * np.cos(latitude)
 
 
+def longer_above(latitude: FloatArray, height: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return by which factors a way north and a way east at a height are longer than on the ellipsoid.
+
+    Parameters
+    ----------
+    latitude : (n,) array
+        Geodetic latitude [rad].
+    height : (n,) array
+        Height above the ellipsoid [m].
+    """
+    meridian, transverse = radii(np.sin(latitude))
+    return 1 + height / meridian, 1 + height / transverse
+
+
 def displacement(here: FloatArray, there: FloatArray) -> FloatArray:
     """Return the displacement (n, 3) from one position to another, in north, east, down of the first [m].
 

@@ -337,7 +337,7 @@ def _keep(result: Result, *, explain: bool = True) -> _Run:
 
 def _between(result: Result) -> tuple[FloatArray, FloatArray, int]:
     """Return times between the fixes, NEES of the position there, and its degrees of freedom."""
-    if result.recorded or result.lacks("consistency"):
+    if result.lacks("consistency"):
         return np.zeros(0), np.zeros(0), 0
     at = np.maximum(whole_seconds(result.time) - 1, 1)
     nees, degrees = position_nees(result.solution_arrays, at, reference_of(result))

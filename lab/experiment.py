@@ -180,10 +180,10 @@ class _Run:
     def flight(self) -> Flight:
         """Compute the trajectory, and truth and ideal IMU on its grid."""
         settings = self.experiment.trajectory
-        self.check_memory(int(self.mission.recording.duration * settings.imu_rate) + 1)
-        trajectory = Trajectory.from_recording(
-            self.mission.recording, settings.imu_rate, settings.attitude_curve
-        )
+        # Kept by itself: another IMU rate or curve needs no other reading.
+        recording = CACHE.get("recording", self.mission.content_hash, lambda: self.mission.recording)
+        self.check_memory(int(recording.duration * settings.imu_rate) + 1)
+        trajectory = Trajectory.from_recording(recording, settings.imu_rate, settings.attitude_curve)
         ideal = trajectory.increments(settings.imu_rate)
         return Flight(trajectory, trajectory.at(ideal.time), ideal)
 

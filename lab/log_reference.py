@@ -17,6 +17,8 @@ FloatArray = NDArray[np.float64]
 
 _LONGEST = 1.0
 """Longest time between two rows of a reference that is interpolated [s]."""
+_LONGEST_STEP = 2.5
+"""The same in usual steps, of a slow reference: one lost row makes two of them, and two lost rows three."""
 
 
 def reference_at(reference: Reference, time: FloatArray) -> Truth | None:
@@ -36,7 +38,7 @@ def reference_at(reference: Reference, time: FloatArray) -> Truth | None:
     rows = reference.time
     step = np.diff(rows)
     after = np.clip(np.searchsorted(rows, time), 1, rows.size - 1)
-    far = np.asarray(step > max(_LONGEST, 2.5 * float(np.median(step))))
+    far = np.asarray(step > max(_LONGEST, _LONGEST_STEP * float(np.median(step))))
     known = (time >= rows[0]) & (time <= rows[-1])
     known &= ~far[after - 1] | (time >= rows[after])
     if not known.any():

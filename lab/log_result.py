@@ -6,12 +6,31 @@ from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING
 
+import numpy as np
+from numpy.typing import NDArray
+
 from lab.datasets import tables
 from lab.result import Result
 from lab.run import Recorded
+from lab.trajectory import Truth
 
 if TYPE_CHECKING:
     import pandas as pd
+
+FloatArray = NDArray[np.float64]
+
+NEEDS_TRUTH = frozenset(("truth", "errors", "summary"))
+"""Data that are unknown for a log without a reference."""
+NEEDS_SIMULATION = frozenset(("consistency", "coverage", "budget", "temperature"))
+"""Data that are unknown for any log: a reference has neither the biases nor its own errors."""
+
+_KNOWN = "the innovations and the verdict on them show whether the filter is right."
+_SPOKEN = {
+    "consistency": "NEES",
+    "coverage": "the coverage of the errors",
+    "budget": "the error budget",
+    "temperature": "a simulated temperature",
+}
 
 
 @dataclass(frozen=True, eq=False, repr=False, kw_only=True)
@@ -31,6 +50,49 @@ class LogResult(Result):
     ideal: None = None
     recorded: Recorded
     aligned: None = None
+
+    @property
+    def time(self) -> FloatArray:
+        """Times of the IMU samples (n + 1,) [s]."""
+        return self.recorded.time
+
+    @property
+    def flown(self) -> Truth:
+        """The flight as the navigator estimated it: a reference may not be known everywhere."""
+        solution = self.solution_arrays
+        latitude, longitude, height = solution.position.T
+        return Truth(self.time, latitude, longitude, height, solution.velocity_n, solution.q_nb, self.euler)
+
+    @property
+    def true_word(self) -> str:
+        """What precedes a true quantity in a label."""
+        return "reference"
+
+    @property
+    def own_latency(self) -> float:
+        """The latency of the fixes, as the log says [s]."""
+        return float(self.recorded.log.gnss.latency)
+
+    @property
+    def own_lever_arm(self) -> FloatArray:
+        """The lever arm (3,) of the antenna, as the log says [m]."""
+        return self.recorded.log.gnss.lever_arm
+
+    @property
+    def fix_validity(self) -> FloatArray:
+        """Times (m,) of the fixes [s], which are stored without the latency."""
+        return self.fixes.time
+
+    def lacks(self, name: str) -> str:
+        """Return why something is not known of this log, in a sentence; see `Run.lacks`."""
+        if name in NEEDS_SIMULATION:
+            return (
+                "The true flight and the true biases of a sensor log are unknown, and "
+                f"{_SPOKEN.get(name, name)} needs them; {_KNOWN}"
+            )
+        if name in NEEDS_TRUTH and self.truth_arrays is None:
+            return f"This sensor log has no reference, so its errors are unknown; {_KNOWN}"
+        return ""
 
     @property
     def truth_word(self) -> str:

@@ -60,8 +60,6 @@ WITHOUT_EFFECT = frozenset(
 )
 """Settings of the navigator that the log itself provides: the start and its uncertainty."""
 
-_LONGEST = 1.0
-"""Longest time between two rows of a reference that is interpolated [s]."""
 _SAME_CLOCK = 1e-3  # largest offset at which the clock of the file counts as the time of the log [s]
 
 

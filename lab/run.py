@@ -5,6 +5,7 @@ Analyses and datasets are functions of a `Run`. `lab.result` is its user interfa
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -26,19 +27,6 @@ from lab.sensors.imu import Measured
 from lab.trajectory import Truth
 
 FloatArray = NDArray[np.float64]
-
-NEEDS_TRUTH = frozenset(("truth", "errors", "summary"))
-"""Data that are unknown for a log without a reference."""
-NEEDS_SIMULATION = frozenset(("consistency", "coverage", "budget", "temperature"))
-"""Data that are unknown for any log: a reference has neither the biases nor its own errors."""
-
-_KNOWN = "the innovations and the verdict on them show whether the filter is right."
-_SPOKEN = {
-    "consistency": "NEES",
-    "coverage": "the coverage of the errors",
-    "budget": "the error budget",
-    "temperature": "a simulated temperature",
-}
 
 
 class ResultError(ValueError):
@@ -67,7 +55,7 @@ class Recorded(NamedTuple):
 
 
 @dataclass(frozen=True, eq=False, repr=False, kw_only=True)
-class Run:
+class Run(ABC):
     """The arrays of one run, in SI units.
 
     Attributes
@@ -113,9 +101,29 @@ class Run:
     aligned: Aligned | None = None
 
     @property
+    @abstractmethod
     def time(self) -> FloatArray:
         """Times of the IMU samples (n + 1,) [s]."""
-        return self.recorded.time if self.recorded else self.known_truth("time").time
+
+    @property
+    @abstractmethod
+    def flown(self) -> Truth:
+        """The flight at the IMU times as well as it is known: the true one, or of a log the estimated one."""
+
+    @property
+    @abstractmethod
+    def true_word(self) -> str:
+        """What precedes a true quantity in a label: ``"true"``, or ``"reference"`` of a log."""
+
+    @property
+    @abstractmethod
+    def own_latency(self) -> float:
+        """The latency of the fixes, as simulated, or as the log says [s]."""
+
+    @property
+    @abstractmethod
+    def own_lever_arm(self) -> FloatArray:
+        """The lever arm (3,) of the antenna, as simulated, or as the log says [m]."""
 
     @property
     def is_long(self) -> bool:
@@ -125,14 +133,12 @@ class Run:
     @property
     def latency(self) -> float:
         """The latency of the fixes that the filter assumed [s]."""
-        own = self.recorded.log.gnss.latency if self.recorded else self.experiment.sensors.gps.latency
-        return assumed_latency(self.experiment.navigator, float(own))
+        return assumed_latency(self.experiment.navigator, self.own_latency)
 
     @property
+    @abstractmethod
     def fix_validity(self) -> FloatArray:
         """Times of validity (m,) of the fixes, as the filter assumed them [s]."""
-        # For a log, the stored times are already reduced by the latency.
-        return self.fixes.time if self.recorded else self.fixes.time - self.latency
 
     @made_when_asked
     def euler(self) -> FloatArray:
@@ -161,6 +167,7 @@ class Run:
         settings = self.experiment.sensors.temperature
         return thermal.temperature(settings, self.time[1:], height[1:] - height[0])
 
+    @abstractmethod
     def lacks(self, name: str) -> str:
         """Return, in a sentence, why something is unknown for this run; empty if it is known.
 
@@ -169,16 +176,6 @@ class Run:
         name
             Name of a dataset, or ``"summary"``, ``"coverage"``, ``"budget"``.
         """
-        if self.recorded is None:
-            return ""
-        if name in NEEDS_SIMULATION:
-            return (
-                "The true flight and the true biases of a sensor log are unknown, and "
-                f"{_SPOKEN.get(name, name)} needs them; {_KNOWN}"
-            )
-        if name in NEEDS_TRUTH and self.truth_arrays is None:
-            return f"This sensor log has no reference, so its errors are unknown; {_KNOWN}"
-        return ""
 
     def known_truth(self, name: str) -> Truth:
         """Return the truth, or the reference of a log, to compute the data `name`.

@@ -17,6 +17,9 @@ from lab.notebook_card import NotebookCard
 from lab.setting_kinds import AxisQuantity, Intervals, describe
 from lab.setting_text import MAX_PATH, value_of
 
+_MAX_SHOWN = 60
+"""Most characters of a value that a message shows."""
+
 
 class SettingError(ValueError):
     """An unknown setting, or a value that it does not accept; the message says what is accepted."""
@@ -281,7 +284,7 @@ def _refused(path: str, value: Any, declaration: param.Parameter, error: Excepti
 
 def _show(value: Any) -> str:
     text = repr(value)
-    return text if len(text) <= 60 else text[:57] + "..."
+    return text if len(text) <= _MAX_SHOWN else text[: _MAX_SHOWN - 3] + "..."
 
 
 def _reason(error: Exception) -> str:

@@ -5,10 +5,16 @@ from __future__ import annotations
 from dataclasses import dataclass
 from functools import cached_property
 
+import numpy as np
+from numpy.typing import NDArray
+
 from lab.ideal_imu import IdealImu
 from lab.navigation.rest_alignment import Aligned
 from lab.result import Result
 from lab.trajectory import Truth
+from lab.units import si
+
+FloatArray = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False, repr=False, kw_only=True)
@@ -28,6 +34,40 @@ class SimulatedResult(Result):
     truth_arrays: Truth
     ideal: IdealImu
     aligned: Aligned
+
+    @property
+    def time(self) -> FloatArray:
+        """Times of the IMU samples (n + 1,) [s]."""
+        return self.truth_arrays.time
+
+    @property
+    def flown(self) -> Truth:
+        """The true flight."""
+        return self.truth_arrays
+
+    @property
+    def true_word(self) -> str:
+        """What precedes a true quantity in a label."""
+        return "true"
+
+    @property
+    def own_latency(self) -> float:
+        """The latency of the fixes, as simulated [s]."""
+        return float(self.experiment.sensors.gps.latency)
+
+    @property
+    def own_lever_arm(self) -> FloatArray:
+        """The lever arm (3,) of the antenna, as simulated [m]."""
+        return si(self.experiment.sensors.gps, "lever_arm")
+
+    @property
+    def fix_validity(self) -> FloatArray:
+        """Times of validity (m,) of the fixes, as the filter assumed them [s]."""
+        return self.fixes.time - self.latency
+
+    def lacks(self, name: str) -> str:
+        """Return why something is not known of this run: everything is."""
+        return ""
 
     @property
     def truth_word(self) -> str:

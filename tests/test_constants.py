@@ -1,10 +1,11 @@
-"""Every number that stands alone at module level says what it means: a docstring under it, or a comment."""
+"""Every number at module level says what it means, and thresholds that judge a user's data are there."""
 
 from __future__ import annotations
 
 import ast
 import io
 import tokenize
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
@@ -14,6 +15,38 @@ import lab
 FILES = sorted(Path(lab.__file__).parent.rglob("*.py"))
 DIRECTIVES = ("fmt:", "type:", "noqa")
 """Beginnings of comments that are for tools and say nothing of a number."""
+ROOT = FILES[0].parents[0]
+JUDGES = (
+    *("readers", "repair", "importing", "logs", "recordings", "missions", "analysis"),
+    *("navigation/algorithm.py", "navigation/alignment.py", "navigation/belief.py", "navigation/checks.py"),
+    *("navigation/initial_heading.py", "navigation/recorded.py", "navigation/rest_alignment.py"),
+    *("navigation/standstill.py", "sensors/suite.py", "assumptions.py", "identify.py", "log_reference.py"),
+    *(
+        "flying/motion_commands.py",
+        "flying/motion_file.py",
+        "flying/waypoints.py",
+    ),
+    *(
+        "log_run.py",
+        "navigation/driver.py",
+        "navigation/observation.py",
+        "navigation/reference.py",
+        "renavigation.py",
+        "setting_kinds.py",
+        "settings.py",
+        "toml_file.py",
+        "withheld.py",
+    ),
+)
+"""Rooms and files that refuse, repair or judge what a user brings."""
+COMPARING = {"allclose", "clip", "isclose", "max", "maximum", "min", "minimum", "percentile", "quantile"}
+"""Functions whose numbers are limits or shares, as those of a comparison are."""
+PLAIN = {0, 1, 2}
+"""Numbers that need no name: nothing, the whole, a pair, and their negatives."""
+ROUNDING = 1e-9
+"""Largest number that covers rounding or keeps a divisor from zero: no measurement is judged so finely."""
+ORDERING = (ast.Lt, ast.LtE, ast.Gt, ast.GtE)
+"""Comparisons with a limit; to be equal to a number is to have a shape, or to be that choice."""
 
 
 def is_numeric(value: ast.expr) -> bool:
@@ -60,7 +93,88 @@ def undocumented(source: str) -> list[str]:
     return found
 
 
-@pytest.mark.parametrize("path", FILES, ids=[str(path.relative_to(FILES[0].parents[0])) for path in FILES])
+def called(function: ast.expr) -> str:
+    """Return the last name of what is called or asked for: `clip` of `np.clip`."""
+    return function.attr if isinstance(function, ast.Attribute) else getattr(function, "id", "")
+
+
+def numbers(part: ast.AST) -> Iterator[ast.Constant]:
+    """Yield the numbers of an expression that need a name; not indices, exponents, arguments."""
+    if isinstance(part, ast.Constant):
+        if isinstance(part.value, int | float) and not isinstance(part.value, bool):
+            size = abs(part.value)
+            if size not in PLAIN and size > ROUNDING:
+                yield part
+    elif isinstance(part, ast.Subscript):
+        yield from numbers(part.value)
+    elif isinstance(part, ast.Call):
+        yield from numbers(part.func)
+    elif isinstance(part, ast.BinOp) and isinstance(part.op, ast.Pow):
+        yield from numbers(part.left)
+    else:
+        for inner in ast.iter_child_nodes(part):
+            yield from numbers(inner)
+
+
+def nameless(source: str) -> list[str]:
+    """Return the thresholds inside the functions of a module that are bare numbers, with their lines."""
+    found = {}
+    for function in ast.walk(ast.parse(source)):
+        if not isinstance(function, ast.FunctionDef | ast.AsyncFunctionDef | ast.Lambda):
+            continue
+        for part in ast.walk(function):
+            limits: list[ast.expr] = []
+            if isinstance(part, ast.Compare) and any(isinstance(one, ORDERING) for one in part.ops):
+                limits = [part.left, *part.comparators]
+            elif isinstance(part, ast.Call) and called(part.func) in COMPARING:
+                limits = [
+                    *part.args,
+                    *(one.value for one in part.keywords if one.arg in {"rtol", "atol", "q"}),
+                ]
+            for limit in limits:
+                for number in numbers(limit):
+                    found[number.lineno, number.col_offset] = number.value
+    return [f"line {line}: {value}" for (line, _), value in sorted(found.items())]
+
+
+JUDGING = [path for path in FILES if str(path.relative_to(ROOT)).startswith(JUDGES)]
+
+
+@pytest.mark.parametrize("path", JUDGING, ids=[str(path.relative_to(ROOT)) for path in JUDGING])
+def test_every_threshold_has_a_name(path: Path) -> None:
+    assert not nameless(path.read_text("utf-8"))
+
+
+@pytest.mark.parametrize("name", JUDGES)
+def test_every_judging_room_exists(name: str) -> None:
+    assert (ROOT / name).exists()
+
+
+@pytest.mark.parametrize(
+    ("body", "bare"),
+    [
+        ("x < 0.3", ["line 2: 0.3"]),
+        ("3.5 * y >= x", ["line 2: 3.5"]),
+        ("x > -4", ["line 2: 4"]),
+        ("len(x) < 5", ["line 2: 5"]),
+        ("f(x, 7) > y[8]", []),
+        ("(x > 5).any()", ["line 2: 5"]),
+        ("np.clip(x, -50, 1)", ["line 2: 50"]),
+        ("np.quantile(x, 0.95)", ["line 2: 0.95"]),
+        ("np.allclose(x, 1, atol=1e-3)", ["line 2: 0.001"]),
+        ("max(x, 1e-12) > LIMIT", []),
+        ("len(x) == 3 or x.shape != (4,)", []),
+        ("0 < x < 2 or x == -1 or x is True", []),
+        ("x[:3] <= y", []),
+        ("x**4 < y", []),
+        ("not x**4 < 16.3 * y", ["line 2: 16.3"]),
+    ],
+)
+def test_the_check_of_thresholds_finds_what_it_should(body: str, bare: list[str]) -> None:
+    assert nameless(f"def judge(x, y):\n    return {body}\n") == bare
+
+
+@pytest.mark.parametrize("path", FILES, ids=[str(path.relative_to(ROOT)) for path in FILES])
 def test_every_numeric_constant_is_explained(path: Path) -> None:
     assert not undocumented(path.read_text("utf-8"))
 

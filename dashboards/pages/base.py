@@ -78,6 +78,9 @@ class Page(ABC):
     def show_time(self, time: float) -> None:  # noqa: B027 - most pages have nothing to do
         """Follow the time cursor."""
 
+    def dress(self, dark: bool) -> None:  # noqa: B027 - most pages are dressed by the frame
+        """Follow the theme of the frame, dark or light."""
+
     def close(self) -> None:  # noqa: B027 - most pages have nothing to do
         """Release resources that are not freed automatically."""
 

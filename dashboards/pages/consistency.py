@@ -121,7 +121,8 @@ class Consistency(ComputedPage):
         self._result = result
         if self._identifying is not None:
             self._identifying.show(result)
-        self._choice.param.update(visible=not result.recorded, **({"value": 1} if result.recorded else {}))
+        alone = not result.realisation  # nothing is drawn that another seed would draw anew
+        self._choice.param.update(visible=not alone, **({"value": 1} if alone else {}))
         if self.runs > 1:
             self.working = f"Running {self.runs} seeds:"
             super().draw(result)
@@ -209,9 +210,9 @@ def _html() -> pn.pane.HTML:
 
 
 def _what_is_judged(result: Result) -> str:
-    if result.recorded:
+    if not result.realisation:
         return "A sensor log has no random draws, so this one run is judged, by its innovations."
-    return f"The flight shown, seed {result.experiment.seed}."
+    return f"The flight shown, {result.realisation}."
 
 
 def verdict_html(verdict: Verdict, by_innovations: Verdict, *, tried: bool = True) -> str:

@@ -39,7 +39,7 @@ class View3D(Page):
         frame = (
             f'<iframe src="{self._served.address}" title="Flight in three dimensions" allow="fullscreen" '
             f'style="border:0;width:100%;height:calc(100vh - {AROUND + 46}px);min-height:360px;display:block;'
-            'border-radius:6px;background:#1b1e23"></iframe>'
+            'border-radius:6px"></iframe>'
         )
         heights = pmui.Select(options=FACTORS, value=1.0, size="small", width=140, margin=(4, 10))
         heights.param.watch(lambda event: self._exaggerate(event.new), "value")
@@ -66,6 +66,12 @@ class View3D(Page):
         """Move the aircraft."""
         if self._scene is not None:
             self._scene.show_time(time)
+
+    def dress(self, dark: bool) -> None:
+        """Give the scene the background of the theme."""
+        if self._scene is not None:
+            self._scene.dress(dark)
+            self.draw_again()
 
     def close(self) -> None:
         """Stop the viser server."""

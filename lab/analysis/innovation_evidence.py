@@ -19,6 +19,7 @@ from lab.analysis.pattern import BINS, binned
 from lab.analysis.selection import gain_of
 from lab.analysis.sums import Fit, Kept, Squares, Sum, normal_equations
 from lab.navigation.kalman import MEASUREMENTS
+from lab.navigation.schedule import SLACK
 from lab.navigation.solution import Belief, Fixes, Imu, Solution
 
 FloatArray = NDArray[np.float64]
@@ -36,6 +37,13 @@ MOST = 0.2
 TRIED = 5.0
 """Logarithm of the likelihood ratio of latency and lever arm together above which all causes are tested;
 chance reaches it in 4 % of the runs."""
+MEDIAN_SQUARE = 5.35
+"""Median of χ² with six degrees of freedom, the components of a fix."""
+CLUSTERED = 1e-3
+"""Probability below which chance does not put fixes so close together. A convention."""
+FIGURES = 5
+"""Parts of `DOUBT` for each of seven figures, six channels and NIS, which depend on each other. A plain
+choice."""
 LONGEST = 2000
 """Number of fixes of a run for the tests of hypotheses; longer records use the first ones, to bound the
 time."""
@@ -92,7 +100,7 @@ def offered(solution: Solution, fixes: Fixes, imu: Imu) -> tuple[NDArray[np.intp
     seen = np.flatnonzero((solution.fix_sample >= 0) | solution.fix_rejected)
     used = solution.fix_sample[seen]
     step = float(np.median(np.diff(imu.time)))
-    at = np.searchsorted(imu.time, fixes.time[seen] - 1e-6 * step)
+    at = np.searchsorted(imu.time, fixes.time[seen] - SLACK * step)
     return seen, np.where(used >= 0, used, np.minimum(at, imu.time.size - 1)).astype(np.intp)
 
 
@@ -138,7 +146,9 @@ def _without_outliers(
     filter that rejects them searches for them, if all other innovations are then right; otherwise they are
     searched one after the other.
     """
-    usual = float(np.median(np.sum(normalised**2, axis=1), axis=0)) / 5.35 if normalised.size else 1.0
+    usual = (
+        float(np.median(np.sum(normalised**2, axis=1), axis=0)) / MEDIAN_SQUARE if normalised.size else 1.0
+    )
     limit = OUTLYING * max(usual, 1.0)
     apart = outliers(normalised, settled=NEIGHBOURS // 2)
     if not apart.any() and not (np.sum(normalised.reshape(-1, 2, 3) ** 2, axis=2) > limit).any():
@@ -162,7 +172,7 @@ def _clustered(times: FloatArray, which: NDArray[np.bool_]) -> bool:
     """Return whether some fixes are closer together than chance puts them one time in 1,000."""
     n, length = int(which.sum()), max(float(np.ptp(times)), 1e-9)
     part = float(np.ptp(times[which])) / length
-    return bool(n > 1 and n * part ** (n - 1) - (n - 1) * part**n < 1e-3)
+    return bool(n > 1 and n * part ** (n - 1) - (n - 1) * part**n < CLUSTERED)
 
 
 def _normalised(nu: FloatArray, S: FloatArray) -> FloatArray:
@@ -290,7 +300,7 @@ def suspicious(found: Innovations) -> bool:
     for squares in (found.offered, found.nis):
         for total, count in zip(np.atleast_1d(squares.total), np.atleast_1d(squares.number), strict=True):
             if count:
-                low, high = consistency.chi_square_interval(float(count), 1, 1 - DOUBT / 5)
+                low, high = consistency.chi_square_interval(float(count), 1, 1 - DOUBT / FIGURES)
                 if not low <= total <= high:
                     return True
     after = found.follows / np.maximum(found.offered.total, 1e-12)

@@ -45,6 +45,15 @@ FARTHEST = 2.0
 """Largest factor between successive steps to an end of an interval."""
 FEWEST = 10
 """Number of innovations of a channel above which their correlation is tested: ten have one lag."""
+DAMPING = 1e-3
+"""Least damping that is tried after a step that made it worse: a thousandth of the information."""
+STIFFER = 10.0
+"""Factor on the damping after a step, up or down (D. W. Marquardt, J. SIAM 11, 1963)."""
+AT_ONCE = 4
+"""Most runs of the filter at once: each holds the arrays of a run. A plain choice."""
+VALUES_PER_LAG = 10
+"""Values for each lag of a correlation: with a tenth as many lags χ² is wrong by chance three times as often
+as said, with a third of them ten times."""
 STIFFEST = 1e8
 """Damping at which the search ends without a step."""
 
@@ -200,8 +209,8 @@ def maximise(
     value = float(log_likelihoods(here).sum()) - _cost(place[free], start, prior)
     if not np.isfinite(value):
         raise ValueError("the innovations are not finite where the search begins")
-    damping, rounds = 1e-3, 0
-    with ThreadPoolExecutor(max_workers=min(4, os.cpu_count() or 1)) as pool:
+    damping, rounds = DAMPING, 0
+    with ThreadPoolExecutor(max_workers=min(AT_ONCE, os.cpu_count() or 1)) as pool:
         slopes = _slopes(run, parameters, free, place, here, pool)
         while free.size and rounds < most:
             progress("maximising the likelihood", rounds / most)
@@ -218,13 +227,13 @@ def maximise(
                 if there is not None and better > value:
                     moved = True
                     break
-                damping = max(10 * damping, 1e-3)
+                damping = max(STIFFER * damping, DAMPING)
             if not moved:
                 break
             assert there is not None
             sigma = np.sqrt(np.diag(np.linalg.inv(information)))
             small = bool(np.all(np.abs(trial[free] - place[free]) < SETTLED * sigma))
-            place, here, value, damping = trial, there, better, damping / 10
+            place, here, value, damping = trial, there, better, damping / STIFFER
             slopes = _slopes(run, parameters, free, place, here, pool)
             if small:
                 break
@@ -352,7 +361,7 @@ def long_run_covariance(scores: FloatArray) -> FloatArray:
     m = scores.shape[0]
     centred = scores - scores.mean(axis=0)
     total = centred.T @ centred
-    lags = max(1, m // 10)
+    lags = max(1, m // VALUES_PER_LAG)
     for lag in range(1, lags + 1):
         product = centred[lag:].T @ centred[:-lag]
         total = total + (1 - lag / (lags + 1)) * (product + product.T)
@@ -373,9 +382,7 @@ def is_white(seen: Seen, probability: float = 0.001) -> bool:
     for channel in normalised.T:
         known = channel[np.isfinite(channel)]
         if known.size > FEWEST:
-            # With lags up to a tenth of the number of values, false alarms are three times as frequent as
-            # stated; with a third, ten times.
-            found = autocorrelation(known[:, None], min(MAX_LAG, known.size // 10))
+            found = autocorrelation(known[:, None], min(MAX_LAG, known.size // VALUES_PER_LAG))
             _, p = ljung_box(found, known.size)
             if float(np.min(p)) < probability:
                 return False

@@ -164,12 +164,12 @@ def observability(run: Run) -> xr.Dataset:
     import xarray as xr  # noqa: PLC0415 - takes a while to import, and a run does without
 
     check_gains(run)
-    check_latitude(_flight(run))
+    check_latitude(run.flown)
     units = quantities(run.solution_arrays.states)
     epochs = epochs_of(run)
     kept = epochs.sample[epochs.last]
     sigma = believed_sigma(run)
-    found = manoeuvres(_flight(run))
+    found = manoeuvres(run.flown)
     edges = np.array([*(stretch.start for stretch in found), found[-1].end])
     at = np.append(0, epochs.sample[epochs.fix >= 0])
     known = sigma[at[np.searchsorted(run.time[at], edges, side="right") - 1]]
@@ -197,22 +197,13 @@ def observability(run: Run) -> xr.Dataset:
     )
 
 
-def _flight(run: Run) -> Truth:
-    """Return the flight: the true one, or for a log the estimated one."""
-    if run.recorded is None:
-        return run.known_truth("observability")
-    solution = run.solution_arrays
-    latitude, longitude, height = solution.position.T
-    return Truth(run.time, latitude, longitude, height, solution.velocity_n, solution.q_nb, run.euler)
-
-
 def _free_sigma(run: Run) -> FloatArray:
     """Return σ of all quantities (n + 1, states) that the filter would have without any fix.
 
     A perfect IMU and start keep the navigator on the true flight, so that the covariance is propagated there.
     For a log, that flight is the estimated one, to which the navigator is reset at each fix.
     """
-    flight, nothing = _flight(run), np.zeros(3)
+    flight, nothing = run.flown, np.zeros(3)
     start = Start.off(flight, nothing, nothing, nothing)
     model = with_states(PHI, run.belief.P0.shape[0])
     if run.ideal is None:

@@ -47,6 +47,13 @@ _SHOWN = 2.0
 """A record does not show a term below this multiple of its σ."""
 _STILL = 0.5
 """Largest change of the specific force over a record at rest, between means over a hundredth of it [m/s²]."""
+_PARTS, _SAMPLES_PER_PART = 100, 4
+"""Most parts of a record whose means are compared, and fewest samples of each, which average out noise."""
+_LONGEST_STEP = 1.5
+"""Longest step between samples, in usual ones: a step over one lost sample takes two."""
+_OFF_GRAVITY = 0.1
+"""Part by which the specific force at rest may differ from gravity: bias and scale factor of a consumer
+accelerometer make 0.3 m/s² and 3 %, a wrong unit a factor of 9.8."""
 
 
 class Record(NamedTuple):
@@ -87,7 +94,7 @@ def read_log(path: Path) -> dict[str, Record]:
     time = table[:, 0]
     steps = np.diff(time)
     dt = float(np.median(steps))
-    bad = np.flatnonzero((steps <= 0) | (steps > 1.5 * dt))
+    bad = np.flatnonzero((steps <= 0) | (steps > _LONGEST_STEP * dt))
     if bad.size or dt <= 0:
         row = int(bad[0]) if bad.size else 0
         raise MissionError(
@@ -274,15 +281,14 @@ def _table(path: Path) -> FloatArray:
 def _check_rest(path: Path, specific_force: FloatArray) -> None:
     """Raise `MissionError` if this is not the specific force of a body at rest."""
     size = float(np.linalg.norm(specific_force.mean(axis=0)))
-    if abs(size - earth.STANDARD_GRAVITY) > 0.1 * earth.STANDARD_GRAVITY:
-        hint = "; this looks like g" if abs(size - 1) < 0.1 else ""
+    if abs(size - earth.STANDARD_GRAVITY) > _OFF_GRAVITY * earth.STANDARD_GRAVITY:
+        hint = "; this looks like g" if abs(size - 1) < _OFF_GRAVITY else ""
         raise MissionError(
             f"{path}: the mean specific force is {size:.4g} m/s²{hint}; accepted is a record at rest, with "
             "about 9.8 m/s²"
         )
-    means = np.stack(
-        [part.mean(axis=0) for part in np.array_split(specific_force, min(100, len(specific_force) // 4))]
-    )
+    parts = min(_PARTS, len(specific_force) // _SAMPLES_PER_PART)
+    means = np.stack([part.mean(axis=0) for part in np.array_split(specific_force, parts)])
     change = float(np.ptp(means, axis=0).max())
     if change > _STILL:
         raise MissionError(

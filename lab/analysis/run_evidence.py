@@ -25,7 +25,7 @@ def evidence_of(run: Run, filtered: Solution, *, explain: bool = True) -> Eviden
     explain
         Whether to explain suspicious innovations, which takes several times as long as the run.
     """
-    reference = None if run.recorded else reference_of(run)
+    reference = None if run.lacks("consistency") else reference_of(run)
     if run.algorithm:
         return algorithm_evidence(run.solution_arrays, reference)
     fixes, navigator = run.fixes, run.experiment.navigator

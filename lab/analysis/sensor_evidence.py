@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lab.analysis.sums import Kept, Squares, Sum
+from lab.navigation.error_models import ACCEL_BIAS
 from lab.navigation.solution import Belief, Imu
 from lab.trajectory import Truth
 
@@ -37,6 +38,11 @@ LONGEST = 256
 """Most windows for the test of a bias process; longer flights have longer windows."""
 FACTORS = np.concatenate(([0.0], np.logspace(-4, 4, 17)))
 """Tried bias drives, relative to the filter's."""
+ENDS = 20
+"""Samples of a window for each at either end by which its slope is taken: 5 % of it, so that their mean is
+calmer than one sample and still at the end."""
+LONGER = 1.3
+"""The longer lag over the one that fits: its difference is the slope of the effect. A plain choice."""
 UNSEEN = 0.01
 """Fraction of the drive that noise would just hide; it replaces a drive of zero."""
 
@@ -146,7 +152,7 @@ def sensor_errors(belief: Belief, imu: Imu, reference: Reference) -> SensorError
     clipped = Squares(np.zeros(2), np.zeros(2))
     drift_matrix, drift_vector = np.zeros((runs, 6, drives, 4, 4)), np.zeros((runs, 6, drives, 4))
     drift_squares, determinant = np.zeros((runs, 6, drives)), np.zeros((runs, 6, drives))
-    has_scale = belief.P0.shape[0] > 15
+    has_scale = belief.P0.shape[0] > ACCEL_BIAS.stop
     window = max(WINDOW, float(imu.time[-1] - imu.time[0]) / LONGEST)
     for axis in np.flatnonzero(belief.noise[:6] > 0):
         seen = _axis(imu, reference, int(axis), WINDOW, has_scale)
@@ -233,7 +239,7 @@ def _lag(values: FloatArray, added: FloatArray, windows: int, dt: float) -> Floa
     The lag that fits the `added` errors is determined first, because a long lag has effects beyond the slope.
     """
     parts = values.reshape(windows, -1)
-    few = max(1, parts.shape[1] // 20)
+    few = max(1, parts.shape[1] // ENDS)
     fall = (parts[:, :few].mean(axis=1) - parts[:, -few:].mean(axis=1)) / (parts.shape[1] * dt)
     lag = _fitted(fall, added)
     if lag < SHORT:
@@ -248,7 +254,7 @@ def _lag(values: FloatArray, added: FloatArray, windows: int, dt: float) -> Floa
 
     for _ in range(3):
         lag = float(np.clip(_fitted(effect(lag), added), SHORT, LONG))
-    return np.stack((effect(lag), effect(1.3 * lag)), axis=-1)
+    return np.stack((effect(lag), effect(LONGER * lag)), axis=-1)
 
 
 def _fitted(effect: FloatArray, added: FloatArray) -> float:
@@ -268,7 +274,8 @@ def _drift(
     duration = seen.window * seen.noise.size
     density = belief.noise[axis] * rest
     drive, decay = float(belief.noise[6 + axis]), float(belief.bias_decay[axis])
-    base = max(drive, UNSEEN * 3 * density / duration**2)
+    hidden = 3 * density / duration**2
+    base = max(drive, UNSEEN * hidden)
     power, basis = spectrum(seen.noise.size, seen.window, decay)
     # Saturated windows contain no information about the bias.
     values = np.where(seen.clipped, 0.0, seen.noise - seen.motion @ spread) + seen.bias

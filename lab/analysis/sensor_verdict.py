@@ -28,6 +28,11 @@ depends on the motion accumulates over a manoeuvre, so it matters earlier than n
 LEFT = 0.1
 """Fraction of the first cause's gain that the next cause must reach, because first-order regressors leave a
 remainder."""
+TOGETHER = 2.0
+"""Ratio of the variances of both kinds of sensors up to which one factor on Q serves both: it is within √2 of
+each, less than `finding.MATTERS`."""
+LEAST_FACTOR = float(FACTORS[1])
+"""Smallest factor on a bias drive that is stated: the smallest tried that is not zero."""
 WANDERS = 3.0
 """Smallest factor of a wrong bias drive that is reported: σ of a bias is proportional to its fourth root."""
 
@@ -204,7 +209,7 @@ def _bias(errors: SensorErrors, axes: slice, kind: str) -> list[Weighed]:
     if gain < RATIO or 1 / WANDERS < factor < WANDERS:
         return []
     wrong = "small" if factor > 1 else "large"
-    times = factor if factor > 1 else 1 / max(factor, 1e-4)
+    times = factor if factor > 1 else 1 / max(factor, LEAST_FACTOR)
     how = f"about {times:.1g} × too {wrong}" if np.isfinite(times) else "zero"
     finding = Finding(
         f"Q {kind} bias",
@@ -230,7 +235,7 @@ def _noise(noise: Squares) -> list[Weighed]:
         "Errors grow {root} × as fast as σ states: the {kind} noise, and so Q, is about {factor} × too "
         "{wrong}."
     )
-    together = bool(noise.number.all()) and 0.5 < ratio[0] / max(ratio[1], 1e-12) < 2
+    together = bool(noise.number.all()) and 1 / TOGETHER < ratio[0] / max(ratio[1], 1e-12) < TOGETHER
     if together:
         return judge_size(
             Squares(noise.total.sum(), noise.number.sum()),

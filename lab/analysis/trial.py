@@ -31,6 +31,8 @@ WORSE = 1.05
 """Factor by which the errors across outages may grow by chance, over half a dozen outages."""
 CHANCE = 0.05
 """Largest change of NIS per degree of freedom, or of a correlation, that does not count as worse."""
+SPREAD = np.sqrt(2 / 6)
+"""σ of the NIS per degree of freedom of one fix: the variance of χ² is twice its six degrees of freedom."""
 RARE = 3.0
 """Number of standard deviations within which a figure counts as that of a right filter."""
 
@@ -162,8 +164,7 @@ def worsened(before: Figures, after: Figures) -> str:
     found = []
     by_chance = RARE / np.sqrt(max(after.fixes, 1.0))
     off = abs(np.log(max(after.nis, 1e-9)))
-    # The variance of χ² is twice its degrees of freedom; a fix has six.
-    if off > max(by_chance * np.sqrt(2 / 6), abs(np.log(max(before.nis, 1e-9))) + CHANCE):
+    if off > max(by_chance * SPREAD, abs(np.log(max(before.nis, 1e-9))) + CHANCE):
         found.append(f"NIS per degree of freedom ({before.nis:.2f}, then {after.nis:.2f})")
     if after.correlation > max(by_chance, before.correlation + CHANCE):
         found.append(

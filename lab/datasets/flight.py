@@ -36,8 +36,7 @@ _MOTION = ("position", "velocity_n", "q_nb")
 def truth(run: Run) -> xr.Dataset:
     """Return the true flight; see `Result.truth`."""
     true = run.known_truth("truth")
-    word = "reference" if run.recorded else "true"
-    return _flight(run, true.position, true.velocity_n, true.euler, word)
+    return _flight(run, true.position, true.velocity_n, true.euler, run.true_word)
 
 
 def solution(run: Run) -> xr.Dataset:

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
-from lab.earth import radii
+from lab.displacement import metres_per_radian
 
 FloatArray = NDArray[np.float64]
 
@@ -46,12 +46,12 @@ def position(time: FloatArray, velocity_n: FloatArray, start: FloatArray) -> Flo
     height = start[2] - integral(time, velocity_n[:, 2])
     latitude = np.full_like(time, start[0])
     for _ in range(_MAX_ROUNDS):
-        meridian, _ = radii(np.sin(latitude))
-        following = start[0] + integral(time, velocity_n[:, 0] / (meridian + height))
+        per_latitude, _ = metres_per_radian(latitude, height)
+        following = start[0] + integral(time, velocity_n[:, 0] / per_latitude)
         change = np.abs(following - latitude).max()
         latitude = following
         if change < _CONVERGED:
             break
-    _, transverse = radii(np.sin(latitude))
-    rate = velocity_n[:, 1] / ((transverse + height) * np.cos(latitude))
-    return np.stack((latitude, start[1] + integral(time, rate), height), axis=-1)
+    _, per_longitude = metres_per_radian(latitude, height)
+    longitude = start[1] + integral(time, velocity_n[:, 1] / per_longitude)
+    return np.stack((latitude, longitude, height), axis=-1)

@@ -139,8 +139,10 @@ def _commands(entries: Any, where: str) -> tuple[MotionCommand, ...]:
         read_part(MotionCommand, entry, f"{where}, number {count}") for count, entry in enumerate(entries, 1)
     )
     total = sum(command.seconds for command in commands)
-    if not 4 * SAMPLE <= total <= MAX_DURATION:
-        raise MissionError(f"{where}: {total:g} s in all; accepted are {4 * SAMPLE:g} to {MAX_DURATION:g} s")
+    if not MIN_SAMPLES * SAMPLE <= total <= MAX_DURATION:
+        raise MissionError(
+            f"{where}: {total:g} s in all; accepted are {MIN_SAMPLES * SAMPLE:g} to {MAX_DURATION:g} s"
+        )
     return commands
 
 

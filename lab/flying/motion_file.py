@@ -20,6 +20,8 @@ from lab.recordings.text_blocks import check_file
 MAX_BYTES = 2**22
 """Largest file accepted [bytes]."""
 
+_MIN_LINES = 4
+"""Fewest lines: two headers, the start and a command."""
 _START = (
     "latitude_deg", "longitude_deg", "height_m", "forward_m_s", "right_m_s", "down_m_s",
     "yaw_deg", "pitch_deg", "roll_deg",
@@ -50,7 +52,7 @@ def read_motion_file(path: Path) -> MotionPlan:
         if isinstance(error, MissionError):
             raise
         raise MissionError(f"{path}: cannot be read: {getattr(error, 'strerror', None) or error}") from error
-    if not is_motion_file(text.encode()) or len(rows) < 4:
+    if not is_motion_file(text.encode()) or len(rows) < _MIN_LINES:
         raise MissionError(
             f"{path}: is not a motion definition; accepted are a header line that begins with 'ini lat', a "
             "line of 9 numbers, a header line that begins with 'command type', and a line of 9 numbers per "

@@ -12,6 +12,8 @@ from lab.compiled_cache import check_files
 
 FloatArray = NDArray[np.float64]
 
+_REACHED = 1e-4
+"""What is left of a target that is reached [rad], [rad/s], [m/s]: far below what sensors show."""
 _RATES, _CHANGE, _ATTITUDE, _VELOCITY = 1, 3, 4, 5
 """Types of commands: rates, changes, attitude to reach, velocity to reach (gnss-ins-sim)."""
 
@@ -71,7 +73,7 @@ def respond(
                     if kind != _RATES:
                         braking = math.sqrt(1.2 * turn_acceleration * abs(left))
                         rate = math.copysign(min(abs(left) / 0.5, braking, turn_rate), left)
-                        reached = reached and abs(left) < 1e-4 and abs(first[i]) < 1e-4
+                        reached = reached and abs(left) < _REACHED and abs(first[i]) < _REACHED
                     wanted = min(max((rate - first[i]) / 0.1, -turn_acceleration), turn_acceleration)
                     second[i] += (wanted - second[i]) * step / 0.05
                     state[i] += first[i] * step + 0.5 * second[i] * step**2
@@ -80,7 +82,7 @@ def respond(
                     wanted = target[i]
                     if kind != _RATES:
                         wanted = min(max(left / 0.5, -acceleration), acceleration)
-                        reached = reached and abs(left) < 1e-4
+                        reached = reached and abs(left) < _REACHED
                     state[i] += first[i] * step
                     first[i] += (wanted - first[i]) * step / 0.1
             if reached:

@@ -18,13 +18,15 @@ from typing import Any, cast
 import numpy as np
 from numpy.typing import NDArray
 
-from lab.earth import STANDARD_GRAVITY, radii
+from lab.displacement import longer_above, metres_per_radian
+from lab.earth import STANDARD_GRAVITY
 from lab.flying.coordinated_turn import VEHICLES, Vehicle, attitude
 from lab.flying.dead_reckoning import integral
 from lab.flying.geodesic import geodesic
 from lab.flying.manoeuvres import MAX_DURATION
 from lab.flying.path_profile import Leg, Turn, profile
 from lab.flying.plan_table import LATITUDES, TURNS, choice, number, plain_part, read_part
+from lab.recordings.bounds import MIN_SAMPLES
 from lab.recordings.mission_error import MissionError
 from lab.recordings.recording import Recording
 from lab.rotation import wrap
@@ -47,6 +49,8 @@ _MIN_SPEED = 0.1
 """Slowest speed at which a leg is travelled [m/s]."""
 _MAX_ROUNDS = 80
 """Most rounds of Picard's iteration: the longest ways at the highest latitudes need most."""
+_FARTHEST = 1.5
+"""Largest latitude in a round [rad]: 86°, where the tangent stays finite until the rounds settle."""
 _CONVERGED = 1e-13
 """Change of latitude and course in a round below which they are found [rad]: 1 µm."""
 _DEFAULTS = {  # acceleration, lateral acceleration [m/s²], turn rate [rad/s], time to build up a turn [s]
@@ -137,10 +141,10 @@ def travel(plan: WaypointPlan) -> Recording:
     turns = [Turn(lasts_still=points[0].wait_s), *_corners(plan, course), Turn(lasts_still=points[-1].wait_s)]
     legs = [_leg(plan, number, length, turns) for number, length in enumerate(distance.tolist())]
     total = sum(leg.lasts for leg in legs) + sum(turn.lasts for turn in turns)
-    if not 4 * SAMPLE <= total <= MAX_DURATION:
+    if not MIN_SAMPLES * SAMPLE <= total <= MAX_DURATION:
         raise MissionError(
-            f"the path takes {total:.6g} s; accepted are {4 * SAMPLE:g} to {MAX_DURATION:g} s: change "
-            "speeds or waypoints"
+            f"the path takes {total:.6g} s; accepted are {MIN_SAMPLES * SAMPLE:g} to {MAX_DURATION:g} s: "
+            "change speeds or waypoints"
         )
     time = np.linspace(0.0, total, math.ceil(total / SAMPLE) + 1)
     position, velocity = _over_the_ellipsoid(points[0], time, course[0, 0], *profile(turns, legs, time))
@@ -236,23 +240,22 @@ def _over_the_ellipsoid(
 ) -> tuple[tuple[FloatArray, FloatArray, FloatArray], FloatArray]:
     """Return latitude, longitude and height, and velocity (n, 3), by Picard's iteration.
 
-    Along a geodesic the course changes by sin(course) tan(latitude) / N per metre (Clairaut's relation,
+    Along a geodesic the course changes by the change of longitude times sin(latitude) (Clairaut's relation,
     differentiated).
     """
     start = math.radians(first.latitude_deg)
     latitude, bearing = np.full_like(time, start), course + turned
     for _ in range(_MAX_ROUNDS):
-        meridian, transverse = radii(np.sin(latitude))
-        north = speed * np.cos(bearing)
-        turning = integral(time, speed * np.sin(bearing) * np.tan(latitude) / transverse)
-        there = start + integral(time, north / meridian)
+        per_latitude, per_longitude = metres_per_radian(latitude, 0.0)
+        turning = integral(time, speed * np.sin(bearing) / per_longitude * np.sin(latitude))
+        there = start + integral(time, speed * np.cos(bearing) / per_latitude)
         changes = np.abs(there - latitude).max(), np.abs(course + turned + turning - bearing).max()
-        latitude, bearing = np.clip(there, -1.5, 1.5), course + turned + turning
+        latitude, bearing = np.clip(there, -_FARTHEST, _FARTHEST), course + turned + turning
         if max(changes) < _CONVERGED:
             break
-    meridian, transverse = radii(np.sin(latitude))
+    _, per_longitude = metres_per_radian(latitude, 0.0)
     north, east = speed * np.cos(bearing), speed * np.sin(bearing)
-    longitude = math.radians(first.longitude_deg) + integral(time, east / (transverse * np.cos(latitude)))
-    longitude = wrap(longitude)
-    velocity = np.stack((north * (1 + height / meridian), east * (1 + height / transverse), -climb), axis=-1)
+    longitude = wrap(math.radians(first.longitude_deg) + integral(time, east / per_longitude))
+    more_north, more_east = longer_above(latitude, height)
+    velocity = np.stack((north * more_north, east * more_east, -climb), axis=-1)
     return (latitude, longitude, height), velocity

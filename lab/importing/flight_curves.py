@@ -12,8 +12,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
-from lab import earth, ecef
+from lab import ecef
 from lab.anchoring import anchored_cartesian, anchored_offsets
+from lab.displacement import longer_above
 from lab.importing import air_data
 from lab.importing.derived_motion import roughness, spline_rates
 from lab.importing.import_settings import AUTO, ImportSettings
@@ -118,9 +119,7 @@ class FlightCurves:
         there = ecef.geodetic(displacement(self.grid) + r_e[0])
         there[:, 2] = climb(self.grid)[:, 0]
         velocity_n = np.einsum("nji,nj->ni", ecef.axes(there[:, 0], there[:, 1]), displacement(self.grid, 1))
-        meridian, transverse = earth.radii(np.sin(there[:, 0]))
-        velocity_n[:, 0] *= 1 + there[:, 2] / meridian
-        velocity_n[:, 1] *= 1 + there[:, 2] / transverse
+        velocity_n[:, :2] *= np.stack(longer_above(there[:, 0], there[:, 2]), axis=-1)
         velocity_n[:, 2] = -climb(self.grid, 1)[:, 0]
         return there, velocity_n
 

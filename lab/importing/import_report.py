@@ -52,6 +52,8 @@ _LEAST_WIND = 0.005
 """Smallest wind that is shown [m/s]: less is 0.00 in the digits shown."""
 _MAX_CUTS_SHOWN, _MAX_RESETS_SHOWN = 3, 5
 """Most cuts and resets that the report lists one by one."""
+_MIN_TEXT = 20
+"""Fewest characters of a line beside its indent: a narrower terminal breaks them itself."""
 _MAX_WIDTH = 110
 """Widest report [characters]."""
 
@@ -440,5 +442,5 @@ def _loudness(force: float) -> Iterable[Finding]:
 def _hanging(name: str, value: str, width: int) -> list[str]:
     indent = f"  {name}  "
     return textwrap.wrap(
-        value, max(width, len(indent) + 20), initial_indent=indent, subsequent_indent=" " * len(indent)
+        value, max(width, len(indent) + _MIN_TEXT), initial_indent=indent, subsequent_indent=" " * len(indent)
     ) or [indent.rstrip()]

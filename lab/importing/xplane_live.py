@@ -16,6 +16,8 @@ from lab.repair.raw_flight import RawFlight
 
 PORT = 49000
 """X-Plane's default port."""
+LAST_PORT = 65_535
+"""Largest number of a port: UDP has 16 bits for it."""
 RATES = (1.0, 1000.0)
 """Rates accepted [Hz]; X-Plane sends at most once in a frame."""
 MAX_SAMPLES = 4_000_000
@@ -50,8 +52,10 @@ class XPlaneRecorder:
     """
 
     def __init__(self, host: str = "127.0.0.1", port: int = PORT, rate: float = 50.0) -> None:
-        if not 1 <= port <= 65535:
-            raise MissionError(f"X-Plane at {host}: port {port} is not accepted; accepted are 1 to 65535")
+        if not 1 <= port <= LAST_PORT:
+            raise MissionError(
+                f"X-Plane at {host}: port {port} is not accepted; accepted are 1 to {LAST_PORT}"
+            )
         if not RATES[0] <= rate <= RATES[1]:
             raise MissionError(
                 f"X-Plane at {host}:{port}: a rate of {rate:g} Hz is not accepted; accepted are "

@@ -374,7 +374,7 @@ def _axes_matrix(path: Path, axes: tuple[str, ...]) -> FloatArray:
     C = np.zeros((3, 3))
     for row, axis in enumerate(axes):
         C[row, "xyz".index(axis[-1])] = -1 if axis.startswith("-") else 1
-    if np.linalg.det(C) < 0.5:
+    if round(np.linalg.det(C)) != 1:
         raise MissionError(
             f"{path}: axes = {list(axes)} are not a right-handed set; accepted are three different axes such "
             'as ["y", "x", "-z"] for an IMU with x right, y forward, z up'

@@ -11,14 +11,17 @@ from numpy.typing import NDArray
 
 from lab.navigation.kalman import MEASUREMENTS
 from lab.navigation.propagation import NAV
+from lab.navigation.schedule import SLACK
 from lab.navigation.solution import Fixes, Imu, Solution, Start
 
 FloatArray = NDArray[np.float64]
 Arrays = TypeVar("Arrays", Imu, Fixes, Start)
 
-SLACK = 1e-6
-"""Largest difference between the times of a fix and of a sample that count as equal, as a fraction of a
-sample."""
+ASYMMETRIC = 1e-6
+"""Largest asymmetry of a covariance, in its σ: single precision stays below."""
+OFF_UNIT = 1e-3
+"""Largest deviation of the length of a quaternion from one, before it is made one: single precision and
+integration stay far below, other parametrisations of an attitude do not. A convention."""
 
 
 class AlgorithmError(ValueError):
@@ -104,7 +107,7 @@ def run_algorithm(algorithm: Algorithm, imu: Imu, fixes: Fixes, start: Start) ->
     if (sigma < 0).any():
         raise AlgorithmError(f"{name}: a σ is negative")
     length = np.linalg.norm(q_nb, axis=1, keepdims=True)
-    if not np.allclose(length, 1, atol=1e-3):
+    if not np.allclose(length, 1, atol=OFF_UNIT):
         raise AlgorithmError(f"{name}: q_nb are not unit quaternions")
     covariance = _covariance(name, estimate, "covariance", (m, NAV, NAV))
     S = _covariance(name, estimate, "innovation_covariance", (m, MEASUREMENTS, MEASUREMENTS))
@@ -218,7 +221,7 @@ def _covariance(name: str, estimate: Estimate, part: str, shape: tuple[int, ...]
     # Scaled to unit diagonal: next to metres, small variances in radians would be lost.
     sigma = np.sqrt(np.where(variance > 0, variance, 1))
     scaled = known / (sigma[:, :, None] * sigma[:, None, :])
-    bad |= np.abs(scaled - scaled.transpose(0, 2, 1)).max(axis=(1, 2), initial=0) > SLACK
+    bad |= np.abs(scaled - scaled.transpose(0, 2, 1)).max(axis=(1, 2), initial=0) > ASYMMETRIC
     bad |= np.linalg.eigvalsh(scaled)[:, 0] <= 0
     if bad.any():
         raise AlgorithmError(

@@ -60,7 +60,14 @@ _LEAST_STRAIGHT = 10
 """Fewest seconds of straight motion for a gyro bias."""
 _ROUNDS = 3
 """Number of iterations of levelling and heading, each with the result of the previous one."""
+_LEAST_FAST = 0.5
+"""Part of the fixes about a second that must show a course, for the second to be judged."""
+_LEAST_FOR_SLOPE = 3
+"""Fewest fixes by which an acceleration is taken: a line through two has no redundancy."""
+_REST_NOISE = np.radians(0.02)
+"""σ of a mean rate at rest over 1 s: the white noise of a MEMS gyro, about its density [rad/s/√Hz]."""
 _LATE = 0.05  # smallest lateness of the fixes that is reported [s]
+_LATE_SIGMAS = 5  # and in its σ: beyond doubt, since people then change the log
 
 
 class Alignment(NamedTuple):
@@ -109,7 +116,7 @@ class Alignment(NamedTuple):
             )
         late, sigma = self.heading.late, self.heading.late_sigma
         clock = ""
-        if abs(late) > max(_LATE, 5 * sigma):
+        if abs(late) > max(_LATE, _LATE_SIGMAS * sigma):
             clock = (
                 f" The same motion shows that the fixes are {abs(late):.2f} s "
                 f"{'late' if late > 0 else 'early'} (σ {sigma:.2f} s); set latency_s of the log accordingly."
@@ -155,7 +162,7 @@ def align(imu: Imu, fixes: Fixes, velocity_sigma: FloatArray, hints: Hints | Non
             Rotation.from_quat(q_nb, scalar_first=True).inv().apply([0, 0, -earth.RATE * np.sin(position[0])])
         )
         bias = bias - up
-        sigma = np.full(3, max(earth.RATE, np.radians(0.02) / np.sqrt(rest)))
+        sigma = np.full(3, max(earth.RATE, _REST_NOISE / np.sqrt(rest)))
     else:
         sigma = bias_sigma
     return Alignment(
@@ -235,7 +242,7 @@ def _straight(imu: Imu, fixes: Fixes, velocity_sigma: FloatArray) -> tuple[Float
     if fast.sum() >= 2:
         course = np.unwrap(np.arctan2(fixes.velocity_n[fast, 1], fixes.velocity_n[fast, 0]))
         turn = np.diff(np.interp(ends, fixes.time[fast], course)) / _SECOND
-        known = np.diff(np.interp(ends, fixes.time, np.cumsum(fast))) > 0.5
+        known = np.diff(np.interp(ends, fixes.time, np.cumsum(fast))) > _LEAST_FAST
         straight = known & (np.abs(turn) < _STRAIGHT)
         if straight.sum() >= _LEAST_STRAIGHT:
             return np.median(rates[straight], axis=0), np.full(3, _STRAIGHT_SIGMA)
@@ -261,7 +268,7 @@ def _acceleration(imu: Imu, fixes: Fixes, length: float) -> FloatArray:
     """Return the mean acceleration (3,) over the first seconds, by a linear fit of the velocities."""
     start = imu.time[0]
     near = np.abs(fixes.time - start - length / 2) < length / 2 + _AROUND
-    if near.sum() < 3:
+    if near.sum() < _LEAST_FOR_SLOPE:
         return np.zeros(3)
     slope = np.polyfit(fixes.time[near] - start, fixes.velocity_n[near], 1)[0]
     return np.asarray(slope)

@@ -34,6 +34,13 @@ row in 10 million is as long."""
 
 FLICKER_FLOOR = np.sqrt(2 * np.log(2) / np.pi)
 """Allan deviation of flicker over its coefficient B (IEEE Std 952-1997, annex C)."""
+FLICKER_VARIANCE = 5
+"""Variance of the process that stands for flicker, in B²: the 4 B² of flicker after some 10⁵ samples, and a
+quarter more, found by NEES."""
+FLICKER_PEAK = 1.89
+"""Where the Allan deviation of that process is largest, in its correlation times (IEEE Std 952-1997)."""
+SHORTEST_MEETING = 10.0
+"""Shortest time of that peak [s]: changes within a few fixes average out."""
 
 HIDDEN = np.sqrt(2)
 """Largest steady-state variance of a bias estimate, divided by the variance of an instability that the noise
@@ -213,7 +220,7 @@ def flicker_process(errors: GyroErrors | AccelerometerErrors) -> tuple[FloatArra
     """
     B, N = si(errors, "flicker"), si(errors, "noise_density")
     meeting = np.divide(N, FLICKER_FLOOR * B, out=np.zeros(3), where=B > 0) ** 2
-    return 5 * B**2, np.maximum(meeting, 10.0) / 1.89
+    return FLICKER_VARIANCE * B**2, np.maximum(meeting, SHORTEST_MEETING) / FLICKER_PEAK
 
 
 def _turn_on_variance(errors: GyroErrors | AccelerometerErrors) -> FloatArray:

@@ -34,39 +34,19 @@ from lab.navigation.compilation import (
 )
 from lab.navigation.error_models import PHI, WANDER_AZIMUTH, ErrorModel
 from lab.navigation.filter import Filter
-from lab.navigation.kalman import (
-    EVERY,
-    MEASUREMENTS,
-    RECOVERED,
-    REJECTED,
-    normalised_square,
-    plausibility,
-    predict_fix,
-    scalar_update,
-    update,
-    weight,
-)
-from lab.navigation.lever_arm import see_antenna
-from lab.navigation.propagation import (
-    BIASES,
-    NAV,
-    STATES,
-    WIDTH,
-    X,
-    compile_projection,
-    compile_propagation,
-    layout,
-)
-from lab.navigation.schedule import Schedule
+from lab.navigation.kalman import MEASUREMENTS, RECOVERED, REJECTED
+from lab.navigation.observation import difference, observe, observe_rest, own_attitude_in_body, sight
+from lab.navigation.prediction import prediction
+from lab.navigation.propagation import BIASES, NAV, STATES, WIDTH, X, compile_projection, layout
+from lab.navigation.schedule import SLACK, Schedule
 from lab.navigation.solution import Fixes, Imu, Solution
-from lab.navigation.standstill import GATE, gather_rest, hold_attitude, see_rest
+from lab.navigation.standstill import gather_rest, hold_attitude
 from lab.navigation.strapdown import (
     GYRO_BIAS,
     GYRO_SCALE,
     LATITUDE,
     PREVIOUS_VELOCITY,
     VELOCITY,
-    Matrix,
     Vector,
     get,
     put,
@@ -76,136 +56,8 @@ FloatArray = NDArray[np.float64]
 Kernel = Callable[..., Any]
 Advance = Callable[[Filter, Imu, Fixes, Solution, int, Schedule], int]
 
-
-@inline_kernel
-def _add_noise(w: FloatArray, state: FloatArray, noise: FloatArray, dt: float) -> None:
-    """Add the process noise of one step to P; white noise enters through C_nb."""
-    for block in range(2):
-        at = 6 - 3 * block  # gyro noise drives the attitude, accelerometer noise the velocity
-        q0, q1, q2 = dt * noise[3 * block], dt * noise[3 * block + 1], dt * noise[3 * block + 2]
-        for i in range(3):
-            a, b, c = get(state, strapdown.C_NB + 3 * i)
-            for j in range(i, 3):
-                d, e, f = get(state, strapdown.C_NB + 3 * j)
-                q = a * d * q0 + b * e * q1 + c * f * q2
-                w[WIDTH * (at + i) + at + j] += q
-                if j > i:
-                    w[WIDTH * (at + j) + at + i] += q
-    for b in range(BIASES):
-        w[(WIDTH + 1) * (NAV + b)] += dt * noise[6 + b]
-
-
-@inline_kernel
-def _add_noise_in_body(w: FloatArray, state: FloatArray, noise: FloatArray, dt: float) -> None:
-    """Add the process noise of one step to P where velocity and attitude errors are resolved in b."""
-    for i in range(3):
-        w[(WIDTH + 1) * (6 + i)] += dt * noise[i]
-        w[(WIDTH + 1) * (3 + i)] += dt * noise[3 + i]
-    for b in range(BIASES):
-        w[(WIDTH + 1) * (NAV + b)] += dt * noise[6 + b]
-
-
-@kernel
-def second_order(A: FloatArray, elapsed: float, bias_decay: FloatArray, E: FloatArray) -> None:
-    """Write E = A + A²/2 + A³/6, so that exp(A) ≈ I + E, for the sum A of F dt over many samples.
-
-    Parameters
-    ----------
-    A : (n, n) array
-        Sum of F dt: the rows of the navigation states; those of the biases are their decay.
-    elapsed
-        Time span of the sum [s].
-    bias_decay : (6,) array
-        Decay rates of the biases [1/s].
-    E : (n, n) array
-        Receives the rows of the navigation states.
-    """
-    states = A.shape[0]  # not a constant: the compiler would unroll all products
-    power, product = np.empty(states), np.empty(states)
-    for r in range(NAV):
-        for c in range(states):
-            power[c] = A[r, c]
-            E[r, c] = A[r, c]
-        factor = 1.0
-        for order in range(2, 4):
-            factor /= order
-            for c in range(states):
-                product[c] = 0.0
-            for m in range(NAV):
-                for c in range(states):
-                    product[c] += power[m] * A[m, c]
-            for b in range(BIASES):
-                product[NAV + b] -= power[NAV + b] * bias_decay[b] * elapsed
-            for c in range(states):
-                power[c] = product[c]
-                E[r, c] += factor * power[c]
-
-
-@inline_kernel
-def faded(rate: float, elapsed: float) -> float:
-    """Return exp(−rate · elapsed) to third order, as in `second_order`."""
-    x = rate * elapsed
-    return 1 - x * (1 - x / 2 * (1 - x / 3))
-
-
-def _prediction(model: ErrorModel, *, summed: bool) -> Kernel:
-    """Return the kernel that propagates [P | x] of a model at each sample, or with sums of F dt."""
-    propagate = compile_propagation(model, summed=summed)
-    label = f"{model.label} {summed}"
-    add_noise = _add_noise_in_body if model.in_body else _add_noise
-
-    @embedded_kernel
-    @named(label)
-    def predict(run: Filter, dt: float, fix_due: bool, stride: int) -> None:
-        """Propagate [P | x] over the sample with F to first order, then add the noise."""
-        decay = (
-            1 - dt * run.bias_decay[0],
-            1 - dt * run.bias_decay[1],
-            1 - dt * run.bias_decay[2],
-            1 - dt * run.bias_decay[3],
-            1 - dt * run.bias_decay[4],
-            1 - dt * run.bias_decay[5],
-        )
-        propagate(run.F, dt, decay, run.w)
-        # Corrections already fed back decay like those still in x.
-        for b in range(BIASES):
-            run.state[GYRO_BIAS + b] *= decay[b]
-        add_noise(run.w, run.state, run.noise, dt)
-
-    @embedded_kernel
-    @named(label)
-    def predict_summed(run: Filter, dt: float, fix_due: bool, stride: int) -> None:
-        """Add the step to the sum of F dt; when due, propagate [P | x] over the whole sum.
-
-        Half of the noise is added before and half after, which is accurate to second order in time.
-        """
-        due = fix_due or run.counts[1] + 1 >= stride
-        run.counts[1] += 1
-        run.clock[1] += dt
-        for i in range(NAV):
-            for j in range(STATES):
-                run.F_sum[i, j] += dt * run.F[i, j]
-        if due:
-            elapsed = run.clock[1]
-            second_order(run.F_sum, elapsed, run.bias_decay, run.F_step)
-            decay = (
-                faded(run.bias_decay[0], elapsed),
-                faded(run.bias_decay[1], elapsed),
-                faded(run.bias_decay[2], elapsed),
-                faded(run.bias_decay[3], elapsed),
-                faded(run.bias_decay[4], elapsed),
-                faded(run.bias_decay[5], elapsed),
-            )
-            add_noise(run.w, run.state, run.noise, 0.5 * elapsed)
-            propagate(run.F_step, 1.0, decay, run.w)
-            add_noise(run.w, run.state, run.noise, 0.5 * elapsed)
-            for b in range(BIASES):
-                run.state[GYRO_BIAS + b] *= decay[b]
-            run.F_sum[:] = 0.0
-            run.counts[1] = 0
-            run.clock[1] = 0.0
-
-    return predict_summed if summed else predict
+SMALL = 1e-4
+"""Square of an angle below which a series stands for sine and cosine [rad²]: it leaves out 1e-11."""
 
 
 @kernel
@@ -244,7 +96,7 @@ def _correct_in_wander(state: FloatArray, w: FloatArray, T: FloatArray) -> None:
 def _bend(psi: Vector, v: Vector) -> Vector:
     """Return J v with J the left Jacobian of the rotation ψ, as in the exponential of SE₂(3)."""
     square = psi[0] * psi[0] + psi[1] * psi[1] + psi[2] * psi[2]
-    if square < 1e-4:
+    if square < SMALL:
         a, b = 1 / 2 - square / 24, 1 / 6 - square / 120
     else:
         angle = math.sqrt(square)
@@ -259,134 +111,6 @@ def bend_estimate(x: FloatArray) -> None:
     psi = get(x, 6)
     put(x, 0, _bend(psi, get(x, 0)))
     put(x, 3, _bend(psi, get(x, 3)))
-
-
-@kernel
-def _difference(
-    state: FloatArray, age: float, fraction: float, position: FloatArray, velocity: FloatArray, z: FloatArray
-) -> None:
-    """Write navigator minus fix, the navigator interpolated to `age` seconds (`fraction` of a step) ago."""
-    v = get(state, VELOCITY)
-    before = get(state, strapdown.PREVIOUS_VELOCITY)
-    mean = (0.5 * (v[0] + before[0]), 0.5 * (v[1] + before[1]), 0.5 * (v[2] + before[2]))
-    east = state[strapdown.LONGITUDE] - position[1]
-    east -= 2 * math.pi * math.floor(east / (2 * math.pi) + 0.5)
-    z[0] = (state[LATITUDE] - position[0]) / state[strapdown.MERIDIAN] - age * mean[0]
-    z[1] = east * state[strapdown.COSINE] / state[strapdown.TRANSVERSE] - age * mean[1]
-    z[2] = position[2] - state[strapdown.HEIGHT] - age * mean[2]
-    for i in range(3):
-        z[3 + i] = v[i] - fraction * (v[i] - before[i]) - velocity[i]
-
-
-@inline_kernel
-def _fix_axes(state: FloatArray) -> Matrix:
-    """Return north, east and down of the last fix in the navigation frame: its own axes, north-slaved."""
-    return (1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)
-
-
-@inline_kernel
-def _through_map(state: FloatArray, T: FloatArray, H: FloatArray) -> None:
-    """Transform H of the errors to H of the model's own errors; for `phi`, they are the same."""
-
-
-@embedded_kernel
-def _sight(run: Filter, m: int, age: float, z: FloatArray, out: Solution) -> None:
-    """Write H and R of fix m, which is `age` seconds old, and move z from the IMU to the antenna."""
-    H, R = run.H, run.R_fix
-    for i in range(MEASUREMENTS):
-        for j in range(MEASUREMENTS):
-            R[i, j] = run.R[min(m, run.R.shape[0] - 1), i, j]
-        for j in range(STATES):
-            H[i, j] = 1.0 if i == j else 0.0
-    turn = run.turns[min(m, run.turns.shape[0] - 1)]
-    see_antenna(run.state, run.lever_arm, turn, age, run.noise, _fix_axes(run.state), z, H, R)
-    for i in range(MEASUREMENTS):
-        for j in range(STATES):
-            out.fix_H[m, i, j] = H[i, j]
-
-
-@embedded_kernel
-def _observe(
-    run: Filter, m: int, age: float, time: float, schedule: Schedule, z: FloatArray, out: Solution
-) -> int:
-    """Update [P | x] with fix m, `age` seconds before the sample at `time`; return its outcome.
-
-    z is navigator minus fix, without the lever arm.
-    """
-    _sight(run, m, age, z, out)
-    H, R, nu, S = run.H, run.R_fix, out.innovation[m], out.innovation_covariance[m]
-    _through_map(run.state, run.T, H)
-    for i in range(MEASUREMENTS):
-        nu[i] = z[i]
-        for j in range(STATES):
-            nu[i] -= H[i, j] * run.w[WIDTH * j + X]
-    predict_fix(run.P, H, R, S)
-    nis = normalised_square(nu, S)
-    became = plausibility(run.P, run.streak, run.clock, nu, S, nis, time, schedule, STATES)
-    if became == REJECTED:
-        return REJECTED
-    if schedule.robust != EVERY:
-        if became == RECOVERED:
-            raised = np.empty((MEASUREMENTS, MEASUREMENTS))
-            predict_fix(run.P, H, R, raised)
-            nis = normalised_square(nu, raised)
-        per_weight = 1 / weight(schedule.robust, nis)
-        for i in range(MEASUREMENTS):
-            for j in range(MEASUREMENTS):
-                R[i, j] *= per_weight
-    for i in range(MEASUREMENTS):
-        for j in range(MEASUREMENTS):
-            out.fix_R[m, i, j] = R[i, j]
-    update(run.w, z, H, R, run.scalars[min(m, run.scalars.shape[0] - 1)])
-    return became
-
-
-@inline_kernel
-def _frame_rate(state: FloatArray) -> Vector:
-    """Return the Earth's rate in the navigation frame."""
-    sine = state[strapdown.SINE]
-    return strapdown.earth_rate(sine, math.sqrt(1 - sine * sine))
-
-
-@inline_kernel
-def _own_attitude(state: FloatArray, seen: Vector) -> Vector:
-    """Return the row of H for the model's own attitude error, given that of the navigation frame's."""
-    return seen
-
-
-@inline_kernel
-def _own_attitude_in_body(state: FloatArray, seen: Vector) -> Vector:
-    """Return the row of H for an attitude error in b, given that for the navigation frame's."""
-    at = strapdown.Q_NB
-    C = strapdown.matrix((state[at], state[at + 1], state[at + 2], state[at + 3]))
-    return (
-        C[0][0] * seen[0] + C[1][0] * seen[1] + C[2][0] * seen[2],
-        C[0][1] * seen[0] + C[1][1] * seen[1] + C[2][1] * seen[2],
-        C[0][2] * seen[0] + C[1][2] * seen[1] + C[2][2] * seen[2],
-    )
-
-
-@embedded_kernel
-def _observe_rest(run: Filter) -> bool:
-    """Update [P | x] with the mean rate about the vertical at rest; return False if the vehicle turns."""
-    H = np.empty(6)
-    z = see_rest(run.state, _frame_rate(run.state), run.noise, run.rest_sums, H)
-    done = run.rest_scalars[0]
-    for c in range(STATES):
-        done[c] = 0.0
-    seen = _own_attitude(run.state, (H[0], H[1], H[2]))
-    for i in range(3):
-        done[6 + i] = seen[i]
-        done[NAV + i] = H[3 + i]
-    residual, s = z, 1.0
-    for i in range(6, NAV + 3):
-        residual -= done[i] * run.w[WIDTH * i + X]
-        for j in range(6, NAV + 3):
-            s += done[i] * done[j] * run.w[WIDTH * i + j]
-    if residual * residual > GATE * s:
-        return False
-    scalar_update(run.w, z, done)
-    return True
 
 
 @inline_kernel
@@ -498,7 +222,7 @@ def _mapped(model: ErrorModel) -> dict[str, Kernel]:
     # from them if it is large.
     corrected = _estimation(correction(bent=False) if in_body else correct, model)
     return {
-        "_through_map": through_map,
+        "through_map": through_map,
         "_correct": correct,
         "_corrected": corrected,
         "_store": store,
@@ -545,7 +269,7 @@ def _lost(state: FloatArray) -> bool:
 # The kernels of `phi` at each sample; those of other models replace them.
 _step = strapdown.step
 _write = PHI.write
-_predict = _prediction(PHI, summed=False)
+_predict = prediction(PHI, summed=False)
 _corrected = _estimation(_correct, PHI)
 
 SETTLED, PENDING = 0, 1
@@ -574,27 +298,27 @@ def take_measurements(
     time = imu.time[k + 1]
     dt = time - imu.time[k]
     m = run.counts[0]
-    fix_due = m < fixes.time.size and fixes.time[m] <= time + 1e-6 * dt
+    fix_due = m < fixes.time.size and fixes.time[m] <= time + SLACK * dt
     rests = imu.rest.size > 0 and imu.rest[k]
-    if rests and gather_rest(state, run.rest_sums, dt) and _observe_rest(run):
+    if rests and gather_rest(state, run.rest_sums, dt) and observe_rest(run):
         out.rest[k + 1] = True
         pending = True
-        if schedule.feedback and time - run.clock[0] >= schedule.correction_period - 1e-6 * dt:
+        if schedule.feedback and time - run.clock[0] >= schedule.correction_period - SLACK * dt:
             _correct(state, w, T)
             run.clock[0] = time
             pending = False
     while fix_due:
         age = time - fixes.time[m]
-        if age <= dt * (1 + 1e-6):
-            _difference(state, age, age / dt, fixes.position[m], fixes.velocity_n[m], z)
-            became = _observe(run, m, age, time, schedule, z, out)
+        if age <= dt * (1 + SLACK):
+            difference(state, age, age / dt, fixes.position[m], fixes.velocity_n[m], z)
+            became = observe(run, m, age, time, schedule, z, out)
             if became == REJECTED:
                 out.fix_rejected[m] = True
             else:
                 out.fix_sample[m] = k + 1
                 out.fix_recovered[m] = became == RECOVERED
                 pending = True
-                if schedule.feedback and time - run.clock[0] >= schedule.correction_period - 1e-6 * dt:
+                if schedule.feedback and time - run.clock[0] >= schedule.correction_period - SLACK * dt:
                     _correct(state, w, T)
                     run.clock[0] = time
                     pending = False
@@ -604,7 +328,7 @@ def take_measurements(
                     _store_fix(out, m, state, w, T)
         m += 1
         run.counts[0] = m
-        fix_due = m < fixes.time.size and fixes.time[m] <= time + 1e-6 * dt
+        fix_due = m < fixes.time.size and fixes.time[m] <= time + SLACK * dt
     return PENDING if pending else SETTLED
 
 
@@ -612,17 +336,17 @@ def kernels(model: ErrorModel, *, summed: bool) -> dict[str, Kernel]:
     """Return the kernels that differ from those of `phi` at each sample, by their names in this module."""
     if model is PHI and not summed:
         return {}
-    others: dict[str, Kernel] = {"_write": model.write, "_predict": _prediction(model, summed=summed)}
+    others: dict[str, Kernel] = {"_write": model.write, "_predict": prediction(model, summed=summed)}
     if model.mechanization == WANDER_AZIMUTH:
         others |= {
             "_step": wander.step,
             "_lost": wander.lost,
-            "_difference": wander.difference,
-            "_fix_axes": wander.fix_axes,
-            "_frame_rate": wander.frame_rate,
+            "difference": wander.difference,
+            "fix_axes": wander.fix_axes,
+            "frame_rate": wander.frame_rate,
         }
     if model.in_body:
-        others["_own_attitude"] = _own_attitude_in_body
+        others["own_attitude"] = own_attitude_in_body
     if model.write_map:
         others |= _mapped(model)
     return others
@@ -642,9 +366,9 @@ def compiled_for(function: Kernel, model: ErrorModel, *, summed: bool) -> Kernel
     """
     others = kernels(model, summed=summed)
     if others:
-        others["_observe_rest"] = embedded_kernel(rebound(_observe_rest, **others))
-        others["_sight"] = embedded_kernel(rebound(_sight, **others))
-        others["_observe"] = embedded_kernel(rebound(_observe, **others))
+        others["observe_rest"] = embedded_kernel(rebound(observe_rest, **others))
+        others["sight"] = embedded_kernel(rebound(sight, **others))
+        others["observe"] = embedded_kernel(rebound(observe, **others))
         others["take_measurements"] = kernel(rebound(take_measurements, **others))
     own = rebound(function, **others)
     return entry_kernel(rebound_throughout(own, **layout(model.states)._asdict()))
@@ -682,7 +406,7 @@ def driver(model: ErrorModel, *, summed: bool) -> Advance:
             if _lost(state):
                 return k + 1
             m = run.counts[0]
-            fix_due = m < fixes.time.size and fixes.time[m] <= time + 1e-6 * dt
+            fix_due = m < fixes.time.size and fixes.time[m] <= time + SLACK * dt
             if imu.rest.size > 0:
                 hold_attitude(state, run.rest_sums, imu.rest[k])
             _write(state, run.F)

@@ -18,20 +18,26 @@ from scipy.spatial.transform import Rotation
 
 from lab.logs.auxiliary_data import AuxiliaryData, Headings, Magnetometer
 from lab.logs.vehicle import Vehicle, vehicle_of
-from lab.logs.velocity_matching import WINDOW, Match, lively, match, steps, turned, window_of
+from lab.logs.velocity_matching import GYRO_BIAS_SIGMA, WINDOW, Match, lively, match, steps, turned, window_of
 from lab.navigation.solution import Fixes, Imu
 from lab.rotation import wrap
 
 FloatArray = NDArray[np.float64]
 
 COURSE_SPEED = 1.0
-"""Speed above which a vehicle has a course, if it also exceeds three σ of the speed [m/s]."""
+"""Speed above which a vehicle has a course, if it also exceeds `COURSE_SIGMAS` [m/s]."""
+COURSE_SIGMAS = 3
+"""The same in σ of its speed: the course is then known within 1/3 rad."""
 MAGNETIC_SIGMA = np.radians(10.0)
 """σ of a magnetometer's heading [rad]: iron and currents of the vehicle after one calibration."""
 ANTENNA_SIGMA = np.radians(2.0)
 """σ of a heading from two antennas if the log gives none [rad]: 1 cm over 0.3 m."""
 
 _COURSE = "from the course"
+_ROUNDING = 1e-6  # of time stamps [s]
+_BEFORE = 1.0  # how old a heading or a field may be at the first sample of the IMU [s]
+_BIAS_AT_REST = np.radians(0.1)
+"""σ of a gyro bias taken at rest, before a match [rad/s]: noise and temperature, five times the drift."""
 _MATCH_SIGMA = np.radians(2.0)  # errors that the model of the match omits
 _SURE = np.radians(6.0)  # no further windows are examined
 _WORTH = np.radians(30.0)
@@ -48,6 +54,7 @@ _DRIFT = np.radians(1.0)
 _CONTRADICTION = 3.5
 """Difference of two headings, in σ, above which they contradict each other."""
 _DECLINATION_YEAR = 2025.0  # declination drifts by 0.1-0.2° a year, far below the σ
+_MODEL_HEIGHTS = (-1.0, 850.0)  # heights for which the World Magnetic Model is made [km]
 _WEAK = 6.0  # horizontal field [µT] below which compasses are unreliable (World Magnetic Model 2025)
 
 
@@ -151,7 +158,7 @@ def surest(found: Sequence[Found]) -> Found:
 def shows_course(fixes: Fixes, velocity_sigma: FloatArray) -> NDArray[np.bool_]:
     """Return the mask of the fixes that are fast enough for a course."""
     speed = np.linalg.norm(fixes.velocity_n[:, :2], axis=1)
-    slowest = np.maximum(COURSE_SPEED, 3 * np.linalg.norm(velocity_sigma[:, :2], axis=1))
+    slowest = np.maximum(COURSE_SPEED, COURSE_SIGMAS * np.linalg.norm(velocity_sigma[:, :2], axis=1))
     return np.asarray(speed > slowest)
 
 
@@ -175,7 +182,7 @@ def by_course(
     """
     speed = np.linalg.norm(fixes.velocity_n[:, :2], axis=1)
     sigma = np.linalg.norm(velocity_sigma[:, :2], axis=1)
-    fast = shows_course(fixes, velocity_sigma) & (fixes.time >= imu.time[0] - 1e-6)  # stamps are rounded
+    fast = shows_course(fixes, velocity_sigma) & (fixes.time >= imu.time[0] - _ROUNDING)
     lasting = fast & np.append(fast[1:], False)
     if not lasting.any() or np.isinf(vehicle.sideslip):
         return UNKNOWN
@@ -195,7 +202,7 @@ def by_antennas(imu: Imu, headings: Headings | None, turning: FloatArray, rest: 
     """Return the heading of the first measurement with two antennas, carried back by the gyros."""
     if headings is None:
         return UNKNOWN
-    rows = np.flatnonzero((headings.time >= imu.time[0] - 1.0) & (headings.time <= imu.time[-1]))
+    rows = np.flatnonzero((headings.time >= imu.time[0] - _BEFORE) & (headings.time <= imu.time[-1]))
     if not rows.size:
         return UNKNOWN
     first = int(rows[0])
@@ -209,7 +216,7 @@ def by_antennas(imu: Imu, headings: Headings | None, turning: FloatArray, rest: 
 def by_velocity(imu: Imu, fixes: Fixes, velocity_sigma: FloatArray, bias: FloatArray, rest: float) -> Found:
     """Return the heading for which specific force and velocities agree, for any vehicle."""
     log = (imu.time, imu.dtheta, imu.dvelocity, fixes.time, fixes.velocity_n, velocity_sigma)
-    spread = 0.1 * _DRIFT if rest else 5 * _DRIFT
+    spread = _BIAS_AT_REST if rest else GYRO_BIAS_SIGMA
     best: tuple[float, float, Match] | None = None
     starts = [start for _, start in lively(log) if start - imu.time[0] < _WITHIN]
     for start in starts[:_MOST_WINDOWS]:
@@ -271,7 +278,7 @@ def by_magnetometer(
     """
     if magnetometer is None:
         return UNKNOWN
-    rows = (magnetometer.time >= imu.time[0] - 1.0) & (magnetometer.time <= imu.time[0] + length)
+    rows = (magnetometer.time >= imu.time[0] - _BEFORE) & (magnetometer.time <= imu.time[0] + length)
     if not rows.any():
         return UNKNOWN
     field = np.median(magnetometer.field[rows], axis=0)
@@ -299,7 +306,8 @@ def magnetic_declination(position: FloatArray) -> tuple[float, float]:
     from pygeomag import GeoMag  # noqa: PLC0415 - only logs with a magnetometer need it
 
     latitude, longitude = np.degrees(position[0]), np.degrees(wrap(position[1]))
-    height = float(np.clip(position[2] / 1000, -1, 850))
+    kilometres = position[2] / 1000
+    height = float(np.clip(kilometres, *_MODEL_HEIGHTS))
     here = GeoMag(base_year=_DECLINATION_YEAR).calculate(latitude, longitude, height, _DECLINATION_YEAR)
     return float(np.radians(here.d)), float(here.h) / 1000
 

@@ -53,6 +53,8 @@ WITHHELD = 1e6
 NO_VERTICAL_SIGMA = 1.0
 """σ of the initial vertical velocity if none is measured [m/s]."""
 
+_MIN_SAMPLES, _MIN_FIXES = 3, 2
+"""Fewest samples of the IMU from the first fix on, and fewest fixes: two steps, and one to correct them."""
 _ROUNDING = 1e-6  # of time stamps [s]
 
 
@@ -173,7 +175,7 @@ def _hints(log: SensorLog, navigator: NavigatorSettings) -> Hints:
 def _first_sample(log: SensorLog, times: FloatArray) -> int:
     """Return the first sample from which the position is known."""
     first = int(np.searchsorted(log.time, times[0] - _ROUNDING))
-    if log.time.size - first < 3 or times.size < 2:
+    if log.time.size - first < _MIN_SAMPLES or times.size < _MIN_FIXES:
         raise MissionError(
             f"{log.name}: the fixes begin after the end of the IMU data; accepted are fixes and IMU data of "
             "the same time"

@@ -33,9 +33,9 @@ from lab.navigation.error_models import (
 )
 from lab.navigation.filter import initial_covariance
 from lab.navigation.lever_arm import turns
-from lab.navigation.schedule import EVERY_FIX, Schedule
+from lab.navigation.schedule import EVERY_FIX, SLACK, Schedule
 from lab.navigation.solution import Belief, Fixes, Imu, Solution, Start
-from lab.navigation.standstill import GATE, SPAN
+from lab.navigation.standstill import GATE, NEAREST, SPAN
 from lab.rotation import skew, wrap
 
 FloatArray = NDArray[np.float64]
@@ -76,7 +76,7 @@ def navigate(
         F_sum += F * dt
         waited += 1
         elapsed += dt
-        due = [m for m in range(next_fix, fixes.time.size) if fixes.time[m] <= time + 1e-6 * dt]
+        due = [m for m in range(next_fix, fixes.time.size) if fixes.time[m] <= time + SLACK * dt]
         if due or waited >= schedule.stride:
             C_nb = np.eye(3) if model.in_body else _get(state, strapdown.C_NB, 9).reshape(3, 3)
             _predict(kalman, F_sum, belief, C_nb, elapsed, summed=schedule.stride > 1)
@@ -87,13 +87,13 @@ def navigate(
             waited, elapsed = 0, 0.0
         if rest.gathered(state, imu, k, dt) and rest.update(kalman, state):
             out.rest[k + 1] = True
-            if schedule.feedback and time - corrected >= schedule.correction_period - 1e-6 * dt:
+            if schedule.feedback and time - corrected >= schedule.correction_period - SLACK * dt:
                 correct(state, kalman.x, model)
                 kalman.x, corrected = np.zeros(n), time
         for m in due:
             next_fix = m + 1
             age = time - fixes.time[m]
-            if age > dt * (1 + 1e-6):
+            if age > dt * (1 + SLACK):
                 continue
             before = kalman.x, kalman.P
             H, way, gyro_noise = _antenna(state, belief, turned[m], age, n)
@@ -105,7 +105,7 @@ def navigate(
                 kalman.x, kalman.P = before
                 out.fix_rejected[m] = True
                 continue
-            if schedule.feedback and time - corrected >= schedule.correction_period - 1e-6 * dt:
+            if schedule.feedback and time - corrected >= schedule.correction_period - SLACK * dt:
                 correct(state, kalman.x, model)
                 kalman.x = np.zeros(n)
                 corrected = time
@@ -187,7 +187,7 @@ class _Rest:
             return False
         self.rates.append(_get(state, strapdown.PREVIOUS_DTHETA) / dt + _get(state, strapdown.GYRO_BIAS))
         self.length += dt
-        return self.length >= SPAN - 0.5 * dt
+        return self.length >= SPAN - NEAREST * dt
 
     def update(self, kalman: KalmanFilter, state: FloatArray) -> bool:
         """Update with the mean rate; return whether it was used."""

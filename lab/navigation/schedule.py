@@ -10,6 +10,9 @@ from numpy.typing import NDArray
 
 FloatArray = NDArray[np.float64]
 
+SLACK = 1e-6
+"""Part of a sample by which the time of a fix may miss that of a sample: stamps are rounded."""
+
 
 class Schedule(NamedTuple):
     """The schedule of a filter.

@@ -44,7 +44,7 @@ from lab.navigation.kalman import MEASUREMENTS
 from lab.navigation.lever_arm import turns
 from lab.navigation.navigator import advance, go_through
 from lab.navigation.propagation import BIASES, NAV, STATES, WIDTH, X
-from lab.navigation.schedule import EVERY_FIX, Schedule, Stretch
+from lab.navigation.schedule import EVERY_FIX, SLACK, Schedule, Stretch
 from lab.navigation.solution import Belief, Fixes, Imu, Solution, Start, read_only
 from lab.navigation.standstill import hold_attitude
 from lab.navigation.strapdown import get
@@ -275,7 +275,7 @@ def _backwards(model: ErrorModel) -> Callable[..., None]:
             at, dt = k - first, imu.time[k + 1] - imu.time[k]
             _step(run.state, get(imu.dtheta[k], 0), get(imu.dvelocity[k], 0), dt)
             m = run.counts[0]
-            fix_due = m < fixes.time.size and fixes.time[m] <= imu.time[k + 1] + 1e-6 * dt
+            fix_due = m < fixes.time.size and fixes.time[m] <= imu.time[k + 1] + SLACK * dt
             if imu.rest.size > 0:
                 hold_attitude(run.state, run.rest_sums, imu.rest[k])
             _write(run.state, run.F)

@@ -41,6 +41,12 @@ FORCE_SPREAD = 0.15
 """Spread of the specific force of a vehicle with an idling engine [m/s²]."""
 RATE_CHANGE = math.radians(0.05)
 """Largest change of the mean rate from one second to the next beyond its noise [rad/s]."""
+NOISE_SIGMAS = 3
+"""The spread that is allowed if more noise is assumed, in its σ: the assumed noise may be too small."""
+CHANGE_SIGMAS = 5
+"""The change allowed beside it, in σ of the difference of two means: three axes in each second of a log."""
+NEAREST = 0.5
+"""Part of a sample by which a time may be missed: the sample nearest to it ends it."""
 GATE = 16.0
 """Largest squared mean rate, in its σ, that is used: (4 σ)²; beyond it, the vehicle turns slowly."""
 
@@ -88,13 +94,13 @@ def _still(imu: Imu, belief: Belief, edges: NDArray[np.intp]) -> NDArray[np.bool
             continue
         dt = np.diff(imu.time[a : b + 1])[:, None]
         rates, forces = imu.dtheta[a:b] / dt, imu.dvelocity[a:b] / dt
-        assumed = 3 * np.sqrt(belief.noise[:6] / dt.mean())
+        assumed = NOISE_SIGMAS * np.sqrt(belief.noise[:6] / dt.mean())
         spread = rates.std(axis=0)
         steady = (spread <= np.maximum(RATE_SPREAD, assumed[:3])).all()
         steady &= (forces.std(axis=0) <= np.maximum(FORCE_SPREAD, assumed[3:])).all()
         mean = rates.mean(axis=0)
         if mean_before is not None:
-            allowed = RATE_CHANGE + 5 * spread * math.sqrt(2 / (b - a))
+            allowed = RATE_CHANGE + CHANGE_SIGMAS * spread * math.sqrt(2 / (b - a))
             steady &= (np.abs(mean - mean_before) <= allowed).all()
         still[second], mean_before = steady, mean
     return still
@@ -148,7 +154,7 @@ def gather_rest(state: FloatArray, sums: FloatArray, dt: float) -> bool:
         sums[SQUARES + i] += rate * rate
     sums[ELAPSED] += dt
     sums[COUNT] += 1
-    return bool(sums[ELAPSED] >= SPAN - 0.5 * dt)
+    return bool(sums[ELAPSED] >= SPAN - NEAREST * dt)
 
 
 @kernel

@@ -16,19 +16,16 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from lab import earth
 from lab.navigation import strapdown
 from lab.navigation.compilation import (
     SOURCES,
     embedded_kernel,
     entry_kernel,
     inline_kernel,
-    interpreted,
 )
 from lab.navigation.error_models import ATT
 from lab.navigation.kalman import (
@@ -41,12 +38,12 @@ from lab.navigation.kalman import (
     predict_fix,
     weight,
 )
-from lab.navigation.lever_arm import NO_TURNS, see_antenna, turns
+from lab.navigation.lever_arm import see_antenna, turns
 from lab.navigation.navigator import go_through
-from lab.navigation.schedule import EVERY_FIX, Schedule, Stretch
+from lab.navigation.schedule import EVERY_FIX, SLACK, Schedule, Stretch
 from lab.navigation.sigma_points import attitude, displace, gather, spread, transport
 from lab.navigation.solution import Belief, Fixes, Imu, Solution, Start, read_only
-from lab.navigation.standstill import GATE, ROOM, gather_rest, hold_attitude, see_rest
+from lab.navigation.standstill import GATE, gather_rest, hold_attitude, see_rest
 from lab.navigation.strapdown import (
     GYRO_BIAS,
     LATITUDE,
@@ -57,6 +54,7 @@ from lab.navigation.strapdown import (
     get,
     put,
 )
+from lab.navigation.unscented_filter import Filter
 from lab.settings import SettingError
 
 FloatArray = NDArray[np.float64]
@@ -65,78 +63,6 @@ FORMED = 0.02
 """Shortest time between two computations of mean and covariance, except at fixes [s]."""
 HELD = 1.0
 """Longest time before new sigma points are placed [s]."""
-
-
-class Filter(NamedTuple):
-    """An unscented filter between two samples, with the workspace of its kernels.
-
-    Attributes
-    ----------
-    state : (LENGTH,) array
-        The navigator: the mean, and the centre of the sigma points.
-    points : (2 n, LENGTH) array
-        The sigma points, navigators of the same kind.
-    P : (n, n) array
-        Covariance of the error, in the order of `error_models.STATES`, 15 or 21 of them.
-    """
-
-    state: FloatArray
-    points: FloatArray
-    P: FloatArray
-    root: FloatArray  # lower Cholesky factor of P
-    deviations: FloatArray  # error of the navigator relative to each sigma point
-    order: NDArray[np.int64]  # order of the states in the root: the attitude first
-    x: FloatArray
-    mean: FloatArray  # error of the navigator relative to the mean of the sigma points
-    driven: FloatArray  # covariance from process noise since the points were placed
-    spare: FloatArray  # a navigator
-    counts: NDArray[np.int64]  # next fix; samples since mean and covariance were computed
-    clock: FloatArray  # s since then; s since the points were placed, negative before; time of last fix
-    streak: FloatArray  # of implausible fixes, see `kalman.stands_out`
-    R: FloatArray  # of all fixes, or of each
-    R_fix: FloatArray  # of this fix
-    H: FloatArray  # of this fix
-    noise: FloatArray
-    bias_decay: FloatArray
-    lever_arm: FloatArray
-    turns: FloatArray  # rates about all fixes, or about each, see `lever_arm.turns`
-    rest_sums: FloatArray  # of the rates at rest, see `standstill`
-
-    @classmethod
-    def begin(cls, start: Start, belief: Belief, time: float = 0.0, turned: FloatArray = NO_TURNS) -> Filter:
-        """Return a filter at its start, at a time [s]; for `turned` see `filter.Filter.begin`."""
-        state = np.zeros(strapdown.LENGTH)
-        interpreted(strapdown.set_position)(state, *start.position)
-        meridian, transverse = earth.radii(state[strapdown.SINE])
-        state[strapdown.MERIDIAN] = 1 / (meridian + start.position[2])
-        state[strapdown.TRANSVERSE] = 1 / (transverse + start.position[2])
-        state[VELOCITY : VELOCITY + 3] = start.velocity_n
-        state[strapdown.Q_NB : strapdown.Q_NB + 4] = start.q_nb
-        state[GYRO_BIAS : GYRO_BIAS + 3] = start.gyro_bias
-        n = belief.P0.shape[0]
-        return cls(
-            state,
-            np.zeros((2 * n, strapdown.LENGTH)),
-            np.array(belief.P0, dtype=np.float64, order="C"),
-            np.zeros((n, n)),
-            np.zeros((2 * n, n)),
-            np.r_[6:9, 0:6, 9:n],
-            np.zeros(n),
-            np.zeros(n),
-            np.zeros((n, n)),
-            np.zeros(strapdown.LENGTH),
-            np.zeros(2, dtype=np.int64),
-            np.array([0.0, -1.0, time]),
-            np.zeros(2 + MEASUREMENTS),
-            np.array(belief.R, dtype=np.float64).reshape(-1, MEASUREMENTS, MEASUREMENTS),
-            np.zeros((MEASUREMENTS, MEASUREMENTS)),
-            np.zeros((MEASUREMENTS, n)),
-            np.array(belief.noise, dtype=np.float64),
-            np.array(belief.bias_decay, dtype=np.float64),
-            np.array(belief.lever_arm, dtype=np.float64),
-            np.array(turned, dtype=np.float64),
-            np.zeros(ROOM),
-        )
 
 
 def navigate(
@@ -474,21 +400,21 @@ def _compile_advance(sources: str) -> Callable[[Filter, Imu, Fixes, Solution, in
             if abs(run.state[LATITUDE]) > strapdown.MAX_LATITUDE:
                 return k + 1
             m = run.counts[0]
-            fix_due = m < fixes.time.size and fixes.time[m] <= time + 1e-6 * dt
+            fix_due = m < fixes.time.size and fixes.time[m] <= time + SLACK * dt
             rest_due = _rests(run, imu, k, dt)
             if (
                 fix_due
                 or rest_due
-                or (run.counts[1] >= schedule.stride and run.clock[0] >= FORMED - 1e-6 * dt)
+                or (run.counts[1] >= schedule.stride and run.clock[0] >= FORMED - SLACK * dt)
             ):
                 _form(run)
-                if fix_due or rest_due or run.clock[1] >= HELD - 1e-6 * dt:
+                if fix_due or rest_due or run.clock[1] >= HELD - SLACK * dt:
                     _centre(run)
             if rest_due and _update_at_rest(run):
                 out.rest[k + 1] = True
             while fix_due:
                 age = time - fixes.time[m]
-                if age <= dt * (1 + 1e-6):
+                if age <= dt * (1 + SLACK):
                     nu = out.innovation[m]
                     _innovation(run.state, age, age / dt, fixes.position[m], fixes.velocity_n[m], nu)
                     became = _judge(run, m, age, time, schedule, nu, out)
@@ -500,7 +426,7 @@ def _compile_advance(sources: str) -> Callable[[Filter, Imu, Fixes, Solution, in
                         out.fix_recovered[m] = became == RECOVERED
                 m += 1
                 run.counts[0] = m
-                fix_due = m < fixes.time.size and fixes.time[m] <= time + 1e-6 * dt
+                fix_due = m < fixes.time.size and fixes.time[m] <= time + SLACK * dt
             _store(out, k + 1, run)
         return imu.time.size
 

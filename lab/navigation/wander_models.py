@@ -47,6 +47,7 @@ from lab.navigation.strapdown import (
 )
 from lab.navigation.wander import AXIS, BEND, quaternion, to_fix, to_north, turn_of
 from lab.navigation.wander import frame_rate as _earth_rate
+from lab.settings import SettingError
 
 FloatArray = NDArray[np.float64]
 
@@ -262,5 +263,17 @@ MODELS = {model.name: model for model in (PHI, PSI, INVARIANT)}
 
 
 def linear_model(name: str, mechanization: str) -> ErrorModel:
-    """Return the linear error model by its name and mechanization, both as in the settings."""
-    return (MODELS if mechanization == WANDER_AZIMUTH else error_models.MODELS)[name]
+    """Return the linear error model by its name and mechanization, both as in the settings.
+
+    Raises
+    ------
+    SettingError
+        If the model is not written for the mechanization.
+    """
+    models = MODELS if mechanization == WANDER_AZIMUTH else error_models.MODELS
+    if name not in models:
+        raise SettingError(
+            f"navigator.model: the model {name} is not written for navigator.mechanization = "
+            f"{mechanization}; accepted with it are the models {', '.join(models)}"
+        )
+    return models[name]

@@ -18,6 +18,8 @@ FloatArray = NDArray[np.float64]
 
 _MICROTESLA = 0.1
 """Microteslas in a milligauss."""
+_NORTH = 360.0
+"""Largest yaw of a receiver with two antennas [°]: it writes north as 360 and not as 0, which is no yaw."""
 
 
 def magnetometer_of(messages: Messages | None) -> Magnetometer | None:
@@ -50,8 +52,7 @@ def headings_of(gps: Messages, fixed: NDArray[np.bool_]) -> Headings | None:
     yaw = gps.get("Yaw")
     if yaw is None:
         return None
-    # North is 360 and not 0.
-    fine = fixed & np.isfinite(yaw) & np.isfinite(gps[TIME]) & (yaw > 0) & (yaw <= 360)
+    fine = fixed & np.isfinite(yaw) & np.isfinite(gps[TIME]) & (yaw > 0) & (yaw <= _NORTH)
     stream = Stream.of("heading", gps[TIME], yaw, fine)
     if not stream.usable:
         return None

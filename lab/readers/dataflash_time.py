@@ -37,6 +37,8 @@ _MAX_AVERAGED = 10_000
 """The same reach in messages at most: it bounds the work where stamps are damaged."""
 _MIN_STEP = 1e-6
 """Least step between messages by which that reach is counted [s]."""
+_LEAST_BETWEEN = 3
+"""Fewest messages whose times are averaged: the first and the last keep theirs."""
 _FIX_2D = 2
 """Status from which a fix has a time; a two-dimensional one does, and old logs know no higher one."""
 
@@ -120,7 +122,7 @@ class MessageTimes:
         """Return the times of messages written at a steady rate, by those that stand around them."""
         time = np.interp(places, *self._anchors, left=np.nan, right=np.nan)
         known = np.flatnonzero(np.isfinite(time))
-        if len(known) < 3:
+        if len(known) < _LEAST_BETWEEN:
             return time
         at = time[known]
         count = np.arange(len(at), dtype=np.float64)

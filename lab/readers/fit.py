@@ -51,7 +51,7 @@ _MISSING = "is a FIT file. Reading it needs fitdecode, which is not installed: p
 
 def recognises(head: bytes) -> bool:
     """Return whether a file starts like FIT."""
-    return len(head) >= 12 and head[0] in _HEADER_SIZES and head[8:12] == _MAGIC
+    return len(head) >= _HEADER_SIZES[0] and head[0] in _HEADER_SIZES and head[8:12] == _MAGIC
 
 
 def read(paths: Sequence[Path], units: Mapping[str, str]) -> RawFlight:

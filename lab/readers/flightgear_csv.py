@@ -77,11 +77,15 @@ _HEADING = re.compile(
     r"(?:[(\[]([^)\]]{1,20}?)(?:\s*(?:msl|asl|amsl|true))?[)\]]|-(deg|rad|ft|m|fps|kt|s))?\s*",
     re.IGNORECASE,
 )
+_MILLISECOND = 1e-3
+"""[s]."""
 _MAX_HEADER_LINE = 20
 """Last line on which the header may stand."""
 _MAX_SPEED = 400.0
 """Median speed up to which a time counts in milliseconds [m/s]: FlightGear's fastest aircraft fly faster,
 but not half of a flight."""
+_MIN_COLUMNS = 3
+"""Fewest columns: the time and a position, without its height."""
 _MIN_MILLISECONDS = 5.0
 """Median step of the time from which it may be in milliseconds: nobody logs a sample in five seconds, and no
 logger 200 a second."""
@@ -129,7 +133,7 @@ def _fields(lines: Sequence[str]) -> list[Field] | None:
     for place, line in enumerate(lines[:_MAX_HEADER_LINE]):
         for delimiter in ",;\t|":
             cells = _cells(line, delimiter)
-            if len(cells) < 3:
+            if len(cells) < _MIN_COLUMNS:
                 continue
             fields = {field.key: field for cell in reversed(cells) if (field := _field(cell)) is not None}
             sure = [fields[key].source for key in ("latitude", "longitude") if key in fields]
@@ -192,8 +196,8 @@ def _clock(columns: Columns) -> list[str]:
         np.column_stack((columns.values["latitude"], columns.values["longitude"], 0 * time))
     )
     distance = float(np.median(np.linalg.norm(np.diff(place, axis=0), axis=1)))
-    if distance > _MAX_SPEED * step * 1e-3:
+    if distance > _MAX_SPEED * step * _MILLISECOND:
         return []
-    columns.values["time"] = time * 1e-3
+    columns.values["time"] = time * _MILLISECOND
     columns.units["time"] = replace(columns.units["time"], unit="ms", source=GUESSED)
     return ["The time is taken as milliseconds, which FlightGear's logger writes."]

@@ -43,6 +43,8 @@ _WGS84 = b"100"
 _EXTENSIONS = ("LAD", "LOD", "TDS")
 _MAX_DIGITS = 6
 """Most digits of an extension that are read as decimals."""
+_MINUTES = 60
+"""Minutes in a degree: one with more is damaged."""
 _FIRST_EXTENSION = 35
 """Bytes of a B record before its extensions (of the format)."""
 _FIRST_YEAR = 80
@@ -184,7 +186,7 @@ def _degrees(cells: Sequence[bytes], more: bytes) -> float:
     """Return an angle of whole degrees, thousandths of a minute and a side, with more decimals."""
     degrees, thousandths, side = cells
     minutes = (int(thousandths) + float(b"0." + more + b"0")) / 1000
-    angle = int(degrees) + minutes / 60 if minutes < 60 else UNKNOWN
+    angle = int(degrees) + minutes / _MINUTES if minutes < _MINUTES else UNKNOWN
     return -angle if side in b"SW" else angle
 
 

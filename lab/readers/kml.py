@@ -30,6 +30,8 @@ NAME = "KML"
 _ROOT = re.compile(rb"<(?:[A-Za-z]\w{0,30}:)?kml[\s>]")
 _OVER_GROUND = ("relativeToGround", "relativeToSeaFloor")
 _DRAWN_ON_GROUND = ("", "clampToGround", "clampToSeaFloor")
+_MAX_NAMES, _MAX_NAME = 10, 40
+"""Most quantities that the report names as not used, and most characters of each: the file is hostile."""
 _ACCEPTED = "accepted is KML with a track of times and places (gx:Track)"
 
 
@@ -114,8 +116,8 @@ class _Tracks:
         elif name in {"LineString", "Point"}:
             self.drawn += 1
         elif self._inside and name in {"angles", "SimpleArrayData"}:
-            what = attributes.get("name", name)[:40]
-            if what not in self.unused and len(self.unused) < 10:
+            what = attributes.get("name", name)[:_MAX_NAME]
+            if what not in self.unused and len(self.unused) < _MAX_NAMES:
                 self.unused.append(what)
 
     def end(self, name: str, text: str) -> None:

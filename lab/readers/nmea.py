@@ -63,8 +63,20 @@ _TEXTS = frozenset(("ns", "ew", "mode"))
 _NUMBERS = ("time", "lat", "lon", "quality", "altitude", "geoid", "speed", "course", "date")
 _ORDER = {"GGA": 0, "GNS": 1, "RMC": 2, "VTG": 3}
 """Numbers of the kinds of sentences."""
-# The value of each character as a hexadecimal digit; 255 for the others.
-_HEX = np.full(256, 255, dtype=np.uint8)
+_LETTERS = 26
+"""From A to Z."""
+_MINUTES, _SECONDS = 60, 61
+"""Minutes of an hour or a degree, and seconds of a minute, which a leap second makes longer."""
+_MIDNIGHT = 240_000
+"""Time of day, hhmmss, from which on it is of no day."""
+_DATES = (10_100, 311_299)
+"""First and last date, ddmmyy."""
+_DAYS, _MONTHS = 31, 12
+"""Most days of a month, and months of a year."""
+_NO_DIGIT = 255
+"""The value of a character that is no hexadecimal digit."""
+# The value of each character as a hexadecimal digit.
+_HEX = np.full(256, _NO_DIGIT, dtype=np.uint8)
 for _digit in b"0123456789ABCDEFabcdef":
     _HEX[_digit] = int(chr(_digit), 16)
 
@@ -169,7 +181,9 @@ def _checked(characters: NDArray[np.uint8], starts: IntArray, stars: IntArray) -
     padded = np.concatenate((characters, np.zeros(2, dtype=np.uint8)))
     high, low = _HEX[padded[stars + 1]], _HEX[padded[stars + 2]]
     said = (high.astype(int) << 4) | low
-    return np.asarray((padded[stars] == ord("*")) & (high < 16) & (low < 16) & (said == computed))
+    return np.asarray(
+        (padded[stars] == ord("*")) & (high != _NO_DIGIT) & (low != _NO_DIGIT) & (said == computed)
+    )
 
 
 def _named(characters: NDArray[np.uint8], starts: IntArray) -> NDArray[np.bool_]:
@@ -178,7 +192,7 @@ def _named(characters: NDArray[np.uint8], starts: IntArray) -> NDArray[np.bool_]
         return np.ones(0, dtype=bool)
     places = starts[:, None] + np.arange(1, 6)
     after = characters[np.minimum(places, len(characters) - 1)]
-    return np.asarray((after - ord("A") < 26).all(axis=1))
+    return np.asarray((after - ord("A") < _LETTERS).all(axis=1))
 
 
 def _binary(characters: NDArray[np.uint8], ends: IntArray, starts: IntArray, stars: IntArray) -> int:
@@ -256,7 +270,7 @@ def _angle(value: FloatArray, side: Any, positive: str, negative: str) -> FloatA
     degrees = np.floor(value / 100)
     minutes = value - 100 * degrees
     sign = np.where(side == positive, 1.0, np.where(side == negative, -1.0, np.nan))
-    return np.asarray(np.where(minutes < 60, sign * (degrees + minutes / 60), np.nan))
+    return np.asarray(np.where(minutes < _MINUTES, sign * (degrees + minutes / _MINUTES), np.nan))
 
 
 def _valid(name: str, values: Mapping[str, FloatArray], texts: Mapping[str, Any]) -> FloatArray:
@@ -340,10 +354,11 @@ def _first_of(
 
 def _time(clock: FloatArray, date: FloatArray) -> tuple[FloatArray, str]:
     """Return seconds since midnight, going on over the next ones, and when the first day was."""
-    clock = np.where((clock >= 0) & (clock < 240_000), clock, np.nan)
+    clock = np.where((clock >= 0) & (clock < _MIDNIGHT), clock, np.nan)
     hours, minutes = np.floor(clock / 10_000), np.floor(clock / 100) % 100
     seconds = np.round(clock - 10_000 * hours - 100 * minutes, 6)
-    time = np.where((minutes < 60) & (seconds < 61), 3600 * hours + 60 * minutes + seconds, np.nan)
+    fine = (minutes < _MINUTES) & (seconds < _SECONDS)
+    time = np.where(fine, 3600 * hours + 60 * minutes + seconds, np.nan)
     known = np.isfinite(time)
     time[known] = np.unwrap(time[known], period=DAY)
     days = _days(date)
@@ -359,10 +374,11 @@ def _time(clock: FloatArray, date: FloatArray) -> tuple[FloatArray, str]:
 
 def _days(date: FloatArray) -> FloatArray:
     """Return days since 1970 of dates written ddmmyy; NaN if there is none."""
-    known = np.isfinite(date) & (date >= 10_100) & (date <= 311_299)
-    number = np.where(known, date, 10_100).astype(np.int64)
+    known = np.isfinite(date) & (date >= _DATES[0]) & (date <= _DATES[1])
+    number = np.where(known, date, _DATES[0]).astype(np.int64)
     day, month, year = number // 10_000, number // 100 % 100, number % 100
-    fine = known & (day >= 1) & (day <= 31) & (month >= 1) & (month <= 12)
-    months = (np.where(year < _FIRST_YEAR, year + 2000, year + 1900) - 1970) * 12 + np.clip(month, 1, 12) - 1
+    fine = known & (day >= 1) & (day <= _DAYS) & (month >= 1) & (month <= _MONTHS)
+    years = np.where(year < _FIRST_YEAR, year + 2000, year + 1900) - 1970
+    months = years * _MONTHS + np.clip(month, 1, _MONTHS) - 1
     days = months.astype("datetime64[M]").astype("datetime64[D]").astype(np.int64) + day - 1
     return np.where(fine, days.astype(np.float64), np.nan)

@@ -13,6 +13,8 @@ from lab.repair.raw_flight import ColumnUnit, RawFlight
 NAME = "INS Lab flight csv"
 
 _NAMES = frozenset(column.name for column in COLUMNS)
+_MIN_COLUMNS = 3
+"""Fewest of our columns that a header must have: other programs use one or two of the names."""
 _UNITS = {"s": "s", "deg": "°", "m": "m", "m_s": "m/s"}
 
 
@@ -21,7 +23,7 @@ def recognises(head: bytes) -> bool:
     for line in head.decode("utf-8", "replace").splitlines():
         if line.strip() and not line.lstrip("\ufeff").startswith("#"):
             cells = {cell.strip() for cell in line.lstrip("\ufeff").replace(";", ",").split(",")}
-            return "time_s" in cells and len(cells & _NAMES) >= 3
+            return "time_s" in cells and len(cells & _NAMES) >= _MIN_COLUMNS
     return False
 
 

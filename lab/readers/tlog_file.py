@@ -31,6 +31,8 @@ _STAMP = 8
 """Bytes of the ground station's time before each frame."""
 _SHORTEST = {0xFD: 12, 0xFE: 8}
 """Bytes of a frame without its payload, by its first byte (MAVLink, Packet Serialization)."""
+_HEAD = 3
+"""Bytes of a frame by which its length is known: first byte, length of the payload, flags."""
 _SIGNED = 1
 """Flag of a frame with a signature."""
 _SIGNATURE = 13
@@ -177,8 +179,8 @@ class TlogFile:
 
 def frame_end(data: bytes, at: int) -> int | None:
     """Return where a frame that begins, with its time stamp, at a place ends; None if there is none."""
-    head = data[at + _STAMP : at + _STAMP + 3]
-    if len(head) < 3 or head[0] not in MAGICS:
+    head = data[at + _STAMP : at + _STAMP + _HEAD]
+    if len(head) < _HEAD or head[0] not in MAGICS:
         return None
     end = at + _STAMP + head[1] + _SHORTEST[head[0]]
     if head[0] == MAGICS[0] and head[2] & _SIGNED:

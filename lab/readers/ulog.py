@@ -355,6 +355,7 @@ def _gnss(log: ULogFile, gps: Messages) -> GnssLog:
     fine = _fixed(gps) & np.isfinite(place).all(axis=1) & _on_earth(place) & np.isfinite(time)
     late = _column(gps, "timestamp_sample") if "timestamp_sample" in (gps.dtype.names or ()) else None
     stamped = late is not None and bool((late > 0).all())
+    delay = 1e-3 * log.parameters.get("EKF2_GPS_DELAY", 0.0)
     return GnssLog(
         time=time[fine],
         position=place[fine],
@@ -363,9 +364,7 @@ def _gnss(log: ULogFile, gps: Messages) -> GnssLog:
         velocity_sigma=np.column_stack((speed, speed, speed))[fine],
         lever_arm=_lever_arm(log.parameters),
         # The driver's own time of the sample has the delay in it.
-        latency=0.0
-        if stamped
-        else float(np.clip(1e-3 * log.parameters.get("EKF2_GPS_DELAY", 0.0), 0, MAX_GPS_DELAY)),
+        latency=0.0 if stamped else float(np.clip(delay, 0, MAX_GPS_DELAY)),
     )
 
 

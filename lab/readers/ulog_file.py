@@ -26,6 +26,18 @@ MAGIC = b"ULog\x01\x12\x35"
 _SYNC = b"\x2f\x73\x13\x20\x25\x0c\xbb\x12"
 _HEADER = 16
 """Bytes of the header."""
+_HEAD = 3
+"""Bytes of the head of a message: its length and its kind."""
+_LEAST_FLAGS = 40
+"""Bytes of the message of flags (of the format)."""
+_LEAST_PARAMETER = 6
+"""Fewest bytes of a parameter: length of the key, one of the key, four of the value."""
+_VALUE = 4
+"""Bytes of the value of a parameter."""
+_LEAST_SUBSCRIPTION = 4
+"""Fewest bytes of a subscription: instance, number of the topic, one of its name."""
+_STAMP = 8
+"""Bytes of the time stamp, which every topic has."""
 _KINDS = frozenset(b"BFIMPQARDLCSO")
 _FLAGS, _FORMAT, _PARAMETER, _SUBSCRIPTION, _DATA, _DROPOUT = b"BFPADO"
 _PADDING = 8
@@ -149,9 +161,9 @@ class ULogFile:
         data, end, at = self._data, len(self._data), _HEADER
         subscribed: dict[int, Topic | None] = {}
         resumes: list[int] = []
-        while at + 3 <= end:
+        while at + _HEAD <= end:
             size, kind = data[at] | data[at + 1] << 8, data[at + 2]
-            content, following = at + 3, at + 3 + size
+            content, following = at + _HEAD, at + _HEAD + size
             if resumes and following > resumes[0]:
                 # After a crash the log goes on at a place the header tells.
                 at = max(at, resumes.pop(0))
@@ -189,9 +201,9 @@ class ULogFile:
         for first in range(start, end - 2):
             at = first
             for _ in range(_FRAMES_THAT_FIT):
-                if at + 3 > end or data[at + 2] not in _KINDS:
+                if at + _HEAD > end or data[at + 2] not in _KINDS:
                     break
-                at += 3 + (data[at] | data[at + 1] << 8)
+                at += _HEAD + (data[at] | data[at + 1] << 8)
             else:
                 if at <= end:
                     return first
@@ -199,22 +211,28 @@ class ULogFile:
 
     def _flags(self, message: bytes) -> list[int]:
         """Return where the log goes on after a crash, if it does."""
-        if len(message) < 40:
+        if len(message) < _LEAST_FLAGS:
             return []
         if message[8] & ~1 or any(message[9:16]):
             raise ValueError("it is newer or encrypted, with unknown flags")
-        return sorted(offset for offset in struct.unpack("<3Q", message[16:40]) if message[8] and offset)
+        return sorted(
+            offset for offset in struct.unpack("<3Q", message[16:_LEAST_FLAGS]) if message[8] and offset
+        )
 
     def _take(self, kind: int, message: bytes) -> None:
         if kind == _FORMAT:
             name, colon, fields = message.decode("ascii", "replace").partition(":")
             if colon and len(self._formats) < _MAX_FIELDS:
                 self._formats[name] = fields
-        elif kind == _PARAMETER and len(message) > 5:
+        elif kind == _PARAMETER and len(message) >= _LEAST_PARAMETER:
             key = message[1 : 1 + message[0]].decode("ascii", "replace")
             value = message[1 + message[0] :]
             form, _, name = key.partition(" ")
-            if len(value) == 4 and form in {"float", "int32_t"} and len(self.parameters) < _MAX_PARAMETERS:
+            if (
+                len(value) == _VALUE
+                and form in {"float", "int32_t"}
+                and len(self.parameters) < _MAX_PARAMETERS
+            ):
                 number = struct.unpack("<f" if form == "float" else "<i", value)[0]
                 self.parameters.setdefault(name, float(number))
         elif kind == _DROPOUT and len(message) >= 2:
@@ -224,7 +242,7 @@ class ULogFile:
     def _subscribe(
         self, message: bytes, wanted: Collection[str], subscribed: dict[int, Topic | None]
     ) -> None:
-        if len(message) < 4:
+        if len(message) < _LEAST_SUBSCRIPTION:
             return
         number, name = message[1] | message[2] << 8, message[3:].decode("ascii", "replace")
         subscribed[number] = None
@@ -249,7 +267,7 @@ class ULogFile:
         fields = self._fields(name)
         if fields and last:  # padding at the end is not logged
             at -= size
-        if not names or not 8 <= at < _MAX_MESSAGE or "timestamp" not in names:
+        if not names or not _STAMP <= at < _MAX_MESSAGE or "timestamp" not in names:
             return None
         layout = np.dtype({"names": names, "formats": forms, "offsets": offsets, "itemsize": at})
         return layout, at

@@ -63,6 +63,9 @@ _JUMP_SPEED_RATIO = 8
 """Speed of a jump beyond which no flight accelerates between two samples, over its usual speed."""
 _MIN_STEP = 1e-3
 """Least time between samples by which a speed is computed [s]."""
+_MIN_FOR_SPIKE = 5
+"""Fewest samples among which one can be a spike: with fewer its distances are most of those it is judged
+by."""
 _MAX_SPIKE_RETURN = 0.2
 """Distance between the neighbours of a spike over the path to it and back: a spike comes back."""
 _MIN_GAP_STEPS = 5
@@ -232,7 +235,7 @@ def distinct(raw: RawFlight) -> RawFlight:
 
 def without_spikes(raw: RawFlight) -> RawFlight:
     """Return the samples without single positions far from the path between their neighbours."""
-    if raw.latitude is None or raw.longitude is None or len(raw.time) < 5:
+    if raw.latitude is None or raw.longitude is None or len(raw.time) < _MIN_FOR_SPIKE:
         return raw
     places = place(raw)
     step = np.linalg.norm(np.diff(places, axis=0), axis=1)

@@ -44,6 +44,8 @@ _MAX_OFF_EVEN = 0.5
 """How far a stamp may lie from an even clock, in steps of it: beyond, it would be another sample's."""
 _TICKS_PER_STEP = 20
 """Ticks in a step from which on the median step is the step: with fewer it is rounded itself."""
+_MAX_STEP = 1.5
+"""Longest step that counts in the mean of single ones, over the median: one left-out sample makes two."""
 _MAX_DRIFT = 0.02
 """How far the counted steps may drift from the stamps, relative to their number; two steps are always
 allowed."""
@@ -127,7 +129,7 @@ def _counts(time: FloatArray, tick: float) -> FloatArray | None:
     steps = np.diff(time)
     step = float(np.median(steps))
     if step < _TICKS_PER_STEP * tick:  # the median is rounded itself
-        step = float(np.mean(steps[steps < 1.5 * step + tick]))
+        step = float(np.mean(steps[steps < _MAX_STEP * step + tick]))
     for _ in range(_ROUNDS):
         if not step > 0:
             return None

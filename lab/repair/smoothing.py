@@ -42,7 +42,9 @@ _WIDTHS = 33
 _NARROWEST = 0.3
 """Narrowest of them in steps: a narrower spline goes through the samples."""
 _WIDEST = 3.0
-"""Widest of them [s], so that no manoeuvre is smoothed away; at least four steps are tried."""
+"""Widest of them [s], so that no manoeuvre is smoothed away."""
+_LEAST_WIDEST = 4.0
+"""The same in steps at least, of slow recordings."""
 _HARDLY_SMOOTHED = 1e-3
 """λ relative to the least tried that stands for none: exactly none leaves no residual to divide."""
 
@@ -144,7 +146,7 @@ def best_smoothing(time: FloatArray, values: FloatArray) -> float:
     """
     windows = _windows(len(time))
     step = float(np.median(np.diff(time)))
-    widths = step * np.geomspace(_NARROWEST, min(max(_WIDEST / step, 4.0), WIDEST_STEPS), _WIDTHS)
+    widths = step * np.geomspace(_NARROWEST, min(max(_WIDEST / step, _LEAST_WIDEST), WIDEST_STEPS), _WIDTHS)
     scores = []
     signs = np.random.default_rng(0).choice([-1.0, 1.0], size=(_WINDOW, _PROBES))
     for width in (0.0, *widths):
@@ -180,7 +182,8 @@ def smoothing_of_steps(time: FloatArray, values: FloatArray, step: float) -> flo
     apart = float(np.mean(np.linalg.norm(np.diff(values, axis=0), axis=1)))
     alike = max(1.0, step / apart) if apart > 0 else 1.0
     widest = WIDEST_STEPS**4 * float(np.mean(np.diff(time))) ** 3
-    return min(step**2 / 12 * alike / LIVELINESS, widest)
+    variance = step**2 / 12
+    return min(variance * alike / LIVELINESS, widest)
 
 
 def _windows(samples: int) -> list[slice]:

@@ -14,6 +14,8 @@ MAX_SAMPLES = 20_000_000
 
 _ROUND_RATES = np.array([1.0, 2.0, 4.0, 5.0, 8.0])
 """Leading digits of the rates that a grid may have [Hz]: their steps have few decimals."""
+_NEARLY = 0.999
+"""Part of the wanted rate that a round one must reach: rounded stamps move the usual step by as little."""
 _MAX_UNEVEN = 1e-4
 """How far samples may lie off even times, in steps, to keep them: 0.1 µs at 1 kHz, the rounding of stamps."""
 _GRID_TIMES_PER_STEP = 2
@@ -53,8 +55,8 @@ def regular_grid(time: FloatArray, rate: float, least_rate: float) -> FloatArray
         wanted = max(rate_of_samples, least_rate)
         decade = 10.0 ** np.floor(np.log10(wanted))
         step = (
-            1 / (decade * _ROUND_RATES[_ROUND_RATES * decade >= wanted * 0.999][0])
-            if wanted <= 8 * decade
+            1 / (decade * _ROUND_RATES[_ROUND_RATES * decade >= wanted * _NEARLY][0])
+            if wanted <= _ROUND_RATES[-1] * decade
             else 0.1 / decade
         )
     count = int(span / step + 1e-6)

@@ -157,7 +157,6 @@ class Card:
         """Return the card in the form of its TOML file, with assumed numbers in a separate table."""
         both = (self.terms, self.assumed)
         data = [datum for terms in both for group in terms.values() for datum in group.values()]
-        data = [datum for terms in both for group in terms.values() for datum in group.values()]
         sources = sorted({datum.source for datum in data})
         keys = {source: f"source{number}" for number, source in enumerate(sources, 1)}
         card: dict[str, Any] = {"maker": self.maker, "grade": self.grade, "note": self.note}

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 import trimesh
@@ -38,6 +38,19 @@ _NED_TO_ENU = Rotation.from_matrix(NED_TO_ENU)
 """Rotates north, east, down to east, north, up."""
 
 
+class Colours(NamedTuple):
+    """Colours of what carries no data, each chosen for its background."""
+
+    cells: str
+    sections: str
+    shadow: str
+    aircraft: str
+
+
+DARK = Colours(cells="#464e5a", sections="#606a78", shadow="#5b6472", aircraft="#f0f3f7")
+LIGHT = Colours(cells="#d3d9e1", sections="#b4bdc9", shadow="#98a2b0", aircraft="#5b6472")
+
+
 class Scene:
     """Draws a result into a viser server; the axes are east, north, up from the start, in kilometres.
 
@@ -51,6 +64,8 @@ class Scene:
         Factor on all heights.
     ellipsoid_scale
         Factor on the ellipsoids, which would be too small to see at the scale of a flight.
+    dark
+        Whether the background is dark.
     """
 
     def __init__(
@@ -60,6 +75,7 @@ class Scene:
         *,
         exaggeration: float = 1.0,
         ellipsoid_scale: float = 10.0,
+        dark: bool = True,
     ) -> None:
         self._server = server
         self.exaggeration = exaggeration
@@ -69,10 +85,15 @@ class Scene:
         self._aircraft: viser.FrameHandle | None = None
         server.scene.set_up_direction("+z")
         server.scene.world_axes.visible = False
-        server.gui.configure_theme(show_logo=False, show_share_button=False, dark_mode=True)
+        self.dress(dark)
         server.gui.main_panel.minimize()
         if result is not None:
             self.show(result)
+
+    def dress(self, dark: bool) -> None:
+        """Choose a dark or a light background; what is drawn gets its colours when it is drawn again."""
+        self._colours = DARK if dark else LIGHT
+        self._server.gui.configure_theme(show_logo=False, show_share_button=False, dark_mode=dark)
 
     def show(self, result: Result, time: float = 0.0) -> None:
         """Draw a result in place of the previous one, with the aircraft at a time [s]."""
@@ -178,7 +199,7 @@ class Scene:
     def _draw_ground(self, path: FloatArray) -> None:
         low, high = np.nanmin(path, axis=0), np.nanmax(path, axis=0)
         shadow = path * (1, 1, 0) + (0, 0, low[2])
-        self._draw_path("/track on the ground", shadow, "#5b6472", 1.0)
+        self._draw_path("/track on the ground", shadow, self._colours.shadow, 1.0)
         extent = float(max(high[:2] - low[:2])) or 1.0
         cell = 10.0 ** np.floor(np.log10(extent / 4))
         self._server.scene.add_grid(
@@ -187,8 +208,8 @@ class Scene:
             height=3 * extent,
             cell_size=cell,
             section_size=5 * cell,
-            cell_color=(70, 78, 90),
-            section_color=(96, 106, 120),
+            cell_color=_rgb(self._colours.cells),
+            section_color=_rgb(self._colours.sections),
             cell_thickness=0.6,
             section_thickness=1.0,
             position=(*(low + high)[:2] / 2, low[2] - 0.001),
@@ -209,7 +230,7 @@ class Scene:
             "/aircraft/mesh",
             mesh.vertices.astype(np.float32),
             mesh.faces.astype(np.uint32),
-            color=(240, 243, 247),
+            color=_rgb(self._colours.aircraft),
             flat_shading=True,
             scale=self._size * 0.07 / LENGTH,
             cast_shadow=False,

@@ -242,6 +242,24 @@ def test_the_theme_changes_without_a_new_session(open_page: Open) -> None:
     assert page.evaluate(f"{DATA} === window.before")
 
 
+BACKGROUND = """() => {
+  let part = document.querySelector("canvas");
+  while (part && getComputedStyle(part).backgroundColor.endsWith(", 0)")) part = part.parentElement;
+  return part && Math.max(...getComputedStyle(part).backgroundColor.match(/\\d+/g).slice(0, 3).map(Number));
+}"""
+"""Brightness of what is behind the scene in three dimensions, 0 to 255."""
+
+
+def test_the_scene_in_three_dimensions_follows_the_theme(open_page: Open) -> None:
+    page = open_page(width=900, height=600)  # small: it is drawn without a graphics card
+    show(page, "3-D")
+    page.frame_locator("iframe").get_by_text("Connected").wait_for()
+    scene = next(frame for frame in page.frames if "/viser/" in frame.url)
+    scene.wait_for_function(f"({BACKGROUND})() > 200", polling=250)
+    page.get_by_role("button", name="Toggle theme").click()
+    scene.wait_for_function(f"({BACKGROUND})() < 60", polling=250)
+
+
 def test_reset_and_files(open_page: Open) -> None:
     page = open_page("?sensors.gyro.noise_density=0.2")
     expect(noise(page)[1]).to_have_value("0.2")

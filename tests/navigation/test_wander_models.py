@@ -13,7 +13,9 @@ from lab import earth
 from lab.navigation import driver, error_models, strapdown, wander
 from lab.navigation.compilation import interpreted
 from lab.navigation.error_models import ACCEL_BIAS, ATT, GYRO_BIAS, POS, VEL, ErrorModel
-from lab.navigation.wander_models import MODELS
+from lab.navigation.settings import NavigatorSettings
+from lab.navigation.wander_models import MODELS, linear_model
+from lab.settings import SettingError
 
 FloatArray = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
@@ -234,3 +236,20 @@ def test_functions_made_for_one_model_have_names_of_their_own() -> None:
             function = getattr(part, "py_func", part)
             assert seen.setdefault((function.__module__, function.__qualname__), function) is function
     assert seen[wander.step.__module__, wander.step.__qualname__] is not strapdown.step.py_func
+
+
+def test_every_linear_model_of_the_settings_is_written_for_both_mechanizations() -> None:
+    named = [name for name in NavigatorSettings.param["model"].objects if name != "nonlinear"]
+    assert list(MODELS) == list(error_models.MODELS) == named
+    for mechanization in NavigatorSettings.param["mechanization"].objects:
+        for name in named:
+            assert linear_model(name, mechanization).mechanization == mechanization
+
+
+def test_a_model_that_is_not_written_for_the_mechanization_is_refused(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setitem(error_models.MODELS, "new", error_models.PHI)
+    assert linear_model("new", error_models.NORTH_SLAVED) is error_models.PHI
+    with pytest.raises(SettingError, match=r"navigator\.model: the model new .* phi, psi, invariant$"):
+        linear_model("new", error_models.WANDER_AZIMUTH)

@@ -95,3 +95,21 @@ def test_the_aircraft_is_an_aeroplane() -> None:
     assert high[1] - low[1] == pytest.approx(11.0)
     fin = mesh.vertices[mesh.vertices[:, 2] < -1]
     assert fin[:, 0].max() < 0
+
+
+@pytest.mark.parametrize("dark", [True, False])
+def test_what_is_drawn_stands_out_from_the_background(
+    server: viser.ViserServer, result: Result, monkeypatch: pytest.MonkeyPatch, dark: bool
+) -> None:
+    chosen: list[bool] = []
+    monkeypatch.setattr(server.gui, "configure_theme", lambda dark_mode, **_: chosen.append(dark_mode))
+    scene = Scene(server, result, dark=not dark)
+    scene.dress(dark)
+    scene.show(result)
+    assert chosen == [not dark, dark]
+    background = 0 if dark else 255
+    assert abs(np.mean(node(server, "/aircraft/mesh").color) - background) > 100
+    ground = node(server, "/ground")
+    lines = (ground.section_color, ground.cell_color)
+    sections, cells = (abs(np.mean(colour) - background) for colour in lines)
+    assert sections > cells > 30

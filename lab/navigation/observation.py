@@ -1,0 +1,160 @@
+"""Observation: how a filter sees a fix, and the rates at rest, and what they make of [P | x]."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lab.navigation import strapdown
+from lab.navigation.compilation import embedded_kernel, inline_kernel, kernel
+from lab.navigation.filter import Filter
+from lab.navigation.kalman import (
+    EVERY,
+    MEASUREMENTS,
+    RECOVERED,
+    REJECTED,
+    normalised_square,
+    plausibility,
+    predict_fix,
+    scalar_update,
+    update,
+    weight,
+)
+from lab.navigation.lever_arm import see_antenna
+from lab.navigation.propagation import NAV, STATES, WIDTH, X
+from lab.navigation.schedule import Schedule
+from lab.navigation.solution import Solution
+from lab.navigation.standstill import GATE, see_rest
+from lab.navigation.strapdown import LATITUDE, VELOCITY, Matrix, Vector, get
+
+FloatArray = NDArray[np.float64]
+
+
+@kernel
+def difference(
+    state: FloatArray, age: float, fraction: float, position: FloatArray, velocity: FloatArray, z: FloatArray
+) -> None:
+    """Write navigator minus fix, the navigator interpolated to `age` seconds (`fraction` of a step) ago."""
+    v = get(state, VELOCITY)
+    before = get(state, strapdown.PREVIOUS_VELOCITY)
+    mean = (0.5 * (v[0] + before[0]), 0.5 * (v[1] + before[1]), 0.5 * (v[2] + before[2]))
+    east = state[strapdown.LONGITUDE] - position[1]
+    east -= 2 * math.pi * math.floor(east / (2 * math.pi) + 0.5)
+    z[0] = (state[LATITUDE] - position[0]) / state[strapdown.MERIDIAN] - age * mean[0]
+    z[1] = east * state[strapdown.COSINE] / state[strapdown.TRANSVERSE] - age * mean[1]
+    z[2] = position[2] - state[strapdown.HEIGHT] - age * mean[2]
+    for i in range(3):
+        z[3 + i] = v[i] - fraction * (v[i] - before[i]) - velocity[i]
+
+
+@inline_kernel
+def fix_axes(state: FloatArray) -> Matrix:
+    """Return north, east and down of the last fix in the navigation frame: its own axes, north-slaved."""
+    return (1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)
+
+
+@inline_kernel
+def through_map(state: FloatArray, T: FloatArray, H: FloatArray) -> None:
+    """Transform H of the errors to H of the model's own errors; for `phi`, they are the same."""
+
+
+@embedded_kernel
+def sight(run: Filter, m: int, age: float, z: FloatArray, out: Solution) -> None:
+    """Write H and R of fix m, which is `age` seconds old, and move z from the IMU to the antenna."""
+    H, R = run.H, run.R_fix
+    for i in range(MEASUREMENTS):
+        for j in range(MEASUREMENTS):
+            R[i, j] = run.R[min(m, run.R.shape[0] - 1), i, j]
+        for j in range(STATES):
+            H[i, j] = 1.0 if i == j else 0.0
+    turn = run.turns[min(m, run.turns.shape[0] - 1)]
+    see_antenna(run.state, run.lever_arm, turn, age, run.noise, fix_axes(run.state), z, H, R)
+    for i in range(MEASUREMENTS):
+        for j in range(STATES):
+            out.fix_H[m, i, j] = H[i, j]
+
+
+@embedded_kernel
+def observe(
+    run: Filter, m: int, age: float, time: float, schedule: Schedule, z: FloatArray, out: Solution
+) -> int:
+    """Update [P | x] with fix m, `age` seconds before the sample at `time`; return its outcome.
+
+    z is navigator minus fix, without the lever arm.
+    """
+    sight(run, m, age, z, out)
+    H, R, nu, S = run.H, run.R_fix, out.innovation[m], out.innovation_covariance[m]
+    through_map(run.state, run.T, H)
+    for i in range(MEASUREMENTS):
+        nu[i] = z[i]
+        for j in range(STATES):
+            nu[i] -= H[i, j] * run.w[WIDTH * j + X]
+    predict_fix(run.P, H, R, S)
+    nis = normalised_square(nu, S)
+    became = plausibility(run.P, run.streak, run.clock, nu, S, nis, time, schedule, STATES)
+    if became == REJECTED:
+        return REJECTED
+    if schedule.robust != EVERY:
+        if became == RECOVERED:
+            raised = np.empty((MEASUREMENTS, MEASUREMENTS))
+            predict_fix(run.P, H, R, raised)
+            nis = normalised_square(nu, raised)
+        per_weight = 1 / weight(schedule.robust, nis)
+        for i in range(MEASUREMENTS):
+            for j in range(MEASUREMENTS):
+                R[i, j] *= per_weight
+    for i in range(MEASUREMENTS):
+        for j in range(MEASUREMENTS):
+            out.fix_R[m, i, j] = R[i, j]
+    update(run.w, z, H, R, run.scalars[min(m, run.scalars.shape[0] - 1)])
+    return became
+
+
+@inline_kernel
+def frame_rate(state: FloatArray) -> Vector:
+    """Return the Earth's rate in the navigation frame."""
+    sine = state[strapdown.SINE]
+    return strapdown.earth_rate(sine, math.sqrt(1 - sine * sine))
+
+
+@inline_kernel
+def own_attitude(state: FloatArray, seen: Vector) -> Vector:
+    """Return the row of H for the model's own attitude error, given that of the navigation frame's."""
+    return seen
+
+
+@inline_kernel
+def own_attitude_in_body(state: FloatArray, seen: Vector) -> Vector:
+    """Return the row of H for an attitude error in b, given that for the navigation frame's."""
+    at = strapdown.Q_NB
+    C = strapdown.matrix((state[at], state[at + 1], state[at + 2], state[at + 3]))
+    return (
+        C[0][0] * seen[0] + C[1][0] * seen[1] + C[2][0] * seen[2],
+        C[0][1] * seen[0] + C[1][1] * seen[1] + C[2][1] * seen[2],
+        C[0][2] * seen[0] + C[1][2] * seen[1] + C[2][2] * seen[2],
+    )
+
+
+@embedded_kernel
+def observe_rest(run: Filter) -> bool:
+    """Update [P | x] with the mean rate about the vertical at rest; return False if the vehicle turns."""
+    H = np.empty(6)
+    z = see_rest(run.state, frame_rate(run.state), run.noise, run.rest_sums, H)
+    done = run.rest_scalars[0]
+    for c in range(STATES):
+        done[c] = 0.0
+    seen = own_attitude(run.state, (H[0], H[1], H[2]))
+    for i in range(3):
+        done[6 + i] = seen[i]
+        done[NAV + i] = H[3 + i]
+    residual, s = z, 1.0
+    for i in range(6, NAV + 3):
+        residual -= done[i] * run.w[WIDTH * i + X]
+        for j in range(6, NAV + 3):
+            s += done[i] * done[j] * run.w[WIDTH * i + j]
+    if residual * residual > GATE * s:
+        return False
+    scalar_update(run.w, z, done)
+    return True

@@ -1,0 +1,153 @@
+"""Prediction: how covariance and estimate of a filter, [P | x], go from one sample to the next.
+
+At each sample with F to first order, or less often with the sum of F dt to third order.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lab.navigation import strapdown
+from lab.navigation.compilation import embedded_kernel, inline_kernel, kernel, named
+from lab.navigation.error_models import ErrorModel
+from lab.navigation.filter import Filter
+from lab.navigation.propagation import BIASES, NAV, STATES, WIDTH, compile_propagation
+from lab.navigation.strapdown import GYRO_BIAS, get
+
+FloatArray = NDArray[np.float64]
+Kernel = Callable[..., Any]
+
+
+@inline_kernel
+def _add_noise(w: FloatArray, state: FloatArray, noise: FloatArray, dt: float) -> None:
+    """Add the process noise of one step to P; white noise enters through C_nb."""
+    for block in range(2):
+        at = 6 - 3 * block  # gyro noise drives the attitude, accelerometer noise the velocity
+        q0, q1, q2 = dt * noise[3 * block], dt * noise[3 * block + 1], dt * noise[3 * block + 2]
+        for i in range(3):
+            a, b, c = get(state, strapdown.C_NB + 3 * i)
+            for j in range(i, 3):
+                d, e, f = get(state, strapdown.C_NB + 3 * j)
+                q = a * d * q0 + b * e * q1 + c * f * q2
+                w[WIDTH * (at + i) + at + j] += q
+                if j > i:
+                    w[WIDTH * (at + j) + at + i] += q
+    for b in range(BIASES):
+        w[(WIDTH + 1) * (NAV + b)] += dt * noise[6 + b]
+
+
+@inline_kernel
+def _add_noise_in_body(w: FloatArray, state: FloatArray, noise: FloatArray, dt: float) -> None:
+    """Add the process noise of one step to P where velocity and attitude errors are resolved in b."""
+    for i in range(3):
+        w[(WIDTH + 1) * (6 + i)] += dt * noise[i]
+        w[(WIDTH + 1) * (3 + i)] += dt * noise[3 + i]
+    for b in range(BIASES):
+        w[(WIDTH + 1) * (NAV + b)] += dt * noise[6 + b]
+
+
+@kernel
+def second_order(A: FloatArray, elapsed: float, bias_decay: FloatArray, E: FloatArray) -> None:
+    """Write E = A + A²/2 + A³/6, so that exp(A) ≈ I + E, for the sum A of F dt over many samples.
+
+    Parameters
+    ----------
+    A : (n, n) array
+        Sum of F dt: the rows of the navigation states; those of the biases are their decay.
+    elapsed
+        Time span of the sum [s].
+    bias_decay : (6,) array
+        Decay rates of the biases [1/s].
+    E : (n, n) array
+        Receives the rows of the navigation states.
+    """
+    states = A.shape[0]  # not a constant: the compiler would unroll all products
+    power, product = np.empty(states), np.empty(states)
+    for r in range(NAV):
+        for c in range(states):
+            power[c] = A[r, c]
+            E[r, c] = A[r, c]
+        factor = 1.0
+        for order in range(2, 4):
+            factor /= order
+            for c in range(states):
+                product[c] = 0.0
+            for m in range(NAV):
+                for c in range(states):
+                    product[c] += power[m] * A[m, c]
+            for b in range(BIASES):
+                product[NAV + b] -= power[NAV + b] * bias_decay[b] * elapsed
+            for c in range(states):
+                power[c] = product[c]
+                E[r, c] += factor * power[c]
+
+
+@inline_kernel
+def faded(rate: float, elapsed: float) -> float:
+    """Return exp(−rate · elapsed) to third order, as in `second_order`."""
+    x = rate * elapsed
+    return 1 - x * (1 - x / 2 * (1 - x / 3))
+
+
+def prediction(model: ErrorModel, *, summed: bool) -> Kernel:
+    """Return the kernel that propagates [P | x] of a model at each sample, or with sums of F dt."""
+    propagate = compile_propagation(model, summed=summed)
+    label = f"{model.label} {summed}"
+    add_noise = _add_noise_in_body if model.in_body else _add_noise
+
+    @embedded_kernel
+    @named(label)
+    def predict(run: Filter, dt: float, fix_due: bool, stride: int) -> None:
+        """Propagate [P | x] over the sample with F to first order, then add the noise."""
+        decay = (
+            1 - dt * run.bias_decay[0],
+            1 - dt * run.bias_decay[1],
+            1 - dt * run.bias_decay[2],
+            1 - dt * run.bias_decay[3],
+            1 - dt * run.bias_decay[4],
+            1 - dt * run.bias_decay[5],
+        )
+        propagate(run.F, dt, decay, run.w)
+        # Corrections already fed back decay like those still in x.
+        for b in range(BIASES):
+            run.state[GYRO_BIAS + b] *= decay[b]
+        add_noise(run.w, run.state, run.noise, dt)
+
+    @embedded_kernel
+    @named(label)
+    def predict_summed(run: Filter, dt: float, fix_due: bool, stride: int) -> None:
+        """Add the step to the sum of F dt; when due, propagate [P | x] over the whole sum.
+
+        Half of the noise is added before and half after, which is accurate to second order in time.
+        """
+        due = fix_due or run.counts[1] + 1 >= stride
+        run.counts[1] += 1
+        run.clock[1] += dt
+        for i in range(NAV):
+            for j in range(STATES):
+                run.F_sum[i, j] += dt * run.F[i, j]
+        if due:
+            elapsed = run.clock[1]
+            second_order(run.F_sum, elapsed, run.bias_decay, run.F_step)
+            decay = (
+                faded(run.bias_decay[0], elapsed),
+                faded(run.bias_decay[1], elapsed),
+                faded(run.bias_decay[2], elapsed),
+                faded(run.bias_decay[3], elapsed),
+                faded(run.bias_decay[4], elapsed),
+                faded(run.bias_decay[5], elapsed),
+            )
+            add_noise(run.w, run.state, run.noise, 0.5 * elapsed)
+            propagate(run.F_step, 1.0, decay, run.w)
+            add_noise(run.w, run.state, run.noise, 0.5 * elapsed)
+            for b in range(BIASES):
+                run.state[GYRO_BIAS + b] *= decay[b]
+            run.F_sum[:] = 0.0
+            run.counts[1] = 0
+            run.clock[1] = 0.0
+
+    return predict_summed if summed else predict
