@@ -93,8 +93,8 @@ class TimeBar:
             icon="gps_off",
             size="1.2em",
             margin=(6, 0, 0, 0),
-            description="Adds a GPS outage over the visible stretch (drag over a plot to choose one). If the "
-            f"whole flight is visible, the outage starts at the time cursor and lasts {OUTAGE:g} s.",
+            description="GPS outage over the visible stretch (drag over a plot to choose one). "
+            f"If the whole flight is visible: {OUTAGE:g} s from the time cursor on.",
             stylesheets=[TOOLTIP],
         )
         outage.on_click(lambda _event: self._cut_stretch())

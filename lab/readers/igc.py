@@ -226,7 +226,7 @@ def _heights(records: _Records) -> tuple[str, NDArray[np.float64], tuple[str, ..
         SEA_LEVEL
         if records.above_sea
         else "Heights are those of the GPS, above the ellipsoid, as the format has them; recorders that "
-        "write heights above the sea and do not say so are wrong by the geoid's separation (at most "
+        "write heights above sea level and do not say so are wrong by the geoid's separation (at most "
         "107 m)."
     ]
     if has_pressure:

@@ -73,7 +73,7 @@ def since_boot(vehicle: Vehicle, messages: Messages) -> FloatArray:
 
 
 def place_of(messages: Messages) -> FloatArray:
-    """Return latitude, longitude [rad] and height above the sea [m], (n, 3), of messages in 1e-7° and mm."""
+    """Return latitude, longitude [rad] and height above sea level [m], (n, 3), of messages (1e-7°, mm)."""
     angles = np.radians(1e-7 * np.column_stack((messages["lat"], messages["lon"])))
     return np.column_stack((angles, 1e-3 * messages["alt"]))
 

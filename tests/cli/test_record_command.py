@@ -49,7 +49,7 @@ def test_what_is_sent_becomes_a_mission(tmp_path, impatient):
         )
     assert answer.exit_code == 0, answer.output
     assert "300 samples, 16.4 s recorded" in answer.stdout
-    assert "above the sea" in answer.stderr
+    assert "above sea level" in answer.stderr
     made = mission(str(tmp_path / "circuit.toml"))
     assert made.title == "A circuit"
     assert "X-Plane live" in made.origin

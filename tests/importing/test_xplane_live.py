@@ -83,7 +83,7 @@ def test_what_x_plane_sends_is_the_flight(clock_first):
     assert flight.rows_read == len(FLOWN.time)
     assert flight.dropped == ()
     assert flight.body_rate is not None
-    assert any("above the sea" in remark for remark in flight.remarks)
+    assert any("above sea level" in remark for remark in flight.remarks)
     assert b"RPOS\x0040\0" in sender.requests
 
 

@@ -100,7 +100,7 @@ def test_what_a_log_lacks_other_messages_stand_in_for(written, file):
     assert ardupilot.read([file(renamed(written, "ATT", "XXX"))], {}).euler is None
     without_geoid = ardupilot.read([file(renamed(written, "GPA", "XXX"))], {})
     np.testing.assert_allclose(without_geoid.height - flight.height, -writer.GEOID, atol=1e-4)
-    assert "above the sea" in without_geoid.remarks[1]
+    assert "above sea level" in without_geoid.remarks[1]
 
 
 def test_of_several_cores_and_instances_the_first_is_taken(written, file):

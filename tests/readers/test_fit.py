@@ -65,7 +65,7 @@ def test_the_flight_is_the_one_that_was_written_over_midnight(file):
     off = np.abs(ecef.displacement(truth.position, place))
     assert off[:, :2].max() < 0.01 and off[:, 2].max() < 0.21
     assert flight.remarks[0] == "Time counts from 2024-05-17 00:00 UTC."
-    assert "above the sea" in flight.remarks[1]
+    assert "above sea level" in flight.remarks[1]
     assert "speed in the file is not used" in flight.remarks[2]
     assert flight.vehicle == "flying"
     assert flight.velocity_n is None

@@ -33,7 +33,7 @@ def test_the_two_files_are_given_in_any_order(gps, imu):
     np.testing.assert_array_equal(one.euler, other.euler)
     assert any("no attitude" in remark for remark in one.remarks)
     assert any("attitude is reconstructed" in remark for remark in one.remarks)
-    assert any("above the sea" in remark for remark in one.remarks)
+    assert any("above sea level" in remark for remark in one.remarks)
 
 
 def test_position_alone_is_a_flight_and_rates_alone_are_not(gps, imu):

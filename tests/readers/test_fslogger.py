@@ -35,7 +35,7 @@ def test_units_and_signs_are_simconnects(tmp_path):
     assert flight.acceleration_b is not None and flight.velocity_n is not None
     np.testing.assert_allclose(flight.acceleration_b[0] / STANDARD_GRAVITY, [0.3, 0.1, -0.2])
     np.testing.assert_allclose(flight.velocity_n[0], np.array([30, 10, -20]) * 0.3048)
-    assert any("above the sea" in remark for remark in flight.remarks)
+    assert any("above sea level" in remark for remark in flight.remarks)
 
 
 def test_units_can_be_overruled_by_column(tmp_path):

@@ -159,7 +159,7 @@ def test_units_are_those_of_the_file_or_given(file):
     named = {one.column: (one.unit, one.source) for one in flight.units}
     assert named["AltGPS"] == ("m", "named in the file")
     assert named["GndSpd"] == ("kt", "named in the file")
-    assert "above the sea" in flight.remarks[-1]  # nothing says that these are above the ellipsoid
+    assert "above sea level" in flight.remarks[-1]  # nothing says that these are above the ellipsoid
     broken = writer.log(lines).decode().replace("ft wgs, kt", "kt, ft wgs")
     np.testing.assert_array_equal(file(broken.encode()).height, usual.height)
     given = file(writer.log(lines), {"TAS": "m/s"})

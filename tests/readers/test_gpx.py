@@ -55,7 +55,7 @@ def test_an_independent_parser_reads_the_same(file):
     assert flight.vehicle == "flying"
     assert flight.velocity_n is None
     assert flight.euler is None
-    assert "above the sea" in " ".join(flight.remarks)
+    assert "above sea level" in " ".join(flight.remarks)
 
 
 def test_the_longest_segment_is_taken_and_the_rest_counted(file):

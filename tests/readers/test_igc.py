@@ -113,7 +113,7 @@ def test_sides_of_the_equator_and_of_greenwich(file):
     ("head", "cells", "first", "words"),
     [
         ("", {}, 500.0, "above the ellipsoid.*-100 m from the heights of the GPS"),
-        ("HFALGALTGPS:GEO\r\n", {}, 500.0, "above the sea"),
+        ("HFALGALTGPS:GEO\r\n", {}, 500.0, "above sea level"),
         ("", {"level": {"pressure": 321}}, 321.0, "pressure altitudes"),
         ("", {"level": {"height": -12}}, -12.0, "above the ellipsoid"),
         ("", {"level": {"height": 0}}, None, "no heights"),

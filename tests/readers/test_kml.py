@@ -74,7 +74,7 @@ def test_the_flight_is_the_one_that_was_written_in_utc_and_over_midnight(file):
     place = np.column_stack((flight.latitude, flight.longitude, flight.height))
     assert np.abs(ecef.displacement(truth.position, place)).max() < 0.006
     assert flight.remarks[0] == "Time counts from 2024-05-17 00:00 UTC."
-    assert "above the sea" in flight.remarks[1]
+    assert "above sea level" in flight.remarks[1]
 
 
 def test_the_longest_track_is_taken_and_the_rest_counted(file):
@@ -99,7 +99,7 @@ def test_times_and_places_one_after_the_other_and_without_prefix(file):
 @pytest.mark.parametrize(
     ("mode", "words", "there"),
     [
-        ("absolute", "above the sea", True),
+        ("absolute", "above sea level", True),
         ("clampToGround", "drawn on the ground", True),
         ("", "drawn on the ground", True),
         ("relativeToGround", r"not used.*above the ground \(relativeToGround\)", False),

@@ -129,7 +129,7 @@ def test_signs_and_units_of_whole_numbers(file):
     np.testing.assert_allclose(np.degrees(flight.longitude), -73.0)
     np.testing.assert_allclose(flight.height, 100 + 2 * (flight.time - 5.0), atol=1e-3)
     assert flight.vehicle == "rotary wing"
-    assert "above the sea" in flight.remarks[1]
+    assert "above sea level" in flight.remarks[1]
 
 
 def test_without_a_solution_the_track_of_the_receiver_is_taken(file):

@@ -77,7 +77,7 @@ def test_the_flight_is_the_one_that_was_written_lap_after_lap_and_over_midnight(
     off = np.abs(ecef.displacement(truth.position, place))
     assert off[:, :2].max() < 0.001 and off[:, 2].max() < 0.051
     assert flight.remarks[0] == "Time counts from 2024-05-17 00:00 UTC."
-    assert "above the sea" in flight.remarks[1]
+    assert "above sea level" in flight.remarks[1]
     assert "speed in the file is not used" in flight.remarks[2]
     assert flight.vehicle == "Other"
     assert flight.velocity_n is None

@@ -104,7 +104,7 @@ def test_without_position_there_is_the_rest_and_advice(file):
     assert flight.latitude is None
     assert flight.velocity_n is not None
     assert any("20 latitude, longitude, altitude (position)" in remark for remark in flight.remarks)
-    assert not any("above the sea" in remark for remark in flight.remarks)
+    assert not any("above sea level" in remark for remark in flight.remarks)
 
 
 def test_without_any_motion_the_groups_to_tick_are_named(file):
