@@ -76,7 +76,7 @@ class ChangeSpeed:
 class Hold:
     """Keep heading, height and airspeed for a time."""
 
-    seconds: float = number("Time", "s", (0, MAX_DURATION), "Duration.")
+    seconds: float = number("Time", "s", (0, MAX_DURATION), "Length of this manoeuvre.")
 
 
 def _bank(default: float = 25.0) -> float:

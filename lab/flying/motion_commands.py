@@ -65,7 +65,7 @@ class MotionCommand:
     """One command; its type decides the meaning of its numbers."""
 
     type: int = number("Type", "", (1, 5), "1 rates; 2 to reach; 3 changes; 4 and 5 mixed.", whole=True)
-    seconds: float = number("Time", "s", (0, MAX_DURATION), "Longest duration.")
+    seconds: float = number("Time", "s", (0, MAX_DURATION), "Longest time of the command.")
     yaw: float = number("Yaw", "°", (-36_000, 36_000), "Yaw, its change, or its rate in °/s.", default=0.0)
     pitch: float = number("Pitch", "°", TURNS, "Pitch, its change, or its rate in °/s.", default=0.0)
     roll: float = number("Roll", "°", (-36_000, 36_000), "Roll, its change, or its rate in °/s.", default=0.0)
