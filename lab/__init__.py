@@ -20,7 +20,7 @@ The language, the same everywhere:
   accelerometer bias, and with 21 states gyro and accelerometer scale (`lab.navigation.error_models.STATES`).
 - Truth and belief are different: `lab.sensors` describes the real errors of the sensors,
   `lab.navigation.settings` the filter's assumptions about them.
-- The same settings and seed give the same result, bit by bit.
+- The same settings and seed give the same result, bit for bit.
 """
 
 from __future__ import annotations

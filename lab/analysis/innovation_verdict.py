@@ -289,7 +289,7 @@ def _sizes(seen: Innovations) -> list[Weighed]:
     return judge_size(
         seen.nis,
         "NIS",
-        f"The innovations are {np.sqrt(ratio):.2g} × as large as the filter states, and none of the tested "
+        f"The innovations are {np.sqrt(ratio):.2g} × as large as the filter says, and none of the tested "
         "causes explains it.",
         "Look for errors that the filter does not model.",
         "innovations (by NIS)",

@@ -1,4 +1,4 @@
-"""State verdict: whether the errors of the states are as large as the filter states, from the start on."""
+"""State verdict: whether the errors of the states are as large as the filter says, from the start on."""
 
 from __future__ import annotations
 
@@ -86,7 +86,7 @@ def judge_states(evidence: Evidence) -> list[Weighed]:
             name,
             "too large" if ratio > 1 else "too small",
             max(ratio, 1 / ratio),
-            f"The {what} are {np.sqrt(ratio):.2g} × as large as the filter states. Neither R, Q, P₀ nor the "
+            f"The {what} are {np.sqrt(ratio):.2g} × as large as the filter says. Neither R, Q, P₀ nor the "
             "timing or place of the fixes explains it.",
             "Look for errors that the filter does not model: scale factors, drifting biases, an error "
             "model that does not fit.",

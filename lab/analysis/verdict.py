@@ -57,7 +57,7 @@ def judge(evidence: Evidence) -> Verdict:
     basis = f"{runs}, {'errors and innovations' if with_truth else 'innovations only'}"
     what = "errors and innovations are" if with_truth else "the innovations are white and"
     return Verdict(
-        headline(findings, f"Consistent: {what} as large as the filter states."),
+        headline(findings, f"Consistent: {what} as large as the filter says."),
         findings,
         basis,
     )

@@ -48,7 +48,8 @@ def fly(
     """Fly a mission's plan and record it.
 
     A plan lists manoeuvres, flown in JSBSim (pip install 'ins-lab[fly]'), or waypoints or commands, which
-    need no simulator; missions/README.md shows each. The same plan and seed give the same flight, bit by bit.
+    need no simulator; missions/README.md shows each. The same plan and seed give the same flight, bit
+    for bit.
 
     A flight that ends early (a stall, the ground, a plan that cannot be flown, Ctrl-C) is kept as far as it
     went; a message says why, and the exit code is 3.

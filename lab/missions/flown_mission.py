@@ -39,7 +39,7 @@ def fly_mission(
 ) -> Mission:
     """Fly a mission's plan and write the mission: its TOML file and the new recording beside it.
 
-    With the mission's own seed, the recording is the same, bit by bit. A flight that ended early is written
+    With the mission's own seed, the recording is the same, bit for bit. A flight that ended early is written
     as far as it went, and the mission's `ending` says why.
 
     Parameters

@@ -144,7 +144,9 @@ def test_a_plan_is_changed_saved_flown_and_cancelled(open_page: Open, mine: Path
     assert plan["runway"] == runway("EGYP 10")
     box(page, "Name").fill("mine")
     fly.click()
-    expect(page.get_by_role("alert").filter(has_text="'mine': a mission already has this name")).to_be_visible()
+    expect(
+        page.get_by_role("alert").filter(has_text="'mine': a mission already has this name")
+    ).to_be_visible()
     box(page, "Name").fill("flown here")
     fly.click()
     expect(page.get_by_text("flown here was flown for 12 s and chosen.")).to_be_visible()
