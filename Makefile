@@ -48,7 +48,7 @@ $(BIN)/pip:
 	  echo 'No virtual environment could be made. On Debian and Ubuntu: sudo apt-get install python3-venv' >&2; exit 1; }
 
 $(VENV)/.lab: pyproject.toml | $(BIN)/pip
-	$(PIP_INSTALL) --editable '.[fit,fly,mavlink]'
+	$(PIP_INSTALL) --editable '.[fit,fly,live,mavlink]'
 	@touch $@
 
 # The test extra contains all that the laboratory needs. Python compiles what a test imports, and no other module.
