@@ -31,6 +31,11 @@ def fletcher16(data: bytes) -> bytes:
     return bytes((sum(data) & 0xFF, sum(accumulate(data)) & 0xFF))
 
 
+def passes_fletcher16(data: bytes, check: bytes) -> bool:
+    """Return whether two bytes are the sums of others; most that are not are found out by the first sum."""
+    return sum(data) & 0xFF == check[0] and sum(accumulate(data)) & 0xFF == check[1]
+
+
 def crc16_xmodem(data: bytes) -> int:
     """Return the CRC of polynomial 0x1021, started with 0: zero over data with its CRC, high byte first."""
     return crc_hqx(data, 0)

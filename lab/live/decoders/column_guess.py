@@ -214,20 +214,19 @@ def _seen(rows: FloatArray, remarks: list[str]) -> list[Column]:
     remarks.append(f"force: columns {_numbers(force)} are {length:.3g} {unit} long, about 1 g.")
     start = force[0] % 3
     others = [three for three in free if not set(three) & set(force) and three[0] % 3 == start]
-    # The rates of a sensor at rest are as steady as a field: without a third sensor they are rates.
-    magnetic = (
-        next((three for three in others[::-1] if _field(rows[:, three])), None) if len(others) > 1 else None
-    )
-    others = [three for three in others if three != magnetic]
-    after = [three for three in others if three[0] > force[0]] or others[::-1]
-    if after:
-        _put(columns, "rate", "", after[0])
-        remarks.append(f"rate: a guess: columns {_numbers(after[0])} are the next three.")
-    if magnetic is not None:
-        unit, length = _field(rows[:, magnetic]) or ("", 0.0)
-        _put(columns, "magnetic", unit, magnetic)
+    others = [three for three in others if three[0] > force[0]] or others[::-1]
+    fields = [_field(rows[:, three]) for three in others[:2]]
+    # Rates at rest may be as steady as a field: the next three are rates, unless only they are steady.
+    if len(fields) == 2 and fields[0] and not fields[1]:
+        others, fields = others[1::-1], fields[1::-1]
+    if others:
+        _put(columns, "rate", "", others[0])
+        remarks.append(f"rate: a guess: columns {_numbers(others[0])} are the next three.")
+    if len(fields) == 2 and fields[1]:
+        unit, length = fields[1]
+        _put(columns, "magnetic", unit, others[1])
         remarks.append(
-            f"magnetic: a guess: columns {_numbers(magnetic)} are {length:.3g} {unit} long, and steadily."
+            f"magnetic: a guess: columns {_numbers(others[1])} are {length:.3g} {unit} long, and steadily."
         )
     return columns
 

@@ -14,7 +14,7 @@ import struct
 from collections.abc import Mapping
 
 from lab.earth import STANDARD_GRAVITY
-from lab.live.decoders.checks import fletcher16
+from lab.live.decoders.checks import passes_fletcher16
 from lab.live.decoders.framing import MORE, NONE, Framing
 from lab.live.decoders.rows import Rows
 from lab.live.samples import (
@@ -77,7 +77,7 @@ class Mip(Framing):
 
     def passes(self, frame: bytes) -> bool:
         """Return whether the sums are those said, and the fields fill the packet."""
-        return fletcher16(frame[:-_CHECK]) == frame[-_CHECK:] and _fields(frame) is not None
+        return passes_fletcher16(frame[:-_CHECK], frame[-_CHECK:]) and _fields(frame) is not None
 
     def read(self, frame: bytes, end: int, rows: Rows) -> bool:
         """Add the sample or the fix of a packet; return whether it has one."""

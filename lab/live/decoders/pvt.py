@@ -97,8 +97,8 @@ class Pvt:
         height = round(1e3 * fix.height)
         north, east, down = (round(1e3 * speed) for speed in fix.velocity_n)
         values = (
-            round(1e3 * fix.week_time) % _WEEK, day.year, day.month, day.day, day.hour, day.minute, day.second,
-            _ALL_VALID if dated else 0, _TIME_SIGMA, nano, kind, flags, 0, fix.satellites,
+            round(1e3 * fix.week_time) % _WEEK, day.year, day.month, day.day, day.hour, day.minute,
+            day.second, _ALL_VALID if dated else 0, _TIME_SIGMA, nano, kind, flags, 0, fix.satellites,
             round(1e7 * fix.longitude), round(1e7 * fix.latitude), height, height,
             round(1e3 * fix.horizontal_sigma), round(1e3 * fix.vertical_sigma), north, east, down,
             round(1e3 * fix.speed), round(1e5 * fix.course), round(1e3 * fix.speed_sigma),

@@ -36,6 +36,8 @@ class StreamDecoder:
 
     Attributes
     ----------
+    longest : int
+        Most bytes that are held back.
     own_frames : int
         Frames that passed their check, without those beside.
     """
@@ -63,6 +65,11 @@ class StreamDecoder:
         self._first = re.compile(b"[" + b"".join(b"\\x%02x" % byte for byte in self._framings) + b"]")
         self._buffer = bytearray()
         self._before = 0  # bytes of the stream before those in the buffer
+
+    @property
+    def held(self) -> int:
+        """Bytes of the stream that are held back, at most `longest`."""
+        return len(self._buffer)
 
     def feed(self, data: bytes) -> Samples:
         """Return the samples whose frames end in these bytes."""

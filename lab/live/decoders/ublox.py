@@ -15,7 +15,7 @@ import math
 import struct
 from typing import Literal
 
-from lab.live.decoders.checks import fletcher16
+from lab.live.decoders.checks import passes_fletcher16
 from lab.live.decoders.framing import MORE, NONE, Framing
 from lab.live.decoders.pvt import Pvt
 from lab.live.decoders.rows import Rows
@@ -85,7 +85,7 @@ class Ublox(Framing):
 
     def passes(self, frame: bytes) -> bool:
         """Return whether the sums are those said."""
-        return fletcher16(frame[2:-_CHECK]) == frame[-_CHECK:]
+        return passes_fletcher16(frame[2:-_CHECK], frame[-_CHECK:])
 
     def read(self, frame: bytes, end: int, rows: Rows) -> bool:
         """Add the samples or the fix of a message; return whether it is one of those."""
