@@ -1,11 +1,11 @@
 """Xsens MTData2: messages of an MTi, in single, double or fixed-point numbers.
 
-A message with RateOfTurn or Acceleration is a sample of them. One with their high-resolution forms alone (1
-kHz) is one, too. One with DeltaQ and DeltaV alone is divided by the interval since the message before, by
-SampleTimeFine. Only the receiver's own PVT makes a fix, not the device's solution. The magnetic field comes
-in units of the field where the device was calibrated: its direction is right, its size assumes
-`NOMINAL_FIELD`. The count is that of messages, which those of the receiver also have. The check is one
-byte, so a message must also be made up of whole items.
+A message with RateOfTurn or Acceleration is a sample. Until the first of these, messages with their
+high-resolution forms (1 kHz) are samples, and messages with DeltaQ and DeltaV alone, divided by the
+interval since the one before by SampleTimeFine. Only the receiver's own PVT makes a fix, not the device's
+solution. The magnetic field comes in units of the field where the device was calibrated: its direction is
+right, its size assumes `NOMINAL_FIELD`. The count is that of messages, which those of the receiver also
+have. The check is one byte, so a message must also be made up of whole items.
 
 References
 ----------
@@ -72,6 +72,7 @@ class Xsens(Framing):
         self._clock = WrappingCounter(2**32)
         self._counter = WrappingCounter(2**16)
         self._before = NAN
+        self._plain = False
 
     def size(self, data: bytearray, at: int) -> int:
         """Return the bytes of the message that begins at a place, `MORE` or `NONE`."""
@@ -108,7 +109,8 @@ class Xsens(Framing):
         interval = NAN
         if DELTA_QUATERNION in numbers or DELTA_VELOCITY in numbers:
             interval, self._before = time - self._before, time
-        rate, force = _sensed(numbers, interval)
+        self._plain |= RATE_OF_TURN in numbers or ACCELERATION in numbers
+        rate, force = _sensed(numbers, interval, self._plain)
         known = rate is not UNKNOWN or force is not UNKNOWN
         if known:
             magnetic = numbers.get(MAGNETIC, UNKNOWN)
@@ -161,12 +163,13 @@ def _numbers(items: Items, kind: int) -> Vector | None:
     return values
 
 
-def _sensed(numbers: dict[int, Vector], interval: float) -> tuple[Vector, Vector]:
-    """Return angular rate and specific force of a message."""
-    for rate, force in ((RATE_OF_TURN, ACCELERATION), (RATE_OF_TURN_HR, ACCELERATION_HR)):
+def _sensed(numbers: dict[int, Vector], interval: float, plain: bool) -> tuple[Vector, Vector]:
+    """Return angular rate and specific force of a message; with `plain`, from their usual items alone."""
+    fast = () if plain else ((RATE_OF_TURN_HR, ACCELERATION_HR),)
+    for rate, force in ((RATE_OF_TURN, ACCELERATION), *fast):
         if rate in numbers or force in numbers:
             return numbers.get(rate, UNKNOWN), numbers.get(force, UNKNOWN)
-    if not 0 < interval <= _LONGEST_INTERVAL:
+    if plain or not 0 < interval <= _LONGEST_INTERVAL:
         return UNKNOWN, UNKNOWN
     rate_found: Vector = UNKNOWN
     force_found: Vector = UNKNOWN

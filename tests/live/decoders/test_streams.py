@@ -9,6 +9,7 @@ import zlib
 import numpy as np
 import pytest
 from fuzz.mutations import mutated
+from fuzz.streams import attack_decoder, same, seed
 from hypothesis import given
 from hypothesis import strategies as st
 from live_streams import capture, decoded, fixes, motion
@@ -17,7 +18,6 @@ from lab.live.decoders.catalogue import DECODERS, ENCODERS, decoder_of
 from lab.live.decoders.decoder import Decoder, Encoder
 from lab.live.decoders.limits import LimitCheck, Limits
 from lab.live.decoders.wrapping import WrappingCounter
-from lab.live.samples import FIX, IMU, Samples
 
 CAPTURES = {
     "vectornav": "vn100_bin_waves_F00294.bin",
@@ -41,36 +41,6 @@ STARTS = {
     "text": b"\n1,2,",
 }
 """How frames begin."""
-
-
-def seed(name: str, count: int = 200) -> bytes:
-    """Return a stream of a device."""
-    return ENCODERS[name]().encode(motion(count), fixes(max(count // 50, 2)))
-
-
-def same(one: Samples, other: Samples) -> bool:
-    """Return whether samples are the same to the last bit."""
-    return one.imu.tobytes() == other.imu.tobytes() and one.fix.tobytes() == other.fix.tobytes()
-
-
-def attack(name: str, data: bytes, step: int) -> Samples:
-    """Decode hostile bytes: nothing is raised, little is held, and samples are within the limits."""
-    decoder = decoder_of(name)
-    parts = []
-    for at in range(0, len(data), step):
-        parts.append(decoder.feed(data[at : at + step]))
-        assert decoder.held <= decoder.longest
-    parts.append(decoder.finish())
-    assert decoder.held == 0
-    assert 0 <= decoder.statistics.skipped <= len(data) == decoder.statistics.bytes
-    limits = Limits()
-    for imu, fix in parts:
-        assert (imu.dtype, fix.dtype) == (IMU, FIX)
-        assert not (np.abs(imu["rate"]) > limits.rate).any()
-        assert not (np.abs(imu["force"]) > limits.force).any()
-        assert not (np.abs(fix["latitude"]) > math.pi / 2).any()
-        assert ((imu["end"] > 0) & (imu["end"] <= len(data))).all()
-    return Samples(*(np.concatenate(rows) for rows in zip(*parts, strict=True)))
 
 
 @pytest.mark.parametrize("name", DECODERS)
@@ -104,8 +74,8 @@ def test_hostile_streams_raise_nothing(name):
     kept = 0
     for _ in range(60):
         hostile = mutated(data, rng)
-        found = attack(name, hostile, int(rng.integers(1, 500)))
-        assert same(found, attack(name, hostile, max(len(hostile), 1)))
+        found = attack_decoder(name, hostile, int(rng.integers(1, 500)))
+        assert same(found, attack_decoder(name, hostile, max(len(hostile), 1)))
         kept += len(found.imu) + len(found.fix)
     assert kept > 60  # attacks that leave nothing would test nothing else
 
@@ -113,7 +83,7 @@ def test_hostile_streams_raise_nothing(name):
 @pytest.mark.parametrize("name", DECODERS)
 @given(data=st.binary(max_size=600), step=st.integers(1, 50), head=st.booleans())
 def test_bytes_at_random_raise_nothing(name, data, step, head):
-    attack(name, STARTS[name] + data if head else data, step)
+    attack_decoder(name, STARTS[name] + data if head else data, step)
 
 
 @pytest.mark.parametrize("name", DECODERS)

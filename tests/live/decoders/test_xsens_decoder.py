@@ -109,6 +109,21 @@ def test_increments_are_divided_by_the_interval():
     np.testing.assert_allclose(row["force"], (100, 200, -300), rtol=1e-12)
 
 
+def test_the_slower_form_of_a_sensor_goes_before_the_faster_one():
+    def sample(rate: int, force: int, value: float) -> bytes:
+        return framed(
+            item(rate, struct.pack(">3f", *[value] * 3)) + item(force, struct.pack(">3f", *[value] * 3))
+        )
+
+    fast, slow = sample(0x8040, 0x4040, 1.0), sample(0x8020, 0x4020, 2.0)
+    assert decoded(decoder_of("xsens"), fast * 3).imu["rate"][:, 0].tolist() == [1, 1, 1]
+    assert decoded(decoder_of("xsens"), fast + slow + fast * 9 + slow).imu["force"][:, 0].tolist() == [
+        1,
+        2,
+        2,
+    ]
+
+
 def golden(text: str) -> list[dict[str, list[float]]]:
     """Return the frames of the library's printed form: the numbers under each heading."""
     frames = []
