@@ -134,3 +134,11 @@ def test_frames_hidden_by_a_long_one_that_never_ends_come_at_the_end(protocol):
     assert len(decoder.feed(data[:-1]).imu) == 0
     decoder = decoder_of(protocol)
     assert len(decoder.feed(data).imu) + len(decoder.finish().imu) == 1
+
+
+@pytest.mark.parametrize("protocol", ["vectornav", "mip", "ublox", "mavlink"])
+def test_bytes_that_change_places_are_noticed(protocol):
+    frame = ENCODERS[protocol]().encode(motion(1), fixes(0))
+    for at in range(20, len(frame) - 3):
+        swapped = frame[:at] + frame[at + 1 : at + 2] + frame[at : at + 1] + frame[at + 2 :]
+        assert len(decoded(decoder_of(protocol), swapped).imu) == (swapped == frame)

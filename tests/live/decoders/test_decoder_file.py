@@ -33,6 +33,11 @@ class Wrong(Doubled):
         return np.zeros((2, 3)), []
 
 
+class Flat(Doubled):
+    def feed(self, data):
+        return np.zeros(2), np.zeros(0, FIX)
+
+
 class Failing(Doubled):
     def feed(self, data):
         return data[10_000]
@@ -65,7 +70,7 @@ def test_a_class_with_feed_alone_is_a_decoder(file: Path) -> None:
     [
         ("nothing", "'nothing' is no protocol; accepted are vectornav, xsens"),
         ("mine.txt:Doubled", r"accepted is FILE.py:Name, such as my_sensor.py:MyDecoder"),
-        ("mine.py:Nobody", "has no 'Nobody'; what decodes there: Doubled, Failing, Wrong"),
+        ("mine.py:Nobody", "has no 'Nobody'; what decodes there: Doubled, Failing, Flat, Wrong"),
         ("mine.py:number", r"of type int, without a method feed\(data\)"),
         ("nowhere.py:Doubled", "there is no such file"),
     ],
@@ -82,7 +87,8 @@ def test_what_cannot_be_loaded_is_named(
     ("name", "words"),
     [
         ("Wrong", r"Wrong: feed returned an array \(2, 3\) of float64; accepted is Samples\(imu, fix\)"),
-        ("Failing", "failed by itself: mine.py, line 25, in feed: IndexError"),
+        ("Flat", r"Flat: feed returned an array \(2,\) of float64; accepted is Samples\(imu, fix\)"),
+        ("Failing", "failed by itself: mine.py, line 30, in feed: IndexError"),
     ],
 )
 def test_what_fails_says_where(file: Path, name: str, words: str) -> None:

@@ -48,3 +48,10 @@ def test_nothing_is_recognised_in_noise_and_prose():
     assert recognise(b"") == []
     assert recognise(rng.bytes(60_000)) == []
     assert recognise(b"What is this, a sensor? No: 1 text, 2 lines, 3 words.\n" * 100) == []
+
+
+def test_lines_of_columns_amid_other_text_are_not_taken_for_a_sensor():
+    rows = "".join(
+        f"{10 * number},0.1,0.2,9.8,0.01,0.02,0.03\nand a report of what was done\n" for number in range(50)
+    )
+    assert recognise(rows.encode()) == []

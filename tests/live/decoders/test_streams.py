@@ -109,6 +109,26 @@ def test_memory_is_bounded_whatever_comes(name, kind):
     assert peak - held < 10 * len(data)
 
 
+@pytest.mark.parametrize(
+    ("name", "head"),
+    [
+        ("ublox", "b5620107ffff"),
+        ("xsens", "faff36ffffff"),
+        ("mip", "756580ff"),
+        ("vectornav", "fa7fff7f"),
+        ("nmea", "24"),
+        ("text", "0a31"),
+    ],
+)
+def test_a_frame_that_claims_to_be_long_is_not_waited_for(name, head):
+    decoder = decoder_of(name)
+    decoder.feed(bytes.fromhex(head))
+    for _ in range(1200):
+        decoder.feed(b"1" * 64)
+        assert decoder.held <= decoder.longest
+    assert decoder.held < 4096
+
+
 def test_samples_beyond_the_limits_are_refused_and_counted():
     imu = motion(10)
     imu["force"][3] = 1e30
