@@ -17,7 +17,7 @@ help:
 	@echo 'make lab     install and open the dashboard on http://localhost:$(PORT) (another port: make lab PORT=8000)'
 	@echo 'make test    install and run every test, in two processes at a time (other: make test WORKERS=4)'
 	@echo 'make bench   install and measure the speed'
-	@echo 'make fuzz    install and attack every reader of recordings, and a served laboratory, for 10 minutes each (make fuzz SECONDS=60 NAME=GPX)'
+	@echo 'make fuzz    install and attack every reader of recordings, every live decoder and a served laboratory for 10 minutes each (make fuzz SECONDS=60 NAME=GPX)'
 	@echo 'make clean   remove $(VENV) and all caches'
 	@echo 'Another Python than $(PYTHON): make lab PYTHON=python3.12'
 
@@ -48,7 +48,7 @@ $(BIN)/pip:
 	  echo 'No virtual environment could be made. On Debian and Ubuntu: sudo apt-get install python3-venv' >&2; exit 1; }
 
 $(VENV)/.lab: pyproject.toml | $(BIN)/pip
-	$(PIP_INSTALL) --editable '.[fit,fly,mavlink]'
+	$(PIP_INSTALL) --editable '.[fit,fly,live,mavlink]'
 	@touch $@
 
 # The test extra contains all that the laboratory needs. Python compiles what a test imports, and no other module.

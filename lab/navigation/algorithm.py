@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import traceback
-from pathlib import Path
 from typing import NamedTuple, Protocol, TypeVar, runtime_checkable
 
 import numpy as np
@@ -13,6 +11,7 @@ from lab.navigation.kalman import MEASUREMENTS
 from lab.navigation.propagation import NAV
 from lab.navigation.schedule import SLACK
 from lab.navigation.solution import Fixes, Imu, Solution, Start
+from lab.python_file import described
 
 FloatArray = NDArray[np.float64]
 Arrays = TypeVar("Arrays", Imu, Fixes, Start)
@@ -129,25 +128,6 @@ def run_algorithm(algorithm: Algorithm, imu: Imu, fixes: Fixes, start: Start) ->
     if innovation is not None and S is not None:
         solution.innovation[:], solution.innovation_covariance[:] = innovation, S
     return solution
-
-
-def described(error: BaseException) -> str:
-    """Return text that describes an exception and the place, in the called code or beside it, that raised it.
-
-    Parameters
-    ----------
-    error
-        The exception, as caught by the function that called the code.
-    """
-    what = type(error).__name__ + (f": {error}" if str(error) else "")
-    frames = traceback.extract_tb(error.__traceback__)[1:]
-    called = [frame for frame in frames if not frame.filename.startswith("<")]
-    if not called:
-        return what
-    # A failure inside NumPy is reported at the line that called NumPy.
-    folder = Path(called[0].filename).parent
-    place = [frame for frame in called if Path(frame.filename).parent == folder][-1]
-    return f"{Path(place.filename).name}, line {place.lineno}, in {place.name}: {what}"
 
 
 def _read_only(arrays: Arrays) -> Arrays:

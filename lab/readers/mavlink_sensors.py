@@ -46,12 +46,12 @@ _ARMS = (("GPS1_POS_", "INS_POS1_"), ("GPS_POS1_", "INS_POS1_"), ("EKF2_GPS_POS_
 _DELAYS = ("GPS1_DELAY_MS", "GPS_DELAY_MS", "EKF2_GPS_DELAY")
 PARAMETERS = frozenset(_DELAYS) | {f"{name}{axis}" for pair in _ARMS for name in pair for axis in "XYZ"}
 """Parameters of an autopilot that say where the antenna is and how late its fixes are."""
-_UNKNOWN = 65_535
+UNKNOWN_SPEED = 65_535
 """What stands for an unknown speed or course (of GPS_RAW_INT)."""
-_SINCE_1970 = 1e9
+SINCE_1970 = 1e9
 """Time from which it counts from 1970 and not from switching on [s]: of 2001, or of 32 years without a
 restart."""
-_ONE_G = (0.5, 2.0)
+ONE_G = (0.5, 2.0)
 """Median specific force at which the numbers of an IMU are in the unit supposed [g]."""
 
 
@@ -60,14 +60,14 @@ def since_boot(vehicle: Vehicle, messages: Messages) -> FloatArray:
     if "time_boot_ms" in messages:
         return messages["time_boot_ms"] * 1e-3
     time = messages["time_usec"] * 1e-6
-    of_day = time > _SINCE_1970
+    of_day = time > SINCE_1970
     if of_day.any():
         # Either is allowed; the autopilot's own clock says how far they are apart.
         clock = vehicle.numbers("SYSTEM_TIME")
         known = (
             np.empty(0) if clock is None else clock["time_unix_usec"] * 1e-6 - clock["time_boot_ms"] * 1e-3
         )
-        known = known[known > _SINCE_1970]
+        known = known[known > SINCE_1970]
         time[of_day] -= np.median(known) if known.size else np.nan
     return np.where(messages["time_usec"] > 0, time, np.nan)
 
@@ -95,8 +95,8 @@ def geoid_of(vehicle: Vehicle) -> float | None:
 def over_ground(gps: Messages) -> tuple[FloatArray, FloatArray]:
     """Return speed [m/s] and course [°]; NaN where they are not known."""
     return (
-        np.where(gps["vel"] < _UNKNOWN, 1e-2 * gps["vel"], np.nan),
-        np.where(gps["cog"] < _UNKNOWN, 1e-2 * gps["cog"], np.nan),
+        np.where(gps["vel"] < UNKNOWN_SPEED, 1e-2 * gps["vel"], np.nan),
+        np.where(gps["cog"] < UNKNOWN_SPEED, 1e-2 * gps["cog"], np.nan),
     )
 
 
@@ -116,7 +116,7 @@ def imu_of(vehicle: Vehicle) -> Stream | None:
         stream = Stream.of("IMU", since_boot(vehicle, messages), values, first)
         # Raw numbers may be counts of any size; those of ArduPilot are mrad/s and thousandths of g.
         size = float(np.median(np.linalg.norm(stream.values[:, 3:], axis=1))) if stream.usable else 0.0
-        if _ONE_G[0] < size / STANDARD_GRAVITY < _ONE_G[1]:
+        if ONE_G[0] < size / STANDARD_GRAVITY < ONE_G[1]:
             found.append(stream)
     return max(found, key=lambda one: len(one.time), default=None)
 

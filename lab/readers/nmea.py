@@ -52,12 +52,13 @@ _MIN_GEOID_PART = 0.9
 """Part of the fixes that have to have the height of the geoid, for heights to be above the ellipsoid."""
 _FIRST_YEAR = 80
 """Two digits of a year from which it is one of the last century: GPS counts from 1980."""
-_FIELDS = {  # meaning of the cells of each sentence
+FIELDS = {  # meaning of the cells of each sentence
     "GGA": {1: "time", 2: "lat", 3: "ns", 4: "lon", 5: "ew", 6: "quality", 9: "altitude", 11: "geoid"},
     "GNS": {1: "time", 2: "lat", 3: "ns", 4: "lon", 5: "ew", 6: "mode", 9: "altitude", 10: "geoid"},
     "RMC": {1: "time", 2: "mode", 3: "lat", 4: "ns", 5: "lon", 6: "ew", 7: "speed", 8: "course", 9: "date"},
     "VTG": {1: "course", 5: "speed"},
 }
+"""What the cells of each sentence are, counted from its name."""
 _UNITS = {"latitude": "°", "longitude": "°", "altitude": "m", "speed": "kt", "course": "°"}
 _TEXTS = frozenset(("ns", "ew", "mode"))
 _NUMBERS = ("time", "lat", "lon", "quality", "altitude", "geoid", "speed", "course", "date")
@@ -221,7 +222,7 @@ def _decoded(
     cells = np.searchsorted(commas, stars) - np.searchsorted(commas, starts) + 1
     characters[stars] = ord("\n")
     made = []
-    for name, fields in _FIELDS.items():
+    for name, fields in FIELDS.items():
         rows = (names == name.encode()) & (cells > max(fields)) & (cells <= _MAX_CELLS)
         if rows.any():
             made.append(_parsed(_cut(characters, starts[rows], stars[rows]), name, lines[rows]))
@@ -247,13 +248,13 @@ def _parsed(rows: bytes, name: str, lines: IntArray) -> _Sentences:
     # Sentences differ in length; pandas takes the number of cells from the first row.
     first = b"," * (_MAX_CELLS - 1) + b"\n"
     frame = pd.read_csv(
-        io.BytesIO(first + rows), header=None, index_col=False, usecols=list(_FIELDS[name]), dtype=object,
+        io.BytesIO(first + rows), header=None, index_col=False, usecols=list(FIELDS[name]), dtype=object,
         na_filter=False, quoting=csv.QUOTE_NONE, skip_blank_lines=False, engine="c", encoding="latin-1",
         low_memory=False,
     ).iloc[1:]  # fmt: skip
     values: dict[str, FloatArray] = {key: np.full(len(lines), np.nan) for key in _NUMBERS}
     texts: dict[str, Any] = {}
-    for place, key in _FIELDS[name].items():
+    for place, key in FIELDS[name].items():
         if key in _TEXTS:
             texts[key] = frame[place].to_numpy()
         else:

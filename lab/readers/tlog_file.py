@@ -29,13 +29,13 @@ MAX_VEHICLES = 32
 
 _STAMP = 8
 """Bytes of the ground station's time before each frame."""
-_SHORTEST = {0xFD: 12, 0xFE: 8}
+SHORTEST = {0xFD: 12, 0xFE: 8}
 """Bytes of a frame without its payload, by its first byte (MAVLink, Packet Serialization)."""
 _HEAD = 3
 """Bytes of a frame by which its length is known: first byte, length of the payload, flags."""
-_SIGNED = 1
+SIGNED = 1
 """Flag of a frame with a signature."""
-_SIGNATURE = 13
+SIGNATURE = 13
 """Bytes of a signature."""
 _MAGIC = re.compile(b"[\xfd\xfe]")
 _STAMPS = (9.5e14, 4.1e15)
@@ -182,9 +182,9 @@ def frame_end(data: bytes, at: int) -> int | None:
     head = data[at + _STAMP : at + _STAMP + _HEAD]
     if len(head) < _HEAD or head[0] not in MAGICS:
         return None
-    end = at + _STAMP + head[1] + _SHORTEST[head[0]]
-    if head[0] == MAGICS[0] and head[2] & _SIGNED:
-        end += _SIGNATURE
+    end = at + _STAMP + head[1] + SHORTEST[head[0]]
+    if head[0] == MAGICS[0] and head[2] & SIGNED:
+        end += SIGNATURE
     return end if end <= len(data) else None
 
 

@@ -1,4 +1,4 @@
-"""Hunt: attack every reader for a time, and then a served laboratory; ``make fuzz`` runs it.
+"""Hunt: attack every reader and decoder for a time, and then a served laboratory; ``make fuzz`` runs it.
 
 ``make fuzz SECONDS=30 NAME=GPX`` runs a part. Each reader has a process of its own, half of the time with
 mutations of whole files, half of it led by the branches it takes (atheris, where it is installed). What
@@ -41,15 +41,16 @@ def main() -> int:
     if chosen.engine:
         return ENGINES[chosen.engine](chosen.name, chosen.seconds)
     from attack import BY_NAME
+    from streams import DECODER_NAMES
 
     of_readers = ["mutations", "atheris"] if importlib.util.find_spec("atheris") else ["mutations"]
     if len(of_readers) == 1:
         print("atheris is not installed here (Linux and macOS, Python 3.11 to 3.13): mutations only")
     broken = []
-    for name in (*BY_NAME, LABORATORY):
+    for name in (*BY_NAME, *DECODER_NAMES, LABORATORY):
         if chosen.name.lower() not in name.lower():
             continue
-        engines = ["doors"] if name == LABORATORY else of_readers
+        engines = ["doors"] if name == LABORATORY else ["bytes"] if name in DECODER_NAMES else of_readers
         for engine in engines:
             command = [sys.executable, __file__, "--engine", engine, "--name", name]
             command += ["--seconds", str(chosen.seconds / len(engines))]
@@ -135,6 +136,35 @@ def by_atheris(name: str, seconds: float) -> int:
     return 0
 
 
+def by_bytes(name: str, seconds: float) -> int:
+    """Attack a decoder with mutations of a stream, in pieces of any size."""
+    import numpy as np
+    from mutations import mutated
+    from streams import DECODER_NAMES, attack_decoder, same, seed
+
+    protocol, rng = DECODER_NAMES[name], np.random.default_rng()
+    stream = seed(protocol)
+    limit_memory()
+    count = rows = broken = 0
+    end = time.monotonic() + seconds
+    while time.monotonic() < end and broken < 5:
+        hostile = mutated(stream, rng)
+        faulthandler.dump_traceback_later(HANG, exit=True)
+        try:
+            found = attack_decoder(protocol, hostile, int(rng.integers(1, 1000)))
+            assert same(found, attack_decoder(protocol, hostile, max(len(hostile), 1)))
+            rows += len(found.imu) + len(found.fix)
+        except Exception as error:
+            broken += 1
+            with tempfile.TemporaryDirectory() as temporary:
+                (Path(temporary) / "stream.bin").write_bytes(hostile)
+                keep(name, Path(temporary), error)
+        count += 1
+    faulthandler.cancel_dump_traceback_later()
+    print(f"{name}: {count} attacks, {rows} samples and fixes left")
+    return 1 if broken else 0
+
+
 def by_doors(name: str, seconds: float) -> int:
     """Attack a laboratory that is served, by requests, messages, settings files and handshakes."""
     import numpy as np
@@ -163,6 +193,7 @@ def by_doors(name: str, seconds: float) -> int:
 ENGINES: dict[str, Callable[[str, float], int]] = {
     "mutations": by_mutations,
     "atheris": by_atheris,
+    "bytes": by_bytes,
     "doors": by_doors,
 }
 

@@ -1,0 +1,1 @@
+"""Live: streams of real sensors, decoded as they arrive."""

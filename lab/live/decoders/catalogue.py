@@ -1,0 +1,77 @@
+"""Catalogue: the decoders and encoders by name."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+
+from lab.live.decoders.decoder import Decoder, Encoder
+from lab.live.decoders.decoder_error import DecoderError
+from lab.live.decoders.decoder_file import FORM, load_decoder
+from lab.live.decoders.mavlink import Mavlink
+from lab.live.decoders.mavlink_encoder import MavlinkEncoder
+from lab.live.decoders.memsense import Memsense, MemsenseEncoder
+from lab.live.decoders.mip import Mip
+from lab.live.decoders.mip_encoder import MipEncoder
+from lab.live.decoders.nmea import Nmea
+from lab.live.decoders.nmea_encoder import NmeaEncoder
+from lab.live.decoders.stream_decoder import StreamDecoder
+from lab.live.decoders.text_lines import TextEncoder, TextLines
+from lab.live.decoders.ublox import Ublox
+from lab.live.decoders.ublox_encoder import UbloxEncoder
+from lab.live.decoders.vectornav_ascii import VectorNavAscii
+from lab.live.decoders.vectornav_binary import VectorNavBinary
+from lab.live.decoders.vectornav_encoder import VectorNavEncoder
+from lab.live.decoders.xsens import Xsens
+from lab.live.decoders.xsens_encoder import XsensEncoder
+
+
+def _ublox() -> Decoder:
+    messages = Ublox()
+    return StreamDecoder("ublox", (messages,), beside=(Nmea(lambda: messages.has_fixes),))
+
+
+DECODERS: Mapping[str, Callable[[], Decoder]] = {
+    "vectornav": lambda: StreamDecoder("vectornav", (VectorNavBinary(), VectorNavAscii()), beside=(Nmea(),)),
+    "xsens": lambda: StreamDecoder("xsens", (Xsens(),), beside=(Nmea(),)),
+    "mip": lambda: StreamDecoder("mip", (Mip(),), beside=(Nmea(),)),
+    "memsense": lambda: StreamDecoder("memsense", (Memsense(),)),
+    "ublox": _ublox,
+    "nmea": lambda: StreamDecoder("nmea", (Nmea(),)),
+    "mavlink": lambda: StreamDecoder("mavlink", (Mavlink(),)),
+    "text": TextLines,
+}
+"""Makes a decoder with its usual settings, by the name of the protocol."""
+ENCODERS: Mapping[str, Callable[[], Encoder]] = {
+    "vectornav": VectorNavEncoder,
+    "xsens": XsensEncoder,
+    "mip": MipEncoder,
+    "memsense": MemsenseEncoder,
+    "ublox": UbloxEncoder,
+    "nmea": NmeaEncoder,
+    "mavlink": MavlinkEncoder,
+    "text": TextEncoder,
+}
+"""Makes an encoder with its usual settings, by the name of the protocol."""
+
+
+def decoder_of(name: str) -> Decoder:
+    """Return a new decoder.
+
+    Parameters
+    ----------
+    name
+        A key of `DECODERS`, or ``FILE.py:Name`` of one's own. Whoever serves names it: the file is executed.
+
+    Raises
+    ------
+    DecoderError
+        If there is none of this name, it cannot be loaded, or a library for it is not installed.
+    """
+    if ":" in name:
+        return load_decoder(name)
+    if name not in DECODERS:
+        raise DecoderError(f"{name!r} is no protocol; accepted are {', '.join(DECODERS)}, and {FORM}")
+    try:
+        return DECODERS[name]()
+    except ImportError as error:
+        raise DecoderError(str(error)) from error

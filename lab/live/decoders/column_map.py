@@ -1,0 +1,156 @@
+"""Column map: what the columns of text lines are, and in which unit; people see it and may correct it."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass, field
+
+from lab.readers.unit_names import UNITS
+from lab.units import TO_SI
+
+_AXES = ("x", "y", "z")
+VECTORS = ("rate", "force", "magnetic")
+"""Quantities with an x, a y and a z."""
+UNITS_OF = {
+    "time": {**UNITS["time"], "ns": 1e-9},
+    "count": {"": 1.0},
+    "rate": {**UNITS["angular rate"], "mrad/s": 1e-3},
+    "force": {**UNITS["acceleration"], "mg": TO_SI["mg"], "g/256": TO_SI["g"] / 256},
+    "magnetic": {"T": 1.0, "µT": 1e-6, "mT": 1e-3, "nT": 1e-9, "G": 1e-4, "mG": 1e-7},
+    "temperature": {"°C": 1.0},
+    "pressure": {"Pa": 1.0, "hPa": 100.0, "kPa": 1e3},
+}
+"""Factor to SI of each unit, by quantity. g/256 is that of the Razor AHRS firmware."""
+QUANTITIES = (
+    "time", "count", *(f"{vector}_{axis}" for vector in VECTORS for axis in _AXES), "temperature", "pressure",
+)  # fmt: skip
+"""What a column may be."""
+IGNORED = "-"
+"""Stands for a column that is not read."""
+SEPARATORS = {"comma": ",", "semicolon": ";", "tab": "\t", "blank": " "}
+"""What separates columns, by name; blanks may be any number."""
+
+_COLUMN = re.compile(r"\s*([a-z_]+|-)\s*(?:\[([^\]]*)\])?\s*")
+_NAMES = {mark: name for name, mark in SEPARATORS.items()}
+MAX_COLUMNS = 64
+"""Most columns of a line."""
+
+
+class ColumnMapError(ValueError):
+    """A text is no column map; the message says why and what is accepted."""
+
+
+@dataclass(frozen=True)
+class Column:
+    """A column.
+
+    Attributes
+    ----------
+    quantity : str
+        One of `QUANTITIES`, or `IGNORED`.
+    unit : str
+        As in `UNITS_OF`.
+    """
+
+    quantity: str = IGNORED
+    unit: str = ""
+
+    @property
+    def kind(self) -> str:
+        """The quantity without its axis."""
+        return self.quantity.rpartition("_")[0] or self.quantity
+
+    @property
+    def scale(self) -> float:
+        """Factor to SI."""
+        return 1.0 if self.quantity == IGNORED else UNITS_OF[self.kind][self.unit]
+
+    def __str__(self) -> str:
+        return f"{self.quantity}[{self.unit}]" if self.unit else self.quantity
+
+
+@dataclass(frozen=True)
+class ColumnMap:
+    """The columns of text lines.
+
+    Attributes
+    ----------
+    columns : tuple of Column
+        From the left.
+    separator : str
+        What separates them, a value of `SEPARATORS`.
+    prefix : str
+        What stands before the first column in every line.
+    decimal_comma : bool
+        Whether numbers are written with a comma.
+    remarks : tuple of str
+        Why each was taken for what it is; those that are guesses say so.
+    """
+
+    columns: tuple[Column, ...]
+    separator: str = ","
+    prefix: str = ""
+    decimal_comma: bool = False
+    remarks: tuple[str, ...] = field(default=(), compare=False)
+
+    def __post_init__(self) -> None:
+        names = [column.quantity for column in self.columns if column.quantity != IGNORED]
+        for column in self.columns:
+            if column.quantity != IGNORED and column.quantity not in QUANTITIES:
+                raise ColumnMapError(
+                    f"{column.quantity!r} is no quantity; accepted are {', '.join(QUANTITIES)}, and "
+                    f"{IGNORED} for a column that is not read"
+                )
+            if column.quantity != IGNORED and column.unit not in UNITS_OF[column.kind]:
+                raise ColumnMapError(
+                    f"{column.quantity}: {column.unit!r} is no unit of it; accepted are "
+                    f"{', '.join(UNITS_OF[column.kind])}"
+                )
+        for name in names:
+            if names.count(name) > 1:
+                raise ColumnMapError(
+                    f"{name} is there more than once; accepted is one column of each quantity"
+                )
+        for vector in VECTORS:
+            there = [axis for axis in _AXES if f"{vector}_{axis}" in names]
+            if there and len(there) < len(_AXES):
+                raise ColumnMapError(
+                    f"{vector} has only {', '.join(there)}; accepted are all three axes or none"
+                )
+        if not {"rate_x", "force_x"} & set(names):
+            raise ColumnMapError(
+                "no column is a rate or a force; accepted are maps with three of one of them at least"
+            )
+        if len(self.columns) > MAX_COLUMNS:
+            raise ColumnMapError(f"{len(self.columns)} columns; accepted are up to {MAX_COLUMNS}")
+        if self.separator not in _NAMES:
+            raise ColumnMapError(
+                f"{self.separator!r} separates no columns; accepted are {', '.join(SEPARATORS)}"
+            )
+
+    @classmethod
+    def of(cls, text: str, separator: str = ",", prefix: str = "", decimal_comma: bool = False) -> ColumnMap:
+        """Return the map of columns as a person writes them: ``time[ms],force_x[g],-,rate_x[°/s]``.
+
+        Raises
+        ------
+        ColumnMapError
+            If this is no map.
+        """
+        columns = []
+        for cell in text.split(","):
+            found = _COLUMN.fullmatch(cell)
+            if found is None:
+                raise ColumnMapError(f"{cell!r} is no column; accepted is quantity[unit], such as force_x[g]")
+            columns.append(Column(found[1], found[2] or ""))
+        return cls(tuple(columns), separator, prefix, decimal_comma)
+
+    def __str__(self) -> str:
+        return ",".join(map(str, self.columns))
+
+    @property
+    def described(self) -> str:
+        """The map in a sentence."""
+        before = f" after {self.prefix!r}" if self.prefix else ""
+        comma = ", numbers with a decimal comma" if self.decimal_comma else ""
+        return f"{len(self.columns)} columns{before}, separated by {_NAMES[self.separator]}{comma}: {self}"

@@ -1,0 +1,169 @@
+"""MAVLink: the messages of one vehicle that hold its IMU and its receiver, of version 1 and 2.
+
+Samples are made of one message: the first seen of HIGHRES_IMU (SI), SCALED_IMU and RAW_IMU (mrad/s and
+thousandths of g), or else SCALED_IMU2 or 3, until one that goes before it is seen. RAW_IMU may hold counts
+of any size: it is taken while it shows about one g. Ground stations and other vehicles are left out.
+GPS_RAW_INT has no vertical velocity; its height is above the sea where the receiver does not send the
+other. Pymavlink, an extra, knows the messages.
+
+References
+----------
+MAVLink, *Packet Serialization* and *Common Message Set*, https://mavlink.io/en.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+from lab.earth import STANDARD_GRAVITY
+from lab.live.decoders.checks import crc16_mcrf4xx
+from lab.live.decoders.framing import MORE, NONE, Framing
+from lab.live.decoders.rows import Rows
+from lab.live.samples import FIX_2D, FIX_3D, FIX_RTK, NAN, NO_FIX, UNKNOWN
+from lab.logs.sensor_log import SIGMAS
+from lab.readers.mavlink_sensors import ONE_G, SINCE_1970, UNKNOWN_SPEED
+from lab.readers.tlog_file import MAGICS, SHORTEST, SIGNATURE, SIGNED
+from lab.units import TO_SI
+
+MISSING = "MAVLink needs pymavlink, which is not installed: pip install 'ins-lab[mavlink]'"
+
+_ORDER = ("HIGHRES_IMU", "SCALED_IMU", "RAW_IMU", "SCALED_IMU2", "SCALED_IMU3")
+"""Messages of an IMU; an earlier one goes before a later one."""
+_MILLIGAUSS = 1e-7
+"""[T]."""
+_HECTOPASCAL = 100.0
+"""[Pa]."""
+_TRIED = 5
+"""Messages RAW_IMU that must show about one g before all are taken."""
+
+
+class Mavlink(Framing):
+    """Framing of MAVLink: magic, length, sender, number, payload, CRC of 16 bits.
+
+    Parameters
+    ----------
+    system
+        Number of the vehicle; None for the first one whose IMU or receiver is seen.
+
+    Raises
+    ------
+    ImportError
+        If pymavlink is not installed.
+    """
+
+    first = MAGICS
+    longest = 255 + SHORTEST[MAGICS[0]] + SIGNATURE
+
+    def __init__(self, system: int | None = None) -> None:
+        try:
+            from pymavlink.dialects.v20 import ardupilotmega as dialect  # noqa: PLC0415 - an extra
+        except ImportError as error:
+            raise ImportError(MISSING) from error
+        self._known: dict[int, Any] = dialect.mavlink_map
+        self._system = system
+        self._imu = len(_ORDER)
+        self._raw_seen = 0
+
+    def size(self, data: bytearray, at: int) -> int:
+        """Return the bytes of the frame that begins at a place, `MORE` or `NONE`."""
+        head = data[at : at + 10]
+        if len(head) < 8 or (head[0] == MAGICS[0] and len(head) < 10):
+            return MORE
+        if _number(head) not in self._known:
+            return NONE
+        size = head[1] + SHORTEST[head[0]]
+        return size + SIGNATURE if head[0] == MAGICS[0] and head[2] & SIGNED else size
+
+    def passes(self, frame: bytes) -> bool:
+        """Return whether the CRC, which includes a byte of the message's definition, is the one said."""
+        end = len(frame) - 2
+        if frame[0] == MAGICS[0] and frame[2] & SIGNED:
+            end -= SIGNATURE
+        extra = self._known[_number(frame)].crc_extra
+        return crc16_mcrf4xx(frame[1:end] + bytes((extra,))) == int.from_bytes(frame[end : end + 2], "little")
+
+    def read(self, frame: bytes, end: int, rows: Rows) -> bool:
+        """Add the sample or the fix of a frame; return whether it is one of the vehicle's."""
+        message = self._known[_number(frame)]
+        if message.msgname not in _ORDER and message.msgname != "GPS_RAW_INT":
+            return False
+        system = frame[5] if frame[0] == MAGICS[0] else frame[3]
+        if self._system is None:
+            self._system = system
+        if system != self._system:
+            return False
+        begin = 10 if frame[0] == MAGICS[0] else 6
+        form = message.unpacker
+        # Zeros at the end of a payload are not sent.
+        payload = frame[begin : begin + frame[1]][: form.size].ljust(form.size, b"\0")
+        fields = dict(zip(message.ordered_fieldnames, form.unpack(payload), strict=True))
+        if message.msgname == "GPS_RAW_INT":
+            _add_fix(fields, end, rows)
+            return True
+        return self._read_sample(message.msgname, fields, end, rows)
+
+    def _read_sample(self, name: str, fields: dict[str, Any], end: int, rows: Rows) -> bool:
+        rank = _ORDER.index(name)
+        if rank > self._imu or fields.get("id", 0):
+            return False
+        rate = [fields[axis] for axis in ("xgyro", "ygyro", "zgyro")]
+        force = [fields[axis] for axis in ("xacc", "yacc", "zacc")]
+        magnetic = [fields[axis] for axis in ("xmag", "ymag", "zmag")]
+        if name == "HIGHRES_IMU":
+            unit, temperature, pressure = 1e-4, fields["temperature"], fields["abs_pressure"] * _HECTOPASCAL
+        else:
+            rate = [1e-3 * value for value in rate]
+            force = [TO_SI["mg"] * value for value in force]
+            unit, pressure = _MILLIGAUSS, NAN
+            temperature = fields.get("temperature", 0) * 1e-2 or NAN  # 0 says that it is not known
+        if name == "RAW_IMU" and self._raw_seen < _TRIED:
+            if not ONE_G[0] < math.hypot(*force) / STANDARD_GRAVITY < ONE_G[1]:
+                return False
+            self._raw_seen += 1
+        self._imu = rank
+        rows.add_imu(
+            end,
+            fields["time_usec"] * 1e-6 if "time_usec" in fields else fields["time_boot_ms"] * 1e-3,
+            -1,
+            rate,
+            force,
+            [value * unit for value in magnetic] if any(magnetic) else UNKNOWN,
+            temperature,
+            pressure,
+        )
+        return True
+
+
+def _number(frame: bytes | bytearray) -> int:
+    return int.from_bytes(frame[7:10], "little") if frame[0] == MAGICS[0] else frame[5]
+
+
+def _add_fix(fields: dict[str, Any], end: int, rows: Rows) -> None:
+    time = fields["time_usec"] * 1e-6
+    speed = 1e-2 * fields["vel"] if fields["vel"] != UNKNOWN_SPEED else NAN
+    course = math.radians(1e-2 * fields["cog"]) if fields["cog"] != UNKNOWN_SPEED else NAN
+    level, vertical, speed_sigma = (_sigma(fields[name]) for name in ("h_acc", "v_acc", "vel_acc"))
+    height = fields["alt_ellipsoid"] or fields["alt"]
+    kind = fields["fix_type"]
+    rows.add_fix(
+        end,
+        NAN if time > SINCE_1970 else time,
+        NAN,
+        time if time > SINCE_1970 else NAN,
+        math.radians(1e-7 * fields["lat"]),
+        math.radians(1e-7 * fields["lon"]),
+        1e-3 * height,
+        (speed * math.cos(course), speed * math.sin(course), NAN),
+        level,
+        vertical,
+        speed_sigma,
+        fields["satellites_visible"] if fields["satellites_visible"] < 255 else -1,
+        kind if FIX_2D <= kind <= FIX_RTK else FIX_3D if kind > FIX_RTK else NO_FIX,
+        not fields["alt_ellipsoid"],
+    )
+
+
+def _sigma(value: int) -> float:
+    """Return σ of one in thousandths; NaN for one that says that it is not known."""
+    return 1e-3 * value if SIGMAS[0] < 1e-3 * value < SIGMAS[1] else NAN

@@ -1,0 +1,66 @@
+"""MAVLink encoder: samples in HIGHRES_IMU and fixes in GPS_RAW_INT, by pymavlink."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lab.live.decoders.mavlink import MISSING
+from lab.live.decoders.merging import merged
+from lab.live.decoders.sending import known, microseconds, sent_fix, vector
+from lab.live.samples import NO_FIX
+
+_GAUSS = 1e-4
+"""[T]."""
+_ALL_FIELDS = 0x1FFF
+_UNKNOWN = 65_535
+
+
+class MavlinkEncoder:
+    """Writes samples and fixes of system 1; an `Encoder`. Single precision rounds samples.
+
+    Raises
+    ------
+    ImportError
+        If pymavlink is not installed.
+    """
+
+    name = "mavlink"
+
+    def __init__(self) -> None:
+        try:
+            from pymavlink.dialects.v20 import ardupilotmega as dialect  # noqa: PLC0415 - an extra
+        except ImportError as error:
+            raise ImportError(MISSING) from error
+        self._link = dialect.MAVLink(None, srcSystem=1, srcComponent=1)
+
+    def encode(self, imu: NDArray[np.void], fix: NDArray[np.void]) -> bytes:
+        """Return the bytes of samples and fixes in the order of their time; NaN is sent as zero."""
+        return merged(imu, fix, self._sample, self._fix)
+
+    def _sample(self, row: np.void) -> bytes:
+        temperature, pressure = known(row, "temperature", "pressure")
+        message = self._link.highres_imu_encode(
+            microseconds(row["time"]), *vector(row, "force"), *vector(row, "rate"),
+            *vector(row, "magnetic", _GAUSS), pressure / 100, 0.0, 0.0, temperature, _ALL_FIELDS,
+        )  # fmt: skip
+        return self._packed(message)
+
+    def _fix(self, row: np.void) -> bytes:
+        fix = sent_fix(row)
+        moving = np.isfinite(row["velocity_n"][:2]).all()
+        height = round(1e3 * fix.height)
+        message = self._link.gps_raw_int_encode(
+            microseconds(row["time"]), max(fix.kind, NO_FIX), round(1e7 * fix.latitude),
+            round(1e7 * fix.longitude), height, _UNKNOWN, _UNKNOWN,
+            min(round(1e2 * fix.speed), _UNKNOWN - 1) if moving else _UNKNOWN,
+            round(1e2 * fix.course) if moving else _UNKNOWN,
+            fix.satellites if row["satellites"] >= 0 else 255, 0 if row["sea_level"] else height,
+            round(1e3 * fix.horizontal_sigma), round(1e3 * fix.vertical_sigma), round(1e3 * fix.speed_sigma),
+        )  # fmt: skip
+        return self._packed(message)
+
+    def _packed(self, message: object) -> bytes:
+        packed = message.pack(self._link)  # type: ignore[attr-defined]
+        self._link.seq = (self._link.seq + 1) % 256
+        return bytes(packed)

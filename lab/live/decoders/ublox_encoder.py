@@ -1,0 +1,100 @@
+"""UBX encoder: samples and fixes as a u-blox receiver with an IMU sends them."""
+
+from __future__ import annotations
+
+import math
+import struct
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lab.live.decoders.checks import fletcher16
+from lab.live.decoders.merging import merged
+from lab.live.decoders.sending import vector
+from lab.live.decoders.ublox import (
+    ESF_MEAS,
+    ESF_RAW,
+    FORCE_UNIT,
+    GYRO_UNIT,
+    MEAS_TICK,
+    NAV_PVT,
+    PVT,
+    RAW_TICK,
+    SYNC,
+    TEMPERATURE,
+    TEMPERATURE_UNIT,
+    X_FORCE,
+    X_GYRO,
+    Y_FORCE,
+    Y_GYRO,
+    Z_FORCE,
+    Z_GYRO,
+)
+
+_LARGEST = 2**23 - 1
+_PVT_SIZE = 92
+"""Bytes of NAV-PVT from protocol 15 on."""
+
+
+class UbloxEncoder:
+    """Writes samples and fixes; an `Encoder`.
+
+    Parameters
+    ----------
+    imu
+        Message of a sample: ESF-RAW with both triads, or two of ESF-MEAS.
+    """
+
+    name = "ublox"
+
+    def __init__(self, imu: Literal["raw", "meas"] = "raw") -> None:
+        self._sample = _raw if imu == "raw" else _measured
+
+    def encode(self, imu: NDArray[np.void], fix: NDArray[np.void]) -> bytes:
+        """Return the bytes of samples, which are rounded to the device's units, and of fixes."""
+        return merged(imu, fix, self._sample, _pvt)
+
+
+def _message(kind: bytes, payload: bytes) -> bytes:
+    body = kind + len(payload).to_bytes(2, "little") + payload
+    return SYNC + body + fletcher16(body)
+
+
+def _counts(row: np.void) -> dict[int, int]:
+    """Return the data of a sample by type, as 24 bits."""
+    values: dict[int, float] = {}
+    if np.isfinite(row["rate"]).all():
+        values |= dict(zip((X_GYRO, Y_GYRO, Z_GYRO), vector(row, "rate", GYRO_UNIT), strict=True))
+    if np.isfinite(row["force"]).all():
+        values |= dict(zip((X_FORCE, Y_FORCE, Z_FORCE), vector(row, "force", FORCE_UNIT), strict=True))
+    if math.isfinite(row["temperature"]):
+        values[TEMPERATURE] = float(row["temperature"]) / TEMPERATURE_UNIT
+    return {kind: round(min(max(one, -_LARGEST), _LARGEST)) & 0xFFFFFF for kind, one in values.items()}
+
+
+def _ticks(time: float, tick: float, modulus: int) -> int:
+    return round(float(time) / tick) % modulus if math.isfinite(time) else 0
+
+
+def _raw(row: np.void) -> bytes:
+    tag = _ticks(row["time"], RAW_TICK, 2**24)
+    pairs = b"".join(struct.pack("<II", kind << 24 | one, tag) for kind, one in _counts(row).items())
+    return _message(ESF_RAW, bytes(4) + pairs)
+
+
+def _measured(row: np.void) -> bytes:
+    counts = _counts(row)
+    tag = _ticks(row["time"], MEAS_TICK, 2**32)
+    messages = []
+    for kinds in ((X_FORCE, Y_FORCE, Z_FORCE), (X_GYRO, Y_GYRO, Z_GYRO, TEMPERATURE)):
+        words = [struct.pack("<I", kind << 24 | counts[kind]) for kind in kinds if kind in counts]
+        if len(words) >= 3:
+            messages.append(
+                _message(ESF_MEAS, struct.pack("<IHH", tag, len(words) << 11, 0) + b"".join(words))
+            )
+    return b"".join(messages)
+
+
+def _pvt(row: np.void) -> bytes:
+    return _message(NAV_PVT, PVT.written(row).ljust(_PVT_SIZE, b"\0"))

@@ -1,0 +1,50 @@
+"""Attacks on the decoders of live streams."""
+
+from __future__ import annotations
+
+import math
+import sys
+from pathlib import Path
+
+import numpy as np
+
+sys.path.insert(0, str(Path(__file__).parents[1]))
+
+from live_streams import fixes, motion
+
+from lab.live.decoders.catalogue import DECODERS, ENCODERS, decoder_of
+from lab.live.decoders.limits import Limits
+from lab.live.samples import FIX, IMU, Samples
+
+DECODER_NAMES = {f"live {name}": name for name in DECODERS}
+"""Name of each decoder, by that under which it is attacked."""
+
+
+def seed(name: str, count: int = 200) -> bytes:
+    """Return a stream of a device."""
+    return ENCODERS[name]().encode(motion(count), fixes(max(count // 50, 2)))
+
+
+def same(one: Samples, other: Samples) -> bool:
+    """Return whether samples are the same to the last bit."""
+    return one.imu.tobytes() == other.imu.tobytes() and one.fix.tobytes() == other.fix.tobytes()
+
+
+def attack_decoder(name: str, data: bytes, step: int) -> Samples:
+    """Decode hostile bytes: nothing is raised, little is held, and samples are within the limits."""
+    decoder = decoder_of(name)
+    parts = []
+    for at in range(0, len(data), step):
+        parts.append(decoder.feed(data[at : at + step]))
+        assert decoder.held <= decoder.longest
+    parts.append(decoder.finish())
+    assert decoder.held == 0
+    assert 0 <= decoder.statistics.skipped <= len(data) == decoder.statistics.bytes
+    limits = Limits()
+    for imu, fix in parts:
+        assert (imu.dtype, fix.dtype) == (IMU, FIX)
+        assert not (np.abs(imu["rate"]) > limits.rate).any()
+        assert not (np.abs(imu["force"]) > limits.force).any()
+        assert not (np.abs(fix["latitude"]) > math.pi / 2).any()
+        assert ((imu["end"] > 0) & (imu["end"] <= len(data))).all()
+    return Samples(*(np.concatenate(rows) for rows in zip(*parts, strict=True)))
