@@ -105,7 +105,7 @@ def test_an_algorithm_stands_beside_the_models() -> None:
     [
         ({"position": np.zeros((3, 3))}, r"Faulty: position has shape \(3, 3\)"),
         ({"velocity_n": None}, "velocity_n"),
-        ({"sigma": "wide"}, "no array 'sigma'"),
+        ({"sigma": "wide"}, "no numeric array 'sigma'"),
     ],
 )
 def test_what_is_no_solution_is_named(change: dict[str, object], words: str) -> None:

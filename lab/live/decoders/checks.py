@@ -13,6 +13,7 @@ from functools import reduce
 from itertools import accumulate
 from operator import xor
 
+# Each byte with its bits in reverse order.
 _REVERSED = bytes(int(f"{byte:08b}"[::-1], 2) for byte in range(256))
 
 

@@ -12,8 +12,8 @@ from lab.live.samples import NO_FIX
 
 _GAUSS = 1e-4
 """[T]."""
-_ALL_FIELDS = 0x1FFF
-_UNKNOWN = 65_535
+_ALL_FIELDS = 0x1FFF  # fields_updated of HIGHRES_IMU: all thirteen
+_UNKNOWN = 65_535  # value of an unknown 16-bit field of GPS_RAW_INT
 
 
 class MavlinkEncoder:

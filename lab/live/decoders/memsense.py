@@ -28,21 +28,21 @@ from lab.live.decoders.rows import Rows
 from lab.live.decoders.sending import vector
 from lab.live.decoders.wrapping import WrappingCounter
 
-SIZE = 38
-MESSAGE = 0x14
+SIZE = 38  # bytes of a frame
+MESSAGE = 0x14  # kind of message with the samples
 TICK = 2.1701e-6
 """Of the timer [s]."""
 GAUSS = 1e-4
 """[T]."""
 
-_SYNC = b"\xff" * 4
+_SYNC = b"\xff" * 4  # four bytes begin a frame
 _START = _SYNC + bytes((SIZE,))
 _TIMER = struct.Struct(">H")
 _NUMBERS = struct.Struct(">12h")
 _AT = 13
 """Where the numbers begin."""
-_MARGIN = 1.5
-_FULL = 32768
+_MARGIN = 1.5  # full scale over the range on the data sheet
+_FULL = 32768  # counts at full scale
 _DEGREES_PER_COUNT, _MIDDLE = 1.8165e-2, 25.0
 """Temperature: per count, and at zero [°C]."""
 _SWAP = 3

@@ -30,13 +30,13 @@ from lab.live.samples import (
 )
 
 SYNC = b"\x75\x65"
-SENSOR = 0x80
+SENSOR = 0x80  # set of the inertial data
 GNSS = (0x81, 0x91, 0x92)
 """Sets of the receivers: of the only one, and of the first and second."""
-FORCE, RATE, MAGNETIC, DELTA_ANGLE, DELTA_VELOCITY = 0x04, 0x05, 0x06, 0x07, 0x08
-GPS_TIMESTAMP, TEMPERATURE, PRESSURE = 0x12, 0x14, 0x17
-REFERENCE_TIME, DELTA_TIME, SHARED_GPS_TIME = 0xD5, 0xD6, 0xD3
-PLACE, VELOCITY, GNSS_TIME, FIX_INFO = 0x03, 0x05, 0x09, 0x0B
+FORCE, RATE, MAGNETIC, DELTA_ANGLE, DELTA_VELOCITY = 0x04, 0x05, 0x06, 0x07, 0x08  # fields of that set
+GPS_TIMESTAMP, TEMPERATURE, PRESSURE = 0x12, 0x14, 0x17  # as above
+REFERENCE_TIME, DELTA_TIME, SHARED_GPS_TIME = 0xD5, 0xD6, 0xD3  # times, of any set
+PLACE, VELOCITY, GNSS_TIME, FIX_INFO = 0x03, 0x05, 0x09, 0x0B  # fields of the sets of the receivers
 GAUSS = 1e-4
 """[T]."""
 MILLIBAR = 100.0
@@ -44,7 +44,7 @@ MILLIBAR = 100.0
 NANOSECOND = 1e-9
 """[s]."""
 
-_HEADER, _CHECK = 4, 2
+_HEADER, _CHECK = 4, 2  # bytes before and after the fields
 _THREE = struct.Struct(">3f")
 _NANOSECONDS = struct.Struct(">Q")
 _PLACE = struct.Struct(">4d2fH")

@@ -30,9 +30,10 @@ from lab.live.decoders.mip import (
 from lab.live.decoders.sending import nanoseconds, sent_fix, vector
 from lab.live.samples import FIX_2D, FIX_3D, FIX_DIFFERENTIAL, FIX_RTK, FIX_RTK_FLOAT, NO_FIX
 
+# Kinds of fixes of FIX_INFO.
 _FIX_TYPES = {FIX_3D: 0, FIX_2D: 1, FIX_RTK_FLOAT: 5, FIX_RTK: 6, FIX_DIFFERENTIAL: 7}
-_NONE = 3
-_ALL = 0x1F
+_NONE = 3  # no fix
+_ALL = 0x1F  # flags of a place of which all is valid
 
 
 class MipEncoder:

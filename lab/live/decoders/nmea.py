@@ -30,7 +30,8 @@ _STOP = re.compile(rb"[^ -)+-~]")
 _NUMBER = re.compile(rb"[+-]?\d{1,10}(?:\.\d{0,12})?")
 _CHECK = 3
 """Bytes of the check with its star."""
-_SATELLITES = {"GGA": 7, "GNS": 7}
+_SATELLITES = {"GGA": 7, "GNS": 7}  # cell with the number of satellites
+# Cells of the sentences that no log reader takes.
 _OTHERS = {
     "GST": {1: "time", 6: "north", 7: "east", 8: "up"},
     "ZDA": {1: "time", 2: "day", 3: "month", 4: "year"},

@@ -23,7 +23,7 @@ _FIELDS = "IHBBBBBBIiBBBBiiiiIIiiiiiI"
 """Up to the accuracy of the speed."""
 _VALID_TIME = 3
 """Bits of a valid date and a valid time of day."""
-_ALL_VALID = 7
+_ALL_VALID = 7  # the same, and its seconds resolved
 _TIME_SIGMA = 20
 """Accuracy of the time that the encoder states [ns]."""
 _FIX_TYPES = {2: FIX_2D, 3: FIX_3D, 4: FIX_3D}

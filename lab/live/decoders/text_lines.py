@@ -35,7 +35,7 @@ _REMEMBERED = 9
 _WRAPS = {"ms": 2**32, "µs": 2**32}
 """Where the counters of microcontrollers start again."""
 _ENDS = re.compile(rb"[\r\n]+")
-_PIECE = 2**16
+_PIECE = 2**16  # bytes decoded at once
 
 
 class TextLines:

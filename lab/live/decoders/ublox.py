@@ -38,7 +38,7 @@ FORCE_UNIT = 2**-10
 TEMPERATURE_UNIT = 1e-2
 """[°C]."""
 
-_HEADER, _CHECK = 6, 2
+_HEADER, _CHECK = 6, 2  # bytes before and after the payload
 _MEAS = struct.Struct("<IHH")
 _PAIR = struct.Struct("<II")
 _WORD = struct.Struct("<I")

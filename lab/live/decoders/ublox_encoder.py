@@ -32,7 +32,7 @@ from lab.live.decoders.ublox import (
     Z_GYRO,
 )
 
-_LARGEST = 2**23 - 1
+_LARGEST = 2**23 - 1  # the data of ESF-RAW have 24 bits with sign
 _PVT_SIZE = 92
 """Bytes of NAV-PVT from protocol 15 on."""
 

@@ -46,7 +46,7 @@ from lab.live.samples import (
     Vector,
 )
 
-SYNC = 0xFA
+SYNC = 0xFA  # first byte of a message
 GAUSS = 1e-4
 """[T]."""
 KILOPASCAL = 1e3
@@ -70,15 +70,18 @@ _TWO = struct.Struct("<2f")
 _UTC = struct.Struct("<b5BH")
 _WORD = struct.Struct("<H")
 
+# Time since switching on, as group and bit in the word of the group, like all below.
 _STARTUP: tuple[Field, ...] = ((COMMON, 0), (TIME, 0))
-_WEEK_TIMES: tuple[Field, ...] = ((GPS, 1), (TIME, 2))
+_WEEK_TIMES: tuple[Field, ...] = ((GPS, 1), (TIME, 2))  # GPS time
+# IMU fields: uncompensated.
 _BOTH, _GYRO, _FORCE, _MAGNETIC = (COMMON, 9), (IMU_GROUP, 3), (IMU_GROUP, 2), (IMU_GROUP, 1)
-_RATES, _FORCES = ((COMMON, 5), (IMU_GROUP, 10)), ((COMMON, 8), (IMU_GROUP, 9))
-_MAGNETICS = ((COMMON, 10), (IMU_GROUP, 8))
+_RATES, _FORCES = ((COMMON, 5), (IMU_GROUP, 10)), ((COMMON, 8), (IMU_GROUP, 9))  # compensated
+_MAGNETICS = ((COMMON, 10), (IMU_GROUP, 8))  # compensated
+# Deltas: both, of the angle, of the velocity.
 _DELTAS, _DELTA_ANGLE, _DELTA_VELOCITY = (COMMON, 11), (IMU_GROUP, 6), (IMU_GROUP, 7)
-_TEMPERATURE, _PRESSURE, _SATURATION = (IMU_GROUP, 4), (IMU_GROUP, 5), (IMU_GROUP, 11)
+_TEMPERATURE, _PRESSURE, _SATURATION = (IMU_GROUP, 4), (IMU_GROUP, 5), (IMU_GROUP, 11)  # beside the axes
 _ANY = {_BOTH, _GYRO, _FORCE, *_RATES, *_FORCES, _DELTAS, _DELTA_ANGLE}
-_GPS_PLACE, _GPS_VELOCITY = (GPS, 5), (GPS, 7)
+_GPS_PLACE, _GPS_VELOCITY = (GPS, 5), (GPS, 7)  # of the receiver
 
 
 class VectorNavBinary(Framing):

@@ -14,6 +14,7 @@ from lab.live.decoders.sending import known, nanoseconds, sent_fix, vector
 from lab.live.decoders.vectornav_binary import GAUSS, KILOPASCAL, SYNC
 from lab.live.samples import FIX_2D, FIX_3D, FIX_DIFFERENTIAL, FIX_RTK, FIX_RTK_FLOAT
 
+# Kinds of fixes of the device.
 _FIX_TYPES = {FIX_2D: 2, FIX_3D: 3, FIX_DIFFERENTIAL: 4, FIX_RTK_FLOAT: 7, FIX_RTK: 8}
 _SAMPLE = struct.Struct("<BBHQ6f3fff")
 """Common group: TimeStartup (bit 0), Imu (9), MagPres (10)."""

@@ -18,7 +18,7 @@ COMMON, TIME, IMU_GROUP, GPS, ATTITUDE, INS, GPS2 = range(7)
 Field = tuple[int, int]
 """Group, and bit in the group's word."""
 
-_VARIABLE = -1
+_VARIABLE = -1  # size of a field that states its own
 _SIZES: tuple[tuple[int, ...], ...] = (
     (8, 8, 8, 12, 16, 12, 24, 12, 12, 24, 20, 28, 2, 4, 8),
     (8, 8, 8, 2, 8, 8, 8, 4, 4, 1),
@@ -33,8 +33,8 @@ _SATELLITE = 8
 """Bytes of SatInfo for each satellite, after two of which the first is their number."""
 _MAX_SATELLITES = 64
 """Most satellites in SatInfo: receivers of VectorNav track 72 channels, of which a message has fewer."""
-_HEADER = 2
-_CHECK = 2
+_HEADER = 2  # bytes: start and groups
+_CHECK = 2  # bytes of the CRC
 _KEPT = 64
 """Layouts that are kept: a device sends up to three; bytes at random ask for any number."""
 LONGEST = 2048

@@ -30,17 +30,18 @@ NOMINAL_FIELD = 5e-5
 """Field that counts as 1 in the device's units [T]: the Earth's is 2.5e-5 to 6.5e-5 T."""
 TICK = 1e-4
 """Of SampleTimeFine [s]."""
+# Identifiers of the items (MT Low Level Communication Protocol).
 PACKET_COUNTER, SAMPLE_TIME_FINE, TEMPERATURE, PRESSURE = 0x1020, 0x1060, 0x0810, 0x3010
-DELTA_VELOCITY, ACCELERATION, ACCELERATION_HR = 0x4010, 0x4020, 0x4040
-RATE_OF_TURN, DELTA_QUATERNION, RATE_OF_TURN_HR, MAGNETIC = 0x8020, 0x8030, 0x8040, 0xC020
-STATUS_WORD, GNSS_PVT = 0xE020, 0x7010
+DELTA_VELOCITY, ACCELERATION, ACCELERATION_HR = 0x4010, 0x4020, 0x4040  # as above
+RATE_OF_TURN, DELTA_QUATERNION, RATE_OF_TURN_HR, MAGNETIC = 0x8020, 0x8030, 0x8040, 0xC020  # as above
+STATUS_WORD, GNSS_PVT = 0xE020, 0x7010  # as above
 
 _EXTENDED = 0xFF
 """Length that says that two bytes of length follow."""
 _PRECISIONS = 0x3
 """Bits of an identifier with the kind of number; the next two are of axes that none of those read depends
 on."""
-_KINDS = 0xFFF0
+_KINDS = 0xFFF0  # bits of an identifier with the kind of item
 _FORMS = tuple(
     {count: struct.Struct(">" + number * count) for count in (1, 3, 4)} for number in ("f", "i", "Ih", "d")
 )

@@ -29,6 +29,7 @@ from lab.live.decoders.xsens import (
 )
 
 Precision = Literal["single", "fp12.20", "fp16.32", "double"]
+# The kind of number, as bits of an identifier.
 _BITS: dict[Precision, int] = {"single": 0, "fp12.20": 1, "fp16.32": 2, "double": 3}
 
 
