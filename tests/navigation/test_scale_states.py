@@ -171,12 +171,12 @@ def test_a_given_p0_has_the_size_of_the_filter() -> None:
     experiment = Experiment()
     experiment.set("navigator.p0", [1.0] * 15)
     experiment.set("navigator.states", 21)
-    with pytest.raises(SettingError, match="is of 15 states, and the filter has 21"):
+    with pytest.raises(SettingError, match="has 15 states, but the filter has 21"):
         experiment.run()
     experiment.set("navigator.p0", np.eye(21).tolist())
     assert belief(experiment.sensors, experiment.navigator).P0.shape == (21, 21)
     experiment.set("navigator.states", 15)
-    with pytest.raises(SettingError, match="is of 21 states, and the filter has 15"):
+    with pytest.raises(SettingError, match="has 21 states, but the filter has 15"):
         experiment.run()
     with pytest.raises(SettingError, match="15 or 21 variances"):
         experiment.set("navigator.p0", [1.0] * 16)
