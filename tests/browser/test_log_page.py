@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import pytest
-from conftest import DRAWN, IDLE, new_context, serving
 from sensor_logs import tables, write
 
 from lab.missions.catalogue import OWN_FOLDER_VARIABLE
+from tests.browser.conftest import DRAWN, IDLE, new_context, serving
 
 
 @pytest.mark.browser

@@ -108,4 +108,4 @@ def test_what_is_interpolated_is_told_with_its_own_rate_and_noise():
     assert "200 Hz" in rate and "the velocity (recorded at 5 Hz)" in rate
     # White noise of 0.2 m/s five times a second: differentiated it is some 0.2 · 5 · √2 m/s², not 0.
     rough = next(row.value for row in report.rows if row.name == "From velocity")
-    assert 0.5 < float(rough.split(" by ")[1].split()[0]) < 10
+    assert 0.5 < float(rough.removeprefix("noise of the acceleration ").split()[0]) < 10
