@@ -76,12 +76,12 @@ FIX_TYPES: Final = {
     6: "RTK",
 }
 """Kinds of fixes, in MAVLink's numbers (GPS_FIX_TYPE). Without a fix, position and velocity are NaN."""
-NO_FIX: Final = 1  # of those above
-FIX_2D: Final = 2  # of those above
-FIX_3D: Final = 3  # of those above
-FIX_DIFFERENTIAL: Final = 4  # of those above
-FIX_RTK_FLOAT: Final = 5  # of those above
-FIX_RTK: Final = 6  # of those above
+NO_FIX: Final = 1  # GPS_FIX_TYPE_NO_FIX
+FIX_2D: Final = 2  # GPS_FIX_TYPE_2D_FIX
+FIX_3D: Final = 3  # GPS_FIX_TYPE_3D_FIX
+FIX_DIFFERENTIAL: Final = 4  # GPS_FIX_TYPE_DGPS
+FIX_RTK_FLOAT: Final = 5  # GPS_FIX_TYPE_RTK_FLOAT
+FIX_RTK: Final = 6  # GPS_FIX_TYPE_RTK_FIXED
 
 NAN: Final = float("nan")
 UNKNOWN: Final = (NAN, NAN, NAN)

@@ -50,18 +50,18 @@ class Kernel(CPUDispatcher):
         return cast(Callable[..., Any], numba.jit(**called)(self.py_func))
 
 
-def _kernel(function: Callable[P, R], options: dict[str, Any]) -> Callable[P, R]:
-    return cast(Callable[P, R], Kernel(function, targetoptions=options))
+def _kernel(function: Callable[P, R], **options: Any) -> Callable[P, R]:
+    return cast(Callable[P, R], Kernel(function, targetoptions=OPTIONS | WITHOUT_WRAPPERS | options))
 
 
 def kernel(function: Callable[P, R]) -> Callable[P, R]:
     """Compile a function that other kernels call."""
-    return _kernel(function, OPTIONS | WITHOUT_WRAPPERS)
+    return _kernel(function)
 
 
 def inline_kernel(function: Callable[P, R]) -> Callable[P, R]:
     """Compile a small function of the hot path, inlined into its callers."""
-    return _kernel(function, OPTIONS | WITHOUT_WRAPPERS | {"forceinline": True})
+    return _kernel(function, forceinline=True)
 
 
 def embedded_kernel(function: Callable[P, R]) -> Callable[P, R]:
@@ -70,7 +70,7 @@ def embedded_kernel(function: Callable[P, R]) -> Callable[P, R]:
     The compiler optimises each kernel with all functions that it calls, and again in each caller. A function
     that is called once compiles in half the time if it is not a separate kernel.
     """
-    return _kernel(function, OPTIONS | WITHOUT_WRAPPERS | {"inline": "always"})
+    return _kernel(function, inline="always")
 
 
 def entry_kernel(function: Callable[P, R]) -> Callable[P, R]:
@@ -153,7 +153,7 @@ def _rebound(function: Callable[P, R], changes: tuple[tuple[str, Any, Any], ...]
     # Another name, for the reason that `named` gives.
     bound.__qualname__ = plain.__qualname__
     named("_".join(str(new) for _, _, new in changes if isinstance(new, int)))(bound)
-    return _kernel(bound, function.targetoptions) if isinstance(function, Kernel) else bound
+    return _kernel(bound, **function.targetoptions) if isinstance(function, Kernel) else bound
 
 
 def _fingerprint() -> str:

@@ -33,10 +33,10 @@ SYNC = b"\x75\x65"
 SENSOR = 0x80  # set of the inertial data
 GNSS = (0x81, 0x91, 0x92)
 """Sets of the receivers: of the only one, and of the first and second."""
-FORCE, RATE, MAGNETIC, DELTA_ANGLE, DELTA_VELOCITY = 0x04, 0x05, 0x06, 0x07, 0x08  # fields of that set
-GPS_TIMESTAMP, TEMPERATURE, PRESSURE = 0x12, 0x14, 0x17  # as above
+FORCE, RATE, MAGNETIC, DELTA_ANGLE, DELTA_VELOCITY = 0x04, 0x05, 0x06, 0x07, 0x08  # fields of `SENSOR`
+GPS_TIMESTAMP, TEMPERATURE, PRESSURE = 0x12, 0x14, 0x17  # fields of `SENSOR`
 REFERENCE_TIME, DELTA_TIME, SHARED_GPS_TIME = 0xD5, 0xD6, 0xD3  # times, of any set
-PLACE, VELOCITY, GNSS_TIME, FIX_INFO = 0x03, 0x05, 0x09, 0x0B  # fields of the sets of the receivers
+PLACE, VELOCITY, GNSS_TIME, FIX_INFO = 0x03, 0x05, 0x09, 0x0B  # fields of `GNSS`
 GAUSS = 1e-4
 """[T]."""
 MILLIBAR = 100.0

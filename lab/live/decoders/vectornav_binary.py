@@ -70,7 +70,7 @@ _TWO = struct.Struct("<2f")
 _UTC = struct.Struct("<b5BH")
 _WORD = struct.Struct("<H")
 
-# Time since switching on, as group and bit in the word of the group, like all below.
+# Fields, each as its group and its bit in the word of the group. First the time since switching on.
 _STARTUP: tuple[Field, ...] = ((COMMON, 0), (TIME, 0))
 _WEEK_TIMES: tuple[Field, ...] = ((GPS, 1), (TIME, 2))  # GPS time
 # IMU fields: uncompensated.
