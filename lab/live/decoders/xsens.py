@@ -33,12 +33,8 @@ TICK = 1e-4
 # Identifiers of the items (MT Low Level Communication Protocol).
 PACKET_COUNTER, SAMPLE_TIME_FINE, TEMPERATURE, PRESSURE = 0x1020, 0x1060, 0x0810, 0x3010
 DELTA_VELOCITY, ACCELERATION, ACCELERATION_HR = 0x4010, 0x4020, 0x4040  # of accelerometers
-RATE_OF_TURN, DELTA_QUATERNION, RATE_OF_TURN_HR, MAGNETIC = (
-    0x8020,
-    0x8030,
-    0x8040,
-    0xC020,
-)  # of gyros
+# Of gyros and magnetometers.
+RATE_OF_TURN, DELTA_QUATERNION, RATE_OF_TURN_HR, MAGNETIC = 0x8020, 0x8030, 0x8040, 0xC020
 STATUS_WORD, GNSS_PVT = 0xE020, 0x7010  # of the device and its receiver
 
 _EXTENDED = 0xFF
