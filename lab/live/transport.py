@@ -1,0 +1,71 @@
+"""Transport: brings the bytes of a device, with the time at which they arrived."""
+
+from __future__ import annotations
+
+from typing import NamedTuple, Protocol, runtime_checkable
+
+
+class TransportError(ValueError):
+    """A transport cannot be used as named; the message says why and what is accepted."""
+
+
+class Chunk(NamedTuple):
+    """Bytes that arrived together.
+
+    Attributes
+    ----------
+    arrival : float
+        Time at which they were there, of the host's monotonic clock [s]. A replay gives that of the recording.
+    data : bytes
+        The bytes; empty if the waiting time ended first.
+    """
+
+    arrival: float
+    data: bytes
+
+
+@runtime_checkable
+class Transport(Protocol):
+    """Anything that brings bytes; one thread opens, reads and closes it.
+
+    Attributes
+    ----------
+    address : str
+        The address it was opened by, such as ``serial:/dev/ttyUSB0?baud=115200``.
+    reconnects : bool
+        Whether to open it again after it was lost.
+    """
+
+    address: str
+    reconnects: bool
+
+    def open(self) -> None:
+        """Connect.
+
+        Raises
+        ------
+        OSError
+            If there is no such device or computer, or it does not answer; the message is for people.
+        """
+        ...
+
+    def read(self, longest: float) -> Chunk:
+        """Wait for bytes.
+
+        Parameters
+        ----------
+        longest
+            Longest waiting time [s]; then the chunk is empty.
+
+        Raises
+        ------
+        OSError
+            If the device is gone.
+        EOFError
+            If nothing more will come, as at the end of a replay.
+        """
+        ...
+
+    def close(self) -> None:
+        """Free the port; may be called from any thread, repeatedly, and ends a waiting `read`."""
+        ...
