@@ -15,7 +15,7 @@ class Chunk(NamedTuple):
     Attributes
     ----------
     arrival : float
-        Time at which they were there, of the host's monotonic clock [s]. A replay gives that of the recording.
+        Time at which they were there, of the host's monotonic clock; of a replay, that recorded [s].
     data : bytes
         The bytes; empty if the waiting time ended first.
     """
