@@ -67,5 +67,5 @@ class Transport(Protocol):
         ...
 
     def close(self) -> None:
-        """Free the port; may be called from any thread, repeatedly, and ends a waiting `read`."""
+        """Free the port; may be repeated."""
         ...

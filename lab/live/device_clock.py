@@ -1,0 +1,136 @@
+"""Device clock: times of a device's clock as times of the host's.
+
+Bytes arrive late by a delay that varies, but never early, so the least delay within a second shows the offset
+of the two clocks. A loop of second order follows offset and drift: intervals between samples change by parts
+in a million only, whatever single arrivals do. It depends on the times alone, so a replay gives the same
+bits.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+FloatArray = NDArray[np.float64]
+
+LOOK = 1.0
+"""Time over which the least delay is taken [s]: long against a busy host, short against the drift."""
+SLOWEST = 0.1
+"""Bandwidth of the loop when it has settled [rad/s]: the drift of a crystal changes within minutes."""
+FASTEST = 0.7
+"""Bandwidth at the start [rad/s]: below one over `LOOK`, beyond which the loop swings."""
+MAX_DRIFT = 5e-3
+"""Largest drift that is followed: a NEO-M8U ran 0.3 % slow, crystals 0.01 %."""
+MAX_SLEW = 5e-3
+"""Largest change of the pace beside the drift, which a gyro shows as a scale factor of 0.5 %."""
+STEP = 0.25
+"""Least delay, or earliness, from which the device's clock was set or samples are missing [s]: a busy host is
+not late by so much for all of `LOOK`."""
+FORWARD = 3600.0
+"""Largest step of the device's clock that may be a silence [s]; a larger one says that it was set."""
+
+
+class DeviceClock:
+    """Maps the times of one clock of a device.
+
+    Attributes
+    ----------
+    drift : float
+        How much faster the device's clock runs than the host's, as a part of 1.
+    delay : float
+        Least delay in the last second that ended, against the mapping [s].
+    steps : int
+        How often the mapping began anew.
+    """
+
+    def __init__(self) -> None:
+        self.drift = 0.0
+        self.delay = 0.0
+        self.steps = 0
+        self._device = math.nan  # of the last sample
+        self._host = math.nan
+        self._begun = math.nan
+        self._pace = 1.0  # of the host's clock against the device's
+        self._slope = 0.0  # of it, that of the drift
+        self._least = math.inf
+        self._look_ends = math.inf
+
+    @property
+    def offset(self) -> float:
+        """Host's time minus the device's, at the last sample [s]; NaN before the first."""
+        return self._host - self._device
+
+    @property
+    def state(self) -> list[float | None]:
+        """All that the mapping depends on; `restored` goes on from it."""
+        return [value if math.isfinite(value) else None for value in self._values()]
+
+    def _values(self) -> tuple[float, ...]:
+        return self._device, self._host, self._begun, self._pace, self._slope, self._least, self._look_ends
+
+    @classmethod
+    def restored(cls, state: list[float | None]) -> DeviceClock:
+        """Return the clock that had a `state`."""
+        clock = cls()
+        given = [
+            known if value is None else float(value)
+            for value, known in zip(state, clock._values(), strict=True)
+        ]
+        clock._device, clock._host, clock._begun, clock._pace, clock._slope = given[:5]
+        clock._least, clock._look_ends = given[5:]
+        clock.drift = 1 / (1 + clock._slope) - 1
+        return clock
+
+    def restart(self) -> None:
+        """Forget the offset, as when the device was lost; the drift stays."""
+        self._device = math.nan
+
+    def mapped(self, device: FloatArray, arrival: float) -> tuple[FloatArray, bool]:
+        """Return times of the host for times of the device, and whether the mapping began anew.
+
+        Parameters
+        ----------
+        device : (n,) array
+            Times of samples that arrived together, increasing [s]; n > 0.
+        arrival
+            When they were there [s].
+        """
+        last = float(device[-1])
+        step = last - self._device
+        if not 0.0 < step < FORWARD:
+            return self._anchored(device, arrival), True
+        times = self._host + self._pace * (device - self._device)
+        late = arrival - float(times[-1])
+        if late < -STEP:
+            return self._anchored(device, arrival), True
+        self._device, self._host = last, float(times[-1])
+        self._least = min(self._least, late)
+        if arrival >= self._look_ends:
+            if self._least > STEP:
+                return self._anchored(device, arrival), True
+            self._follow(arrival)
+        return times, False
+
+    def _anchored(self, device: FloatArray, arrival: float) -> FloatArray:
+        """Begin the mapping with these samples: the last of them has no delay."""
+        self.steps += 1
+        last = float(device[-1])
+        times = arrival + (1 + self._slope) * (device - last)
+        self._device, self._host, self._begun = last, arrival, arrival
+        self._pace = 1 + self._slope
+        self._least, self._look_ends = math.inf, arrival + LOOK
+        return times
+
+    def _follow(self, arrival: float) -> None:
+        """Correct pace and drift by the least delay of the time that ended."""
+        least = self._least
+        band = max(SLOWEST, min(FASTEST, 2 / max(arrival - self._begun, LOOK)))
+        self._slope += min(max(band**2 * least * LOOK, -MAX_DRIFT), MAX_DRIFT)
+        self._slope = min(max(self._slope, -MAX_DRIFT), MAX_DRIFT)
+        slew = min(max(math.sqrt(2) * band * least, -MAX_SLEW), MAX_SLEW)
+        self._pace = 1 + self._slope + slew
+        self.drift = 1 / (1 + self._slope) - 1
+        self.delay = least
+        self._least, self._look_ends = math.inf, arrival + LOOK

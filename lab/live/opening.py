@@ -1,0 +1,149 @@
+"""Opening: an address becomes a source."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import Any
+
+from lab.live.address import Address
+from lab.live.axis_map import AxisMap
+from lab.live.device_clock import DeviceClock
+from lab.live.reception import Reception
+from lab.live.replay import Replay
+from lab.live.serial_port import SerialPort
+from lab.live.source import Source
+from lab.live.tcp_connection import TcpConnection
+from lab.live.transport import Transport, TransportError
+from lab.live.udp_listener import UdpListener
+
+RATES = (0.1, 10_000.0)
+"""Rates of a device that are accepted [Hz]."""
+SPEEDS = (0.1, 10.0)
+"""Speeds of a replay that are accepted; beside them ``max``."""
+SIMULATED_RATES = (1.0, 2000.0)
+"""Rates of a simulated device [Hz]: above, its samples come several at a time."""
+_LONGEST_REST = 3600.0  # before a flight, or of a device that stands still [s]
+_USUAL_REST = 600.0  # of a device that stands still [s]
+_MAX_CORRUPTION = 0.1  # part of the bytes: beyond, no frame is left
+_MAX_JITTER = 1000.0  # [ms]
+_MAX_DRIFT = 5000.0  # [ppm]: what a device clock follows
+_MAX_SEED = 2**31
+
+
+def open_source(address: str | Address | Transport, **options: str) -> Source:
+    """Return the source of an address; it reads from the beginning of a ``with``, or of `Source.start`.
+
+    >>> import lab.live
+    >>> with lab.live.open("serial:/dev/ttyUSB0?baud=115200&protocol=vectornav") as source:
+    ...     read = source.since()
+
+    Parameters
+    ----------
+    address
+        An address as `lab.live.address.FORMS` shows, or a transport of one's own.
+    options
+        Further options, as they may stand in the address: ``protocol``, ``columns`` of text, ``axes``,
+        ``rate`` [Hz] of a device without a clock.
+
+    Raises
+    ------
+    TransportError
+        If the address or an option is not accepted.
+    DecoderError, ColumnMapError
+        If protocol or columns are not accepted.
+    MissionError, SettingError
+        If a simulated device cannot fly the mission.
+    """
+    if isinstance(address, str):
+        address = Address.of(address)
+    if isinstance(address, Address):
+        address = Address(address.kind, address.place, {**address.options, **options})
+        options = dict(address.options)
+        transport: Transport = _TRANSPORTS[address.kind](address)
+    else:
+        transport = address
+    known = transport.header if isinstance(transport, Replay) else {}
+    where = address if isinstance(address, Address) else Address("tcp", "own", dict(options))
+    axes = options.get("axes", str(known.get("axes", "")))
+    reception = Reception(
+        options.get("protocol", str(known.get("protocol", ""))),
+        options.get("columns", str(known.get("columns", ""))),
+        AxisMap.of(axes) if axes else None,
+        where.number("rate", _known_rate(known), *RATES, "Hz"),
+    )
+    clock = known.get("clock")
+    if isinstance(clock, list):
+        reception.clock = DeviceClock.restored(clock)
+    source = Source(transport, reception, {"name": options.get("name", "")})
+    if isinstance(transport, Replay) and "axes" not in options:
+        transport.tell = lambda event: _follow(source, event)
+    return source
+
+
+def _known_rate(known: Mapping[str, Any]) -> float:
+    rate = known.get("rate", 0.0)
+    return float(rate) if isinstance(rate, int | float) and RATES[0] <= rate <= RATES[1] else 0.0
+
+
+def _follow(source: Source, event: Mapping[str, Any]) -> None:
+    """Take over from a recording what changed while it was made."""
+    if "axes" in event:
+        source.axes = AxisMap.of(str(event["axes"]))
+
+
+def _replay(address: Address) -> Replay:
+    address.check(("speed",))
+    fast = address.options.get("speed") == "max"
+    speed = float("inf") if fast else address.number("speed", 1.0, *SPEEDS)
+    return Replay(Path(address.place), speed)
+
+
+def _simulated(address: Address) -> Transport:
+    # Simulating takes the whole laboratory, a serial port does not.
+    from lab.live.simulated_device import Misbehaviour, SimulatedDevice  # noqa: PLC0415
+    from lab.live.simulated_flight import REST, SimulatedFlight  # noqa: PLC0415
+    from lab.live.simulated_link import link_of  # noqa: PLC0415
+    from lab.live.simulated_transport import SimulatedTransport  # noqa: PLC0415
+
+    address.check(
+        ("device", "card", "hz", "seed", "rest", "over", "corruption", "jitter_ms", "drift_ppm", "mounted")
+    )
+    options = address.options
+    mounted = options.get("mounted")
+    flight = SimulatedFlight.of(
+        address.place,
+        address.number("hz", 100.0, *SIMULATED_RATES, "Hz"),
+        sensor=options.get("card", ""),
+        seed=address.whole("seed", 1, 0, _MAX_SEED),
+        rest=address.number("rest", _USUAL_REST if address.place == REST else 0.0, 0.0, _LONGEST_REST, "s"),
+        axes=AxisMap.of(mounted) if mounted else None,
+    )
+    over = options.get("over", "pty" if os.name == "posix" and _has_serial() else "tcp:0")
+    if over.startswith("udp"):
+        raise TransportError(f"{address}: over = {over!r}; accepted are pty and tcp:0")
+    misbehaviour = Misbehaviour(
+        address.number("corruption", 0.0, 0.0, _MAX_CORRUPTION),
+        1e-3 * address.number("jitter_ms", 0.0, 0.0, _MAX_JITTER, "ms"),
+        1e-6 * address.number("drift_ppm", 0.0, -_MAX_DRIFT, _MAX_DRIFT, "ppm"),
+    )
+    device = SimulatedDevice(flight, options.get("device", "vectornav"), link_of(over), misbehaviour)
+    return SimulatedTransport(str(address), device)
+
+
+def _has_serial() -> bool:
+    try:
+        import serial  # noqa: F401, PLC0415 - an extra
+    except ImportError:
+        return False
+    return True
+
+
+_TRANSPORTS: Mapping[str, Callable[[Address], Transport]] = {
+    "serial": SerialPort,
+    "udp": UdpListener,
+    "tcp": TcpConnection,
+    "replay": _replay,
+    "simulated": _simulated,
+}

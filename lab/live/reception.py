@@ -1,0 +1,398 @@
+"""Reception: bytes that arrived become timed samples in the axes of the vehicle.
+
+It depends on the bytes and the times of their arrival alone, so a replay of a raw recording gives the same
+samples, bit for bit.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lab.live.axis_map import AxisMap
+from lab.live.decoders.catalogue import decoder_of
+from lab.live.decoders.column_map import ColumnMap
+from lab.live.decoders.decoder import Decoder, Statistics
+from lab.live.decoders.recognition import Candidate, recognise
+from lab.live.decoders.text_lines import TextLines
+from lab.live.device_clock import DeviceClock
+from lab.live.samples import NO_FIX, Samples
+from lab.live.timed import TIMED_FIX, TIMED_IMU
+from lab.live.transport import Chunk, TransportError
+
+FloatArray = NDArray[np.float64]
+Rows = NDArray[np.void]
+
+RECOGNISED = 1.0
+"""Time of bytes in which a protocol is looked for [s]: 20 samples of a slow device, a fix of a receiver."""
+ENOUGH = 4096
+"""Bytes that are enough to look, however soon they come: 40 frames of 100 bytes."""
+MOST = 2**16
+"""Most bytes that are kept for it: where nothing is found in them, the last of them are looked at again."""
+COUNTED = 2.0
+"""Time over which the rate of a device without a clock is taken [s]."""
+USUAL_RATES = (
+    1, 2, 4, 5, 8, 10, 20, 25, 40, 50, 60, 100, 104, 119, 120, 125, 128, 150, 160, 200, 208, 238, 240, 250,
+    256, 300, 400, 416, 476, 500, 512, 600, 800, 833, 952, 1000, 1024, 1125, 1600, 2000,
+)  # fmt: skip
+"""Rates that devices are set to [Hz]."""
+NEAR = 0.03
+"""Largest part by which a measured rate may differ from a usual one: over `COUNTED`, at 50 Hz, one sample."""
+MISSING = 1.5
+"""Interval, in usual ones, from which a sample is missing before it."""
+REMEMBERED = 0.02
+"""Part that a new interval has in the usual one."""
+MOST_BACK = 5
+"""Most samples in a row whose time runs backwards until the clock is taken to have been set."""
+
+_NO_IMU, _NO_FIX = np.empty(0, TIMED_IMU), np.empty(0, TIMED_FIX)
+
+
+@dataclass
+class Loss:
+    """What was lost on the way.
+
+    Attributes
+    ----------
+    missing : int
+        Samples that the device's clock or counter shows to be missing.
+    repeated : int
+        Samples with the time of the one before, which are dropped.
+    backwards : int
+        Samples whose time runs backwards, which are dropped.
+    """
+
+    missing: int = 0
+    repeated: int = 0
+    backwards: int = 0
+
+
+class Reception:
+    """Receives one stream.
+
+    Attributes
+    ----------
+    axes : AxisMap
+        The axis map; may be replaced at any time, for the samples that come then.
+    protocol, evidence : str
+        The protocol, empty while it is unknown; and what speaks for it, or why nothing is recognised.
+    timing : str
+        How samples are timed, in words.
+    rate : float
+        Rate by which samples are counted [Hz]; 0 if their clock is used, or it is not known yet.
+    triads_apart : bool
+        Whether the device sends rates and forces one by one: a rate then gets the last force.
+    loss : Loss
+        What was lost on the way.
+    clock, fix_clock : DeviceClock
+        Clock of the IMU, and of the receiver if it has its own.
+
+    Parameters
+    ----------
+    protocol
+        A key of `DECODERS`, or ``FILE.py:Name``; empty to find out.
+    columns
+        Of text: what they are; empty to find out.
+    axes
+        The axis map.
+    rate
+        Of a device without a clock [Hz]; 0 to find out.
+
+    Raises
+    ------
+    TransportError
+        If columns are given for another protocol than text.
+    ColumnMapError, DecoderError
+        If they are not accepted.
+    """
+
+    def __init__(
+        self, protocol: str = "", columns: str = "", axes: AxisMap | None = None, rate: float = 0.0
+    ) -> None:
+        if columns and protocol not in ("", "text"):
+            raise TransportError(f"columns are of text lines, and the protocol is {protocol!r}")
+        self.axes = axes or AxisMap()
+        self.protocol = "text" if columns else protocol
+        self.evidence = ""
+        self.timing = ""
+        self.rate = rate
+        self.triads_apart = False
+        self.loss = Loss()
+        self.clock = DeviceClock()
+        self.fix_clock = DeviceClock()
+        self._columns = ColumnMap.of(columns) if columns else None
+        self._given_rate = rate > 0
+        self._before = Statistics()
+        self._decoder: Decoder | None = self._made() if self.protocol else None
+        self._first: list[Chunk] = []
+        self._waiting: list[tuple[float, Rows]] = []
+        self._counted = 0
+        self._last_device = np.nan
+        self._last_arrival = np.nan
+        self._wrapped = 0.0
+        self._force: FloatArray | None = None  # the last, of a device that sends the triads one by one
+        self._usual = np.nan
+        self._back = 0
+        self._gap = True
+        self._latest = -np.inf
+        self._latest_fix = -np.inf
+
+    def _made(self) -> Decoder:
+        if self._columns is not None:
+            return TextLines(self._columns)
+        return decoder_of(self.protocol)
+
+    @property
+    def statistics(self) -> Statistics:
+        """What the decoders have seen, since the beginning."""
+        now = self._decoder.statistics if self._decoder else Statistics(sum(len(c.data) for c in self._first))
+        return Statistics(*(a + b for a, b in zip(_counts(self._before), _counts(now), strict=True)))
+
+    @property
+    def columns(self) -> ColumnMap | None:
+        """The columns of text lines, once they are known."""
+        return self._decoder.columns if isinstance(self._decoder, TextLines) else self._columns
+
+    def take(self, chunk: Chunk) -> tuple[Rows, Rows]:
+        """Return the timed samples and fixes of bytes that arrived.
+
+        Raises
+        ------
+        DecoderError
+            If a decoder of one's own fails.
+        """
+        if not chunk.data:
+            return _NO_IMU, _NO_FIX
+        if self._decoder is None:
+            return self._recognise(chunk)
+        return self._timed(self._decoder.feed(chunk.data), chunk.arrival)
+
+    def lose(self, arrival: float) -> tuple[Rows, Rows]:
+        """Return the samples that were held back when the device was lost; the next come after a gap."""
+        rest = (_NO_IMU, _NO_FIX)
+        if self._decoder is not None:
+            rest = self._timed(self._decoder.finish(), arrival)
+            self._before = self.statistics
+            if self._columns is None and isinstance(self._decoder, TextLines):
+                self._columns = self._decoder.columns
+            self._decoder = self._made()
+        self._first.clear()
+        self._waiting.clear()
+        self.clock.restart()
+        self.fix_clock.restart()
+        self._last_device, self._last_arrival, self._wrapped, self._gap = np.nan, np.nan, 0.0, True
+        self._force = None
+        return rest
+
+    def _recognise(self, chunk: Chunk) -> tuple[Rows, Rows]:
+        """Keep bytes until a protocol is found in them, then decode them."""
+        first = self._first
+        first.append(chunk)
+        seconds = chunk.arrival - first[0].arrival
+        size = sum(len(one.data) for one in first)
+        if size < ENOUGH and seconds < RECOGNISED:
+            return _NO_IMU, _NO_FIX
+        found = recognise(b"".join(one.data for one in first))
+        if not found:
+            while size > MOST or (size > ENOUGH and seconds > RECOGNISED):
+                gone = first.pop(0)
+                size -= len(gone.data)
+                self._before.bytes += len(gone.data)
+                self._before.skipped += len(gone.data)
+                seconds = chunk.arrival - first[0].arrival if first else 0.0
+            self.evidence = (
+                f"Nothing is recognised in {self.statistics.bytes} bytes: is the speed of the line right?"
+            )
+            return _NO_IMU, _NO_FIX
+        self._use(found[0])
+        parts = [self._timed(self._feed(one.data), one.arrival) for one in self._first]
+        self._first = []
+        return _joined(parts)
+
+    def _use(self, found: Candidate) -> None:
+        self.protocol, self.evidence = found.name, found.evidence
+        self._decoder = self._made()
+
+    def _feed(self, data: bytes) -> Samples:
+        assert self._decoder is not None
+        return self._decoder.feed(data)
+
+    def _timed(self, samples: Samples, arrival: float) -> tuple[Rows, Rows]:
+        imu = self._timed_imu(samples.imu, arrival) if len(samples.imu) else _NO_IMU
+        fix = self._timed_fix(samples.fix, arrival) if len(samples.fix) else _NO_FIX
+        return imu, fix
+
+    def _timed_imu(self, rows: Rows, arrival: float) -> Rows:
+        rows = self._with_both_triads(rows)
+        if not len(rows):
+            return _NO_IMU
+        if np.isfinite(rows["time"][-1]):
+            self.timing = "by the clock of the device"
+            return self._by_clock(rows, self._unwrapped(rows["time"], arrival), arrival)
+        if rows["count"][-1] >= 0:
+            device = self._by_count(rows, rows["count"].astype(float), arrival)
+        else:
+            count = self._counted + np.arange(len(rows), dtype=float)
+            self._counted += len(rows)
+            device = self._by_count(rows, count, arrival)
+        return _NO_IMU if device is None else device
+
+    def _with_both_triads(self, rows: Rows) -> Rows:
+        """Return the rows with rates; those that lack the force get the last one that came by itself."""
+        alone = np.isnan(rows["rate"][:, 0])
+        if alone.any() and not np.isnan(rows["force"][alone][:, 0]).any():
+            self.triads_apart = True
+        if not self.triads_apart:
+            return rows
+        made = np.array(rows)
+        for k in range(len(made)):
+            if alone[k]:
+                self._force = np.array(made["force"][k])
+            elif np.isnan(made["force"][k, 0]) and self._force is not None:
+                made["force"][k] = self._force
+        return np.asarray(made[~alone & ~np.isnan(made["force"][:, 0])])
+
+    def _unwrapped(self, device: FloatArray, arrival: float) -> FloatArray:
+        """Return times of the device's clock with the turns that it made in a silence."""
+        period = self._decoder.wrap_period if self._decoder else np.inf
+        silence = arrival - self._last_arrival
+        self._last_arrival = arrival
+        if np.isfinite(period) and silence > period / 2:
+            missed = self._last_device + silence - (float(device[-1]) + self._wrapped)
+            self._wrapped += period * round(missed / period)
+        return device + self._wrapped
+
+    def _by_count(self, rows: Rows, count: FloatArray, arrival: float) -> Rows | None:
+        """Time samples by their number and the nominal rate, which is measured at first."""
+        counter = "by the counter of the device" if rows["count"][-1] >= 0 else "by the number of samples"
+        if self.rate == 0.0:
+            self._waiting.append((arrival, np.array(rows)))
+            begin, first = self._waiting[0]
+            if arrival - begin < COUNTED:
+                return None
+            counts = np.concatenate([part["count"] for _, part in self._waiting])
+            passed = counts[-1] - counts[0] if counts[-1] >= 0 else len(counts) - len(first)
+            self.rate = nominal_rate(float(passed) / (arrival - begin))
+            self._counted -= len(counts)
+            held, self._waiting = self._waiting, []
+            parts = [self._timed_imu(part, when) for when, part in held]
+            return np.concatenate(parts)
+        how = "given" if self._given_rate else "measured"
+        self.timing = f"{counter} at {self.rate:g} Hz, {how}"
+        return self._by_clock(rows, count / self.rate, arrival)
+
+    def _by_clock(self, rows: Rows, device: FloatArray, arrival: float) -> Rows:
+        """Map times of the device to those of the host; drop what is not later than what was before."""
+        previous = np.concatenate(([self._last_device], device[:-1]))
+        with np.errstate(invalid="ignore"):
+            late = ~(device <= np.fmax.accumulate(previous)) & np.isfinite(device)
+        if not late.all():
+            equal = device == previous
+            self.loss.repeated += int((equal & ~late).sum())
+            back = int((~late & ~equal).sum())
+            self._back += back
+            if self._back > MOST_BACK:  # the clock was set, or the device began anew
+                self._last_device, self._back, self._gap = np.nan, 0, True
+                self.clock.restart()
+                return self._by_clock(rows, device, arrival) if np.isfinite(device).all() else _NO_IMU
+            self.loss.backwards += back
+            if not late.any():
+                return _NO_IMU
+            rows, device = rows[late], device[late]
+            previous = np.concatenate(([self._last_device], device[:-1]))
+        else:
+            self._back = 0
+        steps = device - previous
+        times, anew = self.clock.mapped(device, arrival)
+        gap = self._gaps(steps)
+        if anew:
+            gap[0] = True
+        self._last_device = float(device[-1])
+        return self._put(rows, times, arrival, gap)
+
+    def _gaps(self, steps: FloatArray) -> NDArray[np.bool_]:
+        """Return before which samples some are missing, by the usual interval of the device's clock."""
+        if np.isnan(self._usual):
+            known = steps[steps > 0]
+            if known.size:
+                self._usual = float(np.median(known))
+        gap = steps > MISSING * self._usual
+        ordinary = steps[~gap & (steps > 0)]
+        if ordinary.size:
+            share = min(1.0, REMEMBERED * ordinary.size)
+            self._usual += share * (float(ordinary.mean()) - self._usual)
+        if gap.any():
+            self.loss.missing += int(np.rint(steps[gap] / self._usual - 1).sum())
+            # A pace that changed for good is no gap: the usual interval follows it slowly.
+            self._usual += REMEMBERED * (float(steps[gap].min()) - self._usual)
+        if self._gap:
+            gap[0], self._gap = True, False
+        return np.asarray(gap)
+
+    def _put(self, rows: Rows, times: FloatArray, arrival: float, gap: NDArray[np.bool_]) -> Rows:
+        kept = times > self._latest
+        if not kept.all():  # the mapping began anew and would run backwards
+            rows, times, gap = rows[kept], times[kept], gap[kept]
+            if not len(rows):
+                self._gap = True
+                return _NO_IMU
+            gap[0] = True
+        self._latest = float(times[-1])
+        made = np.empty(len(rows), TIMED_IMU)
+        made["time"], made["arrival"], made["gap"] = times, arrival, gap
+        made["rate"] = self.axes.mapped(rows["rate"])
+        made["force"] = self.axes.mapped(rows["force"], force=True)
+        made["magnetic"] = self.axes.mapped(rows["magnetic"])
+        for name in ("temperature", "pressure", "clipped", "end"):
+            made[name] = rows[name]
+        return made
+
+    def _timed_fix(self, rows: Rows, arrival: float) -> Rows:
+        """Return fixes at their times of validity; those without position are left out."""
+        rows = rows[(rows["fix_type"] > NO_FIX) & np.isfinite(rows["latitude"])]
+        if not len(rows):
+            return _NO_FIX
+        own = rows["time"]
+        shared = np.isfinite(own).all() and np.isfinite(self.clock.offset)
+        if shared and abs(own[-1] - self._last_device) < STALE:
+            times = self.clock.offset + own
+        else:
+            clock = np.where(np.isfinite(rows["week_time"]), rows["week_time"], rows["utc"])
+            if np.isfinite(clock).all() and (np.diff(clock) > 0).all():
+                times, _ = self.fix_clock.mapped(np.asarray(clock), arrival)
+            else:
+                times = np.full(len(rows), arrival)
+        kept = times > np.fmax.accumulate(np.concatenate(([self._latest_fix], times[:-1])))
+        rows, times = rows[kept], times[kept]
+        if not len(rows):
+            return _NO_FIX
+        self._latest_fix = float(times[-1])
+        made = np.empty(len(rows), TIMED_FIX)
+        made["time"], made["arrival"] = times, arrival
+        for name in TIMED_FIX.names or ():
+            if name not in ("time", "arrival"):
+                made[name] = rows[name]
+        return made
+
+
+STALE = 5.0
+"""Largest difference between the times of a fix and of a sample by the same clock [s]."""
+
+
+def nominal_rate(measured: float) -> float:
+    """Return the usual rate next to a measured one [Hz], or the measured one if none is near."""
+    best = min(USUAL_RATES, key=lambda rate: abs(rate / measured - 1)) if measured > 0 else 0
+    return float(best) if best and abs(best / measured - 1) <= NEAR else measured
+
+
+def _counts(statistics: Statistics) -> tuple[int, ...]:
+    return (
+        statistics.bytes, statistics.frames, statistics.skipped, statistics.failed, statistics.unknown,
+        statistics.refused,
+    )  # fmt: skip
+
+
+def _joined(parts: list[tuple[Rows, Rows]]) -> tuple[Rows, Rows]:
+    return np.concatenate([imu for imu, _ in parts]), np.concatenate([fix for _, fix in parts])

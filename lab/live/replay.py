@@ -1,0 +1,112 @@
+"""Replay: a raw recording as a transport."""
+
+from __future__ import annotations
+
+import json
+import os
+import time
+from collections.abc import Callable, Generator, Mapping
+from pathlib import Path
+from typing import Any
+
+from lab.live.raw_recording import DATA, RecordingError, read_header, records
+from lab.live.transport import Chunk, TransportError
+
+LOST = "lost"
+"""Key of the event that the device was lost."""
+
+
+class Replay:
+    """The bytes of a raw recording at the pace at which they came, or faster; a `Transport`.
+
+    Where the device was lost, it is lost again, and `open` goes on behind that.
+
+    Attributes
+    ----------
+    header : dict
+        What the recording says of its source.
+    tell : callable
+        Called with other events of the recording, in their order with the bytes.
+
+    Parameters
+    ----------
+    path
+        The recording.
+    speed
+        How many times as fast; infinite for as fast as it goes.
+
+    Raises
+    ------
+    TransportError
+        If the file is no raw recording.
+    """
+
+    reconnects = True
+
+    def __init__(self, path: str | os.PathLike[str], speed: float = 1.0) -> None:
+        self.address = f"replay:{path}?speed={speed:g}"
+        self.path = Path(path)
+        self.speed = speed
+        self.tell: Callable[[Mapping[str, Any]], None] = lambda event: None
+        try:
+            self.header = read_header(path)
+        except RecordingError as error:
+            raise TransportError(str(error)) from error
+        self._records: Generator[tuple[int, Chunk]] | None = None
+        self._next: tuple[int, Chunk] | None = None
+        self._begin = (0.0, 0.0)
+
+    def open(self) -> None:
+        """Begin, or go on behind the place where the device was lost."""
+        if self._records is None:
+            self._records = records(self.path)
+            self._next = next(self._records, None)
+        if self._next is not None:
+            self._begin = (time.monotonic(), self._next[1].arrival)
+
+    def read(self, longest: float) -> Chunk:
+        """Wait until the next bytes came in the recording.
+
+        Raises
+        ------
+        OSError
+            Where the device was lost, or if the file cannot be read on.
+        EOFError
+            At its end.
+        """
+        if self._next is None or self._records is None:
+            raise EOFError("The recording has ended.")
+        kind, chunk = self._next
+        due = self._begin[0] + (chunk.arrival - self._begin[1]) / self.speed
+        wait = due - time.monotonic()
+        if wait > 0:
+            time.sleep(min(wait, longest))
+        if wait > longest:
+            return Chunk(chunk.arrival, b"")
+        try:
+            self._next = next(self._records, None)
+        except RecordingError as error:
+            raise EOFError(str(error)) from error
+        if kind == DATA:
+            return chunk
+        event = _event(chunk.data)
+        if LOST in event:
+            raise ConnectionError(str(event[LOST]))
+        self.tell(event)
+        return Chunk(chunk.arrival, b"")
+
+    def close(self) -> None:
+        """Nothing: the recording goes on with the next `open`."""
+
+    def end(self) -> None:
+        """Close the file."""
+        if self._records is not None:
+            self._records.close()
+
+
+def _event(data: bytes) -> dict[str, Any]:
+    try:
+        event = json.loads(data)
+    except (ValueError, RecursionError):
+        return {}
+    return event if isinstance(event, dict) else {}

@@ -1,0 +1,190 @@
+"""Simulated device: sends a simulated flight as a real device would, and misbehaves when told to."""
+
+from __future__ import annotations
+
+import threading
+import time
+from dataclasses import dataclass
+from typing import Self
+
+import numpy as np
+
+from lab.live.decoders.catalogue import ENCODERS
+from lab.live.decoders.decoder import Encoder
+from lab.live.simulated_flight import SimulatedFlight
+from lab.live.simulated_link import Link
+from lab.live.transport import TransportError
+
+TICK = 1e-3
+"""Shortest time between two sendings [s]: one sample of a device with 1 kHz."""
+FIX_DELAY = 0.1
+"""Time from the validity of a fix to its sending [s], as of receivers that send 10 fixes a second."""
+
+
+@dataclass
+class Misbehaviour:
+    """What is wrong with a device.
+
+    Attributes
+    ----------
+    corruption : float
+        Part of the bytes that have another value.
+    jitter : float
+        Mean delay of a sending, beside the time that it takes [s].
+    drift : float
+        How much too fast the clock of the device runs, as a part of 1.
+    """
+
+    corruption: float = 0.0
+    jitter: float = 0.0
+    drift: float = 0.0
+
+
+class SimulatedDevice:
+    """Sends a flight once, in real time; as a context manager, it ends its thread and its line.
+
+    Attributes
+    ----------
+    misbehaviour : Misbehaviour
+        What is wrong with it; may be changed at any time, but for the drift.
+    sent : int
+        Samples that were due so far, whoever read them.
+    refused : int
+        Bytes that found no room on the line.
+
+    Parameters
+    ----------
+    flight
+        What it sends.
+    encoder
+        A key of `ENCODERS`, or an encoder.
+    link
+        The line.
+    misbehaviour
+        What is wrong with it.
+    seed
+        Of corruption and jitter.
+
+    Raises
+    ------
+    TransportError
+        If there is no such encoder.
+    """
+
+    def __init__(
+        self,
+        flight: SimulatedFlight,
+        encoder: str | Encoder,
+        link: Link,
+        misbehaviour: Misbehaviour | None = None,
+        seed: int = 1,
+    ) -> None:
+        if isinstance(encoder, str):
+            if encoder not in ENCODERS:
+                raise TransportError(f"{encoder!r} is no device; accepted are {', '.join(ENCODERS)}")
+            encoder = ENCODERS[encoder]()
+        self.flight = flight
+        self.misbehaviour = misbehaviour or Misbehaviour()
+        self.sent = 0
+        self.refused = 0
+        self._encoder = encoder
+        self._link = link
+        self._plugged = False
+        self._lock = threading.Lock()  # of the line
+        self._ending = threading.Event()
+        self._rng = np.random.default_rng(seed)
+        self._imu = flight.imu.copy()
+        self._fix = flight.fix.copy()
+        self._imu["time"] *= 1 + self.misbehaviour.drift
+        self._fix["time"] *= 1 + self.misbehaviour.drift
+        self._due_fix = flight.fix["time"] + FIX_DELAY
+        self._begin = float("nan")
+        self._thread = threading.Thread(target=self._run, name="simulated device", daemon=True)
+
+    def __enter__(self) -> Self:
+        self.start()
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    @property
+    def address(self) -> str:
+        """The address that opens its line, as long as it is plugged."""
+        return self._link.address
+
+    @property
+    def plugged(self) -> bool:
+        """Whether the line is there."""
+        return self._plugged
+
+    @property
+    def finished(self) -> bool:
+        """Whether the flight is over."""
+        return self.sent >= len(self._imu)
+
+    @property
+    def time(self) -> float:
+        """Time of the flight [s]."""
+        return max(0.0, time.monotonic() - self._begin) if np.isfinite(self._begin) else 0.0
+
+    @property
+    def begun(self) -> float:
+        """The host's monotonic clock at the start of the flight [s]."""
+        return self._begin
+
+    def start(self) -> None:
+        """Plug in, and begin to send."""
+        self.plug()
+        self._thread.start()
+
+    def plug(self) -> None:
+        """Make the line, again after `unplug`; the flight has gone on."""
+        with self._lock:
+            if not self._plugged:
+                self._link.plug()
+                self._plugged = True
+
+    def unplug(self) -> None:
+        """Break the line, as when the plug is pulled; the flight goes on."""
+        with self._lock:
+            if self._plugged:
+                self._link.unplug()
+                self._plugged = False
+
+    def close(self) -> None:
+        """End; may be repeated."""
+        self._ending.set()
+        if self._thread.ident is not None:
+            self._thread.join()
+        self.unplug()
+
+    def _run(self) -> None:
+        # The line needs a reader before the first sample, or it would be lost on the way.
+        self._begin = time.monotonic()
+        step = max(1 / self.flight.rate, TICK)
+        sent_fixes, held = 0, 0.0
+        while not self._ending.is_set() and not self.finished:
+            now = time.monotonic() - self._begin
+            if now >= held:
+                due = min(int(now * self.flight.rate + 1e-9), len(self._imu))
+                fixes = int(np.searchsorted(self._due_fix, now))
+                if due > self.sent or fixes > sent_fixes:
+                    self._send(self._imu[self.sent : due], self._fix[sent_fixes:fixes])
+                    self.sent, sent_fixes = due, fixes
+                    jitter = self.misbehaviour.jitter
+                    held = now + self._rng.exponential(jitter) if jitter else 0.0
+            ahead = max((self.sent + 1) / self.flight.rate, held, now + step / 4) - now
+            self._ending.wait(min(max(ahead, 0.0), 0.1))
+
+    def _send(self, imu: np.ndarray, fix: np.ndarray) -> None:
+        data = self._encoder.encode(imu, fix[:0]) + (self._encoder.encode(imu[:0], fix) if len(fix) else b"")
+        part = self.misbehaviour.corruption
+        if part:
+            stream = np.frombuffer(data, np.uint8).copy()
+            places = np.flatnonzero(self._rng.random(len(stream)) < part)
+            stream[places] ^= self._rng.integers(1, 256, len(places), dtype=np.uint8)
+            data = stream.tobytes()
+        with self._lock:
+            if self._plugged:
+                self.refused += len(data) - self._link.write(data)

@@ -1,0 +1,183 @@
+"""Simulated flight: what a device on a mission would send, and the truth behind it."""
+
+from __future__ import annotations
+
+import tempfile
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lab.experiment import Experiment
+from lab.live.axis_map import AxisMap
+from lab.live.samples import FIX, FIX_3D, IMU
+from lab.live.transport import TransportError
+from lab.missions import mission
+from lab.missions.log_mission import LogMission
+from lab.recordings.flight_csv import write_flight_csv
+from lab.recordings.recording import Recording
+from lab.result import Result
+from lab.sensors.cards import card
+
+REST = "rest"
+"""Name of the flight that never leaves: a table at 45° north, with the device heading north-east."""
+_PLACE = (np.radians(45.0), np.radians(7.5), 200.0)  # latitude, longitude [rad], height [m]
+_EULER = np.radians((2.0, -3.0, 40.0))  # roll, pitch, heading: a table is never level
+_STANDS = 0.5
+"""Speed below which a flight begins at rest, so that a rest can go before it [m/s]."""
+_STEP = 0.1
+"""Interval of the samples of a rest in a recording [s]."""
+_WEEK_TIME = 432_018.0
+"""Time of the week of GPS at the start [s]: Friday, 0:00:18, since GPS is 18 s ahead of UTC."""
+_UTC = 1_767_312_000.0
+"""Time at the start since 1970 [s]: Friday, 2 January 2026, 0:00."""
+_SATELLITES = 12
+
+
+@dataclass(frozen=True, eq=False)
+class SimulatedFlight:
+    """Samples of a simulated device.
+
+    Attributes
+    ----------
+    imu : (n,) array of `lab.live.samples.IMU`
+        Samples in the axes of the device, with times from the start [s].
+    fix : (m,) array of `lab.live.samples.FIX`
+        Fixes; ``time`` is that of validity [s].
+    rate : float
+        Samples of the IMU per second [Hz].
+    result : Result
+        The simulation: truth, errors of the sensors, and the navigator of the batch.
+    """
+
+    imu: NDArray[np.void]
+    fix: NDArray[np.void]
+    rate: float
+    result: Result
+
+    @classmethod
+    def of(
+        cls,
+        name: str,
+        rate: float,
+        *,
+        sensor: str = "",
+        seed: int = 1,
+        rest: float = 0.0,
+        settings: Mapping[str, Any] | None = None,
+        axes: AxisMap | None = None,
+    ) -> SimulatedFlight:
+        """Simulate a mission with a sensor card.
+
+        Parameters
+        ----------
+        name
+            The mission, or `REST` for a device that stands still for the time `rest`.
+        rate
+            Samples of the IMU per second [Hz].
+        sensor
+            A card; empty for the default sensors.
+        seed
+            Of all random numbers.
+        rest
+            Time at rest before the flight [s]; the flight must begin at rest.
+        settings
+            Further settings of the experiment.
+        axes
+            How the device is mounted.
+
+        Raises
+        ------
+        TransportError
+            If the mission is a sensor log, or does not begin at rest and a rest is asked for.
+        MissionError, SettingError, ValueError
+            If mission, card or settings are not accepted.
+        """
+        with tempfile.TemporaryDirectory(prefix="ins-lab-") as folder:
+            experiment = Experiment(mission=_mission(name, rest, Path(folder)), seed=seed)
+            if sensor:
+                card(sensor).load(experiment)
+            experiment.set("trajectory.imu_rate", rate)
+            experiment.update(dict(settings or {}))
+            return cls._of(experiment.run(), rate, axes or AxisMap())
+
+    @classmethod
+    def _of(cls, result: Any, rate: float, axes: AxisMap) -> SimulatedFlight:
+        dt = 1 / rate
+        imu = np.zeros(len(result.gyro.increments), IMU)
+        imu["time"] = result.truth_arrays.time[1:]
+        imu["count"] = -1
+        imu["rate"] = axes.unmapped(result.gyro.increments / dt)
+        imu["force"] = axes.unmapped(result.accelerometer.increments / dt, force=True)
+        imu["magnetic"] = imu["pressure"] = np.nan
+        imu["temperature"] = 25.0
+        fixes, gps = result.fixes, result.experiment.sensors.gps
+        fix = np.zeros(len(fixes.time), FIX)
+        fix["time"] = fixes.time
+        fix["week_time"], fix["utc"] = _WEEK_TIME + fixes.time, _UTC + fixes.time
+        fix["latitude"], fix["longitude"], fix["height"] = fixes.position.T
+        fix["velocity_n"] = fixes.velocity_n
+        east, north, up = gps.position_variance
+        fix["horizontal_sigma"], fix["vertical_sigma"] = np.sqrt((east + north) / 2), np.sqrt(up)
+        fix["speed_sigma"] = np.sqrt(np.mean(gps.velocity_variance))
+        fix["satellites"], fix["fix_type"] = _SATELLITES, FIX_3D
+        return cls(imu, fix, rate, result)
+
+
+def _mission(name: str, rest: float, folder: Path) -> str:
+    """Return the mission with a rest before it: its name, or the path of a recording made for it."""
+    if name == REST:
+        return _written(_standing(max(rest, 10 * _STEP)), folder)
+    found = mission(name)
+    if isinstance(found, LogMission):
+        raise TransportError(
+            f"{name}: is a sensor log; accepted are missions with a flight recording; `ins-lab live` plays "
+            "raw recordings with replay:FILE"
+        )
+    if not rest:
+        return name
+    recording = found.recording
+    speed = float(np.linalg.norm(recording.velocity_n[0]))
+    if speed > _STANDS:
+        raise TransportError(
+            f"{name}: begins at {speed:.0f} m/s, so no rest can go before it; accepted is rest=0"
+        )
+    return _written(_after_rest(recording, rest), folder)
+
+
+def _standing(seconds: float) -> Recording:
+    """Return the recording of a device on a table."""
+    time = np.arange(0.0, seconds + _STEP / 2, _STEP)
+    alike = np.ones_like(time)
+    latitude, longitude, height = _PLACE
+    return Recording(
+        time=time,
+        latitude=latitude * alike,
+        longitude=longitude * alike,
+        height=height * alike,
+        velocity_n=np.zeros((time.size, 3)),
+        euler=np.tile(_EULER, (time.size, 1)),
+    )
+
+
+def _after_rest(recording: Recording, seconds: float) -> Recording:
+    """Return a recording that stands still where it begins, and then is the given one."""
+    before = np.arange(0.0, seconds - _STEP / 2, _STEP)
+    rows = np.zeros(before.size, dtype=int)
+    values = {
+        name: np.concatenate((value[rows], value))
+        for name in ("latitude", "longitude", "height", "euler")
+        for value in (getattr(recording, name),)
+    }
+    velocity_n = np.concatenate((np.zeros((before.size, 3)), recording.velocity_n))
+    time = np.concatenate((before, recording.time - recording.time[0] + seconds))
+    return Recording(time=time, velocity_n=velocity_n, **values)
+
+
+def _written(recording: Recording, folder: Path) -> str:
+    path = folder / "flight.csv"
+    write_flight_csv(path, recording)
+    return str(path)

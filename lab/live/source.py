@@ -1,0 +1,438 @@
+"""Source: a thread that reads a device, times its samples, keeps the last of them and records the bytes."""
+
+from __future__ import annotations
+
+import os
+import threading
+import time
+from collections import deque
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, Self
+
+import numpy as np
+
+from lab.live.axis_map import AxisMap
+from lab.live.decoders.decoder import Statistics
+from lab.live.decoders.decoder_error import DecoderError
+from lab.live.raw_recording import RawWriter, RecordingError
+from lab.live.reception import Loss, Reception
+from lab.live.ring import Cursor, Read, Ring
+from lab.live.transport import Chunk, Transport
+
+OPENING, STREAMING, STALE, LOST, ENDED = "opening", "streaming", "stale", "lost", "ended"
+"""States of a source."""
+SILENCE = 0.5
+"""Silence after which a source is stale [s]: five samples of the slowest IMU."""
+WAKE = 0.1
+"""Longest wait for bytes [s]: within it a source that is closed ends."""
+FIRST_WAIT, LONGEST_WAIT = 0.1, 1.0
+"""Waits before a lost device is opened again [s]: each twice the one before, so it is back within 2 s."""
+MEASURED = 2.0
+"""Time over which rate, jitter and latency are measured [s]."""
+MOST_EVENTS = 100
+"""Most events that are kept: the last hours of a bad plug."""
+
+
+@dataclass(frozen=True)
+class Event:
+    """Something that happened to a source.
+
+    Attributes
+    ----------
+    time : float
+        Of the host's monotonic clock [s].
+    text : str
+        What happened, in a sentence.
+    """
+
+    time: float
+    text: str
+
+
+@dataclass(frozen=True)
+class Status:
+    """The state of a source at a moment.
+
+    Attributes
+    ----------
+    state : str
+        `OPENING`, `STREAMING`, `STALE`, `LOST` or `ENDED`.
+    sentence : str
+        The state in words, with the reason.
+    protocol, evidence, timing : str
+        As of `Reception`.
+    axes : AxisMap
+        The axis map.
+    samples, fixes : int
+        Samples of the IMU and fixes so far.
+    rate, fix_rate : float
+        Of the last seconds [Hz].
+    jitter : float
+        Standard deviation of the intervals between arrivals in the last seconds [s].
+    latency : float
+        Median delay of the arrivals in the last seconds, beyond the least [s].
+    silence : float
+        Time since the last bytes [s].
+    statistics : Statistics
+        What the decoder has seen.
+    loss : Loss
+        What was lost on the way.
+    drift : float
+        How much faster the device's clock runs than the host's, as a part of 1; NaN without samples.
+    offset : float
+        Host's clock minus the device's [s].
+    recording : str
+        Path of the raw recording; empty if there is none.
+    recorded : int
+        Its size [bytes].
+    warning : str
+        What is about to go wrong with it, or what went wrong.
+    events : tuple of Event
+        The last events, oldest first.
+    """
+
+    state: str
+    sentence: str
+    protocol: str = ""
+    evidence: str = ""
+    timing: str = ""
+    axes: AxisMap = field(default_factory=AxisMap)
+    samples: int = 0
+    fixes: int = 0
+    rate: float = 0.0
+    fix_rate: float = 0.0
+    jitter: float = float("nan")
+    latency: float = float("nan")
+    silence: float = 0.0
+    statistics: Statistics = field(default_factory=Statistics)
+    loss: Loss = field(default_factory=Loss)
+    drift: float = float("nan")
+    offset: float = float("nan")
+    recording: str = ""
+    recorded: int = 0
+    warning: str = ""
+    events: tuple[Event, ...] = ()
+
+
+class Source:
+    """A stream of samples; as a context manager, it ends its thread and frees the port.
+
+    >>> import lab.live
+    >>> with lab.live.open("simulated:montreal") as source:
+    ...     read = source.since()
+
+    Parameters
+    ----------
+    transport
+        Brings the bytes.
+    reception
+        Makes samples of them.
+    header
+        What raw recordings say of the source beside address, protocol and axes.
+    clock
+        The host's monotonic clock.
+    """
+
+    def __init__(
+        self,
+        transport: Transport,
+        reception: Reception,
+        header: Mapping[str, Any] | None = None,
+        clock: Callable[[], float] = time.monotonic,
+    ) -> None:
+        self.address = transport.address
+        self._transport = transport
+        self._reception = reception
+        self._header = dict(header or {})
+        self._clock = clock
+        self._ring = Ring()
+        self._lock = threading.Lock()  # of the recording, and of what the status shows
+        self._changed = threading.Condition()
+        self._ending = threading.Event()
+        self._state, self._why = OPENING, "Opening."
+        self._heard = clock()
+        self._arrival = self._heard  # of the last bytes; of a replay, that recorded
+        self._events: deque[Event] = deque(maxlen=MOST_EVENTS)
+        self._writer: RawWriter | None = None
+        self._recorded = ("", 0)
+        self._warning = ""
+        self._thread = threading.Thread(target=self._run, name=f"live {self.address}", daemon=True)
+
+    def __enter__(self) -> Self:
+        self.start()
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    def start(self) -> None:
+        """Begin to read, if it has not begun yet."""
+        if self._thread.ident is None:
+            self._thread.start()
+
+    def close(self) -> None:
+        """End the thread, the recording and the connection; may be repeated, from any thread."""
+        self._ending.set()
+        with self._changed:
+            self._changed.notify_all()
+        if self._thread.ident is None:
+            self._free()
+        elif self._thread is not threading.current_thread():
+            self._thread.join()
+
+    @property
+    def ended(self) -> bool:
+        """Whether nothing more will come."""
+        return self._state == ENDED
+
+    @property
+    def axes(self) -> AxisMap:
+        """The axis map; setting it changes the samples that come then, and raw recordings note it."""
+        return self._reception.axes
+
+    @axes.setter
+    def axes(self, axes: AxisMap) -> None:
+        with self._lock:
+            self._reception.axes = axes
+            now = self._clock()
+            self._events.append(Event(now, f"The axes are {axes} now."))
+            if self._writer is not None:
+                self._tell({"axes": str(axes)}, self._arrival)
+
+    @property
+    def end(self) -> Cursor:
+        """The cursor of someone who has read everything."""
+        return self._ring.end
+
+    def since(self, cursor: Cursor | None = None) -> Read:
+        """Return the samples after a cursor; None stands for the beginning."""
+        return self._ring.since(cursor)
+
+    def last(self, seconds: float) -> Read:
+        """Return the samples of the last seconds, at most all that are kept."""
+        status_rate = max(self.status.rate, 1.0)
+        return self._ring.last(int(1.2 * seconds * status_rate) + 1, int(seconds * 20) + 1)
+
+    def wait(self, cursor: Cursor, longest: float) -> bool:
+        """Wait for samples after a cursor; return whether there are some, or the source has ended.
+
+        Parameters
+        ----------
+        cursor
+            How far one has read.
+        longest
+            Longest waiting time [s].
+        """
+        with self._changed:
+            return self._changed.wait_for(lambda: self._ring.end != cursor or self.ended, longest)
+
+    @property
+    def status(self) -> Status:
+        """The state at this moment."""
+        with self._lock:
+            reception, end, now = self._reception, self._ring.end, self._clock()
+            state, sentence = self._now(now)
+            rate, fix_rate, jitter, latency = self._measured(now)
+            writer = self._writer
+            path, size = (str(writer.path), writer.bytes) if writer else self._recorded
+            return Status(
+                state=state,
+                sentence=sentence,
+                protocol=reception.protocol,
+                evidence=reception.evidence,
+                timing=reception.timing,
+                axes=reception.axes,
+                samples=end.imu,
+                fixes=end.fix,
+                rate=rate,
+                fix_rate=fix_rate,
+                jitter=jitter,
+                latency=latency,
+                silence=now - self._heard,
+                statistics=reception.statistics,
+                loss=Loss(**vars(reception.loss)),
+                drift=reception.clock.drift if end.imu else float("nan"),
+                offset=reception.clock.offset,
+                recording=path,
+                recorded=size,
+                warning=self._warning or (writer.warning if writer else ""),
+                events=tuple(self._events),
+            )
+
+    def _now(self, now: float) -> tuple[str, str]:
+        """Return the state, which silence changes, and the state in words."""
+        silent = now - self._heard
+        if self._state == STREAMING and silent > SILENCE:
+            return STALE, f"Nothing has come for {silent:.1f} s."
+        if self._state == STREAMING and not sum(self._ring.end):
+            return STREAMING, self._reception.evidence or "Bytes come; their protocol is looked for."
+        return self._state, self._why
+
+    def _measured(self, now: float) -> tuple[float, float, float, float]:
+        """Return rates, jitter and latency of the last seconds."""
+        read = self._ring.last(4096, 64)
+        imu = read.imu[read.imu["arrival"] > now - MEASURED]
+        fix = read.fix[read.fix["arrival"] > now - 5 * MEASURED]
+        rate = _rate(imu["time"])
+        fix_rate = _rate(fix["time"])
+        if len(imu) < 3:
+            return rate, fix_rate, float("nan"), float("nan")
+        delay = imu["arrival"] - imu["time"]
+        steps = np.diff(imu["arrival"])
+        return rate, fix_rate, float(steps.std()), float(np.median(delay) - delay.min())
+
+    def record(self, path: str | os.PathLike[str]) -> None:
+        """Begin to record the bytes from now on; the recording ends with `stop_recording`, or the source.
+
+        Parameters
+        ----------
+        path
+            The new file.
+
+        Raises
+        ------
+        RecordingError
+            If the file exists or cannot be made, or another recording runs.
+        """
+        with self._lock:
+            if self._writer is not None:
+                raise RecordingError(f"{self._writer.path}: is being recorded; stop it first")
+            reception = self._reception
+            columns = reception.columns
+            self._writer = RawWriter(
+                path,
+                {
+                    "address": self.address,
+                    "protocol": reception.protocol,
+                    "columns": "" if columns is None else str(columns),
+                    "axes": str(reception.axes),
+                    "rate": reception.rate,
+                    "clock": reception.clock.state,
+                    **self._header,
+                },
+            )
+            self._recorded, self._warning = (str(path), 0), ""
+
+    def stop_recording(self) -> Path | None:
+        """End the recording; return its path, or None if none runs."""
+        with self._lock:
+            return self._stopped()
+
+    def _stopped(self) -> Path | None:
+        writer, self._writer = self._writer, None
+        if writer is None:
+            return None
+        self._recorded = str(writer.path), writer.bytes
+        writer.close()
+        return writer.path
+
+    def _run(self) -> None:
+        """Open, read and open again, until it is closed or nothing more will come."""
+        wait = FIRST_WAIT
+        try:
+            while not self._ending.is_set():
+                try:
+                    self._transport.open()
+                except OSError as error:
+                    self._lose(error, opened=False)
+                else:
+                    wait = FIRST_WAIT
+                    try:
+                        self._read()
+                    except OSError as error:
+                        self._lose(error, opened=True)
+                self._transport.close()
+                if not self._transport.reconnects and self._state == LOST:
+                    self._end(self._why)
+                    return
+                self._ending.wait(wait)
+                wait = min(2 * wait, LONGEST_WAIT)
+            self._end("Closed.")
+        except EOFError as error:
+            with self._lock:
+                self._put(*self._reception.lose(self._arrival))
+            self._end(str(error) or "Nothing more will come.")
+        except DecoderError as error:
+            self._end(str(error))
+        except Exception as error:
+            self._end(f"The laboratory failed: {type(error).__name__}: {error}")
+            raise
+        finally:
+            self._free()
+            self.stop_recording()
+
+    def _free(self) -> None:
+        """Close the connection, and end what belongs to it."""
+        self._transport.close()
+        end = getattr(self._transport, "end", None)
+        if end is not None:
+            end()
+
+    def _read(self) -> None:
+        self._set(STREAMING, "Connected; nothing has come yet." if not self._ring.end.imu else "Streaming.")
+        self._heard = self._clock()
+        while not self._ending.is_set():
+            chunk = self._transport.read(WAKE)
+            if chunk.data:
+                self._take(chunk)
+
+    def _take(self, chunk: Chunk) -> None:
+        with self._lock:
+            if self._writer is not None:
+                self._keep(lambda: self._writer.take(chunk))  # type: ignore[union-attr]
+            self._heard, self._arrival = self._clock(), chunk.arrival
+            self._put(*self._reception.take(chunk))
+            if self._why != "Streaming." and self._ring.end.imu + self._ring.end.fix:
+                self._why = "Streaming."
+
+    def _put(self, imu: Any, fix: Any) -> None:
+        if len(imu) or len(fix):
+            self._ring.append(imu, fix)
+            with self._changed:
+                self._changed.notify_all()
+
+    def _keep(self, write: Callable[[], None]) -> None:
+        """Write to the recording; if that fails the stream goes on without it."""
+        try:
+            write()
+        except RecordingError as error:
+            self._stopped()
+            self._warning = str(error)
+            self._events.append(Event(self._clock(), str(error)))
+
+    def _tell(self, event: Mapping[str, Any], now: float) -> None:
+        self._keep(lambda: self._writer.tell(now, event) if self._writer else None)
+
+    def _lose(self, error: OSError, *, opened: bool) -> None:
+        """Note that the device is gone, or not there yet."""
+        why = _reason(error)
+        first = self._state != LOST
+        with self._lock:
+            if opened:
+                self._put(*self._reception.lose(self._arrival))
+                if self._writer is not None:
+                    self._tell({"lost": why}, self._arrival)
+        again = "it is tried again." if self._transport.reconnects else "it ends here."
+        self._set(LOST, f"{'Lost' if opened or not first else 'Not reached'}: {why}; {again}", told=first)
+
+    def _set(self, state: str, why: str, told: bool = True) -> None:
+        self._state, self._why = state, why
+        if told:
+            self._events.append(Event(self._clock(), why))
+        with self._changed:
+            self._changed.notify_all()
+
+    def _end(self, why: str) -> None:
+        self._set(ENDED, why)
+
+
+def _rate(times: Any) -> float:
+    return (
+        float((len(times) - 1) / (times[-1] - times[0])) if len(times) > 1 and times[-1] > times[0] else 0.0
+    )
+
+
+def _reason(error: OSError) -> str:
+    return (error.strerror or str(error) or type(error).__name__).rstrip(".")
