@@ -15,6 +15,7 @@ from lab.cli import (
     fly,
     identify,
     import_flight,
+    live,
     missions,
     record,
     run,
@@ -32,6 +33,7 @@ app.command("identify", epilog=identify.EXAMPLES)(identify.identify)
 app.command("fly", epilog=fly.EXAMPLES)(fly.fly)
 app.command("import", epilog=import_flight.EXAMPLES)(import_flight.import_flight)
 app.command("record", epilog=record.EXAMPLES)(record.record)
+app.add_typer(live.live, epilog=live.EXAMPLES)
 app.command("export", epilog=export.EXAMPLES)(export.export)
 app.command("rename")(missions.rename)
 app.command("delete")(missions.delete)

@@ -9,8 +9,7 @@ from typing import Any
 
 from lab.live.address import Address
 from lab.live.axis_map import AxisMap
-from lab.live.device_clock import DeviceClock
-from lab.live.reception import Reception
+from lab.live.recorded_log import reception_of
 from lab.live.replay import Replay
 from lab.live.serial_port import SerialPort
 from lab.live.source import Source
@@ -18,8 +17,6 @@ from lab.live.tcp_connection import TcpConnection
 from lab.live.transport import Transport, TransportError
 from lab.live.udp_listener import UdpListener
 
-RATES = (0.1, 10_000.0)
-"""Rates of a device that are accepted [Hz]."""
 SPEEDS = (0.1, 10.0)
 """Speeds of a replay that are accepted; beside them ``max``."""
 SIMULATED_RATES = (1.0, 2000.0)
@@ -65,26 +62,14 @@ def open_source(address: str | Address | Transport, **options: str) -> Source:
     else:
         transport = address
     known = transport.header if isinstance(transport, Replay) else {}
-    where = address if isinstance(address, Address) else Address("tcp", "own", dict(options))
-    axes = options.get("axes", str(known.get("axes", "")))
-    reception = Reception(
-        options.get("protocol", str(known.get("protocol", ""))),
-        options.get("columns", str(known.get("columns", ""))),
-        AxisMap.of(axes) if axes else None,
-        where.number("rate", _known_rate(known), *RATES, "Hz"),
-    )
-    clock = known.get("clock")
-    if isinstance(clock, list):
-        reception.clock = DeviceClock.restored(clock)
+    given = {
+        name: value for name, value in options.items() if name in ("protocol", "columns", "axes", "rate")
+    }
+    reception = reception_of(known, **given)
     source = Source(transport, reception, {"name": options.get("name", "")})
     if isinstance(transport, Replay) and "axes" not in options:
         transport.tell = lambda event: _follow(source, event)
     return source
-
-
-def _known_rate(known: Mapping[str, Any]) -> float:
-    rate = known.get("rate", 0.0)
-    return float(rate) if isinstance(rate, int | float) and RATES[0] <= rate <= RATES[1] else 0.0
 
 
 def _follow(source: Source, event: Mapping[str, Any]) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import time
 from typing import Any, NamedTuple
 
@@ -110,6 +111,9 @@ class SerialPort:
 
         try:
             self._port = serial.Serial(self._name, self._baud, timeout=0, exclusive=True)
+        except serial.SerialException as error:
+            why = os.strerror(error.errno) if error.errno else str(error)
+            raise OSError(f"{self._name}: {why}") from error
         except ValueError as error:
             raise OSError(f"{self._name}: {error}") from error
 

@@ -152,6 +152,7 @@ class Source:
         self._changed = threading.Condition()
         self._ending = threading.Event()
         self._state, self._why = OPENING, "Opening."
+        self._reached = False
         self._heard = clock()
         self._arrival = self._heard  # of the last bytes; of a replay, that recorded
         self._events: deque[Event] = deque(maxlen=MOST_EVENTS)
@@ -186,6 +187,11 @@ class Source:
     def ended(self) -> bool:
         """Whether nothing more will come."""
         return self._state == ENDED
+
+    @property
+    def recording(self) -> bool:
+        """Whether the bytes are being recorded."""
+        return self._writer is not None
 
     @property
     def axes(self) -> AxisMap:
@@ -409,13 +415,14 @@ class Source:
         """Note that the device is gone, or not there yet."""
         why = _reason(error)
         first = self._state != LOST
+        self._reached |= opened
         with self._lock:
             if opened:
                 self._put(*self._reception.lose(self._arrival))
                 if self._writer is not None:
                     self._tell({"lost": why}, self._arrival)
         again = "it is tried again." if self._transport.reconnects else "it ends here."
-        self._set(LOST, f"{'Lost' if opened or not first else 'Not reached'}: {why}; {again}", told=first)
+        self._set(LOST, f"{'Lost' if self._reached else 'Not reached'}: {why}; {again}", told=first)
 
     def _set(self, state: str, why: str, told: bool = True) -> None:
         self._state, self._why = state, why

@@ -1,0 +1,327 @@
+"""``ins-lab live``: streams of sensors: found, watched, recorded, navigated with, and simulated."""
+
+from __future__ import annotations
+
+import json
+import sys
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from lab.cli.app import CommandError, Commands, plain, print_json, working
+from lab.cli.interrupt import interrupted
+from lab.cli.options import AsJson
+from lab.cli.terminal import table
+from lab.missions.mission_name import accepted_name
+
+if TYPE_CHECKING:
+    from lab.live.source import Source, Status
+
+EXAMPLES = """\b
+Examples:
+  ins-lab live list
+  ins-lab live watch simulated:montreal?device=vectornav
+  ins-lab live watch serial:/dev/ttyUSB0?baud=115200
+  ins-lab live record tcp:192.168.1.20:5555 drive --seconds 600
+  ins-lab live simulate montreal --device vectornav --to tcp:5555
+A source is serial:PORT, udp:PORT, tcp:COMPUTER:PORT, replay:FILE or simulated:MISSION. Options follow a
+question mark, with & between them: baud=115200, protocol=vectornav, axes=y,x,-z, speed=10."""
+
+live = typer.Typer(
+    name="live",
+    cls=Commands,
+    help="Streams of sensors: find, watch, record and simulate them.",
+    rich_markup_mode=None,
+    pretty_exceptions_enable=False,
+    no_args_is_help=True,
+)
+
+PERIOD = 1.0
+"""Time between two lines of `watch` [s]."""
+_WAKE = 0.1
+"""Longest time until Ctrl-C is heeded [s]."""
+
+SourceAddress = Annotated[
+    str, typer.Argument(metavar="SOURCE", help="The source, such as tcp:127.0.0.1:5555.", show_default=False)
+]
+Seconds = Annotated[
+    float | None,
+    typer.Option("--seconds", metavar="S", help="How long.", show_default="until Ctrl-C, or its end"),
+]
+
+
+@live.command("list")
+def list_sources(as_json: AsJson = False) -> None:
+    """List the serial ports of this computer, the protocols, and the forms of sources."""
+    from lab.live.address import FORMS  # noqa: PLC0415 - help does not need it
+    from lab.live.decoders.catalogue import DECODERS, ENCODERS  # noqa: PLC0415 - help does not need it
+    from lab.live.serial_port import serial_ports  # noqa: PLC0415 - help does not need it
+    from lab.live.transport import TransportError  # noqa: PLC0415 - help does not need it
+
+    try:
+        ports, why = serial_ports(), ""
+    except TransportError as error:
+        ports, why = [], str(error)
+    if as_json:
+        print_json(
+            {
+                "ports": [port._asdict() for port in ports],
+                "problem": why,
+                "protocols": list(DECODERS),
+                "simulated devices": list(ENCODERS),
+                "sources": list(FORMS),
+            }
+        )
+        return
+    if why:
+        print(f"ins-lab: {why}", file=sys.stderr)
+    rows = [(port.address, port.description or "-") for port in ports]
+    print(table(("SERIAL PORT", "DEVICE"), rows) if rows else "No serial ports.")
+    print(f"\nProtocols: {', '.join(DECODERS)}.")
+    print(f"Sources: {', '.join(FORMS)}.")
+
+
+@live.command("watch", epilog=EXAMPLES)
+def watch(source: SourceAddress, seconds: Seconds = None, as_json: AsJson = False) -> None:
+    """Show what a source sends: a line a second; with --json one object a line."""
+    _check_seconds(seconds)
+    with _opened(source) as (opened, go_on):
+        if not as_json:
+            print(
+                "TIME [s]  RATE [Hz]  FIXES  RATE x, y, z [deg/s]         FORCE x, y, z [m/s^2]        STATE"
+            )
+        begin = time.monotonic()
+        while go_on(seconds):
+            status = opened.status
+            print(
+                json.dumps(plain(_state(opened, status)), allow_nan=False)
+                if as_json
+                else _line(opened, status, time.monotonic() - begin),
+                flush=True,
+            )
+        status = opened.status
+        print(f"ins-lab: {status.sentence}", file=sys.stderr)
+        _conclude(status)
+    if status.state == "ended" and not status.samples + status.fixes:
+        raise CommandError(f"{source}: {status.sentence}")
+
+
+@live.command("record", epilog=EXAMPLES)
+def record(
+    source: SourceAddress,
+    name: Annotated[str, typer.Argument(metavar="NAME", help="Name of the mission.", show_default=False)],
+    seconds: Seconds = None,
+    title: Annotated[str, typer.Option("--title", metavar="TEXT", show_default=False)] = "",
+    lever_arm: Annotated[
+        str,
+        typer.Option(
+            "--lever-arm", metavar="X,Y,Z", help="From the IMU to the antenna: forward, right, down [m]."
+        ),
+    ] = "0,0,0",
+    out: Annotated[
+        Path | None,
+        typer.Option(
+            "--out", metavar="FOLDER", help="Folder for the mission.", show_default="your own missions"
+        ),
+    ] = None,
+) -> None:
+    """Record a source; with an IMU and fixes it becomes a mission.
+
+    The bytes are kept in NAME.inslab beside the mission; replay:NAME.inslab plays them again.
+    """
+    from lab.live.raw_recording import SUFFIX, RecordingError  # noqa: PLC0415 - help does not need it
+    from lab.live.recorded_log import log_of_recording  # noqa: PLC0415 - help does not need it
+    from lab.missions import own_folder  # noqa: PLC0415 - help does not need it
+    from lab.missions.library import add_log  # noqa: PLC0415 - help does not need it
+
+    name, arm = accepted_name(name), _three(lever_arm)
+    _check_seconds(seconds)
+    folder = out or own_folder()
+    if (folder / name).exists():
+        raise CommandError(f"{folder / name} exists; accepted is a new name")
+    folder.mkdir(parents=True, exist_ok=True)
+    path = folder / f"{name}{SUFFIX}"
+    with _opened(source, lambda opened: opened.record(path)) as (opened, go_on):
+        while go_on(seconds):
+            warning = opened.status.warning
+            if warning:
+                print(f"ins-lab: {warning}", file=sys.stderr)
+            if warning and not opened.recording:
+                break
+        opened.stop_recording()
+        status = opened.status
+        _conclude(status)
+    print(f"{path}: {status.recorded} bytes, {status.samples} samples, {status.fixes} fixes")
+    if not status.samples or not status.fixes:
+        lacking = "samples of an IMU" if not status.samples else "fixes"
+        print(f"No mission: the source sent no {lacking}, and a sensor log needs both.")
+        return
+    with working(str(path)):
+        try:
+            log = log_of_recording(path, lever_arm=arm)
+            mission = add_log(log, name, title=title or f"Recorded from {source}", folder=out)
+        except (RecordingError, ValueError) as error:
+            raise CommandError(f"{error}. The recording stays in {path}") from error
+    for remark in log.repairs:
+        print(f"ins-lab: {remark}", file=sys.stderr)
+    print(f"{mission.path}: {log.duration:.1f} s, navigate it with: ins-lab run {mission.name}")
+
+
+@live.command("simulate", epilog=EXAMPLES)
+def simulate(
+    mission: Annotated[
+        str,
+        typer.Argument(
+            metavar="MISSION", help="A mission; or rest, for a device on a table.", show_default=False
+        ),
+    ],
+    device: Annotated[str, typer.Option("--device", metavar="NAME", help="Whose protocol.")] = "vectornav",
+    to: Annotated[
+        str, typer.Option("--to", metavar="LINK", help="pty, tcp:PORT or udp:ADDRESS:PORT.")
+    ] = "tcp:5555",
+    card: Annotated[
+        str, typer.Option("--card", metavar="NAME", help="Sensors of a card.", show_default="default sensors")
+    ] = "",
+    rate: Annotated[
+        float, typer.Option("--rate", metavar="HZ", help="Samples of the IMU per second.")
+    ] = 100.0,
+    seed: Annotated[int, typer.Option("--seed", metavar="N", help="Seed of all random draws.")] = 1,
+    rest: Annotated[float, typer.Option("--rest", metavar="S", help="Rest before the flight.")] = 0.0,
+    corruption: Annotated[
+        float, typer.Option("--corruption", metavar="PART", help="Part of the bytes that are damaged.")
+    ] = 0.0,
+    jitter: Annotated[float, typer.Option("--jitter", metavar="MS", help="Mean delay of the sending.")] = 0.0,
+    drift: Annotated[float, typer.Option("--drift", metavar="PPM", help="Error of its clock.")] = 0.0,
+    axes: Annotated[str, typer.Option("--axes", metavar="AXES", help="How it is mounted: y,x,-z.")] = "x,y,z",
+) -> None:
+    """Send a mission as a device would, in real time, until it ends or Ctrl-C is pressed."""
+    from lab.live.axis_map import AxisMap  # noqa: PLC0415 - help does not need it
+    from lab.live.simulated_device import Misbehaviour, SimulatedDevice  # noqa: PLC0415
+    from lab.live.simulated_flight import SimulatedFlight  # noqa: PLC0415 - help does not need it
+    from lab.live.simulated_link import link_of  # noqa: PLC0415 - help does not need it
+
+    _check(rate, 1, 2000, "--rate", "Hz")
+    _check(corruption, 0, 0.1, "--corruption")
+    _check(jitter, 0, 1000, "--jitter", "ms")
+    _check(drift, -5000, 5000, "--drift", "ppm")
+    _check(rest, 0, 3600, "--rest", "s")
+    with working(mission):
+        link = link_of(to)
+        flight = SimulatedFlight.of(mission, rate, sensor=card, seed=seed, rest=rest, axes=AxisMap.of(axes))
+        sender = SimulatedDevice(flight, device, link, Misbehaviour(corruption, 1e-3 * jitter, 1e-6 * drift))
+    with interrupted() as pressed, sender:
+        print(
+            f"Sending {len(flight.imu)} samples; open it with: ins-lab live watch {sender.address}",
+            flush=True,
+        )
+        while not sender.finished and not pressed.wait(_WAKE):
+            pass
+    lost = f"; {sender.refused} bytes found nobody, or no room" if sender.refused else ""
+    print(f"{sender.sent} samples sent{lost}")
+
+
+@contextmanager
+def _opened(
+    address: str, prepare: Callable[[Source], None] = lambda source: None
+) -> Iterator[tuple[Source, Callable[[float | None], bool]]]:
+    """Yield an open source, and a function that waits a moment and returns whether to go on."""
+    from lab.live import open as open_source  # noqa: PLC0415 - help does not need it
+    from lab.live.decoders.column_map import ColumnMapError  # noqa: PLC0415 - help does not need it
+    from lab.live.decoders.decoder_error import DecoderError  # noqa: PLC0415 - help does not need it
+    from lab.live.raw_recording import RecordingError  # noqa: PLC0415 - help does not need it
+    from lab.live.transport import TransportError  # noqa: PLC0415 - help does not need it
+
+    with working(address):
+        try:
+            source = open_source(address)
+            prepare(source)
+        except (RecordingError, TransportError, DecoderError, ColumnMapError) as error:
+            raise CommandError(str(error)) from error
+    with interrupted() as pressed, source:
+        begin = time.monotonic()
+        done = False
+
+        def go_on(seconds: float | None) -> bool:
+            """Wait until the next line is due; return whether there is one more."""
+            nonlocal done
+            due = time.monotonic() + PERIOD
+            while time.monotonic() < due and not done:
+                over = seconds is not None and time.monotonic() - begin >= seconds
+                done = over or pressed.wait(_WAKE) or source.ended
+            return not done
+
+        yield source, go_on
+
+
+def _line(source: Source, status: Status, seconds: float) -> str:
+    import numpy as np  # noqa: PLC0415 - help does not need it
+
+    last = source.last(0.1).imu[-1:]
+    cells = [" " * 27, " " * 27]
+    if len(last):
+        rate, force = np.degrees(last["rate"][0]), last["force"][0]
+        cells = [
+            f"{rate[0]:9.3f}{rate[1]:9.3f}{rate[2]:9.3f}",
+            f"{force[0]:9.3f}{force[1]:9.3f}{force[2]:9.3f}",
+        ]
+    return f"{seconds:8.1f}  {status.rate:9.2f}  {status.fixes:5d}  {cells[0]}  {cells[1]}  {status.sentence}"
+
+
+def _state(source: Source, status: Status) -> dict[str, Any]:
+    last = source.last(0.1).imu[-1:]
+    state: dict[str, Any] = {
+        name: getattr(status, name)
+        for name in (
+            "state", "sentence", "protocol", "timing", "samples", "fixes", "rate", "fix_rate", "jitter",
+            "latency", "drift", "silence",
+        )
+    }  # fmt: skip
+    state["axes"] = str(status.axes)
+    state["statistics"], state["loss"] = vars(status.statistics), vars(status.loss)
+    if len(last):
+        state["time"] = float(last["time"][0])
+        state["rate_rad_s"], state["force_m_s2"] = last["rate"][0], last["force"][0]
+    return state
+
+
+def _conclude(status: Status) -> None:
+    """Say on standard error what came, and what was lost."""
+    for sentence in (status.evidence, f"Timed {status.timing}." if status.timing else ""):
+        if sentence:
+            print(f"ins-lab: {sentence}", file=sys.stderr)
+    seen, loss = status.statistics, status.loss
+    lost = {
+        "bytes skipped": seen.skipped, "checks failed": seen.failed, "samples refused": seen.refused,
+        "missing": loss.missing, "repeated": loss.repeated, "backwards": loss.backwards,
+    }  # fmt: skip
+    told = ", ".join(f"{count} {name}" for name, count in lost.items() if count)
+    print(
+        f"ins-lab: {status.samples} samples, {status.fixes} fixes; {told or 'nothing was lost'}.",
+        file=sys.stderr,
+    )
+
+
+def _check_seconds(seconds: float | None) -> None:
+    if seconds is not None and not seconds > 0:
+        raise CommandError(f"--seconds {seconds:g}: accepted are more than 0")
+
+
+def _check(value: float, least: float, most: float, option: str, unit: str = "") -> None:
+    if not least <= value <= most:
+        raise CommandError(f"{option} {value:g}: accepted are {least:g} to {most:g} {unit}".rstrip())
+
+
+def _three(text: str) -> tuple[float, float, float]:
+    from lab.logs.sensor_log import MAX_LEVER_ARM  # noqa: PLC0415 - help does not need it
+
+    try:
+        x, y, z = (float(part) for part in text.split(","))
+    except ValueError as error:
+        raise CommandError(f"--lever-arm {text}: accepted are three numbers, such as 0.5,0,-1.2") from error
+    if not all(abs(one) <= MAX_LEVER_ARM for one in (x, y, z)):
+        raise CommandError(f"--lever-arm {text}: accepted are numbers up to {MAX_LEVER_ARM:g} m")
+    return x, y, z

@@ -1,0 +1,242 @@
+"""Recorded log: a raw recording as samples, and as a sensor log that can be navigated."""
+
+from __future__ import annotations
+
+import json
+import os
+from dataclasses import replace
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lab.live.axis_map import AxisMap
+from lab.live.device_clock import DeviceClock
+from lab.live.raw_recording import DATA, read_header, records
+from lab.live.reception import Reception
+from lab.live.replay import LOST
+from lab.live.transport import TransportError
+from lab.logs.auxiliary_data import AuxiliaryData, Magnetometer
+from lab.logs.sensor_log import GnssLog, SensorLog, believed_sigma, repaired
+from lab.recordings.mission_error import MissionError
+
+Rows = NDArray[np.void]
+
+MICROTESLA = 1e-6
+"""[T]."""
+LATENCY = 0.1
+"""Lateness of the fixes of a receiver whose clock is not that of the IMU [s]: between validity and arrival,
+receivers compute and send for 0.05 to 0.2 s."""
+
+
+RATES = (0.1, 10_000.0)
+"""Rates of a device that are accepted [Hz]."""
+
+
+class RecordedSamples(NamedTuple):
+    """What a raw recording holds.
+
+    Attributes
+    ----------
+    imu : (n,) array of `lab.live.timed.TIMED_IMU`
+        Samples of the IMU.
+    fix : (m,) array of `lab.live.timed.TIMED_FIX`
+        Fixes.
+    reception : Reception
+        Which received them: protocol, timing, statistics and losses.
+    header : dict
+        What the recording says of its source.
+    """
+
+    imu: Rows
+    fix: Rows
+    reception: Reception
+    header: dict[str, Any]
+
+
+def reception_of(header: dict[str, Any], **options: str) -> Reception:
+    """Return the reception that goes on where a recording began.
+
+    Parameters
+    ----------
+    header
+        What the recording says of its source.
+    options
+        Options in place of those in the header: ``protocol``, ``columns``, ``axes``, ``rate``.
+
+    Raises
+    ------
+    TransportError
+        If axes, columns or rate are not accepted.
+    DecoderError, ColumnMapError
+        If protocol or columns are not.
+    """
+    known = {**{name: header.get(name, "") for name in ("protocol", "columns", "axes", "rate")}, **options}
+    axes, rate = str(known["axes"]), known["rate"] or 0.0
+    reception = Reception(
+        str(known["protocol"]), str(known["columns"]), AxisMap.of(axes) if axes else None, _rate(rate)
+    )
+    if isinstance(header.get("clock"), list):
+        reception.clock = DeviceClock.restored(header["clock"])
+    return reception
+
+
+def _rate(value: Any) -> float:
+    """Return a rate of samples [Hz], 0 for one that is to be found out."""
+    try:
+        rate = float(value)
+    except (TypeError, ValueError):
+        rate = np.nan
+    if not (rate == 0 or RATES[0] <= rate <= RATES[1]):
+        raise TransportError(f"rate = {value!r}; accepted are {RATES[0]:g} to {RATES[1]:g} Hz")
+    return rate
+
+
+def recorded_samples(path: str | os.PathLike[str], **options: str) -> RecordedSamples:
+    """Return all samples of a raw recording: those that the stream had, bit for bit.
+
+    Parameters
+    ----------
+    path
+        The recording.
+    options
+        As of `reception_of`.
+
+    Raises
+    ------
+    RecordingError
+        If it cannot be read.
+    TransportError
+        If its header or an option is not accepted.
+    DecoderError
+        If a decoder of one's own fails.
+    """
+    header = read_header(path)
+    reception = reception_of(header, **options)
+    imu, fix, arrival = [], [], 0.0
+    for kind, chunk in records(path):
+        if kind == DATA:
+            arrival = chunk.arrival
+            samples, fixes = reception.take(chunk)
+        else:
+            event = _event(chunk.data)
+            if "axes" in event and "axes" not in options:
+                reception.axes = AxisMap.of(str(event["axes"]))
+            if LOST not in event:
+                continue
+            samples, fixes = reception.lose(arrival)
+        imu.append(samples)
+        fix.append(fixes)
+    samples, fixes = reception.lose(arrival)
+    return RecordedSamples(np.concatenate([*imu, samples]), np.concatenate([*fix, fixes]), reception, header)
+
+
+def _event(data: bytes) -> dict[str, Any]:
+    try:
+        event = json.loads(data)
+    except (ValueError, RecursionError):
+        return {}
+    return event if isinstance(event, dict) else {}
+
+
+def log_of(
+    imu: Rows,
+    fix: Rows,
+    name: str,
+    *,
+    lever_arm: tuple[float, float, float] = (0.0, 0.0, 0.0),
+    latency: float = 0.0,
+) -> SensorLog:
+    """Return timed samples as a sensor log, repaired as logs are.
+
+    Parameters
+    ----------
+    imu, fix
+        Samples and fixes.
+    name
+        The source, for messages.
+    lever_arm
+        From the IMU to the antenna, forward, right, down [m].
+    latency
+        Time stamps of the fixes minus their times of validity [s].
+
+    Raises
+    ------
+    MissionError
+        If there are too few of them.
+    """
+    known = np.isfinite(imu["rate"]).all(axis=1) & np.isfinite(imu["force"]).all(axis=1)
+    imu = imu[known]
+    if not len(imu):
+        raise MissionError(f"{name}: no sample has both rates and forces; accepted is an IMU with both")
+    samples = np.concatenate((imu["rate"], imu["force"]), axis=1)
+    log = repaired(
+        name,
+        np.ascontiguousarray(imu["time"]),
+        samples,
+        _gnss(fix, lever_arm, latency),
+        auxiliary=AuxiliaryData(magnetometer=_magnetometer(imu)),
+    )
+    remarks = []
+    if not known.all():
+        remarks.append(f"{int((~known).sum())} samples without rates or forces were dropped.")
+    if (fix["sea_level"] == 1).any():
+        remarks.append("Heights are above the sea: the receiver does not give that of the geoid.")
+    return replace(log, repairs=(*log.repairs, *remarks))
+
+
+def _gnss(fix: Rows, lever_arm: tuple[float, float, float], latency: float) -> GnssLog:
+    level, vertical, speed = (
+        believed_sigma(fix[name]) for name in ("horizontal_sigma", "vertical_sigma", "speed_sigma")
+    )
+    return GnssLog(
+        time=np.ascontiguousarray(fix["time"]),
+        position=np.stack([fix[name] for name in ("latitude", "longitude", "height")], axis=-1),
+        velocity_n=np.ascontiguousarray(fix["velocity_n"]),
+        position_sigma=np.stack((level, level, vertical), axis=-1),
+        velocity_sigma=np.stack((speed, speed, speed), axis=-1),
+        lever_arm=np.array(lever_arm, dtype=float),
+        latency=latency,
+    )
+
+
+def _magnetometer(imu: Rows) -> Magnetometer | None:
+    there = np.isfinite(imu["magnetic"]).all(axis=1) & (imu["magnetic"] != 0).any(axis=1)
+    if not there.any():
+        return None
+    return Magnetometer(np.ascontiguousarray(imu["time"][there]), imu["magnetic"][there] / MICROTESLA)
+
+
+def log_of_recording(
+    path: str | os.PathLike[str],
+    *,
+    lever_arm: tuple[float, float, float] = (0.0, 0.0, 0.0),
+    latency: float | None = None,
+    **options: str,
+) -> SensorLog:
+    """Return a raw recording as a sensor log.
+
+    Parameters
+    ----------
+    path
+        The recording.
+    lever_arm
+        From the IMU to the antenna, forward, right, down [m].
+    latency
+        Time stamps of the fixes minus their times of validity [s]; by default 0 for fixes by the clock of
+        the IMU, and otherwise `LATENCY`.
+    options
+        As of `reception_of`.
+
+    Raises
+    ------
+    RecordingError, TransportError, DecoderError
+        As `recorded_samples`.
+    MissionError
+        If IMU and receiver have recorded too little together.
+    """
+    found = recorded_samples(path, **options)
+    if latency is None:
+        latency = LATENCY if found.reception.fix_clock.steps else 0.0
+    return log_of(found.imu, found.fix, Path(path).name, lever_arm=lever_arm, latency=latency)
