@@ -26,14 +26,19 @@ MAX_DRIFT = 5e-3
 MAX_SLEW = 5e-3
 """Largest change of the pace beside the drift, which a gyro shows as a scale factor of 0.5 %."""
 STEP = 0.25
-"""Least delay, or earliness, from which the device's clock was set or samples are missing [s]: a busy host is
-not late by so much for all of `LOOK`."""
+"""Jump of the device's clock against the host's that says that it was set [s]; and least delay from which
+samples of a counted stream are missing: a busy host is not late by so much for all of `LOOK`."""
 FORWARD = 3600.0
 """Largest step of the device's clock that may be a silence [s]; a larger one says that it was set."""
 
 
 class DeviceClock:
     """Maps the times of one clock of a device.
+
+    Parameters
+    ----------
+    counted
+        Whether the times are numbers of samples, some of which may be missing unseen.
 
     Attributes
     ----------
@@ -45,7 +50,8 @@ class DeviceClock:
         How often the mapping began anew.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, *, counted: bool = False) -> None:
+        self.counted = counted
         self.drift = 0.0
         self.delay = 0.0
         self.steps = 0
@@ -103,12 +109,14 @@ class DeviceClock:
             return self._anchored(device, arrival), True
         times = self._host + self._pace * (device - self._device)
         late = arrival - float(times[-1])
-        if late < -STEP:
+        if late < -STEP and step > STEP:
             return self._anchored(device, arrival), True
         self._device, self._host = last, float(times[-1])
         self._least = min(self._least, late)
-        if arrival >= self._look_ends:
-            if self._least > STEP:
+        if arrival >= self._look_ends + LOOK:  # a silence: what was held back comes late
+            self._look_ends = arrival + LOOK
+        elif arrival >= self._look_ends:
+            if self.counted and self._least > STEP:
                 return self._anchored(device, arrival), True
             self._follow(arrival)
         return times, False
@@ -127,9 +135,11 @@ class DeviceClock:
         """Correct pace and drift by the least delay of the time that ended."""
         least = self._least
         band = max(SLOWEST, min(FASTEST, 2 / max(arrival - self._begun, LOOK)))
-        self._slope += min(max(band**2 * least * LOOK, -MAX_DRIFT), MAX_DRIFT)
-        self._slope = min(max(self._slope, -MAX_DRIFT), MAX_DRIFT)
         slew = min(max(math.sqrt(2) * band * least, -MAX_SLEW), MAX_SLEW)
+        if abs(least) < STEP:
+            self._slope = min(max(self._slope + band**2 * least * LOOK, -MAX_DRIFT), MAX_DRIFT)
+        elif least > 0:  # a network that is slow is no drift
+            slew = 0.0
         self._pace = 1 + self._slope + slew
         self.drift = 1 / (1 + self._slope) - 1
         self.delay = least

@@ -12,7 +12,7 @@ import os
 import shutil
 import struct
 import time
-from collections.abc import Generator, Mapping
+from collections.abc import Callable, Generator, Mapping
 from pathlib import Path
 from typing import Any, BinaryIO
 
@@ -55,6 +55,8 @@ class RawWriter:
     header
         What is known of the source; ``started`` (UTC) and ``monotonic``, the host's clock at that time, are
         added.
+    clock
+        The host's monotonic clock.
 
     Raises
     ------
@@ -62,7 +64,13 @@ class RawWriter:
         If the file exists or cannot be made.
     """
 
-    def __init__(self, path: str | os.PathLike[str], header: Mapping[str, Any]) -> None:
+    def __init__(
+        self,
+        path: str | os.PathLike[str],
+        header: Mapping[str, Any],
+        clock: Callable[[], float] = time.monotonic,
+    ) -> None:
+        self._clock = clock
         self.path = Path(path)
         self.bytes = 0
         self.warning = ""
@@ -75,7 +83,7 @@ class RawWriter:
             raise RecordingError(f"{path}: cannot be written: {error.strerror or error}") from error
         self._flushed = -float("inf")
         self._put(MAGIC + json.dumps(known).encode() + b"\n")
-        self._settle(time.monotonic())
+        self._settle()
 
     def take(self, chunk: Chunk) -> None:
         """Write bytes that arrived.
@@ -88,13 +96,14 @@ class RawWriter:
         """
         if chunk.data:
             self._record(DATA, chunk.arrival, chunk.data)
-        if chunk.arrival - self._flushed >= FLUSH:
-            self._settle(chunk.arrival)
+        # By the own clock: the bytes may be those of a replay, which arrived long ago.
+        if self._clock() - self._flushed >= FLUSH:
+            self._settle()
 
     def tell(self, arrival: float, event: Mapping[str, Any]) -> None:
         """Write what happened at a time, such as that the device was lost; raises as `take`."""
         self._record(EVENT, arrival, json.dumps(event).encode())
-        self._settle(arrival)
+        self._settle()
 
     def _record(self, kind: int, arrival: float, data: bytes) -> None:
         if self.bytes + len(data) > LARGEST:
@@ -114,9 +123,9 @@ class RawWriter:
             self._fail(error)
         self.bytes += len(data)
 
-    def _settle(self, now: float) -> None:
+    def _settle(self) -> None:
         """Hand over to the system what is written, and look at the space that is left."""
-        self._flushed = now
+        self._flushed = self._clock()
         if self._file is None:
             return
         try:

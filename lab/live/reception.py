@@ -6,6 +6,7 @@ samples, bit for bit.
 
 from __future__ import annotations
 
+from collections import deque
 from dataclasses import dataclass
 
 import numpy as np
@@ -26,11 +27,12 @@ FloatArray = NDArray[np.float64]
 Rows = NDArray[np.void]
 
 RECOGNISED = 1.0
-"""Time of bytes in which a protocol is looked for [s]: 20 samples of a slow device, a fix of a receiver."""
+"""Time of bytes in which a protocol is looked for, and until it is looked for again [s]: 20 samples of a slow
+device, a fix of a receiver."""
 ENOUGH = 4096
-"""Bytes that are enough to look, however soon they come: 40 frames of 100 bytes."""
-MOST = 2**16
-"""Most bytes that are kept for it: where nothing is found in them, the last of them are looked at again."""
+"""Bytes that are enough to look for the first time, however soon they come: 40 frames of 100 bytes."""
+MOST = 2**14
+"""Bytes in which it is looked for again: to look in them takes 0.1 s."""
 COUNTED = 2.0
 """Time over which the rate of a device without a clock is taken [s]."""
 USUAL_RATES = (
@@ -126,7 +128,8 @@ class Reception:
         self._given_rate = rate > 0
         self._before = Statistics()
         self._decoder: Decoder | None = self._made() if self.protocol else None
-        self._first: list[Chunk] = []
+        self._first: deque[Chunk] = deque()
+        self._tried: float | None = None  # when a protocol was last looked for
         self._waiting: list[tuple[float, Rows]] = []
         self._counted = 0
         self._last_device = np.nan
@@ -179,6 +182,7 @@ class Reception:
                 self._columns = self._decoder.columns
             self._decoder = self._made()
         self._first.clear()
+        self._tried = None
         self._waiting.clear()
         self.clock.restart()
         self.fix_clock.restart()
@@ -190,25 +194,25 @@ class Reception:
         """Keep bytes until a protocol is found in them, then decode them."""
         first = self._first
         first.append(chunk)
-        seconds = chunk.arrival - first[0].arrival
         size = sum(len(one.data) for one in first)
-        if size < ENOUGH and seconds < RECOGNISED:
+        begin = first[0].arrival if self._tried is None else self._tried
+        if (size < ENOUGH or self._tried is not None) and chunk.arrival - begin < RECOGNISED:
             return _NO_IMU, _NO_FIX
+        self._tried = chunk.arrival
+        while size > MOST and len(first) > 1:
+            gone = len(first.popleft().data)
+            size -= gone
+            self._before.bytes += gone
+            self._before.skipped += gone
         found = recognise(b"".join(one.data for one in first))
         if not found:
-            while size > MOST or (size > ENOUGH and seconds > RECOGNISED):
-                gone = first.pop(0)
-                size -= len(gone.data)
-                self._before.bytes += len(gone.data)
-                self._before.skipped += len(gone.data)
-                seconds = chunk.arrival - first[0].arrival if first else 0.0
             self.evidence = (
                 f"Nothing is recognised in {self.statistics.bytes} bytes: is the speed of the line right?"
             )
             return _NO_IMU, _NO_FIX
         self._use(found[0])
         parts = [self._timed(self._feed(one.data), one.arrival) for one in self._first]
-        self._first = []
+        self._first.clear()
         return _joined(parts)
 
     def _use(self, found: Candidate) -> None:
@@ -280,6 +284,7 @@ class Reception:
             parts = [self._timed_imu(part, when) for when, part in held]
             return np.concatenate(parts)
         how = "given" if self._given_rate else "measured"
+        self.clock.counted = rows["count"][-1] < 0
         self.timing = f"{counter} at {self.rate:g} Hz, {how}"
         return self._by_clock(rows, count / self.rate, arrival)
 
