@@ -87,7 +87,11 @@ def test_every_command_and_option_exists(document: Path) -> None:
         if words[1].startswith("-"):
             continue
         assert words[1] in known, " ".join(words)
-        accepted = {name for one in known[words[1]].params for name in one.opts + one.secondary_opts}
+        command = known[words[1]]
+        if hasattr(command, "commands"):
+            assert words[2] in command.commands, " ".join(words)
+            command = command.commands[words[2]]
+        accepted = {name for one in command.params for name in one.opts + one.secondary_opts}
         accepted.add("--help")
         assert {word for word in words if re.match(r"--?[a-z]", word)} <= accepted, " ".join(words)
 

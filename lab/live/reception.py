@@ -50,6 +50,7 @@ MOST_BACK = 5
 """Most samples in a row whose time runs backwards until the clock is taken to have been set."""
 
 _NO_IMU, _NO_FIX = np.empty(0, TIMED_IMU), np.empty(0, TIMED_FIX)
+"""No samples, no fixes."""
 
 
 @dataclass

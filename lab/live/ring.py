@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import bisect
 import threading
 from typing import NamedTuple
 
@@ -81,6 +82,32 @@ class Ring:
         """Return the last samples and fixes, at most this many of each."""
         end = self._end
         return self.since(Cursor(max(0, end.imu - imu), max(0, end.fix - fix)))
+
+    def newest(self, seconds: float) -> Read:
+        """Return the samples and fixes of the last seconds, by their times."""
+        with self._lock:
+            end = self._end
+            latest = max(
+                (
+                    rows["time"][(count - 1) % len(rows)]
+                    for rows, count in zip((self._imu, self._fix), end)
+                    if count
+                ),
+                default=0.0,
+            )
+            begin = Cursor(
+                *(
+                    _first_after(rows, count, latest - seconds)
+                    for rows, count in zip((self._imu, self._fix), end)
+                )
+            )
+        return self.since(begin)
+
+
+def _first_after(room: NDArray[np.void], end: int, time: float) -> int:
+    """Return the number of the first sample that is later than a time."""
+    times, size = room["time"], len(room)
+    return bisect.bisect_right(range(end), time, lo=max(0, end - size), key=lambda k: times[k % size])
 
 
 def _put(room: NDArray[np.void], end: int, rows: NDArray[np.void]) -> None:

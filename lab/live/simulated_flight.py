@@ -35,6 +35,7 @@ _WEEK_TIME = 432_018.0
 _UTC = 1_767_312_000.0
 """Time at the start since 1970 [s]: Friday, 2 January 2026, 0:00."""
 _SATELLITES = 12
+"""Satellites that the simulated receiver claims to use: plenty."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -10,6 +10,7 @@ from typing import Protocol
 from lab.live.transport import TransportError
 
 _BACKLOG = 4
+"""Clients that may wait to take the place of the one that reads: a few that connect again."""
 _LARGEST_DATAGRAM = 1400
 """Largest datagram that goes through an Ethernet in one piece [bytes]."""
 

@@ -31,6 +31,10 @@ FIRST_WAIT, LONGEST_WAIT = 0.1, 1.0
 """Waits before a lost device is opened again [s]: each twice the one before, so it is back within 2 s."""
 MEASURED = 2.0
 """Time over which rate, jitter and latency are measured [s]."""
+MEASURED_FIXES = 10.0
+"""Time over which the rate of the fixes is measured [s]: most receivers send one a second."""
+_LOOKED_AT = 4096, 256
+"""Samples and fixes that are looked at for it: those of this time at 2 kHz and 25 Hz."""
 MOST_EVENTS = 100
 """Most events that are kept: the last hours of a bad plug."""
 
@@ -217,9 +221,8 @@ class Source:
         return self._ring.since(cursor)
 
     def last(self, seconds: float) -> Read:
-        """Return the samples of the last seconds, at most all that are kept."""
-        status_rate = max(self.status.rate, 1.0)
-        return self._ring.last(int(1.2 * seconds * status_rate) + 1, int(seconds * 20) + 1)
+        """Return the samples of the last seconds, by their times, at most all that are kept."""
+        return self._ring.newest(seconds)
 
     def wait(self, cursor: Cursor, longest: float) -> bool:
         """Wait for samples after a cursor; return whether there are some, or the source has ended.
@@ -278,9 +281,9 @@ class Source:
 
     def _measured(self, now: float) -> tuple[float, float, float, float]:
         """Return rates, jitter and latency of the last seconds."""
-        read = self._ring.last(4096, 64)
+        read = self._ring.last(*_LOOKED_AT)
         imu = read.imu[read.imu["arrival"] > now - MEASURED]
-        fix = read.fix[read.fix["arrival"] > now - 5 * MEASURED]
+        fix = read.fix[read.fix["arrival"] > now - MEASURED_FIXES]
         rate = _rate(imu["time"])
         fix_rate = _rate(fix["time"])
         if len(imu) < 3:

@@ -49,3 +49,16 @@ def test_what_was_read_is_a_copy() -> None:
     before = ring.since().imu
     ring.append(rows(3, 4, TIMED_IMU), rows(0, 0, TIMED_FIX))
     assert before["time"].tolist() == [0, 1, 2]
+
+
+@given(st.integers(0, 60), st.integers(0, 12), st.floats(0, 80))
+def test_the_newest_are_those_of_the_last_seconds(imu: int, fix: int, seconds: float) -> None:
+    ring = Ring((16, 4))
+    for k in range(imu):
+        ring.append(rows(k, 1, TIMED_IMU), rows(0, 0, TIMED_FIX))
+    for k in range(fix):
+        ring.append(rows(0, 0, TIMED_IMU), rows(k, 1, TIMED_FIX))
+    read = ring.newest(seconds)
+    latest = max(imu, fix) - 1
+    assert read.imu["time"].tolist() == [k for k in range(max(0, imu - 16), imu) if k > latest - seconds]
+    assert read.fix["time"].tolist() == [k for k in range(max(0, fix - 4), fix) if k > latest - seconds]

@@ -1,0 +1,119 @@
+"""``ins-lab live``: a simulated device and what reads it, each a process or a command of its own."""
+
+from __future__ import annotations
+
+import json
+import os
+import re
+import signal
+import socket
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from asking import ask, refused
+
+from lab.live.recorded_log import recorded_samples
+from lab.missions import mission
+
+
+def free_port() -> int:
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        return int(probe.getsockname()[1])
+
+
+def test_the_list_names_protocols_and_sources() -> None:
+    answer = ask("live", "list")
+    assert answer.exit_code == 0
+    for word in ("vectornav", "mavlink", "serial:PORT?baud=115200", "simulated:MISSION"):
+        assert word in answer.stdout
+    found = json.loads(ask("live", "list", "--json").stdout)
+    assert set(found) == {"ports", "problem", "protocols", "simulated devices", "sources"}
+
+
+def test_a_simulated_device_in_another_process_is_watched() -> None:
+    port = free_port()
+    simulate = [sys.executable, "-m", "dashboards", "live", "simulate", "montreal", "--rate", "100"]
+    with subprocess.Popen(
+        [*simulate, "--device", "xsens", "--to", f"tcp:{port}"],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        env=dict(os.environ),
+    ) as device:
+        assert device.stdout is not None
+        assert f"ins-lab live watch tcp:127.0.0.1:{port}" in device.stdout.readline()
+        answer = ask("live", "watch", f"tcp:127.0.0.1:{port}", "--seconds", "3.5", "--json")
+        device.send_signal(signal.SIGINT)
+        rest = device.stdout.read()
+    assert device.returncode == 0
+    assert re.search(r"\d+ samples sent", rest)
+    assert answer.exit_code == 0, answer.output
+    last = json.loads(answer.stdout.splitlines()[-1])
+    assert last["protocol"] == "xsens"
+    assert last["samples"] > 100
+    assert abs(last["force_m_s2"][2] + 9.8) < 1
+    assert "nothing was lost" in answer.stderr
+
+
+def test_what_is_recorded_becomes_a_mission_and_plays_again(tmp_path: Path) -> None:
+    folder = str(tmp_path)
+    answer = ask("live", "record", "simulated:montreal?hz=50", "drive", "--seconds", "9", "--out", folder)
+    assert answer.exit_code == 0, answer.output
+    raw = tmp_path / "drive.inslab"
+    log = mission(str(tmp_path / "drive")).log  # type: ignore[attr-defined]
+    assert log.duration > 7
+    assert len(log.gnss.time) >= 6
+    assert log.dtheta.shape[0] == len(recorded_samples(raw).imu) - 1
+    again = ask("live", "watch", f"replay:{raw}?speed=max")
+    assert again.exit_code == 0
+    assert "The recording has ended." in again.stderr
+    refused(ask("live", "record", "simulated:montreal", "drive", "--out", folder), "drive exists")
+    raw_alone = ask("live", "record", f"replay:{raw}?speed=max", "twice", "--out", folder)
+    assert raw_alone.exit_code == 0, raw_alone.output
+    assert len(recorded_samples(tmp_path / "twice.inslab").imu) == len(recorded_samples(raw).imu)
+
+
+def test_without_fixes_the_bytes_stay_and_the_lack_is_said(tmp_path: Path) -> None:
+    answer = ask(
+        "live",
+        "record",
+        "simulated:montreal?hz=50&device=text",
+        "bare",
+        "--seconds",
+        "3",
+        "--out",
+        str(tmp_path),
+    )
+    assert answer.exit_code == 0, answer.output
+    assert "No mission: the source sent no fixes" in answer.stdout
+    assert (tmp_path / "bare.inslab").is_file()
+    assert not (tmp_path / "bare").exists()
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (["watch"], ["SOURCE"]),
+        (["watch", "COM3"], ["'COM3' names no source", "serial:PORT"]),
+        (["watch", "replay:nowhere.inslab"], ["nowhere.inslab", "cannot be read"]),
+        (["watch", "simulated:montrael"], ["Did you mean montreal?"]),
+        (["watch", "simulated:montreal?card=nothing"], ["nothing"]),
+        (["watch", "udp:5555?protocol=nmae"], ["'nmae' is no protocol"]),
+        (["watch", "udp:5555", "--seconds", "0"], ["--seconds 0", "more than 0"]),
+        (["record", "udp:5555", "../drive"], ["../drive"]),
+        (["record", "udp:5555", "drive", "--lever-arm", "1,2"], ["--lever-arm 1,2", "three numbers"]),
+        (["record", "udp:5555", "drive", "--lever-arm", "1,2,900"], ["up to 100 m"]),
+        (["simulate", "montreal", "--device", "toaster"], ["'toaster' is no device", "vectornav"]),
+        (["simulate", "montreal", "--to", "nowhere"], ["'nowhere' is no place", "pty, tcp:5555"]),
+        (["simulate", "montreal", "--rate", "0"], ["--rate 0", "1 to 2000 Hz"]),
+        (["simulate", "montreal", "--corruption", "2"], ["--corruption 2", "0 to 0.1"]),
+        (["simulate", "pacific", "--rest", "10"], ["begins at 83 m/s"]),
+        (["simulate", "montreal", "--axes", "x,y,-z"], ["mirror image"]),
+        (["sail"], ["no command 'sail'", "list, watch, record, simulate"]),
+    ],
+)
+def test_mistakes_are_answered_with_what_is_accepted(arguments: list[str], words: list[str]) -> None:
+    refused(ask("live", *arguments), *words)

@@ -1,0 +1,312 @@
+"""Source: states, unplugging, recording and replay, through real lines."""
+
+from __future__ import annotations
+
+import socket
+import sys
+import threading
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import numpy as np
+import pytest
+from live_streams import motion
+
+import lab.live
+from lab.live import source as source_module
+from lab.live.axis_map import AxisMap
+from lab.live.decoders.catalogue import ENCODERS
+from lab.live.raw_recording import EVENT, RecordingError, records
+from lab.live.recorded_log import log_of_recording, recorded_samples
+from lab.live.samples import FIX
+from lab.live.simulated_transport import SimulatedTransport
+from lab.live.source import ENDED, LOST, STALE, STREAMING, Source
+from lab.live.transport import Chunk
+from lab.recordings.mission_error import MissionError
+
+PATIENCE = 60.0
+"""Longest time to wait for what must happen [s]: build machines are slow."""
+TCP = "&over=tcp:0"
+LINES = ["", TCP] if sys.platform != "win32" else [TCP]
+
+
+def until(happened: Callable[[], bool]) -> None:
+    """Wait until something has happened."""
+    end = time.monotonic() + PATIENCE
+    while not happened():
+        assert time.monotonic() < end, "it did not happen"
+        time.sleep(0.002)
+
+
+def device_of(source: Source):
+    assert isinstance(source._transport, SimulatedTransport)
+    return source._transport.device
+
+
+@pytest.fixture(autouse=True)
+def nothing_is_left() -> Iterator[None]:
+    before = set(threading.enumerate())
+    yield
+    until(lambda: set(threading.enumerate()) <= before)
+
+
+class Scripted:
+    """A transport that brings what it is given."""
+
+    address = "tcp:scripted:1"
+    reconnects = True
+
+    def __init__(self) -> None:
+        self.steps: list[Chunk | BaseException] = []
+        self.openings: list[BaseException] = []
+        self.opened = self.closed = 0
+
+    def open(self) -> None:
+        """Count, and fail as told."""
+        self.opened += 1
+        if self.openings:
+            raise self.openings.pop(0)
+
+    def read(self, longest: float) -> Chunk:
+        """Return or raise the next step."""
+        if not self.steps:
+            time.sleep(0.001)
+            return Chunk(time.monotonic(), b"")
+        step = self.steps.pop(0)
+        if isinstance(step, BaseException):
+            raise step
+        return step
+
+    def close(self) -> None:
+        """Count."""
+        self.closed += 1
+
+
+def scripted(count: int = 200) -> tuple[Scripted, Source]:
+    transport = Scripted()
+    encoder = ENCODERS["vectornav"]()
+    transport.steps = [
+        Chunk(100 + float(row["time"]), encoder.encode(row[None], np.empty(0, FIX))) for row in motion(count)
+    ]
+    return transport, lab.live.open(transport, protocol="vectornav")
+
+
+@pytest.mark.parametrize("line", LINES)
+def test_samples_come_and_are_recorded_and_replayed_bit_by_bit(line: str, tmp_path: Path) -> None:
+    path = tmp_path / "flight.inslab"
+    with lab.live.open(f"simulated:montreal?hz=200{line}") as source:
+        source.record(path)
+        until(lambda: source.end.imu > 500 and source.end.fix > 0)
+        status = source.status
+        assert status.state == STREAMING
+        assert status.protocol == "vectornav"
+        assert 150 < status.rate < 250
+        assert status.loss.missing == 0
+    live = source.since()
+    assert source.status.state == ENDED
+    replayed = recorded_samples(path)
+    assert replayed.imu.tobytes() == live.imu.tobytes()
+    assert replayed.fix.tobytes() == live.fix.tobytes()
+    with lab.live.open(f"replay:{path}?speed=max") as again:
+        until(lambda: again.ended)
+        read = again.since()
+    assert again.status.sentence == "The recording has ended."
+    assert read.imu.tobytes() == live.imu.tobytes()
+
+
+def test_what_comes_is_what_the_simulated_sensors_measured() -> None:
+    with lab.live.open("simulated:montreal?hz=200&device=mip&mounted=y,x,-z&axes=y,x,-z") as source:
+        until(lambda: source.end.imu > 300)
+        flight = device_of(source).flight
+        read = source.since()
+    assert (
+        np.abs(read.imu["rate"] - AxisMap.of("y,x,-z").mapped(flight.imu["rate"])[: len(read.imu)]).max()
+        < 1e-6
+    )
+    true = flight.result.gyro.increments[: len(read.imu)] * 200
+    assert np.abs(read.imu["rate"] - true).max() < 1e-6
+
+
+@pytest.mark.parametrize("line", LINES)
+def test_unplugging_is_shown_and_survived(line: str, tmp_path: Path) -> None:
+    path = tmp_path / "unplugged.inslab"
+    with lab.live.open(f"simulated:montreal?hz=200{line}") as source:
+        source.record(path)
+        until(lambda: source.end.imu > 200)
+        device_of(source).unplug()
+        gone = time.monotonic()
+        until(lambda: source.status.state in (LOST, STALE))
+        shown = time.monotonic() - gone
+        until(lambda: source.status.state == LOST)
+        assert "it is tried again" in source.status.sentence
+        before = source.end.imu
+        time.sleep(0.4)
+        device_of(source).plug()
+        back = time.monotonic()
+        until(lambda: source.end.imu > before)
+        again = time.monotonic() - back
+        until(lambda: source.end.imu > before + 100)
+    assert shown < 5 * source_module.SILENCE  # the bar of 0.5 s is measured apart, on a quiet machine
+    assert again < 5.0
+    live = source.since().imu
+    assert live["gap"].sum() == 2
+    assert np.diff(live["time"]).max() > 0.3
+    assert [kind for kind, _ in records(path)].count(EVENT) == 1
+    assert recorded_samples(path).imu.tobytes() == live.tobytes()
+
+
+def test_silence_is_stale() -> None:
+    _, source = scripted(50)
+    with source:
+        until(lambda: source.end.imu == 50)
+        until(lambda: source.status.state == STALE)
+        assert "Nothing has come for" in source.status.sentence
+
+
+def test_a_device_that_is_not_there_is_waited_for() -> None:
+    transport, source = scripted()
+    transport.openings = [FileNotFoundError(2, "No such file or directory")] * 3
+    with source:
+        until(lambda: source.end.imu > 0)
+    assert transport.opened == 4
+    texts = [event.text for event in source.status.events]
+    assert texts[0] == "Not reached: No such file or directory; it is tried again."
+    assert sum("Not reached" in text for text in texts) == 1
+    assert transport.closed >= 4
+
+
+def test_a_loss_in_the_middle_of_a_frame_costs_that_frame() -> None:
+    transport, source = scripted()
+    whole = list(transport.steps)
+    transport.steps[100] = Chunk(whole[100].arrival, whole[100].data[:20])
+    transport.steps.insert(101, OSError("gone"))
+    with source:
+        until(lambda: source.end.imu == 199)
+    gap = source.since().imu["gap"]
+    assert np.flatnonzero(gap).tolist() == [0, 100]
+
+
+def test_an_error_of_the_laboratory_ends_the_source_with_a_word(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    transport, source = scripted()
+    transport.steps.insert(20, RuntimeError("boom"))
+    monkeypatch.setattr(threading, "excepthook", lambda _: None)
+    with source:
+        until(lambda: source.ended)
+    assert source.status.sentence == "The laboratory failed: RuntimeError: boom"
+    assert transport.closed
+
+
+def test_closing_is_quick_whatever_it_does() -> None:
+    transport, source = scripted()
+    transport.openings = [OSError("no")] * 1000
+    source.start()
+    until(lambda: transport.opened > 1)
+    begin = time.monotonic()
+    for _ in range(3):
+        source.close()
+    assert time.monotonic() - begin < 5
+    assert source.ended
+    never_started = scripted()[1]
+    never_started.close()
+
+
+def test_a_recording_that_fails_leaves_the_stream(tmp_path: Path) -> None:
+    transport, source = scripted(400)
+    held, transport.steps = transport.steps, []
+    source.record(tmp_path / "full.inslab")
+    with pytest.raises(RecordingError, match="is being recorded"):
+        source.record(tmp_path / "other.inslab")
+    assert source._writer is not None
+    source._writer._file.close()  # type: ignore[union-attr]  # as if the disk were gone
+    source._writer._file = Path("/dev/full").open("wb", buffering=0)  # type: ignore[assignment]  # noqa: SIM115
+    transport.steps = held
+    with source:
+        until(lambda: source.end.imu == 400)
+        assert "No space left" in source.status.warning
+        assert not source.recording
+
+
+def test_axes_may_change_while_it_records(tmp_path: Path) -> None:
+    path = tmp_path / "axes.inslab"
+    transport, source = scripted(200)
+    later = [transport.steps.pop() for _ in range(100)][::-1]
+    source.record(path)
+    with source:
+        until(lambda: source.end.imu == 100)
+        source.axes = AxisMap.of("y,x,-z")
+        transport.steps += later
+        until(lambda: source.end.imu == 200)
+    live = source.since().imu
+    assert recorded_samples(path).imu.tobytes() == live.tobytes()
+    assert np.allclose(live["force"][150], motion(200)["force"][150][[1, 0, 2]] * [1, 1, -1], atol=1e-3)
+    with lab.live.open(f"replay:{path}?speed=max") as again:
+        until(lambda: again.ended)
+    assert again.since().imu.tobytes() == live.tobytes()
+
+
+def test_a_recording_becomes_a_log_or_says_what_lacks(tmp_path: Path) -> None:
+    path = tmp_path / "short.inslab"
+    _, source = scripted()
+    source.record(path)
+    with source:
+        until(lambda: source.end.imu == 200)
+    with pytest.raises(MissionError, match=r"short\.inslab.*GPS"):
+        log_of_recording(path)
+
+
+def test_udp_is_listened_to_from_one_sender() -> None:
+    encoder = ENCODERS["vectornav"]()
+    frames = [encoder.encode(row[None], np.empty(0, FIX)) for row in motion(60)]
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
+        probe.bind(("127.0.0.1", 0))
+        port = probe.getsockname()[1]
+    with (
+        lab.live.open(f"udp:{port}?protocol=vectornav") as source,
+        socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as one,
+        socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as other,
+    ):
+        until(lambda: source.status.state == STREAMING)
+        for k, frame in enumerate(frames):
+            one.sendto(frame, ("127.0.0.1", port))
+            until(lambda k=k: source.end.imu == k + 1)
+            other.sendto(b"\xfa" * 100, ("127.0.0.1", port))
+        until(lambda: source._transport.foreign == 60)  # type: ignore[attr-defined]
+        assert source.status.statistics.skipped == 0
+
+
+def test_simulated_devices_misbehave_as_told() -> None:
+    wrong = "corruption=0.001&jitter_ms=5&drift_ppm=300"
+    with lab.live.open(f"simulated:rest?hz=200&rest=60&{wrong}") as source:
+        until(lambda: source.end.imu > 600)
+        status = source.status
+    assert status.statistics.failed > 0
+    assert status.loss.missing > 0
+    read = source.since().imu
+    assert np.abs(np.linalg.norm(read["force"], axis=1) - 9.8).max() < 0.5
+
+
+def test_many_readers_get_the_same(tmp_path: Path) -> None:
+    _, source = scripted(2000)
+    found: list[list[float]] = [[] for _ in range(8)]
+
+    def read(mine: list[float]) -> None:
+        cursor = None
+        while True:
+            over = source.ended
+            part = source.since(cursor)
+            cursor = part.cursor
+            mine += part.imu["time"].tolist()
+            if over or len(mine) == 2000:
+                return
+            source.wait(cursor, 0.1)
+
+    with source:
+        threads = [threading.Thread(target=read, args=(mine,)) for mine in found]
+        for thread in threads:
+            thread.start()
+        for thread in threads:
+            thread.join()
+    assert all(len(mine) == 2000 and mine == found[0] for mine in found)
