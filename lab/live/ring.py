@@ -90,7 +90,7 @@ class Ring:
             latest = max(
                 (
                     rows["time"][(count - 1) % len(rows)]
-                    for rows, count in zip((self._imu, self._fix), end)
+                    for rows, count in zip((self._imu, self._fix), end, strict=True)
                     if count
                 ),
                 default=0.0,
@@ -98,7 +98,7 @@ class Ring:
             begin = Cursor(
                 *(
                     _first_after(rows, count, latest - seconds)
-                    for rows, count in zip((self._imu, self._fix), end)
+                    for rows, count in zip((self._imu, self._fix), end, strict=True)
                 )
             )
         return self.since(begin)
