@@ -29,9 +29,9 @@ MAX_LEVER_ARM = 100.0
 SIGMAS = (1e-6, 1e6)
 """σ of a fix that are believed [m], [m/s]: receivers write 0 or a huge number for one they do not know."""
 
-_GAP_STEPS = 2.5
+GAP_STEPS = 2.5
 """Interval between samples of the IMU, in usual ones, from which samples are missing in it."""
-_MAX_REPEAT = 4
+MAX_REPEAT = 4
 """Longest run of equal samples that is a sensor polled too often; a longer one is a sensor at rest, or
 stuck."""
 _MAX_FILLED = 10
@@ -177,8 +177,8 @@ def repaired(
     values = rates[1:] * np.diff(time)[:, None]
     if increments:
         # Increments of a gap are unknown; the others keep every bit.
-        same = np.searchsorted(time, stamps[1:][dt <= _GAP_STEPS * np.median(dt)])
-        values[same - 1] = samples[1:][dt <= _GAP_STEPS * np.median(dt)]
+        same = np.searchsorted(time, stamps[1:][dt <= GAP_STEPS * np.median(dt)])
+        values[same - 1] = samples[1:][dt <= GAP_STEPS * np.median(dt)]
     values[np.searchsorted(time, breaks[:, 1]) - 1] = 0.0
     epoch = float(time[0])
     fixes = _picked(gnss, gnss_rows, epoch)
@@ -222,7 +222,7 @@ def _without_repeats(
     start = np.maximum.accumulate(np.where(same, 0, np.arange(same.size)))
     # A sensor that shows one value for longer is at rest, or stuck, and not polled too fast.
     runs = np.bincount(start, minlength=same.size)[start]
-    kept = ~(same & (runs <= _MAX_REPEAT))
+    kept = ~(same & (runs <= MAX_REPEAT))
     _say(repairs, int((~kept).sum()), "IMU sample that repeats the values of the one before was dropped")
     return time[kept], samples[kept]
 
@@ -246,7 +246,7 @@ def _without_gaps(
     """Fill short gaps with samples at the usual spacing; return gaps filled and breaks left, too."""
     dt = np.diff(time)
     usual = float(np.median(dt))
-    wide = dt > _GAP_STEPS * usual
+    wide = dt > GAP_STEPS * usual
     at = np.flatnonzero(wide & (dt <= MAX_GAP))
     broken = np.flatnonzero(wide & (dt > MAX_GAP))
     breaks = np.stack((time[broken], time[broken + 1]), axis=-1)

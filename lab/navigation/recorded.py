@@ -132,7 +132,7 @@ def navigate_log(
     times = log.gnss.time - assumed_latency(navigator, log.gnss.latency)
     first = _first_sample(log, times)
     imu = Imu(log.time[first:], log.dtheta[first:], log.dvelocity[first:])
-    gnss, R, variances = _measurements(log, assumed, navigator)
+    gnss, R, variances = used_fixes(log.gnss, assumed, navigator)
     fixes = Fixes(times, gnss.position, gnss.velocity_n)
     start = start or align(imu, fixes, np.sqrt(variances[:, 3:]), _hints(log, navigator))
     # The last fix before the start was used for the start.
@@ -141,7 +141,7 @@ def navigate_log(
         raise MissionError(f"{log.name}: no fix while the IMU recorded; accepted is at least one")
     rows &= ~within(outages, times)
     assumed = assumed._replace(
-        P0=_initial(assumed, navigator, start, variances[0]),
+        P0=start_covariance(assumed, navigator, start, variances[0]),
         R=R[rows],
         bias_decay=np.zeros_like(assumed.bias_decay),
         lever_arm=assumed_lever_arm(navigator, log.gnss.lever_arm),
@@ -183,11 +183,23 @@ def _first_sample(log: SensorLog, times: FloatArray) -> int:
     return first
 
 
-def _measurements(
-    log: SensorLog, assumed: Belief, navigator: NavigatorSettings
+def used_fixes(
+    gnss: GnssLog, assumed: Belief, navigator: NavigatorSettings
 ) -> tuple[GnssLog, FloatArray, FloatArray]:
-    """Return the fixes without NaN, their covariances (m, 6, 6), and the diagonals of these (m, 6)."""
-    gnss = log.gnss
+    """Return the fixes as the filter uses them, their covariances (m, 6, 6), and the diagonals (m, 6).
+
+    A component of the velocity that the receiver does not measure is replaced by the difference of the
+    positions, with the σ `UNKNOWN`.
+
+    Parameters
+    ----------
+    gnss
+        At least two fixes.
+    assumed
+        The filter's assumptions, with the covariance of a fix that has no σ.
+    navigator
+        The filter; an R given there takes the place of the receiver's own σ.
+    """
     sigma = np.concatenate((gnss.position_sigma, gnss.velocity_sigma), axis=1)
     R = np.broadcast_to(assumed.R, (gnss.time.size, 6, 6)).copy()
     if navigator.r is None:
@@ -221,10 +233,20 @@ def _velocity_of_positions(gnss: GnssLog) -> FloatArray:
     return np.stack((north, east, np.zeros_like(north)), axis=-1)
 
 
-def _initial(
+def start_covariance(
     assumed: Belief, navigator: NavigatorSettings, start: Alignment, variances: FloatArray
 ) -> FloatArray:
-    """Return the covariance of the start, or that of the settings if given."""
+    """Return the covariance (n, n) of the start, or that of the settings if given.
+
+    Parameters
+    ----------
+    assumed, navigator
+        The filter's assumptions and settings.
+    start
+        The start.
+    variances : (6,) array
+        Variances of the first fix [m²], [(m/s)²].
+    """
     if navigator.p0 is not None:
         return assumed.P0
     variance = np.diag(assumed.P0).copy()

@@ -54,21 +54,24 @@ SUMS, SQUARES, ELAPSED, COUNT, HELD, ATTITUDE, ROOM = 0, 3, 6, 7, 8, 9, 18
 """Offsets in the workspace: sums of the rates and of their squares, time, samples, and the held attitude."""
 
 
-def at_rest(imu: Imu, fixes: Fixes, belief: Belief) -> NDArray[np.bool_]:
+def at_rest(imu: Imu, fixes: Fixes, belief: Belief, grid: FloatArray | None = None) -> NDArray[np.bool_]:
     """Return the mask (n,) of the samples at rest, from GPS velocities and the spread of the IMU.
 
     Parameters
     ----------
     imu, fixes, belief
         The measurements, and the filter's assumptions about them.
+    grid : (s + 1,) array
+        Times between which the seconds lie [s]; by default, they count from the first sample.
     """
     n = imu.dtheta.shape[0]
     rest = np.zeros(n, dtype=np.bool_)
-    seconds = int((imu.time[-1] - imu.time[0]) / SPAN)
-    slow = _slow(imu.time[0] + SPAN * np.arange(seconds), fixes, belief)
+    if grid is None:
+        grid = imu.time[0] + SPAN * np.arange(int((imu.time[-1] - imu.time[0]) / SPAN) + 1)
+    slow = _slow(grid[:-1], fixes, belief)
     for first, last in _stretches(slow):
-        edges = np.searchsorted(imu.time, imu.time[0] + SPAN * np.arange(first, last + 1) - 1e-9)
-        still = _still(imu, belief, edges)
+        edges = np.searchsorted(imu.time, grid[first : last + 1] - 1e-9)
+        still = still_seconds(imu, belief, edges)
         for a, b in _stretches(still):
             rest[edges[a] : edges[b]] = True
     rest.setflags(write=False)
@@ -84,8 +87,16 @@ def _slow(seconds: FloatArray, fixes: Fixes, belief: Belief) -> NDArray[np.bool_
     return np.asarray((last > first) & (fast[last] == fast[first]))
 
 
-def _still(imu: Imu, belief: Belief, edges: NDArray[np.intp]) -> NDArray[np.bool_]:
-    """Return the mask of the seconds between the samples `edges` without vibration and rotation."""
+def still_seconds(imu: Imu, belief: Belief, edges: NDArray[np.intp]) -> NDArray[np.bool_]:
+    """Return the mask (s,) of the seconds without vibration and rotation.
+
+    Parameters
+    ----------
+    imu, belief
+        The measurements, and the filter's assumptions about them.
+    edges : (s + 1,) array
+        Samples between which the seconds lie.
+    """
     still = np.zeros(edges.size - 1, dtype=np.bool_)
     mean_before = None
     for second, (a, b) in enumerate(itertools.pairwise(edges)):

@@ -1,0 +1,425 @@
+"""Attitude only: the navigator without fixes, levelled at rest and carried by the gyros in motion.
+
+At rest, the means of the sensors since the rest began update the estimate with which it began
+(`lab.navigation.rest_alignment`): tilt as good as the accelerometer biases, gyro biases, and north where the
+gyros are good enough. During the rest the attitude is held, so the noise of the gyros counts once. In motion,
+the compiled step of the navigator carries attitude and covariance.
+
+Position and velocity count from the last rest. They mean something for a few seconds only.
+"""
+
+from __future__ import annotations
+
+from typing import Final, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
+
+from lab import earth
+from lab.live.rolling import Rolling
+from lab.navigation.alignment import level
+from lab.navigation.belief import belief, constant_errors
+from lab.navigation.error_models import ACCEL_BIAS, ATT, GYRO_BIAS, PHI, POS, VEL
+from lab.navigation.filter import Filter
+from lab.navigation.kalman import MEASUREMENTS
+from lab.navigation.navigator import PIECE, PolarError, advance
+from lab.navigation.rest_alignment import Means, align, induced_variance
+from lab.navigation.schedule import EVERY_FIX
+from lab.navigation.settings import NavigatorSettings
+from lab.navigation.solution import Belief, Fixes, Imu, Solution, Start
+from lab.navigation.standstill import SHORTEST, SPAN, still_seconds
+from lab.rotation import euler_from_quaternion, quaternion_from_euler, wrap
+from lab.sensors.imu import misalignment
+from lab.sensors.suite import SensorSuite
+from lab.units import si
+
+FloatArray = NDArray[np.float64]
+
+LONGEST_MEAN: Final = 60.0
+"""Longest time over which the sensors are averaged at rest if the heading is known [s]: then the estimate
+becomes the prior of the next mean, and the biases may have drifted in between."""
+LONGEST_SEARCH: Final = 600.0
+"""The same while north is sought [s]: the noise of the gyros falls with the time."""
+NORTH: Final = np.radians(20.0)
+"""Largest σ of a heading from the Earth's rate that is claimed [rad]: the update is linear about it, and
+`rest_alignment` converges from there."""
+UNKNOWN_HEADING: Final = np.pi
+"""σ that stands for an unknown heading [rad], as in `initial_heading`."""
+REST_VELOCITY: Final = 0.02
+"""σ of the velocity at rest [m/s]: an idling engine of 0.15 m/s² at 10 Hz moves by 2 mm/s."""
+START_POSITION: Final = 0.01
+"""σ of the place at which positions begin to count [m]."""
+TOO_FAST: Final = 30.7
+"""Largest squared mean rate at rest, in its σ: the quantile of 1 − 10⁻⁶ for three components; beyond it, the
+IMU turns steadily."""
+TOO_STRONG: Final = 5.0
+"""Largest difference of the mean specific force and gravity, in its σ; beyond it, the IMU does not rest."""
+SOMEWHERE: Final = np.array([np.pi / 4, 0.0, 0.0])
+"""Place that stands for an unknown one: latitude, longitude [rad], height [m]."""
+GRAVITY_SIGMA: Final = 0.02
+"""σ of gravity at an unknown place [m/s²]: from the equator to a pole it changes by 0.05."""
+LOST_SPEED: Final = 300.0
+"""Velocity, or σ of it, that only an unaided navigator shows [m/s]: it is taken back to zero with this σ, so
+that the attitude does not suffer."""
+
+_POSITION, _VELOCITY, _ATTITUDE, _BIAS = slice(0, 3), slice(3, 6), slice(6, 10), slice(10, 16)
+_NO_FIXES: Final = Fixes(np.zeros(0), np.zeros((0, 3)), np.zeros((0, 3)))
+
+
+class Anchor(NamedTuple):
+    """The estimate at the beginning of a mean: the prior of the update at rest."""
+
+    time: float
+    position: FloatArray
+    q_nb: FloatArray
+    bias: FloatArray  # (6,), gyros and accelerometers
+    P: FloatArray  # (15, 15)
+
+
+class AttitudeOnly:
+    """Attitude, gyro bias and, for a short time, displacement, from an IMU alone.
+
+    Parameters
+    ----------
+    samples
+        Rows of the IMU, with the columns of `live_filter.SAMPLES`; rows are appended from outside.
+    sensors
+        The assumptions about the sensors.
+    place : (3,) array or None
+        Latitude, longitude [rad] and height [m], as far as they are known; north is sought only then.
+    heading, heading_sigma
+        A given heading, or NaN, and its σ [rad].
+    prior
+        The estimate of a navigator that stopped; None to begin with a rest.
+    """
+
+    def __init__(
+        self,
+        samples: Rolling,
+        sensors: SensorSuite,
+        place: FloatArray | None = None,
+        heading: float = np.nan,
+        heading_sigma: float = np.nan,
+        prior: Anchor | None = None,
+    ) -> None:
+        self.samples, self.place = samples, place
+        settings = NavigatorSettings()
+        constants = constant_errors(sensors, settings)
+        constants[np.diag_indices(21)] += np.concatenate(
+            (np.zeros(9), induced_variance(sensors), np.zeros(6))
+        )
+        # Scale factors and misalignments look like biases as long as the attitude is the same.
+        g = earth.STANDARD_GRAVITY
+        shape = np.sum(misalignment(sensors.accelerometer) ** 2, axis=1)
+        shape = shape + si(sensors.accelerometer, "scale_factor") ** 2
+        shape = shape + si(sensors.accelerometer, "scale_factor_sigma") ** 2
+        at = np.arange(ACCEL_BIAS.start, ACCEL_BIAS.stop)
+        constants[at, at] += shape * g * g
+        assumed = belief(sensors, settings, constants)
+        # As for a log: the settings do not describe the biases found, so these do not decay.
+        self.assumed = assumed._replace(bias_decay=np.zeros(6), lever_arm=np.zeros(3), R=np.eye(MEASUREMENTS))
+        self.heading_source = "" if np.isnan(heading) else "given"
+        self.rest = 0.0
+        """Length of the rest so far [s]."""
+        self.still = 0
+        """Seconds without vibration and rotation so far; a rest if they are ten."""
+        self.refused = ""
+        """Why a stillness is not taken for a rest; empty if it is."""
+        self.begun = False
+        """Whether there is an attitude."""
+        self.rest_place = SOMEWHERE if place is None else place
+        """Place from which the displacement counts."""
+        self._given = heading, heading_sigma
+        self._at = samples.first  # sample that the filter has reached
+        self._origin = self._time(samples.first)
+        self._second = 0  # seconds judged
+        self._anchor: Anchor | None = None
+        self._second_start: Anchor | None = None  # estimate at the beginning of the second
+        self._sums = np.zeros(7)  # over the mean: increments, time
+        self._run: Filter | None = None
+        if prior is not None:
+            self._begin(prior)
+
+    @property
+    def heading_is_known(self) -> bool:
+        """Whether the heading is known better than `NORTH` by its own σ."""
+        return self._run is not None and bool(self.P[8, 8] < NORTH**2)
+
+    @property
+    def P(self) -> FloatArray:  # noqa: N802
+        """Covariance (15, 15) of the errors now."""
+        assert self._run is not None
+        return self._run.P[:, :15].copy()
+
+    @property
+    def solution(self) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+        """Position, velocity, attitude q_nb and biases now."""
+        assert self._run is not None
+        state = self._run.state
+        return state[_POSITION], state[_VELOCITY], state[_ATTITUDE], state[_BIAS]
+
+    def reachable(self) -> float:
+        """Return the σ of the heading that the gyros can reach by the Earth's rate [rad]; infinite at a pole.
+
+        Their turn-on bias looks like the rate of another heading: only its σ and the latitude count.
+        """
+        latitude = SOMEWHERE[0] if self.place is None else float(self.place[0])
+        level_rate = earth.RATE * np.cos(latitude)
+        sigma = float(np.sqrt(np.diag(self.assumed.P0)[GYRO_BIAS].max()))
+        return sigma / level_rate if level_rate > 0 else float(np.inf)
+
+    def give_heading(self, heading: float, sigma: float, source: str) -> None:
+        """Set the heading now, if it is better than the known one.
+
+        Parameters
+        ----------
+        heading, sigma
+            The heading and its σ [rad].
+        source
+            What shows it.
+        """
+        self._given = heading, sigma
+        if self._run is None or sigma >= np.sqrt(self.P[8, 8]):
+            return
+        here = self._now()
+        self.heading_source = source
+        turn = float(wrap(heading - euler_from_quaternion(here.q_nb)[2]))
+        self._begin(_turned(here, turn, sigma))
+        if self._second_start is not None:
+            self._second_start = _turned(self._second_start, turn, sigma)
+        if self._anchor is not None:
+            self._anchor = self._now()
+            self._sums[:] = 0.0
+
+    def advance(self) -> None:
+        """Advance to the last sample."""
+        last = self.samples.end - 1
+        while (edge := self._origin + SPAN * (self._second + 1)) <= self._time(last) + 1e-9:
+            # The sample nearest the edge ends the second.
+            end = self.samples.number("time", edge - 1e-9)
+            self._carry(end)
+            self._judge(end)
+            self._second += 1
+        self._carry(last)
+
+    def _time(self, sample: int) -> float:
+        return float(self.samples.rows("time", sample, sample + 1)[0])
+
+    def _carry(self, end: int) -> None:
+        """Advance the filter to a sample."""
+        while self._run is not None and self._at < end:
+            stop = min(end, self._at + PIECE)
+            before = max(self._at - 1, self.samples.first)
+            first = self._at - before
+            imu = Imu(
+                self.samples.rows("time", before, stop + 1),
+                self.samples.rows("dtheta", before + 1, stop + 1),
+                self.samples.rows("dvelocity", before + 1, stop + 1),
+            )
+            out = Solution.empty(stop - before + 1, 0)
+            if advance(self._run, imu, _NO_FIXES, out, first, EVERY_FIX) < imu.time.size:
+                raise PolarError("the position drifted to a pole")
+            for name in ("position", "velocity_n", "q_nb", "bias", "variance", "covariance"):
+                self.samples.rows(name, self._at + 1, stop + 1)[:] = getattr(out, name)[first + 1 :]
+            self._at = stop
+            self._hold_speed()
+        self._at = max(self._at, end)
+
+    def _hold_speed(self) -> None:
+        """Take an impossible velocity back to zero."""
+        assert self._run is not None
+        speed, variance = np.linalg.norm(self._run.state[_VELOCITY]), np.diag(self.P)[VEL].max()
+        if speed < LOST_SPEED and variance < LOST_SPEED**2:
+            return
+        P = self.P
+        P[:6, :] = P[:, :6] = 0.0
+        P[POS, POS] = P[VEL, VEL] = LOST_SPEED**2 * np.eye(3)
+        place = SOMEWHERE if self.place is None else self.place
+        self._begin(self._now()._replace(position=place, P=P))
+
+    def _judge(self, end: int) -> None:
+        """Decide whether the second that ends with a sample was still, and update with the rest so far."""
+        edge = self._origin + SPAN * self._second
+        before = max(self.samples.number("time", edge - SPAN - 1e-9), self.samples.first)
+        start = max(self.samples.number("time", edge - 1e-9), before)
+        edges = (
+            np.array([start, end] if self.still == 0 or before == start else [before, start, end]) - before
+        )
+        imu = Imu(
+            self.samples.rows("time", before, end + 1),
+            self.samples.rows("dtheta", before + 1, end + 1),
+            self.samples.rows("dvelocity", before + 1, end + 1),
+        )
+        still = start < end and bool(still_seconds(imu, self.assumed, edges)[-1])
+        if not still:
+            self._stop()
+            return
+        dt = np.diff(imu.time[edges[-2] :])[:, None]
+        steps = np.concatenate((imu.dtheta[edges[-2] :], imu.dvelocity[edges[-2] :], dt), axis=1)
+        if self.still == 0:
+            self._anchor = None if self._run is None else self._second_start
+            self._sums[:] = 0.0
+        self.still += 1
+        self._sums += steps.sum(axis=0)
+        if self.still >= SHORTEST:
+            self._update(end)
+        if self._run is not None:
+            self._second_start = self._now()
+
+    def _stop(self) -> None:
+        """Take note that the IMU moves."""
+        self.still, self.rest, self.refused = 0, 0.0, ""
+        self._anchor = None
+        self._sums[:] = 0.0
+        if self._run is not None:
+            self._second_start = self._now()
+
+    def _update(self, end: int) -> None:
+        """Update the estimate at the beginning of the mean with the mean, and hold it until now."""
+        length = float(self._sums[6])
+        mean = self._sums[:6] / length
+        now = self._time(end)
+        anchor = self._anchor or self._first_anchor(mean, now - length)
+        variance = np.maximum(self.assumed.noise[:6], self._spread(end)) / length
+        variance += self.assumed.noise[6:] * length / 3  # of the mean of a random walk
+        why = self._moves(anchor, mean, variance)
+        if why:
+            self._stop()
+            self.refused = why
+            return
+        self._anchor, self.refused = anchor, ""
+        found, searching = self._aligned(anchor, mean, variance)
+        P = found.P.copy()
+        at = np.arange(GYRO_BIAS.start, ACCEL_BIAS.stop)
+        P[at, at] += self.assumed.noise[6:] * length
+        P[:6, :] = P[:, :6] = 0.0
+        P[POS, POS] = START_POSITION**2 * np.eye(3)
+        P[VEL, VEL] = REST_VELOCITY**2 * np.eye(3)
+        self.rest += SPAN if self.rest else length
+        place = SOMEWHERE if self.place is None else self.place
+        self.rest_place = place
+        self._begin(found._replace(time=now, position=place, P=P))
+        self._at = end
+        if length >= (LONGEST_SEARCH if searching else LONGEST_MEAN):
+            self._anchor = self._now()
+            self._sums[:] = 0.0
+
+    def _spread(self, end: int) -> FloatArray:
+        """Return the densities (6,) of the noise that the last second shows, if larger than assumed."""
+        start = max(self.samples.number("time", self._time(end) - SPAN - 1e-9), self.samples.first)
+        dt = np.diff(self.samples.rows("time", start, end + 1))[:, None]
+        steps = np.concatenate(
+            [self.samples.rows(name, start + 1, end + 1) / dt for name in ("dtheta", "dvelocity")], axis=1
+        )
+        return np.asarray(steps.var(axis=0) * float(dt.mean()))
+
+    def _first_anchor(self, mean: FloatArray, time: float) -> Anchor:
+        """Return the estimate before the first rest: level by the accelerometers, heading given or unknown."""
+        place = SOMEWHERE if self.place is None else self.place
+        heading, sigma = self._given
+        roll, pitch = level(mean[3:], np.array([0.0, 0.0, -1.0]), 0.0 if np.isnan(heading) else heading)
+        P = self.assumed.P0[:15, :15].copy()
+        P[POS, POS] = START_POSITION**2 * np.eye(3)
+        P[VEL, VEL] = REST_VELOCITY**2 * np.eye(3)
+        tilt = 1.0  # before the accelerometers are used: the update is linear in it, about the level attitude
+        P[ATT, ATT] = np.diag([tilt**2, tilt**2, (UNKNOWN_HEADING if np.isnan(heading) else sigma) ** 2])
+        q_nb = quaternion_from_euler(np.array([roll, pitch, 0.0 if np.isnan(heading) else heading]))
+        return Anchor(time, place.copy(), q_nb, np.zeros(6), P)
+
+    def _moves(self, anchor: Anchor, mean: FloatArray, variance: FloatArray) -> str:
+        """Return why a still IMU does not rest; empty if it does."""
+        g = float(earth.gravity(np.sin(anchor.position[0]), anchor.position[2]))
+        sigma_force = float(
+            np.sqrt(np.diag(anchor.P)[ACCEL_BIAS].max() + variance[3:].max() + GRAVITY_SIGMA**2)
+        )
+        excess = float(np.linalg.norm(mean[3:] - anchor.bias[3:])) - g
+        if abs(excess) > TOO_STRONG * sigma_force:
+            return (
+                f"The specific force differs from gravity by {excess:.2f} m/s², more than accelerometer biases "
+                f"of σ {sigma_force:.2f} m/s² explain: the IMU accelerates, or its scale is wrong."
+            )
+        S = anchor.P[GYRO_BIAS, GYRO_BIAS] + np.diag(variance[:3]) + earth.RATE**2 * np.eye(3)
+        rate = mean[:3] - anchor.bias[:3]
+        if rate @ np.linalg.solve(S, rate) > TOO_FAST:
+            return (
+                f"The gyros show a steady rate of {np.degrees(np.linalg.norm(rate)):.3g} °/s, more than their "
+                f"biases of σ {np.degrees(np.sqrt(np.trace(S) / 3)):.2g} °/s explain: the IMU turns, or its "
+                "bias is larger than the settings state."
+            )
+        return ""
+
+    def _aligned(self, anchor: Anchor, mean: FloatArray, variance: FloatArray) -> tuple[Anchor, bool]:
+        """Return the estimate after an update with a mean, and whether north is still sought."""
+        unknown = anchor.P[8, 8] > (UNKNOWN_HEADING / 3) ** 2
+        north, sigma = np.nan, np.inf
+        if unknown and self.place is not None:
+            north, sigma = self._north(anchor, mean, variance)
+        sine = float(np.sin(anchor.position[0]))
+        level_rate = earth.RATE * np.sqrt(1 - sine * sine)
+        rate = mean[:3] - anchor.bias[:3]
+        P, q_nb = anchor.P, anchor.q_nb
+        if unknown and sigma < NORTH:
+            roll, pitch, _ = euler_from_quaternion(q_nb)
+            q_nb = quaternion_from_euler(np.array([roll, pitch, north]))
+            self.heading_source = "by gyro-compassing"
+        elif unknown:
+            # Which part of the mean is the level rate of the Earth is unknown: the heading learns nothing, and
+            # the bias is uncertain by it.
+            P = _with_heading(P, 1e-9)
+            C_nb = Rotation.from_quat(q_nb, scalar_first=True).as_matrix()
+            rate = rate + C_nb.T @ np.array([level_rate, 0.0, 0.0])
+        wide = np.zeros((21, 21))
+        wide[:15, :15] = P
+        start = Start(anchor.position, np.zeros(3), q_nb)
+        means = Means(mean[3:] - anchor.bias[3:], rate, np.diag(variance[3:]), np.diag(variance[:3]))
+        made = align(start, wide, means)
+        P = made.P[:15, :15].copy()
+        if unknown and sigma >= NORTH:
+            P = _with_heading(P, float(np.sqrt(anchor.P[8, 8])))
+            at = np.arange(GYRO_BIAS.start, GYRO_BIAS.stop)
+            P[at, at] += np.maximum(0.0, level_rate**2 / 2 - np.diag(P)[GYRO_BIAS])
+        bias = anchor.bias.copy()
+        bias[:3] += made.gyro_bias
+        found = Anchor(anchor.time, anchor.position, made.start.q_nb, bias, P)
+        return found, bool(unknown and sigma >= NORTH)
+
+    def _north(self, anchor: Anchor, mean: FloatArray, variance: FloatArray) -> tuple[float, float]:
+        """Return the heading that the Earth's rate shows, and its σ [rad]."""
+        roll, pitch, _ = euler_from_quaternion(anchor.q_nb)
+        levelled = Rotation.from_euler("YX", [pitch, roll]).apply(mean[:3] - anchor.bias[:3])
+        latitude = float(anchor.position[0])
+        level_rate = earth.RATE * np.cos(latitude)
+        tilt = np.diag(anchor.P)[ACCEL_BIAS].max() / earth.STANDARD_GRAVITY**2
+        noise = np.diag(anchor.P)[GYRO_BIAS].max() + variance[:3].max()
+        noise += tilt * (earth.RATE * np.sin(latitude)) ** 2
+        if not level_rate > 0:
+            return np.nan, np.inf
+        return float(np.arctan2(-levelled[1], levelled[0])), float(np.sqrt(noise) / level_rate)
+
+    def _begin(self, here: Anchor) -> None:
+        """Begin the filter with an estimate."""
+        start = Start(here.position, np.zeros(3), here.q_nb, here.bias[:3])
+        P0 = (here.P + here.P.T) / 2
+        self._run = Filter.begin(start, Belief(P0, *self.assumed[1:]), here.time, PHI)
+        self._run.state[_BIAS] = here.bias
+        self.begun = True
+
+    def _now(self) -> Anchor:
+        position, _, q_nb, bias = (np.array(part) for part in self.solution)
+        return Anchor(self._time(self._at), position, q_nb, bias, self.P)
+
+
+def _turned(here: Anchor, turn: float, sigma: float) -> Anchor:
+    """Return an estimate turned about the vertical [rad], with a new σ of the heading."""
+    turned = Rotation.from_rotvec([0, 0, turn]) * Rotation.from_quat(here.q_nb, scalar_first=True)
+    return here._replace(q_nb=turned.as_quat(scalar_first=True), P=_with_heading(here.P, sigma))
+
+
+def _with_heading(P: FloatArray, sigma: float) -> FloatArray:
+    """Return P with another, independent σ of the attitude about the vertical [rad]."""
+    P = P.copy()
+    down = ATT.stop - 1
+    P[down, :] = P[:, down] = 0.0
+    P[down, down] = sigma**2
+    return P

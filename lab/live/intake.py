@@ -1,0 +1,233 @@
+"""Intake: rows of an IMU as they arrive, repaired as a sensor log is, but without knowledge of the future.
+
+The same rules as in `lab.logs.sensor_log` apply: a row that repeats the six values of the row before is
+dropped and the next interval reaches back, short gaps are filled linearly, longer ones break the stream. Two
+things differ, since only the past is known. The usual interval is the median of the last ones, not of the
+whole log. A row with the values of the row before waits until the repetition ends or is too long for a polled
+sensor, at most four rows.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Final, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lab.live.timed import TIMED_IMU
+from lab.logs.sensor_log import GAP_STEPS, MAX_GAP, MAX_REPEAT
+
+FloatArray = NDArray[np.float64]
+
+FIRST_INTERVALS: Final = 20
+"""Intervals of the IMU of which the first median is taken: rows wait for them, 0.2 s at 100 Hz."""
+INTERVALS: Final = 512
+"""Intervals of which the usual one is the median; a new rate of the device counts after half of them."""
+BACK_ROWS: Final = 50
+"""Refused rows without a good one between from which the clock has stepped back: single ones are errors."""
+
+
+class Increments(NamedTuple):
+    """Increments of the IMU, ready for the navigator.
+
+    Attributes
+    ----------
+    time : (n,) array
+        Ends of the intervals, in the clock of the rows [s].
+    values : (n, 6) array
+        Integrals of angular rate [rad] and specific force [m/s] over each interval, in b.
+    magnetic : (n, 3) array
+        Magnetic field in b [T]; NaN where unknown.
+    gaps : tuple of (start, end)
+        Gaps that were filled [s].
+    begins : bool
+        Whether these rows begin a new stream, after a break: the first row is then only its start.
+    """
+
+    time: FloatArray
+    values: FloatArray
+    magnetic: FloatArray
+    gaps: tuple[tuple[float, float], ...]
+    begins: bool
+
+
+class Counts(NamedTuple):
+    """Numbers of rows and what became of them.
+
+    Attributes
+    ----------
+    used, unusable, late, repeated : int
+        Rows used; without finite time, rate or force; not later than the row before; repeating its values.
+    marked : int
+        Rows that the source marked as following missing ones.
+    gaps, filled, breaks : int
+        Gaps that were filled, the samples that fill them, and gaps too long for that.
+    """
+
+    used: int = 0
+    unusable: int = 0
+    late: int = 0
+    repeated: int = 0
+    marked: int = 0
+    gaps: int = 0
+    filled: int = 0
+    breaks: int = 0
+
+
+class Intake:
+    """The repair of the rows of one IMU."""
+
+    def __init__(self) -> None:
+        self.counts = Counts()
+        self.usual = np.nan
+        """Median interval [s]; NaN before `FIRST_INTERVALS`."""
+        self._last = np.empty(0, TIMED_IMU)  # the last row used
+        self._tail = np.empty(0, TIMED_IMU)  # rows of equal values at the end; the first was passed on
+        self._long = False  # whether these are too many for a polled sensor
+        self._waiting = np.empty(0, TIMED_IMU)  # rows before the usual interval is known
+        self._intervals = np.empty(0)
+        self._since = 0  # intervals since the last median
+        self._back = 0  # rows refused since the last good one
+
+    def accept(self, rows: NDArray[np.void]) -> Iterator[Increments]:
+        """Yield the increments that follow from new rows; one element for each unbroken stream.
+
+        Parameters
+        ----------
+        rows : (n,) array of `TIMED_IMU`
+            Rows in the order of their arrival.
+        """
+        rows = self._usable(np.asarray(rows))
+        if self._back >= BACK_ROWS:
+            self._restart()
+        rows = self._without_repeats(self._increasing(rows))
+        if np.isnan(self.usual):
+            rows = self._waiting = np.concatenate((self._waiting, rows))
+            if rows.size <= FIRST_INTERVALS:
+                return
+            self._waiting = rows[:0]
+        yield from self._joined(rows)
+
+    def finish(self) -> Iterator[Increments]:
+        """Yield what still waits, after the last row of the stream: nothing more will decide about it."""
+        self._count(repeated=max(0, self._tail.size - 1))
+        self._tail = self._tail[:1]
+        rows, self._waiting = self._waiting, self._waiting[:0]
+        if rows.size > 1:
+            yield from self._joined(rows)
+
+    def _usable(self, rows: NDArray[np.void]) -> NDArray[np.void]:
+        good = np.isfinite(rows["time"])
+        good &= np.isfinite(rows["rate"]).all(axis=1) & np.isfinite(rows["force"]).all(axis=1)
+        if good.all():
+            return rows
+        self._count(unusable=int((~good).sum()))
+        return rows[good]
+
+    def _newest(self) -> float:
+        """Return the time of the last row accepted [s]."""
+        for part in (self._waiting, self._tail, self._last):
+            if part.size:
+                return float(part["time"][-1])
+        return -np.inf
+
+    def _increasing(self, rows: NDArray[np.void]) -> NDArray[np.void]:
+        """Drop the rows that are not later than all before; begin again if that happens to all of them."""
+        if not rows.size:
+            return rows
+        time = rows["time"]
+        highest = np.maximum.accumulate(np.append(self._newest(), time))[:-1]
+        good = time > highest
+        if good.all():
+            self._back = 0
+            return rows
+        self._count(late=int((~good).sum()))
+        after = int(np.flatnonzero(good)[-1]) + 1 if good.any() else 0
+        self._back = int((~good[after:]).sum()) + (0 if good.any() else self._back)
+        return rows[good]
+
+    def _restart(self) -> None:
+        """Forget the clock: it was set back."""
+        self._last = self._tail = self._waiting = self._last[:0]
+        self._long, self._back = False, 0
+
+    def _without_repeats(self, rows: NDArray[np.void]) -> NDArray[np.void]:
+        """Drop repeated values up to `MAX_REPEAT` in a row; the last row's values may still be repeated."""
+        if not rows.size:
+            return rows
+        before, rows = self._tail.size, np.concatenate((self._tail, rows))
+        values = np.concatenate((rows["rate"], rows["force"]), axis=1)
+        same = np.append(False, (values[1:] == values[:-1]).all(axis=1))
+        start = np.maximum.accumulate(np.where(same, 0, np.arange(same.size)))
+        runs = np.bincount(start, minlength=same.size)[start]
+        if self._long and before:
+            runs[start == 0] = MAX_REPEAT + 1
+        dropped = same & (runs <= MAX_REPEAT)
+        last = int(start[-1])
+        self._long = bool(runs[-1] > MAX_REPEAT)
+        self._tail = rows[-1:] if self._long else rows[last:]
+        if not self._long:
+            dropped[last:] = False
+        self._count(repeated=int(dropped.sum()))
+        passed = ~dropped
+        passed[: min(before, 1)] = False  # passed on before
+        if not self._long:
+            passed[last + 1 :] = False  # undecided
+        return rows[passed]
+
+    def _joined(self, rows: NDArray[np.void]) -> Iterator[Increments]:
+        """Yield increments from the row before on, split where samples are missing for too long."""
+        if not rows.size:
+            return
+        rows = np.concatenate((self._last, rows))
+        time = rows["time"]
+        dt = np.diff(time)
+        begins = not self._last.size
+        self._last = rows[-1:]
+        self._learn(dt)
+        broken = np.flatnonzero(dt > max(MAX_GAP, GAP_STEPS * self.usual))
+        self._count(
+            used=rows.size - (not begins),
+            marked=int(rows["gap"][0 if begins else 1 :].sum()),
+            breaks=broken.size,
+        )
+        first = 0
+        for end in (*(broken + 1).tolist(), rows.size):
+            if end - first > 1 or begins:
+                yield self._pieces(rows[first:end], begins=begins)
+            first, begins = end, True
+
+    def _pieces(self, rows: NDArray[np.void], *, begins: bool) -> Increments:
+        """Return the increments between rows without a break."""
+        time = rows["time"]
+        values = np.concatenate((rows["rate"], rows["force"]), axis=1)
+        magnetic = rows["magnetic"]
+        dt = np.diff(time)
+        wide = np.flatnonzero(dt > GAP_STEPS * self.usual)
+        gaps = tuple((float(time[i]), float(time[i + 1])) for i in wide)
+        if wide.size:
+            inner = [np.linspace(time[i], time[i + 1], round(dt[i] / self.usual) + 1)[1:-1] for i in wide]
+            times = np.sort(np.concatenate((time, *inner)))
+            values = np.stack([np.interp(times, time, column) for column in values.T], axis=-1)
+            field = np.full((times.size, 3), np.nan)
+            field[np.searchsorted(times, time)] = magnetic
+            self._count(gaps=wide.size, filled=times.size - time.size)
+            time, magnetic = times, field
+        increments = np.zeros_like(values)
+        increments[1:] = values[1:] * np.diff(time)[:, None]
+        kept = slice(0 if begins else 1, None)
+        return Increments(time[kept], increments[kept], magnetic[kept], gaps, begins)
+
+    def _learn(self, dt: FloatArray) -> None:
+        """Take the median of the last intervals, each time that a quarter of them is new."""
+        self._intervals = np.concatenate((self._intervals, dt))[-INTERVALS:]
+        self._since += dt.size
+        if np.isnan(self.usual) or self._since >= min(INTERVALS, self._intervals.size) / 4:
+            self.usual, self._since = float(np.median(self._intervals)), 0
+
+    def _count(self, **more: int) -> None:
+        if any(more.values()):
+            self.counts = self.counts._replace(
+                **{name: getattr(self.counts, name) + int(value) for name, value in more.items()}
+            )

@@ -1,0 +1,364 @@
+"""Live filter: the compiled step of the navigator over samples and fixes that arrive late.
+
+A fix arrives after samples that are later than itself, and a rest is known only after ten seconds. The filter
+therefore keeps copies of itself. When something becomes known about an earlier time, it returns to the last
+copy before that time and advances again over the samples since. Its history is then that of a filter that
+knew everything in time, which is what a batch run computes.
+"""
+
+from __future__ import annotations
+
+from typing import Final, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lab.live.rolling import Rolling
+from lab.navigation.belief import implausible
+from lab.navigation.error_models import ErrorModel
+from lab.navigation.filter import Filter
+from lab.navigation.kalman import MEASUREMENTS, gate
+from lab.navigation.lever_arm import NO_TURNS, WINDOW, turns
+from lab.navigation.navigator import POLAR, PolarError, advance
+from lab.navigation.schedule import Schedule
+from lab.navigation.settings import NavigatorSettings
+from lab.navigation.solution import NO_REST, Belief, Fixes, Imu, Solution, Start
+from lab.navigation.standstill import LEAST_SPEED, SHORTEST, SLOW, SPAN, at_rest
+
+FloatArray = NDArray[np.float64]
+
+BACK: Final = 20.0
+"""How far the filter can go back [s]: rest is known after ten seconds and a fix two seconds later, and a fix
+may be late."""
+COPY: Final = 0.25
+"""Time between two copies [s]: a fix costs half of it in samples that are computed again."""
+REFRESH: Final = 0.5
+"""Time without a fix after which a fix may show a rest [s]: `standstill` wants one within the second."""
+_ROUNDING: Final = 1e-6  # of time stamps, as in `recorded` [s]
+_SLACK: Final = 1e-3  # time about a fix within which its sample is looked for [s]
+_CHANGING: Final = (
+    "state",
+    "w",
+    "F",
+    "F_sum",
+    "F_step",
+    "T",
+    "clock",
+    "counts",
+    "streak",
+    "rest_sums",
+    "scalars",
+    "rest_scalars",
+)
+
+SAMPLES: Final = {
+    "time": ((), np.float64),
+    "dtheta": ((3,), np.float64),
+    "dvelocity": ((3,), np.float64),
+    "magnetic": ((3,), np.float64),
+    "rest": ((), np.bool_),
+    "position": ((3,), np.float64),
+    "velocity_n": ((3,), np.float64),
+    "q_nb": ((4,), np.float64),
+    "bias": ((6,), np.float64),
+    "covariance": ((2, 3), np.float64),
+}
+"""Columns of the samples: the increments that end at a time, and the solution there; ``variance`` is added."""
+FIXES: Final = {
+    "time": ((), np.float64),
+    "arrival": ((), np.float64),
+    "position": ((3,), np.float64),
+    "velocity_n": ((3,), np.float64),
+    "position_sigma": ((3,), np.float64),
+    "velocity_sigma": ((3,), np.float64),
+    "known_velocity": ((3,), np.float64),
+    "R": ((MEASUREMENTS, MEASUREMENTS), np.float64),
+    "variances": ((MEASUREMENTS,), np.float64),
+    "measured": ((), np.int64),
+    "turn": ((4,), np.float64),
+    "innovation": ((MEASUREMENTS,), np.float64),
+    "innovation_covariance": ((MEASUREMENTS, MEASUREMENTS), np.float64),
+    "sample": ((), np.int64),
+    "rejected": ((), np.bool_),
+    "recovered": ((), np.bool_),
+}
+"""Columns of the fixes: as they arrived, as the filter uses them, and what came of it."""
+_OF_SAMPLES: Final = ("position", "velocity_n", "q_nb", "bias", "variance", "covariance")
+
+
+class Gap(NamedTuple):
+    """A filled gap of the IMU: times [s], and densities (12,) of the process noise in it."""
+
+    start: float
+    end: float
+    noise: FloatArray
+
+
+class _Copy(NamedTuple):
+    sample: int
+    fix: int
+    values: tuple[NDArray[np.float64], ...]
+
+
+class LiveFilter:
+    """A filter over samples and fixes that are appended from outside.
+
+    Parameters
+    ----------
+    samples, fixes
+        Rows with the columns `SAMPLES` and `FIXES`; the filter writes the solution into them.
+    first
+        Number of the sample at which it starts.
+    start
+        The start, with the gyro bias.
+    assumed
+        The filter's assumptions; R of each fix is in its row.
+    navigator, schedule, model
+        Its settings, schedule and error model.
+    rests
+        Whether it uses rests that the fixes and the IMU show.
+    """
+
+    def __init__(
+        self,
+        samples: Rolling,
+        fixes: Rolling,
+        first: int,
+        start: Start,
+        assumed: Belief,
+        navigator: NavigatorSettings,
+        schedule: Schedule,
+        model: ErrorModel,
+        *,
+        rests: bool,
+    ) -> None:
+        self.samples, self.fixes, self.first = samples, fixes, first
+        self._begun = self._time(first)
+        self.at = first
+        """Number of the sample that it has reached."""
+        self.next_fix = fixes.number("time", self._time(first) + _ROUNDING, "right")
+        """Number of the next fix; the last one before the start was used for the start."""
+        self.gaps: list[Gap] = []
+        self.assumed, self.model = assumed, model
+        self._first_fix = self.next_fix
+        self._navigator, self._schedule, self._rests = navigator, schedule, rests
+        self._gates: dict[int, Schedule] = {}
+        self._run = Filter.begin(start, assumed._replace(R=np.eye(MEASUREMENTS)), self._time(first), model)
+        self._copies = [self._copy()]
+        self._stale = first + 1  # first sample whose solution must be computed again, beyond `at` if none
+        self._seconds = 0  # for which the rest was looked for
+        self._looks_changed = False
+        self._unturned = self.next_fix  # first fix whose rates may still change
+
+    @property
+    def P(self) -> FloatArray:  # noqa: N802
+        """Covariance (n, n) at `at`, of the model's own errors; a copy."""
+        return self._run.P[:, : self.model.states].copy()
+
+    @property
+    def state(self) -> FloatArray:
+        """State of the strapdown at `at`; a copy."""
+        return self._run.state.copy()
+
+    @property
+    def reach(self) -> float:
+        """Earliest time to which it can return [s]."""
+        return self._time(self._copies[0].sample)
+
+    def changed_fixes(self, start: int, end: int) -> None:
+        """Take note of fixes that arrived or changed.
+
+        Parameters
+        ----------
+        start, end
+            Their numbers; the time of each is later than `reach`.
+        """
+        times = self.fixes.rows("time", start, end)
+        self._stale = min(self._stale, self.samples.number("time", float(times[0]) - _SLACK))
+        square = self.fixes.rows("known_velocity", start, end) ** 2
+        variance = np.maximum(self.fixes.rows("variances", start, end)[:, 3:], LEAST_SPEED**2)
+        fast = bool((np.sum(square / variance, axis=1) > SLOW).any())
+        before = self.fixes.rows("time", max(start - 1, self.fixes.first), start)
+        alone = not before.size or float(times[0] - before[-1]) > REFRESH
+        self._looks_changed |= fast or alone
+
+    def advance(self) -> None:
+        """Advance to the last sample.
+
+        Raises
+        ------
+        PolarError
+            If a north-slaved navigator comes closer than 0.1° to a pole.
+        """
+        last = self.samples.end - 1
+        self._turn(last, settled=False)
+        self._look_for_rest(last)
+        if self._stale <= self.at:
+            self._return(self._stale)
+        while self.at < last:
+            self._go(self._next_stop(last))
+        self._stale = self.at + 1
+
+    def finish(self) -> None:
+        """Advance once more, with the averages over the last fixes that end with the last sample."""
+        self._turn(self.samples.end - 1, settled=True)
+        self.advance()
+
+    def _time(self, sample: int) -> float:
+        return float(self.samples.rows("time", sample, sample + 1)[0])
+
+    def _turn(self, last: int, *, settled: bool) -> None:
+        """Average the rates about new fixes, and again about those whose time is over."""
+        arm = self.assumed.lever_arm
+        if not arm.any():
+            return
+        now = self._time(last)
+        due = self.fixes.number("time", now, "right")
+        self._unturned = max(self._unturned, self.fixes.first)
+        if due <= self._unturned:
+            return
+        times = self.fixes.rows("time", self._unturned, due)
+        turn = self.fixes.rows("turn", self._unturned, due)
+        start = max(self.samples.number("time", float(times[0]) - 1.0), self.first)
+        imu = self._increments(start, last)
+        half = max(WINDOW, 2 * float(np.median(np.diff(imu.time)))) / 2
+        whole = times + half <= now
+        rows = (turn[:, 3] == 0) | whole | settled
+        if not rows.any():
+            return
+        turn[rows] = turns(imu, times[rows], arm)
+        first = float(times[int(np.argmax(rows))])
+        self._stale = min(self._stale, self.samples.number("time", first - _SLACK))
+        self._unturned += int(whole.size if whole.all() else np.argmin(whole))
+
+    def _look_for_rest(self, last: int) -> None:
+        """Mark the samples at rest as a batch run over the samples so far would."""
+        if not self._rests:
+            return
+        begun, now = self._begun, self._time(last)
+        seconds = int((now - begun) / SPAN)
+        if seconds == self._seconds and not self._looks_changed:
+            return
+        self._seconds, self._looks_changed = seconds, False
+        # A rest is one of `SHORTEST` seconds at least: as many before those that may change, and one more
+        # whose mean rate is not compared.
+        whole = max(0, seconds - int(BACK) - SHORTEST - 1)
+        grid = begun + SPAN * np.arange(whole, seconds + 1)
+        start = max(self.samples.number("time", float(grid[0]) - 1e-9), self.first)
+        fix = max(self._first_fix, self.fixes.number("time", float(grid[0]) - SPAN - _SLACK))
+        end = max(fix, self.fixes.number("time", now, "right"))
+        if grid.size < SHORTEST + 1 or end == fix:
+            return
+        fixes = Fixes(*(self.fixes.rows(name, fix, end) for name in ("time", "position", "known_velocity")))
+        R = self.fixes.rows("R", fix, end)
+        found = at_rest(self._increments(start, last), fixes, self.assumed._replace(R=R), grid)
+        free = 0 if whole == 0 else self.samples.number("time", begun + seconds - BACK) - start
+        kept = self.samples.rows("rest", start + 1, last + 1)
+        changed = np.flatnonzero(found[free:] != kept[free:])
+        if changed.size:
+            kept[free:] = found[free:]
+            self._stale = min(self._stale, start + 1 + free + int(changed[0]))
+
+    def _increments(self, start: int, end: int) -> Imu:
+        """Return the increments between two samples."""
+        return Imu(
+            self.samples.rows("time", start, end + 1),
+            self.samples.rows("dtheta", start + 1, end + 1),
+            self.samples.rows("dvelocity", start + 1, end + 1),
+        )
+
+    def _copy(self) -> _Copy:
+        return _Copy(self.at, self.next_fix, tuple(getattr(self._run, name).copy() for name in _CHANGING))
+
+    def _return(self, stale: int) -> None:
+        """Return to the last copy before a sample."""
+        while len(self._copies) > 1 and self._copies[-1].sample >= stale:
+            self._copies.pop()
+        copy = self._copies[-1]
+        for name, values in zip(_CHANGING, copy.values, strict=True):
+            getattr(self._run, name)[...] = values
+        self.at, self.next_fix = copy.sample, copy.fix
+
+    def _next_stop(self, last: int) -> int:
+        """Return the sample up to which the conditions are the same, at most that of the next copy."""
+        # Copies lie on a grid of time, so that a return does not shift them.
+        step = np.floor(self._time(self.at) / COPY + 1e-6) + 1
+        stop = min(last, max(self.at + 1, self.samples.number("time", step * COPY)))
+        for gap in self.gaps:
+            for edge in (gap.start, gap.end):
+                at = self.samples.number("time", edge - _ROUNDING)
+                if self.at < at < stop:
+                    stop = at
+        due = self.fixes.number("time", self._time(stop) + _SLACK, "right")
+        measured = self.fixes.rows("measured", self.next_fix, max(due, self.next_fix))
+        change = np.flatnonzero(np.diff(measured))
+        if change.size:
+            time = float(self.fixes.rows("time", self.next_fix, due)[change[0]])
+            stop = min(stop, max(self.at + 1, self.samples.number("time", time - _ROUNDING)))
+        return stop
+
+    def _conditions(self, end: int) -> tuple[Schedule, FloatArray]:
+        """Return the schedule up to a sample, with the gate of its fixes, and the process noise."""
+        count = MEASUREMENTS
+        if self.next_fix < self.fixes.end:
+            count = int(self.fixes.rows("measured", self.next_fix, self.next_fix + 1)[0])
+        if count not in self._gates:
+            self._gates[count] = self._schedule._replace(
+                gate=gate(self._navigator.gate, count), implausible=implausible(self._navigator, count)
+            )
+        noise = self.assumed.noise
+        for gap in self.gaps:
+            inside = gap.start - _ROUNDING <= self._time(self.at)
+            if inside and self._time(end) <= gap.end + _ROUNDING:
+                noise = gap.noise
+        return self._gates[count], noise
+
+    def _go(self, end: int) -> None:
+        """Advance to a sample under constant conditions."""
+        schedule, noise = self._conditions(end)
+        # The kernel stores the start itself if it begins with sample 0.
+        before = self.at - (self.at > self.first)
+        imu = self._increments(before, end)
+        imu = imu._replace(rest=self.samples.rows("rest", before + 1, end + 1) if self._rests else NO_REST)
+        due = max(self.next_fix, self.fixes.number("time", self._time(end) + _SLACK, "right"))
+        count = due - self.next_fix
+        shown = Fixes(
+            *(self.fixes.rows(name, self.next_fix, due) for name in ("time", "position", "known_velocity"))
+        )
+        arm = count > 0 and self.assumed.lever_arm.any()
+        run = self._run._replace(
+            R=self.fixes.rows("R", self.next_fix, due) if count else np.eye(MEASUREMENTS)[None],
+            turns=self.fixes.rows("turn", self.next_fix, due) if arm else NO_TURNS.copy(),
+        )
+        run.noise[:] = noise
+        run.counts[0] = 0
+        out = Solution.empty(end - before + 1, count, self.model.states)
+        stopped = advance(run, imu, shown, out, self.at - before, schedule, self.model)
+        if stopped < end - before + 1:
+            raise PolarError(POLAR.format(time=imu.time[stopped - 1]))
+        written = self.at if self.at == self.first else self.at + 1
+        for name in _OF_SAMPLES:
+            self.samples.rows(name, written, end + 1)[:] = getattr(out, name)[written - before :]
+        self._keep_fixes(out, int(run.counts[0]), before)
+        self.at = end
+        self._keep_copy()
+
+    def _keep_fixes(self, out: Solution, used: int, before: int) -> None:
+        """Keep what came of the fixes."""
+        start, end = self.next_fix, self.next_fix + used
+        for name in ("innovation", "innovation_covariance"):
+            self.fixes.rows(name, start, end)[:] = getattr(out, name)[:used]
+        sample = out.fix_sample[:used]
+        self.fixes.rows("sample", start, end)[:] = np.where(sample >= 0, sample + before, -1)
+        self.fixes.rows("rejected", start, end)[:] = out.fix_rejected[:used]
+        self.fixes.rows("recovered", start, end)[:] = out.fix_recovered[:used]
+        self.next_fix = end
+
+    def _keep_copy(self) -> None:
+        """Keep a copy on the grid of times, and forget those that are too old."""
+        now = self._time(self.at)
+        if np.floor(now / COPY + 1e-6) > np.floor(self._time(self._copies[-1].sample) / COPY + 1e-6):
+            self._copies.append(self._copy())
+            while len(self._copies) > 2 and self._time(self._copies[1].sample) < now - BACK:
+                self._copies.pop(0)
+            self.gaps = [gap for gap in self.gaps if gap.end > self.reach]

@@ -1,0 +1,111 @@
+"""Live history: what the live navigator showed, for plots; bounded, and never changed later."""
+
+from __future__ import annotations
+
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lab.live.live_state import Cursor, LiveHistory, euler_with_sigma
+from lab.live.rolling import Rolling
+
+FloatArray = NDArray[np.float64]
+
+RATE: Final = 20.0
+"""Rows of the history per second [Hz]: more than a plot shows."""
+KEPT: Final = 36000
+"""Rows that are kept: half an hour, in 25 MB."""
+FIXES_KEPT: Final = 18000
+"""Innovations that are kept: half an hour at 10 Hz, in 12 MB."""
+
+_ROWS: Final = {
+    "time": ((), np.float64),
+    "phase": ((), np.int64),
+    "position": ((3,), np.float64),
+    "velocity_n": ((3,), np.float64),
+    "q_nb": ((4,), np.float64),
+    "bias": ((6,), np.float64),
+    "variance": ((15,), np.float64),
+    "covariance": ((2, 3), np.float64),
+}
+_INNOVATIONS: Final = {
+    "time": ((), np.float64),
+    "innovation": ((6,), np.float64),
+    "innovation_covariance": ((6, 6), np.float64),
+    "rejected": ((), np.bool_),
+}
+
+
+class History:
+    """The history of a live navigator."""
+
+    def __init__(self) -> None:
+        self._rows = Rolling(_ROWS)
+        self._fixes = Rolling(_INNOVATIONS)
+        self._next = -np.inf  # time from which the next row is kept
+
+    def add(self, samples: Rolling, start: int, epoch: float, phase: int, *, has_position: bool) -> None:
+        """Keep new samples, at `RATE`.
+
+        Parameters
+        ----------
+        samples
+            Rows with a solution.
+        start
+            Number of the first new one.
+        epoch
+            Time of the host at their time 0 [s].
+        phase
+            Number of the phase.
+        has_position
+            Whether position and velocity mean something.
+        """
+        time = samples.rows("time", start, samples.end) + epoch
+        if not time.size or time[-1] < self._next:
+            return
+        step = np.floor(time * RATE)
+        rows = np.flatnonzero((np.diff(step, prepend=step[0] - 1) > 0) & (time >= self._next))
+        self._next = float(np.floor(time[-1] * RATE) + 1) / RATE
+        end = self._rows.end + rows.size
+        self._rows.extend(rows.size)
+        for name in ("position", "velocity_n", "q_nb", "bias", "variance", "covariance"):
+            values = samples.rows(name, start, samples.end)[rows]
+            self._rows.rows(name, end - rows.size, end)[:] = values[:, :15] if name == "variance" else values
+        self._rows.rows("time", end - rows.size, end)[:] = time[rows]
+        self._rows.rows("phase", end - rows.size, end)[:] = phase
+        if not has_position:
+            for name in ("position", "velocity_n"):
+                self._rows.rows(name, end - rows.size, end)[:] = np.nan
+        self._rows.forget(end - KEPT)
+
+    def add_fixes(self, fixes: Rolling, start: int, end: int, epoch: float) -> None:
+        """Keep the innovations of fixes by their numbers; `epoch` as of `add`."""
+        self._fixes.extend(end - start)
+        last = self._fixes.end
+        for name in _INNOVATIONS:
+            self._fixes.rows(name, last - end + start, last)[:] = fixes.rows(name, start, end)
+        self._fixes.rows("time", last - end + start, last)[:] += epoch
+        self._fixes.forget(last - FIXES_KEPT)
+
+    def since(self, cursor: Cursor) -> tuple[Cursor, LiveHistory]:
+        """Return the rows since a cursor that are still kept, and the next cursor."""
+        rows, fixes = self._rows, self._fixes
+        start = min(max(cursor.row, rows.first), rows.end)
+        first = min(max(cursor.fix, fixes.first), fixes.end)
+        part = {name: rows.rows(name, start, rows.end).copy() for name in _ROWS}
+        euler, sigma = euler_with_sigma(part["q_nb"], part["variance"], part["covariance"])
+        with np.errstate(invalid="ignore"):
+            sigmas = np.sqrt(part["variance"])
+        seen = [fixes.rows(name, first, fixes.end).copy() for name in _INNOVATIONS]
+        return Cursor(rows.end, fixes.end), LiveHistory(
+            part["time"],
+            part["phase"],
+            part["position"],
+            part["velocity_n"],
+            euler,
+            sigma,
+            part["bias"],
+            sigmas,
+            *seen,
+        )

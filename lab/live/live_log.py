@@ -1,0 +1,114 @@
+"""Live log: timed samples as a sensor log, for the batch and for the library of missions."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lab.live.samples import FIX_3D
+from lab.logs.auxiliary_data import AuxiliaryData, Magnetometer
+from lab.logs.sensor_log import GnssLog, SensorLog, believed_sigma, repaired
+
+FloatArray = NDArray[np.float64]
+
+MICROTESLA = 1e6
+"""Microtesla per tesla: logs have the field in µT."""
+
+
+def log_of(
+    name: str,
+    imu: NDArray[np.void],
+    fixes: NDArray[np.void],
+    lever_arm: FloatArray | None = None,
+    latency: float = 0.0,
+    vehicle: str = "",
+) -> SensorLog:
+    """Return timed samples as a sensor log, repaired.
+
+    Rows of the IMU without time, rate or force, rows that are not later than all before, and fixes without a
+    position in three dimensions are left out, as by the live navigator.
+
+    Parameters
+    ----------
+    name
+        The source, for messages.
+    imu : (n,) array of `lab.live.timed.TIMED_IMU`
+        Rows of the IMU, in b.
+    fixes : (m,) array of `lab.live.timed.TIMED_FIX`
+        Fixes of the antenna.
+    lever_arm : (3,) array
+        From the IMU to the antenna, in b; zero if it is left out [m].
+    latency
+        How much later than the fixes their times are [s].
+    vehicle
+        Name of the vehicle, as in `lab.logs.vehicle.VEHICLES`; empty if unknown.
+
+    Raises
+    ------
+    MissionError
+        If IMU and receiver have too little in common.
+    """
+    imu = imu[usable_imu(imu)]
+    imu = imu[_increasing(imu["time"])]
+    fixes = fixes[usable_fixes(fixes)]
+    fixes = fixes[_increasing(fixes["time"])]
+    return repaired(
+        name,
+        imu["time"].copy(),
+        np.concatenate((imu["rate"], imu["force"]), axis=1),
+        gnss_of(fixes, lever_arm, latency),
+        auxiliary=AuxiliaryData(vehicle, magnetometer=magnetometer_of(imu["time"], imu["magnetic"])),
+    )
+
+
+def gnss_of(fixes: NDArray[np.void], lever_arm: FloatArray | None = None, latency: float = 0.0) -> GnssLog:
+    """Return fixes as those of a log; arguments as of `log_of`."""
+    level, up, speed = (
+        believed_sigma(fixes[name]) for name in ("horizontal_sigma", "vertical_sigma", "speed_sigma")
+    )
+    return GnssLog(
+        time=fixes["time"].copy(),
+        position=np.stack([fixes[name] for name in ("latitude", "longitude", "height")], axis=-1),
+        velocity_n=np.where(np.isfinite(fixes["velocity_n"]), fixes["velocity_n"], np.nan),
+        position_sigma=np.stack((level, level, up), axis=-1),
+        velocity_sigma=np.stack((speed, speed, speed), axis=-1),
+        lever_arm=np.zeros(3) if lever_arm is None else np.array(lever_arm, dtype=np.float64),
+        latency=latency,
+    )
+
+
+def magnetometer_of(time: FloatArray, magnetic: FloatArray) -> Magnetometer | None:
+    """Return the measured field as that of a log; None if there is none.
+
+    Parameters
+    ----------
+    time : (n,) array
+        Times [s].
+    magnetic : (n, 3) array
+        Field in b [T]; NaN where it was not measured.
+    """
+    rows = np.isfinite(magnetic).all(axis=1)
+    if not rows.any():
+        return None
+    return Magnetometer(time[rows].copy(), magnetic[rows] * MICROTESLA)
+
+
+def usable_imu(imu: NDArray[np.void]) -> NDArray[np.bool_]:
+    """Return the mask (n,) of the rows with time, rate and force."""
+    good = np.isfinite(imu["time"]) & np.isfinite(imu["rate"]).all(axis=1)
+    return np.asarray(good & np.isfinite(imu["force"]).all(axis=1))
+
+
+def usable_fixes(fixes: NDArray[np.void]) -> NDArray[np.bool_]:
+    """Return the mask (m,) of the fixes with a time and a position in three dimensions.
+
+    A fix whose type the device does not send, -1, is used if it has a position.
+    """
+    good = np.isfinite(fixes["time"]) & np.isfinite(fixes["longitude"]) & np.isfinite(fixes["height"])
+    good &= np.abs(fixes["latitude"]) <= np.pi / 2  # NaN is not
+    return np.asarray(good & ((fixes["fix_type"] >= FIX_3D) | (fixes["fix_type"] < 0)))
+
+
+def _increasing(time: FloatArray) -> NDArray[np.bool_]:
+    """Return the mask (n,) of the times that are later than all before."""
+    return np.asarray(time > np.maximum.accumulate(np.append(-np.inf, time))[:-1])

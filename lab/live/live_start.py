@@ -1,0 +1,137 @@
+"""Live start: when the samples and fixes so far suffice to start the navigator, and the start they give.
+
+The batch looks at a whole log and carries the first heading back to its first sample. The live navigator waits
+for that heading, starts at the same sample, and then processes what has waited.
+"""
+
+from __future__ import annotations
+
+from typing import Final, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lab.live.live_log import magnetometer_of
+from lab.live.rolling import Rolling
+from lab.logs.auxiliary_data import AuxiliaryData
+from lab.logs.sensor_log import MIN_OVERLAP
+from lab.logs.velocity_matching import WINDOW
+from lab.navigation.alignment import REST_SPEED, Alignment, align
+from lab.navigation.initial_heading import Hints, shows_course
+from lab.navigation.settings import NavigatorSettings
+from lab.navigation.solution import Fixes, Imu
+from lab.navigation.standstill import SHORTEST
+
+FloatArray = NDArray[np.float64]
+
+AGAIN: Final = 10.0
+"""Time between two attempts to find the heading from the change of the velocity [s]: one takes 0.1 s and more,
+and looks at windows that are as long."""
+_LATEST_GIVEN: Final = 1.0  # time of the first sample at which a given heading still holds [s]
+_ROUNDING: Final = 1e-6  # of time stamps, as in `recorded` [s]
+
+
+class Sought(NamedTuple):
+    """The result of an attempt to start.
+
+    Attributes
+    ----------
+    alignment : Alignment or None
+        The start, if it was found.
+    first : int
+        Number of the sample at which it is.
+    why : str
+        What is missing; empty if nothing is.
+    """
+
+    alignment: Alignment | None
+    first: int
+    why: str
+
+
+class LiveStart:
+    """The search for a start, once a second.
+
+    Parameters
+    ----------
+    navigator
+        The settings, with the vehicle and a given heading.
+    """
+
+    def __init__(self, navigator: NavigatorSettings) -> None:
+        self._navigator = navigator
+        self._tried = -np.inf  # time of the last attempt by the change of the velocity
+
+    def seek(self, samples: Rolling, fixes: Rolling, shown: tuple[float, float, str] | None = None) -> Sought:
+        """Return the start, if the data so far give one.
+
+        Parameters
+        ----------
+        samples, fixes
+            Rows as of `live_filter`.
+        shown
+            Heading at the first sample with a fix that the IMU alone shows, its σ [rad] and its source; None
+            if it shows none.
+        """
+        if len(fixes) < 2:
+            return Sought(
+                None, 0, "No GPS fix has come yet." if not len(fixes) else "A second fix is missing."
+            )
+        times = fixes.column("time")
+        first = samples.number("time", float(times[0]) - _ROUNDING)
+        now = float(samples.column("time")[-1])
+        overlap = min(now, float(times[-1])) - max(float(times[0]), float(samples.column("time")[0]))
+        if overlap < MIN_OVERLAP:
+            return Sought(None, first, f"IMU and GPS have {max(overlap, 0.0):.0f} s in common; it takes "
+                          f"{MIN_OVERLAP:g} s.")  # fmt: skip
+        imu = Imu(*(samples.rows(name, first, samples.end) for name in ("time", "dtheta", "dvelocity")))
+        imu = Imu(imu.time, imu.dtheta[1:], imu.dvelocity[1:])
+        known = Fixes(*(fixes.column(name) for name in ("time", "position", "known_velocity")))
+        sigma = np.sqrt(fixes.column("variances")[:, 3:])
+        magnetometer = magnetometer_of(imu.time, samples.rows("magnetic", first, samples.end))
+        hints = Hints.of(
+            AuxiliaryData(magnetometer=magnetometer),
+            self._navigator.vehicle,
+            self._navigator.initial_heading,
+            self._navigator.initial_heading_uncertainty,
+        )
+        if samples.first > 0 or imu.time[0] > _LATEST_GIVEN:
+            hints = hints._replace(given=np.nan)
+        by_imu = np.isnan(hints.given) and shown is not None
+        if by_imu and shown is not None:
+            hints = hints._replace(given=shown[0], given_sigma=shown[1])
+        if not self._is_worth_it(hints, known, sigma, now):
+            return Sought(None, first, f"The heading is unknown: {HOW}.")
+        made = align(imu, known, sigma, hints)
+        if not made.heading.source:
+            return Sought(None, first, f"The heading is unknown: {HOW}.")
+        at_rest_still = made.rest >= int(now - imu.time[0]) - 1
+        if made.rest and at_rest_still and made.rest < SHORTEST:
+            return Sought(None, first, f"At rest for {made.rest:.0f} s; levelling takes {SHORTEST} s.")
+        if by_imu and shown is not None:
+            made = made._replace(heading=made.heading._replace(source=shown[2]))
+        return Sought(made, first, "")
+
+    def _is_worth_it(self, hints: Hints, fixes: Fixes, sigma: FloatArray, now: float) -> bool:
+        """Return whether an attempt may succeed: it costs too much to try it each second."""
+        if np.isfinite(hints.given) or hints.magnetometer is not None:
+            return True
+        fast = shows_course(fixes, sigma)
+        course = np.flatnonzero(fast[1:] & fast[:-1])
+        if course.size and np.isfinite(hints.vehicle.sideslip):
+            # The motion may contradict the course of an unknown vehicle.
+            wait = 0.0 if hints.vehicle.name else WINDOW
+            return now - float(fixes.time[course[0]]) >= wait
+        speed = np.linalg.norm(fixes.velocity_n[:, :2], axis=1)
+        moves = bool((speed[fixes.time > now - AGAIN] > REST_SPEED).any())
+        if moves and now - self._tried >= AGAIN:
+            self._tried = now
+            return True
+        return False
+
+
+HOW: Final = (
+    "the vehicle must move faster than 1 m/s, or the heading be given (navigator.initial_heading), or a "
+    "magnetometer or better gyros show it"
+)
+"""What gives a heading."""
