@@ -13,18 +13,15 @@ from numpy.typing import NDArray
 
 from lab.live.axis_map import AxisMap
 from lab.live.device_clock import DeviceClock
+from lab.live.live_log import log_of
 from lab.live.raw_recording import DATA, read_header, records
 from lab.live.reception import Reception
 from lab.live.replay import LOST
 from lab.live.transport import TransportError
-from lab.logs.auxiliary_data import AuxiliaryData, Magnetometer
-from lab.logs.sensor_log import GnssLog, SensorLog, believed_sigma, repaired
-from lab.recordings.mission_error import MissionError
+from lab.logs.sensor_log import SensorLog
 
 Rows = NDArray[np.void]
 
-MICROTESLA = 1e-6
-"""[T]."""
 LATENCY = 0.1
 """Lateness of the fixes of a receiver whose clock is not that of the IMU [s]: between validity and arrival,
 receivers compute and send for 0.05 to 0.2 s."""
@@ -140,74 +137,6 @@ def _event(data: bytes) -> dict[str, Any]:
     return event if isinstance(event, dict) else {}
 
 
-def log_of(
-    imu: Rows,
-    fix: Rows,
-    name: str,
-    *,
-    lever_arm: tuple[float, float, float] = (0.0, 0.0, 0.0),
-    latency: float = 0.0,
-) -> SensorLog:
-    """Return timed samples as a sensor log, repaired as logs are.
-
-    Parameters
-    ----------
-    imu, fix
-        Samples and fixes.
-    name
-        The source, for messages.
-    lever_arm
-        From the IMU to the antenna, forward, right, down [m].
-    latency
-        Time stamps of the fixes minus their times of validity [s].
-
-    Raises
-    ------
-    MissionError
-        If there are too few of them.
-    """
-    known = np.isfinite(imu["rate"]).all(axis=1) & np.isfinite(imu["force"]).all(axis=1)
-    imu = imu[known]
-    if not len(imu):
-        raise MissionError(f"{name}: no sample has both rates and forces; accepted is an IMU with both")
-    samples = np.concatenate((imu["rate"], imu["force"]), axis=1)
-    log = repaired(
-        name,
-        np.ascontiguousarray(imu["time"]),
-        samples,
-        _gnss(fix, lever_arm, latency),
-        auxiliary=AuxiliaryData(magnetometer=_magnetometer(imu)),
-    )
-    remarks = []
-    if not known.all():
-        remarks.append(f"{int((~known).sum())} samples without rates or forces were dropped.")
-    if (fix["sea_level"] == 1).any():
-        remarks.append("Heights are above the sea: the receiver does not give that of the geoid.")
-    return replace(log, repairs=(*log.repairs, *remarks))
-
-
-def _gnss(fix: Rows, lever_arm: tuple[float, float, float], latency: float) -> GnssLog:
-    level, vertical, speed = (
-        believed_sigma(fix[name]) for name in ("horizontal_sigma", "vertical_sigma", "speed_sigma")
-    )
-    return GnssLog(
-        time=np.ascontiguousarray(fix["time"]),
-        position=np.stack([fix[name] for name in ("latitude", "longitude", "height")], axis=-1),
-        velocity_n=np.ascontiguousarray(fix["velocity_n"]),
-        position_sigma=np.stack((level, level, vertical), axis=-1),
-        velocity_sigma=np.stack((speed, speed, speed), axis=-1),
-        lever_arm=np.array(lever_arm, dtype=float),
-        latency=latency,
-    )
-
-
-def _magnetometer(imu: Rows) -> Magnetometer | None:
-    there = np.isfinite(imu["magnetic"]).all(axis=1) & (imu["magnetic"] != 0).any(axis=1)
-    if not there.any():
-        return None
-    return Magnetometer(np.ascontiguousarray(imu["time"][there]), imu["magnetic"][there] / MICROTESLA)
-
-
 def log_of_recording(
     path: str | os.PathLike[str],
     *,
@@ -239,4 +168,6 @@ def log_of_recording(
     found = recorded_samples(path, **options)
     if latency is None:
         latency = LATENCY if found.reception.fix_clock.steps else 0.0
-    return log_of(found.imu, found.fix, Path(path).name, lever_arm=lever_arm, latency=latency)
+    log = log_of(Path(path).name, found.imu, found.fix, np.array(lever_arm), latency)
+    above_sea = "Heights are above the sea: the receiver does not give that of the geoid."
+    return replace(log, repairs=(*log.repairs, above_sea)) if (found.fix["sea_level"] == 1).any() else log

@@ -1,0 +1,75 @@
+"""Live verdict: what the innovations of a stream say so far, as the batch run on its log says it."""
+
+from __future__ import annotations
+
+import uuid
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+
+from lab.analysis.verdict import Verdict
+from lab.cache import StageCache
+from lab.experiment import Experiment
+from lab.log_run import run_log
+from lab.logs.sensor_log import SensorLog
+from lab.missions.log_mission import LogMission
+from lab.navigation.settings import NavigatorSettings
+from lab.result import Result
+from lab.sensors.suite import SensorSuite
+
+ROOM = 64 * 2**20
+"""Room for the stages of one verdict [bytes]."""
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class StreamedMission(LogMission):
+    """A log that is in memory only.
+
+    Attributes
+    ----------
+    streamed : SensorLog
+        The log.
+    """
+
+    streamed: SensorLog = None  # type: ignore[assignment]  # given always; the fields before it have defaults
+
+    @cached_property
+    def log(self) -> SensorLog:
+        """The log."""
+        return self.streamed
+
+    def log_of(self, vehicle: str = "") -> SensorLog:
+        """Return the log; the vehicle is in the settings."""
+        return self.streamed
+
+    @cached_property
+    def content_hash(self) -> str:
+        """A key that no other log has."""
+        return uuid.uuid4().hex
+
+
+def batch_of(log: SensorLog, sensors: SensorSuite, navigator: NavigatorSettings) -> Result:
+    """Return the batch run on the log of a stream.
+
+    Parameters
+    ----------
+    log
+        The log so far.
+    sensors, navigator
+        The assumptions of the filter.
+
+    Raises
+    ------
+    MissionError, SettingError, ValueError
+        As `lab.log_run.run_log`.
+    """
+    experiment = Experiment(mission=log.name)
+    experiment.sensors.update(sensors.to_dict())
+    experiment.navigator.update(navigator.to_dict())
+    mission = StreamedMission(log.name, Path(), title=log.name, streamed=log)
+    return run_log(experiment, mission, StageCache(limit=ROOM), lambda _stage, _part: None)
+
+
+def verdict_of(log: SensorLog, sensors: SensorSuite, navigator: NavigatorSettings) -> Verdict:
+    """Return the verdict on the log of a stream; arguments and exceptions as of `batch_of`."""
+    return batch_of(log, sensors, navigator).verdict
