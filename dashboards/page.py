@@ -24,6 +24,7 @@ from dashboards.pages.budget import Budget
 from dashboards.pages.consistency import Consistency
 from dashboards.pages.ground_track import GroundTrack
 from dashboards.pages.innovations import Innovations
+from dashboards.pages.live import Live
 from dashboards.pages.missions import Missions
 from dashboards.pages.models import Models
 from dashboards.pages.summary import Summary
@@ -60,6 +61,7 @@ PAGES: tuple[type[Page], ...] = (
     View3D,
     Budget,
     Summary,
+    Live,
 )
 
 
@@ -83,6 +85,7 @@ class SimulatorPage:
         self._steps: list[Callable[[], None]] = []
         self._openings = Openings.of(document)
         self._closed = False
+        self._visible: Page | None = None
         self._address = Address(self.session, document)
         self._progress = Progress(self.session)
         self._reason = Notice(margin=(16, 20))
@@ -225,6 +228,11 @@ class SimulatorPage:
             view = self._reason.view if reason else page.view  # a page may have changed its plots
             if self._stage.objects != [view]:
                 self._stage[:] = [view]
+            if page is not self._visible:
+                if self._visible is not None:
+                    self._visible.hide()
+                self._visible = page
+                page.appear()
 
     @contextmanager
     def _failures_shown(self) -> Iterator[None]:

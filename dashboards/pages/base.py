@@ -78,6 +78,12 @@ class Page(ABC):
     def show_time(self, time: float) -> None:  # noqa: B027 - most pages have nothing to do
         """Follow the time cursor."""
 
+    def appear(self) -> None:  # noqa: B027 - most pages have nothing to do
+        """Begin what goes on while the page is visible."""
+
+    def hide(self) -> None:  # noqa: B027 - most pages have nothing to do
+        """Stop what goes on while the page is visible."""
+
     def dress(self, dark: bool) -> None:  # noqa: B027 - most pages are dressed by the frame
         """Follow the theme of the frame, dark or light."""
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
@@ -89,7 +88,7 @@ def _simulated(address: Address) -> Transport:
     # Simulating takes the whole laboratory, a serial port does not.
     from lab.live.simulated_device import Misbehaviour, SimulatedDevice  # noqa: PLC0415
     from lab.live.simulated_flight import REST, SimulatedFlight  # noqa: PLC0415
-    from lab.live.simulated_link import link_of  # noqa: PLC0415
+    from lab.live.simulated_link import link_of, local_link  # noqa: PLC0415
     from lab.live.simulated_transport import SimulatedTransport  # noqa: PLC0415
 
     address.check(
@@ -105,24 +104,17 @@ def _simulated(address: Address) -> Transport:
         rest=address.number("rest", _USUAL_REST if address.place == REST else 0.0, 0.0, _LONGEST_REST, "s"),
         axes=AxisMap.of(mounted) if mounted else None,
     )
-    over = options.get("over", "pty" if os.name == "posix" and _has_serial() else "tcp:0")
-    if over.startswith("udp"):
+    over = options.get("over")
+    if over is not None and over.startswith("udp"):
         raise TransportError(f"{address}: over = {over!r}; accepted are pty and tcp:0")
     misbehaviour = Misbehaviour(
         address.number("corruption", 0.0, 0.0, _MAX_CORRUPTION),
         1e-3 * address.number("jitter_ms", 0.0, 0.0, _MAX_JITTER, "ms"),
         1e-6 * address.number("drift_ppm", 0.0, -_MAX_DRIFT, _MAX_DRIFT, "ppm"),
     )
-    device = SimulatedDevice(flight, options.get("device", "vectornav"), link_of(over), misbehaviour)
+    link = local_link() if over is None else link_of(over)
+    device = SimulatedDevice(flight, options.get("device", "vectornav"), link, misbehaviour)
     return SimulatedTransport(str(address), device)
-
-
-def _has_serial() -> bool:
-    try:
-        import serial  # noqa: F401, PLC0415 - an extra
-    except ImportError:
-        return False
-    return True
 
 
 _TRANSPORTS: Mapping[str, Callable[[Address], Transport]] = {

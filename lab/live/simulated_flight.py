@@ -149,6 +149,14 @@ def _mission(name: str, rest: float, folder: Path) -> str:
     return _written(_after_rest(recording, rest), folder)
 
 
+def begins_at_rest(name: str) -> bool:
+    """Return whether a mission begins at rest, so that a longer rest can go before it."""
+    found = mission(name)
+    if isinstance(found, LogMission):
+        return False
+    return float(np.linalg.norm(found.recording.velocity_n[0])) <= _STANDS
+
+
 def _standing(seconds: float) -> Recording:
     """Return the recording of a device on a table."""
     time = np.arange(0.0, seconds + _STEP / 2, _STEP)

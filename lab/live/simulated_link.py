@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import os
 import socket
+from importlib.util import find_spec
 from typing import Protocol
 
 from lab.live.transport import TransportError
@@ -171,6 +172,13 @@ class UdpSender:
         found, self._socket = self._socket, None
         if found is not None:
             found.close()
+
+
+def local_link() -> Link:
+    """Return the best link within this computer: a pseudo-terminal, which is read like a serial port."""
+    if os.name == "posix" and find_spec("serial") is not None:
+        return PseudoTerminal()
+    return TcpServer()
 
 
 def link_of(text: str) -> Link:

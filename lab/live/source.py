@@ -9,7 +9,7 @@ from collections import deque
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, Self
+from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
 
@@ -20,6 +20,9 @@ from lab.live.raw_recording import RawWriter, RecordingError
 from lab.live.reception import Loss, Reception
 from lab.live.ring import Cursor, Read, Ring
 from lab.live.transport import Chunk, Transport
+
+if TYPE_CHECKING:
+    from lab.live.simulated_device import SimulatedDevice
 
 OPENING, STREAMING, STALE, LOST, ENDED = "opening", "streaming", "stale", "lost", "ended"
 """States of a source."""
@@ -191,6 +194,15 @@ class Source:
     def ended(self) -> bool:
         """Whether nothing more will come."""
         return self._state == ENDED
+
+    @property
+    def device(self) -> SimulatedDevice | None:
+        """The simulated device that it reads, if it reads one."""
+        return getattr(self._transport, "device", None)
+
+    def fixes_since(self, cursor: Cursor) -> Read:
+        """Return the fixes after a cursor, without the samples of the IMU."""
+        return self._ring.since(Cursor(self._ring.end.imu, cursor.fix))
 
     @property
     def recording(self) -> bool:

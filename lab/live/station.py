@@ -3,20 +3,29 @@
 from __future__ import annotations
 
 import threading
-import time
 from collections.abc import Callable, Hashable
 
+import numpy as np
+from numpy.typing import NDArray
+
 from lab.live.live_navigator import LiveNavigator
-from lab.live.live_state import Cursor, LiveHistory, LiveState
+from lab.live.live_state import COASTING, NAVIGATING, Cursor, LiveHistory, LiveState
+from lab.live.live_verdict import verdict_of
+from lab.live.ring import Read
 from lab.live.source import Source, Status
 from lab.live.thinned import Thinned
 from lab.live.transport import TransportError
-from lab.logs.sensor_log import SensorLog
+from lab.navigation.settings import NavigatorSettings
+from lab.sensors.suite import SensorSuite
 
 MOST = 8
 """Most stations of a server at a time: each has threads, and a navigator at 1 kHz takes a tenth of a core."""
 PERIOD = 0.05
 """Longest time between two turns of a station [s]: what is shown is late by no more."""
+JUDGED = 10.0
+"""Time between two verdicts [s]: a batch run over two minutes and its verdict take half a second."""
+FEWEST = 10
+"""Fewest new fixes for a new verdict."""
 
 
 class Station:
@@ -26,25 +35,40 @@ class Station:
     ----------
     source
         The source, which the station starts and ends.
-    navigator
-        Navigates with its samples; used by the station's thread alone.
+    sensors, navigator
+        The assumptions of the live navigator.
     name
         What people call it.
+
+    Attributes
+    ----------
+    zero, newest : float
+        Times of the first sample or fix, and of the newest one [s].
+    failure : str
+        Why the navigator has ended; empty while it has not.
+    verdict : str
+        What the innovations say so far; empty while there are too few.
     """
 
-    def __init__(self, source: Source, navigator: LiveNavigator, name: str) -> None:
+    def __init__(self, source: Source, sensors: SensorSuite, navigator: NavigatorSettings, name: str) -> None:
         self.source = source
         self.name = name
         self.thinned = Thinned()
-        self.begun = time.monotonic()
+        self.zero = self.newest = 0.0
         self.failure = ""
-        self._navigator = navigator
-        self._state = navigator.state
+        self.verdict = ""
+        self._sensors, self._settings = sensors, navigator
+        self._navigator = LiveNavigator(sensors, navigator)
+        self._state = self._navigator.state
         self._lock = threading.Lock()  # of the navigator
         self._ending = threading.Event()
-        self._thread = threading.Thread(target=self._run, name=f"station {name}", daemon=True)
+        self._threads = [
+            threading.Thread(target=work, name=f"{word} {name}", daemon=True)
+            for word, work in (("station", self._run), ("verdict", self._judge))
+        ]
         source.start()
-        self._thread.start()
+        for thread in self._threads:
+            thread.start()
 
     @property
     def status(self) -> Status:
@@ -61,18 +85,12 @@ class Station:
         with self._lock:
             return self._navigator.since(cursor)
 
-    def log(self) -> SensorLog:
-        """Return the samples that the navigator keeps as a log; raises `ValueError` if there are too few."""
-        with self._lock:
-            if not self._state.fixes_used:
-                raise ValueError("no fix has been used yet")
-            return self._navigator.log()
-
     def _run(self) -> None:
         cursor = None
         while not self._ending.is_set():
             read = self.source.since(cursor)
             cursor = read.cursor
+            self._note(read)
             self.thinned.add(read.imu)
             self._navigate(read.imu, read.fix)
             if self.source.ended and self.source.end == cursor:
@@ -81,13 +99,35 @@ class Station:
             # Samples are taken together: a turn for each would cost ten times as much.
             self._ending.wait(PERIOD)
 
-    def _navigate(self, imu: object, fix: object) -> None:
+    def _note(self, read: Read) -> None:
+        """Take note of the times of the first and the newest sample or fix."""
+        for rows in (read.imu, read.fix):
+            if len(rows):
+                self.zero = self.zero or float(rows["time"][0])
+                self.newest = max(self.newest, float(rows["time"][-1]))
+
+    def _judge(self) -> None:
+        """Ask now and then what the innovations say."""
+        judged = 0
+        while not self._ending.wait(JUDGED):
+            used = self._state.fixes_used
+            if used - judged < FEWEST or self._state.phase not in (NAVIGATING, COASTING):
+                continue
+            judged = used
+            try:
+                with self._lock:
+                    log = self._navigator.log()
+                self.verdict = str(verdict_of(log, self._sensors, self._settings))
+            except ValueError as error:  # too few fixes for a batch run, or it diverges
+                self.verdict = f"None: {error}."
+
+    def _navigate(self, imu: NDArray[np.void], fix: NDArray[np.void]) -> None:
         """Feed the navigator; if it fails, the samples are still shown and recorded."""
         if self.failure:
             return
         try:
             with self._lock:
-                self._navigator.feed(imu, fix)  # type: ignore[arg-type]
+                self._navigator.feed(imu, fix)
                 self._state = self._navigator.state
         except Exception as error:
             self.failure = f"The navigator failed: {type(error).__name__}: {error}"
@@ -97,7 +137,8 @@ class Station:
         """End the threads, and free the port; may be repeated."""
         self._ending.set()
         self.source.close()
-        self._thread.join()
+        for thread in self._threads:
+            thread.join()
 
 
 class Stations:

@@ -1,0 +1,218 @@
+"""Live: a stream of a sensor, shown and navigated with as it comes."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any, Self
+
+import panel as pn
+import panel_material_ui as pmui
+
+from dashboards.devices import STATIONS
+from dashboards.pages.base import Page, plot_grid
+from dashboards.pages.live.recorder import Recorder
+from dashboards.pages.live.source_fields import SourceFields
+from dashboards.pages.live.status_line import StatusLine
+from dashboards.pages.missions.entry_fields import WHOLE, WRAP, sized
+from dashboards.pages.missions.job import Job
+from dashboards.sending import together
+from dashboards.session import Session
+from lab.live.live_state import Cursor
+from lab.live.ring import Cursor as RingCursor
+from lab.live.station import Station
+from lab.result import Result
+from lab.views.figures import TimeAxis
+from lab.views.live_figures import WINDOWS, LiveFigures
+
+TICK = 100
+"""Time between two updates of the plots [ms]."""
+TELL = 5
+"""Updates of the plots for one of the words."""
+AWAY = 3.0
+"""Length of the unplugging that a person may try [s]."""
+_SMALL: dict[str, Any] = {"size": "small", "variant": "outlined", "margin": (10, 4)}
+
+
+class Live(Page):
+    """Streams: rates, forces, attitude, position and innovations as they come."""
+
+    title = "Live"
+    depends_on_window = False
+
+    def __init__(self, axis: TimeAxis, session: Session) -> None:
+        self._session = session
+        self._document = pn.state.curdoc
+        self._key = ""
+        self._station: Station | None = None
+        self._cursors: tuple[int, Cursor, RingCursor] = (0, Cursor(), RingCursor())
+        self._periodic: Any = None
+        self._ticks = 0
+        self._visible = False
+        super().__init__(axis)
+
+    @classmethod
+    def of(cls, axis: TimeAxis, session: Session) -> Self:
+        """Return the page for a session."""
+        return cls(axis, session)
+
+    def make(self) -> pn.viewable.Viewable:
+        """Return the choice of a source, its state, and the plots."""
+        self._fields = SourceFields(self._session)
+        self._connect = pmui.Button(label="Connect", icon="sensors", color="primary", margin=(10, 4))
+        self._connect.on_click(lambda _event: self._toggle())
+        self._pause = pmui.Button(label="Pause", icon="pause", disabled=True, **_SMALL)
+        self._pause.on_click(lambda _event: self._stop_or_go())
+        self._unplug = pmui.Button(label=f"Unplug for {AWAY:g} s", icon="power_off", visible=False, **_SMALL)
+        self._unplug.on_click(lambda _event: self._pull_plug())
+        self._window = pmui.Select(
+            label="Shown", options=list(WINDOWS), value="20 s", size="small", margin=(8, 4), **sized(110)
+        )
+        self._window.param.watch(lambda event: self._widen(event.new), "value")
+        self._status = StatusLine()
+        self._job = Job()
+        self._recorder = Recorder(self._session)
+        self._figures = LiveFigures()
+        self._plots = plot_grid(self._figures.figures, 3, 205, fill=False)
+        row: dict[str, Any] = {"margin": 0, "stylesheets": [WRAP], "sizing_mode": "stretch_width"}
+        return pn.Column(
+            self._fields.view,
+            pn.Row(self._connect, self._pause, self._unplug, self._window, *self._recorder.widgets, **row),
+            self._job.view,
+            self._recorder.view,
+            self._status.view,
+            self._plots,
+            sizing_mode="stretch_width",
+            margin=(0, 8, 12, 8),
+            stylesheets=[WHOLE],
+        )
+
+    def draw(self, result: Result) -> None:
+        """Nothing: the stream does not depend on results."""
+
+    def appear(self) -> None:
+        """Begin to follow the stream."""
+        self._visible = True
+        self._fields.refresh()
+        if self._station is not None:
+            self._begin_anew()
+
+    def hide(self) -> None:
+        """Stop following the stream, which goes on."""
+        self._visible = False
+        self._unwatch()
+
+    def close(self) -> None:
+        """Stop watching; the source ends with the last page that watches it."""
+        self._unwatch()
+        self._job.close()
+        self._recorder.close()
+        self._leave()
+
+    def _toggle(self) -> None:
+        if self._job.busy:
+            return
+        if self._station is not None:
+            self._disconnect("Disconnected.")
+            return
+        try:
+            key, make = self._fields.chosen()
+        except ValueError as error:
+            self._job.say(str(error))
+            return
+        self._job.start(
+            "Connecting", lambda _progress: self._opened(key, make), lambda station: self._came(key, station)
+        )
+
+    def _opened(self, key: str, make: Callable[[], Station]) -> Station:
+        """Return the station; in a thread."""
+        return STATIONS.watch(key, id(self), make)
+
+    def _came(self, key: str, station: Station) -> None:
+        self._key, self._station = key, station
+        self._connect.param.update(label="Disconnect", icon="sensors_off", color="default")
+        self._pause.param.update(disabled=False, label="Pause", icon="pause")
+        self._unplug.visible = station.source.device is not None
+        self._recorder.watch(station)
+        self._begin_anew()
+
+    def _disconnect(self, sentence: str) -> None:
+        self._unwatch()
+        self._recorder.watch(None)
+        self._leave()
+        self._connect.param.update(label="Connect", icon="sensors", color="primary")
+        self._pause.param.update(disabled=True, label="Pause", icon="pause")
+        self._unplug.visible = False
+        self._status.say(sentence)
+        self._fields.refresh()
+
+    def _leave(self) -> None:
+        key, self._key, self._station = self._key, "", None
+        if key:
+            STATIONS.leave(key, id(self))
+
+    def _begin_anew(self) -> None:
+        """Fill the plots with what the station still has, and follow it."""
+        assert self._document is not None
+        self._unwatch()
+        self._cursors = (0, Cursor(), RingCursor())
+        with together(self._document):
+            self._figures.clear()
+            self._advance()
+        self._tell()
+        if self._visible and self._pause.label == "Pause":
+            self._periodic = self._document.add_periodic_callback(self._tick, TICK)
+
+    def _unwatch(self) -> None:
+        if self._periodic is not None and self._document is not None:
+            self._document.remove_periodic_callback(self._periodic)
+        self._periodic = None
+
+    def _stop_or_go(self) -> None:
+        """Pause the plots, or go on and catch up; the stream does not stop."""
+        if self._pause.label == "Pause":
+            self._pause.param.update(label="Go on", icon="play_arrow")
+            self._unwatch()
+        else:
+            self._pause.param.update(label="Pause", icon="pause")
+            self._begin_anew()
+
+    def _tick(self) -> None:
+        assert self._document is not None
+        with together(self._document):
+            self._advance()
+            self._ticks += 1
+            if self._ticks % TELL == 0:
+                self._tell()
+
+    def _advance(self) -> None:
+        """Append what came since the last tick."""
+        station = self._station
+        if station is None:
+            return
+        thinned, history, ring = self._cursors
+        thinned, rows = station.thinned.since(thinned)
+        history, shown = station.history(history)
+        read = station.source.fixes_since(ring)
+        self._cursors = thinned, history, read.cursor
+        self._figures.add_samples(rows, station.zero)
+        self._figures.add_history(shown, station.zero)
+        self._figures.add_fixes(read.fix)
+        self._figures.show(station.state, station.newest - station.zero)
+
+    def _tell(self) -> None:
+        station = self._station
+        if station is not None:
+            status = station.status
+            self._status.show(status, station.state, station.verdict, station.failure)
+            self._recorder.tell(status)
+
+    def _widen(self, name: str) -> None:
+        self._figures.window = WINDOWS.get(name, WINDOWS["20 s"])
+        if self._station is not None:
+            self._begin_anew()
+
+    def _pull_plug(self) -> None:
+        device = self._station.source.device if self._station is not None else None
+        if device is not None and device.plugged and self._document is not None:
+            device.unplug()
+            self._document.add_timeout_callback(device.plug, round(1000 * AWAY))

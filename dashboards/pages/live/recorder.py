@@ -1,0 +1,114 @@
+"""Recorder: records the watched source, and makes a mission of the recording."""
+
+from __future__ import annotations
+
+import time
+from pathlib import Path
+from typing import Any
+
+import panel as pn
+import panel_material_ui as pmui
+
+from dashboards.pages.missions.entry_fields import sized
+from dashboards.pages.missions.job import Job
+from dashboards.session import Session
+from dashboards.visitors import may_edit
+from lab.live.raw_recording import SUFFIX
+from lab.live.recorded_log import log_of_recording
+from lab.live.source import Status
+from lab.live.station import Station
+from lab.missions import own_folder
+from lab.missions.library import add_log, free_name
+from lab.missions.mission import Mission
+from lab.missions.mission_name import accepted_name
+
+
+class Recorder:
+    """Records; for visitors who may change missions.
+
+    Parameters
+    ----------
+    session
+        Session that then navigates the mission.
+
+    Attributes
+    ----------
+    widgets : list
+        Its fields, for the row of the page; empty for visitors who may not record.
+    view : panel.viewable.Viewable
+        Progress and outcome.
+    """
+
+    def __init__(self, session: Session) -> None:
+        self._session = session
+        self._station: Station | None = None
+        self._path: Path | None = None
+        self._name = ""
+        self._job = Job()
+        self.view = self._job.view
+        self._field = pmui.TextInput(
+            label="Name of the recording", value="recording", size="small", variant="outlined", margin=(8, 4),
+            **sized(190),
+        )  # fmt: skip
+        self._button = pmui.Button(
+            label="Record", icon="fiber_manual_record", color="error", disabled=True, margin=(10, 4)
+        )
+        self._button.on_click(lambda _event: self._toggle())
+        self.widgets: list[pn.viewable.Viewable] = [self._field, self._button] if may_edit() else []
+
+    def watch(self, station: Station | None) -> None:
+        """Record from another station; a recording of the one before is ended."""
+        if self._path is not None:
+            self._end()
+        self._station = station
+        self._button.disabled = station is None
+
+    def tell(self, status: Status) -> None:
+        """Say what is wrong with a recording that runs, or has ended by itself."""
+        if self._path is not None and status.warning:
+            self._job.say(status.warning, "warning")
+
+    def close(self) -> None:
+        """End the recording; its bytes stay."""
+        if self._path is not None and self._station is not None:
+            self._station.source.stop_recording()
+        self._job.close()
+
+    def _toggle(self) -> None:
+        if self._path is not None:
+            self._end()
+            return
+        if self._station is None or not may_edit():
+            return
+        try:
+            name = accepted_name(str(self._field.value_input or self._field.value).strip())
+            folder = own_folder()
+            folder.mkdir(parents=True, exist_ok=True)
+            path = folder / f"{name} {time.strftime('%Y%m%d-%H%M%S')}{SUFFIX}"
+            self._station.source.record(path)
+        except (ValueError, OSError) as error:
+            self._job.say(str(error))
+            return
+        self._name, self._path = name, path
+        self._button.param.update(label="Stop", icon="stop", color="default")
+        self._job.say(f"Recording into {path.name}.", "info")
+
+    def _end(self) -> None:
+        path, self._path = self._path, None
+        station, name = self._station, self._name
+        self._button.param.update(label="Record", icon="fiber_manual_record", color="error")
+        if path is None or station is None:
+            return
+        title = f"Recorded from {station.name}"
+
+        def work(_progress: Any) -> Mission:
+            station.source.stop_recording()
+            try:
+                return add_log(log_of_recording(path), free_name(name), title=title)
+            except ValueError as error:
+                raise ValueError(f"No mission was made: {error}. The recording stays: {path}") from error
+
+        self._job.start("Making a mission of the recording", work, self._made)
+
+    def _made(self, mission: Mission) -> None:
+        self._job.say(f"{mission.name} is in the library now: choose it under Missions.", "success")

@@ -1,0 +1,196 @@
+"""Source fields: which source a page watches, and how its bytes are read."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import panel as pn
+import panel_material_ui as pmui
+
+from dashboards.devices import STATIONS, allowed_devices
+from dashboards.pages.missions.entry_fields import WRAP, sized
+from dashboards.session import Session
+from dashboards.widgets import number
+from lab.cache import digest
+from lab.live.address import Address
+from lab.live.axis_map import AxisMap
+from lab.live.decoders.catalogue import DECODERS, ENCODERS
+from lab.live.opening import open_source
+from lab.live.simulated_device import Misbehaviour, SimulatedDevice
+from lab.live.simulated_flight import SimulatedFlight, begins_at_rest
+from lab.live.simulated_link import local_link
+from lab.live.simulated_transport import SimulatedTransport
+from lab.live.station import Station
+
+SIMULATED = "simulated"
+"""Choice of the simulated device."""
+WATCHED = "watch "
+"""Before the key of a station that another page has opened."""
+RATES = (50, 100, 200, 500, 1000)
+"""Rates of the simulated device [Hz]."""
+REST = 15.0
+"""Rest before a simulated flight that begins at rest [s]: enough to level, and to find the gyro biases."""
+FAULTS: dict[str, dict[str, Any]] = {
+    "corrupt bytes": {"corruption": 1e-3},
+    "jitter of 20 ms": {"jitter": 0.02},
+    "clock 200 ppm fast": {"drift": 2e-4},
+    "turned by 90°": {"axes": "y,-x,z"},
+}
+"""What a simulated device can be told to do wrong."""
+_FIELD: dict[str, Any] = {"size": "small", "variant": "outlined", "margin": (8, 4)}
+
+_OF_SIMULATED = (
+    "The simulated device flies the mission of the settings with their sensors, and sends what they measure "
+    "through the protocol of a real device. The navigator assumes the same sensors."
+)
+_OF_OTHERS = "The navigator assumes the sensors of the settings: choose the card of this sensor there."
+
+
+class SourceFields:
+    """The choice of a source.
+
+    Parameters
+    ----------
+    session
+        Its mission, sensors and navigator are those of the simulated device and of the live navigator.
+
+    Attributes
+    ----------
+    view : panel.Column
+        The fields.
+    """
+
+    def __init__(self, session: Session) -> None:
+        self._session = session
+        self._source = pmui.Select(
+            label="Source", options=self._offers(), value=SIMULATED, **_FIELD, **sized(240)
+        )
+        self._source.param.watch(lambda _event: self._turn(), "value")
+        self._device = pmui.Select(
+            label="Device", options=[name for name in ENCODERS if name != "nmea"], value="vectornav",
+            **_FIELD, **sized(130),
+        )  # fmt: skip
+        self._rate = pmui.Select(
+            label="Rate", options={f"{rate} Hz": rate for rate in RATES}, value=100, **_FIELD, **sized(100)
+        )
+        self._faults = pmui.MultiChoice(
+            label="Misbehaviour",
+            options=list(FAULTS),
+            value=[],
+            variant="outlined",
+            margin=(8, 4),
+            **sized(220),
+        )
+        self._protocol = pmui.Select(
+            label="Protocol", options={"found out": "", **{name: name for name in DECODERS}}, value="",
+            **_FIELD, **sized(140),
+        )  # fmt: skip
+        self._axes = pmui.TextInput(
+            label="Axes forward, right, down", value="x,y,z", placeholder="x,y,z", **_FIELD, **sized(170)
+        )
+        self._heading = pmui.TextInput(
+            label="Initial heading [°]", placeholder="found out", **_FIELD, **sized(130)
+        )
+        self._note = pn.pane.HTML(
+            "", margin=(0, 6), sizing_mode="stretch_width", styles={"opacity": "0.7", "font-size": "13px"}
+        )
+        self.view = pn.Column(
+            pn.Row(
+                self._source, self._device, self._rate, self._faults, self._protocol, self._axes,
+                self._heading, margin=0, stylesheets=[WRAP], sizing_mode="stretch_width",
+            ),
+            self._note,
+            margin=0,
+            sizing_mode="stretch_width",
+        )  # fmt: skip
+        self._turn()
+
+    def refresh(self) -> None:
+        """Offer what is there now."""
+        offers = self._offers()
+        value = self._source.value if self._source.value in offers.values() else SIMULATED
+        self._source.param.update(options=offers, value=value)
+
+    def _offers(self) -> dict[str, str]:
+        watched = {f"Watch: {name}": f"{WATCHED}{key}" for key, name in STATIONS.names().items()}
+        return {"Simulated device": SIMULATED, **allowed_devices(), **watched}
+
+    def _turn(self) -> None:
+        """Show the fields of the chosen source."""
+        simulated = self._source.value == SIMULATED
+        watched = str(self._source.value).startswith(WATCHED)
+        for field in (self._device, self._rate, self._faults):
+            field.visible = simulated
+        for field in (self._protocol,):
+            field.visible = not simulated and not watched
+        for field in (self._axes, self._heading):
+            field.visible = not watched
+        self._note.object = f"<p>{_OF_SIMULATED if simulated else _OF_OTHERS}</p>"
+
+    def chosen(self) -> tuple[str, Callable[[], Station]]:
+        """Return the key of the chosen source, and what makes its station in a thread.
+
+        Raises
+        ------
+        ValueError
+            If a field is not accepted, or the source is not there any more.
+        """
+        source = str(self._source.value)
+        if source.startswith(WATCHED):
+            key = source.removeprefix(WATCHED)
+            return key, _gone
+        axes = AxisMap.of(str(self._axes.value_input or self._axes.value or "x,y,z"))
+        experiment = self._session.experiment.copy()
+        sensors, navigator = experiment.sensors, experiment.navigator
+        heading = str(self._heading.value_input or self._heading.value or "").strip()
+        if heading:
+            typed = number(heading)
+            if isinstance(typed, str):
+                raise ValueError(f"Initial heading {heading!r}: accepted is a number of degrees, or nothing")
+            navigator.set_texts([f"initial_heading={typed!r}"])
+        if source == SIMULATED:
+            return self._simulated(experiment, axes)
+        if source not in allowed_devices().values():
+            raise ValueError(
+                f"{source}: this server does not open it; --allow-device of ins-lab serve allows it"
+            )
+        address = Address.of(source)
+        options = {"axes": str(axes)} if not axes.is_identity else {}
+        if self._protocol.value in DECODERS:
+            options["protocol"] = str(self._protocol.value)
+        given = Address(address.kind, address.place, {**options, **address.options})
+        return source, lambda: Station(open_source(given), sensors, navigator, source)
+
+    def _simulated(self, experiment: Any, axes: AxisMap) -> tuple[str, Callable[[], Station]]:
+        """Return the key of a simulated device, and what makes its station."""
+        device = self._device.value if self._device.value in ENCODERS else "vectornav"
+        rate = float(self._rate.value) if self._rate.value in RATES else 100.0
+        faults: dict[str, Any] = {}
+        for name in self._faults.value:
+            faults |= FAULTS.get(name, {})
+        mounted = AxisMap.of(faults.pop("axes", "x,y,z"))
+        key = digest(experiment.to_dict(), device, rate, sorted(self._faults.value), str(axes))
+        name = f"{experiment.mission} as {device}, {rate:g} Hz"
+
+        def make() -> Station:
+            flight = SimulatedFlight.of(
+                experiment.mission,
+                rate,
+                seed=experiment.seed,
+                rest=REST if begins_at_rest(experiment.mission) else 0.0,
+                settings={"sensors": experiment.sensors.to_dict()},
+                axes=mounted,
+            )
+            sender = SimulatedDevice(flight, device, local_link(), Misbehaviour(**faults))
+            transport = SimulatedTransport(
+                f"simulated:{experiment.mission}?device={device}&hz={rate:g}", sender
+            )
+            source = open_source(transport, axes=str(axes))
+            return Station(source, experiment.sensors, experiment.navigator, name)
+
+        return key, make
+
+
+def _gone() -> Station:
+    raise ValueError("The source has ended: nobody watched it any more. Choose another one.")

@@ -1,0 +1,93 @@
+"""Status line: the state of a source and of its navigator in words and numbers, always visible."""
+
+from __future__ import annotations
+
+from html import escape
+
+import numpy as np
+import panel as pn
+
+from lab.live.live_state import LiveState
+from lab.live.source import ENDED, LOST, OPENING, STALE, STREAMING, Status
+
+COLOURS = {
+    STREAMING: "#12a67c",
+    STALE: "#e8862e",
+    LOST: "#e5484d",
+    OPENING: "#808895",
+    ENDED: "#808895",
+}
+"""Colour of the dot before each state; the word stands behind it."""
+_STYLE = """
+.state { font-weight: 600; text-transform: capitalize; }
+.numbers { display: flex; flex-wrap: wrap; gap: 2px 18px; font-variant-numeric: tabular-nums; }
+.numbers span { white-space: nowrap; }
+.numbers b { font-weight: 600; }
+.dim { opacity: 0.7; }
+.bad { color: #e5484d; }
+p { margin: 2px 0; overflow-wrap: anywhere; }
+"""
+
+
+class StatusLine:
+    """Shows a status and a state.
+
+    Attributes
+    ----------
+    view : panel.pane.HTML
+        The line.
+    """
+
+    def __init__(self) -> None:
+        self.view = pn.pane.HTML("", sizing_mode="stretch_width", margin=(2, 10), stylesheets=[_STYLE])
+        self.say("Choose a source and connect it. The simulated device needs no hardware.")
+
+    def say(self, sentence: str) -> None:
+        """Show a sentence where there is no source."""
+        self.view.object = f'<p><span class="dim">{escape(sentence)}</span></p>'
+
+    def show(self, status: Status, state: LiveState, verdict: str, failure: str) -> None:
+        """Show a source, its navigator, and the verdict on its innovations."""
+        dot = f'<span style="color:{COLOURS[status.state]}">●</span>'
+        said = status.sentence if status.sentence.rstrip(".").lower() != status.state else ""
+        words = escape(f"{said} {status.warning}".strip())
+        lines = [
+            f'<p>{dot} <span class="state">{status.state}</span> <span class="dim">{words}</span></p>',
+            f'<div class="numbers">{"".join(f"<span>{one}</span>" for one in _numbers(status))}</div>',
+            f"<p><b>{escape(state.phase.capitalize())}</b> {escape(state.reason)}</p>",
+        ]
+        if failure:
+            lines.append(f'<p class="bad">{escape(failure)}</p>')
+        if verdict:
+            lines.append(f"<p><b>Verdict</b> {escape(verdict)}</p>")
+        self.view.object = "".join(lines)
+
+
+def _numbers(status: Status) -> list[str]:
+    """Return the numbers of a source with their names and units, as HTML."""
+    seen, loss = status.statistics, status.loss
+    corrupt = seen.failed + seen.refused
+    found = [
+        _named("Protocol", escape(status.protocol) or "—"),
+        _named("Rate", f"{status.rate:.1f} Hz"),
+        _named("Fixes", f"{status.fixes} ({status.fix_rate:.1f} Hz)"),
+        _named("Jitter", _milliseconds(status.jitter)),
+        _named("Latency", _milliseconds(status.latency)),
+        _named("Missing", str(loss.missing), bad=loss.missing > 0),
+        _named("Corrupt", str(corrupt), bad=corrupt > 0),
+        _named("Clock drift", f"{1e6 * status.drift:+.1f} ppm" if np.isfinite(status.drift) else "—"),
+        _named("Samples", f"{status.samples:,}".replace(",", "\u2009")),
+    ]
+    if status.timing:
+        found.append(f'<span class="dim">Timed {escape(status.timing)}.</span>')
+    if status.recording:
+        found.append(_named("Recorded", f"{status.recorded / 1e6:.2f} MB"))
+    return found
+
+
+def _named(name: str, value: str, *, bad: bool = False) -> str:
+    return f'<span class="dim">{name}</span> <b{" class=bad" if bad else ""}>{value}</b>'
+
+
+def _milliseconds(seconds: float) -> str:
+    return f"{1e3 * seconds:.2f} ms" if np.isfinite(seconds) else "—"

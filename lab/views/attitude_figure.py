@@ -1,0 +1,182 @@
+"""Attitude figure: an aircraft or a phone over a compass rose, seen from the south and from above."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Literal
+
+import numpy as np
+from bokeh.models.annotations import Title
+from bokeh.models.ranges import Range1d
+from bokeh.models.sources import ColumnDataSource
+from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
+
+from lab.views.figures import plain_figure
+from lab.views.quantities import BLUE, CURSOR, GREEN, ORANGE
+
+FloatArray = NDArray[np.float64]
+Shape = Literal["aircraft", "phone"]
+
+ELEVATION = np.radians(30.0)
+"""Height from which the viewer looks down: roll, pitch and heading all show."""
+GREY = "#808895"
+"""Colour of the compass rose, visible on white and on black."""
+_LIGHT = np.array([-0.4, 0.3, -0.87])
+"""Direction to the light, north, east, down."""
+_BOX = 1.25
+"""Half the width of what is shown, in half lengths of the vehicle."""
+
+
+def _boxed(x: tuple[float, float], y: tuple[float, float], z: tuple[float, float]) -> list[FloatArray]:
+    """Return the six faces of a box, corners forward, right, down."""
+    corners = np.array([(a, b, c) for a in x for b in y for c in z])
+    sides = ((0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3))
+    return [corners[list(side)] for side in sides]
+
+
+def _aircraft() -> list[tuple[FloatArray, str]]:
+    wing = np.array([(0.25, 0, -0.1), (-0.1, 0.95, -0.1), (-0.28, 0.95, -0.1), (-0.2, 0, -0.1)])
+    tail = np.array([(-0.7, 0, 0), (-0.85, 0.35, 0), (-0.98, 0.35, 0), (-0.95, 0, 0)])
+    fin = np.array([(-0.65, 0, -0.05), (-0.88, 0, -0.42), (-1.0, 0, -0.42), (-0.98, 0, -0.03)])
+    mirror = np.array([1.0, -1.0, 1.0])
+    nose = np.array([1.0, 0, 0.03])
+    ring = np.array([(0.55, 0.11, -0.12), (0.55, 0.11, 0.12), (0.55, -0.11, 0.12), (0.55, -0.11, -0.12)])
+    end = np.array([(-1.0, 0.02, -0.05), (-1.0, 0.02, 0), (-1.0, -0.02, 0), (-1.0, -0.02, -0.05)])
+    following = (1, 2, 3, 0)
+    cone = [np.array([nose, ring[i], ring[following[i]]]) for i in range(4)]
+    hull = [np.array([ring[i], ring[following[i]], end[following[i]], end[i]]) for i in range(4)]
+    return [
+        *((face, BLUE) for face in cone),
+        *((face, GREY) for face in hull),
+        (wing, GREEN),
+        (wing * mirror, CURSOR),
+        (tail, GREY),
+        (tail * mirror, GREY),
+        (fin, ORANGE),
+    ]
+
+
+def _phone() -> list[tuple[FloatArray, str]]:
+    body = _boxed((-0.9, 0.9), (-0.45, 0.45), (-0.05, 0.05))
+    screen = np.array(
+        [(-0.75, -0.38, -0.06), (0.75, -0.38, -0.06), (0.75, 0.38, -0.06), (-0.75, 0.38, -0.06)]
+    )
+    top = np.array([(0.8, -0.1, -0.06), (0.84, -0.1, -0.06), (0.84, 0.1, -0.06), (0.8, 0.1, -0.06)])
+    return [*((face, GREY) for face in body), (screen, BLUE), (top, CURSOR)]
+
+
+SHAPES = {"aircraft": _aircraft(), "phone": _phone()}
+"""Faces forward, right, down in half lengths of the vehicle, with their colours. An aircraft's right wing is
+green, its left one red, as its lights are."""
+
+
+class AttitudeFigure:
+    """A vehicle with its attitude.
+
+    Parameters
+    ----------
+    shape
+        What is drawn.
+
+    Attributes
+    ----------
+    figure : figure
+        The figure.
+    """
+
+    def __init__(self, shape: Shape = "aircraft") -> None:
+        self._shape: Shape = shape
+        self._title = Title(text="Attitude: unknown")
+        self.figure = plain_figure(
+            self._title,
+            x_range=Range1d(start=-_BOX, end=_BOX),
+            y_range=Range1d(start=-_BOX, end=_BOX),
+            match_aspect=True,
+            aspect_scale=1,
+        )
+        fig = self.figure
+        fig.axis.visible = False
+        fig.grid.visible = False
+        fig.outline_line_color = None
+        fig.min_border = 4
+        self._draw_rose()
+        nothing: dict[str, list[object]] = {"xs": [], "ys": [], "colour": []}
+        self._faces = ColumnDataSource(nothing, name="attitude")
+        fig.patches("xs", "ys", source=self._faces, fill_color="colour", line_color="colour", line_width=0.5)
+
+    def _draw_rose(self) -> None:
+        """Draw the level plane below the vehicle, with its cardinal points."""
+        angles = np.linspace(0, 2 * np.pi, 73)
+        ring = np.stack((np.cos(angles), np.sin(angles), np.full_like(angles, 0.35)), axis=-1)
+        self.figure.line(*_seen(ring), color=GREY, alpha=0.6)
+        for angle in np.radians(np.arange(0, 360, 30)):
+            tick = np.array([(part * np.cos(angle), part * np.sin(angle), 0.35) for part in (0.93, 1.0)])
+            self.figure.line(*_seen(tick), color=GREY, alpha=0.6)
+        names = np.array([(1.13, 0, 0.35), (0, 1.13, 0.35), (-1.13, 0, 0.35), (0, -1.13, 0.35)])
+        x, y = _seen(names)
+        self.figure.text(
+            x, y, ["N", "E", "S", "W"], text_align="center", text_baseline="middle", text_color=GREY,
+            text_font_size="12px",
+        )  # fmt: skip
+
+    def show(self, euler: FloatArray | None, words: str = "") -> None:
+        """Draw an attitude.
+
+        Parameters
+        ----------
+        euler : (3,) array or None
+            Roll, pitch, heading [rad]; None if unknown.
+        words
+            Behind the numbers of the title.
+        """
+        if euler is None or not np.isfinite(euler).all():
+            self._title.text = "Attitude: unknown"
+            self._faces.data = {"xs": [], "ys": [], "colour": []}
+            return
+        roll, pitch, heading = np.degrees(euler)
+        self._title.text = f"Roll {roll:.1f}°, pitch {pitch:.1f}°, heading {heading % 360:.1f}°{words}"
+        self._faces.data = drawn(SHAPES[self._shape], euler)
+
+
+def drawn(faces: Sequence[tuple[FloatArray, str]], euler: FloatArray) -> dict[str, list[object]]:
+    """Return faces as patches, those behind first.
+
+    Parameters
+    ----------
+    faces
+        Corners (n, 3) forward, right, down, and a colour, each.
+    euler : (3,) array
+        Roll, pitch, heading [rad].
+    """
+    turn = Rotation.from_euler("ZYX", euler[::-1])
+    turned = [(turn.apply(corners), colour) for corners, colour in faces]
+    turned.sort(key=lambda face: float(_depth(face[0]).mean()), reverse=True)
+    xs, ys, colours = [], [], []
+    for corners, colour in turned:
+        x, y = _seen(corners)
+        xs.append(np.round(x, 3).tolist())
+        ys.append(np.round(y, 3).tolist())
+        colours.append(_lit(colour, corners))
+    return {"xs": xs, "ys": ys, "colour": colours}
+
+
+def _seen(points: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return where a viewer in the south sees points north, east, down: to the right, and upwards."""
+    north, east, down = points.T
+    return east, north * np.sin(ELEVATION) - down * np.cos(ELEVATION)
+
+
+def _depth(points: FloatArray) -> FloatArray:
+    """Return how far points north, east, down are from the viewer."""
+    north, _, down = points.T
+    return np.asarray(north * np.cos(ELEVATION) + down * np.sin(ELEVATION))
+
+
+def _lit(colour: str, corners: FloatArray) -> str:
+    """Return the colour of a face in the light."""
+    normal = np.cross(corners[1] - corners[0], corners[2] - corners[0])
+    size = float(np.linalg.norm(normal))
+    bright = 0.62 + 0.38 * abs(float(normal @ _LIGHT)) / size if size else 1.0
+    parts = (round(int(colour[at : at + 2], 16) * bright) for at in (1, 3, 5))
+    return "#" + "".join(f"{part:02x}" for part in parts)

@@ -1,0 +1,346 @@
+"""Live figures: rolling plots of a stream and of its navigator; made once, rows are appended to them."""
+
+from __future__ import annotations
+
+from collections import deque
+from typing import Any
+
+import numpy as np
+from bokeh.models.annotations import Span, Title
+from bokeh.models.ranges import Range1d
+from bokeh.models.sources import ColumnDataSource
+from bokeh.plotting import figure
+from numpy.typing import NDArray
+
+from lab.displacement import metres_per_radian
+from lab.rotation import wrap
+from lab.views.attitude_figure import AttitudeFigure, Shape
+from lab.views.envelope import nice_limit
+from lab.views.figures import add_legend, plain_figure, set_ordinate, tick_by_hand
+from lab.views.quantities import AXIS_COLOURS, CURSOR, ESTIMATE, FIXES
+
+FloatArray = NDArray[np.float64]
+
+WINDOWS = {"10 s": 10.0, "20 s": 20.0, "1 min": 60.0, "4 min": 240.0}
+"""Lengths of time that are shown [s]."""
+AXES = ("forward", "right", "down")
+"""Labels of the axes of the vehicle."""
+ANGLES = ("roll", "pitch", "heading")
+"""Labels of the angles."""
+NORTH_EAST_DOWN = ("north", "east", "down")
+"""Labels of the axes of the Earth."""
+INNOVATIONS = ("p N", "p E", "p D", "v N", "v E", "v D")
+"""Labels of the measurements of a fix: position and velocity, north, east, down."""
+_LEGEND = 0.25
+"""Part of an ordinate that is left free at the top for the legend."""
+_ROWS_PER_SECOND = 60
+"""Rows of a source per second at most: those of `lab.live.thinned` and marks of gaps."""
+_STANDS_STILL = 0.6
+"""Part of an ordinate below which what is shown is drawn larger."""
+_TRACK_POINTS = 3000
+"""Most points of the ground track: five minutes at 10 Hz."""
+_UNKNOWN = np.pi
+"""σ of a heading from which it is unknown [rad]."""
+
+
+class Rolling:
+    """A figure over time with curves of one source, whose ordinate follows what is shown.
+
+    Parameters
+    ----------
+    title, unit
+        Title and unit of the ordinate.
+    labels
+        Labels of the curves.
+    x_range
+        Shared range of time.
+    logarithmic
+        Whether the ordinate is logarithmic.
+    points
+        Whether points are drawn in place of lines.
+    """
+
+    def __init__(
+        self,
+        title: str,
+        unit: str,
+        labels: tuple[str, ...],
+        x_range: Range1d,
+        *,
+        logarithmic: bool = False,
+        points: bool = False,
+        least: float = 0.0,
+    ) -> None:
+        self._labels, self._logarithmic, self._least = labels, logarithmic, least
+        self._ordinate = Range1d(start=0.1 if logarithmic else -1.0, end=1.0)
+        self.figure: figure = plain_figure(
+            Title(text=f"{title} [{unit}]"),
+            "time [s]",
+            x_range=x_range,
+            y_range=self._ordinate,
+            y_axis_type="log" if logarithmic else "linear",
+        )
+        if logarithmic:
+            tick_by_hand(self.figure)
+        self.source = ColumnDataSource({"time": [], **{label: [] for label in labels}}, name=f"live:{title}")
+        glyphs = {}
+        for label, colour in zip(labels, AXIS_COLOURS * 2, strict=False):
+            glyphs[label] = (
+                self.figure.scatter("time", label, source=self.source, color=colour, size=5, alpha=0.9)
+                if points
+                else self.figure.line("time", label, source=self.source, color=colour, line_width=1.4)
+            )
+        if len(labels) > 1:
+            add_legend(self.figure, glyphs)
+        self._kept: deque[FloatArray] = deque()
+
+    def clear(self) -> None:
+        """Forget all rows."""
+        self._kept.clear()
+        self.source.data = {"time": [], **{label: [] for label in self._labels}}
+
+    def add(self, time: FloatArray, values: FloatArray, window: float) -> None:
+        """Append rows.
+
+        Parameters
+        ----------
+        time : (n,) array
+            Times [s].
+        values : (n, k) array
+            A column for each curve.
+        window
+            Length of time that is shown [s].
+        """
+        if not time.size:
+            return
+        rows = np.column_stack((time, values))
+        self._kept.append(rows)
+        while len(self._kept) > 1 and self._kept[0][-1, 0] < time[-1] - window:
+            self._kept.popleft()
+        columns: dict[str, Any] = {"time": rows[:, 0]} | {
+            label: rows[:, 1 + k].astype(np.float32) for k, label in enumerate(self._labels)
+        }
+        self.source.stream(columns, rollover=int(window * _ROWS_PER_SECOND))
+        self._fit()
+
+    def _fit(self) -> None:
+        """Let the ordinate hold what is shown, and change it only when it must."""
+        shown = np.concatenate([rows[:, 1:] for rows in self._kept])
+        known = shown[np.isfinite(shown)]
+        if self._logarithmic:
+            known = known[known > 0]
+        if not known.size:
+            return
+        low, high = float(known.min()), float(known.max())
+        start, end = float(self._ordinate.start), float(self._ordinate.end)  # type: ignore[arg-type]
+        if self._logarithmic:
+            low, high = 10 ** np.floor(np.log10(low)), 10 ** np.ceil(np.log10(high) + 1e-9)
+            high *= 10 ** (_LEGEND * np.log10(high / low))
+            if (start, end) != (low, high):
+                set_ordinate(self.figure, low, max(high, 10 * low))
+            return
+        if len(self._labels) > 1:
+            high += _LEGEND * max(high - low, 2 * self._least)
+        middle, half = (low + high) / 2, max((high - low) / 2, self._least)
+        inside = start <= low and high <= end
+        if inside and half > _STANDS_STILL * (end - start) / 2 / 1.1:
+            return
+        half = nice_limit(1.1 * half)
+        set_ordinate(self.figure, middle - half, middle + half)
+
+
+class LiveTrack:
+    """The ground track in metres from the first position, with the 3σ ellipse of the last one."""
+
+    def __init__(self) -> None:
+        self._title = Title(text="Ground track: no position")
+        # Ranges by hand: automatic ones would paint the figure twice.
+        self._x, self._y = Range1d(start=-10, end=10), Range1d(start=-10, end=10)
+        self.figure: figure = plain_figure(
+            self._title,
+            "east [m]",
+            "north [m]",
+            x_range=self._x,
+            y_range=self._y,
+            match_aspect=True,
+        )
+        nothing: dict[str, Any] = {"east": [], "north": []}
+        self._path = ColumnDataSource(dict(nothing), name="live:track")
+        self._fixes = ColumnDataSource(dict(nothing), name="live:fixes")
+        self._now = ColumnDataSource({**nothing, "width": [], "height": []}, name="live:position")
+        fixes = self.figure.scatter("east", "north", source=self._fixes, color=FIXES, size=4, alpha=0.7)
+        path = self.figure.line("east", "north", source=self._path, color=ESTIMATE, line_width=2)
+        ellipse = self.figure.ellipse(
+            "east", "north", "width", "height", source=self._now, fill_color=CURSOR, fill_alpha=0.2,
+            line_color=CURSOR,
+        )  # fmt: skip
+        self.figure.scatter("east", "north", source=self._now, color=CURSOR, size=6)
+        add_legend(self.figure, {"estimate": path, "fixes": fixes, "3σ": ellipse})
+        self._origin: FloatArray | None = None
+        self._shown = (10.0, -10.0, -10.0)
+        self._extent = np.array([[-10.0, -10.0], [10.0, 10.0]])
+
+    def clear(self) -> None:
+        """Forget the path."""
+        self._origin = None
+        self._extent = np.array([[-10.0, -10.0], [10.0, 10.0]])
+        for source in (self._path, self._fixes):
+            source.data = {"east": [], "north": []}
+        self._now.data = {"east": [], "north": [], "width": [], "height": []}
+        self._title.text = "Ground track: no position"
+
+    def add(self, position: FloatArray, fixes: FloatArray) -> None:
+        """Append positions and fixes, (n, 2 or 3) and (m, 2 or 3): latitude, longitude [rad]."""
+        position = position[np.isfinite(position).all(axis=1)]
+        if self._origin is None:
+            first = next((rows[0] for rows in (position, fixes) if len(rows)), None)
+            if first is None:
+                return
+            self._origin = np.array(first[:2])
+        for source, rows in ((self._path, position), (self._fixes, fixes)):
+            if len(rows):
+                east, north = self._metres(rows)
+                source.stream({"east": east, "north": north}, rollover=_TRACK_POINTS)
+                points = np.stack((east, north), axis=-1)
+                self._extent = np.stack(
+                    (
+                        np.minimum(self._extent[0], points.min(axis=0)),
+                        np.maximum(self._extent[1], points.max(axis=0)),
+                    )
+                )
+                self._fit()
+
+    def show(self, position: FloatArray, sigma: FloatArray) -> None:
+        """Draw where it is now.
+
+        Parameters
+        ----------
+        position : (3,) array
+            Latitude, longitude [rad], height [m]; NaN if unknown.
+        sigma : (3,) array
+            σ north, east, down [m].
+        """
+        if self._origin is None or not np.isfinite(position).all():
+            self._now.data = {"east": [], "north": [], "width": [], "height": []}
+            self._title.text = "Ground track: no position"
+            return
+        east, north = self._metres(position[None])
+        self._now.data = {"east": east, "north": north, "width": [6 * sigma[1]], "height": [6 * sigma[0]]}
+        self._title.text = f"Ground track: σ {max(sigma[0], sigma[1]):.2g} m, height {position[2]:.1f} m"
+
+    def _metres(self, rows: FloatArray) -> tuple[FloatArray, FloatArray]:
+        assert self._origin is not None
+        per_latitude, per_longitude = metres_per_radian(self._origin[0], 0.0)
+        return (
+            np.asarray(wrap(rows[:, 1] - self._origin[1]) * per_longitude),
+            np.asarray((rows[:, 0] - self._origin[0]) * per_latitude),
+        )
+
+    def _fit(self) -> None:
+        low, high = self._extent
+        middle, half = (low + high) / 2, nice_limit(0.55 * float((high - low).max()))
+        start = middle - half
+        if self._shown != (half, *start) and not self._holds(low, high, half):
+            self._shown = (half, *start)
+            self._x.update(start=start[0], end=start[0] + 2 * half)
+            self._y.update(start=start[1], end=start[1] + 2 * half)
+
+    def _holds(self, low: FloatArray, high: FloatArray, half: float) -> bool:
+        """Return whether what is shown holds the track, at a scale that still fits."""
+        shown_half, *start = self._shown
+        return bool(
+            shown_half == half
+            and (np.array(start) <= low).all()
+            and (high <= np.array(start) + 2 * half).all()
+        )
+
+
+class LiveFigures:
+    """All plots of a stream, over the same rolling time.
+
+    Parameters
+    ----------
+    shape
+        What the attitude is drawn with.
+
+    Attributes
+    ----------
+    figures : list of figure
+        In reading order.
+    """
+
+    def __init__(self, shape: Shape = "aircraft") -> None:
+        self.window = WINDOWS["20 s"]
+        self.range = Range1d(start=-self.window, end=0.0, name="live time")
+        x = self.range
+        self._rate = Rolling("Angular rate", "°/s", AXES, x, least=0.5)
+        self._force = Rolling("Specific force", "m/s²", AXES, x, least=0.5)
+        self._tilt = Rolling("Roll and pitch", "°", ANGLES[:2], x, least=1.0)
+        self._heading = Rolling("Heading", "°", ("heading",), x, least=5.0)
+        self._sigma = Rolling("σ of the attitude", "°", ANGLES, x, logarithmic=True)
+        self._velocity = Rolling("Velocity", "m/s", NORTH_EAST_DOWN, x, least=0.5)
+        self._innovation = Rolling(
+            "Innovations", "σ", INNOVATIONS,
+            x, points=True, least=3.5,
+        )  # fmt: skip
+        for limit in (-3.0, 3.0):
+            self._innovation.figure.add_layout(
+                Span(location=limit, dimension="width", line_color="#808895", line_dash="dashed")
+            )
+        self._track = LiveTrack()
+        self._attitude = AttitudeFigure(shape)
+        self._all = (
+            self._rate, self._force, self._tilt, self._heading, self._sigma, self._velocity, self._innovation,
+        )  # fmt: skip
+        self.figures = [
+            self._rate.figure, self._force.figure, self._attitude.figure,
+            self._tilt.figure, self._heading.figure, self._sigma.figure,
+            self._velocity.figure, self._innovation.figure, self._track.figure,
+        ]  # fmt: skip
+
+    def clear(self) -> None:
+        """Forget all rows, as for another source."""
+        for one in self._all:
+            one.clear()
+        self._track.clear()
+        self._attitude.show(None)
+
+    def add_samples(self, rows: NDArray[np.void], zero: float) -> None:
+        """Append thinned samples.
+
+        Parameters
+        ----------
+        rows : (n,) array of `lab.live.thinned.THINNED`
+            Samples.
+        zero
+            Time that the plots call zero [s].
+        """
+        time = rows["time"] - zero
+        self._rate.add(time, np.degrees(rows["rate"]), self.window)
+        self._force.add(time, rows["force"], self.window)
+
+    def add_history(self, history: Any, zero: float) -> None:
+        """Append what a live navigator showed, a `lab.live.live_state.LiveHistory`; `zero` as before."""
+        time = history.time - zero
+        euler, sigma = np.degrees(history.euler), np.degrees(history.euler_sigma)
+        unknown = history.euler_sigma[:, 2] >= _UNKNOWN
+        heading = np.where(unknown, np.nan, euler[:, 2] % 360)
+        jumps = np.abs(np.diff(heading, prepend=heading[:1])) > 180
+        self._tilt.add(time, euler[:, :2], self.window)
+        self._heading.add(time, np.where(jumps, np.nan, heading)[:, None], self.window)
+        self._sigma.add(time, np.where(sigma < np.degrees(_UNKNOWN), sigma, np.nan), self.window)
+        self._velocity.add(time, history.velocity_n, self.window)
+        spread = np.sqrt(np.diagonal(history.innovation_covariance, axis1=1, axis2=2))
+        self._innovation.add(history.fix_time - zero, history.innovation / spread, self.window)
+        self._track.add(history.position[:: max(1, len(time) // 4)], np.empty((0, 3)))
+
+    def add_fixes(self, fix: NDArray[np.void]) -> None:
+        """Append fixes to the ground track, rows of `lab.live.timed.TIMED_FIX`."""
+        self._track.add(np.empty((0, 3)), np.column_stack((fix["latitude"], fix["longitude"])))
+
+    def show(self, state: Any, now: float) -> None:
+        """Draw the present, a `lab.live.live_state.LiveState`, and move the window to a time [s]."""
+        relative = not np.isfinite(state.euler_sigma[2]) or state.euler_sigma[2] >= _UNKNOWN
+        self._attitude.show(state.euler, " (relative)" if relative else "")
+        self._track.show(state.position, state.position_sigma)
+        self.range.update(start=now - self.window, end=now)
