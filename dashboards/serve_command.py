@@ -19,6 +19,7 @@ EXAMPLES = """\b
 Examples:
   ins-lab serve --port 8000
   ins-lab serve --algorithm my_filter.py:MyFilter
+  ins-lab serve --allow-device "serial:/dev/ttyUSB0?baud=115200"
   ins-lab serve --address 0.0.0.0 --password-file secret.txt
 Only this computer reaches the page, unless you name another address. Visitors may
 then run missions and change settings; --visitors edit lets them change missions too.
@@ -74,13 +75,30 @@ def serve(
             show_default=False,
         ),
     ] = None,
+    devices: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--allow-device",
+            metavar="SOURCE",
+            help="A source that the page Live may open, such as serial:/dev/ttyUSB0, or serial:* for all "
+            "serial ports; may be repeated.",
+            show_default=False,
+        ),
+    ] = None,
 ) -> None:
     """Serve the dashboard, and open it in a browser if there is a screen."""
     _check_port(address, port)
     algorithms(own)  # a failure to load is reported now, not to visitors
     password = None if password_file is None else read_password(password_file)
     from dashboards import server  # noqa: PLC0415 - takes a second
+    from dashboards.devices import allow_devices  # noqa: PLC0415 - takes a second
     from dashboards.origins import OriginError  # noqa: PLC0415 - takes a second
+    from lab.live.transport import TransportError  # noqa: PLC0415 - takes a second
+
+    try:
+        allow_devices(devices or ())
+    except TransportError as error:
+        raise CommandError(f"--allow-device: {error}") from error
 
     try:
         server.serve(

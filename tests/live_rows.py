@@ -114,7 +114,10 @@ def standing(
     turning = C_bn @ (earth.RATE * np.array([np.cos(latitude), 0, -np.sin(latitude)]))
     force = C_bn @ (0, 0, -float(earth.gravity(np.sin(latitude), 0.0)))
     shown = []
-    for name, errors, true in (("gyro", sensors.gyro, turning), ("accelerometer", sensors.accelerometer, force)):
+    for name, errors, true in (
+        ("gyro", sensors.gyro, turning),
+        ("accelerometer", sensors.accelerometer, force),
+    ):
         draws = ImuDraws.of(seed, name, n, instability=True)
         shown.append(measure(np.tile(true * dt, (n, 1)), dt, errors, draws))
     values = [one.measured if hasattr(one, "measured") else one[0] for one in shown]

@@ -82,6 +82,7 @@ class Rolling:
         )
         if logarithmic:
             tick_by_hand(self.figure)
+            set_ordinate(self.figure, 0.1, 1.0)
         self.source = ColumnDataSource({"time": [], **{label: [] for label in labels}}, name=f"live:{title}")
         glyphs = {}
         for label, colour in zip(labels, AXIS_COLOURS * 2, strict=False):

@@ -24,8 +24,8 @@ pytestmark = pytest.mark.timeout(1800)
 """Where no kernel is compiled yet, the first test of each model compiles several."""
 
 MODELS, MECHANIZATIONS = (NavigatorSettings.param[name].objects for name in ("model", "mechanization"))
-SLOW = ("Models", "Budget", "Allan")
-"""Pages that compute for long: opened where what they compute differs."""
+SLOW = ("Models", "Budget", "Allan", "Live")
+"""Pages that compute for long, or show no result: opened where what they show differs."""
 SCALE = ("scale_factor", "scale_factor_sigma")
 CARDS = [name for name, card in cards().items() if card.settings()]
 

@@ -103,7 +103,7 @@ class Live(Page):
 
     def close(self) -> None:
         """Stop watching; the source ends with the last page that watches it."""
-        self._unwatch()
+        self._periodic = None  # it has ended with its document
         self._job.close()
         self._recorder.close()
         self._leave()

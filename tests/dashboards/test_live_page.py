@@ -1,0 +1,212 @@
+"""The page Live: sources that are allowed, shared, paused, unplugged and left."""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections.abc import Callable, Iterator
+
+import numpy as np
+import pytest
+from bokeh.document import Document
+
+import dashboards.pages.live.live as live_module
+from dashboards import devices
+from dashboards.devices import STATIONS, allow_devices, allowed_devices
+from dashboards.pages.live import Live
+from dashboards.pages.live.source_fields import SIMULATED, WATCHED
+from dashboards.session import Session
+from lab.live.source import LOST, STREAMING
+from lab.live.station import Station, Stations
+from lab.live.transport import TransportError
+from lab.views.figures import TimeAxis
+
+PATIENCE = 120.0
+"""Longest time to wait for what must happen [s]: build machines are slow, and a first start compiles."""
+
+
+class Opened:
+    """A page in a document of its own, whose callbacks a test runs."""
+
+    def __init__(self, monkeypatch: pytest.MonkeyPatch) -> None:
+        self.document = Document()
+        monkeypatch.setattr(type(live_module.pn.state), "curdoc", self.document)
+        self.session = Session(self.document)
+        self.page = Live.of(TimeAxis(), self.session)
+        self.document.add_root(self.page.view.get_root())
+        self.page.appear()
+
+    def run(self) -> None:
+        """Run what waits for its turn, and one tick."""
+        for callback in list(self.document.session_callbacks):
+            if "NextTick" in type(callback).__name__:
+                self.document.remove_next_tick_callback(callback)
+                callback.callback()
+        if self.page._periodic is not None:
+            self.page._tick()
+
+    def until(self, happened: Callable[[], bool]) -> None:
+        """Run the page until something has happened."""
+        end = time.monotonic() + PATIENCE
+        while not happened():
+            assert time.monotonic() < end, self.page._job._after.text
+            self.run()
+            time.sleep(0.02)
+
+    def connect(self) -> Station:
+        """Connect, and wait until samples come."""
+        self.page._toggle()
+        self.until(lambda: self.page._station is not None and self.page._station.source.end.imu > 20)
+        assert self.page._station is not None
+        return self.page._station
+
+    def close(self) -> None:
+        """End the page and its session."""
+        self.page.close()
+        self.session.close()
+
+
+@pytest.fixture
+def opened(monkeypatch: pytest.MonkeyPatch) -> Iterator[Callable[[], Opened]]:
+    """Return what opens pages; they are closed in the end, and nothing is left."""
+    pages: list[Opened] = []
+
+    def open_one() -> Opened:
+        pages.append(Opened(monkeypatch))
+        return pages[-1]
+
+    yield open_one
+    for one in pages:
+        one.close()
+    assert STATIONS.names() == {}
+    assert not [
+        thread.name for thread in threading.enumerate() if "live" in thread.name or "station" in thread.name
+    ]
+
+
+def columns(page: Live) -> int:
+    return len(page._figures._rate.source.data["time"])
+
+
+def test_the_simulated_device_is_shown_and_navigated_with(opened: Callable[[], Opened]) -> None:
+    one = opened()
+    station = one.connect()
+    assert station.status.state == STREAMING
+    one.until(lambda: columns(one.page) > 30)
+    assert "Streaming" in one.page._status.view.object or "streaming" in one.page._status.view.object
+    shown = one.page._figures._force.source.data
+    assert abs(float(np.nanmedian(shown["down"])) + 9.8) < 1
+    one.page._toggle()
+    assert one.page._station is None
+    assert STATIONS.names() == {}
+
+
+def test_two_pages_share_one_source(opened: Callable[[], Opened]) -> None:
+    first, second = opened(), opened()
+    station = first.connect()
+    assert second.connect() is station
+    first.page._toggle()
+    assert STATIONS.names()
+    assert not station.source.ended
+    third = opened()
+    watch = next(value for value in third.page._fields._offers().values() if value.startswith(WATCHED))
+    third.page._fields._source.value = watch
+    assert third.connect() is station
+    for one in (second, third):
+        one.page._toggle()
+    assert station.source.ended
+
+
+def test_a_paused_page_loses_nothing(opened: Callable[[], Opened]) -> None:
+    one = opened()
+    station = one.connect()
+    one.until(lambda: columns(one.page) > 10)
+    one.page._stop_or_go()
+    before = columns(one.page)
+    reached = station.source.end.imu
+    one.until(lambda: station.source.end.imu > reached + 100)
+    assert columns(one.page) == before
+    one.page._stop_or_go()
+    one.until(lambda: columns(one.page) > before + 30)
+    times = np.asarray(one.page._figures._rate.source.data["time"])
+    assert np.diff(times).max() < 0.5
+    assert times[0] < 1.0
+
+
+def test_a_hidden_page_does_nothing(opened: Callable[[], Opened]) -> None:
+    one = opened()
+    one.connect()
+    one.page.hide()
+    assert one.page._periodic is None
+    one.page.appear()
+    assert one.page._periodic is not None
+
+
+def test_unplugging_is_shown(opened: Callable[[], Opened], monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(live_module, "AWAY", 0.0)
+    one = opened()
+    station = one.connect()
+    assert one.page._unplug.visible
+    device = station.source.device
+    assert device is not None
+    device.unplug()
+    one.until(lambda: station.status.state == LOST)
+    one.page._tell()
+    assert "lost" in one.page._status.view.object
+    device.plug()
+    reached = station.source.end.imu
+    one.until(lambda: station.source.end.imu > reached)
+
+
+def test_only_allowed_sources_are_opened(
+    opened: Callable[[], Opened], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(devices, "_decided", {})
+    monkeypatch.delenv(devices.VARIABLE, raising=False)
+    assert allowed_devices() == {}
+    one = opened()
+    assert one.page._fields._source.options == {"Simulated device": SIMULATED}
+    for wanted in ("tcp:127.0.0.1:1", "serial:/dev/ttyS0", "replay:/etc/passwd", "watch nothing"):
+        one.page._fields._source.param.update(options={wanted: wanted}, value=wanted)  # a hand-made message
+        one.page._toggle()
+        one.until(lambda: bool(one.page._job._after.text) and not one.page._job.busy)
+        assert "--allow-device" in one.page._job._after.text or "has ended" in one.page._job._after.text
+        one.page._job.say("")
+    assert one.page._station is None
+    allow_devices(["tcp:127.0.0.1:1"])
+    one.page._fields.refresh()
+    assert "tcp:127.0.0.1:1" in one.page._fields._source.options.values()
+    one.page._fields._source.value = "tcp:127.0.0.1:1"
+    one.page._toggle()
+    one.until(lambda: one.page._station is not None and one.page._station.status.state == LOST)
+
+
+def test_the_environment_allows_devices_too(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(devices, "_decided", {})
+    monkeypatch.setenv(devices.VARIABLE, "udp:5555 tcp:192.168.1.20:5555?protocol=mip")
+    assert list(allowed_devices().values()) == ["udp:5555", "tcp:192.168.1.20:5555?protocol=mip"]
+    with pytest.raises(TransportError, match="names no source"):
+        allow_devices(["COM3"])
+
+
+@pytest.mark.parametrize(
+    ("field", "text", "words"),
+    [
+        ("_axes", "x,y,-z", "mirror image"),
+        ("_axes", "<img src=x>", "accepted are the directions"),
+        ("_heading", "north", "accepted is a number of degrees"),
+        ("_heading", "1e99", "initial_heading"),
+    ],
+)
+def test_wrong_fields_are_told(opened: Callable[[], Opened], field: str, text: str, words: str) -> None:
+    one = opened()
+    getattr(one.page._fields, field).value = text
+    one.page._toggle()
+    assert words in one.page._job._after.text
+    assert one.page._station is None
+
+
+def test_a_server_has_a_bound_on_sources() -> None:
+    stations = Stations(most=0)
+    with pytest.raises(TransportError, match="accepted are up to 0"):
+        stations.watch("one", 1, lambda: pytest.fail("must not be made"))
