@@ -12,8 +12,9 @@ from lab import earth
 from lab.live.timed import TIMED_FIX, TIMED_IMU
 from lab.missions import Recording
 from lab.rotation import C_nb_from_euler
-from lab.sensors.imu import ImuDraws, measure
+from lab.sensors.imu import Environment, ImuDraws, measure
 from lab.sensors.suite import SensorSuite
+from lab.sensors.temperature import REFERENCE
 from lab.trajectory import Trajectory
 
 HOST = 5000.0
@@ -115,10 +116,10 @@ def standing(
     force = C_bn @ (0, 0, -float(earth.gravity(np.sin(latitude), 0.0)))
     shown = []
     for name, errors, true in (("gyro", sensors.gyro, turning), ("accelerometer", sensors.accelerometer, force)):
-        draws = ImuDraws.of(seed, name, n, instability=True)
-        shown.append(measure(np.tile(true * dt, (n, 1)), dt, errors, draws))
-    values = [one.measured if hasattr(one, "measured") else one[0] for one in shown]
-    return imu_rows(np.arange(1, n + 1) * dt, values[0] / dt, values[1] / dt)
+        draws = ImuDraws.of(seed, name, n, instability=True, flicker=True, walk=True)
+        environment = Environment(np.array(REFERENCE), force * dt)
+        shown.append(measure(np.tile(true * dt, (n, 1)), dt, errors, draws, environment).increments / dt)
+    return imu_rows(np.arange(1, n + 1) * dt, *shown)
 
 
 def feed(navigator, imu: np.ndarray, fixes: np.ndarray, pieces) -> None:

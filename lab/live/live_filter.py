@@ -348,6 +348,8 @@ class LiveFilter:
         start, end = self.next_fix, self.next_fix + used
         for name in ("innovation", "innovation_covariance"):
             self.fixes.rows(name, start, end)[:] = getattr(out, name)[:used]
+        unknown = np.isnan(self.fixes.rows("velocity_n", start, end))
+        self.fixes.rows("innovation", start, end)[:, 3:][unknown] = np.nan
         sample = out.fix_sample[:used]
         self.fixes.rows("sample", start, end)[:] = np.where(sample >= 0, sample + before, -1)
         self.fixes.rows("rejected", start, end)[:] = out.fix_rejected[:used]

@@ -87,7 +87,7 @@ class LiveStart:
         imu = Imu(*(samples.rows(name, first, samples.end) for name in ("time", "dtheta", "dvelocity")))
         imu = Imu(imu.time, imu.dtheta[1:], imu.dvelocity[1:])
         known = Fixes(*(fixes.column(name) for name in ("time", "position", "known_velocity")))
-        sigma = np.sqrt(fixes.column("variances")[:, 3:])
+        sigma = _velocity_sigma(fixes)
         magnetometer = magnetometer_of(imu.time, samples.rows("magnetic", first, samples.end))
         hints = Hints.of(
             AuxiliaryData(magnetometer=magnetometer),
@@ -128,6 +128,20 @@ class LiveStart:
             self._tried = now
             return True
         return False
+
+
+def _velocity_sigma(fixes: Rolling) -> FloatArray:
+    """Return the σ (m, 3) of the velocities with which the start is found [m/s].
+
+    The filter gives a velocity that was not measured no weight. For the start, the difference of the positions
+    shows the course as well as they are known.
+    """
+    sigma = np.sqrt(fixes.column("variances"))
+    time = fixes.column("time")
+    over = np.diff(time, append=time[-1]) + np.diff(time, prepend=time[0])
+    unknown = np.isnan(fixes.column("velocity_n"))
+    unknown[:, 2] = False  # a vertical velocity is not derived from positions
+    return np.where(unknown, np.sqrt(2) * sigma[:, :3] / over[:, None], sigma[:, 3:])
 
 
 HOW: Final = (
