@@ -115,7 +115,10 @@ def standing(
     turning = C_bn @ (earth.RATE * np.array([np.cos(latitude), 0, -np.sin(latitude)]))
     force = C_bn @ (0, 0, -float(earth.gravity(np.sin(latitude), 0.0)))
     shown = []
-    for name, errors, true in (("gyro", sensors.gyro, turning), ("accelerometer", sensors.accelerometer, force)):
+    for name, errors, true in (
+        ("gyro", sensors.gyro, turning),
+        ("accelerometer", sensors.accelerometer, force),
+    ):
         draws = ImuDraws.of(seed, name, n, instability=True, flicker=True, walk=True)
         environment = Environment(np.array(REFERENCE), force * dt)
         shown.append(measure(np.tile(true * dt, (n, 1)), dt, errors, draws, environment).increments / dt)

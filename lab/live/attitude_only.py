@@ -57,7 +57,7 @@ TOO_STRONG: Final = 5.0
 """Largest difference of the mean specific force and gravity, in its σ; beyond it, the IMU does not rest."""
 RETURNED: Final = 0.1
 """Part of the rotation of swings that return on which the scale factors act: they do to second order. With it,
-roll and pitch of four cards, turned by hand for 30 s, err by 0.7 to 1.2 σ (rms of 30 seeds)."""
+roll and pitch of five suites, turned by hand for 30 s, err by 0.2 to 1.2 σ (rms of 30 seeds)."""
 SOMEWHERE: Final = np.array([np.pi / 4, 0.0, 0.0])
 """Place that stands for an unknown one: latitude, longitude [rad], height [m]."""
 GRAVITY_SIGMA: Final = 0.02

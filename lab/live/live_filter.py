@@ -66,7 +66,6 @@ SAMPLES: Final = {
 """Columns of the samples: the increments that end at a time, and the solution there; ``variance`` is added."""
 FIXES: Final = {
     "time": ((), np.float64),
-    "arrival": ((), np.float64),
     "position": ((3,), np.float64),
     "velocity_n": ((3,), np.float64),
     "position_sigma": ((3,), np.float64),

@@ -11,8 +11,10 @@ from live_rows import FIX_SIGMA, HOST, driven, feed, standing
 
 from lab.displacement import metres_per_radian
 from lab.live.live_log import log_of
-from lab.live.live_navigator import COASTS_AFTER, POSITION_LIMIT, LiveNavigator
+from lab.live.live_navigator import LiveNavigator
 from lab.live.live_state import Cursor
+from lab.live.live_stream import POSITION_LIMIT
+from lab.live.live_view import COASTS_AFTER
 from lab.live.timed import TIMED_FIX
 from lab.navigation.navigator import navigate
 from lab.navigation.recorded import RecordedRun, navigate_log
@@ -140,9 +142,7 @@ def test_rows_that_cannot_be_used_are_counted_and_change_nothing():
     assert (state.rows.late, state.rows.unusable, state.fixes_refused) == (10, 2, 3)
     assert "3 fixes were not used" in " ".join(state.remarks)
     log = log_of("replay", bad, broken, vehicle="car")
-    assert_equal(
-        live, navigate_log(log, suite(), NavigatorSettings(vehicle="car"), start=live.alignment)
-    )
+    assert_equal(live, navigate_log(log, suite(), NavigatorSettings(vehicle="car"), start=live.alignment))
 
 
 def test_a_polled_sensor_repeats_samples():
@@ -207,7 +207,7 @@ def test_a_clock_that_is_set_back_begins_a_new_stream():
     feed(live, np.concatenate((imu[:4000], again)), NO_FIXES, random_pieces(1, 40))
     state = live.state
     assert 50 <= state.rows.late < 100
-    assert "clock was set back" in " ".join(state.remarks)
+    assert "The clock was set back" in " ".join(state.remarks)
     assert state.time == pytest.approx(imu["time"][3999])
 
 
@@ -267,7 +267,7 @@ def test_sigma_at_rest_is_honest_without_fixes(name):
         assert np.all(np.abs(wrap(history.euler[:, 2] - euler[2])) <= history.euler_sigma[:, 2])
         errors.append(wrap(history.euler[-1] - euler))
         sigmas.append(history.euler_sigma[-1])
-        assert "The heading is relative: these gyros reach no heading" in live.state.reason
+        assert "The heading is relative: these gyros cannot find north" in live.state.reason
     ratio = np.array(errors) / np.array(sigmas)
     rms = np.sqrt(np.mean(ratio**2, axis=0))
     print(name, rms.round(2), np.degrees(sigmas[0]).round(2))
