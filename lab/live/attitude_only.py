@@ -54,10 +54,10 @@ TOO_FAST: Final = 30.7
 """Largest squared mean rate at rest, in its σ: the quantile of 1 − 10⁻⁶ for three components; beyond it, the
 IMU turns steadily."""
 TOO_STRONG: Final = 5.0
-"""Largest difference of the mean specific force and gravity, in its σ; beyond it, the IMU does not rest."""
+"""Largest difference of the mean specific force and gravity at rest, in its σ."""
 RETURNED: Final = 0.1
-"""Part of the rotation of swings that return on which the scale factors act: they do to second order. With it,
-roll and pitch of five suites, turned by hand for 30 s, err by 0.2 to 1.2 σ (rms of 30 seeds)."""
+"""Part of the rotation of swings that return on which the scale factors act: they do to second order. With
+it, roll and pitch of five suites, turned by hand for 30 s, err by 0.2 to 1.2 σ (rms of 30 seeds)."""
 SOMEWHERE: Final = np.array([np.pi / 4, 0.0, 0.0])
 """Place that stands for an unknown one: latitude, longitude [rad], height [m]."""
 GRAVITY_SIGMA: Final = 0.02
@@ -342,10 +342,10 @@ class AttitudeOnly:
         return np.asarray(steps.var(axis=0) * float(dt.mean()))
 
     def _new_anchor(self, mean: FloatArray, time: float, before: Anchor | None) -> Anchor:
-        """Return the estimate before a rest: level by the accelerometers, heading as before, given or unknown.
+        """Return the estimate before a rest: level by the accelerometers, heading as before or given.
 
-        The tilt is found anew. What looked like an accelerometer bias in the attitude of the last rest was in
-        part a scale factor or misalignment, and looks different in this one.
+        The tilt is found anew. What looked like an accelerometer bias in the attitude of the last rest was
+        in part a scale factor or misalignment, and looks different in this one.
         """
         place = SOMEWHERE if self.place is None else self.place
         heading, sigma = self._given
@@ -373,16 +373,16 @@ class AttitudeOnly:
         excess = float(np.linalg.norm(mean[3:] - anchor.bias[3:])) - g
         if abs(excess) > TOO_STRONG * sigma_force:
             return (
-                f"The specific force differs from gravity by {excess:.2f} m/s², more than accelerometer biases "
-                f"of σ {sigma_force:.2f} m/s² explain: the IMU accelerates, or its scale is wrong."
+                f"The specific force differs from gravity by {excess:.2f} m/s², more than accelerometer "
+                f"biases of σ {sigma_force:.2f} m/s² explain: the IMU accelerates, or its scale is wrong."
             )
         S = anchor.P[GYRO_BIAS, GYRO_BIAS] + np.diag(variance[:3]) + earth.RATE**2 * np.eye(3)
         rate = mean[:3] - anchor.bias[:3]
         if rate @ np.linalg.solve(S, rate) > TOO_FAST:
             return (
-                f"The gyros show a steady rate of {np.degrees(np.linalg.norm(rate)):.3g} °/s, more than their "
-                f"biases of σ {np.degrees(np.sqrt(np.trace(S) / 3)):.2g} °/s explain: the IMU turns, or its "
-                "bias is larger than the settings state."
+                f"The gyros show a steady rate of {np.degrees(np.linalg.norm(rate)):.3g} °/s, more than "
+                f"their biases of σ {np.degrees(np.sqrt(np.trace(S) / 3)):.2g} °/s explain: the IMU "
+                "turns, or its bias is larger than the settings state."
             )
         return ""
 
@@ -401,8 +401,8 @@ class AttitudeOnly:
             q_nb = quaternion_from_euler(np.array([roll, pitch, north]))
             self.heading_source = "by gyro-compassing"
         elif unknown:
-            # Which part of the mean is the level rate of the Earth is unknown: the heading learns nothing, and
-            # the bias is uncertain by it.
+            # Which part of the mean is the level rate of the Earth is unknown: the heading learns nothing,
+            # and the bias is uncertain by it.
             P = _with_heading(P, 1e-9)
             C_nb = Rotation.from_quat(q_nb, scalar_first=True).as_matrix()
             rate = rate + C_nb.T @ np.array([level_rate, 0.0, 0.0])

@@ -16,8 +16,8 @@ from lab.navigation.standstill import SHORTEST
 DECLINATION_SIGMA: Final = np.radians(20.0)
 """σ of the magnetic declination at an unknown place [rad]: larger only about the magnetic poles."""
 WORSE: Final = np.sqrt(2)
-"""σ of a heading, in that of a magnetometer, from which the magnetometer takes its place: it errs by iron, which
-no mean removes."""
+"""σ of a heading, in that of a magnetometer, from which the magnetometer takes its place: it errs by iron,
+which no mean removes."""
 
 
 def look_at_compass(stream: Stream) -> None:

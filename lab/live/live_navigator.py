@@ -1,16 +1,18 @@
 """Live navigator: the solution of a stream of an IMU and, if there is one, a GPS receiver, as it arrives.
 
-The compiled step is that of a batch run (`lab.navigation.navigator.advance`), with the same rules about rests,
-R, gates and gaps, so the solution equals that of `lab.navigation.recorded.navigate_log` on the recorded log
-from the same start. What the batch takes from the future differs:
+The compiled step is that of a batch run (`lab.navigation.navigator.advance`), with the same rules about
+rests, R, gates and gaps, so the solution equals that of `lab.navigation.recorded.navigate_log` on the
+recorded log from the same start. What the batch takes from the future differs:
 
 - the start: the batch looks for the heading in the whole log, the live navigator in the data so far;
-- the usual interval of the IMU is the median of the last intervals, not of all; it decides what is a gap, and
-  the number of samples that fill it;
-- the noise in a filled gap comes from the spread of the rates before it and its own length, not from the whole
-  log and its longest gap;
-- after a break of the IMU of more than two seconds, the navigator aligns again; the batch navigates the longest
-  piece;
+- the usual interval of the IMU is the median of the last intervals, not of all; it decides what is a gap,
+  and the number of samples that fill it;
+- the noise in a filled gap comes from the spread of the rates before it and its own length, not from the
+  whole log and its longest gap;
+- after a break of the IMU of more than two seconds, the navigator aligns again; the batch navigates the
+  longest piece;
+- a full navigator whose position became worse than `STOPS_AT` without fixes stops, and aligns again when
+  fixes return; the batch goes on;
 - a velocity that the receiver does not measure, and the rates about a fix with a lever arm, are final only
   with the next fix, or 50 ms later.
 """
@@ -51,9 +53,10 @@ FloatArray = NDArray[np.float64]
 KEPT: Final = 120.0
 """How long samples are kept [s]: at 1 kHz in 100 MB. A start is sought among them."""
 LEAST_KEPT: Final = 60.0
-"""Shortest time for which samples can be kept [s]: a rest is looked for over half of it."""
+"""Shortest time for which samples can be kept [s]: a rest is sought over half of it."""
 STOPS_AT: Final = 2000.0
-"""The σ at which the navigator stops and keeps the attitude only [m]: far beyond it, the filter is not linear."""
+"""σ of the position at which the navigator stops and keeps the attitude only [m]: it comes from a velocity
+wrong by tens of metres per second, and such errors are not small."""
 STEP: Final = 0.02
 """Shortest time of samples that is processed at once [s]: no page shows more, and a call costs 0.4 ms."""
 GAPS: Final = 1000
@@ -112,8 +115,9 @@ class LiveNavigator:
         check_mechanization(navigator)
         if navigator.model == "nonlinear" or navigator.engine != "compiled":
             raise SettingError(
-                "navigator: the sigma points of the model nonlinear and the reference in filterpy process whole "
-                "logs only; accepted for a stream are the models phi, psi and invariant, and engine = compiled"
+                "navigator: the sigma points of the model nonlinear and the reference in filterpy process "
+                "whole logs only; accepted for a stream are the models phi, psi and invariant, and engine = "
+                "compiled"
             )
         self._sensors, self._navigator, self._place = sensors, navigator, place
         self._kept = max(kept, LEAST_KEPT)
@@ -173,7 +177,7 @@ class LiveNavigator:
             cursor, samples, lost = source.since(cursor)
             if lost:
                 self._notes["lost"] = (
-                    f"{lost} samples came faster than they were processed and were lost to the navigator; the "
+                    f"{lost} samples came faster than they were processed: the navigator lost them, the "
                     "recording has them."
                 )
             self.feed(samples.imu, samples.fix)
@@ -320,6 +324,7 @@ class LiveNavigator:
         stream = self._stream
         if not len(stream.samples):
             return
+        stream.forget(self._kept)  # before a start is sought among the rest
         if stream.attitude is not None:
             self._seek(stream.attitude)
         if stream.filter is not None:
@@ -329,7 +334,6 @@ class LiveNavigator:
             shown = max(self._shown, stream.samples.first)
             self._history.add(stream.samples, shown, stream.epoch, phase, has_position=stream.has_position)
         self._shown = stream.end
-        stream.forget(self._kept)
 
     def _navigate(self, run: LiveFilter) -> None:
         """Advance the full navigator, or stop it if its solution means nothing any more."""

@@ -1,7 +1,7 @@
 """Live start: when the samples and fixes so far suffice to start the navigator, and the start they give.
 
-The batch looks at a whole log and carries the first heading back to its first sample. The live navigator waits
-for that heading, starts at the same sample, and then processes what has waited.
+The batch looks at a whole log and carries the first heading back to its first sample. The live navigator
+waits for that heading, starts at the same sample, and then processes what has waited.
 """
 
 from __future__ import annotations
@@ -25,8 +25,8 @@ from lab.navigation.standstill import SHORTEST
 FloatArray = NDArray[np.float64]
 
 AGAIN: Final = 10.0
-"""Time between two attempts to find the heading from the change of the velocity [s]: one takes 0.1 s and more,
-and looks at windows that are as long."""
+"""Time between two attempts to find the heading from the change of the velocity [s]: one takes 0.1 s and
+more, and looks at windows that are as long."""
 _LATEST_GIVEN: Final = 1.0  # time of the first sample at which a given heading still holds [s]
 _ROUNDING: Final = 1e-6  # of time stamps, as in `recorded` [s]
 
@@ -133,15 +133,15 @@ class LiveStart:
 def _velocity_sigma(fixes: Rolling) -> FloatArray:
     """Return the σ (m, 3) of the velocities with which the start is found [m/s].
 
-    The filter gives a velocity that was not measured no weight. For the start, the difference of the positions
-    shows the course as well as they are known.
+    The filter gives a velocity that was not measured no weight. For the start, the difference of the
+    positions shows the course as well as they are known.
     """
     sigma = np.sqrt(fixes.column("variances"))
     time = fixes.column("time")
     over = np.diff(time, append=time[-1]) + np.diff(time, prepend=time[0])
     unknown = np.isnan(fixes.column("velocity_n"))
     unknown[:, 2] = False  # a vertical velocity is not derived from positions
-    return np.where(unknown, np.sqrt(2) * sigma[:, :3] / over[:, None], sigma[:, 3:])
+    return np.asarray(np.where(unknown, np.sqrt(2) * sigma[:, :3] / over[:, None], sigma[:, 3:]))
 
 
 HOW: Final = (

@@ -133,7 +133,16 @@ class Stream:
         """Return the solution at a sample, by its number."""
         row = {name: self.samples.rows(name, number, number + 1).copy() for name in Sample._fields[:6]}
         euler, sigma = euler_with_sigma(row["q_nb"], row["variance"], row["covariance"])
-        return Sample(*(values[0] for values in row.values()), euler[0], sigma[0])
+        return Sample(
+            position=row["position"][0],
+            velocity_n=row["velocity_n"][0],
+            q_nb=row["q_nb"][0],
+            bias=row["bias"][0],
+            variance=row["variance"][0],
+            covariance=row["covariance"][0],
+            euler=euler[0],
+            euler_sigma=sigma[0],
+        )
 
     def shown_heading(self) -> tuple[float, float, str] | None:
         """Return the heading at the first sample with a fix that the IMU shows, its σ and its source.

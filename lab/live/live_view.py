@@ -30,8 +30,8 @@ def phase_of(stream: Stream) -> tuple[str, str]:
     age, sigma = stream.fix_age, stream.position_sigma
     if not stream.has_position:
         return ATTITUDE_ONLY, (
-            f"The last fix is {age:.0f} s old, and the σ of the position has grown to {sigma:.0f} m: a position "
-            f"is shown up to {POSITION_LIMIT:g} m."
+            f"The last fix is {age:.0f} s old, and the σ of the position has grown to {sigma:.0f} m: a "
+            f"position is shown up to {POSITION_LIMIT:g} m."
         )
     if age > COASTS_AFTER:
         return COASTING, f"The last fix is {age:.0f} s old: the position drifts, and its σ grows."
@@ -110,7 +110,10 @@ def _on_north(attitude: AttitudeOnly) -> str:
             f"{np.degrees(reach):.0f}° {at}."
         )
     wanted = "" if attitude.place is not None else "; it needs the latitude"
-    return f"The heading is relative: gyro-compassing at rest reaches a σ of {np.degrees(reach):.2g}° {at}{wanted}."
+    return (
+        f"The heading is relative: gyro-compassing at rest reaches a σ of {np.degrees(reach):.2g}° "
+        f"{at}{wanted}."
+    )
 
 
 def _of_fix(stream: Stream) -> dict[str, FloatArray]:
