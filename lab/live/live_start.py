@@ -100,8 +100,9 @@ class LiveStart:
         by_imu = np.isnan(hints.given) and shown is not None
         if by_imu and shown is not None:
             hints = hints._replace(given=shown[0], given_sigma=shown[1])
-        if not self._is_worth_it(hints, known, sigma, now):
-            return Sought(None, first, f"The heading is unknown: {HOW}.")
+        why = self._not_yet(hints, known, sigma, now)
+        if why:
+            return Sought(None, first, why)
         made = align(imu, known, sigma, hints)
         if not made.heading.source:
             return Sought(None, first, f"The heading is unknown: {HOW}.")
@@ -112,22 +113,30 @@ class LiveStart:
             made = made._replace(heading=made.heading._replace(source=shown[2]))
         return Sought(made, first, "")
 
-    def _is_worth_it(self, hints: Hints, fixes: Fixes, sigma: FloatArray, now: float) -> bool:
-        """Return whether an attempt may succeed: it costs too much to try it each second."""
+    def _not_yet(self, hints: Hints, fixes: Fixes, sigma: FloatArray, now: float) -> str:
+        """Return why an attempt cannot succeed yet, empty if it may: it costs too much to try each second."""
         if np.isfinite(hints.given) or hints.magnetometer is not None:
-            return True
+            return ""
         fast = shows_course(fixes, sigma)
         course = np.flatnonzero(fast[1:] & fast[:-1])
         if course.size and np.isfinite(hints.vehicle.sideslip):
             # The motion may contradict the course of an unknown vehicle.
             wait = 0.0 if hints.vehicle.name else WINDOW
-            return now - float(fixes.time[course[0]]) >= wait
+            left = wait - (now - float(fixes.time[course[0]]))
+            return "" if left <= 0 else f"{COMPARED}, for {left:.0f} s more."
         speed = np.linalg.norm(fixes.velocity_n[:, :2], axis=1)
         moves = bool((speed[fixes.time > now - AGAIN] > REST_SPEED).any())
         if moves and now - self._tried >= AGAIN:
             self._tried = now
-            return True
-        return False
+            return ""
+        return f"The heading is unknown: {HOW}."
+
+
+COMPARED: Final = (
+    "The fixes show a course; whether it is the heading of an unknown vehicle (navigator.vehicle) is "
+    "compared with its acceleration"
+)
+"""What the navigator does with the course of an unknown vehicle."""
 
 
 def _velocity_sigma(fixes: Rolling) -> FloatArray:

@@ -439,3 +439,18 @@ def test_nothing_came():
     live.finish()
     assert (live.state.phase, live.since()[1].time.size) == ("waiting", 0)
     assert "No sample" in live.state.reason
+
+
+def test_the_course_of_an_unknown_vehicle_is_compared_first():
+    imu, fixes, _ = driven()
+    live = navigator(vehicle="auto")
+    said = set()
+    for start in range(0, 4500, 100):
+        part = imu[start : start + 100]
+        due = (fixes["time"] <= part["time"][-1]) & (fixes["time"] > part["time"][0] - 0.01)
+        live.feed(part, fixes[due])
+        if 30 <= live.state.time - HOST < 40:
+            said.add(live.state.reason)
+            assert live.state.position_sigma[0] == pytest.approx(0.5)  # that of the fix
+    assert all("unknown vehicle (navigator.vehicle) is compared" in reason for reason in said)
+    assert live.state.phase == "navigating"
