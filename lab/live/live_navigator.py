@@ -19,6 +19,7 @@ recorded log from the same start. What the batch takes from the future differs:
 
 from __future__ import annotations
 
+from threading import RLock
 from typing import Any, Final, Protocol
 
 import numpy as np
@@ -81,7 +82,7 @@ class Source(Protocol):
 
 
 class LiveNavigator:
-    """A navigator that is fed with rows as they arrive, from one thread.
+    """A navigator that is fed with rows as they arrive, from one thread; others may read it.
 
     >>> navigator = LiveNavigator(SensorSuite(), NavigatorSettings())
     >>> navigator.state.phase
@@ -135,6 +136,7 @@ class LiveNavigator:
         self._rows: list[NDArray[np.void]] = []  # not yet taken
         self._taken = -np.inf  # time of the last row when rows were taken
         self._used = self._rejected = 0
+        self._lock = RLock()
         self._broken = False  # whether this stream is not the first
         self._notes: dict[str, str] = {}
         self._new_stream(np.nan)
@@ -155,19 +157,21 @@ class LiveNavigator:
             if 0 <= newest - self._taken < STEP and (fixes is None or not fixes.size):
                 return
             self._taken = newest
-        self._take_rows()
-        if fixes is not None and fixes.size:
-            self._fix_intake.take(self._stream, fixes)
-        self._advance()
+        with self._lock:
+            self._take_rows()
+            if fixes is not None and fixes.size:
+                self._fix_intake.take(self._stream, fixes)
+            self._advance()
 
     def finish(self) -> None:
         """Process what waits for later samples: there will be none."""
-        self._take_rows()
-        for part in self._intake.finish():
-            self._take(part)
-        self._advance()
-        if self._stream.filter is not None:
-            self._stream.filter.finish()
+        with self._lock:
+            self._take_rows()
+            for part in self._intake.finish():
+                self._take(part)
+            self._advance()
+            if self._stream.filter is not None:
+                self._stream.filter.finish()
 
     def follow(self, source: Source) -> None:
         """Feed from a source until it ends."""
@@ -193,22 +197,25 @@ class LiveNavigator:
     @property
     def state(self) -> LiveState:
         """What is known now."""
-        counted = {
-            "fixes_used": self._used,
-            "fixes_rejected": self._rejected,
-            "fixes_refused": self._fix_intake.refused,
-            "rows": self._intake.counts,
-            "remarks": (*self._notes.values(), *self._fix_intake.remarks),
-        }
-        return state_of(self._stream, counted)
+        with self._lock:
+            counted = {
+                "fixes_used": self._used,
+                "fixes_rejected": self._rejected,
+                "fixes_refused": self._fix_intake.refused,
+                "rows": self._intake.counts,
+                "remarks": (*self._notes.values(), *self._fix_intake.remarks),
+            }
+            return state_of(self._stream, counted)
 
     def since(self, cursor: Cursor = Cursor()) -> tuple[Cursor, LiveHistory]:  # noqa: B008 - immutable
         """Return the history since a cursor, as it was shown, and the next cursor."""
-        return self._history.since(cursor)
+        with self._lock:
+            return self._history.since(cursor)
 
     def solution(self) -> LiveSolution:
         """Return the solution at the samples that are kept, from the start of the navigator on."""
-        return self._stream.solution()
+        with self._lock:
+            return self._stream.solution()
 
     def log(self) -> SensorLog:
         """Return the samples that are kept as a sensor log, for the batch; all of a short stream.
@@ -218,34 +225,35 @@ class LiveNavigator:
         MissionError
             If nothing has come yet.
         """
-        stream = self._stream
-        samples, fixes = stream.samples, stream.fixes
-        if not len(samples):
-            raise MissionError("live stream: no sample has come yet; accepted is a stream with samples")
-        zero = float(samples.column("time")[0])
-        time = samples.column("time") - zero
-        gaps = [(gap.start, gap.end) for gap in stream.gaps if gap.start >= zero]
-        magnetometer = magnetometer_of(time, samples.column("magnetic"))
-        return SensorLog(
-            name="live stream",
-            epoch=stream.epoch + zero,
-            time=time,
-            dtheta=samples.column("dtheta")[1:].copy(),
-            dvelocity=samples.column("dvelocity")[1:].copy(),
-            gnss=GnssLog(
-                time=fixes.column("time") + self._latency - zero,
-                position=fixes.column("position").copy(),
-                velocity_n=fixes.column("velocity_n").copy(),
-                position_sigma=fixes.column("position_sigma").copy(),
-                velocity_sigma=fixes.column("velocity_sigma").copy(),
-                lever_arm=self._assumed.lever_arm,
-                latency=self._latency,
-            ),
-            reference=None,
-            gaps=np.array(gaps).reshape(-1, 2) - zero,
-            repairs=self.state.remarks,
-            auxiliary=AuxiliaryData(magnetometer=magnetometer),
-        )
+        with self._lock:
+            stream = self._stream
+            samples, fixes = stream.samples, stream.fixes
+            if not len(samples):
+                raise MissionError("live stream: no sample has come yet; accepted is a stream with samples")
+            zero = float(samples.column("time")[0])
+            time = samples.column("time") - zero
+            gaps = [(gap.start, gap.end) for gap in stream.gaps if gap.start >= zero]
+            magnetometer = magnetometer_of(time, samples.column("magnetic"))
+            return SensorLog(
+                name="live stream",
+                epoch=stream.epoch + zero,
+                time=time,
+                dtheta=samples.column("dtheta")[1:].copy(),
+                dvelocity=samples.column("dvelocity")[1:].copy(),
+                gnss=GnssLog(
+                    time=fixes.column("time") + self._latency - zero,
+                    position=fixes.column("position").copy(),
+                    velocity_n=fixes.column("velocity_n").copy(),
+                    position_sigma=fixes.column("position_sigma").copy(),
+                    velocity_sigma=fixes.column("velocity_sigma").copy(),
+                    lever_arm=self._assumed.lever_arm,
+                    latency=self._latency,
+                ),
+                reference=None,
+                gaps=np.array(gaps).reshape(-1, 2) - zero,
+                repairs=self.state.remarks,
+                auxiliary=AuxiliaryData(magnetometer=magnetometer),
+            )
 
     def _new_stream(self, epoch: float) -> None:
         """Begin with the first sample of a stream, at a time of the host [s]."""

@@ -106,8 +106,8 @@ def _on_north(attitude: AttitudeOnly) -> str:
     at = "at this latitude" if attitude.place is not None else "at a latitude of 45° (it is unknown)"
     if reach > NORTH:
         return (
-            f"The heading is relative: these gyros cannot find north, gyro-compassing would have a σ of "
-            f"{np.degrees(reach):.0f}° {at}."
+            "The heading is relative: these gyros cannot find north, gyro-compassing would have a σ of "
+            f"{'more than 180' if reach > np.pi else f'{np.degrees(reach):.0f}'}° {at}."
         )
     wanted = "" if attitude.place is not None else "; it needs the latitude"
     return (
