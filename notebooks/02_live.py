@@ -158,7 +158,9 @@ figures.window = 240.0
 figures.add_history(navigator.since()[1], 0.0)
 figures.add_fixes(fix)
 figures.show(state, 120.0)
-pn.GridBox(*(pn.pane.Bokeh(figure, width=330, height=230) for figure in figures.figures[2:]), ncols=3).servable()
+pn.GridBox(
+    *(pn.pane.Bokeh(figure, width=330, height=230) for figure in figures.figures[2:]), ncols=3
+).servable()
 
 # %% [markdown]
 # ## 6. Keep it

@@ -12,8 +12,9 @@ from lab import earth
 from lab.live.timed import TIMED_FIX, TIMED_IMU
 from lab.missions import Recording
 from lab.rotation import C_nb_from_euler
-from lab.sensors.imu import ImuDraws, measure
+from lab.sensors.imu import Environment, ImuDraws, measure
 from lab.sensors.suite import SensorSuite
+from lab.sensors.temperature import REFERENCE
 from lab.trajectory import Trajectory
 
 HOST = 5000.0
@@ -118,10 +119,39 @@ def standing(
         ("gyro", sensors.gyro, turning),
         ("accelerometer", sensors.accelerometer, force),
     ):
-        draws = ImuDraws.of(seed, name, n, instability=True)
-        shown.append(measure(np.tile(true * dt, (n, 1)), dt, errors, draws))
-    values = [one.measured if hasattr(one, "measured") else one[0] for one in shown]
-    return imu_rows(np.arange(1, n + 1) * dt, values[0] / dt, values[1] / dt)
+        draws = ImuDraws.of(seed, name, n, instability=True, flicker=True, walk=True)
+        environment = Environment(np.array(REFERENCE), force * dt)
+        shown.append(measure(np.tile(true * dt, (n, 1)), dt, errors, draws, environment).increments / dt)
+    return imu_rows(np.arange(1, n + 1) * dt, *shown)
+
+
+def handled(sensors: SensorSuite, latitude: float, seed: int) -> tuple[np.ndarray, np.ndarray]:
+    """Return the rows of simulated sensors that a hand turns, at 50 Hz, and the Euler angles after each row.
+
+    They rest for 15 s, are turned about all axes for 20 s, and rest for 20 s in another attitude.
+    """
+    rng, dt = np.random.default_rng(seed), 0.02
+    time = np.arange(round(55 / dt) + 1) * dt
+    euler = np.tile(rng.uniform((-0.3, -0.3, -3), (0.3, 0.3, 3)), (time.size, 1))
+    part = np.clip((time - 15) / 20, 0, 1)
+    for axis in range(3):
+        swing = np.sin(np.pi * part) ** 2 * np.sin(2 * np.pi * part * (2 + axis))
+        euler[:, axis] += swing * rng.uniform(0.3, 0.8) + _ramp(time, 15, 20) * rng.uniform(-0.5, 0.5)
+    C_nb = Rotation.from_euler("ZYX", euler[:, ::-1])
+    earth_rate = earth.RATE * np.array([np.cos(latitude), 0, -np.sin(latitude)])
+    C_ib = Rotation.from_rotvec(np.outer(time, earth_rate)) * C_nb
+    turned = (C_ib[:-1].inv() * C_ib[1:]).as_rotvec()
+    halfway = C_nb[:-1] * Rotation.from_rotvec(turned / 2)
+    felt = halfway.inv().apply([0, 0, -float(earth.gravity(np.sin(latitude), 0.0))]) * dt
+    shown = []
+    for name, errors, true in (
+        ("gyro", sensors.gyro, turned),
+        ("accelerometer", sensors.accelerometer, felt),
+    ):
+        draws = ImuDraws.of(seed, name, len(true), instability=True, flicker=True, walk=True)
+        environment = Environment(np.array(REFERENCE), felt)
+        shown.append(measure(true, dt, errors, draws, environment).increments / dt)
+    return imu_rows(time[1:], *shown), euler[1:]
 
 
 def feed(navigator, imu: np.ndarray, fixes: np.ndarray, pieces) -> None:

@@ -15,6 +15,7 @@ from typing import Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from lab.live.live_log import usable_imu
 from lab.live.timed import TIMED_IMU
 from lab.logs.sensor_log import GAP_STEPS, MAX_GAP, MAX_REPEAT
 
@@ -118,12 +119,9 @@ class Intake:
             yield from self._joined(rows)
 
     def _usable(self, rows: NDArray[np.void]) -> NDArray[np.void]:
-        good = np.isfinite(rows["time"])
-        good &= np.isfinite(rows["rate"]).all(axis=1) & np.isfinite(rows["force"]).all(axis=1)
-        if good.all():
-            return rows
+        good = usable_imu(rows)
         self._count(unusable=int((~good).sum()))
-        return rows[good]
+        return rows if good.all() else np.asarray(rows[good])
 
     def _newest(self) -> float:
         """Return the time of the last row accepted [s]."""

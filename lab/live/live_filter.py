@@ -63,10 +63,9 @@ SAMPLES: Final = {
     "bias": ((6,), np.float64),
     "covariance": ((2, 3), np.float64),
 }
-"""Columns of the samples: the increments that end at a time, and the solution there; ``variance`` is added."""
+"""Columns of the samples: the increments that end at a time, and the solution there without ``variance``."""
 FIXES: Final = {
     "time": ((), np.float64),
-    "arrival": ((), np.float64),
     "position": ((3,), np.float64),
     "velocity_n": ((3,), np.float64),
     "position_sigma": ((3,), np.float64),
@@ -239,11 +238,12 @@ class LiveFilter:
         seconds = int((now - begun) / SPAN)
         if seconds == self._seconds and not self._looks_changed:
             return
+        settled = min(self._seconds, seconds) - int(BACK)  # seconds that nothing can change any more
         self._seconds, self._looks_changed = seconds, False
         # A rest is one of `SHORTEST` seconds at least: as many before those that may change, and one more
         # whose mean rate is not compared.
-        whole = max(0, seconds - int(BACK) - SHORTEST - 1)
-        grid = begun + SPAN * np.arange(whole, seconds + 1)
+        whole = max(0, settled - SHORTEST - 1)
+        grid = np.asarray(begun + SPAN * np.arange(whole, seconds + 1), dtype=np.float64)
         start = max(self.samples.number("time", float(grid[0]) - 1e-9), self.first)
         fix = max(self._first_fix, self.fixes.number("time", float(grid[0]) - SPAN - _SLACK))
         end = max(fix, self.fixes.number("time", now, "right"))
@@ -252,7 +252,7 @@ class LiveFilter:
         fixes = Fixes(*(self.fixes.rows(name, fix, end) for name in ("time", "position", "known_velocity")))
         R = self.fixes.rows("R", fix, end)
         found = at_rest(self._increments(start, last), fixes, self.assumed._replace(R=R), grid)
-        free = 0 if whole == 0 else self.samples.number("time", begun + seconds - BACK) - start
+        free = 0 if whole == 0 else self.samples.number("time", begun + settled) - start
         kept = self.samples.rows("rest", start + 1, last + 1)
         changed = np.flatnonzero(found[free:] != kept[free:])
         if changed.size:
@@ -348,6 +348,8 @@ class LiveFilter:
         start, end = self.next_fix, self.next_fix + used
         for name in ("innovation", "innovation_covariance"):
             self.fixes.rows(name, start, end)[:] = getattr(out, name)[:used]
+        unknown = np.isnan(self.fixes.rows("velocity_n", start, end))
+        self.fixes.rows("innovation", start, end)[:, 3:][unknown] = np.nan
         sample = out.fix_sample[:used]
         self.fixes.rows("sample", start, end)[:] = np.where(sample >= 0, sample + before, -1)
         self.fixes.rows("rejected", start, end)[:] = out.fix_rejected[:used]

@@ -65,7 +65,8 @@ class History:
         if not time.size or time[-1] < self._next:
             return
         step = np.floor(time * RATE)
-        rows = np.flatnonzero((np.diff(step, prepend=step[0] - 1) > 0) & (time >= self._next))
+        solved = samples.rows("q_nb", start, samples.end).any(axis=1)
+        rows = np.flatnonzero((np.diff(step, prepend=step[0] - 1) > 0) & (time >= self._next) & solved)
         self._next = float(np.floor(time[-1] * RATE) + 1) / RATE
         end = self._rows.end + rows.size
         self._rows.extend(rows.size)

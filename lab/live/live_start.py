@@ -1,7 +1,7 @@
 """Live start: when the samples and fixes so far suffice to start the navigator, and the start they give.
 
-The batch looks at a whole log and carries the first heading back to its first sample. The live navigator waits
-for that heading, starts at the same sample, and then processes what has waited.
+The batch looks at a whole log and carries the first heading back to its first sample. The live navigator
+waits for that heading, starts at the same sample, and then processes what has waited.
 """
 
 from __future__ import annotations
@@ -25,8 +25,8 @@ from lab.navigation.standstill import SHORTEST
 FloatArray = NDArray[np.float64]
 
 AGAIN: Final = 10.0
-"""Time between two attempts to find the heading from the change of the velocity [s]: one takes 0.1 s and more,
-and looks at windows that are as long."""
+"""Time between two attempts to find the heading from the change of the velocity [s]: one takes 0.1 s and
+more, and looks at windows that are as long."""
 _LATEST_GIVEN: Final = 1.0  # time of the first sample at which a given heading still holds [s]
 _ROUNDING: Final = 1e-6  # of time stamps, as in `recorded` [s]
 
@@ -87,7 +87,7 @@ class LiveStart:
         imu = Imu(*(samples.rows(name, first, samples.end) for name in ("time", "dtheta", "dvelocity")))
         imu = Imu(imu.time, imu.dtheta[1:], imu.dvelocity[1:])
         known = Fixes(*(fixes.column(name) for name in ("time", "position", "known_velocity")))
-        sigma = np.sqrt(fixes.column("variances")[:, 3:])
+        sigma = _velocity_sigma(fixes)
         magnetometer = magnetometer_of(imu.time, samples.rows("magnetic", first, samples.end))
         hints = Hints.of(
             AuxiliaryData(magnetometer=magnetometer),
@@ -100,8 +100,9 @@ class LiveStart:
         by_imu = np.isnan(hints.given) and shown is not None
         if by_imu and shown is not None:
             hints = hints._replace(given=shown[0], given_sigma=shown[1])
-        if not self._is_worth_it(hints, known, sigma, now):
-            return Sought(None, first, f"The heading is unknown: {HOW}.")
+        why = self._not_yet(hints, known, sigma, now)
+        if why:
+            return Sought(None, first, why)
         made = align(imu, known, sigma, hints)
         if not made.heading.source:
             return Sought(None, first, f"The heading is unknown: {HOW}.")
@@ -112,22 +113,44 @@ class LiveStart:
             made = made._replace(heading=made.heading._replace(source=shown[2]))
         return Sought(made, first, "")
 
-    def _is_worth_it(self, hints: Hints, fixes: Fixes, sigma: FloatArray, now: float) -> bool:
-        """Return whether an attempt may succeed: it costs too much to try it each second."""
+    def _not_yet(self, hints: Hints, fixes: Fixes, sigma: FloatArray, now: float) -> str:
+        """Return why an attempt cannot succeed yet, empty if it may: it costs too much to try each second."""
         if np.isfinite(hints.given) or hints.magnetometer is not None:
-            return True
+            return ""
         fast = shows_course(fixes, sigma)
         course = np.flatnonzero(fast[1:] & fast[:-1])
         if course.size and np.isfinite(hints.vehicle.sideslip):
             # The motion may contradict the course of an unknown vehicle.
             wait = 0.0 if hints.vehicle.name else WINDOW
-            return now - float(fixes.time[course[0]]) >= wait
+            left = wait - (now - float(fixes.time[course[0]]))
+            return "" if left <= 0 else f"{COMPARED}, for {left:.0f} s more."
         speed = np.linalg.norm(fixes.velocity_n[:, :2], axis=1)
         moves = bool((speed[fixes.time > now - AGAIN] > REST_SPEED).any())
         if moves and now - self._tried >= AGAIN:
             self._tried = now
-            return True
-        return False
+            return ""
+        return f"The heading is unknown: {HOW}."
+
+
+COMPARED: Final = (
+    "The fixes show a course; whether it is the heading of an unknown vehicle (navigator.vehicle) is "
+    "compared with its acceleration"
+)
+"""What the navigator does with the course of an unknown vehicle."""
+
+
+def _velocity_sigma(fixes: Rolling) -> FloatArray:
+    """Return the σ (m, 3) of the velocities with which the start is found [m/s].
+
+    The filter gives a velocity that was not measured no weight. For the start, the difference of the
+    positions shows the course as well as they are known.
+    """
+    sigma = np.sqrt(fixes.column("variances"))
+    time = fixes.column("time")
+    over = np.diff(time, append=time[-1]) + np.diff(time, prepend=time[0])
+    unknown = np.isnan(fixes.column("velocity_n"))
+    unknown[:, 2] = False  # a vertical velocity is not derived from positions
+    return np.asarray(np.where(unknown, np.sqrt(2) * sigma[:, :3] / over[:, None], sigma[:, 3:]))
 
 
 HOW: Final = (

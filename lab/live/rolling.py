@@ -15,7 +15,7 @@ _ROOM: Final = 1024
 class Rolling:
     """Columns of a stream, of which the oldest rows are forgotten.
 
-    A row keeps its number while others are forgotten. The rows are contiguous in memory, as kernels need them.
+    A row keeps its number while others are forgotten. The rows are contiguous, as kernels need them.
 
     Parameters
     ----------

@@ -1,0 +1,121 @@
+"""Fix intake: fixes as they arrive, checked and given the covariance with which the filter uses them."""
+
+from __future__ import annotations
+
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lab.live.live_log import gnss_of, usable_fixes
+from lab.live.live_stream import Stream
+from lab.live.timed import TIMED_FIX
+from lab.logs.sensor_log import GnssLog
+from lab.navigation.recorded import used_fixes
+from lab.navigation.settings import NavigatorSettings
+from lab.navigation.solution import Belief
+
+EARLY: Final = 100
+"""Fixes that wait for the first sample of the IMU."""
+_COLUMNS: Final = ("time", "position", "velocity_n", "position_sigma", "velocity_sigma")
+
+
+class FixIntake:
+    """The check of the fixes of one receiver.
+
+    Parameters
+    ----------
+    assumed
+        The filter's assumptions, with the covariance of a fix that has no σ.
+    navigator
+        The settings of the filter.
+    latency
+        How much later than the fixes their times are [s].
+    """
+
+    def __init__(self, assumed: Belief, navigator: NavigatorSettings, latency: float) -> None:
+        self._assumed, self._navigator, self._latency = assumed, navigator, latency
+        self._early = np.empty(0, TIMED_FIX)
+        self.refused = 0
+        """Fixes that were not used."""
+        self.above_sea = False
+        """Whether the receiver gives its height above sea level."""
+
+    @property
+    def remarks(self) -> tuple[str, ...]:
+        """What a user should know about the fixes."""
+        found = []
+        if self.refused:
+            count = "1 fix was" if self.refused == 1 else f"{self.refused} fixes were"
+            found.append(
+                f"{count} not used: without a position in three dimensions, not in order, or too late."
+            )
+        if self.above_sea:
+            found.append(
+                "The receiver gives its height above sea level; it is used as height above the ellipsoid."
+            )
+        return tuple(found)
+
+    def early(self, stream: Stream) -> None:
+        """Append the fixes that came before the first sample of a stream."""
+        rows, self._early = self._early, self._early[:0]
+        self.take(stream, rows)
+
+    def take(self, stream: Stream, rows: NDArray[np.void]) -> None:
+        """Append fixes to a stream.
+
+        Parameters
+        ----------
+        stream
+            The stream.
+        rows : (m,) array of `TIMED_FIX`
+            Fixes in the order of their arrival.
+        """
+        if np.isnan(stream.epoch):
+            self._early = np.concatenate((self._early, rows))[-EARLY:]
+            return
+        good = usable_fixes(rows)
+        # In the order of `repaired` and `navigate_log`: another one would round otherwise.
+        time = rows["time"] - stream.epoch - self._latency
+        earliest = float(stream.fixes.column("time")[-1]) if len(stream.fixes) else -np.inf
+        if stream.filter is not None:
+            earliest = max(earliest, stream.filter.reach)
+        usable = np.where(good, time, -np.inf)
+        good &= usable > np.maximum.accumulate(np.append(earliest, usable))[:-1]
+        self.refused += int((~good).sum())
+        rows = rows[good]
+        if not rows.size:
+            return
+        self.above_sea |= bool((rows["sea_level"] == 1).any())
+        gnss = gnss_of(rows)
+        start = stream.fixes.end
+        stream.fixes.extend(rows.size)
+        put = stream.fixes.rows
+        put("time", start, stream.fixes.end)[:] = time[good]
+        for name in _COLUMNS[1:]:
+            put(name, start, stream.fixes.end)[:] = getattr(gnss, name)
+        put("measured", start, stream.fixes.end)[:] = 6 - np.isnan(gnss.velocity_n).sum(axis=1)
+        self._know(stream, start)
+
+    def _know(self, stream: Stream, start: int) -> None:
+        """Write the fixes as the filter uses them.
+
+        A velocity that is not measured follows from the positions before and after, so that of the fix before
+        the first new one changes too.
+        """
+        rows, end = stream.fixes.rows, stream.fixes.end
+        first, changed = max(start - 2, stream.fixes.first), max(start - 1, stream.fixes.first)
+        values = [rows(name, first, end) for name in _COLUMNS]
+        if end - first == 1:  # a difference of positions needs two
+            values = [np.repeat(part, 2, axis=0) for part in values]
+            values[0][1] += 1.0
+        time, position, velocity_n, position_sigma, velocity_sigma = values
+        window = GnssLog(time, position, velocity_n, position_sigma, velocity_sigma, np.zeros(3), 0.0)
+        known, R, variances = used_fixes(window, self._assumed, self._navigator)
+        old = rows("known_velocity", changed, start).copy()
+        for name, all_values in (("known_velocity", known.velocity_n), ("R", R), ("variances", variances)):
+            rows(name, changed, end)[:] = all_values[changed - first : end - first]
+        if stream.filter is not None:
+            same = np.array_equal(old, rows("known_velocity", changed, start))
+            from_here = start if same or changed < stream.first_fix else changed
+            stream.filter.changed_fixes(from_here, end)

@@ -1,0 +1,182 @@
+"""Live stream: the samples and fixes of one unbroken stream, and the navigators that work on them."""
+
+from __future__ import annotations
+
+from typing import Final, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lab.live.attitude_only import NORTH, AttitudeOnly
+from lab.live.live_filter import FIXES, SAMPLES, Gap, LiveFilter
+from lab.live.live_state import euler_with_sigma
+from lab.live.rolling import Rolling
+from lab.navigation.alignment import Alignment
+
+FloatArray = NDArray[np.float64]
+
+POSITION_LIMIT: Final = 100.0
+"""Largest σ north or east with which a position is shown [m]: ten times that of a poor fix."""
+RECENT: Final = 1.5
+"""Time over which a vehicle counts as at rest after a sample at rest [s]: rest is known by whole seconds."""
+
+
+class LiveSolution(NamedTuple):
+    """The solution at all samples that are kept, including what later data said about them.
+
+    Attributes
+    ----------
+    time : (n,) array
+        Times of the log, which count from the first sample of the stream [s].
+    position, velocity_n, q_nb, bias, variance, covariance : arrays
+        As in `lab.navigation.solution.Solution`.
+    fix_time : (m,) array
+        Times of validity of the fixes since the start [s].
+    innovation, innovation_covariance, fix_rejected : arrays
+        As there.
+    """
+
+    time: FloatArray
+    position: FloatArray
+    velocity_n: FloatArray
+    q_nb: FloatArray
+    bias: FloatArray
+    variance: FloatArray
+    covariance: FloatArray
+    fix_time: FloatArray
+    innovation: FloatArray
+    innovation_covariance: FloatArray
+    fix_rejected: NDArray[np.bool_]
+
+
+class Sample(NamedTuple):
+    """The solution at one sample: arrays as of `LiveSolution`, and the Euler angles with their σ [rad]."""
+
+    position: FloatArray
+    velocity_n: FloatArray
+    q_nb: FloatArray
+    bias: FloatArray
+    variance: FloatArray
+    covariance: FloatArray
+    euler: FloatArray
+    euler_sigma: FloatArray
+
+    @property
+    def is_usable(self) -> bool:
+        """Whether there is a solution, with finite numbers."""
+        return bool(self.q_nb.any()) and all(np.isfinite(values).all() for values in self)
+
+
+class Stream:
+    """An unbroken stream.
+
+    Parameters
+    ----------
+    epoch
+        Time of the host at its first sample, at which its own time is 0 [s]; NaN before there is one.
+    states
+        Number of error states of the filter.
+    """
+
+    def __init__(self, epoch: float, states: int) -> None:
+        self.epoch = epoch
+        self.samples = Rolling(SAMPLES | {"variance": ((states,), np.float64)})
+        self.fixes = Rolling(FIXES)
+        self.gaps: list[Gap] = []
+        self.filter: LiveFilter | None = None
+        """The full navigator, once it started."""
+        self.alignment: Alignment | None = None
+        """Its start."""
+        self.attitude: AttitudeOnly | None = None
+        """The navigator without fixes, as long as the full one did not start."""
+        self.missing = "No GPS fix has come yet."
+        """What the full navigator lacks to start."""
+        self.first_fix = 0
+        """Number of the first fix of the filter."""
+
+    @property
+    def end(self) -> int:
+        """Number of the next sample."""
+        return self.samples.end
+
+    @property
+    def now(self) -> float:
+        """Time of the last sample [s]."""
+        return float(self.samples.rows("time", self.end - 1, self.end)[0])
+
+    @property
+    def fix_age(self) -> float:
+        """Time since the last fix [s]; infinite without one."""
+        return self.now - float(self.fixes.column("time")[-1]) if len(self.fixes) else float(np.inf)
+
+    @property
+    def position_sigma(self) -> float:
+        """The larger σ north or east [m]; infinite without a full navigator."""
+        if self.filter is None:
+            return float(np.inf)
+        return float(np.sqrt(self.samples.rows("variance", self.end - 1, self.end)[0, :2].max()))
+
+    @property
+    def has_position(self) -> bool:
+        """Whether the position means something."""
+        return self.position_sigma <= POSITION_LIMIT
+
+    @property
+    def is_at_rest(self) -> bool:
+        """Whether the vehicle stands still, as far as is known."""
+        if self.attitude is not None:
+            return self.attitude.rest > 0
+        start = self.samples.number("time", self.now - RECENT)
+        return bool(self.samples.rows("rest", start, self.end).any())
+
+    def sample(self, number: int) -> Sample:
+        """Return the solution at a sample, by its number."""
+        row = {name: self.samples.rows(name, number, number + 1).copy() for name in Sample._fields[:6]}
+        euler, sigma = euler_with_sigma(row["q_nb"], row["variance"], row["covariance"])
+        return Sample(
+            position=row["position"][0],
+            velocity_n=row["velocity_n"][0],
+            q_nb=row["q_nb"][0],
+            bias=row["bias"][0],
+            variance=row["variance"][0],
+            covariance=row["covariance"][0],
+            euler=euler[0],
+            euler_sigma=sigma[0],
+        )
+
+    def shown_heading(self) -> tuple[float, float, str] | None:
+        """Return the heading at the first sample with a fix that the IMU shows, its σ and its source.
+
+        None if there is none, or it is less certain than `attitude_only.NORTH`.
+        """
+        attitude = self.attitude
+        if attitude is None or not attitude.heading_is_known or not len(self.fixes):
+            return None
+        first = min(self.samples.number("time", float(self.fixes.column("time")[0]) - 1e-6), self.end - 1)
+        time = float(self.samples.rows("time", first, first + 1)[0])
+        # At rest, the heading of now is that of then.
+        here = self.sample(self.end - 1 if attitude.rest and time > self.now - attitude.rest else first)
+        if not here.is_usable or here.euler_sigma[2] >= NORTH:
+            return None
+        return float(here.euler[2]), float(here.euler_sigma[2]), attitude.heading_source
+
+    def solution(self) -> LiveSolution:
+        """Return the solution at the samples that are kept, from the start of the navigator on."""
+        first, fix = self.samples.first, max(self.first_fix, self.fixes.first)
+        last = fix
+        if self.filter is not None:
+            first, last = max(self.filter.first, first), max(fix, self.filter.next_fix)
+        return LiveSolution(
+            *(self.samples.rows(name, first, self.end).copy() for name in LiveSolution._fields[:7]),
+            *(
+                self.fixes.rows(name, fix, last).copy()
+                for name in ("time", "innovation", "innovation_covariance", "rejected")
+            ),
+        )
+
+    def forget(self, kept: float) -> None:
+        """Forget samples and fixes older than `kept` seconds, but for the fix before the oldest sample."""
+        if self.now - float(self.samples.column("time")[0]) < kept + 1.0:
+            return
+        self.samples.forget(self.samples.number("time", self.now - kept))
+        self.fixes.forget(self.fixes.number("time", float(self.samples.column("time")[0])) - 2)
