@@ -258,7 +258,7 @@ class LiveNavigator:
     def _new_stream(self, epoch: float) -> None:
         """Begin with the first sample of a stream, at a time of the host [s]."""
         self._stream = Stream(epoch, self._model.states)
-        self._start = LiveStart(self._navigator)
+        self._start = LiveStart(self._navigator, self._assumed.noise[:3])
         self._second = -1  # in which a start was sought
         self._shown_fix = self._shown = 0  # fixes and samples in the history
 
@@ -384,7 +384,7 @@ class LiveNavigator:
         stream.attitude = AttitudeOnly(stream.samples, self._sensors, self._place, prior=prior)
         stream.attitude.heading_source = source
         stream.first_fix = self._shown_fix = stream.fixes.end
-        self._start = LiveStart(self._navigator)
+        self._start = LiveStart(self._navigator, self._assumed.noise[:3])
 
     def _seek(self, attitude: AttitudeOnly) -> None:
         """Advance the attitude, and once a second look for a start."""

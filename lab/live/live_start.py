@@ -56,10 +56,13 @@ class LiveStart:
     ----------
     navigator
         The settings, with the vehicle and a given heading.
+    gyro_density : (3,) array
+        Power spectral densities of the gyro noise that the filter assumes [rad²/s].
     """
 
-    def __init__(self, navigator: NavigatorSettings) -> None:
+    def __init__(self, navigator: NavigatorSettings, gyro_density: FloatArray) -> None:
         self._navigator = navigator
+        self._gyro_density = gyro_density
         self._tried = -np.inf  # time of the last attempt by the change of the velocity
 
     def seek(self, samples: Rolling, fixes: Rolling, shown: tuple[float, float, str] | None = None) -> Sought:
@@ -103,7 +106,7 @@ class LiveStart:
         why = self._not_yet(hints, known, sigma, now)
         if why:
             return Sought(None, first, why)
-        made = align(imu, known, sigma, hints)
+        made = align(imu, known, sigma, hints, self._gyro_density)
         if not made.heading.source:
             return Sought(None, first, f"The heading is unknown: {HOW}.")
         at_rest_still = made.rest >= int(now - imu.time[0]) - 1

@@ -124,7 +124,13 @@ class Alignment(NamedTuple):
         return f"{levelled}; heading {self.heading.source}, σ {np.degrees(self.heading.sigma):.0f}°.{clock}"
 
 
-def align(imu: Imu, fixes: Fixes, velocity_sigma: FloatArray, hints: Hints | None = None) -> Alignment:
+def align(
+    imu: Imu,
+    fixes: Fixes,
+    velocity_sigma: FloatArray,
+    hints: Hints | None = None,
+    gyro_density: FloatArray | None = None,
+) -> Alignment:
     """Return the start of a navigator.
 
     Parameters
@@ -135,6 +141,9 @@ def align(imu: Imu, fixes: Fixes, velocity_sigma: FloatArray, hints: Hints | Non
         σ of the velocities [m/s].
     hints
         Further information about vehicle and heading.
+    gyro_density : (3,) array
+        Power spectral densities of the gyro noise that the filter assumes [rad²/s]; the mean at rest has at
+        least the noise of a usual MEMS gyro.
     """
     hints = Hints() if hints is None else hints
     rest = _rest(imu, fixes)
@@ -162,7 +171,8 @@ def align(imu: Imu, fixes: Fixes, velocity_sigma: FloatArray, hints: Hints | Non
             Rotation.from_quat(q_nb, scalar_first=True).inv().apply([0, 0, -earth.RATE * np.sin(position[0])])
         )
         bias = bias - up
-        sigma = np.full(3, max(earth.RATE, _REST_NOISE / np.sqrt(rest)))
+        assumed = np.zeros(3) if gyro_density is None else np.sqrt(gyro_density)
+        sigma = np.maximum(earth.RATE, np.maximum(_REST_NOISE, assumed) / np.sqrt(rest))
     else:
         sigma = bias_sigma
     return Alignment(

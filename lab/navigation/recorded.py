@@ -134,7 +134,7 @@ def navigate_log(
     imu = Imu(log.time[first:], log.dtheta[first:], log.dvelocity[first:])
     gnss, R, variances = used_fixes(log.gnss, assumed, navigator)
     fixes = Fixes(times, gnss.position, gnss.velocity_n)
-    start = start or align(imu, fixes, np.sqrt(variances[:, 3:]), _hints(log, navigator))
+    start = start or align(imu, fixes, np.sqrt(variances[:, 3:]), _hints(log, navigator), assumed.noise[:3])
     # The last fix before the start was used for the start.
     rows = (times > imu.time[0] + _ROUNDING) & (times <= imu.time[-1])
     if not rows.any():

@@ -210,3 +210,31 @@ def test_rtkx_walk(recordings, tmp_path):
     printed("rtkx_walk", position, attitude, made)
     assert np.isfinite(made.solution.position).all()
     assert (position.std(axis=0) < 0.5).all()
+
+
+def test_the_gyro_bias_of_a_rest_is_as_uncertain_as_the_noise_makes_it():
+    """σ of the bias at the start, against the errors of 40 rests of 15 s with three densities."""
+    rng = np.random.default_rng(5)
+    rate, seconds, latitude = 100.0, 15.0, np.radians(45.0)
+    count = int(rate * seconds)
+    fixes = Fixes(
+        np.arange(0.0, seconds + 5.5, 1.0), np.tile((latitude, 0.1, 50.0), (21, 1)), np.zeros((21, 3))
+    )
+    time = np.arange(count + int(5 * rate) + 1) / rate
+    for density in np.radians((0.002, 0.05, 0.2)):  # [rad/s/√Hz]
+        ratios = []
+        for _ in range(40):
+            bias = rng.normal(scale=np.radians(0.3), size=3)
+            earth_rate = earth.RATE * np.array((np.cos(latitude), 0.0, -np.sin(latitude)))
+            noise = rng.normal(scale=density / np.sqrt(rate), size=(time.size - 1, 3)) / rate
+            dtheta = (bias + earth_rate) / rate + noise
+            dvelocity = np.tile((0.0, 0.0, -earth.gravity(np.sin(latitude), 50.0) / rate), (time.size - 1, 1))
+            found = align(
+                Imu(time, dtheta, dvelocity),
+                fixes,
+                np.full((21, 3), 0.1),
+                gyro_density=np.full(3, density**2),
+            )
+            assert found.rest >= seconds
+            ratios.append((found.gyro_bias - bias) / found.gyro_bias_sigma)
+        assert np.sqrt(np.mean(np.square(ratios))) < 1.25
