@@ -33,6 +33,10 @@ FloatArray = NDArray[np.float64]
 
 REST_SPEED = 0.5
 """Speed below which a vehicle may be at rest [m/s]."""
+_REST_SIGMAS = 3.5
+"""And in σ of a receiver's velocity in an axis: at rest, the speed is larger in 0.2 % of the fixes."""
+_MOST_REST_SPEED = 2.0
+"""Largest such speed, however poor the receiver is [m/s]: that of a fast walker."""
 
 _REST_RATE = np.radians(2.0)
 """Largest σ of the gyros within a second of rest [rad/s]: above that of engines and noise, below that of
@@ -146,7 +150,7 @@ def align(
         least the noise of a usual MEMS gyro.
     """
     hints = Hints() if hints is None else hints
-    rest = _rest(imu, fixes)
+    rest = _rest(imu, fixes, velocity_sigma)
     position, velocity = (
         _at_start(imu.time[0], fixes, values) for values in (fixes.position, fixes.velocity_n)
     )
@@ -206,13 +210,14 @@ def level(force: FloatArray, force_n: FloatArray, heading: float) -> tuple[float
     return float(wrap(roll)), float(wrap(pitch))
 
 
-def _rest(imu: Imu, fixes: Fixes) -> float:
+def _rest(imu: Imu, fixes: Fixes, velocity_sigma: FloatArray) -> float:
     """Return the duration of the rest from the first sample on, in whole seconds; 0 if below two [s]."""
     start = imu.time[0]
     seconds = int(min(imu.time[-1] - start, _LONGEST_REST))
     dt = np.diff(imu.time)[:, None]
     rates, forces = imu.dtheta / dt, imu.dvelocity / dt
-    speed = np.linalg.norm(fixes.velocity_n[:, :2], axis=1)
+    slow = np.clip(_REST_SIGMAS * velocity_sigma[:, :2].max(axis=1), REST_SPEED, _MOST_REST_SPEED)
+    speed = np.linalg.norm(fixes.velocity_n[:, :2], axis=1) / slow
     level_force = forces[: max(1, np.searchsorted(imu.time, start + _SECOND))].mean(axis=0)
     for second in range(seconds):
         window = slice(*np.searchsorted(imu.time[1:], [start + second, start + second + _SECOND]))
@@ -223,7 +228,7 @@ def _rest(imu: Imu, fixes: Fixes) -> float:
             rates[window].std(axis=0).max() < _REST_RATE
             and forces[window].std(axis=0).max() < _REST_FORCE
             and np.abs(forces[window].mean(axis=0) - level_force).max() < _REST_FORCE / 2
-            and (not moving.size or float(np.median(moving)) < REST_SPEED)
+            and (not moving.size or float(np.median(moving)) < 1)
         )
         if not still:
             return _at_least_two(second)

@@ -238,3 +238,20 @@ def test_the_gyro_bias_of_a_rest_is_as_uncertain_as_the_noise_makes_it():
             assert found.rest >= seconds
             ratios.append((found.gyro_bias - bias) / found.gyro_bias_sigma)
         assert np.sqrt(np.mean(np.square(ratios))) < 1.25
+
+
+def test_a_rest_is_one_although_the_receiver_wanders():
+    """Velocities with σ 0.45 m/s at rest are often faster than 0.5 m/s."""
+    rng = np.random.default_rng(8)
+    time = np.arange(3001) / 100
+    dtheta = rng.normal(scale=1e-5, size=(3000, 3))
+    dvelocity = np.tile((0.0, 0.0, -9.81 / 100), (3000, 1)) + rng.normal(scale=1e-4, size=(3000, 3))
+    dvelocity[2000:, 0] += 1.5 / 100  # it drives off
+    found = []
+    for _ in range(20):
+        velocity = rng.normal(scale=0.45, size=(30, 3))
+        fixes = Fixes(np.arange(30.0) + 0.5, np.tile((0.8, 0.1, 50.0), (30, 1)), velocity)
+        found.append(align(Imu(time, dtheta, dvelocity), fixes, np.full((30, 3), 0.45)).rest)
+    assert np.mean(np.array(found) == 20) > 0.8
+    fixes.velocity_n[:, 0] += 3.0
+    assert align(Imu(time, dtheta, dvelocity), fixes, np.full((30, 3), 0.45)).rest < 5
