@@ -21,6 +21,7 @@ from lab.live.decoders.pairing import Pairing
 from lab.live.decoders.phone_line import DEGREES, HEAD, LONGEST, PhoneLine, Row
 from lab.live.decoders.rows import Rows
 from lab.live.decoders.stream_decoder import StreamDecoder
+from lab.live.decoders.turning import Turning
 from lab.live.samples import FIX_2D, FIX_3D, UNKNOWN, Vector
 
 _CLEAR = 0.5 * STANDARD_GRAVITY
@@ -35,13 +36,17 @@ class PhoneLines(Framing):
     ----------
     negated
         Whether the phone negates the specific force; None to find out.
+    unit
+        Of the phone's angular rates, ``"deg/s"`` or ``"rad/s"``; None for what it states.
     """
 
     first = HEAD[:1]
     longest = LONGEST
 
-    def __init__(self, negated: bool | None = None) -> None:
+    def __init__(self, negated: bool | None = None, unit: str | None = None) -> None:
         self.negated = negated
+        self.unit = unit
+        self._turning = Turning()
         self._found: bool | None = None
         self._apple = False
         self._seen = 0
@@ -59,7 +64,7 @@ class PhoneLines(Framing):
 
     @property
     def evidence(self) -> str:
-        """What shows the sign, in a sentence."""
+        """What shows the sign and the unit, in sentences."""
         done = "the lab negates it" if self.negates else "the lab uses it unchanged"
         if not self._seen:
             maker = (
@@ -71,7 +76,12 @@ class PhoneLines(Framing):
             why = f"Gravity reads {along:+.1f} m/s² along the direction that the phone's attitude calls up"
         if self.negated is not None and self.negated != self._found:
             done += ", as you asked"
-        return f"{why}: {done}."
+        return f"{why}: {done}.{self._turning.evidence}"
+
+    @property
+    def rate_factor(self) -> float:
+        """As of `PhoneDecoder`."""
+        return self._turning.factor
 
     def size(self, data: bytearray, at: int) -> int:
         """Return the bytes of the line that begins at a place, with its end; `MORE` or `NONE`."""
@@ -101,7 +111,8 @@ class PhoneLines(Framing):
         later = line.origin - self._origin
         self._weigh(line)
         sign = -1.0 if self.negates else 1.0
-        unit = math.pi / 180 if line.unit == DEGREES else 1.0
+        unit = math.pi / 180 if (self.unit or line.unit) == DEGREES else 1.0
+        self._turning.add(line, unit)
         for number, (time, rx, ry, rz, fx, fy, fz) in enumerate(line.imu):
             count = line.first + number if line.first >= 0 else -1
             rate = (unit * rx, unit * ry, unit * rz)
@@ -144,12 +155,16 @@ class PhoneDecoder(StreamDecoder):
     ----------
     negated
         Whether the phone negates the specific force; None to find out.
+    unit
+        Of the phone's angular rates, ``"deg/s"`` or ``"rad/s"``; None for what it states.
     limits
         What samples are accepted.
     """
 
-    def __init__(self, negated: bool | None = None, limits: Limits | None = None) -> None:
-        self._lines = PhoneLines(negated)
+    def __init__(
+        self, negated: bool | None = None, unit: str | None = None, limits: Limits | None = None
+    ) -> None:
+        self._lines = PhoneLines(negated, unit)
         super().__init__("phone", (self._lines,), limits)
 
     @property
@@ -163,8 +178,13 @@ class PhoneDecoder(StreamDecoder):
 
     @property
     def evidence(self) -> str:
-        """What shows the sign of the specific force, in a sentence."""
+        """What shows the sign of the specific force, and the unit of angular rates, in sentences."""
         return self._lines.evidence
+
+    @property
+    def rate_factor(self) -> float:
+        """Turns of the phone's attitude by those of its angular rates; NaN before it turned. 1 is right."""
+        return self._lines.rate_factor
 
 
 def _dot(force: Vector, up: Vector) -> float:
