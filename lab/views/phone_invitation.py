@@ -81,13 +81,15 @@ def invitation_html(invitation: Invitation) -> str:
 def _phone(left: int, number: str, button: str, text: str) -> str:
     """Return a phone with a warning triangle, a text and a button that is marked."""
     middle = left + 64
+    line = 'fill="none" stroke="currentColor" stroke-width="3"'
+    centred = 'text-anchor="middle" font-weight="700"'
+    right = left + 112
     return (
-        f'<rect x="{left}" y="8" width="128" height="212" rx="16" fill="none" stroke="currentColor" '
-        f'stroke-width="3"/><path d="M{middle} 40l26 44h-52z" fill="none" stroke="currentColor" stroke-width="3" '
-        f'stroke-linejoin="round"/><text x="{middle}" y="78" text-anchor="middle" font-size="22" '
-        f'font-weight="700">!</text>{text}'
+        f'<rect x="{left}" y="8" width="128" height="212" rx="16" {line}/>'
+        f'<path d="M{middle} 40l26 44h-52z" stroke-linejoin="round" {line}/>'
+        f'<text x="{middle}" y="78" font-size="22" {centred}>!</text>{text}'
         f'<rect x="{left + 14}" y="150" width="100" height="34" rx="8" fill="#0b57d0"/>'
-        f'<text x="{middle}" y="172" text-anchor="middle" font-size="14" font-weight="600" fill="#fff">{button}'
-        f'</text><circle cx="{left + 112}" cy="150" r="12" fill="#b3261e"/><text x="{left + 112}" y="155" '
-        f'text-anchor="middle" font-size="14" font-weight="700" fill="#fff">{number}</text>'
+        f'<text x="{middle}" y="172" font-size="14" fill="#fff" {centred}>{button}</text>'
+        f'<circle cx="{right}" cy="150" r="12" fill="#b3261e"/>'
+        f'<text x="{right}" y="155" font-size="14" fill="#fff" {centred}>{number}</text>'
     )

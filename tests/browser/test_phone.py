@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import math
 import os
+import re
 import threading
 import time
 from collections.abc import Callable, Iterator
@@ -15,7 +16,7 @@ import numpy as np
 import pytest
 from conftest import HARMLESS, new_context
 from live_streams import decoded
-from playwright.sync_api import Browser, BrowserContext, Page, expect
+from playwright.sync_api import Browser, BrowserContext, Page, Route, expect
 
 from lab.live.decoders.phone import PhoneDecoder
 from lab.live.phone.hub import PhoneHub
@@ -93,6 +94,7 @@ def open_phone(chromium: Browser, complaints: list[str]) -> Iterator[Callable[..
                     {"enabled": True, "type": kind, "metadata": metadata},
                 )
         page.on("pageerror", lambda error: complaints.append(str(error)))
+        page.on("console", lambda message: complaints.extend(blocked(message.text)))
         page.goto(address)
         return page, tools.send, context
 
@@ -100,6 +102,11 @@ def open_phone(chromium: Browser, complaints: list[str]) -> Iterator[Callable[..
     for context in contexts:
         context.close()
     assert [text for text in complaints if not any(word in text for word in HARMLESS)] == []
+
+
+def blocked(text: str) -> list[str]:
+    """Return what a console says if the policy of the page blocked something; lost requests are expected."""
+    return [text] if "Content Security Policy" in text or "Permissions policy" in text else []
 
 
 def set_motion(send: Callable[..., Any], force: tuple[float, ...], rate: tuple[float, ...]) -> None:
@@ -174,6 +181,42 @@ def test_a_phone_streams_and_a_cut_of_the_network_loses_nothing(server, open_pho
     assert math.degrees(fix["longitude"][0]) == pytest.approx(PLACE["longitude"])
     # 95 % of two normal variables are within sqrt(5.991) σ (χ² with two degrees of freedom).
     assert fix["horizontal_sigma"][0] == pytest.approx(PLACE["accuracy"] / math.sqrt(5.991), rel=1e-3)
+
+
+def test_what_is_too_old_is_dropped_and_counted(server, open_phone):
+    ticket = server.hub.invite()
+    address = server.invitation(ticket).address
+    page, send, context = open_phone("about:blank")
+
+    def with_a_short_memory(route: Route) -> None:
+        reply = route.fetch()
+        text = reply.text()
+        assert "const KEPT = 60000;" in text
+        # The policy allows the page's own script only, and this is another one.
+        route.fulfill(
+            body=text.replace("const KEPT = 60000;", "const KEPT = 1000;"), content_type="text/html"
+        )
+
+    page.route(address, with_a_short_memory)
+    page.goto(address)
+    set_motion(send, (0.0, 0.0, 9.8), (0, 0, 0))
+    start(page, "Anna")
+    wait_for(lambda: server.hub.phones()[0].samples > 0, page)
+    reader = Reader(server.hub.transport(ticket.key))
+    wait_for(lambda: len(reader.data) > 0, page)
+    context.set_offline(True)
+    expect(page.get_by_text("The network was away")).to_be_visible()
+    context.set_offline(False)
+    expect(page.get_by_text("Recording")).to_be_visible()
+    page.get_by_role("button", name="Stop").click()
+    expect(page.get_by_text(" 0 waiting")).to_be_visible()
+    said = page.get_by_text("The network was away").inner_text()
+    (lost,) = re.findall(r"(\d+) batches", said)
+    assert server.hub.phones()[0].lost == int(lost) > 0
+    imu = samples_of(reader.stop()).imu
+    (gaps,) = np.nonzero(np.diff(imu["count"]) != 1)
+    assert len(gaps) == 1
+    assert np.diff(imu["time"])[gaps[0]] == pytest.approx(0.1 * int(lost), abs=0.25)
 
 
 def test_a_phone_that_negates_is_found_by_its_own_attitude(server, open_phone):

@@ -15,8 +15,8 @@ SAMPLES: Final = 1000.0
 of two sensors."""
 SAMPLE_BURST: Final = 60 * SAMPLES
 """Rows that may come at once: those of a minute without network."""
-QUEUE: Final = 2**23
-"""Most bytes that wait to be read: a minute of a phone at 500 Hz, or eight of a page."""
+QUEUE: Final = 2**22
+"""Most bytes that wait to be read: ten minutes of a page, or 50 s of an app at 500 Hz."""
 
 
 class Pace:

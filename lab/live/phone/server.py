@@ -19,6 +19,7 @@ from lab.live.phone.certificate import certificate_file
 from lab.live.phone.handlers import NothingHandler, PageHandler, PushHandler, SamplesHandler
 from lab.live.phone.hub import PhoneHub, Ticket
 from lab.live.phone.invitation import LOOPBACK, Invitation, qr_code
+from lab.live.transport import TransportError
 
 IDLE: Final = 30.0
 """Time after which a connection without a request is closed [s]; the next one costs a phone 0.1 s."""
@@ -28,6 +29,7 @@ CONNECTIONS: Final = 256
 """Most connections at once: each phone holds one or two."""
 CONNECTIONS_EACH: Final = 64
 """Most connections from one address at once: a class behind one router holds 40."""
+MISSING: Final = "phones need cryptography and segno, which are not installed: pip install 'ins-lab[live]'"
 _HEAD: Final = 2**14
 """Most bytes of the head of a request."""
 _DRAINED: Final = 2**24
@@ -94,12 +96,17 @@ class PhoneServer:
         ------
         OSError
             If the port is taken, the address is not one of this computer, or the certificate cannot be kept.
+        TransportError
+            If a library is missing.
         """
         if self._thread is not None:
             return
         context = ssl.SSLContext(ssl.PROTOCOL_TLS_SERVER)
         context.minimum_version = ssl.TLSVersion.TLSv1_2
-        context.load_cert_chain(certificate_file(self.names, self._folder))
+        try:
+            context.load_cert_chain(certificate_file(self.names, self._folder))
+        except ImportError as error:
+            raise TransportError(MISSING) from error
         ports = [(self.port, context), *([] if self.push_port is None else [(self.push_port, None)])]
         bound: list[tuple[list[Any], ssl.SSLContext | None]] = []
         try:

@@ -7,6 +7,7 @@ import socket
 import ssl
 import stat
 import subprocess
+import sys
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
 
@@ -18,6 +19,7 @@ from lab.live.phone.addresses import in_address, own_addresses
 from lab.live.phone.certificate import certificate_file, names_of
 from lab.live.phone.hub import PhoneHub
 from lab.live.phone.server import PhoneServer
+from lab.live.transport import TransportError
 
 NAMES = ["192.168.0.20", "2001:db8::5", "localhost"]
 
@@ -120,6 +122,12 @@ def test_a_folder_that_cannot_be_written_is_reported(tmp_path):
     (tmp_path / "file").touch()
     with pytest.raises(OSError, match="file"):
         certificate_file(NAMES, tmp_path / "file" / "phone")
+
+
+def test_a_missing_library_is_named(tmp_path, monkeypatch):
+    monkeypatch.setitem(sys.modules, "cryptography", None)
+    with pytest.raises(TransportError, match=r"pip install 'ins-lab\[live\]'"):
+        PhoneServer(PhoneHub(), folder=tmp_path).open()
 
 
 def test_the_invitation_leads_to_the_page(tmp_path):
