@@ -29,6 +29,7 @@ pytestmark = pytest.mark.browser
 OUTAGE = float(os.environ.get("INS_LAB_OUTAGE", "3"))
 """Time without network [s]; the bar is 10 s, and the short form tests the same."""
 SENSORS = ("accelerometer", "linear-acceleration", "gyroscope")
+ALLOWED = ("accelerometer", "gyroscope", "magnetometer", "geolocation")
 PLACE = {"latitude": -45.9, "longitude": 170.5, "accuracy": 12.0}
 
 
@@ -71,16 +72,17 @@ def open_phone(chromium: Browser, complaints: list[str]) -> Iterator[Callable[..
     """Return a function that opens an address as a phone with sensors does."""
     contexts = []
 
-    def open_it(address: str, *, sensors: bool = True, location: bool = True, **options: Any) -> Opened:
-        permissions = ["accelerometer", "gyroscope", "magnetometer"] + ["geolocation"] * location
+    def open_it(
+        address: str, *, sensors: bool = True, allowed: tuple[str, ...] = ALLOWED, **options: Any
+    ) -> Opened:
         context = new_context(
             chromium,
             viewport={"width": 390, "height": 844},
             is_mobile=True,
             has_touch=True,
             ignore_https_errors=True,
-            permissions=permissions,
-            geolocation=PLACE if location else None,
+            permissions=list(allowed),
+            geolocation=PLACE,
             **options,
         )
         contexts.append(context)
@@ -253,8 +255,17 @@ def test_another_phone_with_the_same_address_is_refused(server, open_phone):
 
 
 def test_what_is_missing_is_said(server, open_phone):
-    page, _, _ = open_phone(server.invitation(server.hub.invite()).address, sensors=False, location=False)
+    page, _, _ = open_phone(
+        server.invitation(server.hub.invite()).address, sensors=False, allowed=ALLOWED[:3]
+    )
     start(page, "Anna")
     expect(page.get_by_text("This device gives no motion")).to_be_visible()
     expect(page.get_by_text("You refused the location")).to_be_visible()
     expect(page.get_by_text("No motion yet")).to_be_visible()
+
+
+def test_a_refused_permission_is_said(server, open_phone):
+    page, _, _ = open_phone(server.invitation(server.hub.invite()).address, allowed=())
+    start(page, "Anna")
+    expect(page.get_by_text("You refused motion")).to_be_visible()
+    expect(page.get_by_text("You refused the location")).to_be_visible()

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+import contextlib
 import json
 import socket
 import ssl
 import threading
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import numpy as np
@@ -154,6 +155,16 @@ def test_nothing_else_is_served(played, server):
     assert ask(f"{plain}/phone/{token}/samples", request([batch(0)]), JSON).status == 404
 
 
+def eventually(condition: Callable[[], bool]) -> bool:
+    """Return whether a condition comes true within 20 s; a connection that is closed does not count."""
+    deadline = time.monotonic() + 20
+    while time.monotonic() < deadline:
+        with contextlib.suppress(OSError):
+            if condition():
+                return True
+    return False
+
+
 def test_other_sites_may_not_send(played):
     address = f"{played.page}/samples"
     body = request([batch(0)])
@@ -181,18 +192,18 @@ def test_too_many_requests_are_refused(tmp_path):
         assert [played.post().status for _ in range(31)] == [200] * 30 + [429]
 
 
-def test_too_many_samples_a_second_are_refused_and_come_later(tmp_path):
+def test_too_many_samples_a_second_are_refused_and_come_later(tmp_path, monkeypatch):
+    monkeypatch.setattr("lab.live.phone.phone.SAMPLE_BURST", 2500)
     now = [0.0]
     with PhoneServer(PhoneHub(clock=lambda: now[0]), folder=tmp_path) as server:
         played = Played(server)
-        number = 0
-        while (reply := played.post(*(batch(number + one, 200) for one in range(10)))).status == 200:
-            number += 10
-            now[0] += 0.1
-        assert reply.status == 429
-        assert 50_000 < 200 * number < 80_000  # a minute at once at 1000 a second
-        now[0] += 10
-        assert played.post(*(batch(number + one, 200) for one in range(10))).said["received"] == number + 9
+        batches = [batch(one, 200) for one in range(15)]
+        assert played.post(*batches[:12]).said["received"] == 11
+        assert played.post(*batches[12:]).status == 429
+        now[0] += 0.4
+        assert played.post(*batches[12:]).status == 429
+        now[0] += 0.2  # 700 samples at 1000 a second, with the 100 that were left
+        assert played.post(*batches[12:]).said["received"] == 14
 
 
 def test_a_reader_that_is_too_slow_makes_the_phone_wait(played, monkeypatch):
@@ -273,7 +284,6 @@ def test_two_phones_of_one_name_are_told_apart(server):
 def test_slow_connections_are_closed_and_others_served(tmp_path, monkeypatch):
     monkeypatch.setattr(server_module, "IDLE", 0.5)
     monkeypatch.setattr(server_module, "SLOW", 0.5)
-    monkeypatch.setattr(server_module, "CONNECTIONS_EACH", 12)
     with PhoneServer(PhoneHub(), folder=tmp_path) as server:
         played = Played(server)
         where = ("127.0.0.1", server.port)
@@ -286,13 +296,27 @@ def test_slow_connections_are_closed_and_others_served(tmp_path, monkeypatch):
         slow[2].sendall(f"{head}Content-Length: 5000\r\n\r\n{{".encode())
         slow[3].sendall(f"{head}Transfer-Encoding: chunked\r\n\r\n5\r\n".encode())
         assert played.post(batch(0)).status == 200  # others do not wait
-        more = [socket.create_connection(where, 10) for _ in range(6)]
-        assert more[-1].recv(1) == b""  # beyond the bound it is closed at once
-        for one in (*silent, *slow, *more):
+        for one in (*silent, *slow):
             while one.recv(1000):  # times out, and fails, unless the server closes
                 pass
             one.close()
         assert played.post(batch(1)).status == 200
+
+
+@pytest.mark.parametrize("bound", ["CONNECTIONS", "CONNECTIONS_EACH"])
+def test_connections_beyond_the_bound_are_closed_at_once(tmp_path, monkeypatch, bound):
+    monkeypatch.setattr(server_module, bound, 3)
+    with PhoneServer(PhoneHub(), folder=tmp_path) as server:
+        played = Played(server)
+        where = ("127.0.0.1", server.port)
+        held = [socket.create_connection(where, 10) for _ in range(4)]
+        assert held[3].recv(1) == b""  # times out if it is left open
+        held[0].settimeout(0.1)
+        with pytest.raises(TimeoutError):
+            held[0].recv(1)
+        for one in held:
+            one.close()
+        assert eventually(lambda: played.post(batch(0)).status == 200)  # their places are free again
 
 
 def test_closing_leaves_nothing_behind(tmp_path):
