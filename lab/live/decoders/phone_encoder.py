@@ -1,13 +1,15 @@
-"""Phone encoder: samples and fixes as lines of a phone, a line each."""
+"""Phone encoder: samples and fixes as lines of a phone."""
 
 from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
 
-from lab.live.decoders.merging import merged
 from lab.live.decoders.phone_line import RADIANS, PhoneLine
 from lab.live.samples import NO_FIX
+
+_TOGETHER = 6
+"""Most samples of a line: those of a page in 0.1 s."""
 
 
 class PhoneEncoder:
@@ -23,14 +25,25 @@ class PhoneEncoder:
         self._first = 0
 
     def encode(self, imu: NDArray[np.void], fix: NDArray[np.void]) -> bytes:
-        """Return the lines of samples and fixes in the order of their time."""
-        return merged(imu, fix, self._sample, self._fix)
+        """Return the lines of samples and fixes; each fix follows the last sample that is not later."""
+        after = (
+            np.searchsorted(imu["time"], fix["time"], side="right") if len(imu) else np.zeros(len(fix), int)
+        )
+        data, begin = b"", 0
+        for row, end in zip(fix, after.tolist(), strict=True):
+            data += self._samples(imu[begin:end]) + self._fix(row)
+            begin = max(begin, end)
+        return data + self._samples(imu[begin:])
 
-    def _sample(self, row: np.void) -> bytes:
-        line = PhoneLine(self._number, first=self._first, source="simulated", unit=RADIANS)
-        line.imu = [[float(one) for one in (row["time"], *row["rate"], *row["force"])]]
-        self._first += 1
-        return self._written(line)
+    def _samples(self, imu: NDArray[np.void]) -> bytes:
+        data = b""
+        for begin in range(0, len(imu), _TOGETHER):
+            line = PhoneLine(self._number, first=self._first, source="simulated", unit=RADIANS)
+            rows = imu[begin : begin + _TOGETHER]
+            line.imu = np.column_stack((rows["time"], rows["rate"], rows["force"])).tolist()
+            self._first += len(rows)
+            data += self._written(line)
+        return data
 
     def _fix(self, row: np.void) -> bytes:
         if row["fix_type"] <= NO_FIX:
