@@ -14,6 +14,8 @@ from lab.live.decoders.mip import Mip
 from lab.live.decoders.mip_encoder import MipEncoder
 from lab.live.decoders.nmea import Nmea
 from lab.live.decoders.nmea_encoder import NmeaEncoder
+from lab.live.decoders.phone import PhoneDecoder
+from lab.live.decoders.phone_encoder import PhoneEncoder
 from lab.live.decoders.stream_decoder import StreamDecoder
 from lab.live.decoders.text_lines import TextEncoder, TextLines
 from lab.live.decoders.ublox import Ublox
@@ -38,6 +40,7 @@ DECODERS: Mapping[str, Callable[[], Decoder]] = {
     "ublox": _ublox,
     "nmea": lambda: StreamDecoder("nmea", (Nmea(),)),
     "mavlink": lambda: StreamDecoder("mavlink", (Mavlink(),)),
+    "phone": PhoneDecoder,
     "text": TextLines,
 }
 """Makes a decoder with its usual settings, by the name of the protocol."""
@@ -49,6 +52,7 @@ ENCODERS: Mapping[str, Callable[[], Encoder]] = {
     "ublox": UbloxEncoder,
     "nmea": NmeaEncoder,
     "mavlink": MavlinkEncoder,
+    "phone": PhoneEncoder,
     "text": TextEncoder,
 }
 """Makes an encoder with its usual settings, by the name of the protocol."""

@@ -9,8 +9,8 @@ from lab.live.decoders.column_map import ColumnMap
 from lab.live.decoders.stream_decoder import StreamDecoder
 from lab.live.decoders.text_lines import TextLines
 
-_STRONG = frozenset(("vectornav", "mip", "ublox", "mavlink"))
-"""Protocols with a check of 16 bits: two frames that pass by chance would be one in 2**32."""
+_STRONG = frozenset(("vectornav", "mip", "ublox", "mavlink", "phone"))
+"""Protocols with a check of 16 bits or more: two frames that pass by chance would be one in 2**32."""
 _FEWEST = {True: 2, False: 4}
 """Fewest frames by which a protocol counts as recognised: with a check of 16 bits, and of 8 or none."""
 _LARGEST = 2**16

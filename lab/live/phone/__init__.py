@@ -1,0 +1,1 @@
+"""Phone: a phone as an IMU and a receiver, through a page in its browser or one of two apps."""
