@@ -67,7 +67,9 @@ LOST_SPEED: Final = 300.0
 that the attitude does not suffer."""
 
 _POSITION, _VELOCITY, _ATTITUDE, _BIAS = slice(0, 3), slice(3, 6), slice(6, 10), slice(10, 16)
+"""Columns of a row of the estimate."""
 _NO_FIXES: Final = Fixes(np.zeros(0), np.zeros((0, 3)), np.zeros((0, 3)))
+"""No fixes."""
 
 
 class Anchor(NamedTuple):

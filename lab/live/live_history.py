@@ -29,12 +29,14 @@ _ROWS: Final = {
     "variance": ((15,), np.float64),
     "covariance": ((2, 3), np.float64),
 }
+"""Columns of the history: shape of a row, and type."""
 _INNOVATIONS: Final = {
     "time": ((), np.float64),
     "innovation": ((6,), np.float64),
     "innovation_covariance": ((6, 6), np.float64),
     "rejected": ((), np.bool_),
 }
+"""Columns of the innovations."""
 
 
 class History:

@@ -27,6 +27,7 @@ PHASES: Final = (WAITING, ALIGNING, ATTITUDE_ONLY, NAVIGATING, COASTING)
 """All phases, in their usual order."""
 
 _OFF_DIAGONAL: Final = ((0, 1), (0, 2), (1, 2))
+"""Elements of a symmetric matrix that a solution keeps beside its diagonal."""
 
 
 def _unknown(count: int = 3) -> FloatArray:

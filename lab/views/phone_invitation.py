@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from html import escape
 from itertools import groupby
 
-from lab.live.phone.invitation import Invitation
+from lab.phone.invitation import Invitation
 
 QR_SIZE = 260
 """Side of the QR code [px]: a phone reads it from half a metre."""

@@ -15,9 +15,9 @@ import pytest
 from played_phone import JSON, batch, request, untrusting
 
 from lab.live.decoders.phone import PhoneDecoder
-from lab.live.phone.hub import PhoneHub
-from lab.live.phone.server import PhoneServer
 from lab.live.samples import joined
+from lab.phone.hub import PhoneHub
+from lab.phone.server import PhoneServer
 
 pytestmark = [pytest.mark.benchmark, pytest.mark.timeout(600)]
 

@@ -6,7 +6,7 @@ import re
 
 from lxml import etree
 
-from lab.live.phone.invitation import LOOPBACK, Invitation, qr_code
+from lab.phone.invitation import LOOPBACK, Invitation, qr_code
 from lab.views.phone_invitation import invitation_html, qr_svg
 
 ADDRESS = "https://192.0.2.1:5008/phone/abc"

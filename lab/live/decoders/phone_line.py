@@ -17,6 +17,7 @@ from lab.live.decoders.json_rows import number, parsed, rows_of
 HEAD: Final = b'{"phone":1,"check":"'
 """How a line begins; 8 hexadecimal digits of the CRC-32 of what follows them come next."""
 _CHECK: Final = len(HEAD) + 8
+"""Bytes up to the end of the check."""
 LONGEST: Final = 2**16
 """Longest line [bytes]."""
 MOST_SAMPLES: Final = 200
@@ -26,6 +27,7 @@ MOST_FIXES: Final = 20
 DEGREES: Final = "deg/s"
 RADIANS: Final = "rad/s"
 _WIDTHS: Final = {"imu": 7, "rate": 4, "force": 4, "magnetic": 4, "fix": 12}
+"""Numbers in a row of each kind: its time and its values."""
 _UNIT_TOLERANCE: Final = 0.1
 """Most that the length of the direction up may differ from 1; it is made of rounded angles."""
 

@@ -17,10 +17,10 @@ from played_phone import JSON, Played, ask
 from websockets.sync.server import serve
 
 from lab.live.decoders.phone import PhoneDecoder
-from lab.live.phone.hub import PhoneHub
-from lab.live.phone.sensor_server import SensorServerTransport
-from lab.live.phone.server import PhoneServer
 from lab.live.transport import TransportError
+from lab.phone.hub import PhoneHub
+from lab.live.sensor_server import SensorServerTransport
+from lab.phone.server import PhoneServer
 
 START = 1698501144401773000
 STEP = 10_000_000  # ns

@@ -9,10 +9,10 @@ from collections.abc import Callable, Sequence
 from typing import Final, NamedTuple
 
 from lab.live.decoders.phone_line import PhoneLine
-from lab.live.phone.limits import QUEUE, REQUEST_BURST, REQUESTS, SAMPLE_BURST, SAMPLES, Pace
-from lab.live.phone.posted import Posted
-from lab.live.phone.pushed import Pushed
 from lab.live.transport import Chunk
+from lab.phone.limits import QUEUE, REQUEST_BURST, REQUESTS, SAMPLE_BURST, SAMPLES, Pace
+from lab.phone.posted import Posted
+from lab.phone.pushed import Pushed
 
 INVITED: Final = "invited"
 CONNECTED: Final = "connected"
@@ -28,11 +28,17 @@ _RATE_OVER: Final = 5.0
 """Time over which the rate of samples is measured [s]."""
 
 OK: Final = 200
+"""Status of HTTP: the batch was taken, or had been taken before."""
 BAD: Final = 400
+"""It is no batch."""
 FOREIGN: Final = 403
+"""The address is not this phone's."""
 ELSEWHERE: Final = 409
+"""A batch before it is missing."""
 TOO_FAST: Final = 429
+"""More than a phone may send."""
 FULL: Final = 503
+"""The laboratory is behind."""
 
 
 class Answer(NamedTuple):

@@ -14,12 +14,12 @@ from tornado.iostream import IOStream
 from tornado.netutil import bind_sockets
 from tornado.web import Application
 
-from lab.live.phone.addresses import in_address, is_any, is_loopback, own_addresses
-from lab.live.phone.certificate import certificate_file
-from lab.live.phone.handlers import NothingHandler, PageHandler, PushHandler, SamplesHandler
-from lab.live.phone.hub import PhoneHub, Ticket
-from lab.live.phone.invitation import LOOPBACK, Invitation, qr_code
 from lab.live.transport import TransportError
+from lab.phone.addresses import in_address, is_any, is_loopback, own_addresses
+from lab.phone.certificate import certificate_file
+from lab.phone.handlers import NothingHandler, PageHandler, PushHandler, SamplesHandler
+from lab.phone.hub import PhoneHub, Ticket
+from lab.phone.invitation import LOOPBACK, Invitation, qr_code
 
 IDLE: Final = 30.0
 """Time after which a connection without a request is closed [s]; the next one costs a phone 0.1 s."""

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import time
 
-from lab.live.phone.phone import Phone
 from lab.live.transport import Chunk
+from lab.phone.phone import Phone
 
 
 class PhoneTransport:

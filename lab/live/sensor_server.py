@@ -32,7 +32,7 @@ _OPENING: Final = 5.0
 """Longest time for connecting [s]."""
 _TOGETHER: Final = 0.02
 """Longest time for which readings are gathered into a line [s]: a line for each would cost 400 a second."""
-_MICRO: Final = 1e-6
+_MICRO: Final = 1e-6  # [T/µT]
 
 
 class SensorServerTransport:

@@ -13,14 +13,14 @@ from typing import Any, Final, NamedTuple
 
 from lab.live.decoders.json_rows import LARGEST, number, parsed
 from lab.live.decoders.phone_line import MOST_FIXES, MOST_SAMPLES, RADIANS, PhoneLine, Row
-from lab.live.phone.posted import is_device, velocity
 from lab.live.samples import NAN
+from lab.phone.posted import is_device, velocity
 
 MOST_READINGS: Final = 4000
 """Most readings of one request: 2 s of four sensors at 500 Hz, or 10 s at 100 Hz."""
 _RADIAL_68: Final = math.sqrt(-2 * math.log(1 - 0.683))
 """Radius that holds 68.3 % of the positions, in σ of each horizontal axis: the app states this radius."""
-_MICRO: Final = 1e-6
+_MICRO: Final = 1e-6  # [T/µT]
 _SAME: Final = 1e-3
 """Most by which the times of gravity and of the rest of the acceleration differ [s]: they are one event."""
 

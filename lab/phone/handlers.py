@@ -13,16 +13,16 @@ from urllib.parse import urlsplit
 
 from tornado.web import HTTPError, RequestHandler, stream_request_body
 
-from lab.live.phone.hub import PhoneHub
-from lab.live.phone.limits import BODY
-from lab.live.phone.phone import BAD, FOREIGN, Answer, Phone
-from lab.live.phone.posted import posted_of
-from lab.live.phone.pushed import pushed_of
+from lab.phone.hub import PhoneHub
+from lab.phone.limits import BODY
+from lab.phone.phone import BAD, FOREIGN, Answer, Phone
+from lab.phone.posted import posted_of
+from lab.phone.pushed import pushed_of
 
 PAGE: Final = Path(__file__).with_name("page.html")
 _INLINE: Final = re.compile(r"<(script|style)>(.*?)</\1>", re.DOTALL)
-_TOO_LARGE: Final = 413
-_WRONG_TYPE: Final = 415
+_TOO_LARGE: Final = 413  # of HTTP: content too large
+_WRONG_TYPE: Final = 415  # of HTTP: unsupported media type
 _BACK_OFF: Final = "1"
 """Seconds after which a refused phone may try again."""
 _REASONS: Final = {
@@ -32,6 +32,7 @@ _REASONS: Final = {
     _TOO_LARGE: "Too much at once.",
     _WRONG_TYPE: "Only JSON is accepted here.",
 }
+"""What a person is told, by the status of HTTP."""
 
 
 @cache

@@ -10,9 +10,9 @@ import unicodedata
 from collections.abc import Callable
 from typing import Final, NamedTuple
 
-from lab.live.phone.phone import Phone, PhoneState
-from lab.live.phone.transport import PhoneTransport
 from lab.live.transport import TransportError
+from lab.phone.phone import Phone, PhoneState
+from lab.phone.transport import PhoneTransport
 
 UNUSED: Final = 15 * 60.0
 """Time after which an invitation that nobody used expires [s]: long enough to find the phone."""
