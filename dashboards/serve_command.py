@@ -19,6 +19,7 @@ EXAMPLES = """\b
 Examples:
   ins-lab serve --port 8000
   ins-lab serve --algorithm my_filter.py:MyFilter
+  ins-lab serve --phone
   ins-lab serve --allow-device "serial:/dev/ttyUSB0?baud=115200"
   ins-lab serve --address 0.0.0.0 --password-file secret.txt
 Only this computer reaches the page, unless you name another address. Visitors may
@@ -85,10 +86,29 @@ def serve(
             show_default=False,
         ),
     ] = None,
+    phone: Annotated[
+        bool,
+        typer.Option(
+            "--phone", help="Take phones as sensors: they reach a page of their own in your network."
+        ),
+    ] = False,
+    phone_port: Annotated[
+        int,
+        typer.Option("--phone-port", min=1, max=65534, metavar="PORT", help="Port of the page for phones."),
+    ] = 5008,
 ) -> None:
     """Serve the dashboard, and open it in a browser if there is a screen."""
     _check_port(address, port)
     algorithms(own)  # a failure to load is reported now, not to visitors
+    if phone:
+        from dashboards.phones import take_phones  # noqa: PLC0415 - takes a second
+        from lab.phone.addresses import is_loopback  # noqa: PLC0415 - takes a second
+
+        take_phones("0.0.0.0" if is_loopback(address) else address, phone_port)
+        print(
+            f"ins-lab: phones: choose the source “A phone” on the page Live; port {phone_port}",
+            file=sys.stderr,
+        )
     password = None if password_file is None else read_password(password_file)
     from dashboards import server  # noqa: PLC0415 - takes a second
     from dashboards.devices import allow_devices  # noqa: PLC0415 - takes a second

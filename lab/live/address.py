@@ -19,6 +19,7 @@ FORMS = (
     "tcp:COMPUTER:PORT",
     "replay:FILE?speed=1",
     "simulated:MISSION?device=vectornav",
+    "sensorserver:COMPUTER:PORT",
 )
 """Forms of addresses, one for each kind."""
 KINDS = tuple(form.partition(":")[0] for form in FORMS)

@@ -10,6 +10,7 @@ from lab.live.address import Address
 from lab.live.axis_map import AxisMap
 from lab.live.recorded_log import reception_of
 from lab.live.replay import Replay
+from lab.live.sensor_server import SensorServerTransport
 from lab.live.serial_port import SerialPort
 from lab.live.source import Source
 from lab.live.tcp_connection import TcpConnection
@@ -123,4 +124,5 @@ _TRANSPORTS: Mapping[str, Callable[[Address], Transport]] = {
     "tcp": TcpConnection,
     "replay": _replay,
     "simulated": _simulated,
+    "sensorserver": lambda address: SensorServerTransport(f"sensorserver:{address.place}"),
 }

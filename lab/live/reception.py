@@ -155,6 +155,11 @@ class Reception:
         return Statistics(*(a + b for a, b in zip(_counts(self._before), _counts(now), strict=True)))
 
     @property
+    def described(self) -> str:
+        """What speaks for the protocol, and what the decoder found out about the device, in sentences."""
+        return f"{self.evidence} {getattr(self._decoder, 'evidence', '')}".strip()
+
+    @property
     def columns(self) -> ColumnMap | None:
         """The columns of text lines, once they are known."""
         return self._decoder.columns if isinstance(self._decoder, TextLines) else self._columns

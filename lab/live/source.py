@@ -262,7 +262,7 @@ class Source:
                 state=state,
                 sentence=sentence,
                 protocol=reception.protocol,
-                evidence=reception.evidence,
+                evidence=reception.described,
                 timing=reception.timing,
                 axes=reception.axes,
                 samples=end.imu,

@@ -34,7 +34,7 @@ BAD: Final = 400
 FOREIGN: Final = 403
 """The address is not this phone's."""
 ELSEWHERE: Final = 409
-"""A batch before it is missing."""
+"""The page is open in another tab."""
 TOO_FAST: Final = 429
 """More than a phone may send."""
 FULL: Final = 503

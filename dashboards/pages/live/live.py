@@ -10,6 +10,7 @@ import panel_material_ui as pmui
 
 from dashboards.devices import STATIONS
 from dashboards.pages.base import Page, plot_grid
+from dashboards.pages.live.inviting import Inviting, phone_station
 from dashboards.pages.live.recorder import Recorder
 from dashboards.pages.live.source_fields import SourceFields
 from dashboards.pages.live.status_line import StatusLine
@@ -71,6 +72,7 @@ class Live(Page):
         self._status = StatusLine()
         self._job = Job()
         self._recorder = Recorder(self._session)
+        self._inviting = Inviting()
         self._figures = LiveFigures()
         self._plots = plot_grid(self._figures.figures, 3, 205, fill=False)
         row: dict[str, Any] = {"margin": 0, "stylesheets": [WRAP], "sizing_mode": "stretch_width"}
@@ -78,6 +80,7 @@ class Live(Page):
             self._fields.view,
             pn.Row(self._connect, self._pause, self._unplug, self._window, *self._recorder.widgets, **row),
             self._job.view,
+            self._inviting.view,
             self._recorder.view,
             self._status.view,
             self._plots,
@@ -106,6 +109,7 @@ class Live(Page):
         self._periodic = None  # it has ended with its document
         self._job.close()
         self._recorder.close()
+        self._inviting.close()
         self._leave()
 
     def _toggle(self) -> None:
@@ -114,11 +118,31 @@ class Live(Page):
         if self._station is not None:
             self._disconnect("Disconnected.")
             return
+        if self._inviting.waiting:
+            self._inviting.end()
+            self._connect.label = "Connect"
+            return
+        self._job.say("")
         try:
+            if self._fields.wants_phone:
+                self._fields.settings()
+                self._inviting.begin(self._phone_came)
+                self._connect.label = "Cancel"
+                return
             key, make = self._fields.chosen()
         except ValueError as error:
             self._job.say(str(error))
             return
+        self._start(key, make)
+
+    def _phone_came(self, key: int, name: str) -> None:
+        """Connect a phone that has scanned the QR code."""
+        experiment = self._fields.settings()
+        self._start(
+            f"phone {key}", lambda: phone_station(key, name, experiment.sensors, experiment.navigator)
+        )
+
+    def _start(self, key: str, make: Callable[[], Station]) -> None:
         self._job.start(
             "Connecting", lambda _progress: self._opened(key, make), lambda station: self._came(key, station)
         )

@@ -13,6 +13,7 @@ from dashboards.pages.missions.entry_fields import WRAP, sized
 from dashboards.session import Session
 from dashboards.widgets import number
 from lab.cache import digest
+from lab.experiment import Experiment
 from lab.live.address import Address
 from lab.live.axis_map import AxisMap
 from lab.live.decoders.catalogue import DECODERS, ENCODERS
@@ -25,6 +26,8 @@ from lab.live.station import Station
 
 SIMULATED = "simulated"
 """Choice of the simulated device."""
+PHONE = "phone"
+"""Choice of a phone that is yet to come."""
 WATCHED = "watch "
 """Before the key of a station that another page has opened."""
 RATES = (50, 100, 200, 500, 1000)
@@ -43,6 +46,10 @@ _FIELD: dict[str, Any] = {"size": "small", "variant": "outlined", "margin": (8, 
 _OF_SIMULATED = (
     "The simulated device flies the mission of the settings with their sensors, and sends what they measure "
     "through the protocol of a real device. The navigator assumes the same sensors."
+)
+_OF_PHONES = (
+    "A phone scans a QR code, opens one page, and streams its gyros, accelerometers and position. Hold it "
+    "with the screen up and its top forward. The navigator assumes the sensors of the settings."
 )
 _OF_OTHERS = "The navigator assumes the sensors of the settings: choose the card of this sensor there."
 
@@ -114,7 +121,7 @@ class SourceFields:
 
     def _offers(self) -> dict[str, str]:
         watched = {f"Watch: {name}": f"{WATCHED}{key}" for key, name in STATIONS.names().items()}
-        return {"Simulated device": SIMULATED, **allowed_devices(), **watched}
+        return {"Simulated device": SIMULATED, "A phone": PHONE, **allowed_devices(), **watched}
 
     def _turn(self) -> None:
         """Show the fields of the chosen source."""
@@ -122,11 +129,11 @@ class SourceFields:
         watched = str(self._source.value).startswith(WATCHED)
         for field in (self._device, self._rate, self._faults):
             field.visible = simulated
-        for field in (self._protocol,):
-            field.visible = not simulated and not watched
-        for field in (self._axes, self._heading):
-            field.visible = not watched
-        self._note.object = f"<p>{_OF_SIMULATED if simulated else _OF_OTHERS}</p>"
+        phone = self._source.value == PHONE
+        self._protocol.visible = not simulated and not watched and not phone
+        self._axes.visible = not watched and not phone
+        self._heading.visible = not watched
+        self._note.object = f"<p>{_OF_SIMULATED if simulated else _OF_PHONES if phone else _OF_OTHERS}</p>"
 
     def chosen(self) -> tuple[str, Callable[[], Station]]:
         """Return the key of the chosen source, and what makes its station in a thread.
@@ -140,15 +147,9 @@ class SourceFields:
         if source.startswith(WATCHED):
             key = source.removeprefix(WATCHED)
             return key, _gone
+        experiment = self.settings()
         axes = AxisMap.of(str(self._axes.value_input or self._axes.value or "x,y,z"))
-        experiment = self._session.experiment.copy()
         sensors, navigator = experiment.sensors, experiment.navigator
-        heading = str(self._heading.value_input or self._heading.value or "").strip()
-        if heading:
-            typed = number(heading)
-            if isinstance(typed, str):
-                raise ValueError(f"Initial heading {heading!r}: accepted is a number of degrees, or nothing")
-            navigator.set_texts([f"initial_heading={typed!r}"])
         if source == SIMULATED:
             return self._simulated(experiment, axes)
         if source not in allowed_devices().values():
@@ -162,7 +163,29 @@ class SourceFields:
         given = Address(address.kind, address.place, {**options, **address.options})
         return source, lambda: Station(open_source(given), sensors, navigator, source)
 
-    def _simulated(self, experiment: Any, axes: AxisMap) -> tuple[str, Callable[[], Station]]:
+    @property
+    def wants_phone(self) -> bool:
+        """Whether a phone is to be invited."""
+        return bool(self._source.value == PHONE)
+
+    def settings(self) -> Experiment:
+        """Return the settings of the session, with the heading that was typed in.
+
+        Raises
+        ------
+        ValueError
+            If it is none.
+        """
+        experiment = self._session.experiment.copy()
+        heading = str(self._heading.value_input or self._heading.value or "").strip()
+        if heading:
+            typed = number(heading)
+            if isinstance(typed, str):
+                raise ValueError(f"Initial heading {heading!r}: accepted is a number of degrees, or nothing")
+            experiment.navigator.set_texts([f"initial_heading={typed!r}"])
+        return experiment
+
+    def _simulated(self, experiment: Experiment, axes: AxisMap) -> tuple[str, Callable[[], Station]]:
         """Return the key of a simulated device, and what makes its station."""
         device = self._device.value if self._device.value in ENCODERS else "vectornav"
         rate = float(self._rate.value) if self._rate.value in RATES else 100.0

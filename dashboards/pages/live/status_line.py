@@ -24,6 +24,7 @@ _STYLE = """
 .numbers span { white-space: nowrap; }
 .numbers b { font-weight: 600; }
 .dim { opacity: 0.7; }
+.numbers .wide { white-space: normal; }
 .bad { color: #e5484d; }
 p { margin: 2px 0; overflow-wrap: anywhere; }
 """
@@ -80,6 +81,8 @@ def _numbers(status: Status) -> list[str]:
     ]
     if status.timing:
         found.append(f'<span class="dim">Timed {escape(status.timing)}.</span>')
+    if status.evidence and status.protocol:
+        found.append(f'<span class="dim wide">{escape(status.evidence)}</span>')
     if status.recording:
         found.append(_named("Recorded", f"{status.recorded / 1e6:.2f} MB"))
     return found
