@@ -5,16 +5,17 @@ from __future__ import annotations
 import threading
 import time
 from collections.abc import Callable, Iterator
+from pathlib import Path
 
 import numpy as np
 import pytest
 from bokeh.document import Document
 
 import dashboards.pages.live.live as live_module
-from dashboards import devices
+from dashboards import devices, phones
 from dashboards.devices import STATIONS, allow_devices, allowed_devices
 from dashboards.pages.live import Live
-from dashboards.pages.live.source_fields import SIMULATED, WATCHED
+from dashboards.pages.live.source_fields import PHONE, SIMULATED, WATCHED
 from dashboards.session import Session
 from lab.live.source import LOST, STREAMING
 from lab.live.station import Station, Stations
@@ -165,7 +166,7 @@ def test_only_allowed_sources_are_opened(
     monkeypatch.delenv(devices.VARIABLE, raising=False)
     assert allowed_devices() == {}
     one = opened()
-    assert one.page._fields._source.options == {"Simulated device": SIMULATED}
+    assert one.page._fields._source.options == {"Simulated device": SIMULATED, "A phone": PHONE}
     for wanted in ("tcp:127.0.0.1:1", "serial:/dev/ttyS0", "replay:/etc/passwd", "watch nothing"):
         one.page._fields._source.param.update(options={wanted: wanted}, value=wanted)  # a hand-made message
         one.page._toggle()
@@ -179,6 +180,44 @@ def test_only_allowed_sources_are_opened(
     one.page._fields._source.value = "tcp:127.0.0.1:1"
     one.page._toggle()
     one.until(lambda: one.page._station is not None and one.page._station.status.state == LOST)
+
+
+def test_a_phone_is_refused_where_it_is_not_wanted(
+    opened: Callable[[], Opened], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.delenv(phones.VARIABLE, raising=False)
+    one = opened()
+    one.page._fields._source.value = PHONE
+    one.page._toggle()
+    assert "ins-lab serve --phone" in one.page._job._after.text
+    assert not one.page._inviting.waiting
+
+
+def test_a_phone_comes_by_its_invitation(
+    opened: Callable[[], Opened], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("XDG_DATA_HOME", str(tmp_path))
+    monkeypatch.setenv(phones.VARIABLE, "127.0.0.1:0")
+    one, other = opened(), opened()
+    try:
+        for page in (one.page, other.page):
+            page._fields._source.value = PHONE
+            page._toggle()
+        hub = phones.phone_server().hub
+        assert "<svg" in one.page._inviting.view.object
+        assert [state.state for state in hub.phones()] == ["invited", "invited"]
+        other.page._toggle()  # cancels
+        assert [state.state for state in hub.phones()] == ["invited"]
+        (key,) = hub._phones
+        assert hub.claim(hub._phones[key], "device", "Ann")
+        one.until(lambda: one.page._inviting._look() is None and one.page._station is not None)
+        assert one.page._station is not None
+        assert one.page._station.name == "Ann"
+        assert not one.page._inviting.waiting
+        one.page._toggle()
+        assert hub.phones() == []
+    finally:
+        phones.close_phone_server()
 
 
 def test_the_environment_allows_devices_too(monkeypatch: pytest.MonkeyPatch) -> None:

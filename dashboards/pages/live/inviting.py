@@ -89,6 +89,11 @@ class Inviting:
         self.view.visible = False
 
 
+def forget_phone(key: int) -> None:
+    """Tell a phone that nobody watches it any more: it cannot send, and says so."""
+    phone_server().hub.forget(key)
+
+
 def phone_station(key: int, name: str, sensors: SensorSuite, navigator: NavigatorSettings) -> Station:
     """Return the station of a phone that has come."""
     transport = phone_server().hub.transport(key)

@@ -10,7 +10,7 @@ import panel_material_ui as pmui
 
 from dashboards.devices import STATIONS
 from dashboards.pages.base import Page, plot_grid
-from dashboards.pages.live.inviting import Inviting, phone_station
+from dashboards.pages.live.inviting import Inviting, forget_phone, phone_station
 from dashboards.pages.live.recorder import Recorder
 from dashboards.pages.live.source_fields import SourceFields
 from dashboards.pages.live.status_line import StatusLine
@@ -29,6 +29,8 @@ TICK = 100
 """Time between two updates of the plots [ms]."""
 TELL = 5
 """Updates of the plots for one of the words."""
+PHONE_KEY = "phone "
+"""Before the number of a phone in the key of its station."""
 AWAY = 3.0
 """Length of the unplugging that a person may try [s]."""
 _SMALL: dict[str, Any] = {"size": "small", "variant": "outlined", "margin": (10, 4)}
@@ -139,7 +141,7 @@ class Live(Page):
         """Connect a phone that has scanned the QR code."""
         experiment = self._fields.settings()
         self._start(
-            f"phone {key}", lambda: phone_station(key, name, experiment.sensors, experiment.navigator)
+            f"{PHONE_KEY}{key}", lambda: phone_station(key, name, experiment.sensors, experiment.navigator)
         )
 
     def _start(self, key: str, make: Callable[[], Station]) -> None:
@@ -173,6 +175,8 @@ class Live(Page):
         key, self._key, self._station = self._key, "", None
         if key:
             STATIONS.leave(key, id(self))
+            if key.startswith(PHONE_KEY) and key not in STATIONS.names():
+                forget_phone(int(key.removeprefix(PHONE_KEY)))
 
     def _begin_anew(self) -> None:
         """Fill the plots with what the station still has, and follow it."""

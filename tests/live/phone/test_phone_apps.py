@@ -17,9 +17,9 @@ from played_phone import JSON, Played, ask
 from websockets.sync.server import serve
 
 from lab.live.decoders.phone import PhoneDecoder
+from lab.live.sensor_server import SensorServerTransport
 from lab.live.transport import TransportError
 from lab.phone.hub import PhoneHub
-from lab.live.sensor_server import SensorServerTransport
 from lab.phone.server import PhoneServer
 
 START = 1698501144401773000

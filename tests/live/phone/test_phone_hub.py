@@ -13,11 +13,11 @@ from live_streams import decoded
 from played_phone import batch, request
 
 from lab.live.decoders.phone import PhoneDecoder
+from lab.live.sensor_server import SensorServerTransport
 from lab.live.transport import Transport, TransportError
 from lab.phone.hub import MOST, PhoneHub
 from lab.phone.phone import Phone
 from lab.phone.posted import posted_of
-from lab.live.sensor_server import SensorServerTransport
 
 
 def invited(hub: PhoneHub) -> tuple[int, Phone]:
