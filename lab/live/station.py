@@ -160,6 +160,11 @@ class Stations:
         with self._lock:
             return {key: station.name for key, (station, _) in self._open.items()}
 
+    def watchers(self, key: str) -> int:
+        """Return how many watch a station; 0 if it is not open."""
+        with self._lock:
+            return len(self._open[key][1]) if key in self._open else 0
+
     def watch(self, key: str, watcher: Hashable, make: Callable[[], Station]) -> Station:
         """Return the station of a key, opened if it is not open, and count someone who watches it.
 

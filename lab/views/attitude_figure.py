@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from lab.views.figures import plain_figure
+from lab.views.parcel import Parcel
 from lab.views.quantities import BLUE, CURSOR, GREEN, ORANGE
 
 FloatArray = NDArray[np.float64]
@@ -76,6 +77,8 @@ class AttitudeFigure:
 
     Parameters
     ----------
+    parcel
+        Takes the changes.
     shape
         What is drawn.
 
@@ -85,7 +88,8 @@ class AttitudeFigure:
         The figure.
     """
 
-    def __init__(self, shape: Shape = "aircraft") -> None:
+    def __init__(self, parcel: Parcel, shape: Shape = "aircraft") -> None:
+        self._parcel = parcel
         self._shape: Shape = shape
         self._title = Title(text="Attitude: unknown")
         self.figure = plain_figure(
@@ -103,6 +107,7 @@ class AttitudeFigure:
         self._draw_rose()
         nothing: dict[str, list[object]] = {"xs": [], "ys": [], "colour": []}
         self._faces = ColumnDataSource(nothing, name="attitude")
+        self._title_number, self._face_number = parcel.number(self._title), parcel.number(self._faces)
         fig.patches("xs", "ys", source=self._faces, fill_color="colour", line_color="colour", line_width=0.5)
 
     def _draw_rose(self) -> None:
@@ -131,12 +136,13 @@ class AttitudeFigure:
             Behind the numbers of the title.
         """
         if euler is None or not np.isfinite(euler).all():
-            self._title.text = "Attitude: unknown"
-            self._faces.data = {"xs": [], "ys": [], "colour": []}
+            self._parcel.set(self._title_number, text="Attitude: unknown")
+            self._parcel.set(self._face_number, data={"xs": [], "ys": [], "colour": []})
             return
         roll, pitch, heading = np.degrees(euler)
-        self._title.text = f"Roll {roll:.1f}°, pitch {pitch:.1f}°, heading {heading % 360:.1f}°{words}"
-        self._faces.data = drawn(SHAPES[self._shape], euler)
+        numbers = f"Roll {roll:.1f}°, pitch {pitch:.1f}°, heading {heading % 360:.1f}°"
+        self._parcel.set(self._title_number, text=f"{numbers}{words}")
+        self._parcel.set(self._face_number, data=drawn(SHAPES[self._shape], euler))
 
 
 def drawn(faces: Sequence[tuple[FloatArray, str]], euler: FloatArray) -> dict[str, list[object]]:

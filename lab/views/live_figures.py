@@ -9,6 +9,7 @@ import numpy as np
 from bokeh.models.annotations import Span, Title
 from bokeh.models.ranges import Range1d
 from bokeh.models.sources import ColumnDataSource
+from bokeh.models.tickers import FixedTicker
 from bokeh.plotting import figure
 from numpy.typing import NDArray
 
@@ -16,7 +17,8 @@ from lab.displacement import metres_per_radian
 from lab.rotation import wrap
 from lab.views.attitude_figure import AttitudeFigure, Shape
 from lab.views.envelope import nice_limit
-from lab.views.figures import add_legend, plain_figure, set_ordinate, tick_by_hand
+from lab.views.figures import add_legend, decade_ticks, plain_figure, set_ordinate, tick_by_hand
+from lab.views.parcel import Parcel
 from lab.views.quantities import AXIS_COLOURS, CURSOR, ESTIMATE, FIXES
 
 FloatArray = NDArray[np.float64]
@@ -54,6 +56,8 @@ class Rolling:
         Labels of the curves.
     x_range
         Shared range of time.
+    parcel
+        Takes the changes.
     logarithmic
         Whether the ordinate is logarithmic.
     points
@@ -66,12 +70,15 @@ class Rolling:
         unit: str,
         labels: tuple[str, ...],
         x_range: Range1d,
+        parcel: Parcel,
         *,
         logarithmic: bool = False,
         points: bool = False,
         least: float = 0.0,
     ) -> None:
         self._labels, self._logarithmic, self._least = labels, logarithmic, least
+        self._parcel = parcel
+        self._span = (0.0, 0.0)
         self._ordinate = Range1d(start=0.1 if logarithmic else -1.0, end=1.0)
         self.figure: figure = plain_figure(
             Title(text=f"{title} [{unit}]"),
@@ -93,12 +100,17 @@ class Rolling:
             )
         if len(labels) > 1:
             add_legend(self.figure, glyphs)
+            self.figure.legend.update(spacing=4, label_standoff=2, glyph_width=14)
         self._kept: deque[FloatArray] = deque()
+        self._source, self._y = parcel.number(self.source), parcel.number(self._ordinate)
+        ticker = self.figure.yaxis[0].ticker
+        self._ticks = parcel.number(ticker) if isinstance(ticker, FixedTicker) else -1
 
     def clear(self) -> None:
         """Forget all rows."""
         self._kept.clear()
-        self.source.data = {"time": [], **{label: [] for label in self._labels}}
+        self._span = (0.0, 0.0)
+        self._parcel.stream(self._source, {"time": [], **{label: [] for label in self._labels}}, None)
 
     def add(self, time: FloatArray, values: FloatArray, window: float) -> None:
         """Append rows.
@@ -118,10 +130,8 @@ class Rolling:
         self._kept.append(rows)
         while len(self._kept) > 1 and self._kept[0][-1, 0] < time[-1] - window:
             self._kept.popleft()
-        columns: dict[str, Any] = {"time": rows[:, 0]} | {
-            label: rows[:, 1 + k].astype(np.float32) for k, label in enumerate(self._labels)
-        }
-        self.source.stream(columns, rollover=int(window * _ROWS_PER_SECOND))
+        columns = dict(zip(("time", *self._labels), rows.T, strict=True))
+        self._parcel.stream(self._source, columns, int(window * _ROWS_PER_SECOND))
         self._fit()
 
     def _fit(self) -> None:
@@ -133,12 +143,13 @@ class Rolling:
         if not known.size:
             return
         low, high = float(known.min()), float(known.max())
-        start, end = float(self._ordinate.start), float(self._ordinate.end)  # type: ignore[arg-type]
+        start, end = self._span
         if self._logarithmic:
             low, high = 10 ** np.floor(np.log10(low)), 10 ** np.ceil(np.log10(high) + 1e-9)
-            high *= 10 ** (_LEGEND * np.log10(high / low))
+            high = max(high, 10 * low)
+            high *= (high / low) ** _LEGEND
             if (start, end) != (low, high):
-                set_ordinate(self.figure, low, max(high, 10 * low))
+                self._set(float(low), float(high))
             return
         if len(self._labels) > 1:
             high += _LEGEND * max(high - low, 2 * self._least)
@@ -147,13 +158,27 @@ class Rolling:
         if inside and half > _STANDS_STILL * (end - start) / 2 / 1.1:
             return
         half = nice_limit(1.1 * half)
-        set_ordinate(self.figure, middle - half, middle + half)
+        self._set(middle - half, middle + half)
+
+    def _set(self, low: float, high: float) -> None:
+        """Set the ends of the ordinate, and its ticks if it is logarithmic."""
+        self._span = low, high
+        self._parcel.set(self._y, start=low, end=high)
+        if self._logarithmic:
+            self._parcel.set(self._ticks, ticks=decade_ticks(low, high))
 
 
 class LiveTrack:
-    """The ground track in metres from the first position, with the 3σ ellipse of the last one."""
+    """The ground track in metres from the first position, with the 3σ ellipse of the last one.
 
-    def __init__(self) -> None:
+    Parameters
+    ----------
+    parcel
+        Takes the changes.
+    """
+
+    def __init__(self, parcel: Parcel) -> None:
+        self._parcel = parcel
         self._title = Title(text="Ground track: no position")
         # Ranges by hand: automatic ones would paint the figure twice.
         self._x, self._y = Range1d(start=-10, end=10), Range1d(start=-10, end=10)
@@ -180,15 +205,24 @@ class LiveTrack:
         self._origin: FloatArray | None = None
         self._shown = (10.0, -10.0, -10.0)
         self._extent = np.array([[-10.0, -10.0], [10.0, 10.0]])
+        self._numbers = [
+            parcel.number(model)
+            for model in (self._path, self._fixes, self._now, self._title, self._x, self._y)
+        ]
 
     def clear(self) -> None:
         """Forget the path."""
-        self._origin = None
+        self._origin, self._shown = None, (0.0, 0.0, 0.0)
         self._extent = np.array([[-10.0, -10.0], [10.0, 10.0]])
-        for source in (self._path, self._fixes):
-            source.data = {"east": [], "north": []}
-        self._now.data = {"east": [], "north": [], "width": [], "height": []}
-        self._title.text = "Ground track: no position"
+        for number in self._numbers[:2]:
+            self._parcel.stream(number, {"east": [], "north": []}, None)
+        self._show_none()
+        self._fit()
+
+    def _show_none(self) -> None:
+        now, title = self._numbers[2:4]
+        self._parcel.stream(now, {"east": [], "north": [], "width": [], "height": []}, None)
+        self._parcel.set(title, text="Ground track: no position")
 
     def add(self, position: FloatArray, fixes: FloatArray) -> None:
         """Append positions and fixes, (n, 2 or 3) and (m, 2 or 3): latitude, longitude [rad]."""
@@ -198,10 +232,10 @@ class LiveTrack:
             if first is None:
                 return
             self._origin = np.array(first[:2])
-        for source, rows in ((self._path, position), (self._fixes, fixes)):
+        for number, rows in zip(self._numbers[:2], (position, fixes), strict=True):
             if len(rows):
                 east, north = self._metres(rows)
-                source.stream({"east": east, "north": north}, rollover=_TRACK_POINTS)
+                self._parcel.stream(number, {"east": east, "north": north}, _TRACK_POINTS)
                 points = np.stack((east, north), axis=-1)
                 self._extent = np.stack(
                     (
@@ -222,12 +256,14 @@ class LiveTrack:
             σ north, east, down [m].
         """
         if self._origin is None or not np.isfinite(position).all():
-            self._now.data = {"east": [], "north": [], "width": [], "height": []}
-            self._title.text = "Ground track: no position"
+            self._show_none()
             return
         east, north = self._metres(position[None])
-        self._now.data = {"east": east, "north": north, "width": [6 * sigma[1]], "height": [6 * sigma[0]]}
-        self._title.text = f"Ground track: σ {max(sigma[0], sigma[1]):.2g} m, height {position[2]:.1f} m"
+        now, title = self._numbers[2:4]
+        size = {"width": [6 * sigma[1]], "height": [6 * sigma[0]]}
+        self._parcel.stream(now, {"east": east, "north": north, **size}, None)
+        words = f"σ {max(sigma[0], sigma[1]):.2g} m, height {position[2]:.1f} m"
+        self._parcel.set(title, text=f"Ground track: {words}")
 
     def _metres(self, rows: FloatArray) -> tuple[FloatArray, FloatArray]:
         assert self._origin is not None
@@ -243,8 +279,8 @@ class LiveTrack:
         start = middle - half
         if self._shown != (half, *start) and not self._holds(low, high, half):
             self._shown = (half, *start)
-            self._x.update(start=start[0], end=start[0] + 2 * half)
-            self._y.update(start=start[1], end=start[1] + 2 * half)
+            for number, low_end in zip(self._numbers[4:], start, strict=True):
+                self._parcel.set(number, start=float(low_end), end=float(low_end + 2 * half))
 
     def _holds(self, low: FloatArray, high: FloatArray, half: float) -> bool:
         """Return whether what is shown holds the track, at a scale that still fits."""
@@ -273,26 +309,30 @@ class LiveFigures:
     def __init__(self, shape: Shape = "aircraft") -> None:
         self.window = WINDOWS["20 s"]
         self.range = Range1d(start=-self.window, end=0.0, name="live time")
+        self._parcel = parcel = Parcel()
         x = self.range
-        self._rate = Rolling("Angular rate", "°/s", AXES, x, least=0.5)
-        self._force = Rolling("Specific force", "m/s²", AXES, x, least=0.5)
-        self._tilt = Rolling("Roll and pitch", "°", ANGLES[:2], x, least=1.0)
-        self._heading = Rolling("Heading", "°", ("heading",), x, least=5.0)
-        self._sigma = Rolling("σ of the attitude", "°", ANGLES, x, logarithmic=True)
-        self._velocity = Rolling("Velocity", "m/s", NORTH_EAST_DOWN, x, least=0.5)
+        self._rate = Rolling("Angular rate", "°/s", AXES, x, parcel, least=0.5)
+        self._force = Rolling("Specific force", "m/s²", AXES, x, parcel, least=0.5)
+        self._tilt = Rolling("Roll and pitch", "°", ANGLES[:2], x, parcel, least=1.0)
+        self._heading = Rolling("Heading", "°", ("heading",), x, parcel, least=5.0)
+        self._sigma = Rolling("σ of the attitude", "°", ANGLES, x, parcel, logarithmic=True)
+        self._velocity = Rolling("Velocity", "m/s", NORTH_EAST_DOWN, x, parcel, least=0.5)
         self._innovation = Rolling(
             "Innovations", "σ", INNOVATIONS,
-            x, points=True, least=3.5,
+            x, parcel, points=True, least=3.5,
         )  # fmt: skip
         for limit in (-3.0, 3.0):
             self._innovation.figure.add_layout(
                 Span(location=limit, dimension="width", line_color="#808895", line_dash="dashed")
             )
-        self._track = LiveTrack()
-        self._attitude = AttitudeFigure(shape)
+        self._track = LiveTrack(parcel)
+        self._attitude = AttitudeFigure(parcel, shape)
         self._all = (
             self._rate, self._force, self._tilt, self._heading, self._sigma, self._velocity, self._innovation,
         )  # fmt: skip
+        self._time = parcel.number(self.range)
+        parcel.seal()
+        self._rate.source.tags = [parcel.carrier]
         self.figures = [
             self._rate.figure, self._force.figure, self._attitude.figure,
             self._tilt.figure, self._heading.figure, self._sigma.figure,
@@ -305,6 +345,7 @@ class LiveFigures:
             one.clear()
         self._track.clear()
         self._attitude.show(None)
+        self._parcel.send()
 
     def add_samples(self, rows: NDArray[np.void], zero: float) -> None:
         """Append thinned samples.
@@ -344,4 +385,5 @@ class LiveFigures:
         relative = not np.isfinite(state.euler_sigma[2]) or state.euler_sigma[2] >= _UNKNOWN
         self._attitude.show(state.euler, " (relative)" if relative else "")
         self._track.show(state.position, state.position_sigma)
-        self.range.update(start=now - self.window, end=now)
+        self._parcel.set(self._time, start=now - self.window, end=now)
+        self._parcel.send()

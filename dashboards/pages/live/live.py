@@ -28,7 +28,9 @@ from lab.views.live_figures import WINDOWS, LiveFigures
 TICK = 100
 """Time between two updates of the plots [ms]."""
 TELL = 5
-"""Updates of the plots for one of the words."""
+"""Ticks for one update of the words."""
+SLOWEST = 10
+"""Most ticks for one update of the plots: with ten pages or more, a second."""
 PHONE_KEY = "phone "
 """Before the number of a phone in the key of its station."""
 AWAY = 3.0
@@ -206,10 +208,14 @@ class Live(Page):
 
     def _tick(self) -> None:
         assert self._document is not None
+        self._ticks += 1
+        # Many who watch share the work of one: their pages take turns.
+        turn = min(STATIONS.watchers(self._key), SLOWEST)
+        if self._ticks % max(turn, 1):
+            return
         with together(self._document):
             self._advance()
-            self._ticks += 1
-            if self._ticks % TELL == 0:
+            if self._ticks % max(TELL, turn) < turn:
                 self._tell()
 
     def _advance(self) -> None:

@@ -1,0 +1,118 @@
+"""Parcel: many changes of a page's models, sent to the browser as one message.
+
+Bokeh sends each changed property by itself, and each message costs a look at all models of the page. A tick
+of the page *Live* has a dozen changes.
+"""
+
+from __future__ import annotations
+
+import json
+from typing import Any
+
+import numpy as np
+from bokeh.model import Model
+from bokeh.models.callbacks import CustomJS
+from bokeh.models.sources import ColumnDataSource
+from numpy.typing import NDArray
+
+FloatArray = NDArray[np.float64]
+
+UNPACK = """
+const {what} = cb_obj.data;
+if (what.length > 0) {
+  const {streams, sets} = JSON.parse(what[0]);
+  for (const [model, columns, rollover] of streams) {
+    const data = {};
+    for (const [name, values] of columns) data[name] = values.map((value) => value ?? NaN);
+    if (rollover == null) models[model].setv({data}, {sync: false});
+    else models[model].stream(data, rollover, {sync: false});
+  }
+  for (const [model, values] of sets) models[model].setv(values, {sync: false});
+}
+"""
+"""Makes the changes in the browser, without sending them back."""
+
+DECIMALS = 6
+"""Decimals of the numbers: a microsecond, a micrometre, a millionth of a degree."""
+
+
+class Parcel:
+    """Collects changes until `send`.
+
+    Attributes
+    ----------
+    carrier : ColumnDataSource
+        Brings them to the browser; it must be found from a model of the document, such as by its tags.
+    """
+
+    def __init__(self) -> None:
+        self.carrier = ColumnDataSource({"what": []}, name="live parcel")
+        self._models: list[Model] = []
+        self._streams: list[tuple[int, dict[str, FloatArray], int | None]] = []
+        self._sets: dict[int, dict[str, Any]] = {}
+
+    def seal(self) -> None:
+        """Know all models: afterwards, changes can be sent."""
+        unpack = CustomJS(args={"models": self._models}, code=UNPACK)
+        self.carrier.js_on_change("data", unpack)
+
+    def number(self, model: Model) -> int:
+        """Return the number of a model, which is new."""
+        self._models.append(model)
+        return len(self._models) - 1
+
+    def stream(self, model: int, columns: dict[str, Any], rollover: int | None) -> None:
+        """Append rows of numbers to a source, or replace its data if `rollover` is None.
+
+        Parameters
+        ----------
+        model
+            Number of the source.
+        columns
+            Columns of equal length.
+        rollover
+            Most rows that are kept.
+        """
+        self._streams.append(
+            (model, {name: np.asarray(values, np.float64) for name, values in columns.items()}, rollover)
+        )
+
+    def set(self, model: int, **values: Any) -> None:
+        """Set properties of a model; their values go through JSON."""
+        self._sets.setdefault(model, {}).update(values)
+
+    def send(self) -> None:
+        """Make the changes: in the browser as one message, or here while the models are in no document."""
+        streams, sets = self._streams, self._sets
+        self._streams, self._sets = [], {}
+        if not streams and not sets:
+            return
+        if self.carrier.document is None:
+            self._make(streams, sets)
+            return
+        parts = [
+            (model, [(name, _plain(values)) for name, values in columns.items()], rollover)
+            for model, columns, rollover in streams
+        ]
+        self.carrier.data = {"what": [json.dumps({"streams": parts, "sets": list(sets.items())})]}
+
+    def _make(
+        self, streams: list[tuple[int, dict[str, FloatArray], int | None]], sets: dict[int, dict[str, Any]]
+    ) -> None:
+        """Make the changes of models that no browser has yet."""
+        for number, columns, rollover in streams:
+            source = self._models[number]
+            assert isinstance(source, ColumnDataSource)
+            data: dict[str, Any] = dict(columns)
+            if rollover is None:
+                source.data = data
+            else:
+                source.stream(data, rollover)
+        for number, properties in sets.items():
+            self._models[number].update(**properties)
+
+
+def _plain(values: FloatArray) -> list[float | None]:
+    """Return numbers for JSON, which has no NaN."""
+    rounded = np.round(values, DECIMALS).tolist()
+    return [value if value == value else None for value in rounded]  # noqa: PLR0124 - NaN is not itself
