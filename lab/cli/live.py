@@ -14,11 +14,13 @@ import typer
 
 from lab.cli.app import CommandError, Commands, plain, print_json, working
 from lab.cli.interrupt import interrupted
-from lab.cli.options import AsJson
+from lab.cli.options import AsJson, Assignments, Card, Config, experiment
 from lab.cli.terminal import table
 from lab.missions.mission_name import accepted_name
+from lab.settings import SettingError
 
 if TYPE_CHECKING:
+    from lab.live.live_state import LiveState
     from lab.live.source import Source, Status
 
 EXAMPLES = """\b
@@ -26,6 +28,7 @@ Examples:
   ins-lab live list
   ins-lab live watch simulated:montreal?device=vectornav
   ins-lab live watch serial:/dev/ttyUSB0?baud=115200
+  ins-lab live navigate serial:/dev/ttyUSB0 --card ADIS16470
   ins-lab live record tcp:192.168.1.20:5555 drive --seconds 600
   ins-lab live simulate montreal --device vectornav --to tcp:5555
 A source is serial:PORT, udp:PORT, tcp:COMPUTER:PORT, replay:FILE or simulated:MISSION. Options follow a
@@ -34,7 +37,7 @@ question mark, with & between them: baud=115200, protocol=vectornav, axes=y,x,-z
 live = typer.Typer(
     name="live",
     cls=Commands,
-    help="Streams of sensors: find, watch, record and simulate them.",
+    help="Streams of sensors: find, watch, record, navigate with and simulate them.",
     rich_markup_mode=None,
     pretty_exceptions_enable=False,
     no_args_is_help=True,
@@ -42,6 +45,13 @@ live = typer.Typer(
 
 PERIOD = 1.0
 """Time between two lines of `watch` [s]."""
+_ANY = "montreal"
+"""A mission of the settings, which a stream does not use."""
+_SOLUTION = (
+    "TIME [s]  ROLL, PITCH, HEADING [deg]  1 SIGMA [deg]             POSITION [deg], HEIGHT [m]           "
+    + "PHASE"
+)
+"""Head of the lines of `navigate`."""
 _WAKE = 0.1
 """Longest time until Ctrl-C is heeded [s]."""
 
@@ -171,6 +181,54 @@ def record(
     print(f"{mission.path}: {log.duration:.1f} s, navigate it with: ins-lab run {mission.name}")
 
 
+@live.command("navigate", epilog=EXAMPLES)
+def navigate(
+    source: SourceAddress,
+    seconds: Seconds = None,
+    config: Config = None,
+    card: Card = None,
+    assignments: Assignments = None,
+    as_json: AsJson = False,
+) -> None:
+    """Navigate with a source as it comes: a line a second; with --json one object a line.
+
+    The settings are the assumptions of the filter: the card of the sensor, and for example
+    --set navigator.initial_heading=90.
+    """
+    from lab.live.station import Station  # noqa: PLC0415 - help does not need it
+
+    _check_seconds(seconds)
+    chosen = experiment(_ANY, config, card, assignments, None)
+    with _opened(source) as (opened, go_on):
+        try:
+            station = Station(opened, chosen.sensors, chosen.navigator, source)
+        except SettingError as error:
+            raise CommandError(str(error)) from error
+        try:
+            if not as_json:
+                print(_SOLUTION)
+            begin = time.monotonic()
+            more = True
+            while more:
+                more = go_on(seconds)
+                if not more:
+                    station.wait()
+                known = station.state
+                if as_json:
+                    print(json.dumps(plain(_solution(known)), allow_nan=False), flush=True)
+                else:
+                    print(_solution_line(known, time.monotonic() - begin), flush=True)
+        finally:
+            station.close()
+        _conclude(opened.status)
+    known = station.state
+    for sentence in (f"{known.phase.capitalize()}: {known.reason}", *known.remarks, station.failure):
+        if sentence:
+            print(f"ins-lab: {sentence}", file=sys.stderr)
+    if station.verdict:
+        print(f"Verdict on the innovations: {station.verdict}")
+
+
 @live.command("simulate", epilog=EXAMPLES)
 def simulate(
     mission: Annotated[
@@ -269,6 +327,27 @@ def _line(source: Source, status: Status, seconds: float) -> str:
             f"{force[0]:9.3f}{force[1]:9.3f}{force[2]:9.3f}",
         ]
     return f"{seconds:8.1f}  {status.rate:9.2f}  {status.fixes:5d}  {cells[0]}  {cells[1]}  {status.sentence}"
+
+
+def _solution_line(known: LiveState, seconds: float) -> str:
+    import numpy as np  # noqa: PLC0415 - help does not need it
+
+    euler, sigma = np.degrees(known.euler), np.degrees(known.euler_sigma)
+    angles = "".join(f"{value:9.2f}" for value in (euler[0], euler[1], euler[2] % 360))
+    spread = "".join(f"{value:8.2f}" for value in sigma)
+    latitude, longitude = np.degrees(known.position[:2])
+    place = f"{latitude:12.7f} {longitude:12.7f} {known.position[2]:8.1f}"
+    if not np.isfinite(latitude):
+        place = " " * 34
+    return f"{seconds:8.1f} {angles} {spread}  {place}  {known.phase}"
+
+
+def _solution(known: LiveState) -> dict[str, Any]:
+    names = (
+        "phase", "reason", "time", "position", "position_sigma", "velocity_n", "velocity_sigma", "euler",
+        "euler_sigma", "heading_source", "fixes_used", "fixes_rejected",
+    )  # fmt: skip
+    return {name: getattr(known, name) for name in names}
 
 
 def _state(source: Source, status: Status) -> dict[str, Any]:

@@ -133,6 +133,11 @@ class Station:
             self.failure = f"The navigator failed: {type(error).__name__}: {error}"
             raise
 
+    def wait(self) -> None:
+        """Wait until all samples of a source that has ended are navigated with."""
+        if self.source.ended:
+            self._threads[0].join()
+
     def close(self) -> None:
         """End the threads, and free the port; may be repeated."""
         self._ending.set()

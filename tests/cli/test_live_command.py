@@ -76,6 +76,21 @@ def test_what_is_recorded_becomes_a_mission_and_plays_again(tmp_path: Path) -> N
     assert len(recorded_samples(tmp_path / "twice.inslab").imu) == len(recorded_samples(raw).imu)
 
 
+def test_a_recording_is_navigated_with(tmp_path: Path) -> None:
+    folder = str(tmp_path)
+    source = "simulated:montreal?hz=50&rest=12"
+    assert ask("live", "record", source, "still", "--seconds", "14", "--out", folder).exit_code == 0
+    replay = f"replay:{tmp_path}/still.inslab?speed=10"
+    answer = ask("live", "navigate", replay, "--set", "navigator.initial_heading=-137.5", "--json")
+    assert answer.exit_code == 0, answer.output
+    last = json.loads(answer.stdout.splitlines()[-1])
+    assert last["phase"] == "navigating"
+    assert abs(last["euler"][1] * 57.3 - 2.45) < 1  # the pitch at the start of the flight
+    assert last["position_sigma"][0] < 5
+    refused(ask("live", "navigate", replay, "--card", "nothing"), "nothing")
+    refused(ask("live", "navigate", replay, "--set", "navigator.model=nonlinear"), "nonlinear")
+
+
 def test_without_fixes_the_bytes_stay_and_the_lack_is_said(tmp_path: Path) -> None:
     answer = ask(
         "live",
@@ -112,7 +127,7 @@ def test_without_fixes_the_bytes_stay_and_the_lack_is_said(tmp_path: Path) -> No
         (["simulate", "montreal", "--corruption", "2"], ["--corruption 2", "0 to 0.1"]),
         (["simulate", "pacific", "--rest", "10"], ["begins at 83 m/s"]),
         (["simulate", "montreal", "--axes", "x,y,-z"], ["mirror image"]),
-        (["sail"], ["no command 'sail'", "list, watch, record, simulate"]),
+        (["sail"], ["no command 'sail'", "list, watch, record, navigate, simulate"]),
     ],
 )
 def test_mistakes_are_answered_with_what_is_accepted(arguments: list[str], words: list[str]) -> None:

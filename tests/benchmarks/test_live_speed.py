@@ -1,0 +1,111 @@
+"""Live: samples lost, latency and CPU of a stream from a device in another process, and unplugging.
+
+Each figure is printed; the asserted bars are those of a quiet machine.
+"""
+
+from __future__ import annotations
+
+import os
+import socket
+import subprocess
+import sys
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import numpy as np
+import psutil
+import pytest
+
+import lab.live
+from lab.live.recorded_log import recorded_samples
+from lab.live.simulated_transport import SimulatedTransport
+from lab.live.source import LOST, STALE
+from lab.live.station import Station
+from lab.navigation.settings import NavigatorSettings
+from lab.sensors.suite import SensorSuite
+
+pytestmark = pytest.mark.benchmark
+SECONDS = float(os.environ.get("INS_LAB_LIVE_SECONDS", "60"))
+"""How long each stream runs [s]; the bar of the laboratory is 600."""
+
+
+@contextmanager
+def device(rate: int) -> Iterator[str]:
+    """Run a simulated device on a table in another process; give its address."""
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        port = probe.getsockname()[1]
+    command = [sys.executable, "-m", "dashboards", "live", "simulate", "rest"]
+    command += ["--rest", str(int(SECONDS) + 120), "--rate", str(rate), "--to", f"tcp:{port}"]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True) as process:
+        assert process.stdout is not None
+        process.stdout.readline()
+        yield f"tcp:127.0.0.1:{port}?protocol=vectornav"
+        process.kill()
+
+
+@pytest.mark.parametrize("rate", [200, 1000])
+def test_no_sample_is_lost_and_the_navigator_has_it_soon(rate: int, tmp_path: Path) -> None:
+    with device(rate) as address:
+        source = lab.live.open(address)
+        source.record(tmp_path / "stream.inslab")
+        station = Station(source, SensorSuite(), NavigatorSettings(), "bench")
+        while source.end.imu < rate:
+            time.sleep(0.01)
+        process, begin = psutil.Process(), time.monotonic()
+        cpu, memory, cursor, delays = process.cpu_times(), [], source.end, []
+        while time.monotonic() - begin < SECONDS:
+            source.wait(cursor, 1.0)
+            read = source.since(cursor)
+            cursor = read.cursor
+            delays.append(time.monotonic() - read.imu["time"])
+            if len(delays) % 2000 == 0:
+                memory.append(process.memory_info().rss / 2**20)
+        spent = process.cpu_times()
+        status = source.status
+        station.close()
+    delay = 1e3 * np.concatenate(delays)
+    samples = recorded_samples(tmp_path / "stream.inslab")
+    share = (spent.user + spent.system - cpu.user - cpu.system) / SECONDS
+    print(
+        f"\n{rate} Hz, {SECONDS:g} s: {len(samples.imu)} samples recorded, "
+        f"{samples.reception.loss.missing} missing; "
+        f"wire to reader median {np.median(delay):.2f} ms, 99 % {np.percentile(delay, 99):.2f} ms; "
+        f"CPU of receiving, recording and navigating {share:.1%} of a core; memory {memory[0]:.0f} to "
+        f"{max(memory):.0f} MB; drift {1e6 * status.drift:.1f} ppm"
+    )
+    assert samples.reception.loss.missing == 0
+    assert samples.imu.tobytes() == source.since().imu.tobytes() or len(samples.imu) > 2**18
+    assert np.median(delay) <= 2.0
+    assert np.percentile(delay, 99) <= 20.0
+
+
+def test_an_unplugged_device_is_shown_and_comes_back(tmp_path: Path) -> None:
+    shown, back = [], []
+    with lab.live.open("simulated:rest?rest=120&hz=200") as source:
+        assert isinstance(source._transport, SimulatedTransport)
+        simulated = source._transport.device
+        source.record(tmp_path / "plug.inslab")
+        for _ in range(5):
+            while source.status.state != "streaming" or source.status.silence > 0.1:
+                time.sleep(0.005)
+            time.sleep(1.0)
+            simulated.unplug()
+            begin = time.monotonic()
+            while source.status.state not in (LOST, STALE):
+                time.sleep(0.001)
+            shown.append(time.monotonic() - begin)
+            time.sleep(3.0)
+            simulated.plug()
+            begin, reached = time.monotonic(), source.end.imu
+            while source.end.imu == reached:
+                time.sleep(0.001)
+            back.append(time.monotonic() - begin)
+    print(
+        f"\nunplugged: shown after {max(shown):.3f} s at most, streaming again after {max(back):.3f} s at most"
+    )
+    assert max(shown) <= 0.5
+    assert max(back) <= 2.0
+    assert recorded_samples(tmp_path / "plug.inslab").imu["gap"].sum() == 6
