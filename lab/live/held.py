@@ -23,8 +23,8 @@ RATE_CHANGE: Final = math.radians(3.0)
 """Largest change of the mean rate between blocks of a still device [rad/s]. The noise of a consumer card
 makes 0.3 °/s of it, a calm hand 1 °/s, a slow turn by hand 20 °/s."""
 FORCE_CHANGE: Final = 0.5
-"""Largest change of the mean specific force between blocks of a still device [m/s²]: as in `lab.analysis.rest`;
-a tilt of 3°."""
+"""Largest change of the mean specific force between blocks of a still device [m/s²]: as in
+`lab.analysis.rest`; a tilt of 3°."""
 OFF_GRAVITY: Final = 0.1
 """Part by which the mean specific force may differ from gravity: as in `lab.analysis.rest`."""
 TURNED: Final = math.radians(30.0)

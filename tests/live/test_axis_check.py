@@ -146,6 +146,9 @@ def test_a_still_stretch_before_a_movement_is_found() -> None:
     rows["time"] = np.arange(len(rows)) / HZ
     check = AxisCheck()
     assert check.take("level", rows).shown == (0, 0, -1)
+    rows = np.concatenate((still("level"), still("nose up")))
+    rows["time"] = np.arange(len(rows)) / HZ
+    assert check.take("nose up", rows).shown == (1, 0, 0)  # the last one
 
 
 def test_what_is_not_vertical_is_refused() -> None:
