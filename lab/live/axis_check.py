@@ -51,6 +51,21 @@ TURN_TIME: Final = 6.0
 """Time before a person says "take" that counts as the turn [s]."""
 
 
+def in_device_axes(rows: NDArray[np.void], axes: AxisMap) -> NDArray[np.void]:
+    """Return samples that an axis map has resolved forward, right, down in the axes of the device again.
+
+    Parameters
+    ----------
+    rows : (n,) array of `lab.live.timed.TIMED_IMU`
+        Samples.
+    axes
+        The map in force when they came.
+    """
+    rows = rows.copy()
+    rows["rate"], rows["force"] = axes.unmapped(rows["rate"]), axes.unmapped(rows["force"], force=True)
+    return rows
+
+
 class Seen(NamedTuple):
     """What a position or turn showed.
 
