@@ -37,8 +37,7 @@ def test_a_position_is_taken_and_the_axes_are_used(one: Opened) -> None:
     assert station is not None
     page._choice.value = AXES
     part = page._axes
-    assert part.view.visible
-    assert not page._plots.visible
+    assert list(page._stage) == [part.view]
     one.until(lambda: station.source.end.imu > 700)
     part._take("level")
     assert list(part.check.positions) == ["level"]
@@ -93,7 +92,7 @@ def test_the_deviation_grows_and_becomes_a_card(
     (made,) = read_cards(path).values()
     assert made.datum("gyro", "noise_density") is not None
     page._choice.value = PLOTS
-    assert page._plots.visible
+    assert list(page._stage) == [page._plots]
     page._toggle()
     assert "Connect a source" in part._words.object
     assert len(source.data["tau"]) == 0

@@ -83,6 +83,7 @@ class Live(Page):
             options=list(self._parts), value=PLOTS, size="small", margin=(6, 10), color="primary"
         )
         self._choice.param.watch(lambda _event: self._turn(), "value")
+        self._stage = pn.Column(margin=0, sizing_mode="stretch_width", stylesheets=[WHOLE])
         self._turn()
         row: dict[str, Any] = {"margin": 0, "stylesheets": [WRAP], "sizing_mode": "stretch_width"}
         return pn.Column(
@@ -92,7 +93,7 @@ class Live(Page):
             self._recorder.view,
             self._status.view,
             self._choice,
-            *self._parts.values(),
+            self._stage,
             sizing_mode="stretch_width",
             margin=(0, 8, 12, 8),
             stylesheets=[WHOLE],
@@ -123,8 +124,7 @@ class Live(Page):
 
     def _turn(self) -> None:
         """Show the chosen part."""
-        for name, part in self._parts.items():
-            part.visible = name == self._choice.value
+        self._stage[:] = [self._parts[str(self._choice.value)]]
         if self._choice.value == ALLAN:
             self._allan.tell()
         elif self._choice.value == PLOTS and self._station is not None:
