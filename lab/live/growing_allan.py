@@ -38,6 +38,8 @@ SPREAD_MOVED: Final = 5.0
 """Growth of the spread within a second that counts as moved: a knock at the table."""
 LEAST_SPREAD: Final = math.radians(0.2), 0.02
 """Spread of rates [rad/s] and specific forces [m/s²] below which no growth counts: people walk by."""
+NOISE_SIGMAS: Final = 6.0
+"""Change between seconds that counts as moved, in σ of the white noise that their spread shows: once in 10⁸."""
 MOST_TILTED: Final = 0.5
 """Largest change of the specific force since the beginning of a record [m/s²]: as in `lab.analysis.rest`."""
 LEAST_FOR_CARD: Final = 300.0
@@ -236,9 +238,11 @@ class GrowingAllan:
         floor = np.repeat(LEAST_SPREAD, 3)
         shaken = (spreads > np.maximum(SPREAD_MOVED * self._usual, floor)).any()
         self._before, self._usual = means[-1], np.minimum(self._usual, np.median(spreads, axis=0))
-        if change[:, :3].max() > RATE_MOVED:
+        noise = NOISE_SIGMAS * math.sqrt(2 / size) * self._usual
+        moved = change > np.maximum(np.repeat((RATE_MOVED, FORCE_MOVED), 3), noise)
+        if moved[:, :3].any():
             return f"The device moved (its rate changed by {math.degrees(change[:, :3].max()):.2f} °/s)"
-        if max(change[:, 3:].max() / FORCE_MOVED, tilted / MOST_TILTED) > 1:
+        if moved[:, 3:].any() or tilted > MOST_TILTED:
             most = max(change[:, 3:].max(), tilted)
             return f"The device moved (its specific force changed by {most:.2f} m/s²)"
         return "The device was shaken" if shaken else None

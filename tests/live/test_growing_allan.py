@@ -119,6 +119,12 @@ def test_a_movement_is_told_and_begins_anew(move: Callable[[NDArray[np.void]], N
     assert growing.duration < 24
 
 
+def test_noisy_gyros_do_not_count_as_moving() -> None:
+    rows = rows_at_rest(300)
+    rows["rate"] *= 5  # 0.05 °/s/√Hz: seconds differ by up to 0.25 °/s
+    assert fed(GrowingAllan(), rows).restarts == 0
+
+
 def test_what_is_not_gravity_is_told() -> None:
     rows = rows_at_rest(10)
     rows["force"] /= 9.8
