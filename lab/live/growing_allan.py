@@ -39,7 +39,7 @@ SPREAD_MOVED: Final = 5.0
 LEAST_SPREAD: Final = math.radians(0.2), 0.02
 """Spread of rates [rad/s] and specific forces [m/s²] below which no growth counts: people walk by."""
 NOISE_SIGMAS: Final = 6.0
-"""Change between seconds that counts as moved, in σ of the white noise that their spread shows: once in 10⁸."""
+"""Change between seconds that counts as moved, in σ of the white noise in their spread: once in 10⁸."""
 MOST_TILTED: Final = 0.5
 """Largest change of the specific force since the beginning of a record [m/s²]: as in `lab.analysis.rest`."""
 LEAST_FOR_CARD: Final = 300.0
