@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import threading
-from collections.abc import Callable, Hashable
+from collections.abc import Callable, Hashable, Iterator
+from contextlib import contextmanager
 
 import numpy as np
 from numpy.typing import NDArray
 
+from lab.live.growing_allan import GrowingAllan
 from lab.live.live_navigator import LiveNavigator
 from lab.live.live_state import COASTING, NAVIGATING, Cursor, LiveHistory, LiveState
 from lab.live.live_verdict import verdict_of
@@ -15,6 +17,7 @@ from lab.live.ring import Read
 from lab.live.source import Source, Status
 from lab.live.thinned import Thinned
 from lab.live.transport import TransportError
+from lab.logs.sensor_log import SensorLog
 from lab.navigation.settings import NavigatorSettings
 from lab.sensors.suite import SensorSuite
 
@@ -61,6 +64,8 @@ class Station:
         self._navigator = LiveNavigator(sensors, navigator)
         self._state = self._navigator.state
         self._lock = threading.Lock()  # of the navigator
+        self._growing: GrowingAllan | None = None
+        self._growing_lock = threading.Lock()
         self._ending = threading.Event()
         self._threads = [
             threading.Thread(target=work, name=f"{word} {name}", daemon=True)
@@ -85,6 +90,30 @@ class Station:
         with self._lock:
             return self._navigator.since(cursor)
 
+    def log(self) -> SensorLog:
+        """Return the samples that the navigator keeps as a sensor log.
+
+        Raises
+        ------
+        MissionError
+            If nothing has come yet.
+        """
+        with self._lock:
+            return self._navigator.log()
+
+    @contextmanager
+    def growing(self) -> Iterator[GrowingAllan]:
+        """Lend the record at rest for an Allan deviation; it begins when somebody first asks for it."""
+        with self._growing_lock:
+            if self._growing is None:
+                self._growing = GrowingAllan()
+            yield self._growing
+
+    def _grow(self, imu: NDArray[np.void]) -> None:
+        with self._growing_lock:
+            if self._growing is not None:
+                self._growing.add(imu)
+
     def _run(self) -> None:
         cursor = None
         while not self._ending.is_set():
@@ -92,6 +121,7 @@ class Station:
             cursor = read.cursor
             self._note(read)
             self.thinned.add(read.imu)
+            self._grow(read.imu)
             self._navigate(read.imu, read.fix)
             if self.source.ended and self.source.end == cursor:
                 return
@@ -115,9 +145,7 @@ class Station:
                 continue
             judged = used
             try:
-                with self._lock:
-                    log = self._navigator.log()
-                self.verdict = str(verdict_of(log, self._sensors, self._settings))
+                self.verdict = str(verdict_of(self.log(), self._sensors, self._settings))
             except ValueError as error:  # too few fixes for a batch run, or it diverges
                 self.verdict = f"None: {error}."
 

@@ -10,6 +10,8 @@ import panel_material_ui as pmui
 
 from dashboards.devices import STATIONS
 from dashboards.pages.base import Page, plot_grid
+from dashboards.pages.live.allan_part import AllanPart
+from dashboards.pages.live.axes_part import AxesPart
 from dashboards.pages.live.inviting import Inviting, forget_phone, phone_station
 from dashboards.pages.live.recorder import Recorder
 from dashboards.pages.live.source_fields import SourceFields
@@ -33,6 +35,8 @@ SLOWEST = 10
 """Most ticks for one update of the plots: with ten pages or more, a second."""
 PHONE_KEY = "phone "
 """Before the number of a phone in the key of its station."""
+PLOTS, AXES, ALLAN = "Plots", "Axes", "Allan"
+"""What the page shows below the status."""
 AWAY = 3.0
 """Length of the unplugging that a person may try [s]."""
 _SMALL: dict[str, Any] = {"size": "small", "variant": "outlined", "margin": (10, 4)}
@@ -79,6 +83,14 @@ class Live(Page):
         self._inviting = Inviting()
         self._figures = LiveFigures()
         self._plots = plot_grid(self._figures.figures, 3, 205, fill=False)
+        self._axes, self._allan = AxesPart(), AllanPart(self._session)
+        self._parts = {PLOTS: self._plots, AXES: self._axes.view, ALLAN: self._allan.view}
+        self._choice = pmui.RadioButtonGroup(
+            options=list(self._parts), value=PLOTS, size="small", margin=(6, 10), color="primary"
+        )
+        self._choice.param.watch(lambda _event: self._turn(), "value")
+        self._stage = pn.Column(margin=0, sizing_mode="stretch_width", stylesheets=[WHOLE])
+        self._turn()
         row: dict[str, Any] = {"margin": 0, "stylesheets": [WRAP], "sizing_mode": "stretch_width"}
         return pn.Column(
             self._fields.view,
@@ -87,7 +99,8 @@ class Live(Page):
             self._inviting.view,
             self._recorder.view,
             self._status.view,
-            self._plots,
+            self._choice,
+            self._stage,
             sizing_mode="stretch_width",
             margin=(0, 8, 12, 8),
             stylesheets=[WHOLE],
@@ -114,7 +127,20 @@ class Live(Page):
         self._job.close()
         self._recorder.close()
         self._inviting.close()
+        self._allan.close()
         self._leave()
+
+    def _turn(self) -> None:
+        """Show the chosen part."""
+        self._stage[:] = [self._parts[str(self._choice.value)]]
+        if self._choice.value == ALLAN:
+            self._allan.tell()
+        elif self._choice.value == PLOTS and self._station is not None:
+            self._begin_anew()
+
+    def _show_parts_of(self, station: Station | None) -> None:
+        self._axes.watch(station)
+        self._allan.watch(station)
 
     def _toggle(self) -> None:
         if self._job.busy:
@@ -161,11 +187,13 @@ class Live(Page):
         self._pause.param.update(disabled=False, label="Pause", icon="pause")
         self._unplug.visible = station.source.device is not None
         self._recorder.watch(station)
+        self._show_parts_of(station)
         self._begin_anew()
 
     def _disconnect(self, sentence: str) -> None:
         self._unwatch()
         self._recorder.watch(None)
+        self._show_parts_of(None)
         self._leave()
         self._connect.param.update(label="Connect", icon="sensors", color="primary")
         self._pause.param.update(disabled=True, label="Pause", icon="pause")
@@ -214,7 +242,8 @@ class Live(Page):
         if self._ticks % max(turn, 1):
             return
         with together(self._document):
-            self._advance()
+            if self._choice.value == PLOTS:
+                self._advance()
             if self._ticks % max(TELL, turn) < turn:
                 self._tell()
 
@@ -239,6 +268,8 @@ class Live(Page):
             status = station.status
             self._status.show(status, station.state, station.verdict, station.failure)
             self._recorder.tell(status)
+            if self._choice.value == ALLAN:
+                self._allan.tell()
 
     def _widen(self, name: str) -> None:
         self._figures.window = WINDOWS.get(name, WINDOWS["20 s"])

@@ -1,0 +1,189 @@
+"""Allan part: the Allan deviation of a device at rest as it grows, and a card made of it."""
+
+from __future__ import annotations
+
+import io
+import math
+from html import escape
+from typing import Any
+
+import panel as pn
+import panel_material_ui as pmui
+
+from dashboards.computing import LONG, LatestWins, Outcome, Progress, attempt
+from dashboards.exchange import Download
+from dashboards.pages.base import plot_grid
+from dashboards.pages.missions.entry_fields import WHOLE, WRAP, sized
+from dashboards.pages.missions.job import Job
+from dashboards.sending import together
+from dashboards.session import Session
+from lab.analysis import allan, rest
+from lab.live.growing_allan import LEAST_FOR_CARD, GrowingAllan
+from lab.live.station import Station
+from lab.missions.mission_name import accepted_name
+from lab.views.allan import AllanFigures
+
+WANTED = {"1 s": 1.0, "10 s": 10.0, "100 s": 100.0, "1000 s": 1000.0}
+"""Averaging times that a person may wait for [s]."""
+GROWN = 1.05
+"""Growth of the record after which the deviation is computed again: the curve changes little before."""
+SOONEST = 2.0
+"""Least growth of the record after which it is computed again [s]."""
+
+
+class AllanPart:
+    """The deviation of both triads beside that of the sensors in the settings.
+
+    Parameters
+    ----------
+    session
+        Its sensors are compared.
+
+    Attributes
+    ----------
+    view : panel.Column
+        All of it.
+    """
+
+    def __init__(self, session: Session) -> None:
+        self._session = session
+        self._document = pn.state.curdoc
+        self._station: Station | None = None
+        self._seen = 0.0, 0  # length [s] of the record that is shown, and how often it had begun again
+        self._toml = b""
+        self._figures = AllanFigures()
+        self._work: LatestWins[Station] = LatestWins(self._compute, self._deliver, LONG)
+        self._words = pn.pane.HTML("", margin=(4, 10), sizing_mode="stretch_width")
+        self._wanted = pmui.Select(
+            label="Wanted τ", options=list(WANTED), value="100 s", size="small", margin=(8, 4), **sized(110)
+        )
+        self._wanted.param.watch(lambda _event: self.tell(), "value")
+        self._name = pmui.TextInput(
+            label="Name of the card", value="my sensor", size="small", variant="outlined", margin=(8, 4),
+            **sized(190),
+        )  # fmt: skip
+        self._make = pmui.Button(label="Make a card of this", icon="badge", disabled=True, margin=(10, 4))
+        self._make.on_click(lambda _event: self._start_card())
+        self._download = Download(
+            callback=self._file, filename="card.toml", label="Card", visible=False, size="small",
+            variant="outlined", margin=(10, 4),
+        )  # fmt: skip
+        self._job = Job()
+        self.view = pn.Column(
+            self._words,
+            pn.Row(
+                self._wanted, self._name, self._make, self._download,
+                margin=0, stylesheets=[WRAP], sizing_mode="stretch_width",
+            ),
+            self._job.view,
+            plot_grid(self._figures.figures, 2, least=360, fill=False),
+            sizing_mode="stretch_width",
+            margin=0,
+            stylesheets=[WHOLE],
+        )  # fmt: skip
+
+    def watch(self, station: Station | None) -> None:
+        """Show another device, or none."""
+        self._station, self._seen, self._toml = station, (0.0, 0), b""
+        self._figures.clear()
+        self._download.visible = False
+        self._make.disabled = True
+        self._job.say("")
+        if station is None:
+            self.tell()
+
+    def tell(self) -> None:
+        """Show how long the record is, and compute the deviation again if it has grown."""
+        station = self._station
+        if station is None:
+            self._words.object = "<p>Connect a source that is at rest.</p>"
+            return
+        tau = WANTED.get(str(self._wanted.value), 100.0)
+        with station.growing() as growing:
+            duration, restarts, sentence = growing.duration, growing.restarts, growing.sentence
+            left = growing.time_to(tau)
+            ready = len(growing) > allan.MIN_SAMPLES
+        self._words.object = f"<p>{escape(sentence)} {escape(_wait(left, tau, duration))}</p>"
+        self._make.disabled = duration < LEAST_FOR_CARD
+        shown, before = self._seen
+        if restarts != before:
+            self._figures.clear()
+            shown = 0.0
+            self._seen = 0.0, restarts
+        if ready and not self._work.busy and duration > max(GROWN * shown, shown + SOONEST):
+            self._seen = duration, restarts
+            self._work.submit(station)
+
+    def close(self) -> None:
+        """Deliver no further results."""
+        self._work.close()
+        self._job.close()
+
+    def _compute(self, station: Station, _progress: Progress) -> Outcome:
+        def work() -> Any:
+            with station.growing() as growing:
+                records = growing.records()
+            return {triad: allan.deviation(record.rates, record.dt) for triad, record in records.items()}
+
+        return attempt(work)
+
+    def _deliver(self, station: Station, outcome: Outcome) -> None:
+        def arrive() -> None:
+            assert self._document is not None
+            # A record that has begun again may be too short: the next one is shown.
+            if station is self._station and not outcome.problem:
+                with together(self._document):
+                    self._figures.show(self._session.experiment.sensors, outcome.result)
+
+        if self._document is not None:
+            self._document.add_next_tick_callback(arrive)
+
+    def _start_card(self) -> None:
+        station = self._station
+        if station is None or self._job.busy:
+            return
+        try:
+            name = accepted_name(str(self._name.value_input or self._name.value).strip())
+        except ValueError as error:
+            self._job.say(str(error))
+            return
+
+        def work(_progress: Progress) -> Any:
+            with station.growing() as growing:
+                _refuse_short(growing)
+                records = growing.records()
+            return rest.card_of(name, records, station.name)
+
+        self._job.start("Fitting the noise terms", work, self._made)
+
+    def _made(self, card: Any) -> None:
+        self._toml = card.to_toml().encode()
+        self._download.param.update(
+            filename=f"{card.name}.toml", label=f"Download {card.name}.toml", visible=True
+        )
+        self._job.say(f"The card {card.name} is ready. {card.note}".rstrip(), "success")
+
+    def _file(self) -> io.BytesIO:
+        return io.BytesIO(self._toml)
+
+
+def _refuse_short(growing: GrowingAllan) -> None:
+    if growing.duration < LEAST_FOR_CARD:
+        raise ValueError(
+            f"The record has {growing.duration:.0f} s at rest; accepted for a card are "
+            f"{LEAST_FOR_CARD:g} s or more"
+        )
+
+
+def _wait(left: float, tau: float, duration: float) -> str:
+    """Return how long the device must still be at rest."""
+    if math.isnan(left):
+        return ""
+    words = f"τ = {tau:g} s is reached." if left <= 0 else f"τ = {tau:g} s is reached in {_spoken(left)}."
+    if duration < LEAST_FOR_CARD:
+        words += f" A card can be made in {_spoken(LEAST_FOR_CARD - duration)}."
+    return words
+
+
+def _spoken(seconds: float) -> str:
+    return f"{seconds:.0f} s" if seconds < 120 else f"{seconds / 60:.0f} min"

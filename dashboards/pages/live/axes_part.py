@@ -1,0 +1,186 @@
+"""Axes part: the guided check of the axes of a device, with what it found."""
+
+from __future__ import annotations
+
+from html import escape
+from typing import Any
+
+import numpy as np
+import panel as pn
+import panel_material_ui as pmui
+
+from dashboards.notice import Notice
+from dashboards.pages.missions.entry_fields import WHOLE, WRAP, sized
+from lab import earth
+from lab.live.axis_check import (
+    LAST,
+    TURN_TIME,
+    TURNS,
+    AxisCheck,
+    CheckedAxes,
+    Seen,
+    in_device_axes,
+)
+from lab.live.axis_map import AxisMap
+from lab.live.held import AxisCheckError
+from lab.live.station import Station
+from lab.views.axis_picture import axis_picture
+
+PLACED = 5e-4
+"""σ of normal gravity at a known place [m/s²]: 50 mGal of anomaly, which mountains have."""
+_SMALL: dict[str, Any] = {"size": "small", "variant": "outlined", "margin": (3, 4)}
+_INTRODUCTION = (
+    "<p>Hold the device still, as a face of the vehicle would be, and press the button of the position "
+    "while you hold it. Two perpendicular positions give the axes, three check them, and all six also give "
+    "bias and scale factor of the accelerometers. Two turns check the gyros: begin level, turn by 90° within "
+    f"{TURN_TIME:g} s, then press.</p>"
+)
+_WORDS = {
+    "level": "Level",
+    "nose up": "Nose up",
+    "right side down": "Right side down",
+    "nose down": "Nose down",
+    "left side down": "Left side down",
+    "upside down": "Upside down",
+    "turn right": "Turn right, seen from above",
+    "turn nose up": "Turn the nose up",
+    "turn right side down": "Turn the right side down",
+}
+
+
+class AxesPart:
+    """The positions and turns with their buttons, and the outcome.
+
+    Attributes
+    ----------
+    view : panel.Column
+        All of it.
+    check : AxisCheck
+        What was taken so far.
+    """
+
+    def __init__(self) -> None:
+        self.check = AxisCheck()
+        self._station: Station | None = None
+        self._found: CheckedAxes | None = None
+        self._shown: dict[str, pn.pane.HTML] = {}
+        self._buttons: list[Any] = []
+        rows = [self._row(name) for name in _WORDS]
+        self._notice = Notice()
+        self._picture = pn.pane.HTML("", margin=(4, 10), sizing_mode="stretch_width")
+        self._words = pn.pane.HTML("", margin=(4, 10), sizing_mode="stretch_width")
+        self._use = pmui.Button(label="Use these axes", icon="check", color="primary", margin=(6, 8))
+        self._use.on_click(lambda _event: self._apply())
+        self._anew = pmui.Button(label="Begin anew", icon="restart_alt", **_SMALL)
+        self._anew.on_click(lambda _event: self._forget())
+        self.view = pn.Column(
+            pn.pane.HTML(_INTRODUCTION, margin=(4, 10), sizing_mode="stretch_width"),
+            self._notice.view,
+            pn.Row(
+                pn.Column(*rows, margin=0, **_share(380)),
+                pn.Column(
+                    self._picture,
+                    self._words,
+                    pn.Row(self._use, self._anew, margin=0, stylesheets=[WRAP]),
+                    margin=0,
+                    **_share(380),
+                ),
+                margin=0,
+                stylesheets=[WRAP],
+                sizing_mode="stretch_width",
+            ),
+            sizing_mode="stretch_width",
+            margin=0,
+            stylesheets=[WHOLE],
+        )
+        self.watch(None)
+
+    def watch(self, station: Station | None) -> None:
+        """Check another device, or none; what was taken of the one before is forgotten."""
+        self._station = station
+        for button in self._buttons:
+            button.disabled = station is None
+        self._forget()
+
+    def _row(self, name: str) -> pn.Row:
+        label = "Turn, then: take" if name in TURNS else "Hold still: take"
+        button = pmui.Button(label=label, **_SMALL, **sized(150))
+        button.on_click(lambda _event: self._take(name))
+        shown = pn.pane.HTML("", margin=(8, 6), sizing_mode="stretch_width")
+        self._shown[name] = shown
+        self._buttons.append(button)
+        return pn.Row(button, shown, margin=0, sizing_mode="stretch_width")
+
+    def _take(self, name: str) -> None:
+        if self._station is None:
+            return
+        source = self._station.source
+        rows = source.last(TURN_TIME if name in TURNS else LAST).imu
+        try:
+            self.check.take(name, in_device_axes(rows, source.axes))
+        except AxisCheckError as error:
+            self._notice.say(str(error))
+            return
+        self._notice.say("")
+        self._tell()
+
+    def _forget(self) -> None:
+        self.check.forget()
+        self._notice.say("")
+        self._tell()
+
+    def _tell(self) -> None:
+        """Show what was taken and what follows from it."""
+        for name, pane in self._shown.items():
+            seen = self.check.positions.get(name) or self.check.turns.get(name)
+            pane.object = f"<b>{_WORDS[name]}</b>{'' if seen is None else escape(_outcome(seen))}"
+        self._found = None
+        said = [self.check.missing]
+        if not self.check.missing:
+            try:
+                self._found = self.check.result(*self._gravity())
+            except AxisCheckError as error:
+                said = []
+                self._notice.say(str(error))
+        found = self._found
+        if found is not None:
+            said = [found.sentence, "" if found.accelerometer is None else str(found.accelerometer)]
+        if self.check.still:
+            said.append(list(self.check.still.values())[-1].gyro_sentence)
+        self._words.object = "".join(f"<p>{escape(one)}</p>" for one in said if one)
+        self._picture.object = (
+            axis_picture(None)
+            if found is None
+            else axis_picture(found.axes.axes, inverted=found.axes.inverted_force)
+        )
+        self._use.disabled = found is None or self._station is None
+
+    def _gravity(self) -> tuple[float, ...]:
+        """Return gravity where the navigator is, and its σ; nothing where that is unknown."""
+        position = np.full(3, np.nan) if self._station is None else self._station.state.position
+        if not np.isfinite(position).all():
+            return ()
+        return float(earth.gravity(np.sin(position[0]), position[2])), PLACED
+
+    def _apply(self) -> None:
+        """Set the axes of the source, for all who watch it."""
+        if self._found is None or self._station is None:
+            return
+        axes: AxisMap = self._found.axes
+        self._station.source.axes = axes
+        self._notice.say(f"The axes of this source are {axes} now, for all who watch it.", "success")
+
+
+def _outcome(seen: Seen) -> str:
+    which = "turned about" if seen.name in TURNS else "upwards"
+    axis = f"{'−' if min(seen.shown) < 0 else ''}{'xyz'[int(np.abs(seen.shown).argmax())]}"
+    off = f"{np.degrees(seen.tilt):.0f}° off"
+    return f": {which} {axis}, {off}" if seen.name in TURNS else f": {axis} {which}, {off}"
+
+
+def _share(least: int) -> dict[str, Any]:
+    """Return layout options for a column that takes half a row, or all of a narrow one [px]."""
+    return {
+        "sizing_mode": "stretch_width",
+        "stylesheets": [f":host {{ flex: 1 1 min({least}px, 100%) !important; min-width: 0 !important; }}"],
+    }
