@@ -41,8 +41,9 @@ class Opened:
         """Run what waits for its turn, and one tick."""
         for callback in list(self.document.session_callbacks):
             if "NextTick" in type(callback).__name__:
+                work = callback.callback  # a callback that was removed may be empty
                 self.document.remove_next_tick_callback(callback)
-                callback.callback()
+                work()
         if self.page._periodic is not None:
             self.page._tick()
 
@@ -136,6 +137,33 @@ def test_a_paused_page_loses_nothing(opened: Callable[[], Opened]) -> None:
     times = shown(one.page)[:, 0]
     assert np.diff(times).max() < 0.5
     assert times[0] < 1.0
+
+
+def test_a_page_that_is_closed_while_it_connects_leaves_nothing(
+    opened: Callable[[], Opened], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    one = opened()
+    begun, closed, left = threading.Event(), threading.Event(), threading.Event()
+    key, make = one.page._fields.chosen()
+
+    def slow() -> Station:
+        begun.set()
+        assert closed.wait(PATIENCE)
+        return make()
+
+    leave = STATIONS.leave
+
+    def leaving(key: str, watcher: int) -> None:
+        leave(key, watcher)
+        left.set()
+
+    monkeypatch.setattr(STATIONS, "leave", leaving)
+    one.page._start(key, slow)
+    assert begun.wait(PATIENCE)
+    one.page.close()
+    closed.set()
+    assert left.wait(PATIENCE)
+    assert STATIONS.names() == {}
 
 
 def test_a_hidden_page_does_nothing(opened: Callable[[], Opened]) -> None:

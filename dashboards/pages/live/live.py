@@ -57,6 +57,7 @@ class Live(Page):
         self._periodic: Any = None
         self._ticks = 0
         self._visible = False
+        self._closed = False
         super().__init__(axis)
 
     @classmethod
@@ -123,6 +124,7 @@ class Live(Page):
 
     def close(self) -> None:
         """Stop watching; the source ends with the last page that watches it."""
+        self._closed = True
         self._periodic = None  # it has ended with its document
         self._job.close()
         self._recorder.close()
@@ -179,7 +181,10 @@ class Live(Page):
 
     def _opened(self, key: str, make: Callable[[], Station]) -> Station:
         """Return the station; in a thread."""
-        return STATIONS.watch(key, id(self), make)
+        station = STATIONS.watch(key, id(self), make)
+        if self._closed:  # meanwhile: nobody would leave it
+            STATIONS.leave(key, id(self))
+        return station
 
     def _came(self, key: str, station: Station) -> None:
         self._key, self._station = key, station
