@@ -21,7 +21,8 @@ from lab.settings import SettingError
 
 if TYPE_CHECKING:
     from lab.live.live_state import LiveState
-    from lab.live.source import Source, Status
+    from lab.live.source import Source
+    from lab.live.source_status import Status
 
 EXAMPLES = """\b
 Examples:

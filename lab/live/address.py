@@ -136,9 +136,7 @@ class Address:
         return int(value)
 
     def __str__(self) -> str:
-        options = "&".join(
-            f"{name}={quote(value, safe='/:,.-+[]°²')}" for name, value in self.options.items()
-        )
+        options = "&".join(f"{name}={quote(value, safe='/:,.-[]°²')}" for name, value in self.options.items())
         return f"{self.kind}:{self.place}{'?' if options else ''}{options}"
 
 

@@ -9,6 +9,7 @@ bits.
 from __future__ import annotations
 
 import math
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -77,16 +78,22 @@ class DeviceClock:
         return self._device, self._host, self._begun, self._pace, self._slope, self._least, self._look_ends
 
     @classmethod
-    def restored(cls, state: list[float | None]) -> DeviceClock:
-        """Return the clock that had a `state`."""
+    def restored(cls, state: Any) -> DeviceClock:
+        """Return the clock that had a `state`; a new one if this is none, as in a damaged recording."""
         clock = cls()
-        given = [
-            known if value is None else float(value)
-            for value, known in zip(state, clock._values(), strict=True)
-        ]
+        usual = clock._values()
+        if not isinstance(state, list) or len(state) != len(usual):
+            return clock
+        try:
+            given = [known if one is None else float(one) for one, known in zip(state, usual, strict=True)]
+        except (TypeError, ValueError, OverflowError):
+            return clock
+        pace, slope = given[3:5]
+        if not (abs(slope) <= MAX_DRIFT and abs(pace - 1) <= MAX_DRIFT + MAX_SLEW):
+            return clock
         clock._device, clock._host, clock._begun, clock._pace, clock._slope = given[:5]
         clock._least, clock._look_ends = given[5:]
-        clock.drift = 1 / (1 + clock._slope) - 1
+        clock.drift = 1 / (1 + slope) - 1
         return clock
 
     def restart(self) -> None:

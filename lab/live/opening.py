@@ -8,6 +8,7 @@ from typing import Any
 
 from lab.live.address import Address
 from lab.live.axis_map import AxisMap
+from lab.live.raw_recording import NEW_AXES
 from lab.live.recorded_log import reception_of
 from lab.live.replay import Replay
 from lab.live.sensor_server import SensorServerTransport
@@ -74,8 +75,8 @@ def open_source(address: str | Address | Transport, **options: str) -> Source:
 
 def _follow(source: Source, event: Mapping[str, Any]) -> None:
     """Take over from a recording what changed while it was made."""
-    if "axes" in event:
-        source.axes = AxisMap.of(str(event["axes"]))
+    if NEW_AXES in event:
+        source.axes = AxisMap.of(str(event[NEW_AXES]))
 
 
 def _replay(address: Address) -> Replay:

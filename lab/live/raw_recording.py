@@ -32,6 +32,8 @@ WARNING = 2**30
 """Free space, or room in the recording, at which it warns [bytes]: ten hours at 30 kB/s."""
 DATA, EVENT = 0, 1
 """Kinds of records: bytes of the device; text in JSON about what happened."""
+DEVICE_LOST, NEW_AXES = "lost", "axes"
+"""Keys of events: the device was lost, with the reason; another axis map holds from here on."""
 
 _RECORD = struct.Struct("<BdI")
 _MAX_HEADER = 2**16  # [bytes]
@@ -197,6 +199,15 @@ def records(path: str | os.PathLike[str]) -> Generator[tuple[int, Chunk]]:
         raise
     except OSError as error:
         raise RecordingError(f"{path}: cannot be read: {error.strerror or error}") from error
+
+
+def event_of(data: bytes) -> dict[str, Any]:
+    """Return the event of a record; an empty one if the record is damaged."""
+    try:
+        event = json.loads(data)
+    except (ValueError, RecursionError):
+        return {}
+    return event if isinstance(event, dict) else {}
 
 
 def _check_record(kind: int, arrival: float, size: int, where: str) -> None:

@@ -48,6 +48,11 @@ REMEMBERED = 0.02
 """Part that a new interval has in the usual one."""
 MOST_BACK = 5
 """Most samples in a row whose time runs backwards until the clock is taken to have been set."""
+LATENCY = 0.1
+"""How much earlier than they arrive fixes are taken to be valid, if the receiver has not the clock of the IMU
+[s]: receivers compute and send for 0.05 to 0.2 s. The navigator's latency is beside this."""
+STALE = 5.0
+"""Largest difference between the times of a fix and of a sample by the same clock [s]."""
 
 _NO_IMU, _NO_FIX = np.empty(0, TIMED_IMU), np.empty(0, TIMED_FIX)
 """No samples, no fixes."""
@@ -130,7 +135,9 @@ class Reception:
         self._before = Statistics()
         self._decoder: Decoder | None = self._made() if self.protocol else None
         self._first: deque[Chunk] = deque()
+        self._held = 0  # bytes in them
         self._tried: float | None = None  # when a protocol was last looked for
+        self._has_counter = self._counting = False
         self._waiting: list[tuple[float, Rows]] = []
         self._counted = 0
         self._last_device = np.nan
@@ -151,7 +158,7 @@ class Reception:
     @property
     def statistics(self) -> Statistics:
         """What the decoders have seen, since the beginning."""
-        now = self._decoder.statistics if self._decoder else Statistics(sum(len(c.data) for c in self._first))
+        now = self._decoder.statistics if self._decoder else Statistics(self._held)
         return Statistics(*(a + b for a, b in zip(_counts(self._before), _counts(now), strict=True)))
 
     @property
@@ -188,7 +195,7 @@ class Reception:
                 self._columns = self._decoder.columns
             self._decoder = self._made()
         self._first.clear()
-        self._tried = None
+        self._held, self._tried = 0, None
         self._waiting.clear()
         self.clock.restart()
         self.fix_clock.restart()
@@ -200,14 +207,14 @@ class Reception:
         """Keep bytes until a protocol is found in them, then decode them."""
         first = self._first
         first.append(chunk)
-        size = sum(len(one.data) for one in first)
+        self._held += len(chunk.data)
         begin = first[0].arrival if self._tried is None else self._tried
-        if (size < ENOUGH or self._tried is not None) and chunk.arrival - begin < RECOGNISED:
+        if (self._held < ENOUGH or self._tried is not None) and chunk.arrival - begin < RECOGNISED:
             return _NO_IMU, _NO_FIX
         self._tried = chunk.arrival
-        while size > MOST and len(first) > 1:
+        while self._held > MOST and len(first) > 1:
             gone = len(first.popleft().data)
-            size -= gone
+            self._held -= gone
             self._before.bytes += gone
             self._before.skipped += gone
         found = recognise(b"".join(one.data for one in first))
@@ -219,6 +226,7 @@ class Reception:
         self._use(found[0])
         parts = [self._timed(self._feed(one.data), one.arrival) for one in self._first]
         self._first.clear()
+        self._held = 0
         return _joined(parts)
 
     def _use(self, found: Candidate) -> None:
@@ -241,13 +249,11 @@ class Reception:
         if np.isfinite(rows["time"][-1]):
             self.timing = "by the clock of the device"
             return self._by_clock(rows, self._unwrapped(rows["time"], arrival), arrival)
-        if rows["count"][-1] >= 0:
-            device = self._by_count(rows, rows["count"].astype(float), arrival)
-        else:
-            count = self._counted + np.arange(len(rows), dtype=float)
-            self._counted += len(rows)
-            device = self._by_count(rows, count, arrival)
-        return _NO_IMU if device is None else device
+        numbers = self._counted + np.arange(len(rows), dtype=float)
+        self._counted += len(rows)
+        if self.rate == 0.0:
+            return self._measure_rate(rows, arrival)
+        return self._by_count(rows, numbers, arrival)
 
     def _with_both_triads(self, rows: Rows) -> Rows:
         """Return the rows with rates; those that lack the force get the last one that came by itself."""
@@ -257,11 +263,13 @@ class Reception:
         if not self.triads_apart:
             return rows
         made = np.array(rows)
-        for k in range(len(made)):
-            if alone[k]:
-                self._force = np.array(made["force"][k])
-            elif np.isnan(made["force"][k, 0]) and self._force is not None:
-                made["force"][k] = self._force
+        last = np.maximum.accumulate(np.where(alone, np.arange(len(made)), -1))
+        before = np.full(3, np.nan) if self._force is None else self._force
+        forces = np.where((last >= 0)[:, None], made["force"][last], before)
+        if alone.any():
+            self._force = made["force"][last[-1]].copy()
+        lacking = np.isnan(made["force"][:, 0])
+        made["force"][lacking] = forces[lacking]
         return np.asarray(made[~alone & ~np.isnan(made["force"][:, 0])])
 
     def _unwrapped(self, device: FloatArray, arrival: float) -> FloatArray:
@@ -274,48 +282,60 @@ class Reception:
             self._wrapped += period * round(missed / period)
         return device + self._wrapped
 
-    def _by_count(self, rows: Rows, count: FloatArray, arrival: float) -> Rows | None:
-        """Time samples by their number and the nominal rate, which is measured at first."""
-        counter = "by the counter of the device" if rows["count"][-1] >= 0 else "by the number of samples"
-        if self.rate == 0.0:
-            self._waiting.append((arrival, np.array(rows)))
-            begin, first = self._waiting[0]
-            if arrival - begin < COUNTED:
-                return None
-            counts = np.concatenate([part["count"] for _, part in self._waiting])
-            passed = counts[-1] - counts[0] if counts[-1] >= 0 else len(counts) - len(first)
-            self.rate = nominal_rate(float(passed) / (arrival - begin))
-            self._counted -= len(counts)
-            held, self._waiting = self._waiting, []
-            parts = [self._timed_imu(part, when) for when, part in held]
-            return np.concatenate(parts)
-        how = "given" if self._given_rate else "measured"
-        self.clock.counted = rows["count"][-1] < 0
-        self.timing = f"{counter} at {self.rate:g} Hz, {how}"
+    def _measure_rate(self, rows: Rows, arrival: float) -> Rows:
+        """Keep samples until their nominal rate is known, then time them."""
+        self._waiting.append((arrival, np.array(rows)))
+        begin, first = self._waiting[0]
+        if arrival - begin < COUNTED:
+            return _NO_IMU
+        counts = np.concatenate([part["count"] for _, part in self._waiting])
+        # A counter that stands still or runs backwards is none.
+        self._has_counter = bool(counts.min() >= 0 and (np.diff(counts) > 0).all())
+        passed = counts[-1] - first["count"][-1] if self._has_counter else len(counts) - len(first)
+        self.rate = nominal_rate(max(float(passed), 1.0) / (arrival - begin))
+        self._counted = 0
+        held, self._waiting = self._waiting, []
+        parts = []
+        for when, part in held:
+            numbers = self._counted + np.arange(len(part), dtype=float)
+            self._counted += len(part)
+            parts.append(self._by_count(part, numbers, when))
+        return np.concatenate(parts)
+
+    def _by_count(self, rows: Rows, numbers: FloatArray, arrival: float) -> Rows:
+        """Time samples by the counter of the device, or by their numbers, at the nominal rate."""
+        if self._given_rate and not self._counting:
+            self._has_counter = bool((rows["count"] >= 0).all())
+        self._counting = True
+        counter = "by the counter of the device" if self._has_counter else "by the number of samples"
+        self.clock.counted = not self._has_counter
+        self.timing = f"{counter} at {self.rate:g} Hz, {'given' if self._given_rate else 'measured'}"
+        count = rows["count"].astype(float) if self._has_counter else numbers
         return self._by_clock(rows, count / self.rate, arrival)
 
     def _by_clock(self, rows: Rows, device: FloatArray, arrival: float) -> Rows:
         """Map times of the device to those of the host; drop what is not later than what was before."""
+        known = np.isfinite(device)
+        rows, device = rows[known], device[known]
+        if not len(rows):
+            return _NO_IMU
         previous = np.concatenate(([self._last_device], device[:-1]))
-        with np.errstate(invalid="ignore"):
-            late = ~(device <= np.fmax.accumulate(previous)) & np.isfinite(device)
-        if not late.all():
-            equal = device == previous
-            self.loss.repeated += int((equal & ~late).sum())
-            back = int((~late & ~equal).sum())
-            self._back += back
-            if self._back > MOST_BACK:  # the clock was set, or the device began anew
-                self._last_device, self._back, self._gap = np.nan, 0, True
-                self.clock.restart()
-                return self._by_clock(rows, device, arrival) if np.isfinite(device).all() else _NO_IMU
-            self.loss.backwards += back
-            if not late.any():
-                return _NO_IMU
-            rows, device = rows[late], device[late]
-            previous = np.concatenate(([self._last_device], device[:-1]))
-        else:
-            self._back = 0
-        steps = device - previous
+        highest = np.fmax.accumulate(previous)
+        late = ~(device <= highest)
+        back = int((~late & (device != previous)).sum())
+        self._back = self._back + back if back else 0
+        if self._back > MOST_BACK:  # the clock was set, or the device began anew
+            begin = int(np.flatnonzero(device < previous)[-1]) if (device < previous).any() else 0
+            self.loss.backwards += begin
+            self._last_device, self._back, self._gap = np.nan, 0, True
+            self.clock.restart()
+            return self._by_clock(rows[begin:], device[begin:], arrival)
+        self.loss.repeated += int((~late).sum()) - back
+        self.loss.backwards += back
+        if not late.any():
+            return _NO_IMU
+        rows, device = rows[late], device[late]
+        steps = np.diff(device, prepend=self._last_device)
         times, anew = self.clock.mapped(device, arrival)
         gap = self._gaps(steps)
         if anew:
@@ -372,9 +392,9 @@ class Reception:
         else:
             clock = np.where(np.isfinite(rows["week_time"]), rows["week_time"], rows["utc"])
             if np.isfinite(clock).all() and (np.diff(clock) > 0).all():
-                times, _ = self.fix_clock.mapped(np.asarray(clock), arrival)
+                times = self.fix_clock.mapped(np.asarray(clock), arrival)[0] - LATENCY
             else:
-                times = np.full(len(rows), arrival)
+                times = np.full(len(rows), arrival) - LATENCY
         kept = times > np.fmax.accumulate(np.concatenate(([self._latest_fix], times[:-1])))
         rows, times = rows[kept], times[kept]
         if not len(rows):
@@ -386,10 +406,6 @@ class Reception:
             if name not in ("time", "arrival"):
                 made[name] = rows[name]
         return made
-
-
-STALE = 5.0
-"""Largest difference between the times of a fix and of a sample by the same clock [s]."""
 
 
 def nominal_rate(measured: float) -> float:

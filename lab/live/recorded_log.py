@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import os
 from dataclasses import replace
 from pathlib import Path
@@ -12,20 +11,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lab.live.axis_map import AxisMap
+from lab.live.decoders.catalogue import DECODERS
 from lab.live.device_clock import DeviceClock
 from lab.live.live_log import log_of
-from lab.live.raw_recording import DATA, read_header, records
+from lab.live.raw_recording import DATA, DEVICE_LOST, NEW_AXES, event_of, read_header, records
 from lab.live.reception import Reception
-from lab.live.replay import LOST
 from lab.live.transport import TransportError
 from lab.logs.sensor_log import SensorLog
 
 Rows = NDArray[np.void]
-
-LATENCY = 0.1
-"""Lateness of the fixes of a receiver whose clock is not that of the IMU [s]: between validity and arrival,
-receivers compute and send for 0.05 to 0.2 s."""
-
 
 RATES = (0.1, 10_000.0)
 """Rates of a device that are accepted [Hz]."""
@@ -65,16 +59,21 @@ def reception_of(header: dict[str, Any], **options: str) -> Reception:
     Raises
     ------
     TransportError
-        If axes, columns or rate are not accepted.
+        If axes, columns or rate are not accepted, or the recording itself names a decoder of one's own.
     DecoderError, ColumnMapError
         If protocol or columns are not.
     """
     known = {**{name: header.get(name, "") for name in ("protocol", "columns", "axes", "rate")}, **options}
+    if "protocol" not in options and known["protocol"] not in ("", *DECODERS):
+        raise TransportError(
+            f"the recording names the decoder {known['protocol']!r}, which is not one of the laboratory "
+            "and is not executed; accepted is protocol=FILE.py:Name with a decoder that you trust"
+        )
     axes, rate = str(known["axes"]), known["rate"] or 0.0
     reception = Reception(
         str(known["protocol"]), str(known["columns"]), AxisMap.of(axes) if axes else None, _rate(rate)
     )
-    if isinstance(header.get("clock"), list):
+    if "clock" in header:
         reception.clock = DeviceClock.restored(header["clock"])
     return reception
 
@@ -117,10 +116,10 @@ def recorded_samples(path: str | os.PathLike[str], **options: str) -> RecordedSa
             arrival = chunk.arrival
             samples, fixes = reception.take(chunk)
         else:
-            event = _event(chunk.data)
-            if "axes" in event and "axes" not in options:
-                reception.axes = AxisMap.of(str(event["axes"]))
-            if LOST not in event:
+            event = event_of(chunk.data)
+            if NEW_AXES in event and "axes" not in options:
+                reception.axes = AxisMap.of(str(event[NEW_AXES]))
+            if DEVICE_LOST not in event:
                 continue
             samples, fixes = reception.lose(arrival)
         imu.append(samples)
@@ -129,19 +128,11 @@ def recorded_samples(path: str | os.PathLike[str], **options: str) -> RecordedSa
     return RecordedSamples(np.concatenate([*imu, samples]), np.concatenate([*fix, fixes]), reception, header)
 
 
-def _event(data: bytes) -> dict[str, Any]:
-    try:
-        event = json.loads(data)
-    except (ValueError, RecursionError):
-        return {}
-    return event if isinstance(event, dict) else {}
-
-
 def log_of_recording(
     path: str | os.PathLike[str],
     *,
     lever_arm: tuple[float, float, float] = (0.0, 0.0, 0.0),
-    latency: float | None = None,
+    latency: float = 0.0,
     **options: str,
 ) -> SensorLog:
     """Return a raw recording as a sensor log.
@@ -153,8 +144,7 @@ def log_of_recording(
     lever_arm
         From the IMU to the antenna, forward, right, down [m].
     latency
-        Time stamps of the fixes minus their times of validity [s]; by default 0 for fixes by the clock of
-        the IMU, and otherwise `LATENCY`.
+        Time stamps of the fixes minus their times of validity [s], beside what `Reception` has assumed.
     options
         As of `reception_of`.
 
@@ -166,8 +156,12 @@ def log_of_recording(
         If IMU and receiver have recorded too little together.
     """
     found = recorded_samples(path, **options)
-    if latency is None:
-        latency = LATENCY if found.reception.fix_clock.steps else 0.0
+    remarks = []
+    axes = str(found.reception.axes)
+    if "axes" not in options and axes != str(reception_of(found.header, **options).axes):
+        found = recorded_samples(path, **options, axes=axes)
+        remarks.append(f"The axes were changed to {axes} while it was recorded; they are used for all of it.")
     log = log_of(Path(path).name, found.imu, found.fix, np.array(lever_arm), latency)
-    above_sea = "Heights are above the sea: the receiver does not give that of the geoid."
-    return replace(log, repairs=(*log.repairs, above_sea)) if (found.fix["sea_level"] == 1).any() else log
+    if (found.fix["sea_level"] == 1).any():
+        remarks.append("Heights are above the sea: the receiver does not give that of the geoid.")
+    return replace(log, repairs=(*log.repairs, *remarks))

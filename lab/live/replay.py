@@ -2,18 +2,14 @@
 
 from __future__ import annotations
 
-import json
 import os
 import time
 from collections.abc import Callable, Generator, Mapping
 from pathlib import Path
 from typing import Any
 
-from lab.live.raw_recording import DATA, RecordingError, read_header, records
+from lab.live.raw_recording import DATA, DEVICE_LOST, RecordingError, event_of, read_header, records
 from lab.live.transport import Chunk, TransportError
-
-LOST = "lost"
-"""Key of the event that the device was lost."""
 
 
 class Replay:
@@ -26,7 +22,8 @@ class Replay:
     header : dict
         What the recording says of its source.
     tell : callable
-        Called with other events of the recording, in their order with the bytes.
+        Called with other events of the recording, in their order with the bytes. A `TransportError` ends the
+        replay.
 
     Parameters
     ----------
@@ -89,10 +86,13 @@ class Replay:
             raise EOFError(str(error)) from error
         if kind == DATA:
             return chunk
-        event = _event(chunk.data)
-        if LOST in event:
-            raise ConnectionError(str(event[LOST]))
-        self.tell(event)
+        event = event_of(chunk.data)
+        if DEVICE_LOST in event:
+            raise ConnectionError(str(event[DEVICE_LOST]))
+        try:
+            self.tell(event)
+        except TransportError as error:
+            raise EOFError(f"{self.path}: damaged: {error}") from error
         return Chunk(chunk.arrival, b"")
 
     def close(self) -> None:
@@ -102,11 +102,3 @@ class Replay:
         """Close the file."""
         if self._records is not None:
             self._records.close()
-
-
-def _event(data: bytes) -> dict[str, Any]:
-    try:
-        event = json.loads(data)
-    except (ValueError, RecursionError):
-        return {}
-    return event if isinstance(event, dict) else {}

@@ -5,27 +5,23 @@ from __future__ import annotations
 import os
 import threading
 import time
-from collections import deque
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
 
 from lab.live.axis_map import AxisMap
-from lab.live.decoders.decoder import Statistics
 from lab.live.decoders.decoder_error import DecoderError
-from lab.live.raw_recording import RawWriter, RecordingError
+from lab.live.raw_recording import DEVICE_LOST, NEW_AXES, RawWriter, RecordingError
 from lab.live.reception import Loss, Reception
 from lab.live.ring import Cursor, Read, Ring
+from lab.live.source_status import ENDED, LOST, OPENING, STALE, STREAMING, Event, Status
 from lab.live.transport import Chunk, Transport
 
 if TYPE_CHECKING:
     from lab.live.simulated_device import SimulatedDevice
 
-OPENING, STREAMING, STALE, LOST, ENDED = "opening", "streaming", "stale", "lost", "ended"
-"""States of a source."""
 SILENCE = 0.5
 """Silence after which a source is stale [s]: five samples of the slowest IMU."""
 WAKE = 0.1
@@ -40,87 +36,6 @@ _LOOKED_AT = 4096, 256
 """Samples and fixes that are looked at for it: those of this time at 2 kHz and 25 Hz."""
 MOST_EVENTS = 100
 """Most events that are kept: the last hours of a bad plug."""
-
-
-@dataclass(frozen=True)
-class Event:
-    """Something that happened to a source.
-
-    Attributes
-    ----------
-    time : float
-        Of the host's monotonic clock [s].
-    text : str
-        What happened, in a sentence.
-    """
-
-    time: float
-    text: str
-
-
-@dataclass(frozen=True)
-class Status:
-    """The state of a source at a moment.
-
-    Attributes
-    ----------
-    state : str
-        `OPENING`, `STREAMING`, `STALE`, `LOST` or `ENDED`.
-    sentence : str
-        The state in words, with the reason.
-    protocol, evidence, timing : str
-        As of `Reception`.
-    axes : AxisMap
-        The axis map.
-    samples, fixes : int
-        Samples of the IMU and fixes so far.
-    rate, fix_rate : float
-        Of the last seconds [Hz].
-    jitter : float
-        Standard deviation of the intervals between arrivals in the last seconds [s].
-    latency : float
-        Median delay of the arrivals in the last seconds, beyond the least [s].
-    silence : float
-        Time since the last bytes [s].
-    statistics : Statistics
-        What the decoder has seen.
-    loss : Loss
-        What was lost on the way.
-    drift : float
-        How much faster the device's clock runs than the host's, as a part of 1; NaN without samples.
-    offset : float
-        Host's clock minus the device's [s].
-    recording : str
-        Path of the raw recording; empty if there is none.
-    recorded : int
-        Its size [bytes].
-    warning : str
-        What is about to go wrong with it, or what went wrong.
-    events : tuple of Event
-        The last events, oldest first.
-    """
-
-    state: str
-    sentence: str
-    protocol: str = ""
-    evidence: str = ""
-    timing: str = ""
-    axes: AxisMap = field(default_factory=AxisMap)
-    samples: int = 0
-    fixes: int = 0
-    rate: float = 0.0
-    fix_rate: float = 0.0
-    jitter: float = float("nan")
-    latency: float = float("nan")
-    silence: float = 0.0
-    statistics: Statistics = field(default_factory=Statistics)
-    loss: Loss = field(default_factory=Loss)
-    drift: float = float("nan")
-    offset: float = float("nan")
-    recording: str = ""
-    recorded: int = 0
-    warning: str = ""
-    events: tuple[Event, ...] = ()
 
 
 class Source:
@@ -155,14 +70,14 @@ class Source:
         self._header = dict(header or {})
         self._clock = clock
         self._ring = Ring()
-        self._lock = threading.Lock()  # of the recording, and of what the status shows
+        self._lock = threading.Lock()  # of the recording and the axes; writing to a disk may take long
         self._changed = threading.Condition()
         self._ending = threading.Event()
         self._state, self._why = OPENING, "Opening."
         self._reached = False
         self._heard = clock()
         self._arrival = self._heard  # of the last bytes; of a replay, that recorded
-        self._events: deque[Event] = deque(maxlen=MOST_EVENTS)
+        self._events: tuple[Event, ...] = ()
         self._writer: RawWriter | None = None
         self._recorded = ("", 0)
         self._warning = ""
@@ -218,10 +133,9 @@ class Source:
     def axes(self, axes: AxisMap) -> None:
         with self._lock:
             self._reception.axes = axes
-            now = self._clock()
-            self._events.append(Event(now, f"The axes are {axes} now."))
+            self._happened(f"The axes are {axes} now.")
             if self._writer is not None:
-                self._tell({"axes": str(axes)}, self._arrival)
+                self._tell({NEW_AXES: str(axes)}, self._arrival)
 
     @property
     def end(self) -> Cursor:
@@ -251,36 +165,35 @@ class Source:
 
     @property
     def status(self) -> Status:
-        """The state at this moment."""
-        with self._lock:
-            reception, end, now = self._reception, self._ring.end, self._clock()
-            state, sentence = self._now(now)
-            rate, fix_rate, jitter, latency = self._measured(now)
-            writer = self._writer
-            path, size = (str(writer.path), writer.bytes) if writer else self._recorded
-            return Status(
-                state=state,
-                sentence=sentence,
-                protocol=reception.protocol,
-                evidence=reception.described,
-                timing=reception.timing,
-                axes=reception.axes,
-                samples=end.imu,
-                fixes=end.fix,
-                rate=rate,
-                fix_rate=fix_rate,
-                jitter=jitter,
-                latency=latency,
-                silence=now - self._heard,
-                statistics=reception.statistics,
-                loss=Loss(**vars(reception.loss)),
-                drift=reception.clock.drift if end.imu else float("nan"),
-                offset=reception.clock.offset,
-                recording=path,
-                recorded=size,
-                warning=self._warning or (writer.warning if writer else ""),
-                events=tuple(self._events),
-            )
+        """The state at this moment; it never waits for the disk or the device."""
+        reception, end, now = self._reception, self._ring.end, self._clock()
+        state, sentence = self._now(now)
+        rate, fix_rate, jitter, latency = self._measured(now)
+        writer = self._writer
+        path, size = (str(writer.path), writer.bytes) if writer else self._recorded
+        return Status(
+            state=state,
+            sentence=sentence,
+            protocol=reception.protocol,
+            evidence=reception.described,
+            timing=reception.timing,
+            axes=reception.axes,
+            samples=end.imu,
+            fixes=end.fix,
+            rate=rate,
+            fix_rate=fix_rate,
+            jitter=jitter,
+            latency=latency,
+            silence=now - self._heard,
+            statistics=reception.statistics,
+            loss=Loss(**vars(reception.loss)),
+            drift=reception.clock.drift if end.imu else float("nan"),
+            offset=reception.clock.offset,
+            recording=path,
+            recorded=size,
+            warning=self._warning or (writer.warning if writer else ""),
+            events=self._events,
+        )
 
     def _now(self, now: float) -> tuple[str, str]:
         """Return the state, which silence changes, and the state in words."""
@@ -421,7 +334,7 @@ class Source:
         except RecordingError as error:
             self._stopped()
             self._warning = str(error)
-            self._events.append(Event(self._clock(), str(error)))
+            self._happened(str(error))
 
     def _tell(self, event: Mapping[str, Any], now: float) -> None:
         self._keep(lambda: self._writer.tell(now, event) if self._writer else None)
@@ -435,14 +348,17 @@ class Source:
             if opened:
                 self._put(*self._reception.lose(self._arrival))
                 if self._writer is not None:
-                    self._tell({"lost": why}, self._arrival)
+                    self._tell({DEVICE_LOST: why}, self._arrival)
         again = "it is tried again." if self._transport.reconnects else "it ends here."
         self._set(LOST, f"{'Lost' if self._reached else 'Not reached'}: {why}; {again}", told=first)
+
+    def _happened(self, text: str) -> None:
+        self._events = (*self._events, Event(self._clock(), text))[-MOST_EVENTS:]
 
     def _set(self, state: str, why: str, told: bool = True) -> None:
         self._state, self._why = state, why
         if told:
-            self._events.append(Event(self._clock(), why))
+            self._happened(why)
         with self._changed:
             self._changed.notify_all()
 

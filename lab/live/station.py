@@ -14,7 +14,8 @@ from lab.live.live_navigator import LiveNavigator
 from lab.live.live_state import COASTING, NAVIGATING, Cursor, LiveHistory, LiveState
 from lab.live.live_verdict import verdict_of
 from lab.live.ring import Read
-from lab.live.source import Source, Status
+from lab.live.source import Source
+from lab.live.source_status import Status
 from lab.live.thinned import Thinned
 from lab.live.transport import TransportError
 from lab.logs.sensor_log import SensorLog

@@ -21,7 +21,7 @@ import pytest
 import lab.live
 from lab.live.recorded_log import recorded_samples
 from lab.live.simulated_transport import SimulatedTransport
-from lab.live.source import LOST, STALE
+from lab.live.source_status import LOST, STALE
 from lab.live.station import Station
 from lab.navigation.settings import NavigatorSettings
 from lab.sensors.suite import SensorSuite

@@ -17,7 +17,7 @@ from dashboards.devices import STATIONS, allow_devices, allowed_devices
 from dashboards.pages.live import Live
 from dashboards.pages.live.source_fields import PHONE, SIMULATED, WATCHED
 from dashboards.session import Session
-from lab.live.source import LOST, STREAMING
+from lab.live.source_status import LOST, STREAMING
 from lab.live.station import Station, Stations
 from lab.live.transport import TransportError
 from lab.views.figures import TimeAxis

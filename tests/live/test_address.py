@@ -18,6 +18,11 @@ def test_an_address_is_taken_apart() -> None:
     assert Address.of(str(address)) == address
 
 
+def test_signs_of_an_option_survive_writing() -> None:
+    address = Address("serial", "/dev/x", {"name": "a+b & c=d%20"})
+    assert Address.of(str(address)) == address
+
+
 @pytest.mark.parametrize(
     ("text", "place"),
     [

@@ -2,14 +2,19 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 from live_streams import capture, damaged, fixes, motion
 
 from lab.live.axis_map import AxisMap
 from lab.live.decoders.catalogue import ENCODERS
-from lab.live.reception import Reception, nominal_rate
-from lab.live.samples import FIX, IMU
+from lab.live.decoders.decoder import Statistics
+from lab.live.reception import LATENCY, Reception, nominal_rate
+from lab.live.samples import FIX, IMU, Samples
 from lab.live.transport import Chunk
 
 HOST = 5000.0
@@ -76,6 +81,8 @@ def test_fixes_of_another_clock_are_mapped_by_their_own() -> None:
     ]
     _, fix = received(Reception("nmea"), stream)
     assert len(fix) == len(sent_fix)
+    true = HOST + sent_fix["utc"] - sent_fix["utc"][0]
+    assert np.abs(fix["time"] + LATENCY - 0.05 - true).max() < 5e-3  # they are sent 0.05 s after
     assert np.abs(np.diff(fix["time"]) - 1).max() < 1e-3
 
 
@@ -176,6 +183,70 @@ def test_the_axes_may_change_while_it_streams() -> None:
     assert np.allclose(imu["force"][:200], sent["force"][:200], atol=1e-3)
     assert np.allclose(imu["force"][200:, 0], sent["force"][200:, 1], atol=1e-3)
     assert np.allclose(imu["force"][200:, 2], -sent["force"][200:, 2], atol=1e-3)
+
+
+class Told:
+    """A decoder that finds the rows it was told, one part for each feed."""
+
+    name = "told"
+    wrap_period = math.inf
+
+    def __init__(self, parts: list[np.ndarray]) -> None:
+        self.statistics = Statistics()
+        self._parts = iter(parts)
+
+    def feed(self, data: bytes) -> Samples:
+        """Return the next rows."""
+        return Samples(next(self._parts), np.empty(0, FIX))
+
+    def finish(self) -> Samples:
+        """Return nothing."""
+        return Samples(np.empty(0, IMU), np.empty(0, FIX))
+
+
+ROW = st.tuples(
+    st.one_of(st.just(math.nan), st.floats(-1e12, 1e12), st.integers(0, 50).map(lambda k: k / 10)),
+    st.integers(-1, 5),
+    st.sampled_from(("both", "rate", "force")),
+)
+
+
+@given(
+    st.lists(st.tuples(st.floats(0, 3), st.lists(ROW, min_size=1, max_size=20)), min_size=1, max_size=30),
+    st.sampled_from((0.0, 100.0)),
+)
+def test_whatever_the_times_are_those_of_the_host_increase(
+    parts: list[tuple[float, list[tuple[float, int, str]]]], rate: float
+) -> None:
+    tables = []
+    for _, rows in parts:
+        table = np.zeros(len(rows), IMU)
+        table["time"] = [row[0] for row in rows]
+        table["count"] = [row[1] for row in rows]
+        for k, (_, _, triads) in enumerate(rows):
+            if triads != "both":
+                table["force" if triads == "rate" else "rate"][k] = np.nan
+        tables.append(table)
+    reception = Reception("text", rate=rate)
+    reception._decoder = Told(tables)
+    arrival, found = HOST, []
+    for wait, _ in parts:
+        arrival += wait
+        found.append(reception.take(Chunk(arrival, b"x"))[0])
+    imu = np.concatenate(found)
+    assert np.isfinite(imu["time"]).all()
+    assert (np.diff(imu["time"]) > 0).all()
+    assert len(imu) <= sum(map(len, tables))
+
+
+def test_a_counter_that_stands_still_is_none() -> None:
+    sent = motion(500)
+    sent["time"], sent["count"] = np.nan, 7
+    reception = Reception("text")
+    reception._decoder = Told([row[None] for row in sent])
+    imu = np.concatenate([reception.take(Chunk(HOST + 0.01 * k, b"x"))[0] for k in range(len(sent))])
+    assert reception.timing == "by the number of samples at 100 Hz, measured"
+    assert len(imu) == len(sent)
 
 
 def test_noise_says_that_nothing_is_recognised() -> None:

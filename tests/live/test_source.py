@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import socket
 import sys
 import threading
@@ -11,7 +12,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from live_streams import motion
+from live_streams import fixes, motion
 
 import lab.live
 from lab.live import source as source_module
@@ -21,8 +22,9 @@ from lab.live.raw_recording import EVENT, RecordingError, records
 from lab.live.recorded_log import log_of_recording, recorded_samples
 from lab.live.samples import FIX
 from lab.live.simulated_transport import SimulatedTransport
-from lab.live.source import ENDED, LOST, STALE, STREAMING, Source
-from lab.live.transport import Chunk
+from lab.live.source import Source
+from lab.live.source_status import ENDED, LOST, STALE, STREAMING
+from lab.live.transport import Chunk, TransportError
 from lab.recordings.mission_error import MissionError
 
 PATIENCE = 60.0
@@ -255,6 +257,65 @@ def test_a_recording_becomes_a_log_or_says_what_lacks(tmp_path: Path) -> None:
         until(lambda: source.end.imu == 200)
     with pytest.raises(MissionError, match=r"short\.inslab.*GPS"):
         log_of_recording(path)
+
+
+def rewritten(path: Path, header: dict[str, object]) -> Path:
+    """Return a copy of a recording with other words about its source."""
+    magic, known, rest = path.read_bytes().split(b"\n", 2)
+    copy = path.with_name("rewritten.inslab")
+    copy.write_bytes(b"\n".join((magic, json.dumps({**json.loads(known), **header}).encode(), rest)))
+    return copy
+
+
+def test_a_recording_never_executes_a_decoder_that_it_names(tmp_path: Path) -> None:
+    _, source = scripted(20)
+    source.record(tmp_path / "fine.inslab")
+    with source:
+        until(lambda: source.end.imu == 20)
+    evil = tmp_path / "evil.py"
+    evil.write_text(f"open({str(tmp_path / 'ran')!r}, 'w')\nclass D:\n    def feed(self, data): ...\n")
+    path = rewritten(tmp_path / "fine.inslab", {"protocol": f"{evil}:D"})
+    for open_it in (lambda: lab.live.open(f"replay:{path}"), lambda: recorded_samples(path)):
+        with pytest.raises(TransportError, match="not executed"):
+            open_it()
+    assert not (tmp_path / "ran").exists()
+    assert len(recorded_samples(path, protocol="vectornav").imu) == 20
+
+
+@pytest.mark.parametrize(
+    "clock", [None, 5, [], [1] * 7, ["x"] * 7, [10**400] * 7, [None] * 7, [0, 0, 0, 1, -1, 0, 0], {"a": 1}]
+)
+def test_a_damaged_clock_in_a_recording_is_left_out(tmp_path: Path, clock: object) -> None:
+    _, source = scripted(20)
+    source.record(tmp_path / "fine.inslab")
+    with source:
+        until(lambda: source.end.imu == 20)
+    imu = recorded_samples(rewritten(tmp_path / "fine.inslab", {"clock": clock})).imu
+    assert len(imu) == 20
+    assert (np.diff(imu["time"]) > 0).all()
+
+
+def test_axes_that_were_changed_hold_for_the_whole_mission(tmp_path: Path) -> None:
+    path = tmp_path / "late.inslab"
+    sent, fix = motion(1500), fixes(14)
+    encoder = ENCODERS["vectornav"]()
+    transport = Scripted()
+    for begin in range(0, 1500, 10):
+        rows = sent[begin : begin + 10]
+        due = fix[(fix["time"] > rows["time"][0] - 0.01) & (fix["time"] <= rows["time"][-1])]
+        data = encoder.encode(rows, due[:0]) + (encoder.encode(rows[:0], due) if len(due) else b"")
+        transport.steps.append(Chunk(100 + float(rows["time"][-1]), data))
+    later, transport.steps = transport.steps[75:], transport.steps[:75]
+    source = lab.live.open(transport, protocol="vectornav")
+    source.record(path)
+    with source:
+        until(lambda: source.end.imu == 750)
+        source.axes = AxisMap.of("y,x,-z")
+        transport.steps += later
+        until(lambda: source.end.imu == 1500)
+    log = log_of_recording(path)
+    assert "changed to y,x,-z" in " ".join(log.repairs)
+    assert np.allclose(log.rates[1][20], sent["force"][21][[1, 0, 2]] * [1, 1, -1], atol=0.01)
 
 
 def test_udp_is_listened_to_from_one_sender() -> None:

@@ -15,7 +15,7 @@ from dashboards.session import Session
 from dashboards.visitors import may_edit
 from lab.live.raw_recording import SUFFIX
 from lab.live.recorded_log import log_of_recording
-from lab.live.source import Status
+from lab.live.source_status import Status
 from lab.live.station import Station
 from lab.missions import own_folder
 from lab.missions.library import add_log, free_name

@@ -8,7 +8,7 @@ import numpy as np
 import panel as pn
 
 from lab.live.live_state import LiveState
-from lab.live.source import ENDED, LOST, OPENING, STALE, STREAMING, Status
+from lab.live.source_status import ENDED, LOST, OPENING, STALE, STREAMING, Status
 
 COLOURS = {
     STREAMING: "#12a67c",
