@@ -34,7 +34,6 @@ from lab import Experiment
 from lab.live.live_navigator import LiveNavigator
 from lab.live.recorded_log import log_of_recording, recorded_samples
 from lab.live.simulated_flight import SimulatedFlight
-from lab.live.timed import TIMED_FIX, TIMED_IMU
 from lab.views.live_figures import LiveFigures
 
 pn.extension()
@@ -116,10 +115,8 @@ pd.Series(
 
 # %%
 flight = SimulatedFlight.of("montreal", 100.0, rest=15.0)
-imu, fix = np.zeros(12_000, TIMED_IMU), np.zeros(120, TIMED_FIX)
-for rows, sent in ((imu, flight.imu), (fix, flight.fix)):
-    for name in set(rows.dtype.names) & set(sent.dtype.names):
-        rows[name] = sent[name][: len(rows)]
+imu, fix = flight.timed()
+imu, fix = imu[:12_000], fix[:120]
 
 experiment = Experiment()
 navigator = LiveNavigator(experiment.sensors, experiment.navigator)

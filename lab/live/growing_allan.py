@@ -25,7 +25,10 @@ FIRST: Final = 64
 GAP: Final = 1.5
 """Interval from which samples are missing, in usual ones: as in `lab.analysis.rest`."""
 LONGEST_GAP: Final = 1.0
-"""Longest gap that is filled with the sample before it [s]; after a longer one, the record begins again."""
+"""Longest gap that is filled with the sample behind it [s]; after a longer one, the record begins again."""
+MOST_FILLED: Final = 5000
+"""Most samples that fill a gap: those of `LONGEST_GAP` at 5 kHz. A clock that runs wrong could ask for any
+number."""
 SECOND: Final = 1.0
 """Time over which samples are averaged to see whether the device moved [s]."""
 RATE_MOVED: Final = math.radians(0.2)
@@ -138,7 +141,7 @@ class GrowingAllan:
         if self._halved:
             text += f" {2**self._halved} samples are averaged to one value, so that the memory stays bounded."
         if self.filled:
-            text += f" {self.filled} missing samples were filled with the one before."
+            text += f" {self.filled} missing samples were filled with the next one."
         return f"{text} {self.why}".rstrip()
 
     def _begin(self) -> None:
@@ -164,7 +167,7 @@ class GrowingAllan:
         time = rows["time"]
         before = self._clock if math.isfinite(self._clock) else time[0] - self._step
         steps = np.diff(time, prepend=before)
-        breaks = np.flatnonzero((steps > LONGEST_GAP) | (steps <= 0))
+        breaks = np.flatnonzero((steps > min(LONGEST_GAP, MOST_FILLED * self._step)) | (steps <= 0))
         part = rows[: breaks[0]] if breaks.size else rows
         if part.size:
             end = self._moved(part)

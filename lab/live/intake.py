@@ -25,6 +25,8 @@ FIRST_INTERVALS: Final = 20
 """Intervals of the IMU of which the first median is taken: rows wait for them, 0.2 s at 100 Hz."""
 INTERVALS: Final = 512
 """Intervals of which the usual one is the median; a new rate of the device counts after half of them."""
+MOST_FILLED: Final = 10_000
+"""Most samples that fill a gap: those of `MAX_GAP` at 5 kHz. A wrong clock could ask for any number."""
 BACK_ROWS: Final = 50
 """Refused rows without a good one between from which the clock has stepped back: single ones are errors."""
 
@@ -101,7 +103,7 @@ class Intake:
         """
         rows = self._usable(np.asarray(rows))
         if self._back >= BACK_ROWS:
-            self._restart()
+            self.restart()
         rows = self._without_repeats(self._increasing(rows))
         if np.isnan(self.usual):
             rows = self._waiting = np.concatenate((self._waiting, rows))
@@ -145,8 +147,8 @@ class Intake:
         self._back = int((~good[after:]).sum()) + (0 if good.any() else self._back)
         return rows[good]
 
-    def _restart(self) -> None:
-        """Forget the clock: it was set back."""
+    def restart(self) -> None:
+        """Forget what came: the next rows begin a new stream."""
         self._last = self._tail = self._waiting = self._last[:0]
         self._long, self._back = False, 0
 
@@ -184,7 +186,8 @@ class Intake:
         begins = not self._last.size
         self._last = rows[-1:]
         self._learn(dt)
-        broken = np.flatnonzero(dt > max(MAX_GAP, GAP_STEPS * self.usual))
+        longest = min(max(MAX_GAP, GAP_STEPS * self.usual), MOST_FILLED * self.usual)
+        broken = np.flatnonzero(dt > longest)
         self._count(
             used=rows.size - (not begins),
             marked=int(rows["gap"][0 if begins else 1 :].sum()),

@@ -7,7 +7,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from lab.live.live_state import Cursor, LiveHistory, euler_with_sigma
+from lab.live.live_state import HistoryCursor, LiveHistory, euler_with_sigma
 from lab.live.rolling import Rolling
 
 FloatArray = NDArray[np.float64]
@@ -91,7 +91,7 @@ class History:
         self._fixes.rows("time", last - end + start, last)[:] += epoch
         self._fixes.forget(last - FIXES_KEPT)
 
-    def since(self, cursor: Cursor) -> tuple[Cursor, LiveHistory]:
+    def since(self, cursor: HistoryCursor) -> tuple[HistoryCursor, LiveHistory]:
         """Return the rows since a cursor that are still kept, and the next cursor."""
         rows, fixes = self._rows, self._fixes
         start = min(max(cursor.row, rows.first), rows.end)
@@ -101,7 +101,7 @@ class History:
         with np.errstate(invalid="ignore"):
             sigmas = np.sqrt(part["variance"])
         seen = [fixes.rows(name, first, fixes.end).copy() for name in _INNOVATIONS]
-        return Cursor(rows.end, fixes.end), LiveHistory(
+        return HistoryCursor(rows.end, fixes.end), LiveHistory(
             part["time"],
             part["phase"],
             part["position"],

@@ -20,7 +20,7 @@ recorded log from the same start. What the batch takes from the future differs:
 from __future__ import annotations
 
 from threading import RLock
-from typing import Any, Final, Protocol
+from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -33,9 +33,11 @@ from lab.live.live_filter import Gap, LiveFilter
 from lab.live.live_history import History
 from lab.live.live_log import magnetometer_of
 from lab.live.live_start import LiveStart
-from lab.live.live_state import PHASES, Cursor, LiveHistory, LiveState
+from lab.live.live_state import PHASES, HistoryCursor, LiveHistory, LiveState
 from lab.live.live_stream import LiveSolution, Stream
 from lab.live.live_view import phase_of, state_of
+from lab.live.ring import Cursor
+from lab.live.source import Source
 from lab.logs.auxiliary_data import AuxiliaryData
 from lab.logs.sensor_log import GnssLog, SensorLog
 from lab.navigation.alignment import Alignment
@@ -60,25 +62,11 @@ STOPS_AT: Final = 2000.0
 wrong by tens of metres per second, and such errors are not small."""
 STEP: Final = 0.02
 """Shortest time of samples that is processed at once [s]: no page shows more, and a call costs 0.4 ms."""
+WAIT: Final = 0.1
+"""Longest wait for samples of a source that is followed [s]."""
 GAPS: Final = 1000
 """Gaps that are remembered."""
 _ENDLESS: Final = 2**62  # samples of a stream
-
-
-class Source(Protocol):
-    """A stream that can be followed."""
-
-    @property
-    def ended(self) -> bool:
-        """Whether nothing more will come."""
-        ...
-
-    def since(self, cursor: Any) -> tuple[Any, Any, int]:
-        """Return the next cursor, the samples since the last (``imu``, ``fix``), and how many were lost.
-
-        The first cursor is None. It waits for samples for a short time.
-        """
-        ...
 
 
 class LiveNavigator:
@@ -139,6 +127,7 @@ class LiveNavigator:
         self._lock = RLock()
         self._broken = False  # whether this stream is not the first
         self._notes: dict[str, str] = {}
+        self._why_again = ""  # why the next stream begins, if not by a break
         self._new_stream(np.nan)
 
     def feed(self, imu: NDArray[np.void] | None = None, fixes: NDArray[np.void] | None = None) -> None:
@@ -175,19 +164,38 @@ class LiveNavigator:
 
     def follow(self, source: Source) -> None:
         """Feed from a source until it ends."""
-        cursor = None
+        cursor, axes = Cursor(), source.axes
         while True:
             ended = source.ended  # before the last samples are taken
-            cursor, samples, lost = source.since(cursor)
-            if lost:
+            if source.axes != axes:
+                axes, cursor = source.axes, source.end
+                self.restart("The axes were changed")
+            read = source.since(cursor)
+            cursor = read.cursor
+            if read.lost:
                 self._notes["lost"] = (
-                    f"{lost} samples came faster than they were processed: the navigator lost them, the "
+                    f"{read.lost} samples came faster than they were processed: the navigator lost them, the "
                     "recording has them."
                 )
-            self.feed(samples.imu, samples.fix)
-            if ended and not samples.imu.size and not samples.fix.size:
+            self.feed(read.imu, read.fix)
+            if ended and not read.imu.size and not read.fix.size:
                 self.finish()
                 return
+            source.wait(cursor, WAIT)
+
+    def restart(self, why: str) -> None:
+        """Align again with the samples to come, as when they have other axes.
+
+        Parameters
+        ----------
+        why
+            The reason, as the beginning of a sentence.
+        """
+        with self._lock:
+            self._take_rows()
+            self._advance()
+            self._intake.restart()
+            self._why_again = why
 
     @property
     def alignment(self) -> Alignment | None:
@@ -207,10 +215,10 @@ class LiveNavigator:
             }
             return state_of(self._stream, counted)
 
-    def since(self, cursor: Cursor = Cursor()) -> tuple[Cursor, LiveHistory]:  # noqa: B008 - immutable
+    def since(self, cursor: HistoryCursor | None = None) -> tuple[HistoryCursor, LiveHistory]:
         """Return the history since a cursor, as it was shown, and the next cursor."""
         with self._lock:
-            return self._history.since(cursor)
+            return self._history.since(cursor or HistoryCursor())
 
     def solution(self) -> LiveSolution:
         """Return the solution at the samples that are kept, from the start of the navigator on."""
@@ -302,9 +310,9 @@ class LiveNavigator:
             self._advance()
             silent = time - self._stream.epoch - self._stream.now
             what = f"The IMU was silent for {silent:.1f} s" if silent > 0 else "The clock was set back"
-            self._notes["break"] = (
-                f"{what}: the motion in between is unknown, so the navigator aligned again."
-            )
+            unknown = ": the motion in between is unknown" if not self._why_again else ""
+            self._notes["break"] = f"{self._why_again or what}{unknown}, so the navigator aligned again."
+        self._why_again = ""
         self._new_stream(time)
 
     def _take_gap(self, start: float, end: float) -> None:

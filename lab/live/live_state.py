@@ -137,7 +137,7 @@ class LiveHistory(NamedTuple):
     rejected: NDArray[np.bool_]
 
 
-class Cursor(NamedTuple):
+class HistoryCursor(NamedTuple):
     """How much of the history was read: numbers of rows and of fixes."""
 
     row: int = 0

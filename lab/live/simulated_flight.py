@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from lab.experiment import Experiment
 from lab.live.axis_map import AxisMap
 from lab.live.samples import FIX, FIX_3D, IMU
+from lab.live.timed import TIMED_FIX, TIMED_IMU
 from lab.live.transport import TransportError
 from lab.missions import mission
 from lab.missions.log_mission import LogMission
@@ -104,6 +105,17 @@ class SimulatedFlight:
             experiment.set("trajectory.imu_rate", rate)
             experiment.update(dict(settings or {}))
             return cls._of(experiment.run(), rate, axes or AxisMap())
+
+    def timed(self) -> tuple[NDArray[np.void], NDArray[np.void]]:
+        """Return samples and fixes as a source without delay would have them: `TIMED_IMU` and `TIMED_FIX`."""
+        tables = []
+        for rows, kind in ((self.imu, TIMED_IMU), (self.fix, TIMED_FIX)):
+            table = np.zeros(len(rows), kind)
+            for name in set(rows.dtype.names or ()) & set(kind.names or ()):
+                table[name] = rows[name]
+            table["arrival"] = rows["time"]
+            tables.append(table)
+        return tables[0], tables[1]
 
     @classmethod
     def _of(cls, result: Any, rate: float, axes: AxisMap) -> SimulatedFlight:

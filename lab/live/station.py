@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import threading
+import time
 from collections.abc import Callable, Hashable, Iterator
 from contextlib import contextmanager
 
@@ -11,7 +12,7 @@ from numpy.typing import NDArray
 
 from lab.live.growing_allan import GrowingAllan
 from lab.live.live_navigator import LiveNavigator
-from lab.live.live_state import COASTING, NAVIGATING, Cursor, LiveHistory, LiveState
+from lab.live.live_state import COASTING, NAVIGATING, HistoryCursor, LiveHistory, LiveState
 from lab.live.live_verdict import verdict_of
 from lab.live.ring import Read
 from lab.live.source import Source
@@ -25,7 +26,7 @@ from lab.sensors.suite import SensorSuite
 MOST = 8
 """Most stations of a server at a time: each has threads, and a navigator at 1 kHz takes a tenth of a core."""
 PERIOD = 0.05
-"""Longest time between two turns of a station [s]: what is shown is late by no more."""
+"""Longest time for which samples wait to be shown [s]; the navigator gets them at once."""
 JUDGED = 10.0
 """Time between two verdicts [s]: a batch run over two minutes and its verdict take half a second."""
 FEWEST = 10
@@ -86,10 +87,17 @@ class Station:
         """What the navigator knew after the last samples."""
         return self._state
 
-    def history(self, cursor: Cursor) -> tuple[Cursor, LiveHistory]:
-        """Return what the navigator showed since a cursor, and the next cursor."""
-        with self._lock:
+    def history(self, cursor: HistoryCursor) -> tuple[HistoryCursor, LiveHistory] | None:
+        """Return the next cursor, and what the navigator showed since one; None while it computes.
+
+        To start may take a second, in which no page waits.
+        """
+        if not self._lock.acquire(blocking=False):
+            return None
+        try:
             return self._navigator.since(cursor)
+        finally:
+            self._lock.release()
 
     def log(self) -> SensorLog:
         """Return the samples that the navigator keeps as a sensor log.
@@ -116,19 +124,40 @@ class Station:
                 self._growing.add(imu)
 
     def _run(self) -> None:
-        cursor = None
+        cursor, axes = None, self.source.axes
+        held: list[NDArray[np.void]] = []
+        shown = time.monotonic()
         while not self._ending.is_set():
+            ended = self.source.ended  # before the last samples are taken
+            if self.source.axes != axes:
+                axes, cursor = self.source.axes, self.source.end
+                self._restart("The axes were changed")
             read = self.source.since(cursor)
             cursor = read.cursor
             self._note(read)
-            self.thinned.add(read.imu)
-            self._grow(read.imu)
             self._navigate(read.imu, read.fix)
-            if self.source.ended and self.source.end == cursor:
+            held.append(read.imu)
+            # What is only shown is taken together: a turn for each sample would cost ten times as much.
+            if time.monotonic() - shown >= PERIOD or ended:
+                shown = time.monotonic()
+                rows = np.concatenate(held)
+                held.clear()
+                self.thinned.add(rows)
+                self._grow(rows)
+            if ended and self.source.end == cursor:
+                self._finish()
                 return
             self.source.wait(cursor, PERIOD)
-            # Samples are taken together: a turn for each would cost ten times as much.
-            self._ending.wait(PERIOD)
+
+    def _restart(self, why: str) -> None:
+        with self._lock:
+            self._navigator.restart(why)
+
+    def _finish(self) -> None:
+        """Navigate with what waited for later samples."""
+        with self._lock:
+            self._navigator.finish()
+            self._state = self._navigator.state
 
     def _note(self, read: Read) -> None:
         """Take note of the times of the first and the newest sample or fix."""
@@ -148,7 +177,7 @@ class Station:
             try:
                 self.verdict = str(verdict_of(self.log(), self._sensors, self._settings))
             except ValueError as error:  # too few fixes for a batch run, or it diverges
-                self.verdict = f"None: {error}."
+                self.verdict = f"None yet: {error}"
 
     def _navigate(self, imu: NDArray[np.void], fix: NDArray[np.void]) -> None:
         """Feed the navigator; if it fails, the samples are still shown and recorded."""

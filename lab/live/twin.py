@@ -22,7 +22,6 @@ from numpy.typing import NDArray
 from lab.live.live_log import log_of
 from lab.live.live_verdict import batch_of
 from lab.live.simulated_flight import SimulatedFlight
-from lab.live.timed import TIMED_FIX, TIMED_IMU
 from lab.logs.sensor_log import SensorLog
 from lab.navigation.settings import NavigatorSettings
 from lab.recordings.flight_csv import write_flight_csv
@@ -178,19 +177,7 @@ def _motion(result: Any) -> Recording:
 def _simulated(path: Path, rate: float, sensors: SensorSuite, seed: int) -> SensorLog:
     """Return a simulation of the motion as a log, through the same repair as a stream."""
     flight = SimulatedFlight.of(str(path), rate, seed=seed, settings={"sensors": sensors.to_dict()})
-    return log_of("twin", *timed(flight))
-
-
-def timed(flight: SimulatedFlight) -> tuple[NDArray[np.void], NDArray[np.void]]:
-    """Return the samples of a simulated device as rows of `TIMED_IMU` and `TIMED_FIX` without delay."""
-    tables = []
-    for rows, kind in ((flight.imu, TIMED_IMU), (flight.fix, TIMED_FIX)):
-        table = np.zeros(len(rows), kind)
-        for name in set(rows.dtype.names or ()) & set(kind.names or ()):
-            table[name] = rows[name]
-        table["arrival"] = rows["time"]
-        tables.append(table)
-    return tables[0], tables[1]
+    return log_of("twin", *flight.timed())
 
 
 def _quantities(

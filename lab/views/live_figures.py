@@ -31,8 +31,8 @@ ANGLES = ("roll", "pitch", "heading")
 """Labels of the angles."""
 NORTH_EAST_DOWN = ("north", "east", "down")
 """Labels of the axes of the Earth."""
-INNOVATIONS = ("p N", "p E", "p D", "v N", "v E", "v D")
-"""Labels of the measurements of a fix: position and velocity, north, east, down."""
+INNOVATIONS = tuple(f"{what} {axis}" for what in ("position", "velocity") for axis in NORTH_EAST_DOWN)
+"""Names of the measurements of a fix."""
 _LEGEND = 0.25
 """Part of an ordinate that is left free at the top for the legend."""
 _ROWS_PER_SECOND = 60
@@ -91,16 +91,20 @@ class Rolling:
             tick_by_hand(self.figure)
             set_ordinate(self.figure, 0.1, 1.0)
         self.source = ColumnDataSource({"time": [], **{label: [] for label in labels}}, name=f"live:{title}")
-        glyphs = {}
-        for label, colour in zip(labels, AXIS_COLOURS * 2, strict=False):
-            glyphs[label] = (
-                self.figure.scatter("time", label, source=self.source, color=colour, size=5, alpha=0.9)
+        self.glyphs = {
+            label: (
+                self.figure.scatter(
+                    "time", label, source=self.source, color=colour, size=6, alpha=0.9, marker=marker
+                )
                 if points
                 else self.figure.line("time", label, source=self.source, color=colour, line_width=1.4)
             )
-        if len(labels) > 1:
-            add_legend(self.figure, glyphs)
-            self.figure.legend.update(spacing=4, label_standoff=2, glyph_width=14)
+            for label, colour, marker in zip(
+                labels, AXIS_COLOURS * 2, ("circle",) * 3 + ("triangle",) * 3, strict=False
+            )
+        }
+        if 1 < len(labels) <= len(AXIS_COLOURS):
+            add_legend(self.figure, self.glyphs)
         self._kept: deque[FloatArray] = deque()
         self._source, self._y = parcel.number(self.source), parcel.number(self._ordinate)
         ticker = self.figure.yaxis[0].ticker
@@ -321,6 +325,10 @@ class LiveFigures:
             "Innovations", "σ", INNOVATIONS,
             x, parcel, points=True, least=3.5,
         )  # fmt: skip
+        # Colours are those of the axes beside; the markers tell position from velocity.
+        glyphs = list(self._innovation.glyphs.values())
+        legend = add_legend(self._innovation.figure, {"position": glyphs[0], "velocity": glyphs[3]})
+        legend["position"].renderers, legend["velocity"].renderers = glyphs[:3], glyphs[3:]
         for limit in (-3.0, 3.0):
             self._innovation.figure.add_layout(
                 Span(location=limit, dimension="width", line_color="#808895", line_dash="dashed")

@@ -68,6 +68,23 @@ class Opened:
         self.session.close()
 
 
+def threads() -> list[str]:
+    """Return the threads of sources and stations."""
+    return [
+        one.name
+        for one in threading.enumerate()
+        if one.name.startswith(("live ", "station ", "verdict ", "simulated device"))
+    ]
+
+
+def wait_until_nothing_is_left() -> None:
+    """Wait until no source is open and its threads have ended; pages leave them to another thread."""
+    end = time.monotonic() + PATIENCE
+    while STATIONS.names() or threads():
+        assert time.monotonic() < end, threads()
+        time.sleep(0.01)
+
+
 @pytest.fixture
 def opened(monkeypatch: pytest.MonkeyPatch) -> Iterator[Callable[[], Opened]]:
     """Return what opens pages; they are closed in the end, and nothing is left."""
@@ -80,10 +97,7 @@ def opened(monkeypatch: pytest.MonkeyPatch) -> Iterator[Callable[[], Opened]]:
     yield open_one
     for one in pages:
         one.close()
-    assert STATIONS.names() == {}
-    assert not [
-        thread.name for thread in threading.enumerate() if "live" in thread.name or "station" in thread.name
-    ]
+    wait_until_nothing_is_left()
 
 
 def shown(page: Live) -> np.ndarray:
@@ -104,7 +118,7 @@ def test_the_simulated_device_is_shown_and_navigated_with(opened: Callable[[], O
     assert abs(float(np.nanmedian(shown(one.page)[:, 3])) + 9.8) < 1
     one.page._toggle()
     assert one.page._station is None
-    assert STATIONS.names() == {}
+    one.until(lambda: STATIONS.names() == {})
 
 
 def test_two_pages_share_one_source(opened: Callable[[], Opened]) -> None:
@@ -120,7 +134,7 @@ def test_two_pages_share_one_source(opened: Callable[[], Opened]) -> None:
     assert third.connect() is station
     for one in (second, third):
         one.page._toggle()
-    assert station.source.ended
+    first.until(lambda: station.source.ended)
 
 
 def test_a_paused_page_loses_nothing(opened: Callable[[], Opened]) -> None:
@@ -153,7 +167,7 @@ def test_a_page_that_is_closed_while_it_connects_leaves_nothing(
 
     leave = STATIONS.leave
 
-    def leaving(key: str, watcher: int) -> None:
+    def leaving(key: str, watcher: object) -> None:
         leave(key, watcher)
         left.set()
 
@@ -163,7 +177,7 @@ def test_a_page_that_is_closed_while_it_connects_leaves_nothing(
     one.page.close()
     closed.set()
     assert left.wait(PATIENCE)
-    assert STATIONS.names() == {}
+    one.until(lambda: STATIONS.names() == {})
 
 
 def test_a_hidden_page_does_nothing(opened: Callable[[], Opened]) -> None:
@@ -247,7 +261,7 @@ def test_a_phone_comes_by_its_invitation(
         assert one.page._station.name == "Ann"
         assert not one.page._inviting.waiting
         one.page._toggle()
-        assert hub.phones() == []
+        one.until(lambda: hub.phones() == [])
     finally:
         phones.close_phone_server()
 

@@ -9,12 +9,12 @@ import pytest
 import dashboards.pages.live.allan_part as allan_module
 import lab.live.growing_allan as growing_module
 from dashboards import devices
-from dashboards.devices import STATIONS, allow_devices
+from dashboards.devices import allow_devices
 from dashboards.pages.live.live import ALLAN, AXES, PLOTS
 from lab.live.axis_map import AxisMap
 from lab.sensors.cards import read_cards
 from lab.toml_file import parse_toml
-from tests.dashboards.test_live_page import Opened
+from tests.dashboards.test_live_page import Opened, wait_until_nothing_is_left
 
 
 @pytest.fixture
@@ -29,7 +29,7 @@ def one(monkeypatch: pytest.MonkeyPatch) -> Iterator[Opened]:
     opened.connect()
     yield opened
     opened.close()
-    assert STATIONS.names() == {}
+    wait_until_nothing_is_left()
 
 
 def test_a_position_is_taken_and_the_axes_are_used(one: Opened) -> None:

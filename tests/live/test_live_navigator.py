@@ -3,20 +3,27 @@
 from __future__ import annotations
 
 from itertools import repeat
-from types import SimpleNamespace
+from pathlib import Path
 
 import numpy as np
 import pytest
-from live_rows import HOST, driven, feed, handled, standing
+from live_rows import HOST, RATE, driven, feed, handled, standing
 
+import lab.live
 from lab.displacement import metres_per_radian
 from lab.live import live_navigator
+from lab.live.axis_map import AxisMap
+from lab.live.decoders.catalogue import ENCODERS
 from lab.live.live_log import log_of
 from lab.live.live_navigator import LiveNavigator
-from lab.live.live_state import Cursor
+from lab.live.live_state import HistoryCursor
 from lab.live.live_stream import POSITION_LIMIT
 from lab.live.live_view import COASTS_AFTER
+from lab.live.raw_recording import RawWriter
+from lab.live.recorded_log import log_of_recording
+from lab.live.simulated_flight import SimulatedFlight
 from lab.live.timed import TIMED_FIX
+from lab.live.transport import Chunk
 from lab.navigation.recorded import RecordedRun, navigate_log
 from lab.navigation.settings import NavigatorSettings
 from lab.rotation import wrap
@@ -405,26 +412,53 @@ def test_memory_is_bounded_and_a_history_is_read_once():
     again, nothing = live.since(cursor)
     assert again == cursor
     assert nothing.time.size == nothing.fix_time.size == 0
-    assert live.since(Cursor(10, 5))[1].time[0] == first.time[10]
+    assert live.since(HistoryCursor(10, 5))[1].time[0] == first.time[10]
     assert (np.diff(first.time) > 0).all()
 
 
-def test_it_follows_a_source():
-    imu, fixes, _ = driven()
-    parts = [(imu[:50], fixes[:0], 0), (imu[50:2500], fixes[:80], 7), (imu[2500:2510], fixes[80:90], 0)]
-    source = SimpleNamespace(ended=False)
+def recorded(path: Path, seconds: float) -> Path:
+    """Record a simulated flight with a rest before it, as a VectorNav would send it; fixes come late."""
+    flight = SimulatedFlight.of("montreal", RATE, seed=3, rest=15.0)
+    encoder, writer = ENCODERS["vectornav"](), RawWriter(path, {"protocol": "vectornav"})
+    sent = 0
+    for end in range(10, int(seconds * RATE), 10):
+        rows = flight.imu[end - 10 : end]
+        now = float(rows["time"][-1])
+        due = int(np.searchsorted(flight.fix["time"], now - 0.15))
+        data = encoder.encode(rows, flight.fix[:0])
+        data += encoder.encode(rows[:0], flight.fix[sent:due]) if due > sent else b""
+        sent = due
+        writer.take(Chunk(5000.0 + now, data))
+    writer.close()
+    return path
 
-    def since(cursor):
-        at = cursor or 0
-        source.ended = at >= len(parts)
-        shown = parts[at] if at < len(parts) else (imu[:0], fixes[:0], 0)
-        return at + 1, SimpleNamespace(imu=shown[0], fix=shown[1]), shown[2]
 
-    source.since = since
+def test_following_a_replay_equals_the_batch_on_the_recorded_log(tmp_path):
+    path = recorded(tmp_path / "flight.inslab", 80.0)
     live = navigator()
-    live.follow(source)
-    assert live.state.rows.used == 2510
-    assert "7 samples came faster" in " ".join(live.state.remarks)
+    with lab.live.open(f"replay:{path}?speed=max") as source:
+        live.follow(source)
+    assert live.state.phase == "navigating"
+    settings = NavigatorSettings(vehicle="car")
+    assert_equal(live, navigate_log(log_of_recording(path), suite(), settings, start=live.alignment))
+
+
+def test_other_axes_begin_the_navigation_again():
+    flight = SimulatedFlight.of("rest", RATE, rest=40.0)
+    imu, _ = flight.timed()
+    truth = np.degrees(flight.result.truth_arrays.euler[0])
+    device = AxisMap.of("y,-x,z")  # turned by 90° about the vertical
+    later = imu["time"] > 20
+    imu["rate"][~later] = device.mapped(imu["rate"][~later])
+    imu["force"][~later] = device.mapped(imu["force"][~later])
+    live = navigator()
+    live.feed(imu[~later])
+    before = np.degrees(live.state.euler[:2])
+    assert np.abs(before - truth[:2]).max() > 3
+    live.restart("The axes were changed")
+    live.feed(imu[later])
+    assert np.abs(np.degrees(live.state.euler[:2]) - truth[:2]).max() < 1
+    assert "The axes were changed, so the navigator aligned again." in live.state.remarks
 
 
 def test_settings_that_a_stream_cannot_use_are_refused():

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 import lab.live.twin as twin_module
 from lab.live.live_log import log_of
 from lab.live.simulated_flight import SimulatedFlight
-from lab.live.twin import timed, twin_of
+from lab.live.twin import twin_of
 from lab.navigation.settings import NavigatorSettings
 from lab.sensors.suite import SensorSuite
 
@@ -20,7 +20,7 @@ Rows = tuple[NDArray[np.void], NDArray[np.void]]
 @pytest.fixture(scope="module")
 def flown() -> tuple[Rows, SensorSuite]:
     flight = SimulatedFlight.of("montreal", HZ, seed=1001, rest=15.0)
-    imu, fix = timed(flight)
+    imu, fix = flight.timed()
     return (imu[imu["time"] < 60], fix[fix["time"] < 60]), flight.result.experiment.sensors
 
 

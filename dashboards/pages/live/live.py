@@ -8,6 +8,7 @@ from typing import Any, Self
 import panel as pn
 import panel_material_ui as pmui
 
+from dashboards.computing import LONG
 from dashboards.devices import STATIONS
 from dashboards.pages.base import Page, plot_grid
 from dashboards.pages.live.allan_part import AllanPart
@@ -20,8 +21,8 @@ from dashboards.pages.missions.entry_fields import WHOLE, WRAP, sized
 from dashboards.pages.missions.job import Job
 from dashboards.sending import together
 from dashboards.session import Session
-from lab.live.live_state import Cursor
-from lab.live.ring import Cursor as RingCursor
+from lab.live.live_state import HistoryCursor
+from lab.live.ring import Cursor
 from lab.live.station import Station
 from lab.result import Result
 from lab.views.figures import TimeAxis
@@ -52,8 +53,9 @@ class Live(Page):
         self._session = session
         self._document = pn.state.curdoc
         self._key = ""
+        self._watcher = object()
         self._station: Station | None = None
-        self._cursors: tuple[int, Cursor, RingCursor] = (0, Cursor(), RingCursor())
+        self._cursors: tuple[int, HistoryCursor, Cursor] = (0, HistoryCursor(), Cursor())
         self._periodic: Any = None
         self._ticks = 0
         self._visible = False
@@ -80,7 +82,7 @@ class Live(Page):
         self._window.param.watch(lambda event: self._widen(event.new), "value")
         self._status = StatusLine()
         self._job = Job()
-        self._recorder = Recorder(self._session)
+        self._recorder = Recorder()
         self._inviting = Inviting()
         self._figures = LiveFigures()
         self._plots = plot_grid(self._figures.figures, 3, 205, fill=False)
@@ -134,7 +136,8 @@ class Live(Page):
 
     def _turn(self) -> None:
         """Show the chosen part."""
-        self._stage[:] = [self._parts[str(self._choice.value)]]
+        # A hand-made message may contain any value.
+        self._stage[:] = [self._parts.get(str(self._choice.value), self._parts[PLOTS])]
         if self._choice.value == ALLAN:
             self._allan.tell()
         elif self._choice.value == PLOTS and self._station is not None:
@@ -175,19 +178,22 @@ class Live(Page):
         )
 
     def _start(self, key: str, make: Callable[[], Station]) -> None:
+        watcher = object()  # another for each connection: an earlier one may not have left yet
         self._job.start(
-            "Connecting", lambda _progress: self._opened(key, make), lambda station: self._came(key, station)
+            "Connecting",
+            lambda _progress: self._opened(key, watcher, make),
+            lambda station: self._came(key, watcher, station),
         )
 
-    def _opened(self, key: str, make: Callable[[], Station]) -> Station:
+    def _opened(self, key: str, watcher: object, make: Callable[[], Station]) -> Station:
         """Return the station; in a thread."""
-        station = STATIONS.watch(key, id(self), make)
+        station = STATIONS.watch(key, watcher, make)
         if self._closed:  # meanwhile: nobody would leave it
-            STATIONS.leave(key, id(self))
+            _leave(key, watcher)
         return station
 
-    def _came(self, key: str, station: Station) -> None:
-        self._key, self._station = key, station
+    def _came(self, key: str, watcher: object, station: Station) -> None:
+        self._key, self._watcher, self._station = key, watcher, station
         self._connect.param.update(label="Disconnect", icon="sensors_off", color="default")
         self._pause.param.update(disabled=False, label="Pause", icon="pause")
         self._unplug.visible = station.source.device is not None
@@ -209,15 +215,13 @@ class Live(Page):
     def _leave(self) -> None:
         key, self._key, self._station = self._key, "", None
         if key:
-            STATIONS.leave(key, id(self))
-            if key.startswith(PHONE_KEY) and key not in STATIONS.names():
-                forget_phone(int(key.removeprefix(PHONE_KEY)))
+            LONG.submit(_leave, key, self._watcher)  # the last one waits for threads to end
 
     def _begin_anew(self) -> None:
         """Fill the plots with what the station still has, and follow it."""
         assert self._document is not None
         self._unwatch()
-        self._cursors = (0, Cursor(), RingCursor())
+        self._cursors = (0, HistoryCursor(), Cursor())
         with together(self._document):
             self._figures.clear()
             self._advance()
@@ -259,11 +263,13 @@ class Live(Page):
             return
         thinned, history, ring = self._cursors
         thinned, rows = station.thinned.since(thinned)
-        history, shown = station.history(history)
         read = station.source.fixes_since(ring)
-        self._cursors = thinned, history, read.cursor
         self._figures.add_samples(rows, station.zero)
-        self._figures.add_history(shown, station.zero)
+        told = station.history(history)
+        if told is not None:
+            history, shown = told
+            self._figures.add_history(shown, station.zero)
+        self._cursors = thinned, history, read.cursor
         self._figures.add_fixes(read.fix)
         self._figures.show(station.state, station.newest - station.zero)
 
@@ -286,3 +292,10 @@ class Live(Page):
         if device is not None and device.plugged and self._document is not None:
             device.unplug()
             self._document.add_timeout_callback(device.plug, round(1000 * AWAY))
+
+
+def _leave(key: str, watcher: object) -> None:
+    """Stop watching; a phone that nobody watches any more is told."""
+    STATIONS.leave(key, watcher)
+    if key.startswith(PHONE_KEY) and key not in STATIONS.names():
+        forget_phone(int(key.removeprefix(PHONE_KEY)))

@@ -11,7 +11,6 @@ import panel_material_ui as pmui
 
 from dashboards.pages.missions.entry_fields import sized
 from dashboards.pages.missions.job import Job
-from dashboards.session import Session
 from dashboards.visitors import may_edit
 from lab.live.raw_recording import SUFFIX
 from lab.live.recorded_log import log_of_recording
@@ -26,11 +25,6 @@ from lab.missions.mission_name import accepted_name
 class Recorder:
     """Records; for visitors who may change missions.
 
-    Parameters
-    ----------
-    session
-        Session that then navigates the mission.
-
     Attributes
     ----------
     widgets : list
@@ -39,8 +33,7 @@ class Recorder:
         Progress and outcome.
     """
 
-    def __init__(self, session: Session) -> None:
-        self._session = session
+    def __init__(self) -> None:
         self._station: Station | None = None
         self._path: Path | None = None
         self._name = ""
