@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 from bokeh.models.annotations import Span, Title
 from bokeh.models.ranges import Range1d
+from bokeh.models.renderers import GlyphRenderer
 from bokeh.models.sources import ColumnDataSource
 from bokeh.models.tickers import FixedTicker
 from bokeh.plotting import figure
@@ -91,7 +92,7 @@ class Rolling:
             tick_by_hand(self.figure)
             set_ordinate(self.figure, 0.1, 1.0)
         self.source = ColumnDataSource({"time": [], **{label: [] for label in labels}}, name=f"live:{title}")
-        self.glyphs = {
+        self.glyphs: dict[str, GlyphRenderer[Any]] = {
             label: (
                 self.figure.scatter(
                     "time", label, source=self.source, color=colour, size=6, alpha=0.9, marker=marker

@@ -85,7 +85,8 @@ def test_no_sample_is_lost_and_the_navigator_gets_it_soon(
         f"wire to navigator median {np.median(delay):.2f} ms, 99 % {np.percentile(delay, 99):.2f} ms; "
         f"age of the solution median {1e3 * np.median(solved):.1f} ms; "
         f"CPU of receiving, recording and navigating {share:.1%} of a core; memory in the last four fifths "
-        f"{min(memory[len(memory) // 5 :]):.0f} to {max(memory[len(memory) // 5 :]):.0f} MB; drift {1e6 * status.drift:.1f} ppm"
+        f"{min(memory[len(memory) // 5 :]):.0f} to {max(memory[len(memory) // 5 :]):.0f} MB; "
+        f"drift {1e6 * status.drift:.1f} ppm"
     )
     assert samples.reception.loss.missing == 0
     if len(samples.imu) <= ROOM[0]:
