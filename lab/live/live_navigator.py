@@ -44,8 +44,9 @@ from lab.navigation.alignment import Alignment
 from lab.navigation.belief import assumed_latency, assumed_lever_arm, belief, schedule_of
 from lab.navigation.checks import check_mechanization, check_r
 from lab.navigation.choice import chosen_model
-from lab.navigation.navigator import PolarError
+from lab.navigation.navigator import PolarError, load
 from lab.navigation.recorded import start_covariance
+from lab.navigation.schedule import EVERY_FIX
 from lab.navigation.settings import NavigatorSettings
 from lab.recordings.mission_error import MissionError
 from lab.sensors.suite import SensorSuite
@@ -129,6 +130,8 @@ class LiveNavigator:
         self._notes: dict[str, str] = {}
         self._why_again = ""  # why the next stream begins, if not by a break
         self._new_stream(np.nan)
+        load(self._assumed, EVERY_FIX)
+        load(self._assumed, schedule_of(navigator, STEP, _ENDLESS), self._model)
 
     def feed(self, imu: NDArray[np.void] | None = None, fixes: NDArray[np.void] | None = None) -> None:
         """Take rows that arrived.

@@ -159,6 +159,24 @@ def advance(
     return go(run, read_only(imu), read_only(fixes), out, first, schedule)
 
 
+def load(belief: Belief, schedule: Schedule, model: ErrorModel = PHI) -> None:
+    """Load, or compile, what advances a navigator, so that the first sample of a stream does not wait for it.
+
+    Parameters
+    ----------
+    belief
+        Any belief.
+    schedule, model
+        Those of the navigator.
+    """
+    start = Start(np.zeros(3), np.zeros(3), np.array([1.0, 0.0, 0.0, 0.0]))
+    imu = Imu(np.array([0.0, 0.01]), np.zeros((1, 3)), np.zeros((1, 3)))
+    fixes = Fixes(np.zeros(0), np.zeros((0, 3)), np.zeros((0, 3)))
+    P0 = belief.P0[: model.states, : model.states]
+    run = Filter.begin(start, belief._replace(P0=P0), 0.0, model)
+    advance(run, imu, fixes, Solution.empty(2, 0, model.states), 0, schedule, model)
+
+
 def _advance_piece(
     run: Filter,
     imu: Imu,
