@@ -133,8 +133,8 @@ class LiveNavigator:
         load(self._assumed, EVERY_FIX)
         load(self._assumed, schedule_of(navigator, STEP, _ENDLESS), self._model)
 
-    def feed(self, imu: NDArray[np.void] | None = None, fixes: NDArray[np.void] | None = None) -> None:
-        """Take rows that arrived.
+    def feed(self, imu: NDArray[np.void] | None = None, fixes: NDArray[np.void] | None = None) -> bool:
+        """Take rows that arrived; return whether they were processed: few samples wait for the next ones.
 
         Parameters
         ----------
@@ -147,13 +147,14 @@ class LiveNavigator:
             self._rows.append(imu)
             newest = float(imu["time"][-1])
             if 0 <= newest - self._taken < STEP and (fixes is None or not fixes.size):
-                return
+                return False
             self._taken = newest
         with self._lock:
             self._take_rows()
             if fixes is not None and fixes.size:
                 self._fix_intake.take(self._stream, fixes)
             self._advance()
+        return True
 
     def finish(self) -> None:
         """Process what waits for later samples: there will be none."""

@@ -126,5 +126,6 @@ def _taken(room: NDArray[np.void], begin: int, end: int) -> tuple[NDArray[np.voi
     lost = max(0, end - size - begin)
     begin += lost
     at, count = begin % size, end - begin
-    first = min(count, size - at)
-    return np.concatenate((room[at : at + first], room[: count - first])), lost
+    if at + count <= size:  # to join records, even with none, costs more than all else here
+        return room[at : at + count].copy(), lost
+    return np.concatenate((room[at:], room[: at + count - size])), lost

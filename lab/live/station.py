@@ -185,8 +185,8 @@ class Station:
             return
         try:
             with self._lock:
-                self._navigator.feed(imu, fix)
-                self._state = self._navigator.state
+                if self._navigator.feed(imu, fix):
+                    self._state = self._navigator.state
         except Exception as error:
             self.failure = f"The navigator failed: {type(error).__name__}: {error}"
             raise

@@ -55,9 +55,9 @@ def test_no_sample_is_lost_and_the_navigator_gets_it_soon(
     delays: list[np.ndarray] = []
     feed = LiveNavigator.feed
 
-    def timed_feed(self: LiveNavigator, imu: np.ndarray, fixes: np.ndarray) -> None:
+    def timed_feed(self: LiveNavigator, imu: np.ndarray, fixes: np.ndarray) -> bool:
         delays.append(time.monotonic() - imu["time"])
-        feed(self, imu, fixes)
+        return feed(self, imu, fixes)
 
     monkeypatch.setattr(LiveNavigator, "feed", timed_feed)
     with device(rate) as address:
