@@ -25,8 +25,9 @@ from lab.sensors.suite import SensorSuite
 
 MOST = 8
 """Most stations of a server at a time: each has threads, and a navigator at 1 kHz takes a tenth of a core."""
-PERIOD = 0.05
-"""Longest time for which samples wait to be shown [s]; the navigator gets them at once."""
+PERIOD = 0.02
+"""Longest time for which samples wait to be shown [s], a fifth of the time between two pictures; the
+navigator gets them at once."""
 JUDGED = 10.0
 """Time between two verdicts [s]: a batch run over two minutes and its verdict take half a second."""
 FEWEST = 10

@@ -28,6 +28,9 @@ class Chunk(NamedTuple):
 class Transport(Protocol):
     """Anything that brings bytes; one thread opens, reads and closes it.
 
+    It may have a method ``end()`` besides, which is called once after the last `close` and frees what must
+    outlast a lost connection, such as the file of a replay.
+
     Attributes
     ----------
     address : str

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any, get_args
+from typing import TYPE_CHECKING, Any, Final, get_args
 
 import numpy as np
 from bokeh.core.properties import value
-from bokeh.events import DoubleTap, Tap
+from bokeh.events import DoubleTap, LegendItemClick, Tap
 from bokeh.models.annotations import Legend, LegendItem, Span, Title
 from bokeh.models.callbacks import CustomJS
 from bokeh.models.formatters import CustomJSTickFormatter
@@ -393,6 +393,28 @@ def add_legend(fig: figure, glyphs: dict[str, GlyphRenderer[Any]]) -> dict[str, 
     )
     fig.add_layout(legend)
     return items
+
+
+def add_still_legend(fig: figure, glyphs: dict[str, list[GlyphRenderer[Any]]]) -> None:
+    """Put a legend right of the title that is not made anew with each row of a stream.
+
+    A legend listens to all that its entries reach, so also to the sources of their curves, and makes its
+    elements again when one changes. This one has glyphs of its own; a click hides the curves with them.
+    """
+    nothing = ColumnDataSource({"x": [], "y": []})
+    samples = {
+        label: fig.add_glyph(nothing, many[0].glyph.clone(x="x", y="y")) for label, many in glyphs.items()
+    }
+    items = add_legend(fig, samples)
+    hidden = [(items[label], many) for label, many in glyphs.items()]
+    fig.legend[0].js_on_event(LegendItemClick, CustomJS(args={"entries": hidden}, code=HIDE))
+
+
+HIDE: Final = """
+for (const [item, glyphs] of entries)
+    if (item == cb_obj.item) for (const glyph of glyphs) glyph.visible = !glyph.visible;
+"""
+"""Hides or shows the curves of a legend entry."""
 
 
 def _is_zero(values: FloatArray) -> bool:

@@ -18,7 +18,7 @@ from lab.displacement import metres_per_radian
 from lab.rotation import wrap
 from lab.views.attitude_figure import AttitudeFigure, Shape
 from lab.views.envelope import nice_limit
-from lab.views.figures import add_legend, decade_ticks, plain_figure, set_ordinate, tick_by_hand
+from lab.views.figures import add_still_legend, decade_ticks, plain_figure, set_ordinate, tick_by_hand
 from lab.views.parcel import Parcel
 from lab.views.quantities import AXIS_COLOURS, CURSOR, ESTIMATE, FIXES
 
@@ -105,7 +105,7 @@ class Rolling:
             )
         }
         if 1 < len(labels) <= len(AXIS_COLOURS):
-            add_legend(self.figure, self.glyphs)
+            add_still_legend(self.figure, {label: [glyph] for label, glyph in self.glyphs.items()})
         self._kept: deque[FloatArray] = deque()
         self._source, self._y = parcel.number(self.source), parcel.number(self._ordinate)
         ticker = self.figure.yaxis[0].ticker
@@ -206,7 +206,7 @@ class LiveTrack:
             line_color=CURSOR,
         )  # fmt: skip
         self.figure.scatter("east", "north", source=self._now, color=CURSOR, size=6)
-        add_legend(self.figure, {"estimate": path, "fixes": fixes, "3σ": ellipse})
+        add_still_legend(self.figure, {"estimate": [path], "fixes": [fixes], "3σ": [ellipse]})
         self._origin: FloatArray | None = None
         self._shown = (10.0, -10.0, -10.0)
         self._extent = np.array([[-10.0, -10.0], [10.0, 10.0]])
@@ -328,8 +328,7 @@ class LiveFigures:
         )  # fmt: skip
         # Colours are those of the axes beside; the markers tell position from velocity.
         glyphs = list(self._innovation.glyphs.values())
-        legend = add_legend(self._innovation.figure, {"position": glyphs[0], "velocity": glyphs[3]})
-        legend["position"].renderers, legend["velocity"].renderers = glyphs[:3], glyphs[3:]
+        add_still_legend(self._innovation.figure, {"position": glyphs[:3], "velocity": glyphs[3:]})
         for limit in (-3.0, 3.0):
             self._innovation.figure.add_layout(
                 Span(location=limit, dimension="width", line_color="#808895", line_dash="dashed")

@@ -19,6 +19,12 @@ SETTLED = 6.0
 """Time for which nothing changes when all has ended [s]: a page is discarded and its station ends in 2 s."""
 RATES = "Bokeh.documents[0].get_model_by_name('live:Angular rate').data.time"
 
+VISIBLE = (
+    "[...Bokeh.documents[0]._all_models.values()]"
+    ".filter(one => one.type === 'GlyphRenderer' && one.data_source.name === 'live:Angular rate')"
+    ".map(one => one.visible)"
+)
+
 
 def connect(page: Page) -> None:
     """Open the page Live and connect the source that it offers first, the simulated device."""
@@ -43,6 +49,11 @@ def test_a_stream_is_drawn_as_it_comes(open_page) -> None:
     # The plots end at the newest sample, of all figures.
     ends = "Bokeh.documents[0].get_model_by_name('live time').end"
     page.wait_for_function(f"Math.abs({ends} - {RATES}.at(-1)) < 0.5")
+
+    page.get_by_text("forward", exact=True).first.click()
+    page.wait_for_function(f"{VISIBLE}.join() === 'false,true,true'")
+    page.get_by_text("forward", exact=True).first.click()
+    page.wait_for_function(f"{VISIBLE}.join() === 'true,true,true'")
 
     page.get_by_role("button", name="Pause").click()
     page.get_by_role("button", name="Go on").wait_for()
