@@ -28,6 +28,10 @@ ON_R = (1.0, 0.03, 0.1, 0.3, 3.0, 10.0, 30.0)
 ON_Q = (1.0, 0.1, 10.0, 100.0, 1000.0, 10000.0)
 """Tried factors. On eight real sensor logs, the best factors of a grid were 0.1 to 30 for R and 0.1 to 10,000
 for Q. Of equally good factors, the first one is kept: 1."""
+GAINED = 0.5
+"""Least part of the largest gain of the log-likelihood that a choice must have. On a drive of a minute, the
+choices by the error among all pairs that gain anything failed in the other outages; with a half, all choose
+the same factors."""
 FEWEST = 3
 """Fewest sets of outages: with two sets, a few outages make each choice."""
 
@@ -113,9 +117,14 @@ def _without(seen: dict[tuple[float, float], list[Seen]], turn: int) -> dict[tup
 
 
 def _best(seen: dict[tuple[float, float], list[Seen]]) -> tuple[float, float]:
-    """Return the pair with the smallest error, among those that do not reduce the likelihood of the fixes."""
+    """Return the pair with the smallest error, among those that gain a good part of the likelihood.
+
+    The error alone would prefer filters that are too sure of themselves, whose predictions fail elsewhere.
+    """
     judgements = {pair: judged(parts) for pair, parts in seen.items()}
-    least = judgements[1.0, 1.0].log_likelihood
+    now = judgements[1.0, 1.0].log_likelihood
+    most = max(one.log_likelihood for one in judgements.values())
+    least = now + GAINED * (most - now)
     fine = {pair: _error(one) for pair, one in judgements.items() if one.log_likelihood >= least}
     return min(fine, key=lambda pair: fine[pair])
 
