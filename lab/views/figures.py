@@ -401,13 +401,21 @@ def add_still_legend(fig: figure, glyphs: dict[str, list[GlyphRenderer[Any]]]) -
     A legend listens to all that its entries reach, so also to the sources of their curves, and makes its
     elements again when one changes. This one has glyphs of its own; a click hides the curves with them.
     """
-    nothing = ColumnDataSource({"x": [], "y": []})
     samples = {
-        label: fig.add_glyph(nothing, many[0].glyph.clone(x="x", y="y")) for label, many in glyphs.items()
+        label: fig.add_glyph(_unseen(many[0]), many[0].glyph.clone()) for label, many in glyphs.items()
     }
     items = add_legend(fig, samples)
     hidden = [(items[label], many) for label, many in glyphs.items()]
     fig.legend[0].js_on_event(LegendItemClick, CustomJS(args={"entries": hidden}, code=HIDE))
+
+
+def _unseen(glyph: GlyphRenderer[Any]) -> ColumnDataSource:
+    """Return a source with the columns of a glyph's, and one row that is not drawn: a legend needs one."""
+    assert isinstance(glyph.data_source, ColumnDataSource)
+    abscissa = glyph.glyph.x
+    return ColumnDataSource(
+        {name: [np.nan if name == abscissa else 1.0] for name in glyph.data_source.column_names}
+    )
 
 
 HIDE: Final = """

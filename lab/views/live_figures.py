@@ -205,8 +205,8 @@ class LiveTrack:
             "east", "north", "width", "height", source=self._now, fill_color=CURSOR, fill_alpha=0.2,
             line_color=CURSOR,
         )  # fmt: skip
-        self.figure.scatter("east", "north", source=self._now, color=CURSOR, size=6)
-        add_still_legend(self.figure, {"estimate": [path], "fixes": [fixes], "3σ": [ellipse]})
+        here = self.figure.scatter("east", "north", source=self._now, color=CURSOR, size=6)
+        add_still_legend(self.figure, {"estimate": [path], "fixes": [fixes], "now with 3σ": [here, ellipse]})
         self._origin: FloatArray | None = None
         self._shown = (10.0, -10.0, -10.0)
         self._extent = np.array([[-10.0, -10.0], [10.0, 10.0]])
