@@ -124,7 +124,7 @@ class Address:
         except ValueError:
             value = float("nan")
         if not least <= value <= most:
-            between = f"{least:g} to {most:g} {unit}".rstrip()
+            between = f"{least:.12g} to {most:.12g} {unit}".rstrip()
             raise TransportError(f"{self}: {name} = {text!r}; accepted are {between}")
         return value
 

@@ -10,6 +10,7 @@ import os
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
+from pathlib import Path
 
 import numpy as np
 import panel as pn
@@ -18,7 +19,8 @@ import pytest
 from playwright.sync_api import Page
 
 from dashboards.devices import STATIONS
-from tests.benchmarks.test_live_speed import device
+from lab.live.recorded_log import recorded_samples
+from tests.benchmarks.test_live_speed import delays_of_navigator, device
 from tests.browser.conftest import IDLE, ROOT, chromium, free_port, new_context
 
 __all__ = ["chromium"]
@@ -88,27 +90,39 @@ def share(page: Page, seconds: float) -> tuple[float, float]:
 
 
 @pytest.mark.parametrize("rate", [200, 1000])
-def test_from_the_wire_to_the_pixel(rate: int, chromium, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_from_the_wire_to_the_pixel(
+    rate: int, chromium, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    delays = delays_of_navigator(monkeypatch)
     with device(rate) as source:
         monkeypatch.setenv("INS_LAB_DEVICES", source.split("?")[0])
         with served() as address:
             page = watching(chromium, address)
             page.wait_for_timeout(10_000)  # the clocks settle
             page.evaluate(WATCH)
-            spent, grown = share(page, SECONDS)
-            painted = np.array(page.evaluate("window.painted"))
             ((station, _),) = STATIONS._open.values()
+            station.source.record(tmp_path / "stream.inslab")
+            delays.clear()
+            spent, grown = share(page, SECONDS)
+            navigator = 1e3 * np.concatenate(delays)
+            painted = np.array(page.evaluate("window.painted"))
             arrived = time.time() - time.monotonic() + station.zero + painted[:, 1]
             page.context.close()
+    recorded = recorded_samples(tmp_path / "stream.inslab")
     # Each sample between two pictures is painted with the later one.
     ends = np.arange(arrived[0], arrived[-1], 1.0 / rate)
     shown = painted[np.searchsorted(arrived, ends), 0]
     delay = 1e3 * (shown - ends)
     print(
-        f"\n{rate} Hz, {SECONDS:g} s, one page: wire to pixel median {np.median(delay):.0f} ms, "
+        f"\n{rate} Hz, {SECONDS:g} s, one page: {len(recorded.imu)} samples recorded, "
+        f"{recorded.reception.loss.missing} missing; wire to navigator median {np.median(navigator):.2f} ms, "
+        f"99 % {np.percentile(navigator, 99):.2f} ms; wire to pixel median {np.median(delay):.0f} ms, "
         f"99 % {np.percentile(delay, 99):.0f} ms, {len(painted) / SECONDS:.1f} pictures a second; "
         f"server {spent:.1%} of a core; memory in the last four fifths within {grown:.1%}"
     )
+    assert recorded.reception.loss.missing == 0
+    assert np.median(navigator) <= 2.0
+    assert np.percentile(navigator, 99) <= 20.0
     assert np.median(delay) <= 150.0
     if rate == 200:
         assert spent <= 0.40

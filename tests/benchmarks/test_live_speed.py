@@ -48,10 +48,8 @@ def device(rate: int) -> Iterator[str]:
         process.kill()
 
 
-@pytest.mark.parametrize("rate", [200, 1000])
-def test_no_sample_is_lost_and_the_navigator_gets_it_soon(
-    rate: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def delays_of_navigator(monkeypatch: pytest.MonkeyPatch) -> list[np.ndarray]:
+    """Return a list to which each call of a navigator appends the ages of the samples that it gets [s]."""
     delays: list[np.ndarray] = []
     feed = LiveNavigator.feed
 
@@ -60,6 +58,14 @@ def test_no_sample_is_lost_and_the_navigator_gets_it_soon(
         return feed(self, imu, fixes)
 
     monkeypatch.setattr(LiveNavigator, "feed", timed_feed)
+    return delays
+
+
+@pytest.mark.parametrize("rate", [200, 1000])
+def test_no_sample_is_lost_and_the_navigator_gets_it_soon(
+    rate: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    delays = delays_of_navigator(monkeypatch)
     with device(rate) as address:
         source = lab.live.open(address)
         source.record(tmp_path / "stream.inslab")
