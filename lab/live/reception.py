@@ -363,13 +363,14 @@ class Reception:
         return np.asarray(gap)
 
     def _put(self, rows: Rows, times: FloatArray, arrival: float, gap: NDArray[np.bool_]) -> Rows:
-        kept = times > self._latest
-        if not kept.all():  # the mapping began anew and would run backwards
+        kept = times > np.maximum.accumulate(np.concatenate(([self._latest], times[:-1])))
+        if not kept.all():  # the mapping began anew, or the host cannot tell them apart
+            begins = not kept[0]
             rows, times, gap = rows[kept], times[kept], gap[kept]
             if not len(rows):
                 self._gap = True
                 return _NO_IMU
-            gap[0] = True
+            gap[0] |= begins
         self._latest = float(times[-1])
         made = np.empty(len(rows), TIMED_IMU)
         made["time"], made["arrival"], made["gap"] = times, arrival, gap

@@ -97,8 +97,9 @@ def scripted(count: int = 200) -> tuple[Scripted, Source]:
 @pytest.mark.parametrize("line", LINES)
 def test_samples_come_and_are_recorded_and_replayed_bit_by_bit(line: str, tmp_path: Path) -> None:
     path = tmp_path / "flight.inslab"
-    with lab.live.open(f"simulated:montreal?hz=200{line}") as source:
-        source.record(path)
+    source = lab.live.open(f"simulated:montreal?hz=200{line}")
+    source.record(path)  # before anything comes
+    with source:
         until(lambda: source.end.imu > 500 and source.end.fix > 0)
         status = source.status
         assert status.state == STREAMING
@@ -133,8 +134,9 @@ def test_what_comes_is_what_the_simulated_sensors_measured() -> None:
 @pytest.mark.parametrize("line", LINES)
 def test_unplugging_is_shown_and_survived(line: str, tmp_path: Path) -> None:
     path = tmp_path / "unplugged.inslab"
-    with lab.live.open(f"simulated:montreal?hz=200{line}") as source:
-        source.record(path)
+    source = lab.live.open(f"simulated:montreal?hz=200{line}")
+    source.record(path)  # before anything comes
+    with source:
         until(lambda: source.end.imu > 200)
         device_of(source).unplug()
         gone = time.monotonic()
