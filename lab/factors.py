@@ -123,7 +123,7 @@ def _best(seen: dict[tuple[float, float], list[Seen]]) -> tuple[float, float]:
     """
     judgements = {pair: judged(parts) for pair, parts in seen.items()}
     now = judgements[1.0, 1.0].log_likelihood
-    most = max(one.log_likelihood for one in judgements.values())
+    most = float(np.nanmax([one.log_likelihood for one in judgements.values()]))
     least = now + GAINED * (most - now)
     fine = {pair: _error(one) for pair, one in judgements.items() if one.log_likelihood >= least}
     return min(fine, key=lambda pair: fine[pair])

@@ -138,7 +138,7 @@ class Station:
             self._note(read)
             self._navigate(read.imu, read.fix)
             held.append(read.imu)
-            # What is only shown is taken together: a turn for each sample would cost ten times as much.
+            # What is only shown is taken together: thinning one sample costs as much as thinning many.
             if time.monotonic() - shown >= PERIOD or ended:
                 shown = time.monotonic()
                 rows = np.concatenate(held)

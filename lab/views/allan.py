@@ -15,7 +15,8 @@ from lab.analysis.allan import FLOOR, AllanDeviation
 from lab.sensors.suite import SensorSuite
 from lab.units import TO_SI, si
 from lab.views.envelope import limits
-from lab.views.figures import add_legend, plain_figure, set_ordinate, tick_by_hand
+from lab.views.figures import plain_figure, set_ordinate, tick_by_hand
+from lab.views.legend import add_legend
 from lab.views.quantities import AXIS_COLOURS
 
 FloatArray = NDArray[np.float64]

@@ -12,7 +12,8 @@ from bokeh.models.tools import HoverTool
 from bokeh.plotting import figure
 
 from lab.views.envelope import SMALLEST_DRAWN
-from lab.views.figures import SMALL, TimeAxis, set_ordinate, time_figure
+from lab.views.figures import TimeAxis, set_ordinate, time_figure
+from lab.views.legend import SMALL
 from lab.views.quantities import BLUE, FIXES, ORANGE, TRUTH
 
 if TYPE_CHECKING:

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any, Final, get_args
+from typing import TYPE_CHECKING, Any, get_args
 
 import numpy as np
 from bokeh.core.properties import value
-from bokeh.events import DoubleTap, LegendItemClick, Tap
-from bokeh.models.annotations import Legend, LegendItem, Span, Title
+from bokeh.events import DoubleTap, Tap
+from bokeh.models.annotations import LegendItem, Span, Title
 from bokeh.models.callbacks import CustomJS
 from bokeh.models.formatters import CustomJSTickFormatter
 from bokeh.models.glyphs import Line, Scatter, VArea, VStrip
@@ -20,6 +20,7 @@ from bokeh.models.tools import BoxZoomTool, CrosshairTool, HoverTool, WheelPanTo
 from bokeh.plotting import figure
 
 from lab.views.envelope import SMALLEST_DRAWN, FloatArray, envelope, limits
+from lab.views.legend import add_legend
 from lab.views.quantities import CURSOR, Band, Clock, Curve, TimePlot
 
 if TYPE_CHECKING:
@@ -38,9 +39,6 @@ source.setv({data}, {sync: false});
 
 MOST_DECADES = 10
 """Most decades of a logarithmic axis with one tick each: a figure of 150 px has room for no more."""
-
-SMALL: dict[str, str | None] = {"font-size": "12px"}
-"""Style of a legend; the page gives its font relative to this one."""
 
 
 class TimeAxis:
@@ -378,51 +376,6 @@ def draw_band(fig: figure, band: Band, source: ColumnDataSource) -> None:
     """Draw a band of a source over its time."""
     area = VArea(x="time", y1=band.low, y2=band.high, fill_color=band.colour, fill_alpha=0.2)
     fig.add_glyph(source, area)
-
-
-def add_legend(fig: figure, glyphs: dict[str, GlyphRenderer[Any]]) -> dict[str, LegendItem]:
-    """Put a legend right of the title; a click hides a curve. Return its entries by label."""
-    items = {label: LegendItem(label=label, renderers=[glyph]) for label, glyph in glyphs.items()}
-    legend = Legend(
-        items=list(items.values()),
-        orientation="horizontal",
-        location="top_right",
-        click_policy="hide",
-        margin=2,
-        styles=SMALL,
-    )
-    fig.add_layout(legend)
-    return items
-
-
-def add_still_legend(fig: figure, glyphs: dict[str, list[GlyphRenderer[Any]]]) -> None:
-    """Put a legend right of the title that is not made anew with each row of a stream.
-
-    A legend listens to all that its entries reach, so also to the sources of their curves, and makes its
-    elements again when one changes. This one has glyphs of its own; a click hides the curves with them.
-    """
-    samples = {
-        label: fig.add_glyph(_unseen(many[0]), many[0].glyph.clone()) for label, many in glyphs.items()
-    }
-    items = add_legend(fig, samples)
-    hidden = [(items[label], many) for label, many in glyphs.items()]
-    fig.legend[0].js_on_event(LegendItemClick, CustomJS(args={"entries": hidden}, code=HIDE))
-
-
-def _unseen(glyph: GlyphRenderer[Any]) -> ColumnDataSource:
-    """Return a source with the columns of a glyph's, and one row that is not drawn: a legend needs one."""
-    assert isinstance(glyph.data_source, ColumnDataSource)
-    abscissa = glyph.glyph.x
-    return ColumnDataSource(
-        {name: [np.nan if name == abscissa else 1.0] for name in glyph.data_source.column_names}
-    )
-
-
-HIDE: Final = """
-for (const [item, glyphs] of entries)
-    if (item == cb_obj.item) for (const glyph of glyphs) glyph.visible = !glyph.visible;
-"""
-"""Hides or shows the curves of a legend entry."""
 
 
 def _is_zero(values: FloatArray) -> bool:

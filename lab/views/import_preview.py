@@ -24,7 +24,8 @@ from lab import ecef
 from lab.missions.flight_import import FlightImport
 from lab.recordings.atomic_file import atomic_file
 from lab.views.envelope import envelope, limits, thin_path
-from lab.views.figures import TimeAxis, add_legend, plain_figure, set_ordinate, time_figure
+from lab.views.figures import TimeAxis, plain_figure, set_ordinate, time_figure
+from lab.views.legend import add_legend
 from lab.views.quantities import ESTIMATE, FIXES
 
 FloatArray = NDArray[np.float64]

@@ -18,7 +18,8 @@ from lab.displacement import metres_per_radian
 from lab.rotation import wrap
 from lab.views.attitude_figure import AttitudeFigure, Shape
 from lab.views.envelope import nice_limit
-from lab.views.figures import add_still_legend, decade_ticks, plain_figure, set_ordinate, tick_by_hand
+from lab.views.figures import decade_ticks, plain_figure, set_ordinate, tick_by_hand
+from lab.views.legend import add_still_legend
 from lab.views.parcel import Parcel
 from lab.views.quantities import AXIS_COLOURS, CURSOR, ESTIMATE, FIXES
 

@@ -14,7 +14,8 @@ from bokeh.models.tickers import BasicTicker
 from bokeh.models.tools import HoverTool, PanTool, ResetTool, SaveTool, WheelZoomTool
 
 from lab.views.envelope import thin_path
-from lab.views.figures import add_legend, plain_figure
+from lab.views.figures import plain_figure
+from lab.views.legend import add_legend
 from lab.views.quantities import CURSOR, ESTIMATE, FIXES, TRUTH
 
 if TYPE_CHECKING:

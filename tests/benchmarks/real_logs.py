@@ -25,6 +25,7 @@ from lab.analysis import trial
 from lab.experiment import Experiment
 from lab.experiment_settings import ExperimentSettings
 from lab.factors import scaled
+from lab.identify import LARGEST_PART, SETTLING
 from lab.log_result import LogResult
 from lab.missions.catalogue import mission
 from lab.missions.flight_import import read_log
@@ -40,8 +41,6 @@ GATES = (0.99, 0.995, 0.999, 0.9999)
 """Strict gates: the probability that a good fix passes."""
 ON_R, ON_Q = (0.03, 0.1, 0.3, 1.0, 3.0, 30.0), (0.1, 1.0, 10.0, 100.0, 1000.0, 10000.0)
 """Factors of the grid."""
-SETTLING = 0.2
-"""Part of a log at its start in which no fix is withheld, 30 s at most."""
 
 
 def missions(folder: Path, library: Path) -> list[Mission]:
@@ -65,7 +64,7 @@ class Errors:
     def __init__(self, result: LogResult) -> None:
         self.subject: Subject = subject(result)
         first, last = self.subject.span
-        self._masks = outages(self.subject.stamps, first + min(30.0, SETTLING * (last - first)), last)
+        self._masks = outages(self.subject.stamps, first + min(SETTLING, LARGEST_PART * (last - first)), last)
         self._none = np.zeros(self.subject.stamps.size, np.bool_)
 
     def of(self, experiment: ExperimentSettings) -> float:

@@ -1,0 +1,59 @@
+"""Legend: the names of the curves of a figure, right of its title; a click hides a curve."""
+
+from __future__ import annotations
+
+from typing import Any, Final
+
+import numpy as np
+from bokeh.events import LegendItemClick
+from bokeh.models.annotations import Legend, LegendItem
+from bokeh.models.callbacks import CustomJS
+from bokeh.models.renderers import GlyphRenderer
+from bokeh.models.sources import ColumnDataSource
+from bokeh.plotting import figure
+
+SMALL: dict[str, str | None] = {"font-size": "12px"}
+"""Style of a legend; the page gives its font relative to this one."""
+HIDE: Final = """
+for (const [item, glyphs] of entries)
+    if (item == cb_obj.item) for (const glyph of glyphs) glyph.visible = !glyph.visible;
+"""
+"""Hides or shows the curves of a legend entry."""
+
+
+def add_legend(fig: figure, glyphs: dict[str, GlyphRenderer[Any]]) -> dict[str, LegendItem]:
+    """Put a legend right of the title; a click hides a curve. Return its entries by label."""
+    items = {label: LegendItem(label=label, renderers=[glyph]) for label, glyph in glyphs.items()}
+    legend = Legend(
+        items=list(items.values()),
+        orientation="horizontal",
+        location="top_right",
+        click_policy="hide",
+        margin=2,
+        styles=SMALL,
+    )
+    fig.add_layout(legend)
+    return items
+
+
+def add_still_legend(fig: figure, glyphs: dict[str, list[GlyphRenderer[Any]]]) -> None:
+    """Put a legend right of the title that is not made anew with each row of a stream.
+
+    A legend listens to all that its entries reach, so also to the sources of their curves, and makes its
+    elements again when one changes. This one has glyphs of its own; a click hides the curves with them.
+    """
+    samples = {
+        label: fig.add_glyph(_unseen(many[0]), many[0].glyph.clone()) for label, many in glyphs.items()
+    }
+    items = add_legend(fig, samples)
+    hidden = [(items[label], many) for label, many in glyphs.items()]
+    fig.legend[0].js_on_event(LegendItemClick, CustomJS(args={"entries": hidden}, code=HIDE))
+
+
+def _unseen(glyph: GlyphRenderer[Any]) -> ColumnDataSource:
+    """Return a source with the columns of a glyph's, and one row that is not drawn: a legend needs one."""
+    assert isinstance(glyph.data_source, ColumnDataSource)
+    abscissa = glyph.glyph.x
+    return ColumnDataSource(
+        {name: [np.nan if name == abscissa else 1.0] for name in glyph.data_source.column_names}
+    )
