@@ -97,7 +97,7 @@ class SourceFields:
             label="Axes forward, right, down", value="x,y,z", placeholder="x,y,z", **_FIELD, **sized(170)
         )
         self._heading = pmui.TextInput(
-            label="Initial heading [°]", placeholder="found out", **_FIELD, **sized(130)
+            label="Initial heading [°]", placeholder="found out", **_FIELD, **sized(170)
         )
         self._note = pn.pane.HTML(
             "", margin=(0, 6), sizing_mode="stretch_width", styles={"opacity": "0.7", "font-size": "13px"}
