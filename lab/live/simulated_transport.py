@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+from functools import cached_property
+
 from lab.live.address import Address
 from lab.live.serial_port import SerialPort
 from lab.live.simulated_device import SimulatedDevice
 from lab.live.tcp_connection import TcpConnection
 from lab.live.transport import Chunk, Transport
+from lab.live.true_motion import TrueFlight
 
 
 class SimulatedTransport:
@@ -27,6 +30,13 @@ class SimulatedTransport:
         self.device = device
         self._begun = False
         self._line: Transport | None = None
+
+    @cached_property
+    def truth(self) -> TrueFlight:
+        """The true motion of the device."""
+        truth = self.device.flight.result.truth_arrays
+        assert truth is not None  # of a simulation
+        return TrueFlight(truth, lambda: self.device.begun)
 
     def open(self) -> None:
         """Open the line of the device.

@@ -18,6 +18,7 @@ from lab.live.reception import Loss, Reception
 from lab.live.ring import Cursor, Read, Ring
 from lab.live.source_status import ENDED, LOST, OPENING, STALE, STREAMING, Event, Status
 from lab.live.transport import Chunk, Transport
+from lab.live.true_motion import TrueMotion
 
 if TYPE_CHECKING:
     from lab.live.simulated_device import SimulatedDevice
@@ -114,6 +115,11 @@ class Source:
     def device(self) -> SimulatedDevice | None:
         """The simulated device that it reads, if it reads one."""
         return getattr(self._transport, "device", None)
+
+    @property
+    def truth(self) -> TrueMotion | None:
+        """The true motion, if the source knows it: that of a simulated device."""
+        return getattr(self._transport, "truth", None)
 
     def fixes_since(self, cursor: Cursor) -> Read:
         """Return the fixes after a cursor, without the samples of the IMU."""

@@ -5,13 +5,14 @@ simulated on it several times, each with other random numbers, and every simulat
 stream is. So the simulations show by how much a quantity varies by chance, whatever its distribution and
 whatever the navigator does to it: no threshold rests on a theory of the estimate. The motion has no
 frequencies above `MOTION_RATE`/2, and contains noise of the real stream below; noise is therefore compared
-above `LEAST_HZ`. Spectra are medians over pieces, so that shocks, such as those of a runway, do not count.
+above `lab.live.stream_statistics.LEAST_HZ`. Spectra are medians over pieces, so that shocks, such as those of
+a runway, do not count. At rest, the motion is known, so slow noise is compared too, by Allan deviations.
 """
 
 from __future__ import annotations
 
 import tempfile
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
@@ -19,9 +20,12 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
+from lab.analysis.allan import AllanDeviation
+from lab.analysis.rest import Record
 from lab.live.live_log import log_of
 from lab.live.live_verdict import batch_of
-from lab.live.simulated_flight import SimulatedFlight
+from lab.live.simulated_flight import REST, SimulatedFlight
+from lab.live.stream_statistics import LEAST_HZ, Spectrum, StreamStatistics, of_log, of_rest
 from lab.logs.sensor_log import SensorLog
 from lab.navigation.settings import NavigatorSettings
 from lab.recordings.flight_csv import write_flight_csv
@@ -30,6 +34,7 @@ from lab.rotation import euler_from_quaternion
 from lab.sensors.suite import TRIADS, SensorSuite
 
 FloatArray = NDArray[np.float64]
+Tell = Callable[[str, float], None]
 
 TWINS: Final = 10
 """Simulations: with ten, chance must exceed 4.6 of their spreads to be taken for a difference."""
@@ -37,27 +42,20 @@ CHANCE: Final = 0.001
 """Probability that chance alone makes a sentence about one quantity."""
 MOTION_RATE: Final = 10.0
 """Samples of the motion a second [Hz]: the fixes and the attitude decide about slower motion."""
-LEAST_HZ: Final = 20.0
-"""Lowest frequency at which noise is compared [Hz]. The mission Montréal has motion up to 15 Hz:
-at 12.5 Hz, it is 28 times the noise of the default accelerometers."""
-SEGMENT: Final = 2.0
-"""Length of the pieces whose spectra are averaged [s]: lines 0.5 Hz apart are told apart."""
-NEIGHBOURS: Final = 15
-"""Frequencies whose median a line must exceed: 7 Hz, over which the spectrum of a motion changes little."""
 WORTH: Final = 0.1
 """Smallest difference of a size that is reported, as a part: settings are rarely known better."""
 LINE_WORTH: Final = 1.5
 """Smallest growth of the highest peak that is reported: the largest of many values is skewed."""
-LEAST_FIXES: Final = 20
-"""Fewest fixes for a comparison of innovations."""
-
-
-@dataclass(frozen=True)
-class Spectrum:
-    """Spectra of a log: frequencies (k,) [Hz] and one-sided densities (k, 3) of each triad, in SI units."""
-
-    frequency: FloatArray
-    density: dict[str, FloatArray]
+CORRELATION: Final = "innovation correlation"
+"""The only quantity that is not a size."""
+_START: Final = {
+    "size": "The innovations of the real stream are {range} as large as those of the simulation.",
+    "drift": "After up to 10 s without fixes, the real stream is {range} as far from them as the simulation.",
+    "noise": f"The noise of the real {{triad}} above {LEAST_HZ:g} Hz is {{range}} that of the simulation.",
+    "line": "The spectrum of the real {triad} has a line: its peak is {range} that of the simulation.",
+    "deviation": "The Allan {name} of the real {triad} is {range} that of the simulation.",
+}
+"""Sentences by the kind of quantity."""
 
 
 @dataclass(frozen=True)
@@ -94,11 +92,18 @@ class TwinComparison:
         All quantities.
     real, simulated : Spectrum
         Spectra of the stream and the mean of the simulations.
+    real_allan, simulated_allan : dict of AllanDeviation
+        Allan deviations of both triads, of the stream and the root mean square of the simulations.
+    at_rest : bool
+        Whether a record at rest was compared.
     """
 
     differences: tuple[Difference, ...]
     real: Spectrum
     simulated: Spectrum
+    real_allan: dict[str, AllanDeviation]
+    simulated_allan: dict[str, AllanDeviation]
+    at_rest: bool
 
     @property
     def sentences(self) -> list[str]:
@@ -111,7 +116,7 @@ def twin_of(
     sensors: SensorSuite,
     navigator: NavigatorSettings,
     seed: int = 1,
-    progress: Callable[[str, float], None] | None = None,
+    progress: Tell | None = None,
 ) -> TwinComparison:
     """Compare a stream with simulations of its motion.
 
@@ -136,26 +141,90 @@ def twin_of(
     smoothing = NavigatorSettings()
     smoothing.update({**navigator.to_dict(), "smoother": True})
     motion = _motion(batch_of(log, sensors, smoothing))
-    found = [_quantities(log, sensors, navigator)]
     rate = 1 / float(np.median(np.diff(log.time)))
     with tempfile.TemporaryDirectory(prefix="ins-lab-") as folder:
         path = Path(folder) / "flight.csv"
         write_flight_csv(path, motion)
-        for k in range(TWINS):
-            tell(f"Simulating, {k + 1} of {TWINS}", (k + 1) / (TWINS + 2))
-            found.append(_quantities(_simulated(path, rate, sensors, seed + k), sensors, navigator))
-    (real, spectrum), others = found[0], found[1:]
-    mean = Spectrum(
-        spectrum.frequency,
-        {
-            triad: np.mean([one.density[triad][: len(spectrum.frequency)] for _, one in others], axis=0)
-            for triad in TRIADS
-        },
+        return _compared(
+            of_log(log, sensors, navigator),
+            lambda k: of_log(_simulated(path, rate, sensors, seed + k), sensors, navigator),
+            tell,
+            at_rest=False,
+        )
+
+
+def twin_at_rest(
+    records: Mapping[str, Record], sensors: SensorSuite, seed: int = 1, progress: Tell | None = None
+) -> TwinComparison:
+    """Compare a record at rest with simulations of a device at rest; it needs no fixes.
+
+    Parameters
+    ----------
+    records
+        Records of gyros and accelerometers, with one interval of the samples.
+    sensors
+        The sensors that are simulated.
+    seed
+        Of the first simulation.
+    progress
+        Called with a sentence and the fraction done.
+
+    Raises
+    ------
+    SettingError, ValueError
+        If the record is too short, or the sensors cannot be simulated at its rate.
+    """
+    record = records[TRIADS[0]]
+    dt, samples = record.dt, len(record.rates)
+
+    def simulated(k: int) -> StreamStatistics:
+        flight = SimulatedFlight.of(
+            REST, 1 / dt, seed=seed + k, rest=samples * dt, settings={"sensors": sensors.to_dict()}
+        )
+        rows = flight.imu[:samples]
+        return of_rest({"gyro": rows["rate"], "accelerometer": rows["force"]}, dt)
+
+    real = of_rest({triad: one.rates for triad, one in records.items()}, dt)
+    return _compared(real, simulated, progress or (lambda _words, _part: None), at_rest=True)
+
+
+def _compared(
+    real: StreamStatistics, simulated: Callable[[int], StreamStatistics], tell: Tell, *, at_rest: bool
+) -> TwinComparison:
+    """Compare statistics with those of `TWINS` simulations, by their number."""
+    twins = []
+    for k in range(TWINS):
+        tell(f"Simulating, {k + 1} of {TWINS}", (k + 1) / (TWINS + 2))
+        twins.append(simulated(k))
+    differences = [
+        _difference(name, value, np.array([one.sizes[name] for one in twins]))
+        for name, value in real.sizes.items()
+        if all(name in one.sizes for one in twins)
+    ]
+    if np.isfinite(real.correlation):
+        others = np.array([one.correlation for one in twins])
+        if np.isfinite(others).all():
+            differences.append(_difference(CORRELATION, real.correlation, others))
+    density = {
+        triad: np.mean([one.spectrum.density[triad] for one in twins], axis=0)
+        for triad in real.spectrum.density
+    }
+    return TwinComparison(
+        tuple(differences),
+        real.spectrum,
+        Spectrum(twins[0].spectrum.frequency, density),
+        real.allan,
+        {triad: _mean_deviation([one.allan[triad] for one in twins]) for triad in real.allan},
+        at_rest,
     )
-    differences = tuple(
-        _difference(name, value, np.array([one[name] for one, _ in others])) for name, value in real.items()
-    )
-    return TwinComparison(differences, spectrum, mean)
+
+
+def _mean_deviation(curves: list[AllanDeviation]) -> AllanDeviation:
+    """Return the root mean square of deviations, at the averaging times that all have."""
+    first = min(curves, key=lambda curve: len(curve.tau))
+    count = len(first.tau)
+    squares = np.mean([curve.deviation[:count] ** 2 for curve in curves], axis=0)
+    return first._replace(deviation=np.sqrt(squares), degrees=len(curves) * first.degrees)
 
 
 def _motion(result: Any) -> Recording:
@@ -180,44 +249,6 @@ def _simulated(path: Path, rate: float, sensors: SensorSuite, seed: int) -> Sens
     return log_of("twin", *flight.timed())
 
 
-def _quantities(
-    log: SensorLog, sensors: SensorSuite, navigator: NavigatorSettings
-) -> tuple[dict[str, float], Spectrum]:
-    """Return the quantities of a log that are compared, and its spectra."""
-    from scipy import ndimage  # noqa: PLC0415 - takes a tenth of a second, and only this needs it
-
-    spectrum = _spectrum(log)
-    found = {}
-    high = (spectrum.frequency >= LEAST_HZ) & (spectrum.frequency < 0.98 * spectrum.frequency[-1])
-    for triad, density in spectrum.density.items():
-        if high.sum() < 4:
-            continue
-        level = np.median(density[high], axis=0)
-        found[f"{triad} noise"] = float(np.mean(np.log(level)) / 2)
-        around = ndimage.median_filter(density, size=(NEIGHBOURS, 1), mode="nearest")
-        found[f"{triad} line"] = float(np.log((density[high] / around[high]).max()))
-    solution = batch_of(log, sensors, navigator).solution_arrays
-    used = solution.fix_sample >= 0
-    if used.sum() >= LEAST_FIXES:
-        spread = np.sqrt(np.diagonal(solution.innovation_covariance[used], axis1=1, axis2=2))
-        normed = solution.innovation[used] / spread
-        found["innovation size"] = float(np.log(np.mean(normed**2)) / 2)
-        found["innovation correlation"] = float(np.sum(normed[1:] * normed[:-1]) / np.sum(normed**2))
-    return found, spectrum
-
-
-def _spectrum(log: SensorLog) -> Spectrum:
-    from scipy import signal  # noqa: PLC0415 - takes a tenth of a second, and only this needs it
-
-    hz = 1 / float(np.median(np.diff(log.time)))
-    densities = {}
-    for triad, rates in zip(TRIADS, log.rates, strict=True):
-        frequency, densities[triad] = signal.welch(
-            rates, hz, nperseg=round(SEGMENT * hz), axis=0, average="median"
-        )
-    return Spectrum(frequency, densities)
-
-
 def _difference(name: str, real: float, twins: FloatArray) -> Difference:
     from scipy import special  # noqa: PLC0415 - takes a tenth of a second, and only this needs it
 
@@ -233,7 +264,7 @@ def _difference(name: str, real: float, twins: FloatArray) -> Difference:
 
 def _sentence(name: str, by: float, sigma: float, real: float, mean: float, t: float) -> str:
     """Return where the real stream differs; empty if the difference is too small to matter."""
-    if name == "innovation correlation":
+    if name == CORRELATION:
         return (
             f"Successive innovations of the real stream have a correlation of {real:.2f}, those of the "
             f"simulation {mean:.2f} ± {sigma:.2f} (t = {t:.1f})."
@@ -241,14 +272,10 @@ def _sentence(name: str, by: float, sigma: float, real: float, mean: float, t: f
             else ""
         )
     factor, low, high = np.exp((by, by - 2 * sigma, by + 2 * sigma))
-    if abs(factor - 1) < WORTH:
+    if abs(factor - 1) < WORTH or (name.endswith(" line") and factor < LINE_WORTH):
         return ""
-    range_of = f"{factor:.2f} times ({low:.2f} to {high:.2f}, t = {t:.1f})"
-    if name == "innovation size":
-        return f"The innovations of the real stream are {range_of} as large as those of the simulation."
-    triad, what = name.split(" ")
-    if what == "noise":
-        return f"The noise of the real {triad} above {LEAST_HZ:g} Hz is {range_of} that of the simulation."
-    if factor < LINE_WORTH:
-        return ""
-    return f"The spectrum of the real {triad} has a line: its peak is {range_of} that of the simulation."
+    return _START[name.split(" ", 1)[-1].split(" over ", maxsplit=1)[0]].format(
+        triad=name.split(" ", maxsplit=1)[0],
+        name=name.split(" ", 1)[-1],
+        range=f"{factor:.2f} times ({low:.2f} to {high:.2f}, t = {t:.1f})",
+    )

@@ -13,6 +13,7 @@ from dashboards.devices import STATIONS
 from dashboards.pages.base import Page, plot_grid
 from dashboards.pages.live.allan_part import AllanPart
 from dashboards.pages.live.axes_part import AxesPart
+from dashboards.pages.live.errors_part import ErrorsPart
 from dashboards.pages.live.inviting import Inviting, forget_phone, phone_station
 from dashboards.pages.live.recorder import Recorder
 from dashboards.pages.live.source_fields import SourceFields
@@ -36,7 +37,7 @@ SLOWEST = 10
 """Most ticks for one update of the plots: with ten pages or more, a second."""
 PHONE_KEY = "phone "
 """Before the number of a phone in the key of its station."""
-PLOTS, AXES, ALLAN = "Plots", "Axes", "Allan"
+PLOTS, ERRORS, AXES, ALLAN = "Plots", "Errors", "Axes", "Allan"
 """What the page shows below the status."""
 AWAY = 3.0
 """Length of the unplugging that a person may try [s]."""
@@ -86,8 +87,14 @@ class Live(Page):
         self._inviting = Inviting()
         self._figures = LiveFigures()
         self._plots = plot_grid(self._figures.figures, 3, 205, fill=False)
+        self._errors = ErrorsPart(WINDOWS["20 s"])
         self._axes, self._allan = AxesPart(), AllanPart(self._session)
-        self._parts = {PLOTS: self._plots, AXES: self._axes.view, ALLAN: self._allan.view}
+        self._parts = {
+            PLOTS: self._plots,
+            ERRORS: self._errors.view,
+            AXES: self._axes.view,
+            ALLAN: self._allan.view,
+        }
         self._choice = pmui.RadioButtonGroup(
             options=list(self._parts), value=PLOTS, size="small", margin=(6, 10), color="primary"
         )
@@ -140,10 +147,13 @@ class Live(Page):
         self._stage[:] = [self._parts.get(str(self._choice.value), self._parts[PLOTS])]
         if self._choice.value == ALLAN:
             self._allan.tell()
-        elif self._choice.value == PLOTS and self._station is not None:
+        elif self._station is not None:
             self._begin_anew()
+        elif self._choice.value == ERRORS:
+            self._errors.tell()
 
     def _show_parts_of(self, station: Station | None) -> None:
+        self._errors.watch(station)
         self._axes.watch(station)
         self._allan.watch(station)
 
@@ -224,6 +234,7 @@ class Live(Page):
         self._cursors = (0, HistoryCursor(), Cursor())
         with together(self._document):
             self._figures.clear()
+            self._errors.begin_anew()
             self._advance()
         self._tell()
         if self._visible and self._pause.label == "Pause":
@@ -251,15 +262,17 @@ class Live(Page):
         if self._ticks % max(turn, 1):
             return
         with together(self._document):
-            if self._choice.value == PLOTS:
-                self._advance()
+            self._advance()
             if self._ticks % max(TELL, turn) < turn:
                 self._tell()
 
     def _advance(self) -> None:
-        """Append what came since the last tick."""
+        """Append what came since the last tick to the plots that are shown."""
         station = self._station
-        if station is None:
+        if station is None or self._choice.value == ERRORS:
+            self._errors.advance()
+            return
+        if self._choice.value != PLOTS:
             return
         thinned, history, ring = self._cursors
         thinned, rows = station.thinned.since(thinned)
@@ -281,9 +294,13 @@ class Live(Page):
             self._recorder.tell(status)
             if self._choice.value == ALLAN:
                 self._allan.tell()
+            elif self._choice.value == ERRORS:
+                self._errors.tell()
 
     def _widen(self, name: str) -> None:
-        self._figures.window = WINDOWS.get(name, WINDOWS["20 s"])
+        window = WINDOWS.get(name, WINDOWS["20 s"])
+        self._figures.window = window
+        self._errors.widen(window)
         if self._station is not None:
             self._begin_anew()
 

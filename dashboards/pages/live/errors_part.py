@@ -1,0 +1,102 @@
+"""Errors part: the errors of the live navigator against the truth, as they happen."""
+
+from __future__ import annotations
+
+from collections import deque
+from html import escape
+
+import numpy as np
+import panel as pn
+
+from dashboards.pages.base import plot_grid
+from dashboards.pages.missions.entry_fields import WHOLE
+from lab.live.live_errors import LiveErrors, errors_of, joined, normalised_rms
+from lab.live.live_state import HistoryCursor
+from lab.live.station import Station
+from lab.live.true_motion import TrueMotion
+from lab.views.live_error_figures import LiveErrorFigures
+
+_NO_TRUTH = "Only a simulated device knows its true motion: connect one to see the errors of the navigator."
+_RECENT = 60.0
+"""Time over which errors are compared with their σ in the sentence [s]: a few correlation times of errors."""
+
+
+class ErrorsPart:
+    """Errors of position, velocity and attitude between their ±3σ.
+
+    Parameters
+    ----------
+    window
+        Length of time that is shown [s].
+
+    Attributes
+    ----------
+    view : panel.Column
+        All of it.
+    """
+
+    def __init__(self, window: float) -> None:
+        self._station: Station | None = None
+        self._truth: TrueMotion | None = None
+        self._cursor = HistoryCursor()
+        self._recent: deque[LiveErrors] = deque()
+        self._figures = LiveErrorFigures(window)
+        self._words = pn.pane.HTML("", margin=(4, 10), sizing_mode="stretch_width")
+        self._grid = plot_grid(self._figures.figures, 3, 205, fill=False)
+        self.view = pn.Column(
+            self._words, self._grid, sizing_mode="stretch_width", margin=0, stylesheets=[WHOLE]
+        )
+        self.watch(None)
+
+    def watch(self, station: Station | None) -> None:
+        """Show the errors of another source, or of none."""
+        self._station = station
+        self._truth = None if station is None else station.source.truth
+        self._grid.visible = self._truth is not None
+        self.begin_anew()
+
+    def begin_anew(self) -> None:
+        """Forget what is drawn: the next `advance` draws all that the station still has."""
+        self._cursor = HistoryCursor()
+        self._recent.clear()
+        self._figures.clear()
+
+    def widen(self, window: float) -> None:
+        """Show another length of time [s], from the next `begin_anew`."""
+        self._figures.window = window
+
+    def advance(self) -> None:
+        """Append what came since the last time."""
+        station, truth = self._station, self._truth
+        if station is None or truth is None:
+            return
+        told = station.history(self._cursor)
+        if told is not None:
+            self._cursor, history = told
+            self._add(errors_of(history, truth), station.zero)
+        self._figures.show(station.newest - station.zero)
+
+    def _add(self, errors: LiveErrors, zero: float) -> None:
+        if not errors.time.size:
+            return
+        self._figures.add(errors, zero)
+        self._recent.append(errors)
+        while self._recent[0].time[-1] < errors.time[-1] - _RECENT:
+            self._recent.popleft()
+
+    def tell(self) -> None:
+        """Say how large the errors are beside their σ."""
+        station, truth = self._station, self._truth
+        if station is None or truth is None:
+            self._words.object = f"<p>{escape(_NO_TRUTH)}</p>"
+            return
+        if not self._recent:
+            self._words.object = "<p>The navigator shows no attitude yet.</p>"
+            return
+        rms = normalised_rms(joined(self._recent))
+        parts = [f"{name} {value:.2f} σ" for name, value in rms.items() if np.isfinite(value)]
+        sentence = (
+            f"Errors are estimate minus truth. Their rms over the last {_RECENT:g} s, in σ: "
+            f"{', '.join(parts)}. Over many runs, a filter whose σ is true has 1."
+        )
+        self._words.object = f"<p>{escape(sentence)}</p>"

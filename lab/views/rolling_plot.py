@@ -1,0 +1,170 @@
+"""Rolling plot: curves over the last seconds of a stream, to which rows are appended."""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+from bokeh.models.annotations import Title
+from bokeh.models.ranges import Range1d
+from bokeh.models.renderers import GlyphRenderer
+from bokeh.models.sources import ColumnDataSource
+from bokeh.models.tickers import FixedTicker
+from bokeh.plotting import figure
+from numpy.typing import NDArray
+
+from lab.views.envelope import nice_limit
+from lab.views.figures import decade_ticks, plain_figure, set_ordinate, tick_by_hand
+from lab.views.legend import add_still_legend
+from lab.views.parcel import Parcel
+from lab.views.quantities import AXIS_COLOURS
+
+FloatArray = NDArray[np.float64]
+
+_LEGEND = 0.25
+"""Part of an ordinate that is left free at the top for the legend."""
+_ROWS_PER_SECOND = 60
+"""Rows of a source per second at most: those of `lab.live.thinned` and marks of gaps."""
+_STANDS_STILL = 0.6
+"""Part of an ordinate below which what is shown is drawn larger."""
+
+
+class RollingPlot:
+    """A figure over time with curves of one source, whose ordinate follows what is shown.
+
+    Parameters
+    ----------
+    title, unit
+        Title and unit of the ordinate.
+    labels
+        Labels of the curves.
+    x_range
+        Shared range of time.
+    parcel
+        Takes the changes.
+    logarithmic
+        Whether the ordinate is logarithmic.
+    points
+        Whether points are drawn in place of lines.
+    least
+        Least half height of a linear ordinate, in its unit.
+    colours
+        Colours of the curves.
+    legend
+        Names of the entries of the legend, with the labels of their curves; by default, up to three curves
+        have an entry each.
+    """
+
+    def __init__(
+        self,
+        title: str,
+        unit: str,
+        labels: tuple[str, ...],
+        x_range: Range1d,
+        parcel: Parcel,
+        *,
+        logarithmic: bool = False,
+        points: bool = False,
+        least: float = 0.0,
+        colours: tuple[str, ...] = AXIS_COLOURS * 2,
+        legend: Mapping[str, tuple[str, ...]] | None = None,
+    ) -> None:
+        self._labels, self._logarithmic, self._least = labels, logarithmic, least
+        self._parcel = parcel
+        self._span = (0.0, 0.0)
+        self._ordinate = Range1d(start=0.1 if logarithmic else -1.0, end=1.0)
+        self.figure: figure = plain_figure(
+            Title(text=f"{title} [{unit}]"),
+            "time [s]",
+            x_range=x_range,
+            y_range=self._ordinate,
+            y_axis_type="log" if logarithmic else "linear",
+        )
+        if logarithmic:
+            tick_by_hand(self.figure)
+            set_ordinate(self.figure, 0.1, 1.0)
+        self.source = ColumnDataSource({"time": [], **{label: [] for label in labels}}, name=f"live:{title}")
+        self.glyphs: dict[str, GlyphRenderer[Any]] = {
+            label: (
+                self.figure.scatter(
+                    "time", label, source=self.source, color=colour, size=6, alpha=0.9, marker=marker
+                )
+                if points
+                else self.figure.line("time", label, source=self.source, color=colour, line_width=1.4)
+            )
+            for label, colour, marker in zip(
+                labels, colours, ("circle",) * 3 + ("triangle",) * 3, strict=False
+            )
+        }
+        if legend is None and 1 < len(labels) <= len(AXIS_COLOURS):
+            legend = {label: (label,) for label in labels}
+        if legend:
+            shown = {name: [self.glyphs[label] for label in curves] for name, curves in legend.items()}
+            add_still_legend(self.figure, shown)
+        self._kept: deque[FloatArray] = deque()
+        self._source, self._y = parcel.number(self.source), parcel.number(self._ordinate)
+        ticker = self.figure.yaxis[0].ticker
+        self._ticks = parcel.number(ticker) if isinstance(ticker, FixedTicker) else -1
+
+    def clear(self) -> None:
+        """Forget all rows."""
+        self._kept.clear()
+        self._span = (0.0, 0.0)
+        self._parcel.stream(self._source, {"time": [], **{label: [] for label in self._labels}}, None)
+
+    def add(self, time: FloatArray, values: FloatArray, window: float) -> None:
+        """Append rows.
+
+        Parameters
+        ----------
+        time : (n,) array
+            Times [s].
+        values : (n, k) array
+            A column for each curve.
+        window
+            Length of time that is shown [s].
+        """
+        if not time.size:
+            return
+        rows = np.column_stack((time, values))
+        self._kept.append(rows)
+        while len(self._kept) > 1 and self._kept[0][-1, 0] < time[-1] - window:
+            self._kept.popleft()
+        columns = dict(zip(("time", *self._labels), rows.T, strict=True))
+        self._parcel.stream(self._source, columns, int(window * _ROWS_PER_SECOND))
+        self._fit()
+
+    def _fit(self) -> None:
+        """Let the ordinate hold what is shown, and change it only when it must."""
+        shown = np.concatenate([rows[:, 1:] for rows in self._kept])
+        known = shown[np.isfinite(shown)]
+        if self._logarithmic:
+            known = known[known > 0]
+        if not known.size:
+            return
+        low, high = float(known.min()), float(known.max())
+        start, end = self._span
+        if self._logarithmic:
+            low, high = 10 ** np.floor(np.log10(low)), 10 ** np.ceil(np.log10(high) + 1e-9)
+            high = max(high, 10 * low)
+            high *= (high / low) ** _LEGEND
+            if (start, end) != (low, high):
+                self._set(float(low), float(high))
+            return
+        if len(self._labels) > 1:
+            high += _LEGEND * max(high - low, 2 * self._least)
+        middle, half = (low + high) / 2, max((high - low) / 2, self._least)
+        inside = start <= low and high <= end
+        if inside and half > _STANDS_STILL * (end - start) / 2 / 1.1:
+            return
+        half = nice_limit(1.1 * half)
+        self._set(middle - half, middle + half)
+
+    def _set(self, low: float, high: float) -> None:
+        """Set the ends of the ordinate, and its ticks if it is logarithmic."""
+        self._span = low, high
+        self._parcel.set(self._y, start=low, end=high)
+        if self._logarithmic:
+            self._parcel.set(self._ticks, ticks=decade_ticks(low, high))
