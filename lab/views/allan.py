@@ -5,23 +5,15 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 import numpy as np
-from bokeh.models.ranges import Range1d
-from bokeh.models.sources import ColumnDataSource
-from bokeh.models.tools import HoverTool
-from bokeh.plotting import figure
 from numpy.typing import NDArray
 
 from lab.analysis.allan import FLOOR, AllanDeviation
 from lab.sensors.suite import SensorSuite
 from lab.units import TO_SI, si
-from lab.views.envelope import limits
-from lab.views.figures import plain_figure, set_ordinate, tick_by_hand
-from lab.views.legend import add_legend
-from lab.views.quantities import AXIS_COLOURS
+from lab.views.paired_curves import PairedCurves
 
 FloatArray = NDArray[np.float64]
 
-BODY = ("x", "y", "z")
 UNITS = {"gyro": "°/h", "accelerometer": "mg"}
 TITLES = {"gyro": "Gyros", "accelerometer": "Accelerometers"}
 
@@ -51,53 +43,43 @@ def promised(sensors: SensorSuite, triad: str, tau: FloatArray) -> FloatArray:
 class AllanFigures:
     """The Allan deviation of the gyros and of the accelerometers over the averaging time.
 
+    Parameters
+    ----------
+    dashed
+        What the dashed curves are.
+
     Attributes
     ----------
     figures : list of figure
         Gyros, accelerometers.
     """
 
-    def __init__(self) -> None:
-        names = [f"{axis}{suffix}" for axis in BODY for suffix in ("", "_promised")]
-        self._sources = {
-            triad: ColumnDataSource({name: np.zeros(0) for name in ("tau", *names)}) for triad in UNITS
+    def __init__(self, dashed: str = "as set") -> None:
+        self._curves = {
+            triad: PairedCurves(
+                f"{TITLES[triad]}: Allan deviation [{unit}], dashed: {dashed}",
+                "averaging time τ [s]",
+                ("τ", "s"),
+                unit,
+            )
+            for triad, unit in UNITS.items()
         }
-        self.figures = [self._draw(triad) for triad in UNITS]
+        self.figures = [curves.figure for curves in self._curves.values()]
 
     def show(self, sensors: SensorSuite, deviations: Mapping[str, AllanDeviation]) -> None:
         """Draw the deviations of both triads, beside those expected from the settings."""
-        for (triad, unit), fig in zip(UNITS.items(), self.figures, strict=True):
-            found = deviations[triad]
-            columns = {"tau": found.tau}
-            for suffix, values in (("", found.deviation), ("_promised", promised(sensors, triad, found.tau))):
-                columns |= {f"{axis}{suffix}": values[:, i] / TO_SI[unit] for i, axis in enumerate(BODY)}
-            self._sources[triad].data = columns
-            set_ordinate(fig, *limits([columns[axis] for axis in BODY], "logarithmic"))
-            fig.x_range.update(start=found.tau[0] / 1.3, end=found.tau[-1] * 1.3)
+        self.compare(
+            deviations,
+            {triad: promised(sensors, triad, deviations[triad].tau) for triad in self._curves},
+        )
+
+    def compare(self, deviations: Mapping[str, AllanDeviation], others: Mapping[str, FloatArray]) -> None:
+        """Draw the deviations of both triads beside others (k, 3) at the same averaging times, SI units."""
+        for triad, curves in self._curves.items():
+            found, unit = deviations[triad], TO_SI[UNITS[triad]]
+            curves.show(found.tau, found.deviation / unit, others[triad] / unit)
 
     def clear(self) -> None:
         """Draw nothing."""
-        for source in self._sources.values():
-            source.data = {name: np.zeros(0) for name in source.data}
-
-    def _draw(self, triad: str) -> figure:
-        source = self._sources[triad]
-        fig = plain_figure(
-            f"{TITLES[triad]}: Allan deviation [{UNITS[triad]}], dashed: as set",
-            "averaging time τ [s]",
-            x_axis_type="log",
-            y_axis_type="log",
-            x_range=Range1d(start=1, end=1e4),
-            y_range=Range1d(start=0.1, end=1),
-            tools=[],
-            height=240,
-        )
-        tick_by_hand(fig)
-        lines = {}
-        for axis, colour in zip(BODY, AXIS_COLOURS, strict=True):
-            fig.line("tau", f"{axis}_promised", source=source, color=colour, line_dash="dashed", alpha=0.7)
-            lines[axis] = fig.line("tau", axis, source=source, color=colour, line_width=1.6)
-        tooltips = [("τ", "@tau{0.00} s"), *((axis, f"@{axis}{{0.000}} {UNITS[triad]}") for axis in BODY)]
-        fig.add_tools(HoverTool(mode="vline", renderers=[lines["x"]], tooltips=tooltips))
-        add_legend(fig, lines)
-        return fig
+        for curves in self._curves.values():
+            curves.clear()

@@ -1,27 +1,30 @@
-"""The parts Axes and Allan of the page Live, on a simulated device at rest."""
+"""The parts Errors, Axes, Allan and Twin of the page Live, on simulated devices."""
 
 from __future__ import annotations
 
+import json
 from collections.abc import Callable, Iterator
 
+import numpy as np
 import pytest
 
 import dashboards.pages.live.allan_part as allan_module
+import dashboards.pages.live.twin_part as twin_part_module
 import lab.live.growing_allan as growing_module
+import lab.live.twin as twin_module
 from dashboards import devices
 from dashboards.devices import allow_devices
-from dashboards.pages.live.live import ALLAN, AXES, PLOTS
+from dashboards.pages.live.live import ALLAN, AXES, ERRORS, PLOTS, TWIN
 from lab.live.axis_map import AxisMap
+from lab.live.live_errors import joined
 from lab.sensors.cards import read_cards
 from lab.toml_file import parse_toml
 from tests.dashboards.test_live_page import Opened, wait_until_nothing_is_left
 
 
-@pytest.fixture
-def one(monkeypatch: pytest.MonkeyPatch) -> Iterator[Opened]:
-    """Return a page that is connected to a device on a table."""
+def connected(monkeypatch: pytest.MonkeyPatch, address: str) -> Iterator[Opened]:
+    """Lend a page that is connected to a simulated device."""
     monkeypatch.setattr(devices, "_decided", {})
-    address = "simulated:rest?device=vectornav&hz=200&rest=60"
     allow_devices([address])
     opened = Opened(monkeypatch)
     opened.page._fields.refresh()
@@ -30,6 +33,18 @@ def one(monkeypatch: pytest.MonkeyPatch) -> Iterator[Opened]:
     yield opened
     opened.close()
     wait_until_nothing_is_left()
+
+
+@pytest.fixture
+def one(monkeypatch: pytest.MonkeyPatch) -> Iterator[Opened]:
+    """Return a page that is connected to a device on a table."""
+    yield from connected(monkeypatch, "simulated:rest?device=vectornav&hz=200&rest=60")
+
+
+@pytest.fixture
+def without_fixes(monkeypatch: pytest.MonkeyPatch) -> Iterator[Opened]:
+    """Return a page that is connected to a device on a table without a receiver."""
+    yield from connected(monkeypatch, "simulated:rest?device=memsense&hz=150&rest=60")
 
 
 def test_a_position_is_taken_and_the_axes_are_used(one: Opened) -> None:
@@ -78,8 +93,8 @@ def test_the_deviation_grows_and_becomes_a_card(
 
         return look
 
-    source = part._figures._sources["gyro"]
-    one.until(told(lambda: len(source.data["tau"]) > 3))
+    source = part._figures.figures[0].renderers[0].data_source
+    one.until(told(lambda: len(source.data["at"]) > 3))
     assert "At rest for" in part._words.object
     assert "τ = 100 s is reached in" in part._words.object
     assert source.data["x"][0] > 0
@@ -95,4 +110,76 @@ def test_the_deviation_grows_and_becomes_a_card(
     assert list(page._stage) == [page._plots]
     page._toggle()
     assert "Connect a source" in part._words.object
-    assert len(source.data["tau"]) == 0
+    assert len(source.data["at"]) == 0
+
+
+def test_the_errors_against_the_truth_are_drawn_and_told(one: Opened) -> None:
+    page = one.page
+    page._choice.value = ERRORS
+    part = page._errors
+    assert part._grid.visible
+    carrier = part._figures._parcel.carrier
+    drawn: list[float] = []
+
+    def rows_came() -> bool:
+        for model, columns, _ in (
+            json.loads(carrier.data["what"][0])["streams"] if carrier.data["what"] else []
+        ):
+            if model == 12:  # the source of the roll: each plot before it has a source and an ordinate
+                drawn.extend(dict(columns)["error"])
+        return len(drawn) > 20
+
+    one.until(rows_came)
+    found = joined(list(part._recent))
+    roll, sigma = found.attitude[:, 0], found.attitude_sigma[:, 0]
+    assert np.isin(np.round(drawn, 5), np.round(np.degrees(roll), 5)).all()
+    # Levelled by the default sensors: the error is below 5 σ, and the σ below 3°.
+    assert (np.abs(roll) < 5 * sigma).all()
+    assert (sigma < np.radians(3)).all()
+    part.tell()
+    assert "attitude" in part._words.object
+    assert "σ" in part._words.object
+    page._toggle()
+    assert "Only a simulated device" in part._words.object or not part._grid.visible
+    part.tell()
+    assert "Only a simulated device" in part._words.object
+
+
+def test_a_desk_sensor_without_fixes_is_compared_at_rest(
+    without_fixes: Opened, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(twin_part_module, "LEAST_REST", 5.0)
+    monkeypatch.setattr(twin_module, "TWINS", 3)
+    page = without_fixes.page
+    page._choice.value = TWIN
+    part = page._twin
+    assert part._compare.disabled
+    assert "leave it at rest" in part._words.object
+
+    def ready() -> bool:
+        part.tell()
+        return not part._compare.disabled
+
+    without_fixes.until(ready)
+    part._sensors.value = twin_part_module.MEASURED
+    part._start()
+    assert "make one under Allan" in part._job._after.text
+    part._sensors.value = twin_part_module.SETTINGS
+    part._start()
+    without_fixes.until(lambda: "Real / simulated" in part._table.object)
+    assert "Noise of the gyros above 20 Hz" in part._table.object
+    assert part._grid.visible
+    assert len(part._figures.figures[0].renderers[0].data_source.data["at"]) > 50
+    page._toggle()
+    assert part._table.object == ""
+    assert not part._grid.visible
+    assert "Connect a source" in part._words.object
+
+
+def test_a_stream_with_fixes_needs_a_minute(one: Opened) -> None:
+    one.until(lambda: one.page._station is not None and one.page._station.source.end.fix > 1)
+    part = one.page._twin
+    part.tell()
+    assert "s more of the stream" in part._words.object
+    part._start()  # a hand-made message
+    assert not part._job.busy

@@ -33,6 +33,6 @@ def test_figures_take_a_record_and_forget_it() -> None:
     }
     figures.show(suite, deviations)
     source = figures.figures[0].renderers[0].data_source
-    assert len(source.data["tau"]) == len(source.data["x"]) > 10
+    assert len(source.data["at"]) == len(source.data["x"]) > 10
     figures.clear()
     assert len(source.data["x"]) == 0

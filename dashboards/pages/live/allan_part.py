@@ -21,6 +21,7 @@ from lab.analysis import allan, rest
 from lab.live.growing_allan import LEAST_FOR_CARD, GrowingAllan
 from lab.live.station import Station
 from lab.missions.mission_name import accepted_name
+from lab.sensors.cards import Card
 from lab.views.allan import AllanFigures
 
 WANTED = {"1 s": 1.0, "10 s": 10.0, "100 s": 100.0, "1000 s": 1000.0}
@@ -43,6 +44,8 @@ class AllanPart:
     ----------
     view : panel.Column
         All of it.
+    card : Card or None
+        The card that was made last of this source.
     """
 
     def __init__(self, session: Session) -> None:
@@ -51,6 +54,7 @@ class AllanPart:
         self._station: Station | None = None
         self._seen = 0.0, 0  # length [s] of the record that is shown, and how often it had begun again
         self._toml = b""
+        self.card: Card | None = None
         self._figures = AllanFigures()
         self._work: LatestWins[Station] = LatestWins(self._compute, self._deliver, LONG)
         self._words = pn.pane.HTML("", margin=(4, 10), sizing_mode="stretch_width")
@@ -84,7 +88,7 @@ class AllanPart:
 
     def watch(self, station: Station | None) -> None:
         """Show another device, or none."""
-        self._station, self._seen, self._toml = station, (0.0, 0), b""
+        self._station, self._seen, self._toml, self.card = station, (0.0, 0), b"", None
         self._figures.clear()
         self._download.visible = False
         self._make.disabled = True
@@ -156,7 +160,8 @@ class AllanPart:
 
         self._job.start("Fitting the noise terms", work, self._made)
 
-    def _made(self, card: Any) -> None:
+    def _made(self, card: Card) -> None:
+        self.card = card
         self._toml = card.to_toml().encode()
         self._download.param.update(
             filename=f"{card.name}.toml", label=f"Download {card.name}.toml", visible=True

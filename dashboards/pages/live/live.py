@@ -18,6 +18,7 @@ from dashboards.pages.live.inviting import Inviting, forget_phone, phone_station
 from dashboards.pages.live.recorder import Recorder
 from dashboards.pages.live.source_fields import SourceFields
 from dashboards.pages.live.status_line import StatusLine
+from dashboards.pages.live.twin_part import TwinPart
 from dashboards.pages.missions.entry_fields import WHOLE, WRAP, sized
 from dashboards.pages.missions.job import Job
 from dashboards.sending import together
@@ -37,7 +38,7 @@ SLOWEST = 10
 """Most ticks for one update of the plots: with ten pages or more, a second."""
 PHONE_KEY = "phone "
 """Before the number of a phone in the key of its station."""
-PLOTS, ERRORS, AXES, ALLAN = "Plots", "Errors", "Axes", "Allan"
+PLOTS, ERRORS, AXES, ALLAN, TWIN = "Plots", "Errors", "Axes", "Allan", "Twin"
 """What the page shows below the status."""
 AWAY = 3.0
 """Length of the unplugging that a person may try [s]."""
@@ -89,11 +90,13 @@ class Live(Page):
         self._plots = plot_grid(self._figures.figures, 3, 205, fill=False)
         self._errors = ErrorsPart(WINDOWS["20 s"])
         self._axes, self._allan = AxesPart(), AllanPart(self._session)
+        self._twin = TwinPart(self._session, lambda: self._allan.card)
         self._parts = {
             PLOTS: self._plots,
             ERRORS: self._errors.view,
             AXES: self._axes.view,
             ALLAN: self._allan.view,
+            TWIN: self._twin.view,
         }
         self._choice = pmui.RadioButtonGroup(
             options=list(self._parts), value=PLOTS, size="small", margin=(6, 10), color="primary"
@@ -139,16 +142,24 @@ class Live(Page):
         self._recorder.close()
         self._inviting.close()
         self._allan.close()
+        self._twin.close()
         self._leave()
 
     def _turn(self) -> None:
         """Show the chosen part."""
         # A hand-made message may contain any value.
         self._stage[:] = [self._parts.get(str(self._choice.value), self._parts[PLOTS])]
+        if self._choice.value in (PLOTS, ERRORS) and self._station is not None:
+            self._begin_anew()
+        else:
+            self._tell_part()
+
+    def _tell_part(self) -> None:
+        """Renew the words of the chosen part."""
         if self._choice.value == ALLAN:
             self._allan.tell()
-        elif self._station is not None:
-            self._begin_anew()
+        elif self._choice.value == TWIN:
+            self._twin.tell()
         elif self._choice.value == ERRORS:
             self._errors.tell()
 
@@ -156,6 +167,7 @@ class Live(Page):
         self._errors.watch(station)
         self._axes.watch(station)
         self._allan.watch(station)
+        self._twin.watch(station)
 
     def _toggle(self) -> None:
         if self._job.busy:
@@ -292,10 +304,7 @@ class Live(Page):
             status = station.status
             self._status.show(status, station.state, station.verdict, station.failure)
             self._recorder.tell(status)
-            if self._choice.value == ALLAN:
-                self._allan.tell()
-            elif self._choice.value == ERRORS:
-                self._errors.tell()
+            self._tell_part()
 
     def _widen(self, name: str) -> None:
         window = WINDOWS.get(name, WINDOWS["20 s"])

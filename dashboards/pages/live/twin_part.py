@@ -1,0 +1,146 @@
+"""Twin part: the stream beside simulations of its motion, with the sensors of the settings or a card."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from html import escape
+from typing import Any
+
+import panel as pn
+import panel_material_ui as pmui
+
+from dashboards.pages.base import plot_grid
+from dashboards.pages.missions.entry_fields import WHOLE, WRAP, sized
+from dashboards.pages.missions.job import Job
+from dashboards.session import Session
+from lab.experiment import Experiment
+from lab.live.station import Station
+from lab.live.twin import TwinComparison, twin_at_rest, twin_of
+from lab.sensors.cards import Card
+from lab.views.twin_figures import TwinFigures
+from lab.views.twin_table import STYLE, twin_html
+
+SETTINGS, MEASURED = "Those of the settings", "The card made under Allan"
+"""Sensors that are simulated."""
+LEAST_STREAM = 60.0
+"""Least time for which fixes have come, for a comparison with motion [s]: the filter needs half of it."""
+LEAST_REST = 30.0
+"""Least length of a record at rest without fixes [s]: it shows the Allan deviation over 1 s."""
+
+
+class TwinPart:
+    """A button that simulates the stream, and what came of it.
+
+    Parameters
+    ----------
+    session
+        Its sensors are simulated.
+    measured
+        Returns the card that was made of the record at rest, or None.
+
+    Attributes
+    ----------
+    view : panel.Column
+        All of it.
+    """
+
+    def __init__(self, session: Session, measured: Callable[[], Card | None]) -> None:
+        self._session, self._measured = session, measured
+        self._station: Station | None = None
+        self._figures = TwinFigures()
+        self._words = pn.pane.HTML("", margin=(4, 10), sizing_mode="stretch_width")
+        self._sensors = pmui.Select(
+            label="Simulated sensors", options=[SETTINGS, MEASURED], value=SETTINGS, size="small",
+            margin=(8, 4), **sized(240),
+        )  # fmt: skip
+        self._compare = pmui.Button(
+            label="Compare with a simulation", icon="compare", disabled=True, margin=(10, 4)
+        )
+        self._compare.on_click(lambda _event: self._start())
+        self._job = Job()
+        self._table = pn.pane.HTML("", margin=(4, 10), sizing_mode="stretch_width", stylesheets=[STYLE])
+        self._grid = plot_grid(self._figures.figures, 2, least=300, fill=False)
+        self._grid.visible = False
+        self.view = pn.Column(
+            self._words,
+            pn.Row(
+                self._sensors, self._compare, margin=0, stylesheets=[WRAP], sizing_mode="stretch_width"
+            ),
+            self._job.view,
+            self._table,
+            self._grid,
+            sizing_mode="stretch_width",
+            margin=0,
+            stylesheets=[WHOLE],
+        )  # fmt: skip
+
+    def watch(self, station: Station | None) -> None:
+        """Compare another source, or none."""
+        self._station = station
+        self._table.object = ""
+        self._grid.visible = False
+        self._job.say("")
+        self.tell()
+
+    def tell(self) -> None:
+        """Say what can be compared."""
+        sentence, ready = self._ready()
+        self._words.object = f"<p>{escape(sentence)}</p>"
+        self._compare.disabled = not ready
+
+    def close(self) -> None:
+        """Deliver no further results."""
+        self._job.close()
+
+    def _ready(self) -> tuple[str, bool]:
+        """Return what can be compared, and whether it can."""
+        station = self._station
+        if station is None:
+            return "Connect a source: its motion is simulated with sensors of yours, and compared.", False
+        if station.source.end.fix:
+            length = station.newest - station.zero
+            if length < LEAST_STREAM:
+                return f"A comparison needs {LEAST_STREAM - length:.0f} s more of the stream.", False
+            return (
+                "The last two minutes are navigated and smoothed. The motion found is simulated ten times, "
+                "so that chance is known. Noise, lines, innovations and drift are compared.",
+                True,
+            )
+        with station.growing() as growing:
+            length = growing.duration
+        if length < LEAST_REST:
+            return (
+                f"Without fixes, only a device at rest is compared: leave it at rest for "
+                f"{LEAST_REST - length:.0f} s more.",
+                False,
+            )
+        return f"The record of {length:.0f} s at rest is compared with ten simulations.", True
+
+    def _start(self) -> None:
+        station = self._station
+        if station is None or self._job.busy or not self._ready()[1]:
+            return
+        experiment = self._session.experiment.copy()
+        if self._sensors.value == MEASURED:
+            card = self._measured()
+            if card is None:
+                self._job.say("There is no card yet: make one under Allan, of a record at rest.")
+                return
+            card.load(experiment)
+        self._job.start("Comparing", lambda progress: _compared(station, experiment, progress), self._arrived)
+
+    def _arrived(self, found: TwinComparison) -> None:
+        self._table.object = twin_html(found)
+        self._figures.show(found)
+        self._grid.visible = True
+
+
+def _compared(
+    station: Station, experiment: Experiment, progress: Callable[[str, float], Any]
+) -> TwinComparison:
+    """Return the comparison of what a station keeps; in a thread."""
+    if station.source.end.fix:
+        return twin_of(station.log(), experiment.sensors, experiment.navigator, progress=progress)
+    with station.growing() as growing:
+        records = growing.records()
+    return twin_at_rest(records, experiment.sensors, progress=progress)

@@ -1,0 +1,85 @@
+"""Twin table: the quantities of a real stream beside those of its simulations, as HTML."""
+
+from __future__ import annotations
+
+from html import escape
+from typing import NamedTuple
+
+import numpy as np
+
+from lab.live.stream_statistics import LEAST_HZ
+from lab.live.twin import CORRELATION, Difference, TwinComparison
+from lab.units import TO_SI
+from lab.views.allan import UNITS
+from lab.views.twin_figures import DENSITIES
+
+STYLE = """
+table { border-collapse: collapse; font-variant-numeric: tabular-nums; margin: 6px 0; }
+th, td { text-align: left; padding: 3px 18px 3px 0; vertical-align: top; }
+th { font-weight: 500; opacity: 0.7; }
+td.number { text-align: right; white-space: nowrap; }
+.differs { color: #e5484d; font-weight: 600; }
+ul { margin: 4px 0; padding-left: 20px; }
+.scroll { overflow-x: auto; }
+"""
+"""Style sheet of the table and of the sentences above it."""
+_TRIADS = {"gyro": "gyros", "accelerometer": "accelerometers"}
+
+
+class _Shown(NamedTuple):
+    label: str
+    unit: str
+    per_unit: float  # what one unit is in the unit of the quantity
+
+
+def twin_html(found: TwinComparison) -> str:
+    """Return the sentences and the table of a comparison."""
+    count = len(found.differences)
+    said = found.sentences
+    where = "at rest" if found.at_rest else "on the same motion"
+    if said:
+        first = f"{len(said)} of {count} quantities differ by more than chance explains:"
+        words = f"<p>{first}</p><ul>{''.join(f'<li>{escape(one)}</li>' for one in said)}</ul>"
+    else:
+        words = (
+            f"<p>None of {count} quantities differs by more than chance explains: "
+            f"{where}, the simulated sensors do as the real ones.</p>"
+        )
+    head = "<tr><th>Quantity</th><th>Unit</th><th>Real</th><th>Simulated</th><th>Real / simulated</th></tr>"
+    rows = "".join(_row(one) for one in found.differences)
+    return f'{words}<div class="scroll"><table>{head}{rows}</table></div>'
+
+
+def _row(one: Difference) -> str:
+    shown = _shown(one.name)
+    if one.name == CORRELATION:
+        real, mean, ratio = f"{one.real:.2f}", f"{one.simulated:.2f} ± {one.spread:.2f}", "—"
+    else:
+        real, mean = (f"{np.exp(value) / shown.per_unit:.3g}" for value in (one.real, one.simulated))
+        mean = f"{mean} ± {100 * np.expm1(one.spread):.2g} %"
+        ratio = f"{np.exp(one.real - one.simulated):.3g}"
+    mark = " differs" if one.sentence else ""
+    return (
+        f"<tr><td>{escape(shown.label)}</td><td>{escape(shown.unit)}</td>"
+        f'<td class="number">{real}</td><td class="number">{mean}</td>'
+        f'<td class="number{mark}">{ratio}</td></tr>'
+    )
+
+
+def _shown(name: str) -> _Shown:
+    """Return label and unit of a quantity of `lab.live.stream_statistics`."""
+    plain = {
+        "innovation size": _Shown("Innovations, rms", "σ", 1.0),
+        "drift": _Shown("Error after up to 10 s without fixes, rms", "m", 1.0),
+        CORRELATION: _Shown("Correlation of successive innovations", "", 1.0),
+    }
+    if name in plain:
+        return plain[name]
+    triad, what = name.split(" ", 1)
+    if what == "noise":
+        unit = DENSITIES[triad]
+        return _Shown(f"Noise of the {_TRIADS[triad]} above {LEAST_HZ:g} Hz (one-sided)", unit, TO_SI[unit])
+    if what == "line":
+        return _Shown(f"Highest peak of the {_TRIADS[triad]} above {LEAST_HZ:g} Hz, in power", "×", 1.0)
+    unit = UNITS[triad]
+    return _Shown(f"Allan {what} of the {_TRIADS[triad]}", unit, TO_SI[unit])
