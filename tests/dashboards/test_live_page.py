@@ -291,6 +291,40 @@ def test_wrong_fields_are_told(opened: Callable[[], Opened], field: str, text: s
     assert one.page._station is None
 
 
+def test_the_columns_of_text_lines_are_shown_and_corrected(
+    opened: Callable[[], Opened], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(devices, "_decided", {})
+    address = "simulated:rest?device=text&hz=100&rest=60"
+    allow_devices([address])
+    one = opened()
+    fields = one.page._fields
+    fields.refresh()
+    fields._source.value = address
+    assert fields._columns.visible
+    station = one.connect()
+    one.page._tell()
+    shown = str(station.source._reception.columns)
+    assert shown in one.page._status.view.object
+    before = station.source.last(0.2).imu["force"][-1]
+    one.page._toggle()
+    swapped = shown.replace("force_x", "a").replace("force_z", "force_x").replace("a[", "force_z[")
+    fields._columns.value = swapped
+    one.page._toggle()
+    one.until(lambda: bool(one.page._job._after.text) or one.page._station is not None)
+    after = one.connect() if one.page._station is None else one.page._station
+    one.until(lambda: after.source.end.imu > 20)
+    found = after.source.last(0.2).imu["force"][-1]
+    assert found == pytest.approx(before[[2, 1, 0]], abs=0.5)  # noise of two samples
+    assert before[2] < -9
+    one.page._toggle()
+    fields._columns.value = "speed[m/s]"
+    one.page._toggle()
+    assert "is no quantity" in one.page._job._after.text
+    fields._protocol.value = "vectornav"
+    assert not fields._columns.visible
+
+
 def test_a_server_has_a_bound_on_sources() -> None:
     stations = Stations(most=0)
     with pytest.raises(TransportError, match="accepted are up to 0"):

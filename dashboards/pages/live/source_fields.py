@@ -17,6 +17,8 @@ from lab.experiment import Experiment
 from lab.live.address import Address
 from lab.live.axis_map import AxisMap
 from lab.live.decoders.catalogue import DECODERS, ENCODERS
+from lab.live.decoders.column_map import ColumnMap
+from lab.live.decoders.text_lines import TextLines
 from lab.live.opening import open_source
 from lab.live.simulated_device import Misbehaviour, SimulatedDevice
 from lab.live.simulated_flight import SimulatedFlight, begins_at_rest
@@ -51,7 +53,10 @@ _OF_PHONES = (
     "A phone scans a QR code, opens one page, and streams its gyros, accelerometers and position. Hold it "
     "with the screen up and its top forward. The navigator assumes the sensors of the settings."
 )
-_OF_OTHERS = "The navigator assumes the sensors of the settings: choose the card of this sensor there."
+_OF_OTHERS = (
+    "The navigator assumes the sensors of the settings: choose the card of this sensor there. The columns of "
+    "text lines are found out and shown; to correct them, write them as they are shown, and connect again."
+)
 
 
 class SourceFields:
@@ -96,6 +101,10 @@ class SourceFields:
         self._axes = pmui.TextInput(
             label="Axes forward, right, down", value="x,y,z", placeholder="x,y,z", **_FIELD, **sized(170)
         )
+        self._columns = pmui.TextInput(
+            label="Columns of text lines", placeholder="found out", **_FIELD, **sized(250)
+        )
+        self._protocol.param.watch(lambda _event: self._turn(), "value")
         self._heading = pmui.TextInput(
             label="Initial heading [°]", placeholder="found out", **_FIELD, **sized(170)
         )
@@ -104,8 +113,8 @@ class SourceFields:
         )
         self.view = pn.Column(
             pn.Row(
-                self._source, self._device, self._rate, self._faults, self._protocol, self._axes,
-                self._heading, margin=0, stylesheets=[WRAP], sizing_mode="stretch_width",
+                self._source, self._device, self._rate, self._faults, self._protocol, self._columns,
+                self._axes, self._heading, margin=0, stylesheets=[WRAP], sizing_mode="stretch_width",
             ),
             self._note,
             margin=0,
@@ -131,6 +140,7 @@ class SourceFields:
             field.visible = simulated
         phone = self._source.value == PHONE
         self._protocol.visible = not simulated and not watched and not phone
+        self._columns.visible = self._protocol.visible and self._protocol.value in ("", TextLines.name)
         self._axes.visible = not watched and not phone
         self._heading.visible = not watched
         self._note.object = f"<p>{_OF_SIMULATED if simulated else _OF_PHONES if phone else _OF_OTHERS}</p>"
@@ -160,6 +170,9 @@ class SourceFields:
         options = {"axes": str(axes)} if not axes.is_identity else {}
         if self._protocol.value in DECODERS:
             options["protocol"] = str(self._protocol.value)
+        columns = str(self._columns.value_input or self._columns.value or "").strip()
+        if columns and self._columns.visible:
+            options["columns"] = str(ColumnMap.of(columns))
         given = Address(address.kind, address.place, {**options, **address.options})
         return source, lambda: Station(open_source(given), sensors, navigator, source)
 

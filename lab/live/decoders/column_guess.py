@@ -86,7 +86,7 @@ def guess_columns(lines: Sequence[str]) -> ColumnMap | None:
     for prefix, columns in _RAZOR.items():
         count = columns.count(",") + 1
         if sum(line.startswith(prefix) and line.count(",") == count - 1 for line in lines) >= MIN_LINES:
-            found = ColumnMap.of(columns, prefix=prefix)
+            found = ColumnMap.of(columns)
             remark = f"{prefix} is the Razor AHRS firmware's: accelerations in 1/256 g, rates in rad/s."
             return ColumnMap(found.columns, ",", prefix, False, (remark,))
     shape = _shape(lines)

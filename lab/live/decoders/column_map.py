@@ -32,6 +32,7 @@ SEPARATORS = {"comma": ",", "semicolon": ";", "tab": "\t", "blank": " "}
 
 _COLUMN = re.compile(r"\s*([a-z_]+|-)\s*(?:\[([^\]]*)\])?\s*")
 _NAMES = {mark: name for name, mark in SEPARATORS.items()}
+_LINES, _DECIMAL, _AFTER = ";", "decimal comma", "after "
 MAX_COLUMNS = 64
 """Most columns of a line."""
 
@@ -129,24 +130,37 @@ class ColumnMap:
             )
 
     @classmethod
-    def of(cls, text: str, separator: str = ",", prefix: str = "", decimal_comma: bool = False) -> ColumnMap:
-        """Return the map of columns as a person writes them: ``time[ms],force_x[g],-,rate_x[°/s]``.
+    def of(cls, text: str) -> ColumnMap:
+        """Return the map that a person writes, as ``str`` shows it.
+
+        Columns stand with commas between them, whatever separates them in the lines:
+        ``time[ms],force_x[g],-,rate_x[°/s]``. After a semicolon may follow what the lines have that is not
+        usual: the name of the separator, ``decimal comma``, and last ``after`` with what each line begins
+        with: ``force_x[g],force_y[g],force_z[g];semicolon;decimal comma;after $IMU,``.
 
         Raises
         ------
         ColumnMapError
             If this is no map.
         """
+        names, *lines = text.split(_LINES, 1)
         columns = []
-        for cell in text.split(","):
+        for cell in names.split(","):
             found = _COLUMN.fullmatch(cell)
             if found is None:
                 raise ColumnMapError(f"{cell!r} is no column; accepted is quantity[unit], such as force_x[g]")
             columns.append(Column(found[1], found[2] or ""))
-        return cls(tuple(columns), separator, prefix, decimal_comma)
+        return cls(tuple(columns), *_lines_of(lines[0] if lines else ""))
 
     def __str__(self) -> str:
-        return ",".join(map(str, self.columns))
+        parts = [",".join(map(str, self.columns))]
+        if self.separator != SEPARATORS["comma"]:
+            parts.append(_NAMES[self.separator])
+        if self.decimal_comma:
+            parts.append(_DECIMAL)
+        if self.prefix:
+            parts.append(f"{_AFTER}{self.prefix}")
+        return _LINES.join(parts)
 
     @property
     def described(self) -> str:
@@ -154,3 +168,20 @@ class ColumnMap:
         before = f" after {self.prefix!r}" if self.prefix else ""
         comma = ", numbers with a decimal comma" if self.decimal_comma else ""
         return f"{len(self.columns)} columns{before}, separated by {_NAMES[self.separator]}{comma}: {self}"
+
+
+def _lines_of(text: str) -> tuple[str, str, bool]:
+    """Return separator, prefix, and whether numbers have a comma, of what stands after the columns."""
+    words, _, prefix = text.partition(_AFTER)
+    separator, decimal_comma = SEPARATORS["comma"], False
+    for word in filter(None, (one.strip() for one in words.split(_LINES))):
+        if word in SEPARATORS:
+            separator = SEPARATORS[word]
+        elif word == _DECIMAL:
+            decimal_comma = True
+        else:
+            raise ColumnMapError(
+                f"{word!r} says nothing about the lines; accepted are {', '.join(SEPARATORS)}, {_DECIMAL}, "
+                f"and {_AFTER.strip()} with what each line begins with"
+            )
+    return separator, prefix, decimal_comma

@@ -76,6 +76,11 @@ class TextLines:
         """The column map in use; None while it is not known."""
         return self._map
 
+    @property
+    def evidence(self) -> str:
+        """What the columns were taken for, and why; people see it and may correct it."""
+        return "" if self._map is None else " ".join((f"{self._map.described}.", *self._map.remarks))
+
     def feed(self, data: bytes) -> Samples:
         """Return the samples of the lines that end in these bytes."""
         self.statistics.bytes += len(data)
