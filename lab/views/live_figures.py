@@ -35,6 +35,8 @@ INNOVATIONS = tuple(f"{what} {axis}" for what in ("position", "velocity") for ax
 """Names of the measurements of a fix."""
 # Colours are those of the axes beside; the markers tell position from velocity.
 _MEASURED = {"position": INNOVATIONS[:3], "velocity": INNOVATIONS[3:]}
+_TURNS = 3
+"""Groups of figures that take turns."""
 _TRACK_POINTS = 3000
 """Most points of the ground track: five minutes at 10 Hz."""
 _UNKNOWN = np.pi
@@ -48,9 +50,11 @@ class LiveTrack:
     ----------
     parcel
         Takes the changes.
+    group
+        Their group.
     """
 
-    def __init__(self, parcel: Parcel) -> None:
+    def __init__(self, parcel: Parcel, group: int = 0) -> None:
         self._parcel = parcel
         self._title = Title(text="Ground track: no position")
         # Ranges by hand: automatic ones would paint the figure twice.
@@ -79,7 +83,7 @@ class LiveTrack:
         self._shown = (10.0, -10.0, -10.0)
         self._extent = np.array([[-10.0, -10.0], [10.0, 10.0]])
         self._numbers = [
-            parcel.number(model)
+            parcel.number(model, group)
             for model in (self._path, self._fixes, self._now, self._title, self._x, self._y)
         ]
 
@@ -181,28 +185,31 @@ class LiveFigures:
 
     def __init__(self, shape: Shape = "aircraft") -> None:
         self.window = WINDOWS["20 s"]
-        self.range = Range1d(start=-self.window, end=0.0, name="live time")
         self._parcel = parcel = Parcel()
-        x = self.range
+        self._ranges = [
+            Range1d(start=-self.window, end=0.0, name=f"live time {group}") for group in range(1 + _TURNS)
+        ]
+        x, first, second, third = self._ranges
         self._rate = RollingPlot("Angular rate", "°/s", AXES, x, parcel, least=0.5)
         self._force = RollingPlot("Specific force", "m/s²", AXES, x, parcel, least=0.5)
-        self._tilt = RollingPlot("Roll and pitch", "°", ANGLES[:2], x, parcel, least=1.0)
-        self._heading = RollingPlot("Heading", "°", ("heading",), x, parcel, least=5.0)
-        self._sigma = RollingPlot("σ of the attitude", "°", ANGLES, x, parcel, logarithmic=True)
-        self._velocity = RollingPlot("Velocity", "m/s", NORTH_EAST_DOWN, x, parcel, least=0.5)
+        self._tilt = RollingPlot("Roll and pitch", "°", ANGLES[:2], first, parcel, least=1.0, group=1)
+        self._heading = RollingPlot("Heading", "°", ("heading",), first, parcel, least=5.0, group=1)
+        self._sigma = RollingPlot("σ of the attitude", "°", ANGLES, second, parcel, logarithmic=True, group=2)
+        self._velocity = RollingPlot("Velocity", "m/s", NORTH_EAST_DOWN, second, parcel, least=0.5, group=2)
         self._innovation = RollingPlot(
-            "Innovations", "σ", INNOVATIONS, x, parcel, points=True, least=3.5, legend=_MEASURED
+            "Innovations", "σ", INNOVATIONS, third, parcel, points=True, least=3.5, legend=_MEASURED, group=3
         )
         for limit in (-3.0, 3.0):
             self._innovation.figure.add_layout(
                 Span(location=limit, dimension="width", line_color="#808895", line_dash="dashed")
             )
-        self._track = LiveTrack(parcel)
+        self._track = LiveTrack(parcel, 3)
         self._attitude = AttitudeFigure(parcel, shape)
         self._all = (
             self._rate, self._force, self._tilt, self._heading, self._sigma, self._velocity, self._innovation,
         )  # fmt: skip
-        self._time = parcel.number(self.range)
+        self._times = [parcel.number(one, group) for group, one in enumerate(self._ranges)]
+        self._turn = 0
         parcel.seal()
         self._rate.source.tags = [parcel.carrier]
         self.figures = [
@@ -252,10 +259,23 @@ class LiveFigures:
         """Append fixes to the ground track, rows of `lab.live.timed.TIMED_FIX`."""
         self._track.add(np.empty((0, 3)), np.column_stack((fix["latitude"], fix["longitude"])))
 
-    def show(self, state: Any, now: float) -> None:
-        """Draw the present, a `lab.live.live_state.LiveState`, and move the window to a time [s]."""
+    def show(self, state: Any, now: float, *, whole: bool = True) -> None:
+        """Draw the present, and move the window.
+
+        Parameters
+        ----------
+        state
+            A `lab.live.live_state.LiveState`.
+        now
+            End of the window [s].
+        whole
+            Whether all figures are drawn. Otherwise rate, force and attitude are drawn, and the others take
+            turns: a browser paints nine figures in up to a tenth of a second.
+        """
         relative = not np.isfinite(state.euler_sigma[2]) or state.euler_sigma[2] >= _UNKNOWN
         self._attitude.show(state.euler, " (relative)" if relative else "")
         self._track.show(state.position, state.position_sigma)
-        self._parcel.set(self._time, start=now - self.window, end=now)
-        self._parcel.send()
+        for time in self._times:
+            self._parcel.set(time, start=now - self.window, end=now)
+        self._turn = (self._turn + 1) % _TURNS
+        self._parcel.send(None if whole else (0, 1 + self._turn))

@@ -7,6 +7,7 @@ of the page *Live* has a dozen changes.
 from __future__ import annotations
 
 import json
+from collections.abc import Container
 from typing import Any
 
 import numpy as np
@@ -48,6 +49,7 @@ class Parcel:
     def __init__(self) -> None:
         self.carrier = ColumnDataSource({"what": []}, name="live parcel")
         self._models: list[Model] = []
+        self._groups: list[int] = []
         self._streams: list[tuple[int, dict[str, FloatArray], int | None]] = []
         self._sets: dict[int, dict[str, Any]] = {}
 
@@ -56,9 +58,10 @@ class Parcel:
         unpack = CustomJS(args={"models": self._models}, code=UNPACK)
         self.carrier.js_on_change("data", unpack)
 
-    def number(self, model: Model) -> int:
-        """Return the number of a model, which is new."""
+    def number(self, model: Model, group: int = 0) -> int:
+        """Return the number of a model, which is new; `send` may hold back the changes of its group."""
         self._models.append(model)
+        self._groups.append(group)
         return len(self._models) - 1
 
     def stream(self, model: int, columns: dict[str, Any], rollover: int | None) -> None:
@@ -81,10 +84,19 @@ class Parcel:
         """Set properties of a model; their values go through JSON."""
         self._sets.setdefault(model, {}).update(values)
 
-    def send(self) -> None:
-        """Make the changes: in the browser as one message, or here while the models are in no document."""
-        streams, sets = self._streams, self._sets
-        self._streams, self._sets = [], {}
+    def send(self, groups: Container[int] | None = None) -> None:
+        """Make the changes: in the browser as one message, or here while the models are in no document.
+
+        Parameters
+        ----------
+        groups
+            Groups whose changes are made now; the others wait. None for all.
+        """
+        due = [groups is None or group in groups for group in self._groups]
+        streams = [one for one in self._streams if due[one[0]]]
+        sets = {model: values for model, values in self._sets.items() if due[model]}
+        self._streams = [one for one in self._streams if not due[one[0]]]
+        self._sets = {model: values for model, values in self._sets.items() if not due[model]}
         if not streams and not sets:
             return
         if self.carrier.document is None:

@@ -55,6 +55,8 @@ class RollingPlot:
     legend
         Names of the entries of the legend, with the labels of their curves; by default, up to three curves
         have an entry each.
+    group
+        Group of the changes in the parcel.
     """
 
     def __init__(
@@ -70,6 +72,7 @@ class RollingPlot:
         least: float = 0.0,
         colours: tuple[str, ...] = AXIS_COLOURS * 2,
         legend: Mapping[str, tuple[str, ...]] | None = None,
+        group: int = 0,
     ) -> None:
         self._labels, self._logarithmic, self._least = labels, logarithmic, least
         self._parcel = parcel
@@ -104,9 +107,9 @@ class RollingPlot:
             shown = {name: [self.glyphs[label] for label in curves] for name, curves in legend.items()}
             add_still_legend(self.figure, shown)
         self._kept: deque[FloatArray] = deque()
-        self._source, self._y = parcel.number(self.source), parcel.number(self._ordinate)
+        self._source, self._y = (parcel.number(one, group) for one in (self.source, self._ordinate))
         ticker = self.figure.yaxis[0].ticker
-        self._ticks = parcel.number(ticker) if isinstance(ticker, FixedTicker) else -1
+        self._ticks = parcel.number(ticker, group) if isinstance(ticker, FixedTicker) else -1
 
     def clear(self) -> None:
         """Forget all rows."""

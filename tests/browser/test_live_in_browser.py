@@ -47,7 +47,7 @@ def test_a_stream_is_drawn_as_it_comes(open_page) -> None:
     page.wait_for_function(f"{RATES}.at(-1) > {before} + 2")
     expect(page.get_by_text("streaming", exact=True)).to_be_visible()
     # The plots end at the newest sample, of all figures.
-    ends = "Bokeh.documents[0].get_model_by_name('live time').end"
+    ends = "Bokeh.documents[0].get_model_by_name('live time 0').end"
     page.wait_for_function(f"Math.abs({ends} - {RATES}.at(-1)) < 0.5")
 
     page.get_by_text("forward", exact=True).first.click()

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import numpy as np
 from bokeh.models.sources import ColumnDataSource
 
+from lab.live.live_state import WAITING, LiveHistory, LiveState
 from lab.views.live_figures import LiveFigures
 
 
@@ -13,3 +15,42 @@ def test_no_legend_listens_to_a_stream() -> None:
     assert len(legends) == 7
     reached = {model for legend in legends for item in legend.items for model in item.references()}
     assert [one.name for one in reached if isinstance(one, ColumnDataSource) and one.name] == []
+
+
+def test_figures_that_take_turns_lose_nothing() -> None:
+    figures = LiveFigures()
+    state = LiveState(phase=WAITING, reason="")
+    sent: list[int] = []
+    for tick in range(1, 8):
+        t = np.array([float(tick)])
+        history = LiveHistory(
+            time=t,
+            phase=np.zeros(1, np.int64),
+            position=np.full((1, 3), np.nan),
+            velocity_n=np.full((1, 3), tick),
+            euler=np.full((1, 3), 0.01 * tick),
+            euler_sigma=np.full((1, 3), 0.1),
+            bias=np.zeros((1, 6)),
+            sigma=np.ones((1, 15)),
+            fix_time=t,
+            innovation=np.ones((1, 6)),
+            innovation_covariance=np.eye(6)[None],
+            rejected=np.zeros(1, np.bool_),
+        )
+        figures.add_history(history, 0.0)
+        figures.show(state, float(tick), whole=False)
+        sent.append(sum(len(source.data["time"]) for source in slow(figures)))
+    # Five figures a tick with one new row each: those that wait bring theirs when it is their turn.
+    assert sent[2] < 15
+    assert sent[-1] > sent[3]
+    assert {fig.x_range.end for fig in figures.figures[:2]} == {7.0}
+    assert len({fig.x_range.end for fig in figures.figures[3:8]}) == 3
+    figures.show(state, 7.0)
+    for source in slow(figures):
+        assert list(source.data["time"]) == [1, 2, 3, 4, 5, 6, 7]
+    assert {fig.x_range.end for fig in figures.figures[:8] if fig is not figures.figures[2]} == {7.0}
+
+
+def slow(figures: LiveFigures) -> list[ColumnDataSource]:
+    """Return the sources of the figures that take turns: tilt, heading, σ, velocity and innovations."""
+    return [fig.renderers[0].data_source for fig in figures.figures[3:8]]

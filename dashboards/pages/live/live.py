@@ -262,6 +262,7 @@ class Live(Page):
         if self._pause.label == "Pause":
             self._pause.param.update(label="Go on", icon="play_arrow")
             self._unwatch()
+            self._advance()
         else:
             self._pause.param.update(label="Pause", icon="pause")
             self._begin_anew()
@@ -274,12 +275,12 @@ class Live(Page):
         if self._ticks % max(turn, 1):
             return
         with together(self._document):
-            self._advance()
+            self._advance(whole=turn > 1)
             if self._ticks % max(TELL, turn) < turn:
                 self._tell()
 
-    def _advance(self) -> None:
-        """Append what came since the last tick to the plots that are shown."""
+    def _advance(self, *, whole: bool = True) -> None:
+        """Append what came since the last tick to the plots that are shown, to all or some of them."""
         station = self._station
         if station is None or self._choice.value == ERRORS:
             self._errors.advance()
@@ -296,7 +297,7 @@ class Live(Page):
             self._figures.add_history(shown, station.zero)
         self._cursors = thinned, history, read.cursor
         self._figures.add_fixes(read.fix)
-        self._figures.show(station.state, station.newest - station.zero)
+        self._figures.show(station.state, station.newest - station.zero, whole=whole)
 
     def _tell(self) -> None:
         station = self._station
