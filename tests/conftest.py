@@ -27,6 +27,21 @@ os.environ.pop("COLUMNS", None)
 
 ROOT = Path(__file__).parent.parent
 
+LONGEST_FIRST = ("browser", "navigation", "dashboards", ".", "analysis", "sensors", "cli", "security")
+"""Folders of tests with files that take minutes, or tests that take one: begun last, such a file is still
+running when the other processes have nothing left to do."""
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Put the files that take long first; the tests of a file keep their order."""
+    rank = {folder: place for place, folder in enumerate(LONGEST_FIRST)}
+
+    def place(item: pytest.Item) -> int:
+        folder = item.path.relative_to(Path(__file__).parent).parts[:-1]
+        return rank.get(folder[0] if folder else ".", len(rank))
+
+    items.sort(key=place)
+
 
 @pytest.fixture(scope="session", autouse=True)
 def own_missions(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
