@@ -28,7 +28,7 @@ test: $(VENV)/.test browser
 	$(BIN)/ruff check
 	$(BIN)/ruff format --check
 	$(BIN)/mypy
-	$(BIN)/pytest -m 'not benchmark' --numprocesses $(WORKERS) --dist loadfile --durations=10
+	$(BIN)/pytest -m 'not benchmark' --numprocesses $(WORKERS) --dist loadfile --no-loadscope-reorder --durations=10
 
 bench: $(VENV)/.test browser
 	OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 MKL_NUM_THREADS=1 NUMBA_NUM_THREADS=1 \

@@ -105,7 +105,10 @@ def serving(*flags: str) -> Iterator[tuple[str, subprocess.Popen[str]]]:
 
 @pytest.fixture
 def complaints() -> list[str]:
-    """Return what the consoles of all pages complain about; a test fails where there is anything."""
+    """Return what the consoles of all pages complain about, and whom else a page of `open_page` asks.
+
+    A test fails where there is anything.
+    """
     return []
 
 
@@ -113,6 +116,10 @@ def complaints() -> list[str]:
 def open_page(chromium: Browser, address: str, complaints: list[str]) -> Iterator[Callable[..., Page]]:
     """Return a function that opens the simulator in a session of its own and waits for its first plots."""
     contexts = []
+    own = address.rpartition("/")[0]
+
+    def strangers(url: str) -> list[str]:
+        return [] if url.startswith((own + "/", "data:", "blob:")) else [f"asks {url}"]
 
     def open_it(query: str = "", *, width: int = 1440, height: int = 900, drawn: bool = True) -> Page:
         context = new_context(chromium, viewport={"width": width, "height": height})
@@ -120,6 +127,7 @@ def open_page(chromium: Browser, address: str, complaints: list[str]) -> Iterato
         page = context.new_page()
         page.on("console", lambda message: complaints.extend(complaint(message)))
         page.on("pageerror", lambda error: complaints.append(str(error)))
+        page.on("request", lambda request: complaints.extend(strangers(request.url)))
         page.goto(address + query)
         page.wait_for_function(DRAWN if drawn else IDLE)
         return page

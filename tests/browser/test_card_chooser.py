@@ -28,19 +28,15 @@ def choose(page: Page, card: str) -> None:
     page.get_by_role("menuitem", name=card, exact=True).click()
 
 
-def test_all_cards_are_offered_and_one_is_in_force(open_page: Open) -> None:
-    page = open_page()
-    expect(chooser(page)).to_have_text(CLASSIC)
+def test_all_cards_are_offered_and_one_is_loaded_changed_and_loaded_anew(open_page: Open) -> None:
+    page = open_page("?sensors.gyro.noise_density=0.0123")
+    expect(chooser(page)).to_have_text("Own settings")
     chooser(page).click()
     for name in cards():
         expect(page.get_by_role("menuitem", name=name, exact=True)).to_have_count(1)
     for grade in ("consumer", "industrial", "tactical", "navigation"):
         expect(page.get_by_text(f"{grade} grade", exact=True)).to_have_count(1)
-
-
-def test_a_card_is_loaded_changed_and_loaded_anew(open_page: Open) -> None:
-    page = open_page()
-    choose(page, "STIM300")
+    page.get_by_role("menuitem", name="STIM300", exact=True).click()
     expect(noise(page)).to_have_value("0.0025")
     expect(chooser(page)).to_have_text("STIM300")
     noise(page).fill("0.02")
@@ -49,13 +45,6 @@ def test_a_card_is_loaded_changed_and_loaded_anew(open_page: Open) -> None:
     choose(page, "STIM300")
     expect(noise(page)).to_have_value("0.0025")
     expect(chooser(page)).to_have_text("STIM300")
-
-
-def test_settings_of_no_card_are_called_own(open_page: Open) -> None:
-    page = open_page("?sensors.gyro.noise_density=0.0123")
-    expect(chooser(page)).to_have_text("Own settings")
-    choose(page, "HG9900")
-    expect(chooser(page)).to_have_text("HG9900")
     page.get_by_role("button", name="Reset").click()
     expect(chooser(page)).to_have_text(CLASSIC)
 
@@ -66,6 +55,7 @@ def assumed(page: Page) -> Locator:
 
 def test_what_is_assumed_is_marked_and_switched_off(open_page: Open) -> None:
     page = open_page()
+    expect(chooser(page)).to_have_text(CLASSIC)
     expect(assumed(page)).to_have_count(0)
     choose(page, "LN-200S")
     expect(noise(page)).to_have_value("0.00158333")

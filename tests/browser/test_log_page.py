@@ -2,49 +2,51 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from shutil import rmtree
+
 import pytest
+from playwright.sync_api import Page
 from sensor_logs import tables, write
 
-from lab.missions.catalogue import OWN_FOLDER_VARIABLE
-from tests.browser.conftest import DRAWN, IDLE, new_context, serving
+pytestmark = pytest.mark.browser
+
+Open = Callable[..., Page]
 
 
-@pytest.mark.browser
-def test_a_log_without_reference(chromium, tmp_path, monkeypatch):
-    folder = write(tmp_path / "blind", tables(60, 90), 'title = "Blind drive"')
+@pytest.fixture
+def own_folder(own_missions: Path) -> Iterator[Path]:
+    """Return the folder of the user's own missions, which is emptied in the end."""
+    yield own_missions
+    for path in own_missions.iterdir():
+        rmtree(path)
+
+
+def test_a_log_without_reference(open_page: Open, own_folder: Path) -> None:
+    folder = write(own_folder / "blind", tables(60, 90), 'title = "Blind drive"')
     (folder / "ref.csv").unlink()
-    monkeypatch.setenv(OWN_FOLDER_VARIABLE, str(tmp_path))
-    with serving() as (address, _process):
-        page = new_context(chromium, viewport={"width": 1440, "height": 900}).new_page()
-        page.goto(f"{address}?mission=blind")
-        page.wait_for_function(IDLE)
-        page.get_by_text("has no reference, so its errors are unknown").wait_for()
-        page.get_by_text("nothing is simulated").wait_for()
-        assert not page.get_by_text("Temperature", exact=True).first.is_visible()
-        page.get_by_role("tab", name="Innovations").click()
-        source = "Bokeh.documents[0].get_model_by_name('time_gps:innovation_position_east')"
-        page.wait_for_function(f"{source}?.data.time?.length > 20")
-        page.get_by_role("tab", name="Budget").click()
-        page.get_by_text("and the error budget needs them").wait_for()
-        page.get_by_role("tab", name="Summary").click()
-        page.get_by_text("There is no reference").wait_for()
-        page.get_by_text("Levelled in motion").wait_for()
-        page.context.close()
+    page = open_page("?mission=blind", drawn=False)
+    page.get_by_text("has no reference, so its errors are unknown").wait_for()
+    page.get_by_text("nothing is simulated").wait_for()
+    assert not page.get_by_text("Temperature", exact=True).first.is_visible()
+    page.get_by_role("tab", name="Innovations").click()
+    source = "Bokeh.documents[0].get_model_by_name('time_gps:innovation_position_east')"
+    page.wait_for_function(f"{source}?.data.time?.length > 20")
+    page.get_by_role("tab", name="Budget").click()
+    page.get_by_text("and the error budget needs them").wait_for()
+    page.get_by_role("tab", name="Summary").click()
+    page.get_by_text("There is no reference").wait_for()
+    page.get_by_text("Levelled in motion").wait_for()
 
 
-@pytest.mark.browser
-def test_an_outage_set_on_a_plot_is_of_the_clock_of_the_file(chromium, tmp_path, monkeypatch):
+def test_an_outage_set_on_a_plot_is_of_the_clock_of_the_file(open_page: Open, own_folder: Path) -> None:
     """The log begins at 1060 s of its file; the plots begin at 0."""
-    write(tmp_path / "drive", tables(60, 90))
-    monkeypatch.setenv(OWN_FOLDER_VARIABLE, str(tmp_path))
-    with serving() as (address, _process):
-        page = new_context(chromium, viewport={"width": 1440, "height": 900}).new_page()
-        page.goto(f"{address}?mission=drive")
-        page.wait_for_function(DRAWN)
-        page.get_by_role("button", name="GPS outage").click()
-        shaded = "Bokeh.documents[0].get_model_by_name('GPS outages').data"
-        page.wait_for_function(f"{shaded}.start?.length === 1")
-        assert page.evaluate(f"[{shaded}.start[0], {shaded}.end[0]]") == pytest.approx([0, 20], abs=0.1)
-        written = page.get_by_role("textbox", name="Outages").input_value()
-        assert [float(part) for part in written.split("–")] == pytest.approx([1060, 1080], abs=0.1)
-        page.context.close()
+    write(own_folder / "drive", tables(60, 90))
+    page = open_page("?mission=drive")
+    page.get_by_role("button", name="GPS outage").click()
+    shaded = "Bokeh.documents[0].get_model_by_name('GPS outages').data"
+    page.wait_for_function(f"{shaded}.start?.length === 1")
+    assert page.evaluate(f"[{shaded}.start[0], {shaded}.end[0]]") == pytest.approx([0, 20], abs=0.1)
+    written = page.get_by_role("textbox", name="Outages").input_value()
+    assert [float(part) for part in written.split("–")] == pytest.approx([1060, 1080], abs=0.1)

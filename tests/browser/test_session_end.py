@@ -34,7 +34,8 @@ def test_a_closed_page_leaves_no_port_and_no_thread(chromium: Browser) -> None:
         server = psutil.Process(process.pid)
         threads = []
         for _ in range(2):
-            context = new_context(chromium)
+            # Small: the 3-D view is drawn without a graphics card.
+            context = new_context(chromium, viewport={"width": 900, "height": 600})
             page = context.new_page()
             page.goto(address)
             alone = ports(server)

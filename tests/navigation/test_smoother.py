@@ -27,6 +27,9 @@ from lab.settings import SettingError
 FloatArray = NDArray[np.float64]
 
 SEEDS = 100
+RATE = 50.0
+"""IMU rate of flights over many seeds [Hz]: smoothing takes longer the more samples there are, and NEES is
+taken at the fixes, which are as many at any rate."""
 
 
 def apart(one: Solution, other: Solution) -> FloatArray:
@@ -202,7 +205,7 @@ def test_an_outage_is_bridged_from_both_sides() -> None:
 
 def test_smoothed_errors_are_smaller_and_the_smoother_tells_the_truth() -> None:
     def one(seed: int) -> tuple[FloatArray, FloatArray]:
-        result, after = flights(seed)
+        result, after = flights(seed, trajectory__imu_rate=RATE)
         filtered, smoothed = result.solution_arrays, after.solution_arrays
         late = result.fixes.time > 20
         samples = filtered.fix_sample[late]
@@ -258,7 +261,9 @@ def test_smoothed_nees_holds_in_combination(settings: dict[str, object]) -> None
     seeds = 20
 
     def one(seed: int) -> FloatArray:
-        _, after = flights(seed, "los_angeles", sensors__gyro__bias_sigma=0.02, **settings)
+        _, after = flights(
+            seed, "los_angeles", trajectory__imu_rate=RATE, sensors__gyro__bias_sigma=0.02, **settings
+        )
         smoothed, late = after.solution_arrays, after.fixes.time > 20
         x = error_state(
             smoothed,
