@@ -15,7 +15,7 @@ from lab.views.twin_figures import DENSITIES
 
 STYLE = """
 table { border-collapse: collapse; font-variant-numeric: tabular-nums; margin: 6px 0; }
-th, td { text-align: left; padding: 3px 18px 3px 0; vertical-align: top; }
+th, td { text-align: left; padding: 3px 14px 3px 0; vertical-align: top; }
 th { font-weight: 500; opacity: 0.7; }
 td.number { text-align: right; white-space: nowrap; }
 .differs { color: #e5484d; font-weight: 600; }
@@ -45,7 +45,7 @@ def twin_html(found: TwinComparison) -> str:
             f"<p>None of {count} quantities differs by more than chance explains: "
             f"{where}, the simulated sensors do as the real ones.</p>"
         )
-    head = "<tr><th>Quantity</th><th>Unit</th><th>Real</th><th>Simulated</th><th>Real / simulated</th></tr>"
+    head = "<tr><th>Quantity</th><th>Real</th><th>Simulated</th><th>Real / simulated</th></tr>"
     rows = "".join(_row(one) for one in found.differences)
     return f'{words}<div class="scroll"><table>{head}{rows}</table></div>'
 
@@ -60,7 +60,7 @@ def _row(one: Difference) -> str:
         ratio = f"{np.exp(one.real - one.simulated):.3g}"
     mark = " differs" if one.sentence else ""
     return (
-        f"<tr><td>{escape(shown.label)}</td><td>{escape(shown.unit)}</td>"
+        f"<tr><td>{escape(shown.label)}{f' [{shown.unit}]' if shown.unit else ''}</td>"
         f'<td class="number">{real}</td><td class="number">{mean}</td>'
         f'<td class="number{mark}">{ratio}</td></tr>'
     )
@@ -80,6 +80,6 @@ def _shown(name: str) -> _Shown:
         unit = DENSITIES[triad]
         return _Shown(f"Noise of the {_TRIADS[triad]} above {LEAST_HZ:g} Hz (one-sided)", unit, TO_SI[unit])
     if what == "line":
-        return _Shown(f"Highest peak of the {_TRIADS[triad]} above {LEAST_HZ:g} Hz, in power", "×", 1.0)
+        return _Shown(f"Highest peak of the {_TRIADS[triad]} above {LEAST_HZ:g} Hz, in power", "", 1.0)
     unit = UNITS[triad]
     return _Shown(f"Allan {what} of the {_TRIADS[triad]}", unit, TO_SI[unit])
