@@ -170,7 +170,10 @@ def test_a_desk_sensor_without_fixes_is_compared_at_rest(
     assert "Noise of the gyros above 20 Hz" in part._table.object
     assert part._grid.visible
     assert len(part._figures.figures[0].renderers[0].data_source.data["at"]) > 50
-    page._toggle()
+    part._start()
+    page._toggle()  # while it compares
+    without_fixes.until(lambda: not part._job.busy)
+    without_fixes.run()
     assert part._table.object == ""
     assert not part._grid.visible
     assert "Connect a source" in part._words.object

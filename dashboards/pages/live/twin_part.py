@@ -127,9 +127,15 @@ class TwinPart:
                 self._job.say("There is no card yet: make one under Allan, of a record at rest.")
                 return
             card.load(experiment)
-        self._job.start("Comparing", lambda progress: _compared(station, experiment, progress), self._arrived)
+        self._job.start(
+            "Comparing",
+            lambda progress: _compared(station, experiment, progress),
+            lambda found: self._arrived(station, found),
+        )
 
-    def _arrived(self, found: TwinComparison) -> None:
+    def _arrived(self, station: Station, found: TwinComparison) -> None:
+        if station is not self._station:  # disconnected meanwhile
+            return
         self._table.object = twin_html(found)
         self._figures.show(found)
         self._grid.visible = True
