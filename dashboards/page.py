@@ -77,6 +77,7 @@ class SimulatorPage:
         self._document = document
         self._zooming = False
         self._dark = False
+        self._epoch = 0.0
         self._pages: dict[int, Page] = {}
         self._time_bar = TimeBar(self.axis, document, self._follow, self._cut)
         self._settings: SettingsPanel | None = None
@@ -228,6 +229,8 @@ class SimulatorPage:
             view = self._reason.view if reason else page.view  # a page may have changed its plots
             if self._stage.objects != [view]:
                 self._stage[:] = [view]
+            if result is None and not page.is_complete:
+                self.session.restore()
             if page is not self._visible:
                 if self._visible is not None:
                     self._visible.hide()
@@ -257,7 +260,12 @@ class SimulatorPage:
             log.exception("the page %s could not be prepared", PAGES[self._tabs.active].title)
 
     def _new_result(self, event: param.parameterized.Event) -> None:
-        result: Result = event.new
+        result: Result | None = event.new
+        if result is None:
+            for page in self._pages.values():
+                page.release()
+            return
+        self._epoch = result.epoch
         self.axis.span(float(result.time[-1]))
         outages = result.experiment.sensors.gps.outages
         self.axis.show_outages([(start - result.epoch, end - result.epoch) for start, end in outages])
@@ -266,8 +274,7 @@ class SimulatorPage:
 
     def _cut(self, start: float, end: float) -> None:
         """Add a GPS outage at times of the plots; outages that touch become one."""
-        epoch = self.session.result.epoch if self.session.result is not None else 0.0
-        start, end = round(start + epoch, 1), round(end + epoch, 1)
+        start, end = round(start + self._epoch, 1), round(end + self._epoch, 1)
         outages: list[tuple[float, float]] = []
         for stretch in sorted([*self.session.experiment.get(OUTAGES), (start, end)]):
             if outages and stretch[0] <= outages[-1][1]:

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -49,6 +50,7 @@ from lab.trajectory import Trajectory, Truth
 from lab.units import si
 
 FloatArray = NDArray[np.float64]
+T = TypeVar("T")
 Progress = Callable[[str, float], None]
 
 CACHE = StageCache(limit=256 * 2**20)
@@ -228,10 +230,12 @@ class _Run:
             self.sensors.temperature.to_dict(),
             self.sensors.accelerometer.vibration_density if shaken else None,
         )
-        measured = CACHE.get(sensor, key, lambda: imu.as_kept(self.measured(errors, flight, draws)))
+        # Neither is their output kept: the flight is too long to be kept, and takes longer.
+        keep = _computed if samples > LONG else CACHE.get
+        measured = keep(sensor, key, lambda: imu.as_kept(self.measured(errors, flight, draws)))
         if not found.any():
             return measured
-        return CACHE.get(
+        return keep(
             "alignment",
             digest(key, found.tolist()),
             lambda: imu.without_bias(measured, flight.ideal.dt, found, imu.cross_coupling(errors, draws)),
@@ -346,6 +350,11 @@ class _Run:
             )
         engine = smoother.navigate if self.navigator.smoother else navigate
         return engine(imu, fixes, start, belief, schedule, chosen_model(self.navigator))
+
+
+def _computed(_stage: str, _key: str, compute: Callable[[], T]) -> T:
+    """Return the result of a stage that is not cached."""
+    return compute()
 
 
 def start(truth: Truth, settings: NavigatorSettings, seed: int) -> Start:

@@ -74,6 +74,12 @@ class ComputedPage(Page):
         self.say(self.working)
         self._work.submit(result)
 
+    def release(self) -> None:
+        """Refer to no result any more, and end the computation."""
+        super().release()
+        self._work.cancel()
+        self._wanted = self._content = None
+
     def say(self, text: str) -> None:
         """Show a text in the line above the content."""
         self.words.object = f"<p>{escape(text)}</p>"
