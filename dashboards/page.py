@@ -37,6 +37,7 @@ from dashboards.settings_panel import SettingsPanel
 from dashboards.style import DRESS, FRAME, SAME_STYLE_ONCE, STAGE, THEME
 from dashboards.time_bar import TimeBar
 from dashboards.upload import SAME_FILE_AGAIN
+from lab.memory import give_back
 from lab.result import Result
 from lab.views.figures import TimeAxis
 
@@ -225,6 +226,8 @@ class SimulatorPage:
                 if not laid_out:
                     page.forget()
                 page.show(result)
+                if result.is_long:
+                    give_back()
                 page.show_time(self.axis.time)
             view = self._reason.view if reason else page.view  # a page may have changed its plots
             if self._stage.objects != [view]:
@@ -256,6 +259,8 @@ class SimulatorPage:
         try:
             if page is not None and not page.lacks(result):
                 page.prepare(result)
+            if result.is_long:
+                give_back()
         except Exception:
             log.exception("the page %s could not be prepared", PAGES[self._tabs.active].title)
 

@@ -18,7 +18,7 @@ from lab.ecef import near_pole
 from lab.histories import LONG
 from lab.ideal_imu import IdealImu
 from lab.log_run import run_log, timed
-from lab.memory import check_memory
+from lab.memory import check_memory, give_back
 from lab.missions import LogMission, Mission, mission
 from lab.navigation import rest_alignment, smoother, unscented
 from lab.navigation.algorithm import Algorithm, run_algorithm
@@ -136,6 +136,9 @@ class _Run:
         # The curve and its exact increments are not needed any more.
         truth, ideal = flight.truth, flight.ideal.as_kept()
         del flight
+        is_long = truth.time.size > LONG
+        if is_long:
+            give_back()
         ready = self.algorithm is not None or is_ready(self.navigator)
         self.progress("Navigating" if ready else "Preparing the navigator (compiled once)", 0.4)
         assumed = belief(self.sensors, self.navigator, aligned.P if self.navigator.alignment else None)
@@ -163,6 +166,8 @@ class _Run:
                 ),
             )
         )
+        if is_long:
+            give_back()
         self.progress("Done", 1.0)
         return SimulatedResult(
             experiment=self.experiment,

@@ -243,6 +243,8 @@ class Run(ABC):
     def true_flight(self, name: str) -> tuple[Truth, IdealImu]:
         """Return truth and ideal IMU of a simulated run, to compute the data `name`.
 
+        The increments of a long flight are float32; see `IdealImu.to_compute_on`.
+
         Raises
         ------
         ResultError
@@ -251,7 +253,7 @@ class Run(ABC):
         truth = self.known_truth(name)
         if self.ideal is None:
             raise ResultError(self.lacks("budget"))
-        return truth, self.ideal.to_compute_on()
+        return truth, self.ideal
 
 
 def _at_samples(gyro: FloatArray, accelerometer: FloatArray) -> FloatArray:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 import tracemalloc
 from collections.abc import Iterator
 from pathlib import Path
@@ -179,6 +180,20 @@ def _histories(result: Result) -> list[np.ndarray]:
 def test_the_sensors_of_a_long_flight_are_not_cached(everything_is_long: None) -> None:
     settings().run()
     assert not {"gyro", "accelerometer"} & set(stages.CACHE.computed)
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="only the C library of GNU keeps freed memory")
+def test_freed_memory_is_given_back() -> None:
+    def taken() -> int:
+        return 1024 * int(Path("/proc/self/status").read_text().split("VmRSS:")[1].split()[0])
+
+    blocks = [np.ones(8000) for _ in range(2000)]  # 128 MB, in blocks that are not mapped alone
+    last = blocks.pop()  # keeps the end of the heap
+    blocks.clear()
+    before = taken()
+    memory.give_back()
+    assert last.size
+    assert before - taken() > 100e6
 
 
 def test_nothing_made_of_a_long_flight_stays(everything_is_long: None) -> None:

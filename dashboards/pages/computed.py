@@ -14,6 +14,7 @@ import panel as pn
 from dashboards.computing import LONG, LatestWins, Outcome, Progress, attempt
 from dashboards.pages.base import Page, not_drawn
 from dashboards.sending import together
+from lab.memory import give_back
 from lab.result import Result
 from lab.views.figures import TimeAxis
 
@@ -96,7 +97,10 @@ class ComputedPage(Page):
                 self._told = time.monotonic()
                 self._later(partial(self._tell, result, stage))
 
-        return attempt(lambda: self.work_out(result, tell))
+        outcome = attempt(lambda: self.work_out(result, tell))
+        if result.is_long:
+            give_back()
+        return outcome
 
     def _deliver(self, result: Result, outcome: Outcome) -> None:
         self._later(partial(self._arrive, result, outcome))

@@ -128,8 +128,7 @@ def _check(run: Run) -> None:
             f"navigator.model = {model!r}: the error budget needs the gains of a linear model; accepted here "
             f"is one of {', '.join(MODELS)}"
         )
-    truth, _ = run.true_flight("budget")
-    check_latitude(truth)
+    check_latitude(run.known_truth("budget"))
     check_gains(run)
     check_rest(run)
     check_feedforward(run)
@@ -288,7 +287,9 @@ class _Propagation:
 
     def _propagate(self, first: int, last: int, step: Transition) -> None:
         """Go from one sample to another."""
-        transition(self.flight, first, last, self.fade, self.sampled, self.series, step)
+        there = self.flight.between(first, last)
+        series = np.ascontiguousarray(self.series[:, first:last])
+        transition(there, 0, last - first, self.fade, self.sampled, series, step)
         waiting, own = self.waiting, self.own
         A = np.eye(waiting.stop)
         A[:NAV, :NAV] = step.navigation
