@@ -81,10 +81,11 @@ class Files:
         )
         self.view = card
         session.param.watch(lambda event: self._rename(event.new), "result")
-        if session.result is not None:
-            self._rename(session.result)
+        self._rename(session.result)
 
-    def _rename(self, result: Result) -> None:
+    def _rename(self, result: Result | None) -> None:
+        if result is None:
+            return
         name = f"{result.mission.name}_{result.experiment.seed}".replace(":", "_")
         for widget, filename in (
             (self._netcdf, f"{name}.nc"),

@@ -74,6 +74,11 @@ class Identifying:
         self._ask.disabled = bool(result.algorithm)
         self._apply.visible = False
 
+    def release(self) -> None:
+        """Refer to no result any more, and end the work."""
+        self._work.cancel()
+        self._result = None
+
     def close(self) -> None:
         """End the work."""
         self._work.close()

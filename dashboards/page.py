@@ -37,6 +37,7 @@ from dashboards.settings_panel import SettingsPanel
 from dashboards.style import DRESS, FRAME, SAME_STYLE_ONCE, STAGE, THEME
 from dashboards.time_bar import TimeBar
 from dashboards.upload import SAME_FILE_AGAIN
+from lab.memory import give_back
 from lab.result import Result
 from lab.views.figures import TimeAxis
 
@@ -77,6 +78,7 @@ class SimulatorPage:
         self._document = document
         self._zooming = False
         self._dark = False
+        self._epoch = 0.0
         self._pages: dict[int, Page] = {}
         self._time_bar = TimeBar(self.axis, document, self._follow, self._cut)
         self._settings: SettingsPanel | None = None
@@ -224,10 +226,14 @@ class SimulatorPage:
                 if not laid_out:
                     page.forget()
                 page.show(result)
+                if result.is_long:
+                    give_back()
                 page.show_time(self.axis.time)
             view = self._reason.view if reason else page.view  # a page may have changed its plots
             if self._stage.objects != [view]:
                 self._stage[:] = [view]
+            if result is None and not page.is_complete:
+                self.session.restore()
             if page is not self._visible:
                 if self._visible is not None:
                     self._visible.hide()
@@ -253,11 +259,18 @@ class SimulatorPage:
         try:
             if page is not None and not page.lacks(result):
                 page.prepare(result)
+            if result.is_long:
+                give_back()
         except Exception:
             log.exception("the page %s could not be prepared", PAGES[self._tabs.active].title)
 
     def _new_result(self, event: param.parameterized.Event) -> None:
-        result: Result = event.new
+        result: Result | None = event.new
+        if result is None:
+            for page in self._pages.values():
+                page.release()
+            return
+        self._epoch = result.epoch
         self.axis.span(float(result.time[-1]))
         outages = result.experiment.sensors.gps.outages
         self.axis.show_outages([(start - result.epoch, end - result.epoch) for start, end in outages])
@@ -266,8 +279,7 @@ class SimulatorPage:
 
     def _cut(self, start: float, end: float) -> None:
         """Add a GPS outage at times of the plots; outages that touch become one."""
-        epoch = self.session.result.epoch if self.session.result is not None else 0.0
-        start, end = round(start + epoch, 1), round(end + epoch, 1)
+        start, end = round(start + self._epoch, 1), round(end + self._epoch, 1)
         outages: list[tuple[float, float]] = []
         for stretch in sorted([*self.session.experiment.get(OUTAGES), (start, end)]):
             if outages and stretch[0] <= outages[-1][1]:

@@ -46,7 +46,10 @@ class Session(param.Parameterized):
         self._on_library: list[Callable[[], None]] = []
         self._changed, self._resting = 0.0, True
         self._closed = False
-        self._arrived: Outcome | None = None
+        self._arrived: tuple[Experiment, Outcome] | None = None
+        self._newest: Experiment | None = None
+        self._released: Experiment | None = None
+        self._restored: Experiment | None = None
         self._browser_ready = False
         # A browser ignores changes that arrive before the requested document.
         document.on_event(DocumentReady, lambda _event: self._open())
@@ -78,7 +81,27 @@ class Session(param.Parameterized):
         """Run the current settings in the background."""
         if self._closed:
             return
-        self._runs.submit(self.experiment.copy())
+        self.release()
+        self._submit(self.experiment.copy())
+
+    def release(self) -> None:
+        """Drop the result of a long flight: two of them, or one and another run, take too much memory.
+
+        The plots stay as they are. `restore` computes the result again.
+        """
+        if self.result is not None and self.result.is_long:
+            self._released = self.result.experiment.copy()
+            self.result = None
+
+    def restore(self) -> None:
+        """Compute a released result again, unless a run is under way."""
+        if self.result is None and self._released is not None and not self._runs.busy:
+            self._restored = self._released
+            self._submit(self._restored)
+
+    def _submit(self, experiment: Experiment) -> None:
+        self._newest = experiment
+        self._runs.submit(experiment)
         if not self._watching:
             self._watching = True
             self._document.add_timeout_callback(self._watch, PATIENCE)
@@ -126,9 +149,10 @@ class Session(param.Parameterized):
     def _run(self, experiment: Experiment, progress: Progress) -> Outcome:
         return run(experiment, progress, self.prepare)
 
-    def _deliver(self, _experiment: Experiment, outcome: Outcome) -> None:
-        if not self._closed:
-            self._arrived = outcome
+    def _deliver(self, experiment: Experiment, outcome: Outcome) -> None:
+        replaced = outcome.result is not None and outcome.result.is_long and experiment is not self._newest
+        if not (self._closed or replaced):
+            self._arrived = experiment, outcome
             self._document.add_next_tick_callback(self._collect)
 
     def _open(self) -> None:
@@ -138,18 +162,25 @@ class Session(param.Parameterized):
     def _collect(self) -> None:
         """Take the arrived outcome; it waits until the browser has its document."""
         if self._browser_ready and self._arrived is not None:
-            outcome, self._arrived = self._arrived, None
-            self._receive(outcome)
+            (experiment, outcome), self._arrived = self._arrived, None
+            self._receive(experiment, outcome)
 
-    def _receive(self, outcome: Outcome) -> None:
+    def _receive(self, experiment: Experiment, outcome: Outcome) -> None:
         if self._closed:
             return
+        is_restored, self._restored = experiment is self._restored, None
         with together(self._document):
             if outcome.result is None:
                 self._run_failed, self.problem = True, outcome.problem
+                if is_restored:  # what was computed before can no longer be
+                    self._released = None
+                elif self.result is None and self._released is not None and experiment is self._newest:
+                    self._restored = self._released
+                    self._submit(self._restored)
                 return
+            self._released = None
             self.result = outcome.result
-            if self._run_failed:
+            if self._run_failed and not is_restored:
                 self._run_failed, self.problem = False, ""
 
     def _rest(self) -> None:

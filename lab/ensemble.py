@@ -309,13 +309,8 @@ def _keep(result: Result, *, explain: bool = True) -> _Run:
     used = solution.fix_sample >= 0
     at = solution.fix_sample[used]
 
-    def nine(group: xr.Dataset) -> FloatArray:
-        parts = [group[name].values for name in ("position", "velocity", "attitude")]
-        return np.concatenate(parts, axis=1)
-
     grid, apart, apart_degrees = _between(result)
-    sigma = nine(result.sigma)
-    error = np.full_like(sigma, np.nan) if result.lacks("errors") else nine(result.errors)
+    error, sigma, rms = _errors(result, at)
     unknown = bool(result.lacks("consistency"))
     return _Run(
         time=result.fixes.time[used],
@@ -324,9 +319,9 @@ def _keep(result: Result, *, explain: bool = True) -> _Run:
         grid=grid,
         between=apart,
         between_degrees=apart_degrees,
-        error=error[at],
-        sigma=sigma[at],
-        rms=_root_mean_square(error),
+        error=error,
+        sigma=sigma,
+        rms=rms,
         degrees=0 if unknown else int(result.consistency["nees"].attrs["degrees"]),
         nis_degrees=int(result.innovations["nis"].attrs["degrees"]),
         evidence=evidence_of(result, result.filtered, explain=explain),
@@ -344,11 +339,28 @@ def _between(result: Result) -> tuple[FloatArray, FloatArray, int]:
     return result.time[at], nees, degrees
 
 
-def _root_mean_square(error: FloatArray) -> FloatArray:
-    """Return the root mean square (9,) of the known errors (n, 9)."""
-    known = np.isfinite(error)
-    total, count = np.sum(error**2, axis=0, where=known), known.sum(axis=0)
-    return np.asarray(np.sqrt(np.divide(total, count, out=np.full(error.shape[1], np.nan), where=count > 0)))
+def _errors(result: Result, at: NDArray[np.int64]) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return errors and their σ (m, 9) at samples (m,), and the root mean square (9,) of all known errors."""
+    wide = len(QUANTITIES)
+    error, sigma = np.full((at.size, wide), np.nan), np.full((at.size, wide), np.nan)
+    total, count, first = np.zeros(wide), np.zeros(wide, dtype=np.int64), 0
+    for part in result.parts():
+        here = (first <= at) & (at < first + part.time.size)
+        sigma[here] = _nine(part.sigma)[at[here] - first]
+        if not result.lacks("errors"):
+            there = _nine(part.errors)
+            known = np.isfinite(there)
+            total += np.sum(there**2, axis=0, where=known)
+            count += known.sum(axis=0)
+            error[here] = there[at[here] - first]
+        first += part.time.size
+    rms = np.sqrt(np.divide(total, count, out=np.full(wide, np.nan), where=count > 0))
+    return error, sigma, np.asarray(rms)
+
+
+def _nine(group: xr.Dataset) -> FloatArray:
+    """Return position, velocity and attitude of a dataset in one array (n, 9)."""
+    return np.concatenate([group[name].values for name in ("position", "velocity", "attitude")], axis=1)
 
 
 def _together(experiment: Experiment, seeds: tuple[int, ...], runs: list[_Run]) -> Ensemble:

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,7 +18,7 @@ from lab.ecef import near_pole
 from lab.histories import LONG
 from lab.ideal_imu import IdealImu
 from lab.log_run import run_log, timed
-from lab.memory import check_memory
+from lab.memory import check_memory, give_back
 from lab.missions import LogMission, Mission, mission
 from lab.navigation import rest_alignment, smoother, unscented
 from lab.navigation.algorithm import Algorithm, run_algorithm
@@ -49,6 +50,7 @@ from lab.trajectory import Trajectory, Truth
 from lab.units import si
 
 FloatArray = NDArray[np.float64]
+T = TypeVar("T")
 Progress = Callable[[str, float], None]
 
 CACHE = StageCache(limit=256 * 2**20)
@@ -134,6 +136,9 @@ class _Run:
         # The curve and its exact increments are not needed any more.
         truth, ideal = flight.truth, flight.ideal.as_kept()
         del flight
+        is_long = truth.time.size > LONG
+        if is_long:
+            give_back()
         ready = self.algorithm is not None or is_ready(self.navigator)
         self.progress("Navigating" if ready else "Preparing the navigator (compiled once)", 0.4)
         assumed = belief(self.sensors, self.navigator, aligned.P if self.navigator.alignment else None)
@@ -161,6 +166,8 @@ class _Run:
                 ),
             )
         )
+        if is_long:
+            give_back()
         self.progress("Done", 1.0)
         return SimulatedResult(
             experiment=self.experiment,
@@ -228,10 +235,12 @@ class _Run:
             self.sensors.temperature.to_dict(),
             self.sensors.accelerometer.vibration_density if shaken else None,
         )
-        measured = CACHE.get(sensor, key, lambda: imu.as_kept(self.measured(errors, flight, draws)))
+        # Neither is their output kept: the flight is too long to be kept, and takes longer.
+        keep = _computed if samples > LONG else CACHE.get
+        measured = keep(sensor, key, lambda: imu.as_kept(self.measured(errors, flight, draws)))
         if not found.any():
             return measured
-        return CACHE.get(
+        return keep(
             "alignment",
             digest(key, found.tolist()),
             lambda: imu.without_bias(measured, flight.ideal.dt, found, imu.cross_coupling(errors, draws)),
@@ -346,6 +355,11 @@ class _Run:
             )
         engine = smoother.navigate if self.navigator.smoother else navigate
         return engine(imu, fixes, start, belief, schedule, chosen_model(self.navigator))
+
+
+def _computed(_stage: str, _key: str, compute: Callable[[], T]) -> T:
+    """Return the result of a stage that is not cached."""
+    return compute()
 
 
 def start(truth: Truth, settings: NavigatorSettings, seed: int) -> Start:

@@ -57,6 +57,22 @@ class IdealImu:
         """Return a copy for storage in a result: for a long flight, the increments are float32."""
         return replace(self, dtheta=kept(self.dtheta), dvelocity=kept(self.dvelocity))
 
+    def part(self, first: int, last: int) -> IdealImu:
+        """Return the output between the samples `first` and `last`, without the latter."""
+        intervals = slice(first, last - 1)
+        return replace(
+            self,
+            time=self.time[first:last],
+            dtheta=self.dtheta[intervals],
+            dvelocity=self.dvelocity[intervals],
+        )
+
+    def copy(self) -> IdealImu:
+        """Return a copy that shares no memory."""
+        return replace(
+            self, time=self.time.copy(), dtheta=self.dtheta.copy(), dvelocity=self.dvelocity.copy()
+        )
+
     def to_compute_on(self) -> IdealImu:
         """Return the increments in float64."""
         return replace(

@@ -6,8 +6,9 @@ Analyses and datasets are functions of a `Run`. `lab.result` is its user interfa
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from dataclasses import dataclass
-from typing import NamedTuple
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from typing import NamedTuple, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,7 +20,7 @@ from lab.missions import Mission, SensorLog
 from lab.navigation.alignment import Alignment
 from lab.navigation.belief import assumed_latency
 from lab.navigation.rest_alignment import Aligned
-from lab.navigation.solution import Belief, Solution
+from lab.navigation.solution import HISTORIES, Belief, Solution
 from lab.rotation import euler_from_quaternion
 from lab.sensors import temperature as thermal
 from lab.sensors.gps import GpsFixes
@@ -27,6 +28,10 @@ from lab.sensors.imu import Measured
 from lab.trajectory import Truth
 
 FloatArray = NDArray[np.float64]
+
+
+AT_ONCE = 2**16
+"""Samples in one part of a long flight, with some 600 bytes of datasets each."""
 
 
 class ResultError(ValueError):
@@ -130,6 +135,51 @@ class Run(ABC):
         """Whether the flight is so long that derived histories are not kept."""
         return int(self.solution_arrays.position.shape[0]) > LONG
 
+    def part(self, first: int, last: int) -> Self:
+        """Return the run with the histories of the samples from `first` up to `last`, without the latter.
+
+        Its histories over time are those of the run. The fixes are all there, and refer to samples of the
+        whole run. True biases and scale factors belong to intervals, so those of the first sample are known
+        only if that is the first of the flight.
+        """
+        samples, intervals = slice(first, last), slice(first, last - 1)
+        solution = {name: getattr(self.solution_arrays, name)[samples] for name in HISTORIES}
+        ideal, recorded = self.ideal, self.recorded
+        return replace(
+            self,
+            truth_arrays=None if self.truth_arrays is None else self.truth_arrays.taken(samples),
+            ideal=None if ideal is None else ideal.part(first, last),
+            gyro=self.gyro.taken(intervals),
+            accelerometer=self.accelerometer.taken(intervals),
+            solution_arrays=self.solution_arrays._replace(**solution),
+            recorded=None if recorded is None else recorded._replace(time=recorded.time[samples]),
+        )
+
+    def bare(self) -> Self:
+        """Return the run with its first sample alone, which keeps no history in memory."""
+        first = self.part(0, 1)
+        histories = {name: getattr(first.solution_arrays, name).copy() for name in HISTORIES}
+        truth, ideal, recorded = first.truth_arrays, first.ideal, first.recorded
+        only, none = np.arange(1), np.arange(0)
+        return replace(
+            first,
+            truth_arrays=None if truth is None else truth.taken(only),
+            ideal=None if ideal is None else ideal.copy(),
+            gyro=first.gyro.taken(none),
+            accelerometer=first.accelerometer.taken(none),
+            solution_arrays=first.solution_arrays._replace(**histories),
+            recorded=None if recorded is None else recorded._replace(time=recorded.time.copy()),
+        )
+
+    def parts(self) -> Iterator[Self]:
+        """Iterate over the run in parts; a run that is not long is one part."""
+        samples = int(self.solution_arrays.position.shape[0])
+        if not self.is_long:
+            yield self
+            return
+        for first in range(0, samples, AT_ONCE):
+            yield self.part(first, min(first + AT_ONCE, samples))
+
     @property
     def latency(self) -> float:
         """The latency of the fixes that the filter assumed [s]."""
@@ -193,6 +243,8 @@ class Run(ABC):
     def true_flight(self, name: str) -> tuple[Truth, IdealImu]:
         """Return truth and ideal IMU of a simulated run, to compute the data `name`.
 
+        The increments of a long flight are float32; see `IdealImu.to_compute_on`.
+
         Raises
         ------
         ResultError
@@ -201,7 +253,7 @@ class Run(ABC):
         truth = self.known_truth(name)
         if self.ideal is None:
             raise ResultError(self.lacks("budget"))
-        return truth, self.ideal.to_compute_on()
+        return truth, self.ideal
 
 
 def _at_samples(gyro: FloatArray, accelerometer: FloatArray) -> FloatArray:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 import tracemalloc
 from collections.abc import Iterator
 from pathlib import Path
@@ -14,12 +15,16 @@ from dashboards.computing import run
 from lab import Experiment, histories, memory, spline_windows, trajectory
 from lab import experiment as stages
 from lab import run as arrays
+from lab.analysis import observability
 from lab.cli import app
 from lab.navigation import navigator
 from lab.navigation.lever_arm import turns
 from lab.navigation.solution import Imu
 from lab.result import Result
 from lab.trajectory import Trajectory
+from lab.views import figures
+from lab.views.figures import TimeAxis, TimeFigures
+from lab.views.quantities import COVARIANCE, ERRORS, HEIGHT, SCALE_ERRORS, SENSOR_ERRORS, TimePlot
 
 SHORT = 2**12
 """Samples from which on a flight counts as long here: a tenth of that of the tests."""
@@ -31,19 +36,20 @@ def everything_is_long(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
     for module in (histories, trajectory, navigator, stages, arrays, memory):
         monkeypatch.setattr(module, "LONG", SHORT)
     monkeypatch.setattr(spline_windows, "WINDOW", SHORT)
-    monkeypatch.setattr(trajectory, "AT_ONCE", 1000)
+    for module in (trajectory, arrays, observability, figures):
+        monkeypatch.setattr(module, "AT_ONCE", 1000)
     monkeypatch.setattr(navigator, "PIECE", 777)
     stages.CACHE.clear()
     yield
     stages.CACHE.clear()
 
 
-def settings() -> Experiment:
+def settings(*, rests: bool = True) -> Experiment:
     experiment = Experiment(mission="montreal", seed=3)
     experiment.set("sensors.gyro.instability", 30)
     experiment.set("navigator.states", 21)
     experiment.set("navigator.gate", 0.99)
-    experiment.set("navigator.rest_updates", True)
+    experiment.set("navigator.rest_updates", rests)
     return experiment
 
 
@@ -89,6 +95,105 @@ def test_what_is_said_of_a_flight_does_not_change(exact: Result, request: pytest
     np.testing.assert_allclose(
         long.coverage.select_dtypes("number"), coverage.select_dtypes("number"), atol=1e-2
     )
+
+
+def test_what_is_drawn_of_a_flight_does_not_change(exact: Result, request: pytest.FixtureRequest) -> None:
+    drawn = [_drawn(exact, plots) for plots in GRIDS]
+    places = exact.places(np.array([0, 7000, 41000]))
+    request.getfixturevalue("everything_is_long")
+    long = settings().run()
+    assert len(list(long.parts())) > 10
+    for plots, wanted in zip(GRIDS, drawn, strict=True):
+        found = _drawn(long, plots)
+        for name, values in wanted.items():
+            # 24 bits of what is drawn and of what is kept; the edge of a band is a difference of these.
+            size = np.nanmax(np.abs(values), initial=1e-12)
+            np.testing.assert_allclose(found[name], values, rtol=3e-7, atol=3e-7 * size, err_msg=name)
+    np.testing.assert_allclose(long.places(np.array([0, 7000, 41000])), places, atol=1e-6)
+    assert long.drawn_track["time"].values[-1] == long.time[-1]
+
+
+def test_budget_and_observability_do_not_change(request: pytest.FixtureRequest) -> None:
+    stages.CACHE.clear()
+    exact = settings(rests=False).run()
+    budget, seen = exact.budget, exact.observability
+    request.getfixturevalue("everything_is_long")
+    long = settings(rests=False).run()
+    for name in ("total", "believed"):
+        np.testing.assert_allclose(long.budget[name], budget[name], rtol=1e-5)
+    for name in ("sigma", "free"):
+        np.testing.assert_allclose(long.observability[name], seen[name], rtol=1e-6)
+    assert list(long.observability.segment.values) == list(seen.segment.values)
+
+
+GRIDS = (ERRORS, COVARIANCE, SENSOR_ERRORS, SCALE_ERRORS, HEIGHT)
+
+
+def _drawn(result: Result, plots: tuple[TimePlot, ...]) -> dict[str, np.ndarray]:
+    grid = TimeFigures(plots, TimeAxis())
+    drawn = {}
+    for window in ((0.0, 205.0), (50.0, 120.0), (60.0, 61.0)):
+        for clock, columns in grid._thinned(result, window).items():
+            drawn |= {f"{clock} {name} {window}": values for name, values in columns.items()}
+    return drawn
+
+
+def test_a_plot_of_a_long_flight_holds_no_history(everything_is_long: None) -> None:
+    result = settings().run()
+    grid = TimeFigures(COVARIANCE, TimeAxis())
+    grid._thinned(result, (0.0, 1.0))
+    tracemalloc.start()
+    try:
+        grid._thinned(result, (0.0, 205.0))
+        peak = tracemalloc.get_traced_memory()[1]
+    finally:
+        tracemalloc.stop()
+    # Whole datasets of 21 states at each of the 15 curves take 2500.
+    assert peak / result.time.size < 100
+
+
+def test_a_bare_result_keeps_no_history(everything_is_long: None) -> None:
+    result = settings().run()
+    bare = result.bare()
+    assert not bare.is_long
+    assert bare.experiment is result.experiment
+    held = [
+        *(getattr(bare.truth_arrays, name) for name in ("time", "velocity_n", "q_nb")),
+        *(getattr(bare.solution_arrays, name) for name in ("position", "variance", "covariance", "bias")),
+        *(bare.gyro.increments, bare.gyro.bias, bare.ideal.dtheta, bare.ideal.time),
+    ]
+    for array in held:
+        assert not any(np.shares_memory(array, whole) for whole in _histories(result))
+
+
+def _histories(result: Result) -> list[np.ndarray]:
+    truth, solution, ideal = result.truth_arrays, result.solution_arrays, result.ideal
+    assert truth is not None
+    assert ideal is not None
+    return [
+        *(truth.time, truth.velocity_n, truth.q_nb, ideal.time, ideal.dtheta),
+        *(solution.position, solution.variance, solution.covariance, solution.bias),
+        *(result.gyro.increments, result.gyro.bias),
+    ]
+
+
+def test_the_sensors_of_a_long_flight_are_not_cached(everything_is_long: None) -> None:
+    settings().run()
+    assert not {"gyro", "accelerometer"} & set(stages.CACHE.computed)
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="only the C library of GNU keeps freed memory")
+def test_freed_memory_is_given_back() -> None:
+    def taken() -> int:
+        return 1024 * int(Path("/proc/self/status").read_text().split("VmRSS:")[1].split()[0])
+
+    blocks = [np.ones(8000) for _ in range(2000)]  # 128 MB, in blocks that are not mapped alone
+    last = blocks.pop()  # keeps the end of the heap
+    blocks.clear()
+    before = taken()
+    memory.give_back()
+    assert last.size
+    assert before - taken() > 100e6
 
 
 def test_nothing_made_of_a_long_flight_stays(everything_is_long: None) -> None:

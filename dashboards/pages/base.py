@@ -75,6 +75,15 @@ class Page(ABC):
         """Redraw at the next occasion, because a browser drops the content of a hidden page."""
         self._drawn = None
 
+    def release(self) -> None:
+        """Refer to no result any more, because its memory is needed; what is drawn stays."""
+        self._drawn = None
+
+    @property
+    def is_complete(self) -> bool:
+        """Whether the page shows all it can show without a result."""
+        return False
+
     def show_time(self, time: float) -> None:  # noqa: B027 - most pages have nothing to do
         """Follow the time cursor."""
 

@@ -14,6 +14,7 @@ import panel as pn
 from dashboards.computing import LONG, LatestWins, Outcome, Progress, attempt
 from dashboards.pages.base import Page, not_drawn
 from dashboards.sending import together
+from lab.memory import give_back
 from lab.result import Result
 from lab.views.figures import TimeAxis
 
@@ -74,6 +75,12 @@ class ComputedPage(Page):
         self.say(self.working)
         self._work.submit(result)
 
+    def release(self) -> None:
+        """Refer to no result any more, and end the computation."""
+        super().release()
+        self._work.cancel()
+        self._wanted = self._content = None
+
     def say(self, text: str) -> None:
         """Show a text in the line above the content."""
         self.words.object = f"<p>{escape(text)}</p>"
@@ -90,7 +97,10 @@ class ComputedPage(Page):
                 self._told = time.monotonic()
                 self._later(partial(self._tell, result, stage))
 
-        return attempt(lambda: self.work_out(result, tell))
+        outcome = attempt(lambda: self.work_out(result, tell))
+        if result.is_long:
+            give_back()
+        return outcome
 
     def _deliver(self, result: Result, outcome: Outcome) -> None:
         self._later(partial(self._arrive, result, outcome))

@@ -155,6 +155,13 @@ class Consistency(ComputedPage):
         if outcome.problem or of_one == (self.runs == 1):
             super()._arrive(result, outcome)
 
+    def release(self) -> None:
+        """Refer to no result any more; what is drawn stays."""
+        super().release()
+        self._result = None
+        if self._identifying is not None:
+            self._identifying.release()
+
     def close(self) -> None:
         """Draw nothing more."""
         if self._identifying is not None:

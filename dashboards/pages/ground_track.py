@@ -22,11 +22,16 @@ class GroundTrack(Page):
 
     def prepare(self, result: Result) -> None:
         """Compute the projected paths of the result."""
-        _ = result.track, result.gps
+        _ = result.drawn_track, result.gps
 
     def draw(self, result: Result) -> None:
         """Draw a result."""
         self._track.show(result, self.axis.time)
+
+    def release(self) -> None:
+        """Refer to no result any more; the aircraft stays where it is."""
+        super().release()
+        self._track.release()
 
     def show_time(self, time: float) -> None:
         """Mark the aircraft."""

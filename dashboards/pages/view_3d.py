@@ -27,7 +27,6 @@ class View3D(Page):
     def __init__(self, axis: TimeAxis) -> None:
         self._served: ServedScene | None = None
         self._scene: Scene | None = None
-        self._result: Result | None = None
         super().__init__(axis)
 
     def make(self) -> pn.viewable.Viewable:
@@ -53,14 +52,19 @@ class View3D(Page):
 
     def prepare(self, result: Result) -> None:
         """Compute the projected paths of the result."""
-        _ = result.track, result.gps, result.position_covariance
+        _ = result.drawn_track, result.gps, result.position_covariance
 
     def draw(self, result: Result) -> None:
         """Draw a result."""
-        self._result = result
         if self._scene is not None:
             self._scene.show(result, self.axis.time)
             self._legend.object = _legend(result, self._scene.scale)
+
+    def release(self) -> None:
+        """Refer to no result any more; the aircraft stays where it is."""
+        super().release()
+        if self._scene is not None:
+            self._scene.release()
 
     def show_time(self, time: float) -> None:
         """Move the aircraft."""

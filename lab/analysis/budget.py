@@ -46,7 +46,7 @@ from lab.analysis.transition import BIASES, NAV, Flight, N, Processes, Transitio
 from lab.east_north_up import NED_TO_ENU, east_north_up_sizes
 from lab.navigation.error_models import ATT, MODELS, POS, STATES, VEL
 from lab.navigation.strapdown import MAX_LATITUDE
-from lab.rotation import euler_jacobian
+from lab.rotation import euler_from_quaternion, euler_jacobian
 from lab.run import Run
 from lab.sensors.gps import within
 from lab.settings import SettingError
@@ -128,8 +128,7 @@ def _check(run: Run) -> None:
             f"navigator.model = {model!r}: the error budget needs the gains of a linear model; accepted here "
             f"is one of {', '.join(MODELS)}"
         )
-    truth, _ = run.true_flight("budget")
-    check_latitude(truth)
+    check_latitude(run.known_truth("budget"))
     check_gains(run)
     check_rest(run)
     check_feedforward(run)
@@ -228,7 +227,6 @@ class _Propagation:
             ideal.dt,
         )
         self.time = ideal.time
-        self.jacobian = euler_jacobian(truth.euler)
         self.processes = processes
         self.inertial = [source for source in processes if source.channel <= ACCELEROMETER]
         self.fade = np.exp(-belief.bias_decay * ideal.dt)
@@ -272,6 +270,7 @@ class _Propagation:
         out = np.zeros((len(self.widths) + len(self.processes), int(epochs.last.sum()), self.states))
         room = Transition.empty(len(self.inertial), len(self.known))
         before, row = 0, 0
+        self.jacobian = dict(zip(epochs.sample.tolist(), self._jacobians(epochs.sample), strict=True))
         for sample, fix, last in zip(*(part.tolist() for part in epochs), strict=True):
             self._propagate(before, sample, room)
             if fix >= 0:
@@ -282,9 +281,15 @@ class _Propagation:
             before = sample
         return out
 
+    def _jacobians(self, samples: NDArray[np.int64]) -> FloatArray:
+        """Return the Jacobians (m, 3, 3) of the Euler angles at some samples."""
+        return euler_jacobian(euler_from_quaternion(self.flight.q_nb[samples]))
+
     def _propagate(self, first: int, last: int, step: Transition) -> None:
         """Go from one sample to another."""
-        transition(self.flight, first, last, self.fade, self.sampled, self.series, step)
+        there = self.flight.between(first, last)
+        series = np.ascontiguousarray(self.series[:, first:last])
+        transition(there, 0, last - first, self.fade, self.sampled, series, step)
         waiting, own = self.waiting, self.own
         A = np.eye(waiting.stop)
         A[:NAV, :NAV] = step.navigation
@@ -393,7 +398,7 @@ def _dataset(run: Run, sources: list[str], epochs: Epochs, variance: FloatArray)
             "sigma": (dims, np.sqrt(variance) * scale, {"long_name": "σ due to the source alone"}),
             "share": (dims, share, {"units": "%", "long_name": "part of the variance"}),
             "total": (dims[1:], np.sqrt(total) * scale, {"long_name": "σ of all sources together"}),
-            "believed": (dims[1:], believed_sigma(run)[kept], {"long_name": "σ according to the filter"}),
+            "believed": (dims[1:], believed_sigma(run, kept), {"long_name": "σ according to the filter"}),
         },
         coords={
             "source": names,
@@ -405,10 +410,11 @@ def _dataset(run: Run, sources: list[str], epochs: Epochs, variance: FloatArray)
     )
 
 
-def believed_sigma(run: Run) -> FloatArray:
-    """Return σ of all `quantities` (n + 1, states) according to the filter, in their units."""
+def believed_sigma(run: Run, samples: NDArray[np.int64]) -> FloatArray:
+    """Return σ of all `quantities` (m, states) at samples (m,) according to the filter, in their units."""
     solution = run.solution_arrays
-    return sigma_of_quantities(run.euler, solution.variance, solution.covariance)
+    euler = euler_from_quaternion(solution.q_nb[samples])
+    return sigma_of_quantities(euler, solution.variance[samples], solution.covariance[samples])
 
 
 def sigma_of_quantities(euler: FloatArray, variance: FloatArray, covariance: FloatArray) -> FloatArray:

@@ -170,7 +170,8 @@ def processes(experiment: ExperimentSettings, ideal: IdealImu, duration: float) 
         errors = sensors.groups()[name]
         time, instability = float(si(errors, "correlation_time")), si(errors, "instability") ** 2
         walk = si(errors, "rate_random_walk") ** 2
-        size = np.sqrt(np.mean((ideal.dvelocity if channel else ideal.dtheta) ** 2, axis=0)) / ideal.dt
+        increments = ideal.dvelocity if channel else ideal.dtheta
+        size = np.sqrt(np.mean(increments**2, axis=0, dtype=np.float64)) / ideal.dt
         found += [
             Process(f"{name} white noise", channel, si(errors, "noise_density") ** 2 / ideal.dt),
             Process(f"{name} bias instability", channel, instability, time),

@@ -16,9 +16,9 @@ import numpy as np
 from lab.analysis.errors import attitude_error
 from lab.analysis.finding import Change, Finding, Verdict, headline
 from lab.navigation.choice import chosen_model
-from lab.navigation.navigator import PolarError, navigate
+from lab.navigation.navigator import PolarError, freely
 from lab.navigation.schedule import Schedule
-from lab.navigation.solution import Fixes, Imu, Start
+from lab.navigation.solution import Imu, Start
 from lab.run import Run
 
 LINEAR = np.radians(0.8)
@@ -66,15 +66,17 @@ def drift_of(run: Run) -> float:
     """
     if run.algorithm or run.experiment.navigator.correction != "feedforward":
         return 0.0
-    solution, nothing = run.solution_arrays, np.zeros((0, 3))
+    solution = run.solution_arrays
     bias = solution.bias[0, :3].astype(np.float64)
     start = Start(solution.position[0], solution.velocity_n[0], solution.q_nb[0], bias)
     imu = Imu(run.time, run.gyro.increments, run.accelerometer.increments)
     alone = run.belief._replace(R=np.eye(6), bias_decay=np.zeros(6))
     try:
         model = chosen_model(run.experiment.navigator)
-        none = Fixes(np.zeros(0), nothing, nothing)
-        free = navigate(imu, none, start, alone, Schedule(feedback=False), model)
+        largest = 0.0
+        for first, free in freely(imu, start, alone, Schedule(feedback=False), model):
+            there = solution.q_nb[first : first + free.q_nb.shape[0]]
+            largest = max(largest, float(np.linalg.norm(attitude_error(free.q_nb, there), axis=1).max()))
     except PolarError:  # it diverged to a pole
         return float(np.pi)
-    return float(np.linalg.norm(attitude_error(free.q_nb, solution.q_nb), axis=1).max())
+    return largest

@@ -68,11 +68,16 @@ def known_errors(run: Run) -> list[Series]:
 
 def _of_triad(run: Run, number: int, name: str) -> list[Series]:
     """Return the known errors of the gyros (0) or the accelerometers (1)."""
-    experiment, (truth, ideal) = run.experiment, run.true_flight("budget")
+    experiment = run.experiment
     errors = experiment.sensors.groups()[name]
     assert isinstance(errors, imu.GyroErrors | imu.AccelerometerErrors)
-    settings = experiment.sensors.temperature
-    height = truth.height
+    measured = run.accelerometer if number else run.gyro
+    if not (
+        measured.saturated or any(errors.quantisation) or any(_has(errors, term) for term in TERMS.values())
+    ):
+        return []  # without the memory for exact increments
+    settings, (truth, kept) = experiment.sensors.temperature, run.true_flight("budget")
+    height, ideal = truth.height, kept.to_compute_on()
     temperature = thermal.temperature(settings, run.time[1:], height[1:] - height[0])
     true = ideal.dvelocity if number else ideal.dtheta
     found: list[Series] = []
@@ -85,7 +90,7 @@ def _of_triad(run: Run, number: int, name: str) -> list[Series]:
     environment = imu.Environment(temperature, ideal.dvelocity)
     for source, term in TERMS.items():
         compensated = settings.compensation and source.startswith("temperature")
-        if term not in errors.param or not any(getattr(errors, term)) or compensated:
+        if not _has(errors, term) or compensated:
             continue
         quiet = type(errors)(noise_density=0, bias_sigma=0, range=errors.param["range"].bounds[1])
         quiet.set(term, getattr(errors, term))
@@ -99,7 +104,6 @@ def _of_triad(run: Run, number: int, name: str) -> list[Series]:
         experiment.sensors.accelerometer, experiment.seed, ideal.dvelocity, ideal.dt
     )
     coarse = any(errors.quantisation) and not rounding(errors, ideal.dt).any()
-    measured = run.accelerometer if number else run.gyro
     if not (coarse or measured.saturated):
         return found
     draws = imu.ImuDraws.of(
@@ -124,6 +128,11 @@ def _of_triad(run: Run, number: int, name: str) -> list[Series]:
     if coarse:
         add("quantisation", as_it_was - simulated(quantisation=0.0))
     return found
+
+
+def _has(errors: imu.GyroErrors | imu.AccelerometerErrors, term: str) -> bool:
+    """Return whether the sensors of a triad have an error; not every error is one of both triads."""
+    return term in errors.param and any(getattr(errors, term))
 
 
 def _at_rest(truth: Truth) -> FloatArray:
@@ -191,5 +200,7 @@ def _lever_arm(run: Run, times: FloatArray, arm: FloatArray) -> FloatArray:
     C_nb = C_nb_from_euler(truth.taken(at).euler)
     sine, cosine = np.sin(truth.latitude[at]), np.cos(truth.latitude[at])
     omega_ie_n = earth.RATE * np.stack((cosine, np.zeros_like(sine), -sine), axis=-1)
-    omega_eb_b = ideal.dtheta[at - 1] / ideal.dt - np.einsum("mij,mi->mj", C_nb, omega_ie_n)
+    omega_eb_b = ideal.dtheta[at - 1].astype(np.float64) / ideal.dt - np.einsum(
+        "mij,mi->mj", C_nb, omega_ie_n
+    )
     return np.concatenate((C_nb @ arm, np.einsum("mij,mj->mi", C_nb, np.cross(omega_eb_b, arm))), axis=1)

@@ -27,9 +27,10 @@ from lab.navigation import strapdown
 from lab.navigation.compilation import interpreted
 from lab.navigation.error_models import PHI, ErrorModel, with_states
 from lab.navigation.filter import Filter
-from lab.navigation.navigator import advance, navigate
+from lab.navigation.navigator import advance, freely
 from lab.navigation.schedule import EVERY_FIX
 from lab.navigation.solution import Fixes, Imu, Solution, Start
+from lab.rotation import wrap
 from lab.run import Run
 from lab.trajectory import Truth
 
@@ -54,6 +55,10 @@ SHORTEST = 4.0
 """Shorter stretches are merged with the previous one [s]."""
 
 REST, TAKE_OFF = "rest", "take-off run"
+KINDS = (REST, "right turn", "left turn", "acceleration", "braking", "climb", "descent", "level stretch")
+"""Kinds of manoeuvres in their order of precedence."""
+AT_ONCE = 2**16
+"""Samples whose attitude is computed together, with some 100 bytes each."""
 WORTH_A_WORD = 10.0
 """Smallest share of the reduction for which a manoeuvre is named [%]."""
 _ORDINALS = ("first", "second", "third", "fourth", "fifth", "sixth", "seventh", "eighth", "ninth")
@@ -82,7 +87,7 @@ def manoeuvres(truth: Truth) -> list[Manoeuvre]:
     dt = float(truth.time[1] - truth.time[0])
     width = min(max(1, round(SMOOTHING / dt)), truth.time.size)
     speed = np.linalg.norm(truth.velocity_n, axis=1)
-    turn = _mean(np.gradient(np.unwrap(truth.euler[:, 2]), dt), width)
+    turn = _mean(_heading_rate(truth, dt), width)
     gain = _mean(np.gradient(speed, dt), width)
     climb = _mean(-truth.velocity_n[:, 2], width)
     kinds = np.select(
@@ -95,19 +100,36 @@ def manoeuvres(truth: Truth) -> list[Manoeuvre]:
             climb > CLIMBING,
             climb < -CLIMBING,
         ],
-        [REST, "right turn", "left turn", "acceleration", "braking", "climb", "descent"],
-        default="level stretch",
+        np.arange(len(KINDS) - 1, dtype=np.int8),
+        default=np.int8(len(KINDS) - 1),
     )
     starts = np.flatnonzero(np.append(True, kinds[1:] != kinds[:-1]))
-    return _named(_merged([str(kinds[at]) for at in starts], truth.time[starts], float(truth.time[-1])))
+    return _named(_merged([KINDS[kinds[at]] for at in starts], truth.time[starts], float(truth.time[-1])))
+
+
+def _heading_rate(truth: Truth, dt: float) -> FloatArray:
+    """Return the rate of the heading (n,) [rad/s] from its differences about each sample."""
+    samples = truth.time.size
+    turned = np.empty(samples + 1)
+    for first in range(0, samples - 1, AT_ONCE):
+        last = min(first + AT_ONCE, samples - 1)
+        heading = truth.taken(slice(first, last + 1)).euler[:, 2]
+        turned[first + 1 : last + 1] = wrap(np.diff(heading))
+    turned[0], turned[-1] = turned[1], turned[-2]  # at the ends, one side is known
+    return np.asarray((turned[1:] + turned[:-1]) / (2 * dt))
 
 
 def _mean(values: FloatArray, width: int) -> FloatArray:
     """Return the moving mean over `width` samples, fewer at the ends."""
-    sums = np.cumsum(np.append(0.0, values))
-    centre = np.arange(values.size)
-    low, high = np.maximum(centre - width // 2, 0), np.minimum(centre + (width + 1) // 2, values.size)
-    return np.asarray((sums[high] - sums[low]) / (high - low))
+    size, before, after = values.size, width // 2, (width + 1) // 2
+    sums = np.zeros(size + 1)
+    np.cumsum(values, out=sums[1:])
+    mean = np.empty(size)
+    mean[before : size - after + 1] = (sums[width:] - sums[: size + 1 - width]) / width
+    for centre in (np.arange(before), np.arange(size - after + 1, size)):
+        low, high = np.maximum(centre - before, 0), np.minimum(centre + after, size)
+        mean[centre] = (sums[high] - sums[low]) / (high - low)
+    return mean
 
 
 def _merged(kinds: list[str], starts: FloatArray, end: float) -> list[Manoeuvre]:
@@ -168,11 +190,11 @@ def observability(run: Run) -> xr.Dataset:
     units = quantities(run.solution_arrays.states)
     epochs = epochs_of(run)
     kept = epochs.sample[epochs.last]
-    sigma = believed_sigma(run)
     found = manoeuvres(run.flown)
     edges = np.array([*(stretch.start for stretch in found), found[-1].end])
     at = np.append(0, epochs.sample[epochs.fix >= 0])
-    known = sigma[at[np.searchsorted(run.time[at], edges, side="right") - 1]]
+    sigma = believed_sigma(run, kept)
+    known = believed_sigma(run, at[np.searchsorted(run.time[at], edges, side="right") - 1])
     known = np.log(np.maximum(known, np.finfo(float).tiny))  # a certain quantity has no reduction
     reduction = known[:-1] - known[1:]
     gained = np.maximum(reduction, 0)
@@ -181,8 +203,12 @@ def observability(run: Run) -> xr.Dataset:
     dims = ("segment", "quantity")
     return xr.Dataset(
         {
-            "sigma": (("time", "quantity"), sigma[kept], {"long_name": "σ according to the filter"}),
-            "free": (("time", "quantity"), _free_sigma(run)[kept], {"long_name": "σ without fixes"}),
+            "sigma": (
+                ("time", "quantity"),
+                sigma,
+                {"long_name": "σ according to the filter"},
+            ),
+            "free": (("time", "quantity"), _free_sigma(run, kept), {"long_name": "σ without fixes"}),
             "reduction": (dims, reduction, {"long_name": "logarithm of σ before over σ after"}),
             "share": (dims, share, {"units": "%", "long_name": "part of the reduction"}),
         },
@@ -197,8 +223,8 @@ def observability(run: Run) -> xr.Dataset:
     )
 
 
-def _free_sigma(run: Run) -> FloatArray:
-    """Return σ of all quantities (n + 1, states) that the filter would have without any fix.
+def _free_sigma(run: Run, samples: NDArray[np.int64]) -> FloatArray:
+    """Return σ of all quantities (m, states) at samples (m,) that the filter would have without any fix.
 
     A perfect IMU and start keep the navigator on the true flight, so that the covariance is propagated there.
     For a log, that flight is the estimated one, to which the navigator is reset at each fix.
@@ -206,13 +232,19 @@ def _free_sigma(run: Run) -> FloatArray:
     flight, nothing = run.flown, np.zeros(3)
     start = Start.off(flight, nothing, nothing, nothing)
     model = with_states(PHI, run.belief.P0.shape[0])
+    variance, covariance = np.empty((samples.size, model.states)), np.empty((samples.size, 2, 3))
     if run.ideal is None:
-        free = _led(run, start, model)
+        led = _led(run, start, model)
+        variance[:], covariance[:] = led.variance[samples], led.covariance[samples]
     else:
-        _, ideal = run.true_flight("observability")
-        none = Fixes(np.zeros(0), np.zeros((0, 3)), np.zeros((0, 3)))
-        free = navigate(Imu(ideal.time, ideal.dtheta, ideal.dvelocity), none, start, run.belief, model=model)
-    return sigma_of_quantities(flight.euler, free.variance, free.covariance)
+        ideal = run.ideal
+        for first, part in freely(
+            Imu(ideal.time, ideal.dtheta, ideal.dvelocity), start, run.belief, model=model
+        ):
+            here = (first <= samples) & (samples < first + part.variance.shape[0])
+            variance[here] = part.variance[samples[here] - first]
+            covariance[here] = part.covariance[samples[here] - first]
+    return sigma_of_quantities(flight.taken(samples).euler, variance, covariance)
 
 
 def _led(run: Run, start: Start, model: ErrorModel) -> Solution:

@@ -49,6 +49,19 @@ class Flight(NamedTuple):
     dvelocity: FloatArray
     dt: float
 
+    def between(self, first: int, last: int) -> Flight:
+        """Return the flight from one sample to another, with increments in float64."""
+        samples, increments = slice(first, last + 1), slice(first, last)
+        return Flight(
+            self.latitude[samples],
+            self.height[samples],
+            self.velocity_n[samples],
+            self.q_nb[samples],
+            self.dtheta[increments].astype(np.float64, copy=False),
+            self.dvelocity[increments].astype(np.float64, copy=False),
+            self.dt,
+        )
+
 
 class Processes(NamedTuple):
     """First-order random processes c of p triads, as errors of their bias estimates.

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lab.analysis.errors import euler_sigma, position_error
-from lab.datasets.labelled import DEGREE, labelled
+from lab.datasets.labelled import DEGREE, Variables, labelled, labelled_at
 from lab.east_north_up import east_north_up, east_north_up_sizes
 from lab.navigation.error_models import ATT, POS, STATES, VEL
 from lab.navigation.solution import Solution
@@ -118,18 +118,18 @@ def state_sigma(run: Run) -> xr.Dataset:
     return dataset.assign_coords(state=list(STATES[:n]), unit=("state", list(STATE_UNITS[:n])))
 
 
-def track(run: Run, projection: Projection) -> xr.Dataset:
-    """Return the paths in metres on a map; see `Result.track`."""
-    paths = {"estimated": run.solution_arrays.position}
+def track(run: Run, projection: Projection, samples: NDArray[np.intp] | slice = slice(None)) -> xr.Dataset:
+    """Return the paths in metres on a map, of all samples or of some; see `Result.track`."""
+    paths = {"estimated": run.solution_arrays.position[samples]}
     if run.truth_arrays is not None:
-        paths = {"true": run.truth_arrays.position} | paths
+        paths = {"true": run.truth_arrays.taken(samples).position} | paths
     projected = [projection.project(path) for path in paths.values()]
     height = np.stack([path[:, 2] for path in paths.values()])
     dims, label = ("path", "time"), projection.label
-    dataset = labelled(
-        run,
-        easting=(dims, np.stack([east for east, _ in projected]), "m", f"easting, {label}"),
-        northing=(dims, np.stack([north for _, north in projected]), "m", f"northing, {label}"),
-        height=(dims, height, "m", "height above the ellipsoid"),
-    )
+    variables: Variables = {
+        "easting": (dims, np.stack([east for east, _ in projected]), "m", f"easting, {label}"),
+        "northing": (dims, np.stack([north for _, north in projected]), "m", f"northing, {label}"),
+        "height": (dims, height, "m", "height above the ellipsoid"),
+    }
+    dataset = labelled_at(run, samples, variables)
     return dataset.assign_coords(path=list(paths))

@@ -30,6 +30,10 @@ COORDINATES: dict[str, list[str]] = {
 """Names of the components along each dimension."""
 
 
+Variables = dict[str, tuple[tuple[str, ...], FloatArray, str, str]]
+"""Variables by name: dimensions, values, unit, long name."""
+
+
 def labelled(run: Run, **variables: tuple[tuple[str, ...], FloatArray, str, str]) -> xr.Dataset:
     """Return a dataset of variables given as (dimensions, values, unit, long name).
 
@@ -40,9 +44,14 @@ def labelled(run: Run, **variables: tuple[tuple[str, ...], FloatArray, str, str]
     variables
         The variables, by name.
     """
+    return labelled_at(run, slice(None), variables)
+
+
+def labelled_at(run: Run, samples: NDArray[np.intp] | slice, variables: Variables) -> xr.Dataset:
+    """Return a dataset as `labelled` does, of some samples of the dimension `time`."""
     import xarray as xr  # noqa: PLC0415 - takes a while to import, and a run does without
 
-    times = {"time": run.time, "time_imu": run.time[1:], "time_gps": run.fixes.time}
+    times = {"time": run.time[samples], "time_imu": run.time[1:], "time_gps": run.fixes.time}
     used = {dim for dims, *_ in variables.values() for dim in dims}
     coords: dict[str, Any] = {
         dim: (dim, values, {"units": "s", "long_name": "time"})

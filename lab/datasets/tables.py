@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -62,17 +62,28 @@ def _columns(run: Run, errors: xr.Dataset | None) -> Iterator[tuple[str, str, Fl
             yield f"{name} {component}", unit, values
 
 
-def coverage(errors: xr.Dataset, sigma: xr.Dataset) -> pd.DataFrame:
-    """Return the table of the errors in their σ; see `Result.coverage`."""
+def coverage(parts: Iterable[tuple[xr.Dataset, xr.Dataset]], samples: int) -> pd.DataFrame:
+    """Return the table of the errors in their σ; see `Result.coverage`.
+
+    Parameters
+    ----------
+    parts
+        Errors and their σ, of one part of the flight after the other.
+    samples
+        Number of samples of all parts together.
+    """
     import pandas as pd  # noqa: PLC0415 - takes a while to import, and a run does without
 
+    means = np.zeros((len(flight.ERRORS), 3, 3))
+    for errors, sigma in parts:
+        share = errors.sizes["time"] / samples
+        for number, name in enumerate(flight.ERRORS):
+            values, beside = errors[name].values, sigma[name].values
+            within = [100 * consistency.coverage(values, beside, factor) for factor in (1, 3)]
+            means[number] += share * np.stack([np.mean(values / beside, axis=0), *within])
     rows = []
-    for name, array in errors.data_vars.items():
-        values, beside = array.values, sigma[name].values
-        within = [100 * consistency.coverage(values, beside, factor) for factor in (1, 3)]
-        mean = np.mean(values / beside, axis=0)
-        for index, component in enumerate(array[array.dims[1]].values):
-            figures = (mean[index], within[0][index], within[1][index])
+    for mean, (name, (dim, _)) in zip(means, flight.ERRORS.items(), strict=True):
+        for component, figures in zip(COORDINATES[dim], mean.T, strict=True):
             rows.append((f"{name} {component}", *map(float, figures)))
     return pd.DataFrame(rows, columns=["quantity", "mean [σ]", "within ±1σ [%]", "within ±3σ [%]"])
 

@@ -10,7 +10,7 @@ P. D. Groves, *Principles of GNSS, Inertial and Multisensor Integrated Navigatio
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,7 +22,7 @@ from lab.navigation.error_models import PHI, WANDER_AZIMUTH, ErrorModel
 from lab.navigation.filter import Filter
 from lab.navigation.lever_arm import turns
 from lab.navigation.schedule import EVERY_FIX, Schedule, Stretch
-from lab.navigation.solution import Belief, Fixes, Imu, Solution, Start, read_only
+from lab.navigation.solution import HISTORIES, Belief, Fixes, Imu, Solution, Start, read_only
 
 FloatArray = NDArray[np.float64]
 
@@ -157,6 +157,47 @@ def advance(
     """
     go = driver(model, summed=schedule.stride > 1)
     return go(run, read_only(imu), read_only(fixes), out, first, schedule)
+
+
+def freely(
+    imu: Imu, start: Start, belief: Belief, schedule: Schedule = EVERY_FIX, model: ErrorModel = PHI
+) -> Iterator[tuple[int, Solution]]:
+    """Navigate a whole flight without fixes, piece by piece, so that no solution of all of it is needed.
+
+    Parameters
+    ----------
+    imu, start, belief, schedule, model
+        As of `navigate`; increments may be float32.
+
+    Yields
+    ------
+    int, Solution
+        Number of the first sample of a piece, and the solution there, which the next piece overwrites.
+
+    Raises
+    ------
+    PolarError
+        If a north-slaved navigator comes closer than 0.1° to a pole.
+    """
+    none = Fixes(np.zeros(0), np.zeros((0, 3)), np.zeros((0, 3)))
+    run = Filter.begin(start, belief._replace(R=np.eye(6)), float(imu.time[0]), model)
+    samples = imu.dtheta.shape[0]
+    room = Solution.empty(min(PIECE, samples) + 1, 0, model.states)
+    for first in range(0, samples, PIECE):
+        last = min(first + PIECE, samples)
+        piece = Imu(
+            imu.time[first : last + 1],
+            imu.dtheta[first:last].astype(np.float64, copy=False),
+            imu.dvelocity[first:last].astype(np.float64, copy=False),
+        )
+        polar = model.mechanization == WANDER_AZIMUTH
+        if not polar and abs(run.state[strapdown.LATITUDE]) > strapdown.MAX_LATITUDE:
+            raise PolarError(POLAR.format(time=piece.time[0]))
+        stopped = advance(run, piece, none, room, 0, schedule, model)
+        if stopped < piece.time.size:
+            raise PolarError(POLAR.format(time=piece.time[stopped - 1]))
+        written = {name: getattr(room, name)[:stopped] for name in HISTORIES}
+        yield first, room._replace(**written)
 
 
 def load(belief: Belief, schedule: Schedule, model: ErrorModel = PHI) -> None:

@@ -15,6 +15,10 @@ from lab.trajectory import Truth
 FloatArray = NDArray[np.float64]
 
 
+HISTORIES = ("position", "velocity_n", "q_nb", "bias", "scale", "variance", "covariance", "rest")
+"""Arrays of a solution with one row for each sample."""
+
+
 def _block(samples: int, widths: dict[str, int], dtype: DTypeLike) -> dict[str, FloatArray]:
     """Return flat arrays with given numbers of values per sample, by name, in one block of memory."""
     block = np.empty(samples * sum(widths.values()), dtype=dtype)

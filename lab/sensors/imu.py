@@ -66,6 +66,12 @@ class Measured(NamedTuple):
     scale: FloatArray
     saturated: int
 
+    def taken(self, intervals: NDArray[np.intp] | slice) -> Measured:
+        """Return the output in some intervals; the number of saturated values remains that of all."""
+        return self._replace(
+            increments=self.increments[intervals], bias=self.bias[intervals], scale=self.scale[intervals]
+        )
+
 
 class ImuDraws(NamedTuple):
     """Unit draws of a triad for n samples.

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -42,17 +42,64 @@ def envelope(
     series : list of (m,) arrays
         Two values for each stretch: the smaller first where the series rises over the stretch.
     """
-    first = max(int(np.searchsorted(time, window[0], "left")) - 1, 0)
-    last = min(int(np.searchsorted(time, window[1], "right")) + 1, len(time))
-    count = last - first
-    if count <= 2 * buckets:
+    first, last = _visible(time, window)
+    if last - first <= 2 * buckets:
         return time[first:last], [values[first:last] for values in series]
+    starts, ends = _stretches(first, last, buckets)
+    return _thinned_time(time, starts, ends), [_extremes(values, starts, ends) for values in series]
+
+
+def envelope_in_parts(
+    time: FloatArray,
+    read: Callable[[int, int], Sequence[FloatArray]],
+    window: tuple[float, float],
+    buckets: int,
+    at_once: int,
+) -> tuple[FloatArray, list[FloatArray]]:
+    """Thin series as `envelope` does, that are never in memory as a whole.
+
+    Parameters
+    ----------
+    time, window, buckets
+        As of `envelope`.
+    read : callable
+        Returns the samples of all series from one number up to another, without the latter.
+    at_once : int
+        Largest number of samples that are read together, unless a stretch has more.
+    """
+    first, last = _visible(time, window)
+    if last - first <= 2 * buckets:
+        return time[first:last], list(read(first, last))
+    starts, ends = _stretches(first, last, buckets)
+    parts, begin = [], 0
+    while begin < buckets:
+        end = max(int(np.searchsorted(ends, starts[begin] + at_once, "right")), begin + 1)
+        there = slice(begin, end)
+        zero = int(starts[begin])
+        values = read(zero, int(ends[end - 1]))
+        parts.append([_extremes(one, starts[there] - zero, ends[there] - zero) for one in values])
+        begin = end
+    return _thinned_time(time, starts, ends), [np.concatenate(one) for one in zip(*parts, strict=True)]
+
+
+def _visible(time: FloatArray, window: tuple[float, float]) -> tuple[int, int]:
+    """Return the first sample of a window, and the one after the last, with one more at either end."""
+    first = max(int(np.searchsorted(time, window[0], "left")) - 1, 0)
+    return first, min(int(np.searchsorted(time, window[1], "right")) + 1, len(time))
+
+
+def _stretches(first: int, last: int, buckets: int) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+    """Return the first sample of each stretch, and the one after its last."""
     edges = np.linspace(first, last, buckets + 1).astype(np.intp)
-    starts, ends = edges[:-1], edges[1:]
-    thinned_time = np.empty(2 * buckets)
-    thinned_time[0::2] = time[starts]
-    thinned_time[1::2] = time[(starts + ends) // 2]
-    return thinned_time, [_extremes(values, starts, ends) for values in series]
+    return edges[:-1], edges[1:]
+
+
+def _thinned_time(time: FloatArray, starts: NDArray[np.intp], ends: NDArray[np.intp]) -> FloatArray:
+    """Return two times for each stretch: its start and its middle."""
+    thinned = np.empty(2 * len(starts))
+    thinned[0::2] = time[starts]
+    thinned[1::2] = time[(starts + ends) // 2]
+    return thinned
 
 
 def _extremes(values: FloatArray, starts: NDArray[np.intp], ends: NDArray[np.intp]) -> FloatArray:

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import partial
 from typing import TYPE_CHECKING, Any, get_args
+from weakref import ref
 
 import numpy as np
 from bokeh.core.properties import value
@@ -19,7 +21,8 @@ from bokeh.models.tickers import FixedTicker
 from bokeh.models.tools import BoxZoomTool, CrosshairTool, HoverTool, WheelPanTool, WheelZoomTool
 from bokeh.plotting import figure
 
-from lab.views.envelope import SMALLEST_DRAWN, FloatArray, envelope, limits
+from lab.run import Run
+from lab.views.envelope import SMALLEST_DRAWN, FloatArray, envelope, envelope_in_parts, limits
 from lab.views.legend import add_legend
 from lab.views.quantities import CURSOR, Band, Clock, Curve, TimePlot
 
@@ -37,6 +40,8 @@ source.setv({data}, {sync: false});
 """Splits the transferred block into the columns of a source, without copying or sending them back."""
 
 
+AT_ONCE = 2**15
+"""Samples of a long flight that are read together, with some 700 bytes of datasets each."""
 MOST_DECADES = 10
 """Most decades of a logarithmic axis with one tick each: a figure of 150 px has room for no more."""
 
@@ -178,7 +183,7 @@ class TimeFigures:
         self._in_place = in_place
         self._sources: dict[Clock, Columns] = {}
         self._ready: (
-            tuple[Result | Ensemble, tuple[float, float], dict[Clock, dict[str, FloatArray]]] | None
+            tuple[ref[Result | Ensemble], tuple[float, float], dict[Clock, dict[str, FloatArray]]] | None
         ) = None
         for clock in get_args(Clock):
             names = [name for plot in self.plots for name in _columns(plot, clock)]
@@ -190,13 +195,13 @@ class TimeFigures:
     def prepare(self, result: Result | Ensemble) -> None:
         """Thin a result to the data that `show` draws; in any thread."""
         window = self.axis.window
-        self._ready = (result, window, self._thinned(result, window))
+        self._ready = (ref(result), window, self._thinned(result, window))
 
     def show(self, result: Result | Ensemble) -> None:
         """Draw a result, or the averages of an ensemble, in the visible stretch of time."""
         window, ready = self.axis.window, self._ready
         self._ready = None
-        prepared = ready is not None and ready[0] is result and ready[1] == window
+        prepared = ready is not None and ready[0]() is result and ready[1] == window
         drawn = ready[2] if ready is not None and prepared else self._thinned(result, window)
         for clock, source in self._sources.items():
             source.show(drawn[clock])
@@ -213,23 +218,41 @@ class TimeFigures:
         """Return the columns of each source in a window of time."""
         thinned: dict[Clock, dict[str, FloatArray]] = {}
         for clock in self._sources:
-            columns: dict[str, FloatArray] = {}
-            for plot in self.plots:
-                columns |= _columns(plot, clock, result)
-            time, values = envelope(_times(result, clock), list(columns.values()), window, self._buckets)
-            named = zip(("time", *columns), (time, *values), strict=True)
+            names = [name for plot in self.plots for name in _columns(plot, clock)]
+            times = _times(result, clock)
+            if clock == "time" and getattr(result, "is_long", False):
+                assert isinstance(result, Run)
+                read = partial(self._part, result)
+                time, values = envelope_in_parts(times, read, window, self._buckets, AT_ONCE)
+            else:
+                time, values = envelope(times, self._series(result, clock), window, self._buckets)
+            named = zip(("time", *dict.fromkeys(names)), (time, *values), strict=True)
             thinned[clock] = {name: series.astype(np.float32) for name, series in named}
         return thinned
+
+    def _series(self, result: Result | Ensemble, clock: Clock) -> list[FloatArray]:
+        """Return all columns at a clock, besides the time."""
+        columns: dict[str, FloatArray] = {}
+        for plot in self.plots:
+            columns |= _columns(plot, clock, result)
+        return list(columns.values())
+
+    def _part(self, result: Result, first: int, last: int) -> list[FloatArray]:
+        """Return the columns of a long flight over the IMU's time, from one sample up to another."""
+        if any(curve.is_whole for plot in self.plots for curve in plot.curves):
+            return [values[first:last] for values in self._series(result, "time")]
+        before = max(first - 1, 0)  # of the first sample of a part, not everything is known
+        return [values[first - before :] for values in self._series(result.part(before, last), "time")]
 
     def _show_known(self, plot: TimePlot, fig: figure, result: Result | Ensemble) -> None:
         """Hide a figure, or an entry of its legend, without known values, as in sensor logs."""
         # Nothing is hidden in a stretch of time without fixes: zooming must not hide a figure.
         whole = getattr(result, "recorded", None) is not None
-        known = {curve.name: not whole or _is_known(curve, result) for curve in plot.curves}
+        known = {curve.name: not whole or _is_known(plot, curve, result) for curve in plot.curves}
         hide(fig, not any(known.values()), in_place=self._in_place)
         for curve in (*plot.curves, *([plot.fixes] if plot.fixes else [])):
             if curve.name in self._legends:
-                is_known = known.get(curve.name, not whole or _is_known(curve, result))
+                is_known = known.get(curve.name, not whole or _is_known(plot, curve, result))
                 self._legends[curve.name].update(visible=is_known, label=value(_spoken(curve.label, result)))
 
     def _name_zeros(self, plot: TimePlot, fig: figure, series: dict[str, FloatArray]) -> None:
@@ -383,8 +406,10 @@ def _is_zero(values: FloatArray) -> bool:
     return bool(known.size and known.max() < SMALLEST_DRAWN)
 
 
-def _is_known(curve: Curve, result: Result | Ensemble) -> bool:
-    return bool(np.isfinite(curve.read(result)).any())
+def _is_known(plot: TimePlot, curve: Curve, result: Result | Ensemble) -> bool:
+    over_time = plot.clock == "time" and curve in plot.curves
+    parts = result.parts() if over_time and isinstance(result, Run) else [result]
+    return any(np.isfinite(curve.read(part)).any() for part in parts)
 
 
 def _spoken(label: str, result: Result | Ensemble) -> str:

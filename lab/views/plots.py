@@ -77,7 +77,7 @@ def height(result: Result) -> hv.Layout:
 
 def ground_track(result: Result) -> hv.Overlay:
     """Return the true path, the estimated path and the fixes on a map in metres, with equal scales."""
-    track, gps = result.track, result.gps
+    track, gps = result.drawn_track, result.gps
     label = result.projection.label
     easting = hv.Dimension("easting", label=f"Easting ({label})", unit="m")
     northing = hv.Dimension("northing", label="Northing", unit="m")

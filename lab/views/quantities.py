@@ -41,6 +41,8 @@ class Curve:
         Returns the samples (n,) of a result.
     style
         Line style.
+    is_whole
+        Whether it must be read from the whole flight, because its noise is drawn for all samples together.
     """
 
     name: str
@@ -48,6 +50,7 @@ class Curve:
     colour: str
     read: Reader
     style: Literal["line", "dashed", "points"] = "line"
+    is_whole: bool = False
 
 
 @dataclass(frozen=True)
@@ -266,8 +269,15 @@ TEMPERATURE: tuple[TimePlot, ...] = (
         title="Temperature of the IMU",
         unit="°C",
         curves=(
-            Curve("temperature_true", "truth", BLUE, _of_temperature("true")),
-            Curve("temperature_reading", "thermometer", ORANGE, _of_temperature("reading"), style="dashed"),
+            Curve("temperature_true", "truth", BLUE, _of_temperature("true"), is_whole=True),
+            Curve(
+                "temperature_reading",
+                "thermometer",
+                ORANGE,
+                _of_temperature("reading"),
+                style="dashed",
+                is_whole=True,
+            ),
         ),
         scale="free",
     ),

@@ -81,6 +81,7 @@ class Scene:
         self.exaggeration = exaggeration
         self.ellipsoid_scale = ellipsoid_scale
         self._result: Result | None = None
+        self._mission = ""
         self._origin: FloatArray = np.zeros(3)
         self._aircraft: viser.FrameHandle | None = None
         server.scene.set_up_direction("+z")
@@ -97,13 +98,12 @@ class Scene:
 
     def show(self, result: Result, time: float = 0.0) -> None:
         """Draw a result in place of the previous one, with the aircraft at a time [s]."""
-        new_flight = self._result is None or self._result.mission.name != result.mission.name
-        self._result = result
+        new_flight = self._mission != result.mission.name
+        self._result, self._mission = result, result.mission.name
         if new_flight:
             self._origin = self._enu(result, self._ground(result))[0]
         middle, estimated = self._path(result, self._ground(result)), self._path(result, "estimated")
-        self._time, self._estimated = result.time, estimated
-        self._attitude = result.solution["attitude"].values
+        self._estimated = estimated
         with self._server.atomic():
             if result.truth_arrays is None:
                 self._server.scene.remove_by_name("/true path")
@@ -122,12 +122,17 @@ class Scene:
         """Put the aircraft at the estimated position and attitude at a time [s]."""
         if self._result is None or self._aircraft is None:
             return
-        index = min(int(np.searchsorted(self._time, time)), len(self._time) - 1)
-        roll, pitch, heading = np.radians(self._attitude[index])
-        attitude = _NED_TO_ENU * Rotation.from_euler("ZYX", [heading, pitch, roll])
+        times = self._result.time
+        index = min(int(np.searchsorted(times, time)), len(times) - 1)
+        q_nb = self._result.solution_arrays.q_nb[index]
+        attitude = _NED_TO_ENU * Rotation.from_quat(q_nb, scalar_first=True)
         with self._server.atomic():
-            self._aircraft.position = self._estimated[index]
+            self._aircraft.position = self._scaled(self._result.places(np.array([index])))[0]
             self._aircraft.wxyz = attitude.as_quat(scalar_first=True)
+
+    def release(self) -> None:
+        """Refer to no result any more; what is drawn stays."""
+        self._result = None
 
     def as_html(self, dark: bool = False) -> str:
         """Return the scene as one HTML page that needs no server."""
@@ -139,7 +144,7 @@ class Scene:
         return "estimated" if result.recorded else "true"
 
     def _enu(self, result: Result, path: str) -> FloatArray:
-        track = result.track.sel(path=path)
+        track = result.drawn_track.sel(path=path)
         return np.stack([track[name].values for name in ("easting", "northing", "height")], axis=-1)
 
     def _scaled(self, enu: FloatArray) -> FloatArray:
@@ -177,7 +182,8 @@ class Scene:
         chosen, covariance = chosen[usable], covariance[usable]
         if not len(chosen):
             return
-        centres = self._estimated[np.minimum(np.searchsorted(self._time, times[chosen]), len(self._time) - 1)]
+        samples = np.minimum(np.searchsorted(result.time, times[chosen]), len(result.time) - 1)
+        centres = self._scaled(result.places(samples))
         variances, axes = np.linalg.eigh(covariance)
         axes[np.linalg.det(axes) < 0, :, 0] *= -1
         size = SIGMAS * np.sqrt(np.maximum(variances, 0)) * _KILOMETRE * self.scale

@@ -90,13 +90,17 @@ class TrackFigure:
         self._title.text = f"Ground track, {label}"
         self._truth.update(visible=result.truth_arrays is not None, label=value(result.truth_word))
         for source, path in ((self._true, "true"), (self._estimated, "estimated")):
-            if path not in result.track.path:
+            if path not in result.drawn_track.path:
                 source.data = {"easting": np.zeros(0), "northing": np.zeros(0), "time": np.zeros(0)}
                 continue
-            track = result.track.sel(path=path)
+            track = result.drawn_track.sel(path=path)
             points = np.stack([track["easting"].values, track["northing"].values], axis=-1)
             kept = thin_path(points, POINTS)
-            source.data = {"easting": points[kept, 0], "northing": points[kept, 1], "time": result.time[kept]}
+            source.data = {
+                "easting": points[kept, 0],
+                "northing": points[kept, 1],
+                "time": track["time"].values[kept],
+            }
         gps = result.gps
         self._fixes.data = {
             "easting": gps["easting"].values,
@@ -105,11 +109,14 @@ class TrackFigure:
         }
         self.show_time(time)
 
+    def release(self) -> None:
+        """Refer to no result any more; what is drawn stays."""
+        self._result = None
+
     def show_time(self, time: float) -> None:
         """Mark the estimated position at a time [s]."""
         if self._result is None:
             return
         index = min(int(np.searchsorted(self._result.time, time)), len(self._result.time) - 1)
-        track = self._result.track.sel(path="estimated")
-        east, north = (track[name].values[index] for name in ("easting", "northing"))
+        east, north, _ = self._result.places(np.array([index]))[0]
         self._now.data = {"easting": [east], "northing": [north], "time": [time]}

@@ -1,0 +1,103 @@
+"""A page of a long flight keeps one result in memory: what a newer run replaces is dropped before it."""
+
+from __future__ import annotations
+
+import gc
+import time
+from collections.abc import Iterator
+from weakref import ref
+
+import pytest
+from panel.io.state import set_curdoc
+from walking import Walk, walking
+
+from lab import experiment as stages
+from lab import histories
+from lab import run as arrays
+
+PATIENCE = 300.0
+"""Longest time that a run may take [s]; the first one compiles its kernels."""
+
+
+@pytest.fixture
+def long(monkeypatch: pytest.MonkeyPatch) -> Iterator[Walk]:
+    """Return the page of a flight of minutes that counts as one of hours."""
+    for module in (histories, stages, arrays):
+        monkeypatch.setattr(module, "LONG", 1000)
+    stages.CACHE.clear()
+    with walking(monkeypatch) as walk:
+        walk.page.session.experiment.set("trajectory.imu_rate", 50)
+        with set_curdoc(walk._document):
+            walk.page.session._open()
+            walk.page._show()
+        change(walk, "mission", "los_angeles")
+        yield walk
+    stages.CACHE.clear()
+
+
+def change(walk: Walk, path: str, value: object) -> None:
+    """Change a setting, and wait for what comes of it."""
+    with set_curdoc(walk._document):
+        assert walk.page.session.change(path, value)
+    settle(walk)
+
+
+def settle(walk: Walk) -> None:
+    """Wait until neither the session nor the page works."""
+    until = time.monotonic() + PATIENCE
+    session = walk.page.session
+    while session._runs.busy or session._arrived is not None:
+        walk.settle()
+        time.sleep(0.001)
+        assert time.monotonic() < until
+    walk.settle()
+
+
+def test_a_replaced_result_is_gone_before_the_next_run(long: Walk) -> None:
+    for title in ("Errors", "Consistency", "Ground track", "3-D", "Budget", "Summary"):
+        long.open(title)
+    session = long.page.session
+    assert session.result is not None
+    assert session.result.is_long
+    old = ref(session.result)
+    alive = []
+
+    def begun(*_: object) -> None:
+        gc.collect()
+        alive.append(old() is not None)
+
+    session.prepare, prepare = lambda result: (begun(), prepare(result)), session.prepare
+    change(long, "sensors.gyro.noise_density", 0.02)
+    assert alive == [False]
+    assert session.result is not None
+    assert long.complaints() == []
+
+
+def test_a_failed_run_leaves_the_message_and_the_last_good_result(long: Walk) -> None:
+    session = long.page.session
+    change(long, "navigator.model", "nonlinear")
+    change(long, "navigator.smoother", True)  # a nonlinear filter has no smoother
+    assert session.problem.startswith("navigator.")
+    assert session.result is not None
+    assert not session.result.experiment.navigator.smoother
+    assert session.experiment.navigator.smoother
+    change(long, "navigator.smoother", False)
+    assert session.problem == ""
+
+
+def test_the_models_run_without_the_result_which_comes_back(long: Walk) -> None:
+    session = long.page.session
+    old = ref(session.result)
+    long.open("Models")
+    settle(long)
+    gc.collect()
+    assert old() is None
+    assert session.result is None
+    assert long.complaints() == []
+    table = long.text()
+    long.open("Errors")
+    settle(long)
+    assert session.result is not None
+    long.open("Models")
+    assert not long.page._pages[long.page._tabs.active]._work.busy
+    assert long.text() == table
