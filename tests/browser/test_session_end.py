@@ -15,6 +15,8 @@ from tests.browser.conftest import DRAWN, new_context, serving
 
 pytestmark = pytest.mark.browser
 
+MOST_PAGES = 6
+"""Most pages until one of them adds no thread: on two cores, the pools of a server have five."""
 SOON = ("--unused-session-lifetime", "500", "--check-unused-sessions", "200")
 
 
@@ -32,8 +34,9 @@ def leave_when(page: Page) -> None:
 def test_a_closed_page_leaves_no_port_and_no_thread(chromium: Browser) -> None:
     with serving(*SOON) as (address, process):
         server = psutil.Process(process.pid)
-        threads = []
-        for _ in range(2):
+        threads = [0]
+        # Pools of threads may still grow to their size; what a page leaves behind grows with each one.
+        while len(threads) < 3 or (threads[-1] > threads[-2] and len(threads) < MOST_PAGES):
             # Small: the 3-D view is drawn without a graphics card.
             context = new_context(chromium, viewport={"width": 900, "height": 600})
             page = context.new_page()
@@ -44,7 +47,7 @@ def test_a_closed_page_leaves_no_port_and_no_thread(chromium: Browser) -> None:
             context.close()
             wait_for_ports(server, alone)
             threads.append(server.num_threads())
-        assert threads[1] <= threads[0]
+        assert threads[-1] <= threads[-2]
 
 
 def test_a_closed_page_leaves_no_upload_and_no_recording(
