@@ -115,10 +115,9 @@ def test_what_is_unknown_stays_unknown() -> None:
     assert np.isnan(normalised_rms(found)["position"])
 
 
-@pytest.mark.parametrize("mounted", [(2.0, 0.0, 0.0)])
-def test_the_errors_of_many_flights_are_as_large_as_their_sigma(mounted: tuple[float, ...]) -> None:
+def test_the_errors_of_many_flights_are_as_large_as_their_sigma() -> None:
     """Ten seeds of a flight with an antenna 2 m ahead, of which the filter knows."""
-    arm = {"lever_arm": mounted}
+    arm = {"lever_arm": (2.0, 0.0, 0.0)}
     normed: dict[str, list[float]] = {"position": [], "velocity": [], "attitude": []}
     for seed in range(1, 11):
         flight = SimulatedFlight.of("montreal", 100.0, seed=seed, settings={"sensors": {"gps": arm}})

@@ -24,7 +24,7 @@ _STYLE = """
 .numbers span { white-space: nowrap; }
 .numbers b { font-weight: 600; }
 .dim { opacity: 0.7; }
-.numbers .wide { white-space: normal; }
+.numbers .wide { white-space: normal; overflow-wrap: anywhere; min-width: 0; }
 .bad { color: #e5484d; }
 p { margin: 2px 0; overflow-wrap: anywhere; }
 """
