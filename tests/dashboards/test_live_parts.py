@@ -132,7 +132,8 @@ def test_the_errors_against_the_truth_are_drawn_and_told(one: Opened) -> None:
     one.until(rows_came)
     found = joined(list(part._recent))
     roll, sigma = found.attitude[:, 0], found.attitude_sigma[:, 0]
-    assert np.isin(np.round(drawn, 5), np.round(np.degrees(roll), 5)).all()
+    nearest = np.abs(np.subtract.outer(drawn, np.degrees(roll))).min(axis=1)
+    assert nearest.max() < 1e-5  # the page gets six digits of an error of some tenths of a degree
     # Levelled by the default sensors: the error is below 5 σ, and the σ below 3°.
     assert (np.abs(roll) < 5 * sigma).all()
     assert (sigma < np.radians(3)).all()
