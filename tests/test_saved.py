@@ -1,15 +1,17 @@
-"""Saved: what version 0.1.0 wrote still opens: settings, a link, a mission with its recording.
+"""Saved: what version 0.1.0 wrote still opens: settings, a link, a mission with its recording, a result.
 
 The files in `tests/saved` were written by that version, before its rooms were arranged anew.
 """
 
 from __future__ import annotations
 
+import gzip
 import shutil
 from pathlib import Path
 
 import numpy as np
 import pytest
+import xarray as xr
 from flights import circle
 
 from dashboards.exchange import experiment_of_query
@@ -54,3 +56,25 @@ def test_a_mission_opens_with_its_recording(tmp_path: Path, monkeypatch: pytest.
     flown = circle(samples=300)
     np.testing.assert_allclose(opened.recording.latitude, flown.latitude, atol=1e-13)
     np.testing.assert_allclose(opened.recording.velocity_n, flown.velocity_n, atol=1e-6)
+
+
+def test_a_result_opens_and_its_settings_give_the_same_flight(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """All that the file of version 0.1.0 holds is in one of today, under the same names and units."""
+    monkeypatch.setenv("INS_LAB_MISSIONS", str(tmp_path))
+    for name in ("short_circle.toml", "short_circle.csv.gz"):
+        shutil.copy(SAVED / name, tmp_path)
+    was, now = tmp_path / "was.nc", tmp_path / "now.nc"
+    was.write_bytes(gzip.decompress((SAVED / "short_result.nc.gz").read_bytes()))
+    with xr.open_datatree(was, engine="netcdf4") as old:
+        Experiment.from_toml(old.attrs["settings"]).run().to_netcdf(now)
+        with xr.open_datatree(now, engine="netcdf4") as new:
+            assert old.children.keys() <= new.children.keys()
+            for name, group in old.children.items():
+                for quantity, values in group.data_vars.items():
+                    today = new[name][quantity]
+                    assert values.attrs.get("units") == today.attrs.get("units")
+                    np.testing.assert_allclose(
+                        today, values, rtol=1e-6, atol=1e-9, err_msg=f"{name} {quantity}"
+                    )
