@@ -96,6 +96,9 @@ def serve(
         int,
         typer.Option("--phone-port", min=1, max=65534, metavar="PORT", help="Port of the page for phones."),
     ] = 5008,
+    warm: Annotated[
+        bool, typer.Option("--warm/--no-warm", help="Compile the filter ahead, in the background.")
+    ] = True,
 ) -> None:
     """Serve the dashboard, and open it in a browser if there is a screen."""
     _check_port(address, port)
@@ -129,6 +132,7 @@ def serve(
             origins=origin or (),
             visitors=None if visitors is None else visitors.value,
             password=password,
+            warm=warm,
         )
     except OriginError as error:
         raise CommandError(f"--origin: {error}") from error

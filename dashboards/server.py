@@ -26,6 +26,7 @@ def serve(
     origins: Sequence[str] = (),
     visitors: str | None = None,
     password: str | None = None,
+    warm: bool = True,
 ) -> None:
     """Serve the simulator until interrupted; the 3-D view goes through the same port.
 
@@ -46,6 +47,8 @@ def serve(
         computer reaches the server, otherwise run.
     password
         Password for visitors; None for no password.
+    warm
+        Whether a process beside the server compiles the filter ahead.
     """
     # These take a second; the first visitor should not wait for them.
     import panel as pn  # noqa: PLC0415
@@ -59,6 +62,7 @@ def serve(
     from dashboards.password import Password  # noqa: PLC0415
     from dashboards.upload import remove_abandoned, remove_all_here  # noqa: PLC0415
     from dashboards.visitors import allow  # noqa: PLC0415
+    from dashboards.warming import Warming  # noqa: PLC0415
     from lab.missions import missions  # noqa: PLC0415
     from lab.missions.library import sweep_own_folder  # noqa: PLC0415
 
@@ -71,33 +75,39 @@ def serve(
     limit_log()
     remove_abandoned()
     check_origins_of_pages()
-    _on_end(remove_all_here)
+    warming = Warming() if warm else None
+    _on_end(remove_all_here, *([warming.end] if warming else ()))
     door: dict[str, Any] = {SETTING: accepted_hosts(address, port, origins)}
     if password is not None:
         door |= {"auth_provider": Password(password), "cookie_secret": secrets.token_hex(32)}
     where = "localhost" if loopback else address
     print(f"INS Lab is at http://{where}:{port}/ (stop it with Ctrl-C)", flush=True)
-    pn.serve(
-        {"/": str(APP)},
-        port=port,
-        address=address,
-        show=show,
-        title="INS Lab",
-        verbose=False,
-        transforms=[SecurityHeaders],
-        secret_key=secrets.token_bytes(32),
-        sign_sessions=True,
-        websocket_max_message_size=MAX_MESSAGE,
-        http_server_kwargs={"max_body_size": MAX_BODY},
-        **door,
-    )
+    try:
+        pn.serve(
+            {"/": str(APP)},
+            port=port,
+            address=address,
+            show=show,
+            title="INS Lab",
+            verbose=False,
+            transforms=[SecurityHeaders],
+            secret_key=secrets.token_bytes(32),
+            sign_sessions=True,
+            websocket_max_message_size=MAX_MESSAGE,
+            http_server_kwargs={"max_body_size": MAX_BODY},
+            **door,
+        )
+    finally:
+        if warming:
+            warming.end()
 
 
-def _on_end(clean: Callable[[], None]) -> None:
+def _on_end(*clean: Callable[[], None]) -> None:
     """Clean up when the system ends this process, then exit at once, even during a computation."""
 
     def end(number: int, _frame: FrameType | None) -> None:
-        clean()
+        for part in clean:
+            part()
         signal.signal(number, signal.SIG_DFL)
         signal.raise_signal(number)
 

@@ -19,6 +19,7 @@ from lab.cli import (
     missions,
     record,
     run,
+    warm,
 )
 from lab.cli.app import app, main
 
@@ -39,3 +40,4 @@ app.command("rename")(missions.rename)
 app.command("delete")(missions.delete)
 app.command("cards", epilog=cards.EXAMPLES)(cards.list_cards)
 app.command("allan", epilog=allan.EXAMPLES)(allan.allan)
+app.command("warm", epilog=warm.EXAMPLES)(warm.warm)

@@ -17,6 +17,7 @@ from types import CellType, FunctionType
 from typing import Any, ParamSpec, TypeVar, cast
 
 import numba
+from numba.core import types
 from numba.core.registry import CPUDispatcher
 
 from lab import earth
@@ -30,6 +31,9 @@ OPTIONS: dict[str, Any] = {"nopython": True, "error_model": "numpy", "fastmath":
 
 WITHOUT_WRAPPERS = {"no_cpython_wrapper": True, "no_cfunc_wrapper": True}
 """Options of a kernel that no Python and no C calls."""
+
+
+_unliteral: Callable[[Any], Any] = types.unliteral
 
 
 class Kernel(CPUDispatcher):
@@ -48,6 +52,14 @@ class Kernel(CPUDispatcher):
         """The function compiled for callers in Python, at the first call."""
         called = {name: value for name, value in self.targetoptions.items() if name not in WITHOUT_WRAPPERS}
         return cast(Callable[..., Any], numba.jit(**called)(self.py_func))
+
+    def get_call_template(self, args: Any, kws: Any) -> Any:
+        """Return what a call in a kernel needs; a number as an argument is a variable, not a constant.
+
+        Otherwise Numba compiles a function for each constant with which it is called. A function that is
+        inlined gets its constants all the same.
+        """
+        return super().get_call_template([_unliteral(kind) for kind in args], kws)
 
 
 def _kernel(function: Callable[P, R], **options: Any) -> Callable[P, R]:

@@ -15,7 +15,7 @@ from __future__ import annotations
 
 import functools
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from typing import Any
 
 import numpy as np
@@ -332,8 +332,12 @@ def take_measurements(
     return PENDING if pending else SETTLED
 
 
-def kernels(model: ErrorModel, *, summed: bool) -> dict[str, Kernel]:
-    """Return the kernels that differ from those of `phi` at each sample, by their names in this module."""
+@functools.cache
+def kernels(model: ErrorModel, *, summed: bool) -> Mapping[str, Kernel]:
+    """Return the kernels that differ from those of `phi` at each sample, by their names in this module.
+
+    They are made once for each model: the compiler does not compile them again for a second loop.
+    """
     if model is PHI and not summed:
         return {}
     others: dict[str, Kernel] = {"_write": model.write, "_predict": prediction(model, summed=summed)}
@@ -349,6 +353,10 @@ def kernels(model: ErrorModel, *, summed: bool) -> dict[str, Kernel]:
         others["own_attitude"] = own_attitude_in_body
     if model.write_map:
         others |= _mapped(model)
+    others["observe_rest"] = embedded_kernel(rebound(observe_rest, **others))
+    others["sight"] = embedded_kernel(rebound(sight, **others))
+    others["observe"] = embedded_kernel(rebound(observe, **others))
+    others["take_measurements"] = kernel(rebound(take_measurements, **others))
     return others
 
 
@@ -364,13 +372,7 @@ def compiled_for(function: Kernel, model: ErrorModel, *, summed: bool) -> Kernel
     summed
         For propagating P less often than at every sample.
     """
-    others = kernels(model, summed=summed)
-    if others:
-        others["observe_rest"] = embedded_kernel(rebound(observe_rest, **others))
-        others["sight"] = embedded_kernel(rebound(sight, **others))
-        others["observe"] = embedded_kernel(rebound(observe, **others))
-        others["take_measurements"] = kernel(rebound(take_measurements, **others))
-    own = rebound(function, **others)
+    own = rebound(function, **kernels(model, summed=summed))
     return entry_kernel(rebound_throughout(own, **layout(model.states)._asdict()))
 
 

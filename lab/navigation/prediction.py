@@ -15,7 +15,7 @@ from lab.navigation import strapdown
 from lab.navigation.compilation import embedded_kernel, inline_kernel, kernel, named
 from lab.navigation.error_models import ErrorModel
 from lab.navigation.filter import Filter
-from lab.navigation.propagation import BIASES, NAV, STATES, WIDTH, compile_propagation
+from lab.navigation.propagation import BIASES, NAV, STATES, WIDTH, compile_propagation, propagate_over
 from lab.navigation.strapdown import GYRO_BIAS, get
 
 FloatArray = NDArray[np.float64]
@@ -50,6 +50,13 @@ def _add_noise_in_body(w: FloatArray, state: FloatArray, noise: FloatArray, dt: 
         w[(WIDTH + 1) * (NAV + b)] += dt * noise[6 + b]
 
 
+@inline_kernel
+def faded(rate: float, elapsed: float) -> float:
+    """Return exp(−rate · elapsed) to third order, as in `second_order`."""
+    x = rate * elapsed
+    return 1 - x * (1 - x / 2 * (1 - x / 3))
+
+
 @kernel
 def second_order(A: FloatArray, elapsed: float, bias_decay: FloatArray, E: FloatArray) -> None:
     """Write E = A + A²/2 + A³/6, so that exp(A) ≈ I + E, for the sum A of F dt over many samples.
@@ -63,10 +70,12 @@ def second_order(A: FloatArray, elapsed: float, bias_decay: FloatArray, E: Float
     bias_decay : (6,) array
         Decay rates of the biases [1/s].
     E : (n, n) array
-        Receives the rows of the navigation states.
+        Receives the rows of the navigation states, and on the diagonal those of the biases.
     """
     states = A.shape[0]  # not a constant: the compiler would unroll all products
     power, product = np.empty(states), np.empty(states)
+    for b in range(BIASES):
+        E[NAV + b, NAV + b] = faded(bias_decay[b], elapsed) - 1
     for r in range(NAV):
         for c in range(states):
             power[c] = A[r, c]
@@ -77,8 +86,9 @@ def second_order(A: FloatArray, elapsed: float, bias_decay: FloatArray, E: Float
             for c in range(states):
                 product[c] = 0.0
             for m in range(NAV):
-                for c in range(states):
-                    product[c] += power[m] * A[m, c]
+                if power[m] != 0:  # F is sparse
+                    for c in range(states):
+                        product[c] += power[m] * A[m, c]
             for b in range(BIASES):
                 product[NAV + b] -= power[NAV + b] * bias_decay[b] * elapsed
             for c in range(states):
@@ -86,21 +96,17 @@ def second_order(A: FloatArray, elapsed: float, bias_decay: FloatArray, E: Float
                 E[r, c] += factor * power[c]
 
 
-@inline_kernel
-def faded(rate: float, elapsed: float) -> float:
-    """Return exp(−rate · elapsed) to third order, as in `second_order`."""
-    x = rate * elapsed
-    return 1 - x * (1 - x / 2 * (1 - x / 3))
-
-
 def prediction(model: ErrorModel, *, summed: bool) -> Kernel:
     """Return the kernel that propagates [P | x] of a model at each sample, or with sums of F dt."""
-    propagate = compile_propagation(model, summed=summed)
-    label = f"{model.label} {summed}"
+    return _over_sums(model) if summed else _at_each_sample(model)
+
+
+def _at_each_sample(model: ErrorModel) -> Kernel:
+    propagate = compile_propagation(model)
     add_noise = _add_noise_in_body if model.in_body else _add_noise
 
     @embedded_kernel
-    @named(label)
+    @named(model.label)
     def predict(run: Filter, dt: float, fix_due: bool, stride: int) -> None:
         """Propagate [P | x] over the sample with F to first order, then add the noise."""
         decay = (
@@ -117,9 +123,15 @@ def prediction(model: ErrorModel, *, summed: bool) -> Kernel:
             run.state[GYRO_BIAS + b] *= decay[b]
         add_noise(run.w, run.state, run.noise, dt)
 
+    return predict
+
+
+def _over_sums(model: ErrorModel) -> Kernel:
+    add_noise = _add_noise_in_body if model.in_body else _add_noise
+
     @embedded_kernel
-    @named(label)
-    def predict_summed(run: Filter, dt: float, fix_due: bool, stride: int) -> None:
+    @named(model.label)
+    def predict(run: Filter, dt: float, fix_due: bool, stride: int) -> None:
         """Add the step to the sum of F dt; when due, propagate [P | x] over the whole sum.
 
         Half of the noise is added before and half after, which is accurate to second order in time.
@@ -133,21 +145,13 @@ def prediction(model: ErrorModel, *, summed: bool) -> Kernel:
         if due:
             elapsed = run.clock[1]
             second_order(run.F_sum, elapsed, run.bias_decay, run.F_step)
-            decay = (
-                faded(run.bias_decay[0], elapsed),
-                faded(run.bias_decay[1], elapsed),
-                faded(run.bias_decay[2], elapsed),
-                faded(run.bias_decay[3], elapsed),
-                faded(run.bias_decay[4], elapsed),
-                faded(run.bias_decay[5], elapsed),
-            )
             add_noise(run.w, run.state, run.noise, 0.5 * elapsed)
-            propagate(run.F_step, 1.0, decay, run.w)
+            propagate_over(run.F_step, run.w)
             add_noise(run.w, run.state, run.noise, 0.5 * elapsed)
             for b in range(BIASES):
-                run.state[GYRO_BIAS + b] *= decay[b]
+                run.state[GYRO_BIAS + b] *= 1 + run.F_step[NAV + b, NAV + b]
             run.F_sum[:] = 0.0
             run.counts[1] = 0
             run.clock[1] = 0.0
 
-    return predict_summed if summed else predict
+    return predict

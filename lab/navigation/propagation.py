@@ -1,4 +1,4 @@
-"""Propagation: P ← Φ P Φᵀ + Q and x ← Φ x, as straight-line code generated from an error model's pattern.
+"""Propagation: P ← Φ P Φᵀ and x ← Φ x, at each sample as code generated from an error model's pattern.
 
 F is sparse with a fixed pattern, so the products are written out once per model. Only the elements that can
 be non-zero are multiplied, and each multiplication runs over a whole row, which the compiler converts to
@@ -6,6 +6,8 @@ vector instructions. Rows are 16 wide for 15 states, 24 for 21. The column after
 estimate x, which Φ transforms like a column of P. The bias rows of Φ are diagonal (first-order decay), and
 those of the scale factors, which are random constants, are rows of the unit matrix. So only the nine
 navigation rows are multiplied out.
+
+The transition over many samples has few zeros: `propagate_over` multiplies all of its elements.
 
 For a model with its own coordinates, similar generated code projects the covariance, T P Tᵀ.
 """
@@ -18,7 +20,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from lab.navigation.compilation import inline_kernel, named
+from lab.navigation.compilation import inline_kernel, kernel, named
 from lab.navigation.error_models import ErrorModel
 
 FloatArray = NDArray[np.float64]
@@ -58,7 +60,7 @@ STATES, WIDTH, X = layout(15)
 """Layout for which the kernels are written; see `compilation.rebound_throughout` for others."""
 
 
-def compile_propagation(model: ErrorModel, *, summed: bool = False) -> Propagate:
+def compile_propagation(model: ErrorModel) -> Propagate:
     """Return the compiled ``propagate(F, dt, decay, w)`` of an error model.
 
     It replaces [P | x] in the workspace `w` by [Φ P Φᵀ | Φ x] with Φ = I + F dt in the navigation rows and
@@ -68,21 +70,15 @@ def compile_propagation(model: ErrorModel, *, summed: bool = False) -> Propagate
     ----------
     model
         The error model.
-    summed
-        Whether F is the sum over many samples from `second_order`, with the elements of its square.
     """
     namespace: dict[str, Propagate] = {}
-    exec(
-        compile(propagation_source(model, summed=summed), f"<propagation of {model.name}>", "exec"), namespace
-    )
-    return inline_kernel(named(f"{model.label} {summed}")(namespace["propagate"]))
+    exec(compile(propagation_source(model), f"<propagation of {model.name}>", "exec"), namespace)
+    return inline_kernel(named(model.label)(namespace["propagate"]))
 
 
-def propagation_source(model: ErrorModel, *, summed: bool = False) -> str:
+def propagation_source(model: ErrorModel) -> str:
     """Return the source that `compile_propagation` compiles."""
     pattern = model.pattern()
-    if summed:
-        pattern = np.linalg.matrix_power(pattern | np.eye(pattern.shape[0], dtype=np.bool_), 3)
     terms = {row: [int(c) for c in np.flatnonzero(columns)] for row, columns in enumerate(pattern[:NAV])}
     space = layout(model.states)
     lines = ["def propagate(F, dt, decay, w):"]
@@ -97,11 +93,14 @@ def _navigation_rows(terms: dict[int, list[int]], space: Layout) -> list[str]:
     """Write the rows of Φ P, three in one loop over the columns."""
     lines, width = [], space.WIDTH
     for first in range(0, NAV, 3):
+        rows = range(first, first + 3)
         lines += [f"    for j in range({width}):"]
-        for row in range(first, first + 3):
-            total = f"w[{width * row} + j]"
-            for column in terms[row]:
-                total += f" + f_{row}_{column} * w[{width * column} + j]"
+        lines += [
+            f"        w_{c} = w[{width * c} + j]"
+            for c in sorted({*rows, *(c for r in rows for c in terms[r])})
+        ]
+        for row in rows:
+            total = " + ".join([f"w_{row}", *(f"f_{row}_{c} * w_{c}" for c in terms[row])])
             lines += [f"        w[{space.product + width * row} + j] = {total}"]
     return lines
 
@@ -113,39 +112,88 @@ def _navigation_block(terms: dict[int, list[int]], space: Layout) -> list[str]:
     elements.
     """
     lines, width = [], space.WIDTH
-    left = set(range(NAV))
-    for j in sorted(terms, key=lambda row: len(terms[row])):
-        for i in sorted(left):
-            total = f"w[{space.product + width * i + j}]"
-            for column in terms[j]:
-                total += f" + f_{j}_{column} * w[{space.product + width * i + column}]"
+    order = sorted(terms, key=lambda row: len(terms[row]))
+    for i in range(NAV):
+        partners = order[: order.index(i) + 1]
+        needed = sorted({*partners, *(c for j in partners for c in terms[j])})
+        lines += [f"    p_{c} = w[{space.product + width * i + c}]" for c in needed]
+        for j in partners:
+            total = " + ".join([f"p_{j}", *(f"f_{j}_{c} * p_{c}" for c in terms[j])])
             lines += [f"    p = {total}", f"    w[{width * i + j}] = p"]
             if i != j:
                 lines += [f"    w[{width * j + i}] = p"]
-        left.remove(j)
     return lines
 
 
 def _sensor_columns(space: Layout) -> list[str]:
     """Write the covariances of biases and scale factors, with the navigation states and each other, and x."""
-    width = space.WIDTH
-    biases, others = range(NAV, NAV + BIASES), range(NAV + BIASES, space.STATES)
-    lines = [f"    d_{b} = decay[{b - NAV}]" for b in biases]
-    for i in range(NAV):
-        for c in (*biases, *others):
-            factor = f"d_{c} * " if c in biases else ""
-            lines += [
-                f"    p = {factor}w[{space.product + width * i + c}]",
-                f"    w[{width * i + c}] = p",
-                f"    w[{width * c + i}] = p",
-            ]
-        lines += [f"    w[{width * i + space.X}] = w[{space.product + width * i + space.X}]"]
-    for b in biases:
-        lines += [f"    w[{width * b + c}] *= d_{b} * d_{c}" for c in biases]
-        for c in others:
-            lines += [f"    w[{width * b + c}] *= d_{b}", f"    w[{width * c + b}] = w[{width * b + c}]"]
-        lines += [f"    w[{width * b + space.X}] *= d_{b}"]
+    width, ends = space.WIDTH, NAV + BIASES
+    lines = [
+        f"    for i in range({NAV}):",
+        f"        for c in range({NAV}, {ends}):",
+        f"            p = decay[c - {NAV}] * w[{space.product} + {width} * i + c]",
+        f"            w[{width} * i + c] = p",
+        f"            w[{width} * c + i] = p",
+    ]
+    if ends < space.STATES:
+        lines += [
+            f"        for c in range({ends}, {space.STATES}):",
+            f"            p = w[{space.product} + {width} * i + c]",
+            f"            w[{width} * i + c] = p",
+            f"            w[{width} * c + i] = p",
+        ]
+    lines += [
+        f"        w[{width} * i + {space.X}] = w[{space.product} + {width} * i + {space.X}]",
+        f"    for b in range({NAV}, {ends}):",
+        f"        for c in range({NAV}, {ends}):",
+        f"            w[{width} * b + c] *= decay[b - {NAV}] * decay[c - {NAV}]",
+    ]
+    if ends < space.STATES:
+        lines += [
+            f"        for c in range({ends}, {space.STATES}):",
+            f"            p = decay[b - {NAV}] * w[{width} * b + c]",
+            f"            w[{width} * b + c] = p",
+            f"            w[{width} * c + b] = p",
+        ]
+    lines += [f"        w[{width} * b + {space.X}] *= decay[b - {NAV}]"]
     return lines
+
+
+@kernel
+def propagate_over(E: FloatArray, w: FloatArray) -> None:
+    """Replace [P | x] in the workspace by [Φ P Φᵀ | Φ x] with Φ = I + E, without regard to a pattern.
+
+    Parameters
+    ----------
+    E : (n, n) array
+        Transition over many samples without the unit matrix, from `prediction.second_order`.
+    w
+        The workspace.
+    """
+    for i in range(NAV):
+        row, product = WIDTH * i, WIDTH * (STATES + i)
+        for j in range(WIDTH):
+            w[product + j] = w[row + j]
+        for c in range(STATES):
+            for j in range(WIDTH):
+                w[product + j] += E[i, c] * w[WIDTH * c + j]
+    for i in range(NAV):
+        row, product = WIDTH * i, WIDTH * (STATES + i)
+        for j in range(i, NAV):
+            p = w[product + j]
+            for c in range(STATES):
+                p += E[j, c] * w[product + c]
+            w[row + j] = p
+            w[WIDTH * j + i] = p
+        for c in range(NAV, STATES):
+            p = (1 + E[c, c]) * w[product + c]
+            w[row + c] = p
+            w[WIDTH * c + i] = p
+        w[row + X] = w[product + X]
+    for b in range(NAV, STATES):
+        for c in range(NAV, STATES):
+            w[WIDTH * b + c] *= (1 + E[b, b]) * (1 + E[c, c])
+        w[WIDTH * b + X] *= 1 + E[b, b]
 
 
 def compile_projection(model: ErrorModel) -> Project:
@@ -169,16 +217,19 @@ def projection_source(model: ErrorModel) -> str:
     for row, columns in terms.items():
         lines += [f"    t_{row}_{c} = T[{row}, {c}]" for c in columns]
         products = " + ".join(f"t_{row}_{c} * w[{width * c} + j]" for c in columns)
-        # Four columns at a time; each block needs three of them.
-        for first in sorted({3 * (c // 3) for c in columns}):
-            lines += [f"    for j in range({first}, {first + 4}):"]
-            lines += [f"        w[{space.product + width * row} + j] = {products}"]
+        # The blocks of three columns that are needed, in whole vectors of four numbers.
+        needed = 4 * (3 * (max(columns) // 3 + 1) // 4 + 1)
+        lines += [f"    for j in range({needed}):"]
+        lines += [f"        w[{space.product + width * row} + j] = {products}"]
 
     def element(i: int, j: int) -> str:
         return " + ".join(f"t_{j}_{c} * w[{space.product + width * i + c}]" for c in terms[j])
 
     lines += [f"    variance[k, {i}] = {element(i, i)}" for i in range(NAV)]
-    lines += [f"    variance[k, {b}] = w[{(width + 1) * b}]" for b in range(NAV, space.STATES)]
+    lines += [
+        f"    for b in range({NAV}, {space.STATES}):",
+        f"        variance[k, b] = w[{width + 1} * b]",
+    ]
     for block in range(2):
         at = 6 * block
         for e, (i, j) in enumerate(((0, 1), (0, 2), (1, 2))):

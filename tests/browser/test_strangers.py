@@ -67,6 +67,7 @@ def server(own_missions: Path) -> Iterator[str]:
         "from dashboards.command_line import main; main()",
         "serve",
         "--no-browser",
+        "--no-warm",
     ]
     with subprocess.Popen([*command, "--port", str(port)], cwd=ROOT, stdout=subprocess.DEVNULL) as process:
         try:

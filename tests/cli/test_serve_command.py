@@ -39,7 +39,7 @@ def test_the_page_opens_where_there_is_a_screen(
     port = free_port()
     assert ask("serve", "--port", str(port), *flags).exit_code == 0
     expected = {"port": port, "address": "127.0.0.1", "show": show, "algorithms": ()}
-    assert asked == [expected | {"origins": (), "visitors": None, "password": None}]
+    assert asked == [expected | {"origins": (), "visitors": None, "password": None, "warm": True}]
 
 
 def _answers(address: str, within: float) -> bool:
@@ -71,6 +71,7 @@ def test_serving_answers_with_the_page(address: str) -> None:
         "--address",
         address,
         "--no-browser",
+        "--no-warm",
     ]
     with subprocess.Popen(command, stdout=subprocess.PIPE) as process:
         try:

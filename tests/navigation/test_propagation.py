@@ -13,10 +13,12 @@ from scipy.linalg import expm
 from lab.experiment import start
 from lab.navigation import kalman
 from lab.navigation.belief import belief
+from lab.navigation.compilation import rebound_throughout
 from lab.navigation.error_models import ATT, PHI, VEL, with_states
 from lab.navigation.filter import Filter
 from lab.navigation.navigator import Fixes, Schedule, Solution, advance
-from lab.navigation.propagation import compile_propagation, layout
+from lab.navigation.prediction import second_order
+from lab.navigation.propagation import compile_propagation, layout, propagate_over
 from lab.navigation.settings import NavigatorSettings
 from lab.sensors import gps
 from lab.sensors.suite import SensorSuite
@@ -25,6 +27,7 @@ FloatArray = NDArray[np.float64]
 
 MODELS = {n: with_states(PHI, n) for n in (15, 21)}
 PROPAGATE = {n: compile_propagation(model) for n, model in MODELS.items()}
+OVER = {n: rebound_throughout(propagate_over, **layout(n)._asdict()) for n in MODELS}
 TYPICAL = np.repeat([1.0, 0.3, 0.01, 2e-3, 0.02], 3)
 """Sizes of the error states [m], [m/s], [rad], [rad/s], [m/s²]."""
 
@@ -60,6 +63,17 @@ def relative(found: FloatArray, expected: FloatArray, sigma: FloatArray) -> floa
     return float(np.abs((found - expected) / np.outer(sigma, sigma)).max())
 
 
+def assert_propagated(w: FloatArray, Phi: FloatArray, P: FloatArray, x: FloatArray) -> None:
+    """Compare a workspace with Φ P Φᵀ and Φ x."""
+    found, x_found = contents(w, x.size)
+    expected = Phi @ P @ Phi.T
+    np.testing.assert_array_equal(found, found.T)
+    assert relative(found, expected, np.sqrt(np.diag(expected))) < 1e-13
+    np.testing.assert_allclose(
+        x_found, Phi @ x, rtol=0, atol=1e-13 * np.abs(x).max() * np.abs(Phi).sum(1).max()
+    )
+
+
 @given(seeds, st.floats(1e-4, 1.0), st.sampled_from([15, 21]))
 def test_generated_propagation_is_the_dense_product(seed: int, dt: float, n: int) -> None:
     rng = np.random.default_rng(seed)
@@ -69,13 +83,32 @@ def test_generated_propagation_is_the_dense_product(seed: int, dt: float, n: int
     PROPAGATE[n](F, dt, tuple(decay.tolist()), w)
     Phi = np.eye(n) + F * dt
     Phi[9:15, 9:15] = np.diag(decay)
-    found, x_found = contents(w, n)
-    expected = Phi @ P @ Phi.T
-    np.testing.assert_array_equal(found, found.T)
-    assert relative(found, expected, np.sqrt(np.diag(expected))) < 1e-13
-    np.testing.assert_allclose(
-        x_found, Phi @ x, rtol=0, atol=1e-13 * np.abs(x).max() * np.abs(Phi).sum(1).max()
-    )
+    assert_propagated(w, Phi, P, x)
+
+
+@given(seeds, st.sampled_from([15, 21]))
+def test_propagation_over_many_samples_is_the_dense_product(seed: int, n: int) -> None:
+    rng = np.random.default_rng(seed)
+    E = np.zeros((n, n))
+    E[:9] = rng.normal(size=(9, n))
+    E[np.arange(9, 15), np.arange(9, 15)] = rng.uniform(-0.5, 0, 6)
+    P, x = random_covariance(rng, np.ones(n)), rng.normal(size=n)
+    w = workspace(P, x)
+    OVER[n](E, w)
+    assert_propagated(w, np.eye(n) + E, P, x)
+
+
+@given(seeds, st.sampled_from([15, 21]))
+def test_transition_over_many_samples_is_the_matrix_exponential(seed: int, n: int) -> None:
+    """To third order: it leaves less than a fifth of the error to second order."""
+    rng = np.random.default_rng(seed)
+    A = 0.03 * MODELS[n].pattern() * rng.uniform(-1, 1, size=(n, n))
+    rates, elapsed = rng.uniform(0, 0.5, 6), 0.1
+    E = np.zeros((n, n))
+    second_order(A, elapsed, rates, E)
+    A[9:15, 9:15] -= elapsed * np.diag(rates)
+    to_second_order = np.abs(np.eye(n) + A + A @ A / 2 - expm(A)).max()
+    assert np.abs(np.eye(n) + E - expm(A)).max() < 0.2 * to_second_order
 
 
 @given(seeds, st.sampled_from([1.0, 100.0, 1e-2]), st.booleans())

@@ -173,7 +173,17 @@ def free_port() -> int:
 def serving(folder: Path, *flags: str, **environment: str) -> Iterator[Served]:
     """Serve the laboratory with these flags; what it writes goes to a file of the folder."""
     port, log = free_port(), folder / "server.log"
-    command = [sys.executable, "-m", "dashboards", "serve", "--no-browser", "--port", str(port), *flags]
+    command = [
+        sys.executable,
+        "-m",
+        "dashboards",
+        "serve",
+        "--no-browser",
+        "--no-warm",
+        "--port",
+        str(port),
+        *flags,
+    ]
     with (
         log.open("wb") as sink,
         subprocess.Popen(

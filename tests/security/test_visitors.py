@@ -115,8 +115,8 @@ def test_others_run_unless_it_is_said(
     asked: list[dict[str, Any]] = []
     monkeypatch.setattr(pn, "serve", lambda _apps, **how: asked.append(how))
     monkeypatch.setattr(origins, "check_origins_of_pages", lambda: None)
-    monkeypatch.setattr(server, "_on_end", lambda _clean: None)
-    dashboards.serve(address=address, visitors=visitors)
+    monkeypatch.setattr(server, "_on_end", lambda *_clean: None)
+    dashboards.serve(address=address, visitors=visitors, warm=False)
     assert may_edit() == edit
     (how,) = asked
     assert how["sign_sessions"]

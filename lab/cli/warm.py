@@ -1,0 +1,48 @@
+"""``ins-lab warm``: the filter is compiled for every combination of settings before somebody needs it."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Mapping
+from typing import Annotated
+
+import typer
+
+from lab.cli.app import working
+
+EXAMPLES = """\b
+Examples:
+  ins-lab warm
+The first run with a model of the filter, a number of states, the smoother or another rate of
+the covariance compiles the filter for it, which takes some seconds. This command does it for
+all combinations, and takes minutes the first time. `ins-lab serve` does the same in the
+background."""
+
+LOWEST_PRIORITY = 19
+"""Niceness of a process that works only when no other does [POSIX]."""
+
+
+def warm(
+    idle: Annotated[
+        bool, typer.Option("--idle", help="Work only while the computer has nothing else to do.")
+    ] = False,
+) -> None:
+    """Compile the filter ahead for every combination of settings, so that nobody waits for it."""
+    if idle and hasattr(os, "nice"):
+        os.nice(LOWEST_PRIORITY)
+    from lab import variants  # noqa: PLC0415 - takes a second
+
+    found = variants.variants()
+    usable = 0
+    with working("warm") as progress:
+        for done, assignments in enumerate(found):
+            progress(_words(assignments), done / len(found))
+            usable += variants.compile_variant(assignments)
+        progress("error budget", 1.0)
+        variants.compile_budget()
+    print(f"The filter is compiled for {usable} of {len(found)} combinations; the others are not accepted.")
+
+
+def _words(assignments: Mapping[str, object]) -> str:
+    """Return settings in words, such as ``model psi, states 21, mechanization north-slaved``."""
+    return ", ".join(f"{name.rpartition('.')[2]} {value}" for name, value in assignments.items())
