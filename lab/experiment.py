@@ -204,7 +204,7 @@ class _Run:
             rate,
             states=navigator.states,
             drifting=sum(imu.is_drifting(errors) for errors in triads),
-            exact=navigator.smoother or navigator.model == "nonlinear" or navigator.engine == "filterpy",
+            exact=navigator.model == "nonlinear" or navigator.engine == "filterpy",
             arm=bool(belief(self.sensors, navigator).lever_arm.any()),
         )
 

@@ -69,11 +69,7 @@ class Simulated:
         assert run.aligned is not None  # of a simulated run
         self._start = run.aligned.start
         self._constants = run.aligned.P if navigator.alignment else None
-        imu = Imu(run.time, run.gyro.increments, run.accelerometer.increments)
-        if navigator.rest_updates:
-            fixes = Fixes(run.fix_validity, run.fixes.position, run.fixes.velocity_n)
-            imu = imu._replace(rest=at_rest(imu, fixes, run.belief))
-        self._imu = imu
+        self._imu, _ = _measured(run)
 
     def navigate(self, experiment: ExperimentSettings, withheld: Flags) -> tuple[Seen, Seen]:
         """Return the innovations of all fixes; see `Subject`."""
@@ -128,6 +124,30 @@ class Logged:
 def subject(run: Run) -> Subject:
     """Return the object that navigates a run again."""
     return Logged(run.recorded) if run.recorded else Simulated(run)
+
+
+def filtered(run: Run) -> Solution:
+    """Return the solution of the filter of a long simulated run that was smoothed, without most histories.
+
+    Only the navigation is computed again; see `navigator.navigate_to_fixes`.
+    """
+    assert run.aligned is not None  # of a simulated run
+    assert run.ideal is not None
+    navigator = run.experiment.navigator
+    imu, fixes = _measured(run)
+    schedule = schedule_of(navigator, run.ideal.dt, imu.dtheta.shape[0])
+    return linear.navigate_to_fixes(
+        imu, fixes, run.aligned.start, run.belief, schedule, chosen_model(navigator)
+    )
+
+
+def _measured(run: Run) -> tuple[Imu, Fixes]:
+    """Return the increments and the fixes of a simulated run as its filter got them."""
+    imu = Imu(run.time, run.gyro.increments, run.accelerometer.increments)
+    fixes = Fixes(run.fix_validity, run.fixes.position, run.fixes.velocity_n)
+    if run.experiment.navigator.rest_updates:
+        imu = imu._replace(rest=at_rest(imu, fixes, run.belief))
+    return imu, fixes
 
 
 def _seen(solution: Solution) -> Seen:

@@ -6,6 +6,7 @@ import sys
 import tracemalloc
 from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -17,9 +18,9 @@ from lab import experiment as stages
 from lab import run as arrays
 from lab.analysis import observability
 from lab.cli import app
-from lab.navigation import navigator
+from lab.navigation import navigator, smoother
 from lab.navigation.lever_arm import turns
-from lab.navigation.solution import Imu
+from lab.navigation.solution import Imu, Solution
 from lab.result import Result
 from lab.trajectory import Trajectory
 from lab.views import figures
@@ -33,7 +34,7 @@ SHORT = 2**12
 @pytest.fixture
 def everything_is_long(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
     """Treat a flight of minutes as one of hours."""
-    for module in (histories, trajectory, navigator, stages, arrays, memory):
+    for module in (histories, trajectory, navigator, smoother, stages, arrays, memory):
         monkeypatch.setattr(module, "LONG", SHORT)
     monkeypatch.setattr(spline_windows, "WINDOW", SHORT)
     for module in (trajectory, arrays, observability, figures):
@@ -95,6 +96,89 @@ def test_what_is_said_of_a_flight_does_not_change(exact: Result, request: pytest
     np.testing.assert_allclose(
         long.coverage.select_dtypes("number"), coverage.select_dtypes("number"), atol=1e-2
     )
+
+
+def smoothed(lever_arm: tuple[float, float, float] = (0.0, 0.0, 0.0)) -> Experiment:
+    experiment = settings()
+    experiment.set("sensors.gps.lever_arm", lever_arm)
+    experiment.set("navigator.smoother", True)
+    return experiment
+
+
+def test_a_smoothed_flight_does_not_change(request: pytest.FixtureRequest) -> None:
+    stages.CACHE.clear()
+    exact = smoothed((3.0, 1.0, -1.0)).run()
+    evidence, verdict, filtered = exact.evidence, exact.verdict, exact.filtered
+    request.getfixturevalue("everything_is_long")
+    long = smoothed((3.0, 1.0, -1.0)).run()
+    a, b = exact.solution_arrays, long.solution_arrays
+    assert b.variance.dtype == np.float32
+    assert b.position.dtype == b.q_nb.dtype == np.float64
+    for name in ("fix_sample", "fix_rejected", "fix_recovered", "rest"):
+        np.testing.assert_array_equal(getattr(a, name), getattr(b, name))
+    np.testing.assert_allclose(a.position, b.position, rtol=1e-12)
+    np.testing.assert_allclose(a.velocity_n, b.velocity_n, atol=1e-9)
+    np.testing.assert_allclose(a.q_nb, b.q_nb, atol=1e-11)
+    for name in ("fix_covariance", "fix_H", "fix_R", "innovation", "innovation_covariance"):
+        np.testing.assert_allclose(getattr(a, name), getattr(b, name), rtol=1e-8, atol=1e-14, err_msg=name)
+    # 24 bits: 6 parts in 10⁸.
+    np.testing.assert_allclose(a.variance, b.variance, rtol=1e-7)
+    np.testing.assert_allclose(a.covariance, b.covariance, rtol=1e-7, atol=1e-12)
+    for name in ("bias", "scale"):
+        np.testing.assert_allclose(getattr(a, name), getattr(b, name), rtol=1e-7, atol=1e-12)
+    # The filter's own solution, as far as the evidence needs it.
+    own = long.filtered
+    np.testing.assert_allclose(filtered.fix_covariance, own.fix_covariance, rtol=1e-8, atol=1e-14)
+    np.testing.assert_allclose(filtered.q_nb, own.q_nb, atol=1e-7)
+    np.testing.assert_allclose(filtered.velocity_n, own.velocity_n, rtol=1e-7, atol=1e-7)
+    for name in ("position", "bias", "scale", "variance", "covariance"):
+        np.testing.assert_array_equal(getattr(filtered, name)[:1], getattr(own, name))
+    assert evidence.nees is not None
+    assert long.evidence.nees is not None
+    assert float(long.evidence.nees.total) == pytest.approx(float(evidence.nees.total), rel=1e-6)
+    np.testing.assert_allclose(
+        long.evidence.innovations.likelihoods, evidence.innovations.likelihoods, rtol=1e-4
+    )
+    assert long.verdict == verdict
+
+
+def test_a_smoother_takes_little_memory(monkeypatch: pytest.MonkeyPatch, everything_is_long: None) -> None:
+    taken = {}
+    navigate = smoother.navigate
+
+    def measured(*arguments: Any) -> Solution:
+        navigate(*arguments)  # what is compiled or loaded is not counted
+        tracemalloc.start()
+        try:
+            return navigate(*arguments)
+        finally:
+            taken["smoother"] = tracemalloc.get_traced_memory()[1]
+            tracemalloc.stop()
+
+    monkeypatch.setattr(smoother, "navigate", measured)
+    monkeypatch.setattr(smoother, "GO", 128)  # a tenth of the usual part of the flight
+    experiment = smoothed((3.0, 1.0, -1.0))
+    result = experiment.run()
+    print(f"\nsmoother: {taken['smoother'] / result.time.size:.0f} bytes per sample")
+    # With float64, copies of the rates, and a second set of covariances 730.
+    assert taken["smoother"] / result.time.size < 500
+
+
+def test_the_filter_of_a_smoothed_flight_is_run_alone(
+    monkeypatch: pytest.MonkeyPatch, everything_is_long: None
+) -> None:
+    result = smoothed().run()
+    monkeypatch.setattr(Experiment, "run", lambda *_: pytest.fail("the sensors are simulated again"))
+    _ = result.filtered  # loads the code
+    tracemalloc.start()
+    try:
+        own = result.filtered
+        peak = tracemalloc.get_traced_memory()[1]
+    finally:
+        tracemalloc.stop()
+    assert own.q_nb.shape == result.solution_arrays.q_nb.shape
+    # The whole solution alone takes 400.
+    assert peak / result.time.size < 150
 
 
 def test_what_is_drawn_of_a_flight_does_not_change(exact: Result, request: pytest.FixtureRequest) -> None:
