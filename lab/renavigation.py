@@ -26,6 +26,8 @@ from lab.run import Recorded, Run
 FloatArray = NDArray[np.float64]
 Flags = NDArray[np.bool_]
 
+UNSMOOTHED = ("innovation", "innovation_covariance", "fix_sample", "fix_rejected", "fix_H", "fix_R")
+"""Arrays of a solution that a smoother does not change."""
 _ROUNDING = 1e-9  # of time stamps [s]
 
 
@@ -82,7 +84,11 @@ class Simulated:
         schedule = schedule_of(navigator, float(np.median(np.diff(imu.time))), imu.dtheta.shape[0])
         arguments = (imu, fixes, self._start, assumed._replace(R=given), schedule)
         if navigator.model == "nonlinear":
-            solution = unscented.navigate(*arguments)
+            dtheta, dvelocity = (
+                values.astype(np.float64, copy=False) for values in (imu.dtheta, imu.dvelocity)
+            )
+            imu = imu._replace(dtheta=dtheta, dvelocity=dvelocity)
+            solution = unscented.navigate(imu, *arguments[1:])
         else:
             solution = linear.navigate(*arguments, chosen_model(navigator))
         return _seen(solution), _predicted(solution, R)
@@ -136,9 +142,12 @@ def filtered(run: Run) -> Solution:
     navigator = run.experiment.navigator
     imu, fixes = _measured(run)
     schedule = schedule_of(navigator, run.ideal.dt, imu.dtheta.shape[0])
-    return linear.navigate_to_fixes(
+    found = linear.navigate_to_fixes(
         imu, fixes, run.aligned.start, run.belief, schedule, chosen_model(navigator)
     )
+    # A smoother leaves the other data of the fixes as they are.
+    same = {name: getattr(run.solution_arrays, name) for name in UNSMOOTHED}
+    return found._replace(**same)
 
 
 def _measured(run: Run) -> tuple[Imu, Fixes]:

@@ -128,8 +128,12 @@ def _steps(
     dt = np.diff(imu.time[begin : end + 1])[:, None]
     mean_C = gathered(C_mid * dt[..., None])
     safe = np.maximum(duration, 1e-9)[:, None]
-    force_n = gathered(np.einsum("nij,nj->ni", C_mid, imu.dvelocity[here])) / safe
-    rate_b, force_b = gathered(imu.dtheta[here]) / safe, gathered(imu.dvelocity[here]) / safe
+    # Of a long flight, they are float32, which would not do for sums.
+    dtheta, dvelocity = (
+        values[here].astype(np.float64, copy=False) for values in (imu.dtheta, imu.dvelocity)
+    )
+    force_n = gathered(np.einsum("nij,nj->ni", C_mid, dvelocity)) / safe
+    rate_b, force_b = gathered(dtheta) / safe, gathered(dvelocity) / safe
     F = _system_matrix(solution.states, mean_C / safe[..., None], force_n, rate_b, force_b, belief)
     T = duration[:, None, None]
     n, density = solution.states, belief.noise

@@ -56,7 +56,10 @@ class Piece(NamedTuple):
             name: getattr(room, name) if _is_buffered(out, name) else getattr(out, name)[before:end]
             for name in HISTORIES
         }
-        increments = Imu(imu.time[before:], imu.dtheta[before:], imu.dvelocity[before:], imu.rest[before:])
+        dtheta, dvelocity = (
+            values[before:].astype(np.float64, copy=False) for values in (imu.dtheta, imu.dvelocity)
+        )
+        increments = Imu(imu.time[before:], dtheta, dvelocity, imu.rest[before:])
         return cls(increments, out._replace(**here), first - before, before)
 
     def keep(self, out: Solution, stopped: int, fixes: slice) -> None:
