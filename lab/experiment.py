@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from lab.cache import StageCache, digest
 from lab.ecef import near_pole
-from lab.histories import LONG
+from lab.histories import LONG, kept
 from lab.ideal_imu import IdealImu
 from lab.log_run import run_log, timed
 from lab.memory import check_memory, give_back
@@ -167,6 +167,9 @@ class _Run:
             )
         )
         if is_long:
+            # The navigator is done with the exact increments.
+            gyro = gyro._replace(increments=kept(gyro.increments))
+            accelerometer = accelerometer._replace(increments=kept(accelerometer.increments))
             give_back()
         self.progress("Done", 1.0)
         return SimulatedResult(
@@ -204,7 +207,7 @@ class _Run:
             rate,
             states=navigator.states,
             drifting=sum(imu.is_drifting(errors) for errors in triads),
-            exact=navigator.smoother or navigator.model == "nonlinear" or navigator.engine == "filterpy",
+            exact=navigator.model == "nonlinear" or navigator.engine == "filterpy",
             arm=bool(belief(self.sensors, navigator).lever_arm.any()),
         )
 

@@ -1,7 +1,8 @@
 """Histories: the precision of a flight's histories that are displayed, not used in computations.
 
 Up to `LONG` samples, everything is float64. Beyond, arrays that are not integrated are float32: variances,
-biases and true increments. A float32 has 24 bits, so a σ has an error of 3 parts in 10⁸, and a bias of 6.
+biases, true increments, and the measured increments once the navigator has used them. A float32 has 24 bits,
+so a σ has an error of 3 parts in 10⁸, and a bias or an increment of 6.
 """
 
 from __future__ import annotations

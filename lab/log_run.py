@@ -119,7 +119,7 @@ def run_log(
         log.time.size / max(log.duration, 1.0),
         states=states,
         drifting=0,
-        exact=navigator.smoother or navigator.model == "nonlinear",
+        exact=navigator.model == "nonlinear",
         arm=bool(assumed_lever_arm(navigator, log.gnss.lever_arm).any()),
     )
     settings = {path: experiment.get(path) for path, *_ in experiment.leaves() if has_effect(path, states)}

@@ -47,7 +47,7 @@ def check_memory(
     drifting
         Number of triads with a varying bias.
     exact
-        Whether all histories are float64, as for the smoother.
+        Whether all histories are float64, as for a nonlinear filter.
     arm
         Whether the filter assumes a lever arm.
 

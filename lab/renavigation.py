@@ -26,6 +26,8 @@ from lab.run import Recorded, Run
 FloatArray = NDArray[np.float64]
 Flags = NDArray[np.bool_]
 
+UNSMOOTHED = ("innovation", "innovation_covariance", "fix_sample", "fix_rejected", "fix_H", "fix_R")
+"""Arrays of a solution that a smoother does not change."""
 _ROUNDING = 1e-9  # of time stamps [s]
 
 
@@ -69,11 +71,7 @@ class Simulated:
         assert run.aligned is not None  # of a simulated run
         self._start = run.aligned.start
         self._constants = run.aligned.P if navigator.alignment else None
-        imu = Imu(run.time, run.gyro.increments, run.accelerometer.increments)
-        if navigator.rest_updates:
-            fixes = Fixes(run.fix_validity, run.fixes.position, run.fixes.velocity_n)
-            imu = imu._replace(rest=at_rest(imu, fixes, run.belief))
-        self._imu = imu
+        self._imu, _ = _measured(run)
 
     def navigate(self, experiment: ExperimentSettings, withheld: Flags) -> tuple[Seen, Seen]:
         """Return the innovations of all fixes; see `Subject`."""
@@ -86,7 +84,11 @@ class Simulated:
         schedule = schedule_of(navigator, float(np.median(np.diff(imu.time))), imu.dtheta.shape[0])
         arguments = (imu, fixes, self._start, assumed._replace(R=given), schedule)
         if navigator.model == "nonlinear":
-            solution = unscented.navigate(*arguments)
+            dtheta, dvelocity = (
+                values.astype(np.float64, copy=False) for values in (imu.dtheta, imu.dvelocity)
+            )
+            imu = imu._replace(dtheta=dtheta, dvelocity=dvelocity)
+            solution = unscented.navigate(imu, *arguments[1:])
         else:
             solution = linear.navigate(*arguments, chosen_model(navigator))
         return _seen(solution), _predicted(solution, R)
@@ -128,6 +130,33 @@ class Logged:
 def subject(run: Run) -> Subject:
     """Return the object that navigates a run again."""
     return Logged(run.recorded) if run.recorded else Simulated(run)
+
+
+def filtered(run: Run) -> Solution:
+    """Return the solution of the filter of a long simulated run that was smoothed, without most histories.
+
+    Only the navigation is computed again; see `navigator.navigate_to_fixes`.
+    """
+    assert run.aligned is not None  # of a simulated run
+    assert run.ideal is not None
+    navigator = run.experiment.navigator
+    imu, fixes = _measured(run)
+    schedule = schedule_of(navigator, run.ideal.dt, imu.dtheta.shape[0])
+    found = linear.navigate_to_fixes(
+        imu, fixes, run.aligned.start, run.belief, schedule, chosen_model(navigator)
+    )
+    # A smoother leaves the other data of the fixes as they are.
+    same = {name: getattr(run.solution_arrays, name) for name in UNSMOOTHED}
+    return found._replace(**same)
+
+
+def _measured(run: Run) -> tuple[Imu, Fixes]:
+    """Return the increments and the fixes of a simulated run as its filter got them."""
+    imu = Imu(run.time, run.gyro.increments, run.accelerometer.increments)
+    fixes = Fixes(run.fix_validity, run.fixes.position, run.fixes.velocity_n)
+    if run.experiment.navigator.rest_updates:
+        imu = imu._replace(rest=at_rest(imu, fixes, run.belief))
+    return imu, fixes
 
 
 def _seen(solution: Solution) -> Seen:

@@ -257,7 +257,10 @@ class Result(NotebookCard, Repeatable):
 
     @property
     def filtered(self) -> Solution:
-        """The solution of the filter itself: for a smoothed run, its forward run, otherwise the solution."""
+        """The solution of the filter itself: for a smoothed run, its forward run, otherwise the solution.
+
+        For a long simulated flight that was smoothed, without most histories; see `renavigation.filtered`.
+        """
         if self.algorithm or not self.experiment.navigator.smoother:
             return self.solution_arrays
         alone = self.experiment.copy()

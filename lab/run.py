@@ -259,8 +259,12 @@ class Run(ABC):
 def _at_samples(gyro: FloatArray, accelerometer: FloatArray) -> FloatArray:
     """Return values of gyros and accelerometers in each interval, (n, 3) each, at all samples, (n + 1, 6)."""
     constant = not (gyro.strides[0] or accelerometer.strides[0])
-    rows = slice(0, 1) if constant else slice(None)
-    values = np.concatenate((gyro[rows], accelerometer[rows]), axis=1)
     if constant:
+        values = np.concatenate((gyro[:1], accelerometer[:1]), axis=1)
         return np.broadcast_to(values, (gyro.shape[0] + 1, 6))
-    return np.concatenate((values[:1], values))
+    values = np.empty((gyro.shape[0] + 1, 6), dtype=np.result_type(gyro, accelerometer))
+    values[1:, :3], values[1:, 3:] = gyro, accelerometer
+    if not gyro.size:
+        return values[:0]
+    values[0] = values[1]
+    return values

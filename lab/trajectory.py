@@ -76,6 +76,12 @@ class Truth:
         """Return the truth at some samples: numbers of them, flags, or a slice."""
         return Truth(**{name: getattr(self, name)[samples] for name in Truth.__dataclass_fields__})
 
+    def around(self, times: FloatArray) -> Truth:
+        """Return the truth at the samples before and after each of some times (m,), and at the first one."""
+        after = np.searchsorted(self.time, times, side="right")
+        near = np.concatenate(([0], after - 1, after))
+        return self.taken(np.unique(np.clip(near, 0, self.time.size - 1)))
+
 
 class LongTruth(Truth):
     """The truth of a long flight, whose Euler angles are computed at each use."""

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import sys
 import tracemalloc
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -15,11 +16,13 @@ from dashboards.computing import run
 from lab import Experiment, histories, memory, spline_windows, trajectory
 from lab import experiment as stages
 from lab import run as arrays
-from lab.analysis import observability
+from lab.analysis import consistency, fix_causes, imu_causes, observability, sensor_evidence
+from lab.analysis.run_evidence import evidence_of
 from lab.cli import app
-from lab.navigation import navigator
+from lab.datasets import flight, tables
+from lab.navigation import navigator, smoother
 from lab.navigation.lever_arm import turns
-from lab.navigation.solution import Imu
+from lab.navigation.solution import Imu, Solution
 from lab.result import Result
 from lab.trajectory import Trajectory
 from lab.views import figures
@@ -33,7 +36,7 @@ SHORT = 2**12
 @pytest.fixture
 def everything_is_long(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
     """Treat a flight of minutes as one of hours."""
-    for module in (histories, trajectory, navigator, stages, arrays, memory):
+    for module in (histories, trajectory, navigator, smoother, stages, arrays, memory):
         monkeypatch.setattr(module, "LONG", SHORT)
     monkeypatch.setattr(spline_windows, "WINDOW", SHORT)
     for module in (trajectory, arrays, observability, figures):
@@ -97,6 +100,92 @@ def test_what_is_said_of_a_flight_does_not_change(exact: Result, request: pytest
     )
 
 
+def smoothed(lever_arm: tuple[float, float, float] = (0.0, 0.0, 0.0)) -> Experiment:
+    experiment = settings()
+    experiment.set("sensors.gps.lever_arm", lever_arm)
+    experiment.set("navigator.smoother", True)
+    return experiment
+
+
+def test_a_smoothed_flight_does_not_change(request: pytest.FixtureRequest) -> None:
+    stages.CACHE.clear()
+    exact = smoothed((3.0, 1.0, -1.0)).run()
+    evidence, verdict, filtered = exact.evidence, exact.verdict, exact.filtered
+    request.getfixturevalue("everything_is_long")
+    long = smoothed((3.0, 1.0, -1.0)).run()
+    a, b = exact.solution_arrays, long.solution_arrays
+    assert b.variance.dtype == np.float32
+    assert b.position.dtype == b.q_nb.dtype == np.float64
+    for name in ("fix_sample", "fix_rejected", "fix_recovered", "rest"):
+        np.testing.assert_array_equal(getattr(a, name), getattr(b, name))
+    np.testing.assert_allclose(a.position, b.position, rtol=1e-12)
+    np.testing.assert_allclose(a.velocity_n, b.velocity_n, atol=1e-9)
+    np.testing.assert_allclose(a.q_nb, b.q_nb, atol=1e-11)
+    for name in ("fix_covariance", "fix_H", "fix_R", "innovation", "innovation_covariance"):
+        np.testing.assert_allclose(getattr(a, name), getattr(b, name), rtol=1e-8, atol=1e-14, err_msg=name)
+    # 24 bits: 6 parts in 10⁸.
+    np.testing.assert_allclose(a.variance, b.variance, rtol=1e-7)
+    np.testing.assert_allclose(a.covariance, b.covariance, rtol=1e-7, atol=1e-12)
+    for name in ("bias", "scale"):
+        np.testing.assert_allclose(getattr(a, name), getattr(b, name), rtol=1e-7, atol=1e-12)
+    # The filter's own solution, as far as the evidence needs it.
+    own = long.filtered
+    sigma = np.sqrt(np.diagonal(filtered.fix_covariance, axis1=1, axis2=2))
+    apart = np.abs(own.fix_covariance - filtered.fix_covariance)
+    # The increments have 24 bits: 6 parts in 10⁸, a few times.
+    assert (apart <= 1e-6 * sigma[:, :, None] * sigma[:, None, :]).all()
+    np.testing.assert_allclose(filtered.q_nb, own.q_nb, atol=1e-7)
+    np.testing.assert_allclose(filtered.velocity_n, own.velocity_n, rtol=1e-7, atol=1e-7)
+    for name in ("position", "bias", "scale", "variance", "covariance"):
+        np.testing.assert_array_equal(getattr(filtered, name)[:1], getattr(own, name))
+    assert evidence.nees is not None
+    assert long.evidence.nees is not None
+    assert float(long.evidence.nees.total) == pytest.approx(float(evidence.nees.total), rel=1e-6)
+    np.testing.assert_allclose(
+        long.evidence.innovations.likelihoods, evidence.innovations.likelihoods, rtol=1e-4
+    )
+    assert long.verdict == verdict
+
+
+def test_a_smoother_takes_little_memory(monkeypatch: pytest.MonkeyPatch, everything_is_long: None) -> None:
+    taken = {}
+    navigate = smoother.navigate
+
+    def measured(*arguments: Any) -> Solution:
+        navigate(*arguments)  # what is compiled or loaded is not counted
+        tracemalloc.start()
+        try:
+            return navigate(*arguments)
+        finally:
+            taken["smoother"] = tracemalloc.get_traced_memory()[1]
+            tracemalloc.stop()
+
+    monkeypatch.setattr(smoother, "navigate", measured)
+    monkeypatch.setattr(smoother, "GO", 128)  # a tenth of the usual part of the flight
+    experiment = smoothed((3.0, 1.0, -1.0))
+    result = experiment.run()
+    print(f"\nsmoother: {taken['smoother'] / result.time.size:.0f} bytes per sample")
+    # With float64, copies of the rates, and a second set of covariances 730.
+    assert taken["smoother"] / result.time.size < 500
+
+
+def test_the_filter_of_a_smoothed_flight_is_run_alone(
+    monkeypatch: pytest.MonkeyPatch, everything_is_long: None
+) -> None:
+    result = smoothed().run()
+    monkeypatch.setattr(Experiment, "run", lambda *_: pytest.fail("the sensors are simulated again"))
+    _ = result.filtered  # loads the code
+    tracemalloc.start()
+    try:
+        own = result.filtered
+        peak = tracemalloc.get_traced_memory()[1]
+    finally:
+        tracemalloc.stop()
+    assert own.q_nb.shape == result.solution_arrays.q_nb.shape
+    # The whole solution alone takes 400.
+    assert peak / result.time.size < 150
+
+
 def test_what_is_drawn_of_a_flight_does_not_change(exact: Result, request: pytest.FixtureRequest) -> None:
     drawn = [_drawn(exact, plots) for plots in GRIDS]
     places = exact.places(np.array([0, 7000, 41000]))
@@ -150,6 +239,40 @@ def test_a_plot_of_a_long_flight_holds_no_history(everything_is_long: None) -> N
         tracemalloc.stop()
     # Whole datasets of 21 states at each of the 15 curves take 2500.
     assert peak / result.time.size < 100
+
+
+STEPS: dict[str, tuple[Callable[[Result], object], int]] = {
+    # Bytes per sample: found, and with whole histories at once.
+    "summary": (lambda result: tables.summary(result, None, moments=False), 27),  # 23, 31
+    "evidence": (lambda result: evidence_of(result, result.filtered, explain=False), 150),  # 62, 393
+    "true bias": (lambda result: result.true_bias, 60),  # 48, 96
+    "manoeuvres": (lambda result: observability.manoeuvres(result.flown), 40),  # 30, 56
+    "budget": (lambda result: result.budget, 43),  # 33, 52
+}
+
+
+@pytest.mark.parametrize("step", STEPS)
+def test_what_is_computed_of_a_long_flight_takes_little(
+    step: str, monkeypatch: pytest.MonkeyPatch, everything_is_long: None
+) -> None:
+    for module, name in ((flight, "AT_ONCE"), (fix_causes, "AT_ONCE"), (sensor_evidence, "AT_ONCE")):
+        monkeypatch.setattr(module, name, 1000)
+    for module, name in ((imu_causes, "AT_ONCE"), (fix_causes, "FIXES_AT_ONCE"), (consistency, "AT_ONCE")):
+        monkeypatch.setattr(module, name, 8)
+    experiment = settings(rests=False)
+    experiment.set("sensors.gps.outlier_rate", 0.02)  # outliers are searched in all innovations
+    experiment.set("navigator.gate", 0.0)
+    compute, most = STEPS[step]
+    compute(experiment.run())  # loads the code
+    result = experiment.run()
+    tracemalloc.start()
+    try:
+        compute(result)
+        peak = tracemalloc.get_traced_memory()[1]
+    finally:
+        tracemalloc.stop()
+    print(f"\n{step}: {peak / result.time.size:.0f} bytes per sample")
+    assert peak / result.time.size < most
 
 
 def test_a_bare_result_keeps_no_history(everything_is_long: None) -> None:

@@ -7,6 +7,7 @@ Y. Bar-Shalom, X. R. Li, T. Kirubarajan, *Estimation with Applications to Tracki
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -18,6 +19,8 @@ if TYPE_CHECKING:
 
 FloatArray = NDArray[np.float64]
 
+AT_ONCE = 1024
+"""Epochs whose covariances are inverted together, with some 20 kB each at 21 states."""
 MAX_LAG = 30
 """Largest lag of the innovations' autocorrelation."""
 SINGULAR = 1e-6
@@ -42,22 +45,36 @@ def normalised_squares(vectors: FloatArray, covariances: FloatArray) -> FloatArr
     if not np.isfinite(covariances).all():
         return np.full(vectors.shape[0], np.nan)
     used = uncertain(covariances)
-    P = covariances[:, used[:, None], used]
-    v = vectors[:, used]
-    # Scaled to unit diagonal, because mixing metres and rad/s gives a bad condition number.
-    sigma = np.sqrt(np.diagonal(P, axis1=1, axis2=2))
-    v = v / sigma
-    P = P / (sigma[:, :, None] * sigma[:, None, :])
+    parts = [slice(first, first + AT_ONCE) for first in range(0, vectors.shape[0], AT_ONCE)]
+
+    def squares(inverted: Callable[[FloatArray, FloatArray], FloatArray]) -> FloatArray:
+        found = []
+        for part in parts:
+            P, v = covariances[part][:, used[:, None], used], vectors[part][:, used]
+            # Scaled to unit diagonal, because mixing metres and rad/s gives a bad condition number.
+            sigma = np.sqrt(np.diagonal(P, axis1=1, axis2=2))
+            P /= sigma[:, :, None] * sigma[:, None, :]
+            found.append(inverted(v / sigma, P))
+        return np.concatenate(found)
+
     try:
-        root = np.linalg.cholesky(P)
-        singular = bool((np.diagonal(root, axis1=1, axis2=2) < SINGULAR).any())
+        return squares(_by_root)
     except np.linalg.LinAlgError:
-        singular = True
-    if singular:
-        inverse = np.linalg.pinv(P, rcond=SINGULAR**2, hermitian=True)
-        return np.asarray(np.einsum("mi,mij,mj->m", v, inverse, v))
+        return squares(_by_pseudoinverse)
+
+
+def _by_root(v: FloatArray, P: FloatArray) -> FloatArray:
+    """Return vᵀ P⁻¹ v of each epoch; raise `LinAlgError` if a P is singular."""
+    root = np.linalg.cholesky(P)
+    if (np.diagonal(root, axis1=1, axis2=2) < SINGULAR).any():
+        raise np.linalg.LinAlgError
     white = np.linalg.solve(root, v[..., None])[..., 0]
     return np.asarray(np.einsum("mi,mi->m", white, white))
+
+
+def _by_pseudoinverse(v: FloatArray, P: FloatArray) -> FloatArray:
+    inverse = np.linalg.pinv(P, rcond=SINGULAR**2, hermitian=True)
+    return np.asarray(np.einsum("mi,mij,mj->m", v, inverse, v))
 
 
 def uncertain(covariances: FloatArray) -> NDArray[np.intp]:

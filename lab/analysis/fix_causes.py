@@ -9,7 +9,8 @@ P. D. Groves, *Principles of GNSS, Inertial and Multisensor Integrated Navigatio
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import itertools
+from collections.abc import Callable, Iterable, Iterator
 from typing import NamedTuple
 
 import numpy as np
@@ -25,6 +26,8 @@ CAUSES = 4
 """Regressors: latency [s], then the lever arm forward, right, down [m]."""
 AT_ONCE = 2**16
 """Samples that are summed in one block, with some 250 bytes each."""
+FIXES_AT_ONCE = 1024
+"""Fixes whose transitions or gains are computed together, with some 20 kB each at 21 states."""
 RATE_WINDOW = 0.1
 """Time over which angular rate and acceleration at a fix are averaged [s]."""
 
@@ -118,8 +121,10 @@ def gains(solution: Solution, fixes: NDArray[np.intp]) -> FloatArray:
     H, R = solution.fix_H[fixes], solution.fix_R[fixes]
     used = solution.fix_sample[fixes] >= 0
     K = np.zeros((fixes.size, solution.states, 6))
-    P = solution.fix_covariance[fixes[used]]
-    K[used] = P @ H[used].transpose(0, 2, 1) @ np.linalg.inv(R[used])
+    for first in range(0, fixes.size, FIXES_AT_ONCE):
+        part = first + np.flatnonzero(used[first : first + FIXES_AT_ONCE])
+        P = solution.fix_covariance[fixes[part]]
+        K[part] = P @ H[part].transpose(0, 2, 1) @ np.linalg.inv(R[part])
     return K
 
 
@@ -152,20 +157,9 @@ def response(
         Motion and causes at these fixes.
     """
     n, m = solution.states, fixes.size
-    dt = np.diff(time[samples], append=time[-1])[:, None, None]
-    F = np.zeros((m, n, n))
-    F[:, POS, VEL] = np.eye(3)
-    F[:, VEL, ATT] = _skew(motion.force_n)
-    F[:, VEL, ACCEL_BIAS] = -motion.C_nb
-    F[:, ATT, GYRO_BIAS] = motion.C_nb
-    if n > GYRO_SCALE.start:
-        force_b = np.einsum("mji,mj->mi", motion.C_nb, motion.force_n)
-        F[:, ATT, GYRO_SCALE] = motion.C_nb * motion.rate_b[:, None, :]
-        F[:, VEL, ACCEL_SCALE] = -motion.C_nb * force_b[:, None, :]
-    step = F * dt
-    after = np.eye(n) + step + step @ step / 2 + step @ step @ step / 6
+    dt = np.diff(time[samples], append=time[-1])
     # The first step ends at the first fix; before it, there is no error.
-    transition = np.concatenate((np.eye(n)[None], after[:-1]))
+    transition = itertools.chain([np.eye(n)], _transitions(motion, dt[:-1], n))
     return respond(
         gains,
         matrices(solution, belief, fixes)[0],
@@ -175,8 +169,26 @@ def response(
     )
 
 
+def _transitions(motion: Motion, dt: FloatArray, n: int) -> Iterator[FloatArray]:
+    """Iterate over the transitions (n, n) of the error from each fix to the next, `dt` (m,) later [s]."""
+    for first in range(0, dt.size, FIXES_AT_ONCE):
+        part = slice(first, min(first + FIXES_AT_ONCE, dt.size))
+        here = Motion(*(values[part] for values in motion))
+        F = np.zeros((part.stop - first, n, n))
+        F[:, POS, VEL] = np.eye(3)
+        F[:, VEL, ATT] = _skew(here.force_n)
+        F[:, VEL, ACCEL_BIAS] = -here.C_nb
+        F[:, ATT, GYRO_BIAS] = here.C_nb
+        if n > GYRO_SCALE.start:
+            force_b = np.einsum("mji,mj->mi", here.C_nb, here.force_n)
+            F[:, ATT, GYRO_SCALE] = here.C_nb * here.rate_b[:, None, :]
+            F[:, VEL, ACCEL_SCALE] = -here.C_nb * force_b[:, None, :]
+        step = F * dt[part, None, None]
+        yield from np.eye(n) + step + step @ step / 2 + step @ step @ step / 6
+
+
 def respond(
-    gains: FloatArray, H: FloatArray, transition: FloatArray, fixes: FloatArray, forced: FloatArray
+    gains: FloatArray, H: FloatArray, transition: Iterable[FloatArray], fixes: FloatArray, forced: FloatArray
 ) -> FloatArray:
     """Return the response of the innovations (m, 6, p) to causes.
 
@@ -184,7 +196,7 @@ def respond(
     ----------
     gains, H : (m, n, 6), (m, 6, n) arrays
         Of the fixes.
-    transition : (m, n, n) array
+    transition : (m, n, n) array, or m matrices
         Transition of the error to each fix from the previous one.
     fixes : (m, 6, p) array
         Error of each fix per unit of each cause.
@@ -193,8 +205,8 @@ def respond(
     """
     error = np.zeros(forced.shape[1:])
     answer = np.empty(fixes.shape)
-    for k in range(fixes.shape[0]):  # a loop over fixes, not samples
-        error = transition[k] @ error + forced[k]
+    for k, onwards in zip(range(fixes.shape[0]), transition, strict=True):  # a loop over fixes, not samples
+        error = onwards @ error + forced[k]
         answer[k] = H[k] @ error - fixes[k]
         error = error - gains[k] @ answer[k]
     return answer

@@ -142,6 +142,7 @@ def _latency(fit: Fit) -> tuple[float, float]:
 def _errors(fixes: Fixes, used: NDArray[np.intp], truth: Truth, late: float) -> FloatArray:
     """Return the errors (m, 6) of fixes relative to the truth one latency earlier [m], [m/s]."""
     times = np.clip(fixes.time[used] - late, truth.time[0], truth.time[-1])
+    truth = truth.around(times)
     longitude = np.unwrap(truth.longitude)
     there = Truth(
         time=times,

@@ -13,7 +13,7 @@ Theory 11 (1965).
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -116,7 +116,7 @@ HYPOTHESES = _all()
 def likelihoods(
     innovation: FloatArray,
     correction: FloatArray,
-    steps: Steps,
+    steps: Iterable[Steps],
     H: FloatArray,
     R: FloatArray,
     P0: FloatArray,
@@ -134,7 +134,7 @@ def likelihoods(
     correction : (m, n) array
         Correction of the error state at each fix, K ν; zero for a rejected fix.
     steps
-        Transition of the error between the fixes.
+        Transition of the error between the fixes, of some fixes after the others.
     H, R : (m, 6, n) and (m, 6, 6) arrays
         H and R of the fixes.
     P0 : (n, n) array
@@ -166,11 +166,12 @@ def likelihoods(
     noise = np.zeros((len(tried), N, N))
     Haug = np.zeros((6, N))
     diagonal = np.arange(n, N)
-    for k in range(m):
+    onwards = ((Phi, added) for part in steps for Phi, added in zip(part.transition, part.noise, strict=True))
+    for k, (transition, added) in zip(range(m), onwards, strict=True):
         decay = np.exp(-(times[k + 1] - times[k]) / correlation_time)
-        Phi[:, :n, :n] = steps.transition[k]
+        Phi[:, :n, :n] = transition
         Phi[:, diagonal, diagonal] = decay[:, None]
-        noise[:, :n, :n] = np.tensordot(q, steps.noise[k], axes=1)
+        noise[:, :n, :n] = np.tensordot(q, added, axes=1)
         noise[:, diagonal, diagonal] = (variance * (1 - decay**2))[:, None]
         P = Phi @ P @ Phi.transpose(0, 2, 1) + noise
         apart = np.einsum("hij,hj->hi", Phi, apart)

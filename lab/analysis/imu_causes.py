@@ -6,6 +6,7 @@ through its gains. The rest appears in the innovations, like the effect of fix c
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterator
 from typing import NamedTuple
 
 import numpy as np
@@ -33,6 +34,8 @@ DRIFT_TIME = 60.0
 """Time in which a unit drift changes a bias by one unit [s]."""
 NODES = ((-np.sqrt(0.6), 5 / 18), (0.0, 8 / 18), (np.sqrt(0.6), 5 / 18))
 """Gauss-Legendre nodes and weights, exact for the powers in the short-term error."""
+AT_ONCE = 256
+"""Fixes whose steps are computed together, with some 100 kB each at 200 Hz and 21 states."""
 
 
 class Steps(NamedTuple):
@@ -63,9 +66,7 @@ def columns() -> dict[str, list[int]]:
     return found
 
 
-def steps(
-    solution: Solution, belief: Belief, imu: Imu, samples: NDArray[np.intp], *, forced: bool = True
-) -> Steps:
+def steps(solution: Solution, belief: Belief, imu: Imu, samples: NDArray[np.intp]) -> Steps:
     """Return the propagation of the error over a flight, with the short-term terms only.
 
     Parameters
@@ -76,31 +77,67 @@ def steps(
         Input of the filter.
     samples : (m,) array
         Samples of the fixes.
+    """
+    parts = list(steps_in_parts(solution, belief, imu, samples))
+    return Steps(*(np.concatenate(values) for values in zip(*parts, strict=True)))
+
+
+def steps_in_parts(
+    solution: Solution, belief: Belief, imu: Imu, samples: NDArray[np.intp], *, forced: bool = True
+) -> Iterator[Steps]:
+    """Iterate over the propagation of the error over a flight, `AT_ONCE` fixes at a time.
+
+    Parameters
+    ----------
+    solution, belief, imu, samples
+        As of `steps`.
     forced
         Whether to compute the effects of the causes.
     """
     starts = np.append(0, samples[:-1])
     # A fix may share the sample of the previous one.
     ends = np.maximum(samples, starts + 1)
-    last = min(int(ends.max()), imu.dtheta.shape[0])
-    C_nb = C_nb_from_euler(euler_from_quaternion(solution.q_nb[: last + 1]))
-    C_mid = 0.5 * (C_nb[1:] + C_nb[:-1])
+    last = min(int(ends.max(initial=1)), imu.dtheta.shape[0])
     cuts = np.minimum(starts, last - 1)
     duration = np.where(samples > starts, imu.time[np.minimum(ends, last)] - imu.time[cuts], 0.0)
+    edges = np.append(cuts, last - 1)
+    for first in range(0, samples.size, AT_ONCE):
+        part = slice(first, first + AT_ONCE)
+        yield _steps(solution, belief, imu, edges[first : first + AT_ONCE + 1], duration[part], forced)
+
+
+def _steps(
+    solution: Solution,
+    belief: Belief,
+    imu: Imu,
+    edges: NDArray[np.intp],
+    duration: FloatArray,
+    forced: bool,
+) -> Steps:
+    """Return the propagation over the intervals (m,) between samples `edges` (m + 1,)."""
+    begin, end = int(edges.min()), int(edges.max()) + 1
+    here, count = slice(begin, end), duration.size
+    C_nb = C_nb_from_euler(euler_from_quaternion(solution.q_nb[begin : end + 1]))
+    C_mid = 0.5 * (C_nb[1:] + C_nb[:-1])
+    del C_nb
 
     def gathered(values: FloatArray) -> FloatArray:
-        sums = np.add.reduceat(values, np.append(cuts, last - 1), axis=0)[:-1]
-        return np.where((samples > starts).reshape(-1, *(1,) * (values.ndim - 1)), sums, 0.0)
+        sums = np.add.reduceat(values, edges - begin, axis=0)[:-1]
+        return np.where((duration > 0).reshape(-1, *(1,) * (values.ndim - 1)), sums, 0.0)
 
-    dt = np.diff(imu.time[: last + 1])[:, None]
+    dt = np.diff(imu.time[begin : end + 1])[:, None]
     mean_C = gathered(C_mid * dt[..., None])
     safe = np.maximum(duration, 1e-9)[:, None]
-    force_n = gathered(np.einsum("nij,nj->ni", C_mid, imu.dvelocity[:last])) / safe
-    rate_b, force_b = gathered(imu.dtheta[:last]) / safe, gathered(imu.dvelocity[:last]) / safe
+    # Of a long flight, they are float32, which would not do for sums.
+    dtheta, dvelocity = (
+        values[here].astype(np.float64, copy=False) for values in (imu.dtheta, imu.dvelocity)
+    )
+    force_n = gathered(np.einsum("nij,nj->ni", C_mid, dvelocity)) / safe
+    rate_b, force_b = gathered(dtheta) / safe, gathered(dvelocity) / safe
     F = _system_matrix(solution.states, mean_C / safe[..., None], force_n, rate_b, force_b, belief)
     T = duration[:, None, None]
     n, density = solution.states, belief.noise
-    noise = np.zeros((samples.size, 4, n, n))
+    noise = np.zeros((count, 4, n, n))
     for node, weight in NODES:
         onwards = exponential(F, 0.5 * (1 - node) * T)
         for block, (rows, sign) in enumerate(((ATT, 1), (VEL, -1), (GYRO_BIAS, 0), (ACCEL_BIAS, 0))):
@@ -109,9 +146,9 @@ def steps(
             G = onwards[:, :, rows] @ into
             noise[:, block] += weight * T * (G @ G.transpose(0, 2, 1))
     if not forced:
-        return Steps(exponential(F, T), noise, np.zeros((samples.size, n, 0)))
-    direct = _forced(imu, C_mid, last, gathered)
-    kick = np.zeros((samples.size, n, direct[0].shape[2] + direct[1].shape[2]))
+        return Steps(exponential(F, T), noise, np.zeros((count, n, 0)))
+    direct = _forced(imu, C_mid, here, gathered)
+    kick = np.zeros((count, n, direct[0].shape[2] + direct[1].shape[2]))
     gyros = direct[0].shape[2]
     kick[:, ATT, :gyros], kick[:, VEL, gyros:] = -direct[0], direct[1]
     return Steps(exponential(F, T), noise, exponential(F, 0.5 * T) @ kick)
@@ -142,24 +179,28 @@ def _system_matrix(
 
 
 def _forced(
-    imu: Imu, C_nb: FloatArray, last: int, gathered: type[FloatArray] | object
+    imu: Imu, C_nb: FloatArray, here: slice, gathered: Callable[[FloatArray], FloatArray]
 ) -> tuple[FloatArray, FloatArray]:
     """Return the errors (m, 3, p) that the causes of gyros and accelerometers add, resolved in n."""
-    assert callable(gathered)
-    dt = np.diff(imu.time[: last + 1])
-    since = (imu.time[1 : last + 1] - imu.time[0]) / DRIFT_TIME * dt
+    dt = np.diff(imu.time[here.start : here.stop + 1])
+    since = (imu.time[here.start + 1 : here.stop + 1] - imu.time[0]) / DRIFT_TIME * dt
+    # A slope needs the samples on both sides.
+    around = slice(max(here.start - 1, 0), min(here.stop + 1, imu.dtheta.shape[0]))
+    inner = slice(here.start - around.start, here.stop - around.start)
     parts: dict[str, list[FloatArray]] = {"gyro": [], "accelerometer": []}
     for sensor, kind in CAUSES.values():
-        increments = (imu.dtheta if sensor == "gyro" else imu.dvelocity)[:last]
+        measured = imu.dtheta if sensor == "gyro" else imu.dvelocity
+        increments = measured[here]
         for axis in range(3):
             if kind == "cross":
                 signals = [increments[:, (axis + 1) % 3], increments[:, (axis + 2) % 3]]
             elif kind == "scale":
                 signals = [increments[:, axis]]
             elif kind == "force":
-                signals = [imu.dvelocity[:last, axis]]
+                signals = [imu.dvelocity[here, axis]]
             elif kind == "slope":
-                signals = [-np.gradient(increments[:, axis] / dt)]
+                rate = measured[around, axis] / np.diff(imu.time[around.start : around.stop + 1])
+                signals = [-np.gradient(rate)[inner]]
             else:
                 signals = [since]
             parts[sensor] += [gathered(C_nb[:, :, axis] * one[:, None]) for one in signals]

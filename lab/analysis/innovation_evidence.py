@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from typing import NamedTuple
 
@@ -13,7 +13,7 @@ from lab.analysis import consistency, hypotheses
 from lab.analysis.consistency import chi_square_interval
 from lab.analysis.finding import DOUBT, MANY_SIGMA, is_right
 from lab.analysis.fix_causes import CAUSES, causes_of, gains, matrices, motion_at_fixes, respond, response
-from lab.analysis.imu_causes import Steps, columns, steps
+from lab.analysis.imu_causes import Steps, columns, steps, steps_in_parts
 from lab.analysis.outliers import CHANCE, NEIGHBOURS, outliers
 from lab.analysis.pattern import BINS, binned
 from lab.analysis.selection import gain_of
@@ -212,7 +212,7 @@ class Record(NamedTuple):
         self,
         skipped: NDArray[np.bool_],
         tried: Sequence[hypotheses.Hypothesis],
-        ahead: Steps | None = None,
+        ahead: Iterable[Steps] = (),
         limit: float = np.inf,
     ) -> hypotheses.Outcome:
         """Return the likelihood of the innovations under some hypotheses, without skipped fixes."""
@@ -220,7 +220,7 @@ class Record(NamedTuple):
         return hypotheses.likelihoods(
             self.innovation,
             np.einsum("mij,mj->mi", self.gains, self.innovation),
-            ahead or steps(self.solution, self.belief, self.imu, self.samples, forced=False),
+            ahead or steps_in_parts(self.solution, self.belief, self.imu, self.samples, forced=False),
             H,
             R,
             self.belief.P0,
@@ -282,7 +282,7 @@ def _explained(found: Innovations, record: Record, apart: NDArray[np.bool_], exp
     return replace(
         found,
         causes=_fit(answer[kept], record.innovation[kept], record.covariance[kept]),
-        likelihoods=record.tried(~kept, hypotheses.HYPOTHESES, ahead).likelihoods,
+        likelihoods=record.tried(~kept, hypotheses.HYPOTHESES, [ahead]).likelihoods,
     )
 
 

@@ -182,6 +182,7 @@ def _moved(run: Run, times: FloatArray) -> FloatArray:
 
 def _truth_at(truth: Truth, times: FloatArray) -> Truth:
     """Return position and velocity at some times, linearly interpolated."""
+    truth = truth.around(times)
     return Truth(
         times,
         np.interp(times, truth.time, truth.latitude),

@@ -209,7 +209,11 @@ def _axis(imu: Imu, reference: Reference, axis: int, window: float, has_scale: b
     def added_in(part: slice) -> FloatArray:
         """Return the errors of the axis besides its bias."""
         exact = true[part, own].astype(np.float64, copy=False)
-        added = measured[part, own] / dt - exact / dt - reference.bias[1:, axis][part]
+        added = (
+            measured[part, own].astype(np.float64, copy=False) / dt
+            - exact / dt
+            - reference.bias[1:, axis][part]
+        )
         if has_scale and reference.scale is not None:  # scale factors are states, with known true values
             added = added - reference.scale[1:, axis][part] * moving(own, part)
         return np.asarray(added)

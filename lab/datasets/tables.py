@@ -43,8 +43,10 @@ def summary(run: Run, errors: xr.Dataset | None, *, moments: bool) -> pd.DataFra
         if not known.size:
             continue
         about = [known.mean(), known.std()] if moments else []
-        size = np.abs(known)
-        figures = [np.sqrt(np.mean(size**2)), size.max(), np.quantile(size, 0.95, overwrite_input=True)]
+        # Of a long flight in place: a vector takes 23 MB in four hours.
+        size = np.abs(known, out=known if errors is None else None)
+        rms = np.sqrt(size @ size / size.size)
+        figures = [rms, size.max(), np.quantile(size, 0.95, overwrite_input=True)]
         rows.append((name, unit, *map(float, figures + about)))
     columns = ["quantity", "unit", "rms", "max", "95 %", *(["mean", "std"] if moments else [])]
     return pd.DataFrame(rows, columns=columns)

@@ -68,7 +68,7 @@ def turns(imu: Imu, times: FloatArray, arm: FloatArray) -> FloatArray:
     window = max(WINDOW, 2 * float(np.median(np.diff(imu.time))))
     middle = np.clip(times, imu.time[0], imu.time[-1])
     ends = np.clip([middle - window / 2, middle + window / 2], imu.time[0], imu.time[-1])
-    angles = np.concatenate((np.zeros((1, 3)), np.cumsum(imu.dtheta, axis=0)))
+    angles = np.concatenate((np.zeros((1, 3)), np.cumsum(imu.dtheta, axis=0, dtype=np.float64)))
     turned = np.stack([np.diff(np.interp(ends, imu.time, angle), axis=0)[0] for angle in angles.T], axis=-1)
     length = ends[1] - ends[0]
     return np.column_stack((turned / length[:, None], length))

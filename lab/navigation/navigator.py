@@ -21,6 +21,7 @@ from lab.navigation.driver import driver
 from lab.navigation.error_models import PHI, WANDER_AZIMUTH, ErrorModel
 from lab.navigation.filter import Filter
 from lab.navigation.lever_arm import turns
+from lab.navigation.piece import Piece
 from lab.navigation.schedule import EVERY_FIX, Schedule, Stretch
 from lab.navigation.solution import HISTORIES, Belief, Fixes, Imu, Solution, Start, read_only
 
@@ -66,21 +67,63 @@ def navigate(
     PolarError
         If a north-slaved navigator comes closer than 0.1° to a pole.
     """
-    is_long = imu.time.size > LONG
-    shown = np.float32 if is_long else np.float64
+    shown = np.float32 if imu.time.size > LONG else np.float64
     solution = Solution.empty(imu.time.size, fixes.time.size, model.states, shown)
+    _fill(solution, imu, fixes, start, belief, schedule, model, stretches)
+    return solution
+
+
+def navigate_to_fixes(
+    imu: Imu, fixes: Fixes, start: Start, belief: Belief, schedule: Schedule, model: ErrorModel
+) -> Solution:
+    """Navigate a whole long flight as `navigate` does, and keep only the data that explain its innovations.
+
+    These are all data of the fixes, and velocity and attitude at all samples, in float32. The other histories
+    have one row, the start. So the solution takes 30 bytes per sample; a whole one takes 240 with 21 states.
+
+    Parameters
+    ----------
+    imu, fixes, start, belief, schedule, model
+        As of `navigate`.
+
+    Raises
+    ------
+    PolarError
+        If a north-slaved navigator comes closer than 0.1° to a pole.
+    """
+    samples = imu.time.size
+    solution = Solution.empty(1, fixes.time.size, model.states)._replace(
+        velocity_n=np.empty((samples, 3), dtype=np.float32),
+        q_nb=np.empty((samples, 4), dtype=np.float32),
+        rest=np.zeros(samples, dtype=np.bool_),
+    )
+    _fill(solution, imu, fixes, start, belief, schedule, model)
+    return solution
+
+
+def _fill(
+    solution: Solution,
+    imu: Imu,
+    fixes: Fixes,
+    start: Start,
+    belief: Belief,
+    schedule: Schedule,
+    model: ErrorModel,
+    stretches: Sequence[Stretch] = (),
+) -> None:
+    """Navigate a whole flight, and write the solution."""
+    is_long = imu.time.size > LONG
     run = Filter.begin(
         start, belief, float(imu.time[0]), model, turned=turns(imu, fixes.time, belief.lever_arm)
     )
 
     def onwards(imu: Imu, out: Solution, first: int, schedule: Schedule) -> int:
-        go = _advance_piece if is_long else advance
+        go = advance_piece if is_long else advance
         return go(run, imu, fixes, out, first, schedule, model)
 
     polar = model.mechanization == WANDER_AZIMUTH
     longest = PIECE if is_long else 0
     go_through(run.state, run.noise, imu, solution, schedule, stretches, onwards, longest, polar=polar)
-    return solution
 
 
 Onwards = Callable[[Imu, Solution, int, Schedule], int]
@@ -218,7 +261,7 @@ def load(belief: Belief, schedule: Schedule, model: ErrorModel = PHI) -> None:
     advance(run, imu, fixes, Solution.empty(2, 0, model.states), 0, schedule, model)
 
 
-def _advance_piece(
+def advance_piece(
     run: Filter,
     imu: Imu,
     fixes: Fixes,
@@ -227,23 +270,12 @@ def _advance_piece(
     schedule: Schedule,
     model: ErrorModel,
 ) -> int:
-    """Advance a navigator as `advance` does, over samples whose variances and biases are kept in float32.
-
-    The kernel is compiled for float64, so it gets a float64 buffer for these samples only.
-    """
-    before = max(first - 1, 0)  # only the first sample of a flight is written before the first step
-    end, fix = imu.time.size, int(run.counts[0])
-    room = Solution.empty(end - before, 0, model.states)
-    here = {name: getattr(out, name)[before:end] for name in ("position", "velocity_n", "q_nb", "rest")}
-    shown = {name: getattr(room, name) for name in ("bias", "scale", "variance", "covariance")}
-    piece = Imu(imu.time[before:], imu.dtheta[before:], imu.dvelocity[before:], imu.rest[before:])
-    stopped = advance(run, piece, fixes, out._replace(**here, **shown), first - before, schedule, model)
-    written = slice(first + 1 if first else 0, before + stopped)
-    for name, values in shown.items():
-        getattr(out, name)[written] = values[written.start - before : stopped]
-    samples = out.fix_sample[fix : run.counts[0]]
-    samples[samples >= 0] += before
-    return before + stopped
+    """Advance a navigator as `advance` does, over samples with histories that the kernel cannot write."""
+    fix = int(run.counts[0])
+    piece = Piece.of(imu, out, first)
+    stopped = advance(run, piece.imu, fixes, piece.out, piece.first, schedule, model)
+    piece.keep(out, stopped, slice(fix, int(run.counts[0])))
+    return piece.before + stopped
 
 
 def is_compiled(model: ErrorModel = PHI) -> bool:

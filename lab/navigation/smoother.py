@@ -24,6 +24,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from lab.histories import LONG
 from lab.navigation.compilation import SOURCES, inline_kernel, kernel
 from lab.navigation.driver import (
     PENDING,
@@ -42,7 +43,8 @@ from lab.navigation.error_models import PHI, WANDER_AZIMUTH, ErrorModel
 from lab.navigation.filter import Filter
 from lab.navigation.kalman import MEASUREMENTS
 from lab.navigation.lever_arm import turns
-from lab.navigation.navigator import advance, go_through
+from lab.navigation.navigator import advance, advance_piece, go_through
+from lab.navigation.piece import Piece
 from lab.navigation.propagation import BIASES, NAV, STATES, WIDTH, X
 from lab.navigation.schedule import EVERY_FIX, SLACK, Schedule, Stretch
 from lab.navigation.solution import Belief, Fixes, Imu, Solution, Start, read_only
@@ -52,7 +54,11 @@ from lab.navigation.strapdown import get
 FloatArray = NDArray[np.float64]
 
 GO = 1024
-"""Samples kept in memory in the backward pass, with some 4 kB each."""
+"""Samples kept in memory in the backward pass, with some 6 kB each at 21 states. For a long flight, these are
+twice as many: at the start of each block, a copy of the filter is kept, with 19 kB."""
+SHARED = ("P", "scalars", "R", "bias_decay", "lever_arm", "turns")
+"""Arrays of a filter that are not copied: P is a part of `w`, updates by fixes are kept for all fixes, the
+others do not change. R and the angular rates about the fixes may be as long as the flight."""
 
 
 class _Copy(NamedTuple):
@@ -102,43 +108,53 @@ def navigate(
     """
     assert schedule.stride == 1
     imu, fixes = read_only(imu), read_only(fixes)
-    out = Solution.empty(imu.time.size, fixes.time.size, model.states)
+    is_long = imu.time.size > LONG
+    shown, at_once = (np.float32, 2 * GO) if is_long else (np.float64, GO)
+    out = Solution.empty(imu.time.size, fixes.time.size, model.states, shown)
     turned = turns(imu, fixes.time, belief.lever_arm)
     run = Filter.begin(start, belief, float(imu.time[0]), model, fixes.time.size, turned)
     copies: list[_Copy] = []
 
     def onwards(imu: Imu, out: Solution, first: int, schedule: Schedule) -> int:
         copies.append(_Copy(first, _copied(run), schedule))
-        return advance(run, imu, fixes, out, first, schedule, model)
+        go = advance_piece if is_long else advance
+        return go(run, imu, fixes, out, first, schedule, model)
 
     polar = model.mechanization == WANDER_AZIMUTH
-    go_through(run.state, run.noise, imu, out, schedule, stretches, onwards, GO, polar=polar)
-    filtered = out._replace(fix_covariance=out.fix_covariance.copy())
+    go_through(run.state, run.noise, imu, out, schedule, stretches, onwards, at_once, polar=polar)
     n = model.states
     later, Later = np.zeros(n), np.zeros((n, n))
     back = _backwards(model)
-    ends = [copy.first for copy in copies[1:]] + [imu.dtheta.shape[0]]
-    for copy, end in zip(reversed(copies), reversed(ends), strict=True):
+    end = imu.dtheta.shape[0]
+    while copies:
+        first, own, there = copies.pop()
         kept = _Kept(
-            np.zeros((end - copy.first, run.state.size)),
-            np.zeros((end - copy.first, n * run.P.shape[1])),
-            np.zeros((end - copy.first, NAV, n)),
-            np.zeros((end - copy.first if imu.rest.any() else 1, 1, 2 * n + 2)),
-            np.zeros(end - copy.first + 1, dtype=np.int64),
+            np.zeros((end - first, run.state.size)),
+            np.zeros((end - first, n * run.P.shape[1])),
+            np.zeros((end - first, NAV, n)),
+            np.zeros((end - first if imu.rest.any() else 1, 1, 2 * n + 2)),
+            np.zeros(end - first + 1, dtype=np.int64),
         )
-        back(copy.run, imu.until(end), fixes, filtered, copy.first, copy.schedule, kept, later, Later, out)
+        if is_long:
+            piece = Piece.of(imu.until(end), out, first)
+            back(own, piece.imu, fixes, piece.out, piece.first, there, kept, later, Later)
+            piece.keep(out, piece.imu.time.size, slice(int(kept.fixes[0]), int(kept.fixes[-1])))
+        else:
+            back(own, imu.until(end), fixes, out, first, there, kept, later, Later)
+        end = first
     return out
 
 
 def _copied(run: Filter) -> Filter:
-    """Return a copy of a filter; the updates by fixes are shared."""
-    own = run._replace(P=run.R_fix, scalars=run.R_fix)
-    copied = Filter(**{name: values.copy() for name, values in own._asdict().items()})
+    """Return a copy of a filter, which shares the updates by fixes and what does not change."""
+    copied = Filter(
+        **{name: values if name in SHARED else values.copy() for name, values in run._asdict().items()}
+    )
     w = np.empty(run.w.size + 8)
     offset = (-w.ctypes.data // 8) % 8
     w = w[offset : offset + run.w.size]
     w[:] = run.w
-    return copied._replace(w=w, P=w[: run.P.size].reshape(run.P.shape), scalars=run.scalars)
+    return copied._replace(w=w, P=w[: run.P.size].reshape(run.P.shape))
 
 
 @inline_kernel
@@ -255,15 +271,17 @@ def _backwards(model: ErrorModel) -> Callable[..., None]:
         run: Filter,
         imu: Imu,
         fixes: Fixes,
-        filtered: Solution,
+        out: Solution,
         first: int,
         schedule: Schedule,
         kept: _Kept,
         later: FloatArray,
         Later: FloatArray,
-        out: Solution,
     ) -> None:
-        """Write the smoothed solution of the samples of `imu` from number `first` on."""
+        """Write the smoothed solution of the samples of `imu` from number `first` on.
+
+        The filter's covariances at the fixes are written first, and replaced afterwards.
+        """
         _ = identity
         z, x, spare = np.empty(MEASUREMENTS), np.empty(STATES), np.empty(run.state.size)
         half, P, decay = np.empty((STATES, STATES)), np.empty((STATES, STATES)), np.empty(BIASES)
@@ -281,11 +299,11 @@ def _backwards(model: ErrorModel) -> Callable[..., None]:
             _write(run.state, run.F)
             _predict(run, dt, fix_due, schedule.stride)
             if fix_due or (imu.rest.size > 0 and imu.rest[k]):
-                left = take_measurements(run, imu, fixes, filtered, k, schedule, z, x, spare, left == PENDING)
+                left = take_measurements(run, imu, fixes, out, k, schedule, z, x, spare, left == PENDING)
             kept.fixes[at + 1] = run.counts[0]
             _copy(run.state, kept.state[at])
             _copy(run.w, kept.w[at])
-            if filtered.rest[k + 1]:
+            if out.rest[k + 1]:
                 _copy(run.rest_scalars[0], kept.rest[at, 0])
             for i in range(NAV):
                 for j in range(STATES):

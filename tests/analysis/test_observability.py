@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from lab.analysis import observability as file
 from lab.analysis.budget import error_budget
 from lab.analysis.observability import SMOOTHING, manoeuvres, observability, observability_table
 from lab.experiment import Experiment
@@ -142,3 +143,8 @@ def test_what_lasts_too_short_belongs_to_what_was_before() -> None:
     bump = (truth.time > 100) & (truth.time < 102)
     truth.velocity_n[bump, 2] = -5.0
     assert [stretch.kind for stretch in manoeuvres(truth)] == [kind for kind, *_ in PLAN]
+
+
+def test_the_slope_is_that_of_numpy() -> None:
+    values = np.random.default_rng(1).normal(size=1001)
+    np.testing.assert_array_equal(file._slope(values, 0.01), np.gradient(values, 0.01))
