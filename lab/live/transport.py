@@ -9,6 +9,10 @@ class TransportError(ValueError):
     """A transport cannot be used as named; the message says why and what is accepted."""
 
 
+class InterruptionError(ConnectionError):
+    """A stream does not go on as it was; the message says why, as the beginning of a sentence."""
+
+
 class Chunk(NamedTuple):
     """Bytes that arrived together.
 
@@ -29,7 +33,8 @@ class Transport(Protocol):
     """Anything that brings bytes; one thread opens, reads and closes it.
 
     It may have a method ``end()`` besides, which is called once after the last `close` and frees what must
-    outlast a lost connection, such as the file of a replay.
+    outlast a lost connection, such as the file of a replay; and an attribute ``remark`` with sentences on
+    what comes, or on why nothing does.
 
     Attributes
     ----------

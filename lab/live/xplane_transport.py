@@ -1,0 +1,177 @@
+"""X-Plane transport: simulated sensors in the aircraft of a running X-Plane, as one source of bytes."""
+
+from __future__ import annotations
+
+import contextlib
+import socket
+import time
+
+from lab.importing import xplane_packets
+from lab.importing.xplane_live import SILENCE
+from lab.live.decoders.decoder import Encoder
+from lab.live.samples import Samples, joined
+from lab.live.transport import Chunk, InterruptionError
+from lab.live.true_motion import GrowingTruth
+from lab.live.xplane_flight import XPlaneFlight
+
+_BUFFER = 2**20
+"""Size of the system's buffer for packets [bytes]: seconds of X-Plane's data."""
+_LARGEST = 2**16
+"""Largest packet taken [bytes]: the largest of UDP."""
+_MOST = 64
+"""Most packets taken at once, before the samples go on: half a second at 50 Hz."""
+
+
+class XPlaneTransport:
+    """Asks X-Plane for its motion and sends what simulated sensors measure on it; a `Transport`.
+
+    The bytes are those of a real device, and their arrival is the time of their last sample on the line of
+    time of the flight: the simulator's clock, not the network, times them.
+
+    Parameters
+    ----------
+    address
+        The address it was opened by.
+    host, port
+        Where X-Plane listens.
+    flight
+        The sensors, and what becomes of the packets.
+    encoder
+        The protocol of the device.
+    frames
+        Positions to ask for [Hz]; X-Plane sends at most one in a frame.
+    """
+
+    reconnects = True
+
+    def __init__(
+        self, address: str, host: str, port: int, flight: XPlaneFlight, encoder: Encoder, frames: float
+    ) -> None:
+        self.address = address
+        self._place = host, port
+        self._where = f"X-Plane at {host}:{port}"
+        self._flight = flight
+        self._encoder = encoder
+        self._frames = frames
+        self._socket: socket.socket | None = None
+        self._peer = ("", 0)
+        self._opened = self._asked = self._heard = 0.0
+        self._foreign = 0
+        self._why: InterruptionError | None = None
+
+    @property
+    def truth(self) -> GrowingTruth:
+        """The true motion of the aircraft."""
+        return self._flight.truth
+
+    @property
+    def remark(self) -> str:
+        """What comes from X-Plane, or why nothing does, in sentences; empty if there is nothing to say."""
+        now = time.monotonic()
+        found = self._flight.frames.remarks(now)
+        silent = now - max(self._heard, self._opened)
+        if silent > SILENCE and self._heard > self._opened:
+            found = [
+                f"{self._where} has sent nothing for {silent:.0f} s: is it paused, loading or closed?",
+                *found,
+            ]
+        elif silent > SILENCE:
+            found = [
+                f"{self._where} has not answered for {silent:.0f} s: is X-Plane running with a flight "
+                "loaded, are host and port those of its Settings, Network, are incoming connections "
+                "accepted there, and does no firewall stand between?"
+            ]
+        if self._foreign:
+            found.append(f"{self._foreign} packets from elsewhere were not used.")
+        return " ".join(found)
+
+    def open(self) -> None:
+        """Ask for the motion.
+
+        Raises
+        ------
+        OSError
+            If there is no such computer, or the network cannot be used.
+        """
+        found = socket.getaddrinfo(*self._place, socket.AF_INET, socket.SOCK_DGRAM)
+        self._peer = (str(found[0][4][0]), self._place[1])
+        self._socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+        try:
+            self._socket.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, _BUFFER)
+            self._socket.bind(("", 0))
+            self._ask(self._frames)
+        except OSError:
+            self.close()
+            raise
+        self._opened = self._asked = time.monotonic()
+        self._flight.begin_anew()
+        self._why = None
+
+    def _ask(self, rate: float) -> None:
+        """Ask for packets at a rate; a rate of zero ends them."""
+        assert self._socket is not None
+        for packet in xplane_packets.requests(rate):
+            self._socket.sendto(packet, self._peer)
+
+    def read(self, longest: float) -> Chunk:
+        """Wait for packets, and return the bytes that the sensors send by them.
+
+        Raises
+        ------
+        InterruptionError
+            If the flight does not go on, as after a jump.
+        OSError
+            If the network failed.
+        """
+        assert self._socket is not None
+        if self._why is not None:
+            raise self._why
+        found: list[Samples] = []
+        wait = longest
+        for _ in range(_MOST):
+            packet = self._packet(wait)
+            if packet is None:
+                break
+            wait = 0.0
+            try:
+                found.append(self._flight.take(packet, time.monotonic()))
+            except InterruptionError as why:
+                self._why = why
+                break
+        now = time.monotonic()
+        if now - max(self._heard, self._asked) > SILENCE / 2:
+            # X-Plane drops its subscribers when it restarts.
+            self._asked = now
+            self._ask(self._frames)
+        samples = joined(found)
+        if not len(samples.imu):
+            if self._why is not None:
+                raise self._why
+            return Chunk(now, b"")
+        latest = self._flight.epoch + float(samples.imu["time"][-1])
+        return Chunk(latest, self._encoder.encode(samples.imu, samples.fix))
+
+    def _packet(self, longest: float) -> bytes | None:
+        """Return the next packet of X-Plane, or None if none comes in time."""
+        assert self._socket is not None
+        deadline = time.monotonic() + longest
+        while True:
+            self._socket.settimeout(max(deadline - time.monotonic(), 0.0))
+            try:
+                packet, sender = self._socket.recvfrom(_LARGEST)
+            except (TimeoutError, BlockingIOError):
+                return None
+            except ConnectionError:  # on Windows, after an unreachable port
+                return None
+            if sender[0] == self._peer[0]:
+                self._heard = time.monotonic()
+                return packet
+            self._foreign += 1
+
+    def close(self) -> None:
+        """End the packets, and free the port; may be repeated."""
+        if self._socket is not None:
+            with contextlib.suppress(OSError):
+                self._ask(0.0)
+            self._socket.close()
+            self._socket = None
