@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
+
 import numpy as np
 import pytest
 from turning_flight import Turning
@@ -38,14 +40,12 @@ def test_a_turn_feels_what_its_closed_form_feels(where: Turning, jitter: float) 
     t = times(30, jitter=jitter)
     found = pieces(where.frames(t))
     assert found[0].begin == 0
-    assert all(a.end == b.begin for a, b in zip(found[:-1], found[1:], strict=True))
+    assert all(a.end == b.begin for a, b in pairwise(found))
     assert found[-1].end > RATE * (t[-1] - 0.5)
     dtheta, dvelocity = (np.concatenate(column) for column in zip(*map(increments, found), strict=True))
     # Simpson's rule over each interval of 10 ms is exact to 10⁻¹² here.
     nodes = t[0] + (np.arange(len(dtheta))[:, None] + (0.0, 0.5, 1.0)) / RATE
-    for mine, felt, limit in zip(
-        (dtheta, dvelocity), where.felt(nodes.ravel()), (1.5e-6, 5e-5), strict=True
-    ):
+    for mine, felt, limit in zip((dtheta, dvelocity), where.felt(nodes.ravel()), (1.5e-6, 5e-5), strict=True):
         mean = np.einsum("nkj,k->nj", felt.reshape(-1, 3, 3), (1, 4, 1)) / 6
         off = np.abs(RATE * mine - mean)
         assert off[50:].max() < limit
@@ -67,7 +67,7 @@ def test_the_truth_of_a_turn_is_the_turn() -> None:
 def joints(found: list[FlownPiece]) -> np.ndarray:
     """Return the largest steps from piece to piece of position [m], velocity [m/s], rate and force [SI]."""
     steps = []
-    for one, other in zip(found[:-1], found[1:], strict=True):
+    for one, other in pairwise(found):
         at = np.array([one.end / RATE])
         before, after = (piece.trajectory.at(piece.since(at)) for piece in (one, other))
         felt = zip(*(piece.trajectory.rates(piece.since(at)) for piece in (one, other)), strict=True)
@@ -106,7 +106,7 @@ def test_pieces_join_to_one_curve(monkeypatch: pytest.MonkeyPatch) -> None:
 def test_the_curve_is_tied_to_the_positions() -> None:
     """A velocity that is 0.1 m/s too large, for minutes: the curve stays 2/ω of it ahead."""
     t = times(150)
-    wrong = [f._replace(velocity_n=f.velocity_n + (0.1, 0, -0.1)) for f in Turning().frames(t)]
+    wrong = [f._replace(velocity_n=f.velocity_n + np.array((0.1, 0, -0.1))) for f in Turning().frames(t)]
     last = pieces(wrong)[-1]
     at = np.array([last.end / RATE])
     truth = last.trajectory.at(last.since(at))

@@ -1,4 +1,4 @@
-"""A constant turn over the rotating Earth in closed form: position, velocity, attitude, and what an IMU feels."""
+"""A constant turn over the rotating Earth in closed form: its motion, and what an IMU feels."""
 
 from __future__ import annotations
 
@@ -76,9 +76,7 @@ class Turning(NamedTuple):
         """Return ω_ib,b [rad/s] and f_b [m/s²] (n, 3) at times (n,)."""
         r_e, v_e, a_e, C_eb = self.in_e(t)
         lat, lon, height = map(np.atleast_1d, pymap3d.ecef2geodetic(*r_e.T, deg=False))
-        down = np.stack(
-            (-np.cos(lat) * np.cos(lon), -np.cos(lat) * np.sin(lon), -np.sin(lat)), axis=-1
-        )
+        down = np.stack((-np.cos(lat) * np.cos(lon), -np.cos(lat) * np.sin(lon), -np.sin(lat)), axis=-1)
         gravity = earth.gravity(np.sin(lat), height)[:, None] * down
         f_e = a_e + 2 * np.cross(EARTH, v_e) - gravity
         turning = self._plane() @ (0.0, 0.0, self.turn)

@@ -9,6 +9,7 @@ import time
 from dataclasses import dataclass, field
 from typing import Self
 
+import numpy as np
 from xplane_sender import frames_of
 
 from lab.missions import Recording
@@ -57,7 +58,8 @@ class XPlaneSimulator:
         self.subscribers: dict[tuple[str, int], Subscriber] = {}
         self._time = recording.time - recording.time[0]
         self._frames = frames_of(recording)
-        self._at = 0.0
+        self._at = 0.0  # time of the recording
+        self._shown = 0.0  # by the clock, since the start
         self._stop = threading.Event()
         self._udp = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
         self._udp.bind(("127.0.0.1", port))
@@ -105,20 +107,21 @@ class XPlaneSimulator:
                 flown += self.pace * (now - last)
                 self._at += self.pace * (now - last)
             last = now
-            frame = min(int(self._at / (self._time[1] - self._time[0])), len(self._frames) - 1)
+            frame = int(np.searchsorted(self._time, self._at, side="right")) - 1
             if frame == sent and now - begun < 0.05:  # a paused X-Plane sends its last frame again
                 continue
             begun, ahead = now, self._at - self._time[frame]
-            self._send(frame, flown - ahead if frame != sent else self._shown)
+            if frame != sent:  # a jump within the recording does not turn the clock back
+                self._shown = max(flown - ahead, self._shown + 2e-3)
+            self._send(frame)
             sent = frame
 
-    def _send(self, frame: int, clock: float) -> None:
-        self._shown = clock
+    def _send(self, frame: int) -> None:
         if self.lose:
             self.lose -= 1
             return
         position, values = self._frames[frame]
-        values = values | {"sim/time/total_flight_time_sec": 1000.0 + clock}
+        values = values | {"sim/time/total_flight_time_sec": 1000.0 + self._shown}
         for place, who in list(self.subscribers.items()):
             if self.silent:
                 continue

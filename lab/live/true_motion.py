@@ -16,6 +16,10 @@ from lab.trajectory import Truth
 FloatArray = NDArray[np.float64]
 
 
+_ROUNDING = 1e-6
+"""Largest rounding of the time of a sample [s]: some devices stamp them in microseconds."""
+
+
 class Motion(NamedTuple):
     """True motion at some times; NaN at times that the truth does not cover.
 
@@ -114,6 +118,9 @@ class GrowingTruth:
             last = min(rows.number("time", float(np.max(time)), "right") + 1, rows.end)
             known = rows.rows("time", first, last).copy()
             motion = rows.rows("motion", first, last).copy()
+        # A sample at a knot is one, though the clock of its device was rounded.
+        nearest = known[np.minimum(np.searchsorted(known, time - _ROUNDING), len(known) - 1)]
+        time = np.where(np.abs(nearest - time) <= _ROUNDING, nearest, time)
         # Only within a segment: what is unknown would spread to all that follows.
         for rows_of in np.split(np.arange(len(known)), np.flatnonzero(np.isnan(motion[:, 0]))):
             segment = rows_of[np.isfinite(motion[rows_of, 0])]

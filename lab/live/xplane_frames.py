@@ -30,6 +30,9 @@ _SLACK, _ACCELERATION = 5.0, 100.0
 which the aircraft was moved: a frame at 80 m/s with a clock wrong by 20 ms is off by 1.6 m."""
 _TURN, _TURN_RATE = 0.5, 10.0
 """Turn [rad] and rate [rad/s] from which the aircraft was moved: no aircraft turns by 570°/s."""
+MOST_LATE = 5
+"""Most frames in a row with an earlier time that are late packets, which networks deliver now and then; more
+say that the clock was set back."""
 PACE_OVER = 3.0
 """Time over which the pace of the simulator's clock is taken [s]."""
 PACE_OFF = 0.1
@@ -47,12 +50,14 @@ class XPlaneFrames:
         Packets of other kinds.
     untimed, unbelievable : int
         Positions without the simulator's clock; with numbers that no flight has.
+    late : int
+        Positions that came after a later one.
     bridged, longest : int, float
         Gaps of the flight that were bridged, and the longest of them [s].
     """
 
     def __init__(self) -> None:
-        self.ignored = self.untimed = self.unbelievable = self.bridged = 0
+        self.ignored = self.untimed = self.unbelievable = self.late = self.bridged = 0
         self.longest = 0.0
         self._values = [math.nan] * len(xplane_packets.REFERENCES)
         self._first: list[tuple[float, bytes | None]] = []
@@ -60,16 +65,19 @@ class XPlaneFrames:
         self._waiting: bytes | None = None  # a position that waits for its clock
         self._fresh = False  # whether the clock was not yet used
         self._last: Frame | None = None
+        self._back = 0  # late frames in a row
         self._usual = math.nan  # interval of the frames [s]
         self._moved = self._came = -math.inf  # when the clock last went on, and a position last came
         self._paces: deque[tuple[float, float]] = deque()
+        self._span: tuple[tuple[float, float], tuple[float, float]] | None = None  # the ends of these
 
     def begin_anew(self) -> None:
         """Forget the flight before a break, and the packets that wait."""
-        self._waiting, self._fresh, self._last = None, False, None
+        self._waiting, self._fresh, self._last, self._back = None, False, None, 0
         self._first.clear()
         self._clock_first = None
         self._paces.clear()
+        self._span = None
 
     @property
     def heard(self) -> bool:
@@ -162,9 +170,14 @@ class XPlaneFrames:
         if -CLOSEST < step < CLOSEST:
             self._check_still(last, frame)
             return None
+        if -BRIDGED < step < 0 and self._back < MOST_LATE:
+            self.late += 1
+            self._back += 1
+            return None
         why = _break(last, frame, step)
         if why:
             raise InterruptionError(why)
+        self._back = 0
         if step > 2.5 * self._usual:
             self.bridged += 1
             self.longest = max(self.longest, step)
@@ -173,6 +186,7 @@ class XPlaneFrames:
         self._paces.append((arrival, frame.time))
         while arrival - self._paces[0][0] > PACE_OVER:
             self._paces.popleft()
+        self._span = self._paces[0], self._paces[-1]
         return frame
 
     def _check_still(self, last: Frame, frame: Frame) -> None:
@@ -189,7 +203,7 @@ class XPlaneFrames:
         now
             Time of the host's monotonic clock [s].
         """
-        found = []
+        found, span = [], self._span  # which the thread of the source may replace
         if self._last is None and self.untimed:
             found.append(
                 "X-Plane sends positions without its clock (the data reference "
@@ -197,8 +211,8 @@ class XPlaneFrames:
             )
         elif self._last is not None and self._came - self._moved > STANDS:
             found.append(f"X-Plane is paused: its clock has stood still for {now - self._moved:.0f} s.")
-        elif len(self._paces) > 1 and self._paces[-1][0] - self._paces[0][0] > PACE_OVER / 2:
-            (begin, first), (end, last) = self._paces[0], self._paces[-1]
+        elif span is not None and span[1][0] - span[0][0] > PACE_OVER / 2:
+            (begin, first), (end, last) = span
             pace = (last - first) / (end - begin)
             if abs(pace - 1) > PACE_OFF:
                 found.append(f"The simulator's clock runs {pace:.1f} times as fast as that of this computer.")
@@ -212,6 +226,7 @@ class XPlaneFrames:
             for count, what in (
                 (self.untimed if self._last is not None else 0, "without the simulator's clock"),
                 (self.unbelievable, "with numbers that no flight has"),
+                (self.late, "too late"),
                 (self.ignored, "of other kinds"),
             )
             if count

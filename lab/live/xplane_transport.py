@@ -18,6 +18,8 @@ _BUFFER = 2**20
 """Size of the system's buffer for packets [bytes]: seconds of X-Plane's data."""
 _LARGEST = 2**16
 """Largest packet taken [bytes]: the largest of UDP."""
+_TOLD = 60.0
+"""Time for which the reason of a new flight is told [s]: nobody looks at a page all the time."""
 _MOST = 64
 """Most packets taken at once, before the samples go on: half a second at 50 Hz."""
 
@@ -57,7 +59,8 @@ class XPlaneTransport:
         self._peer = ("", 0)
         self._opened = self._asked = self._heard = 0.0
         self._foreign = 0
-        self._why: InterruptionError | None = None
+        self._why: InterruptionError | None = None  # to be raised by the next `read`
+        self._broke: tuple[str, float] = ("", 0.0)  # why and when the flight last broke
 
     @property
     def truth(self) -> GrowingTruth:
@@ -81,6 +84,9 @@ class XPlaneTransport:
                 "loaded, are host and port those of its Settings, Network, are incoming connections "
                 "accepted there, and does no firewall stand between?"
             ]
+        why, when = self._broke
+        if why and now - when < _TOLD:
+            found.insert(0, f"A new flight began {now - when:.0f} s ago, since {why}.")
         if self._foreign:
             found.append(f"{self._foreign} packets from elsewhere were not used.")
         return " ".join(found)
@@ -136,7 +142,7 @@ class XPlaneTransport:
             try:
                 found.append(self._flight.take(packet, time.monotonic()))
             except InterruptionError as why:
-                self._why = why
+                self._why, self._broke = why, (str(why), time.monotonic())
                 break
         now = time.monotonic()
         if now - max(self._heard, self._asked) > SILENCE / 2:
