@@ -6,13 +6,37 @@ import socket
 import struct
 import threading
 import time
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
 from typing import Self
 
 import numpy as np
 from xplane_sender import frames_of
 
-from lab.missions import Recording
+from lab.missions import Recording, mission
+from lab.recordings.frame import Frame
+
+STEP = 0.02
+"""Interval of frames at 50 Hz [s]."""
+
+
+def montreal(seconds: float) -> Recording:
+    """Return the first seconds of a mission."""
+    whole = mission("montreal").recording
+    kept = whole.time - whole.time[0] <= seconds
+    return Recording(*(getattr(whole, field.name)[kept] for field in fields(Recording)))
+
+
+def packets(frame: Frame, clock: float | None = None) -> tuple[bytes, bytes]:
+    """Return RPOS and RREF of a frame; the reference point of the local frame is below the aircraft."""
+    latitude, longitude, height = frame.position
+    north, east, down = frame.velocity_n
+    roll, pitch, yaw = np.degrees(frame.euler)
+    position = struct.pack(
+        "<dddffffffffff", np.degrees(longitude), np.degrees(latitude), height, 0.0, pitch, yaw % 360, roll,
+        east, -down, -north, 0.0, 0.0, 0.0,
+    )  # fmt: skip
+    values = (frame.time if clock is None else clock, 0.0, 0.0, 60.0, 0.0, 0.0)
+    return b"RPOS4" + position, b"RREF," + b"".join(struct.pack("<if", *row) for row in enumerate(values))
 
 
 @dataclass

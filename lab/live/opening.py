@@ -151,8 +151,8 @@ def xplane_transport(address: Address, sensors: SensorSuite, seed: int = 1) -> T
     """
     from lab.importing.xplane_live import PORT, RATES  # noqa: PLC0415 - a serial port needs none of it
     from lab.live.decoders.catalogue import ENCODERS  # noqa: PLC0415
-    from lab.live.xplane_flight import XPlaneFlight  # noqa: PLC0415
     from lab.live.xplane_transport import XPlaneTransport  # noqa: PLC0415
+    from lab.xplane.flight import XPlaneFlight  # noqa: PLC0415
 
     address.check(("card", "hz", "seed", "frames", "device", "mounted"))
     options = address.options
@@ -165,10 +165,15 @@ def xplane_transport(address: Address, sensors: SensorSuite, seed: int = 1) -> T
         sensors,
         address.whole("seed", seed, 0, _MAX_SEED),
         address.number("hz", 100.0, *XPLANE_RATES, "Hz"),
+    )
+    return XPlaneTransport(
+        str(address),
+        *computer_and_port(place),
+        flight,
+        ENCODERS[device](),
+        address.number("frames", 50.0, *RATES, "Hz"),
         AxisMap.of(mounted) if mounted else None,
     )
-    frames = address.number("frames", 50.0, *RATES, "Hz")
-    return XPlaneTransport(str(address), *computer_and_port(place), flight, ENCODERS[device](), frames)
 
 
 _TRANSPORTS: Mapping[str, Callable[[Address], Transport]] = {

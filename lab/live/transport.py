@@ -9,10 +9,6 @@ class TransportError(ValueError):
     """A transport cannot be used as named; the message says why and what is accepted."""
 
 
-class InterruptionError(ConnectionError):
-    """A stream does not go on as it was; the message says why, as the beginning of a sentence."""
-
-
 class Chunk(NamedTuple):
     """Bytes that arrived together.
 

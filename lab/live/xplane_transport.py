@@ -6,13 +6,17 @@ import contextlib
 import socket
 import time
 
+from lab.growing_truth import GrowingTruth
 from lab.importing import xplane_packets
 from lab.importing.xplane_live import SILENCE
+from lab.live.axis_map import AxisMap
 from lab.live.decoders.decoder import Encoder
 from lab.live.samples import Samples, joined
-from lab.live.transport import Chunk, InterruptionError
-from lab.live.true_motion import GrowingTruth
-from lab.live.xplane_flight import XPlaneFlight
+from lab.live.simulated_flight import fix_rows, imu_rows
+from lab.live.transport import Chunk
+from lab.sensors.sensor_stream import Sensed
+from lab.xplane.flight import XPlaneFlight
+from lab.xplane.frames import BrokenFlightError
 
 _BUFFER = 2**20
 """Size of the system's buffer for packets [bytes]: seconds of X-Plane's data."""
@@ -42,12 +46,21 @@ class XPlaneTransport:
         The protocol of the device.
     frames
         Positions to ask for [Hz]; X-Plane sends at most one in a frame.
+    axes
+        How the device is mounted.
     """
 
     reconnects = True
 
     def __init__(
-        self, address: str, host: str, port: int, flight: XPlaneFlight, encoder: Encoder, frames: float
+        self,
+        address: str,
+        host: str,
+        port: int,
+        flight: XPlaneFlight,
+        encoder: Encoder,
+        frames: float,
+        axes: AxisMap | None = None,
     ) -> None:
         self.address = address
         self._place = host, port
@@ -55,11 +68,12 @@ class XPlaneTransport:
         self._flight = flight
         self._encoder = encoder
         self._frames = frames
+        self._axes = axes or AxisMap()
         self._socket: socket.socket | None = None
         self._peer = ("", 0)
         self._opened = self._asked = self._heard = 0.0
         self._foreign = 0
-        self._why: InterruptionError | None = None  # to be raised by the next `read`
+        self._why = ""  # the flight broke, which the next `read` reports
         self._broke: tuple[str, float] = ("", 0.0)  # why and when the flight last broke
 
     @property
@@ -111,7 +125,7 @@ class XPlaneTransport:
             raise
         self._opened = self._asked = time.monotonic()
         self._flight.begin_anew()
-        self._why = None
+        self._why = ""
 
     def _ask(self, rate: float) -> None:
         """Ask for packets at a rate; a rate of zero ends them."""
@@ -124,14 +138,11 @@ class XPlaneTransport:
 
         Raises
         ------
-        InterruptionError
-            If the flight does not go on, as after a jump.
         OSError
-            If the network failed.
+            If the flight does not go on, as after a jump, or the network failed.
         """
         assert self._socket is not None
-        if self._why is not None:
-            raise self._why
+        self._report()
         found: list[Samples] = []
         wait = longest
         for _ in range(_MOST):
@@ -140,9 +151,9 @@ class XPlaneTransport:
                 break
             wait = 0.0
             try:
-                found.append(self._flight.take(packet, time.monotonic()))
-            except InterruptionError as why:
-                self._why, self._broke = why, (str(why), time.monotonic())
+                found += [self._rows(one) for one in self._flight.take(packet, time.monotonic())]
+            except BrokenFlightError as why:
+                self._why, self._broke = str(why), (str(why), time.monotonic())
                 break
         now = time.monotonic()
         if now - max(self._heard, self._asked) > SILENCE / 2:
@@ -151,11 +162,21 @@ class XPlaneTransport:
             self._ask(self._frames)
         samples = joined(found)
         if not len(samples.imu):
-            if self._why is not None:
-                raise self._why
+            self._report()
             return Chunk(now, b"")
         latest = self._flight.epoch + float(samples.imu["time"][-1])
         return Chunk(latest, self._encoder.encode(samples.imu, samples.fix))
+
+    def _rows(self, sensed: Sensed) -> Samples:
+        rate = self._flight.rate
+        triads = sensed.gyro.increments * rate, sensed.accelerometer.increments * rate
+        return Samples(
+            imu_rows(sensed.time, *triads, self._axes), fix_rows(sensed.fixes, self._flight.sensors.gps)
+        )
+
+    def _report(self) -> None:
+        if self._why:
+            raise ConnectionError(self._why)
 
     def _packet(self, longest: float) -> bytes | None:
         """Return the next packet of X-Plane, or None if none comes in time."""

@@ -3,44 +3,39 @@
 from __future__ import annotations
 
 import struct
-from dataclasses import fields
 from functools import cache
 
 import numpy as np
 import pytest
 from turning_flight import Turning
 from xplane_sender import frames_of
+from xplane_simulator import STEP, montreal, packets
 
 from lab import Experiment
 from lab.importing.xplane_packets import REFERENCES
+from lab.live.axis_map import AxisMap
 from lab.live.decoders.catalogue import ENCODERS
 from lab.live.live_errors import errors_of, normalised_rms
 from lab.live.live_navigator import LiveNavigator
 from lab.live.live_state import HistoryCursor
 from lab.live.reception import Reception
-from lab.live.samples import joined
-from lab.live.transport import Chunk, InterruptionError
-from lab.live.xplane_flight import AWAY, XPlaneFlight
+from lab.live.samples import Samples, joined
+from lab.live.simulated_flight import fix_rows, imu_rows
+from lab.live.transport import Chunk
 from lab.logs.sensor_log import MAX_GAP
-from lab.missions import Recording, mission
+from lab.sensors.sensor_stream import Sensed
 from lab.sensors.suite import SensorSuite
-
-from test_xplane_frames import STEP, packets  # isort: skip
+from lab.xplane.flight import AWAY, XPlaneFlight
+from lab.xplane.frames import BrokenFlightError
 
 ARRIVAL = 5000.0
 RATE = 100.0
 
 
-def montreal(seconds: float = 110.0) -> Recording:
-    whole = mission("montreal").recording
-    kept = whole.time - whole.time[0] <= seconds
-    return Recording(*(getattr(whole, field.name)[kept] for field in fields(Recording)))
-
-
 @cache
 def sent() -> list[tuple[float, bytes, bytes]]:
     """Return time, RREF and RPOS of the frames of a flight."""
-    recording = montreal()
+    recording = montreal(110.0)
     return [
         (
             time,
@@ -52,6 +47,21 @@ def sent() -> list[tuple[float, bytes, bytes]]:
             recording.time - recording.time[0], frames_of(recording), strict=True
         )
     ]
+
+
+def rows(flight: XPlaneFlight, sensed: list[Sensed]) -> Samples:
+    """Return what a device sends."""
+    return joined(
+        [
+            Samples(
+                imu_rows(
+                    one.time, one.gyro.increments * RATE, one.accelerometer.increments * RATE, AxisMap()
+                ),
+                fix_rows(one.fixes, flight.sensors.gps),
+            )
+            for one in sensed
+        ]
+    )
 
 
 def silent() -> SensorSuite:
@@ -76,11 +86,11 @@ def test_the_errors_of_many_flights_are_as_large_as_their_sigma() -> None:
         for k, packet in enumerate(both):
             frame = flights[0].frames.take(packet, ARRIVAL + time + 1e-4 * k)
             if frame is not None:
-                pieces += flights[0]._pieces(frame, ARRIVAL)
+                pieces += flights[0].pieces(frame, ARRIVAL)
     for flight, navigator, reception in zip(flights, navigators, receptions, strict=True):
         flight.epoch = ARRIVAL
         for piece in pieces:
-            found = flight._measured(piece)
+            found = rows(flight, [flight.measured(piece)])
             if len(found.imu):
                 latest = flight.epoch + float(found.imu["time"][-1])
                 navigator.feed(*reception.take(Chunk(latest, encoder.encode(*found))))
@@ -102,11 +112,9 @@ def turning(seconds: float, sensors: SensorSuite, seed: int = 1):
     found = []
     for frame in Turning().frames(STEP * np.arange(seconds / STEP)):
         position, clock = packets(frame)
-        found += [
-            flight.take(clock, ARRIVAL + frame.time),
-            flight.take(position, ARRIVAL + frame.time + 1e-4),
-        ]
-    return joined(found), flight
+        found += flight.take(clock, ARRIVAL + frame.time)
+        found += flight.take(position, ARRIVAL + frame.time + 1e-4)
+    return rows(flight, found), flight
 
 
 def test_sensors_without_errors_feel_the_turn_of_the_aircraft() -> None:
@@ -160,8 +168,8 @@ def test_a_jump_begins_another_flight_behind_a_gap_that_is_not_filled() -> None:
         position, clock = packets(frame._replace(position=frame.position + shift))
         for packet in (clock, position):
             try:
-                imu.append(flight.take(packet, ARRIVAL + frame.time).imu)
-            except InterruptionError as why:
+                imu.append(rows(flight, flight.take(packet, ARRIVAL + frame.time)).imu)
+            except BrokenFlightError as why:
                 assert k == 500
                 assert "the aircraft was moved by 63.7 km" in str(why)
                 flight.begin_anew()
@@ -188,8 +196,8 @@ def test_the_navigator_aligns_again_after_a_jump() -> None:
         row[13:21] = struct.pack("<d", struct.unpack("<d", row[13:21])[0] + shift)  # the latitude
         for packet in (clock, bytes(row)):
             try:
-                found = flight.take(packet, ARRIVAL + time)
-            except InterruptionError:
+                found = rows(flight, flight.take(packet, ARRIVAL + time))
+            except BrokenFlightError:
                 reception.lose(ARRIVAL)
                 flight.begin_anew()
                 continue
@@ -200,12 +208,12 @@ def test_the_navigator_aligns_again_after_a_jump() -> None:
 
 
 def test_memory_is_bounded(monkeypatch: pytest.MonkeyPatch) -> None:
-    from lab.live.true_motion import GrowingTruth
+    from lab.growing_truth import GrowingTruth
 
     monkeypatch.setattr(GrowingTruth, "KEPT", 500)
     _, flight = turning(15.0, SensorSuite())
     truth = flight.truth
-    assert len(truth._rows) == 500
+    assert len(truth) == 500
     now = flight.epoch + flight._end / RATE
     assert np.isfinite(truth.at(np.array([now, now - 4.9])).position).all()
     assert np.isnan(truth.at(np.array([now - 5.1])).position).all()

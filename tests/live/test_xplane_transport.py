@@ -10,8 +10,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from test_xplane_flight import montreal
-from xplane_simulator import XPlaneSimulator
+from xplane_simulator import XPlaneSimulator, montreal
 
 import lab.live
 from lab.live.recorded_log import recorded_samples

@@ -14,7 +14,6 @@ import numpy as np
 
 from lab.displacement import displacement
 from lab.importing import xplane_packets
-from lab.live.transport import InterruptionError
 from lab.recordings.frame import Frame
 from lab.rotation import C_nb_from_euler
 
@@ -39,6 +38,10 @@ PACE_OFF = 0.1
 """Smallest part by which a pace that is reported differs from that of this computer."""
 STANDS = 0.5
 """Time for which the clock stands still while packets come until the simulator is paused [s]."""
+
+
+class BrokenFlightError(ValueError):
+    """A flight does not go on as it was; the message says why, as a clause."""
 
 
 class XPlaneFrames:
@@ -96,7 +99,7 @@ class XPlaneFrames:
 
         Raises
         ------
-        InterruptionError
+        BrokenFlightError
             If this frame does not continue the flight; the next flight begins after `begin_anew`.
         """
         record = xplane_packets.position(packet)
@@ -176,7 +179,7 @@ class XPlaneFrames:
             return None
         why = _break(last, frame, step)
         if why:
-            raise InterruptionError(why)
+            raise BrokenFlightError(why)
         self._back = 0
         if step > 2.5 * self._usual:
             self.bridged += 1
@@ -193,7 +196,7 @@ class XPlaneFrames:
         """Break if the aircraft is moved while the clock stands, as on the map of a paused simulator."""
         why = _break(last, frame, 0.0)
         if why:
-            raise InterruptionError(why)
+            raise BrokenFlightError(why)
 
     def remarks(self, now: float) -> list[str]:
         """Return what a user should know, in sentences.
@@ -209,7 +212,7 @@ class XPlaneFrames:
                 "X-Plane sends positions without its clock (the data reference "
                 f"{xplane_packets.REFERENCES[0][1]}): no true motion can be made of them."
             )
-        elif self._last is not None and self._came - self._moved > STANDS:
+        elif self._last is not None and self._came - self._moved > STANDS > now - self._came:
             found.append(f"X-Plane is paused: its clock has stood still for {now - self._moved:.0f} s.")
         elif span is not None and span[1][0] - span[0][0] > PACE_OVER / 2:
             (begin, first), (end, last) = span

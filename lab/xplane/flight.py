@@ -10,19 +10,14 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
 from lab.growing_trajectory import FlownPiece, GrowingTrajectory
-from lab.live.axis_map import AxisMap
-from lab.live.samples import Samples, joined
-from lab.live.simulated_flight import fix_rows, imu_rows
-from lab.live.transport import InterruptionError
-from lab.live.true_motion import GrowingTruth
-from lab.live.xplane_frames import XPlaneFrames
+from lab.growing_truth import GrowingTruth
 from lab.logs.sensor_log import MAX_GAP
 from lab.recordings.frame import Frame
-from lab.sensors.sensor_stream import SensorStream
+from lab.sensors.sensor_stream import Sensed, SensorStream
 from lab.sensors.suite import SensorSuite
+from lab.xplane.frames import BrokenFlightError, XPlaneFrames
 
 AWAY = MAX_GAP + 1.0
 """Least time between a flight that broke and the next one [s]: longer than a gap that is filled."""
@@ -39,8 +34,6 @@ class XPlaneFlight:
         Of their random numbers.
     rate
         Samples of the IMU per second [Hz].
-    axes
-        How the IMU is mounted.
 
     Attributes
     ----------
@@ -48,15 +41,17 @@ class XPlaneFlight:
         What became of the packets.
     truth : GrowingTruth
         The true motion by the host's clock.
+    sensors, rate
+        As given.
     epoch : float
         Time of the host at time 0 of the samples [s]; NaN before the first frame.
     """
 
-    def __init__(self, sensors: SensorSuite, seed: int, rate: float, axes: AxisMap | None = None) -> None:
+    def __init__(self, sensors: SensorSuite, seed: int, rate: float) -> None:
         self.frames = XPlaneFrames()
         self.truth = GrowingTruth()
         self.epoch = math.nan
-        self._sensors, self._rate, self._axes = sensors, rate, axes or AxisMap()
+        self.sensors, self.rate = sensors, rate
         self._stream = SensorStream(sensors, seed, rate)
         self._curve: GrowingTrajectory | None = None
         self._end = 0  # number of the last knot that was given
@@ -66,8 +61,8 @@ class XPlaneFlight:
         self.frames.begin_anew()
         self._curve = None
 
-    def take(self, packet: bytes, arrival: float) -> Samples:
-        """Return the samples that become known by a packet, with times since `epoch`.
+    def take(self, packet: bytes, arrival: float) -> list[Sensed]:
+        """Return what the sensors measure in the pieces that become known by a packet, since `epoch`.
 
         Parameters
         ----------
@@ -78,20 +73,21 @@ class XPlaneFlight:
 
         Raises
         ------
-        InterruptionError
+        BrokenFlightError
             If the flight does not go on; `begin_anew` begins the next one.
         """
         frame = self.frames.take(packet, arrival)
-        return joined([] if frame is None else [self._measured(one) for one in self._pieces(frame, arrival)])
+        return [] if frame is None else [self.measured(piece) for piece in self.pieces(frame, arrival)]
 
-    def _pieces(self, frame: Frame, arrival: float) -> list[FlownPiece]:
+    def pieces(self, frame: Frame, arrival: float) -> list[FlownPiece]:
+        """Return the pieces of the curve that become known by a frame; see `take`."""
         if self._curve is None:
             self._begin(arrival)
         assert self._curve is not None
         try:
             return list(self._curve.add(frame))
         except ValueError as error:
-            raise InterruptionError(f"the aircraft is {error}") from error
+            raise BrokenFlightError(f"the aircraft is {error}") from error
 
     def _begin(self, arrival: float) -> None:
         """Begin a curve at a knot of the grid, behind the one before."""
@@ -99,19 +95,16 @@ class XPlaneFlight:
         if math.isnan(self.epoch):
             self.epoch = arrival
         else:
-            start = math.ceil(max(self._end + AWAY * self._rate, (arrival - self.epoch) * self._rate))
-            self.truth.break_off(self.epoch + (self._end + start) / 2 / self._rate)
+            start = math.ceil(max(self._end + AWAY * self.rate, (arrival - self.epoch) * self.rate))
+            self.truth.break_off(self.epoch + (self._end + start) / 2 / self.rate)
             self._stream.break_off()
-        self._curve = GrowingTrajectory(self._rate, start, self._sensors.gps.latency)
+        self._curve = GrowingTrajectory(self.rate, start, self.sensors.gps.latency)
         self._end = start
 
-    def _measured(self, piece: FlownPiece) -> Samples:
+    def measured(self, piece: FlownPiece) -> Sensed:
+        """Return what the sensors measure in a piece, whose truth is then known."""
         sensed = self._stream.sensed(piece)
-        times = np.arange(piece.begin + (piece.begin > piece.first), piece.end + 1) / self._rate
+        times = np.arange(piece.begin + (piece.begin > piece.first), piece.end + 1) / self.rate
         self.truth.append(self.epoch + times, piece.trajectory.at(piece.since(times)))
         self._end = piece.end
-        increments: list[NDArray[np.float64]] = [sensed.gyro.increments, sensed.accelerometer.increments]
-        rate, force = (one * self._rate for one in increments)
-        return Samples(
-            imu_rows(sensed.time, rate, force, self._axes), fix_rows(sensed.fixes, self._sensors.gps)
-        )
+        return sensed

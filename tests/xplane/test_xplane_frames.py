@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import struct
 from collections.abc import Iterable
 from functools import cache
 
@@ -12,27 +11,12 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from turning_flight import Turning
+from xplane_simulator import STEP, packets
 
 from lab.displacement import displaced, displacement
 from lab.importing.xplane_packets import POSITION, REFERENCES
-from lab.live.transport import InterruptionError
-from lab.live.xplane_frames import BRIDGED, LOOKED_AT, XPlaneFrames
 from lab.recordings.frame import Frame
-
-STEP = 0.02
-
-
-def packets(frame: Frame, clock: float | None = None) -> tuple[bytes, bytes]:
-    """Return RPOS and RREF of a frame; the reference point of the local frame is below the aircraft."""
-    latitude, longitude, height = frame.position
-    north, east, down = frame.velocity_n
-    roll, pitch, yaw = np.degrees(frame.euler)
-    position = struct.pack(
-        "<dddffffffffff", np.degrees(longitude), np.degrees(latitude), height, 0.0, pitch, yaw % 360, roll,
-        east, -down, -north, 0.0, 0.0, 0.0,
-    )  # fmt: skip
-    values = (frame.time if clock is None else clock, 0.0, 0.0, 60.0, 0.0, 0.0)
-    return b"RPOS4" + position, b"RREF," + b"".join(struct.pack("<if", *row) for row in enumerate(values))
+from lab.xplane.frames import BRIDGED, LOOKED_AT, BrokenFlightError, XPlaneFrames
 
 
 @cache
@@ -153,7 +137,7 @@ def test_any_bytes_are_taken(sent: list[bytes]) -> None:
     for packet in sent:
         try:
             wire.send(packet)
-        except InterruptionError:
+        except BrokenFlightError:
             wire.frames.begin_anew()
     wire.frames.begin_anew()
     assert len(wire.fly(coming[:60])) >= 60 - LOOKED_AT - 1
@@ -180,7 +164,7 @@ BREAKS = {
 def test_what_breaks_a_flight_is_named(why: str) -> None:
     wire, coming = begun()
     broken = BREAKS[why](coming[0])
-    with pytest.raises(InterruptionError, match=why):
+    with pytest.raises(BrokenFlightError, match=why):
         wire.fly([broken])
     wire.frames.begin_anew()
     assert len(wire.fly([moved(f, time=f.time + 500) for f in coming[1:40]])) >= 39 - LOOKED_AT - 1
@@ -219,7 +203,7 @@ def test_a_move_on_the_map_of_a_paused_simulator_breaks_the_flight() -> None:
     wire, coming = begun()
     wire.fly(coming[:5])
     wire.fly([coming[4]] * 40)
-    with pytest.raises(InterruptionError, match="moved by"):
+    with pytest.raises(BrokenFlightError, match="moved by"):
         wire.fly([coming[4]._replace(position=coming[4].position + np.array((1e-4, 0, 0)))])
 
 
@@ -249,5 +233,5 @@ def test_a_frame_that_comes_late_is_left_out_and_a_clock_set_back_breaks() -> No
     found = wire.fly([coming[0], coming[2], coming[1], coming[3]])
     assert [f.time for f in found] == pytest.approx([coming[k].time for k in (0, 2, 3)], abs=1e-5)
     assert "1 packet too late" in " ".join(wire.frames.remarks(wire.now))
-    with pytest.raises(InterruptionError, match=r"clock went back by 0\.1 s"):
+    with pytest.raises(BrokenFlightError, match=r"clock went back by 0\.1 s"):
         wire.fly(frame._replace(time=frame.time - 0.2) for frame in coming[4:40])
