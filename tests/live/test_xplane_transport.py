@@ -100,12 +100,13 @@ def test_a_pause_is_told_and_leaves_no_gap(xplane: XPlaneSimulator) -> None:
     with opened(xplane) as source:
         until(lambda: source.end.imu > 150)
         xplane.paused = True
-        until(lambda: "X-Plane is paused: its clock has stood still" in said(source))
+        until(lambda: "X-Plane is paused: its clock has stood still for 3 s" in said(source))
         until(lambda: source.status.state == STALE)
         xplane.paused = False
         count = source.end.imu
         until(lambda: source.end.imu > count + 100)
         assert "paused" not in said(source)
+        assert source.status.rate == pytest.approx(100, rel=1e-6)  # by the time of the stream
         imu = source.since().imu
     assert np.diff(imu["time"]) == pytest.approx(0.01, abs=1e-6)
     assert imu["gap"].sum() == 1
