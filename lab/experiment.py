@@ -41,9 +41,9 @@ from lab.navigation.solution import NO_VECTOR, Belief, Fixes, Imu, Solution, Sta
 from lab.navigation.standstill import at_rest
 from lab.result import Result, Runnable
 from lab.sensors import gps, imu
-from lab.sensors import temperature as thermal
 from lab.sensors.draws import unit_draws
 from lab.sensors.suite import SensorSuite
+from lab.sensors.triad import Surroundings, output
 from lab.settings import SettingError
 from lab.simulated_result import SimulatedResult
 from lab.trajectory import Trajectory, Truth
@@ -253,16 +253,10 @@ class _Run:
         self, errors: imu.GyroErrors | imu.AccelerometerErrors, flight: Flight, draws: imu.ImuDraws
     ) -> imu.Measured:
         """Return the output of a triad with the temperature and the vibration of the flight."""
-        ideal, settings, seed = flight.ideal, self.sensors.temperature, self.experiment.seed
+        ideal, seed = flight.ideal, self.experiment.seed
         height = flight.truth.height[1:] - flight.truth.height[0]
-        temperature = thermal.temperature(settings, ideal.time[1:], height)
-        dvelocity = imu.with_vibration(self.sensors.accelerometer, seed, ideal.dvelocity, ideal.dt)
-        quantity = ideal.dtheta if isinstance(errors, imu.GyroErrors) else dvelocity
-        measured = imu.measure(quantity, ideal.dt, errors, draws, imu.Environment(temperature, dvelocity))
-        if not settings.compensation:
-            return measured
-        reading = thermal.thermometer(settings, seed, temperature)
-        return imu.compensate(measured, ideal.dt, errors, temperature, reading)
+        around = Surroundings.of(self.sensors, seed, ideal.time[1:], height, ideal.dvelocity, ideal.dt)
+        return output(errors, ideal.dtheta, ideal.dt, draws, around)
 
     def fixes(self, flight: Flight) -> gps.GpsFixes:
         """Simulate the GPS receiver."""

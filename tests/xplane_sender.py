@@ -66,7 +66,7 @@ class XPlaneSender:
         self._skip = skip
         self._answers = answers
         self._noise = noise
-        self._frames = _frames(recording)
+        self._frames = frames_of(recording)
         self._asked: dict[int, str] = {}
         self.rate = 0
         self.requests: list[bytes] = []
@@ -124,7 +124,7 @@ class XPlaneSender:
             self._listen()
 
 
-def _frames(recording: Recording) -> list[tuple[bytes, dict[str, float]]]:
+def frames_of(recording: Recording) -> list[tuple[bytes, dict[str, float]]]:
     """Return for each sample the record of RPOS and the data references."""
     latitude, longitude = np.degrees(recording.latitude), np.degrees(recording.longitude)
     lat0, lon0 = latitude[0] + REFERENCE[0], longitude[0] + REFERENCE[1]

@@ -30,10 +30,11 @@ Examples:
   ins-lab live watch simulated:montreal?device=vectornav
   ins-lab live watch serial:/dev/ttyUSB0?baud=115200
   ins-lab live navigate serial:/dev/ttyUSB0 --card ADIS16470
+  ins-lab live navigate "xplane:127.0.0.1:49000?card=ADIS16470" --card ADIS16470
   ins-lab live record tcp:192.168.1.20:5555 drive --seconds 600
   ins-lab live simulate montreal --device vectornav --to tcp:5555
-A source is serial:PORT, udp:PORT, tcp:COMPUTER:PORT, replay:FILE or simulated:MISSION. Options follow a
-question mark, with & between them: baud=115200, protocol=vectornav, axes=y,x,-z, speed=10."""
+A source is serial:PORT, udp:PORT, tcp:COMPUTER:PORT, replay:FILE, simulated:MISSION or xplane:COMPUTER.
+Options follow a question mark, with & between: baud=115200, protocol=vectornav, axes=y,x,-z, speed=10."""
 
 live = typer.Typer(
     name="live",

@@ -21,6 +21,7 @@ from numpy.typing import NDArray
 from lab.readers.fields import LIMITS, NAMED, SEA_LEVEL
 from lab.readers.xplane_data import velocity_at_aircraft
 from lab.recordings.bounds import MIN_SAMPLES
+from lab.recordings.frame import Frame
 from lab.recordings.mission_error import MissionError
 from lab.repair.raw_flight import ColumnUnit, Dropped, RawFlight
 
@@ -108,11 +109,8 @@ def flight(
     MissionError
         If there are too few samples that can be used.
     """
-    records, arrival = np.frombuffer(positions, dtype=POSITION), np.array(arrivals)
-    with np.errstate(invalid="ignore"):  # a packet may hold any bits
-        known = {name: np.asarray(records[name], dtype=np.float64) for name, _, _ in _FIELDS}
-    limits = {name: LIMITS[kind] for name, kind, _ in _FIELDS}
-    units = {name: unit for name, _, unit in _FIELDS}
+    arrival = np.array(arrivals)
+    known, limits, units = _fields(positions)
     values = _paired(arrival, np.array(clock_arrivals), np.reshape(clocks, (-1, len(REFERENCES))))
     remarks = [SEA_LEVEL, *remarks]
     timed = np.isfinite(values[:, 0])
@@ -127,24 +125,18 @@ def flight(
         remarks.append(
             "X-Plane did not send its own clock: time is that of arrival at this computer, which jitters."
         )
-    with np.errstate(invalid="ignore"):
-        for name, unit in units.items():
-            if unit == "°":
-                known[name] = np.radians(known[name])
+    _to_radians(known, units)
     kept, dropped = _believable(known, limits, timed)
     known = {name: column[kept] for name, column in known.items()}
-    here = np.column_stack([known[name] for name in ("latitude", "longitude", "height")])
-    local = np.column_stack((-known["south"], known["east"], -known["up"]))
-    offset = np.column_stack((-known["Z"], known["X"])) if "X" in known and "Z" in known else None
     return RawFlight(
         format=NAME,
         time=known["time"],
         latitude=known["latitude"],
         longitude=known["longitude"],
         height=known["height"],
-        velocity_n=velocity_at_aircraft(local, here, offset),
-        euler=np.column_stack([known[name] for name in ("roll", "pitch", "heading")]),
-        body_rate=np.column_stack([known[name] for name in ("p", "q", "r")]),
+        velocity_n=_velocity_n(known),
+        euler=_columns(known, "roll", "pitch", "heading"),
+        body_rate=_columns(known, "p", "q", "r"),
         airspeed=known.get("airspeed"),
         alpha=known.get("alpha"),
         beta=known.get("beta"),
@@ -154,6 +146,62 @@ def flight(
         remarks=tuple(remarks),
         vehicle="aircraft",
     )
+
+
+def frame(record: bytes, values: Sequence[float]) -> Frame | None:
+    """Return the state of the aircraft in one frame, or None if its numbers are those of no flight.
+
+    Parameters
+    ----------
+    record
+        The record of an RPOS packet.
+    values
+        Values of all references in the same frame; the clock and the place in the local frame are needed.
+    """
+    known, limits, units = _fields(record)
+    for (name, _, kind, unit), value in zip(REFERENCES[:3], values, strict=False):
+        known[name], limits[name], units[name] = np.array([value]), LIMITS[kind], unit
+    _to_radians(known, units)
+    if not _within(known, limits).all():
+        return None
+    return Frame(
+        float(known["time"][0]),
+        _columns(known, "latitude", "longitude", "height")[0],
+        _velocity_n(known)[0],
+        _columns(known, "roll", "pitch", "heading")[0],
+    )
+
+
+def _fields(positions: bytes) -> tuple[dict[str, FloatArray], dict[str, tuple[float, float]], dict[str, str]]:
+    """Return the columns of records as X-Plane sends them, their limits [SI] and their units."""
+    records = np.frombuffer(positions, dtype=POSITION)
+    with np.errstate(invalid="ignore"):  # a packet may hold any bits
+        known = {name: np.asarray(records[name], dtype=np.float64) for name, _, _ in _FIELDS}
+    return known, {name: LIMITS[kind] for name, kind, _ in _FIELDS}, {name: unit for name, _, unit in _FIELDS}
+
+
+def _to_radians(known: dict[str, FloatArray], units: dict[str, str]) -> None:
+    with np.errstate(invalid="ignore"):
+        for name, unit in units.items():
+            if unit == "°":
+                known[name] = np.radians(known[name])
+
+
+def _columns(known: dict[str, FloatArray], *names: str) -> FloatArray:
+    return np.column_stack([known[name] for name in names])
+
+
+def _velocity_n(known: dict[str, FloatArray]) -> FloatArray:
+    """Return the velocity north, east, down at the aircraft (n, 3) [m/s]."""
+    local = np.column_stack((-known["south"], known["east"], -known["up"]))
+    offset = np.column_stack((-known["Z"], known["X"])) if "X" in known and "Z" in known else None
+    return velocity_at_aircraft(local, _columns(known, "latitude", "longitude", "height"), offset)
+
+
+def _within(known: dict[str, FloatArray], limits: dict[str, tuple[float, float]]) -> NDArray[np.bool_]:
+    """Return which samples have possible numbers."""
+    within = [(column >= limits[name][0]) & (column <= limits[name][1]) for name, column in known.items()]
+    return np.asarray(np.logical_and.reduce(within))
 
 
 def _paired(arrival: FloatArray, clock_arrival: FloatArray, clocks: FloatArray) -> FloatArray:
@@ -179,10 +227,7 @@ def _believable(
     known: dict[str, FloatArray], limits: dict[str, tuple[float, float]], timed: NDArray[np.bool_]
 ) -> tuple[NDArray[np.bool_], tuple[Dropped, ...]]:
     """Return which samples have a clock and possible numbers, and the report on the others."""
-    believed = timed.copy()
-    for name, column in known.items():
-        low, high = limits[name]
-        believed &= (column >= low) & (column <= high)
+    believed = timed & _within(known, limits)
     dropped = []
     for reason, lost in (
         ("without the simulator's clock", ~timed),

@@ -19,6 +19,7 @@ FORMS = (
     "tcp:COMPUTER:PORT",
     "replay:FILE?speed=1",
     "simulated:MISSION?device=vectornav",
+    "xplane:COMPUTER:PORT?card=ADIS16470",
     "sensorserver:COMPUTER:PORT",
 )
 """Forms of addresses, one for each kind."""

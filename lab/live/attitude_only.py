@@ -229,7 +229,8 @@ class AttitudeOnly:
             if advance(self._run, imu, _NO_FIXES, out, first, EVERY_FIX) < imu.time.size:
                 raise PolarError("the position drifted to a pole")
             for name in ("position", "velocity_n", "q_nb", "bias", "variance", "covariance"):
-                self.samples.rows(name, self._at + 1, stop + 1)[:] = getattr(out, name)[first + 1 :]
+                part = getattr(out, name)[first + 1 :]  # without the variances of scale factors
+                self.samples.rows(name, self._at + 1, stop + 1)[..., : part.shape[-1]] = part
             self._at = stop
             self._hold_speed()
         self._at = max(self._at, end)

@@ -6,7 +6,7 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
-from lab.live.address import Address
+from lab.live.address import Address, computer_and_port
 from lab.live.axis_map import AxisMap
 from lab.live.raw_recording import NEW_AXES
 from lab.live.recorded_log import reception_of
@@ -17,11 +17,14 @@ from lab.live.source import Source
 from lab.live.tcp_connection import TcpConnection
 from lab.live.transport import Transport, TransportError
 from lab.live.udp_listener import UdpListener
+from lab.sensors.suite import SensorSuite
 
 SPEEDS = (0.1, 10.0)
 """Speeds of a replay that are accepted; beside them ``max``."""
 SIMULATED_RATES = (1.0, 2000.0)
 """Rates of a simulated device [Hz]: above, its samples come several at a time."""
+XPLANE_RATES = (10.0, 1000.0)
+"""Rates of simulated sensors in X-Plane [Hz]: the curve of its motion has its knots at this rate."""
 _LONGEST_REST = 3600.0  # before a flight, or of a device that stands still [s]
 _USUAL_REST = 600.0  # of a device that stands still [s]
 _MAX_CORRUPTION = 0.1  # part of the bytes: beyond, no frame is left
@@ -119,11 +122,66 @@ def _simulated(address: Address) -> Transport:
     return SimulatedTransport(str(address), device)
 
 
+def _xplane(address: Address) -> Transport:
+    from lab.experiment import Experiment  # noqa: PLC0415 - as in `_simulated`
+    from lab.sensors.cards import card  # noqa: PLC0415
+
+    experiment = Experiment(mission="montreal")
+    if "card" in address.options:
+        card(address.options["card"]).load(experiment)
+    return xplane_transport(address, experiment.sensors)
+
+
+def xplane_transport(address: Address, sensors: SensorSuite, seed: int = 1) -> Transport:
+    """Return simulated sensors in a running X-Plane.
+
+    Parameters
+    ----------
+    address
+        An address of the kind ``xplane``.
+    sensors
+        Their errors; a card in the address is not looked at.
+    seed
+        Of their random numbers, if the address gives none.
+
+    Raises
+    ------
+    TransportError
+        If an option is not accepted.
+    """
+    from lab.importing.xplane_live import PORT, RATES  # noqa: PLC0415 - a serial port needs none of it
+    from lab.live.decoders.catalogue import ENCODERS  # noqa: PLC0415
+    from lab.live.xplane_transport import XPlaneTransport  # noqa: PLC0415
+    from lab.xplane.flight import XPlaneFlight  # noqa: PLC0415
+
+    address.check(("card", "hz", "seed", "frames", "device", "mounted"))
+    options = address.options
+    place = address if ":" in address.place else Address(address.kind, f"{address.place}:{PORT}", options)
+    device = options.get("device", "vectornav")
+    if device not in ENCODERS:
+        raise TransportError(f"{device!r} is no device; accepted are {', '.join(ENCODERS)}")
+    mounted = options.get("mounted")
+    flight = XPlaneFlight(
+        sensors,
+        address.whole("seed", seed, 0, _MAX_SEED),
+        address.number("hz", 100.0, *XPLANE_RATES, "Hz"),
+    )
+    return XPlaneTransport(
+        str(address),
+        *computer_and_port(place),
+        flight,
+        ENCODERS[device](),
+        address.number("frames", 50.0, *RATES, "Hz"),
+        AxisMap.of(mounted) if mounted else None,
+    )
+
+
 _TRANSPORTS: Mapping[str, Callable[[Address], Transport]] = {
     "serial": SerialPort,
     "udp": UdpListener,
     "tcp": TcpConnection,
     "replay": _replay,
     "simulated": _simulated,
+    "xplane": _xplane,
     "sensorserver": lambda address: SensorServerTransport(f"sensorserver:{address.place}"),
 }

@@ -22,6 +22,7 @@ from lab.recordings.flight_csv import write_flight_csv
 from lab.recordings.recording import Recording
 from lab.result import Result
 from lab.sensors.cards import card
+from lab.sensors.gps import GpsErrors, GpsFixes
 
 REST = "rest"
 """Name of the flight that never leaves: a table at 45° north, with the device heading north-east."""
@@ -120,24 +121,51 @@ class SimulatedFlight:
     @classmethod
     def _of(cls, result: Any, rate: float, axes: AxisMap) -> SimulatedFlight:
         dt = 1 / rate
-        imu = np.zeros(len(result.gyro.increments), IMU)
-        imu["time"] = result.truth_arrays.time[1:]
-        imu["count"] = -1
-        imu["rate"] = axes.unmapped(result.gyro.increments / dt)
-        imu["force"] = axes.unmapped(result.accelerometer.increments / dt, force=True)
-        imu["magnetic"] = imu["pressure"] = np.nan
-        imu["temperature"] = 25.0
-        fixes, gps = result.fixes, result.experiment.sensors.gps
-        fix = np.zeros(len(fixes.time), FIX)
-        fix["time"] = fixes.time
-        fix["week_time"], fix["utc"] = _WEEK_TIME + fixes.time, _UTC + fixes.time
-        fix["latitude"], fix["longitude"], fix["height"] = fixes.position.T
-        fix["velocity_n"] = fixes.velocity_n
-        east, north, up = gps.position_variance
-        fix["horizontal_sigma"], fix["vertical_sigma"] = np.sqrt((east + north) / 2), np.sqrt(up)
-        fix["speed_sigma"] = np.sqrt(np.mean(gps.velocity_variance))
-        fix["satellites"], fix["fix_type"] = _SATELLITES, FIX_3D
+        imu = imu_rows(
+            result.truth_arrays.time[1:],
+            result.gyro.increments / dt,
+            result.accelerometer.increments / dt,
+            axes,
+        )
+        fix = fix_rows(result.fixes, result.experiment.sensors.gps)
         return cls(imu, fix, rate, result)
+
+
+def imu_rows(
+    time: NDArray[np.float64], rate: NDArray[np.float64], force: NDArray[np.float64], axes: AxisMap
+) -> NDArray[np.void]:
+    """Return samples (n,) of `lab.live.samples.IMU` as a device sends them.
+
+    Parameters
+    ----------
+    time : (n,) array
+        Times by the clock of the device [s].
+    rate, force : (n, 3) arrays
+        Angular rate [rad/s] and specific force [m/s²] forward, right, down.
+    axes
+        How the device is mounted.
+    """
+    imu = np.zeros(len(time), IMU)
+    imu["time"], imu["count"] = time, -1
+    imu["rate"] = axes.unmapped(rate)
+    imu["force"] = axes.unmapped(force, force=True)
+    imu["magnetic"] = imu["pressure"] = np.nan
+    imu["temperature"] = 25.0
+    return imu
+
+
+def fix_rows(fixes: GpsFixes, errors: GpsErrors) -> NDArray[np.void]:
+    """Return fixes (m,) of `lab.live.samples.FIX` with the σ that the errors of a receiver have."""
+    fix = np.zeros(len(fixes.time), FIX)
+    fix["time"] = fixes.time
+    fix["week_time"], fix["utc"] = _WEEK_TIME + fixes.time, _UTC + fixes.time
+    fix["latitude"], fix["longitude"], fix["height"] = fixes.position.T
+    fix["velocity_n"] = fixes.velocity_n
+    east, north, up = errors.position_variance
+    fix["horizontal_sigma"], fix["vertical_sigma"] = np.sqrt((east + north) / 2), np.sqrt(up)
+    fix["speed_sigma"] = np.sqrt(np.mean(errors.velocity_variance))
+    fix["satellites"], fix["fix_type"] = _SATELLITES, FIX_3D
+    return fix
 
 
 def _mission(name: str, rest: float, folder: Path) -> str:

@@ -118,7 +118,7 @@ class Source:
 
     @property
     def truth(self) -> TrueMotion | None:
-        """The true motion, if the source knows it: that of a simulated device."""
+        """The true motion, if the source knows it: that of a simulated device, or of X-Plane."""
         return getattr(self._transport, "truth", None)
 
     def fixes_since(self, cursor: Cursor) -> Read:
@@ -204,15 +204,19 @@ class Source:
     def _now(self, now: float) -> tuple[str, str]:
         """Return the state, which silence changes, and the state in words."""
         silent = now - self._heard
-        if self._state == STREAMING and silent > SILENCE:
-            return STALE, f"Nothing has come for {silent:.1f} s."
-        if self._state == STREAMING and not sum(self._ring.end):
+        if self._state != STREAMING:
+            return self._state, self._why
+        remark = str(getattr(self._transport, "remark", ""))
+        if silent > SILENCE:
+            return STALE, f"Nothing has come for {silent:.1f} s. {remark}".rstrip()
+        if not sum(self._ring.end):
             return STREAMING, self._reception.evidence or "Bytes come; their protocol is looked for."
-        return self._state, self._why
+        return STREAMING, f"{self._why} {remark}".rstrip()
 
     def _measured(self, now: float) -> tuple[float, float, float, float]:
         """Return rates, jitter and latency of the last seconds."""
         read = self._ring.last(*_LOOKED_AT)
+        now += self._arrival - self._heard  # by the clock of the arrivals, which may not be the host's
         imu = read.imu[read.imu["arrival"] > now - MEASURED]
         fix = read.fix[read.fix["arrival"] > now - MEASURED_FIXES]
         rate = _rate(imu["time"])

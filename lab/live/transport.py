@@ -29,7 +29,8 @@ class Transport(Protocol):
     """Anything that brings bytes; one thread opens, reads and closes it.
 
     It may have a method ``end()`` besides, which is called once after the last `close` and frees what must
-    outlast a lost connection, such as the file of a replay.
+    outlast a lost connection, such as the file of a replay; and an attribute ``remark`` with sentences on
+    what comes, or on why nothing does.
 
     Attributes
     ----------

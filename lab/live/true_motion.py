@@ -3,33 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import NamedTuple, Protocol
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
-from lab.rotation import wrap
+from lab.growing_truth import Motion, interpolated
 from lab.trajectory import Truth
 
+__all__ = ["Motion", "TrueFlight", "TrueMotion"]
+
 FloatArray = NDArray[np.float64]
-
-
-class Motion(NamedTuple):
-    """True motion at some times; NaN at times that the truth does not cover.
-
-    Attributes
-    ----------
-    position : (n, 3) array
-        Latitude, longitude [rad], height above the ellipsoid [m].
-    velocity_n : (n, 3) array
-        Velocity over the Earth, north, east, down [m/s].
-    euler : (n, 3) array
-        Roll, pitch, heading [rad].
-    """
-
-    position: FloatArray
-    velocity_n: FloatArray
-    euler: FloatArray
 
 
 class TrueMotion(Protocol):
@@ -62,11 +46,4 @@ class TrueFlight:
 
     def at(self, time: FloatArray) -> Motion:
         """Return the motion at times (n,) of the host's monotonic clock [s]."""
-        since = time - self._begun()
-        found = np.stack(
-            [np.interp(since, self._truth.time, column, np.nan, np.nan) for column in self._columns.T],
-            axis=-1,
-        ).reshape(len(time), self._columns.shape[1])
-        position, velocity_n, euler = found[:, :3], found[:, 3:6], np.asarray(wrap(found[:, 6:]))
-        position[:, 1] = wrap(position[:, 1])
-        return Motion(position, velocity_n, euler)
+        return interpolated(time - self._begun(), self._truth.time, self._columns)

@@ -13,7 +13,7 @@ Groves).
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
@@ -24,7 +24,7 @@ from lab import earth, ecef, rotation
 from lab.displacement import displaced, displacement
 from lab.east_north_up import east_north_up
 from lab.sensors import processes
-from lab.sensors.draws import unit_draws
+from lab.sensors.draws import Seed, unit_draws
 from lab.setting_kinds import AxisQuantity, Intervals, Quantity
 from lab.settings import Settings
 from lab.trajectory import Trajectory, Truth
@@ -162,8 +162,8 @@ class GpsDraws(NamedTuple):
     outlier: FloatArray
 
     @classmethod
-    def of(cls, seed: int, fixes: int) -> GpsDraws:
-        """Draw for a number of fixes."""
+    def of(cls, seed: Seed, fixes: int) -> GpsDraws:
+        """Draw for a number of fixes, or for the next ones of a stream."""
         return cls(
             position=unit_draws(seed, "gps.position", (fixes, 3)),
             velocity=unit_draws(seed, "gps.velocity", (fixes, 3)),
@@ -171,6 +171,19 @@ class GpsDraws(NamedTuple):
             jump=unit_draws(seed, "gps.jump", (fixes, 3)),
             outlier=unit_draws(seed, "gps.outlier", (fixes,)),
         )
+
+
+@dataclass
+class Memory:
+    """What a receiver keeps from one piece of its fixes to the next; new for the first piece.
+
+    Attributes
+    ----------
+    correlated : (3,) array or None
+        Last sample of the Gauss-Markov position error, in its σ.
+    """
+
+    correlated: FloatArray | None = None
 
 
 class GpsFixes(NamedTuple):
@@ -237,7 +250,13 @@ def antenna(trajectory: Trajectory, errors: GpsErrors, times: FloatArray) -> Tru
     return replace(truth, latitude=latitude, longitude=longitude, height=height, velocity_n=velocity_n)
 
 
-def measure(truth: Truth, errors: GpsErrors, draws: GpsDraws, seen: Truth | None = None) -> GpsFixes:
+def measure(
+    truth: Truth,
+    errors: GpsErrors,
+    draws: GpsDraws,
+    seen: Truth | None = None,
+    memory: Memory | None = None,
+) -> GpsFixes:
     """Return the fixes of a receiver; with a latency, none before it has elapsed.
 
     Parameters
@@ -250,8 +269,10 @@ def measure(truth: Truth, errors: GpsErrors, draws: GpsDraws, seen: Truth | None
         Unit draws for as many fixes.
     seen
         Truth of the `antenna` as the same fixes report it; by default that of the IMU.
+    memory
+        Of the piece of fixes before, which is updated; without it, these are the first.
     """
-    position_error, velocity_error = noise(truth.time, errors, draws)
+    position_error, velocity_error = noise(truth.time, errors, draws, memory)
     if seen is not None:
         position_error = position_error + east_north_up(displacement(truth.position, seen.position))
         seen_n = ecef.resolved_near_pole(seen.velocity_n, seen.position, truth.position)
@@ -271,7 +292,9 @@ def measure(truth: Truth, errors: GpsErrors, draws: GpsDraws, seen: Truth | None
     )
 
 
-def noise(times: FloatArray, errors: GpsErrors, draws: GpsDraws) -> tuple[FloatArray, FloatArray]:
+def noise(
+    times: FloatArray, errors: GpsErrors, draws: GpsDraws, memory: Memory | None = None
+) -> tuple[FloatArray, FloatArray]:
     """Return the random errors of position [m] and velocity [m/s], (m, 3) each, east, north, up.
 
     Parameters
@@ -282,13 +305,19 @@ def noise(times: FloatArray, errors: GpsErrors, draws: GpsDraws) -> tuple[FloatA
         The receiver's errors.
     draws
         Unit draws for as many fixes.
+    memory
+        As of `measure`.
     """
     position = np.sqrt(si(errors, "position_variance")) * draws.position
     velocity = np.sqrt(si(errors, "velocity_variance")) * draws.velocity
     correlated = si(errors, "correlated_sigma")
     if correlated.any() and times.size:
         decay = float(np.exp(-errors.period / si(errors, "correlation_time")))
-        position += correlated * processes.gauss_markov(draws.correlated[0], draws.correlated, decay)
+        before = None if memory is None else memory.correlated
+        process = processes.gauss_markov(draws.correlated[0], draws.correlated, decay, before)
+        if memory is not None:
+            memory.correlated = process[-1].copy()
+        position += correlated * process
     if errors.quality_steps:
         factor = np.where(within(errors.quality_steps, times), errors.quality_factor, 1.0)[:, None]
         position, velocity = factor * position, factor * velocity

@@ -10,6 +10,7 @@ given density.
 
 from __future__ import annotations
 
+from dataclasses import dataclass, field
 from typing import NamedTuple
 
 import numpy as np
@@ -17,7 +18,8 @@ from numpy.typing import NDArray
 
 from lab.histories import kept
 from lab.sensors import processes
-from lab.sensors.draws import unit_draws
+from lab.sensors.draws import Seed, unit_draws
+from lab.sensors.imu_draws import ImuDraws
 from lab.sensors.imu_errors import OFF_DIAGONAL, AccelerometerErrors, GyroErrors
 from lab.sensors.temperature import REFERENCE
 from lab.units import si
@@ -29,6 +31,7 @@ __all__ = [
     "GyroErrors",
     "ImuDraws",
     "Measured",
+    "Memory",
     "as_kept",
     "compensate",
     "cross_coupling",
@@ -73,54 +76,6 @@ class Measured(NamedTuple):
         )
 
 
-class ImuDraws(NamedTuple):
-    """Unit draws of a triad for n samples.
-
-    Attributes
-    ----------
-    bias, scale, start : (3,) arrays
-        Turn-on bias, scale factor, and the first sample of the instability.
-    drive, flicker, walk : (n, 3) arrays, or (0, 3) where the triad has no such error
-        Drive of the instability; flicker and random walk of unit coefficient.
-    noise : (n, 3) array
-        White noise.
-    """
-
-    bias: FloatArray
-    scale: FloatArray
-    start: FloatArray
-    drive: FloatArray
-    flicker: FloatArray
-    walk: FloatArray
-    noise: FloatArray
-
-    @classmethod
-    def of(
-        cls,
-        seed: int,
-        sensor: str,
-        samples: int,
-        *,
-        instability: bool,
-        flicker: bool = False,
-        walk: bool = False,
-    ) -> ImuDraws:
-        """Draw for one triad, named by `sensor`; long draws only for the errors that it has."""
-
-        def long(name: str, wanted: bool = True) -> FloatArray:
-            return unit_draws(seed, f"{sensor}.{name}", (samples if wanted else 0, 3))
-
-        return cls(
-            bias=unit_draws(seed, f"{sensor}.bias", (3,)),
-            scale=unit_draws(seed, f"{sensor}.scale_factor", (3,)),
-            start=unit_draws(seed, f"{sensor}.instability.start", (3,)),
-            drive=long("instability", instability),
-            flicker=processes.flicker(long("flicker", flicker)),
-            walk=processes.random_walk(long("rate_random_walk", walk)),
-            noise=long("noise"),
-        )
-
-
 class Environment(NamedTuple):
     """The environment of a triad, besides the quantity it measures.
 
@@ -137,6 +92,22 @@ class Environment(NamedTuple):
     dvelocity: FloatArray
 
 
+@dataclass
+class Memory:
+    """What a triad keeps from one piece of its samples to the next; new for the first piece.
+
+    Attributes
+    ----------
+    instability : (3,) array or None
+        Last sample of the Gauss-Markov bias, in its σ.
+    lag : dict of int to float
+        States of the lags of the axes that have one.
+    """
+
+    instability: FloatArray | None = None
+    lag: dict[int, float] = field(default_factory=dict)
+
+
 REFERENCE_ENVIRONMENT = Environment(np.array(REFERENCE), np.zeros(3))
 """At the temperature of calibration, in free fall."""
 
@@ -147,8 +118,9 @@ def measure(
     errors: GyroErrors | AccelerometerErrors,
     draws: ImuDraws,
     environment: Environment = REFERENCE_ENVIRONMENT,
+    memory: Memory | None = None,
 ) -> Measured:
-    """Return the output of a triad with the given errors.
+    """Return the output of a triad with the given errors, for all samples or for a piece of them.
 
     Parameters
     ----------
@@ -162,8 +134,12 @@ def measure(
         Unit draws for n samples, with the long draws of the errors in `errors`.
     environment
         Temperature and specific force in the same intervals.
+    memory
+        Of the piece before, which is updated; without it, the samples are the first.
     """
-    bias = turn_on_bias(errors, draws) + drift(errors, draws, dt) + induced_bias(errors, environment, dt)
+    memory = Memory() if memory is None else memory
+    bias = turn_on_bias(errors, draws) + drift(errors, draws, dt, memory)
+    bias = bias + induced_bias(errors, environment, dt)
     bias = np.broadcast_to(bias, ideal.shape)
     M = cross_coupling(errors, draws)
     biased = ideal + bias * dt
@@ -174,7 +150,7 @@ def measure(
         scale, increments = scale + warming, increments + warming * biased
     settled = increments[0].copy()
     increments += si(errors, "noise_density") * np.sqrt(dt) * draws.noise
-    _lag(increments, settled, si(errors, "bandwidth") * dt)
+    _lag(increments, settled, si(errors, "bandwidth") * dt, memory.lag)
     limit = float(si(errors, "range")) * dt
     saturated = int(np.count_nonzero(np.abs(increments) > limit))
     np.clip(increments, -limit, limit, out=increments)
@@ -187,17 +163,24 @@ def turn_on_bias(errors: GyroErrors | AccelerometerErrors, draws: ImuDraws) -> F
     return si(errors, "bias") + si(errors, "bias_sigma") * draws.bias
 
 
-def drift(errors: GyroErrors | AccelerometerErrors, draws: ImuDraws, dt: float) -> FloatArray:
+def drift(
+    errors: GyroErrors | AccelerometerErrors, draws: ImuDraws, dt: float, memory: Memory | None = None
+) -> FloatArray:
     """Return the sum of the random processes of the bias, (n, 3), or (3,) zeros without any.
 
-    Gauss-Markov instability, flicker and random walk [rad/s] or [m/s²].
+    Gauss-Markov instability, flicker and random walk [rad/s] or [m/s²]; with a memory, those of the next
+    piece.
     """
     total = np.zeros(3)
     instability, flicker = si(errors, "instability"), si(errors, "flicker")
     walk = si(errors, "rate_random_walk")
     if instability.any():
         decay = float(np.exp(-dt / si(errors, "correlation_time")))
-        total = instability * processes.gauss_markov(draws.start, draws.drive, decay)
+        before = None if memory is None else memory.instability
+        process = processes.gauss_markov(draws.start, draws.drive, decay, before)
+        if memory is not None:
+            memory.instability = process[-1].copy()
+        total = instability * process
     if flicker.any():
         total = total + flicker * draws.flicker
     if walk.any():
@@ -258,7 +241,7 @@ def mean_at_rest(
     return np.asarray((np.eye(3) + M) @ (at_rest + bias))
 
 
-def with_vibration(errors: AccelerometerErrors, seed: int, dvelocity: FloatArray, dt: float) -> FloatArray:
+def with_vibration(errors: AccelerometerErrors, seed: Seed, dvelocity: FloatArray, dt: float) -> FloatArray:
     """Return the velocity increments in b with the vibration of the vehicle added, (n, 3) [m/s].
 
     Parameters
@@ -266,7 +249,7 @@ def with_vibration(errors: AccelerometerErrors, seed: int, dvelocity: FloatArray
     errors
         Errors of the accelerometers, among them the density of the vibration.
     seed
-        Seed of the run.
+        Seed of the run, or the stream of its draws.
     dvelocity : (n, 3) array
         Increments of the smooth true flight [m/s].
     dt
@@ -351,12 +334,14 @@ def _above_reference(temperature: FloatArray) -> FloatArray:
     return np.asarray(temperature)[..., None] - REFERENCE
 
 
-def _lag(increments: FloatArray, settled: FloatArray, cutoff: FloatArray) -> None:
-    """Filter increments by the first-order lag of each axis, in place."""
-    for axis in np.flatnonzero(cutoff):
-        increments[:, axis] = processes.first_order_lag(
-            increments[:, axis], settled[axis], 2 * np.pi * cutoff[axis]
-        )
+def _lag(increments: FloatArray, settled: FloatArray, cutoff: FloatArray, states: dict[int, float]) -> None:
+    """Filter increments by the first-order lag of each axis, in place; the states are updated."""
+    for axis in np.flatnonzero(cutoff).tolist():
+        angle = 2 * np.pi * cutoff[axis]
+        state = states.get(axis)
+        if state is None:
+            state = processes.settled_lag(settled[axis], angle)
+        increments[:, axis], states[axis] = processes.lagged(increments[:, axis], state, angle)
 
 
 def _quantise(increments: FloatArray, step: FloatArray) -> None:

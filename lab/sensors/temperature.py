@@ -9,7 +9,7 @@ import numpy as np
 import param
 from numpy.typing import NDArray
 
-from lab.sensors.draws import unit_draws
+from lab.sensors.draws import Seed, unit_draws
 from lab.setting_kinds import Quantity
 from lab.settings import Settings
 from lab.units import si
@@ -104,7 +104,7 @@ def temperature(settings: TemperatureSettings, time: FloatArray, height: FloatAr
     return np.full(time.shape, start if settings.profile == "constant" else REFERENCE)
 
 
-def thermometer(settings: TemperatureSettings, seed: int, temperature: FloatArray) -> FloatArray:
+def thermometer(settings: TemperatureSettings, seed: Seed, temperature: FloatArray) -> FloatArray:
     """Return the reading of the thermometer (n,) [°C].
 
     Parameters
@@ -112,7 +112,7 @@ def thermometer(settings: TemperatureSettings, seed: int, temperature: FloatArra
     settings
         The thermometer's noise.
     seed
-        Seed of the run.
+        Seed of the run, or the stream of its draws.
     temperature : (n,) array
         True temperature [°C].
     """

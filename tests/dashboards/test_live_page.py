@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from bokeh.document import Document
+from xplane_simulator import XPlaneSimulator, montreal
 
 import dashboards.pages.live.live as live_module
 from dashboards import devices, phones
@@ -213,7 +214,13 @@ def test_only_allowed_sources_are_opened(
     assert allowed_devices() == {}
     one = opened()
     assert one.page._fields._source.options == {"Simulated device": SIMULATED, "A phone": PHONE}
-    for wanted in ("tcp:127.0.0.1:1", "serial:/dev/ttyS0", "replay:/etc/passwd", "watch nothing"):
+    for wanted in (
+        "tcp:127.0.0.1:1",
+        "serial:/dev/ttyS0",
+        "replay:/etc/passwd",
+        "xplane:127.0.0.1:49000",
+        "watch nothing",
+    ):
         one.page._fields._source.param.update(options={wanted: wanted}, value=wanted)  # a hand-made message
         one.page._toggle()
         one.until(lambda: bool(one.page._job._after.text) and not one.page._job.busy)
@@ -226,6 +233,33 @@ def test_only_allowed_sources_are_opened(
     one.page._fields._source.value = "tcp:127.0.0.1:1"
     one.page._toggle()
     one.until(lambda: one.page._station is not None and one.page._station.status.state == LOST)
+
+
+def test_x_plane_is_watched_with_the_sensors_of_the_settings(
+    opened: Callable[[], Opened], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(devices, "_decided", {})
+    one = opened()
+    one.session.experiment.sensors.gyro.set("noise_density", 0.0)
+    one.session.experiment.sensors.gyro.set("bias_sigma", 0.0)
+    with XPlaneSimulator(montreal(60.0)) as xplane:
+        address = f"xplane:127.0.0.1:{xplane.port}"
+        allow_devices([address])
+        one.page._fields.refresh()
+        one.page._fields._source.value = address
+        assert not one.page._fields._protocol.visible
+        assert not one.page._fields._axes.visible
+        assert "X-Plane sends its motion" in one.page._fields._note.object
+        one.page._toggle()
+        one.until(lambda: one.page._station is not None)
+        station = one.page._station
+        assert station is not None
+        one.until(lambda: station.source.end.imu > 100)
+        assert one.page._errors._grid.visible
+        rate = station.source.last(0.5).imu["rate"]
+        assert np.abs(np.diff(rate, axis=0)).max() < np.radians(0.1)  # the default noise is 0.5°/s
+        one.page._toggle()
+        one.until(lambda: not xplane.subscribers)
 
 
 def test_a_phone_is_refused_where_it_is_not_wanted(

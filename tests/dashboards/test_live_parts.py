@@ -143,7 +143,7 @@ def test_the_errors_against_the_truth_are_drawn_and_told(one: Opened) -> None:
     page._toggle()
     assert not part._grid.visible
     part.tell()
-    assert "Only a simulated device" in part._words.object
+    assert "Only a simulated device and X-Plane" in part._words.object
 
 
 def test_a_desk_sensor_without_fixes_is_compared_at_rest(

@@ -488,3 +488,9 @@ def test_the_course_of_an_unknown_vehicle_is_compared_first():
             assert live.state.position_sigma[0] == pytest.approx(0.5)  # that of the fix
     assert all("unknown vehicle (navigator.vehicle) is compared" in reason for reason in said)
     assert live.state.phase == "navigating"
+
+
+def test_states_for_scale_factors_do_not_stop_the_attitude_at_rest() -> None:
+    live = LiveNavigator(SensorSuite(), NavigatorSettings(states=21))
+    feed(live, standing(SensorSuite(), (0.1, 0.05, 1.0), 0.8, 20.0, 1, 50.0), NO_FIXES, repeat(50))
+    assert np.degrees(live.state.euler[:2]) == pytest.approx(np.degrees((0.1, 0.05)), abs=1.0)

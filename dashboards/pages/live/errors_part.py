@@ -16,7 +16,10 @@ from lab.live.station import Station
 from lab.live.true_motion import TrueMotion
 from lab.views.live_error_figures import LiveErrorFigures
 
-_NO_TRUTH = "Only a simulated device knows its true motion: connect one to see the errors of the navigator."
+_NO_TRUTH = (
+    "Only a simulated device and X-Plane know the true motion: connect one of them to see the errors of the "
+    "navigator."
+)
 _RECENT = 60.0
 """Time over which errors are compared with their σ in the sentence [s]: a few correlation times of errors."""
 

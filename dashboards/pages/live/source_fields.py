@@ -19,7 +19,7 @@ from lab.live.axis_map import AxisMap
 from lab.live.decoders.catalogue import DECODERS, ENCODERS
 from lab.live.decoders.column_map import ColumnMap
 from lab.live.decoders.text_lines import TextLines
-from lab.live.opening import open_source
+from lab.live.opening import open_source, xplane_transport
 from lab.live.simulated_device import Misbehaviour, SimulatedDevice
 from lab.live.simulated_flight import SimulatedFlight, begins_at_rest
 from lab.live.simulated_link import local_link
@@ -28,6 +28,8 @@ from lab.live.station import Station
 
 SIMULATED = "simulated"
 """Choice of the simulated device."""
+XPLANE = "xplane:"
+"""Before the place of a running X-Plane in its address."""
 PHONE = "phone"
 """Choice of a phone that is yet to come."""
 WATCHED = "watch "
@@ -52,6 +54,11 @@ _OF_SIMULATED = (
 _OF_PHONES = (
     "A phone scans a QR code, opens one page, and streams its gyros, accelerometers and position. Hold it "
     "with the screen up and its top forward. The navigator assumes the sensors of the settings."
+)
+_OF_XPLANE = (
+    "X-Plane sends its motion; on it, the sensors of the settings are simulated, or those of the card in the "
+    "address. The navigator assumes the sensors of the settings. X-Plane must accept incoming connections "
+    "(Settings, Network)."
 )
 _OF_OTHERS = (
     "The navigator assumes the sensors of the settings: choose the card of this sensor there. The columns of "
@@ -136,14 +143,18 @@ class SourceFields:
         """Show the fields of the chosen source."""
         simulated = self._source.value == SIMULATED
         watched = str(self._source.value).startswith(WATCHED)
+        xplane = str(self._source.value).startswith(XPLANE)
         for field in (self._device, self._rate, self._faults):
             field.visible = simulated
         phone = self._source.value == PHONE
-        self._protocol.visible = not simulated and not watched and not phone
+        self._protocol.visible = not (simulated or watched or phone or xplane)
         self._columns.visible = self._protocol.visible and self._protocol.value in ("", TextLines.name)
-        self._axes.visible = not watched and not phone
+        self._axes.visible = not (watched or phone or xplane)
         self._heading.visible = not watched
-        self._note.object = f"<p>{_OF_SIMULATED if simulated else _OF_PHONES if phone else _OF_OTHERS}</p>"
+        note = _OF_OTHERS
+        for chosen, words in ((simulated, _OF_SIMULATED), (phone, _OF_PHONES), (xplane, _OF_XPLANE)):
+            note = words if chosen else note
+        self._note.object = f"<p>{note}</p>"
 
     def chosen(self) -> tuple[str, Callable[[], Station]]:
         """Return the key of the chosen source, and what makes its station in a thread.
@@ -167,6 +178,8 @@ class SourceFields:
                 f"{source}: this server does not open it; --allow-device of ins-lab serve allows it"
             )
         address = Address.of(source)
+        if address.kind == XPLANE.removesuffix(":"):
+            return self._xplane(address, experiment)
         options = {"axes": str(axes)} if not axes.is_identity else {}
         if self._protocol.value in DECODERS:
             options["protocol"] = str(self._protocol.value)
@@ -197,6 +210,18 @@ class SourceFields:
                 raise ValueError(f"Initial heading {heading!r}: accepted is a number of degrees, or nothing")
             experiment.navigator.set_texts([f"initial_heading={typed!r}"])
         return experiment
+
+    @staticmethod
+    def _xplane(address: Address, experiment: Experiment) -> tuple[str, Callable[[], Station]]:
+        """Return the key of simulated sensors in X-Plane, and what makes their station."""
+        sensors, navigator = experiment.sensors, experiment.navigator
+        by_card = "card" in address.options
+
+        def make() -> Station:
+            given = address if by_card else xplane_transport(address, sensors, experiment.seed)
+            return Station(open_source(given), sensors, navigator, str(address))
+
+        return digest(str(address), experiment.to_dict()), make
 
     def _simulated(self, experiment: Experiment, axes: AxisMap) -> tuple[str, Callable[[], Station]]:
         """Return the key of a simulated device, and what makes its station."""

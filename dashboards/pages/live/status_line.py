@@ -50,7 +50,8 @@ class StatusLine:
     def show(self, status: Status, state: LiveState, verdict: str, failure: str) -> None:
         """Show a source, its navigator, and the verdict on its innovations."""
         dot = f'<span style="color:{COLOURS[status.state]}">●</span>'
-        said = status.sentence if status.sentence.rstrip(".").lower() != status.state else ""
+        first, _, more = status.sentence.partition(".")
+        said = more if first.lower() == status.state else status.sentence  # the state stands before it
         words = escape(f"{said} {status.warning}".strip())
         lines = [
             f'<p>{dot} <span class="state">{status.state}</span> <span class="dim">{words}</span></p>',

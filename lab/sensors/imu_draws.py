@@ -1,0 +1,103 @@
+"""IMU draws: the unit draws behind the random errors of a triad, for all samples or piece by piece."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lab.sensors import processes
+from lab.sensors.draws import DrawStream, unit_draws
+
+FloatArray = NDArray[np.float64]
+
+
+class ImuDraws(NamedTuple):
+    """Unit draws of a triad for n samples.
+
+    Attributes
+    ----------
+    bias, scale, start : (3,) arrays
+        Turn-on bias, scale factor, and the first sample of the instability.
+    drive, flicker, walk : (n, 3) arrays, or (0, 3) where the triad has no such error
+        Drive of the instability; flicker and random walk of unit coefficient.
+    noise : (n, 3) array
+        White noise.
+    """
+
+    bias: FloatArray
+    scale: FloatArray
+    start: FloatArray
+    drive: FloatArray
+    flicker: FloatArray
+    walk: FloatArray
+    noise: FloatArray
+
+    @classmethod
+    def of(
+        cls,
+        seed: int,
+        sensor: str,
+        samples: int,
+        *,
+        instability: bool,
+        flicker: bool = False,
+        walk: bool = False,
+    ) -> ImuDraws:
+        """Draw for one triad, named by `sensor`; long draws only for the errors that it has."""
+
+        def long(name: str, wanted: bool = True) -> FloatArray:
+            return unit_draws(seed, f"{sensor}.{name}", (samples if wanted else 0, 3))
+
+        return cls(
+            bias=unit_draws(seed, f"{sensor}.bias", (3,)),
+            scale=unit_draws(seed, f"{sensor}.scale_factor", (3,)),
+            start=unit_draws(seed, f"{sensor}.instability.start", (3,)),
+            drive=long("instability", instability),
+            flicker=processes.flicker(long("flicker", flicker)),
+            walk=processes.random_walk(long("rate_random_walk", walk)),
+            noise=long("noise"),
+        )
+
+
+class ImuDrawStream:
+    """The draws of `ImuDraws.of` piece by piece.
+
+    The pieces joined are the same bits; the flicker is another sum of the same draws, which agrees to
+    10⁻⁶.
+
+    Parameters
+    ----------
+    seed
+        Seed of the run.
+    sensor
+        Name of the triad.
+    instability, flicker, walk
+        Which long draws it needs.
+    """
+
+    def __init__(self, seed: int, sensor: str, *, instability: bool, flicker: bool, walk: bool) -> None:
+        self._sensor = sensor
+        self._stream = DrawStream(seed)
+        self._wanted = {"instability": instability, "flicker": flicker, "rate_random_walk": walk}
+        # The constants are drawn once.
+        self._constant = ImuDraws.of(seed, sensor, 0, instability=False)
+        self._flicker = processes.Flicker()
+        self._walk = np.zeros(3)
+
+    def following(self, samples: int) -> ImuDraws:
+        """Return the draws for the next n samples."""
+
+        def long(name: str) -> FloatArray:
+            size = samples if self._wanted.get(name, True) else 0
+            return self._stream.following(f"{self._sensor}.{name}", (size, 3))
+
+        walk = processes.random_walk(long("rate_random_walk"), self._walk)
+        self._walk = walk[-1].copy() if walk.size else self._walk
+        return self._constant._replace(
+            drive=long("instability"),
+            flicker=self._flicker.following(long("flicker")),
+            walk=walk,
+            noise=long("noise"),
+        )
