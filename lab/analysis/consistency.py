@@ -45,7 +45,8 @@ def normalised_squares(vectors: FloatArray, covariances: FloatArray) -> FloatArr
     if not np.isfinite(covariances).all():
         return np.full(vectors.shape[0], np.nan)
     used = uncertain(covariances)
-    parts = [slice(first, first + AT_ONCE) for first in range(0, vectors.shape[0], AT_ONCE)]
+    # One part even without an epoch.
+    parts = [slice(first, first + AT_ONCE) for first in range(0, max(vectors.shape[0], 1), AT_ONCE)]
 
     def squares(inverted: Callable[[FloatArray, FloatArray], FloatArray]) -> FloatArray:
         found = []

@@ -25,9 +25,9 @@ from tests.browser.conftest import IDLE, ROOT, chromium, free_port, new_context
 
 __all__ = ["chromium"]
 
-pytestmark = pytest.mark.benchmark
 SECONDS = float(os.environ.get("INS_LAB_LIVE_SECONDS", "60"))
 """How long each stream is watched [s]; the bar of the laboratory is 600."""
+pytestmark = [pytest.mark.benchmark, pytest.mark.timeout(300 + 2 * SECONDS)]
 PAGES = int(os.environ.get("INS_LAB_PAGES", "10"))
 """Pages that watch one stream."""
 RATES = "Bokeh.documents[0].get_model_by_name('live:Angular rate').data.time"

@@ -28,9 +28,9 @@ from lab.live.station import Station
 from lab.navigation.settings import NavigatorSettings
 from lab.sensors.suite import SensorSuite
 
-pytestmark = pytest.mark.benchmark
 SECONDS = float(os.environ.get("INS_LAB_LIVE_SECONDS", "60"))
 """How long each stream runs [s]; the bar of the laboratory is 600."""
+pytestmark = [pytest.mark.benchmark, pytest.mark.timeout(300 + 2 * SECONDS)]
 
 
 @contextmanager
