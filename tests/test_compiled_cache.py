@@ -5,6 +5,7 @@ import sys
 from pathlib import Path
 from typing import Any
 
+import numba
 import pytest
 
 SOURCE = """
@@ -28,7 +29,8 @@ def loaded(folder: Path) -> Any:
 
 
 @pytest.fixture
-def folder(tmp_path: Path) -> Path:
+def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    monkeypatch.setattr(numba.config, "CACHE_DIR", "")  # beside the source, whatever the environment says
     (tmp_path / "kernel_on_disk.py").write_text(SOURCE)
     assert loaded(tmp_path)(1.5) == 3.0
     return tmp_path

@@ -84,6 +84,18 @@ def test_a_notebook_is_an_app_for_panel_serve(notebook: Path) -> None:
             server.kill()  # a server in the middle of a session may put off a polite request for ever
 
 
+def test_the_filter_that_is_written_openly_is_the_compiled_one() -> None:
+    cells = jupytext.read(ROOT / "notebooks" / "04_filter.py", fmt="py:percent").cells
+    code = [cell.source for cell in cells if cell.cell_type == "code"]
+    shown = next(k for k, source in enumerate(code) if source.endswith("differences(compiled, mine)"))
+    names: dict[str, Any] = {}
+    exec("\n".join(code[: shown + 1]), names)
+    found = names["differences"](names["compiled"], names["mine"])
+    assert (found.loc["difference"] < 1e-9).all()
+    assert (found.loc["difference of σ"] < 1e-9).all()
+    assert (found.loc["σ"] > 0.1).all()
+
+
 EXAMPLES = re.compile(r"```python\n(.*?)```", re.DOTALL)
 PAGES = ("README.md", *(f"docs/{path.name}" for path in sorted((ROOT / "docs").glob("*.md"))))
 WITH_EXAMPLES = [page for page in PAGES if EXAMPLES.search((ROOT / page).read_text("utf-8"))]
