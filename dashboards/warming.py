@@ -11,7 +11,7 @@ import sys
 class Warming:
     """Compiles the filter for every combination of settings, so that no visitor waits for the compiler.
 
-    The process ends by itself after some minutes. If all is compiled already, it takes some seconds.
+    The process ends by itself, after some minutes, or sooner if all is compiled already.
     """
 
     def __init__(self) -> None:

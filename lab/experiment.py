@@ -43,7 +43,7 @@ from lab.result import Result, Runnable
 from lab.sensors import gps, imu
 from lab.sensors.draws import unit_draws
 from lab.sensors.suite import SensorSuite
-from lab.sensors.triad import Surroundings, output
+from lab.sensors.triad import Conditions, output
 from lab.settings import SettingError
 from lab.simulated_result import SimulatedResult
 from lab.trajectory import Trajectory, Truth
@@ -255,8 +255,8 @@ class _Run:
         """Return the output of a triad with the temperature and the vibration of the flight."""
         ideal, seed = flight.ideal, self.experiment.seed
         height = flight.truth.height[1:] - flight.truth.height[0]
-        around = Surroundings.of(self.sensors, seed, ideal.time[1:], height, ideal.dvelocity, ideal.dt)
-        return output(errors, ideal.dtheta, ideal.dt, draws, around)
+        conditions = Conditions.of(self.sensors, seed, ideal.time[1:], height, ideal.dvelocity, ideal.dt)
+        return output(errors, ideal.dtheta, ideal.dt, draws, conditions)
 
     def fixes(self, flight: Flight) -> gps.GpsFixes:
         """Simulate the GPS receiver."""

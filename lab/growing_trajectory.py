@@ -43,7 +43,7 @@ accelerates the curve by 0.4 mm/s²."""
 
 
 class FlownPiece(NamedTuple):
-    """A piece of a flight, with its surroundings.
+    """A piece of a flight, with the curve on both sides of it.
 
     Attributes
     ----------

@@ -17,7 +17,7 @@ from lab.sensors import gps, imu
 from lab.sensors.draws import DrawStream
 from lab.sensors.imu_draws import ImuDrawStream
 from lab.sensors.suite import SensorSuite
-from lab.sensors.triad import Surroundings, output
+from lab.sensors.triad import Conditions, output
 
 FloatArray = NDArray[np.float64]
 
@@ -86,10 +86,15 @@ class SensorStream:
         height = piece.trajectory.at(piece.trajectory.time[piece.begin - piece.first : part.stop + 1]).height
         if self._height is None:
             self._height = float(height[0])
-        around = Surroundings.of(self._sensors, self._draws, time, height[1:] - self._height, dvelocity, dt)
+        conditions = Conditions.of(self._sensors, self._draws, time, height[1:] - self._height, dvelocity, dt)
         gyro, accelerometer = (
             output(
-                errors, dtheta, dt, self._triads[name].following(len(dtheta)), around, self._memories[name]
+                errors,
+                dtheta,
+                dt,
+                self._triads[name].following(len(dtheta)),
+                conditions,
+                self._memories[name],
             )
             for name, errors in (
                 ("gyro", self._sensors.gyro),

@@ -15,7 +15,7 @@ from lab.sensors.suite import SensorSuite
 FloatArray = NDArray[np.float64]
 
 
-class Surroundings(NamedTuple):
+class Conditions(NamedTuple):
     """What acts on both triads in each sample interval.
 
     Attributes
@@ -38,7 +38,7 @@ class Surroundings(NamedTuple):
         height: FloatArray,
         dvelocity: FloatArray,
         dt: float,
-    ) -> Surroundings:
+    ) -> Conditions:
         """Return what acts on the triads.
 
         Parameters
@@ -69,7 +69,7 @@ def output(
     dtheta: FloatArray,
     dt: float,
     draws: imu.ImuDraws,
-    around: Surroundings,
+    conditions: Conditions,
     memory: imu.Memory | None = None,
 ) -> imu.Measured:
     """Return the output of a triad, compensated for temperature where that is set.
@@ -79,18 +79,18 @@ def output(
     errors
         Its errors, which say which triad it is.
     dtheta : (n, 3) array
-        True angular increments [rad]; the velocity increments are those of the surroundings.
+        True angular increments [rad]; the velocity increments are those of the conditions.
     dt
         Length of the intervals [s].
     draws
         Unit draws for n samples.
-    around
+    conditions
         What acts on it.
     memory
         As of `imu.measure`.
     """
-    quantity = dtheta if isinstance(errors, imu.GyroErrors) else around.environment.dvelocity
-    measured = imu.measure(quantity, dt, errors, draws, around.environment, memory)
-    if around.reading is None:
+    quantity = dtheta if isinstance(errors, imu.GyroErrors) else conditions.environment.dvelocity
+    measured = imu.measure(quantity, dt, errors, draws, conditions.environment, memory)
+    if conditions.reading is None:
         return measured
-    return imu.compensate(measured, dt, errors, around.environment.temperature, around.reading)
+    return imu.compensate(measured, dt, errors, conditions.environment.temperature, conditions.reading)
