@@ -17,7 +17,7 @@ import sys
 import threading
 from collections import deque
 from itertools import filterfalse
-from types import BuiltinFunctionType, CodeType, ModuleType
+from types import CodeType, ModuleType
 
 import panel as pn
 from bokeh.application.application import Application, ServerContext
@@ -35,7 +35,7 @@ MOST = 400_000
 """Most objects that count as those of one page; a page that has shown all its tabs has 100,000."""
 
 SHARED = (
-    *(type, ModuleType, BuiltinFunctionType, CodeType, str, bytes, int, float),
+    *(type, ModuleType, CodeType, str, bytes, int, float),
     *(
         Application,
         ApplicationContext,
@@ -67,28 +67,27 @@ def search_all() -> None:
     gc.freeze()
 
 
-async def search_from(root: object) -> None:
-    """Collect the garbage that is reachable from an object.
+async def search_from(roots: list[object]) -> None:
+    """Collect the garbage that is reachable from some objects; the list is empty afterwards.
 
     Objects that are still referred to stay; the search is then only wasted time.
     """
-    await _make_young(root)
-    del root
+    await _make_young(roots)
     gc.collect(NEWEST)
 
 
-async def _make_young(root: object) -> None:
-    """Move all objects reachable from an object to the youngest generation."""
+async def _make_young(roots: list[object]) -> None:
+    """Move all objects reachable from some objects to the youngest generation; empty the list."""
     shared = {id(vars(module)) for module in list(sys.modules.values()) if isinstance(module, ModuleType)}
     found: dict[int, object] = {}
-    waiting = [root]
-    while waiting and len(found) < MOST:
-        one = waiting.pop()
+    while roots and len(found) < MOST:
+        one = roots.pop()
         number = id(one)
         if number not in found and number not in shared and not isinstance(one, SHARED):
             found[number] = one
-            waiting.extend(gc.get_referents(one))
+            roots.extend(gc.get_referents(one))
             if len(found) % AT_ONCE == 0:
                 await asyncio.sleep(0)
+    roots.clear()
     # Both calls run in C without releasing the lock, so no other thread sees an object in between.
     deque(map(_track, filterfalse(_untrack, filter(gc.is_tracked, found.values()))), maxlen=0)

@@ -3,19 +3,22 @@
 from __future__ import annotations
 
 import asyncio
+import gc
 from collections import deque
 from collections.abc import Callable
 from contextvars import Context
 from functools import partial
-from weakref import ref
+from weakref import WeakKeyDictionary, WeakSet, ref
 
 from bokeh.application.application import SessionContext
 from bokeh.application.handlers.handler import Handler
 from bokeh.document import Document
+from bokeh.model import Model
 from bokeh.server.contexts import ApplicationContext
 from bokeh.server.session import ServerSession
 
 from dashboards import garbage
+from lab.memory import give_back
 
 PAUSE = 0.01
 """Time between two turns [s]: requests of open pages meanwhile take a few rounds of the event loop."""
@@ -28,12 +31,13 @@ AGAIN = 10.0
 in a thread refers to its page until it is done."""
 
 ENOUGH = 100
-"""Ended pages between two full collections. A collection from a page misses 100 objects of a page that shows
-its first plots, and objects that were frozen while another page opened and dropped before their own page
-ended."""
-FEW = 10
-"""Most open pages for a full collection: with their imports they have 800,000 objects, which takes half a
-second; thirty pages would take more than one second."""
+"""Ended pages between two full collections. A collection from a page misses objects that it dropped and that
+nothing of it refers to any more."""
+ROOM = 200_000
+"""Objects kept since the last full collection from which there is another one; they take 130 MB."""
+MOST = 900_000
+"""Most objects for a full collection, which takes half a second for them. The imports are 390,000, and a page
+has 30,000 to 100,000."""
 
 Turn = Callable[[], "asyncio.Future[None]"]
 
@@ -49,6 +53,8 @@ class Openings(Handler):
         self._waiting: deque[Turn] = deque()
         self._ended: deque[Turn] = deque()
         self._ended_since = 0
+        self._kept = gc.get_freeze_count()  # after the last full collection
+        self._models: WeakKeyDictionary[Document, WeakSet[Model]] = WeakKeyDictionary()
         self._working: asyncio.Task[None] | None = None
         self._context: ref[ApplicationContext] | None = None
 
@@ -96,28 +102,34 @@ class Openings(Handler):
         """Run a step of a page in its turn, as a callback of its document."""
         self._ask(partial(_step, document, step))
 
-    def let_go(self, page: object, wait: float = AGAIN) -> None:
+    def let_go(self, page: object, document: Document, wait: float = AGAIN) -> None:
         """Free the objects of an ended page, once no page waits to be opened."""
-        self._ended.append(partial(self._search, [page], wait))
+        self._ended.append(partial(self._search, [page, *self._models.pop(document, ())], wait))
         self._begin()
 
-    def _search(self, pages: list[object], wait: float) -> asyncio.Future[None]:
+    def _search(self, roots: list[object], wait: float) -> asyncio.Future[None]:
         async def search() -> None:
-            left = ref(pages[0])
-            await garbage.search_from(pages.pop())
-            if left() is not None:
+            left = [ref(root) for root in roots]
+            await garbage.search_from(roots)
+            if any(root() is not None for root in left):
                 asyncio.get_running_loop().call_later(wait, self._search_again, left, 2 * wait)
                 return
             self._ended_since += 1
-            if self._ended_since >= ENOUGH and len(self._sessions) <= FEW:
-                self._ended_since = 0
-                garbage.search_all()
+            self._search_all()
 
         return asyncio.ensure_future(search())
 
-    def _search_again(self, left: ref[object], wait: float) -> None:
-        if (page := left()) is not None:
-            self.let_go(page, wait)
+    def _search_all(self) -> None:
+        """Collect over all objects if enough may be found, and if it does not keep others waiting."""
+        objects = gc.get_freeze_count()
+        if (self._ended_since >= ENOUGH or objects - self._kept > ROOM) and objects < MOST:
+            garbage.search_all()
+            self._ended_since, self._kept = 0, gc.get_freeze_count()
+
+    def _search_again(self, left: list[ref[object]], wait: float) -> None:
+        roots = [root for known in left if (root := known()) is not None]
+        self._ended.append(partial(self._search, roots, wait))
+        self._begin()
 
     def _ask(self, turn: Turn) -> None:
         self._waiting.append(turn)
@@ -130,10 +142,21 @@ class Openings(Handler):
             self._working = asyncio.get_running_loop().create_task(self._work(), context=Context())
 
     async def _work(self) -> None:
+        searched = False
         while turns := self._waiting or self._ended:
+            searched = searched or turns is self._ended
             await asyncio.wait({turns.popleft()()}, timeout=LONGEST)
             await asyncio.sleep(PAUSE)
+            self._note_models()
             garbage.keep()
+        if searched:
+            # In a thread, because it takes up to 0.1 s for one gigabyte.
+            await asyncio.to_thread(give_back)
+
+    def _note_models(self) -> None:
+        """Note the models that are about to be kept: their document may drop them before it ends."""
+        for session in self._sessions:
+            self._models.setdefault(session.document, WeakSet()).update(session.document.models)
 
 
 def _step(document: Document, step: Callable[[], None]) -> asyncio.Future[None]:

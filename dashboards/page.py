@@ -325,4 +325,4 @@ def _unlink_busy(frame: MaterialPage) -> None:
 def _close(page: SimulatorPage, _context: object) -> None:
     page.close()
     if page._openings is not None:
-        page._openings.let_go(page)
+        page._openings.let_go(page, page._document)

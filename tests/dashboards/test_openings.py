@@ -98,7 +98,7 @@ def test_an_ended_page_is_freed_once_no_other_waits_to_open() -> None:
         page = Ended()
         left = ref(page)
         garbage.keep()
-        turns.let_go(page)
+        turns.let_go(page, Document())
         del page
         for _ in range(3):
             await turns.on_session_created(CONTEXT)
@@ -139,7 +139,7 @@ def test_the_turns_do_not_refer_to_the_page_that_asked_first() -> None:
         turns, page = Openings(), Ended()
         left = ref(page)
         token = current.set(page)  # as Panel does with the document of a page
-        turns.let_go(page)
+        turns.let_go(page, Document())
         current.reset(token)
         del page, token
         await turns._working
@@ -148,27 +148,45 @@ def test_the_turns_do_not_refer_to_the_page_that_asked_first() -> None:
     completed(end)
 
 
-def test_everything_is_searched_now_and_then_while_few_pages_are_open(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    searches: list[int] = []
-    monkeypatch.setattr(openings, "ENOUGH", 2)
-    monkeypatch.setattr(garbage, "search_all", lambda: searches.append(1))
-    sessions: list[Any] = [SimpleNamespace(connection_count=1)] * openings.FEW
-    turns = Openings()
-    context: Any = Context(sessions)
-    turns._context = ref(context)
+def searches(monkeypatch: pytest.MonkeyPatch) -> list[int]:
+    """Return a list that gets an entry with each search of everything."""
+    found: list[int] = []
+    monkeypatch.setattr(garbage, "search_all", lambda: found.append(1))
+    return found
+
+
+def end_pages(turns: Openings, count: int) -> None:
+    """End some pages, one after the other."""
 
     async def end_one() -> None:
         await turns._search([Ended()], 1.0)
 
-    for _ in range(4):
+    for _ in range(count):
         completed(end_one)
-    assert len(searches) == 2
-    sessions += sessions
-    for _ in range(4):
-        completed(end_one)
-    assert len(searches) == 2
+
+
+def test_everything_is_searched_now_and_then_while_there_is_not_too_much(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    found, turns = searches(monkeypatch), Openings()
+    monkeypatch.setattr(openings, "ENOUGH", 2)
+    end_pages(turns, 4)
+    assert len(found) == 2
+    monkeypatch.setattr(openings, "MOST", 0)
+    end_pages(turns, 4)
+    assert len(found) == 2
+
+
+def test_everything_is_searched_when_much_was_kept(monkeypatch: pytest.MonkeyPatch) -> None:
+    found, turns = searches(monkeypatch), Openings()
+    monkeypatch.setattr(openings, "ROOM", 1000)
+    end_pages(turns, 1)
+    assert found == []
+    much = [Ended() for _ in range(1000)]
+    garbage.keep()
+    end_pages(turns, 2)
+    assert len(found) == 1
+    assert len(much) == 1000
 
 
 class Context:
