@@ -135,7 +135,7 @@ def _check(run: Run) -> None:
 
 def check_latitude(flight: Truth) -> None:
     """Raise `SettingError` for flights too close to a pole for errors in north, east, down."""
-    highest = float(np.abs(flight.latitude).max())
+    highest = float(max(flight.latitude.max(), -flight.latitude.min()))
     if highest > MAX_LATITUDE:
         raise SettingError(
             f"mission: the flight reaches latitude {np.degrees(highest):.3f}°, and this analysis follows "
@@ -234,14 +234,7 @@ class _Propagation:
             np.array([source.decay(ideal.dt) for source in self.inertial]),
             np.array([source.drive(ideal.dt) for source in self.inertial]).reshape(-1, 3),
         )
-        # K = P⁺ Hᵀ R⁻¹, even if P⁺ and R are wrong (Gelb 4.2-16b).
-        solution = run.solution_arrays
-        used = solution.fix_sample >= 0
-        self.H = solution.fix_H
-        self.gain = np.zeros((self.H.shape[0], solution.states, 6))
-        self.gain[used] = (
-            solution.fix_covariance[used] @ self.H[used].mT @ np.linalg.inv(solution.fix_R[used])
-        )
+        self.solution = solution = run.solution_arrays
         self.corrected = _corrections(run)
         n = self.states = solution.states
         self.waiting = slice(n, n + BIASES)  # the biases of x̂
@@ -320,11 +313,13 @@ class _Propagation:
 
     def _update(self, fix: int) -> None:
         """Take a fix."""
-        K, waiting, own = self.gain[fix], self.waiting, self.own
+        solution, waiting, own = self.solution, self.waiting, self.own
+        H, n = solution.fix_H[fix], self.states
+        # K = P⁺ Hᵀ R⁻¹, even if P⁺ and R are wrong (Gelb 4.2-16b).
+        K = solution.fix_covariance[fix] @ H.T @ np.linalg.inv(solution.fix_R[fix])
         U = np.eye(waiting.stop)
-        n = self.states
-        U[:n, :n] -= K @ self.H[fix]
-        U[waiting, :n] = K[NAV:N] @ self.H[fix]
+        U[:n, :n] -= K @ H
+        U[waiting, :n] = K[NAV:N] @ H
         noise = np.concatenate((K, -K[NAV:N]))
         if self.corrected[fix]:
             U[waiting] = noise[waiting] = 0.0
