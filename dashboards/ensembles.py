@@ -3,20 +3,31 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Callable
 
 from lab.cache import StageCache, digest
-from lab.ensemble import Ensemble, Progress, run_ensemble
+from lab.ensemble import Ensemble, Progress
 from lab.result import Result
+from lab.seeds import run_ensemble
 
-KEPT = StageCache(limit=64 * 2**20)
-"""Ensembles by the settings they were run with."""
+KEPT = StageCache(limit=192 * 2**20)
+"""Ensembles by the settings they were run with; 1,000 runs of three minutes take 90 MB."""
 
 WORKERS = max(1, (os.cpu_count() or 1) - 1)
 """Threads of an ensemble: one core is left for the runs of the sliders."""
 
 
-def ensemble(result: Result, runs: int, progress: Progress) -> Ensemble:
-    """Return runs of a result's experiment, with its seed and the following ones."""
+def ensemble(
+    result: Result, runs: int, progress: Progress, partial: Callable[[Ensemble], None] | None = None
+) -> Ensemble:
+    """Return runs of a result's experiment, with its seed and the following ones.
+
+    `partial` is called with the runs that are done so far; see `run_ensemble`.
+    """
     experiment = result.experiment
     key = digest(result.mission.content_hash, experiment.to_dict(), runs)
-    return KEPT.get("ensemble", key, lambda: run_ensemble(experiment, runs, progress, workers=WORKERS))
+    return KEPT.get(
+        "ensemble",
+        key,
+        lambda: run_ensemble(experiment, runs, progress, workers=WORKERS, partial=partial),
+    )

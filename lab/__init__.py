@@ -33,7 +33,7 @@ from lab.views.cards import register_cards
 if TYPE_CHECKING:
     from lab.analysis import allan, budget
     from lab.comparison import compare
-    from lab.ensemble import Ensemble, run_ensemble
+    from lab.ensemble import Ensemble
     from lab.experiment import Experiment
     from lab.export import export_track
     from lab.missions import Mission, MissionError, Recording
@@ -41,6 +41,7 @@ if TYPE_CHECKING:
     from lab.navigation.algorithm import Algorithm, Estimate
     from lab.result import Result
     from lab.run import ResultError
+    from lab.seeds import run_ensemble
     from lab.sensors.cards import card, cards
     from lab.settings import SettingError
     from lab.trajectory import Trajectory
@@ -89,7 +90,7 @@ _HOMES = {
     "compare": "lab.comparison",
     "export_track": "lab.export",
     "mission": "lab.missions",
-    "run_ensemble": "lab.ensemble",
+    "run_ensemble": "lab.seeds",
 }
 _MODULES = {"allan": "lab.analysis.allan", "budget": "lab.analysis.budget", "plots": "lab.views.plots"}
 

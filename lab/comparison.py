@@ -7,10 +7,11 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from lab.ensemble import QUANTITIES, Ensemble, run_ensemble
+from lab.ensemble import QUANTITIES, Ensemble
 from lab.experiment import Experiment
 from lab.navigation.algorithm import Algorithm, AlgorithmError
 from lab.navigation.kalman import MEASUREMENTS
+from lab.seeds import run_ensemble
 from lab.settings import SettingError
 
 Progress = Callable[[str, float], None]

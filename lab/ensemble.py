@@ -1,15 +1,12 @@
 """Ensemble: one experiment over many seeds, and the verdict on its filter from all runs.
 
-Only the required values at the fixes are kept of each run, so that hundreds of runs fit into memory.
+Only the required values at the fixes are kept of each run; see `lab.seeds`.
 """
 
 from __future__ import annotations
 
 import operator
-import os
-import threading
-from collections.abc import Callable, Sequence
-from concurrent.futures import ThreadPoolExecutor
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property, reduce
 from typing import TYPE_CHECKING, NamedTuple
@@ -19,14 +16,10 @@ from numpy.typing import NDArray
 
 from lab.analysis import consistency, trial
 from lab.analysis.algorithm_verdict import judge
-from lab.analysis.evidence import Evidence, position_nees, whole_seconds
-from lab.analysis.run_evidence import evidence_of, reference_of
+from lab.analysis.evidence import Evidence
 from lab.analysis.verdict import Verdict
 from lab.datasets.labelled import ANGLES, EAST_NORTH_UP
 from lab.experiment import Experiment
-from lab.missions import LogMission, mission
-from lab.navigation.algorithm import Algorithm
-from lab.result import Result
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -41,16 +34,13 @@ QUANTITIES = (
     *(f"attitude {angle}" for angle in ANGLES),
 )
 """The kept errors, in this order."""
-EXPLAINED = 8
-"""Number of runs whose suspicious innovations are explained, which takes several times as long as a run. The
-other runs add only to the remaining evidence."""
 TRIED = 4
 """Number of runs on which advice is tried: their mean has half the random scatter of one run."""
 UNITS = ("m",) * 3 + ("m/s",) * 3 + ("°",) * 3
 """Units of position, velocity and attitude errors."""
 
 
-class _Run(NamedTuple):
+class RunAtFixes(NamedTuple):
     """The kept values of one run: at the m fixes, and for the whole run."""
 
     time: FloatArray
@@ -239,131 +229,7 @@ class Ensemble:
         return f"Ensemble of {self.experiment.mission}, {len(self.seeds)} seeds: {self.verdict}\n{table}"
 
 
-def run_ensemble(
-    experiment: Experiment,
-    seeds: int | Sequence[int],
-    progress: Progress | None = None,
-    *,
-    workers: int | None = None,
-    algorithm: Algorithm | None = None,
-) -> Ensemble:
-    """Run an experiment over seeds, on all cores: the kernels release the interpreter.
-
-    Parameters
-    ----------
-    experiment
-        Experiment to run; its own seed is the first if a number of runs is given.
-    seeds
-        Number of runs, or the seed of each; a sensor log has one run.
-    progress
-        Called with a sentence about the current work and the fraction done, from 0 to 1.
-    workers
-        Number of threads; by default one for each core.
-    algorithm
-        The user's navigator; it is called from one thread only.
-
-    Raises
-    ------
-    ValueError
-        If there is no seed, or more than one for a log; and as in `Experiment.run`.
-    """
-    chosen = range(experiment.seed, experiment.seed + seeds) if isinstance(seeds, int) else seeds
-    numbers = tuple(int(seed) for seed in chosen)
-    if not numbers:
-        raise ValueError(f"seeds: {seeds!r} contains no run; accepted is a number from 1, or a list of seeds")
-    if len(numbers) > 1 and isinstance(mission(experiment.mission), LogMission):
-        raise ValueError(
-            f"seeds: {len(numbers)} runs of a sensor log would all be the same, since it has no random "
-            "draws; accepted is one"
-        )
-    count = 0
-    lock = threading.Lock()
-
-    def one(seed: int) -> _Run:
-        nonlocal count
-        mine = experiment.copy()
-        mine.set("seed", seed)
-        kept = _keep(mine.run(algorithm=algorithm), explain=seed in numbers[:EXPLAINED])
-        with lock:
-            count += 1
-            if progress is not None:
-                progress(f"{count} of {len(numbers)} runs", count / len(numbers))
-        return kept
-
-    # The user's code need not be thread-safe.
-    workers = 1 if algorithm is not None else workers or os.cpu_count()
-    pool = ThreadPoolExecutor(workers, thread_name_prefix="ensemble")
-    try:
-        runs = list(pool.map(one, numbers))
-    finally:
-        pool.shutdown(cancel_futures=True)
-    return _together(experiment.copy(), numbers, runs)
-
-
-def _keep(result: Result, *, explain: bool = True) -> _Run:
-    """Return the kept values of a result; unknown values of a log are NaN.
-
-    `explain` is true if suspicious innovations are to be explained.
-    """
-    solution = result.solution_arrays
-    used = solution.fix_sample >= 0
-    at = solution.fix_sample[used]
-
-    grid, apart, apart_degrees = _between(result)
-    error, sigma, rms = _errors(result, at)
-    unknown = bool(result.lacks("consistency"))
-    return _Run(
-        time=result.fixes.time[used],
-        nees=np.full(at.size, np.nan) if unknown else result.consistency["nees"].values[used],
-        nis=result.innovations["nis"].values[used],
-        grid=grid,
-        between=apart,
-        between_degrees=apart_degrees,
-        error=error,
-        sigma=sigma,
-        rms=rms,
-        degrees=0 if unknown else int(result.consistency["nees"].attrs["degrees"]),
-        nis_degrees=int(result.innovations["nis"].attrs["degrees"]),
-        evidence=evidence_of(result, result.filtered, explain=explain),
-        seconds=result.seconds,
-        algorithm=result.algorithm,
-    )
-
-
-def _between(result: Result) -> tuple[FloatArray, FloatArray, int]:
-    """Return times between the fixes, NEES of the position there, and its degrees of freedom."""
-    if result.lacks("consistency"):
-        return np.zeros(0), np.zeros(0), 0
-    at = np.maximum(whole_seconds(result.time) - 1, 1)
-    nees, degrees = position_nees(result.solution_arrays, at, reference_of(result))
-    return result.time[at], nees, degrees
-
-
-def _errors(result: Result, at: NDArray[np.int64]) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return errors and their σ (m, 9) at samples (m,), and the root mean square (9,) of all known errors."""
-    wide = len(QUANTITIES)
-    error, sigma = np.full((at.size, wide), np.nan), np.full((at.size, wide), np.nan)
-    total, count, first = np.zeros(wide), np.zeros(wide, dtype=np.int64), 0
-    for part in result.parts():
-        here = (first <= at) & (at < first + part.time.size)
-        sigma[here] = _nine(part.sigma)[at[here] - first]
-        if not result.lacks("errors"):
-            there = _nine(part.errors)
-            known = np.isfinite(there)
-            total += np.sum(there**2, axis=0, where=known)
-            count += known.sum(axis=0)
-            error[here] = there[at[here] - first]
-        first += part.time.size
-    rms = np.sqrt(np.divide(total, count, out=np.full(wide, np.nan), where=count > 0))
-    return error, sigma, np.asarray(rms)
-
-
-def _nine(group: xr.Dataset) -> FloatArray:
-    """Return position, velocity and attitude of a dataset in one array (n, 9)."""
-    return np.concatenate([group[name].values for name in ("position", "velocity", "attitude")], axis=1)
-
-
-def _together(experiment: Experiment, seeds: tuple[int, ...], runs: list[_Run]) -> Ensemble:
+def together(experiment: Experiment, seeds: tuple[int, ...], runs: list[RunAtFixes]) -> Ensemble:
     """Align runs at the fixes; a run that did not use a fix has NaN there."""
     time = np.unique(np.concatenate([run.time for run in runs]))
     places = [np.searchsorted(time, run.time) for run in runs]

@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
+import re
 import threading
 
 import numpy as np
 import pytest
 from scipy import stats
 
+import lab.seeds as seeds_module
 from lab.analysis.innovation_evidence import LAGS
-from lab.ensemble import QUANTITIES, Ensemble, _keep, _together, run_ensemble
+from lab.ensemble import QUANTITIES, Ensemble, together
 from lab.experiment import CACHE, Experiment
+from lab.seeds import _keep, run_ensemble
 from lab.settings import SettingError
 
 SEEDS = 40
@@ -110,14 +113,12 @@ def test_a_run_that_did_not_use_a_fix_has_a_gap_there() -> None:
     short = Experiment(mission="los_angeles")
     gap = Experiment(mission="los_angeles")
     gap.set("sensors.gps.outages", [[9.5, 12.5]])
-    together = _together(short, (1, 1), [_keep(short.run()), _keep(gap.run())])
-    missing = (together.time > 9.5) & (together.time < 12.5)
-    assert np.isnan(together.nees[1]).tolist() == missing.tolist()
-    assert np.array_equal(together.consistency.anees[missing], together.nees[0][missing])
-    assert float(together.consistency.anees_high[missing][0]) == pytest.approx(
-        stats.chi2.interval(0.95, 15)[1]
-    )
-    assert together.coverage["within ±3σ [%]"].notna().all()
+    both = together(short, (1, 1), [_keep(short.run()), _keep(gap.run())])
+    missing = (both.time > 9.5) & (both.time < 12.5)
+    assert np.isnan(both.nees[1]).tolist() == missing.tolist()
+    assert np.array_equal(both.consistency.anees[missing], both.nees[0][missing])
+    assert float(both.consistency.anees_high[missing][0]) == pytest.approx(stats.chi2.interval(0.95, 15)[1])
+    assert both.coverage["within ±3σ [%]"].notna().all()
 
 
 def test_seeds_may_be_named_and_progress_is_told() -> None:
@@ -126,9 +127,38 @@ def test_seeds_may_be_named_and_progress_is_told() -> None:
         Experiment(mission="los_angeles"), (9, 3), lambda what, done: told.append((what, done))
     )
     assert ensemble.seeds == (9, 3)
-    assert told == [("1 of 2 runs", 0.5), ("2 of 2 runs", 1.0)]
+    assert [done for _, done in told] == [0.5, 1.0]
+    first = re.fullmatch(r"1 of 2 runs, ([\d.e+]+) per second, (\d+) s left", told[0][0])
+    assert first is not None
+    assert float(first[2]) == pytest.approx(1 / float(first[1]), abs=0.6)
+    assert told[1][0] == "2 of 2 runs"
     again = run_ensemble(Experiment(mission="los_angeles"), (3, 9), workers=1)
     assert np.array_equal(ensemble.nees[::-1], again.nees)
+
+
+def test_the_runs_that_are_done_are_an_ensemble_too(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Of each count of runs there is one, with the very values of the whole."""
+    monkeypatch.setattr(seeds_module, "SHOWN_EVERY", 0.0)
+    parts: list[Ensemble] = []
+    whole = run_ensemble(Experiment(mission="los_angeles"), 5, partial=parts.append)
+    assert [len(part.seeds) for part in parts] == [2, 3, 4]
+    for part in parts:
+        rows = [whole.seeds.index(seed) for seed in part.seeds]
+        assert rows == sorted(rows)
+        assert np.array_equal(part.nees, whole.nees[rows], equal_nan=True)
+        assert np.array_equal(part.rms, whole.rms[rows])
+
+
+def test_who_is_told_of_the_progress_may_end_the_work() -> None:
+    told: list[float] = []
+
+    def enough(_what: str, done: float) -> None:
+        told.append(done)
+        raise InterruptedError
+
+    with pytest.raises(InterruptedError):
+        run_ensemble(Experiment(mission="los_angeles"), 50, enough)
+    assert told == [0.02]
 
 
 @pytest.mark.parametrize("seeds", [0, -3, ()])

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import partial
 from html import escape
 from typing import TYPE_CHECKING, Self
 
@@ -14,6 +15,7 @@ from dashboards.ensembles import ensemble
 from dashboards.identifying import Identifying
 from dashboards.pages.base import plot_grid
 from dashboards.pages.computed import ComputedPage
+from dashboards.sending import together
 from dashboards.session import Session
 from dashboards.style import WRAP
 from lab.analysis.finding import Finding
@@ -47,7 +49,7 @@ th:first-child, td:first-child { text-align: left; padding-left: 4px; }
 td.off { font-weight: 700; box-shadow: inset -3px 0 0 #e8862e; }
 """
 
-RUNS = (1, 10, 30, 100)
+RUNS = (1, 10, 30, 100, 300, 1000)
 """Numbers of runs to choose from."""
 SETTLED = 20.0
 """Time after which the averages inside their intervals are counted [s]."""
@@ -80,7 +82,7 @@ class Consistency(ComputedPage):
         self._result: Result | None = None
         self._choice = pmui.Select(
             label="Runs",
-            options={f"{runs} seeds" if runs > 1 else "1 seed": runs for runs in RUNS},
+            options={f"{runs:,} seeds" if runs > 1 else "1 seed": runs for runs in RUNS},
             value=1,
             size="small",
             width=120,
@@ -124,7 +126,7 @@ class Consistency(ComputedPage):
         alone = not result.realisation  # nothing is drawn that another seed would draw anew
         self._choice.param.update(visible=not alone, **({"value": 1} if alone else {}))
         if self.runs > 1:
-            self.working = f"Running {self.runs} seeds:"
+            self.working = f"Running {self.runs:,} seeds:"
             super().draw(result)
             return
         if result is not self._wanted:
@@ -145,9 +147,27 @@ class Consistency(ComputedPage):
         """Try the advice on one run, or run the selected number of seeds and judge them together."""
         if self.runs == 1:
             return tried(result.verdict, [result], progress)
-        found = ensemble(result, self.runs, progress)
+        found = ensemble(result, self.runs, progress, partial(self._of_some, result))
         _ = found.consistency, found.innovation_verdict, found.whiteness, found.coverage, found.tried_verdict
         return found
+
+    def _of_some(self, result: Result, done: Ensemble) -> None:
+        """Show the runs that are done so far; called in a thread."""
+        _ = done.consistency, done.verdict, done.innovation_verdict, done.whiteness, done.coverage
+        self._later(partial(self._draw_some, result, done))
+
+    def _draw_some(self, result: Result, done: Ensemble) -> None:
+        complete = self._content is not None and self._content[0] is result
+        if result is self._wanted and self.runs > len(done.seeds) and not complete:
+            assert self._document is not None
+            with together(self._document):
+                self._draw_runs(done)
+
+    def _draw_runs(self, runs: Ensemble, verdict: Verdict | None = None) -> None:
+        """Draw averages over runs in the visible stretch of time, and write the verdict on them."""
+        self._many.show(runs)
+        self._write(runs, verdict)
+        self._lay_out(self._plots_of_many)
 
     def _arrive(self, result: Result, outcome: Outcome) -> None:
         """Draw the computed content, unless another number of runs was selected meanwhile."""
@@ -181,9 +201,7 @@ class Consistency(ComputedPage):
         if isinstance(content, Verdict):
             self._write(result, content)
             return escape(_what_is_judged(result))
-        self._many.show(content)
-        self._write(content, content.tried_verdict)
-        self._lay_out(self._plots_of_many)
+        self._draw_runs(content, content.tried_verdict)
         return escape(over_seeds(content))
 
     def _write(self, judged: Result | Ensemble, verdict: Verdict | None = None) -> None:

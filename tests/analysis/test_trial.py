@@ -8,8 +8,9 @@ import pytest
 from lab.analysis import trial
 from lab.analysis.finding import Change
 from lab.analysis.trial import Figures
-from lab.ensemble import TRIED, run_ensemble
+from lab.ensemble import TRIED
 from lab.experiment import Experiment
+from lab.seeds import run_ensemble
 
 BEFORE = Figures(nis=1.5, correlation=0.1, held_out=4.0, fixes=400)
 

@@ -15,7 +15,11 @@ from dashboards.computing import Outcome
 from dashboards.ensembles import ensemble
 from dashboards.page import PAGES
 from dashboards.pages.base import Page
+from dashboards.pages.consistency import Consistency
 from dashboards.pages.time_plots import Covariance, Errors, Height
+from lab import seeds
+from lab.analysis.verdict import Verdict
+from lab.ensemble import Ensemble
 from lab.experiment import Experiment
 from lab.navigation.settings import NavigatorSettings
 from lab.sensors.cards import cards
@@ -165,6 +169,35 @@ def test_several_runs_and_one_again(walk: Walk) -> None:
     walk.settle()
     walk.run(experiment(sensors__gps__outages=[(0.0, 1e4)]))
     assert walk.complaints() == []
+    walk.shown._choice.value = 1
+
+
+def test_runs_that_are_done_are_drawn_while_others_go_on(walk: Walk, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(seeds, "SHOWN_EVERY", 0.0)
+    seen: list[tuple[int, int]] = []
+    draw = Consistency._draw_runs
+
+    def draw_and_note(page: Consistency, runs: Ensemble, verdict: Verdict | None = None) -> None:
+        draw(page, runs, verdict)
+        seen.append((len(runs.seeds), len(walk.figures())))
+
+    monkeypatch.setattr(Consistency, "_draw_runs", draw_and_note)
+    first = walk.run(experiment(seed=31)).result
+    walk.open("Consistency")
+    walk.shown._choice.value = 10
+    walk.settle()
+    counts = [count for count, _ in seen]
+    assert len(counts) >= 3
+    assert counts == sorted(counts)
+    assert counts[-1] == 10
+    assert {figures for _, figures in seen} == {3}
+    assert "10 flights" in walk.text()
+    assert first is not None
+    seen.clear()
+    walk.shown._draw_some(
+        first, ensemble(first, 2, lambda *_: None)
+    )  # late, and of a result that is complete
+    assert seen == []
     walk.shown._choice.value = 1
 
 
