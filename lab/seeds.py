@@ -116,7 +116,7 @@ class _Done:
         if self._progress is not None:
             rate = count / max(now - self._began, 1e-9)
             left = f", {rate:.3g} per second, {(wanted - count) / rate:.0f} s left" if count < wanted else ""
-            self._progress(f"{count} of {wanted} runs{left}", count / wanted)
+            self._progress(f"{count:,} of {wanted:,} runs{left}", count / wanted)
         if self._partial is not None and 1 < count < wanted and now - self._shown > SHOWN_EVERY:
             self._shown = now
             self._partial(self.ensemble())

@@ -85,7 +85,7 @@ class Consistency(ComputedPage):
             options={f"{runs:,} seeds" if runs > 1 else "1 seed": runs for runs in RUNS},
             value=1,
             size="small",
-            width=120,
+            width=140,
             margin=(10, 8),
         )
         self._choice.param.watch(lambda _event: self._chosen(), "value")
