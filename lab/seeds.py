@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from lab.analysis.budget import believed_sigma
 from lab.analysis.evidence import position_nees, whole_seconds
 from lab.analysis.run_evidence import evidence_of, reference_of
 from lab.ensemble import QUANTITIES, Ensemble, Progress, RunAtFixes, together
@@ -170,17 +171,17 @@ def _between(result: Result) -> tuple[FloatArray, FloatArray, int]:
 def _errors(result: Result, at: NDArray[np.int64]) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Return errors and their σ (m, 9) at samples (m,), and the root mean square (9,) of all known errors."""
     wide = len(QUANTITIES)
-    error, sigma = np.full((at.size, wide), np.nan), np.full((at.size, wide), np.nan)
+    error, sigma = np.full((at.size, wide), np.nan), believed_sigma(result, at)[:, :wide]
     total, count, first = np.zeros(wide), np.zeros(wide, dtype=np.int64), 0
     for part in result.parts():
+        if result.lacks("errors"):
+            break
         here = (first <= at) & (at < first + part.time.size)
-        sigma[here] = _nine(part.sigma)[at[here] - first]
-        if not result.lacks("errors"):
-            there = _nine(part.errors)
-            known = np.isfinite(there)
-            total += np.sum(there**2, axis=0, where=known)
-            count += known.sum(axis=0)
-            error[here] = there[at[here] - first]
+        there = _nine(part.errors)
+        known = np.isfinite(there)
+        total += np.sum(there**2, axis=0, where=known)
+        count += known.sum(axis=0)
+        error[here] = there[at[here] - first]
         first += part.time.size
     rms = np.sqrt(np.divide(total, count, out=np.full(wide, np.nan), where=count > 0))
     return error, sigma, np.asarray(rms)

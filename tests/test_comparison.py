@@ -90,4 +90,4 @@ def test_progress_goes_forward_to_the_end(experiment: Experiment) -> None:
     told: list[tuple[str, float]] = []
     compare(experiment, ["phi"], 2, lambda what, done: told.append((what, done)))
     assert [done for _, done in told] == [0.5, 1.0]
-    assert told[0][0] == "phi, 1 of 2 runs"
+    assert told[0][0].startswith("phi, 1 of 2 runs, ")

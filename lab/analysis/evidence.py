@@ -153,9 +153,10 @@ def evidence(
         Whether suspicious innovations are explained.
     """
     seen, samples = offered(solution, fixes, imu)
+    motion = motion_at_fixes(solution, samples, imu)
     found = Evidence(
         runs=1,
-        innovations=innovations(solution, belief, fixes, imu, explain=explain),
+        innovations=innovations(solution, belief, fixes, imu, motion, explain=explain),
         usage=usage(solution, gate),
         told=Kept(np.append(latency, belief.lever_arm)[None]),
     )
@@ -168,7 +169,7 @@ def evidence(
             belief,
             fixes,
             seen,
-            causes_of(motion_at_fixes(solution, samples, imu)),
+            causes_of(motion),
             reference.truth,
             solution.fix_rejected[seen],
         ),

@@ -15,6 +15,7 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
 
 from lab.navigation.error_models import ACCEL_BIAS, ACCEL_SCALE, ATT, GYRO_BIAS, GYRO_SCALE, POS, VEL
 from lab.navigation.solution import Belief, Imu, Solution
@@ -72,8 +73,9 @@ def _mean_force(solution: Solution, samples: NDArray[np.intp], imu: Imu) -> Floa
     """Return the specific force (m, 3) in n, averaged from each fix to the next [m/s²]."""
 
     def gained(part: slice) -> FloatArray:
-        C_nb = C_nb_from_euler(euler_from_quaternion(solution.q_nb[1:][part]))
-        return np.asarray(np.einsum("nij,nj->ni", C_nb, imu.dvelocity[part]))
+        attitude = Rotation.from_quat(solution.q_nb[1:][part], scalar_first=True)
+        # SciPy takes no read-only array, so this is a copy.
+        return np.asarray(attitude.apply(imu.dvelocity[part].astype(np.float64)))
 
     at = np.append(samples, imu.time.size - 1)
     span = np.maximum(imu.time[at[1:]] - imu.time[at[:-1]], 1e-9)[:, None]

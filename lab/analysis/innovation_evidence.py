@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from lab.analysis import consistency, hypotheses
 from lab.analysis.consistency import chi_square_interval
 from lab.analysis.finding import DOUBT, MANY_SIGMA, is_right
-from lab.analysis.fix_causes import CAUSES, causes_of, gains, matrices, motion_at_fixes, respond, response
+from lab.analysis.fix_causes import CAUSES, Motion, causes_of, gains, matrices, respond, response
 from lab.analysis.imu_causes import Steps, columns, steps, steps_in_parts
 from lab.analysis.outliers import CHANCE, NEIGHBOURS, outliers
 from lab.analysis.pattern import BINS, binned
@@ -105,9 +105,12 @@ def offered(solution: Solution, fixes: Fixes, imu: Imu) -> tuple[NDArray[np.intp
 
 
 def innovations(
-    solution: Solution, belief: Belief, fixes: Fixes, imu: Imu, *, explain: bool = True
+    solution: Solution, belief: Belief, fixes: Fixes, imu: Imu, motion: Motion, *, explain: bool = True
 ) -> Innovations:
-    """Return the statistics of the innovations of a run; the parameters are those of `evidence.evidence`."""
+    """Return the statistics of the innovations of a run.
+
+    The parameters are those of `evidence.evidence`, and the motion at the fixes that were `offered`.
+    """
     seen, samples = offered(solution, fixes, imu)
     used = solution.fix_sample[seen] >= 0
     known = np.isfinite(solution.innovation[seen])
@@ -134,7 +137,7 @@ def innovations(
         outliers=int(np.sum(apart & used)),
         refused=int(np.sum(apart & ~used)),
     )
-    return _explained(found, record, apart, explain) if seen.size else found
+    return _explained(found, record, motion, apart, explain) if seen.size else found
 
 
 def _without_outliers(
@@ -257,10 +260,11 @@ def _nothing() -> Fit:
     return Fit(np.zeros((REGRESSORS, REGRESSORS)), np.zeros(REGRESSORS), np.zeros(()))
 
 
-def _explained(found: Innovations, record: Record, apart: NDArray[np.bool_], explain: bool) -> Innovations:
+def _explained(
+    found: Innovations, record: Record, motion: Motion, apart: NDArray[np.bool_], explain: bool
+) -> Innovations:
     """Return the same with the fit of causes and, for suspicious innovations, of hypotheses."""
     solution, belief, imu, seen, samples, nu, S, _ = record
-    motion = motion_at_fixes(solution, samples, imu)
     causes = causes_of(motion)
     kept = ~apart
     answer = response(record.gains, solution, belief, seen, samples, imu.time, motion, causes)
