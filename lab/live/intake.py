@@ -1,10 +1,9 @@
 """Intake: rows of an IMU as they arrive, repaired as a sensor log is, but without knowledge of the future.
 
 The same rules as in `lab.logs.sensor_log` apply: a row that repeats the six values of the row before is
-dropped and the next interval reaches back, short gaps are filled linearly, longer ones break the stream. Two
-things differ, since only the past is known. The usual interval is the median of the last ones, not of the
-whole log. A row with the values of the row before waits until the repetition ends or is too long for a polled
-sensor, at most four rows.
+dropped and the next interval reaches back, short gaps are filled linearly, longer ones break the stream. A
+row with the values of the row before waits until the repetition ends or is too long for a polled sensor, at
+most four rows.
 """
 
 from __future__ import annotations
@@ -18,13 +17,10 @@ from numpy.typing import NDArray
 from lab.live.live_log import usable_imu
 from lab.live.timed import TIMED_IMU
 from lab.logs.sensor_log import GAP_STEPS, MAX_GAP, MAX_REPEAT
+from lab.logs.usual_interval import FIRST_INTERVALS, UsualInterval
 
 FloatArray = NDArray[np.float64]
 
-FIRST_INTERVALS: Final = 20
-"""Intervals of the IMU of which the first median is taken: rows wait for them, 0.2 s at 100 Hz."""
-INTERVALS: Final = 512
-"""Intervals of which the usual one is the median; a new rate of the device counts after half of them."""
 MOST_FILLED: Final = 10_000
 """Most samples that fill a gap: those of `MAX_GAP` at 5 kHz. A wrong clock could ask for any number."""
 BACK_ROWS: Final = 50
@@ -83,14 +79,11 @@ class Intake:
 
     def __init__(self) -> None:
         self.counts = Counts()
-        self.usual = np.nan
-        """Median interval [s]; NaN before `FIRST_INTERVALS`."""
+        self._usual = UsualInterval()
         self._last = np.empty(0, TIMED_IMU)  # the last row used
         self._tail = np.empty(0, TIMED_IMU)  # rows of equal values at the end; the first was passed on
         self._long = False  # whether these are too many for a polled sensor
         self._waiting = np.empty(0, TIMED_IMU)  # rows before the usual interval is known
-        self._intervals = np.empty(0)
-        self._since = 0  # intervals since the last median
         self._back = 0  # rows refused since the last good one
 
     def accept(self, rows: NDArray[np.void]) -> Iterator[Increments]:
@@ -105,7 +98,7 @@ class Intake:
         if self._back >= BACK_ROWS:
             self.restart()
         rows = self._without_repeats(self._increasing(rows))
-        if np.isnan(self.usual):
+        if np.isnan(self._usual.now):
             rows = self._waiting = np.concatenate((self._waiting, rows))
             if rows.size <= FIRST_INTERVALS:
                 return
@@ -185,8 +178,8 @@ class Intake:
         dt = np.diff(time)
         begins = not self._last.size
         self._last = rows[-1:]
-        self._learn(dt)
-        longest = min(max(MAX_GAP, GAP_STEPS * self.usual), MOST_FILLED * self.usual)
+        usual = self._usual.take(dt)
+        longest = np.minimum(np.maximum(MAX_GAP, GAP_STEPS * usual), MOST_FILLED * usual)
         broken = np.flatnonzero(dt > longest)
         self._count(
             used=rows.size - (not begins),
@@ -196,19 +189,19 @@ class Intake:
         first = 0
         for end in (*(broken + 1).tolist(), rows.size):
             if end - first > 1 or begins:
-                yield self._pieces(rows[first:end], begins=begins)
+                yield self._pieces(rows[first:end], usual[first : end - 1], begins=begins)
             first, begins = end, True
 
-    def _pieces(self, rows: NDArray[np.void], *, begins: bool) -> Increments:
+    def _pieces(self, rows: NDArray[np.void], usual: FloatArray, *, begins: bool) -> Increments:
         """Return the increments between rows without a break."""
         time = rows["time"]
         values = np.concatenate((rows["rate"], rows["force"]), axis=1)
         magnetic = rows["magnetic"]
         dt = np.diff(time)
-        wide = np.flatnonzero(dt > GAP_STEPS * self.usual)
+        wide = np.flatnonzero(dt > GAP_STEPS * usual)
         gaps = tuple((float(time[i]), float(time[i + 1])) for i in wide)
         if wide.size:
-            inner = [np.linspace(time[i], time[i + 1], round(dt[i] / self.usual) + 1)[1:-1] for i in wide]
+            inner = [np.linspace(time[i], time[i + 1], round(dt[i] / usual[i]) + 1)[1:-1] for i in wide]
             times = np.sort(np.concatenate((time, *inner)))
             values = np.stack([np.interp(times, time, column) for column in values.T], axis=-1)
             field = np.full((times.size, 3), np.nan)
@@ -219,13 +212,6 @@ class Intake:
         increments[1:] = values[1:] * np.diff(time)[:, None]
         kept = slice(0 if begins else 1, None)
         return Increments(time[kept], increments[kept], magnetic[kept], gaps, begins)
-
-    def _learn(self, dt: FloatArray) -> None:
-        """Take the median of the last intervals, each time that a quarter of them is new."""
-        self._intervals = np.concatenate((self._intervals, dt))[-INTERVALS:]
-        self._since += dt.size
-        if np.isnan(self.usual) or self._since >= min(INTERVALS, self._intervals.size) / 4:
-            self.usual, self._since = float(np.median(self._intervals)), 0
 
     def _count(self, **more: int) -> None:
         if any(more.values()):

@@ -8,15 +8,18 @@ knew everything in time, which is what a batch run computes.
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+from dataclasses import dataclass
 from typing import Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from lab.live.rolling import Rolling
-from lab.navigation.belief import implausible
+from lab.navigation.belief import implausible, schedule_of
 from lab.navigation.error_models import ErrorModel
 from lab.navigation.filter import Filter
+from lab.navigation.gap_noise import AROUND, gap_noise
 from lab.navigation.kalman import MEASUREMENTS, gate
 from lab.navigation.lever_arm import NO_TURNS, WINDOW, turns
 from lab.navigation.navigator import POLAR, PolarError, advance
@@ -34,6 +37,7 @@ COPY: Final = 0.25
 """Time between two copies [s]: a fix costs half of it in samples that are computed again."""
 REFRESH: Final = 0.5
 """Time without a fix after which a fix may show a rest [s]: `standstill` wants one within the second."""
+_ENDLESS: Final = 2**62  # samples of a stream
 _ROUNDING: Final = 1e-6  # of time stamps, as in `recorded` [s]
 _SLACK: Final = 1e-3  # time about a fix within which its sample is looked for [s]
 _CHANGING: Final = (
@@ -85,12 +89,24 @@ FIXES: Final = {
 _OF_SAMPLES: Final = ("position", "velocity_n", "q_nb", "bias", "variance", "covariance")
 
 
-class Gap(NamedTuple):
-    """A filled gap of the IMU: times [s], and densities (12,) of the process noise in it."""
+@dataclass
+class Gap:
+    """A filled gap of the IMU.
+
+    Attributes
+    ----------
+    start, end : float
+        Times [s].
+    noise : (12,) array
+        Densities of the process noise in it, from the motion so far.
+    settled : bool
+        Whether no later sample changes it.
+    """
 
     start: float
     end: float
     noise: FloatArray
+    settled: bool = False
 
 
 class _Copy(NamedTuple):
@@ -112,8 +128,8 @@ class LiveFilter:
         The start, with the gyro bias.
     assumed
         The filter's assumptions; R of each fix is in its row.
-    navigator, schedule, model
-        Its settings, schedule and error model.
+    navigator, model
+        Its settings and error model.
     rests
         Whether it uses rests that the fixes and the IMU show.
     """
@@ -126,21 +142,23 @@ class LiveFilter:
         start: Start,
         assumed: Belief,
         navigator: NavigatorSettings,
-        schedule: Schedule,
         model: ErrorModel,
         *,
         rests: bool,
     ) -> None:
         self.samples, self.fixes, self.first = samples, fixes, first
         self._begun = self._time(first)
+        self._step = self._increments(first, samples.end - 1).step
         self.at = first
         """Number of the sample that it has reached."""
         self.next_fix = fixes.number("time", self._time(first) + _ROUNDING, "right")
         """Number of the next fix; the last one before the start was used for the start."""
-        self.gaps: list[Gap] = []
+        self._gaps: list[Gap] = []
+        self._gap_second = 0  # in which the noise in gaps was settled
         self.assumed, self.model = assumed, model
         self._first_fix = self.next_fix
-        self._navigator, self._schedule, self._rests = navigator, schedule, rests
+        self._navigator, self._rests = navigator, rests
+        self._schedule = schedule_of(navigator, self._step, _ENDLESS)
         self._gates: dict[int, Schedule] = {}
         self._run = Filter.begin(start, assumed._replace(R=np.eye(MEASUREMENTS)), self._time(first), model)
         self._copies = [self._copy()]
@@ -181,6 +199,12 @@ class LiveFilter:
         alone = not before.size or float(times[0] - before[-1]) > REFRESH
         self._looks_changed |= fast or alone
 
+    def add_gaps(self, gaps: Iterable[tuple[float, float]]) -> None:
+        """Take note of filled gaps that end after the start, by their times [s]; the samples are there."""
+        for start, end in gaps:
+            if end > self._begun + _ROUNDING:
+                self._gaps.append(Gap(start, end, self._noise_in(start, end)))
+
     def advance(self) -> None:
         """Advance to the last sample.
 
@@ -192,6 +216,10 @@ class LiveFilter:
         last = self.samples.end - 1
         self._turn(last, settled=False)
         self._look_for_rest(last)
+        second = int(self._time(last))
+        if second != self._gap_second:
+            self._gap_second = second
+            self._settle_gaps(self._time(last) - AROUND)
         if self._stale <= self.at:
             self._return(self._stale)
         while self.at < last:
@@ -199,9 +227,23 @@ class LiveFilter:
         self._stale = self.at + 1
 
     def finish(self) -> None:
-        """Advance once more, with the averages over the last fixes that end with the last sample."""
+        """Advance once more, with averages over the last fixes and gaps that end with the last sample."""
         self._turn(self.samples.end - 1, settled=True)
+        self._settle_gaps(np.inf)
         self.advance()
+
+    def _settle_gaps(self, until: float) -> None:
+        """Take the noise in gaps that ended before a time [s] from the motion on both sides."""
+        for gap in self._gaps:
+            if not gap.settled and gap.end < until:
+                gap.noise, gap.settled = self._noise_in(gap.start, gap.end), True
+                self._stale = min(self._stale, self.samples.number("time", gap.start + _ROUNDING))
+
+    def _noise_in(self, start: float, end: float) -> FloatArray:
+        """Return the densities (12,) of the process noise in a gap [s], from the samples so far."""
+        first = max(self.samples.number("time", start - AROUND - _SLACK), self.first)
+        around = self._increments(first, self.samples.end - 1)
+        return np.asarray(self.assumed.noise + np.append(gap_noise(around, start, end), np.zeros(6)))
 
     def _time(self, sample: int) -> float:
         return float(self.samples.rows("time", sample, sample + 1)[0])
@@ -220,12 +262,12 @@ class LiveFilter:
         turn = self.fixes.rows("turn", self._unturned, due)
         start = max(self.samples.number("time", float(times[0]) - 1.0), self.first)
         imu = self._increments(start, last)
-        half = max(WINDOW, 2 * float(np.median(np.diff(imu.time)))) / 2
+        half = max(WINDOW, 2 * self._step) / 2
         whole = times + half <= now
         rows = (turn[:, 3] == 0) | whole | settled
         if not rows.any():
             return
-        turn[rows] = turns(imu, times[rows], arm)
+        turn[rows] = turns(imu, times[rows], arm, self._step)
         first = float(times[int(np.argmax(rows))])
         self._stale = min(self._stale, self.samples.number("time", first - _SLACK))
         self._unturned += int(whole.size if whole.all() else np.argmin(whole))
@@ -284,7 +326,7 @@ class LiveFilter:
         # Copies lie on a grid of time, so that a return does not shift them.
         step = np.floor(self._time(self.at) / COPY + 1e-6) + 1
         stop = min(last, max(self.at + 1, self.samples.number("time", step * COPY)))
-        for gap in self.gaps:
+        for gap in self._gaps:
             for edge in (gap.start, gap.end):
                 at = self.samples.number("time", edge - _ROUNDING)
                 if self.at < at < stop:
@@ -307,7 +349,7 @@ class LiveFilter:
                 gate=gate(self._navigator.gate, count), implausible=implausible(self._navigator, count)
             )
         noise = self.assumed.noise
-        for gap in self.gaps:
+        for gap in self._gaps:
             inside = gap.start - _ROUNDING <= self._time(self.at)
             if inside and self._time(end) <= gap.end + _ROUNDING:
                 noise = gap.noise
@@ -363,4 +405,4 @@ class LiveFilter:
             self._copies.append(self._copy())
             while len(self._copies) > 2 and self._time(self._copies[1].sample) < now - BACK:
                 self._copies.pop(0)
-            self.gaps = [gap for gap in self.gaps if gap.end > self.reach]
+            self._gaps = [gap for gap in self._gaps if gap.end > self.reach]

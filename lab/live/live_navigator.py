@@ -5,10 +5,7 @@ rests, R, gates and gaps, so the solution equals that of `lab.navigation.recorde
 recorded log from the same start. What the batch takes from the future differs:
 
 - the start: the batch looks for the heading in the whole log, the live navigator in the data so far;
-- the usual interval of the IMU is the median of the last intervals, not of all; it decides what is a gap,
-  and the number of samples that fill it;
-- the noise in a filled gap comes from the spread of the rates before it and its own length, not from the
-  whole log and its longest gap;
+- the noise in a filled gap comes from the motion on both sides, and is final 5 s after it;
 - after a break of the IMU of more than two seconds, the navigator aligns again; the batch navigates the
   longest piece;
 - a full navigator whose position became worse than `STOPS_AT` without fixes stops, and aligns again when
@@ -25,11 +22,12 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from lab.counted import counted, were
 from lab.live.attitude_only import Anchor, AttitudeOnly
 from lab.live.fix_intake import FixIntake
 from lab.live.intake import Increments, Intake
 from lab.live.live_compass import look_at_compass
-from lab.live.live_filter import Gap, LiveFilter
+from lab.live.live_filter import LiveFilter
 from lab.live.live_history import History
 from lab.live.live_log import magnetometer_of
 from lab.live.live_start import LiveStart
@@ -67,7 +65,6 @@ WAIT: Final = 0.1
 """Longest wait for samples of a source that is followed [s]."""
 GAPS: Final = 1000
 """Gaps that are remembered."""
-_ENDLESS: Final = 2**62  # samples of a stream
 
 
 class LiveNavigator:
@@ -131,7 +128,7 @@ class LiveNavigator:
         self._why_again = ""  # why the next stream begins, if not by a break
         self._new_stream(np.nan)
         load(self._assumed, EVERY_FIX)
-        load(self._assumed, schedule_of(navigator, STEP, _ENDLESS), self._model)
+        load(self._assumed, schedule_of(navigator, STEP, 1), self._model)
 
     def feed(self, imu: NDArray[np.void] | None = None, fixes: NDArray[np.void] | None = None) -> bool:
         """Take rows that arrived; return whether they were processed: few samples wait for the next ones.
@@ -178,8 +175,8 @@ class LiveNavigator:
             cursor = read.cursor
             if read.lost:
                 self._notes["lost"] = (
-                    f"{read.lost} samples came faster than they were processed: the navigator lost them, the "
-                    "recording has them."
+                    f"{counted(read.lost, 'sample')} came faster than they were processed: the navigator "
+                    "lost them, the recording has them."
                 )
             self.feed(read.imu, read.fix)
             if ended and not read.imu.size and not read.fix.size:
@@ -244,7 +241,7 @@ class LiveNavigator:
                 raise MissionError("live stream: no sample has come yet; accepted is a stream with samples")
             zero = float(samples.column("time")[0])
             time = samples.column("time") - zero
-            gaps = [(gap.start, gap.end) for gap in stream.gaps if gap.start >= zero]
+            gaps = [(max(start, zero), end) for start, end in stream.gaps if end > zero]
             magnetometer = magnetometer_of(time, samples.column("magnetic"))
             return SensorLog(
                 name="live stream",
@@ -320,23 +317,15 @@ class LiveNavigator:
         self._new_stream(time)
 
     def _take_gap(self, start: float, end: float) -> None:
-        """Take note of a filled gap, with the unknown motion in it: the spread of the rates so far."""
-        stream, samples = self._stream, self._stream.samples
-        last = max(samples.number("time", start - 1e-6), samples.first + 1)
-        dt = np.diff(samples.rows("time", samples.first, last + 1))[:, None]
-        spread = [
-            (samples.rows(name, samples.first + 1, last + 1) / dt).var(axis=0)
-            for name in ("dtheta", "dvelocity")
-        ]
-        extra = np.concatenate((*spread, np.zeros(6))) * (end - start)
-        gap = Gap(start, end, self._assumed.noise + extra)
-        stream.gaps = [*stream.gaps, gap][-GAPS:]
+        """Take note of a filled gap."""
+        stream = self._stream
+        stream.gaps = [*stream.gaps, (start, end)][-GAPS:]
         if stream.filter is not None:
-            stream.filter.gaps.append(gap)
+            stream.filter.add_gaps([(start, end)])
         counts = self._intake.counts
-        which = "1 gap of the IMU was" if counts.gaps == 1 else f"{counts.gaps} gaps of the IMU were"
         self._notes["gap"] = (
-            f"{which} filled linearly with {counts.filled} samples; the filter got large variances there."
+            f"{counted(counts.gaps, 'gap')} of the IMU {were(counts.gaps)} filled linearly with "
+            f"{counted(counts.filled, 'sample')}; the filter got large variances there."
         )
 
     def _advance(self) -> None:
@@ -422,7 +411,6 @@ class LiveNavigator:
         """Begin the full navigator at a sample that has passed."""
         stream = self._stream
         stream.alignment, stream.attitude = alignment, None
-        time = stream.samples.rows("time", first, stream.end)
         variances = stream.fixes.column("variances")[0]
         P0 = start_covariance(self._assumed, self._navigator, alignment, variances)
         run = LiveFilter(
@@ -432,11 +420,10 @@ class LiveNavigator:
             alignment.start._replace(gyro_bias=alignment.gyro_bias),
             self._assumed._replace(P0=P0),
             self._navigator,
-            schedule_of(self._navigator, float(np.median(np.diff(time))), _ENDLESS),
             self._model,
             rests=bool(self._navigator.rest_updates),
         )
-        run.gaps = [gap for gap in stream.gaps if gap.start >= float(time[0]) - 1e-6]
+        run.add_gaps(stream.gaps)
         stream.filter = run
         stream.first_fix = self._shown_fix = run.next_fix
         if run.next_fix < stream.fixes.end:

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lab.live.attitude_only import NORTH, AttitudeOnly
-from lab.live.live_filter import FIXES, SAMPLES, Gap, LiveFilter
+from lab.live.live_filter import FIXES, SAMPLES, LiveFilter
 from lab.live.live_state import euler_with_sigma
 from lab.live.rolling import Rolling
 from lab.navigation.alignment import Alignment
@@ -82,7 +82,8 @@ class Stream:
         self.epoch = epoch
         self.samples = Rolling(SAMPLES | {"variance": ((states,), np.float64)})
         self.fixes = Rolling(FIXES)
-        self.gaps: list[Gap] = []
+        self.gaps: list[tuple[float, float]] = []
+        """Start and end of the filled gaps [s]."""
         self.filter: LiveFilter | None = None
         """The full navigator, once it started."""
         self.alignment: Alignment | None = None

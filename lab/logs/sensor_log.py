@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lab.logs.auxiliary_data import AuxiliaryData, Reference
+from lab.logs.usual_interval import UsualInterval
 from lab.recordings.mission_error import MissionError
 
 FloatArray = NDArray[np.float64]
@@ -172,13 +173,13 @@ def repaired(
     dt = np.diff(time)
     rates = samples[1:] / dt[:, None] if increments else samples[1:]
     rates = np.concatenate((samples[:1] / np.median(dt) if increments else samples[:1], rates))
-    stamps = time
-    time, rates, gaps, breaks = _without_gaps(name, time, rates, repairs)
+    stamps, usual = time, UsualInterval().take(dt)
+    time, rates, gaps, breaks = _without_gaps(name, time, rates, usual, repairs)
     values = rates[1:] * np.diff(time)[:, None]
     if increments:
         # Increments of a gap are unknown; the others keep every bit.
-        same = np.searchsorted(time, stamps[1:][dt <= GAP_STEPS * np.median(dt)])
-        values[same - 1] = samples[1:][dt <= GAP_STEPS * np.median(dt)]
+        whole = dt <= GAP_STEPS * usual
+        values[np.searchsorted(time, stamps[1:][whole]) - 1] = samples[1:][whole]
     values[np.searchsorted(time, breaks[:, 1]) - 1] = 0.0
     epoch = float(time[0])
     fixes = _picked(gnss, gnss_rows, epoch)
@@ -241,24 +242,23 @@ def _span(time: FloatArray) -> str:
 
 
 def _without_gaps(
-    name: str, time: FloatArray, rates: FloatArray, repairs: list[str]
+    name: str, time: FloatArray, rates: FloatArray, usual: FloatArray, repairs: list[str]
 ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
     """Fill short gaps with samples at the usual spacing; return gaps filled and breaks left, too."""
     dt = np.diff(time)
-    usual = float(np.median(dt))
     wide = dt > GAP_STEPS * usual
     at = np.flatnonzero(wide & (dt <= MAX_GAP))
     broken = np.flatnonzero(wide & (dt > MAX_GAP))
     breaks = np.stack((time[broken], time[broken + 1]), axis=-1)
     if not at.size:
         return time, rates, np.empty((0, 2)), breaks
-    if dt[at].sum() > _MAX_FILLED * time.size * usual:
+    if (dt[at] / usual[at]).sum() > _MAX_FILLED * time.size:
         raise MissionError(
-            f"{name}: samples of the IMU are usually {usual:.3g} s apart, but {at.size} gaps last "
+            f"{name}: samples of the IMU are usually {np.median(usual):.3g} s apart, but {at.size} gaps last "
             f"{dt[at].sum():.3g} s in all; accepted are gaps of up to {_MAX_FILLED} times as many samples "
             "as there are"
         )
-    filled = [np.linspace(time[i], time[i + 1], round(dt[i] / usual) + 1)[1:-1] for i in at]
+    filled = [np.linspace(time[i], time[i + 1], round(dt[i] / usual[i]) + 1)[1:-1] for i in at]
     times = np.sort(np.concatenate((time, *filled)))
     rates = np.stack([np.interp(times, time, column) for column in rates.T], axis=-1)
     count = "1 gap" if at.size == 1 else f"{at.size} gaps"

@@ -43,7 +43,7 @@ NO_TURNS = np.array([[0.0, 0.0, 0.0, 1.0]])
 """Placeholder for the rates about the fixes if the antenna is at the IMU."""
 
 
-def turns(imu: Imu, times: FloatArray, arm: FloatArray) -> FloatArray:
+def turns(imu: Imu, times: FloatArray, arm: FloatArray, step: float | None = None) -> FloatArray:
     """Return the mean measured rate (m, 3) about some times [rad/s], and the averaging time [s].
 
     The averaging time is `WINDOW`, or two samples if they are longer; at the ends of the flight it is
@@ -57,6 +57,8 @@ def turns(imu: Imu, times: FloatArray, arm: FloatArray) -> FloatArray:
         Times of validity of the fixes [s].
     arm : (3,) array
         Lever arm [m]; without one, the rates are not needed, and `NO_TURNS` is returned.
+    step
+        Usual interval between samples, if `imu` is a part of the measurements only [s].
 
     Returns
     -------
@@ -65,7 +67,7 @@ def turns(imu: Imu, times: FloatArray, arm: FloatArray) -> FloatArray:
     """
     if not arm.any():
         return NO_TURNS
-    window = max(WINDOW, 2 * float(np.median(np.diff(imu.time))))
+    window = max(WINDOW, 2 * (imu.step if step is None else step))
     middle = np.clip(times, imu.time[0], imu.time[-1])
     ends = np.clip([middle - window / 2, middle + window / 2], imu.time[0], imu.time[-1])
     angles = np.concatenate((np.zeros((1, 3)), np.cumsum(imu.dtheta, axis=0, dtype=np.float64)))

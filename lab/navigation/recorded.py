@@ -31,6 +31,7 @@ from lab.navigation.belief import (
 from lab.navigation.checks import check_finite, check_mechanization, check_r, check_smoother, diverged
 from lab.navigation.choice import chosen_model
 from lab.navigation.error_models import ATT, GYRO_BIAS, POS, VEL
+from lab.navigation.gap_noise import gap_noise
 from lab.navigation.initial_heading import Hints
 from lab.navigation.kalman import MEASUREMENTS, gate
 from lab.navigation.navigator import PolarError
@@ -269,7 +270,7 @@ def _solution(
     given: NDArray[np.bool_],
 ) -> Solution:
     """Navigate, and smooth if set; withheld fixes have no effect."""
-    schedule = schedule_of(navigator, float(np.median(np.diff(imu.time))), imu.dtheta.shape[0])
+    schedule = schedule_of(navigator, imu.step, imu.dtheta.shape[0])
     check_smoother(navigator, schedule)
     stretches = _stretches(imu, fixes, log, assumed, navigator, measured)
     if not fixes.time.size:
@@ -317,22 +318,13 @@ def _stretches(
     gaps = np.clip(np.searchsorted(imu.time, log.gaps), 0, imu.time.size - 1)
     changes = sample[:-1][np.diff(measured) != 0]
     ends = {imu.time.size - 1, *gaps.ravel().tolist(), *changes.tolist()} - {0}
-    gap_noise = np.append(_gap_noise(imu, log), np.zeros(6))
+    noises = [np.append(gap_noise(imu, *gap), np.zeros(6)) for gap in log.gaps.tolist()]
     stretches, done = [], 0
     for end in sorted(ends):
         fix = min(int(np.searchsorted(sample, done, side="right")), fixes.time.size - 1)
         count = int(measured[fix]) if fixes.time.size else MEASUREMENTS
-        in_gap = bool(((gaps[:, 0] <= done) & (end <= gaps[:, 1])).any())
-        noise = assumed.noise + gap_noise * in_gap
+        within_gap = np.flatnonzero((gaps[:, 0] <= done) & (end <= gaps[:, 1]))
+        noise = assumed.noise + noises[int(within_gap[-1])] if within_gap.size else assumed.noise
         stretches.append(Stretch(end, gate(navigator.gate, count), implausible(navigator, count), noise))
         done = end
     return stretches
-
-
-def _gap_noise(imu: Imu, log: SensorLog) -> FloatArray:
-    """Return the densities (6,) of the unknown motion in a gap: the spread of the rates over its length."""
-    if not log.gaps.size:
-        return np.zeros(6)
-    dt = np.diff(imu.time)[:, None]
-    spread = np.concatenate(((imu.dtheta / dt).var(axis=0), (imu.dvelocity / dt).var(axis=0)))
-    return np.asarray(spread * np.diff(log.gaps, axis=1).max())

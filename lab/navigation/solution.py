@@ -40,6 +40,11 @@ NO_REST = _zeros(0).astype(np.bool_)
 NO_REST.setflags(write=False)
 
 
+STEP_OVER = 4.0
+"""Time over which the usual interval of an IMU is found [s]: a live navigator may start after 5 s, and must
+schedule its steps as a batch run does."""
+
+
 class Imu(NamedTuple):
     """Increments of the inertial sensors.
 
@@ -57,6 +62,12 @@ class Imu(NamedTuple):
     dtheta: FloatArray
     dvelocity: FloatArray
     rest: NDArray[np.bool_] = NO_REST
+
+    @property
+    def step(self) -> float:
+        """Usual interval between samples: the median in the first `STEP_OVER` [s]."""
+        last = int(np.searchsorted(self.time, self.time[0] + STEP_OVER, side="right"))
+        return float(np.median(np.diff(self.time[: max(last, 2)])))
 
     def until(self, sample: int) -> Imu:
         """Return the increments up to a sample."""
