@@ -64,11 +64,6 @@ class LogResult(Result):
         return Truth(self.time, latitude, longitude, height, solution.velocity_n, solution.q_nb, self.euler)
 
     @property
-    def true_word(self) -> str:
-        """What precedes a true quantity in a label."""
-        return "reference"
-
-    @property
     def own_latency(self) -> float:
         """The latency of the fixes, as the log says [s]."""
         return float(self.recorded.log.gnss.latency)

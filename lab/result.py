@@ -91,11 +91,6 @@ class Result(NotebookCard, Repeatable):
 
     @property
     @abstractmethod
-    def truth_word(self) -> str:
-        """The data to which errors are differences: ``"truth"``, or the ``"reference"`` of a log."""
-
-    @property
-    @abstractmethod
     def realisation(self) -> str:
         """Text that distinguishes runs with the same settings: ``"seed 1"``; empty for a log."""
 

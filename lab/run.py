@@ -117,8 +117,8 @@ class Run(ABC):
 
     @property
     @abstractmethod
-    def true_word(self) -> str:
-        """What precedes a true quantity in a label: ``"true"``, or ``"reference"`` of a log."""
+    def truth_word(self) -> str:
+        """The data to which errors are differences: ``"truth"``, or the ``"reference"`` of a log."""
 
     @property
     @abstractmethod

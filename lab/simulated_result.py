@@ -48,11 +48,6 @@ class SimulatedResult(Result):
         return self.truth_arrays
 
     @property
-    def true_word(self) -> str:
-        """What precedes a true quantity in a label."""
-        return "true"
-
-    @property
     def own_latency(self) -> float:
         """The latency of the fixes, as simulated [s]."""
         return float(self.experiment.sensors.gps.latency)

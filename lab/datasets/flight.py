@@ -36,13 +36,13 @@ _MOTION = ("position", "velocity_n", "q_nb")
 def truth(run: Run) -> xr.Dataset:
     """Return the true flight; see `Result.truth`."""
     true = run.known_truth("truth")
-    return _flight(run, true.position, true.velocity_n, true.euler, run.true_word)
+    return _flight(run, true.position, true.velocity_n, true.euler, run.truth_word)
 
 
 def solution(run: Run) -> xr.Dataset:
     """Return the flight as navigated; see `Result.solution`."""
     navigated = run.solution_arrays
-    return _flight(run, navigated.position, navigated.velocity_n, run.euler, "estimated")
+    return _flight(run, navigated.position, navigated.velocity_n, run.euler, "estimate")
 
 
 def _flight(
@@ -50,11 +50,11 @@ def _flight(
 ) -> xr.Dataset:
     return labelled(
         run,
-        latitude=(("time",), position[:, 0] * DEGREE, "°", f"{word} latitude"),
-        longitude=(("time",), position[:, 1] * DEGREE, "°", f"{word} longitude"),
-        height=(("time",), position[:, 2], "m", f"{word} height above the ellipsoid"),
-        velocity=(("time", "axis"), east_north_up(velocity_n), "m/s", f"{word} velocity"),
-        attitude=(("time", "angle"), euler * DEGREE, "°", f"{word} attitude"),
+        latitude=(("time",), position[:, 0] * DEGREE, "°", f"latitude ({word})"),
+        longitude=(("time",), position[:, 1] * DEGREE, "°", f"longitude ({word})"),
+        height=(("time",), position[:, 2], "m", f"height above the ellipsoid ({word})"),
+        velocity=(("time", "axis"), east_north_up(velocity_n), "m/s", f"velocity ({word})"),
+        attitude=(("time", "angle"), euler * DEGREE, "°", f"attitude ({word})"),
     )
 
 
