@@ -16,6 +16,7 @@ from lab.cli.app import CommandError, Commands, plain, print_json, working
 from lab.cli.interrupt import interrupted
 from lab.cli.options import AsJson, Assignments, Card, Config, experiment
 from lab.cli.terminal import table
+from lab.counted import counted
 from lab.missions.mission_name import accepted_name
 from lab.settings import SettingError
 
@@ -167,7 +168,7 @@ def record(
         opened.stop_recording()
         status = opened.status
         _conclude(status)
-    print(f"{path}: {status.recorded} bytes, {status.samples} samples, {status.fixes} fixes")
+    print(f"{path}: {counted(status.recorded, 'byte')}, {_came(status)}")
     if not status.samples or not status.fixes:
         lacking = "samples of an IMU" if not status.samples else "fixes"
         print(f"No mission: the source sent no {lacking}, and a sensor log needs both.")
@@ -275,13 +276,14 @@ def simulate(
         sender = SimulatedDevice(flight, device, link, Misbehaviour(corruption, 1e-3 * jitter, 1e-6 * drift))
     with interrupted() as pressed, sender:
         print(
-            f"Sending {len(flight.imu)} samples; open it with: ins-lab live watch {sender.address}",
+            f"Sending {counted(len(flight.imu), 'sample')}; open it with: "
+            f"ins-lab live watch {sender.address}",
             flush=True,
         )
         while not sender.finished and not pressed.wait(_WAKE):
             pass
-    lost = f"; {sender.refused} bytes found nobody, or no room" if sender.refused else ""
-    print(f"{sender.sent} samples sent{lost}")
+    lost = f"; {counted(sender.refused, 'byte')} found nobody, or no room" if sender.refused else ""
+    print(f"{counted(sender.sent, 'sample')} sent{lost}")
 
 
 @contextmanager
@@ -376,14 +378,19 @@ def _conclude(status: Status) -> None:
             print(f"ins-lab: {sentence}", file=sys.stderr)
     seen, loss = status.statistics, status.loss
     lost = {
-        "bytes skipped": seen.skipped, "checks failed": seen.failed, "samples refused": seen.refused,
-        "missing": loss.missing, "repeated": loss.repeated, "backwards": loss.backwards,
-    }  # fmt: skip
-    told = ", ".join(f"{count} {name}" for name, count in lost.items() if count)
-    print(
-        f"ins-lab: {status.samples} samples, {status.fixes} fixes; {told or 'nothing was lost'}.",
-        file=sys.stderr,
-    )
+        f"{counted(seen.skipped, 'byte')} skipped": seen.skipped,
+        f"{counted(seen.failed, 'check')} failed": seen.failed,
+        f"{counted(seen.refused, 'sample')} refused": seen.refused,
+        f"{loss.missing} missing": loss.missing,
+        f"{loss.repeated} repeated": loss.repeated,
+        f"{loss.backwards} backwards": loss.backwards,
+    }
+    told = ", ".join(text for text, count in lost.items() if count)
+    print(f"ins-lab: {_came(status)}; {told or 'nothing was lost'}.", file=sys.stderr)
+
+
+def _came(status: Status) -> str:
+    return f"{counted(status.samples, 'sample')}, {counted(status.fixes, 'fix')}"
 
 
 def _check_seconds(seconds: float | None) -> None:

@@ -9,6 +9,7 @@ import time
 from array import array
 from typing import Self
 
+from lab.counted import counted, were
 from lab.importing import xplane_packets
 from lab.recordings.bounds import MIN_SAMPLES
 from lab.recordings.mission_error import MissionError
@@ -115,7 +116,7 @@ class XPlaneRecorder:
             return ""
         if self.samples:
             return f"{self._where} has sent nothing for {silent:.0f} s: is it paused, loading or closed?"
-        foreign = f" {self._foreign} packets came from elsewhere." if self._foreign else ""
+        foreign = f" {counted(self._foreign, 'packet')} came from elsewhere." if self._foreign else ""
         return (
             f"{self._where} has not answered for {silent:.0f} s: is X-Plane running with a flight loaded, "
             "are host and port those of its Settings, Network, are incoming connections accepted there, and "
@@ -160,13 +161,15 @@ class XPlaneRecorder:
         self.close()
         if self.samples < MIN_SAMPLES:
             raise MissionError(
-                f"{self._where}: {self.samples} samples were received; accepted are at least {MIN_SAMPLES}"
+                f"{self._where}: {counted(self.samples, 'sample')} {were(self.samples)} received; accepted "
+                f"are at least {MIN_SAMPLES}"
                 f"{f'. {problem}' if problem else ''}"
             )
         remarks = []
         if self._foreign or self._malformed:
             remarks.append(
-                f"{self._foreign} packets from elsewhere and {self._malformed} of other kinds were ignored."
+                f"{counted(self._foreign, 'packet')} from elsewhere and {self._malformed} of other "
+                "kinds were ignored."
             )
         return xplane_packets.flight(
             bytes(self._positions), self._arrivals, self._clocks, self._clock_arrivals, remarks

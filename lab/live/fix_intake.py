@@ -7,6 +7,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from lab.counted import counted, were
 from lab.live.live_log import gnss_of, usable_fixes
 from lab.live.live_stream import Stream
 from lab.live.timed import TIMED_FIX
@@ -46,9 +47,9 @@ class FixIntake:
         """What a user should know about the fixes."""
         found = []
         if self.refused:
-            count = "1 fix was" if self.refused == 1 else f"{self.refused} fixes were"
             found.append(
-                f"{count} not used: without a position in three dimensions, not in order, or too late."
+                f"{counted(self.refused, 'fix')} {were(self.refused)} not used: without a position in three "
+                "dimensions, not in order, or too late."
             )
         if self.above_sea:
             found.append(

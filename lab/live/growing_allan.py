@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from lab import earth
 from lab.analysis import allan
 from lab.analysis.rest import Record
+from lab.counted import counted, were
 from lab.live.held import OFF_GRAVITY
 from lab.live.live_log import usable_imu
 from lab.live.timed import TIMED_IMU
@@ -137,11 +138,13 @@ class GrowingAllan:
         """The state in words."""
         if not self._count:
             return f"Waiting for samples of a device at rest. {self.why}".rstrip()
-        text = f"At rest for {self.duration:.0f} s, {self._count} values with {1 / self.dt:.4g} Hz."
+        text = (
+            f"At rest for {self.duration:.0f} s, {counted(self._count, 'value')} with {1 / self.dt:.4g} Hz."
+        )
         if self._halved:
             text += f" {2**self._halved} samples are averaged to one value, so that the memory stays bounded."
         if self.filled:
-            text += f" {self.filled} missing samples were filled with the next one."
+            text += f" {counted(self.filled, 'missing sample')} {were(self.filled)} filled with the next one."
         return f"{text} {self.why}".rstrip()
 
     def _begin(self) -> None:

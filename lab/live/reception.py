@@ -12,6 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from lab.counted import counted
 from lab.live.axis_map import AxisMap
 from lab.live.decoders.catalogue import decoder_of
 from lab.live.decoders.column_map import ColumnMap
@@ -219,9 +220,8 @@ class Reception:
             self._before.skipped += gone
         found = recognise(b"".join(one.data for one in first))
         if not found:
-            self.evidence = (
-                f"Nothing is recognised in {self.statistics.bytes} bytes: is the speed of the line right?"
-            )
+            seen = counted(self.statistics.bytes, "byte")
+            self.evidence = f"Nothing is recognised in {seen}: is the speed of the line right?"
             return _NO_IMU, _NO_FIX
         self._use(found[0])
         parts = [self._timed(self._feed(one.data), one.arrival) for one in self._first]

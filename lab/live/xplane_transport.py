@@ -6,6 +6,7 @@ import contextlib
 import socket
 import time
 
+from lab.counted import counted, were
 from lab.growing_truth import GrowingTruth
 from lab.importing import xplane_packets
 from lab.importing.xplane_live import SILENCE
@@ -102,7 +103,7 @@ class XPlaneTransport:
         if why and now - when < _TOLD:
             found.insert(0, f"A new flight began {now - when:.0f} s ago, since {why}.")
         if self._foreign:
-            found.append(f"{self._foreign} packets from elsewhere were not used.")
+            found.append(f"{counted(self._foreign, 'packet')} from elsewhere {were(self._foreign)} not used.")
         return " ".join(found)
 
     def open(self) -> None:

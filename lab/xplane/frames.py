@@ -12,6 +12,7 @@ from collections import deque
 
 import numpy as np
 
+from lab.counted import counted, were
 from lab.displacement import displacement
 from lab.importing import xplane_packets
 from lab.recordings.frame import Frame
@@ -221,11 +222,11 @@ class XPlaneFrames:
                 found.append(f"The simulator's clock runs {pace:.1f} times as fast as that of this computer.")
         if self.bridged:
             found.append(
-                f"{_counted(self.bridged, 'gap')} of up to {self.longest:.2f} s between frames "
-                f"{'was' if self.bridged == 1 else 'were'} bridged by the curve of the true motion."
+                f"{counted(self.bridged, 'gap')} of up to {self.longest:.2f} s between frames "
+                f"{were(self.bridged)} bridged by the curve of the true motion."
             )
         lost = [
-            f"{_counted(count, 'packet')} {what}"
+            f"{counted(count, 'packet')} {what}"
             for count, what in (
                 (self.untimed if self._last is not None else 0, "without the simulator's clock"),
                 (self.unbelievable, "with numbers that no flight has"),
@@ -237,10 +238,6 @@ class XPlaneFrames:
         if lost:
             found.append(f"Not used: {', '.join(lost)}.")
         return found
-
-
-def _counted(count: int, what: str) -> str:
-    return f"{count} {what}{'' if count == 1 else 's'}"
 
 
 def _break(last: Frame, frame: Frame, step: float) -> str:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from lab.counted import counted
 from lab.live.decoders.catalogue import DECODERS
 from lab.live.decoders.column_map import ColumnMap
 from lab.live.decoders.stream_decoder import StreamDecoder
@@ -51,9 +52,14 @@ class Candidate:
     @property
     def evidence(self) -> str:
         """What speaks for it, in a sentence."""
-        what = "lines with all columns" if self.columns else "frames that passed their check"
-        found = f"{self.frames} {what} in {self.bytes} bytes ({self.part:.0%} of them), {self.failed} failed"
-        return f"{self.name}: {found}; {self.samples} samples and {self.fixes} fixes."
+        its = "its" if self.frames == 1 else "their"
+        found = f"{counted(self.frames, 'frame')} that passed {its} check"
+        if self.columns:
+            found = f"{counted(self.frames, 'line')} with all columns"
+        return (
+            f"{self.name}: {found} in {counted(self.bytes, 'byte')} ({self.part:.0%} of them), "
+            f"{self.failed} failed; {counted(self.samples, 'sample')} and {counted(self.fixes, 'fix')}."
+        )
 
 
 def recognise(data: bytes) -> list[Candidate]:
