@@ -16,6 +16,7 @@ recorded log from the same start. What the batch takes from the future differs:
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from threading import RLock
 from typing import Final
 
@@ -36,6 +37,7 @@ from lab.live.live_stream import LiveSolution, Stream
 from lab.live.live_view import phase_of, state_of
 from lab.live.ring import Cursor
 from lab.live.source import Source
+from lab.live.source_status import Event
 from lab.logs.auxiliary_data import AuxiliaryData
 from lab.logs.sensor_log import GnssLog, SensorLog
 from lab.navigation.alignment import Alignment
@@ -63,6 +65,9 @@ STEP: Final = 0.02
 """Shortest time of samples that is processed at once [s]: no page shows more, and a call costs 0.4 ms."""
 WAIT: Final = 0.1
 """Longest wait for samples of a source that is followed [s]."""
+SOON: Final = 1.0
+"""Longest time between the last sample and the loss of its source that caused the break [s]: breaks are at
+least 2 s apart."""
 GAPS: Final = 1000
 """Gaps that are remembered."""
 
@@ -126,6 +131,8 @@ class LiveNavigator:
         self._broken = False  # whether this stream is not the first
         self._notes: dict[str, str] = {}
         self._why_again = ""  # why the next stream begins, if not by a break
+        self.losses: Sequence[Event] = ()
+        """When and why the source broke, as far as it knows; whoever feeds the navigator sets it."""
         self._new_stream(np.nan)
         load(self._assumed, EVERY_FIX)
         load(self._assumed, schedule_of(navigator, STEP, 1), self._model)
@@ -172,7 +179,7 @@ class LiveNavigator:
                 axes, cursor = source.axes, source.end
                 self.restart("The axes were changed")
             read = source.since(cursor)
-            cursor = read.cursor
+            cursor, self.losses = read.cursor, source.losses
             if read.lost:
                 self._notes["lost"] = (
                     f"{counted(read.lost, 'sample')} came faster than they were processed: the navigator "
@@ -309,12 +316,20 @@ class LiveNavigator:
         self._broken = len(self._stream.samples) > 0
         if self._broken:
             self._advance()
-            silent = time - self._stream.epoch - self._stream.now
-            what = f"The IMU was silent for {silent:.1f} s" if silent > 0 else "The clock was set back"
-            unknown = ": the motion in between is unknown" if not self._why_again else ""
-            self._notes["break"] = f"{self._why_again or what}{unknown}, so the navigator aligned again."
+            what = self._why_again or self._cause(self._stream.epoch + self._stream.now, time)
+            self._notes["break"] = f"{what}, so the navigator aligned again."
         self._why_again = ""
         self._new_stream(time)
+
+    def _cause(self, last: float, time: float) -> str:
+        """Return why a stream begins anew after its last time, both of the host [s]."""
+        # The last sample came at most a second before its source broke: a longer silence shows by itself.
+        known = [loss.text for loss in self.losses if last - SOON <= loss.time <= min(last + SOON, time)]
+        if known:
+            return f"The stream broke ({known[-1]})"
+        if time > last:
+            return f"The IMU was silent for {time - last:.1f} s: the motion in between is unknown"
+        return "The clock was set back"
 
     def _take_gap(self, start: float, end: float) -> None:
         """Take note of a filled gap."""

@@ -71,11 +71,14 @@ class Loss:
         Samples with the time of the one before, which are dropped.
     backwards : int
         Samples whose time runs backwards, which are dropped.
+    jumps : int
+        How often the device's clock was set, or began anew, while samples came.
     """
 
     missing: int = 0
     repeated: int = 0
     backwards: int = 0
+    jumps: int = 0
 
 
 class Reception:
@@ -327,6 +330,7 @@ class Reception:
         if self._back > MOST_BACK:  # the clock was set, or the device began anew
             begin = int(np.flatnonzero(device < previous)[-1]) if (device < previous).any() else 0
             self.loss.backwards += begin
+            self.loss.jumps += 1
             self._last_device, self._back, self._gap = np.nan, 0, True
             self.clock.restart()
             return self._by_clock(rows[begin:], device[begin:], arrival)
@@ -336,10 +340,16 @@ class Reception:
             return _NO_IMU
         rows, device = rows[late], device[late]
         steps = np.diff(device, prepend=self._last_device)
+        begun = np.isfinite(self.clock.offset)
         times, anew = self.clock.mapped(device, arrival)
+        jump = 0
+        if anew and begun and not self.clock.counted:
+            self.loss.jumps += 1
+            jump = int(np.nanargmax(steps))
+            steps[jump] = np.nan  # the clock was set: no sample is missing
         gap = self._gaps(steps)
         if anew:
-            gap[0] = True
+            gap[0] = gap[jump] = True
         self._last_device = float(device[-1])
         return self._put(rows, times, arrival, gap)
 

@@ -79,6 +79,7 @@ class Source:
         self._heard = clock()
         self._arrival = self._heard  # of the last bytes; of a replay, that recorded
         self._events: tuple[Event, ...] = ()
+        self._losses: tuple[Event, ...] = ()
         self._writer: RawWriter | None = None
         self._recorded = ("", 0)
         self._warning = ""
@@ -124,6 +125,11 @@ class Source:
     def fixes_since(self, cursor: Cursor) -> Read:
         """Return the fixes after a cursor, without the samples of the IMU."""
         return self._ring.since(Cursor(self._ring.end.imu, cursor.fix))
+
+    @property
+    def losses(self) -> tuple[Event, ...]:
+        """When the stream broke, by the clock of its arrivals, and why, as a clause; oldest first."""
+        return self._losses
 
     @property
     def recording(self) -> bool:
@@ -357,6 +363,7 @@ class Source:
         with self._lock:
             if opened:
                 self._put(*self._reception.lose(self._arrival))
+                self._losses = (*self._losses, Event(self._arrival, why))[-MOST_EVENTS:]
                 if self._writer is not None:
                     self._tell({DEVICE_LOST: why}, self._arrival)
         again = "it is tried again." if self._transport.reconnects else "it ends here."

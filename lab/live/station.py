@@ -136,6 +136,7 @@ class Station:
             read = self.source.since(cursor)
             cursor = read.cursor
             self._note(read)
+            self._navigator.losses = self.source.losses  # after the samples, so that it explains them
             self._navigate(read.imu, read.fix)
             held.append(read.imu)
             # What is only shown is taken together: thinning one sample costs as much as thinning many.

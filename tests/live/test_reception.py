@@ -296,3 +296,26 @@ def test_pieces_do_not_matter_to_the_values(size: int) -> None:
     imu = np.concatenate([one for one, _ in parts])
     assert len(imu) == 300
     assert np.abs(imu["rate"] - motion(300)["rate"]).max() < 1e-6
+
+
+@pytest.mark.parametrize("device", ["vectornav", "mip"])
+@pytest.mark.parametrize("step", [5.0, -5.0, 4000.0])
+@pytest.mark.parametrize("many", [1, 10])
+def test_a_device_clock_that_was_set_is_a_jump_and_no_loss(device: str, step: float, many: int) -> None:
+    sent = motion(2000)
+    stream = chunks(device, sent[:1000], many=many)
+    set_to = sent[1000:].copy()
+    set_to["time"] += step
+    stream += [Chunk(one.arrival - step, one.data) for one in chunks(device, set_to, many=many)]
+    reception = Reception(device)
+    imu, _ = received(reception, stream)
+    assert (reception.loss.missing, reception.loss.jumps) == (0, 1)
+    assert np.diff(imu["time"]).max() < 0.1  # no silence where none was
+    assert reception.loss.backwards + len(imu) >= 1999
+
+
+def test_lost_samples_are_missing_and_no_jump() -> None:
+    sent = motion(2000)
+    reception = Reception("vectornav")
+    received(reception, chunks("vectornav", np.delete(sent, slice(1000, 1500))))
+    assert (reception.loss.missing, reception.loss.jumps) == (500, 0)

@@ -13,10 +13,13 @@ import pytest
 from xplane_simulator import XPlaneSimulator, montreal
 
 import lab.live
+from lab.live.live_navigator import LiveNavigator
 from lab.live.recorded_log import recorded_samples
 from lab.live.source import Source
 from lab.live.source_status import LOST, STALE, STREAMING
 from lab.live.transport import TransportError
+from lab.navigation.settings import NavigatorSettings
+from lab.sensors.suite import SensorSuite
 
 PATIENCE = 60.0
 """Longest time to wait for what must happen [s]: build machines are slow."""
@@ -94,6 +97,20 @@ def test_a_jump_is_named_and_a_new_flight_begins(xplane: XPlaneSimulator) -> Non
         imu = source.since().imu
     assert imu["gap"].sum() == 2
     assert np.diff(imu["time"]).max() > 2.9
+
+
+def test_the_navigator_tells_the_cause_of_a_jump_once(xplane: XPlaneSimulator) -> None:
+    live = LiveNavigator(SensorSuite(), NavigatorSettings())
+    with opened(xplane) as source:
+        following = threading.Thread(target=live.follow, args=(source,), name="follows")
+        following.start()
+        until(lambda: source.end.imu > 200)
+        xplane.jump(40.0)
+        until(lambda: live.state.rows.breaks == 1)
+    following.join()
+    (told,) = [remark for remark in live.state.remarks if "aligned again" in remark]
+    assert told.startswith("The stream broke (the aircraft was moved by ")
+    assert "silent" not in " ".join(live.state.remarks)
 
 
 def test_a_pause_is_told_and_leaves_no_gap(xplane: XPlaneSimulator) -> None:

@@ -80,6 +80,8 @@ def _numbers(status: Status) -> list[str]:
         _named("Clock drift", f"{1e6 * status.drift:+.1f} ppm" if np.isfinite(status.drift) else "—"),
         _named("Samples", f"{status.samples:,}".replace(",", "\u2009")),
     ]
+    if loss.jumps:
+        found.append(_named("Clock jumps", str(loss.jumps), bad=True))
     if status.timing:
         found.append(f'<span class="dim">Timed {escape(status.timing)}.</span>')
     if status.evidence and status.protocol:
