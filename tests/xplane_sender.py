@@ -2,16 +2,15 @@
 
 from __future__ import annotations
 
-import socket
 import struct
 import threading
 import time
 from collections.abc import Callable
-from typing import Self
 
 import numpy as np
 import pymap3d
 from writers.xplane_data import euler_rate
+from xplane_stand_in import Place, Subscriber, XPlaneStandIn
 
 from lab.missions import Recording
 from lab.rotation import body_rate
@@ -20,9 +19,10 @@ REFERENCE = (0.2, -0.25)
 """How far the reference point of the local frame is from the start, in latitude and longitude [°]."""
 CLOCK = 1000.0
 """What the simulator's clock shows at the start [s]."""
+_WAKE = 0.05  # longest wait for a request [s]
 
 
-class XPlaneSender:
+class XPlaneSender(XPlaneStandIn):
     """Waits for requests at a port of its own, and sends what was asked for.
 
     Parameters
@@ -45,10 +45,6 @@ class XPlaneSender:
     received : callable
         How many positions have come through: the next frame follows when the last is there, so that nothing
         is lost however slow the machine.
-    requests : list of bytes
-        What was asked.
-    rate : int
-        The rate asked for last [Hz].
     """
 
     def __init__(
@@ -61,59 +57,34 @@ class XPlaneSender:
         noise: tuple[bytes, ...] = (),
         port: int = 0,
     ) -> None:
+        super().__init__(port)
         self.received: Callable[[], int] = int
         self._clock_first = clock_first
         self._skip = skip
         self._answers = answers
         self._noise = noise
         self._frames = frames_of(recording)
-        self._asked: dict[int, str] = {}
-        self.rate = 0
-        self.requests: list[bytes] = []
         self.done = threading.Event()
-        self._stop = threading.Event()
-        self._udp = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
-        self._udp.bind(("127.0.0.1", port))
-        self._udp.settimeout(0.05)
-        self.port: int = self._udp.getsockname()[1]
-        self._thread = threading.Thread(target=self._serve, daemon=True)
 
-    def __enter__(self) -> Self:
-        self._thread.start()
-        return self
+    @property
+    def rate(self) -> int:
+        """The rate asked for now [Hz]; zero if nobody asks."""
+        return max((who.rate for who in self.subscribers.values()), default=0)
 
-    def __exit__(self, *_: object) -> None:
-        self._stop.set()
-        self._thread.join()
-        self._udp.close()
+    def _known(self) -> tuple[Place, Subscriber] | None:
+        """Return who has asked for everything, if somebody has."""
+        return next(((p, who) for p, who in self.subscribers.items() if len(who.references) >= 6), None)
 
-    def _listen(self) -> tuple[str, int] | None:
-        try:
-            packet, sender = self._udp.recvfrom(2048)
-        except TimeoutError:
-            return None
-        self.requests.append(packet)
-        if packet.startswith(b"RPOS\0"):
-            self.rate = int(packet[5:].split(b"\0")[0])
-        elif packet.startswith(b"RREF\0"):
-            rate, index, name = struct.unpack("<5xii400s", packet)
-            self._asked[index] = name.split(b"\0")[0].decode()
-            if not rate:
-                self._asked.pop(index)
-        return sender
-
-    def _serve(self) -> None:
-        client = None
-        while not self._stop.is_set() and (client is None or len(self._asked) < 6):
-            client = self._listen() or client
+    def _run(self) -> None:
+        while not self._stop.is_set() and self._known() is None:
+            self._listen(_WAKE)
+        known = self._known()
         for i, (position, values) in enumerate(self._frames):
-            if self._stop.is_set() or client is None:
+            if self._stop.is_set() or known is None:
                 return
+            client, who = known
             sends = i % self._skip == 0
-            clock = b"RREF," + b"".join(
-                struct.pack("<if", index, values[name]) for index, name in self._asked.items()
-            )
-            packets = [b"RPOS4" + position] * sends + [clock] * self._answers
+            packets = [b"RPOS4" + position] * sends + [who.answer(values)] * self._answers
             for packet in [*self._noise, *(reversed(packets) if self._clock_first else packets)]:
                 self._udp.sendto(packet, client)
             while self.received() <= i // self._skip and not self._stop.is_set():
@@ -121,7 +92,7 @@ class XPlaneSender:
             time.sleep(5e-4)  # a frame takes longer than the way between its packets
         self.done.set()
         while not self._stop.is_set():
-            self._listen()
+            self._listen(_WAKE)
 
 
 def frames_of(recording: Recording) -> list[tuple[bytes, dict[str, float]]]:

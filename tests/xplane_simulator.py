@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
-import socket
 import struct
-import threading
 import time
-from dataclasses import dataclass, field, fields
-from typing import Self
+from dataclasses import fields
 
 import numpy as np
 from xplane_sender import frames_of
+from xplane_stand_in import XPlaneStandIn
 
 from lab.missions import Recording, mission
 from lab.recordings.frame import Frame
@@ -26,6 +24,21 @@ def montreal(seconds: float) -> Recording:
     return Recording(*(getattr(whole, field.name)[kept] for field in fields(Recording)))
 
 
+def standing_first(recording: Recording, seconds: float) -> Recording:
+    """Return a recording that begins at rest, with a rest of some seconds before it."""
+    step = float(recording.time[1] - recording.time[0])
+    count = round(seconds / step)
+    found = {}
+    for name in (field.name for field in fields(Recording)):
+        values = getattr(recording, name)
+        if isinstance(values, np.ndarray) and name != "time":
+            values = np.concatenate((np.repeat(values[:1], count, axis=0), values))
+        found[name] = values
+    found["time"] = recording.time[0] + step * np.arange(found["latitude"].size)
+    found["velocity_n"][:count] = 0.0
+    return Recording(**found)
+
+
 def packets(frame: Frame, clock: float | None = None) -> tuple[bytes, bytes]:
     """Return RPOS and RREF of a frame; the reference point of the local frame is below the aircraft."""
     latitude, longitude, height = frame.position
@@ -39,15 +52,7 @@ def packets(frame: Frame, clock: float | None = None) -> tuple[bytes, bytes]:
     return b"RPOS4" + position, b"RREF," + b"".join(struct.pack("<if", *row) for row in enumerate(values))
 
 
-@dataclass
-class Subscriber:
-    """Who asked for what: the rate of positions [Hz], and the names of references by their numbers."""
-
-    rate: int = 0
-    references: dict[int, str] = field(default_factory=dict)
-
-
-class XPlaneSimulator:
+class XPlaneSimulator(XPlaneStandIn):
     """Flies a recording in real time, and sends each frame to all who asked.
 
     Parameters
@@ -69,63 +74,30 @@ class XPlaneSimulator:
         A packet sent before each frame, if not empty.
     clock : bool
         Whether data references are answered.
-    subscribers : dict
-        Who has asked, by address.
     """
 
     def __init__(self, recording: Recording, port: int = 0) -> None:
+        super().__init__(port)
         self.paused = self.silent = False
         self.pace = 1.0
         self.lose = 0
         self.noise = b""
         self.clock = True
-        self.subscribers: dict[tuple[str, int], Subscriber] = {}
         self._time = recording.time - recording.time[0]
         self._frames = frames_of(recording)
         self._at = 0.0  # time of the recording
         self._shown = 0.0  # by the clock, since the start
-        self._stop = threading.Event()
-        self._udp = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
-        self._udp.bind(("127.0.0.1", port))
-        self.port: int = self._udp.getsockname()[1]
-        self._thread = threading.Thread(target=self._run, name="simulated X-Plane", daemon=True)
-
-    def __enter__(self) -> Self:
-        self._thread.start()
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self._stop.set()
-        self._thread.join()
-        self._udp.close()
 
     def jump(self, seconds: float) -> None:
         """Go to another time of the recording, while the clock goes on."""
         self._at += seconds
 
-    def _listen(self) -> None:
-        self._udp.settimeout(0.0)
-        while True:
-            try:
-                packet, sender = self._udp.recvfrom(2048)
-            except (BlockingIOError, ConnectionError):
-                return
-            who = self.subscribers.setdefault(sender, Subscriber())
-            if packet.startswith(b"RPOS\0"):
-                who.rate = int(packet[5:].split(b"\0")[0])
-            elif packet.startswith(b"RREF\0"):
-                rate, index, name = struct.unpack("<5xii400s", packet)
-                who.references[index] = name.split(b"\0")[0].decode()
-                if not rate:
-                    who.references.pop(index)
-            if not who.rate and not who.references:
-                del self.subscribers[sender]
-
     def _run(self) -> None:
         begun = last = time.monotonic()
         flown, sent = 0.0, -1
         while not self._stop.wait(2e-3):
-            self._listen()
+            while self._listen():
+                pass
             now = time.monotonic()
             if not self.paused:
                 flown += self.pace * (now - last)
@@ -149,9 +121,6 @@ class XPlaneSimulator:
         for place, who in list(self.subscribers.items()):
             if self.silent:
                 continue
-            references = b"RREF," + b"".join(
-                struct.pack("<if", index, values[name]) for index, name in who.references.items()
-            )
-            for packet in (self.noise, references * self.clock, b"RPOS4" + position):
+            for packet in (self.noise, who.answer(values) * self.clock, b"RPOS4" + position):
                 if packet:
                     self._udp.sendto(packet, place)
