@@ -10,13 +10,14 @@ Position and velocity count from the last rest. They mean something for a few se
 
 from __future__ import annotations
 
-from typing import Final, NamedTuple
+from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from lab import earth
+from lab.live.anchor import Anchor, with_heading
 from lab.live.rolling import Rolling
 from lab.navigation.alignment import level
 from lab.navigation.belief import belief, constant_errors
@@ -70,16 +71,6 @@ _POSITION, _VELOCITY, _ATTITUDE, _BIAS = slice(0, 3), slice(3, 6), slice(6, 10),
 """Columns of a row of the estimate."""
 _NO_FIXES: Final = Fixes(np.zeros(0), np.zeros((0, 3)), np.zeros((0, 3)))
 """No fixes."""
-
-
-class Anchor(NamedTuple):
-    """The estimate at the beginning of a mean: the prior of the update at rest."""
-
-    time: float
-    position: FloatArray
-    q_nb: FloatArray
-    bias: FloatArray  # (6,), gyros and accelerometers
-    P: FloatArray  # (15, 15)
 
 
 class AttitudeOnly:
@@ -193,9 +184,9 @@ class AttitudeOnly:
         here = self._now()
         self.heading_source = source
         turn = float(wrap(heading - euler_from_quaternion(here.q_nb)[2]))
-        self._begin(_turned(here, turn, sigma))
+        self._begin(here.turned(turn, sigma))
         if self._second_start is not None:
-            self._second_start = _turned(self._second_start, turn, sigma)
+            self._second_start = self._second_start.turned(turn, sigma)
         if self._anchor is not None:
             self._anchor = self._now()
             self._sums[:] = 0.0
@@ -406,7 +397,7 @@ class AttitudeOnly:
         elif unknown:
             # Which part of the mean is the level rate of the Earth is unknown: the heading learns nothing,
             # and the bias is uncertain by it.
-            P = _with_heading(P, 1e-9)
+            P = with_heading(P, 1e-9)
             C_nb = Rotation.from_quat(q_nb, scalar_first=True).as_matrix()
             rate = rate + C_nb.T @ np.array([level_rate, 0.0, 0.0])
         wide = np.zeros((21, 21))
@@ -416,7 +407,7 @@ class AttitudeOnly:
         made = align(start, wide, means)
         P = made.P[:15, :15].copy()
         if unknown and sigma >= NORTH:
-            P = _with_heading(P, float(np.sqrt(anchor.P[8, 8])))
+            P = with_heading(P, float(np.sqrt(anchor.P[8, 8])))
             at = np.arange(GYRO_BIAS.start, GYRO_BIAS.stop)
             P[at, at] += np.maximum(0.0, level_rate**2 / 2 - np.diag(P)[GYRO_BIAS])
         bias = anchor.bias.copy()
@@ -448,18 +439,3 @@ class AttitudeOnly:
     def _now(self) -> Anchor:
         position, _, q_nb, bias = (np.array(part) for part in self.solution)
         return Anchor(self._time(self._at), position, q_nb, bias, self.P)
-
-
-def _turned(here: Anchor, turn: float, sigma: float) -> Anchor:
-    """Return an estimate turned about the vertical [rad], with a new σ of the heading."""
-    turned = Rotation.from_rotvec([0, 0, turn]) * Rotation.from_quat(here.q_nb, scalar_first=True)
-    return here._replace(q_nb=turned.as_quat(scalar_first=True), P=_with_heading(here.P, sigma))
-
-
-def _with_heading(P: FloatArray, sigma: float) -> FloatArray:
-    """Return P with another, independent σ of the attitude about the vertical [rad]."""
-    P = P.copy()
-    down = ATT.stop - 1
-    P[down, :] = P[:, down] = 0.0
-    P[down, down] = sigma**2
-    return P

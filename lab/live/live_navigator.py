@@ -24,7 +24,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lab.counted import counted, were
-from lab.live.attitude_only import Anchor, AttitudeOnly
+from lab.live.anchor import Anchor
+from lab.live.attitude_only import AttitudeOnly
 from lab.live.fix_intake import FixIntake
 from lab.live.intake import Increments, Intake
 from lab.live.live_compass import look_at_compass

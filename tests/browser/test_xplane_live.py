@@ -1,0 +1,68 @@
+"""X-Plane on the page Live in a browser: chosen, navigated with, compared with its truth, and paused."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import pytest
+from playwright.sync_api import Browser, Page, expect
+from xplane_simulator import XPlaneSimulator, montreal, standing_first
+
+from dashboards.devices import VARIABLE
+from tests.browser.conftest import IDLE, new_context, serving
+
+REST = 14.0
+"""Time on the runway before the flight [s]: the navigator levels over ten."""
+
+
+@pytest.fixture
+def xplane() -> Iterator[XPlaneSimulator]:
+    with XPlaneSimulator(standing_first(montreal(120.0), REST)) as simulator:
+        yield simulator
+
+
+@pytest.fixture
+def visited(xplane: XPlaneSimulator, chromium: Browser, monkeypatch: pytest.MonkeyPatch) -> Iterator[Page]:
+    """Return a page of a server that allows the stand-in for X-Plane."""
+    monkeypatch.setenv(VARIABLE, address_of(xplane))
+    with serving() as (address, _server):
+        context = new_context(chromium, viewport={"width": 1440, "height": 900})
+        page = context.new_page()
+        page.goto(address)
+        page.wait_for_function(IDLE)
+        yield page
+        context.close()
+
+
+def address_of(xplane: XPlaneSimulator) -> str:
+    """Return the address at which a page finds the stand-in."""
+    return f"xplane:127.0.0.1:{xplane.port}"
+
+
+def connect(page: Page, address: str) -> None:
+    """Choose a source on the page Live, and connect it."""
+    page.get_by_role("tab", name="Live").click()
+    page.get_by_role("combobox").filter(has_text="Simulated device").click()
+    page.get_by_role("menuitem", name=address).click()
+    expect(page.get_by_text("X-Plane sends its motion")).to_be_visible()
+    page.get_by_role("button", name="Connect", exact=True).click()
+    page.get_by_role("button", name="Disconnect").wait_for()
+
+
+@pytest.mark.browser
+def test_x_plane_is_navigated_compared_and_paused(visited: Page, xplane: XPlaneSimulator) -> None:
+    page = visited
+    connect(page, address_of(xplane))
+    expect(page.get_by_text("streaming", exact=True)).to_be_visible()
+    page.get_by_role("button", name="Errors", exact=True).click()
+    expect(page.get_by_text("Errors are estimate minus truth.")).to_be_visible()
+    expect(page.get_by_text("Navigating", exact=True)).to_be_visible()
+    xplane.paused = True
+    expect(page.get_by_text("X-Plane is paused: its clock has stood still")).to_be_visible()
+    xplane.paused = False
+    expect(page.get_by_text("streaming", exact=True)).to_be_visible()
+    expect(page.get_by_text("X-Plane is paused")).to_have_count(0)
+    xplane.jump(40.0)
+    expect(page.get_by_text("since the aircraft was moved by")).to_be_visible()
+    page.get_by_role("button", name="Disconnect").click()
+    expect(page.get_by_text("Disconnected.")).to_be_visible()
