@@ -148,6 +148,10 @@ def test_the_turns_do_not_refer_to_the_page_that_asked_first() -> None:
     completed(end)
 
 
+UNLIMITED = 10**9
+"""More objects than a process has. After thousands of tests it has more than a server searches at once."""
+
+
 def searches(monkeypatch: pytest.MonkeyPatch) -> list[int]:
     """Return a list that gets an entry with each search of everything."""
     found: list[int] = []
@@ -170,6 +174,7 @@ def test_everything_is_searched_now_and_then_while_there_is_not_too_much(
 ) -> None:
     found, turns = searches(monkeypatch), Openings()
     monkeypatch.setattr(openings, "ENOUGH", 2)
+    monkeypatch.setattr(openings, "MOST", UNLIMITED)
     end_pages(turns, 4)
     assert len(found) == 2
     monkeypatch.setattr(openings, "MOST", 0)
@@ -180,6 +185,7 @@ def test_everything_is_searched_now_and_then_while_there_is_not_too_much(
 def test_everything_is_searched_when_much_was_kept(monkeypatch: pytest.MonkeyPatch) -> None:
     found, turns = searches(monkeypatch), Openings()
     monkeypatch.setattr(openings, "ROOM", 1000)
+    monkeypatch.setattr(openings, "MOST", UNLIMITED)
     end_pages(turns, 1)
     assert found == []
     much = [Ended() for _ in range(1000)]
