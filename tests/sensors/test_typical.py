@@ -52,8 +52,12 @@ def test_a_better_grade_errs_less(triad: str, name: str) -> None:
 
 
 def horizontal_error(name: str, seed: int) -> float:
-    """Return the horizontal error after an outage of 60 s [m]."""
+    """Return the horizontal error after an outage of 60 s [m].
+
+    At an IMU rate of 50 Hz: the errors of a card are set for each second, not for each sample.
+    """
     experiment = Experiment(mission="los_angeles", seed=seed)
+    experiment.set("trajectory.imu_rate", 50)
     cards.card(name).load(experiment)
     experiment.set("sensors.gps.outages", [[30.0, 90.0]])
     result = experiment.run()
