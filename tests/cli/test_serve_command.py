@@ -75,8 +75,9 @@ def test_serving_answers_with_the_page(address: str) -> None:
     ]
     with subprocess.Popen(command, stdout=subprocess.PIPE) as process:
         try:
+            assert process.stdout is not None
+            # Said just before the server listens: to ask before would keep a processor busy for nothing.
+            assert f":{port}/".encode() in process.stdout.readline()
             assert _answers(f"http://127.0.0.1:{port}/", RUN_SECONDS)
         finally:
             process.terminate()
-        assert process.stdout is not None
-        assert f":{port}/".encode() in process.stdout.readline()
