@@ -6,8 +6,11 @@ import re
 import socket
 import subprocess
 import sys
+from collections import deque
+from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
+from threading import Thread
 from typing import Any
 
 import jupytext
@@ -53,35 +56,33 @@ def test_a_notebook_alternates_prose_and_code_and_asks_questions(notebook: Path)
     assert 400 < len(prose.split()) < 2000, "ten minutes of reading"
 
 
-def test_a_notebook_is_an_app_for_panel_serve(notebook: Path) -> None:
-    pn.extension()  # its models are known when the page is pulled
+@pytest.fixture(scope="module")
+def apps() -> Iterator[str]:
+    """Return the address of one ``panel serve`` for all notebooks."""
+    pn.extension()  # its models are known when a page is pulled
     with socket.socket() as free:
         free.bind(("127.0.0.1", 0))
         port = str(free.getsockname()[1])
-    command = [
-        sys.executable,
-        "-m",
-        "panel",
-        "serve",
-        str(notebook),
-        "--port",
-        port,
-        "--address",
-        "127.0.0.1",
-    ]
+    where = ["--port", port, "--address", "127.0.0.1"]
+    command = [sys.executable, "-m", "panel", "serve", *map(str, NOTEBOOKS), *where]
+    # What it says later is read and forgotten: a pipe that nobody reads would fill, and hold the server up.
     with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True) as server:
         try:
             assert server.stdout is not None
-            log = next(line for line in server.stdout if "running at" in line)
-            address = re.findall(r"http://\S+", log)[0]
-            # In a thread: a browser of other tests may keep an event loop running in this one.
-            with ThreadPoolExecutor(1) as thread:
-                page = thread.submit(pull_session, url=address).result().document
-            sliders = {str(slider.title) for slider in page.select({"type": AbstractSlider})}
-            figures = list(page.select({"type": Plot}))
-            assert len(sliders) >= 3 or len(figures) >= 3
+            said = next(line for line in server.stdout if "running at" in line)
+            Thread(target=deque, args=(server.stdout, 0), daemon=True).start()
+            yield re.findall(r"http://[^/\s]+", said)[0]
         finally:
             server.kill()  # a server in the middle of a session may put off a polite request for ever
+
+
+def test_a_notebook_is_an_app_for_panel_serve(notebook: Path, apps: str) -> None:
+    # In a thread: a browser of other tests may keep an event loop running in this one.
+    with ThreadPoolExecutor(1) as thread:
+        page = thread.submit(pull_session, url=f"{apps}/{notebook.stem}").result().document
+    sliders = {str(slider.title) for slider in page.select({"type": AbstractSlider})}
+    figures = list(page.select({"type": Plot}))
+    assert len(sliders) >= 3 or len(figures) >= 3
 
 
 def test_the_filter_that_is_written_openly_is_the_compiled_one() -> None:
