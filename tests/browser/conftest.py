@@ -7,7 +7,7 @@ import shutil
 import socket
 import subprocess
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Generator, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
@@ -29,11 +29,18 @@ ARGUMENTS = [
 ]
 HARMLESS = ("THREE.", "GPU stall", "GL Driver Message", "could not set initial ranges", "WebGL")
 
+WIDTH, HEIGHT = 1440, 900
+"""Size of the windows of pages [px]."""
+
 PATIENCE = 240_000.0
 """Longest wait for what a page shows [ms]: build machines share their cores, and a first run compiles."""
 expect.set_options(timeout=PATIENCE)
 
 IDLE = "window.Bokeh && Bokeh.documents.length === 1 && Bokeh.documents[0].is_idle"
+DATA = "Bokeh.documents[0].get_model_by_name('time:position_east')?.data"
+CURVE = f"String([...({DATA}?.time ?? []), ...({DATA}?.position_east ?? [])])"
+"""Times and values of the first curve of the page, as one text."""
+RANGE_END = "Bokeh.documents[0].get_model_by_name('time axis').end"
 DRAWN = f"{IDLE} && Bokeh.documents[0].get_model_by_name('time:position_east')?.data.time?.length > 100"
 
 
@@ -116,18 +123,10 @@ def complaints() -> list[str]:
 def open_page(chromium: Browser, address: str, complaints: list[str]) -> Iterator[Callable[..., Page]]:
     """Return a function that opens the simulator in a session of its own and waits for its first plots."""
     contexts = []
-    own = address.rpartition("/")[0]
 
-    def strangers(url: str) -> list[str]:
-        return [] if url.startswith((own + "/", "data:", "blob:")) else [f"asks {url}"]
-
-    def open_it(query: str = "", *, width: int = 1440, height: int = 900, drawn: bool = True) -> Page:
-        context = new_context(chromium, viewport={"width": width, "height": height})
-        contexts.append(context)
-        page = context.new_page()
-        page.on("console", lambda message: complaints.extend(complaint(message)))
-        page.on("pageerror", lambda error: complaints.append(str(error)))
-        page.on("request", lambda request: complaints.extend(strangers(request.url)))
+    def open_it(query: str = "", *, width: int = WIDTH, height: int = HEIGHT, drawn: bool = True) -> Page:
+        page = watched(chromium, address, complaints, width, height)
+        contexts.append(page.context)
         page.goto(address + query)
         page.wait_for_function(DRAWN if drawn else IDLE)
         return page
@@ -136,6 +135,113 @@ def open_page(chromium: Browser, address: str, complaints: list[str]) -> Iterato
     for context in contexts:
         context.close()
     assert complaints == []
+
+
+class Keeper:
+    """Keeps one page of the simulator for a file of tests: opening it takes 8 s of a processor, a test 2 s.
+
+    Attributes
+    ----------
+    page : Page or None
+        The page as it opens. None before the first test, and after one that failed.
+    complaints : list of str
+        What the console of the page complains about, and requests to strangers.
+    """
+
+    def __init__(self, chromium: Browser, address: str) -> None:
+        self._chromium, self._address = chromium, address
+        self.page: Page | None = None
+        self.complaints: list[str] = []
+
+    def open(self) -> Page:
+        """Return the page."""
+        if self.page is None:
+            self.page = watched(self._chromium, self._address, self.complaints)
+            self.page.goto(self._address)
+            self.page.wait_for_function(DRAWN)
+            self.page.evaluate(f"window.asOpened = {CURVE}")
+        return self.page
+
+    def restore(self) -> None:
+        """Turn the page back to what it showed at first, with its own controls."""
+        page = self.page
+        assert page is not None
+        page.get_by_role("tab", name="Errors", exact=True).click()
+        page.set_viewport_size({"width": WIDTH, "height": HEIGHT})
+        page.wait_for_function(DRAWN)
+        mission = page.get_by_role("combobox", name="Mission")
+        if mission.inner_text() != "Montréal":
+            mission.click()
+            page.get_by_role("menuitem", name="Montréal", exact=True).click()
+        page.get_by_role("button", name="Reset").click()
+        page.get_by_role("button", name="Whole flight", exact=True).click()
+        page.wait_for_function(f"location.search === '' && {CURVE} === window.asOpened")
+        page.wait_for_function(IDLE)
+        page.mouse.move(1, 1)  # over no button, whose tooltip would be there
+        expect(page.get_by_role("alert")).to_have_count(0)
+
+    def close(self) -> None:
+        """Close the page."""
+        if self.page is not None:
+            self.page.context.close()
+        self.page = None
+        self.complaints.clear()
+
+
+@pytest.fixture(scope="module")
+def keeper(chromium: Browser, address: str) -> Iterator[Keeper]:
+    """Return what keeps the page that the tests of a file share."""
+    keeper = Keeper(chromium, address)
+    yield keeper
+    keeper.close()
+
+
+PASSED = pytest.StashKey[bool]()
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_runtest_makereport(
+    item: pytest.Item, call: pytest.CallInfo[None]
+) -> Generator[None, pytest.TestReport, pytest.TestReport]:
+    """Remember whether a test passed, for the fixtures that end after it."""
+    report = yield
+    if report.when == "call":
+        item.stash[PASSED] = report.passed
+    return report
+
+
+@pytest.fixture
+def shared_page(request: pytest.FixtureRequest, keeper: Keeper) -> Iterator[Page]:
+    """Return the simulator as it opens, on a page that the tests of a file share: each leaves it as it was.
+
+    A test for which an address, a new session, or all models of a page matter takes `open_page`.
+    """
+    yield keeper.open()
+    if not request.node.stash.get(PASSED, False):
+        keeper.close()
+        return
+    try:
+        keeper.restore()
+        assert keeper.complaints == []
+    except BaseException:
+        keeper.close()
+        raise
+
+
+def watched(
+    chromium: Browser, address: str, complaints: list[str], width: int = WIDTH, height: int = HEIGHT
+) -> Page:
+    """Return an empty page of a new visitor, whose complaints, and requests to strangers, are noted."""
+    own = address.rpartition("/")[0]
+
+    def strangers(url: str) -> list[str]:
+        return [] if url.startswith((own + "/", "data:", "blob:")) else [f"asks {url}"]
+
+    page = new_context(chromium, viewport={"width": width, "height": height}).new_page()
+    page.on("console", lambda message: complaints.extend(complaint(message)))
+    page.on("pageerror", lambda error: complaints.append(str(error)))
+    page.on("request", lambda request: complaints.extend(strangers(request.url)))
+    return page
 
 
 def complaint(message: ConsoleMessage) -> list[str]:

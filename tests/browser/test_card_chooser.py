@@ -53,8 +53,8 @@ def assumed(page: Page) -> Locator:
     return page.get_by_text("Assumed as typical of the grade")
 
 
-def test_what_is_assumed_is_marked_and_switched_off(open_page: Open) -> None:
-    page = open_page()
+def test_what_is_assumed_is_marked_and_switched_off(shared_page: Page) -> None:
+    page = shared_page
     expect(chooser(page)).to_have_text(CLASSIC)
     expect(assumed(page)).to_have_count(0)
     choose(page, "LN-200S")

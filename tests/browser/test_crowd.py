@@ -78,6 +78,7 @@ def test_pages_opened_at_once_arrive_whole_and_work(
             expect(page.get_by_role("slider")).to_have_count(len(names))
             assert settings(page) == names
             assert page.evaluate(PLOTS) == 9
+            page.wait_for_function(f"{FILES}.length === {len(files)}")  # the buttons for files come last
             assert page.evaluate(FILES) == files
             assert page.get_by_role("slider", name="Time").bounding_box() == time_bar
             expect(page.get_by_role("alert")).to_have_count(0)

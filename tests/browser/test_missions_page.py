@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 import tomllib
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import fields
 from pathlib import Path
 
@@ -16,8 +16,6 @@ from lab.flying.airports import runway
 from lab.missions import FlightPlan, Recording, add_mission, mission, missions, write_flight_csv
 
 pytestmark = pytest.mark.browser
-
-Open = Callable[..., Page]
 
 
 @pytest.fixture
@@ -36,9 +34,14 @@ def part_of_montreal() -> Recording:
     return Recording(*(getattr(whole, field.name)[2000:2300] for field in fields(Recording)))
 
 
-def missions_tab(page: Page) -> Page:
+def missions_tab(page: Page, chosen: str = "") -> None:
+    """Open the page of missions, and choose the mission with this title there."""
     page.get_by_role("tab", name="Missions", exact=True).click()
-    return page
+    part(page, "Library")
+    page.get_by_role("textbox", name="Filter").fill("")
+    if chosen:
+        page.get_by_role("button", name=f"Choose {chosen}").click()
+        expect(chooser(page)).to_have_text(chosen)
 
 
 def card(page: Page, name: str) -> Locator:
@@ -49,9 +52,10 @@ def chooser(page: Page) -> Locator:
     return page.get_by_role("combobox", name="Mission")
 
 
-def test_missions_are_browsed_filtered_and_chosen(open_page: Open, mine: Path) -> None:
+def test_missions_are_browsed_filtered_and_chosen(mine: Path, shared_page: Page) -> None:
+    page = shared_page
     (mine / "broken.toml").write_text('title = "Broken"\nrecording = "none.csv"\n')
-    page = missions_tab(open_page())
+    missions_tab(page)
     expect(card(page, "montreal").locator("svg")).to_be_visible()
     expect(card(page, "montreal")).to_have_class("card chosen")
     expect(card(page, "montreal").get_by_role("button", name="Delete")).to_have_count(0)
@@ -69,8 +73,9 @@ def test_missions_are_browsed_filtered_and_chosen(open_page: Open, mine: Path) -
     expect(card(page, "mine")).to_have_class("card chosen")
 
 
-def test_a_mission_of_ones_own_is_changed_and_deleted(open_page: Open, mine: Path) -> None:
-    page = missions_tab(open_page("?mission=mine", drawn=False))
+def test_a_mission_of_ones_own_is_changed_and_deleted(mine: Path, shared_page: Page) -> None:
+    page = shared_page
+    missions_tab(page, "My flight")
     card(page, "mine").get_by_role("button", name="Edit mine").click()
     page.get_by_role("textbox", name="Name").fill("a/b")
     page.get_by_role("textbox", name="Title").fill("A <b>better</b> title")
@@ -106,11 +111,12 @@ def box(page: Page, name: str) -> Locator:
     return page.get_by_role("textbox", name=name)
 
 
-def test_a_plan_is_changed_saved_flown_and_cancelled(open_page: Open, mine: Path) -> None:
+def test_a_plan_is_changed_saved_flown_and_cancelled(mine: Path, shared_page: Page) -> None:
+    page = shared_page
     pytest.importorskip("jsbsim")
     shipped = mission("los_angeles")
     add_mission(shipped.recording, "again", title=shipped.title, flight=shipped.flight)
-    page = missions_tab(open_page("?mission=mine", drawn=False))
+    missions_tab(page, "My flight")
     part(page, "Fly")
     page.get_by_role("combobox", name="Plan of").click()
     expect(page.get_by_role("menuitem", name="Los Angeles", exact=True)).to_be_visible()
@@ -169,11 +175,12 @@ def upload(page: Page, *paths: Path) -> None:
     files.set_input_files(list(paths))
 
 
-def test_a_flight_is_uploaded_judged_and_added(open_page: Open, mine: Path, tmp_path: Path) -> None:
+def test_a_flight_is_uploaded_judged_and_added(mine: Path, shared_page: Page, tmp_path: Path) -> None:
+    page = shared_page
     flight, broken = tmp_path / "our flight.csv", tmp_path / "bro<b>ken.csv"
     write_flight_csv(flight, part_of_montreal())
     broken.write_text("time_s,latitude_deg\n0,1\n", encoding="utf-8")
-    page = missions_tab(open_page("?mission=mine", drawn=False))
+    missions_tab(page, "My flight")
     part(page, "Import")
     expect(page.get_by_text("X-Plane Data.txt")).to_be_visible()
     upload(page, broken)
@@ -192,8 +199,9 @@ def test_a_flight_is_uploaded_judged_and_added(open_page: Open, mine: Path, tmp_
     assert mission("ours").duration == pytest.approx(part_of_montreal().duration, abs=0.3)
 
 
-def test_x_plane_is_recorded(open_page: Open, mine: Path) -> None:
-    page = missions_tab(open_page("?mission=mine", drawn=False))
+def test_x_plane_is_recorded(mine: Path, shared_page: Page) -> None:
+    page = shared_page
+    missions_tab(page, "My flight")
     part(page, "X-Plane")
     box(page, "Port").fill("none")
     page.get_by_role("button", name="Start").click()

@@ -10,17 +10,17 @@ from urllib.request import urlopen
 
 import netCDF4
 import pytest
-from playwright.sync_api import Page, TimeoutError, expect
+from playwright.sync_api import Page, TimeoutError, ViewportSize, expect
 
-from tests.browser.conftest import IDLE
+from tests.browser.conftest import CURVE, DATA, IDLE, RANGE_END
 
 pytestmark = pytest.mark.browser
 
 Open = Callable[..., Page]
 
-RANGE_END = "Bokeh.documents[0].get_model_by_name('time axis').end"
+SMALL: ViewportSize = {"width": 900, "height": 600}
+"""Window of tests in three dimensions [px]: it is drawn without a graphics card."""
 CURSOR = "Bokeh.documents[0].get_model_by_name('time cursor').location"
-DATA = "Bokeh.documents[0].get_model_by_name('time:position_east').data"
 
 
 def remember_data(page: Page) -> None:
@@ -40,9 +40,9 @@ def show(page: Page, title: str) -> None:
     page.get_by_role("tab", name=title, exact=True).click()
 
 
-def test_opens_with_nine_plots_and_the_server_answers_others_plainly(open_page: Open, address: str) -> None:
-    """What the page asks others for, if anything, is a complaint of `open_page`."""
-    page = open_page()
+def test_opens_with_nine_plots_and_the_server_answers_others_plainly(shared_page: Page, address: str) -> None:
+    """What the page asks others for, if anything, is a complaint of `shared_page`."""
+    page = shared_page
     assert page.evaluate(f"Object.keys({DATA}).length") == 28
     assert page.evaluate(RANGE_END) == pytest.approx(205, abs=0.1)
     with urlopen(address) as answer:
@@ -50,9 +50,9 @@ def test_opens_with_nine_plots_and_the_server_answers_others_plainly(open_page: 
 
 
 def test_slider_box_and_variance_of_a_noise_move_the_curves_and_no_value_out_of_bounds_does(
-    open_page: Open,
+    shared_page: Page,
 ) -> None:
-    page = open_page()
+    page = shared_page
     slider, box = noise(page)
     variance = page.get_by_role("textbox", name="Variance of a sample").first
     remember_data(page)
@@ -111,9 +111,9 @@ def test_nonsense_in_the_address_is_answered(open_page: Open, query: str, words:
     expect(page.get_by_role("alert")).not_to_contain_text("Traceback")
 
 
-def test_a_page_that_was_left_is_not_sent_and_is_there_again(open_page: Open) -> None:
-    page = open_page()
-    drawn = page.evaluate(f"Array.from({DATA}.position_east)")
+def test_a_page_that_was_left_is_not_sent_and_is_there_again(shared_page: Page) -> None:
+    page = shared_page
+    page.evaluate(f"window.drawn = {CURVE}")
     views = (
         "Array.from(Bokeh.index.query((view) => view.model.title?.text?.startsWith('Position error'))).length"
     )
@@ -121,7 +121,7 @@ def test_a_page_that_was_left_is_not_sent_and_is_there_again(open_page: Open) ->
     page.wait_for_function(f"{views} === 0")
     show(page, "Errors")
     page.wait_for_function(f"{views} === 3 && {IDLE}")
-    assert page.evaluate(f"Array.from({DATA}.position_east)") == drawn
+    assert page.evaluate(f"{CURVE} === window.drawn")
     slider, _ = noise(page)
     remember_data(page)
     slider.press("End")
@@ -143,9 +143,9 @@ def test_a_page_that_was_left_is_not_sent_and_is_there_again(open_page: Open) ->
 
 
 def test_zooming_one_plot_zooms_all_and_a_click_moves_the_cursor_that_play_runs(
-    open_page: Open,
+    shared_page: Page,
 ) -> None:
-    page = open_page()
+    page = shared_page
     remember_data(page)
     plot = page.locator("canvas").nth(4)
     box = plot.bounding_box()
@@ -178,9 +178,10 @@ def test_zooming_one_plot_zooms_all_and_a_click_moves_the_cursor_that_play_runs(
 
 
 def test_the_flight_in_three_dimensions_comes_through_the_same_port_and_by_no_forged_way(
-    open_page: Open, address: str
+    shared_page: Page, address: str
 ) -> None:
-    page = open_page(width=900, height=600)  # small: it is drawn without a graphics card
+    page = shared_page
+    page.set_viewport_size(SMALL)
     sockets: list[str] = []
     page.on("websocket", lambda socket: sockets.append(socket.url))
     show(page, "3-D")
@@ -203,8 +204,9 @@ BACKGROUND = """() => {
 """Brightness of what is behind the scene in three dimensions, 0 to 255."""
 
 
-def test_the_theme_changes_without_a_new_session_and_in_three_dimensions(open_page: Open) -> None:
-    page = open_page(width=900, height=600)  # small: it is drawn without a graphics card
+def test_the_theme_changes_without_a_new_session_and_in_three_dimensions(shared_page: Page) -> None:
+    page = shared_page
+    page.set_viewport_size(SMALL)
     remember_data(page)
     tab = page.get_by_role("tab", name="Height", exact=True)
     ink = tab.evaluate("element => getComputedStyle(element).color")
@@ -220,10 +222,12 @@ def test_the_theme_changes_without_a_new_session_and_in_three_dimensions(open_pa
     scene.wait_for_function(f"({BACKGROUND})() > 200", polling=250)
     toggle.click()
     scene.wait_for_function(f"({BACKGROUND})() < 60", polling=250)
+    toggle.click()
+    expect(tab).to_have_css("color", ink)
 
 
-def test_an_outage_is_drawn_on_the_timeline(open_page: Open) -> None:
-    page = open_page()
+def test_an_outage_is_drawn_on_the_timeline(shared_page: Page) -> None:
+    page = shared_page
     plot = page.locator("canvas").first
     box = plot.bounding_box()
     assert box is not None
@@ -242,8 +246,13 @@ def test_an_outage_is_drawn_on_the_timeline(open_page: Open) -> None:
     expect(page.get_by_role("textbox", name="Outages")).to_have_value(re.compile(rf"{start:.1f}\D+{end:.1f}"))
 
 
-def test_results_are_downloaded(open_page: Open) -> None:
-    page = open_page("?seed=4")
+def test_results_are_downloaded(shared_page: Page) -> None:
+    page = shared_page
+    remember_data(page)
+    seed = page.get_by_role("textbox").first
+    seed.fill("4")
+    seed.press("Enter")
+    wait_for_new_data(page)
     with page.expect_download() as download:
         page.get_by_text("netCDF", exact=True).click()
     assert download.value.suggested_filename == "montreal_4.nc"
@@ -263,8 +272,8 @@ def test_results_are_downloaded(open_page: Open) -> None:
         assert words in download.value.path().read_text(encoding="utf-8")
 
 
-def test_a_settings_file_that_is_none_is_answered_in_red_and_the_next_one_is_taken(open_page: Open) -> None:
-    page = open_page()
+def test_a_settings_file_that_is_none_is_answered_in_red_and_the_next_one_is_taken(shared_page: Page) -> None:
+    page = shared_page
     files = page.locator("input[type=file]")
     files.set_input_files(
         {"name": "mine.toml", "mimeType": "application/toml", "buffer": b"[sensors.gyro]\nnoise = 0.2\n"}
