@@ -48,7 +48,7 @@ class StatusLine:
         self.view.object = f'<p><span class="dim">{escape(sentence)}</span></p>'
 
     def show(self, status: Status, state: LiveState, verdict: str, failure: str) -> None:
-        """Show a source, its navigator, and the verdict on its innovations."""
+        """Show a source, its navigator with its remarks, and the verdict on its innovations."""
         dot = f'<span style="color:{COLOURS[status.state]}">●</span>'
         first, _, more = status.sentence.partition(".")
         said = more if first.lower() == status.state else status.sentence  # the state stands before it
@@ -62,6 +62,7 @@ class StatusLine:
             lines.append(f'<p class="bad">{escape(failure)}</p>')
         if verdict:
             lines.append(f"<p><b>Verdict</b> {escape(verdict)}</p>")
+        lines += [f'<p class="dim">{escape(remark)}</p>' for remark in state.remarks]
         self.view.object = "".join(lines)
 
 
