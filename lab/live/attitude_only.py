@@ -10,6 +10,7 @@ Position and velocity count from the last rest. They mean something for a few se
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from typing import Final
 
 import numpy as np
@@ -23,6 +24,7 @@ from lab.navigation.alignment import level
 from lab.navigation.belief import belief, constant_errors
 from lab.navigation.error_models import ACCEL_BIAS, ATT, GYRO_BIAS, PHI, POS, VEL
 from lab.navigation.filter import Filter
+from lab.navigation.gap_noise import AROUND, gap_noise
 from lab.navigation.kalman import MEASUREMENTS
 from lab.navigation.navigator import PIECE, PolarError, advance
 from lab.navigation.rest_alignment import Means, align, induced_variance
@@ -136,6 +138,7 @@ class AttitudeOnly:
         self._second_start: Anchor | None = None  # estimate at the beginning of the second
         self._turned, self._swung, self._scaled = np.zeros(3), 0.0, 0.0  # since the rest, see `_scale_up`
         self._sums = np.zeros(7)  # over the mean: increments, time
+        self._gaps: list[tuple[float, float]] = []  # filled ones that are ahead
         self._run: Filter | None = None
         if prior is not None:
             self._begin(prior)
@@ -191,6 +194,11 @@ class AttitudeOnly:
             self._anchor = self._now()
             self._sums[:] = 0.0
 
+    def add_gaps(self, gaps: Iterable[tuple[float, float]]) -> None:
+        """Take note of filled gaps ahead, by their times [s]; the samples are there."""
+        if self._run is not None:
+            self._gaps += gaps
+
     def advance(self) -> None:
         """Advance to the last sample."""
         last = self.samples.end - 1
@@ -208,14 +216,11 @@ class AttitudeOnly:
     def _carry(self, end: int) -> None:
         """Advance the filter to a sample."""
         while self._run is not None and self._at < end:
-            stop = min(end, self._at + PIECE)
+            ends = [self.samples.number("time", gap[1] - 1e-9) for gap in self._gaps]
+            stop = min(end, self._at + PIECE, *(at for at in ends if at > self._at))
             before = max(self._at - 1, self.samples.first)
             first = self._at - before
-            imu = Imu(
-                self.samples.rows("time", before, stop + 1),
-                self.samples.rows("dtheta", before + 1, stop + 1),
-                self.samples.rows("dvelocity", before + 1, stop + 1),
-            )
+            imu = self._increments(before, stop)
             out = Solution.empty(stop - before + 1, 0)
             if advance(self._run, imu, _NO_FIXES, out, first, EVERY_FIX) < imu.time.size:
                 raise PolarError("the position drifted to a pole")
@@ -223,8 +228,29 @@ class AttitudeOnly:
                 part = getattr(out, name)[first + 1 :]  # without the variances of scale factors
                 self.samples.rows(name, self._at + 1, stop + 1)[..., : part.shape[-1]] = part
             self._at = stop
+            for gap, at in zip(self._gaps, ends, strict=True):
+                if at == stop:
+                    self._doubt(*gap)
+            self._gaps = [gap for gap, at in zip(self._gaps, ends, strict=True) if at > stop]
             self._hold_speed()
         self._at = max(self._at, end)
+
+    def _increments(self, first: int, last: int) -> Imu:
+        """Return the increments from one sample to another."""
+        return Imu(
+            self.samples.rows("time", first, last + 1),
+            self.samples.rows("dtheta", first + 1, last + 1),
+            self.samples.rows("dvelocity", first + 1, last + 1),
+        )
+
+    def _doubt(self, start: float, end: float) -> None:
+        """Raise P by the unknown motion in a filled gap that has just ended, by its times [s]."""
+        assert self._run is not None
+        first = max(self.samples.number("time", start - AROUND - 1e-9), self.samples.first)
+        variance = gap_noise(self._increments(first, self.samples.end - 1), start, end) * (end - start)
+        C_nb = Rotation.from_quat(self._run.state[_ATTITUDE], scalar_first=True).as_matrix()
+        for block, part in ((ATT, variance[:3]), (VEL, variance[3:])):
+            self._run.P[block, block] += C_nb * part @ C_nb.T
 
     def _hold_speed(self) -> None:
         """Take an impossible velocity back to zero."""
@@ -246,11 +272,7 @@ class AttitudeOnly:
         edges = (
             np.array([start, end] if self.still == 0 or before == start else [before, start, end]) - before
         )
-        imu = Imu(
-            self.samples.rows("time", before, end + 1),
-            self.samples.rows("dtheta", before + 1, end + 1),
-            self.samples.rows("dvelocity", before + 1, end + 1),
-        )
+        imu = self._increments(before, end)
         still = start < end and bool(still_seconds(imu, self.assumed, edges)[-1])
         if not still:
             self._stop()

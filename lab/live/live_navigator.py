@@ -336,8 +336,9 @@ class LiveNavigator:
         """Take note of a filled gap."""
         stream = self._stream
         stream.gaps = [*stream.gaps, (start, end)][-GAPS:]
-        if stream.filter is not None:
-            stream.filter.add_gaps([(start, end)])
+        for run in (stream.filter, stream.attitude):
+            if run is not None:
+                run.add_gaps([(start, end)])
         counts = self._intake.counts
         self._notes["gap"] = (
             f"{counted(counts.gaps, 'gap')} of the IMU {were(counts.gaps)} filled linearly with "
