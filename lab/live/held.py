@@ -94,8 +94,8 @@ def held(rows: NDArray[np.void]) -> Held:
     count = round(HELD / BLOCK)
     if rows.size < 4 * count or time[-1] - time[0] < HELD * (1 - 1e-3) - np.median(np.diff(time)):
         raise AxisCheckError(
-            f"{counted(rows.size, 'sample')} came; accepted are {HELD:g} s, with {4 / BLOCK:g} samples a "
-            "second or more"
+            f"{counted(rows.size, 'sample')} came, too few; accepted are {HELD:g} s, with {4 / BLOCK:g} "
+            "samples a second or more"
         )
     values = np.concatenate((rows["rate"], rows["force"]), axis=1)
     step = float(time[-1] - time[0]) / (rows.size - 1)
@@ -145,7 +145,7 @@ def turned(rows: NDArray[np.void], bias: FloatArray | None = None) -> FloatArray
     """
     rows = rows[usable_imu(rows)]
     if rows.size < 2:
-        raise AxisCheckError(f"{counted(rows.size, 'sample')} came; accepted is the whole turn")
+        raise AxisCheckError(f"{counted(rows.size, 'sample')} came, too few; accepted is the whole turn")
     rates = rows["rate"] - (np.zeros(3) if bias is None else bias)
     angle = np.trapezoid(rates, rows["time"], axis=0)
     size = float(np.linalg.norm(angle))
