@@ -109,10 +109,11 @@ def test_from_the_wire_to_the_pixel(
             arrived = time.time() - time.monotonic() + station.zero + painted[:, 1]
             page.context.close()
     recorded = recorded_samples(tmp_path / "stream.inslab")
-    # Each sample between two pictures is painted with the later one. A picture may show an older one again.
-    arrived = np.maximum.accumulate(arrived)
-    ends = np.arange(arrived[0], arrived[-1] - 0.5 / rate, 1.0 / rate)  # half a sample: times are rounded
-    shown = painted[np.searchsorted(arrived, ends), 0]
+    # Each sample between two pictures is painted with the later one. Times count from the first picture:
+    # over seconds of the epoch, steps of `arange` are wrong by 10 ms after ten minutes.
+    begun = arrived[0]
+    ends = np.arange(0.0, arrived[-1] - begun - 0.5 / rate, 1.0 / rate)  # half a sample: times are rounded
+    shown = painted[np.searchsorted(arrived - begun, ends), 0] - begun
     delay = 1e3 * (shown - ends)
     print(
         f"\n{rate} Hz, {SECONDS:g} s, one page: {len(recorded.imu)} samples recorded, "
