@@ -113,6 +113,7 @@ class Openings(Handler):
             await garbage.search_from(roots)
             if any(root() is not None for root in left):
                 asyncio.get_running_loop().call_later(wait, self._search_again, left, 2 * wait)
+                self._search_all()  # what is in use may be so by garbage only
                 return
             self._ended_since += 1
             self._search_all()
@@ -150,7 +151,7 @@ class Openings(Handler):
             self._note_models()
             garbage.keep()
         if searched:
-            # In a thread, because it takes up to 0.1 s for one gigabyte.
+            # In a thread, because it goes through all free memory.
             await asyncio.to_thread(give_back)
 
     def _note_models(self) -> None:

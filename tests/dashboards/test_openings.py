@@ -195,6 +195,20 @@ def test_everything_is_searched_when_much_was_kept(monkeypatch: pytest.MonkeyPat
     assert len(much) == 1000
 
 
+def test_everything_is_searched_for_a_page_that_only_garbage_refers_to(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    found, turns, page = searches(monkeypatch), Openings(), Ended()
+    monkeypatch.setattr(openings, "ROOM", -1)
+    monkeypatch.setattr(openings, "MOST", UNLIMITED)
+
+    async def end() -> None:
+        await turns._search([page], 1.0)
+
+    completed(end)
+    assert found == [1]
+
+
 class Context:
     """What a server knows of its sessions."""
 
