@@ -184,22 +184,22 @@ def test_everything_is_searched_now_and_then_while_there_is_not_too_much(
 
 def test_everything_is_searched_when_much_was_kept(monkeypatch: pytest.MonkeyPatch) -> None:
     found, turns = searches(monkeypatch), Openings()
-    monkeypatch.setattr(openings, "ROOM", 1000)
+    monkeypatch.setattr(openings, "ROOM", 10_000)
     monkeypatch.setattr(openings, "MOST", UNLIMITED)
     end_pages(turns, 1)
     assert found == []
-    much = [Ended() for _ in range(1000)]
+    much = [Ended() for _ in range(30_000)]  # others of the process may end meanwhile
     garbage.keep()
     end_pages(turns, 2)
     assert len(found) == 1
-    assert len(much) == 1000
+    assert len(much) == 30_000
 
 
 def test_everything_is_searched_for_a_page_that_only_garbage_refers_to(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     found, turns, page = searches(monkeypatch), Openings(), Ended()
-    monkeypatch.setattr(openings, "ROOM", -1)
+    monkeypatch.setattr(openings, "ROOM", -UNLIMITED)  # fewer are kept than before, if others end meanwhile
     monkeypatch.setattr(openings, "MOST", UNLIMITED)
 
     async def end() -> None:
