@@ -5,7 +5,7 @@ PYTHON ?= python3
 PORT ?= 5006
 SECONDS ?= 600
 NAME ?=
-WORKERS ?= 2
+WORKERS ?= 3
 VENV := .venv
 BIN := $(VENV)/bin
 PIP_INSTALL := $(BIN)/python -m pip install --disable-pip-version-check
@@ -15,7 +15,7 @@ PIP_INSTALL := $(BIN)/python -m pip install --disable-pip-version-check
 
 help:
 	@echo 'make lab     install and open the dashboard on http://localhost:$(PORT) (another port: make lab PORT=8000)'
-	@echo 'make test    install and run every test, in two processes at a time (other: make test WORKERS=4)'
+	@echo 'make test    install and run every test, in three processes at a time (other: make test WORKERS=4)'
 	@echo 'make bench   install and measure the speed'
 	@echo 'make fuzz    install and attack every reader of recordings, every live decoder and a served laboratory for 10 minutes each (make fuzz SECONDS=60 NAME=GPX)'
 	@echo 'make clean   remove $(VENV) and all caches'

@@ -6,8 +6,9 @@ navigation; a change of a gyro's noise does not recompute the flight, the accele
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from functools import partial
 from typing import TypeVar
 
 import numpy as np
@@ -20,10 +21,19 @@ from lab.ideal_imu import IdealImu
 from lab.log_run import run_log, timed
 from lab.memory import check_memory, give_back
 from lab.missions import LogMission, Mission, mission
-from lab.navigation import rest_alignment, smoother, unscented
+from lab.navigation import blocks, rest_alignment, smoother, unscented
+from lab.navigation.aiding import aids_of, needs_rest
+from lab.navigation.aids import NO_AIDS, Aids
 from lab.navigation.algorithm import Algorithm, run_algorithm
-from lab.navigation.belief import assumed_latency, belief, schedule_of
+from lab.navigation.belief import (
+    assumed_latency,
+    belief,
+    chosen_blocks,
+    is_aided,
+    schedule_of,
+)
 from lab.navigation.checks import (
+    check_aiding,
     check_bias_decay,
     check_engine,
     check_finite,
@@ -37,11 +47,12 @@ from lab.navigation.navigator import PolarError, navigate
 from lab.navigation.rest_alignment import Aligned
 from lab.navigation.schedule import Schedule
 from lab.navigation.settings import NavigatorSettings
-from lab.navigation.solution import NO_VECTOR, Belief, Fixes, Imu, Solution, Start
+from lab.navigation.solution import NO_REST, NO_VECTOR, Belief, Fixes, Imu, Solution, Start
 from lab.navigation.standstill import at_rest
 from lab.result import Result, Runnable
-from lab.sensors import gps, imu
+from lab.sensors import barometer, gps, heading_sensor, imu, odometer
 from lab.sensors.draws import unit_draws
+from lab.sensors.readings import Readings
 from lab.sensors.suite import SensorSuite
 from lab.sensors.triad import Conditions, output
 from lab.settings import SettingError
@@ -130,7 +141,7 @@ class _Run:
         flight = CACHE.get("flight", self.flight_key, self.flight)
         self.progress("Simulating the sensors", 0.3)
         aligned = begin(flight.truth, self.experiment)
-        fixes = self.fixes(flight)
+        fixes, readings = self.fixes(flight), self.readings(flight)
         gyro = self.triad("gyro", flight, aligned.gyro_bias)
         accelerometer = self.triad("accelerometer", flight)
         # The curve and its exact increments are not needed any more.
@@ -139,11 +150,11 @@ class _Run:
         is_long = truth.time.size > LONG
         if is_long:
             give_back()
-        ready = self.algorithm is not None or is_ready(self.navigator)
+        ready = self.algorithm is not None or is_ready(self.navigator, self.sensors)
         self.progress("Navigating" if ready else "Preparing the navigator (compiled once)", 0.4)
         assumed = belief(self.sensors, self.navigator, aligned.P if self.navigator.alignment else None)
         key = digest(self.flight_key, self.experiment.seed, self.sensors.to_dict(), self.navigator.to_dict())
-        solution, seconds = (
+        (solution, aids), seconds = (
             timed(
                 lambda: self.own_solution(
                     truth, gyro.increments, accelerometer.increments, fixes, aligned.start
@@ -162,6 +173,7 @@ class _Run:
                         fixes,
                         aligned.start,
                         assumed,
+                        readings,
                     )
                 ),
             )
@@ -185,6 +197,9 @@ class _Run:
             aligned=aligned,
             seconds=seconds,
             algorithm="" if self.algorithm is None else type(self.algorithm).__name__,
+            blocks=() if self.algorithm is not None else chosen_blocks(self.navigator, self.sensors),
+            aids=aids,
+            readings=readings,
         )
 
     def flight(self) -> Flight:
@@ -205,7 +220,7 @@ class _Run:
             samples,
             int(samples / rate / self.sensors.gps.period),
             rate,
-            states=navigator.states,
+            states=blocks.count(chosen_blocks(navigator, self.sensors)),
             drifting=sum(imu.is_drifting(errors) for errors in triads),
             exact=navigator.model == "nonlinear" or navigator.engine == "filterpy",
             arm=bool(belief(self.sensors, navigator).lever_arm.any()),
@@ -278,6 +293,21 @@ class _Run:
             lambda: gps.measure(truth, errors, gps.GpsDraws.of(self.experiment.seed, times.size), seen),
         )
 
+    def readings(self, flight: Flight) -> dict[str, Readings]:
+        """Simulate the sensors besides IMU and GPS."""
+        found = {}
+        for name, measure in (
+            ("barometer", barometer.measure),
+            ("heading", heading_sensor.measure),
+            ("odometer", odometer.measure),
+        ):
+            errors = self.sensors.groups()[name]
+            if errors.fitted:
+                seed, trajectory = self.experiment.seed, flight.trajectory
+                key = digest(self.flight_key, seed, errors.to_dict())
+                found[name] = CACHE.get(name, key, partial(measure, trajectory, errors, seed))
+        return found
+
     def solution(
         self,
         truth: Truth,
@@ -287,23 +317,28 @@ class _Run:
         fixes: gps.GpsFixes,
         begin: Start,
         assumed: Belief,
-    ) -> Solution:
-        """Navigate."""
+        readings: Mapping[str, Readings],
+    ) -> tuple[Solution, Aids]:
+        """Navigate; return also the measurements besides GPS that were used."""
         settings = self.navigator
         self.check_memory(truth.time.size)
         check_mechanization(settings)
         check_engine(settings)
+        names, aided = chosen_blocks(settings, self.sensors), is_aided(settings, self.sensors)
+        check_aiding(settings, names, aided=aided)
         check_r(assumed.R)
         schedule = schedule_of(settings, dt, dtheta.shape[0])
         check_smoother(settings, schedule)
-        check_bias_decay(schedule.stride * dt, assumed.bias_decay)
+        check_bias_decay(schedule.stride * dt, assumed.decay)
         latency = assumed_latency(settings, self.sensors.gps.latency)
         try:
             increments = Imu(truth.time, dtheta, dvelocity)
             seen = Fixes(fixes.time - latency, fixes.position, fixes.velocity_n)
+            rest = at_rest(increments, seen, assumed) if needs_rest(settings) else NO_REST
+            other = aids_of(self.sensors, settings, readings, increments, rest)
             if settings.rest_updates:
-                increments = increments._replace(rest=at_rest(increments, seen, assumed))
-            solution = self.engine(increments, seen, begin, assumed, schedule)
+                increments = increments._replace(rest=rest)
+            solution = self.engine(increments, seen, begin, assumed, schedule, other)
         except SettingError:
             raise
         except PolarError as error:
@@ -315,7 +350,7 @@ class _Run:
         except ValueError as error:  # the reference's linear algebra stops at values that are not finite
             raise diverged("the filter cannot go on", error) from error
         check_finite(solution, truth.time)
-        return solution
+        return solution, other
 
     def own_solution(
         self,
@@ -324,20 +359,24 @@ class _Run:
         dvelocity: FloatArray,
         fixes: gps.GpsFixes,
         begin: Start,
-    ) -> Solution:
-        """Navigate with the user's algorithm."""
+    ) -> tuple[Solution, Aids]:
+        """Navigate with the user's algorithm, which gets no measurements besides GPS."""
         assert self.algorithm is not None
-        return run_algorithm(
+        solution = run_algorithm(
             self.algorithm,
             Imu(truth.time, dtheta, dvelocity),
             Fixes(fixes.time, fixes.position, fixes.velocity_n),
             begin,
         )
+        return solution, NO_AIDS
 
-    def engine(self, imu: Imu, fixes: Fixes, start: Start, belief: Belief, schedule: Schedule) -> Solution:
+    def engine(
+        self, imu: Imu, fixes: Fixes, start: Start, belief: Belief, schedule: Schedule, aids: Aids
+    ) -> Solution:
         """Navigate with the model and the engine of the settings."""
         if self.navigator.model == "nonlinear":
             return unscented.navigate(imu, fixes, start, belief, schedule)
+        model = chosen_model(self.navigator, self.sensors)
         if self.navigator.engine == "filterpy":
             from lab.navigation import reference  # noqa: PLC0415 - filterpy takes half a second to import
 
@@ -347,11 +386,12 @@ class _Run:
                 start,
                 belief,
                 schedule,
-                chosen_model(self.navigator),
+                model,
+                aids,
                 progress=lambda done: self.progress("Navigating", 0.4 + 0.6 * done),
             )
         engine = smoother.navigate if self.navigator.smoother else navigate
-        return engine(imu, fixes, start, belief, schedule, chosen_model(self.navigator))
+        return engine(imu, fixes, start, belief, schedule, model, aids=aids)
 
 
 def _computed(_stage: str, _key: str, compute: Callable[[], T]) -> T:

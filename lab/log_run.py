@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Collection, Sequence
 from typing import TypeVar
 
 import numpy as np
@@ -16,6 +16,7 @@ from lab.logs.log_section import piece
 from lab.logs.vehicle import vehicle_of
 from lab.memory import check_memory
 from lab.missions import LogMission, SensorLog
+from lab.navigation.aids import NO_AIDS
 from lab.navigation.algorithm import Algorithm, run_algorithm
 from lab.navigation.belief import assumed_latency, assumed_lever_arm
 from lab.navigation.choice import is_ready
@@ -41,6 +42,7 @@ _IMU_TERMS = (
     "scale_factor",
     "scale_factor_sigma",
 )
+_SLOW_TERMS = ("fitted", "noise", "bias_sigma", "drift_sigma", "correlation_time")
 IN_EFFECT = frozenset(
     (
         *(f"sensors.{triad}.{term}" for triad in ("gyro", "accelerometer") for term in _IMU_TERMS),
@@ -49,11 +51,15 @@ IN_EFFECT = frozenset(
         "sensors.gps.velocity_variance",
         "sensors.gps.outages",
         "sensors.assumed",
+        *(f"sensors.{sensor}.{term}" for sensor in ("barometer", "heading") for term in _SLOW_TERMS),
+        *(f"sensors.odometer.{term}" for term in ("fitted", "noise", "scale_factor_sigma", "lever_arm")),
     )
 )
 """Settings of the sensors with an effect on the navigation of a log: the filter's assumptions, the terms that
 a card assumed, and outages."""
 
+OTHER_SENSORS = ("barometer", "heading", "odometer")
+"""Groups of the sensors besides IMU and GPS."""
 _OF_THE_START = ("position", "velocity", "attitude")
 WITHOUT_EFFECT = frozenset(
     f"navigator.{part}_{kind}" for part in _OF_THE_START for kind in ("sigma", "error")
@@ -63,9 +69,22 @@ WITHOUT_EFFECT = frozenset(
 _SAME_CLOCK = 1e-3  # largest offset at which the clock of the file counts as the time of the log [s]
 
 
-def has_effect(path: str, states: int = 21) -> bool:
-    """Return whether a setting affects the navigation of a log by a filter with a number of states."""
-    if ".scale_factor" in path and states == 15:
+def has_effect(path: str, states: int = 21, fitted: Collection[str] = OTHER_SENSORS) -> bool:
+    """Return whether a setting affects the navigation of a log.
+
+    Parameters
+    ----------
+    path
+        The setting.
+    states
+        Number of states of the filter, without further blocks.
+    fitted
+        The sensors besides IMU and GPS that it uses, by their groups.
+    """
+    group = path.split(".")[1] if path.startswith("sensors.") else ""
+    if group in OTHER_SENSORS and group not in fitted and not path.endswith(".fitted"):
+        return False
+    if group in ("gyro", "accelerometer") and ".scale_factor" in path and states == 15:
         return False
     if path.startswith("sensors."):
         return path in IN_EFFECT
@@ -171,11 +190,13 @@ def _result(
             "Errors are differences to the reference, which has errors of its own. NEES is therefore not "
             "given, and the verdict is based on the innovations."
         )
+    groups = experiment.sensors.groups()
+    fitted = [name for name in OTHER_SENSORS if groups[name].get("fitted")]
     idle = [
         path
         for path, owner, name in experiment.leaves()
         if getattr(owner, name) != owner.param[name].default
-        and not has_effect(path, experiment.navigator.states)
+        and not has_effect(path, experiment.navigator.states, fitted)
     ]
     if idle:
         notes.append(f"Nothing is simulated for a log: {', '.join(idle)} has no effect.")
@@ -191,6 +212,8 @@ def _result(
         seconds=seconds,
         algorithm="" if algorithm is None else type(algorithm).__name__,
         recorded=Recorded(log, made.imu.time, made.alignment, tuple(notes)),
+        blocks=() if algorithm is not None else made.blocks,
+        aids=NO_AIDS if algorithm is not None else made.aids,
     )
 
 

@@ -72,6 +72,7 @@ class Simulated:
         self._start = run.aligned.start
         self._constants = run.aligned.P if navigator.alignment else None
         self._imu, _ = _measured(run)
+        self._aids = run.aids
 
     def navigate(self, experiment: ExperimentSettings, withheld: Flags) -> tuple[Seen, Seen]:
         """Return the innovations of all fixes; see `Subject`."""
@@ -82,6 +83,7 @@ class Simulated:
         latency = assumed_latency(navigator, experiment.sensors.gps.latency)
         fixes = Fixes(self.stamps - latency, self._fixes.position, self._fixes.velocity_n)
         schedule = schedule_of(navigator, float(np.median(np.diff(imu.time))), imu.dtheta.shape[0])
+        model, aids = chosen_model(navigator, experiment.sensors), self._aids
         arguments = (imu, fixes, self._start, assumed._replace(R=given), schedule)
         if navigator.model == "nonlinear":
             dtheta, dvelocity = (
@@ -90,7 +92,7 @@ class Simulated:
             imu = imu._replace(dtheta=dtheta, dvelocity=dvelocity)
             solution = unscented.navigate(imu, *arguments[1:])
         else:
-            solution = linear.navigate(*arguments, chosen_model(navigator))
+            solution = linear.navigate(*arguments, model, aids=aids)
         return _seen(solution), _predicted(solution, R)
 
 
@@ -143,7 +145,13 @@ def filtered(run: Run) -> Solution:
     imu, fixes = _measured(run)
     schedule = schedule_of(navigator, run.ideal.dt, imu.dtheta.shape[0])
     found = linear.navigate_to_fixes(
-        imu, fixes, run.aligned.start, run.belief, schedule, chosen_model(navigator)
+        imu,
+        fixes,
+        run.aligned.start,
+        run.belief,
+        schedule,
+        chosen_model(navigator, run.experiment.sensors),
+        run.aids,
     )
     # A smoother leaves the other data of the fixes as they are.
     same = {name: getattr(run.solution_arrays, name) for name in UNSMOOTHED}

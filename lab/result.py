@@ -25,7 +25,7 @@ from lab.analysis.evidence import Evidence
 from lab.analysis.run_evidence import evidence_of
 from lab.analysis.trial import Repeatable
 from lab.analysis.verdict import Verdict
-from lab.datasets import flight, innovations, sensors, tables
+from lab.datasets import aiding, flight, innovations, sensors, tables
 from lab.experiment_settings import ExperimentSettings
 from lab.histories import made_when_asked
 from lab.identify import identify
@@ -182,6 +182,23 @@ class Result(NotebookCard, Repeatable):
     def sensor_errors(self) -> xr.Dataset:
         """Estimated biases with σ, and the true ones if simulated; with 21 states also scale factors."""
         return sensors.sensor_errors(self)
+
+    @made_when_asked
+    def further_states(self) -> xr.Dataset:
+        """Estimates and σ of the further states of the filter, and their true values if simulated.
+
+        Each state has its `unit`. Empty for a filter that has the states of the IMU only.
+        """
+        return aiding.further_states(self)
+
+    @cached_property
+    def aiding(self) -> xr.Dataset:
+        """Innovations of the measurements besides GPS (navigator minus measurement), and their σ.
+
+        Each has its `kind` and `unit`; `used` is false for those that the gate rejected. Empty without other
+        sensors.
+        """
+        return aiding.aiding(self)
 
     @cached_property
     def innovations(self) -> xr.Dataset:
@@ -345,8 +362,10 @@ class Result(NotebookCard, Repeatable):
         return identify(self, progress)
 
     def datasets(self) -> dict[str, xr.Dataset]:
-        """Return all known datasets of this run by name; the temperature only with a profile."""
-        names = (*DATASETS, "temperature") if self.has_temperature else DATASETS
+        """Return all known datasets of this run by name; some only if their settings make them meaningful."""
+        names = (*DATASETS, *(["temperature"] if self.has_temperature else []))
+        names += ("further_states",) if self.solution_arrays.further.shape[1] else ()
+        names += ("aiding",) if self.aids.time.size else ()
         return {name: getattr(self, name) for name in names if not self.lacks(name)}
 
     def to_netcdf(self, path: str | Path, *, overwrite: bool = False) -> None:

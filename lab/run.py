@@ -6,25 +6,29 @@ Analyses and datasets are functions of a `Run`. `lab.result` is its user interfa
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field, replace
 from typing import NamedTuple, Self
 
 import numpy as np
 from numpy.typing import NDArray
 
 from lab.experiment_settings import ExperimentSettings
+from lab.further_truth import further_truth
 from lab.histories import LONG, made_when_asked
 from lab.ideal_imu import IdealImu
 from lab.missions import Mission, SensorLog
+from lab.navigation.aids import NO_AIDS, Aids
 from lab.navigation.alignment import Alignment
 from lab.navigation.belief import assumed_latency
+from lab.navigation.blocks import SCALES
 from lab.navigation.rest_alignment import Aligned
 from lab.navigation.solution import HISTORIES, Belief, Solution
 from lab.rotation import euler_from_quaternion
 from lab.sensors import temperature as thermal
 from lab.sensors.gps import GpsFixes
 from lab.sensors.imu import Measured
+from lab.sensors.readings import Readings
 from lab.trajectory import Truth
 
 FloatArray = NDArray[np.float64]
@@ -89,6 +93,12 @@ class Run(ABC):
         Further data of a log.
     aligned : Aligned or None
         The start of the navigator of a simulated run.
+    blocks : tuple of str
+        The further blocks of states of the filter.
+    aids : Aids
+        The measurements besides GPS that the filter was given.
+    readings : mapping of str to Readings
+        Readings of the other sensors of a simulated run, by their group in the settings.
     """
 
     experiment: ExperimentSettings
@@ -104,6 +114,9 @@ class Run(ABC):
     algorithm: str = ""
     recorded: Recorded | None = None
     aligned: Aligned | None = None
+    blocks: tuple[str, ...] = ()
+    aids: Aids = NO_AIDS
+    readings: Mapping[str, Readings] = field(default_factory=dict)
 
     @property
     @abstractmethod
@@ -204,6 +217,15 @@ class Run(ABC):
     def true_scale(self) -> FloatArray:
         """True scale factor errors of gyros and accelerometers (n + 1, 6) at the IMU times."""
         return _at_samples(self.gyro.scale, self.accelerometer.scale)
+
+    def true_further(self) -> FloatArray:
+        """Return the true values (n + 1, k) of the states after the scale factors, at the IMU times."""
+        return further_truth(self.experiment, self.readings, self.blocks, self.time)
+
+    @property
+    def is_aided(self) -> bool:
+        """Whether the filter has further states besides scale factors, or uses other measurements."""
+        return bool(self.aids.time.size or set(self.blocks) - set(SCALES))
 
     def imu_temperature(self) -> FloatArray:
         """Return the temperature of the IMU (n,) in each sample interval of a simulated run [°C].

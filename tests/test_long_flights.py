@@ -151,11 +151,11 @@ def test_a_smoother_takes_little_memory(monkeypatch: pytest.MonkeyPatch, everyth
     taken = {}
     navigate = smoother.navigate
 
-    def measured(*arguments: Any) -> Solution:
-        navigate(*arguments)  # what is compiled or loaded is not counted
+    def measured(*arguments: Any, **others: Any) -> Solution:
+        navigate(*arguments, **others)  # what is compiled or loaded is not counted
         tracemalloc.start()
         try:
-            return navigate(*arguments)
+            return navigate(*arguments, **others)
         finally:
             taken["smoother"] = tracemalloc.get_traced_memory()[1]
             tracemalloc.stop()

@@ -126,10 +126,11 @@ def plot_grid(
     """
     rows = -(-len(figures) // columns)
     share = f"max({least}px, calc((100vh - {AROUND + GAP * rows}px) / {rows}))" if fill else f"{least}px"
-    free = "" if fill else " height: auto !important; min-height: 0 !important; flex: 0 0 auto !important;"
+    free = "" if fill else " height: auto !important; flex: 0 0 auto !important;"
+    # As its least height, Panel sets that of all figures in one column: one could scroll far below them.
     grid = f"""
     :host {{
-      display: grid !important; gap: {GAP}px;{free}
+      display: grid !important; gap: {GAP}px; min-height: 0 !important;{free}
       grid-template-columns: repeat({columns}, minmax(0, 1fr));
       grid-auto-rows: {share};
     }}

@@ -18,6 +18,7 @@ from lab.views.quantities import (
     SENSOR_ERRORS,
     TEMPERATURE,
     TimePlot,
+    further_plots,
     with_scale,
 )
 
@@ -39,7 +40,11 @@ class TimePlots(Page):
 
     def wanted(self, result: Result) -> Plots:
         """Return the plots for a result; those after the first group have the full width."""
-        return (with_scale(result, self.plots, self.scale_plots),)
+        return (self.of_imu(result),)
+
+    def of_imu(self, result: Result) -> tuple[TimePlot, ...]:
+        """Return the plots of biases, and of scale factors if a result has them."""
+        return with_scale(result, self.plots, self.scale_plots)
 
     def _grid(self, groups: Plots) -> tuple[list[TimeFigures], pn.viewable.Viewable]:
         """Return the grid of some plots; it is made when first shown."""
@@ -87,7 +92,7 @@ class Covariance(TimePlots):
 
 
 class SensorErrors(TimePlots):
-    """Estimated and true biases, and scale factors if they are states; and the temperature."""
+    """Estimated and true biases, and other errors of sensors if they are states; and the temperature."""
 
     title = "Sensor errors"
     plots = SENSOR_ERRORS
@@ -96,7 +101,7 @@ class SensorErrors(TimePlots):
     def wanted(self, result: Result) -> Plots:
         """Return the plots for a result; the temperature has the full width."""
         rest = (TEMPERATURE,) if result.has_temperature else ()
-        return (*super().wanted(result), *rest)
+        return (self.of_imu(result) + further_plots(result.blocks), *rest)
 
 
 class Height(TimePlots):

@@ -44,6 +44,7 @@ from lab.analysis.errors import euler_sigma
 from lab.analysis.known_errors import Series, known_errors
 from lab.analysis.transition import BIASES, NAV, Flight, N, Processes, Transition, transition
 from lab.east_north_up import NED_TO_ENU, east_north_up_sizes
+from lab.navigation.checks import OTHER
 from lab.navigation.error_models import ATT, MODELS, POS, STATES, VEL
 from lab.navigation.strapdown import MAX_LATITUDE
 from lab.rotation import euler_from_quaternion, euler_jacobian
@@ -129,6 +130,7 @@ def _check(run: Run) -> None:
         )
     check_latitude(run.known_truth("budget"))
     check_gains(run)
+    check_states(run)
     check_rest(run)
     check_feedforward(run)
 
@@ -155,6 +157,15 @@ def check_gains(run: Run) -> None:
         raise SettingError(
             "navigator.smoother: this analysis needs the gains of the filter, and a smoothed solution has "
             "none; accepted here is false"
+        )
+
+
+def check_states(run: Run) -> None:
+    """Raise `SettingError` for filters with other measurements or further states."""
+    if run.is_aided:
+        raise SettingError(
+            f"{OTHER}: the error budget follows the errors of IMU and GPS through a filter with 15 or 21 "
+            "states, and this one uses other measurements or has further states; accepted here are none"
         )
 
 
@@ -228,7 +239,7 @@ class _Propagation:
         self.time = ideal.time
         self.processes = processes
         self.inertial = [source for source in processes if source.channel <= ACCELEROMETER]
-        self.fade = np.exp(-belief.bias_decay * ideal.dt)
+        self.fade = np.exp(-belief.decay * ideal.dt)
         self.sampled = Processes(
             np.array([source.channel for source in self.inertial], dtype=np.int64),
             np.array([source.decay(ideal.dt) for source in self.inertial]),

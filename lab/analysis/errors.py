@@ -55,8 +55,9 @@ def error_state(
     truth: Truth,
     bias: FloatArray,
     scale: FloatArray | None = None,
+    further: FloatArray | None = None,
 ) -> FloatArray:
-    """Return the error states (m, 15) or (m, 21) at some samples, in the filter's order and units.
+    """Return the error states (m, states) at some samples, in the filter's order and units.
 
     Parameters
     ----------
@@ -69,7 +70,10 @@ def error_state(
     bias : (n, 6) array
         True gyro and accelerometer biases at all samples [rad/s], [m/s²].
     scale : (n, 6) array
-        True scale factor errors of gyros and accelerometers at all samples; needed for 21 states only.
+        True scale factor errors of gyros and accelerometers at all samples, if the filter has states for
+        them.
+    further : (n, k) array
+        True values of its further states at all samples, if it has any.
     """
     there = truth.taken(samples)
     x = np.empty((samples.size, solution.states))
@@ -84,6 +88,9 @@ def error_state(
     if solution.scale.shape[1]:
         assert scale is not None
         x[:, GYRO_SCALE.start : ACCEL_SCALE.stop] = solution.scale[samples] - scale[samples]
+    if solution.further.shape[1]:
+        assert further is not None
+        x[:, solution.states - further.shape[1] :] = solution.further[samples] - further[samples]
     return x
 
 

@@ -130,6 +130,8 @@ def evidence(
     latency: float = 0.0,
     smoothed: Solution | None = None,
     explain: bool = True,
+    aided: bool = False,
+    calibrating: bool = False,
 ) -> Evidence:
     """Return the evidence of a run about its filter.
 
@@ -151,12 +153,18 @@ def evidence(
         and the innovations, is the filter's.
     explain
         Whether suspicious innovations are explained.
+    aided
+        Whether the filter uses other measurements, or has further states. Their updates between the fixes are
+        not modelled here, so causes of the innovations are then not sought.
+    calibrating
+        Whether the filter estimates errors of the receiver. The errors of the fixes themselves are then not
+        judged: they contain what is estimated.
     """
     seen, samples = offered(solution, fixes, imu)
     motion = motion_at_fixes(solution, samples, imu)
     found = Evidence(
         runs=1,
-        innovations=innovations(solution, belief, fixes, imu, motion, explain=explain),
+        innovations=innovations(solution, belief, fixes, imu, motion, explain=explain, aided=aided),
         usage=usage(solution, gate),
         told=Kept(np.append(latency, belief.lever_arm)[None]),
     )
@@ -165,7 +173,9 @@ def evidence(
     shown, used = solution if smoothed is None else smoothed, np.flatnonzero(solution.fix_sample >= 0)
     return replace(
         found,
-        fixes=fix_errors(
+        fixes=None
+        if calibrating
+        else fix_errors(
             belief,
             fixes,
             seen,
@@ -188,14 +198,23 @@ def usage(solution: Solution, gate: float) -> Usage:
 
 def _start(solution: Solution, belief: Belief, reference: Reference) -> Squares:
     first = np.zeros(1, dtype=np.int64)
-    x = errors.error_state(solution, first, reference.truth, reference.bias, reference.scale)
+    x = _errors(solution, first, reference)
     total, number = np.zeros(1 + len(BLOCKS)), np.zeros(1 + len(BLOCKS))
     for at, block in enumerate((slice(None), *BLOCKS.values())):
+        if block in (GYRO_SCALE, ACCEL_SCALE) and not solution.scale.shape[1]:
+            continue  # other states may be there
         P0 = belief.P0[block, block]
         if P0.size:
             total[at] = consistency.normalised_squares(x[:, block], P0[None]).sum()
             number[at] = float(np.linalg.matrix_rank(_correlation(P0)))
     return Squares(total, number)
+
+
+def _errors(solution: Solution, at: NDArray[np.intp], reference: Reference) -> FloatArray:
+    """Return the errors of all states (k, states) at samples (k,)."""
+    return errors.error_state(
+        solution, at, reference.truth, reference.bias, reference.scale, reference.further
+    )
 
 
 def _correlation(P: FloatArray) -> FloatArray:
@@ -214,7 +233,7 @@ def nees_squares(
     if not used.size:
         return Squares(np.zeros(()), np.zeros(()))
     at = solution.fix_sample[used]
-    x = errors.error_state(solution, at, reference.truth, reference.bias, reference.scale)
+    x = _errors(solution, at, reference)
     P = solution.fix_covariance[used][:, block, block]
     nees = consistency.normalised_squares(x[:, block], P)
     epochs = max(1.0, float(np.ptp(reference.truth.time)) / SETTLING)
@@ -239,6 +258,6 @@ def whole_seconds(time: FloatArray) -> NDArray[np.intp]:
 
 def position_nees(solution: Solution, at: NDArray[np.intp], reference: Reference) -> tuple[FloatArray, int]:
     """Return NEES of the position at samples (k,), and its degrees of freedom."""
-    x = errors.error_state(solution, at, reference.truth, reference.bias, reference.scale)[:, POS]
+    x = _errors(solution, at, reference)[:, POS]
     P = errors.block_matrices(solution.variance[at][:, POS], solution.covariance[at, 0])
     return consistency.normalised_squares(x, P), consistency.uncertain(P).size

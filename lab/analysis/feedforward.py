@@ -15,10 +15,11 @@ import numpy as np
 
 from lab.analysis.errors import attitude_error
 from lab.analysis.finding import Change, Finding, Verdict, headline
-from lab.navigation.choice import chosen_model
+from lab.navigation.error_models import with_blocks
 from lab.navigation.navigator import PolarError, freely
 from lab.navigation.schedule import Schedule
 from lab.navigation.solution import Imu, Start
+from lab.navigation.wander_models import linear_model
 from lab.run import Run
 
 LINEAR = np.radians(0.8)
@@ -70,9 +71,10 @@ def drift_of(run: Run) -> float:
     bias = solution.bias[0, :3].astype(np.float64)
     start = Start(solution.position[0], solution.velocity_n[0], solution.q_nb[0], bias)
     imu = Imu(run.time, run.gyro.increments, run.accelerometer.increments)
-    alone = run.belief._replace(R=np.eye(6), bias_decay=np.zeros(6))
+    alone = run.belief._replace(R=np.eye(6), decay=np.zeros_like(run.belief.decay))
+    navigator = run.experiment.navigator
     try:
-        model = chosen_model(run.experiment.navigator)
+        model = with_blocks(linear_model(navigator.model, navigator.mechanization), run.blocks)
         largest = 0.0
         for first, free in freely(imu, start, alone, Schedule(feedback=False), model):
             there = solution.q_nb[first : first + free.q_nb.shape[0]]

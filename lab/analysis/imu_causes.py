@@ -170,8 +170,8 @@ def _system_matrix(
     F[:, VEL, ATT] = np.cross(force_n[:, None, :], np.eye(3)).transpose(0, 2, 1)
     F[:, VEL, ACCEL_BIAS] = -C_nb
     F[:, ATT, GYRO_BIAS] = C_nb
-    F[:, GYRO_BIAS, GYRO_BIAS] = -np.diag(belief.bias_decay[:3])
-    F[:, ACCEL_BIAS, ACCEL_BIAS] = -np.diag(belief.bias_decay[3:])
+    F[:, GYRO_BIAS, GYRO_BIAS] = -np.diag(belief.decay[:3])
+    F[:, ACCEL_BIAS, ACCEL_BIAS] = -np.diag(belief.decay[3:])
     if n > GYRO_SCALE.start:
         F[:, ATT, GYRO_SCALE] = C_nb * rate_b[:, None, :]
         F[:, VEL, ACCEL_SCALE] = -C_nb * force_b[:, None, :]

@@ -105,7 +105,14 @@ def offered(solution: Solution, fixes: Fixes, imu: Imu) -> tuple[NDArray[np.intp
 
 
 def innovations(
-    solution: Solution, belief: Belief, fixes: Fixes, imu: Imu, motion: Motion, *, explain: bool = True
+    solution: Solution,
+    belief: Belief,
+    fixes: Fixes,
+    imu: Imu,
+    motion: Motion,
+    *,
+    explain: bool = True,
+    aided: bool = False,
 ) -> Innovations:
     """Return the statistics of the innovations of a run.
 
@@ -118,7 +125,9 @@ def innovations(
     normalised = _normalised(nu, S)
     squares, sums, lagged = sizes(normalised[used])
     record = Record(solution, belief, imu, seen, samples, nu, S, gains(solution, seen))
-    record, apart = _without_outliers(record, known, normalised)
+    apart = np.zeros(seen.size, dtype=np.bool_)
+    if not aided:
+        record, apart = _without_outliers(record, known, normalised)
     nu, S = record.innovation, record.covariance
     span = float(imu.time[0]), float(imu.time[-1])
     values = np.where(known & ~apart[:, None], _normalised(nu, S), np.nan)
@@ -137,7 +146,9 @@ def innovations(
         outliers=int(np.sum(apart & used)),
         refused=int(np.sum(apart & ~used)),
     )
-    return _explained(found, record, motion, apart, explain) if seen.size else found
+    if aided or not seen.size:
+        return found
+    return _explained(found, record, motion, apart, explain)
 
 
 def _without_outliers(

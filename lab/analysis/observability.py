@@ -19,6 +19,7 @@ from lab.analysis.budget import (
     believed_sigma,
     check_gains,
     check_latitude,
+    check_states,
     epochs_of,
     quantities,
     sigma_of_quantities,
@@ -204,6 +205,7 @@ def observability(run: Run) -> xr.Dataset:
     import xarray as xr  # noqa: PLC0415 - takes a while to import, and a run does without
 
     check_gains(run)
+    check_states(run)
     check_latitude(run.flown)
     units = quantities(run.solution_arrays.states)
     epochs = epochs_of(run)
@@ -269,7 +271,7 @@ def _led(run: Run, start: Start, model: ErrorModel) -> Solution:
     """Return the solution of a log without fixes, reset to the estimated one at the time of each fix."""
     imu = Imu(run.time, run.gyro.increments, run.accelerometer.increments)
     none = Fixes(np.zeros(0), np.zeros((0, 3)), np.zeros((0, 3)))
-    out, led = Solution.empty(imu.time.size, 0, model.states), run.solution_arrays
+    out, led = Solution.empty(imu.time.size, 0, model.blocks), run.solution_arrays
     coasting = Filter.begin(start, run.belief._replace(R=np.eye(6)), imu.time[0], model)
     coasting.state[strapdown.GYRO_BIAS : strapdown.ACCEL_BIAS + 3] = led.bias[0]
     done = 0

@@ -8,6 +8,7 @@ from lab.analysis.algorithm_verdict import algorithm_evidence
 from lab.analysis.evidence import Evidence, evidence
 from lab.analysis.sensor_evidence import Reference
 from lab.navigation.belief import bias_processes
+from lab.navigation.blocks import GPS_DRIFT, LATENCY, LEVER_ARM
 from lab.navigation.solution import Fixes, Imu, Solution
 from lab.run import Run
 
@@ -35,6 +36,8 @@ def evidence_of(run: Run, filtered: Solution, *, explain: bool = True) -> Eviden
         Fixes(run.fix_validity, fixes.position, fixes.velocity_n),
         Imu(run.time, run.gyro.increments, run.accelerometer.increments),
         reference,
+        aided=run.is_aided,
+        calibrating=bool({GPS_DRIFT, LEVER_ARM, LATENCY} & set(run.blocks)),
         gate=float(navigator.gate),
         explain=explain,
         latency=run.latency,
@@ -57,4 +60,5 @@ def reference_of(run: Run) -> Reference:
         run.imu_temperature() if experiment.sensors.temperature.profile != "none" else None,
         (run.gyro.saturated, run.accelerometer.saturated),
         bias_processes(experiment.sensors, constants)[0],
+        run.true_further() if run.solution_arrays.further.size else None,
     )

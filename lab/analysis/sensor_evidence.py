@@ -72,6 +72,8 @@ class Reference(NamedTuple):
     bias_drive : (6,) array
         Drive of the gyro and accelerometer biases [rad²/s³], [(m/s²)²/s] in a filter matched to the sensors;
         None if unknown.
+    further : (n + 1, k) array
+        True values of the further states of the filter (`navigation.blocks`), if it has any.
     """
 
     truth: Truth
@@ -82,6 +84,7 @@ class Reference(NamedTuple):
     temperature: FloatArray | None = None
     saturated: tuple[int, int] = (0, 0)
     bias_drive: FloatArray | None = None
+    further: FloatArray | None = None
 
 
 @dataclass(frozen=True)
@@ -277,7 +280,7 @@ def _drift(
     """
     duration = seen.window * seen.noise.size
     density = belief.noise[axis] * rest
-    drive, decay = float(belief.noise[6 + axis]), float(belief.bias_decay[axis])
+    drive, decay = float(belief.noise[6 + axis]), float(belief.decay[axis])
     hidden = 3 * density / duration**2
     base = max(drive, UNSEEN * hidden)
     power, basis = spectrum(seen.noise.size, seen.window, decay)

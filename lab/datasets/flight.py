@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from lab.analysis.errors import euler_sigma, position_error
 from lab.datasets.labelled import DEGREE, Variables, labelled, labelled_at
 from lab.east_north_up import east_north_up, east_north_up_sizes
+from lab.navigation import blocks
 from lab.navigation.error_models import ATT, POS, STATES, VEL
 from lab.navigation.solution import Solution
 from lab.projection import Projection
@@ -111,11 +112,18 @@ def sigma(run: Run) -> xr.Dataset:
 
 def state_sigma(run: Run) -> xr.Dataset:
     """Return σ of all error states; see `Result.state_sigma`."""
-    n = run.solution_arrays.states
-    scale = np.array([1 / TO_SI[unit] for unit in STATE_UNITS[:n]])
-    values = np.sqrt(run.solution_arrays.variance) * scale
+    solution = run.solution_arrays
+    known = solution.states - solution.further.shape[1]
+    further = [blocks.BLOCKS[name] for name in run.blocks if name not in blocks.SCALES]
+    names, units = list(STATES[:known]), list(STATE_UNITS[:known])
+    scale = [1 / TO_SI[unit] for unit in units]
+    for block in further:
+        names += block.names
+        units += [block.shown_unit] * block.size
+        scale += [block.shown_scale] * block.size
+    values = np.sqrt(solution.variance) * np.array(scale)
     dataset = labelled(run, sigma=(("time", "state"), values, "", "σ of the error states"))
-    return dataset.assign_coords(state=list(STATES[:n]), unit=("state", list(STATE_UNITS[:n])))
+    return dataset.assign_coords(state=names, unit=("state", units))
 
 
 def track(run: Run, projection: Projection, samples: NDArray[np.intp] | slice = slice(None)) -> xr.Dataset:

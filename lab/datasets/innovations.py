@@ -78,7 +78,8 @@ def consistency(run: Run) -> xr.Dataset:
     solution = run.solution_arrays
     samples = np.maximum(solution.fix_sample, 0)
     scale = run.true_scale if solution.scale.size else None
-    x = error_state(solution, samples, run.known_truth("consistency"), run.true_bias, scale)
+    further = run.true_further() if solution.further.size else None
+    x = error_state(solution, samples, run.known_truth("consistency"), run.true_bias, scale, further)
     nees = _of_used_fixes(run, x, solution.fix_covariance)
     used = solution.fix_covariance[solution.fix_sample >= 0]
     degrees = int(statistics.uncertain(used).size) if used.size else 0

@@ -118,7 +118,7 @@ class AttitudeOnly:
         self._scale = float(np.sqrt((shape + si(sensors.gyro, "scale_factor_sigma") ** 2).max()))
         assumed = belief(sensors, settings, constants)
         # As for a log: the settings do not describe the biases found, so these do not decay.
-        self.assumed = assumed._replace(bias_decay=np.zeros(6), lever_arm=np.zeros(3), R=np.eye(MEASUREMENTS))
+        self.assumed = assumed._replace(decay=np.zeros(6), lever_arm=np.zeros(3), R=np.eye(MEASUREMENTS))
         self.heading_source = "" if np.isnan(heading) else "given"
         self.rest = 0.0
         """Length of the rest so far [s]."""

@@ -374,7 +374,7 @@ class LiveFilter:
         )
         run.noise[:] = noise
         run.counts[0] = 0
-        out = Solution.empty(end - before + 1, count, self.model.states)
+        out = Solution.empty(end - before + 1, count, self.model.blocks)
         stopped = advance(run, imu, shown, out, self.at - before, schedule, self.model)
         if stopped < end - before + 1:
             raise PolarError(POLAR.format(time=imu.time[stopped - 1]))

@@ -73,6 +73,12 @@ GAPS: Final = 1000
 """Gaps that are remembered."""
 
 
+OTHER_SENSORS = tuple(f"{sensor}.fitted" for sensor in ("barometer", "heading", "odometer"))
+"""Settings of sensors that a stream does not have."""
+OTHER_STATES = ("estimate_gps_drift", "estimate_lever_arm", "estimate_latency", "no_slip", "zero_velocity")
+"""Settings of the navigator for further states and measurements, which have no effect on a stream."""
+
+
 class LiveNavigator:
     """A navigator that is fed with rows as they arrive, from one thread; others may read it.
 
@@ -112,13 +118,19 @@ class LiveNavigator:
                 "whole logs only; accepted for a stream are the models phi, psi and invariant, and engine = "
                 "compiled"
             )
+        # A stream has neither other sensors nor further states.
+        sensors, navigator = sensors.copy(), navigator.copy()
+        for path in OTHER_SENSORS:
+            sensors.set(path, False)
+        for path in OTHER_STATES:
+            navigator.set(path, False)
         self._sensors, self._navigator, self._place = sensors, navigator, place
         self._kept = max(kept, LEAST_KEPT)
         self._model = chosen_model(navigator)
         assumed = belief(sensors, navigator)
         check_r(assumed.R)
         self._assumed = assumed._replace(
-            bias_decay=np.zeros_like(assumed.bias_decay),
+            decay=np.zeros_like(assumed.decay),
             lever_arm=assumed_lever_arm(navigator, np.zeros(3)),
         )
         self._latency = assumed_latency(navigator, 0.0)

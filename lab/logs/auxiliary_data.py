@@ -97,6 +97,26 @@ class Headings:
 
 
 @dataclass(frozen=True, eq=False, repr=False)
+class Series:
+    """What a sensor with one number measured: a barometer's heights [m], an odometer's speeds [m/s].
+
+    Attributes
+    ----------
+    time : (k,) array
+        Times, increasing [s].
+    value : (k,) array
+        Readings.
+    """
+
+    time: FloatArray
+    value: FloatArray
+
+    def later(self, seconds: float) -> Self:
+        """Return the same with later times."""
+        return replace(self, time=self.time + seconds)
+
+
+@dataclass(frozen=True, eq=False, repr=False)
 class AuxiliaryData:
     """Data of a log in addition to IMU and GPS.
 
@@ -109,6 +129,8 @@ class AuxiliaryData:
         The magnetometer.
     headings : Headings or None
         Headings as measured.
+    barometer, odometer : Series or None
+        Heights by pressure [m], and speeds forward [m/s].
     comparisons : tuple of Comparison
         Other solutions.
     """
@@ -116,13 +138,20 @@ class AuxiliaryData:
     vehicle: str = ""
     magnetometer: Magnetometer | None = None
     headings: Headings | None = None
+    barometer: Series | None = None
+    odometer: Series | None = None
     comparisons: tuple[Comparison, ...] = ()
 
     def later(self, seconds: float) -> AuxiliaryData:
         """Return the same with later times."""
         moved = {
             name: None if part is None else part.later(seconds)
-            for name, part in (("magnetometer", self.magnetometer), ("headings", self.headings))
+            for name, part in (
+                ("magnetometer", self.magnetometer),
+                ("headings", self.headings),
+                ("barometer", self.barometer),
+                ("odometer", self.odometer),
+            )
         }
         others = tuple(one.later(seconds) for one in self.comparisons)
         return AuxiliaryData(self.vehicle, comparisons=others, **moved)  # type: ignore[arg-type]  # each its own kind

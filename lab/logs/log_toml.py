@@ -15,7 +15,8 @@ from lab.recordings.mission_error import MissionError
 DESCRIPTION_FILE = "log.toml"
 """Name of the TOML file in the folder of a log."""
 
-_TEXTS = ("title", "description", "imu", "gnss", "reference", "magnetometer", "vehicle")
+_FILES = ("imu", "gnss", "reference", "magnetometer", "barometer", "odometer")
+_TEXTS = ("title", "description", *_FILES, "vehicle")
 _KEYS = (
     *_TEXTS, "tags", "axes", "mounting_deg", "lever_arm_m", "latency_s", "declination_deg", "comparisons",
 )  # fmt: skip

@@ -7,10 +7,11 @@ lon_deg, alt_m``, and those that the receiver has of ``vn_m_s, ve_m_s, vd_m_s`` 
 sd_e_m, sd_d_m, sd_vn_m_s, sd_ve_m_s, sd_vd_m_s``; with two antennas also ``heading_deg, sd_heading_deg``.
 ``ref.csv``, where there is one: ``t_s`` and those that are known of ``lat_deg, lon_deg, alt_m``, ``vn_m_s
 …`` and ``roll_deg, pitch_deg, heading_deg``. ``mag.csv``, where there is one: ``t_s, mx_uT, my_uT,
-mz_uT``, in the axes of the IMU. An empty cell of an optional column is unknown. All files are stamped by
-one clock, which ``--from``, ``--to`` and outages refer to as well. Heights are above the ellipsoid, or all
-above the same other surface. The TOML, ``log.toml`` in the folder, may leave out every key; the defaults
-are as here, unless noted::
+mz_uT``, in the axes of the IMU. ``baro.csv``, where there is one: ``t_s, height_m``, by pressure;
+``odo.csv``: ``t_s, speed_m_s``, forward. An empty cell of an optional column is unknown. All files are
+stamped by one clock, which ``--from``, ``--to`` and outages refer to as well. Heights are above the
+ellipsoid, or all above the same other surface. The TOML, ``log.toml`` in the folder, may leave out every key;
+the defaults are as here, unless noted::
 
     title = "Drive to work"
     description = "..."
@@ -19,6 +20,8 @@ are as here, unless noted::
     gnss = "gnss.csv"
     reference = "ref.csv"         # taken where it exists
     magnetometer = "mag.csv"      # taken where it exists
+    barometer = "baro.csv"        # taken where it exists
+    odometer = "odo.csv"          # taken where it exists
     vehicle = "car"               # left out: unknown; aeroplane, car, boat, copter, pedestrian, ...
     axes = ["x", "y", "z"]        # which axes of the IMU point forward, right, down; "-y" for its opposite
     mounting_deg = [0, 0, 0]      # roll, pitch, yaw of these axes in the vehicle
@@ -39,7 +42,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lab.earth import STANDARD_GRAVITY
-from lab.logs.auxiliary_data import AuxiliaryData, Comparison, Headings, Magnetometer, Reference
+from lab.logs.auxiliary_data import (
+    AuxiliaryData,
+    Comparison,
+    Headings,
+    Magnetometer,
+    Reference,
+    Series,
+)
 from lab.logs.log_toml import DESCRIPTION_FILE, check_values
 from lab.logs.sensor_log import MIN_IMU_SAMPLES, SIGMAS, GnssLog, SensorLog, repaired
 from lab.recordings.bounds import HEIGHTS, LATITUDES, LONGITUDES, MAX_DURATION, MAX_SPEED, TIME_STAMPS
@@ -96,6 +106,8 @@ _ATTITUDE = tuple(
     for name in ("roll_deg", "pitch_deg", "heading_deg")
 )
 _PLACE_IF_KNOWN = tuple(replace(column, required=False, may_be_empty=True) for column in _POSITION)
+_HEIGHT = Column("height_m", *HEIGHTS, may_be_empty=True)
+_SPEED = Column("speed_m_s", -MAX_SPEED, MAX_SPEED, may_be_empty=True)
 _FIELD = tuple(
     Column(name, -_MAX_FIELD, _MAX_FIELD, may_be_empty=True) for name in ("mx_uT", "my_uT", "mz_uT")
 )
@@ -111,8 +123,8 @@ class LogFiles:
         The folder, or the TOML file.
     imu, gnss : Path
         The csv files.
-    reference, magnetometer : Path or None
-        Csv files of the reference and the magnetometer, if there are any.
+    reference, magnetometer, barometer, odometer : Path or None
+        Csv files of the reference and of these sensors, if there are any.
     comparisons : tuple of (str, Path)
         Names and csv files of other solutions.
     title, description : str
@@ -138,6 +150,8 @@ class LogFiles:
     gnss: Path
     reference: Path | None
     magnetometer: Path | None
+    barometer: Path | None
+    odometer: Path | None
     comparisons: tuple[tuple[str, Path], ...]
     title: str
     description: str
@@ -157,6 +171,8 @@ class LogFiles:
             self.gnss,
             self.reference,
             self.magnetometer,
+            self.barometer,
+            self.odometer,
             *(path for _, path in self.comparisons),
         )
         return [path for path in named if path is not None]
@@ -183,6 +199,8 @@ class LogFiles:
             vehicle=self.vehicle,
             magnetometer=None if self.magnetometer is None else self._read_field(self.magnetometer),
             headings=headings,
+            barometer=None if self.barometer is None else _read_series(self.barometer, _HEIGHT),
+            odometer=None if self.odometer is None else _read_series(self.odometer, _SPEED),
             comparisons=tuple(
                 Comparison(*_read_solution(path), name=name) for name, path in self.comparisons
             ),
@@ -271,18 +289,21 @@ def log_files(path: str | os.PathLike[str]) -> LogFiles:
     imu, gnss = (
         file_in_same_folder(described, key, values.get(key, f"{key}.csv")) for key in ("imu", "gnss")
     )
-    reference, magnetometer = (
-        file_in_same_folder(described, key, values.get(key, name))
-        for key, name in (("reference", "ref.csv"), ("magnetometer", "mag.csv"))
-    )
+    others = {
+        key: file_in_same_folder(described, key, values.get(key, name))
+        for key, name in (
+            ("reference", "ref.csv"),
+            ("magnetometer", "mag.csv"),
+            ("barometer", "baro.csv"),
+            ("odometer", "odo.csv"),
+        )
+    }
     comparisons = tuple(
         (name, file_in_same_folder(described, "comparisons", file))
         for name, file in values.get("comparisons", {}).items()
     )
     wanted = [imu, gnss, *(file for _, file in comparisons)]
-    wanted += [
-        file for key, file in (("reference", reference), ("magnetometer", magnetometer)) if key in values
-    ]
+    wanted += [file for key, file in others.items() if key in values]
     for file in wanted:
         if not file.is_file():
             raise MissionError(
@@ -293,8 +314,7 @@ def log_files(path: str | os.PathLike[str]) -> LogFiles:
         path=path,
         imu=imu,
         gnss=gnss,
-        reference=reference if reference.is_file() else None,
-        magnetometer=magnetometer if magnetometer.is_file() else None,
+        **{key: file if file.is_file() else None for key, file in others.items()},
         comparisons=comparisons,
         title=values.get("title", described.parent.name if described.stem == "log" else described.stem),
         description=values.get("description", ""),
@@ -367,6 +387,16 @@ def _read_solution(path: Path) -> tuple[FloatArray, FloatArray, FloatArray, Floa
             "more"
         )
     return (time, *parts)
+
+
+def _read_series(path: Path, column: Column) -> Series:
+    """Return the readings of a sensor with one number; empty cells are left out."""
+    table, _ = _read(path, (_TIME, column))
+    known = np.isfinite(table[column.name])
+    time = table["t_s"][known]
+    if (np.diff(time) < 0).any():
+        raise MissionError(f"{path}, column t_s: accepted is time that increases from row to row")
+    return Series(time, table[column.name][known])
 
 
 def _axes_matrix(path: Path, axes: tuple[str, ...]) -> FloatArray:

@@ -96,6 +96,12 @@ def _write_files(folder: Path, log: SensorLog, title: str, description: str, tag
     if auxiliary.magnetometer is not None:
         field = np.column_stack((auxiliary.magnetometer.time, auxiliary.magnetometer.field))
         _write_csv(folder / "mag.csv", _FIELD, field, epoch)
+    for series, name, column in (
+        (auxiliary.barometer, "baro.csv", "height_m"),
+        (auxiliary.odometer, "odo.csv", "speed_m_s"),
+    ):
+        if series is not None:
+            _write_csv(folder / name, ("t_s", column), np.column_stack((series.time, series.value)), epoch)
     others = {}
     for number, other in enumerate(auxiliary.comparisons, 1):
         others[other.name] = f"comparison{number}.csv"

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import math
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy import linalg
 
 from lab.east_north_up import east_north_up_sizes
+from lab.navigation import blocks
 from lab.navigation.error_models import ACCEL_BIAS, ACCEL_SCALE, ATT, GYRO_BIAS, GYRO_SCALE, POS, VEL
 from lab.navigation.kalman import MEASUREMENTS, gate
 from lab.navigation.schedule import Schedule
@@ -21,6 +23,8 @@ from lab.units import si
 
 FloatArray = NDArray[np.float64]
 
+SMALLEST = 1e-12
+"""Smallest variance of a drift of the receiver that a filter estimates [m²]: none would make P singular."""
 PLAUSIBLE = 0.999
 """Fraction of the good fixes that a robust filter without a gate counts as plausible."""
 UNEXPLAINED = 1e-6
@@ -51,6 +55,36 @@ NEES of the gyro biases over ten flights of montreal, with 30 and 100 °/h and �
 """
 
 
+def chosen_blocks(navigator: NavigatorSettings, sensors: SensorSuite | None) -> tuple[str, ...]:
+    """Return the further blocks of states of a filter with some settings.
+
+    Parameters
+    ----------
+    navigator
+        The filter.
+    sensors
+        The sensors that it uses besides IMU and GPS, each of which has a state for its error; None for none.
+    """
+    chosen = list(blocks.SCALES if navigator.states > blocks.CORE else ())
+    for name, wanted in (
+        (blocks.GPS_DRIFT, navigator.estimate_gps_drift),
+        (blocks.LEVER_ARM, navigator.estimate_lever_arm),
+        (blocks.LATENCY, navigator.estimate_latency),
+        (blocks.BAROMETER_BIAS, sensors is not None and sensors.barometer.fitted),
+        (blocks.HEADING_BIAS, sensors is not None and sensors.heading.fitted),
+        (blocks.ODOMETER_SCALE, sensors is not None and sensors.odometer.fitted),
+    ):
+        if wanted:
+            chosen.append(name)
+    return blocks.in_order(chosen)
+
+
+def is_aided(navigator: NavigatorSettings, sensors: SensorSuite) -> bool:
+    """Return whether a filter uses measurements other than GPS fixes and the rates at rest."""
+    fitted = sensors.barometer.fitted or sensors.heading.fitted or sensors.odometer.fitted
+    return bool(fitted or navigator.no_slip or navigator.zero_velocity)
+
+
 def belief(sensors: SensorSuite, navigator: NavigatorSettings, constants: FloatArray | None = None) -> Belief:
     """Return the filter's assumptions: P0, Q and R, matched or given, and scaled.
 
@@ -72,18 +106,69 @@ def belief(sensors: SensorSuite, navigator: NavigatorSettings, constants: FloatA
     noise = _given(navigator.q) if navigator.q is not None else matched_noise(sensors, drive[:3], drive[3:])
     R = _given(navigator.r) if navigator.r is not None else matched_r(sensors)
     root = np.sqrt(r_factors(navigator))
+    P0 = (
+        _given_p0(navigator)
+        if navigator.p0 is not None
+        else _matched_p0(sensors, navigator, constants, aligned=aligned)
+    )
+    further = further_processes(sensors, navigator)
+    if further.variance.size:
+        P0 = linalg.block_diag(P0, np.diag(further.variance))
+        scales = np.zeros(navigator.states - blocks.CORE)
+        drive = np.concatenate((np.diag(noise), scales, further.drive))
+        decay = np.concatenate((decay, scales, further.decay))
+    else:
+        drive = np.diag(noise)
     return Belief(
-        P0=navigator.p0_scale
-        * (
-            _given_p0(navigator)
-            if navigator.p0 is not None
-            else _matched_p0(sensors, navigator, constants, aligned=aligned)
-        ),
+        P0=navigator.p0_scale * P0,
         R=R * np.outer(root, root),
-        noise=navigator.q_scale * np.diag(noise),
-        bias_decay=decay,
+        noise=navigator.q_scale * drive,
+        decay=decay,
         lever_arm=assumed_lever_arm(navigator, si(sensors.gps, "lever_arm")),
     )
+
+
+class Further(NamedTuple):
+    """Variances at the start, drive densities and decay rates of the states after the scale factors, (k,)."""
+
+    variance: FloatArray
+    drive: FloatArray
+    decay: FloatArray
+
+
+def further_processes(sensors: SensorSuite, navigator: NavigatorSettings) -> Further:
+    """Return the processes of the further states: first-order Gauss-Markov processes and constants.
+
+    A constant plus a drift with the variances C and σ² is one process: it begins with C + σ² and grows by
+    2 σ² / τ, which keeps C + σ² in the mean.
+    """
+    gps, barometer, heading = sensors.gps, sensors.barometer, sensors.heading
+    drift = east_north_up_sizes(si(gps, "correlated_sigma") ** 2)
+    found = {
+        blocks.GPS_DRIFT: _process(np.zeros(3), np.maximum(drift, SMALLEST), gps.correlation_time),
+        blocks.BAROMETER_BIAS: _process(
+            si(barometer, "bias_sigma") ** 2, si(barometer, "drift_sigma") ** 2, barometer.correlation_time
+        ),
+        blocks.HEADING_BIAS: _process(
+            si(heading, "bias_sigma") ** 2, si(heading, "drift_sigma") ** 2, heading.correlation_time
+        ),
+        blocks.LEVER_ARM: _process(si(navigator, "lever_arm_sigma") ** 2, np.zeros(3), 1.0),
+        blocks.LATENCY: _process(si(navigator, "latency_sigma") ** 2, np.zeros(1), 1.0),
+        blocks.ODOMETER_SCALE: _process(si(sensors.odometer, "scale_factor_sigma") ** 2, np.zeros(1), 1.0),
+    }
+    chosen = [found[name] for name in chosen_blocks(navigator, sensors) if name in found]
+    if not chosen:
+        return Further(np.zeros(0), np.zeros(0), np.zeros(0))
+    return Further(*(np.concatenate(parts) for parts in zip(*chosen, strict=True)))
+
+
+def _process(constant: FloatArray, drift: FloatArray, correlation_time: float) -> Further:
+    """Return the process of a constant plus a drift, given by their variances."""
+    constant, drift = np.atleast_1d(constant), np.atleast_1d(drift)
+    total = constant + drift
+    growth = 2 * drift / correlation_time
+    decay = np.divide(growth, 2 * total, out=np.zeros_like(total), where=total > 0)
+    return Further(total, growth, decay)
 
 
 def assumed_lever_arm(navigator: NavigatorSettings, true: FloatArray) -> FloatArray:
@@ -252,6 +337,7 @@ def schedule_of(navigator: NavigatorSettings, dt: float, samples: int) -> Schedu
         implausible=implausible(navigator),
         agreeing=max(FEWEST_AGREEING, accusing),
         any_of=max(FEWEST_SCATTERED, 2 * accusing),
+        aid_gate=gate(navigator.gate, 1),
     )
 
 

@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 from numpy.typing import NDArray
 
+from lab.navigation.blocks import SCALES
 from lab.navigation.error_models import MODELS, NORTH_SLAVED
 from lab.navigation.schedule import Schedule
 from lab.navigation.settings import NavigatorSettings
@@ -67,6 +70,35 @@ def check_engine(settings: NavigatorSettings) -> None:
         )
 
 
+def check_aiding(settings: NavigatorSettings, names: Sequence[str], *, aided: bool) -> None:
+    """Raise `SettingError` if a navigator cannot use other measurements, or cannot have further states.
+
+    Parameters
+    ----------
+    settings
+        The navigator.
+    names
+        The further blocks of states that the settings name.
+    aided
+        Whether the settings name measurements besides GPS.
+    """
+    if not aided and not set(names) - set(SCALES):
+        return
+    if settings.model == "nonlinear":
+        raise SettingError(
+            "navigator.model: the sigma points of the model nonlinear have no states for other sensors "
+            f"({OTHER}); accepted with them are the models {', '.join(MODELS)}"
+        )
+
+
+OTHER = (
+    "sensors.barometer.fitted, sensors.heading.fitted, sensors.odometer.fitted, navigator.no_slip, "
+    "navigator.zero_velocity, navigator.estimate_gps_drift, navigator.estimate_lever_arm, "
+    "navigator.estimate_latency"
+)
+"""Settings that name other measurements or further states, as text."""
+
+
 def check_r(R: FloatArray) -> None:
     """Raise `SettingError` if a covariance (6, 6) of the fixes, or one of many, has no inverse."""
     try:
@@ -78,17 +110,17 @@ def check_r(R: FloatArray) -> None:
         ) from error
 
 
-def check_bias_decay(step: float, bias_decay: FloatArray) -> None:
+def check_bias_decay(step: float, decay: FloatArray) -> None:
     """Raise `SettingError` if a step of the filter is longer than the correlation time of a bias.
 
     Parameters
     ----------
     step
         Longest time between two propagations of P [s].
-    bias_decay : (6,) array
+    decay : (6,) array
         Decay rates of the biases [1/s].
     """
-    fastest = float(bias_decay.max())
+    fastest = float(decay.max())
     if step * fastest > 1 + 1e-9:
         raise SettingError(
             f"navigator.filter_rate: the filter's step of {step:g} s is longer than the shortest "

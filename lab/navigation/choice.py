@@ -3,18 +3,30 @@
 from __future__ import annotations
 
 from lab.navigation import navigator, unscented
-from lab.navigation.error_models import ErrorModel, with_states
+from lab.navigation.belief import chosen_blocks, is_aided
+from lab.navigation.error_models import ErrorModel, with_blocks
 from lab.navigation.settings import NavigatorSettings
 from lab.navigation.wander_models import linear_model
+from lab.sensors.suite import SensorSuite
 
 
-def chosen_model(settings: NavigatorSettings) -> ErrorModel:
-    """Return the error model of a linear filter by name, mechanization and number of states."""
-    return with_states(linear_model(settings.model, settings.mechanization), settings.states)
+def chosen_model(settings: NavigatorSettings, sensors: SensorSuite | None = None) -> ErrorModel:
+    """Return the error model of a linear filter by name, mechanization and states.
+
+    Parameters
+    ----------
+    settings
+        The filter.
+    sensors
+        The sensors that it uses besides IMU and GPS; None for none.
+    """
+    model = linear_model(settings.model, settings.mechanization)
+    return with_blocks(model, chosen_blocks(settings, sensors))
 
 
-def is_ready(settings: NavigatorSettings) -> bool:
+def is_ready(settings: NavigatorSettings, sensors: SensorSuite | None = None) -> bool:
     """Return whether the filter is ready in this process: compiled, or loaded from the disk."""
     if settings.model == "nonlinear":
         return unscented.is_compiled()
-    return navigator.is_compiled(chosen_model(settings))
+    aided = sensors is not None and is_aided(settings, sensors)
+    return navigator.is_compiled(chosen_model(settings, sensors), aided=aided)

@@ -11,7 +11,7 @@ from __future__ import annotations
 import functools
 import hashlib
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from types import CellType, FunctionType
 from typing import Any, ParamSpec, TypeVar, cast
@@ -129,15 +129,25 @@ def named(label: str) -> Callable[[Callable[P, R]], Callable[P, R]]:
     return rename
 
 
-def rebound_throughout(function: Callable[P, R], **values: Any) -> Callable[P, R]:
+def rebound_throughout(
+    function: Callable[P, R], written_for: Mapping[str, Any], **values: Any
+) -> Callable[P, R]:
     """Return a function with other values for names of its module, also in all kernels that it calls.
 
     So one source serves filters with any number of states, and the number stays a constant for the compiler.
     A kernel stays a kernel with the same options; a function without any of the names is returned unchanged.
     In the modules of the called kernels, a name counts as the same only if it has the same value.
+
+    Parameters
+    ----------
+    function
+        The function or kernel.
+    written_for
+        The values of the names in the modules.
+    values
+        The values in their place.
     """
-    plain = cast(FunctionType, getattr(function, "py_func", function))
-    return _rebound(function, tuple((name, plain.__globals__[name], new) for name, new in values.items()))
+    return _rebound(function, tuple((name, written_for[name], new) for name, new in values.items()))
 
 
 @functools.cache
@@ -164,7 +174,7 @@ def _rebound(function: Callable[P, R], changes: tuple[tuple[str, Any, Any], ...]
     )
     # Another name, for the reason that `named` gives.
     bound.__qualname__ = plain.__qualname__
-    named("_".join(str(new) for _, _, new in changes if isinstance(new, int)))(bound)
+    named("_".join(str(new) for _, _, new in changes))(bound)
     return _kernel(bound, **function.targetoptions) if isinstance(function, Kernel) else bound
 
 

@@ -3,7 +3,7 @@
 `driver` gives the one compiled loop: a batch run passes a whole flight, a live run passes one sample at a
 time. The loop is written with the kernels of `phi`. For another model or the wander-azimuth mechanization,
 their kernels replace these, and are compiled at their first use. The code for 15 states is compiled again for
-21.
+other states (`blocks`).
 
 References
 ----------
@@ -35,9 +35,28 @@ from lab.navigation.compilation import (
 from lab.navigation.error_models import PHI, WANDER_AZIMUTH, ErrorModel
 from lab.navigation.filter import Filter
 from lab.navigation.kalman import MEASUREMENTS, RECOVERED, REJECTED
-from lab.navigation.observation import difference, observe, observe_rest, own_attitude_in_body, sight
+from lab.navigation.observation import (
+    bent_speed,
+    difference,
+    observe,
+    observe_aid,
+    observe_rest,
+    own_attitude_in_body,
+    sight,
+)
 from lab.navigation.prediction import prediction
-from lab.navigation.propagation import BIASES, NAV, STATES, WIDTH, X, compile_projection, layout
+from lab.navigation.propagation import (
+    BIASES,
+    NAV,
+    PLACES,
+    SCALES,
+    STATES,
+    WIDTH,
+    WRITTEN_FOR,
+    X,
+    compile_projection,
+    layout,
+)
 from lab.navigation.schedule import SLACK, Schedule
 from lab.navigation.solution import Fixes, Imu, Solution
 from lab.navigation.standstill import gather_rest, hold_attitude
@@ -72,7 +91,7 @@ def _correct(state: FloatArray, w: FloatArray, T: FloatArray) -> None:
         # A second fix before the next sample interpolates between this one and the one before.
         state[PREVIOUS_VELOCITY + i] -= w[WIDTH * (3 + i) + X]
     for i in range(NAV, STATES):
-        state[GYRO_BIAS - NAV + i] -= w[WIDTH * i + X]
+        state[PLACES[i - NAV]] -= w[WIDTH * i + X]
     attitude = strapdown.rotation((w[WIDTH * 6 + X], w[WIDTH * 7 + X], w[WIDTH * 8 + X]))
     at = strapdown.Q_NB
     q = strapdown.product(attitude, (state[at], state[at + 1], state[at + 2], state[at + 3]))
@@ -90,6 +109,8 @@ def _correct_in_wander(state: FloatArray, w: FloatArray, T: FloatArray) -> None:
         x[i] = w[WIDTH * i + X]
         w[WIDTH * i + X] = 0.0
     wander.displace(state, x)
+    for i in range(NAV, STATES):
+        state[PLACES[i - NAV]] -= x[i]
 
 
 @inline_kernel
@@ -115,22 +136,30 @@ def bend_estimate(x: FloatArray) -> None:
 
 @inline_kernel
 def _store_state(out: Solution, k: int, state: FloatArray) -> None:
-    """Write position, velocity, attitude, biases and scale factors of sample k."""
+    """Write position, velocity and attitude of sample k."""
     for i in range(3):
         out.position[k, i] = state[LATITUDE + i]
         out.velocity_n[k, i] = state[VELOCITY + i]
     for i in range(4):
         out.q_nb[k, i] = state[strapdown.Q_NB + i]
+
+
+@inline_kernel
+def _store_sensor_errors(out: Solution, k: int, state: FloatArray) -> None:
+    """Write biases, scale factors and further estimates of sample k."""
     for i in range(BIASES):
         out.bias[k, i] = state[GYRO_BIAS + i]
-    for i in range(STATES - NAV - BIASES):
+    for i in range(SCALES):
         out.scale[k, i] = state[GYRO_SCALE + i]
+    for i in range(STATES - NAV - BIASES - SCALES):
+        out.further[k, i] = state[PLACES[BIASES + SCALES + i]]
 
 
 @inline_kernel
 def _store(out: Solution, k: int, state: FloatArray, w: FloatArray, T: FloatArray) -> None:
     """Write sample k of the solution."""
     _store_state(out, k, state)
+    _store_sensor_errors(out, k, state)
     for i in range(STATES):
         out.variance[k, i] = w[(WIDTH + 1) * i]
     for block in range(2):
@@ -170,6 +199,18 @@ def _mapped(model: ErrorModel) -> dict[str, Kernel]:
                 for d in range(NAV):
                     H[i, c] += row[d] * T[d, c]
 
+    @kernel
+    @named(model.label)
+    def own_row(state: FloatArray, T: FloatArray, H: FloatArray) -> None:
+        write_map(state, T)
+        row = np.empty(NAV)
+        for c in range(NAV):
+            row[c] = H[c]
+        for c in range(NAV):
+            H[c] = 0.0
+            for d in range(NAV):
+                H[c] += row[d] * T[d, c]
+
     def correction(*, bent: bool) -> Kernel:
         @kernel
         @named(f"{model.label} {bent}")
@@ -192,6 +233,7 @@ def _mapped(model: ErrorModel) -> dict[str, Kernel]:
     @named(model.label)
     def store(out: Solution, k: int, state: FloatArray, w: FloatArray, T: FloatArray) -> None:
         store_state(out, k, state)
+        _store_sensor_errors(out, k, state)
         write_map(state, T)
         project(T, w, k, out.variance, out.covariance)
 
@@ -223,6 +265,7 @@ def _mapped(model: ErrorModel) -> dict[str, Kernel]:
     corrected = _estimation(correction(bent=False) if in_body else correct, model)
     return {
         "through_map": through_map,
+        "own_row": own_row,
         "_correct": correct,
         "_corrected": corrected,
         "_store": store,
@@ -271,6 +314,47 @@ _step = strapdown.step
 _write = PHI.write
 _predict = prediction(PHI, summed=False)
 _corrected = _estimation(_correct, PHI)
+
+
+@inline_kernel
+def aid_due(run: Filter, time: float, dt: float) -> bool:
+    """Return False: without aids, no measurement of theirs is ever due."""
+    return False
+
+
+@inline_kernel
+def take_aids(
+    run: Filter, out: Solution, k: int, time: float, dt: float, schedule: Schedule, pending: bool
+) -> bool:
+    """Return whether an estimated error is pending: without aids, it stays so."""
+    return pending
+
+
+@inline_kernel
+def _aid_due(run: Filter, time: float, dt: float) -> bool:
+    """Return whether a measurement of the aids is due at a time."""
+    a = run.counts[2]
+    return bool(a < run.aids.time.size and run.aids.time[a] <= time + SLACK * dt)
+
+
+@kernel
+def _take_aids(
+    run: Filter, out: Solution, k: int, time: float, dt: float, schedule: Schedule, pending: bool
+) -> bool:
+    """Apply the measurements of the aids that are due at sample k; return whether an estimate is pending."""
+    while _aid_due(run, time, dt):
+        a = run.counts[2]
+        age = time - run.aids.time[a]
+        if age <= dt * (1 + SLACK) and observe_aid(run, a, age, dt, schedule, out):
+            out.aid_sample[a] = k + 1
+            pending = True
+            if schedule.feedback and time - run.clock[0] >= schedule.correction_period - SLACK * dt:
+                _correct(run.state, run.w, run.T)
+                run.clock[0] = time
+                pending = False
+        run.counts[2] = a + 1
+    return pending
+
 
 SETTLED, PENDING = 0, 1
 """State of a navigator after measurements: corrected, or with an estimated error that is still pending."""
@@ -329,16 +413,16 @@ def take_measurements(
         m += 1
         run.counts[0] = m
         fix_due = m < fixes.time.size and fixes.time[m] <= time + SLACK * dt
-    return PENDING if pending else SETTLED
+    return PENDING if take_aids(run, out, k, time, dt, schedule, pending) else SETTLED
 
 
 @functools.cache
-def kernels(model: ErrorModel, *, summed: bool) -> Mapping[str, Kernel]:
+def kernels(model: ErrorModel, *, summed: bool, aided: bool = False) -> Mapping[str, Kernel]:
     """Return the kernels that differ from those of `phi` at each sample, by their names in this module.
 
     They are made once for each model: the compiler does not compile them again for a second loop.
     """
-    if model is PHI and not summed:
+    if model is PHI and not summed and not aided:
         return {}
     others: dict[str, Kernel] = {"_write": model.write, "_predict": prediction(model, summed=summed)}
     if model.mechanization == WANDER_AZIMUTH:
@@ -347,6 +431,7 @@ def kernels(model: ErrorModel, *, summed: bool) -> Mapping[str, Kernel]:
             "_lost": wander.lost,
             "difference": wander.difference,
             "fix_axes": wander.fix_axes,
+            "north_axes": wander.north_axes,
             "frame_rate": wander.frame_rate,
         }
     if model.in_body:
@@ -356,11 +441,15 @@ def kernels(model: ErrorModel, *, summed: bool) -> Mapping[str, Kernel]:
     others["observe_rest"] = embedded_kernel(rebound(observe_rest, **others))
     others["sight"] = embedded_kernel(rebound(sight, **others))
     others["observe"] = embedded_kernel(rebound(observe, **others))
+    if aided:
+        others["bent_speed"] = kernel(rebound(bent_speed, **others))
+        others["observe_aid"] = kernel(rebound(observe_aid, **others))
+        others["aid_due"], others["take_aids"] = _aid_due, kernel(rebound(_take_aids, **others))
     others["take_measurements"] = kernel(rebound(take_measurements, **others))
     return others
 
 
-def compiled_for(function: Kernel, model: ErrorModel, *, summed: bool) -> Kernel:
+def compiled_for(function: Kernel, model: ErrorModel, *, summed: bool, aided: bool = False) -> Kernel:
     """Return a loop over samples, written with the kernels of `phi`, compiled for another model.
 
     Parameters
@@ -371,13 +460,14 @@ def compiled_for(function: Kernel, model: ErrorModel, *, summed: bool) -> Kernel
         The error model.
     summed
         For propagating P less often than at every sample.
+    aided
+        For measurements other than fixes.
     """
-    own = rebound(function, **kernels(model, summed=summed))
-    return entry_kernel(rebound_throughout(own, **layout(model.states)._asdict()))
+    own = rebound(function, **kernels(model, summed=summed, aided=aided))
+    return entry_kernel(rebound_throughout(own, WRITTEN_FOR, **layout(model.blocks)._asdict()))
 
 
-@functools.cache
-def driver(model: ErrorModel, *, summed: bool) -> Advance:
+def driver(model: ErrorModel, *, summed: bool, aided: bool = False) -> Advance:
     """Return the driver of a model, which is compiled, or loaded from the disk, when first called.
 
     Parameters
@@ -386,8 +476,15 @@ def driver(model: ErrorModel, *, summed: bool) -> Advance:
         The error model.
     summed
         For propagating P less often than at every sample.
+    aided
+        For measurements other than fixes.
     """
-    identity = SOURCES, model.name, model.mechanization, model.states, summed
+    return _driver(model, summed, aided)
+
+
+@functools.cache
+def _driver(model: ErrorModel, summed: bool, aided: bool) -> Advance:
+    identity = SOURCES, model.name, model.mechanization, model.blocks, summed, aided
 
     def advance(run: Filter, imu: Imu, fixes: Fixes, out: Solution, first: int, schedule: Schedule) -> int:
         """Advance a navigator over `imu` from sample `first` on; return the sample where it stopped.
@@ -408,12 +505,13 @@ def driver(model: ErrorModel, *, summed: bool) -> Advance:
             if _lost(state):
                 return k + 1
             m = run.counts[0]
-            fix_due = m < fixes.time.size and fixes.time[m] <= time + SLACK * dt
+            due = m < fixes.time.size and fixes.time[m] <= time + SLACK * dt
+            due |= aid_due(run, time, dt)
             if imu.rest.size > 0:
                 hold_attitude(state, run.rest_sums, imu.rest[k])
             _write(state, run.F)
-            _predict(run, dt, fix_due, schedule.stride)
-            if fix_due or (imu.rest.size > 0 and imu.rest[k]):
+            _predict(run, dt, due, schedule.stride)
+            if due or (imu.rest.size > 0 and imu.rest[k]):
                 left = take_measurements(run, imu, fixes, out, k, schedule, z, x, spare, left == PENDING)
             if left == PENDING:
                 _store(out, k + 1, _corrected(state, w, T, x, spare), w, T)
@@ -421,4 +519,4 @@ def driver(model: ErrorModel, *, summed: bool) -> Advance:
                 _store(out, k + 1, state, w, T)
         return imu.time.size
 
-    return compiled_for(advance, model, summed=summed)
+    return compiled_for(advance, model, summed=summed, aided=aided)

@@ -1,6 +1,7 @@
 """Error models: the matrix F of ẋ = F x + w, declared block by block.
 
-The error is estimate minus truth, in the order of `STATES`; a filter has the first 15 or all 21 states.
+The error is estimate minus truth, in the order of `STATES`, of which a filter has the first 15 or all 21;
+further blocks of states may follow (`blocks`).
 Position errors are metres north, east, down. The attitude error φ is the small rotation of the computed
 navigation frame, Ĉ_nb = (I − [φ×]) C_nb. A model is a function that writes the non-zero elements of F.
 Calling it gives the pattern of these elements, and the code that propagates the covariance is generated from
@@ -32,7 +33,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lab import earth
-from lab.navigation import strapdown
+from lab.navigation import blocks, strapdown
 from lab.navigation.compilation import inline_kernel, interpreted, named, rebound
 from lab.navigation.strapdown import Vector, earth_rate, get, matrix, transport_rate
 
@@ -50,7 +51,7 @@ STATES = (
     *("gyro scale x", "gyro scale y", "gyro scale z"),
     *("accelerometer scale x", "accelerometer scale y", "accelerometer scale z"),
 )
-"""Names of the error states, in order; a filter has the first 15, or all 21."""
+"""Names of the error states, in order; a filter has the first 15, or all 21, and further blocks."""
 
 # First index of each block, for the declarations below.
 P, V, A, G, B, GS, BS = 0, 3, 6, 9, 12, 15, 18
@@ -87,8 +88,8 @@ class ErrorModel:
         enters them axis by axis, and the group's exponential corrects the navigator.
     mechanization
         Mechanization of the navigator, as in the settings.
-    states
-        Number n of error states.
+    blocks
+        Names of the further blocks of states, in the order of `blocks.BLOCKS`.
     """
 
     name: str
@@ -98,12 +99,17 @@ class ErrorModel:
     write_frame_map: Write | None = None
     in_body: bool = False
     mechanization: str = NORTH_SLAVED
-    states: int = 15
+    blocks: tuple[str, ...] = ()
+
+    @property
+    def states(self) -> int:
+        """Number n of error states."""
+        return blocks.count(self.blocks)
 
     @property
     def label(self) -> str:
         """Unique name for the functions made for this model."""
-        return f"{self.name} {self.mechanization} {self.states}"
+        return f"{self.name} {self.mechanization} {' '.join(('15', *self.blocks))}"
 
     def pattern(self) -> NDArray[np.bool_]:
         """Return the mask (n, n) of the elements of F that can be non-zero."""
@@ -385,14 +391,25 @@ def _write_both(state: FloatArray, F: FloatArray) -> None:
 
 
 @functools.cache
+def with_blocks(model: ErrorModel, names: tuple[str, ...]) -> ErrorModel:
+    """Return a model of 15 states as one with further blocks.
+
+    The scale factors act on attitude and velocity. The errors of other sensors act on nothing: F has no
+    element for them.
+    """
+    names = blocks.in_order(names)
+    if names == model.blocks:
+        return model
+    if not set(blocks.SCALES) & set(names):
+        return dataclasses.replace(model, blocks=names)
+    columns = scale_columns_in_body if model.in_body else scale_columns
+    both = named(f"{model.label} {' '.join(names)}")(rebound(_write_both, _fifteen=model.write, _six=columns))
+    return dataclasses.replace(model, write=inline_kernel(both), blocks=names)
+
+
 def with_states(model: ErrorModel, states: int) -> ErrorModel:
     """Return a model of 15 states as one of 15 or 21 states: the scale factors are random constants."""
-    if states == model.states:
-        return model
-    columns = scale_columns_in_body if model.in_body else scale_columns
-    both = named(f"{model.label} {states}")(rebound(_write_both, _fifteen=model.write, _six=columns))
-    write = inline_kernel(both)
-    return dataclasses.replace(model, write=write, states=states)
+    return with_blocks(model, blocks.SCALES if states > blocks.CORE else ())
 
 
 PHI = ErrorModel("phi", phi)

@@ -9,12 +9,13 @@ from numpy.typing import NDArray
 
 from lab import earth
 from lab.navigation import strapdown, wander
+from lab.navigation.aids import NO_AIDS, Aids
 from lab.navigation.compilation import interpreted
 from lab.navigation.error_models import PHI, WANDER_AZIMUTH, ErrorModel
 from lab.navigation.kalman import MEASUREMENTS
 from lab.navigation.lever_arm import NO_TURNS
 from lab.navigation.propagation import NAV, layout
-from lab.navigation.solution import Belief, Start
+from lab.navigation.solution import Belief, Start, read_only
 from lab.navigation.standstill import ROOM
 from lab.navigation.strapdown import GYRO_BIAS, VELOCITY
 
@@ -31,7 +32,7 @@ class Filter(NamedTuple):
     F_sum: FloatArray  # of F dt since P was last propagated
     F_step: FloatArray  # transition of the errors over the sum
     T: FloatArray  # derivative of the errors with respect to the model's own
-    counts: NDArray[np.int64]  # next fix; samples since P was last propagated
+    counts: NDArray[np.int64]  # next fix; samples since P was last propagated; next of the aids
     clock: FloatArray  # of the last feedback correction; seconds since P was last propagated; of the last fix
     streak: FloatArray  # of implausible fixes, see `kalman.stands_out`
     R: FloatArray  # of all fixes, or of each
@@ -41,9 +42,11 @@ class Filter(NamedTuple):
     rest_sums: FloatArray  # of the rates at rest, see `standstill`
     rest_scalars: FloatArray  # updates of the last update at rest
     noise: FloatArray
-    bias_decay: FloatArray
+    decay: FloatArray
     lever_arm: FloatArray
     turns: FloatArray  # rates about all fixes, or about each, see `lever_arm.turns`
+    aids: Aids  # measurements other than fixes
+    aid_scalars: FloatArray  # update by the last of them, or by each
 
     @classmethod
     def begin(
@@ -54,11 +57,14 @@ class Filter(NamedTuple):
         model: ErrorModel = PHI,
         kept_fixes: int = 1,
         turned: FloatArray = NO_TURNS,
+        aids: Aids = NO_AIDS,
+        kept_aids: int = 1,
     ) -> Filter:
         """Return a navigator that starts at a time [s]; it must be advanced with the same error model.
 
         `kept_fixes` is the number of fixes whose updates are kept for a smoother: all, or only the last.
-        `turned` (m, 4) holds the angular rates about each fix; a navigator with a lever arm needs it.
+        `turned` (m, 4) holds the angular rates about each fix; a navigator with a lever arm needs it. `aids`
+        are measurements other than fixes, of which `kept_aids` updates are kept, likewise.
         """
         in_wander = model.mechanization == WANDER_AZIMUTH
         state = np.zeros(wander.LENGTH if in_wander else strapdown.LENGTH)
@@ -67,7 +73,7 @@ class Filter(NamedTuple):
         state[strapdown.Q_NB : strapdown.Q_NB + 4] = start.q_nb
         state[GYRO_BIAS : GYRO_BIAS + 3] = start.gyro_bias
         _keep_radii(state, in_wander=in_wander)
-        n, space = model.states, layout(model.states)
+        n, space = model.states, layout(model.blocks)
         w = _aligned_zeros(space.size)
         P = w[: space.product].reshape(n, space.WIDTH)
         P[:, :n] = initial_covariance(model, state, belief.P0)
@@ -79,7 +85,7 @@ class Filter(NamedTuple):
             np.zeros((n, n)),
             np.zeros((n, n)),
             np.zeros((NAV, NAV)),
-            np.zeros(2, dtype=np.int64),
+            np.zeros(3, dtype=np.int64),
             np.array([time, 0.0, time]),
             np.zeros(2 + MEASUREMENTS),
             np.array(belief.R, dtype=np.float64).reshape(-1, MEASUREMENTS, MEASUREMENTS),
@@ -89,9 +95,11 @@ class Filter(NamedTuple):
             np.zeros(ROOM),
             np.zeros((1, 2 * n + 2)),
             np.array(belief.noise, dtype=np.float64),
-            np.array(belief.bias_decay, dtype=np.float64),
+            np.array(belief.decay, dtype=np.float64),
             np.array(belief.lever_arm, dtype=np.float64),
             np.array(turned, dtype=np.float64),
+            read_only(aids),
+            np.zeros((max(kept_aids, 1), 1, 2 * n + 2)),
         )
 
 

@@ -43,7 +43,9 @@ NO_TURNS = np.array([[0.0, 0.0, 0.0, 1.0]])
 """Placeholder for the rates about the fixes if the antenna is at the IMU."""
 
 
-def turns(imu: Imu, times: FloatArray, arm: FloatArray, step: float | None = None) -> FloatArray:
+def turns(
+    imu: Imu, times: FloatArray, arm: FloatArray, step: float | None = None, *, estimated: bool = False
+) -> FloatArray:
     """Return the mean measured rate (m, 3) about some times [rad/s], and the averaging time [s].
 
     The averaging time is `WINDOW`, or two samples if they are longer; at the ends of the flight it is
@@ -59,13 +61,15 @@ def turns(imu: Imu, times: FloatArray, arm: FloatArray, step: float | None = Non
         Lever arm [m]; without one, the rates are not needed, and `NO_TURNS` is returned.
     step
         Usual interval between samples, if `imu` is a part of the measurements only [s].
+    estimated
+        Whether the filter estimates the lever arm, so that the rates are needed without one too.
 
     Returns
     -------
     (m, 4) array
         Rates, then averaging times.
     """
-    if not arm.any():
+    if not arm.any() and not estimated:
         return NO_TURNS
     window = max(WINDOW, 2 * (imu.step if step is None else step))
     middle = np.clip(times, imu.time[0], imu.time[-1])
@@ -87,6 +91,8 @@ def see_antenna(
     z: FloatArray,
     H: FloatArray,
     R: FloatArray,
+    scaled: bool,
+    arm_at: int,
 ) -> None:
     """Move navigator minus fix from the IMU to the antenna, and write H.
 
@@ -98,7 +104,7 @@ def see_antenna(
     state
         The navigator, after the sample in which the fix falls.
     arm : (3,) array
-        Lever arm l in b [m].
+        Assumed lever arm in b [m]; l is this plus the estimated error in the state.
     turn : (4,) array
         Mean measured rate about the fix [rad/s], and its averaging time [s]; see `turns`.
     age
@@ -113,10 +119,15 @@ def see_antenna(
         Holds [I 0]; receives the elements of velocity, attitude, gyro biases and scale factors.
     R : (6, 6) array
         Covariance of the fix; that of the gyros' noise is added.
+    scaled
+        Whether the filter has states for the scale factors.
+    arm_at
+        First state of the error of the lever arm; −1 without it.
     """
     for i in range(3):
         H[i, 3 + i] = -age  # the position refers to the time of the fix
-    if arm[0] == 0 and arm[1] == 0 and arm[2] == 0:
+    l_b = plus((arm[0], arm[1], arm[2]), 1.0, get(state, strapdown.LEVER_ARM))
+    if arm_at < 0 and l_b[0] == 0 and l_b[1] == 0 and l_b[2] == 0:
         return
     scale = get(state, strapdown.GYRO_SCALE)
     rate = corrected(get(turn, 0), 1.0, scale, get(state, strapdown.GYRO_BIAS))
@@ -126,7 +137,6 @@ def see_antenna(
         rotation((-age * rate[0], -age * rate[1], -age * rate[2])),
     )
     C = matrix(q)
-    l_b = arm[0], arm[1], arm[2]
     way = rotate(axes, rotate(C, l_b))
     sine = state[strapdown.SINE]
     omega_ie = earth.RATE * math.sqrt(max(0.0, 1 - sine * sine)), 0.0, -earth.RATE * sine
@@ -139,11 +149,16 @@ def see_antenna(
     for j in range(3):
         axis = (1.0 if j == 0 else 0.0), (1.0 if j == 1 else 0.0), (1.0 if j == 2 else 0.0)
         column = rotate(axes, rotate(C, cross(l_b, axis)))
-        scaled = turn[j] / (1 + scale[j]) ** 2
+        if arm_at >= 0:
+            displaced = rotate(axes, rotate(C, axis))
+            moving = plus(rotate(axes, rotate(C, cross(rate, axis))), -1.0, cross(omega_ie, displaced))
+            for i in range(3):
+                H[i, arm_at + j], H[3 + i, arm_at + j] = displaced[i], moving[i]
+        by_scale = turn[j] / (1 + scale[j]) ** 2
         for i in range(3):
             H[3 + i, GYRO_BIAS + j] = column[i]
-            if H.shape[1] > GYRO_SCALE:
-                H[3 + i, GYRO_SCALE + j] = column[i] * scaled
+            if scaled:
+                H[3 + i, GYRO_SCALE + j] = column[i] * by_scale
             for k in range(3):
                 R[3 + i, 3 + k] += column[i] * column[k] * noise[j] / turn[3]
 

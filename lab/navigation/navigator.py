@@ -17,6 +17,8 @@ from numpy.typing import NDArray
 
 from lab.histories import LONG
 from lab.navigation import strapdown
+from lab.navigation.aids import NO_AIDS, Aids
+from lab.navigation.blocks import LEVER_ARM
 from lab.navigation.driver import driver
 from lab.navigation.error_models import PHI, WANDER_AZIMUTH, ErrorModel
 from lab.navigation.filter import Filter
@@ -44,6 +46,7 @@ def navigate(
     schedule: Schedule = EVERY_FIX,
     model: ErrorModel = PHI,
     stretches: Sequence[Stretch] = (),
+    aids: Aids = NO_AIDS,
 ) -> Solution:
     """Navigate a whole flight with the compiled filter.
 
@@ -61,6 +64,8 @@ def navigate(
         Error model of the filter, with as many states as the belief.
     stretches
         Stretches of a log, up to its end, if the conditions change.
+    aids
+        Measurements other than fixes.
 
     Raises
     ------
@@ -68,13 +73,19 @@ def navigate(
         If a north-slaved navigator comes closer than 0.1° to a pole.
     """
     shown = np.float32 if imu.time.size > LONG else np.float64
-    solution = Solution.empty(imu.time.size, fixes.time.size, model.states, shown)
-    _fill(solution, imu, fixes, start, belief, schedule, model, stretches)
+    solution = Solution.empty(imu.time.size, fixes.time.size, model.blocks, shown, aids.time.size)
+    _fill(solution, imu, fixes, start, belief, schedule, model, stretches, aids)
     return solution
 
 
 def navigate_to_fixes(
-    imu: Imu, fixes: Fixes, start: Start, belief: Belief, schedule: Schedule, model: ErrorModel
+    imu: Imu,
+    fixes: Fixes,
+    start: Start,
+    belief: Belief,
+    schedule: Schedule,
+    model: ErrorModel,
+    aids: Aids = NO_AIDS,
 ) -> Solution:
     """Navigate a whole long flight as `navigate` does, and keep only the data that explain its innovations.
 
@@ -83,7 +94,7 @@ def navigate_to_fixes(
 
     Parameters
     ----------
-    imu, fixes, start, belief, schedule, model
+    imu, fixes, start, belief, schedule, model, aids
         As of `navigate`.
 
     Raises
@@ -92,12 +103,12 @@ def navigate_to_fixes(
         If a north-slaved navigator comes closer than 0.1° to a pole.
     """
     samples = imu.time.size
-    solution = Solution.empty(1, fixes.time.size, model.states)._replace(
+    solution = Solution.empty(1, fixes.time.size, model.blocks, aids=aids.time.size)._replace(
         velocity_n=np.empty((samples, 3), dtype=np.float32),
         q_nb=np.empty((samples, 4), dtype=np.float32),
         rest=np.zeros(samples, dtype=np.bool_),
     )
-    _fill(solution, imu, fixes, start, belief, schedule, model)
+    _fill(solution, imu, fixes, start, belief, schedule, model, aids=aids)
     return solution
 
 
@@ -110,12 +121,12 @@ def _fill(
     schedule: Schedule,
     model: ErrorModel,
     stretches: Sequence[Stretch] = (),
+    aids: Aids = NO_AIDS,
 ) -> None:
     """Navigate a whole flight, and write the solution."""
     is_long = imu.time.size > LONG
-    run = Filter.begin(
-        start, belief, float(imu.time[0]), model, turned=turns(imu, fixes.time, belief.lever_arm)
-    )
+    turned = turns(imu, fixes.time, belief.lever_arm, estimated=LEVER_ARM in model.blocks)
+    run = Filter.begin(start, belief, float(imu.time[0]), model, turned=turned, aids=aids)
 
     def onwards(imu: Imu, out: Solution, first: int, schedule: Schedule) -> int:
         go = advance_piece if is_long else advance
@@ -198,7 +209,7 @@ def advance(
     close to a pole. The flight may be passed whole or in pieces: the result is the same. The model must be
     the one with which the navigator began.
     """
-    go = driver(model, summed=schedule.stride > 1)
+    go = driver(model, summed=schedule.stride > 1, aided=bool(run.aids.time.size))
     return go(run, read_only(imu), read_only(fixes), out, first, schedule)
 
 
@@ -225,7 +236,7 @@ def freely(
     none = Fixes(np.zeros(0), np.zeros((0, 3)), np.zeros((0, 3)))
     run = Filter.begin(start, belief._replace(R=np.eye(6)), float(imu.time[0]), model)
     samples = imu.dtheta.shape[0]
-    room = Solution.empty(min(PIECE, samples) + 1, 0, model.states)
+    room = Solution.empty(min(PIECE, samples) + 1, 0, model.blocks)
     for first in range(0, samples, PIECE):
         last = min(first + PIECE, samples)
         piece = Imu(
@@ -258,7 +269,7 @@ def load(belief: Belief, schedule: Schedule, model: ErrorModel = PHI) -> None:
     fixes = Fixes(np.zeros(0), np.zeros((0, 3)), np.zeros((0, 3)))
     P0 = belief.P0[: model.states, : model.states]
     run = Filter.begin(start, belief._replace(P0=P0), 0.0, model)
-    advance(run, imu, fixes, Solution.empty(2, 0, model.states), 0, schedule, model)
+    advance(run, imu, fixes, Solution.empty(2, 0, model.blocks), 0, schedule, model)
 
 
 def advance_piece(
@@ -271,13 +282,13 @@ def advance_piece(
     model: ErrorModel,
 ) -> int:
     """Advance a navigator as `advance` does, over samples with histories that the kernel cannot write."""
-    fix = int(run.counts[0])
+    fix, aid = int(run.counts[0]), int(run.counts[2])
     piece = Piece.of(imu, out, first)
     stopped = advance(run, piece.imu, fixes, piece.out, piece.first, schedule, model)
-    piece.keep(out, stopped, slice(fix, int(run.counts[0])))
+    piece.keep(out, stopped, slice(fix, int(run.counts[0])), slice(aid, int(run.counts[2])))
     return piece.before + stopped
 
 
-def is_compiled(model: ErrorModel = PHI) -> bool:
+def is_compiled(model: ErrorModel = PHI, *, aided: bool = False) -> bool:
     """Return whether the driver of a model is ready in this process: compiled, or loaded from the disk."""
-    return bool(driver(model, summed=False).signatures)  # type: ignore[attr-defined]
+    return bool(driver(model, summed=False, aided=aided).signatures)  # type: ignore[attr-defined]

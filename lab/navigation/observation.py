@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lab.navigation import strapdown
+from lab.navigation.aids import FORWARD, north_axes, see_aid
 from lab.navigation.compilation import embedded_kernel, inline_kernel, kernel
 from lab.navigation.filter import Filter
 from lab.navigation.kalman import (
@@ -23,11 +24,11 @@ from lab.navigation.kalman import (
     weight,
 )
 from lab.navigation.lever_arm import see_antenna
-from lab.navigation.propagation import NAV, STATES, WIDTH, X
+from lab.navigation.propagation import GPS_DRIFT, LATENCY, LEVER_ARM, NAV, SCALES, STATES, WIDTH, X
 from lab.navigation.schedule import Schedule
 from lab.navigation.solution import Solution
 from lab.navigation.standstill import GATE, see_rest
-from lab.navigation.strapdown import LATITUDE, VELOCITY, Matrix, Vector, get
+from lab.navigation.strapdown import LATITUDE, VELOCITY, Matrix, Vector, get, rotate
 
 FloatArray = NDArray[np.float64]
 
@@ -60,6 +61,35 @@ def through_map(state: FloatArray, T: FloatArray, H: FloatArray) -> None:
     """Transform H of the errors to H of the model's own errors; for `phi`, they are the same."""
 
 
+@kernel
+def see_latency(state: FloatArray, axes: Matrix, at: int, z: FloatArray, H: FloatArray) -> None:
+    """Move the navigator back by the estimated error of the latency, to first order, and write H.
+
+    Parameters
+    ----------
+    state
+        The navigator.
+    axes
+        North, east and down of the fix in the navigation frame.
+    at
+        The state of the latency.
+    z : (6,) array
+        Navigator minus fix, changed in place.
+    H : (6, n) array
+        Receives the column of the latency: −v and −v̇.
+    """
+    v, before = get(state, VELOCITY), get(state, strapdown.PREVIOUS_VELOCITY)
+    late, per_dt = state[strapdown.LATENCY], state[strapdown.PER_STEP]
+    velocity = rotate(axes, v)
+    acceleration = rotate(
+        axes, ((v[0] - before[0]) * per_dt, (v[1] - before[1]) * per_dt, (v[2] - before[2]) * per_dt)
+    )
+    for i in range(3):
+        z[i] -= late * velocity[i]
+        z[3 + i] -= late * acceleration[i]
+        H[i, at], H[3 + i, at] = -velocity[i], -acceleration[i]
+
+
 @embedded_kernel
 def sight(run: Filter, m: int, age: float, z: FloatArray, out: Solution) -> None:
     """Write H and R of fix m, which is `age` seconds old, and move z from the IMU to the antenna."""
@@ -70,7 +100,14 @@ def sight(run: Filter, m: int, age: float, z: FloatArray, out: Solution) -> None
         for j in range(STATES):
             H[i, j] = 1.0 if i == j else 0.0
     turn = run.turns[min(m, run.turns.shape[0] - 1)]
-    see_antenna(run.state, run.lever_arm, turn, age, run.noise, fix_axes(run.state), z, H, R)
+    axes = fix_axes(run.state)
+    see_antenna(run.state, run.lever_arm, turn, age, run.noise, axes, z, H, R, SCALES > 0, LEVER_ARM)
+    if LATENCY >= 0:
+        see_latency(run.state, axes, LATENCY, z, H)
+    if GPS_DRIFT >= 0:
+        for i in range(3):
+            z[i] += run.state[strapdown.GPS_DRIFT + i]
+            H[i, GPS_DRIFT + i] = 1.0
     for i in range(MEASUREMENTS):
         for j in range(STATES):
             out.fix_H[m, i, j] = H[i, j]
@@ -157,4 +194,63 @@ def observe_rest(run: Filter) -> bool:
     if residual * residual > GATE * s:
         return False
     scalar_update(run.w, z, done)
+    return True
+
+
+@inline_kernel
+def own_row(state: FloatArray, T: FloatArray, H: FloatArray) -> None:
+    """Transform a row of H of the errors to one of the model's own errors; for `phi`, they are the same."""
+
+
+@kernel
+def bent_speed(run: Filter) -> float:
+    """Return how much larger a speed forward appears on average, because the attitude is uncertain [m/s].
+
+    With an angle α between the estimated and the true forward axis, the speed v appears as v cos α. The mean
+    of v (1 − cos α) is half of v times the variance p of the attitude across that axis, and its variance is
+    at most 2 (v p / 2)² (second-order filter: Bar-Shalom, Li & Kirubarajan 10.3.3). This matters for a
+    heading that is uncertain by degrees.
+    """
+    state = run.state
+    at = strapdown.Q_NB
+    C = strapdown.matrix((state[at], state[at + 1], state[at + 2], state[at + 3]))
+    forward = C[0][0], C[1][0], C[2][0]
+    v = get(state, VELOCITY)
+    speed = forward[0] * v[0] + forward[1] * v[1] + forward[2] * v[2]
+    own = own_attitude(state, forward)
+    across = 0.0
+    for i in range(3):
+        across += run.P[6 + i, 6 + i]
+        for j in range(3):
+            across -= own[i] * own[j] * run.P[6 + i, 6 + j]
+    return 0.5 * speed * across
+
+
+@kernel
+def observe_aid(run: Filter, a: int, age: float, dt: float, schedule: Schedule, out: Solution) -> bool:
+    """Update [P | x] with measurement a of the aids, `age` seconds old; return whether it was used."""
+    done = run.aid_scalars[min(a, run.aid_scalars.shape[0] - 1), 0]
+    aids = run.aids
+    z = see_aid(
+        run.state, north_axes(run.state), aids.kind[a], aids.value[a], aids.place, age, dt, done[:STATES]
+    )
+    own_row(run.state, run.T, done)
+    variance = aids.variance[a]
+    if aids.kind[a] == FORWARD:
+        excess = bent_speed(run)
+        z -= excess
+        variance += 2 * excess * excess
+    per_sigma = 1 / math.sqrt(variance)
+    residual, s = z, variance
+    for i in range(STATES):
+        residual -= done[i] * run.w[WIDTH * i + X]
+        if done[i] != 0:
+            for j in range(STATES):
+                s += done[i] * done[j] * run.w[WIDTH * i + j]
+    out.aid_innovation[a], out.aid_variance[a] = residual, s
+    if residual * residual > schedule.aid_gate * s:
+        return False
+    for i in range(STATES):
+        done[i] *= per_sigma
+    scalar_update(run.w, z * per_sigma, done)
     return True

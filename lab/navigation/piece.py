@@ -10,7 +10,6 @@ from __future__ import annotations
 from typing import NamedTuple, Self
 
 import numpy as np
-from numpy.typing import NDArray
 
 from lab.navigation.solution import HISTORIES, Imu, Solution
 
@@ -51,7 +50,7 @@ class Piece(NamedTuple):
         """
         before = max(first - 1, 0)
         end = imu.time.size
-        room = Solution.empty(end - before, 0, out.states)
+        room = out.room(end - before)
         here = {
             name: getattr(room, name) if _is_buffered(out, name) else getattr(out, name)[before:end]
             for name in HISTORIES
@@ -62,7 +61,7 @@ class Piece(NamedTuple):
         increments = Imu(imu.time[before:], dtheta, dvelocity, imu.rest[before:])
         return cls(increments, out._replace(**here), first - before, before)
 
-    def keep(self, out: Solution, stopped: int, fixes: slice) -> None:
+    def keep(self, out: Solution, stopped: int, fixes: slice, aids: slice) -> None:
         """Copy what was written into the solution of the whole flight.
 
         Parameters
@@ -71,8 +70,8 @@ class Piece(NamedTuple):
             The solution.
         stopped
             Number of samples of the piece that were written, with those before.
-        fixes
-            The fixes whose sample was written.
+        fixes, aids
+            The fixes, and the other measurements, whose sample was written.
         """
         written = slice(self.first + 1 if self.first else 0, stopped)
         for name in HISTORIES:
@@ -83,8 +82,8 @@ class Piece(NamedTuple):
                 whole[self.before + written.start : self.before + stopped] = values[written]
             elif not self.before and not self.first:
                 whole[:] = values[:1]
-        samples: NDArray[np.int64] = out.fix_sample[fixes]
-        samples[samples >= 0] += self.before
+        for samples in (out.fix_sample[fixes], out.aid_sample[aids]):
+            samples[samples >= 0] += self.before
 
 
 def _is_buffered(out: Solution, name: str) -> bool:

@@ -15,8 +15,17 @@ from lab.navigation import strapdown
 from lab.navigation.compilation import embedded_kernel, inline_kernel, kernel, named
 from lab.navigation.error_models import ErrorModel
 from lab.navigation.filter import Filter
-from lab.navigation.propagation import BIASES, NAV, STATES, WIDTH, compile_propagation, propagate_over
-from lab.navigation.strapdown import GYRO_BIAS, get
+from lab.navigation.propagation import (
+    DRIVEN,
+    NAV,
+    PLACES,
+    STATES,
+    WIDTH,
+    compile_propagation,
+    layout,
+    propagate_over,
+)
+from lab.navigation.strapdown import get
 
 FloatArray = NDArray[np.float64]
 Kernel = Callable[..., Any]
@@ -36,7 +45,7 @@ def _add_noise(w: FloatArray, state: FloatArray, noise: FloatArray, dt: float) -
                 w[WIDTH * (at + i) + at + j] += q
                 if j > i:
                     w[WIDTH * (at + j) + at + i] += q
-    for b in range(BIASES):
+    for b in range(DRIVEN):
         w[(WIDTH + 1) * (NAV + b)] += dt * noise[6 + b]
 
 
@@ -46,7 +55,7 @@ def _add_noise_in_body(w: FloatArray, state: FloatArray, noise: FloatArray, dt: 
     for i in range(3):
         w[(WIDTH + 1) * (6 + i)] += dt * noise[i]
         w[(WIDTH + 1) * (3 + i)] += dt * noise[3 + i]
-    for b in range(BIASES):
+    for b in range(DRIVEN):
         w[(WIDTH + 1) * (NAV + b)] += dt * noise[6 + b]
 
 
@@ -58,24 +67,24 @@ def faded(rate: float, elapsed: float) -> float:
 
 
 @kernel
-def second_order(A: FloatArray, elapsed: float, bias_decay: FloatArray, E: FloatArray) -> None:
+def second_order(A: FloatArray, elapsed: float, decay: FloatArray, E: FloatArray) -> None:
     """Write E = A + A²/2 + A³/6, so that exp(A) ≈ I + E, for the sum A of F dt over many samples.
 
     Parameters
     ----------
     A : (n, n) array
-        Sum of F dt: the rows of the navigation states; those of the biases are their decay.
+        Sum of F dt: the rows of the navigation states; those of the driven states are their decay.
     elapsed
         Time span of the sum [s].
-    bias_decay : (6,) array
-        Decay rates of the biases [1/s].
+    decay : (k,) array
+        Decay rates of the driven states, which follow those of navigation [1/s].
     E : (n, n) array
-        Receives the rows of the navigation states, and on the diagonal those of the biases.
+        Receives the rows of the navigation states, and on the diagonal those of the driven states.
     """
     states = A.shape[0]  # not a constant: the compiler would unroll all products
     power, product = np.empty(states), np.empty(states)
-    for b in range(BIASES):
-        E[NAV + b, NAV + b] = faded(bias_decay[b], elapsed) - 1
+    for b in range(decay.size):
+        E[NAV + b, NAV + b] = faded(decay[b], elapsed) - 1
     for r in range(NAV):
         for c in range(states):
             power[c] = A[r, c]
@@ -89,8 +98,8 @@ def second_order(A: FloatArray, elapsed: float, bias_decay: FloatArray, E: Float
                 if power[m] != 0:  # F is sparse
                     for c in range(states):
                         product[c] += power[m] * A[m, c]
-            for b in range(BIASES):
-                product[NAV + b] -= power[NAV + b] * bias_decay[b] * elapsed
+            for b in range(decay.size):
+                product[NAV + b] -= power[NAV + b] * decay[b] * elapsed
             for c in range(states):
                 power[c] = product[c]
                 E[r, c] += factor * power[c]
@@ -101,26 +110,31 @@ def prediction(model: ErrorModel, *, summed: bool) -> Kernel:
     return _over_sums(model) if summed else _at_each_sample(model)
 
 
+def _compile_kept_part(model: ErrorModel) -> Kernel:
+    """Return the kernel ``kept_part(decay, dt)``: the factors of all driven states over a step, as a tuple.
+
+    A tuple stays in registers; an array would not.
+    """
+    factors = ", ".join(f"1 - dt * decay[{b}]" for b in range(layout(model.blocks).DRIVEN))
+    namespace: dict[str, Kernel] = {}
+    source = f"def kept_part(decay, dt):\n    return ({factors},)"
+    exec(compile(source, f"<decay of {model.label}>", "exec"), namespace)
+    return inline_kernel(named(model.label)(namespace["kept_part"]))
+
+
 def _at_each_sample(model: ErrorModel) -> Kernel:
-    propagate = compile_propagation(model)
+    propagate, kept_part = compile_propagation(model), _compile_kept_part(model)
     add_noise = _add_noise_in_body if model.in_body else _add_noise
 
     @embedded_kernel
     @named(model.label)
     def predict(run: Filter, dt: float, fix_due: bool, stride: int) -> None:
         """Propagate [P | x] over the sample with F to first order, then add the noise."""
-        decay = (
-            1 - dt * run.bias_decay[0],
-            1 - dt * run.bias_decay[1],
-            1 - dt * run.bias_decay[2],
-            1 - dt * run.bias_decay[3],
-            1 - dt * run.bias_decay[4],
-            1 - dt * run.bias_decay[5],
-        )
-        propagate(run.F, dt, decay, run.w)
+        kept = kept_part(run.decay, dt)
+        propagate(run.F, dt, kept, run.w)
         # Corrections already fed back decay like those still in x.
-        for b in range(BIASES):
-            run.state[GYRO_BIAS + b] *= decay[b]
+        for b in range(DRIVEN):
+            run.state[PLACES[b]] *= kept[b]
         add_noise(run.w, run.state, run.noise, dt)
 
     return predict
@@ -144,12 +158,12 @@ def _over_sums(model: ErrorModel) -> Kernel:
                 run.F_sum[i, j] += dt * run.F[i, j]
         if due:
             elapsed = run.clock[1]
-            second_order(run.F_sum, elapsed, run.bias_decay, run.F_step)
+            second_order(run.F_sum, elapsed, run.decay, run.F_step)
             add_noise(run.w, run.state, run.noise, 0.5 * elapsed)
             propagate_over(run.F_step, run.w)
             add_noise(run.w, run.state, run.noise, 0.5 * elapsed)
-            for b in range(BIASES):
-                run.state[GYRO_BIAS + b] *= 1 + run.F_step[NAV + b, NAV + b]
+            for b in range(DRIVEN):
+                run.state[PLACES[b]] *= 1 + run.F_step[NAV + b, NAV + b]
             run.F_sum[:] = 0.0
             run.counts[1] = 0
             run.clock[1] = 0.0

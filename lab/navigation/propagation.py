@@ -3,9 +3,9 @@
 F is sparse with a fixed pattern, so the products are written out once per model. Only the elements that can
 be non-zero are multiplied, and each multiplication runs over a whole row, which the compiler converts to
 vector instructions. Rows are 16 wide for 15 states, 24 for 21. The column after those of P holds the error
-estimate x, which Φ transforms like a column of P. The bias rows of Φ are diagonal (first-order decay), and
-those of the scale factors, which are random constants, are rows of the unit matrix. So only the nine
-navigation rows are multiplied out.
+estimate x, which Φ transforms like a column of P. The other rows of Φ are diagonal: those of the biases, and
+of further blocks, have a first-order decay; those of the scale factors, if no other block follows, are rows
+of the unit matrix. So only the nine navigation rows are multiplied out.
 
 The transition over many samples has few zeros: `propagate_over` multiplies all of its elements.
 
@@ -14,12 +14,13 @@ For a model with its own coordinates, similar generated code projects the covari
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from lab.navigation import blocks
 from lab.navigation.compilation import inline_kernel, kernel, named
 from lab.navigation.error_models import ErrorModel
 
@@ -34,11 +35,20 @@ BIASES = 6
 
 
 class Layout(NamedTuple):
-    """The workspace of a filter: [P | x], then Φ P; the kernels use these names as constants."""
+    """The states of a filter, and its workspace, [P | x], then Φ P; kernels use these names as constants."""
 
     STATES: int
     WIDTH: int  # of a row: whole vectors of eight numbers
     X: int  # the column of the error estimate
+    DRIVEN: int  # states after those of navigation with decay and process noise; constants follow
+    SCALES: int  # states of scale factors
+    PLACES: tuple[int, ...]  # of the states after those of navigation in the state of the navigator
+    GPS_DRIFT: int  # first state of each further block; −1 without it
+    BAROMETER_BIAS: int
+    HEADING_BIAS: int
+    LEVER_ARM: int
+    LATENCY: int
+    ODOMETER_SCALE: int
 
     @property
     def product(self) -> int:
@@ -51,20 +61,44 @@ class Layout(NamedTuple):
         return self.product + NAV * self.WIDTH
 
 
-def layout(states: int) -> Layout:
-    """Return the workspace layout of a filter with a number of states."""
-    return Layout(states, 8 * (states // 8 + 1), states)
+def layout(names: Sequence[str]) -> Layout:
+    """Return the layout of a filter with some further blocks."""
+    states = blocks.count(names)
+    scales = sum(blocks.BLOCKS[name].size for name in names if name in blocks.SCALES)
+    only_scales = states == blocks.CORE + scales
+    further = (
+        blocks.GPS_DRIFT,
+        blocks.BAROMETER_BIAS,
+        blocks.HEADING_BIAS,
+        blocks.LEVER_ARM,
+        blocks.LATENCY,
+        blocks.ODOMETER_SCALE,
+    )
+    return Layout(
+        states,
+        8 * (states // 8 + 1),
+        states,
+        BIASES if only_scales else states - NAV,
+        scales,
+        blocks.places(names),
+        *(blocks.first_state(names, name) for name in further),
+    )
 
 
-STATES, WIDTH, X = layout(15)
-"""Layout for which the kernels are written; see `compilation.rebound_throughout` for others."""
+_FIFTEEN = layout(())
+STATES, WIDTH, X, DRIVEN, SCALES, PLACES = _FIFTEEN[:6]
+"""Sizes of the layout for which the kernels are written; see `Layout`."""
+GPS_DRIFT, BAROMETER_BIAS, HEADING_BIAS, LEVER_ARM, LATENCY, ODOMETER_SCALE = _FIFTEEN[6:]
+"""First states of the further blocks in this layout, which has none of them."""
+WRITTEN_FOR = _FIFTEEN._asdict()
+"""The layout by names; see `compilation.rebound_throughout` for others."""
 
 
 def compile_propagation(model: ErrorModel) -> Propagate:
     """Return the compiled ``propagate(F, dt, decay, w)`` of an error model.
 
     It replaces [P | x] in the workspace `w` by [Φ P Φᵀ | Φ x] with Φ = I + F dt in the navigation rows and
-    the six factors `decay` on the biases.
+    the factors `decay` on the driven states.
 
     Parameters
     ----------
@@ -80,7 +114,7 @@ def propagation_source(model: ErrorModel) -> str:
     """Return the source that `compile_propagation` compiles."""
     pattern = model.pattern()
     terms = {row: [int(c) for c in np.flatnonzero(columns)] for row, columns in enumerate(pattern[:NAV])}
-    space = layout(model.states)
+    space = layout(model.blocks)
     lines = ["def propagate(F, dt, decay, w):"]
     lines += [f"    f_{row}_{c} = dt * F[{row}, {c}]" for row, columns in terms.items() for c in columns]
     lines += _navigation_rows(terms, space)
@@ -126,8 +160,8 @@ def _navigation_block(terms: dict[int, list[int]], space: Layout) -> list[str]:
 
 
 def _sensor_columns(space: Layout) -> list[str]:
-    """Write the covariances of biases and scale factors, with the navigation states and each other, and x."""
-    width, ends = space.WIDTH, NAV + BIASES
+    """Write the covariances of the other states, with the navigation states and each other, and x."""
+    width, ends = space.WIDTH, NAV + space.DRIVEN
     lines = [
         f"    for i in range({NAV}):",
         f"        for c in range({NAV}, {ends}):",
@@ -210,7 +244,7 @@ def compile_projection(model: ErrorModel) -> Project:
 
 def projection_source(model: ErrorModel) -> str:
     """Return the source that `compile_projection` compiles."""
-    pattern, space = model.map_pattern(), layout(model.states)
+    pattern, space = model.map_pattern(), layout(model.blocks)
     width = space.WIDTH
     terms = {row: [int(c) for c in np.flatnonzero(columns)] for row, columns in enumerate(pattern)}
     lines = ["def project(T, w, k, variance, covariance):"]

@@ -7,7 +7,7 @@ The settings do not describe the biases found at the start, so these do not deca
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import NamedTuple, TypeVar
 
 import numpy as np
@@ -15,32 +15,45 @@ from numpy.typing import NDArray
 
 from lab.displacement import metres_per_radian
 from lab.ecef import near_pole
+from lab.logs.auxiliary_data import Series
 from lab.logs.log_section import piece
 from lab.logs.sensor_log import GnssLog, SensorLog
 from lab.navigation import navigator as linear
 from lab.navigation import smoother, unscented
+from lab.navigation.aiding import aids_of, needs_rest
+from lab.navigation.aids import NO_AIDS, Aids
 from lab.navigation.alignment import Alignment, align
 from lab.navigation.belief import (
     assumed_latency,
     assumed_lever_arm,
     belief,
+    chosen_blocks,
     implausible,
+    is_aided,
     r_factors,
     schedule_of,
 )
-from lab.navigation.checks import check_finite, check_mechanization, check_r, check_smoother, diverged
-from lab.navigation.choice import chosen_model
-from lab.navigation.error_models import ATT, GYRO_BIAS, POS, VEL
+from lab.navigation.checks import (
+    check_aiding,
+    check_finite,
+    check_mechanization,
+    check_r,
+    check_smoother,
+    diverged,
+)
+from lab.navigation.error_models import ATT, GYRO_BIAS, POS, VEL, with_blocks
 from lab.navigation.gap_noise import gap_noise
 from lab.navigation.initial_heading import Hints
 from lab.navigation.kalman import MEASUREMENTS, gate
 from lab.navigation.navigator import PolarError
 from lab.navigation.schedule import Stretch
 from lab.navigation.settings import NavigatorSettings
-from lab.navigation.solution import Belief, Fixes, Imu, Solution, Start
+from lab.navigation.solution import NO_REST, Belief, Fixes, Imu, Solution, Start
 from lab.navigation.standstill import at_rest
+from lab.navigation.wander_models import linear_model
 from lab.recordings.mission_error import MissionError
 from lab.sensors.gps import within
+from lab.sensors.readings import Readings
 from lab.sensors.suite import SensorSuite
 from lab.settings import SettingError
 
@@ -74,6 +87,10 @@ class RecordedRun(NamedTuple):
         The start of the navigator.
     solution : Solution
         The solution at the times of `imu`; innovations are NaN where the receiver measures nothing.
+    aids : Aids
+        The measurements besides GPS that were used.
+    blocks : tuple of str
+        The further blocks of states of the filter.
     remarks : tuple of str
         Repairs and assumptions, as text.
     """
@@ -83,6 +100,8 @@ class RecordedRun(NamedTuple):
     belief: Belief
     alignment: Alignment
     solution: Solution
+    aids: Aids
+    blocks: tuple[str, ...]
     remarks: tuple[str, ...]
 
 
@@ -128,6 +147,9 @@ def navigate_log(
     """
     log = piece(log)
     _check(log, navigator)
+    readings = readings_of(log, sensors)
+    sensors, remarks = fitted_only(sensors, readings, log)
+    check_aiding(navigator, chosen_blocks(navigator, sensors), aided=is_aided(navigator, sensors))
     assumed = belief(sensors, navigator)
     check_r(assumed.R)
     times = log.gnss.time - assumed_latency(navigator, log.gnss.latency)
@@ -144,16 +166,73 @@ def navigate_log(
     assumed = assumed._replace(
         P0=start_covariance(assumed, navigator, start, variances[0]),
         R=R[rows],
-        bias_decay=np.zeros_like(assumed.bias_decay),
+        decay=np.append(np.zeros(6), assumed.decay[6:]),
         lever_arm=assumed_lever_arm(navigator, log.gnss.lever_arm),
     )
     fixes = Fixes(*(values[rows].copy() for values in fixes))
     missing = np.append(np.zeros((int(rows.sum()), 3), bool), np.isnan(log.gnss.velocity_n[rows]), axis=1)
     begin = start.start._replace(gyro_bias=start.gyro_bias)
     given = np.ones(fixes.time.size, np.bool_) if withheld is None else ~withheld[rows]
-    solution = _solution(imu, fixes, log, begin, assumed, navigator, 6 - missing.sum(axis=1), given)
+    if needs_rest(navigator) and given.any():
+        shown = Fixes(*(values[given] for values in fixes))
+        rest = at_rest(imu, shown, assumed._replace(R=assumed.R[given]))
+    else:
+        rest = NO_REST
+    aids = aids_of(sensors, navigator, readings, imu, rest)
+    if navigator.rest_updates:
+        imu = imu._replace(rest=rest)
+    names = chosen_blocks(navigator, sensors)
+    solution = _solution(
+        imu, fixes, log, begin, assumed, navigator, 6 - missing.sum(axis=1), given, aids, names
+    )
     solution.innovation[missing] = np.nan
-    return RecordedRun(imu, fixes, assumed, start, solution, (*log.repairs, start.remark))
+    imu = imu._replace(rest=NO_REST)
+    return RecordedRun(
+        imu, fixes, assumed, start, solution, aids, names, (*log.repairs, start.remark, *remarks)
+    )
+
+
+def readings_of(log: SensorLog, sensors: SensorSuite) -> dict[str, Readings]:
+    """Return what the sensors besides IMU and GPS measured, if they are fitted, by their group."""
+    auxiliary = log.auxiliary
+    there = {"barometer": auxiliary.barometer, "odometer": auxiliary.odometer}
+    if auxiliary.headings is not None:
+        there["heading"] = Series(auxiliary.headings.time, auxiliary.headings.heading)
+    found = {}
+    for name, series in there.items():
+        if series is not None and sensors.groups()[name].get("fitted"):
+            within_log = (series.time > log.time[0]) & (series.time <= log.time[-1])
+            time = series.time[within_log]
+            found[name] = Readings(time, series.value[within_log], np.full(time.size, np.nan))
+    return found
+
+
+def fitted_only(
+    sensors: SensorSuite, readings: Mapping[str, Readings], log: SensorLog
+) -> tuple[SensorSuite, list[str]]:
+    """Return the sensors with only those fitted of which a log has readings, and remarks about the others."""
+    own, remarks = sensors.copy(), []
+    auxiliary = log.auxiliary
+    has = {
+        "barometer": auxiliary.barometer is not None,
+        "odometer": auxiliary.odometer is not None,
+        "heading": auxiliary.headings is not None,
+    }
+    for name, there in has.items():
+        fitted = sensors.groups()[name].get("fitted")
+        if fitted and name not in readings:
+            remarks.append(f"The log has no readings for sensors.{name}.fitted, which has no effect.")
+            own.set(f"{name}.fitted", False)
+        elif there and not fitted:
+            remarks.append(
+                f"The log has readings of a {NAMES[name]} that are not used; sensors.{name}.fitted = true "
+                "uses them."
+            )
+    return own, remarks
+
+
+NAMES = {"barometer": "barometer", "odometer": "odometer", "heading": "heading sensor"}
+"""What the groups of other sensors are called in a sentence."""
 
 
 def _check(log: SensorLog, navigator: NavigatorSettings) -> None:
@@ -268,6 +347,8 @@ def _solution(
     navigator: NavigatorSettings,
     measured: NDArray[np.int64],
     given: NDArray[np.bool_],
+    aids: Aids = NO_AIDS,
+    names: tuple[str, ...] = (),
 ) -> Solution:
     """Navigate, and smooth if set; withheld fixes have no effect."""
     schedule = schedule_of(navigator, imu.step, imu.dtheta.shape[0])
@@ -275,9 +356,6 @@ def _solution(
     stretches = _stretches(imu, fixes, log, assumed, navigator, measured)
     if not fixes.time.size:
         assumed = assumed._replace(R=np.eye(6))
-    if navigator.rest_updates and given.any():
-        shown = Fixes(*(values[given] for values in fixes))
-        imu = imu._replace(rest=at_rest(imu, shown, assumed._replace(R=assumed.R[given])))
     if not given.all():
         assumed = assumed._replace(R=assumed.R + WITHHELD**2 * np.eye(MEASUREMENTS) * ~given[:, None, None])
     arguments = (_shown(imu), _shown(fixes), start, assumed, schedule)
@@ -286,7 +364,8 @@ def _solution(
             solution = unscented.navigate(*arguments, stretches)
         else:
             engine = smoother.navigate if navigator.smoother else linear.navigate
-            solution = engine(*arguments, chosen_model(navigator), stretches)
+            model = with_blocks(linear_model(navigator.model, navigator.mechanization), names)
+            solution = engine(*arguments, model, stretches, aids)
     except PolarError as error:
         if near_pole(log.gnss.position[:, 0]).any():
             raise
@@ -318,7 +397,7 @@ def _stretches(
     gaps = np.clip(np.searchsorted(imu.time, log.gaps), 0, imu.time.size - 1)
     changes = sample[:-1][np.diff(measured) != 0]
     ends = {imu.time.size - 1, *gaps.ravel().tolist(), *changes.tolist()} - {0}
-    noises = [np.append(gap_noise(imu, *gap), np.zeros(6)) for gap in log.gaps.tolist()]
+    noises = [np.append(gap_noise(imu, *gap), np.zeros(assumed.noise.size - 6)) for gap in log.gaps.tolist()]
     stretches, done = [], 0
     for end in sorted(ends):
         fix = min(int(np.searchsorted(sample, done, side="right")), fixes.time.size - 1)

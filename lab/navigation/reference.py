@@ -19,10 +19,11 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from lab import earth
-from lab.navigation import strapdown
+from lab.navigation import blocks, strapdown
+from lab.navigation.aids import FORWARD, NO_AIDS, Aids
+from lab.navigation.blocks import LEVER_ARM
 from lab.navigation.driver import bend_estimate
 from lab.navigation.error_models import (
-    ACCEL_BIAS,
     ATT,
     GYRO_BIAS,
     GYRO_SCALE,
@@ -33,6 +34,7 @@ from lab.navigation.error_models import (
 )
 from lab.navigation.filter import initial_covariance
 from lab.navigation.lever_arm import turns
+from lab.navigation.reference_aids import bent_speed, see_aid
 from lab.navigation.schedule import EVERY_FIX, SLACK, Schedule
 from lab.navigation.solution import Belief, Fixes, Imu, Solution, Start
 from lab.navigation.standstill import GATE, NEAREST, SPAN
@@ -48,6 +50,7 @@ def navigate(
     belief: Belief,
     schedule: Schedule = EVERY_FIX,
     model: ErrorModel = PHI,
+    aids: Aids = NO_AIDS,
     *,
     progress: Callable[[float], None] | None = None,
 ) -> Solution:
@@ -55,20 +58,22 @@ def navigate(
 
     Parameters
     ----------
-    imu, fixes, start, belief, schedule, model
+    imu, fixes, start, belief, schedule, model, aids
         As for `navigator.navigate`.
     progress
         Called with the fraction done, from 0 to 1.
     """
     n = model.states
     state, kalman = _begin(start, belief, model)
-    out = Solution.empty(imu.time.size, fixes.time.size, n)
+    out = Solution.empty(imu.time.size, fixes.time.size, model.blocks, aids=aids.time.size)
     _store(out, 0, state, kalman, model)
 
     F, F_sum = np.zeros((n, n)), np.zeros((n, n))
-    waited, elapsed, next_fix, corrected = 0, 0.0, 0, imu.time[0]
-    rest = _Rest(belief, model)
-    turned = np.broadcast_to(turns(imu, fixes.time, belief.lever_arm), (fixes.time.size, 4))
+    waited, elapsed, next_fix, next_aid = 0, 0.0, 0, 0
+    rest, feedback = _Rest(belief, model), _Feedback(schedule, model, float(imu.time[0]))
+    turned = turns(imu, fixes.time, belief.lever_arm, estimated=LEVER_ARM in model.blocks)
+    turned = np.broadcast_to(turned, (fixes.time.size, 4))
+    driven = list(blocks.places(model.blocks))[: belief.decay.size]
     for k, (time, dt) in enumerate(zip(imu.time[1:], np.diff(imu.time), strict=True)):
         strapdown.step(state, tuple(imu.dtheta[k]), tuple(imu.dvelocity[k]), dt)
         rest.hold(state, imu, k)
@@ -76,45 +81,112 @@ def navigate(
         F_sum += F * dt
         waited += 1
         elapsed += dt
-        due = [m for m in range(next_fix, fixes.time.size) if fixes.time[m] <= time + SLACK * dt]
-        if due or waited >= schedule.stride:
+        due, due_aids = (
+            _due(times, first, time, dt) for times, first in ((fixes.time, next_fix), (aids.time, next_aid))
+        )
+        if due or due_aids or waited >= schedule.stride:
             C_nb = np.eye(3) if model.in_body else _get(state, strapdown.C_NB, 9).reshape(3, 3)
             _predict(kalman, F_sum, belief, C_nb, elapsed, summed=schedule.stride > 1)
-            state[strapdown.GYRO_BIAS : strapdown.GYRO_BIAS + 6] *= _fading(
-                belief, elapsed, summed=schedule.stride > 1
-            )
+            state[driven] *= _fading(belief, elapsed, summed=schedule.stride > 1)
             F_sum[:] = 0
             waited, elapsed = 0, 0.0
         if rest.gathered(state, imu, k, dt) and rest.update(kalman, state):
             out.rest[k + 1] = True
-            if schedule.feedback and time - corrected >= schedule.correction_period - SLACK * dt:
-                correct(state, kalman.x, model)
-                kalman.x, corrected = np.zeros(n), time
+            feedback.apply(state, kalman, time, dt)
         for m in due:
-            next_fix = m + 1
-            age = time - fixes.time[m]
-            if age > dt * (1 + SLACK):
-                continue
-            before = kalman.x, kalman.P
-            H, way, gyro_noise = _antenna(state, belief, turned[m], age, n)
-            R = belief.fix_covariance(np.array([m])).reshape(6, 6) + gyro_noise
-            _update(kalman, _difference(state, fixes, m, age, dt) + way, H @ model.map(state), R)
-            out.innovation[m], out.innovation_covariance[m] = kalman.y, kalman.S
-            out.fix_H[m], out.fix_R[m] = H, R
-            if kalman.y @ np.linalg.solve(kalman.S, kalman.y) > schedule.gate:
-                kalman.x, kalman.P = before
-                out.fix_rejected[m] = True
-                continue
-            if schedule.feedback and time - corrected >= schedule.correction_period - SLACK * dt:
-                correct(state, kalman.x, model)
-                kalman.x = np.zeros(n)
-                corrected = time
-            T = model.map(_corrected(state, kalman.x, model))
-            out.fix_covariance[m], out.fix_sample[m] = T @ kalman.P @ T.T, k + 1
+            _use_fix(out, m, k, state, kalman, model, belief, schedule, fixes, turned[m], feedback, time, dt)
+        for a in due_aids:
+            _use_aid(out, a, k, state, kalman, model, schedule, aids, feedback, time, dt)
+        next_fix, next_aid = next_fix + len(due), next_aid + len(due_aids)
         _store(out, k + 1, state, kalman, model)
         if progress and k % 1000 == 0:
             progress(k / imu.dtheta.shape[0])
     return out
+
+
+def _due(times: FloatArray, first: int, now: float, dt: float) -> list[int]:
+    """Return the measurements from number `first` on that are due after a sample of the length dt."""
+    return [m for m in range(first, times.size) if times[m] <= now + SLACK * dt]
+
+
+class _Feedback:
+    """Corrects the navigator after an update, unless the last correction was too short a time ago."""
+
+    def __init__(self, schedule: Schedule, model: ErrorModel, begin: float) -> None:
+        self.schedule, self.model, self.last = schedule, model, begin
+
+    def apply(self, state: FloatArray, kalman: KalmanFilter, time: float, dt: float) -> None:
+        """Correct the navigator if it is time, and set the estimated error to zero."""
+        if self.schedule.feedback and time - self.last >= self.schedule.correction_period - SLACK * dt:
+            correct(state, kalman.x, self.model)
+            kalman.x = np.zeros(self.model.states)
+            self.last = time
+
+
+def _use_fix(
+    out: Solution,
+    m: int,
+    k: int,
+    state: FloatArray,
+    kalman: KalmanFilter,
+    model: ErrorModel,
+    belief: Belief,
+    schedule: Schedule,
+    fixes: Fixes,
+    turn: FloatArray,
+    feedback: _Feedback,
+    time: float,
+    dt: float,
+) -> None:
+    """Update with fix m after sample k, and write what came of it."""
+    age = time - fixes.time[m]
+    if age > dt * (1 + SLACK):
+        return
+    before = kalman.x, kalman.P
+    H, way, gyro_noise = _antenna(state, belief, turn, age, model.blocks)
+    R = belief.fix_covariance(np.array([m])).reshape(6, 6) + gyro_noise
+    z = _difference(state, fixes, m, age, dt) + way + _of_receiver(state, H, model.blocks)
+    _update(kalman, z, H @ model.map(state), R)
+    out.innovation[m], out.innovation_covariance[m] = kalman.y, kalman.S
+    out.fix_H[m], out.fix_R[m] = H, R
+    if kalman.y @ np.linalg.solve(kalman.S, kalman.y) > schedule.gate:
+        kalman.x, kalman.P = before
+        out.fix_rejected[m] = True
+        return
+    feedback.apply(state, kalman, time, dt)
+    T = model.map(_corrected(state, kalman.x, model))
+    out.fix_covariance[m], out.fix_sample[m] = T @ kalman.P @ T.T, k + 1
+
+
+def _use_aid(
+    out: Solution,
+    a: int,
+    k: int,
+    state: FloatArray,
+    kalman: KalmanFilter,
+    model: ErrorModel,
+    schedule: Schedule,
+    aids: Aids,
+    feedback: _Feedback,
+    time: float,
+    dt: float,
+) -> None:
+    """Update with measurement a of the aids after sample k, and write what came of it."""
+    age = time - aids.time[a]
+    if age > dt * (1 + SLACK):
+        return
+    z, row = see_aid(state, aids, a, age, dt, model.blocks)
+    H, R = row[None] @ model.map(state), np.array([[aids.variance[a]]])
+    if aids.kind[a] == FORWARD:
+        excess = bent_speed(state, kalman.P[ATT, ATT], in_body=model.in_body)
+        z, R = z - excess, R + 2 * excess**2
+    out.aid_innovation[a] = z - float((H @ kalman.x)[0])
+    out.aid_variance[a] = float((H @ kalman.P @ H.T + R)[0, 0])
+    if out.aid_innovation[a] ** 2 > schedule.aid_gate * out.aid_variance[a]:
+        return
+    _update(kalman, np.array([z]), H, R)
+    out.aid_sample[a] = k + 1
+    feedback.apply(state, kalman, time, dt)
 
 
 def _get(state: FloatArray, at: int, count: int = 3) -> FloatArray:
@@ -133,14 +205,14 @@ def _predict(
     Over one sample: to first order in time, with the noise after it. Over a sum of samples: to third order,
     with half of the noise before and half after.
     """
-    biases = slice(GYRO_BIAS.start, ACCEL_BIAS.stop)
+    driven = slice(GYRO_BIAS.start, GYRO_BIAS.start + belief.decay.size)
     A = A.copy()
-    A[biases, biases] = -elapsed * np.diag(belief.bias_decay)
+    A[driven, driven] = -elapsed * np.diag(belief.decay)
     Phi = np.eye(A.shape[0]) + A
     Q = np.zeros_like(Phi)
     Q[ATT, ATT] = C_nb @ np.diag(belief.noise[0:3]) @ C_nb.T
     Q[VEL, VEL] = C_nb @ np.diag(belief.noise[3:6]) @ C_nb.T
-    Q[biases, biases] = np.diag(belief.noise[6:])
+    Q[driven, driven] = np.diag(belief.noise[6:])
     Q *= elapsed
     if summed:
         Phi += A @ A / 2 + A @ A @ A / 6
@@ -211,20 +283,20 @@ class _Rest:
 
 
 def _fading(belief: Belief, elapsed: float, *, summed: bool) -> FloatArray:
-    """Return the decay factors (6,) of the biases over a time, to the order of `_predict`."""
-    x = elapsed * belief.bias_decay
+    """Return the decay factors (k,) of the driven states over a time, to the order of `_predict`."""
+    x = elapsed * belief.decay
     return np.asarray(1 - x + (x**2 / 2 - x**3 / 6 if summed else 0))
 
 
 def _antenna(
-    state: FloatArray, belief: Belief, turn: FloatArray, age: float, n: int
+    state: FloatArray, belief: Belief, turn: FloatArray, age: float, names: tuple[str, ...]
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Return H of a fix (6, n), the antenna relative to the IMU (6,), and an addition to R (6, 6).
 
     The antenna has a displacement and a velocity; the addition to R is the noise of the gyros on the lever
     arm.
     """
-    arm = belief.lever_arm
+    arm, n = belief.lever_arm + _get(state, strapdown.LEVER_ARM), blocks.count(names)
     measured, length = turn[:3], turn[3]
     scale, bias = (_get(state, at) for at in (strapdown.GYRO_SCALE, strapdown.GYRO_BIAS))
     rate = measured / (1 + scale) - bias
@@ -238,11 +310,28 @@ def _antenna(
     H[POS, VEL] = -age * np.eye(3)
     H[POS, ATT], H[VEL, ATT] = skew(way), skew(velocity)
     H[VEL, GYRO_BIAS] = C_nb @ skew(arm)
-    if n > GYRO_SCALE.start:
+    if blocks.GYRO_SCALE in names:
         H[VEL, GYRO_SCALE] = H[VEL, GYRO_BIAS] * (measured / (1 + scale) ** 2)
+    if LEVER_ARM in names:
+        H[POS, blocks.states_of(names, LEVER_ARM)] = C_nb
+        H[VEL, blocks.states_of(names, LEVER_ARM)] = C_nb @ skew(rate) - skew(omega_ie) @ C_nb
     gyro_noise = np.zeros((6, 6))
     gyro_noise[VEL, VEL] = H[VEL, GYRO_BIAS] * belief.noise[:3] @ H[VEL, GYRO_BIAS].T / length
     return H, np.concatenate((way, velocity)), gyro_noise
+
+
+def _of_receiver(state: FloatArray, H: FloatArray, names: tuple[str, ...]) -> FloatArray:
+    """Return what the estimated errors of the receiver add to navigator minus fix (6,), and write H."""
+    added = np.zeros(6)
+    if blocks.LATENCY in names:
+        v, before = _get(state, strapdown.VELOCITY), _get(state, strapdown.PREVIOUS_VELOCITY)
+        motion = np.concatenate((v, (v - before) * state[strapdown.PER_STEP]))
+        added -= state[strapdown.LATENCY] * motion
+        H[:, blocks.states_of(names, blocks.LATENCY)] = -motion[:, None]
+    if blocks.GPS_DRIFT in names:
+        added[POS] += _get(state, strapdown.GPS_DRIFT)
+        H[POS, blocks.states_of(names, blocks.GPS_DRIFT)] = np.eye(3)
+    return added
 
 
 def _update(kalman: KalmanFilter, z: FloatArray, seen: FloatArray, R: FloatArray) -> None:
@@ -294,8 +383,7 @@ def correct(state: FloatArray, own: FloatArray, model: ErrorModel, *, bent: bool
         _get(state, strapdown.Q_NB, 4), scalar_first=True
     )
     _put(state, strapdown.Q_NB, q_nb.as_quat(scalar_first=True))
-    sensors = x[GYRO_BIAS.start :]
-    _put(state, strapdown.GYRO_BIAS, _get(state, strapdown.GYRO_BIAS, sensors.size) - sensors)
+    state[list(blocks.places(model.blocks))] -= x[GYRO_BIAS.start :]
 
 
 def _corrected(state: FloatArray, x: FloatArray, model: ErrorModel) -> FloatArray:
@@ -315,7 +403,9 @@ def _store(out: Solution, k: int, state: FloatArray, kalman: KalmanFilter, model
     out.velocity_n[k] = _get(corrected, strapdown.VELOCITY)
     out.q_nb[k] = _get(corrected, strapdown.Q_NB, 4)
     out.bias[k] = _get(corrected, strapdown.GYRO_BIAS, 6)
-    out.scale[k] = _get(corrected, strapdown.GYRO_SCALE, out.scale.shape[1])
+    scales = out.scale.shape[1]
+    out.scale[k] = _get(corrected, strapdown.GYRO_SCALE, scales)
+    out.further[k] = corrected[list(blocks.places(model.blocks))[6 + scales :]]
     out.variance[k] = np.diag(P)
     for block, at in enumerate((POS.start, ATT.start)):
         out.covariance[k, block] = P[at, at + 1], P[at, at + 2], P[at + 1, at + 2]

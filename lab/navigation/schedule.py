@@ -37,6 +37,8 @@ class Schedule(NamedTuple):
     agreeing, any_of : int
         Number of such consecutive fixes that indicate a wrong filter, if their innovations agree, and if they
         do not.
+    aid_gate : float
+        Largest NIS of one measurement of `aids` that is used.
     """
 
     feedback: bool = True
@@ -47,6 +49,7 @@ class Schedule(NamedTuple):
     implausible: float = math.inf
     agreeing: int = 4
     any_of: int = 10
+    aid_gate: float = math.inf
 
 
 class Stretch(NamedTuple):

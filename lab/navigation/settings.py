@@ -171,6 +171,81 @@ class NavigatorSettings(Settings):
         doc="Use all fixes of the flight for every sample (fixed-interval smoothing, as by Rauch, Tung and "
         "Striebel). Linear models only; the innovations remain those of the filter.",
     )
+    zero_velocity = param.Boolean(
+        default=False,
+        label="Zero velocity at rest",
+        doc="Zero velocity updates: where the vehicle stands still for 10 s or more, its velocity is "
+        "measured as zero once a second. Detected as for the updates at rest.",
+    )
+    zero_velocity_sigma = Quantity(
+        0.02,
+        unit="m/s",
+        bounds=(1e-5, 10),
+        softbounds=(0.001, 0.5),
+        step=0.001,
+        label="Zero velocity, σ",
+        doc="Standard deviation of the velocity of the vehicle at rest, for each component.",
+    )
+    no_slip = param.Boolean(
+        default=False,
+        label="Vehicle does not slip",
+        doc="Non-holonomic constraints of a vehicle on wheels or rails: at the place of the odometer "
+        "(sensors.odometer.lever_arm), the speeds to the right and down are measured as zero once a second. "
+        "Aeroplanes and boats slip: for them it is wrong.",
+    )
+    slip_sigma = AxisQuantity(
+        (0.1, 0.1),
+        unit="m/s",
+        axes=("right", "down"),
+        bounds=(1e-5, 100),
+        softbounds=(0.01, 2),
+        step=0.01,
+        label="Slip, σ",
+        doc="Standard deviation of these speeds, white from second to second.",
+    )
+    aiding_scale = Quantity(
+        1.0,
+        bounds=(1e-6, 1e6),
+        softbounds=(0.01, 100),
+        label="Scale of other measurements",
+        doc="Factor on the variances of all measurements other than GPS fixes that the filter assumes.",
+    )
+    estimate_gps_drift = param.Boolean(
+        default=False,
+        label="Estimate GPS drift",
+        doc="Three states for the correlated position error of the receiver "
+        "(sensors.gps.correlated_sigma and correlation_time).",
+    )
+    estimate_lever_arm = param.Boolean(
+        default=False,
+        label="Estimate lever arm",
+        doc="Three states for the error of the assumed lever arm, constants with the σ below.",
+    )
+    lever_arm_sigma = AxisQuantity(
+        0.5,
+        unit="m",
+        axes=("forward", "right", "down"),
+        bounds=(1e-6, 1e3),
+        softbounds=(0.01, 5),
+        step=0.01,
+        label="Lever arm, σ",
+        doc="Standard deviation of the error of the assumed lever arm, if it is estimated.",
+    )
+    estimate_latency = param.Boolean(
+        default=False,
+        label="Estimate latency",
+        doc="One state for the error of the assumed latency, a constant with the σ below.",
+    )
+    latency_sigma = Quantity(
+        0.1,
+        unit="s",
+        bounds=(1e-6, 60),
+        softbounds=(0.01, 1),
+        step=0.01,
+        label="Latency, σ",
+        doc="Standard deviation of the error of the assumed latency, if it is estimated. The estimate is of "
+        "first order: motion is extrapolated by velocity and acceleration.",
+    )
     gate = Quantity(
         0.0,
         bounds=(0, 1),

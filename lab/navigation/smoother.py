@@ -25,6 +25,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lab.histories import LONG
+from lab.navigation.aids import NO_AIDS, Aids
+from lab.navigation.blocks import LEVER_ARM
 from lab.navigation.compilation import SOURCES, inline_kernel, kernel
 from lab.navigation.driver import (
     PENDING,
@@ -36,6 +38,7 @@ from lab.navigation.driver import (
     _store,
     _store_fix,
     _write,
+    aid_due,
     compiled_for,
     take_measurements,
 )
@@ -45,7 +48,7 @@ from lab.navigation.kalman import MEASUREMENTS
 from lab.navigation.lever_arm import turns
 from lab.navigation.navigator import advance, advance_piece, go_through
 from lab.navigation.piece import Piece
-from lab.navigation.propagation import BIASES, NAV, STATES, WIDTH, X
+from lab.navigation.propagation import DRIVEN, NAV, STATES, WIDTH, X
 from lab.navigation.schedule import EVERY_FIX, SLACK, Schedule, Stretch
 from lab.navigation.solution import Belief, Fixes, Imu, Solution, Start, read_only
 from lab.navigation.standstill import hold_attitude
@@ -56,7 +59,7 @@ FloatArray = NDArray[np.float64]
 GO = 1024
 """Samples kept in memory in the backward pass, with some 6 kB each at 21 states. For a long flight, these are
 twice as many: at the start of each block, a copy of the filter is kept, with 19 kB."""
-SHARED = ("P", "scalars", "R", "bias_decay", "lever_arm", "turns")
+SHARED = ("P", "scalars", "R", "decay", "lever_arm", "turns", "aids", "aid_scalars")
 """Arrays of a filter that are not copied: P is a part of `w`, updates by fixes are kept for all fixes, the
 others do not change. R and the angular rates about the fixes may be as long as the flight."""
 
@@ -77,6 +80,7 @@ class _Kept(NamedTuple):
     Phi: FloatArray  # (samples, 9, n), rows of the transitions that differ from the unit matrix
     rest: FloatArray  # (samples, 1, 2 n + 2), updates at rest
     fixes: NDArray[np.int64]  # (samples + 1,), next fix before each sample, and after the last
+    aids: NDArray[np.int64]  # (samples + 1,), likewise
 
 
 def navigate(
@@ -87,12 +91,13 @@ def navigate(
     schedule: Schedule = EVERY_FIX,
     model: ErrorModel = PHI,
     stretches: Sequence[Stretch] = (),
+    aids: Aids = NO_AIDS,
 ) -> Solution:
     """Navigate a whole flight, and smooth the solution over all its fixes.
 
     Parameters
     ----------
-    imu, fixes, start, belief, schedule, model, stretches
+    imu, fixes, start, belief, schedule, model, stretches, aids
         As of `navigator.navigate`; P is propagated at every sample (`schedule.stride` is 1).
 
     Returns
@@ -110,9 +115,10 @@ def navigate(
     imu, fixes = read_only(imu), read_only(fixes)
     is_long = imu.time.size > LONG
     shown, at_once = (np.float32, 2 * GO) if is_long else (np.float64, GO)
-    out = Solution.empty(imu.time.size, fixes.time.size, model.states, shown)
-    turned = turns(imu, fixes.time, belief.lever_arm)
-    run = Filter.begin(start, belief, float(imu.time[0]), model, fixes.time.size, turned)
+    out = Solution.empty(imu.time.size, fixes.time.size, model.blocks, shown, aids.time.size)
+    turned = turns(imu, fixes.time, belief.lever_arm, estimated=LEVER_ARM in model.blocks)
+    kept_aids = aids.time.size
+    run = Filter.begin(start, belief, float(imu.time[0]), model, fixes.time.size, turned, aids, kept_aids)
     copies: list[_Copy] = []
 
     def onwards(imu: Imu, out: Solution, first: int, schedule: Schedule) -> int:
@@ -124,7 +130,7 @@ def navigate(
     go_through(run.state, run.noise, imu, out, schedule, stretches, onwards, at_once, polar=polar)
     n = model.states
     later, Later = np.zeros(n), np.zeros((n, n))
-    back = _backwards(model)
+    back = _backwards(model, aided=bool(aids.time.size))
     end = imu.dtheta.shape[0]
     while copies:
         first, own, there = copies.pop()
@@ -134,11 +140,13 @@ def navigate(
             np.zeros((end - first, NAV, n)),
             np.zeros((end - first if imu.rest.any() else 1, 1, 2 * n + 2)),
             np.zeros(end - first + 1, dtype=np.int64),
+            np.zeros(end - first + 1, dtype=np.int64),
         )
         if is_long:
             piece = Piece.of(imu.until(end), out, first)
             back(own, piece.imu, fixes, piece.out, piece.first, there, kept, later, Later)
-            piece.keep(out, piece.imu.time.size, slice(int(kept.fixes[0]), int(kept.fixes[-1])))
+            taken = (slice(int(counts[0]), int(counts[-1])) for counts in (kept.fixes, kept.aids))
+            piece.keep(out, piece.imu.time.size, *taken)
         else:
             back(own, imu.until(end), fixes, out, first, there, kept, later, Later)
         end = first
@@ -205,7 +213,7 @@ def _before_step(
 @inline_kernel
 def _kept_part(decay: FloatArray, c: int) -> Any:
     """Return the element of Φ on the diagonal below the navigation rows; zero in these."""
-    if NAV <= c < NAV + BIASES:
+    if NAV <= c < NAV + DRIVEN:
         return decay[c - NAV]
     return 0.0 if c < NAV else 1.0
 
@@ -246,6 +254,23 @@ def _before_update(scalars: FloatArray, later: FloatArray, Later: FloatArray, pr
 
 
 @kernel
+def _before_aids(
+    run: Filter,
+    out: Solution,
+    first: int,
+    end: int,
+    sample: int,
+    later: FloatArray,
+    Later: FloatArray,
+    product: FloatArray,
+) -> None:
+    """Propagate λ and Λ back over the updates by the measurements of the aids of one sample."""
+    for a in range(end - 1, first - 1, -1):
+        if out.aid_sample[a] == sample:
+            _before_update(run.aid_scalars[a], later, Later, product)
+
+
+@kernel
 def _smooth(w: FloatArray, later: FloatArray, Later: FloatArray, half: FloatArray, P: FloatArray) -> None:
     """Replace [P | x] by those of the smoothed error: P − P Λ P, x − P λ."""
     for i in range(STATES):
@@ -263,9 +288,9 @@ def _smooth(w: FloatArray, later: FloatArray, Later: FloatArray, half: FloatArra
 
 
 @functools.cache
-def _backwards(model: ErrorModel) -> Callable[..., None]:
+def _backwards(model: ErrorModel, *, aided: bool) -> Callable[..., None]:
     """Return the backward pass over some samples, compiled, or loaded from the disk, when first called."""
-    identity = SOURCES, model.name, model.mechanization, model.states
+    identity = SOURCES, model.name, model.mechanization, model.blocks, aided
 
     def backwards(
         run: Filter,
@@ -284,23 +309,24 @@ def _backwards(model: ErrorModel) -> Callable[..., None]:
         """
         _ = identity
         z, x, spare = np.empty(MEASUREMENTS), np.empty(STATES), np.empty(run.state.size)
-        half, P, decay = np.empty((STATES, STATES)), np.empty((STATES, STATES)), np.empty(BIASES)
+        half, P, decay = np.empty((STATES, STATES)), np.empty((STATES, STATES)), np.empty(DRIVEN)
         start_state, start_w = run.state.copy(), run.w.copy()
         left = PENDING if _has_estimate(run.w) else SETTLED
-        kept.fixes[0] = run.counts[0]
+        kept.fixes[0], kept.aids[0] = run.counts[0], run.counts[2]
         last = imu.dtheta.shape[0]
         for k in range(first, last):
             at, dt = k - first, imu.time[k + 1] - imu.time[k]
             _step(run.state, get(imu.dtheta[k], 0), get(imu.dvelocity[k], 0), dt)
             m = run.counts[0]
-            fix_due = m < fixes.time.size and fixes.time[m] <= imu.time[k + 1] + SLACK * dt
+            due = m < fixes.time.size and fixes.time[m] <= imu.time[k + 1] + SLACK * dt
+            due |= aid_due(run, imu.time[k + 1], dt)
             if imu.rest.size > 0:
                 hold_attitude(run.state, run.rest_sums, imu.rest[k])
             _write(run.state, run.F)
-            _predict(run, dt, fix_due, schedule.stride)
-            if fix_due or (imu.rest.size > 0 and imu.rest[k]):
+            _predict(run, dt, due, schedule.stride)
+            if due or (imu.rest.size > 0 and imu.rest[k]):
                 left = take_measurements(run, imu, fixes, out, k, schedule, z, x, spare, left == PENDING)
-            kept.fixes[at + 1] = run.counts[0]
+            kept.fixes[at + 1], kept.aids[at + 1] = run.counts[0], run.counts[2]
             _copy(run.state, kept.state[at])
             _copy(run.w, kept.w[at])
             if out.rest[k + 1]:
@@ -314,18 +340,19 @@ def _backwards(model: ErrorModel) -> Callable[..., None]:
             _smooth(run.w, later, Later, half, P)
             state = _corrected(kept.state[at], run.w, run.T, x, spare)
             _store(out, k + 1, state, run.w, run.T)
+            _before_aids(run, out, kept.aids[at], kept.aids[at + 1], k + 1, later, Later, x)
             for m in range(kept.fixes[at + 1] - 1, kept.fixes[at] - 1, -1):
                 if out.fix_sample[m] == k + 1:
                     _store_fix(out, m, state, run.w, run.T)
                     _before_update(run.scalars[m], later, Later, x)
             if out.rest[k + 1]:
                 _before_update(kept.rest[at], later, Later, x)
-            for b in range(BIASES):
-                decay[b] = 1 - dt * run.bias_decay[b]
+            for b in range(DRIVEN):
+                decay[b] = 1 - dt * run.decay[b]
             _before_step(kept.Phi[at], decay, later, Later, half)
         if first == 0:
             _copy(start_w, run.w)
             _smooth(run.w, later, Later, half, P)
             _store(out, 0, _corrected(start_state, run.w, run.T, x, spare), run.w, run.T)
 
-    return compiled_for(backwards, model, summed=False)
+    return compiled_for(backwards, model, summed=False, aided=aided)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
@@ -9,13 +10,15 @@ from numpy.typing import DTypeLike, NDArray
 from scipy.spatial.transform import Rotation
 
 from lab.displacement import displaced
+from lab.navigation import blocks
+from lab.navigation.aids import Aids
 from lab.navigation.kalman import MEASUREMENTS
 from lab.trajectory import Truth
 
 FloatArray = NDArray[np.float64]
 
 
-HISTORIES = ("position", "velocity_n", "q_nb", "bias", "scale", "variance", "covariance", "rest")
+HISTORIES = ("position", "velocity_n", "q_nb", "bias", "scale", "further", "variance", "covariance", "rest")
 """Arrays of a solution with one row for each sample."""
 
 
@@ -94,7 +97,7 @@ class Fixes(NamedTuple):
     velocity_n: FloatArray
 
 
-Input = TypeVar("Input", Imu, Fixes)
+Input = TypeVar("Input", Imu, Fixes, Aids)
 
 
 def read_only(given: Input) -> Input:
@@ -157,15 +160,17 @@ class Belief(NamedTuple):
 
     Attributes
     ----------
-    P0 : (15, 15) or (21, 21) array
+    P0 : (states, states) array
         Covariance of the initial error; its size is the filter's number of states.
     R : (6, 6) or (m, 6, 6) array
         Covariance of a fix, or of each: position north, east, down [m²], then velocity [(m/s)²].
-    noise : (12,) array
+    noise : (6 + k,) array
         Power spectral densities of gyro noise [rad²/s], accelerometer noise [(m/s)²/s], gyro bias drive
-        [rad²/s³] and accelerometer bias drive [(m/s²)²/s].
-    bias_decay : (6,) array
-        Decay rates of gyro and accelerometer biases, one over their correlation times [1/s].
+        [rad²/s³], accelerometer bias drive [(m/s²)²/s], and if the filter has further blocks the drive of all
+        their states. k is 6 without further blocks.
+    decay : (k,) array
+        Decay rates of gyro and accelerometer biases, and of the states of further blocks: one over their
+        correlation times [1/s].
     lever_arm : (3,) array
         Place of the antenna, from the IMU forward, right, down [m].
     """
@@ -173,7 +178,7 @@ class Belief(NamedTuple):
     P0: FloatArray
     R: FloatArray
     noise: FloatArray
-    bias_decay: FloatArray
+    decay: FloatArray
     lever_arm: FloatArray = NO_VECTOR
 
     def fix_covariance(self, fixes: NDArray[np.intp]) -> FloatArray:
@@ -194,18 +199,21 @@ class Solution(NamedTuple):
         Attitude, scalar first.
     bias : (n + 1, 6) array
         Estimated gyro [rad/s] and accelerometer [m/s²] biases.
-    scale : (n + 1, 6) array, or (n + 1, 0) of a filter with 15 states
+    scale : (n + 1, 6) array, or (n + 1, 0) of a filter without these states
         Estimated scale factor errors of gyros and accelerometers.
-    variance : (n + 1, 15) or (n + 1, 21) array
-        Diagonal of P, in the order of `error_models.STATES`. For a long flight, bias, scale, variance and
-        covariance are float32 (`lab.histories`).
+    further : (n + 1, k) array
+        Estimates of the further states of the filter (`blocks`), in their order.
+    variance : (n + 1, states) array
+        Diagonal of P: the 15 states of every filter in the order of `error_models.STATES`, then those of its
+        blocks. For a long flight, bias, scale, further, variance and covariance are float32
+        (`lab.histories`).
     covariance : (n + 1, 2, 3) array
         Elements (0, 1), (0, 2), (1, 2) of P's position and attitude blocks.
     innovation : (m, 6) array
         Innovation of each fix, position [m] and velocity [m/s] north, east, down: navigator minus GPS.
     innovation_covariance : (m, 6, 6) array
         Its covariance S.
-    fix_covariance : (m, 15, 15) or (m, 21, 21) array
+    fix_covariance : (m, states, states) array
         P after each fix.
     fix_sample : (m,) array
         Sample after which each fix was used; −1 for fixes that are outside the IMU data or rejected.
@@ -214,13 +222,18 @@ class Solution(NamedTuple):
     fix_recovered : (m,) array
         Whether the filter used the fix after it took itself to be wrong and raised P; the innovation and its
         covariance are those before.
-    fix_H : (m, 6, 15) or (m, 6, 21) array
+    fix_H : (m, 6, states) array
         Measurement matrix of the fix: the innovation is H times the error of the navigator, plus noise.
     fix_R : (m, 6, 6) array
         Covariance of the fix as used: divided by the weight of a robust update, and including the noise of
         the gyros on the lever arm.
     rest : (n + 1,) array
         Mask of the samples after which the filter made an update at rest.
+    aid_innovation, aid_variance : (a,) arrays
+        Innovation of each measurement of the aids, navigator minus measurement, and its variance; NaN for
+        those that are outside the IMU data.
+    aid_sample : (a,) array
+        Sample after which each was used; −1 for those that are outside the IMU data or rejected.
     """
 
     position: FloatArray
@@ -228,6 +241,7 @@ class Solution(NamedTuple):
     q_nb: FloatArray
     bias: FloatArray
     scale: FloatArray
+    further: FloatArray
     variance: FloatArray
     covariance: FloatArray
     innovation: FloatArray
@@ -239,6 +253,9 @@ class Solution(NamedTuple):
     fix_H: FloatArray
     fix_R: FloatArray
     rest: NDArray[np.bool_]
+    aid_innovation: FloatArray
+    aid_variance: FloatArray
+    aid_sample: NDArray[np.int64]
 
     @property
     def states(self) -> int:
@@ -246,16 +263,46 @@ class Solution(NamedTuple):
         return int(self.variance.shape[1])
 
     @classmethod
-    def empty(cls, samples: int, fixes: int, states: int = 15, shown: DTypeLike = np.float64) -> Solution:
-        """Return a solution with room for `samples` samples and `fixes` fixes, of a filter with `states`.
+    def empty(
+        cls,
+        samples: int,
+        fixes: int,
+        names: Sequence[str] = (),
+        shown: DTypeLike = np.float64,
+        aids: int = 0,
+    ) -> Solution:
+        """Return a solution with room for `samples` samples and `fixes` fixes.
 
-        `shown` is the type of the arrays that are shown, not integrated: biases, scale factors and variances.
+        Parameters
+        ----------
+        samples, fixes
+            How many there are.
+        names
+            Names of the further blocks of the filter.
+        shown
+            Type of the arrays that are shown, not integrated: estimated errors and variances.
+        aids
+            How many measurements other than fixes there are.
+        """
+        scales = sum(blocks.BLOCKS[name].size for name in names if name in blocks.SCALES)
+        return cls._empty(samples, fixes, blocks.count(names), scales, shown, aids)
+
+    def room(self, samples: int) -> Solution:
+        """Return a solution with room for some samples of the same filter, in float64, and no fixes."""
+        return self._empty(samples, 0, self.states, self.scale.shape[1], np.float64, 0)
+
+    @classmethod
+    def _empty(
+        cls, samples: int, fixes: int, states: int, scales: int, shown: DTypeLike, aids: int
+    ) -> Solution:
+        """Return an empty solution.
 
         The histories share one block: the system allocates large blocks in large pages, which saves a fifth
         of the time of a run.
         """
+        further = states - blocks.CORE - scales
         motion = {"position": 3, "velocity_n": 3, "q_nb": 4}
-        others = {"bias": 6, "scale": states - 15, "variance": states, "covariance": 6}
+        others = {"bias": 6, "scale": scales, "further": further, "variance": states, "covariance": 6}
         if shown == np.float64:
             parts = _block(samples, motion | others, shown)
         else:
@@ -265,7 +312,8 @@ class Solution(NamedTuple):
             velocity_n=parts["velocity_n"].reshape(samples, 3),
             q_nb=parts["q_nb"].reshape(samples, 4),
             bias=parts["bias"].reshape(samples, 6),
-            scale=parts["scale"].reshape(samples, states - 15),
+            scale=parts["scale"].reshape(samples, scales),
+            further=parts["further"].reshape(samples, further),
             variance=parts["variance"].reshape(samples, states),
             covariance=parts["covariance"].reshape(samples, 2, 3),
             innovation=np.full((fixes, MEASUREMENTS), np.nan),
@@ -277,4 +325,7 @@ class Solution(NamedTuple):
             fix_H=np.full((fixes, MEASUREMENTS, states), np.nan),
             fix_R=np.full((fixes, MEASUREMENTS, MEASUREMENTS), np.nan),
             rest=np.zeros(samples, dtype=np.bool_),
+            aid_innovation=np.full(aids, np.nan),
+            aid_variance=np.full(aids, np.nan),
+            aid_sample=np.full(aids, -1, dtype=np.int64),
         )

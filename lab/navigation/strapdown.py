@@ -35,21 +35,28 @@ GYRO_BIAS = 10  # [rad/s]
 ACCEL_BIAS = 13  # [m/s²]
 GYRO_SCALE = 16  # zero if the filter does not estimate it
 ACCEL_SCALE = 19  # as for the gyros
+# The next values do not move the navigator: errors of other sensors, zero unless they are estimated.
+GPS_DRIFT = 22  # slow error of the receiver's position, north, east, down [m]
+BAROMETER_BIAS = 25  # [m]
+HEADING_BIAS = 26  # of the heading sensor [rad]
+LEVER_ARM = 27  # error of the assumed lever arm, in b [m]
+LATENCY = 30  # what the fixes are older than assumed [s]
+ODOMETER_SCALE = 31
 # The following values are derived from those above in each step, and kept for the next step and the error
 # model.
-SINE = 22  # of the latitude
-COSINE = 23  # of the latitude
-PREVIOUS_DTHETA = 24  # increments of the last step [rad]
-PREVIOUS_DVELOCITY = 27  # [m/s]
-PREVIOUS_VELOCITY = 30  # v_n at its start [m/s]
-MERIDIAN = 33  # 1 / (R_M + h)
-TRANSVERSE = 34  # 1 / (R_N + h)
-PER_COSINE = 35  # 1 / cos L
-FORCE_N = 36  # mean specific force of the last step, in n
-C_NB = 39  # attitude at the start of the last step, row by row
-PER_STEP = 48  # one over the length of the last step
-GRAVITY = 49  # during the last step
-LENGTH = 50  # length of the state
+SINE = 32  # of the latitude
+COSINE = 33  # of the latitude
+PREVIOUS_DTHETA = 34  # increments of the last step [rad]
+PREVIOUS_DVELOCITY = 37  # [m/s]
+PREVIOUS_VELOCITY = 40  # v_n at its start [m/s]
+MERIDIAN = 43  # 1 / (R_M + h)
+TRANSVERSE = 44  # 1 / (R_N + h)
+PER_COSINE = 45  # 1 / cos L
+FORCE_N = 46  # mean specific force of the last step, in n
+C_NB = 49  # attitude at the start of the last step, row by row
+PER_STEP = 58  # one over the length of the last step
+GRAVITY = 59  # during the last step
+LENGTH = 60  # length of the state
 
 MAX_LATITUDE = math.radians(89.9)
 """Limit of north-slaved navigation [rad]: its rate about the vertical grows without bound towards the

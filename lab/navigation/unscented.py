@@ -20,7 +20,8 @@ from collections.abc import Callable, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from lab.navigation import strapdown
+from lab.navigation import blocks, strapdown
+from lab.navigation.blocks import CORE
 from lab.navigation.compilation import (
     SOURCES,
     embedded_kernel,
@@ -87,7 +88,9 @@ def navigate(
     """
     check(schedule)
     check_heading(belief.P0)
-    solution = Solution.empty(imu.time.size, fixes.time.size, belief.P0.shape[0])
+    solution = Solution.empty(
+        imu.time.size, fixes.time.size, blocks.SCALES if belief.P0.shape[0] > blocks.CORE else ()
+    )
     run = Filter.begin(start, belief, float(imu.time[0]), turns(imu, fixes.time, belief.lever_arm))
 
     def onwards(imu: Imu, out: Solution, first: int, schedule: Schedule) -> int:
@@ -132,8 +135,8 @@ def check(schedule: Schedule) -> None:
 def _decay(run: Filter, elapsed: float) -> None:
     """Let the biases decay: those of the navigator and of all points, and the covariance from noise."""
     for b in range(6):
-        if run.bias_decay[b] > 0:
-            kept = math.exp(-run.bias_decay[b] * elapsed)
+        if run.decay[b] > 0:
+            kept = math.exp(-run.decay[b] * elapsed)
             run.state[GYRO_BIAS + b] *= kept
             for point in range(run.points.shape[0]):
                 run.points[point, GYRO_BIAS + b] *= kept
@@ -243,7 +246,7 @@ def _judge(
             H[i, j] = 1.0 if i == j else 0.0
     axes = (1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)
     turn = run.turns[min(m, run.turns.shape[0] - 1)]
-    see_antenna(run.state, run.lever_arm, turn, age, run.noise, axes, nu, H, R)
+    see_antenna(run.state, run.lever_arm, turn, age, run.noise, axes, nu, H, R, H.shape[1] > CORE, -1)
     predict_fix(run.P, H, R, S)
     nis = normalised_square(nu, S)
     became = plausibility(run.P, run.streak, run.clock, nu, S, nis, time, schedule, n)

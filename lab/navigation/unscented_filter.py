@@ -49,7 +49,7 @@ class Filter(NamedTuple):
     R_fix: FloatArray  # of this fix
     H: FloatArray  # of this fix
     noise: FloatArray
-    bias_decay: FloatArray
+    decay: FloatArray
     lever_arm: FloatArray
     turns: FloatArray  # rates about all fixes, or about each, see `lever_arm.turns`
     rest_sums: FloatArray  # of the rates at rest, see `standstill`
@@ -84,7 +84,7 @@ class Filter(NamedTuple):
             np.zeros((MEASUREMENTS, MEASUREMENTS)),
             np.zeros((MEASUREMENTS, n)),
             np.array(belief.noise, dtype=np.float64),
-            np.array(belief.bias_decay, dtype=np.float64),
+            np.array(belief.decay, dtype=np.float64),
             np.array(belief.lever_arm, dtype=np.float64),
             np.array(turned, dtype=np.float64),
             np.zeros(ROOM),

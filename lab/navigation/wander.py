@@ -34,9 +34,6 @@ from lab import earth
 from lab.navigation import strapdown
 from lab.navigation.compilation import inline_kernel, kernel, rebound
 from lab.navigation.strapdown import (
-    ACCEL_BIAS,
-    GYRO_BIAS,
-    GYRO_SCALE,
     HEIGHT,
     MERIDIAN,
     PREVIOUS_VELOCITY,
@@ -179,8 +176,15 @@ def heading_turn(x: float, y: float) -> Quaternion:
 
 
 @inline_kernel
+def north_axes(state: FloatArray) -> Matrix:
+    """Return north, east and down at the navigator, in w."""
+    x, y, _ = north(state)
+    return (x, y, 0.0), (-y, x, 0.0), (0.0, 0.0, 1.0)
+
+
+@inline_kernel
 def store_state(out: Solution, k: int, state: FloatArray) -> None:
-    """Write position, velocity, attitude, biases and scale factors of sample k, in north, east, down."""
+    """Write position, velocity and attitude of sample k, in north, east, down."""
     C_ew = matrix(quaternion(state, Q_EW))
     x, y, cosine = north(state)
     out.position[k, 0] = math.atan2(state[SINE], cosine)
@@ -193,10 +197,6 @@ def store_state(out: Solution, k: int, state: FloatArray) -> None:
     q_nb = product(heading_turn(x, y), quaternion(state, Q_NB))
     for i in range(4):
         out.q_nb[k, i] = q_nb[i]
-    for i in range(6):
-        out.bias[k, i] = state[GYRO_BIAS + i]
-    for i in range(out.scale.shape[1]):
-        out.scale[k, i] = state[GYRO_SCALE + i]
 
 
 @inline_kernel
@@ -208,7 +208,7 @@ def _minus(state: FloatArray, at: int, C: Matrix, error: Vector) -> None:
 
 @kernel
 def displace(state: FloatArray, x: FloatArray) -> None:
-    """Correct a navigator by an error x, with exact rotations.
+    """Correct position, velocity and attitude by an error x, with exact rotations.
 
     C_wb = exp([δθ×]) exp([ψ×]) Ĉ_wb, v = exp([δθ×]) (v̂ − δv_c) and C_ew = Ĉ_ew exp(−[δθ×]), with δθ the
     rotation of the frame along the position error.
@@ -222,11 +222,6 @@ def displace(state: FloatArray, x: FloatArray) -> None:
     put_quaternion(state, Q_EW, product(quaternion(state, Q_EW), (q[0], -q[1], -q[2], -q[3])))
     state[HEIGHT] += x[2]
     _keep_axis(state)
-    for i in range(3):
-        state[GYRO_BIAS + i] -= x[9 + i]
-        state[ACCEL_BIAS + i] -= x[12 + i]
-    for i in range(x.size - 15):
-        state[GYRO_SCALE + i] -= x[15 + i]
 
 
 @inline_kernel

@@ -310,14 +310,8 @@ def noise(
     """
     position = np.sqrt(si(errors, "position_variance")) * draws.position
     velocity = np.sqrt(si(errors, "velocity_variance")) * draws.velocity
-    correlated = si(errors, "correlated_sigma")
-    if correlated.any() and times.size:
-        decay = float(np.exp(-errors.period / si(errors, "correlation_time")))
-        before = None if memory is None else memory.correlated
-        process = processes.gauss_markov(draws.correlated[0], draws.correlated, decay, before)
-        if memory is not None:
-            memory.correlated = process[-1].copy()
-        position += correlated * process
+    if any(errors.correlated_sigma) and times.size:
+        position += drift(times, errors, draws, memory)
     if errors.quality_steps:
         factor = np.where(within(errors.quality_steps, times), errors.quality_factor, 1.0)[:, None]
         position, velocity = factor * position, factor * velocity
@@ -327,6 +321,24 @@ def noise(
         outlier = scipy.special.ndtr(draws.outlier) < errors.outlier_rate
         position = position + np.where(outlier[:, None], si(errors, "outlier_size") * draws.jump, 0.0)
     return position, velocity
+
+
+def drift(times: FloatArray, errors: GpsErrors, draws: GpsDraws, memory: Memory | None = None) -> FloatArray:
+    """Return the correlated position error (m, 3) of a good constellation, east, north, up [m].
+
+    Parameters
+    ----------
+    times, errors, draws, memory
+        As of `noise`.
+    """
+    if not times.size:
+        return np.zeros((0, 3))
+    decay = float(np.exp(-errors.period / si(errors, "correlation_time")))
+    before = None if memory is None else memory.correlated
+    process = processes.gauss_markov(draws.correlated[0], draws.correlated, decay, before)
+    if memory is not None:
+        memory.correlated = process[-1].copy()
+    return np.asarray(si(errors, "correlated_sigma") * process)
 
 
 def within(intervals: Sequence[tuple[float, float]], times: FloatArray) -> NDArray[np.bool_]:

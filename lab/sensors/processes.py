@@ -20,25 +20,25 @@ FloatArray = NDArray[np.float64]
 def gauss_markov(
     start: FloatArray, draws: FloatArray, decay: float, before: FloatArray | None = None
 ) -> FloatArray:
-    """Return a first-order Gauss-Markov process (n, 3) of unit variance (Groves 4.19).
+    """Return first-order Gauss-Markov processes (n, k) of unit variance (Groves 4.19).
 
     The exact discretisation, started in its stationary distribution, or gone on with after its last sample.
 
     Parameters
     ----------
-    start : (3,) array
+    start : (k,) array
         Standard normal draws of the first sample.
-    draws : (n, 3) array
+    draws : (n, k) array
         Standard normal draws that drive the others; the first row is not used.
     decay
         Correlation of one sample with the next, exp(−Δt / correlation time).
-    before : (3,) array or None
+    before : (k,) array or None
         Last sample of the piece before; then `start` is not used, and the first row of `draws` is.
     """
     drive = np.sqrt(1 - decay**2) * draws
     if before is None:
         drive[:1] = start
-        before = np.zeros(3)
+        before = np.zeros(draws.shape[1])
     # With its full name, scipy.signal is imported only at its first use; the import takes a third of a
     # second.
     process, _ = scipy.signal.lfilter([1.0], [1.0, -decay], drive, axis=0, zi=[decay * before])

@@ -6,8 +6,11 @@ import numpy as np
 import param
 
 from lab.importing.sensor_noise import SensorNoise
+from lab.sensors.barometer import BarometerErrors
 from lab.sensors.gps import GpsErrors
+from lab.sensors.heading_sensor import HeadingErrors
 from lab.sensors.imu import AccelerometerErrors, GyroErrors
+from lab.sensors.odometer import OdometerErrors
 from lab.sensors.temperature import TemperatureSettings
 from lab.settings import Settings, group
 from lab.units import si
@@ -36,6 +39,9 @@ class SensorSuite(Settings):
     accelerometer = group(AccelerometerErrors, "Accelerometer errors.")
     temperature = group(TemperatureSettings, "Temperature of the IMU.")
     gps = group(GpsErrors, "GPS errors.")
+    barometer = group(BarometerErrors, "Barometer errors.")
+    heading = group(HeadingErrors, "Errors of a heading sensor.")
+    odometer = group(OdometerErrors, "Odometer errors.")
     assumed = param.String(
         default="",
         label="Assumed terms",

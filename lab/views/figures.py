@@ -24,7 +24,7 @@ from bokeh.plotting import figure
 from lab.run import Run
 from lab.views.envelope import SMALLEST_DRAWN, FloatArray, envelope, envelope_in_parts, limits
 from lab.views.legend import add_legend
-from lab.views.quantities import CURSOR, Band, Clock, Curve, TimePlot
+from lab.views.quantities import AID_CLOCKS, CURSOR, Band, Clock, Curve, TimePlot, times_of_aid
 
 if TYPE_CHECKING:
     from lab.ensemble import Ensemble
@@ -456,4 +456,7 @@ def _times(result: Result | Ensemble, clock: Clock) -> FloatArray:
     # An ensemble has no IMU times; its times are those of the fixes.
     if clock == "time":
         return result.time
+    if clock in AID_CLOCKS:
+        assert isinstance(result, Run)  # an ensemble has none
+        return times_of_aid(result, clock)
     return result.grid if clock == "time_between" else result.fixes.time  # type: ignore[union-attr]

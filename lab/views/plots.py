@@ -15,6 +15,7 @@ import panel as pn
 
 from lab.views.envelope import envelope, limits, thin_path
 from lab.views.quantities import (
+    AID_CLOCKS,
     AXIS_COLOURS,
     COVARIANCE,
     EAST_NORTH_UP,
@@ -30,6 +31,10 @@ from lab.views.quantities import (
     TRUTH,
     Curve,
     TimePlot,
+    aid_plots,
+    further_plots,
+    kinds_of,
+    times_of_aid,
     with_scale,
 )
 
@@ -58,14 +63,14 @@ def covariance(result: Result) -> hv.Layout:
 
 
 def sensor_errors(result: Result) -> hv.Layout:
-    """Return estimated biases and scale factors with ±3σ, the true ones, and the temperature if any."""
-    plots = with_scale(result, SENSOR_ERRORS, SCALE_ERRORS)
+    """Return estimated errors of the sensors with ±3σ, the true ones, and the temperature if any."""
+    plots = with_scale(result, SENSOR_ERRORS, SCALE_ERRORS) + further_plots(result.blocks)
     return _layout(result, (*plots, *(TEMPERATURE if result.has_temperature else ())), columns=3)
 
 
 def innovations(result: Result) -> hv.Layout:
     """Return position and velocity innovations with ±2σ, and below them their autocorrelation."""
-    plots = [_time_plot(result, plot) for plot in INNOVATIONS]
+    plots = [_time_plot(result, plot) for plot in (*INNOVATIONS, *aid_plots(kinds_of(result)))]
     plots += [_autocorrelation(result, name, axis) for name in ("position", "velocity") for axis in range(3)]
     return hv.Layout(plots).cols(3).opts(shared_axes=True)
 
@@ -126,6 +131,8 @@ def _value(plot: TimePlot) -> hv.Dimension:
 def _time_plot(result: Result, plot: TimePlot) -> hv.Overlay:
     """Draw the thinned curves of one unit over time, with the band behind them."""
     time = result.time if plot.clock == "time" else result.fixes.time
+    if plot.clock in AID_CLOCKS:
+        time = times_of_aid(result, plot.clock)
     edges = plot.band.edges(result) if plot.band else ()
     series = [*edges, *(curve.read(result) for curve in plot.curves)]
     thin_time, thinned = envelope(time, series, (time[0], time[-1]) if time.size else (0, 0), BUCKETS)

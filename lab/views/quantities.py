@@ -2,23 +2,41 @@
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Any, Literal, get_args
 
 import numpy as np
 from numpy.typing import NDArray
 
 from lab.analysis.consistency import chi_square_interval
+from lab.navigation.aids import NAMES, SHOWN
+from lab.navigation.blocks import BLOCKS, SCALES
 
 if TYPE_CHECKING:
     from lab.ensemble import Ensemble
     from lab.result import Result
+    from lab.run import Run
 
 FloatArray = NDArray[np.floating]
 Reader = Callable[[Any], FloatArray]
 """Returns samples (n,) of a result or of an ensemble."""
-Clock = Literal["time", "time_gps", "time_between"]
+Clock = Literal[
+    "time",
+    "time_gps",
+    "time_between",
+    "aid 0",
+    "aid 1",
+    "aid 2",
+    "aid 3",
+    "aid 4",
+    "aid 5",
+    "aid 6",
+    "aid 7",
+]
+AID_CLOCKS: tuple[Clock, ...] = get_args(Clock)[3:]
+"""Clocks of the measurements besides GPS, by their kind."""
 
 BLUE, GREEN, ORANGE = "#3b8eea", "#12a67c", "#e8862e"
 AXIS_COLOURS = (BLUE, GREEN, ORANGE)
@@ -115,8 +133,8 @@ class TimePlot:
     fixes
         The same quantity from the GPS fixes, drawn below the curves at the times of the fixes.
     clock
-        Coordinate of the samples of curves and band: IMU time, time of the fixes, or, for an ensemble, once a
-        second between the fixes.
+        Coordinate of the samples of curves and band: IMU time, time of the fixes, times of a kind of other
+        measurements, or, for an ensemble, once a second between the fixes.
     scale
         Scale of the ordinate: zero in the middle, free, or logarithmic.
     """
@@ -246,6 +264,87 @@ SCALE_ERRORS: tuple[TimePlot, ...] = (
     *_estimates("accelerometer_scale", "Accelerometer scale factor error", "%"),
 )
 """Beside these with 21 states."""
+
+
+def _further(variable: str, state: str) -> Reader:
+    def read(result: Result) -> FloatArray:
+        found = result.further_states
+        if variable not in found:
+            return np.full(result.time.shape, np.nan)
+        return np.asarray(found[variable].sel(state=state).values)
+
+    return read
+
+
+@functools.cache
+def further_plots(names: tuple[str, ...]) -> tuple[TimePlot, ...]:
+    """Return plots of the estimates of the further states of a filter, given its blocks."""
+    plots = []
+    for block in (BLOCKS[name] for name in names if name not in SCALES):
+        for index, state in enumerate(block.names):
+            name, colour = state.replace(" ", "_"), AXIS_COLOURS[index]
+            estimate = _further("estimate", state)
+            truth = _further("truth", state)
+            plots.append(
+                TimePlot(
+                    name=name,
+                    title=state[0].upper() + state[1:],
+                    unit=block.shown_unit,
+                    curves=(
+                        Curve(name, "estimate", colour, estimate),
+                        Curve(f"{name}_true", "truth", TRUTH, truth, style="dashed"),
+                    ),
+                    band=Band(
+                        f"{name}_band",
+                        3,
+                        colour,
+                        _further("sigma", state),
+                        centre=estimate,
+                    ),
+                    scale="free",
+                )
+            )
+    return tuple(plots)
+
+
+def _aid(variable: str, kind: int) -> Reader:
+    def read(result: Result) -> FloatArray:
+        values: FloatArray = result.aiding[variable].values[result.aids.kind == kind]
+        return values
+
+    return read
+
+
+@functools.cache
+def aid_plots(kinds: tuple[int, ...]) -> tuple[TimePlot, ...]:
+    """Return plots of the innovations of the measurements besides GPS, given their kinds."""
+    plots = []
+    for place, kind in enumerate(kinds):
+        name, colour = NAMES[kind].replace(" ", "_"), AXIS_COLOURS[place % 3]
+        innovation = Curve(
+            f"innovation_{name}", "innovation", colour, _aid("innovation", kind), style="points"
+        )
+        plots.append(
+            TimePlot(
+                name=f"innovation_{name}",
+                title=f"{NAMES[kind][0].upper()}{NAMES[kind][1:]} innovation",
+                unit=SHOWN[kind][0],
+                curves=(innovation,),
+                band=Band(f"innovation_{name}_band", 2, colour, _aid("sigma", kind)),
+                clock=AID_CLOCKS[kind],
+            )
+        )
+    return tuple(plots)
+
+
+def times_of_aid(result: Run, clock: Clock) -> NDArray[np.float64]:
+    """Return the times of a kind of measurements besides GPS, given by its clock."""
+    return np.asarray(result.aids.time[result.aids.kind == AID_CLOCKS.index(clock)], dtype=np.float64)
+
+
+def kinds_of(result: Result) -> tuple[int, ...]:
+    """Return the kinds of the measurements besides GPS of a result."""
+    return tuple(int(kind) for kind in np.unique(result.aids.kind))
 
 
 def with_scale(

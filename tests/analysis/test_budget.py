@@ -62,7 +62,7 @@ def at_rest(seconds: float, fixes: Sequence[int] = (), gain: float = 0.0) -> Sim
         truth_arrays=truth,
         ideal=ideal,
         true_flight=lambda _name: (truth, ideal),
-        belief=SimpleNamespace(bias_decay=np.zeros(6), R=np.eye(6)),
+        belief=SimpleNamespace(decay=np.zeros(6), R=np.eye(6)),
         solution_arrays=SimpleNamespace(
             fix_covariance=covariance,
             fix_sample=np.array(fixes, dtype=np.int64),

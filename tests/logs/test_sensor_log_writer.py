@@ -10,7 +10,7 @@ from sensor_logs import tables, write
 from writers import ardupilot, autopilot, ulog
 
 from lab import Experiment, ecef
-from lab.logs.auxiliary_data import AuxiliaryData, Comparison, Headings, Magnetometer
+from lab.logs.auxiliary_data import AuxiliaryData, Comparison, Headings, Magnetometer, Series
 from lab.logs.sensor_log import SensorLog
 from lab.logs.sensor_log_writer import write_sensor_log
 from lab.missions import LogMission, MissionError, add_log, mission, missions, read_sensor_log
@@ -84,6 +84,8 @@ def test_what_was_recorded_beside_is_kept(log, tmp_path):
             rng.uniform(0, 6, len(log.gnss.time) - 3),
             np.full(len(log.gnss.time) - 3, 0.02),
         ),
+        Series(times, rng.normal(300, 10, 40)),
+        Series(times, rng.normal(10, 1, 40)),
         (other,),
     )
     breaks = np.array([[log.time[1500], log.time[1800]]])
@@ -102,6 +104,10 @@ def test_what_was_recorded_beside_is_kept(log, tmp_path):
     assert read.auxiliary.magnetometer.declination == pytest.approx(-0.2)
     np.testing.assert_allclose(read.auxiliary.headings.heading, auxiliary.headings.heading, rtol=1e-12)
     np.testing.assert_allclose(read.auxiliary.headings.time, auxiliary.headings.time, atol=1e-9)
+    for name in ("barometer", "odometer"):
+        kept, there = getattr(read.auxiliary, name), getattr(auxiliary, name)
+        np.testing.assert_allclose(kept.value, there.value, rtol=1e-9)
+        np.testing.assert_allclose(kept.time, there.time, atol=1e-9)
     (own,) = read.auxiliary.comparisons
     assert own.name == other.name
     for name in ("position", "velocity_n", "euler"):

@@ -18,7 +18,7 @@ from lab.navigation.error_models import ATT, PHI, VEL, with_states
 from lab.navigation.filter import Filter
 from lab.navigation.navigator import Fixes, Schedule, Solution, advance
 from lab.navigation.prediction import second_order
-from lab.navigation.propagation import compile_propagation, layout, propagate_over
+from lab.navigation.propagation import WRITTEN_FOR, compile_propagation, layout, propagate_over
 from lab.navigation.settings import NavigatorSettings
 from lab.sensors import gps
 from lab.sensors.suite import SensorSuite
@@ -27,7 +27,8 @@ FloatArray = NDArray[np.float64]
 
 MODELS = {n: with_states(PHI, n) for n in (15, 21)}
 PROPAGATE = {n: compile_propagation(model) for n, model in MODELS.items()}
-OVER = {n: rebound_throughout(propagate_over, **layout(n)._asdict()) for n in MODELS}
+LAYOUTS = {n: layout(model.blocks) for n, model in MODELS.items()}
+OVER = {n: rebound_throughout(propagate_over, WRITTEN_FOR, **LAYOUTS[n]._asdict()) for n in MODELS}
 TYPICAL = np.repeat([1.0, 0.3, 0.01, 2e-3, 0.02], 3)
 """Sizes of the error states [m], [m/s], [rad], [rad/s], [m/s²]."""
 
@@ -44,7 +45,7 @@ def random_covariance(rng: np.random.Generator, scale: FloatArray, condition: fl
 
 def workspace(P: FloatArray, x: FloatArray) -> FloatArray:
     """Return a workspace that holds [P | x]."""
-    space = layout(x.size)
+    space = LAYOUTS[x.size]
     w = np.zeros(space.size)
     view = w[: space.product].reshape(space.STATES, space.WIDTH)
     view[:, : space.STATES], view[:, space.X] = P, x
@@ -53,7 +54,7 @@ def workspace(P: FloatArray, x: FloatArray) -> FloatArray:
 
 def contents(w: FloatArray, states: int = 15) -> tuple[FloatArray, FloatArray]:
     """Return P and x."""
-    space = layout(states)
+    space = LAYOUTS[states]
     view = w[: space.product].reshape(space.STATES, space.WIDTH)
     return view[:, :states].copy(), view[:, space.X].copy()
 
@@ -210,7 +211,7 @@ def test_covariance_at_rest_is_the_integral_of_the_riccati_equation() -> None:
     advance(run, second, no_fixes, out, 0, Schedule())
     found, _ = contents(run.w)
     F = run.F.copy()
-    F[9:, 9:] -= np.diag(assumed.bias_decay)
+    F[9:, 9:] -= np.diag(assumed.decay)
     C_nb = F[ATT, 9:12]
     G = np.zeros((15, 12))
     G[ATT, :3], G[VEL, 3:6], G[9:, 6:] = C_nb, C_nb, np.eye(6)

@@ -249,12 +249,12 @@ def test_a_constant_of_another_module_that_has_the_same_name_is_another() -> Non
     def outer(x: float) -> float:
         return inner(x) + SIZE
 
-    assert rebound_throughout(outer, SIZE=5)(1.0) == 1 * 4 + 5
+    assert rebound_throughout(outer, {"SIZE": SIZE}, SIZE=5)(1.0) == 1 * 4 + 5
 
 
 def test_constants_are_replaced_throughout_and_nowhere_else() -> None:
-    five = rebound_throughout(_outer, SIZE=5)
+    five = rebound_throughout(_outer, {"SIZE": SIZE}, SIZE=5)
     assert five(1.0) == 1 + 5 * 5
     assert _outer(1.0) == 1 + 3 * 3
-    assert rebound_throughout(_untouched, SIZE=5) is _untouched
+    assert rebound_throughout(_untouched, {"SIZE": SIZE}, SIZE=5) is _untouched
     assert five.targetoptions == _outer.targetoptions  # type: ignore[attr-defined]

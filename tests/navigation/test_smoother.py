@@ -51,9 +51,7 @@ def apart(one: Solution, other: Solution) -> FloatArray:
     )
 
 
-def short_flight(
-    bias_decay: float = 0.0, rate: int = 20, states: int = 15
-) -> tuple[Imu, Fixes, Start, Belief]:
+def short_flight(decay: float = 0.0, rate: int = 20, states: int = 15) -> tuple[Imu, Fixes, Start, Belief]:
     """Return three seconds of a turn, small errors, a fix each 0.4 s and once two after the same sample."""
     flight, rng = fly("los_angeles", float(rate)), np.random.default_rng(8)
     part = slice(40 * rate, 43 * rate)
@@ -73,7 +71,7 @@ def short_flight(
         P0=np.diag(np.repeat([1e-6, 1e-8, 1e-10, 1e-10, 1e-8, 1e-10, 1e-10], 3)[:states]),
         R=np.diag(np.repeat([1e-6, 1e-8], 3)),
         noise=np.repeat([1e-12, 1e-9, 1e-13, 1e-10], 3),
-        bias_decay=np.repeat([1.0, 2.0], 3) * bias_decay,
+        decay=np.repeat([1.0, 2.0], 3) * decay,
     )
     begin = Start.off(flight.trajectory.at(time[:1]), *rng.normal(size=(3, 3)) * ((1e-3,), (1e-4,), (1e-5,)))
     return imu, fixes, begin, belief
@@ -95,7 +93,7 @@ def adjusted(imu: Imu, fixes: Fixes, free: Solution, belief: Belief) -> tuple[Fl
         state[strapdown.Q_NB : strapdown.Q_NB + 4] = free.q_nb[k]
         strapdown.step(state, tuple(imu.dtheta[k]), tuple(imu.dvelocity[k]), dt)
         with_states(PHI, states).write(state, F)
-        fading = np.r_[np.zeros(9), belief.bias_decay, np.zeros(states - 15)]
+        fading = np.r_[np.zeros(9), belief.decay, np.zeros(states - 15)]
         Phi = np.eye(states) + dt * F - dt * np.diag(fading)
         C_nb = state[strapdown.C_NB : strapdown.C_NB + 9].reshape(3, 3)
         Q = np.zeros((states, states))
@@ -149,10 +147,10 @@ def compare(imu: Imu, fixes: Fixes, begin: Start, belief: Belief, schedule: Sche
     return Comparison(float(states), float(deviation))
 
 
-@pytest.mark.parametrize(("bias_decay", "states"), [(0.0, 15), (0.1, 15), (0.1, 21)])
-def test_a_short_flight_against_least_squares(bias_decay: float, states: int) -> None:
+@pytest.mark.parametrize(("decay", "states"), [(0.0, 15), (0.1, 15), (0.1, 21)])
+def test_a_short_flight_against_least_squares(decay: float, states: int) -> None:
     """The navigator runs free, so that both start from the same."""
-    found = compare(*short_flight(bias_decay, states=states), Schedule(feedback=False))
+    found = compare(*short_flight(decay, states=states), Schedule(feedback=False))
     # Roundoff of a latitude is 1e-6 of the position's σ here; linearisation does the rest.
     assert found.states < 1e-3
     assert found.sigma < 1e-4

@@ -260,7 +260,8 @@ def test_an_update_at_rest_sees_the_error_of_the_bias_about_the_vertical(
 
 
 def test_the_attitude_of_the_error_model_is_held_while_a_rest_lasts() -> None:
-    hold, sums, state = interpreted(standstill.hold_attitude), np.ones(standstill.ROOM), np.zeros(50)
+    hold, sums = interpreted(standstill.hold_attitude), np.ones(standstill.ROOM)
+    state = np.zeros(strapdown.LENGTH)
     hold(state, sums, False)
     np.testing.assert_array_equal(sums, 0)
     state[strapdown.PER_STEP] = 100.0

@@ -262,7 +262,7 @@ def test_biases_fade() -> None:
     imu = increments(times, steady([0, 0, 0]), steady([0, 0, -9.8]))
     rates, drive, P0 = np.repeat([1 / 20, 1 / 50], 3), np.repeat([1e-9, 1e-6], 3), np.repeat([1e-8, 1e-4], 3)
     belief = NO_FILTER._replace(
-        P0=np.diag(np.r_[np.full(9, 1e-6), P0]), noise=np.r_[np.zeros(6), drive], bias_decay=rates
+        P0=np.diag(np.r_[np.full(9, 1e-6), P0]), noise=np.r_[np.zeros(6), drive], decay=rates
     )
     filter_ = unscented.Filter.begin(start_at(0.8), belief)
     begin = np.r_[1e-3, -2e-3, 3e-3, 0.1, 0.2, -0.3]

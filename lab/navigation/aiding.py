@@ -1,0 +1,75 @@
+"""Aiding: the measurements besides GPS that a filter uses, with the noise that it assumes.
+
+Readings of sensors, and two conditions that hold without any sensor: a vehicle at rest does not move, and one
+on wheels moves where its wheels point.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lab.navigation import aids
+from lab.navigation.aids import Aids
+from lab.navigation.settings import NavigatorSettings
+from lab.navigation.solution import Imu
+from lab.sensors.readings import Readings
+from lab.sensors.suite import SensorSuite
+from lab.units import si
+
+FloatArray = NDArray[np.float64]
+
+CONDITION_PERIOD = 1.0
+"""Time between two measurements of a condition [s]: slip is assumed white from one to the next."""
+KINDS = {"barometer": aids.HEIGHT, "heading": aids.HEADING, "odometer": aids.FORWARD}
+"""What the sensors measure, by their group in the settings."""
+
+
+def needs_rest(navigator: NavigatorSettings) -> bool:
+    """Return whether a filter needs to know when the vehicle stands still."""
+    return bool(navigator.rest_updates or navigator.zero_velocity)
+
+
+def aids_of(
+    sensors: SensorSuite,
+    navigator: NavigatorSettings,
+    readings: Mapping[str, Readings],
+    imu: Imu,
+    rest: NDArray[np.bool_],
+) -> Aids:
+    """Return all measurements besides GPS fixes.
+
+    Parameters
+    ----------
+    sensors, navigator
+        Noise of the sensors, and the filter.
+    readings
+        Readings by the sensor's group in the settings.
+    imu
+        The increments.
+    rest : (n,) array
+        Samples at rest.
+    """
+    scale = navigator.aiding_scale
+    parts = [
+        _same(one.time, KINDS[name], one.value, scale * float(si(sensors.groups()[name], "noise")) ** 2)
+        for name, one in readings.items()
+    ]
+    seconds = np.arange(imu.time[0] + CONDITION_PERIOD, imu.time[-1], CONDITION_PERIOD)
+    if navigator.no_slip:
+        for kind, sigma in zip((aids.RIGHTWARD, aids.DOWNWARD), si(navigator, "slip_sigma"), strict=True):
+            parts.append(_same(seconds, kind, np.zeros(seconds.size), scale * sigma**2))
+    if navigator.zero_velocity and rest.any():
+        still = seconds[rest[np.searchsorted(imu.time, seconds) - 1]]
+        variance = scale * float(navigator.zero_velocity_sigma) ** 2
+        three = (aids.NORTHWARD, aids.EASTWARD, aids.VERTICAL)
+        parts += [_same(still, kind, np.zeros(still.size), variance) for kind in three]
+    return Aids.together(parts, si(sensors.odometer, "lever_arm"))
+
+
+def _same(time: FloatArray, kind: int, value: FloatArray, variance: float) -> Aids:
+    """Return measurements of one kind with one variance."""
+    size = time.size
+    return Aids(time, np.full(size, kind, np.int64), value, np.full(size, variance), np.zeros(3))

@@ -1,0 +1,217 @@
+"""Aids: measurements other than GPS fixes, each one number, and how a filter sees them.
+
+A measurement is declared once, as a kind with its kernel: what the navigator says of it minus what was
+measured, and the row of H for the errors of position, velocity and attitude in north, east, down and of the
+states that only it needs. Vectors are several numbers at one time. A filter takes them one by one.
+
+References
+----------
+P. D. Groves, *Principles of GNSS, Inertial and Multisensor Integrated Navigation Systems*, 2nd ed., ch. 6 and
+15.1 (zero velocity, non-holonomic constraints), 16.2 (integration of odometer, barometer and magnetometer).
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lab.navigation import strapdown
+from lab.navigation.compilation import inline_kernel, kernel
+from lab.navigation.propagation import BAROMETER_BIAS, HEADING_BIAS, ODOMETER_SCALE, STATES
+from lab.navigation.strapdown import Matrix, Vector, cross, get, matrix, plus, product, rotate, rotation
+
+FloatArray = NDArray[np.float64]
+
+HEIGHT, FORWARD, RIGHTWARD, DOWNWARD, NORTHWARD, EASTWARD, VERTICAL, HEADING = range(8)
+"""Kinds: height [m]; speed forward, to the right and down of a place of the vehicle [m/s]; velocity north,
+east, down [m/s]; true heading [rad]."""
+UNITS = ("m", "m/s", "m/s", "m/s", "m/s", "m/s", "m/s", "rad")
+"""Units of the kinds."""
+NAMES = (
+    "height",
+    "speed forward",
+    "speed right",
+    "speed down",
+    "velocity north",
+    "velocity east",
+    "velocity down",
+    "heading",
+)
+"""Names of the kinds, as shown."""
+SHOWN = (("m", 1.0), *(("m/s", 1.0),) * 6, ("°", math.degrees(1.0)))
+"""Unit of each kind on pages and in tables, and its value of one SI unit."""
+
+
+class Aids(NamedTuple):
+    """Measurements other than GPS fixes, one number each.
+
+    Attributes
+    ----------
+    time : (a,) array
+        Times of validity, not decreasing [s].
+    kind : (a,) array
+        What each measures, such as `HEIGHT`.
+    value, variance : (a,) arrays
+        The measured values, and their variances as the filter assumes them, in `UNITS` and their squares.
+    place : (3,) array
+        The place whose speed is measured, from the IMU forward, right, down [m].
+    """
+
+    time: FloatArray
+    kind: NDArray[np.int64]
+    value: FloatArray
+    variance: FloatArray
+    place: FloatArray
+
+    @classmethod
+    def together(cls, parts: list[Aids], place: FloatArray) -> Aids:
+        """Return several sets of measurements as one, in the order of their times."""
+        if not parts:
+            return NO_AIDS
+        time, kind, value, variance = (
+            np.concatenate([getattr(part, name) for part in parts]) for name in cls._fields[:4]
+        )
+        order = np.argsort(time, kind="stable")
+        return cls(time[order], kind[order], value[order], variance[order], place)
+
+
+def _nothing() -> Aids:
+    values = np.zeros(0), np.zeros(0, dtype=np.int64), np.zeros(0), np.zeros(0), np.zeros(3)
+    for array in values:
+        array.setflags(write=False)
+    return Aids(*values)
+
+
+NO_AIDS = _nothing()
+"""No measurements, read-only."""
+
+
+@inline_kernel
+def north_axes(state: FloatArray) -> Matrix:
+    """Return north, east and down in the navigation frame: its own axes, north-slaved."""
+    return (1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)
+
+
+@inline_kernel
+def _see_height(state: FloatArray, age: float, down: float, height: float, H: FloatArray) -> float:
+    """Return the height of the navigator minus that of a barometer, with its estimated bias."""
+    H[2] = -1.0
+    H[5] = age  # the height refers to the time of the measurement
+    if BAROMETER_BIAS >= 0:
+        H[BAROMETER_BIAS] = 1.0
+    return float(state[strapdown.HEIGHT] + age * down - height + state[strapdown.BAROMETER_BIAS])
+
+
+@inline_kernel
+def _see_speed(
+    state: FloatArray,
+    axis: int,
+    C: Matrix,
+    v: Vector,
+    rate: Vector,
+    place: Vector,
+    speed: float,
+    H: FloatArray,
+) -> float:
+    """Return the navigator's speed of a place along an axis of the vehicle, minus the measured one.
+
+    v_b = C_bn v_n + ω_ib,b × l; the rotation of the Earth, 0.07 mm/s at a metre, is left out.
+    """
+    column = C[0][axis], C[1][axis], C[2][axis]
+    by_attitude = cross(v, column)
+    turned = cross(rate, place)
+    predicted = v[0] * column[0] + v[1] * column[1] + v[2] * column[2] + turned[axis]
+    for i in range(3):
+        H[3 + i], H[6 + i] = column[i], by_attitude[i]
+    # The rate contains the gyro bias: δ(ω × l) = l × δb.
+    x, y, z = place
+    arm = (0.0, -z, y), (z, 0.0, -x), (-y, x, 0.0)
+    for i in range(3):
+        H[9 + i] = arm[axis][i]
+    if axis == 0:
+        scale = 1 + state[strapdown.ODOMETER_SCALE]
+        for i in range(12):
+            H[i] *= scale
+        if ODOMETER_SCALE >= 0:
+            H[ODOMETER_SCALE] = predicted
+        return float(scale * predicted - speed)
+    return float(predicted - speed)
+
+
+@inline_kernel
+def _see_heading(state: FloatArray, C: Matrix, heading: float, H: FloatArray) -> float:
+    """Return the navigator's heading minus the measured one, with the estimated bias of the sensor.
+
+    With c the forward axis in n, the heading is atan2(c_E, c_N), and φ changes c by −φ × c.
+    """
+    north, east, down = C[0][0], C[1][0], C[2][0]
+    per_level = 1 / (north * north + east * east)
+    H[6], H[7], H[8] = down * north * per_level, down * east * per_level, -1.0
+    if HEADING_BIAS >= 0:
+        H[HEADING_BIAS] = 1.0
+    off = math.atan2(east, north) - heading + state[strapdown.HEADING_BIAS]
+    return float(off - 2 * math.pi * math.floor(off / (2 * math.pi) + 0.5))
+
+
+@kernel
+def see_aid(
+    state: FloatArray,
+    axes: Matrix,
+    kind: int,
+    value: float,
+    place: FloatArray,
+    age: float,
+    dt: float,
+    H: FloatArray,
+) -> float:
+    """Return navigator minus measurement, and write its row of H.
+
+    Parameters
+    ----------
+    state
+        The navigator, after the sample in which the measurement falls.
+    axes
+        North, east and down in the navigation frame.
+    kind, value, place
+        As of `Aids`.
+    age
+        Time from the measurement to the end of the sample [s].
+    dt
+        Length of the sample [s].
+    H : (n,) array
+        Receives the row for the errors in north, east, down and the sensor errors.
+    """
+    for i in range(STATES):
+        H[i] = 0.0
+    v, before = get(state, strapdown.VELOCITY), get(state, strapdown.PREVIOUS_VELOCITY)
+    part = age / dt
+    change = v[0] - before[0], v[1] - before[1], v[2] - before[2]
+    v = rotate(axes, plus(v, -part, change))
+    if kind == HEIGHT:
+        return _see_height(state, age, v[2], value, H)
+    if NORTHWARD <= kind <= VERTICAL:
+        H[3 + kind - NORTHWARD] = 1.0
+        return float(v[kind - NORTHWARD] - value)
+    rate = plus((0.0, 0.0, 0.0), state[strapdown.PER_STEP], get(state, strapdown.PREVIOUS_DTHETA))
+    at = strapdown.Q_NB
+    q = product(
+        (state[at], state[at + 1], state[at + 2], state[at + 3]),
+        rotation((-age * rate[0], -age * rate[1], -age * rate[2])),
+    )
+    C = matrix(q)
+    columns = (
+        rotate(axes, (C[0][0], C[1][0], C[2][0])),
+        rotate(axes, (C[0][1], C[1][1], C[2][1])),
+        rotate(axes, (C[0][2], C[1][2], C[2][2])),
+    )
+    C = (
+        (columns[0][0], columns[1][0], columns[2][0]),
+        (columns[0][1], columns[1][1], columns[2][1]),
+        (columns[0][2], columns[1][2], columns[2][2]),
+    )
+    if kind == HEADING:
+        return _see_heading(state, C, value, H)
+    return _see_speed(state, kind - FORWARD, C, v, rate, get(place, 0), value, H)

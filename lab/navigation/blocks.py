@@ -1,0 +1,121 @@
+"""Blocks: the further error states that a filter may have, each declared once.
+
+Every filter has the nine errors of position, velocity and attitude and the six biases. Scale factors and the
+blocks below follow if they are wanted, always in the order of `BLOCKS`. A block is added here, with its place
+in the state of the navigator; `belief` gives its uncertainty, and `observation` or `aiding` its elements of
+H.
+
+References
+----------
+P. D. Groves, *Principles of GNSS, Inertial and Multisensor Integrated Navigation Systems*, 2nd ed., ch.
+14.2.5.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import NamedTuple
+
+from lab.navigation import strapdown
+
+CORE = 15
+"""States of every filter: position, velocity, attitude and two biases."""
+
+
+class Block(NamedTuple):
+    """Error states that belong together.
+
+    Attributes
+    ----------
+    names : tuple of str
+        Name of each state, as it is shown.
+    place : int
+        Where their estimates begin in the state of the navigator.
+    unit : str
+        SI unit.
+    shown_unit : str
+        Unit on pages and in tables.
+    shown_scale : float
+        Shown value of one SI unit.
+    """
+
+    names: tuple[str, ...]
+    place: int
+    unit: str
+    shown_unit: str
+    shown_scale: float
+
+    @property
+    def size(self) -> int:
+        """Number of states."""
+        return len(self.names)
+
+
+GYRO_SCALE, ACCEL_SCALE = "gyro scale", "accelerometer scale"
+GPS_DRIFT, BAROMETER_BIAS, HEADING_BIAS = "GPS drift", "barometer bias", "heading sensor bias"
+LEVER_ARM, LATENCY, ODOMETER_SCALE = "lever arm", "latency", "odometer scale"
+
+BLOCKS: dict[str, Block] = {
+    GYRO_SCALE: Block(tuple(f"{GYRO_SCALE} {axis}" for axis in "xyz"), strapdown.GYRO_SCALE, "", "%", 100.0),
+    ACCEL_SCALE: Block(
+        tuple(f"{ACCEL_SCALE} {axis}" for axis in "xyz"), strapdown.ACCEL_SCALE, "", "%", 100.0
+    ),
+    GPS_DRIFT: Block(
+        tuple(f"{GPS_DRIFT} {axis}" for axis in ("north", "east", "down")),
+        strapdown.GPS_DRIFT,
+        "m",
+        "m",
+        1.0,
+    ),
+    BAROMETER_BIAS: Block((BAROMETER_BIAS,), strapdown.BAROMETER_BIAS, "m", "m", 1.0),
+    HEADING_BIAS: Block((HEADING_BIAS,), strapdown.HEADING_BIAS, "rad", "°", math.degrees(1.0)),
+    LEVER_ARM: Block(
+        tuple(f"{LEVER_ARM} {axis}" for axis in ("forward", "right", "down")),
+        strapdown.LEVER_ARM,
+        "m",
+        "m",
+        1.0,
+    ),
+    LATENCY: Block((LATENCY,), strapdown.LATENCY, "s", "s", 1.0),
+    ODOMETER_SCALE: Block((ODOMETER_SCALE,), strapdown.ODOMETER_SCALE, "", "%", 100.0),
+}
+"""The further blocks by name, in the order of the states of a filter."""
+SCALES = (GYRO_SCALE, ACCEL_SCALE)
+"""The blocks of a filter with 21 states."""
+
+
+def in_order(names: Sequence[str]) -> tuple[str, ...]:
+    """Return names of blocks in the order of the states."""
+    return tuple(name for name in BLOCKS if name in names)
+
+
+def count(names: Sequence[str]) -> int:
+    """Return the number of states of a filter with some further blocks."""
+    return CORE + sum(BLOCKS[name].size for name in names)
+
+
+def first_state(names: Sequence[str], name: str) -> int:
+    """Return the first state of a block in a filter with some further blocks; −1 if it has no such block."""
+    if name not in names:
+        return -1
+    at = CORE
+    for other in in_order(names):
+        if other == name:
+            break
+        at += BLOCKS[other].size
+    return at
+
+
+def states_of(names: Sequence[str], name: str) -> slice:
+    """Return the states of a block in a filter that has it."""
+    first = first_state(names, name)
+    return slice(first, first + BLOCKS[name].size)
+
+
+def places(names: Sequence[str]) -> tuple[int, ...]:
+    """Return where the estimates of all states from the biases on are in the state of the navigator."""
+    found = list(range(strapdown.GYRO_BIAS, strapdown.GYRO_BIAS + 6))
+    for name in in_order(names):
+        found += range(BLOCKS[name].place, BLOCKS[name].place + BLOCKS[name].size)
+    return tuple(found)

@@ -1,0 +1,88 @@
+"""Reference of the aids: how the filter in filterpy sees measurements other than fixes.
+
+Written with whole matrices, independently of the compiled `aids`, to be read and to be compared with.
+
+References
+----------
+P. D. Groves, *Principles of GNSS, Inertial and Multisensor Integrated Navigation Systems*, 2nd ed., ch. 6 and
+16.2.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
+
+from lab.navigation import blocks, strapdown
+from lab.navigation.aids import FORWARD, HEADING, HEIGHT, NORTHWARD, Aids
+from lab.navigation.error_models import ATT, GYRO_BIAS, POS, VEL
+from lab.rotation import skew, wrap
+
+FloatArray = NDArray[np.float64]
+
+
+def see_aid(
+    state: FloatArray, aids: Aids, a: int, age: float, dt: float, names: tuple[str, ...]
+) -> tuple[float, FloatArray]:
+    """Return navigator minus measurement a of the aids, and its row of H (n,)."""
+    row, value = np.zeros(blocks.count(names)), aids.value[a]
+    v, before = _three(state, strapdown.VELOCITY), _three(state, strapdown.PREVIOUS_VELOCITY)
+    velocity = v - age / dt * (v - before)
+    rate = _three(state, strapdown.PREVIOUS_DTHETA) * state[strapdown.PER_STEP]
+    C_nb = Rotation.from_quat(state[strapdown.Q_NB : strapdown.Q_NB + 4], scalar_first=True).as_matrix()
+    C_nb = C_nb @ Rotation.from_rotvec(-age * rate).as_matrix()
+    kind = int(aids.kind[a])
+    if kind == HEIGHT:
+        row[POS][2], row[VEL][2] = -1.0, age
+        _write(row, names, blocks.BAROMETER_BIAS, 1.0)
+        there = state[strapdown.HEIGHT] + age * velocity[2]
+        return float(there + state[strapdown.BAROMETER_BIAS] - value), row
+    if kind == HEADING:
+        forward = C_nb[:, 0]
+        level = np.array([-forward[1], forward[0], 0.0]) / (forward[0] ** 2 + forward[1] ** 2)
+        row[ATT] = level @ skew(forward)  # δc = −φ × c = c × φ
+        _write(row, names, blocks.HEADING_BIAS, 1.0)
+        heading = np.arctan2(forward[1], forward[0]) + state[strapdown.HEADING_BIAS]
+        return float(wrap(heading - value)), row
+    if kind >= NORTHWARD:
+        row[VEL][kind - NORTHWARD] = 1.0
+        return float(velocity[kind - NORTHWARD] - value), row
+    axis = kind - FORWARD
+    speed = float((C_nb.T @ velocity + np.cross(rate, aids.place))[axis])
+    row[VEL] = C_nb[:, axis]
+    row[ATT] = -C_nb[:, axis] @ skew(velocity)
+    row[GYRO_BIAS] = skew(aids.place)[axis]
+    if kind != FORWARD:
+        return speed - value, row
+    row *= 1 + state[strapdown.ODOMETER_SCALE]
+    _write(row, names, blocks.ODOMETER_SCALE, speed)
+    return (1 + state[strapdown.ODOMETER_SCALE]) * speed - value, row
+
+
+def bent_speed(state: FloatArray, P: FloatArray, *, in_body: bool) -> float:
+    """Return how much larger a speed forward appears on average, because the attitude is uncertain [m/s].
+
+    Parameters
+    ----------
+    state
+        The navigator.
+    P : (3, 3) array
+        Covariance of the attitude [rad²].
+    in_body
+        Whether it is resolved in b.
+    """
+    C_nb = Rotation.from_quat(state[strapdown.Q_NB : strapdown.Q_NB + 4], scalar_first=True).as_matrix()
+    forward = np.array([1.0, 0.0, 0.0]) if in_body else C_nb[:, 0]
+    speed = C_nb[:, 0] @ _three(state, strapdown.VELOCITY)
+    return float(speed * (np.trace(P) - forward @ P @ forward) / 2)
+
+
+def _write(row: FloatArray, names: tuple[str, ...], name: str, value: float) -> None:
+    """Write the element of a row for the state of a block, if the filter has it."""
+    if name in names:
+        row[blocks.states_of(names, name)] = value
+
+
+def _three(state: FloatArray, at: int) -> FloatArray:
+    return state[at : at + 3]

@@ -1,0 +1,111 @@
+"""Odometer: the forward speed of a place of the vehicle, such as the middle of the rear axle.
+
+References
+----------
+P. D. Groves, *Principles of GNSS, Inertial and Multisensor Integrated Navigation Systems*, 2nd ed., ch. 6.3
+and 16.2.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import param
+from numpy.typing import NDArray
+
+from lab import rotation
+from lab.sensors.draws import Seed, unit_draws
+from lab.sensors.readings import Readings, read, reading_times
+from lab.setting_kinds import AxisQuantity, Intervals, Quantity
+from lab.settings import Settings
+from lab.trajectory import Trajectory
+from lab.units import si
+
+FloatArray = NDArray[np.float64]
+
+
+class OdometerErrors(Settings):
+    """Errors and timing of an odometer. Defaults: the wheel sensors of a car."""
+
+    fitted = param.Boolean(
+        default=False,
+        label="Fitted",
+        doc="Whether there is an odometer, which measures the speed forward. A filter that uses it has a "
+        "state for its scale factor.",
+    )
+    period = Quantity(
+        0.2,
+        unit="s",
+        bounds=(0.01, 60),
+        softbounds=(0.1, 10),
+        step=0.1,
+        label="Period",
+        doc="Time from reading to reading; the first is one period after the start.",
+    )
+    noise = Quantity(
+        0.1,
+        unit="m/s",
+        bounds=(1e-5, 100),
+        softbounds=(0.01, 2),
+        step=0.01,
+        label="Noise, σ",
+        doc="Standard deviation of the white error of a reading.",
+    )
+    scale_factor_sigma = Quantity(
+        1.0,
+        unit="%",
+        bounds=(0, 50),
+        softbounds=(0, 5),
+        step=0.1,
+        label="Scale factor error, σ",
+        doc="Standard deviation of the relative error of the speed, drawn anew for each seed.",
+    )
+    lever_arm = AxisQuantity(
+        0.0,
+        unit="m",
+        bounds=(-100, 100),
+        softbounds=(-5, 5),
+        step=0.1,
+        label="Place",
+        doc="From the IMU to the place whose speed is measured: forward, right, down. The constraint that "
+        "the vehicle does not slip holds there.",
+    )
+    outages = Intervals(
+        default=[], label="Outages", doc="Times without readings, as [start, end] pairs in seconds."
+    )
+
+
+def speeds(trajectory: Trajectory, place: FloatArray, times: FloatArray) -> FloatArray:
+    """Return the true speeds (a, 3) of a place forward, to the right and down [m/s].
+
+    Parameters
+    ----------
+    trajectory
+        The flight of the IMU.
+    place : (3,) array
+        From the IMU forward, right, down [m].
+    times : (a,) array
+        Times [s].
+    """
+    truth = trajectory.at(times)
+    C_nb = rotation.C_nb_from_euler(truth.euler)
+    of_imu = np.einsum("aij,ai->aj", C_nb, truth.velocity_n)
+    return np.asarray(of_imu + np.cross(trajectory.rates(times)[0], place))
+
+
+def measure(trajectory: Trajectory, errors: OdometerErrors, seed: Seed) -> Readings:
+    """Return the readings of an odometer: speeds forward [m/s]; the bias is the relative error of the scale.
+
+    Parameters
+    ----------
+    trajectory
+        The flight.
+    errors
+        Errors and timing.
+    seed
+        Seed of the run.
+    """
+    times = reading_times(errors.period, trajectory.duration)
+    scale = float(si(errors, "scale_factor_sigma")) * float(unit_draws(seed, "odometer.scale", (1,))[0])
+    forward = speeds(trajectory, si(errors, "lever_arm"), times)[:, 0]
+    readings = read(seed, "odometer", times, forward, scale * forward, errors.noise, errors.outages)
+    return readings._replace(bias=np.full(readings.time.size, scale))

@@ -1,0 +1,172 @@
+"""Aids: measurements besides GPS, and the further states of the filter."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+from lab import Experiment
+from lab.navigation import aids, blocks, strapdown
+from lab.navigation.blocks import BLOCKS, count, first_state, in_order, places
+from lab.navigation.error_models import MODELS, with_blocks
+from lab.navigation.observation import north_axes
+from lab.rotation import wrap
+from lab.settings import SettingError
+
+
+def experiment(**settings: Any) -> Experiment:
+    """Return an experiment with the given settings, dots written as two underscores."""
+    made = Experiment(mission="montreal", seed=1)
+    for path, value in settings.items():
+        made.set(path.replace("__", "."), value)
+    return made
+
+
+def of(settings: dict[str, Any]) -> Experiment:
+    """Return an experiment with settings by their paths."""
+    made = Experiment(mission="montreal", seed=1)
+    for path, value in settings.items():
+        made.set(path, value)
+    return made
+
+
+def test_blocks_follow_each_other_in_one_order() -> None:
+    names = in_order(tuple(reversed(BLOCKS)))
+    assert names == tuple(BLOCKS)
+    assert count(names) == 15 + sum(block.size for block in BLOCKS.values())
+    at = 15
+    for name in names:
+        assert first_state(names, name) == at
+        at += BLOCKS[name].size
+    assert first_state((), blocks.LEVER_ARM) == -1
+    assert len(set(places(names))) == len(places(names)) == count(names) - 9
+    assert min(places(names)) == strapdown.GYRO_BIAS
+    assert max(places(names)) < strapdown.SINE
+
+
+def state_at(rng: np.random.Generator) -> np.ndarray:
+    """Return a north-slaved navigator that moves and turns, away from its last step."""
+    state = np.zeros(strapdown.LENGTH)
+    strapdown.set_position(state, 0.8, 0.3, 900.0)
+    state[strapdown.MERIDIAN], state[strapdown.TRANSVERSE] = 1 / 6.37e6, 1 / 6.39e6
+    state[strapdown.VELOCITY : strapdown.VELOCITY + 3] = rng.normal(0, 20, 3)
+    state[strapdown.PREVIOUS_VELOCITY : strapdown.PREVIOUS_VELOCITY + 3] = state[
+        strapdown.VELOCITY : strapdown.VELOCITY + 3
+    ] + rng.normal(0, 0.05, 3)
+    q = rng.normal(size=4)
+    state[strapdown.Q_NB : strapdown.Q_NB + 4] = q / np.linalg.norm(q)
+    state[strapdown.PER_STEP] = 100.0
+    state[strapdown.PREVIOUS_DTHETA : strapdown.PREVIOUS_DTHETA + 3] = rng.normal(0, 0.002, 3)
+    return state
+
+
+def seen(state: np.ndarray, kind: int, place: np.ndarray, age: float) -> tuple[float, np.ndarray]:
+    """Return what the navigator says of a measurement of zero, and its row of H."""
+    row = np.zeros(15)
+    return aids.see_aid(state, north_axes(state), kind, 0.0, place, age, 0.01, row), row
+
+
+def displaced(state: np.ndarray, error: np.ndarray) -> np.ndarray:
+    """Return the navigator with an error: estimate minus truth, φ of Ĉ = exp(−[φ×]) C."""
+    moved = state.copy()
+    moved[strapdown.HEIGHT] -= error[2]
+    for at in (strapdown.VELOCITY, strapdown.PREVIOUS_VELOCITY):
+        moved[at : at + 3] += error[3:6]
+    q = strapdown.product(strapdown.rotation(tuple(-error[6:9])), tuple(state[strapdown.Q_NB :][:4]))
+    moved[strapdown.Q_NB : strapdown.Q_NB + 4] = q
+    # The rates of the last step are those measured minus the estimated bias.
+    moved[strapdown.PREVIOUS_DTHETA :][:3] -= error[9:12] / state[strapdown.PER_STEP]
+    return moved
+
+
+@pytest.mark.parametrize("kind", range(8), ids=lambda kind: aids.NAMES[kind])
+@pytest.mark.parametrize("age", [0.0, 0.007])
+def test_rows_of_h_are_derivatives(kind: int, age: float) -> None:
+    rng = np.random.default_rng(kind)
+    for _ in range(5):
+        state, place = state_at(rng), rng.normal(0, 2, 3)
+        row = seen(state, kind, place, age)[1]
+        for i in range(12):
+            step = np.zeros(15)
+            step[i] = 1e-5
+            change = (
+                seen(displaced(state, step), kind, place, age)[0]
+                - seen(displaced(state, -step), kind, place, age)[0]
+            )
+            # The bias turns the attitude back over the age, by 1e-4 of what it does else.
+            bound = 1e-6 if i < 9 else 1e-6 + 2 * age * np.abs(row[6:9]).max()
+            assert wrap(change) / 2e-5 == pytest.approx(row[i], rel=1e-6, abs=bound + 1e-8), i
+
+
+RECEIVER = {
+    "sensors.gps.lever_arm": (1.0, 0.4, -0.6),
+    "sensors.gps.latency": 0.1,
+    "sensors.gps.correlated_sigma": 1.5,
+    "navigator.lever_arm": (0.6, 0.6, -0.2),
+    "navigator.latency": 0.05,
+    "navigator.estimate_lever_arm": True,
+    "navigator.estimate_latency": True,
+    "navigator.estimate_gps_drift": True,
+}
+VEHICLE = {
+    "sensors.barometer.fitted": True,
+    "sensors.heading.fitted": True,
+    "sensors.heading.drift_sigma": 0.5,
+    "sensors.odometer.fitted": True,
+    "sensors.odometer.lever_arm": (-1.2, 0.3, 0.5),
+    "navigator.no_slip": True,
+    "navigator.slip_sigma": (5.0, 5.0),
+}
+ALL = VEHICLE | RECEIVER | {"navigator.states": 21}
+"""All sensors, all conditions and all states together."""
+
+
+@pytest.mark.parametrize(
+    ("settings", "model", "rate"),
+    [
+        (VEHICLE, "phi", 0.0),
+        (ALL, "phi", 0.0),
+        (ALL, "phi", 20.0),
+        (ALL, "psi", 0.0),
+        (ALL, "invariant", 0.0),
+    ],
+    ids=["sensors", "all phi", "all phi, P every 50 ms", "all psi", "all invariant"],
+)
+def test_compiled_and_filterpy_agree(settings: dict[str, Any], model: str, rate: float) -> None:
+    wanted = settings | {
+        "trajectory.imu_rate": 50.0,
+        "navigator.model": model,
+        "navigator.filter_rate": rate,
+        "navigator.gate": 0.99,
+    }
+    a = of(wanted).run().solution_arrays
+    b = of(wanted | {"navigator.engine": "filterpy"}).run().solution_arrays
+    assert a.states == b.states
+    assert (a.aid_sample < 0).any()  # the gate rejected some
+    np.testing.assert_array_equal(a.aid_sample, b.aid_sample)
+    for part in ("velocity_n", "q_nb", "bias", "scale", "further", "variance", "innovation"):
+        found, expected = getattr(a, part), getattr(b, part)
+        scale = np.maximum(np.nanmax(np.abs(expected), axis=0, initial=0.0), 1e-12)
+        assert np.nanmax(np.abs(found - expected) / scale, initial=0.0) < 1e-9, part
+    np.testing.assert_allclose(a.aid_innovation, b.aid_innovation, rtol=1e-7, atol=1e-9)
+    np.testing.assert_allclose(a.aid_variance, b.aid_variance, rtol=1e-9)
+
+
+def test_a_model_with_the_same_number_of_other_states_is_another_one() -> None:
+    lever = with_blocks(MODELS["phi"], (blocks.LEVER_ARM,))
+    drift = with_blocks(MODELS["phi"], (blocks.GPS_DRIFT,))
+    assert lever.states == drift.states == 18
+    assert lever.label != drift.label
+
+
+def test_sigma_points_refuse_other_sensors() -> None:
+    with pytest.raises(SettingError, match="the models phi"):
+        experiment(sensors__barometer__fitted=True, navigator__model="nonlinear").run()
+
+
+def test_the_budget_refuses_further_states() -> None:
+    result = experiment(navigator__estimate_lever_arm=True).run()
+    with pytest.raises(SettingError, match="accepted here are none"):
+        _ = result.budget

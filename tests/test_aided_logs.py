@@ -1,0 +1,83 @@
+"""Logs with a barometer, an odometer and headings: what they add to the navigation."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from sensor_logs import ATTITUDE, EPOCH, IMU, POSITION, SIGMA, VELOCITY, tables, trajectory, write_csv
+
+from lab import Experiment
+from lab.missions import MissionError, read_sensor_log
+
+OUTAGE = (EPOCH + 90.0, EPOCH + 150.0)
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Return a log of a flight with readings of other sensors and a reference."""
+    folder = tmp_path_factory.mktemp("aided")
+    flown = tables(0.0, 200.0)
+    write_csv(folder / "imu.csv", IMU, flown.imu)
+    write_csv(folder / "gnss.csv", (*POSITION, *VELOCITY, *SIGMA), flown.gnss)
+    write_csv(folder / "ref.csv", (*POSITION, *VELOCITY, *ATTITUDE), flown.reference)
+    rng, times = np.random.default_rng(3), np.arange(1.0, 199.0, 0.5)
+    truth = trajectory().at(times)
+    height = truth.height + 7.0 + rng.normal(0, 0.3, times.size)
+    write_csv(folder / "baro.csv", ("t_s", "height_m"), np.column_stack((times + EPOCH, height)))
+    forward = np.einsum("nij,ni->nj", rotations(truth), truth.velocity_n)[:, 0]
+    speed = 1.01 * forward + rng.normal(0, 0.1, times.size)
+    write_csv(folder / "odo.csv", ("t_s", "speed_m_s"), np.column_stack((times + EPOCH, speed)))
+    return folder
+
+
+def rotations(truth: object) -> np.ndarray:
+    """Return C_nb (n, 3, 3)."""
+    from sensor_logs import rotation_matrices
+
+    return rotation_matrices(truth)  # type: ignore[arg-type]
+
+
+def drive(folder: Path, **fitted: bool) -> Experiment:
+    """Return an experiment with an outage of a minute, and some sensors fitted."""
+    made = Experiment(mission=str(folder))
+    made.set("sensors.gps.outages", [OUTAGE])
+    for name, value in fitted.items():
+        made.set(f"sensors.{name}.fitted", value)
+    return made
+
+
+def test_a_barometer_holds_the_height_over_an_outage(folder: Path) -> None:
+    alone, aided = drive(folder).run(), drive(folder, barometer=True).run()
+    end = int(np.searchsorted(alone.time, 149.0))
+    assert aided.solution_arrays.variance[end, 2] < 0.05 * alone.solution_arrays.variance[end, 2]
+    error = abs(float(aided.errors["position"].values[end, 2]))
+    assert error < 4 * np.sqrt(aided.solution_arrays.variance[end, 2])
+    # The bias is that of the simulation, within its σ.
+    found = aided.further_states
+    estimate, sigma = (float(found[name].sel(state="barometer bias")[-1]) for name in ("estimate", "sigma"))
+    assert abs(estimate - 7.0) < 4 * sigma
+    assert "truth" not in found
+    nis = aided.solution_arrays.aid_innovation**2 / aided.solution_arrays.aid_variance
+    assert nis.mean() == pytest.approx(1, abs=4 * np.sqrt(2 / nis.size))
+
+
+def test_an_odometer_finds_its_scale(folder: Path) -> None:
+    aided = drive(folder, odometer=True).run()
+    found = aided.further_states.sel(state="odometer scale")
+    assert float(found["estimate"][-1]) == pytest.approx(1.0, abs=4 * float(found["sigma"][-1]))
+
+
+def test_what_is_there_and_not_used_or_wanted_and_not_there_is_told(folder: Path) -> None:
+    notes = " ".join(drive(folder, heading=True).run().remarks)
+    assert "readings of a barometer that are not used; sensors.barometer.fitted = true uses them" in notes
+    assert "The log has no readings for sensors.heading.fitted, which has no effect." in notes
+
+
+def test_time_that_runs_backwards_is_refused(folder: Path, tmp_path: Path) -> None:
+    for name in ("imu.csv", "gnss.csv"):
+        (tmp_path / name).write_bytes((folder / name).read_bytes())
+    (tmp_path / "baro.csv").write_text("t_s,height_m\n1010,5\n1009,6\n")
+    with pytest.raises(MissionError, match=r"baro.csv, column t_s: accepted is time that increases"):
+        read_sensor_log(tmp_path)
