@@ -269,5 +269,6 @@ def matched_variances(experiment: Experiment, name: str) -> list[float]:
         plain.set(setting, None)
         plain.set(f"{setting}_scale", 1.0)
     matched = belief(experiment.sensors, plain, usual(experiment.sensors, plain))
-    covariance = {"p0": matched.P0, "q": np.diag(matched.noise), "r": matched.R}[name]
+    states = plain.states  # without further ones
+    covariance = {"p0": matched.P0[:states, :states], "q": np.diag(matched.noise[:12]), "r": matched.R}[name]
     return [float(variance) for variance in np.diag(covariance)]

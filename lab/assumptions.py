@@ -102,7 +102,7 @@ class Assumed(NamedTuple):
 def assumed(run: Run) -> tuple[Assumed, FloatArray]:
     """Return the assumptions of a run's filter, and the start values of a search, without zeros."""
     sensors, navigator = run.experiment.sensors, run.experiment.navigator
-    noise = belief(sensors, navigator).noise
+    noise = belief(sensors, navigator).noise[:12]  # without further states
     now = Assumed(
         noise,
         np.array(navigator.r_factors),

@@ -42,6 +42,7 @@ from lab.assumptions import (
 )
 from lab.experiment_settings import ExperimentSettings
 from lab.factors import choose, scaled
+from lab.navigation.checks import OTHER
 from lab.renavigation import Subject, subject
 from lab.run import ResultError, Run
 from lab.withheld import EVERY, OUTAGE, TURNS, held_out, outages
@@ -126,12 +127,17 @@ def identify(run: Run, progress: Progress | None = None) -> Identification:
     Raises
     ------
     ResultError
-        If a user's algorithm navigated, or there are too few fixes.
+        If a user's algorithm navigated, the filter uses other measurements, or there are too few fixes.
     ValueError
         If the filter cannot run with the settings of the run.
     """
     if run.algorithm:
         raise ResultError("The navigator is your own algorithm, so its assumptions are unknown.")
+    if run.is_aided:
+        raise ResultError(
+            f"{OTHER}: the identification is from the innovations of IMU and GPS alone, and this filter uses "
+            "other measurements or has further states; accepted are none"
+        )
     tell, begun_at = progress or (lambda _stage, _fraction: None), time.perf_counter()
     again = subject(run)
     now, densities = assumed(run)

@@ -421,10 +421,11 @@ def _dataset(run: Run, sources: list[str], epochs: Epochs, variance: FloatArray)
 
 
 def believed_sigma(run: Run, samples: NDArray[np.int64]) -> FloatArray:
-    """Return σ of all `quantities` (m, states) at samples (m,) according to the filter, in their units."""
+    """Return σ of all `quantities` (m, 15 or 21) at samples (m,) according to the filter, in their units."""
     solution = run.solution_arrays
+    states = solution.states - solution.further.shape[1]
     euler = euler_from_quaternion(solution.q_nb[samples])
-    return sigma_of_quantities(euler, solution.variance[samples], solution.covariance[samples])
+    return sigma_of_quantities(euler, solution.variance[samples, :states], solution.covariance[samples])
 
 
 def sigma_of_quantities(euler: FloatArray, variance: FloatArray, covariance: FloatArray) -> FloatArray:

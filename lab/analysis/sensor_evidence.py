@@ -16,7 +16,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lab.analysis.sums import Kept, Squares, Sum
-from lab.navigation.error_models import ACCEL_BIAS
 from lab.navigation.solution import Belief, Imu
 from lab.trajectory import Truth
 
@@ -155,7 +154,7 @@ def sensor_errors(belief: Belief, imu: Imu, reference: Reference) -> SensorError
     clipped = Squares(np.zeros(2), np.zeros(2))
     drift_matrix, drift_vector = np.zeros((runs, 6, drives, 4, 4)), np.zeros((runs, 6, drives, 4))
     drift_squares, determinant = np.zeros((runs, 6, drives)), np.zeros((runs, 6, drives))
-    has_scale = belief.P0.shape[0] > ACCEL_BIAS.stop
+    has_scale = reference.scale is not None
     window = max(WINDOW, float(imu.time[-1] - imu.time[0]) / LONGEST)
     for axis in np.flatnonzero(belief.noise[:6] > 0):
         seen = _axis(imu, reference, int(axis), WINDOW, has_scale)

@@ -190,20 +190,25 @@ def _words(before: Figures, after: Figures) -> str:
     return "; ".join(words)
 
 
+NOISES = 12
+"""Densities of the noise of IMU and biases; those of further states follow."""
+
+
 def advised(run: Repeatable, changes: tuple[Change, ...]) -> ExperimentSettings:
     """Return the experiment of a run with some settings changed.
 
-    Matched matrices are replaced by the filter's; for the fixes of a log, which have their own σ, by the
-    mean.
+    Matched matrices are replaced by the filter's, without its further states; for the fixes of a log, which
+    have their own σ, by the mean.
     """
     experiment, assumed = run.experiment.copy(), run.belief
     navigator = experiment.navigator
     R = assumed.R if assumed.R.ndim == 2 else assumed.R.mean(axis=0)
-    variances = np.diag(assumed.P0)
-    P0 = variances if np.array_equal(np.diag(variances), assumed.P0) else assumed.P0
+    P0 = assumed.P0[: navigator.states, : navigator.states]
+    variances = np.diag(P0)
+    P0 = variances if np.array_equal(np.diag(variances), P0) else P0
     matched = {
         "navigator.r": np.diag(R) / navigator.r_scale,
-        "navigator.q": assumed.noise / navigator.q_scale,
+        "navigator.q": assumed.noise[:NOISES] / navigator.q_scale,
         "navigator.p0": P0 / navigator.p0_scale,
     }
     for change in changes:

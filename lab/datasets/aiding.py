@@ -49,10 +49,8 @@ def aiding(run: Run) -> xr.Dataset:
             "innovation": (dims, innovation, {"units": "", "long_name": "innovation, in the unit given"}),
             "sigma": (dims, sigma, {"units": "", "long_name": "σ of the innovation"}),
             "used": (dims, solution.aid_sample >= 0, {"units": "", "long_name": "whether it was used"}),
+            "kind": (dims, np.array(NAMES)[kinds], {"units": "", "long_name": "what is measured"}),
+            "unit": (dims, np.array([unit for unit, _ in SHOWN])[kinds], {"units": "", "long_name": "unit"}),
         },
-        coords={
-            "time_aid": (dims, run.aids.time, {"units": "s", "long_name": "time"}),
-            "kind": (dims, np.array(NAMES)[kinds]),
-            "unit": (dims, np.array([unit for unit, _ in SHOWN])[kinds]),
-        },
+        coords={"time_aid": (dims, run.aids.time, {"units": "s", "long_name": "time"})},
     )

@@ -2,17 +2,22 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 
 from lab import Experiment
+from lab.analysis.finding import Change
+from lab.analysis.trial import advised
 from lab.navigation import aids, blocks, strapdown
 from lab.navigation.blocks import BLOCKS, count, first_state, in_order, places
 from lab.navigation.error_models import MODELS, with_blocks
 from lab.navigation.observation import north_axes
 from lab.rotation import wrap
+from lab.run import ResultError
+from lab.seeds import run_ensemble
 from lab.settings import SettingError
 
 
@@ -166,7 +171,37 @@ def test_sigma_points_refuse_other_sensors() -> None:
         experiment(sensors__barometer__fitted=True, navigator__model="nonlinear").run()
 
 
-def test_the_budget_refuses_further_states() -> None:
+def test_what_follows_imu_and_gps_alone_refuses_further_states() -> None:
     result = experiment(navigator__estimate_lever_arm=True).run()
-    with pytest.raises(SettingError, match="accepted here are none"):
-        _ = result.budget
+    for refused in ("budget", "observability"):
+        with pytest.raises(SettingError, match="accepted here are none"):
+            getattr(result, refused)
+    with pytest.raises(ResultError, match="accepted are none"):
+        result.identify()
+
+
+def test_an_ensemble_and_its_advice_work_with_all_states() -> None:
+    """Matrices that advice changes are those of IMU and GPS: the settings accept no others."""
+    ensemble = run_ensemble(of(ALL | {"navigator.p0_scale": 0.05, "navigator.q_scale": 0.02}), range(2))
+    assert ensemble.sigma.shape[2] == 9
+    assert np.isfinite(ensemble.nees).all()
+    _ = ensemble.tried_verdict
+    changes = (
+        Change("navigator.p0", 4.0, times=True, rows=(6, 9)),
+        Change("navigator.q", 4.0, times=True, rows=(0, 3)),
+    )
+    changed = advised(of(ALL).run(), changes)
+    assert np.shape(changed.get("navigator.p0"))[0] == 21
+    assert len(changed.get("navigator.q")) == 12
+    changed.run()
+
+
+def test_files_hold_what_other_sensors_measured(tmp_path: Path) -> None:
+    result = of(VEHICLE).run()
+    result.to_csv(tmp_path)
+    aids_csv = (tmp_path / "aiding.csv").read_text(encoding="utf-8").splitlines()
+    assert aids_csv[0] == "time_aid [s],innovation,sigma,used,kind,unit"
+    assert sum(line.endswith("height,m") for line in aids_csv) == 205
+    states = (tmp_path / "further_states.csv").read_text(encoding="utf-8").splitlines()[0]
+    assert "estimate barometer bias [m]" in states
+    assert "truth odometer scale [%]" in states
