@@ -105,9 +105,9 @@ class OpenFilter:
         for k, dt in enumerate(np.diff(imu.time)):
             strapdown.step(state, tuple(imu.dtheta[k]), tuple(imu.dvelocity[k]), dt)
             PHI.write(state, self.F)
-            self.F[9:, 9:] = -np.diag(believed.bias_decay)
+            self.F[9:, 9:] = -np.diag(believed.decay)
             kalman.predict(F=np.eye(15) + self.mask * self.F * dt, Q=self.noise(state) * dt)
-            state[BIASES] *= 1 - believed.bias_decay * dt
+            state[BIASES] *= 1 - believed.decay * dt
             if fix < fixes.time.size and fixes.time[fix] <= imu.time[k + 1] + 1e-6:
                 kalman.update(self.away(state, fixes.position[fix], fixes.velocity_n[fix]), R=R, H=H)
                 kalman.P = (kalman.P + kalman.P.T) / 2

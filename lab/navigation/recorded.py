@@ -188,7 +188,7 @@ def navigate_log(
     solution.innovation[missing] = np.nan
     imu = imu._replace(rest=NO_REST)
     return RecordedRun(
-        imu, fixes, assumed, start, solution, aids, names, (*log.repairs, start.remark, *remarks)
+        imu, fixes, assumed, start, solution, aids, names, (*log.repairs, *remarks, start.remark)
     )
 
 

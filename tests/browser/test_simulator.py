@@ -287,3 +287,29 @@ def test_a_settings_file_that_is_none_is_answered_in_red_and_the_next_one_is_tak
     right = b"[sensors.gyro]\nnoise_density = 0.2\n"
     files.set_input_files({"name": "mine.toml", "mimeType": "application/toml", "buffer": right})
     expect(noise(page)[1]).to_have_value("0.2")
+
+
+SCROLLED = """
+() => {
+  const found = [];
+  const walk = (root) => {
+    for (const element of root.querySelectorAll('*')) {
+      const beyond = element.scrollHeight - element.clientHeight;
+      const scrolls = /auto|scroll/.test(getComputedStyle(element).overflowY);
+      if (scrolls && beyond > 0 && element.querySelector(':scope .bk-Figure, :scope *')?.getRootNode() === root
+          && String(element.className).includes('layout-Column')) found.push(beyond);
+      if (element.shadowRoot) walk(element.shadowRoot);
+    }
+  };
+  walk(document);
+  return Math.max(0, ...found);
+}
+"""
+"""By how much columns of the page can be scrolled at most [px]."""
+
+
+def test_one_cannot_scroll_far_below_the_plots(shared_page: Page) -> None:
+    for tab in ("Errors", "Innovations", "Sensor errors"):
+        shared_page.get_by_role("tab", name=tab, exact=True).click()
+        shared_page.wait_for_function(IDLE)
+        assert shared_page.evaluate(SCROLLED) < 50, tab
