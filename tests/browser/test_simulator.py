@@ -296,8 +296,7 @@ SCROLLED = """
     for (const element of root.querySelectorAll('*')) {
       const beyond = element.scrollHeight - element.clientHeight;
       const scrolls = /auto|scroll/.test(getComputedStyle(element).overflowY);
-      if (scrolls && beyond > 0 && element.querySelector(':scope .bk-Figure, :scope *')?.getRootNode() === root
-          && String(element.className).includes('layout-Column')) found.push(beyond);
+      if (scrolls && String(element.className).includes('layout-Column')) found.push(beyond);
       if (element.shadowRoot) walk(element.shadowRoot);
     }
   };
