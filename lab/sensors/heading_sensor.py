@@ -9,12 +9,11 @@ and 10.2.5.
 from __future__ import annotations
 
 import numpy as np
-import param
 
 from lab.rotation import wrap
+from lab.sensors import readings
 from lab.sensors.draws import Seed
 from lab.sensors.readings import Readings, read, reading_times, slow_error
-from lab.setting_kinds import Intervals, Quantity
 from lab.settings import Settings
 from lab.trajectory import Trajectory
 from lab.units import si
@@ -23,60 +22,16 @@ from lab.units import si
 class HeadingErrors(Settings):
     """Errors and timing of a heading sensor. Defaults: a magnetometer with its iron calibrated."""
 
-    fitted = param.Boolean(
-        default=False,
-        label="Fitted",
-        doc="Whether there is a sensor of the heading: a magnetometer, with its declination removed, or two "
-        "antennas. A filter that uses it has a state for its bias.",
+    fitted = readings.fitted(
+        "a sensor of the heading: a magnetometer, with its declination removed, or two antennas. A filter "
+        "that uses it has a state for its bias."
     )
-    period = Quantity(
-        1.0,
-        unit="s",
-        bounds=(0.01, 60),
-        softbounds=(0.1, 10),
-        step=0.1,
-        label="Period",
-        doc="Time from reading to reading; the first is one period after the start.",
-    )
-    noise = Quantity(
-        1.0,
-        unit="°",
-        bounds=(1e-4, 90),
-        softbounds=(0.01, 10),
-        step=0.01,
-        label="Noise, σ",
-        doc="Standard deviation of the white error of a reading.",
-    )
-    bias_sigma = Quantity(
-        2.0,
-        unit="°",
-        bounds=(0, 90),
-        softbounds=(0, 10),
-        step=0.1,
-        label="Bias, σ",
-        doc="Standard deviation of the constant part of the bias, drawn anew for each seed.",
-    )
-    drift_sigma = Quantity(
-        0.0,
-        unit="°",
-        bounds=(0, 90),
-        softbounds=(0, 10),
-        step=0.1,
-        label="Drift, σ",
-        doc="Standard deviation of the slow part of the bias, a first-order Gauss-Markov process.",
-    )
-    correlation_time = Quantity(
-        300.0,
-        unit="s",
-        bounds=(1, 1e6),
-        softbounds=(10, 3600),
-        step=10,
-        label="Correlation time",
-        doc="Correlation time of the drift.",
-    )
-    outages = Intervals(
-        default=[], label="Outages", doc="Times without readings, as [start, end] pairs in seconds."
-    )
+    period = readings.period(1.0)
+    noise = readings.noise(1.0, unit="°", bounds=(1e-4, 90), softbounds=(0.01, 10), step=0.01)
+    bias_sigma = readings.bias_sigma(2.0, unit="°", bounds=(0, 90), softbounds=(0, 10), step=0.1)
+    drift_sigma = readings.drift_sigma(0.0, unit="°", bounds=(0, 90), softbounds=(0, 10), step=0.1)
+    correlation_time = readings.correlation_time(300.0)
+    outages = readings.outages()
 
 
 def measure(trajectory: Trajectory, errors: HeadingErrors, seed: Seed) -> Readings:
@@ -95,5 +50,5 @@ def measure(trajectory: Trajectory, errors: HeadingErrors, seed: Seed) -> Readin
     constant, drift = float(si(errors, "bias_sigma")), float(si(errors, "drift_sigma"))
     bias = slow_error(seed, "heading", times, constant, drift, errors.correlation_time)
     heading = trajectory.at(times).euler[:, 2]
-    readings = read(seed, "heading", times, heading, bias, float(si(errors, "noise")), errors.outages)
-    return readings._replace(value=np.asarray(wrap(readings.value)))
+    found = read(seed, "heading", times, heading, bias, float(si(errors, "noise")), errors.outages)
+    return found._replace(value=np.asarray(wrap(found.value)))

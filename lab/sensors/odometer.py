@@ -9,13 +9,13 @@ and 16.2.
 from __future__ import annotations
 
 import numpy as np
-import param
 from numpy.typing import NDArray
 
 from lab import rotation
+from lab.sensors import readings
 from lab.sensors.draws import Seed, unit_draws
 from lab.sensors.readings import Readings, read, reading_times
-from lab.setting_kinds import AxisQuantity, Intervals, Quantity
+from lab.setting_kinds import AxisQuantity, Quantity
 from lab.settings import Settings
 from lab.trajectory import Trajectory
 from lab.units import si
@@ -26,30 +26,12 @@ FloatArray = NDArray[np.float64]
 class OdometerErrors(Settings):
     """Errors and timing of an odometer. Defaults: the wheel sensors of a car."""
 
-    fitted = param.Boolean(
-        default=False,
-        label="Fitted",
-        doc="Whether there is an odometer, which measures the speed forward. A filter that uses it has a "
-        "state for its scale factor.",
+    fitted = readings.fitted(
+        "an odometer, which measures the speed forward. A filter that uses it has a state for its scale "
+        "factor."
     )
-    period = Quantity(
-        0.2,
-        unit="s",
-        bounds=(0.01, 60),
-        softbounds=(0.1, 10),
-        step=0.1,
-        label="Period",
-        doc="Time from reading to reading; the first is one period after the start.",
-    )
-    noise = Quantity(
-        0.1,
-        unit="m/s",
-        bounds=(1e-5, 100),
-        softbounds=(0.01, 2),
-        step=0.01,
-        label="Noise, σ",
-        doc="Standard deviation of the white error of a reading.",
-    )
+    period = readings.period(0.2)
+    noise = readings.noise(0.1, unit="m/s", bounds=(1e-5, 100), softbounds=(0.01, 2), step=0.01)
     scale_factor_sigma = Quantity(
         1.0,
         unit="%",
@@ -69,9 +51,7 @@ class OdometerErrors(Settings):
         doc="From the IMU to the place whose speed is measured: forward, right, down. The constraint that "
         "the vehicle does not slip holds there.",
     )
-    outages = Intervals(
-        default=[], label="Outages", doc="Times without readings, as [start, end] pairs in seconds."
-    )
+    outages = readings.outages()
 
 
 def speeds(trajectory: Trajectory, place: FloatArray, times: FloatArray) -> FloatArray:
@@ -107,5 +87,5 @@ def measure(trajectory: Trajectory, errors: OdometerErrors, seed: Seed) -> Readi
     times = reading_times(errors.period, trajectory.duration)
     scale = float(si(errors, "scale_factor_sigma")) * float(unit_draws(seed, "odometer.scale", (1,))[0])
     forward = speeds(trajectory, si(errors, "lever_arm"), times)[:, 0]
-    readings = read(seed, "odometer", times, forward, scale * forward, errors.noise, errors.outages)
-    return readings._replace(bias=np.full(readings.time.size, scale))
+    found = read(seed, "odometer", times, forward, scale * forward, errors.noise, errors.outages)
+    return found._replace(bias=np.full(found.time.size, scale))

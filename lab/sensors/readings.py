@@ -6,14 +6,16 @@ A reading is the true value plus a constant, a slow and a white error.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
+import param
 from numpy.typing import NDArray
 
 from lab.sensors import processes
 from lab.sensors.draws import Seed, unit_draws
 from lab.sensors.gps import within
+from lab.setting_kinds import Intervals, Quantity
 
 FloatArray = NDArray[np.float64]
 
@@ -34,6 +36,64 @@ class Readings(NamedTuple):
     time: FloatArray
     value: FloatArray
     bias: FloatArray
+
+
+# Common declarations of all such sensors.
+
+
+def fitted(what: str) -> param.Boolean:
+    """Return the declaration of whether there is a sensor; `what` says which, as the end of a sentence."""
+    return param.Boolean(default=False, label="Fitted", doc=f"Whether there is {what}")
+
+
+def period(default: float) -> Quantity:
+    """Return the declaration of the time between readings."""
+    return Quantity(
+        default,
+        unit="s",
+        bounds=(0.01, 60),
+        softbounds=(0.1, 10),
+        step=0.1,
+        label="Period",
+        doc="Time from reading to reading; the first is one period after the start.",
+    )
+
+
+def noise(default: float, **size: Any) -> Quantity:
+    """Return the declaration of the white error."""
+    doc = "Standard deviation of the white error of a reading."
+    return Quantity(default, label="Noise, σ", doc=doc, **size)
+
+
+def bias_sigma(default: float, **size: Any) -> Quantity:
+    """Return the declaration of the constant error."""
+    doc = "Standard deviation of the constant part of the bias, drawn anew for each seed."
+    return Quantity(default, label="Bias, σ", doc=doc, **size)
+
+
+def drift_sigma(default: float, **size: Any) -> Quantity:
+    """Return the declaration of the slow error."""
+    doc = "Standard deviation of the slow part of the bias, a first-order Gauss-Markov process."
+    return Quantity(default, label="Drift, σ", doc=doc, **size)
+
+
+def correlation_time(default: float) -> Quantity:
+    """Return the declaration of the correlation time of the slow error."""
+    return Quantity(
+        default,
+        unit="s",
+        bounds=(1, 1e6),
+        softbounds=(10, 7200),
+        step=10,
+        label="Correlation time",
+        doc="Correlation time of the drift.",
+    )
+
+
+def outages() -> Intervals:
+    """Return the declaration of times without readings."""
+    doc = "Times without readings, as [start, end] pairs in seconds."
+    return Intervals(default=[], label="Outages", doc=doc)
 
 
 def reading_times(period: float, duration: float) -> FloatArray:
