@@ -153,3 +153,24 @@ def at_rest(standing: Path, *, used: bool) -> list[Result]:
         made.set("navigator.zero_velocity", used)
         found.append(made.run())
     return found
+
+
+def test_smoothed_errors_are_smaller_and_as_large_as_their_sigma() -> None:
+    nees, squares = [], []
+    for seed in range(8):
+        made = everything(seed)
+        result = made.run()
+        made.set("navigator.smoother", True)
+        smoothed = made.run()
+        at = np.arange(2000, result.time.size - 2000, 2000)
+        truth, bias, further = result.known_truth("errors"), result.true_bias, result.true_further()
+        x, better = (
+            error_state(one.solution_arrays, at, truth, bias, further=further) for one in (result, smoothed)
+        )
+        squares.append([np.mean(values[:, :9] ** 2, axis=0) for values in (x, better)])
+        nees.append(np.mean(better**2 / smoothed.solution_arrays.variance[at], axis=0))
+    before, after = np.mean(squares, axis=0)
+    print(f"\nsmoothed: rms / filtered {np.sqrt(after / before).round(2)}, (error/σ)² {np.mean(nees):.2f}")
+    assert (after < before).all()
+    # Over 8 flights, with some 3 independent epochs and 25 states each.
+    assert np.mean(nees) == pytest.approx(1, abs=0.25)
