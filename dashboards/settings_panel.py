@@ -22,7 +22,9 @@ from lab.experiment import Experiment
 from lab.log_run import has_effect
 from lab.missions import LogMission, missions
 from lab.navigation.belief import belief
+from lab.navigation.blocks import IMU_DENSITIES
 from lab.navigation.rest_alignment import usual
+from lab.sensors.suite import OTHER_SENSORS
 from lab.setting_kinds import MatrixOrNone
 
 SECTIONS = {
@@ -53,8 +55,7 @@ COMMON = frozenset(
         "sensors.gps.velocity_variance",
         "sensors.gps.period",
         "sensors.gps.outages",
-        *(f"sensors.{sensor}.fitted" for sensor in ("barometer", "heading", "odometer")),
-        *(f"sensors.{sensor}.noise" for sensor in ("barometer", "heading", "odometer")),
+        *(f"sensors.{sensor}.{term}" for sensor in OTHER_SENSORS for term in ("fitted", "noise")),
         "sensors.barometer.bias_sigma",
         "sensors.heading.bias_sigma",
         "sensors.odometer.scale_factor_sigma",
@@ -269,6 +270,6 @@ def matched_variances(experiment: Experiment, name: str) -> list[float]:
         plain.set(setting, None)
         plain.set(f"{setting}_scale", 1.0)
     matched = belief(experiment.sensors, plain, usual(experiment.sensors, plain))
-    states = plain.states  # without further ones
-    covariance = {"p0": matched.P0[:states, :states], "q": np.diag(matched.noise[:12]), "r": matched.R}[name]
+    states, densities = plain.states, matched.noise[:IMU_DENSITIES]  # without further ones
+    covariance = {"p0": matched.P0[:states, :states], "q": np.diag(densities), "r": matched.R}[name]
     return [float(variance) for variance in np.diag(covariance)]

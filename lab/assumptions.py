@@ -17,6 +17,7 @@ from lab.analysis.identification import Row
 from lab.analysis.likelihood import Estimate, Parameter
 from lab.experiment_settings import ExperimentSettings
 from lab.navigation.belief import assumed_lever_arm, belief
+from lab.navigation.blocks import IMU_DENSITIES
 from lab.run import Run
 from lab.sensors.suite import SensorSuite
 from lab.units import TO_SI, si
@@ -102,7 +103,7 @@ class Assumed(NamedTuple):
 def assumed(run: Run) -> tuple[Assumed, FloatArray]:
     """Return the assumptions of a run's filter, and the start values of a search, without zeros."""
     sensors, navigator = run.experiment.sensors, run.experiment.navigator
-    noise = belief(sensors, navigator).noise[:12]  # without further states
+    noise = belief(sensors, navigator).noise[:IMU_DENSITIES]
     now = Assumed(
         noise,
         np.array(navigator.r_factors),

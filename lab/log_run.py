@@ -26,6 +26,7 @@ from lab.result import Runnable
 from lab.run import Recorded
 from lab.sensors.gps import GpsFixes
 from lab.sensors.imu import Measured
+from lab.sensors.suite import OTHER_SENSORS
 from lab.trajectory import Truth
 
 FloatArray = NDArray[np.float64]
@@ -58,8 +59,6 @@ IN_EFFECT = frozenset(
 """Settings of the sensors with an effect on the navigation of a log: the filter's assumptions, the terms that
 a card assumed, and outages."""
 
-OTHER_SENSORS = ("barometer", "heading", "odometer")
-"""Groups of the sensors besides IMU and GPS."""
 _OF_THE_START = ("position", "velocity", "attitude")
 WITHOUT_EFFECT = frozenset(
     f"navigator.{part}_{kind}" for part in _OF_THE_START for kind in ("sigma", "error")

@@ -328,6 +328,7 @@ class Result(NotebookCard, Repeatable):
                 "row were so implausible that the filter took itself to be wrong; it raised P and used the "
                 "fix."
             )
+        remarks += aiding.larger_than_assumed(self)
         drift = self.feedforward_drift
         if drift > feedforward.LINEAR:
             remarks.append(

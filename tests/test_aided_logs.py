@@ -81,3 +81,12 @@ def test_time_that_runs_backwards_is_refused(folder: Path, tmp_path: Path) -> No
     (tmp_path / "baro.csv").write_text("t_s,height_m\n1010,5\n1009,6\n")
     with pytest.raises(MissionError, match=r"baro.csv, column t_s: accepted is time that increases"):
         read_sensor_log(tmp_path)
+
+
+def test_axes_that_are_not_those_of_the_vehicle_are_told(folder: Path) -> None:
+    """An aeroplane slips: its speeds to the right and down are not zero."""
+    made = drive(folder)
+    made.set("navigator.no_slip", True)
+    told = [remark for remark in made.run().remarks if "as large as the filter says" in remark]
+    assert any("innovations of speed down" in remark for remark in told)
+    assert not [remark for remark in drive(folder, barometer=True).run().remarks if "as large as" in remark]

@@ -19,6 +19,7 @@ from lab.analysis.evidence import Evidence
 from lab.analysis.finding import WITHHELD, Change, Finding, Verdict, headline
 from lab.displacement import displaced, displacement
 from lab.experiment_settings import ExperimentSettings
+from lab.navigation.blocks import IMU_DENSITIES
 from lab.rotation import C_nb_from_euler, euler_from_quaternion
 from lab.run import Run
 from lab.settings import SettingError
@@ -190,10 +191,6 @@ def _words(before: Figures, after: Figures) -> str:
     return "; ".join(words)
 
 
-NOISES = 12
-"""Densities of the noise of IMU and biases; those of further states follow."""
-
-
 def advised(run: Repeatable, changes: tuple[Change, ...]) -> ExperimentSettings:
     """Return the experiment of a run with some settings changed.
 
@@ -208,7 +205,7 @@ def advised(run: Repeatable, changes: tuple[Change, ...]) -> ExperimentSettings:
     P0 = variances if np.array_equal(np.diag(variances), P0) else P0
     matched = {
         "navigator.r": np.diag(R) / navigator.r_scale,
-        "navigator.q": assumed.noise[:NOISES] / navigator.q_scale,
+        "navigator.q": assumed.noise[:IMU_DENSITIES] / navigator.q_scale,
         "navigator.p0": P0 / navigator.p0_scale,
     }
     for change in changes:

@@ -14,16 +14,13 @@ from lab.run import Run
 if TYPE_CHECKING:
     import xarray as xr
 
+UNLIKELY = 5.0
+"""Excess of a mean square, in its σ √(2 / n), that chance does not explain: one of three million."""
+
 
 def further_states(run: Run) -> xr.Dataset:
     """Return estimates, σ and true values of the further states; see `Result.further_states`."""
-    names: list[str] = []
-    units: list[str] = []
-    shown: list[float] = []
-    for block in (blocks.BLOCKS[name] for name in run.blocks if name not in blocks.SCALES):
-        names += block.names
-        units += [block.shown_unit] * block.size
-        shown += [block.shown_scale] * block.size
+    names, units, shown = blocks.shown_states(run.blocks)
     solution, dims = run.solution_arrays, ("time", "state")
     first = solution.states - len(names)
     variables = {
@@ -54,3 +51,19 @@ def aiding(run: Run) -> xr.Dataset:
         },
         coords={"time_aid": (dims, run.aids.time, {"units": "s", "long_name": "time"})},
     )
+
+
+def larger_than_assumed(run: Run) -> list[str]:
+    """Return remarks on kinds of measurements besides GPS whose innovations are larger than their σ."""
+    remarks = []
+    solution = run.solution_arrays
+    for kind in np.unique(run.aids.kind):
+        squares = (solution.aid_innovation**2 / solution.aid_variance)[run.aids.kind == kind]
+        squares = squares[np.isfinite(squares)]
+        if squares.size and squares.mean() > 1 + UNLIKELY * np.sqrt(2 / squares.size):
+            remarks.append(
+                f"The innovations of {NAMES[kind]} are {np.sqrt(squares.mean()):.2g} × as large as the "
+                "filter says: these measurements, or the axes of the IMU in the vehicle, have other errors "
+                "than assumed, and σ is too small."
+            )
+    return remarks

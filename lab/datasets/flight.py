@@ -114,16 +114,12 @@ def state_sigma(run: Run) -> xr.Dataset:
     """Return σ of all error states; see `Result.state_sigma`."""
     solution = run.solution_arrays
     known = solution.states - solution.further.shape[1]
-    further = [blocks.BLOCKS[name] for name in run.blocks if name not in blocks.SCALES]
+    further, their_units, their_scales = blocks.shown_states(run.blocks)
     names, units = list(STATES[:known]), list(STATE_UNITS[:known])
     scale = [1 / TO_SI[unit] for unit in units]
-    for block in further:
-        names += block.names
-        units += [block.shown_unit] * block.size
-        scale += [block.shown_scale] * block.size
-    values = np.sqrt(solution.variance) * np.array(scale)
+    values = np.sqrt(solution.variance) * np.array([*scale, *their_scales])
     dataset = labelled(run, sigma=(("time", "state"), values, "", "σ of the error states"))
-    return dataset.assign_coords(state=names, unit=("state", units))
+    return dataset.assign_coords(state=[*names, *further], unit=("state", [*units, *their_units]))
 
 
 def track(run: Run, projection: Projection, samples: NDArray[np.intp] | slice = slice(None)) -> xr.Dataset:

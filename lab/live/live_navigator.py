@@ -50,7 +50,7 @@ from lab.navigation.recorded import start_covariance
 from lab.navigation.schedule import EVERY_FIX
 from lab.navigation.settings import NavigatorSettings
 from lab.recordings.mission_error import MissionError
-from lab.sensors.suite import SensorSuite
+from lab.sensors.suite import OTHER_SENSORS, SensorSuite
 from lab.settings import SettingError
 
 FloatArray = NDArray[np.float64]
@@ -73,8 +73,6 @@ GAPS: Final = 1000
 """Gaps that are remembered."""
 
 
-OTHER_SENSORS = tuple(f"{sensor}.fitted" for sensor in ("barometer", "heading", "odometer"))
-"""Settings of sensors that a stream does not have."""
 OTHER_STATES = ("estimate_gps_drift", "estimate_lever_arm", "estimate_latency", "no_slip", "zero_velocity")
 """Settings of the navigator for further states and measurements, which have no effect on a stream."""
 
@@ -120,8 +118,8 @@ class LiveNavigator:
             )
         # A stream has neither other sensors nor further states.
         sensors, navigator = sensors.copy(), navigator.copy()
-        for path in OTHER_SENSORS:
-            sensors.set(path, False)
+        for sensor in OTHER_SENSORS:
+            sensors.set(f"{sensor}.fitted", False)
         for path in OTHER_STATES:
             navigator.set(path, False)
         self._sensors, self._navigator, self._place = sensors, navigator, place

@@ -28,8 +28,6 @@ FloatArray = NDArray[np.float64]
 HEIGHT, FORWARD, RIGHTWARD, DOWNWARD, NORTHWARD, EASTWARD, VERTICAL, HEADING = range(8)
 """Kinds: height [m]; speed forward, to the right and down of a place of the vehicle [m/s]; velocity north,
 east, down [m/s]; true heading [rad]."""
-UNITS = ("m", "m/s", "m/s", "m/s", "m/s", "m/s", "m/s", "rad")
-"""Units of the kinds."""
 NAMES = (
     "height",
     "speed forward",
@@ -55,7 +53,7 @@ class Aids(NamedTuple):
     kind : (a,) array
         What each measures, such as `HEIGHT`.
     value, variance : (a,) arrays
-        The measured values, and their variances as the filter assumes them, in `UNITS` and their squares.
+        The measured values, and their variances as the filter assumes them, in SI units.
     place : (3,) array
         The place whose speed is measured, from the IMU forward, right, down [m].
     """

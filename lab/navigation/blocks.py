@@ -90,6 +90,10 @@ def in_order(names: Sequence[str]) -> tuple[str, ...]:
     return tuple(name for name in BLOCKS if name in names)
 
 
+IMU_DENSITIES = 12
+"""Process noise densities of every filter: of white noise and biases of the IMU. Those of blocks follow."""
+
+
 def count(names: Sequence[str]) -> int:
     """Return the number of states of a filter with some further blocks."""
     return CORE + sum(BLOCKS[name].size for name in names)
@@ -111,6 +115,16 @@ def states_of(names: Sequence[str], name: str) -> slice:
     """Return the states of a block in a filter that has it."""
     first = first_state(names, name)
     return slice(first, first + BLOCKS[name].size)
+
+
+def shown_states(names: Sequence[str]) -> tuple[list[str], list[str], list[float]]:
+    """Return names, shown units and scales from SI units of the states after the scale factors."""
+    found = [BLOCKS[name] for name in in_order(names) if name not in SCALES]
+    return (
+        [state for block in found for state in block.names],
+        [block.shown_unit for block in found for _ in block.names],
+        [block.shown_scale for block in found for _ in block.names],
+    )
 
 
 def places(names: Sequence[str]) -> tuple[int, ...]:

@@ -125,8 +125,8 @@ def check_bias_decay(step: float, decay: FloatArray) -> None:
         raise SettingError(
             f"navigator.filter_rate: the filter's step of {step:g} s is longer than the shortest "
             f"correlation time of a bias, {1 / fastest:g} s (sensors.gyro.correlation_time, "
-            "sensors.accelerometer.correlation_time, or the process that models their flicker); accepted "
-            f"here is a rate from {fastest:g} Hz, or 0 for every IMU sample"
+            "sensors.accelerometer.correlation_time, the process that models their flicker, or those of "
+            f"other sensors); accepted here is a rate from {fastest:g} Hz, or 0 for every IMU sample"
         )
 
 

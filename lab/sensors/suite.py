@@ -17,6 +17,8 @@ from lab.units import si
 
 TRIADS = ("gyro", "accelerometer")
 """Groups of the settings of an IMU."""
+OTHER_SENSORS = ("barometer", "heading", "odometer")
+"""Groups of the settings of sensors besides IMU and GPS, which may be fitted."""
 _WORDS = {
     "noise_density": "white noise",
     "bias_sigma": "turn-on bias",
