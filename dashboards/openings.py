@@ -143,6 +143,13 @@ class Openings(Handler):
             self._working = asyncio.get_running_loop().create_task(self._work(), context=Context())
 
     async def _work(self) -> None:
+        while self._waiting or self._ended:
+            if await self._take_turns():
+                # In a thread, because it goes through all free memory. Others may ask for a turn meanwhile.
+                await asyncio.to_thread(give_back)
+
+    async def _take_turns(self) -> bool:
+        """Give all turns; return whether an ended page was among them."""
         searched = False
         while turns := self._waiting or self._ended:
             searched = searched or turns is self._ended
@@ -150,9 +157,7 @@ class Openings(Handler):
             await asyncio.sleep(PAUSE)
             self._note_models()
             garbage.keep()
-        if searched:
-            # In a thread, because it goes through all free memory.
-            await asyncio.to_thread(give_back)
+        return searched
 
     def _note_models(self) -> None:
         """Note the models that are about to be kept: their document may drop them before it ends."""

@@ -8,6 +8,7 @@ from collections.abc import Callable, Coroutine
 from concurrent.futures import ThreadPoolExecutor
 from contextvars import ContextVar
 from functools import partial
+from threading import Event
 from types import SimpleNamespace
 from typing import Any
 from weakref import ref
@@ -224,3 +225,24 @@ def test_a_page_opens_in_steps_while_another_is_open() -> None:
     assert not turns.crowded
     session.connection_count = 1
     assert turns.crowded
+
+
+def test_a_page_that_asks_while_memory_goes_back_has_its_turn(monkeypatch: pytest.MonkeyPatch) -> None:
+    begun, asked = Event(), Event()
+
+    def give_back() -> None:
+        begun.set()
+        assert asked.wait(30)
+
+    monkeypatch.setattr(openings, "give_back", give_back)
+
+    async def open_meanwhile() -> None:
+        turns = Openings()
+        turns.let_go(document := Document(), document)
+        await asyncio.to_thread(begun.wait, 30)
+        opening = asyncio.ensure_future(turns.on_session_created(CONTEXT))
+        await asyncio.sleep(0)
+        asked.set()
+        await asyncio.wait_for(opening, 5)
+
+    completed(open_meanwhile)
