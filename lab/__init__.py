@@ -34,6 +34,7 @@ if TYPE_CHECKING:
     from lab.analysis import allan, budget
     from lab.comparison import compare
     from lab.ensemble import Ensemble
+    from lab.exercises.catalogue import check
     from lab.experiment import Experiment
     from lab.export import export_track
     from lab.missions import Mission, MissionError, Recording
@@ -64,6 +65,7 @@ __all__ = [
     "budget",
     "card",
     "cards",
+    "check",
     "compare",
     "export_track",
     "mission",
@@ -87,6 +89,7 @@ _HOMES = {
     "Trajectory": "lab.trajectory",
     "card": "lab.sensors.cards",
     "cards": "lab.sensors.cards",
+    "check": "lab.exercises.catalogue",
     "compare": "lab.comparison",
     "export_track": "lab.export",
     "mission": "lab.missions",

@@ -34,9 +34,16 @@ def _log(mission: Any) -> str:
     return log_html(mission)
 
 
+def _outcome(outcome: Any) -> str:
+    from lab.views.outcome_card import outcome_html  # noqa: PLC0415 - see above
+
+    return outcome_html(outcome)
+
+
 def register_cards() -> None:
     """Register all cards."""
     register("settings", _settings)
     register("result", _result)
     register("mission", _mission)
     register("log", _log)
+    register("outcome", _outcome)

@@ -1,0 +1,1 @@
+"""Exercises of the notebooks: questions whose answers are checked, with a hint for each usual mistake."""
