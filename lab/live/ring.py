@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 
 from lab.live.timed import TIMED_FIX, TIMED_IMU
 
-ROOM = 2**18, 2**13
-"""Samples of the IMU and fixes that are kept: four minutes at 1 kHz, and 13 minutes at 10 Hz; 40 MB."""
+ROOM = 2**17, 2**13
+"""Samples of the IMU and fixes that are kept: two minutes at 1 kHz, and 13 minutes at 10 Hz; 20 MB."""
 
 
 class Cursor(NamedTuple):

@@ -9,7 +9,12 @@ import numpy as np
 from numpy.typing import DTypeLike, NDArray
 
 _ROOM: Final = 1024
-"""Rows that the arrays hold at first; they double as long as no row may be forgotten."""
+"""Rows that the arrays hold at first."""
+_LEAST_SPARE: Final = 1 / 8
+"""Part of the kept rows that must fit behind them after a move: fewer would have to be moved too often."""
+_SPARE: Final = 1 / 4
+"""Part of the kept rows that new arrays have behind them: a row is moved four times on the average. Doubled
+arrays would take up to four times the memory of the kept rows."""
 
 
 class Rolling:
@@ -72,14 +77,17 @@ class Rolling:
     def _move(self, count: int) -> None:
         """Make room for more rows: over the forgotten ones if these are the most, else in larger arrays."""
         kept = len(self)
-        while 2 * (kept + count) > self._room:
-            self._room *= 2
+        if (1 + _LEAST_SPARE) * (kept + count) > self._room:
+            self._room = int((1 + _SPARE) * (kept + count)) + 1
+        shift = self.first - self._offset
         for name, values in self._arrays.items():
-            moved = values[self.first - self._offset : self.end - self._offset]
             if self._room > values.shape[0]:
                 larger = np.zeros((self._room, *values.shape[1:]), values.dtype)
-                larger[:kept] = moved
+                larger[:kept] = values[shift : shift + kept]
                 self._arrays[name] = larger
             else:
-                values[:kept] = moved
+                # In parts that do not overlap: numpy would copy the whole column twice.
+                for at in range(0, kept, shift):
+                    end = min(at + shift, kept)
+                    values[at:end] = values[at + shift : end + shift]
         self._offset = self.first
