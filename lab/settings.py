@@ -195,10 +195,13 @@ class Settings(NotebookCard, param.Parameterized):
     def _take(self, other: Self) -> None:
         # Only differences, because setting a parameter is far slower than reading it, and notifies every
         # watcher.
-        for path, owner, name in other.leaves():
-            value = getattr(owner, name)
-            if value != self.get(path):
-                self.set(path, value)
+        cls = type(self)
+        for name in _declared(cls):
+            mine, value = getattr(self, name), getattr(other, name)
+            if _is_group(cls, name):
+                mine._take(value)
+            elif value != mine:
+                self.set(name, value)
 
     def _check_once(self, path: str, group: Mapping[str, Any]) -> None:
         """Raise `SettingError` if a group gives a setting in two forms."""

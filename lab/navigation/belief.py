@@ -142,6 +142,9 @@ def further_processes(sensors: SensorSuite, navigator: NavigatorSettings) -> Fur
     A constant plus a drift with the variances C and σ² is one process: it begins with C + σ² and grows by
     2 σ² / τ, which keeps C + σ² in the mean.
     """
+    names = [name for name in chosen_blocks(navigator, sensors) if name not in blocks.SCALES]
+    if not names:
+        return Further(np.zeros(0), np.zeros(0), np.zeros(0))
     gps, barometer, heading = sensors.gps, sensors.barometer, sensors.heading
     drift = east_north_up_sizes(si(gps, "correlated_sigma") ** 2)
     found = {
@@ -156,10 +159,7 @@ def further_processes(sensors: SensorSuite, navigator: NavigatorSettings) -> Fur
         blocks.LATENCY: _process(si(navigator, "latency_sigma") ** 2, np.zeros(1), 1.0),
         blocks.ODOMETER_SCALE: _process(si(sensors.odometer, "scale_factor_sigma") ** 2, np.zeros(1), 1.0),
     }
-    chosen = [found[name] for name in chosen_blocks(navigator, sensors) if name in found]
-    if not chosen:
-        return Further(np.zeros(0), np.zeros(0), np.zeros(0))
-    return Further(*(np.concatenate(parts) for parts in zip(*chosen, strict=True)))
+    return Further(*(np.concatenate(parts) for parts in zip(*(found[name] for name in names), strict=True)))
 
 
 def _process(constant: FloatArray, drift: FloatArray, correlation_time: float) -> Further:
