@@ -50,7 +50,11 @@ def further_truth(
     for name in names:
         if name in blocks.SCALES:
             continue
-        if name == blocks.GPS_DRIFT:
+        if name in blocks.MISALIGNMENTS:
+            sensors = experiment.sensors
+            triad = sensors.gyro if name == blocks.GYRO_MISALIGNMENT else sensors.accelerometer
+            columns += [np.full(time.size, value) for value in si(triad, "misalignment")]
+        elif name == blocks.GPS_DRIFT:
             columns += list(_drift(experiment, time).T)
         elif name in _BIASES:
             found = readings[_BIASES[name]]

@@ -73,7 +73,14 @@ GAPS: Final = 1000
 """Gaps that are remembered."""
 
 
-OTHER_STATES = ("estimate_gps_drift", "estimate_lever_arm", "estimate_latency", "no_slip", "zero_velocity")
+OTHER_STATES = (
+    "estimate_misalignments",
+    "estimate_gps_drift",
+    "estimate_lever_arm",
+    "estimate_latency",
+    "no_slip",
+    "zero_velocity",
+)
 """Settings of the navigator for further states and measurements, which have no effect on a stream."""
 
 

@@ -67,6 +67,8 @@ def chosen_blocks(navigator: NavigatorSettings, sensors: SensorSuite | None) -> 
     """
     chosen = list(blocks.SCALES if navigator.states > blocks.CORE else ())
     for name, wanted in (
+        (blocks.GYRO_MISALIGNMENT, navigator.estimate_misalignments),
+        (blocks.ACCEL_MISALIGNMENT, navigator.estimate_misalignments),
         (blocks.GPS_DRIFT, navigator.estimate_gps_drift),
         (blocks.LEVER_ARM, navigator.estimate_lever_arm),
         (blocks.LATENCY, navigator.estimate_latency),
@@ -155,6 +157,8 @@ def further_processes(sensors: SensorSuite, navigator: NavigatorSettings) -> Fur
         blocks.HEADING_BIAS: _process(
             si(heading, "bias_sigma") ** 2, si(heading, "drift_sigma") ** 2, heading.correlation_time
         ),
+        blocks.GYRO_MISALIGNMENT: _process(si(sensors.gyro, "misalignment") ** 2, np.zeros(6), 1.0),
+        blocks.ACCEL_MISALIGNMENT: _process(si(sensors.accelerometer, "misalignment") ** 2, np.zeros(6), 1.0),
         blocks.LEVER_ARM: _process(si(navigator, "lever_arm_sigma") ** 2, np.zeros(3), 1.0),
         blocks.LATENCY: _process(si(navigator, "latency_sigma") ** 2, np.zeros(1), 1.0),
         blocks.ODOMETER_SCALE: _process(si(sensors.odometer, "scale_factor_sigma") ** 2, np.zeros(1), 1.0),

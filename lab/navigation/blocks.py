@@ -18,6 +18,7 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 from lab.navigation import strapdown
+from lab.sensors.imu_errors import OFF_DIAGONAL
 
 CORE = 15
 """States of every filter: position, velocity, attitude and two biases."""
@@ -53,6 +54,7 @@ class Block(NamedTuple):
 
 
 GYRO_SCALE, ACCEL_SCALE = "gyro scale", "accelerometer scale"
+GYRO_MISALIGNMENT, ACCEL_MISALIGNMENT = "gyro misalignment", "accelerometer misalignment"
 GPS_DRIFT, BAROMETER_BIAS, HEADING_BIAS = "GPS drift", "barometer bias", "heading sensor bias"
 LEVER_ARM, LATENCY, ODOMETER_SCALE = "lever arm", "latency", "odometer scale"
 
@@ -60,6 +62,20 @@ BLOCKS: dict[str, Block] = {
     GYRO_SCALE: Block(tuple(f"{GYRO_SCALE} {axis}" for axis in "xyz"), strapdown.GYRO_SCALE, "", "%", 100.0),
     ACCEL_SCALE: Block(
         tuple(f"{ACCEL_SCALE} {axis}" for axis in "xyz"), strapdown.ACCEL_SCALE, "", "%", 100.0
+    ),
+    GYRO_MISALIGNMENT: Block(
+        tuple(f"{GYRO_MISALIGNMENT} {pair}" for pair in OFF_DIAGONAL),
+        strapdown.GYRO_MISALIGNMENT,
+        "rad",
+        "°",
+        math.degrees(1.0),
+    ),
+    ACCEL_MISALIGNMENT: Block(
+        tuple(f"{ACCEL_MISALIGNMENT} {pair}" for pair in OFF_DIAGONAL),
+        strapdown.ACCEL_MISALIGNMENT,
+        "rad",
+        "°",
+        math.degrees(1.0),
     ),
     GPS_DRIFT: Block(
         tuple(f"{GPS_DRIFT} {axis}" for axis in ("north", "east", "down")),
@@ -83,6 +99,8 @@ BLOCKS: dict[str, Block] = {
 """The further blocks by name, in the order of the states of a filter."""
 SCALES = (GYRO_SCALE, ACCEL_SCALE)
 """The blocks of a filter with 21 states."""
+MISALIGNMENTS = (GYRO_MISALIGNMENT, ACCEL_MISALIGNMENT)
+"""The blocks of a filter that estimates misalignments: they act on attitude and velocity, as scales do."""
 
 
 def in_order(names: Sequence[str]) -> tuple[str, ...]:

@@ -26,7 +26,7 @@ from __future__ import annotations
 
 import dataclasses
 import functools
-from collections.abc import Callable
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -34,7 +34,7 @@ from numpy.typing import NDArray
 
 from lab import earth
 from lab.navigation import blocks, strapdown
-from lab.navigation.compilation import inline_kernel, interpreted, named, rebound
+from lab.navigation.compilation import inline_kernel, interpreted, named, rebound, rebound_throughout
 from lab.navigation.strapdown import Vector, earth_rate, get, matrix, transport_rate
 
 FloatArray = NDArray[np.float64]
@@ -381,30 +381,90 @@ def scale_columns_in_body(state: FloatArray, F: FloatArray) -> None:
     F[V, BS], F[V + 1, BS + 1], F[V + 2, BS + 2] = -f[0], -f[1], -f[2]
 
 
-_fifteen, _six = phi, scale_columns
+GM, BM = -1, -1
+"""First misalignment of gyros and accelerometers among the states; a filter that has them sets these."""
+
+
+@inline_kernel
+def misalignment_columns(state: FloatArray, F: FloatArray) -> None:
+    """Write the columns of the misalignments.
+
+    An error of m_xy acts as an error (y + b_y) / (1 + s_x) of the bias of x; see `scaled`.
+    """
+    for i in range(3):
+        x, y, z = get(state, strapdown.C_NB + 3 * i)
+        u, v, w = of_other_axes(state, strapdown.PREVIOUS_DTHETA, strapdown.GYRO_BIAS, strapdown.GYRO_SCALE)
+        F[A + i, GM], F[A + i, GM + 1] = x * u[0], x * u[1]
+        F[A + i, GM + 2], F[A + i, GM + 3] = y * v[0], y * v[1]
+        F[A + i, GM + 4], F[A + i, GM + 5] = z * w[0], z * w[1]
+        u, v, w = of_other_axes(
+            state, strapdown.PREVIOUS_DVELOCITY, strapdown.ACCEL_BIAS, strapdown.ACCEL_SCALE
+        )
+        F[V + i, BM], F[V + i, BM + 1] = -x * u[0], -x * u[1]
+        F[V + i, BM + 2], F[V + i, BM + 3] = -y * v[0], -y * v[1]
+        F[V + i, BM + 4], F[V + i, BM + 5] = -z * w[0], -z * w[1]
+
+
+@inline_kernel
+def misalignment_columns_in_body(state: FloatArray, F: FloatArray) -> None:
+    """Write the columns of the misalignments for errors resolved in b."""
+    u, v, w = of_other_axes(state, strapdown.PREVIOUS_DTHETA, strapdown.GYRO_BIAS, strapdown.GYRO_SCALE)
+    F[A, GM], F[A, GM + 1] = u
+    F[A + 1, GM + 2], F[A + 1, GM + 3] = v
+    F[A + 2, GM + 4], F[A + 2, GM + 5] = w
+    u, v, w = of_other_axes(state, strapdown.PREVIOUS_DVELOCITY, strapdown.ACCEL_BIAS, strapdown.ACCEL_SCALE)
+    F[V, BM], F[V, BM + 1] = -u[0], -u[1]
+    F[V + 1, BM + 2], F[V + 1, BM + 3] = -v[0], -v[1]
+    F[V + 2, BM + 4], F[V + 2, BM + 5] = -w[0], -w[1]
+
+
+@inline_kernel
+def of_other_axes(
+    state: FloatArray, previous: int, bias: int, scale: int
+) -> tuple[tuple[float, float], tuple[float, float], tuple[float, float]]:
+    """Return the means of the last step along the other two axes of each axis, divided by its scale."""
+    x, y, z = strapdown.plus(get(state, bias), state[strapdown.PER_STEP], get(state, previous))
+    p, q, r = 1 / (1 + state[scale]), 1 / (1 + state[scale + 1]), 1 / (1 + state[scale + 2])
+    return (p * y, p * z), (q * x, q * z), (r * x, r * y)
+
+
+_before, _columns = phi, scale_columns
 
 
 def _write_both(state: FloatArray, F: FloatArray) -> None:
-    """Write F of a model with 15 states, and the columns of the scale factors."""
-    _fifteen(state, F)
-    _six(state, F)
+    """Write F of a model with fewer states, and the columns of further ones."""
+    _before(state, F)
+    _columns(state, F)
 
 
 @functools.cache
 def with_blocks(model: ErrorModel, names: tuple[str, ...]) -> ErrorModel:
     """Return a model of 15 states as one with further blocks.
 
-    The scale factors act on attitude and velocity. The errors of other sensors act on nothing: F has no
-    element for them.
+    The scale factors and misalignments act on attitude and velocity. The errors of other sensors act on
+    nothing: F has no element for them.
     """
     names = blocks.in_order(names)
     if names == model.blocks:
         return model
-    if not set(blocks.SCALES) & set(names):
-        return dataclasses.replace(model, blocks=names)
-    columns = scale_columns_in_body if model.in_body else scale_columns
-    both = named(f"{model.label} {' '.join(names)}")(rebound(_write_both, _fifteen=model.write, _six=columns))
-    return dataclasses.replace(model, write=inline_kernel(both), blocks=names)
+    write = model.write
+    for columns in _columns_of(names, in_body=model.in_body):
+        both = rebound(_write_both, _before=write, _columns=columns)
+        write = inline_kernel(named(f"{model.label} {' '.join(names)} {columns.__name__}")(both))
+    return dataclasses.replace(model, write=write, blocks=names)
+
+
+def _columns_of(names: Sequence[str], *, in_body: bool) -> Iterator[Write]:
+    """Yield the functions that write the columns of further blocks."""
+    if blocks.GYRO_SCALE in names:
+        yield scale_columns_in_body if in_body else scale_columns
+    if blocks.GYRO_MISALIGNMENT in names:
+        first = {
+            "GM": blocks.first_state(names, blocks.GYRO_MISALIGNMENT),
+            "BM": blocks.first_state(names, blocks.ACCEL_MISALIGNMENT),
+        }
+        columns = misalignment_columns_in_body if in_body else misalignment_columns
+        yield rebound_throughout(columns, {"GM": GM, "BM": BM}, **first)
 
 
 def with_states(model: ErrorModel, states: int) -> ErrorModel:

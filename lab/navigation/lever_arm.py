@@ -33,6 +33,8 @@ from lab.navigation.strapdown import (
 FloatArray = NDArray[np.float64]
 
 ATT, GYRO_BIAS, GYRO_SCALE = 6, 9, 15
+OTHER_AXES = ((1, 2), (0, 2), (0, 1))
+"""The other two axes of each axis, in the order of misalignments."""
 """Indices at which these error states begin."""
 WINDOW = 0.1
 """Time about a fix over which the gyros are averaged [s], about as long as a receiver averages its velocity.
@@ -93,6 +95,7 @@ def see_antenna(
     R: FloatArray,
     scaled: bool,
     arm_at: int,
+    misalignment_at: int,
 ) -> None:
     """Move navigator minus fix from the IMU to the antenna, and write H.
 
@@ -123,6 +126,8 @@ def see_antenna(
         Whether the filter has states for the scale factors.
     arm_at
         First state of the error of the lever arm; −1 without it.
+    misalignment_at
+        First state of the misalignments of the gyros; −1 without them.
     """
     for i in range(3):
         H[i, 3 + i] = -age  # the position refers to the time of the fix
@@ -130,7 +135,10 @@ def see_antenna(
     if arm_at < 0 and l_b[0] == 0 and l_b[1] == 0 and l_b[2] == 0:
         return
     scale = get(state, strapdown.GYRO_SCALE)
-    rate = corrected(get(turn, 0), 1.0, scale, get(state, strapdown.GYRO_BIAS))
+    rate = corrected(
+        state, get(turn, 0), 1.0, strapdown.GYRO_BIAS, strapdown.GYRO_SCALE, strapdown.GYRO_MISALIGNMENT
+    )
+    biased = plus(rate, 1.0, get(state, strapdown.GYRO_BIAS))
     at = strapdown.Q_NB
     q = product(
         (state[at], state[at + 1], state[at + 2], state[at + 3]),
@@ -159,6 +167,10 @@ def see_antenna(
             H[3 + i, GYRO_BIAS + j] = column[i]
             if scaled:
                 H[3 + i, GYRO_SCALE + j] = column[i] * by_scale
+            if misalignment_at >= 0:
+                for k in range(2):
+                    by_axis = biased[OTHER_AXES[j][k]] / (1 + scale[j])
+                    H[3 + i, misalignment_at + 2 * j + k] = column[i] * by_axis
             for k in range(3):
                 R[3 + i, 3 + k] += column[i] * column[k] * noise[j] / turn[3]
 

@@ -24,7 +24,17 @@ from lab.navigation.kalman import (
     weight,
 )
 from lab.navigation.lever_arm import see_antenna
-from lab.navigation.propagation import GPS_DRIFT, LATENCY, LEVER_ARM, NAV, SCALES, STATES, WIDTH, X
+from lab.navigation.propagation import (
+    GPS_DRIFT,
+    GYRO_MISALIGNMENT,
+    LATENCY,
+    LEVER_ARM,
+    NAV,
+    SCALES,
+    STATES,
+    WIDTH,
+    X,
+)
 from lab.navigation.schedule import Schedule
 from lab.navigation.solution import Solution
 from lab.navigation.standstill import GATE, see_rest
@@ -101,7 +111,20 @@ def sight(run: Filter, m: int, age: float, z: FloatArray, out: Solution) -> None
             H[i, j] = 1.0 if i == j else 0.0
     turn = run.turns[min(m, run.turns.shape[0] - 1)]
     axes = fix_axes(run.state)
-    see_antenna(run.state, run.lever_arm, turn, age, run.noise, axes, z, H, R, SCALES > 0, LEVER_ARM)
+    see_antenna(
+        run.state,
+        run.lever_arm,
+        turn,
+        age,
+        run.noise,
+        axes,
+        z,
+        H,
+        R,
+        SCALES > 0,
+        LEVER_ARM,
+        GYRO_MISALIGNMENT,
+    )
     if LATENCY >= 0:
         see_latency(run.state, axes, LATENCY, z, H)
     if GPS_DRIFT >= 0:

@@ -43,7 +43,8 @@ class Layout(NamedTuple):
     DRIVEN: int  # states after those of navigation with decay and process noise; constants follow
     SCALES: int  # states of scale factors
     PLACES: tuple[int, ...]  # of the states after those of navigation in the state of the navigator
-    GPS_DRIFT: int  # first state of each further block; −1 without it
+    GYRO_MISALIGNMENT: int  # first state of each further block; −1 without it
+    GPS_DRIFT: int
     BAROMETER_BIAS: int
     HEADING_BIAS: int
     LEVER_ARM: int
@@ -67,6 +68,7 @@ def layout(names: Sequence[str]) -> Layout:
     scales = sum(blocks.BLOCKS[name].size for name in names if name in blocks.SCALES)
     only_scales = states == blocks.CORE + scales
     further = (
+        blocks.GYRO_MISALIGNMENT,
         blocks.GPS_DRIFT,
         blocks.BAROMETER_BIAS,
         blocks.HEADING_BIAS,
@@ -88,7 +90,7 @@ def layout(names: Sequence[str]) -> Layout:
 _FIFTEEN = layout(())
 STATES, WIDTH, X, DRIVEN, SCALES, PLACES = _FIFTEEN[:6]
 """Sizes of the layout for which the kernels are written; see `Layout`."""
-GPS_DRIFT, BAROMETER_BIAS, HEADING_BIAS, LEVER_ARM, LATENCY, ODOMETER_SCALE = _FIFTEEN[6:]
+GYRO_MISALIGNMENT, GPS_DRIFT, BAROMETER_BIAS, HEADING_BIAS, LEVER_ARM, LATENCY, ODOMETER_SCALE = _FIFTEEN[6:]
 """First states of the further blocks in this layout, which has none of them."""
 WRITTEN_FOR = _FIFTEEN._asdict()
 """The layout by names; see `compilation.rebound_throughout` for others."""

@@ -39,6 +39,7 @@ from lab.navigation.schedule import EVERY_FIX, SLACK, Schedule
 from lab.navigation.solution import Belief, Fixes, Imu, Solution, Start
 from lab.navigation.standstill import GATE, NEAREST, SPAN
 from lab.rotation import skew, wrap
+from lab.sensors.imu_errors import OFF_DIAGONAL
 
 FloatArray = NDArray[np.float64]
 
@@ -299,7 +300,7 @@ def _antenna(
     arm, n = belief.lever_arm + _get(state, strapdown.LEVER_ARM), blocks.count(names)
     measured, length = turn[:3], turn[3]
     scale, bias = (_get(state, at) for at in (strapdown.GYRO_SCALE, strapdown.GYRO_BIAS))
-    rate = measured / (1 + scale) - bias
+    rate = _aligned(state, measured / (1 + scale), scale) - bias
     C_nb = Rotation.from_quat(_get(state, strapdown.Q_NB, 4), scalar_first=True).as_matrix()
     C_nb = C_nb @ Rotation.from_rotvec(-age * rate).as_matrix()
     latitude = np.arcsin(state[strapdown.SINE])
@@ -312,12 +313,27 @@ def _antenna(
     H[VEL, GYRO_BIAS] = C_nb @ skew(arm)
     if blocks.GYRO_SCALE in names:
         H[VEL, GYRO_SCALE] = H[VEL, GYRO_BIAS] * (measured / (1 + scale) ** 2)
+    if blocks.GYRO_MISALIGNMENT in names:
+        first = blocks.first_state(names, blocks.GYRO_MISALIGNMENT)
+        for k, pair in enumerate(OFF_DIAGONAL):
+            row, column = ("xyz".index(axis) for axis in pair)
+            by_axis = (rate + bias)[column] / (1 + scale[row])
+            H[VEL, first + k] = H[VEL, GYRO_BIAS][:, row] * by_axis
     if LEVER_ARM in names:
         H[POS, blocks.states_of(names, LEVER_ARM)] = C_nb
         H[VEL, blocks.states_of(names, LEVER_ARM)] = C_nb @ skew(rate) - skew(omega_ie) @ C_nb
     gyro_noise = np.zeros((6, 6))
     gyro_noise[VEL, VEL] = H[VEL, GYRO_BIAS] * belief.noise[:3] @ H[VEL, GYRO_BIAS].T / length
     return H, np.concatenate((way, velocity)), gyro_noise
+
+
+def _aligned(state: FloatArray, scaled: FloatArray, scale: FloatArray) -> FloatArray:
+    """Return measured rates (3,), divided by their scale factors, without their misalignments."""
+    M = np.eye(3)
+    for pair, part in zip(OFF_DIAGONAL, _get(state, strapdown.GYRO_MISALIGNMENT, 6), strict=True):
+        row, column = ("xyz".index(axis) for axis in pair)
+        M[row, column] = part / (1 + scale[row])
+    return np.asarray(np.linalg.solve(M, scaled))
 
 
 def _of_receiver(state: FloatArray, H: FloatArray, names: tuple[str, ...]) -> FloatArray:

@@ -210,6 +210,12 @@ class NavigatorSettings(Settings):
         label="Scale of other measurements",
         doc="Factor on the variances of all measurements other than GPS fixes that the filter assumes.",
     )
+    estimate_misalignments = param.Boolean(
+        default=False,
+        label="Estimate misalignments",
+        doc="Twelve states for the misalignments of gyros and accelerometers, constants with the sizes of "
+        "sensors.gyro.misalignment and sensors.accelerometer.misalignment as σ.",
+    )
     estimate_gps_drift = param.Boolean(
         default=False,
         label="Estimate GPS drift",

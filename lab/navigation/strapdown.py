@@ -42,21 +42,23 @@ HEADING_BIAS = 26  # of the heading sensor [rad]
 LEVER_ARM = 27  # error of the assumed lever arm, in b [m]
 LATENCY = 30  # what the fixes are older than assumed [s]
 ODOMETER_SCALE = 31
+GYRO_MISALIGNMENT = 32  # parts of other axes in the output: xy, xz, yx, yz, zx, zy; zero unless estimated
+ACCEL_MISALIGNMENT = 38  # as for the gyros
 # The following values are derived from those above in each step, and kept for the next step and the error
 # model.
-SINE = 32  # of the latitude
-COSINE = 33  # of the latitude
-PREVIOUS_DTHETA = 34  # increments of the last step [rad]
-PREVIOUS_DVELOCITY = 37  # [m/s]
-PREVIOUS_VELOCITY = 40  # v_n at its start [m/s]
-MERIDIAN = 43  # 1 / (R_M + h)
-TRANSVERSE = 44  # 1 / (R_N + h)
-PER_COSINE = 45  # 1 / cos L
-FORCE_N = 46  # mean specific force of the last step, in n
-C_NB = 49  # attitude at the start of the last step, row by row
-PER_STEP = 58  # one over the length of the last step
-GRAVITY = 59  # during the last step
-LENGTH = 60  # length of the state
+SINE = 44  # of the latitude
+COSINE = 45  # of the latitude
+PREVIOUS_DTHETA = 46  # increments of the last step [rad]
+PREVIOUS_DVELOCITY = 49  # [m/s]
+PREVIOUS_VELOCITY = 52  # v_n at its start [m/s]
+MERIDIAN = 55  # 1 / (R_M + h)
+TRANSVERSE = 56  # 1 / (R_N + h)
+PER_COSINE = 57  # 1 / cos L
+FORCE_N = 58  # mean specific force of the last step, in n
+C_NB = 61  # attitude at the start of the last step, row by row
+PER_STEP = 70  # one over the length of the last step
+GRAVITY = 71  # during the last step
+LENGTH = 72  # length of the state
 
 MAX_LATITUDE = math.radians(89.9)
 """Limit of north-slaved navigation [rad]: its rate about the vertical grows without bound towards the
@@ -208,10 +210,34 @@ def move(state: FloatArray, velocity: Vector, dt: float) -> None:
 
 
 @inline_kernel
-def corrected(measured: Vector, dt: float, scale: Vector, bias: Vector) -> Vector:
-    """Return the corrected increments x / (1 + s) − b dt."""
-    scaled = measured[0] / (1 + scale[0]), measured[1] / (1 + scale[1]), measured[2] / (1 + scale[2])
-    return plus(scaled, -dt, bias)
+def corrected(state: FloatArray, measured: Vector, dt: float, bias: int, scale: int, off: int) -> Vector:
+    """Return the corrected increments (I + S + M)⁻¹ x − b dt.
+
+    Parameters
+    ----------
+    state
+        The navigator's state vector.
+    measured
+        Measured increments x, of three axes.
+    dt
+        Length of the interval [s].
+    bias, scale, off
+        Where the biases b, the scale factors S and the misalignments M begin in the state.
+
+    Notes
+    -----
+    M is applied to third order: 1° leaves 5 millionths.
+    """
+    x, y, z = 1 / (1 + state[scale]), 1 / (1 + state[scale + 1]), 1 / (1 + state[scale + 2])
+    scaled = measured[0] * x, measured[1] * y, measured[2] * z
+    aligned = scaled
+    for _ in range(2):
+        aligned = (
+            scaled[0] - x * (state[off] * aligned[1] + state[off + 1] * aligned[2]),
+            scaled[1] - y * (state[off + 2] * aligned[0] + state[off + 3] * aligned[2]),
+            scaled[2] - z * (state[off + 4] * aligned[0] + state[off + 5] * aligned[1]),
+        )
+    return plus(aligned, -dt, get(state, bias))
 
 
 @inline_kernel
@@ -227,8 +253,8 @@ def step(state: FloatArray, dtheta_measured: Vector, dvelocity_measured: Vector,
     dt
         Length of the interval [s].
     """
-    dtheta = corrected(dtheta_measured, dt, get(state, GYRO_SCALE), get(state, GYRO_BIAS))
-    dvelocity = corrected(dvelocity_measured, dt, get(state, ACCEL_SCALE), get(state, ACCEL_BIAS))
+    dtheta = corrected(state, dtheta_measured, dt, GYRO_BIAS, GYRO_SCALE, GYRO_MISALIGNMENT)
+    dvelocity = corrected(state, dvelocity_measured, dt, ACCEL_BIAS, ACCEL_SCALE, ACCEL_MISALIGNMENT)
     dtheta_before = get(state, PREVIOUS_DTHETA)
     dvelocity_before = get(state, PREVIOUS_DVELOCITY)
     v = get(state, VELOCITY)

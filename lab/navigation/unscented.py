@@ -246,7 +246,7 @@ def _judge(
             H[i, j] = 1.0 if i == j else 0.0
     axes = (1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)
     turn = run.turns[min(m, run.turns.shape[0] - 1)]
-    see_antenna(run.state, run.lever_arm, turn, age, run.noise, axes, nu, H, R, H.shape[1] > CORE, -1)
+    see_antenna(run.state, run.lever_arm, turn, age, run.noise, axes, nu, H, R, H.shape[1] > CORE, -1, -1)
     predict_fix(run.P, H, R, S)
     nis = normalised_square(nu, S)
     became = plausibility(run.P, run.streak, run.clock, nu, S, nis, time, schedule, n)
