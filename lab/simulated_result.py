@@ -107,4 +107,7 @@ class SimulatedResult(Result):
                 "the navigator and removed the constant gyro biases. The gyro biases shown, true and "
                 "estimated, are the remaining ones."
             )
-        return (*remarks, *self.experiment.sensors.remarks(navigator.states))
+        of_sensors = self.experiment.sensors.remarks(
+            navigator.states, misalignments=navigator.estimate_misalignments
+        )
+        return (*remarks, *of_sensors)

@@ -51,15 +51,21 @@ class SensorSuite(Settings):
         "such as gyro.flicker=4.6. A term that was changed later no longer counts.",
     )
 
-    def remarks(self, states: int | None = None) -> tuple[str, ...]:
+    def remarks(self, states: int | None = None, *, misalignments: bool = False) -> tuple[str, ...]:
         """Return remarks on settings without effect, errors without a filter state, and assumed numbers.
 
         Parameters
         ----------
         states
             Number of states of the filter, 15 or 21; None omits remarks on scale factors.
+        misalignments
+            Whether the filter has states for misalignments.
         """
-        found = (self._idle_temperature(), self._without_state(states), self.assumed_remark())
+        found = (
+            self._idle_temperature(),
+            self._without_state(states, misalignments=misalignments),
+            self.assumed_remark(),
+        )
         return tuple(remark for remark in found if remark)
 
     def assumed_terms(self) -> dict[str, list[str]]:
@@ -111,19 +117,24 @@ class SensorSuite(Settings):
             )
         return ""
 
-    def _without_state(self, states: int | None) -> str:
+    def _without_state(self, states: int | None, *, misalignments: bool) -> str:
         """Return a sentence with the errors for which the filter has no state."""
         scales = ("scale_factor", "scale_factor_sigma") if states == 15 else ()
         paths = [
             f"sensors.{sensor}.{name}"
             for sensor in TRIADS
-            for name in (*scales, "misalignment", "g_sensitivity", "bandwidth")
+            for name in (*scales, *(() if misalignments else ("misalignment",)), "g_sensitivity", "bandwidth")
             if name in self._triad(sensor).param and any(getattr(self._triad(sensor), name))
         ]
         if not paths:
             return ""
         scaled = any(".scale_factor" in path for path in paths)
-        more = "; with navigator.states 21 it has states for scale factors" if scaled else ""
+        remedies = []
+        if scaled:
+            remedies.append("navigator.states 21 it has states for scale factors")
+        if any(".misalignment" in path for path in paths):
+            remedies.append("navigator.estimate_misalignments it has states for misalignments")
+        more = "; with " + ", and with ".join(remedies) if remedies else ""
         return (
             f"The filter has no state for {', '.join(paths)}: where these matter, its errors exceed the σ it "
             f"gives{more}."

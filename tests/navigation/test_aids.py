@@ -124,7 +124,12 @@ VEHICLE = {
     "navigator.no_slip": True,
     "navigator.slip_sigma": (5.0, 5.0),
 }
-ALL = VEHICLE | RECEIVER | {"navigator.states": 21}
+MISALIGNED = {
+    "sensors.gyro.misalignment": (0.3, -0.2, 0.1, 0.4, -0.3, 0.2),
+    "sensors.accelerometer.misalignment": 0.1,
+    "navigator.estimate_misalignments": True,
+}
+ALL = VEHICLE | RECEIVER | MISALIGNED | {"navigator.states": 21}
 """All sensors, all conditions and all states together."""
 
 

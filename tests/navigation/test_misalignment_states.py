@@ -1,0 +1,139 @@
+"""States for misalignments: derivatives, the correction of measurements, and consistency with other cards."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from hypothesis.extra import numpy as arrays
+from numpy.typing import NDArray
+
+from lab import Experiment, card
+from lab.navigation import blocks, strapdown
+from lab.navigation.error_models import ATT, MODELS, VEL, with_blocks
+from lab.navigation.lever_arm import see_antenna
+from lab.seeds import run_ensemble
+from lab.sensors.imu_errors import OFF_DIAGONAL
+
+FloatArray = NDArray[np.float64]
+
+ROWS, COLUMNS = (tuple("xyz".index(pair[k]) for pair in OFF_DIAGONAL) for k in (0, 1))
+ALL = (*blocks.SCALES, *blocks.MISALIGNMENTS)
+GYRO = (strapdown.GYRO_BIAS, strapdown.GYRO_SCALE, strapdown.GYRO_MISALIGNMENT)
+ACCELEROMETER = (strapdown.ACCEL_BIAS, strapdown.ACCEL_SCALE, strapdown.ACCEL_MISALIGNMENT)
+
+
+def mixing(scale: FloatArray, off: FloatArray) -> FloatArray:
+    """Return I + S + M, complex where an element is."""
+    C = np.diag(1 + scale).astype(np.result_type(scale, off))
+    C[ROWS, COLUMNS] = off
+    return C
+
+
+def moving(rng: np.random.Generator, off: float = 0.0) -> FloatArray:
+    """Return a navigator after a step in a hard manoeuvre, with misalignments of some size [rad]."""
+    state = np.zeros(strapdown.LENGTH)
+    strapdown.set_position(state, 0.8, 0.3, 900.0)
+    state[strapdown.VELOCITY : strapdown.VELOCITY + 3] = rng.normal(0, 50, 3)
+    q = rng.normal(size=4)
+    state[strapdown.Q_NB : strapdown.Q_NB + 4] = q / np.linalg.norm(q)
+    for bias, scale, pairs in (GYRO, ACCELEROMETER):
+        state[bias : bias + 3] = rng.normal(0, 0.01, 3)
+        state[scale : scale + 3] = rng.normal(0, 0.02, 3)
+        state[pairs : pairs + 6] = rng.normal(0, off, 6)
+    dt = 1e-9
+    strapdown.step(state, tuple(rng.normal(0, 0.5, 3) * dt), tuple(rng.normal(0, 15, 3) * dt), dt)
+    return state
+
+
+@pytest.mark.parametrize("model", list(MODELS))
+@pytest.mark.parametrize("names", [ALL, (*blocks.MISALIGNMENTS, blocks.LEVER_ARM)], ids=["33", "30"])
+def test_columns_are_derivatives(model: str, names: tuple[str, ...]) -> None:
+    """X = (I + S + M)⁻¹ y − b by complex steps; the error of a rate turns, that of a force accelerates."""
+    whole = with_blocks(MODELS[model], names)
+    for seed in range(3):
+        state = moving(np.random.default_rng(seed))
+        F = np.zeros((whole.states, whole.states))
+        whole.write(state, F)
+        C_nb = np.eye(3) if whole.in_body else state[strapdown.C_NB :][:9].reshape(3, 3)
+        kinds = (
+            (GYRO, strapdown.PREVIOUS_DTHETA, ATT, -1.0, blocks.GYRO_MISALIGNMENT),
+            (ACCELEROMETER, strapdown.PREVIOUS_DVELOCITY, VEL, 1.0, blocks.ACCEL_MISALIGNMENT),
+        )
+        for (bias, scale, _), previous, rows, sign, name in kinds:
+            mean = state[previous : previous + 3] * state[strapdown.PER_STEP]
+            size = state[scale : scale + 3]
+            y = mixing(size, np.zeros(6)) @ (mean + state[bias : bias + 3])
+            for k, column in enumerate(np.eye(6)):
+                change = np.linalg.solve(mixing(size, 1e-30j * column), y).imag / 1e-30
+                found = F[rows, blocks.first_state(names, name) + k]
+                np.testing.assert_allclose(found, sign * C_nb @ change, rtol=1e-9, atol=1e-12)
+
+
+SIZES = st.floats(-0.02, 0.02)
+
+
+@given(
+    arrays.arrays(np.float64, 3, elements=st.floats(-5, 5)),
+    arrays.arrays(np.float64, 3, elements=SIZES),
+    arrays.arrays(np.float64, 6, elements=SIZES),
+)
+def test_the_correction_is_the_inverse_of_the_sensor(
+    rate: FloatArray, scale: FloatArray, off: FloatArray
+) -> None:
+    state, bias, dt = np.zeros(strapdown.LENGTH), np.array([0.01, -0.02, 0.03]), 0.01
+    for at, values in zip(GYRO, (bias, scale, off), strict=True):
+        state[at : at + values.size] = values
+    measured = mixing(scale, off) @ (rate + bias) * dt
+    found = np.array(strapdown.corrected(state, tuple(measured), dt, *GYRO)) / dt
+    # Third order: at most 2 · 0.02 in each row, to the third power.
+    assert np.abs(found - rate).max() <= 1.1 * (2 * 0.0205) ** 3 * (np.abs(rate).max() + 0.03) + 1e-12
+
+
+def test_h_of_a_lever_arm_is_a_derivative() -> None:
+    rng = np.random.default_rng(1)
+    state, turn = moving(rng), np.array([0.3, -0.2, 0.5, 0.1])
+    axes = (1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)
+    first = blocks.first_state(ALL, blocks.GYRO_MISALIGNMENT)
+
+    def seen(state: FloatArray) -> tuple[FloatArray, FloatArray]:
+        z, H = np.zeros(6), np.zeros((6, blocks.count(ALL)))
+        arm, noise = np.array([2.0, 1.0, -1.0]), np.zeros(12)
+        see_antenna(state, arm, turn, 0.0, noise, axes, z, H, np.zeros((6, 6)), True, -1, first)
+        return z, H
+
+    H = seen(state)[1]
+    for k in range(6):
+        step = np.zeros(strapdown.LENGTH)
+        step[strapdown.GYRO_MISALIGNMENT + k] = 1e-4
+        change = (seen(state + step)[0] - seen(state - step)[0]) / 2e-4
+        np.testing.assert_allclose(H[:, first + k], change, rtol=1e-3, atol=1e-6)
+
+
+@pytest.mark.parametrize("name", ["LSM6DSO", "ADIS16470", "STIM300", "HG9900"])
+def test_filters_for_other_cards_tell_the_truth(name: str) -> None:
+    """One card of each grade: NEES of all states is near one for each, and far above it without these."""
+    nees = {}
+    for wanted in (False, True):
+        experiment = Experiment(mission="montreal")
+        card(name).load(experiment)
+        experiment.navigator.states = 21
+        experiment.navigator.estimate_misalignments = wanted
+        states = 33 if wanted else 21
+        nees[wanted] = float(np.mean(run_ensemble(experiment, 8).nees)) / states
+    print(f"\n{name}: NEES per state {nees[False]:.2f} without, {nees[True]:.2f} with misalignments")
+    assert 0.7 < nees[True] < 1.4
+    assert nees[False] > 3 * nees[True]
+
+
+def test_the_remark_names_the_remedy_and_then_stays_silent() -> None:
+    experiment = Experiment(mission="los_angeles")
+    experiment.sensors.gyro.misalignment = 0.2
+    assert "navigator.estimate_misalignments" in " ".join(experiment.run().remarks)
+    experiment.navigator.estimate_misalignments = True
+    result = experiment.run()
+    assert "misalignment" not in " ".join(result.remarks)
+    states = result.further_states
+    assert list(states.state.values[:1]) == ["gyro misalignment xy"]
+    assert float(states.truth.sel(state="gyro misalignment zy")[0]) == pytest.approx(0.2)
