@@ -10,8 +10,12 @@ VENV := .venv
 BIN := $(VENV)/bin
 PIP_INSTALL := $(BIN)/python -m pip install --disable-pip-version-check
 
-.PHONY: help lab test bench fuzz browser clean
+.PHONY: help lab test style types ahead pytest bench fuzz browser clean
 .DEFAULT_GOAL := help
+
+# Where this is set, each of some hundred processes of the tests compiles 3,000 modules of Python again, which
+# takes 5 s of a processor.
+unexport PYTHONDONTWRITEBYTECODE
 
 help:
 	@echo 'make lab     install and open the dashboard on http://localhost:$(PORT) (another port: make lab PORT=8000)'
@@ -24,10 +28,23 @@ help:
 lab: $(VENV)/.lab
 	@$(BIN)/ins-lab serve --port $(PORT)
 
-test: $(VENV)/.test browser
+# mypy has one process and the tests begin with one: they run side by side.
+test: $(VENV)/.test browser style
+	@$(MAKE) --no-print-directory --jobs=2 types pytest
+
+style: $(VENV)/.test
 	$(BIN)/ruff check
 	$(BIN)/ruff format --check
+
+types: $(VENV)/.test
 	$(BIN)/mypy
+
+# Compiles once what most tests use; otherwise each process of the tests, and each server, compiles it.
+ahead: $(VENV)/.test
+	@$(BIN)/ins-lab run los_angeles --set trajectory.imu_rate=50 --set navigator.smoother=true >/dev/null
+	@$(BIN)/ins-lab budget los_angeles --set trajectory.imu_rate=50 --set navigator.states=21 >/dev/null
+
+pytest: ahead
 	$(BIN)/pytest -m 'not benchmark' --numprocesses $(WORKERS) --dist loadfile --no-loadscope-reorder --durations=10
 
 bench: $(VENV)/.test browser

@@ -177,7 +177,7 @@ def test_sigma_points_refuse_other_sensors() -> None:
 
 
 def test_what_follows_imu_and_gps_alone_refuses_further_states() -> None:
-    result = experiment(navigator__estimate_lever_arm=True).run()
+    result = of(VEHICLE).run()
     for refused in ("budget", "observability"):
         with pytest.raises(SettingError, match="accepted here are none"):
             getattr(result, refused)
@@ -202,7 +202,7 @@ def test_an_ensemble_and_its_advice_work_with_all_states() -> None:
 
 
 def test_files_hold_what_other_sensors_measured(tmp_path: Path) -> None:
-    result = of(VEHICLE).run()
+    result = of(VEHICLE | {"trajectory.imu_rate": 50.0}).run()
     result.to_csv(tmp_path)
     aids_csv = (tmp_path / "aiding.csv").read_text(encoding="utf-8").splitlines()
     assert aids_csv[0] == "time_aid [s],innovation,sigma,used,kind,unit"
