@@ -86,9 +86,11 @@ class Explorer:
         self._made: dict[int, Tab] = {}
         step = max(round(end / 1000, 1), 0.1)
         self.window = pn.widgets.RangeSlider(
-            name="Visible time [s]", start=0.0, end=end, value=(0.0, end), step=step, width=340
+            label="Visible time [s]", start=0.0, end=end, value=(0.0, end), step=step, width=340
         )
-        self.cursor = pn.widgets.FloatSlider(name="Time cursor [s]", start=0.0, end=end, step=step, width=340)
+        self.cursor = pn.widgets.FloatSlider(
+            label="Time cursor [s]", start=0.0, end=end, step=step, width=340
+        )
         self.tabs = pn.Tabs(
             *((title, pn.Column(pn.Spacer(height=0))) for title in self._makers),
             sizing_mode="stretch_width",
@@ -101,8 +103,16 @@ class Explorer:
             widget.param.watch(lambda _event, react=react: react(), name)
         self._open()
         self.view = pn.Column(
-            f"**{result.mission.title or result.mission.name}**, {end:.0f} s "
-            f"{f', {result.realisation}' if result.realisation else ''}",
+            ", ".join(
+                filter(
+                    None,
+                    (
+                        f"**{result.mission.title or result.mission.name}**",
+                        f"{end:.0f} s",
+                        result.realisation,
+                    ),
+                )
+            ),
             pn.Row(self.window, self.cursor),
             self.tabs,
             sizing_mode="stretch_width",
@@ -138,8 +148,7 @@ class Explorer:
 
     def _send(self) -> None:
         """Send the changes of the figures to a notebook; a server sends them by itself."""
-        if pn.state.curdoc is None:
-            pn.io.push_notebook(*self.tabs[self.tabs.active].objects)
+        pn.io.push_notebook(*self.tabs[self.tabs.active].objects)
 
 
 def tabs_of(result: Result, axis: TimeAxis) -> dict[str, Callable[[], Tab]]:

@@ -9,6 +9,7 @@ import holoviews as hv
 import numpy as np
 from numpy.typing import NDArray
 
+from lab.views.figures import decade_ticks
 from lab.views.plots import HEIGHT_PIXELS, WIDTH
 from lab.views.quantities import AXIS_COLOURS, FIXES, TRUTH
 
@@ -40,7 +41,8 @@ class Panel(NamedTuple):
 
 def sweep_plot(sweep: Sweep, quantities: Sequence[str] | None = None) -> hv.Layout:
     """Return the plots of a sweep; see `Sweep.plot`."""
-    data, swept = sweep.dataset, sweep.dims
+    swept = sweep.dims
+    data = sweep.dataset.sortby([dim for dim in swept if not is_text(sweep.dataset[dim])])
     if not 1 <= len(swept) <= 2:
         raise ValueError(
             f"plot: {len(swept)} settings vary ({', '.join(swept) or 'none'}); accepted are one or two. "
@@ -103,11 +105,12 @@ def draw(one: Panel, data: xr.Dataset, swept: tuple[str, ...]) -> hv.Overlay:
         title=labelled(one.title, one.unit),
         xlabel=labelled(about["long_name"], about["units"]),
         ylabel="",
-        logx=not ticks and is_wide(axis),
+        logx=is_wide(axis) and not is_text(data[first]),
         show_grid=True,
         show_legend=bool(second),
         legend_position="top",
         legend_cols=3,
+        legend_opts={"padding": 0, "margin": 0, "spacing": 8, "border_line_alpha": 0},
         fontsize={"title": 10, "labels": 9, "ticks": 8, "legend": 8},
         **({"xticks": ticks} if ticks else {}),
     )
@@ -134,13 +137,20 @@ def curves(
     return drawn if axis.size > 1 else drawn[3:]
 
 
-def abscissa(values: xr.DataArray) -> tuple[FloatArray, list[tuple[int, str]]]:
-    """Return the places of a setting's values; values that are texts get ticks."""
-    if values.dtype.kind in "fiu":
-        return values.values.astype(np.float64), []
-    return np.arange(values.size, dtype=np.float64), [
-        (at, str(value)) for at, value in enumerate(values.values)
-    ]
+def abscissa(values: xr.DataArray) -> tuple[FloatArray, list[tuple[float, str]]]:
+    """Return the places of a setting's values, and the ticks; without ticks, the axis has its own."""
+    if is_text(values):
+        texts = [(float(at), str(value)) for at, value in enumerate(values.values)]
+        return np.arange(values.size, dtype=np.float64), texts
+    axis = values.values.astype(np.float64)
+    if not is_wide(axis):
+        return axis, []
+    return axis, [(tick, f"{tick:g}") for tick in decade_ticks(axis.min(), axis.max())]
+
+
+def is_text(values: xr.DataArray) -> bool:
+    """Return whether the values of a setting are no numbers."""
+    return bool(values.dtype.kind not in "fiu")
 
 
 def is_wide(axis: FloatArray) -> bool:
