@@ -53,6 +53,7 @@ IN_EFFECT = frozenset(
         "sensors.gps.outages",
         "sensors.assumed",
         *(f"sensors.{sensor}.{term}" for sensor in ("barometer", "heading") for term in _SLOW_TERMS),
+        *(f"sensors.heading.{term}" for term in ("source", "declination", "period")),
         *(f"sensors.odometer.{term}" for term in ("fitted", "noise", "scale_factor_sigma", "lever_arm")),
     )
 )
