@@ -41,6 +41,7 @@ if TYPE_CHECKING:
     from lab.missions import Mission, MissionError, Recording
     from lab.missions.catalogue import mission
     from lab.navigation.algorithm import Algorithm, Estimate
+    from lab.navigation.own_states import declare_states
     from lab.result import Result
     from lab.run import ResultError
     from lab.seeds import run_ensemble
@@ -68,6 +69,7 @@ __all__ = [
     "cards",
     "check",
     "compare",
+    "declare_states",
     "export_track",
     "mission",
     "plots",
@@ -92,6 +94,7 @@ _HOMES = {
     "cards": "lab.sensors.cards",
     "check": "lab.exercises.catalogue",
     "compare": "lab.comparison",
+    "declare_states": "lab.navigation.own_states",
     "export_track": "lab.export",
     "mission": "lab.missions",
     "run_ensemble": "lab.seeds",

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from lab.cache import StageCache, digest
 from lab.ecef import near_pole
+from lab.further_truth import simulated_own_errors
 from lab.histories import LONG, kept
 from lab.ideal_imu import IdealImu
 from lab.log_run import run_log, timed
@@ -44,11 +45,12 @@ from lab.navigation.checks import (
 )
 from lab.navigation.choice import chosen_model, is_ready
 from lab.navigation.navigator import PolarError, navigate
+from lab.navigation.own_states import declared_states
 from lab.navigation.rest_alignment import Aligned
 from lab.navigation.schedule import Schedule
 from lab.navigation.settings import NavigatorSettings
 from lab.navigation.solution import NO_REST, NO_VECTOR, Belief, Fixes, Imu, Solution, Start
-from lab.navigation.standstill import at_rest
+from lab.navigation.standstill import at_rest, still_without_fixes
 from lab.registry import find
 from lab.result import Result, Runnable
 from lab.sensors import barometer, gps, heading_sensor, imu, odometer
@@ -196,7 +198,10 @@ class _Run:
         ready = self.algorithm is not None or is_ready(self.navigator, self.sensors)
         self.progress("Navigating" if ready else "Preparing the navigator (compiled once)", 0.4)
         assumed = belief(self.sensors, self.navigator, aligned.P if self.navigator.alignment else None)
-        key = digest(self.flight_key, self.experiment.seed, self.sensors.to_dict(), self.navigator.to_dict())
+        names = chosen_blocks(self.navigator, self.sensors)
+        own = [one.block for one in declared_states(self.sensors.own_errors, "sensors.own_errors")]
+        parts = self.sensors.to_dict(), self.navigator.to_dict(), names, own
+        key = digest(self.flight_key, self.experiment.seed, *parts)
         (solution, aids), seconds = (
             timed(
                 lambda: self.own_solution(
@@ -240,7 +245,7 @@ class _Run:
             aligned=aligned,
             seconds=seconds,
             algorithm="" if self.algorithm is None else type(self.algorithm).__name__,
-            blocks=() if self.algorithm is not None else chosen_blocks(self.navigator, self.sensors),
+            blocks=() if self.algorithm is not None else names,
             aids=aids,
             readings=readings,
         )
@@ -298,6 +303,9 @@ class _Run:
         )
         # Neither is their output kept: the flight is too long to be kept, and takes longer.
         keep = _computed if samples > LONG else CACHE.get
+        own = declared_states(self.sensors.own_errors, "sensors.own_errors")
+        if own:
+            key = digest(key, [one.block for one in own])
         measured = keep(sensor, key, lambda: imu.as_kept(self.measured(errors, flight, draws)))
         if not found.any():
             return measured
@@ -314,7 +322,12 @@ class _Run:
         ideal, seed = flight.ideal, self.experiment.seed
         height = flight.truth.height[1:] - flight.truth.height[0]
         conditions = Conditions.of(self.sensors, seed, ideal.time[1:], height, ideal.dvelocity, ideal.dt)
-        return output(errors, ideal.dtheta, ideal.dt, draws, conditions)
+        measured = output(errors, ideal.dtheta, ideal.dt, draws, conditions)
+        if not self.sensors.own_errors:
+            return measured
+        triad = 3 * isinstance(errors, imu.AccelerometerErrors)
+        more = simulated_own_errors(self.experiment, ideal)[:, triad : triad + 3]
+        return measured._replace(increments=measured.increments + more * ideal.dt)
 
     def fixes(self, flight: Flight) -> gps.GpsFixes:
         """Simulate the GPS receiver."""
@@ -378,7 +391,10 @@ class _Run:
             increments = Imu(truth.time, dtheta, dvelocity)
             seen = Fixes(fixes.time - latency, fixes.position, fixes.velocity_n)
             rest = at_rest(increments, seen, assumed) if needs_rest(settings) else NO_REST
-            other = aids_of(self.sensors, settings, readings, increments, rest)
+            standing = rest
+            if settings.zero_velocity:
+                standing = still_without_fixes(rest, increments, seen, assumed)
+            other = aids_of(self.sensors, settings, readings, increments, standing)
             if settings.rest_updates:
                 increments = increments._replace(rest=rest)
             solution = self.engine(increments, seen, begin, assumed, schedule, other)
