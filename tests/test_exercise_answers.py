@@ -1,0 +1,105 @@
+"""The right answers of the exercises, computed from closed forms or from runs of the lab."""
+
+from __future__ import annotations
+
+import math
+from functools import cache
+
+import numpy as np
+import pytest
+
+from lab import Experiment, earth
+from lab.exercises.catalogue import EXERCISES
+from lab.exercises.exercise import Number
+from lab.navigation import strapdown
+from lab.result import Result
+
+G = earth.STANDARD_GRAVITY
+
+
+def expect(number: str, answer: float | str) -> None:
+    """Check that an exercise accepts a computed answer."""
+    outcome = EXERCISES[number].check(answer)
+    assert outcome.right, f"{number}: {answer} is refused: {outcome}"
+
+
+@cache
+def run(*settings: tuple[str, object]) -> Result:
+    """Return a short run with settings."""
+    experiment = Experiment(mission="los_angeles", seed=1)
+    experiment.trajectory.imu_rate = 20
+    experiment.navigator.rest_updates = False
+    for path, value in settings:
+        experiment.set(path, value)
+    return experiment.run()
+
+
+def nis(result: Result) -> float:
+    return float(result.innovations.nis.mean())
+
+
+def at_rest(seconds: int, accelerometer: float) -> np.ndarray:
+    """Return the error north [m] of a navigator at rest at 45° with a known height, and a bias [m/s²]."""
+    latitude, state, north = math.radians(45), np.zeros(strapdown.LENGTH), np.zeros(seconds + 1)
+    strapdown.set_position(state, latitude, 0.0, 0.0)
+    state[strapdown.Q_NB] = 1
+    turn = (earth.RATE * math.cos(latitude), 0.0, -earth.RATE * math.sin(latitude))
+    gain = (accelerometer, 0.0, -earth.gravity(math.sin(latitude), 0.0))
+    for second in range(seconds):
+        strapdown.step(state, turn, gain, 1.0)
+        state[strapdown.HEIGHT], state[strapdown.VELOCITY + 2] = 0, 0
+        north[second + 1] = (state[0] - latitude) * earth.radii(math.sin(latitude))[0]
+    return north
+
+
+def test_drift_and_schuler() -> None:
+    north = at_rest(6500, 1e-3 * G)
+    expect("02.1", north[60])
+    minute = (3600 + int(np.argmin(north[3600:]))) / 60
+    expect("02.2", minute)
+    expect("02.2", 2 * math.pi * math.sqrt(earth.radii(math.sin(math.pi / 4))[0] / G) / 60)
+
+
+def test_the_height_error_grows_exponentially() -> None:
+    # e-fold in √(R/2g): the ratio over equal times stays the same, and is that of the exponential.
+    state = np.zeros(strapdown.LENGTH)
+    strapdown.set_position(state, 0.0, 0.0, 1.0)
+    state[strapdown.Q_NB] = 1
+    heights = []
+    for second in range(4001):
+        heights.append(state[strapdown.HEIGHT])
+        if second < 4000:
+            strapdown.step(state, (earth.RATE, 0.0, 0.0), (0.0, 0.0, -earth.gravity(0.0, 0.0)), 1.0)
+    growth = heights[4000] / heights[3000], heights[3000] / heights[2000]
+    assert growth[0] == pytest.approx(growth[1], rel=0.02)
+    assert growth[0] == pytest.approx(math.exp(1000 / math.sqrt(earth.SEMI_MAJOR_AXIS / 2 / G)), rel=0.02)
+    expect("02.3", "exponentially")
+
+
+def test_coning_at_two_samples_in_a_period() -> None:
+    # The samples of x and y lie on one line and cancel, so only z turns the attitude: the drift is ω_z.
+    expect("02.4", math.degrees(2 * math.pi * 10 * (1 - math.cos(math.radians(1)))))
+
+
+def test_tuning() -> None:
+    expect("05.1", nis(run()))
+    expect("05.4", nis(run(*((f"navigator.{name}_scale", 4) for name in ("r", "q", "p0")))))
+    tenth = run(("navigator.r_scale", 0.1))
+    innovations = np.sqrt(nis(tenth) / nis(run()))
+    assert innovations == pytest.approx(3.2, abs=0.2)
+    expect("05.2", round(innovations, 1) ** 2)
+
+
+def test_a_q_that_is_too_small_shows_in_the_correlation() -> None:
+    small, matched = run(("navigator.q_scale", 0.01)), run()
+    assert nis(small) < 1.5 * nis(matched)
+    lag = [float(result.autocorrelation.velocity.sel(lag=1)[:2].mean()) for result in (small, matched)]
+    assert lag[0] > lag[1] + float(small.autocorrelation.attrs["band"])
+    expect("05.3", "correlation")
+
+
+@pytest.mark.parametrize("number", EXERCISES)
+def test_a_number_is_not_as_wide_as_its_mistakes(number: str) -> None:
+    exercise = EXERCISES[number]
+    if isinstance(exercise, Number):
+        assert all(abs(mistake - exercise.right) > 2 * exercise.tolerance for mistake in exercise.mistakes)
