@@ -103,3 +103,48 @@ def test_a_number_is_not_as_wide_as_its_mistakes(number: str) -> None:
     exercise = EXERCISES[number]
     if isinstance(exercise, Number):
         assert all(abs(mistake - exercise.right) > 2 * exercise.tolerance for mistake in exercise.mistakes)
+
+
+@cache
+def montreal(*settings: tuple[str, object]) -> Result:
+    """Return a flight with turns, with settings."""
+    experiment = Experiment(mission="montreal", seed=1)
+    experiment.trajectory.imu_rate = 20
+    for path, value in settings:
+        experiment.set(path, value)
+    return experiment.run()
+
+
+def test_a_tilt_and_a_walking_tilt() -> None:
+    expect("07.1", float(0.5 * G * np.radians(0.15) * 60**2))
+    # The position is white noise integrated three times: the variance is the sum of its squared responses.
+    responses = [np.sum((np.arange(seconds * 100) / 200) ** 4) for seconds in (30, 60)]
+    expect("07.2", float(np.sqrt(responses[1] / responses[0])))
+
+
+def test_the_gyros_limit_an_outage() -> None:
+    outage = ("sensors.gps.outages", ((100.5, 160.5),))
+    better = {
+        "gyros": (("sensors.gyro.noise_density", 0.025), ("sensors.gyro.bias_sigma", 0.05)),
+        "accelerometers": (
+            ("sensors.accelerometer.noise_density", 17),
+            ("sensors.accelerometer.bias_sigma", 1),
+        ),
+        "GPS receiver": (
+            ("sensors.gps.position_variance", 0.125),
+            ("sensors.gps.velocity_variance", 0.05),
+        ),
+        "IMU rate": (("trajectory.imu_rate", 40),),
+    }
+    sigma = {
+        name: float(montreal(outage, *settings).sigma.position.sel(time=160, method="nearest")[0])
+        for name, settings in better.items()
+    }
+    expect("07.3", min(sigma, key=lambda name: sigma[name]))
+
+
+def test_turns_show_the_heading() -> None:
+    share = montreal().observability.share.sel(quantity="heading").to_series()
+    turns = share[["turn" in name for name in share.index]].sum()
+    assert turns > 90
+    expect("07.4", "a turn")
