@@ -7,8 +7,9 @@ from functools import cache
 
 import numpy as np
 import pytest
+from scipy import stats
 
-from lab import Experiment, earth
+from lab import Experiment, earth, run_ensemble
 from lab.exercises.catalogue import EXERCISES
 from lab.exercises.exercise import Number
 from lab.navigation import strapdown
@@ -148,3 +149,18 @@ def test_turns_show_the_heading() -> None:
     turns = share[["turn" in name for name in share.index]].sum()
     assert turns > 90
     expect("07.4", "a turn")
+
+
+def test_many_runs() -> None:
+    expect("10.1", float(stats.chi2.ppf(0.975, 20 * 15) / 20))
+    expect("10.2", 20 * (0.15 / 0.05) ** 2)
+
+
+def test_the_same_seeds_give_the_smaller_error_bar() -> None:
+    experiment = Experiment(mission="los_angeles", seed=1)
+    experiment.trajectory.imu_rate = 20
+    matched = run_ensemble(experiment, 12).rms[:, 0]
+    experiment.navigator.q_scale = 3
+    large = run_ensemble(experiment, 12).rms[:, 0]
+    assert (large - matched).std() < 0.5 * np.hypot(large.std(), matched.std())
+    expect("10.3", "the luck cancels")
