@@ -66,16 +66,18 @@ pd.Series(position_rms(matched), name="rms of the position error [m]").describe(
 
 # %%
 def over_time(ensemble):
-    """Return the averages of NEES and NIS over time, with the interval of each."""
+    """Return the averages of NEES and NIS over time, each with its interval."""
     data, plots = ensemble.consistency, []
-    for name, title in (("anees", "average NEES"), ("anis", "average NIS")):
-        edges = hv.Area(
-            (data.time_gps, data[f"{name}_low"], data[f"{name}_high"]), "time [s]", [title, "high"]
-        )
-        curve = hv.Curve((data.time_gps, data[name]), "time [s]", title)
-        plots.append(
-            (edges.opts(alpha=0.2, line_alpha=0) * curve).opts(width=480, height=260, show_grid=True)
-        )
+    titles = {
+        "anees": "NEES of all states",
+        "anees_between": "NEES of the position, between fixes",
+        "anis": "NIS",
+    }
+    for name, title in titles.items():
+        time = data[data[name].dims[0]]
+        edges = hv.Area((time, data[f"{name}_low"], data[f"{name}_high"]), "time [s]", [title, "high"])
+        curve = edges.opts(alpha=0.2, line_alpha=0) * hv.Curve((time, data[name]), "time [s]", title)
+        plots.append(curve.opts(width=330, height=260, show_grid=True, title=f"{title}, average of the runs"))
     return hv.Layout(plots).opts(shared_axes=False)
 
 

@@ -9,11 +9,13 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from lab import Experiment, earth, run_ensemble
+from lab import Experiment, allan, earth, run_ensemble
 from lab.exercises.catalogue import EXERCISES
 from lab.exercises.exercise import Number
 from lab.navigation import strapdown
 from lab.result import Result
+from lab.sensors import imu
+from lab.sensors.datum import Datum
 
 G = earth.STANDARD_GRAVITY
 
@@ -164,3 +166,29 @@ def test_the_same_seeds_give_the_smaller_error_bar() -> None:
     large = run_ensemble(experiment, 12).rms[:, 0]
     assert (large - matched).std() < 0.5 * np.hypot(large.std(), matched.std())
     expect("10.3", "the luck cancels")
+
+
+def test_sensor_errors() -> None:
+    # What the lab makes of the unit of a card, and what its simulated gyros do.
+    expect("03.1", Datum(0.3, "°/√h", "a sheet").in_unit("°/s/√Hz"))
+    errors = imu.GyroErrors(noise_density=0.05, bias_sigma=0)
+    draws = imu.ImuDraws.of(1, "gyro", 300_000, instability=False, flicker=False, walk=False)
+    increments = imu.measure(np.zeros((300_000, 3)), 1.0, errors, draws).increments
+    angles = np.degrees(increments.reshape(-1, 100, 3).sum(axis=1))
+    assert angles.std() == pytest.approx(0.5, rel=0.02)
+    expect("03.2", round(float(angles.std()), 2))
+
+
+def test_the_allan_deviation_shows_a_walk_and_no_scale() -> None:
+    errors = imu.GyroErrors(noise_density=0, bias_sigma=0, rate_random_walk=10)
+    draws = imu.ImuDraws.of(1, "gyro", 2**14, instability=False, flicker=False, walk=True)
+    walking = imu.measure(np.zeros((2**14, 3)), 1.0, errors, draws).increments
+    found = allan.deviation(walking, 1.0)
+    slope = np.polyfit(np.log(found.tau[3:20]), np.log(found.deviation[3:20].mean(axis=1)), 1)[0]
+    assert slope == pytest.approx(0.5, abs=0.1)
+    expect("03.3", "random walk of the bias")
+    # At rest, a scale factor changes the output by a constant, which the deviation does not see.
+    gravity = np.random.default_rng(1).normal(-G, 1e-3, (4096, 1))
+    scaled = allan.deviation(gravity - 0.01 * G, 1.0).deviation
+    assert np.allclose(scaled, allan.deviation(gravity, 1.0).deviation)
+    expect("03.4", "scale factor")
