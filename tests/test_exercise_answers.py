@@ -8,6 +8,7 @@ from functools import cache
 import numpy as np
 import pytest
 from scipy import stats
+from scipy.spatial.transform import Rotation
 
 from lab import Experiment, allan, earth, run_ensemble
 from lab.exercises.catalogue import EXERCISES
@@ -192,3 +193,23 @@ def test_the_allan_deviation_shows_a_walk_and_no_scale() -> None:
     scaled = allan.deviation(gravity - 0.01 * G, 1.0).deviation
     assert np.allclose(scaled, allan.deviation(gravity, 1.0).deviation)
     expect("03.4", "scale factor")
+
+
+def test_phi_and_psi_are_the_same_error_in_other_coordinates() -> None:
+    heading = {
+        model: run(("navigator.model", model)).errors.attitude.values for model in ("phi", "psi", "invariant")
+    }
+    assert np.allclose(heading["phi"], heading["psi"], atol=1e-5)
+    assert not np.allclose(heading["phi"], heading["invariant"], atol=1e-3)
+    expect("06.1", "phi and psi")
+
+
+def test_a_wrong_heading_and_a_free_navigator() -> None:
+    turned = Rotation.from_euler("z", 60, degrees=True).apply([1.0, 0, 0])
+    expect("06.2", float(np.linalg.norm(turned - [1, 0, 0])))
+    errors = {
+        correction: float((run(("navigator.correction", correction)).errors.position ** 2).mean())
+        for correction in ("feedback", "feedforward")
+    }
+    assert errors["feedforward"] > 10 * errors["feedback"]
+    expect("06.3", min(errors, key=lambda correction: errors[correction]))
