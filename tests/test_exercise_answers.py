@@ -3,17 +3,21 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from functools import cache
+from pathlib import Path
 
 import numpy as np
 import pytest
 from scipy import stats
 from scipy.spatial.transform import Rotation
 
-from lab import Experiment, allan, earth, run_ensemble
+from lab import Estimate, Experiment, MissionError, allan, earth, mission, run_ensemble
 from lab.exercises.catalogue import EXERCISES
 from lab.exercises.exercise import Number
+from lab.missions import prepare_import, write_flight_csv
 from lab.navigation import strapdown
+from lab.navigation.solution import Fixes, Imu, Start
 from lab.result import Result
 from lab.sensors import imu
 from lab.sensors.datum import Datum
@@ -213,3 +217,41 @@ def test_a_wrong_heading_and_a_free_navigator() -> None:
     }
     assert errors["feedforward"] > 10 * errors["feedback"]
     expect("06.3", min(errors, key=lambda correction: errors[correction]))
+
+
+def test_a_file_in_knots_and_a_coordinated_turn(tmp_path: Path) -> None:
+    recording = mission("los_angeles").recording
+    write_flight_csv(tmp_path / "knots.csv", replace(recording, velocity_n=recording.velocity_n / 0.5144))
+    with pytest.raises(MissionError, match=r"knots.*position changes 0\.514 times"):
+        prepare_import(tmp_path / "knots.csv")
+    expect("08.1", "position")
+    # The lift balances gravity and the centripetal acceleration.
+    lift = np.array([45.0 * math.radians(6), G])
+    expect("08.2", math.degrees(math.atan2(*lift)))
+
+
+class _Held:
+    """Holds each fix; optionally with a covariance."""
+
+    def __init__(self, *, covariance: bool) -> None:
+        self.covariance = covariance
+
+    def navigate(self, imu: Imu, fixes: Fixes, start: Start) -> Estimate:
+        last = np.maximum(np.searchsorted(fixes.time, imu.time + 1e-6) - 1, 0)
+        sigma = np.ones((imu.time.size, 9))
+        q_nb = np.tile(start.q_nb, (imu.time.size, 1))
+        P = np.tile(np.eye(9), (fixes.time.size, 1, 1)) if self.covariance else None
+        return Estimate(fixes.position[last], fixes.velocity_n[last], q_nb, sigma, covariance=P)
+
+
+def test_an_algorithm_that_holds_the_last_fix() -> None:
+    age = np.arange(0, 1, 1e-4)
+    expect("09.1", float(np.sqrt(np.mean((45 * age) ** 2))))
+    nees = {}
+    for covariance in (False, True):
+        result = run().experiment.copy()
+        assert isinstance(result, Experiment)
+        nees[covariance] = result.run(algorithm=_Held(covariance=covariance)).consistency.nees
+    assert nees[True].notnull().any()
+    assert not nees[False].notnull().any()
+    expect("09.2", "covariance")
