@@ -17,6 +17,7 @@ from lab.cli import (
     import_flight,
     live,
     missions,
+    notebooks,
     record,
     run,
     warm,
@@ -40,4 +41,5 @@ app.command("rename")(missions.rename)
 app.command("delete")(missions.delete)
 app.command("cards", epilog=cards.EXAMPLES)(cards.list_cards)
 app.command("allan", epilog=allan.EXAMPLES)(allan.allan)
+app.add_typer(notebooks.notebooks, epilog=notebooks.EXAMPLES)
 app.command("warm", epilog=warm.EXAMPLES)(warm.warm)
