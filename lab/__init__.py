@@ -47,6 +47,7 @@ if TYPE_CHECKING:
     from lab.seeds import run_ensemble
     from lab.sensors.cards import card, cards
     from lab.settings import SettingError
+    from lab.sweep import Sweep
     from lab.trajectory import Trajectory
     from lab.views import plots
 
@@ -61,6 +62,7 @@ __all__ = [
     "Result",
     "ResultError",
     "SettingError",
+    "Sweep",
     "Trajectory",
     "__version__",
     "allan",
@@ -89,6 +91,7 @@ _HOMES = {
     "Result": "lab.result",
     "ResultError": "lab.run",
     "SettingError": "lab.settings",
+    "Sweep": "lab.sweep",
     "Trajectory": "lab.trajectory",
     "card": "lab.sensors.cards",
     "cards": "lab.sensors.cards",
