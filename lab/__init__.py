@@ -29,6 +29,7 @@ import importlib
 from typing import TYPE_CHECKING, Any
 
 from lab.views.cards import register_cards
+from lab.views.completion import register_completion
 
 if TYPE_CHECKING:
     from lab.analysis import allan, budget
@@ -99,6 +100,7 @@ _MODULES = {"allan": "lab.analysis.allan", "budget": "lab.analysis.budget", "plo
 
 
 register_cards()
+register_completion()
 
 
 def __getattr__(name: str) -> Any:

@@ -6,10 +6,10 @@ navigation; a change of a gyro's noise does not recompute the flight, the accele
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
-from typing import TypeVar
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -49,6 +49,7 @@ from lab.navigation.schedule import Schedule
 from lab.navigation.settings import NavigatorSettings
 from lab.navigation.solution import NO_REST, NO_VECTOR, Belief, Fixes, Imu, Solution, Start
 from lab.navigation.standstill import at_rest
+from lab.registry import find
 from lab.result import Result, Runnable
 from lab.sensors import barometer, gps, heading_sensor, imu, odometer
 from lab.sensors.draws import unit_draws
@@ -57,6 +58,7 @@ from lab.sensors.suite import SensorSuite
 from lab.sensors.triad import Conditions, output
 from lab.settings import SettingError
 from lab.simulated_result import SimulatedResult
+from lab.sweep import Sweep
 from lab.trajectory import Trajectory, Truth
 from lab.units import si
 
@@ -115,6 +117,47 @@ class Experiment(Runnable):
         if isinstance(found, LogMission):
             return run_log(settings, found, CACHE, tell, algorithm)
         return _Run(settings, found, tell, algorithm).result()
+
+    def sweep(
+        self,
+        settings: Mapping[str, Sequence[Any]],
+        seeds: int | Sequence[int] = 20,
+        progress: Progress | None = None,
+        *,
+        workers: int | None = None,
+    ) -> Sweep:
+        """Run all combinations of values of settings over seeds, on all cores.
+
+        Runs that were done before are taken from a cache. An interrupt, or an exception raised by `progress`,
+        ends the sweep; the runs that are done stay in the cache.
+
+        Parameters
+        ----------
+        settings
+            The values of each setting by its dotted path, such as
+            ``{"sensors.gyro.noise_density": [0.01, 0.03, 0.1]}``, in the unit of the setting.
+        seeds
+            Number of runs of each combination, from the seed of the experiment on, or the seed of each; a
+            sensor log has one.
+        progress
+            Called with a sentence about the current work and the fraction done, from 0 to 1; by default, a
+            notebook shows a bar.
+        workers
+            Number of threads; by default one for each core.
+
+        Raises
+        ------
+        SettingError
+            If there is no such setting, or it does not accept a value.
+        MissionError
+            If the mission cannot be found or read.
+        ValueError
+            If there is no seed, or more than one for a log, or no run is possible. If only some runs are
+            impossible, their values are NaN, and `Sweep.refused` has the reasons.
+        """
+        with find("experiment", "progress")(progress) as tell:
+            found: Sweep = find("experiment", "sweep")(self, settings, seeds, tell, workers)
+        return found
 
     def __repr__(self) -> str:
         changed = sum(getattr(owner, name) != owner.param[name].default for _, owner, name in self.leaves())
