@@ -18,6 +18,7 @@ from lab.analysis.finding import (
 from lab.analysis.selection import PRICE, Explained, estimates, gain_of, select
 from lab.analysis.sensor_evidence import FACTORS, MOTION, SensorErrors
 from lab.analysis.sums import Fit, Squares
+from lab.earth import STANDARD_GRAVITY
 
 FloatArray = NDArray[np.float64]
 
@@ -117,7 +118,7 @@ def _records(matrix: FloatArray, vector: FloatArray, squares: FloatArray) -> Fit
 
 
 def _stated(entry: Explained, kind: str, sensor: int) -> Weighed:
-    unit, to_unit = (("°/s", np.degrees(1.0)), ("mg", 1000 / 9.80665))[sensor]
+    unit, to_unit = (("°/s", np.degrees(1.0)), ("mg", 1000 / STANDARD_GRAVITY))[sensor]
     estimate = entry.estimate.sum(axis=1) if entry.name == "bandwidth" else entry.estimate
     factor = float(np.sqrt(np.mean(estimate**2)))
     size = (
@@ -127,7 +128,7 @@ def _stated(entry: Explained, kind: str, sensor: int) -> Weighed:
             "misalignment": np.degrees(1.0),
             "bandwidth": 1000,
             "temperature": to_unit,
-            "g-sensitivity": to_unit * 9.80665,
+            "g-sensitivity": to_unit * STANDARD_GRAVITY,
             "bias drift": 60 * to_unit,
         }[entry.name]
     )

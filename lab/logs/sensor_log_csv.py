@@ -5,7 +5,7 @@ force ``fx_m_s2, fy_m_s2, fz_m_s2`` (or ``fx_g …``), mean over the interval th
 their integrals over it, ``dtheta_x_rad …`` and ``dvelocity_x_m_s …``. ``gnss.csv``: ``t_s, lat_deg,
 lon_deg, alt_m``, and those that the receiver has of ``vn_m_s, ve_m_s, vd_m_s`` and of its σ ``sd_n_m,
 sd_e_m, sd_d_m, sd_vn_m_s, sd_ve_m_s, sd_vd_m_s``; with two antennas also ``heading_deg, sd_heading_deg``.
-``ref.csv``, where there is one: ``t_s`` and those that are known of ``lat_deg, lon_deg, alt_m``, ``vn_m_s
+``ref.csv``, where there is one: ``t_s`` and those of the columns ``lat_deg, lon_deg, alt_m``, ``vn_m_s
 …`` and ``roll_deg, pitch_deg, heading_deg``. ``mag.csv``, where there is one: ``t_s, mx_uT, my_uT,
 mz_uT``, in the axes of the IMU. ``baro.csv``, where there is one: ``t_s, height_m``, by pressure;
 ``odo.csv``: ``t_s, speed_m_s``, forward; ``heading.csv``: ``t_s, heading_deg``, true, and
