@@ -25,12 +25,12 @@ from lab.views.quantities import (
     SCALE_ERRORS,
     SENSOR_ERRORS,
     TEMPERATURE,
-    TimePlot,
     aid_plots,
     further_plots,
     kinds_of,
     with_scale,
 )
+from lab.views.time_plot import TimePlot
 from lab.views.track import TrackFigure
 
 if TYPE_CHECKING:
