@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from lab.analysis import consistency, errors
 from lab.analysis.aid_verdict import aid_squares
-from lab.analysis.fix_causes import causes_of, motion_at_fixes
+from lab.analysis.fix_causes import Motion, causes_of, motion_at_fixes
 from lab.analysis.fix_evidence import FixErrors, fix_errors
 from lab.analysis.innovation_evidence import Innovations, innovations, offered
 from lab.analysis.sensor_evidence import Reference, SensorErrors, sensor_errors
@@ -138,6 +138,8 @@ def evidence(
     aided: bool = False,
     calibrating: bool = False,
     aid_kinds: NDArray[np.int64] = NO_AIDS.kind,
+    motion: Motion | None = None,
+    sensors: SensorErrors | None = None,
 ) -> Evidence:
     """Return the evidence of a run about its filter.
 
@@ -167,9 +169,14 @@ def evidence(
         judged: they contain what is estimated.
     aid_kinds : (a,) array
         Kinds of the measurements other than fixes.
+    motion
+        Motion at the fixes that were `offered`; by default, from the solution at all samples.
+    sensors
+        Errors of the sensors; by default, from the increments. With these two, solution, increments and
+        truth may have some samples only: start, end and whole seconds, and those with a fix and before.
     """
     seen, samples = offered(solution, fixes, imu)
-    motion = motion_at_fixes(solution, samples, imu)
+    motion = motion_at_fixes(solution, samples, imu) if motion is None else motion
     found = Evidence(
         runs=1,
         innovations=innovations(solution, belief, fixes, imu, motion, explain=explain, aided=aided),
@@ -192,7 +199,7 @@ def evidence(
             reference.truth,
             solution.fix_rejected[seen],
         ),
-        sensors=sensor_errors(belief, imu, reference),
+        sensors=sensor_errors(belief, imu, reference) if sensors is None else sensors,
         start=_start(solution, belief, reference),
         between=between_squares(shown, samples, reference),
         nees=nees_squares(shown, used, reference),
