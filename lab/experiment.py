@@ -114,15 +114,30 @@ class Experiment(Runnable):
         found = mission(settings.mission)
         if isinstance(found, LogMission):
             return run_log(settings, found, CACHE, tell, algorithm)
-        return _Run(settings, found, tell, algorithm).result()
+        return Computation(settings, found, tell, algorithm).result()
 
     def __repr__(self) -> str:
         changed = sum(getattr(owner, name) != owner.param[name].default for _, owner, name in self.leaves())
         return f"<Experiment: mission {self.mission}, seed {self.seed}, {changed} settings not default>"
 
 
-class _Run:
-    """One computation of an experiment: its stages, each with the key of all its inputs."""
+class Computation:
+    """One computation of an experiment: its stages, each with the key of all its inputs.
+
+    Parameters
+    ----------
+    experiment
+        The settings, which do not change any more.
+    found
+        The mission that they name.
+    progress
+        As of `Experiment.run`.
+    algorithm
+        The user's navigator, if one takes the place of that of the settings.
+    """
+
+    hidden = ""
+    """What changes the navigation besides the settings, as a part of its key; nothing."""
 
     def __init__(
         self, experiment: Experiment, found: Mission, progress: Progress, algorithm: Algorithm | None = None
@@ -152,8 +167,14 @@ class _Run:
             give_back()
         ready = self.algorithm is not None or is_ready(self.navigator, self.sensors)
         self.progress("Navigating" if ready else "Preparing the navigator (compiled once)", 0.4)
-        assumed = belief(self.sensors, self.navigator, aligned.P if self.navigator.alignment else None)
-        key = digest(self.flight_key, self.experiment.seed, self.sensors.to_dict(), self.navigator.to_dict())
+        assumed = self.belief(aligned)
+        key = digest(
+            self.flight_key,
+            self.experiment.seed,
+            self.sensors.to_dict(),
+            self.navigator.to_dict(),
+            self.hidden,
+        )
         (solution, aids), seconds = (
             timed(
                 lambda: self.own_solution(
@@ -211,6 +232,10 @@ class _Run:
         trajectory = Trajectory.from_recording(recording, settings.imu_rate, settings.attitude_curve)
         ideal = trajectory.increments(settings.imu_rate)
         return Flight(trajectory, trajectory.at(ideal.time), ideal)
+
+    def belief(self, aligned: Aligned) -> Belief:
+        """Return what the filter assumes."""
+        return belief(self.sensors, self.navigator, aligned.P if self.navigator.alignment else None)
 
     def check_memory(self, samples: int) -> None:
         """Raise `TooLongError` if a flight with this number of samples needs too much memory."""
