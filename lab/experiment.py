@@ -167,7 +167,22 @@ class Experiment(Runnable):
 
 
 class Stages:
-    """One computation of an experiment: its stages, each with the key of all its inputs."""
+    """One computation of an experiment: its stages, each with the key of all its inputs.
+
+    Parameters
+    ----------
+    experiment
+        The settings, which do not change any more.
+    found
+        The mission that they name.
+    progress
+        As of `Experiment.run`.
+    algorithm
+        The user's navigator, if one takes the place of that of the settings.
+    """
+
+    hidden = ""
+    """What changes the navigation besides the settings, as a part of its key; nothing."""
 
     def __init__(
         self, experiment: Experiment, found: Mission, progress: Progress, algorithm: Algorithm | None = None
@@ -197,10 +212,10 @@ class Stages:
             give_back()
         ready = self.algorithm is not None or is_ready(self.navigator, self.sensors)
         self.progress("Navigating" if ready else "Preparing the navigator (compiled once)", 0.4)
-        assumed = belief(self.sensors, self.navigator, aligned.P if self.navigator.alignment else None)
+        assumed = self.belief(aligned)
         names = chosen_blocks(self.navigator, self.sensors)
         own = [one.block for one in declared_states(self.sensors.own_errors, "sensors.own_errors")]
-        parts = self.sensors.to_dict(), self.navigator.to_dict(), names, own
+        parts = self.sensors.to_dict(), self.navigator.to_dict(), names, own, self.hidden
         key = digest(self.flight_key, self.experiment.seed, *parts)
         (solution, aids), seconds = (
             timed(
@@ -263,6 +278,10 @@ class Stages:
         trajectory = Trajectory.from_recording(recording, settings.imu_rate, settings.attitude_curve)
         ideal = trajectory.increments(settings.imu_rate)
         return Flight(trajectory, trajectory.at(ideal.time), ideal)
+
+    def belief(self, aligned: Aligned) -> Belief:
+        """Return what the filter assumes."""
+        return belief(self.sensors, self.navigator, aligned.P if self.navigator.alignment else None)
 
     def check_memory(self, samples: int) -> None:
         """Raise `TooLongError` if a flight with this number of samples needs too much memory."""
