@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from typing import Self
 
-from lab.experiment import Stages, Experiment, Flight, Progress
+from lab.experiment import Experiment, Flight, Progress, Stages
 from lab.gallery.faults import Fault
 from lab.missions import LogMission, Mission, mission
 from lab.navigation.algorithm import Algorithm
