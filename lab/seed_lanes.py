@@ -98,6 +98,7 @@ class SeedLanes:
             or navigator.engine != "compiled"
             or navigator.smoother
             or sensors.own_errors
+            or experiment.hidden
             or is_aided(navigator, sensors)
             or set(chosen_blocks(navigator, sensors)) - set(SCALES)
         ):

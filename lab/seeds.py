@@ -9,7 +9,6 @@ import os
 import time
 from collections.abc import Callable, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor, as_completed
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,9 +23,6 @@ from lab.missions import LogMission, mission
 from lab.navigation.algorithm import Algorithm
 from lab.result import Result
 from lab.seed_lanes import LANES, SeedLanes
-
-if TYPE_CHECKING:
-    pass
 
 FloatArray = NDArray[np.float64]
 
