@@ -25,7 +25,7 @@ def ensemble(
     `partial` is called with the runs that are done so far; see `run_ensemble`.
     """
     experiment = result.experiment
-    key = digest(result.mission.content_hash, experiment.to_dict(), runs)
+    key = digest(result.mission.content_hash, experiment.to_dict(), experiment.hidden, runs)
     return KEPT.get(
         "ensemble",
         key,

@@ -24,6 +24,7 @@ from dashboards.pages.budget import Budget
 from dashboards.pages.consistency import Consistency
 from dashboards.pages.ground_track import GroundTrack
 from dashboards.pages.innovations import Innovations
+from dashboards.pages.lessons.lessons import Lessons
 from dashboards.pages.live import Live
 from dashboards.pages.missions import Missions
 from dashboards.pages.models import Models
@@ -49,6 +50,9 @@ ZOOM_DEBOUNCE = 60
 
 OUTAGES = "sensors.gps.outages"
 
+_TAB = {"minWidth": "0", "padding": "12px 5px", "fontSize": "0.8125rem", "letterSpacing": "0"}
+"""Style of a tab: all of them fit into a window of 1440 px."""
+
 PAGES: tuple[type[Page], ...] = (
     Missions,
     Errors,
@@ -64,6 +68,7 @@ PAGES: tuple[type[Page], ...] = (
     Budget,
     Summary,
     Live,
+    Lessons,
 )
 
 
@@ -94,6 +99,8 @@ class SimulatorPage:
         self._reason = Notice(margin=(16, 20))
         self._failure = Notice()
         self._message = Notice(closeable=True, margin=(6, 8))
+        self._reminder: Notice | None = None
+        self._reminded = ""
         self._tabs = pmui.Tabs(
             *((page.title, pn.Spacer(height=0)) for page in PAGES),
             active=PAGES.index(Errors),
@@ -101,10 +108,21 @@ class SimulatorPage:
             height=48,
             margin=0,
             styles={"flex": "0 0 48px"},
-            sx={"& .MuiTab-root": {"minWidth": "0", "padding": "12px 8px", "fontSize": "0.8125rem"}},
+            sx={"& .MuiTab-root": _TAB},
         )
         self._stage = pn.Column(sizing_mode="stretch_both", margin=0, stylesheets=[STAGE])
+        self._main = pn.Column(
+            self._tabs,
+            self._message.view,
+            self._stage,
+            self._time_bar.view,
+            sizing_mode="stretch_both",
+            margin=0,
+            stylesheets=[FRAME],
+        )
         self.session.prepare = self._prepare
+        self.session.go = self._go_to
+        self.session.remind = self._remind
         self.session.param.watch(self._new_result, "result")
         self.session.param.watch(self._new_problem, "problem")
         self._tabs.param.watch(lambda _event: self._show(), "active")
@@ -139,17 +157,7 @@ class SimulatorPage:
             sidebar=[self._sidebar],
             sidebar_width=330,
             sidebar_open=not self._on_phone,
-            main=[
-                pn.Column(
-                    self._tabs,
-                    self._message.view,
-                    self._stage,
-                    self._time_bar.view,
-                    sizing_mode="stretch_both",
-                    margin=0,
-                    stylesheets=[FRAME],
-                )
-            ],
+            main=[self._main],
             theme_config=THEME,
             sx=DRESS,
             busy_indicator=None,
@@ -218,6 +226,7 @@ class SimulatorPage:
 
     def _show(self) -> None:
         """Draw the selected page, and lay it out afterwards, so that it arrives complete."""
+        self._show_reminder()
         with self._failures_shown():
             page, result = self._page, self.session.result
             reason = page.lacks(result) if result is not None else ""
@@ -291,6 +300,27 @@ class SimulatorPage:
         self.session.change(OUTAGES, outages)
         if self._settings is not None:
             self._settings.refresh()
+
+    def _go_to(self, title: str, time: float | None) -> None:
+        """Open a page, and move the cursor to a time."""
+        self._tabs.active = [page.title for page in PAGES].index(title)
+        if time is not None:
+            self._time_bar.go(time - self._epoch)
+
+    def _remind(self, sentence: str) -> None:
+        """Show a sentence above all pages but the lessons, until it is empty."""
+        self._reminded = sentence
+        self._show_reminder()
+
+    def _show_reminder(self) -> None:
+        words = "" if PAGES[self._tabs.active] is Lessons else self._reminded
+        if self._reminder is None:
+            if not words:
+                return
+            self._reminder = Notice(margin=(6, 8))
+            self._main.insert(1, self._reminder.view)
+        if words != self._reminder.text:
+            self._reminder.say(words, "info")
 
     def _follow(self, time: float) -> None:
         page = self._pages.get(self._tabs.active)

@@ -19,6 +19,7 @@ EXAMPLES = """\b
 Examples:
   ins-lab serve --port 8000
   ins-lab serve --algorithm my_filter.py:MyFilter
+  ins-lab serve --lessons my_lessons
   ins-lab serve --phone
   ins-lab serve --allow-device "serial:/dev/ttyUSB0?baud=115200"
   ins-lab serve --address 0.0.0.0 --password-file secret.txt
@@ -96,12 +97,25 @@ def serve(
         int,
         typer.Option("--phone-port", min=1, max=65534, metavar="PORT", help="Port of the page for phones."),
     ] = 5008,
+    lessons: Annotated[
+        Path | None,
+        typer.Option(
+            "--lessons",
+            metavar="FOLDER",
+            help="A folder with lessons of your own; its files are read again when they change.",
+            show_default=False,
+        ),
+    ] = None,
     warm: Annotated[
         bool, typer.Option("--warm/--no-warm", help="Compile the filter ahead, in the background.")
     ] = True,
 ) -> None:
     """Serve the dashboard, and open it in a browser if there is a screen."""
     _check_port(address, port)
+    if lessons is not None and not lessons.is_dir():
+        raise CommandError(
+            f"--lessons {lessons}: is not a folder; accepted is one with lessons as .toml files"
+        )
     algorithms(own)  # a failure to load is reported now, not to visitors
     if phone:
         from dashboards.phones import take_phones  # noqa: PLC0415 - takes a second
@@ -132,6 +146,7 @@ def serve(
             origins=origin or (),
             visitors=None if visitors is None else visitors.value,
             password=password,
+            lessons=lessons,
             warm=warm,
         )
     except OriginError as error:

@@ -26,6 +26,7 @@ def serve(
     origins: Sequence[str] = (),
     visitors: str | None = None,
     password: str | None = None,
+    lessons: Path | None = None,
     warm: bool = True,
 ) -> None:
     """Serve the simulator until interrupted; the 3-D view goes through the same port.
@@ -47,6 +48,8 @@ def serve(
         computer reaches the server, otherwise run.
     password
         Password for visitors; None for no password.
+    lessons
+        A teacher's folder with lessons; None without one.
     warm
         Whether a process beside the server compiles the filter ahead.
     """
@@ -55,6 +58,7 @@ def serve(
 
     import dashboards.page  # noqa: F401, PLC0415
     from dashboards.algorithms import use_algorithms  # noqa: PLC0415
+    from dashboards.classroom import use_lessons  # noqa: PLC0415
     from dashboards.headers import SecurityHeaders  # noqa: PLC0415
     from dashboards.log_limit import limit_log  # noqa: PLC0415
     from dashboards.messages import MAX_MESSAGE  # noqa: PLC0415
@@ -67,6 +71,7 @@ def serve(
     from lab.missions.library import sweep_own_folder  # noqa: PLC0415
 
     use_algorithms(algorithms)
+    use_lessons(lessons)
     sweep_own_folder()
     with warnings.catch_warnings(action="ignore"):
         missions()  # read here once, so that no page reads it again

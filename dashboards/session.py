@@ -39,6 +39,8 @@ class Session(param.Parameterized):
         self.experiment = Experiment()
         self._document = document
         self.prepare: Callable[[Result], None] = lambda _result: None
+        self.go: Callable[[str, float | None], None] = lambda _page, _time: None
+        self.remind: Callable[[str], None] = lambda _sentence: None
         self._runs = LatestWins(self._run, self._deliver)
         self._watching = self._run_failed = False
         self._on_settings: list[Callable[[], None]] = []

@@ -132,6 +132,11 @@ class TimeBar:
             self._go(0.0)
         self._playing = self._document.add_periodic_callback(self._advance, FRAME)
 
+    def go(self, time: float) -> None:
+        """Move the cursor to a time of the flight [s]; a later one is its end."""
+        self.stop()
+        self._go(time)
+
     def stop(self) -> None:
         """Stop playing."""
         if self._playing is not None:

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from lab.cache import StageCache, digest
 from lab.ecef import near_pole
+from lab.further_truth import simulated_own_errors
 from lab.histories import LONG, kept
 from lab.ideal_imu import IdealImu
 from lab.log_run import run_log, timed
@@ -44,11 +45,12 @@ from lab.navigation.checks import (
 )
 from lab.navigation.choice import chosen_model, is_ready
 from lab.navigation.navigator import PolarError, navigate
+from lab.navigation.own_states import declared_states
 from lab.navigation.rest_alignment import Aligned
 from lab.navigation.schedule import Schedule
 from lab.navigation.settings import NavigatorSettings
 from lab.navigation.solution import NO_REST, NO_VECTOR, Belief, Fixes, Imu, Solution, Start
-from lab.navigation.standstill import at_rest
+from lab.navigation.standstill import at_rest, still_without_fixes
 from lab.registry import find
 from lab.result import Result, Runnable
 from lab.sensors import barometer, gps, heading_sensor, imu, odometer
@@ -116,7 +118,7 @@ class Experiment(Runnable):
         found = mission(settings.mission)
         if isinstance(found, LogMission):
             return run_log(settings, found, CACHE, tell, algorithm)
-        return _Run(settings, found, tell, algorithm).result()
+        return Stages(settings, found, tell, algorithm).result()
 
     def sweep(
         self,
@@ -164,8 +166,23 @@ class Experiment(Runnable):
         return f"<Experiment: mission {self.mission}, seed {self.seed}, {changed} settings not default>"
 
 
-class _Run:
-    """One computation of an experiment: its stages, each with the key of all its inputs."""
+class Stages:
+    """One computation of an experiment: its stages, each with the key of all its inputs.
+
+    Parameters
+    ----------
+    experiment
+        The settings, which do not change any more.
+    found
+        The mission that they name.
+    progress
+        As of `Experiment.run`.
+    algorithm
+        The user's navigator, if one takes the place of that of the settings.
+    """
+
+    hidden = ""
+    """What changes the navigation besides the settings, as a part of its key; nothing."""
 
     def __init__(
         self, experiment: Experiment, found: Mission, progress: Progress, algorithm: Algorithm | None = None
@@ -181,7 +198,7 @@ class _Run:
     def result(self) -> SimulatedResult:
         """Compute the stages in order."""
         self.progress("Reading the flight", 0.0)
-        flight = CACHE.get("flight", self.flight_key, self.flight)
+        flight = self.kept_flight()
         self.progress("Simulating the sensors", 0.3)
         aligned = begin(flight.truth, self.experiment)
         fixes, readings = self.fixes(flight), self.readings(flight)
@@ -195,8 +212,11 @@ class _Run:
             give_back()
         ready = self.algorithm is not None or is_ready(self.navigator, self.sensors)
         self.progress("Navigating" if ready else "Preparing the navigator (compiled once)", 0.4)
-        assumed = belief(self.sensors, self.navigator, aligned.P if self.navigator.alignment else None)
-        key = digest(self.flight_key, self.experiment.seed, self.sensors.to_dict(), self.navigator.to_dict())
+        assumed = self.belief(aligned)
+        names = chosen_blocks(self.navigator, self.sensors)
+        own = [one.block for one in declared_states(self.sensors.own_errors, "sensors.own_errors")]
+        parts = self.sensors.to_dict(), self.navigator.to_dict(), names, own, self.hidden
+        key = digest(self.flight_key, self.experiment.seed, *parts)
         (solution, aids), seconds = (
             timed(
                 lambda: self.own_solution(
@@ -240,10 +260,14 @@ class _Run:
             aligned=aligned,
             seconds=seconds,
             algorithm="" if self.algorithm is None else type(self.algorithm).__name__,
-            blocks=() if self.algorithm is not None else chosen_blocks(self.navigator, self.sensors),
+            blocks=() if self.algorithm is not None else names,
             aids=aids,
             readings=readings,
         )
+
+    def kept_flight(self) -> Flight:
+        """Return the flight, computed once for all experiments with the same."""
+        return CACHE.get("flight", self.flight_key, self.flight)
 
     def flight(self) -> Flight:
         """Compute the trajectory, and truth and ideal IMU on its grid."""
@@ -254,6 +278,10 @@ class _Run:
         trajectory = Trajectory.from_recording(recording, settings.imu_rate, settings.attitude_curve)
         ideal = trajectory.increments(settings.imu_rate)
         return Flight(trajectory, trajectory.at(ideal.time), ideal)
+
+    def belief(self, aligned: Aligned) -> Belief:
+        """Return what the filter assumes."""
+        return belief(self.sensors, self.navigator, aligned.P if self.navigator.alignment else None)
 
     def check_memory(self, samples: int) -> None:
         """Raise `TooLongError` if a flight with this number of samples needs too much memory."""
@@ -276,12 +304,7 @@ class _Run:
         """
         errors = self.sensors.groups()[sensor]
         assert isinstance(errors, imu.GyroErrors | imu.AccelerometerErrors)
-        seed, samples = self.experiment.seed, flight.ideal.dtheta.shape[0]
-        long = {
-            "instability": any(errors.instability),
-            "flicker": any(errors.flicker),
-            "walk": any(errors.rate_random_walk),
-        }
+        seed, samples, long = self.experiment.seed, flight.ideal.dtheta.shape[0], _long_draws(errors)
 
         def draw() -> imu.ImuDraws:
             return imu.ImuDraws.of(seed, sensor, samples, **long)
@@ -298,7 +321,10 @@ class _Run:
         )
         # Neither is their output kept: the flight is too long to be kept, and takes longer.
         keep = _computed if samples > LONG else CACHE.get
-        measured = keep(sensor, key, lambda: imu.as_kept(self.measured(errors, flight, draws)))
+        own = declared_states(self.sensors.own_errors, "sensors.own_errors")
+        if own:
+            key = digest(key, [one.block for one in own])
+        measured = keep(sensor, key, lambda: imu.as_kept(self.measured(errors, flight, draws, seed)))
         if not found.any():
             return measured
         return keep(
@@ -307,17 +333,38 @@ class _Run:
             lambda: imu.without_bias(measured, flight.ideal.dt, found, imu.cross_coupling(errors, draws)),
         )
 
+    def measured_with(
+        self, sensor: str, flight: Flight, seed: int, found: FloatArray = NO_VECTOR
+    ) -> imu.Measured:
+        """Return the output of the gyros or the accelerometers with another seed, which is not cached."""
+        errors = self.sensors.groups()[sensor]
+        assert isinstance(errors, imu.GyroErrors | imu.AccelerometerErrors)
+        draws = imu.ImuDraws.of(seed, sensor, flight.ideal.dtheta.shape[0], **_long_draws(errors))
+        measured = self.measured(errors, flight, draws, seed)
+        if not found.any():
+            return measured
+        return imu.without_bias(measured, flight.ideal.dt, found, imu.cross_coupling(errors, draws))
+
     def measured(
-        self, errors: imu.GyroErrors | imu.AccelerometerErrors, flight: Flight, draws: imu.ImuDraws
+        self,
+        errors: imu.GyroErrors | imu.AccelerometerErrors,
+        flight: Flight,
+        draws: imu.ImuDraws,
+        seed: int,
     ) -> imu.Measured:
         """Return the output of a triad with the temperature and the vibration of the flight."""
-        ideal, seed = flight.ideal, self.experiment.seed
+        ideal = flight.ideal
         height = flight.truth.height[1:] - flight.truth.height[0]
         conditions = Conditions.of(self.sensors, seed, ideal.time[1:], height, ideal.dvelocity, ideal.dt)
-        return output(errors, ideal.dtheta, ideal.dt, draws, conditions)
+        measured = output(errors, ideal.dtheta, ideal.dt, draws, conditions)
+        if not self.sensors.own_errors:
+            return measured
+        triad = 3 * isinstance(errors, imu.AccelerometerErrors)
+        more = simulated_own_errors(self.experiment, ideal)[:, triad : triad + 3]
+        return measured._replace(increments=measured.increments + more * ideal.dt)
 
-    def fixes(self, flight: Flight) -> gps.GpsFixes:
-        """Simulate the GPS receiver."""
+    def fix_truth(self, flight: Flight) -> tuple[Truth, Truth | None]:
+        """Return the truth of the IMU at the fixes, and that of the antenna if they differ."""
         errors = self.sensors.gps
         times = gps.fix_times(errors, flight.trajectory.duration)
         truth = CACHE.get(
@@ -330,10 +377,16 @@ class _Run:
                 digest(self.flight_key, errors.period, errors.latency, errors.lever_arm),
                 lambda: gps.antenna(flight.trajectory, errors, times),
             )
+        return truth, seen
+
+    def fixes(self, flight: Flight) -> gps.GpsFixes:
+        """Simulate the GPS receiver."""
+        errors, seed = self.sensors.gps, self.experiment.seed
+        truth, seen = self.fix_truth(flight)
         return CACHE.get(
             "gps",
-            digest(self.flight_key, self.experiment.seed, errors.to_dict()),
-            lambda: gps.measure(truth, errors, gps.GpsDraws.of(self.experiment.seed, times.size), seen),
+            digest(self.flight_key, seed, errors.to_dict()),
+            lambda: gps.measure(truth, errors, gps.GpsDraws.of(seed, truth.time.size), seen),
         )
 
     def readings(self, flight: Flight) -> dict[str, Readings]:
@@ -378,7 +431,10 @@ class _Run:
             increments = Imu(truth.time, dtheta, dvelocity)
             seen = Fixes(fixes.time - latency, fixes.position, fixes.velocity_n)
             rest = at_rest(increments, seen, assumed) if needs_rest(settings) else NO_REST
-            other = aids_of(self.sensors, settings, readings, increments, rest)
+            standing = rest
+            if settings.zero_velocity:
+                standing = still_without_fixes(rest, increments, seen, assumed)
+            other = aids_of(self.sensors, settings, readings, increments, standing)
             if settings.rest_updates:
                 increments = increments._replace(rest=rest)
             solution = self.engine(increments, seen, begin, assumed, schedule, other)
@@ -435,6 +491,15 @@ class _Run:
             )
         engine = smoother.navigate if self.navigator.smoother else navigate
         return engine(imu, fixes, start, belief, schedule, model, aids=aids)
+
+
+def _long_draws(errors: imu.GyroErrors | imu.AccelerometerErrors) -> dict[str, bool]:
+    """Return which draws with a value for each sample a triad needs besides its noise."""
+    return {
+        "instability": any(errors.instability),
+        "flicker": any(errors.flicker),
+        "walk": any(errors.rate_random_walk),
+    }
 
 
 def _computed(_stage: str, _key: str, compute: Callable[[], T]) -> T:

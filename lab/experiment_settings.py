@@ -51,6 +51,16 @@ class ExperimentSettings(Settings):
 
     OTHER_FORMS = NOISE_VARIANCES
 
+    @property
+    def hidden(self) -> str:
+        """What changes the result besides the settings; see `lab.gallery`."""
+        return ""
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """Sentences about the experiment that every result of it remarks."""
+        return ()
+
     def derived(self, path: str) -> Derived:
         """Return a noise density's other form: the variance of a sample at the IMU rate."""
         return noise_variance(self.get(path.rpartition(".")[0]), path, float(self.trajectory.imu_rate))

@@ -110,4 +110,4 @@ class SimulatedResult(Result):
         of_sensors = self.experiment.sensors.remarks(
             navigator.states, misalignments=navigator.estimate_misalignments
         )
-        return (*remarks, *of_sensors)
+        return (*self.experiment.notes, *remarks, *of_sensors)

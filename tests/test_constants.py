@@ -17,7 +17,7 @@ DIRECTIVES = ("fmt:", "type:", "noqa")
 """Beginnings of comments that are for tools and say nothing of a number."""
 ROOT = FILES[0].parents[0]
 JUDGES = (
-    *("readers", "repair", "importing", "logs", "recordings", "missions", "analysis"),
+    *("readers", "repair", "importing", "logs", "recordings", "missions", "analysis", "lessons"),
     *("navigation/algorithm.py", "navigation/alignment.py", "navigation/belief.py", "navigation/checks.py"),
     *("navigation/initial_heading.py", "navigation/recorded.py", "navigation/rest_alignment.py"),
     *("navigation/standstill.py", "sensors/suite.py", "assumptions.py", "identify.py", "log_reference.py"),

@@ -18,11 +18,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lab.analysis import consistency, errors
-from lab.analysis.fix_causes import causes_of, motion_at_fixes
+from lab.analysis.aid_verdict import aid_squares
+from lab.analysis.fix_causes import Motion, causes_of, motion_at_fixes
 from lab.analysis.fix_evidence import FixErrors, fix_errors
 from lab.analysis.innovation_evidence import Innovations, innovations, offered
 from lab.analysis.sensor_evidence import Reference, SensorErrors, sensor_errors
 from lab.analysis.sums import Kept, Squares, Sum
+from lab.navigation.aids import NAMES, NO_AIDS
 from lab.navigation.error_models import ACCEL_BIAS, ACCEL_SCALE, ATT, GYRO_BIAS, GYRO_SCALE, POS, VEL
 from lab.navigation.solution import Belief, Fixes, Imu, Solution
 
@@ -102,6 +104,8 @@ class Evidence(Sum):
     between : Squares or None
         NEES of the position on the time grid, once a second, and just before the fixes, where outages show;
         reduced as `nees`.
+    aids : Squares
+        Squared innovations of each kind of measurement other than fixes.
     """
 
     runs: int
@@ -113,10 +117,11 @@ class Evidence(Sum):
     start: Squares | None = None
     nees: Squares | None = None
     between: Squares | None = None
+    aids: Squares = field(default_factory=lambda: Squares(np.zeros(len(NAMES)), np.zeros(len(NAMES))))
 
     def without_truth(self) -> Self:
         """Return the evidence without that which needs the truth."""
-        return type(self)(self.runs, self.innovations, self.usage, self.told)
+        return type(self)(self.runs, self.innovations, self.usage, self.told, aids=self.aids)
 
 
 def evidence(
@@ -132,6 +137,9 @@ def evidence(
     explain: bool = True,
     aided: bool = False,
     calibrating: bool = False,
+    aid_kinds: NDArray[np.int64] = NO_AIDS.kind,
+    motion: Motion | None = None,
+    sensors: SensorErrors | None = None,
 ) -> Evidence:
     """Return the evidence of a run about its filter.
 
@@ -159,14 +167,22 @@ def evidence(
     calibrating
         Whether the filter estimates errors of the receiver. The errors of the fixes themselves are then not
         judged: they contain what is estimated.
+    aid_kinds : (a,) array
+        Kinds of the measurements other than fixes.
+    motion
+        Motion at the fixes that were `offered`; by default, from the solution at all samples.
+    sensors
+        Errors of the sensors; by default, from the increments. With these two, solution, increments and
+        truth may have some samples only: start, end and whole seconds, and those with a fix and before.
     """
     seen, samples = offered(solution, fixes, imu)
-    motion = motion_at_fixes(solution, samples, imu)
+    motion = motion_at_fixes(solution, samples, imu) if motion is None else motion
     found = Evidence(
         runs=1,
         innovations=innovations(solution, belief, fixes, imu, motion, explain=explain, aided=aided),
         usage=usage(solution, gate),
         told=Kept(np.append(latency, belief.lever_arm)[None]),
+        aids=aid_squares(solution, aid_kinds),
     )
     if reference is None:
         return found
@@ -183,7 +199,7 @@ def evidence(
             reference.truth,
             solution.fix_rejected[seen],
         ),
-        sensors=sensor_errors(belief, imu, reference),
+        sensors=sensor_errors(belief, imu, reference) if sensors is None else sensors,
         start=_start(solution, belief, reference),
         between=between_squares(shown, samples, reference),
         nees=nees_squares(shown, used, reference),

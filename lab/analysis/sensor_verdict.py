@@ -54,8 +54,8 @@ _WORDS = {
 _ADVICE = {
     "scale factor": "Set navigator.states to 21, and sensors.{kind}.scale_factor_sigma to {size:.2g}: the "
     "filter then estimates the scale factors.",
-    "misalignment": "Calibrate the {kind}s: no state of the filter models misalignments. More {kind} noise "
-    "in navigator.q covers a part of them.",
+    "misalignment": "Calibrate the {kind}s, or set navigator.estimate_misalignments. More {kind} noise in "
+    "navigator.q covers a part of them.",
     "bandwidth": "Shift the time stamps of the {kind}s by −{size:.2g} ms, or use {kind}s with a larger "
     "bandwidth (sensors.{kind}.bandwidth).",
     "temperature": "Set sensors.temperature.compensation, or let the {kind} biases walk: a larger bias drive "

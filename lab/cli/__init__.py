@@ -15,8 +15,10 @@ from lab.cli import (
     fly,
     identify,
     import_flight,
+    lesson,
     live,
     missions,
+    notebooks,
     record,
     run,
     warm,
@@ -40,4 +42,6 @@ app.command("rename")(missions.rename)
 app.command("delete")(missions.delete)
 app.command("cards", epilog=cards.EXAMPLES)(cards.list_cards)
 app.command("allan", epilog=allan.EXAMPLES)(allan.allan)
+app.add_typer(notebooks.notebooks, epilog=notebooks.EXAMPLES)
+app.add_typer(lesson.lesson, epilog=lesson.EXAMPLES)
 app.command("warm", epilog=warm.EXAMPLES)(warm.warm)

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lab import earth
-from lab.navigation import strapdown, wander
+from lab.navigation import blocks, own_room, strapdown, wander
 from lab.navigation.aids import NO_AIDS, Aids
 from lab.navigation.compilation import interpreted
 from lab.navigation.error_models import PHI, WANDER_AZIMUTH, ErrorModel
@@ -67,14 +67,16 @@ class Filter(NamedTuple):
         are measurements other than fixes, of which `kept_aids` updates are kept, likewise.
         """
         in_wander = model.mechanization == WANDER_AZIMUTH
-        state = np.zeros(wander.LENGTH if in_wander else strapdown.LENGTH)
+        own = blocks.own_states(model.blocks)
+        size = wander.LENGTH if in_wander else strapdown.LENGTH
+        state = np.zeros(own_room.END if own.stop > own.start else size)
         interpreted(wander.place if in_wander else strapdown.set_position)(state, *start.position)
         state[VELOCITY : VELOCITY + 3] = start.velocity_n
         state[strapdown.Q_NB : strapdown.Q_NB + 4] = start.q_nb
         state[GYRO_BIAS : GYRO_BIAS + 3] = start.gyro_bias
         _keep_radii(state, in_wander=in_wander)
         n, space = model.states, layout(model.blocks)
-        w = _aligned_zeros(space.size)
+        w = aligned_zeros(space.size)
         P = w[: space.product].reshape(n, space.WIDTH)
         P[:, :n] = initial_covariance(model, state, belief.P0)
         return cls(
@@ -134,7 +136,7 @@ def _keep_radii(state: FloatArray, *, in_wander: bool) -> None:
         state[wander.BEND] = transverse * squared / (1 - squared * sine * sine) * m * t
 
 
-def _aligned_zeros(size: int) -> FloatArray:
+def aligned_zeros(size: int) -> FloatArray:
     """Return zeros on a 64-byte boundary; vector loads across cache lines take a tenth of a run's time."""
     buffer = np.zeros(size + 8)
     offset = (-buffer.ctypes.data // 8) % 8

@@ -35,6 +35,7 @@ WORDS = {
     "Consistency": ("Judged by 1 run",),
     "Allan": ("Gyros: White noise N",),
     "Budget": ("At the end, σ of",),
+    "Lessons": ("Tuning R", "Break it: one hidden fault in each"),
 }
 """What is written on a tab; those that are not in `FIRST` have no figure."""
 

@@ -21,7 +21,9 @@ def test_alone_it_prints_help_with_every_command_and_examples() -> None:
         assert word in answer.stdout
 
 
-@pytest.mark.parametrize("command", ["missions", "run", "fly", "cards", "allan", "budget", "live", "serve"])
+@pytest.mark.parametrize(
+    "command", ["missions", "run", "fly", "cards", "allan", "budget", "live", "lesson", "notebooks", "serve"]
+)
 def test_every_command_has_help(command: str) -> None:
     answer = ask(command, "--help")
     assert answer.exit_code == 0

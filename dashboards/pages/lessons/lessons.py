@@ -1,0 +1,228 @@
+"""Lessons: the list of lessons, or the open step of one, which sets the settings of the session."""
+
+from __future__ import annotations
+
+from functools import partial
+from typing import Any, NamedTuple, Self
+
+import panel as pn
+from bokeh.document import Document
+
+from dashboards.classroom import catalogue
+from dashboards.computing import LatestWins, Outcome, Progress, attempt
+from dashboards.pages.base import Page
+from dashboards.pages.lessons.lesson_list import Key, LessonList
+from dashboards.pages.lessons.step_view import Actions, StepView
+from dashboards.pages.missions.entry_fields import WHOLE
+from dashboards.session import Session
+from lab.experiment import Experiment
+from lab.gallery.faults import FAULTS
+from lab.lessons.lesson import Answer, Lesson, Step
+from lab.result import Result
+from lab.settings import SettingError
+from lab.views.figures import TimeAxis
+
+LOOK = 2000
+"""Time between two looks at the files of the teacher's folder while the page is visible [ms]."""
+OLD_RESULT = "The plots are not yet those of your settings. Wait until they are drawn, then check again."
+FAULT_IS_OFF = "The hidden fault is off, because the settings were reset or loaded. Start the step again."
+
+
+class Asked(NamedTuple):
+    """An answer that is checked in the background.
+
+    Attributes
+    ----------
+    step : Step
+        The step.
+    answer : str, float or None
+        The answer.
+    result : Result or None
+        The result of the student.
+    place : tuple
+        The lesson, and the number of the step.
+    """
+
+    step: Step
+    answer: Answer
+    result: Result | None
+    place: tuple[Key, int]
+
+
+class Lessons(Page):
+    """The lessons of the server, one of which may be open."""
+
+    title = "Lessons"
+    depends_on_window = False
+
+    def __init__(self, axis: TimeAxis, session: Session) -> None:
+        self._session = session
+        self._document: Document | None = pn.state.curdoc
+        self._catalogue = catalogue()
+        self._seen = self._catalogue.version
+        self._lesson: Lesson | None = None
+        self._key: Key = ("", "")
+        self._number = 0
+        self._begun: set[tuple[Key, int]] = set()
+        self._solved: dict[Key, set[int]] = {}
+        self._looking: Any = None
+        self._judging: LatestWins[Asked] = LatestWins(self._judge, self._deliver)
+        super().__init__(axis)
+
+    @classmethod
+    def of(cls, axis: TimeAxis, session: Session) -> Self:
+        """Return the page for a session, whose settings the lessons set."""
+        return cls(axis, session)
+
+    def make(self) -> pn.viewable.Viewable:
+        """Return the list of lessons."""
+        self._list = LessonList(self._open)
+        self._step = StepView(Actions(self._apply, self._look, self._ask, self._turn, self._close_lesson))
+        self._stage = pn.Column(margin=0, sizing_mode="stretch_width", stylesheets=[WHOLE])
+        self._lay_out()
+        return self._stage
+
+    def draw(self, result: Result) -> None:
+        """Do nothing: the page shows no result."""
+
+    @property
+    def is_complete(self) -> bool:
+        """Whether the page shows all it can show without a result: it needs none."""
+        return True
+
+    def appear(self) -> None:
+        """Look for changes of the teacher's files while the page is visible."""
+        self._refresh()
+        if self._looking is None and self._document is not None:
+            self._looking = self._document.add_periodic_callback(self._refresh, LOOK)
+
+    def hide(self) -> None:
+        """Look no more."""
+        if self._looking is not None and self._document is not None:
+            self._document.remove_periodic_callback(self._looking)
+        self._looking = None
+
+    def close(self) -> None:
+        """End the page; its periodic callback has ended with its document."""
+        self._looking = None
+        self._judging.close()
+
+    def _refresh(self) -> None:
+        """Show what has changed in the files."""
+        self._catalogue.refresh()
+        if self._catalogue.version == self._seen:
+            return
+        self._seen = self._catalogue.version
+        if self._lesson is not None:
+            found = self._catalogue.find(*self._key)
+            if found is self._lesson:
+                return
+            self._lesson = found
+            self._begun = {place for place in self._begun if place[0] != self._key}
+            self._solved.pop(self._key, None)
+            self._number = min(self._number, len(found.steps) - 1) if found else 0
+        self._lay_out()
+
+    def _lay_out(self) -> None:
+        """Show the open step, or the list."""
+        if self._lesson is None:
+            self._list.show(self._catalogue.entries, self._solved)
+            view: pn.viewable.Viewable = self._list.view
+            self._session.remind("")
+        else:
+            self._step.show(self._lesson, self._number, self._done)
+            view = self._step.view
+            where = f"{self._lesson.title}, step {self._number + 1} of {len(self._lesson.steps)}"
+            title = self._lesson.steps[self._number].title
+            self._session.remind(f"{where}: {title}. The step is on the page Lessons.")
+        if self._stage.objects != [view]:
+            self._stage[:] = [view]
+
+    @property
+    def _done(self) -> set[int]:
+        return self._solved.setdefault(self._key, set())
+
+    def _open(self, key: Key) -> None:
+        self._lesson = self._catalogue.find(*key)
+        if self._lesson is None:
+            return
+        self._key, self._number = key, 0
+        self._begun = {place for place in self._begun if place[0] != key}
+        self._lay_out()
+        self._begin()
+
+    def _close_lesson(self) -> None:
+        """Go back to the list; a hidden fault is turned off."""
+        self._lesson = None
+        self._lay_out()
+        if self._session.experiment.hidden:
+            self._take(Experiment().update(self._session.experiment.to_dict()))
+
+    def _turn(self, by: int) -> None:
+        if self._lesson is not None and 0 <= self._number + by < len(self._lesson.steps):
+            self._number += by
+            self._lay_out()
+            self._begin()
+
+    def _begin(self) -> None:
+        """Apply the settings of a step when it is opened for the first time."""
+        assert self._lesson is not None
+        place = self._key, self._number
+        has_own = self._lesson.steps[self._number].settings is not None
+        if place not in self._begun and (has_own or self._number == 0):
+            self._apply()
+        self._begun.add(place)
+
+    def _apply(self) -> None:
+        if self._lesson is None:
+            return
+        try:
+            self._take(self._lesson.experiment(self._lesson.steps[self._number]))
+        except SettingError as error:
+            self._step.warn(str(error))
+
+    def _take(self, experiment: Experiment) -> None:
+        self._session.take(experiment)
+
+    def _look(self) -> None:
+        if self._lesson is not None:
+            step = self._lesson.steps[self._number]
+            self._session.go(step.page, step.time)
+
+    def _ask(self, answer: Answer) -> None:
+        """Check an answer; the verdict of a result takes a second, so this is done in the background."""
+        if self._lesson is None:
+            return
+        step, result = self._lesson.steps[self._number], self._session.result
+        if step.check is not None and result is not None:
+            hidden = FAULTS[self._lesson.fault].title if self._lesson.fault else ""
+            if self._session.experiment.hidden != hidden:
+                self._step.warn(FAULT_IS_OFF)
+                return
+            if result.experiment.hidden != hidden or result.experiment.to_dict() != self._wanted:
+                self._step.warn(OLD_RESULT)
+                return
+        self._judging.submit(Asked(step, answer, result, (self._key, self._number)))
+
+    @property
+    def _wanted(self) -> dict[str, Any]:
+        return self._session.experiment.to_dict()
+
+    def _judge(self, asked: Asked, _progress: Progress) -> Outcome:
+        return attempt(lambda: asked.step.judge(asked.answer, asked.result))
+
+    def _deliver(self, asked: Asked, outcome: Outcome) -> None:
+        if self._document is not None:
+            self._document.add_next_tick_callback(partial(self._arrive, asked.place, outcome))
+
+    def _arrive(self, place: tuple[Key, int], outcome: Outcome) -> None:
+        """Show what there is to say of an answer, unless another step is open now."""
+        if self._lesson is None or place != (self._key, self._number):
+            return
+        if outcome.result is None:
+            self._step.warn(outcome.problem)
+            return
+        if outcome.result.right:
+            self._done.add(self._number)
+            self._step.show_progress(self._lesson, self._number, self._done)
+        self._step.say(outcome.result)

@@ -1,0 +1,168 @@
+"""The page Lessons: settings, answers and faults of a lesson, as a server makes them, without a browser."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterator
+from pathlib import Path
+
+import panel_material_ui as pmui
+import pytest
+from walking import PATIENCE, TITLES, Walk, walking
+
+from dashboards import classroom
+from dashboards.pages.lessons.lessons import FAULT_IS_OFF, OLD_RESULT, Lessons
+from lab.experiment import Experiment
+from lab.gallery.faults import FAULTS
+from lab.gallery.faulty_experiment import FaultyExperiment
+
+OWN = """
+title = "Of <b>mine</b>"
+summary = "<script>"
+[settings]
+mission = "los_angeles"
+trajectory.imu_rate = 50
+[[step]]
+title = "One"
+text = "<img src=x> and $R$"
+settings = { navigator.r_scale = 0.1 }
+page = "Height"
+time = 40
+check = "0.8 < nis < 1.25"
+hint = "A hint."
+because = "A reason."
+[[step]]
+title = "Two"
+text = "Read this."
+question = "How many?"
+answer = 3
+tolerance = 0.1
+"""
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Iterator[Path]:
+    (tmp_path / "mine.toml").write_text(OWN, encoding="utf-8")
+    classroom.use_lessons(tmp_path)
+    yield tmp_path
+    classroom.use_lessons(None)
+
+
+@pytest.fixture
+def walk(folder: Path) -> Iterator[Walk]:
+    with pytest.MonkeyPatch.context() as patch, walking(patch) as opened:
+        opened.run(Experiment().update({"mission": "los_angeles", "trajectory": {"imu_rate": 50}}))
+        opened.open("Lessons")
+        yield opened
+
+
+def page(walk: Walk) -> Lessons:
+    found = walk.page._pages[TITLES.index("Lessons")]
+    assert isinstance(found, Lessons)
+    return found
+
+
+def click(walk: Walk, label: str) -> None:
+    """Click the button of this label on the page Lessons, and wait until its answer is there."""
+    (button,) = [one for one in page(walk).view.select(pmui.Button) if one.label == label]
+    button.clicks += 1
+    until = time.monotonic() + PATIENCE
+    while page(walk)._judging.busy:
+        assert time.monotonic() < until
+    walk.settle()
+
+
+def computed(walk: Walk) -> None:
+    """Have the result of the session's settings arrive."""
+    walk.run(walk.page.session.experiment.copy())
+
+
+def test_a_step_sets_the_settings_and_judges_the_result_of_the_student(walk: Walk) -> None:
+    session = walk.page.session
+    assert "Lessons of your teacher" in walk.text()
+    click(walk, "Of <b>mine</b>")
+    assert session.experiment.navigator.r_scale == 0.1
+    assert "<img src=x> and" in walk.text()
+    click(walk, "Check my result")
+    assert OLD_RESULT in walk.text()
+    computed(walk)
+    click(walk, "Check my result")
+    assert "Not yet." in walk.text()
+    assert "A hint." in walk.text()
+    assert "0 of 2 solved" in walk.text()
+    session.change("navigator.r_scale", 1.0)
+    computed(walk)
+    click(walk, "Check my result")
+    assert "Right." in walk.text()
+    assert "A reason." in walk.text()
+    assert "1 of 2 solved" in walk.text()
+    click(walk, "Next step")
+    assert session.experiment.navigator.r_scale == 1.0  # what the student has is left
+    (box,) = page(walk).view.select(pmui.TextInput)
+    for typed, said in (("", "Give an answer first"), ("4", "Not yet."), ("3,05", "Right.")):
+        box.value = typed
+        click(walk, "Check the answer")
+        assert said in walk.text()
+    click(walk, "All lessons")
+    assert "2 of 2 solved" in walk.text()
+
+
+def test_look_opens_the_page_at_the_time_and_the_reminder_stays(walk: Walk) -> None:
+    click(walk, "Of <b>mine</b>")
+    click(walk, "Look at Height at 40 s")
+    assert walk.title == "Height"
+    assert walk.page.axis.time == 40.0
+    assert walk.page._reminder is not None
+    assert "Of <b>mine</b>, step 1 of 2: One." in walk.page._reminder.text
+    walk.open("Lessons")
+    assert walk.page._reminder.text == ""
+
+
+def test_a_fault_is_on_while_its_lesson_is_open_and_off_afterwards(walk: Walk) -> None:
+    session = walk.page.session
+    click(walk, "Break it 3")
+    assert session.experiment.hidden == FAULTS["r"].title
+    session.change("navigator.q_scale", 2.0)
+    assert session.experiment.hidden == FAULTS["r"].title
+    click(walk, "All lessons")
+    assert not isinstance(session.experiment, FaultyExperiment)
+    assert session.experiment.navigator.q_scale == 2.0
+    click(walk, "Break it 1")
+    assert session.experiment.hidden == FAULTS["latency"].title
+    click(walk, "All lessons")
+    click(walk, "Of <b>mine</b>")
+    assert session.experiment.hidden == ""
+
+
+def test_a_repair_counts_only_with_the_fault(walk: Walk) -> None:
+    session = walk.page.session
+    click(walk, "Break it 3")
+    for _ in range(3):
+        click(walk, "Next step")
+    session.take(Experiment(mission="los_angeles"))  # as Reset and Load do
+    click(walk, "Check my result")
+    assert FAULT_IS_OFF in walk.text()
+
+
+def test_a_choice_that_is_none_is_no_answer(walk: Walk) -> None:
+    click(walk, "Break it 3")
+    (choice,) = page(walk).view.select(pmui.RadioBoxGroup)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(page(walk)._step, "_entry", type("Forged", (), {"value": ["x"]})())
+        click(walk, "Check the answer")
+    assert "Give an answer first" in walk.text()
+    choice.value = choice.options[0]
+    click(walk, "Check the answer")
+    assert "Not yet." in walk.text()
+
+
+def test_a_changed_file_is_shown_without_a_restart(walk: Walk, folder: Path) -> None:
+    click(walk, "Of <b>mine</b>")
+    path = folder / "mine.toml"
+    path.write_text(OWN.replace("Read this.", "Read on."), encoding="utf-8")
+    page(walk)._refresh()
+    click(walk, "Next step")
+    assert "Read on." in walk.text()
+    path.write_text("title = 3", encoding="utf-8")
+    page(walk)._refresh()
+    assert "mine.toml: step: there is none" in walk.text()
