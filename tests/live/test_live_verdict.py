@@ -2,26 +2,33 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 import pytest
 
 from lab import Experiment
+from lab.live.live_log import log_of
 from lab.live.live_navigator import LiveNavigator
 from lab.live.live_verdict import verdict_of
 from lab.live.simulated_flight import SimulatedFlight
 from lab.live.stream_settings import stream_settings
 from lab.logs.sensor_log import SensorLog
 
-LENGTH = 60.0
-"""Length of the stream [s]: enough fixes for a verdict."""
+LENGTH = 120.0
+"""Length of the stream [s]: what a live navigator keeps."""
 
 
-@pytest.fixture(scope="module")
-def streamed() -> SensorLog:
+def rows(**gps: Any) -> tuple[Any, Any]:
+    """Return samples and fixes of a flight, with settings of the receiver."""
+    imu, fixes = SimulatedFlight.of("los_angeles", 20.0, settings={"sensors": {"gps": gps}}).timed()
+    return imu[imu["time"] <= LENGTH], fixes[fixes["time"] <= LENGTH]
+
+
+def streamed(imu: Any, fixes: Any) -> SensorLog:
     """Return the log of a stream, as a live navigator keeps it."""
-    imu, fixes = SimulatedFlight.of("los_angeles", 20.0).timed()
     navigator = LiveNavigator(Experiment().sensors, Experiment().navigator)
-    navigator.feed(imu[imu["time"] <= LENGTH], fixes[fixes["time"] <= LENGTH])
+    navigator.feed(imu, fixes)
     return navigator.log()
 
 
@@ -34,11 +41,26 @@ def of_a_flight() -> Experiment:
     return experiment
 
 
-def test_the_verdict_is_that_of_the_same_stream_without_settings_of_flights(streamed: SensorLog) -> None:
-    plain, other = Experiment(), of_a_flight()
-    said = str(verdict_of(streamed, plain.sensors, plain.navigator))
-    assert said
-    assert str(verdict_of(streamed, other.sensors, other.navigator)) == said
+def test_the_verdict_is_that_of_the_same_stream_without_settings_of_flights() -> None:
+    plain, other, log = Experiment(), of_a_flight(), streamed(*rows())
+    said = str(verdict_of(log, plain.sensors, plain.navigator))
+    assert "Consistent" in said
+    assert str(verdict_of(log, other.sensors, other.navigator)) == said
+
+
+@pytest.mark.parametrize(
+    ("fault", "words"),
+    [({"latency": 0.2}, "late"), ({"lever_arm": (0.0, 0.0, -2.0)}, "lever arm")],
+)
+def test_a_fault_of_the_receiver_is_named_as_by_the_batch(fault: dict[str, Any], words: str) -> None:
+    """With a receiver of 10 cm and 10 cm/s, two minutes of a flight show both."""
+    good = {"position_variance": 0.01, "velocity_variance": 0.01}
+    imu, fixes = rows(**good, **fault)
+    experiment = Experiment()
+    live = verdict_of(streamed(imu, fixes), experiment.sensors, experiment.navigator)
+    assert words in str(live)
+    log = log_of("recorded", imu, fixes)
+    assert str(verdict_of(log, experiment.sensors, experiment.navigator)) == str(live)
 
 
 def test_the_settings_themselves_are_not_changed() -> None:
