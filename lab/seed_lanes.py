@@ -20,7 +20,7 @@ from lab.analysis.errors import error_state
 from lab.analysis.evidence import Evidence, evidence, position_nees, whole_seconds
 from lab.analysis.innovation_evidence import may_have_outliers, offered
 from lab.analysis.path_errors import errors_of, path_of
-from lab.analysis.sensor_evidence import Reference, sensor_errors
+from lab.analysis.sensor_evidence import Exact, Reference, exacts, sensor_errors
 from lab.ensemble import QUANTITIES, RunAtFixes
 from lab.experiment import Experiment, Stages, start
 from lab.histories import LONG
@@ -38,7 +38,8 @@ from lab.navigation.belief import (
 from lab.navigation.blocks import SCALES
 from lab.navigation.choice import chosen_model
 from lab.navigation.kalman import MEASUREMENTS
-from lab.navigation.lanes import LANES, Lane, LaneSolution, fits, navigate_lanes
+from lab.navigation.lane_step import LANES
+from lab.navigation.lanes import Lane, LaneSolution, fits, navigate_lanes
 from lab.navigation.schedule import SLACK
 from lab.navigation.solution import NO_VECTOR, Belief, Fixes, Imu, Solution, Start
 from lab.navigation.standstill import at_rest
@@ -86,6 +87,8 @@ class SeedLanes:
         self._model = chosen_model(self._navigator, self._sensors)
         self._belief = belief(self._sensors, self._navigator)
         self._schedule = schedule_of(self._navigator, self._ideal.dt, self._ideal.dtheta.shape[0])
+        self._exact: tuple[Exact, Exact] | None = None
+        self._true_start = Start.off(self._truth, NO_VECTOR, NO_VECTOR, NO_VECTOR)
         self._lay_out()
 
     @classmethod
@@ -164,8 +167,9 @@ class SeedLanes:
     def _sense(self, seed: int) -> _Sensed:
         """Simulate the sensors of one run."""
         navigator, sensors, truth = self._navigator, self._sensors, self._truth
-        exact = Start.off(truth, NO_VECTOR, NO_VECTOR, NO_VECTOR)
-        aligned = rest_alignment.begin(start(truth, navigator, seed), exact, sensors, navigator, seed)
+        aligned = rest_alignment.begin(
+            start(truth, navigator, seed), self._true_start, sensors, navigator, seed
+        )
         assumed, constants = self._belief, None
         if navigator.alignment:
             assumed = belief(sensors, navigator, aligned.P)
@@ -217,12 +221,13 @@ class SeedLanes:
         finite = np.isfinite(motion).all() and np.isfinite(solution.variance).all()
         if not finite or np.abs(motion[:, 0]).max() > MAX_LATITUDE:
             return None
-        found = self._evidence(one, solution, navigated)
+        true = self._whole_reference(one)
+        found = self._evidence(one, solution, navigated, true)
         if found is None:
             return None
         used = solution.fix_sample >= 0
         at = solution.fix_sample[used]
-        reference = self._reference(one)
+        reference = self._reference(true)
         x = error_state(solution, at, self._there, reference.bias, reference.scale)
         P, before = solution.fix_covariance[used], np.searchsorted(self._stored, self._before)
         between, degrees = position_nees(solution, before, reference)
@@ -258,7 +263,9 @@ class SeedLanes:
         along = errors_of(path[:, :3], path[:, 3:6], path[:, 6:], self._on_grid)
         return error, sigma[:, : len(QUANTITIES)], np.sqrt(np.mean(along**2, axis=0))
 
-    def _evidence(self, one: _Sensed, solution: Solution, navigated: LaneSolution) -> Evidence | None:
+    def _evidence(
+        self, one: _Sensed, solution: Solution, navigated: LaneSolution, true: Reference
+    ) -> Evidence | None:
         """Return the evidence of a run; None if its innovations may have outliers, which need all samples."""
         fixes = self._fixes(one)
         stored = Imu(
@@ -272,12 +279,12 @@ class SeedLanes:
             one.belief,
             fixes,
             stored,
-            self._reference(one),
+            self._reference(true),
             gate=float(self._navigator.gate),
             latency=assumed_latency(self._navigator, self._sensors.gps.latency),
             explain=False,
             motion=self._motion(one, solution, navigated, samples),
-            sensors=sensor_errors(one.belief, self._imu(one), self._whole_reference(one)),
+            sensors=sensor_errors(one.belief, self._imu(one), true, self._moved(true)),
         )
 
     def _motion(
@@ -298,11 +305,16 @@ class SeedLanes:
             navigated.force[np.append(samples, self._stored.size - 1)],
         )
 
-    def _reference(self, one: _Sensed) -> Reference:
+    def _reference(self, whole: Reference) -> Reference:
         """Return the truth at the stored samples."""
-        whole = self._whole_reference(one)
         scale = None if whole.scale is None else whole.scale[self._stored]
         return whole._replace(truth=self._there, bias=whole.bias[self._stored], scale=scale)
+
+    def _moved(self, true: Reference) -> tuple[Exact, Exact]:
+        """Return the true motion in windows, which is that of all runs."""
+        if self._exact is None:
+            self._exact = exacts(true, self._truth.time)
+        return self._exact
 
     def _whole_reference(self, one: _Sensed) -> Reference:
         """Return the truth at all samples."""

@@ -14,6 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lab.analysis.budget import believed_sigma
+from lab.analysis.consistency import normalised_squares, uncertain
+from lab.analysis.errors import error_state
 from lab.analysis.evidence import position_nees, whole_seconds
 from lab.analysis.path_errors import errors_of, path_of
 from lab.analysis.run_evidence import evidence_of, reference_of
@@ -21,6 +23,7 @@ from lab.ensemble import QUANTITIES, Ensemble, Progress, RunAtFixes, together
 from lab.experiment import Experiment
 from lab.missions import LogMission, mission
 from lab.navigation.algorithm import Algorithm
+from lab.navigation.kalman import MEASUREMENTS
 from lab.result import Result
 from lab.seed_lanes import LANES, SeedLanes
 
@@ -153,23 +156,34 @@ def _keep(result: Result, *, explain: bool = True) -> RunAtFixes:
 
     grid, apart, apart_degrees = _between(result)
     error, sigma, rms = _errors(result, at)
-    unknown = bool(result.lacks("consistency"))
+    nees, degrees = _nees(result, at, solution.fix_covariance[used])
+    nu = solution.innovation
+    measured = np.isfinite(nu).sum(axis=1)
     return RunAtFixes(
         time=result.fixes.time[used],
-        nees=np.full(at.size, np.nan) if unknown else result.consistency["nees"].values[used],
-        nis=result.innovations["nis"].values[used],
+        nees=nees,
+        nis=normalised_squares(np.nan_to_num(nu[used]), solution.innovation_covariance[used]),
         grid=grid,
         between=apart,
         between_degrees=apart_degrees,
         error=error,
         sigma=sigma,
         rms=rms,
-        degrees=0 if unknown else int(result.consistency["nees"].attrs["degrees"]),
-        nis_degrees=int(result.innovations["nis"].attrs["degrees"]),
+        degrees=degrees,
+        nis_degrees=int(measured.max()) if measured.any() else MEASUREMENTS,
         evidence=evidence_of(result, result.filtered, explain=explain),
         seconds=result.seconds,
         algorithm=result.algorithm,
     )
+
+
+def _nees(result: Result, at: NDArray[np.int64], P: FloatArray) -> tuple[FloatArray, int]:
+    """Return NEES at samples (m,) with covariances P (m, n, n), and its degrees of freedom."""
+    if result.lacks("consistency"):
+        return np.full(at.size, np.nan), 0
+    true = reference_of(result)
+    x = error_state(result.solution_arrays, at, true.truth, true.bias, true.scale, true.further)
+    return normalised_squares(x, P), int(uncertain(P).size) if P.size else 0
 
 
 def _between(result: Result) -> tuple[FloatArray, FloatArray, int]:

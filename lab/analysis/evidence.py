@@ -11,7 +11,9 @@ P. D. Groves, *Principles of GNSS, Inertial and Multisensor Integrated Navigatio
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, field, replace
+from functools import lru_cache
 from typing import Self
 
 import numpy as np
@@ -222,7 +224,7 @@ def _start(solution: Solution, belief: Belief, reference: Reference) -> Squares:
         P0 = belief.P0[block, block]
         if P0.size:
             total[at] = consistency.normalised_squares(x[:, block], P0[None]).sum()
-            number[at] = float(np.linalg.matrix_rank(_correlation(P0)))
+            number[at] = _rank(P0.tobytes())
     return Squares(total, number)
 
 
@@ -231,6 +233,14 @@ def _errors(solution: Solution, at: NDArray[np.intp], reference: Reference) -> F
     return errors.error_state(
         solution, at, reference.truth, reference.bias, reference.scale, reference.further
     )
+
+
+@lru_cache(maxsize=64)
+def _rank(P0: bytes) -> float:
+    """Return the number of independent errors with a covariance matrix; many runs have the same."""
+    values = np.frombuffer(P0)
+    states = math.isqrt(values.size)
+    return float(np.linalg.matrix_rank(_correlation(values.reshape(states, states))))
 
 
 def _correlation(P: FloatArray) -> FloatArray:

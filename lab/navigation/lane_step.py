@@ -37,8 +37,7 @@ Kernel = Callable[..., Any]
 Terms = dict[int, list[int]]
 
 
-@intrinsic  # type: ignore[untyped-decorator]
-def wide_vectors(context: Any) -> Any:
+def _wide_vectors(context: Any) -> Any:
     """Let the compiler use the widest vectors for the calling function.
 
     On some processors it prefers half of their width, for code that is not made of vectors alone.
@@ -52,8 +51,7 @@ def wide_vectors(context: Any) -> Any:
     return types.void(), generate
 
 
-@intrinsic  # type: ignore[untyped-decorator]
-def numbers(context: Any, buffer: Any, first: Any, lane: Any) -> Any:
+def _numbers(context: Any, buffer: Any, first: Any, lane: Any) -> Any:
     """Return the numbers of one run from `first` on as an array; its stride is a constant."""
     view = types.Array(buffer.dtype, 1, "A")
 
@@ -63,8 +61,7 @@ def numbers(context: Any, buffer: Any, first: Any, lane: Any) -> Any:
     return view(buffer, types.intp, types.intp), generate
 
 
-@intrinsic  # type: ignore[untyped-decorator]
-def rows(context: Any, buffer: Any, first: Any, width: Any, lane: Any) -> Any:
+def _rows(context: Any, buffer: Any, first: Any, width: Any, lane: Any) -> Any:
     """Return the numbers of one run from `first` on as a matrix with rows of a `width`, a constant."""
     view = types.Array(buffer.dtype, 2, "A")
 
@@ -73,6 +70,9 @@ def rows(context: Any, buffer: Any, first: Any, width: Any, lane: Any) -> Any:
         return _view(context, builder, signature, (buffer, first, lane), [width, 1])
 
     return view(buffer, types.intp, types.intp, types.intp), generate
+
+
+_pack: Callable[..., Any] = cgutils.pack_array
 
 
 def _view(context: Any, builder: Any, signature: Any, arguments: Any, steps: list[Any]) -> Any:
@@ -89,8 +89,8 @@ def _view(context: Any, builder: Any, signature: Any, arguments: Any, steps: lis
         view,
         data=builder.gep(base.data, [at], inbounds=True),
         # Constants as indices are within any shape.
-        shape=cgutils.pack_array(builder, [word(2**30)] * len(steps)),
-        strides=cgutils.pack_array(builder, strides),
+        shape=_pack(builder, [word(2**30)] * len(steps)),
+        strides=_pack(builder, strides),
         itemsize=word(size),
         meminfo=None,
         parent=None,
@@ -98,9 +98,26 @@ def _view(context: Any, builder: Any, signature: Any, arguments: Any, steps: lis
     return view._getvalue()
 
 
+# What these return is for kernels; the compiler passes the context, and not its callers.
+wide_vectors: Kernel = intrinsic(_wide_vectors)
+numbers: Kernel = intrinsic(_numbers)
+rows: Kernel = intrinsic(_rows)
+
+
 def size_of_lane(states: int) -> int:
     """Return how many numbers a run has in the buffer."""
     return COVARIANCE + states * (states + 1) // 2 + NAV * states
+
+
+@inline_kernel
+def _without_bias(
+    state: FloatArray, measured: strapdown.Vector, dt: float, bias: int, scale: int, off: int
+) -> strapdown.Vector:
+    """Return increments as `strapdown.corrected` does without scale factors and misalignments.
+
+    It spares six divisions, which take as long as forty products.
+    """
+    return strapdown.plus(measured, -dt, strapdown.get(state, bias))
 
 
 @inline_kernel
@@ -118,7 +135,10 @@ def lane_step(model: ErrorModel) -> Kernel:
     It advances one run of the block by one sample: strapdown, F, P. `kept` and `noise` are those of
     `lane_constants`. Rotations within a sample must be below 0.5 rad.
     """
-    step = inline_kernel(named("lane")(rebound(strapdown.step, rotation=strapdown.small_rotation)))
+    others = {"rotation": strapdown.small_rotation}
+    if not model.blocks:
+        others["corrected"] = _without_bias
+    step = inline_kernel(named(f"{model.label} lane")(rebound(strapdown.step, **others)))
     write, propagate = model.write, _compiled(propagation_source(model), "propagate", model)
     F_at, states = size_of_lane(model.states) - NAV * model.states, model.states
 
