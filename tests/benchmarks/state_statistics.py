@@ -113,7 +113,7 @@ def squares(result: Result) -> tuple[float, float, float, float]:
 
 
 def judged(mean: NDArray[np.float64], half: NDArray[np.float64], *, condition: bool) -> str:
-    """Return whether mean squares are one within half an interval; a condition may hold better than assumed."""
+    """Return whether mean squares are one within half an interval; a condition may hold better."""
     known = np.isfinite(mean)
     off = (mean - 1)[known] / (half + CLOSE)[known]
     if (np.abs(off) < 1).all():
