@@ -217,9 +217,8 @@ class Run(ABC):
         whole = at_samples(self.gyro.bias, self.accelerometer.bias)
         if DRIFTS[0] not in self.blocks or self.recorded is not None:
             return whole
-        return whole - np.concatenate(
-            [bias_drift(self.experiment, triad, self.time) for triad in range(2)], axis=1
-        )
+        drift = [bias_drift(self.experiment, triad, self.time) for triad in range(2)]
+        return np.asarray(whole - np.concatenate(drift, axis=1))
 
     @made_when_asked
     def true_scale(self) -> FloatArray:
