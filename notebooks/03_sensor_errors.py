@@ -34,7 +34,7 @@ from lab.sensors import imu
 from lab.sensors.suite import SensorSuite
 from lab.views.allan import AllanFigures
 
-hv.extension("bokeh")
+hv.extension("bokeh", inline=pn.config.inline)
 pn.extension()
 pd.set_option("display.max_colwidth", None)
 
