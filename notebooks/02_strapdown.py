@@ -31,7 +31,7 @@ from lab.displacement import displacement
 from lab.navigation import strapdown
 from lab.navigation.solution import Start
 
-hv.extension("bokeh")
+hv.extension("bokeh", inline=pn.config.inline)
 pn.extension()
 
 G = earth.STANDARD_GRAVITY  # m/s², the unit g of data sheets

@@ -49,7 +49,8 @@ pn.extension()
 folder = Path(tempfile.mkdtemp())
 with lab.live.open("simulated:montreal?device=vectornav&hz=100") as source:
     source.record(folder / "first.inslab")
-    time.sleep(9)
+    while source.status.fixes < 8:  # one fix a second
+        time.sleep(0.1)
     status = source.status
 
 pd.Series(
