@@ -10,12 +10,17 @@ VENV := .venv
 BIN := $(VENV)/bin
 PIP_INSTALL := $(BIN)/python -m pip install --disable-pip-version-check
 
-.PHONY: help lab test bench fuzz browser clean
+.PHONY: help lab test style types ahead pytest docs bench fuzz browser clean
 .DEFAULT_GOAL := help
+
+# Where this is set, each of some hundred processes of the tests compiles 3,000 modules of Python again, which
+# takes 5 s of a processor.
+unexport PYTHONDONTWRITEBYTECODE
 
 help:
 	@echo 'make lab     install and open the dashboard on http://localhost:$(PORT) (another port: make lab PORT=8000)'
 	@echo 'make test    install and run every test, in three processes at a time (other: make test WORKERS=4)'
+	@echo 'make docs    install and write the documentation as a site, which needs no network, into build/site'
 	@echo 'make bench   install and measure the speed'
 	@echo 'make fuzz    install and attack every reader of recordings, every live decoder and a served laboratory for 10 minutes each (make fuzz SECONDS=60 NAME=GPX)'
 	@echo 'make clean   remove $(VENV) and all caches'
@@ -24,11 +29,28 @@ help:
 lab: $(VENV)/.lab
 	@$(BIN)/ins-lab serve --port $(PORT)
 
-test: $(VENV)/.test browser
+# mypy has one process and the tests begin with one: they run side by side.
+test: $(VENV)/.test browser style
+	@$(MAKE) --no-print-directory --jobs=2 types pytest
+
+style: $(VENV)/.test
 	$(BIN)/ruff check
 	$(BIN)/ruff format --check
+
+types: $(VENV)/.test
 	$(BIN)/mypy
+
+# Compiles once what most tests use; otherwise each process of the tests, and each server, compiles it.
+ahead: $(VENV)/.test
+	@$(BIN)/ins-lab run los_angeles --set trajectory.imu_rate=50 --set navigator.smoother=true >/dev/null
+	@$(BIN)/ins-lab budget los_angeles --set trajectory.imu_rate=50 --set navigator.states=21 >/dev/null
+
+pytest: ahead
 	$(BIN)/pytest -m 'not benchmark' --numprocesses $(WORKERS) --dist loadfile --no-loadscope-reorder --durations=10
+
+docs: $(VENV)/.docs
+	$(BIN)/python -m sphinx -q -W --keep-going -c docs/site -b html . build/site
+	@echo 'The documentation is build/site/index.html.'
 
 bench: $(VENV)/.test browser
 	OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 MKL_NUM_THREADS=1 NUMBA_NUM_THREADS=1 \
@@ -54,7 +76,11 @@ $(VENV)/.lab: pyproject.toml | $(BIN)/pip
 # The test extra contains all that the laboratory needs. Python compiles what a test imports, and no other module.
 $(VENV)/.test: pyproject.toml | $(BIN)/pip
 	$(PIP_INSTALL) --no-compile --editable '.[test]'
-	@touch $@ $(VENV)/.lab
+	@touch $@ $(VENV)/.lab $(VENV)/.docs
+
+$(VENV)/.docs: pyproject.toml | $(BIN)/pip
+	$(PIP_INSTALL) --editable '.[docs]'
+	@touch $@
 
 $(VENV)/.fuzz: pyproject.toml | $(BIN)/pip
 	$(PIP_INSTALL) --editable '.[test,fuzz]'

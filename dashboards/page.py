@@ -38,6 +38,7 @@ from dashboards.settings_panel import SettingsPanel
 from dashboards.style import DRESS, FRAME, SAME_STYLE_ONCE, STAGE, THEME
 from dashboards.time_bar import TimeBar
 from dashboards.upload import SAME_FILE_AGAIN
+from dashboards.upstream import leave_out_hooks
 from lab.memory import give_back
 from lab.result import Result
 from lab.views.figures import TimeAxis
@@ -162,6 +163,7 @@ class SimulatorPage:
             busy_indicator=None,
         )
         _unlink_busy(frame)
+        leave_out_hooks(frame)
         return frame
 
     def _go_on(self) -> None:

@@ -71,6 +71,9 @@ COMMON = frozenset(
 )
 """Settings that are always visible; the others are in an expandable list below."""
 
+OF_NOTEBOOKS = frozenset({"navigator.own_states"})
+"""Settings without a field: a visitor of a page cannot declare states, which needs a function."""
+
 OF_A_LOG = (
     "A sensor log: nothing is simulated. The settings of the sensors are what the filter assumes about "
     "them. Settings without effect are hidden."
@@ -183,7 +186,7 @@ class SettingsPanel:
     def _section(self, group: str, title: str, is_open: bool) -> pn.viewable.Viewable:
         paths = [path for path, _, _ in self._session.experiment.leaves() if path.startswith(f"{group}.")]
         common = [path for path in paths if path in COMMON]
-        others = [path for path in paths if path not in COMMON]
+        others = [path for path in paths if path not in COMMON | OF_NOTEBOOKS]
         body = pn.Column(margin=(0, 4, 8, 4), sizing_mode="stretch_width")
         card = pmui.Card(
             body,
@@ -266,6 +269,7 @@ def matched_variances(experiment: Experiment, name: str) -> list[float]:
     For p0 after an alignment, a level vehicle is assumed, because the first attitude is unknown here.
     """
     plain = experiment.navigator.copy()
+    plain.set("own_states", "")
     for setting in ("p0", "q", "r"):
         plain.set(setting, None)
         plain.set(f"{setting}_scale", 1.0)

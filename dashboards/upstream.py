@@ -7,8 +7,8 @@ Each part is tested against the installed version, which `pyproject.toml` pins
   <https://github.com/bokeh/bokeh/issues/15354>`_, and for 3.10 pull request ``bokeh#15322``.
 - An ended document without reference cycles: ``bokeh#11523``, open since 2021. Collections that block all
   sessions: ``panel#3259``.
-- Panel's repeated copies and lookups for each component, and access control in viser: no upstream issue is
-  known.
+- Panel's repeated copies, lookups and searches for each component, and access control in viser: no upstream
+  issue is known.
 
 A page consists of 600 models. Bokeh reads the default of each of their properties several times, and copies
 and checks it each time, which takes half of the time to open a page. A default that is a number, a text, a
@@ -22,6 +22,7 @@ from collections.abc import Callable, Iterator
 from functools import lru_cache, wraps
 from typing import Any
 
+import param
 import viser
 from bokeh.core.has_props import HasProps
 from bokeh.core.property.descriptors import PropertyDescriptor
@@ -37,10 +38,16 @@ from bokeh.document.callbacks import DocumentCallbackManager
 from bokeh.model import Model, util
 from bokeh.server.callbacks import SessionCallback
 from bokeh.settings import settings
+from panel.config import config
 from panel.custom import ReactiveESM
 from panel.io import resources
-from panel.reactive import Syncable
-from panel.viewable import is_viewable_param
+from panel.links import Callback
+from panel.reactive import Reactive, Syncable
+from panel.util import classproperty
+from panel.viewable import Viewable, is_viewable_param
+from panel.widgets.base import WidgetBase
+from panel_material_ui.base import MaterialComponent
+from panel_material_ui.theme import MaterialDesign
 from tornado.web import Application
 from viser.infra import WebsockClientConnection, WebsockServer
 from websockets.asyncio.server import ServerConnection
@@ -53,6 +60,9 @@ CONSTANT = (type(None), bool, int, float, str)
 """Types of cached defaults: immutable ones."""
 CONTAINERS = (PropertyValueDict, PropertyValueList, PropertyValueSet)
 """Types of defaults that are cached as empty."""
+
+_FOLLOWED = (WidgetBase, param.Parameter)
+"""Types of values that a component follows, in Panel's code."""
 
 _Key = tuple[PropertyDescriptor[Any], type[HasProps]]
 
@@ -159,6 +169,7 @@ def speed_up() -> None:
         cut_cycles()
         _look_at_values_that_are_set()
         _share_declarations()
+        _begin_components()
         _remember_paths()
     settings.perform_document_validation = False
     settings.perform_error_diagnostics = False
@@ -248,9 +259,52 @@ def _share_declarations() -> None:
     Syncable._init_params = init_params  # type: ignore[method-assign, assignment]
 
 
+def _begin_components() -> None:
+    """Make Panel begin a component without steps that change nothing for those of the laboratory.
+
+    Panel marks the declarations of a class again for each component, and copies the declaration of each given
+    value to see whether the component may follow a widget.
+    """
+    begin_material, begin_reactive = MaterialComponent.__init__, Reactive.__init__
+    marked = set[type[Reactive]]()
+
+    @wraps(begin_material)
+    def material(component: MaterialComponent, **values: Any) -> None:
+        if "dark_theme" in values or any(isinstance(value, _FOLLOWED) for value in values.values()):
+            begin_material(component, **values)
+            return
+        chosen = config.design
+        design = chosen if isinstance(chosen, type) and issubclass(chosen, MaterialDesign) else MaterialDesign
+        usual = {"dark_theme": config.theme == "dark", "design": design}
+        super(MaterialComponent, component).__init__(**usual | values)
+
+    @wraps(begin_reactive)
+    def reactive(component: Reactive, refs: Any = None, **values: Any) -> None:
+        if refs is not None or type(component) not in marked:
+            marked.add(type(component))
+            begin_reactive(component, refs=refs, **values)
+        else:
+            super(Reactive, component).__init__(**values)
+
+    MaterialComponent.__init__ = material  # type: ignore[method-assign]
+    Reactive.__init__ = reactive  # type: ignore[method-assign]
+
+
 def _remember_paths() -> None:
-    """Make Panel check only once whether it serves the folder of a component's file, not 700 times a page."""
+    """Make Panel look only once for the files of a component's class, not thousands of times a page."""
     vars(resources)["_is_subpath"] = lru_cache(MOST_PATHS)(resources._is_subpath)
+    if config.autoreload:  # then the files may change
+        return
+    for kind in (ReactiveESM, MaterialComponent):
+        kind._bundle_path = classproperty(lru_cache(MOST_PATHS)(vars(kind)["_bundle_path"].f))
+
+
+def leave_out_hooks(page: Viewable) -> None:
+    """Make Panel search a page for its own links only, not for plots and links of other libraries.
+
+    Panel searches all components after each change of a layout.
+    """
+    vars(page)["_preprocessing_hooks"] = [Callback._process_callbacks]
 
 
 def cut_cycles() -> None:

@@ -29,6 +29,7 @@ import importlib
 from typing import TYPE_CHECKING, Any
 
 from lab.views.cards import register_cards
+from lab.views.completion import register_completion
 
 if TYPE_CHECKING:
     from lab.analysis import allan, budget
@@ -40,11 +41,13 @@ if TYPE_CHECKING:
     from lab.missions import Mission, MissionError, Recording
     from lab.missions.catalogue import mission
     from lab.navigation.algorithm import Algorithm, Estimate
+    from lab.navigation.own_states import declare_states
     from lab.result import Result
     from lab.run import ResultError
     from lab.seeds import run_ensemble
     from lab.sensors.cards import card, cards
     from lab.settings import SettingError
+    from lab.sweep import Sweep
     from lab.trajectory import Trajectory
     from lab.views import plots
 
@@ -59,6 +62,7 @@ __all__ = [
     "Result",
     "ResultError",
     "SettingError",
+    "Sweep",
     "Trajectory",
     "__version__",
     "allan",
@@ -67,6 +71,7 @@ __all__ = [
     "cards",
     "check",
     "compare",
+    "declare_states",
     "export_track",
     "mission",
     "plots",
@@ -86,11 +91,13 @@ _HOMES = {
     "Result": "lab.result",
     "ResultError": "lab.run",
     "SettingError": "lab.settings",
+    "Sweep": "lab.sweep",
     "Trajectory": "lab.trajectory",
     "card": "lab.sensors.cards",
     "cards": "lab.sensors.cards",
     "check": "lab.exercises.catalogue",
     "compare": "lab.comparison",
+    "declare_states": "lab.navigation.own_states",
     "export_track": "lab.export",
     "mission": "lab.missions",
     "run_ensemble": "lab.seeds",
@@ -99,6 +106,7 @@ _MODULES = {"allan": "lab.analysis.allan", "budget": "lab.analysis.budget", "plo
 
 
 register_cards()
+register_completion()
 
 
 def __getattr__(name: str) -> Any:

@@ -31,7 +31,7 @@ def metres_per_radian(latitude: FloatArray, height: FloatArray | float) -> tuple
 
 
 def longer_above(latitude: FloatArray, height: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return by which factors a way north and a way east at a height are longer than on the ellipsoid.
+    """Return by which factors displacements north and east at a height are longer than on the ellipsoid.
 
     Parameters
     ----------

@@ -9,7 +9,7 @@ import operator
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property, reduce
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, ClassVar, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,6 +20,7 @@ from lab.analysis.evidence import Evidence
 from lab.analysis.verdict import Verdict
 from lab.datasets.labelled import ANGLES, EAST_NORTH_UP
 from lab.experiment import Experiment
+from lab.notebook_card import NotebookCard
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -60,7 +61,7 @@ class RunAtFixes(NamedTuple):
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Ensemble:
+class Ensemble(NotebookCard):
     """Runs of one experiment with different seeds.
 
     Attributes
@@ -94,6 +95,8 @@ class Ensemble:
     algorithm : str
         Name of the user's own navigator; empty for those of the lab.
     """
+
+    CARD: ClassVar[str] = "ensemble"
 
     experiment: Experiment
     seeds: tuple[int, ...]

@@ -6,16 +6,17 @@ navigation; a change of a gyro's noise does not recompute the flight, the accele
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
-from typing import TypeVar
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from lab.cache import StageCache, digest
 from lab.ecef import near_pole
+from lab.further_truth import simulated_own_errors
 from lab.histories import LONG, kept
 from lab.ideal_imu import IdealImu
 from lab.log_run import run_log, timed
@@ -44,11 +45,13 @@ from lab.navigation.checks import (
 )
 from lab.navigation.choice import chosen_model, is_ready
 from lab.navigation.navigator import PolarError, navigate
+from lab.navigation.own_states import declared_states
 from lab.navigation.rest_alignment import Aligned
 from lab.navigation.schedule import Schedule
 from lab.navigation.settings import NavigatorSettings
 from lab.navigation.solution import NO_REST, NO_VECTOR, Belief, Fixes, Imu, Solution, Start
-from lab.navigation.standstill import at_rest
+from lab.navigation.standstill import at_rest, still_without_fixes
+from lab.registry import find
 from lab.result import Result, Runnable
 from lab.sensors import barometer, gps, heading_sensor, imu, odometer
 from lab.sensors.draws import unit_draws
@@ -57,6 +60,7 @@ from lab.sensors.suite import SensorSuite
 from lab.sensors.triad import Conditions, output
 from lab.settings import SettingError
 from lab.simulated_result import SimulatedResult
+from lab.sweep import Sweep
 from lab.trajectory import Trajectory, Truth
 from lab.units import si
 
@@ -116,6 +120,47 @@ class Experiment(Runnable):
             return run_log(settings, found, CACHE, tell, algorithm)
         return Computation(settings, found, tell, algorithm).result()
 
+    def sweep(
+        self,
+        settings: Mapping[str, Sequence[Any]],
+        seeds: int | Sequence[int] = 20,
+        progress: Progress | None = None,
+        *,
+        workers: int | None = None,
+    ) -> Sweep:
+        """Run all combinations of values of settings over seeds, on all cores.
+
+        Runs that were done before are taken from a cache. An interrupt, or an exception raised by `progress`,
+        ends the sweep; the runs that are done stay in the cache.
+
+        Parameters
+        ----------
+        settings
+            The values of each setting by its dotted path, such as
+            ``{"sensors.gyro.noise_density": [0.01, 0.03, 0.1]}``, in the unit of the setting.
+        seeds
+            Number of runs of each combination, from the seed of the experiment on, or the seed of each; a
+            sensor log has one.
+        progress
+            Called with a sentence about the current work and the fraction done, from 0 to 1; by default, a
+            notebook shows a bar.
+        workers
+            Number of threads; by default one for each core.
+
+        Raises
+        ------
+        SettingError
+            If there is no such setting, or it does not accept a value.
+        MissionError
+            If the mission cannot be found or read.
+        ValueError
+            If there is no seed, or more than one for a log, or no run is possible. If only some runs are
+            impossible, their values are NaN, and `Sweep.refused` has the reasons.
+        """
+        with find("experiment", "progress")(progress) as tell:
+            found: Sweep = find("experiment", "sweep")(self, settings, seeds, tell, workers)
+        return found
+
     def __repr__(self) -> str:
         changed = sum(getattr(owner, name) != owner.param[name].default for _, owner, name in self.leaves())
         return f"<Experiment: mission {self.mission}, seed {self.seed}, {changed} settings not default>"
@@ -168,13 +213,10 @@ class Computation:
         ready = self.algorithm is not None or is_ready(self.navigator, self.sensors)
         self.progress("Navigating" if ready else "Preparing the navigator (compiled once)", 0.4)
         assumed = self.belief(aligned)
-        key = digest(
-            self.flight_key,
-            self.experiment.seed,
-            self.sensors.to_dict(),
-            self.navigator.to_dict(),
-            self.hidden,
-        )
+        names = chosen_blocks(self.navigator, self.sensors)
+        own = [one.block for one in declared_states(self.sensors.own_errors, "sensors.own_errors")]
+        parts = self.sensors.to_dict(), self.navigator.to_dict(), names, own
+        key = digest(self.flight_key, self.experiment.seed, *parts, self.hidden)
         (solution, aids), seconds = (
             timed(
                 lambda: self.own_solution(
@@ -218,7 +260,7 @@ class Computation:
             aligned=aligned,
             seconds=seconds,
             algorithm="" if self.algorithm is None else type(self.algorithm).__name__,
-            blocks=() if self.algorithm is not None else chosen_blocks(self.navigator, self.sensors),
+            blocks=() if self.algorithm is not None else names,
             aids=aids,
             readings=readings,
         )
@@ -280,6 +322,9 @@ class Computation:
         )
         # Neither is their output kept: the flight is too long to be kept, and takes longer.
         keep = _computed if samples > LONG else CACHE.get
+        own = declared_states(self.sensors.own_errors, "sensors.own_errors")
+        if own:
+            key = digest(key, [one.block for one in own])
         measured = keep(sensor, key, lambda: imu.as_kept(self.measured(errors, flight, draws)))
         if not found.any():
             return measured
@@ -296,7 +341,12 @@ class Computation:
         ideal, seed = flight.ideal, self.experiment.seed
         height = flight.truth.height[1:] - flight.truth.height[0]
         conditions = Conditions.of(self.sensors, seed, ideal.time[1:], height, ideal.dvelocity, ideal.dt)
-        return output(errors, ideal.dtheta, ideal.dt, draws, conditions)
+        measured = output(errors, ideal.dtheta, ideal.dt, draws, conditions)
+        if not self.sensors.own_errors:
+            return measured
+        triad = 3 * isinstance(errors, imu.AccelerometerErrors)
+        more = simulated_own_errors(self.experiment, ideal)[:, triad : triad + 3]
+        return measured._replace(increments=measured.increments + more * ideal.dt)
 
     def fixes(self, flight: Flight) -> gps.GpsFixes:
         """Simulate the GPS receiver."""
@@ -360,7 +410,10 @@ class Computation:
             increments = Imu(truth.time, dtheta, dvelocity)
             seen = Fixes(fixes.time - latency, fixes.position, fixes.velocity_n)
             rest = at_rest(increments, seen, assumed) if needs_rest(settings) else NO_REST
-            other = aids_of(self.sensors, settings, readings, increments, rest)
+            standing = rest
+            if settings.zero_velocity:
+                standing = still_without_fixes(rest, increments, seen, assumed)
+            other = aids_of(self.sensors, settings, readings, increments, standing)
             if settings.rest_updates:
                 increments = increments._replace(rest=rest)
             solution = self.engine(increments, seen, begin, assumed, schedule, other)

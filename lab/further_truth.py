@@ -9,10 +9,14 @@ from numpy.typing import NDArray
 
 from lab.east_north_up import east_north_up
 from lab.experiment_settings import ExperimentSettings
+from lab.ideal_imu import IdealImu
 from lab.navigation import blocks
 from lab.navigation.belief import assumed_latency, assumed_lever_arm
-from lab.sensors import gps
+from lab.navigation.own_states import OwnStates, declared_states, of_blocks
+from lab.sensors import gps, imu, processes
+from lab.sensors.draws import unit_draws
 from lab.sensors.readings import Readings
+from lab.sensors.suite import TRIADS
 from lab.units import si
 
 FloatArray = NDArray[np.float64]
@@ -54,6 +58,11 @@ def further_truth(
             sensors = experiment.sensors
             triad = sensors.gyro if name == blocks.GYRO_MISALIGNMENT else sensors.accelerometer
             columns += [np.full(time.size, value) for value in si(triad, "misalignment")]
+        elif name in blocks.DRIFTS:
+            columns += list(bias_drift(experiment, blocks.DRIFTS.index(name), time).T)
+        elif name in blocks.OWN:
+            (own,) = of_blocks((name,))
+            columns += list(own_errors(experiment, own, time).T)
         elif name == blocks.GPS_DRIFT:
             columns += list(_drift(experiment, time).T)
         elif name in _BIASES:
@@ -64,6 +73,111 @@ def further_truth(
         else:
             columns += [np.full(time.size, value) for value in _constant(experiment, name)]
     return np.stack(columns, axis=-1) if columns else np.zeros((time.size, 0))
+
+
+def bias_drift(experiment: ExperimentSettings, triad: int, time: FloatArray) -> FloatArray:
+    """Return the true drift of the biases of a triad (n, 3): its instability [rad/s] or [m/s²].
+
+    Parameters
+    ----------
+    experiment
+        The settings.
+    triad
+        0 for gyros, 1 for accelerometers.
+    time : (n,) array
+        Times of IMU samples [s]; the first sample of a flight has the drift of the second.
+    """
+    name = TRIADS[triad]
+    errors = experiment.sensors.groups()[name].copy()
+    assert isinstance(errors, imu.GyroErrors | imu.AccelerometerErrors)
+    errors.set("rate_random_walk", 0.0)
+    errors.set("flicker", 0.0)
+    rate = float(experiment.trajectory.imu_rate)
+    interval = np.maximum(np.round(time * rate).astype(np.int64) - 1, 0)
+    draws = imu.ImuDraws.of(
+        experiment.seed,
+        name,
+        int(interval[-1]) + 1,
+        instability=any(errors.instability),
+    )
+    drift = imu.drift(errors, draws, 1 / rate)
+    return drift[interval] if drift.ndim == 2 else np.broadcast_to(drift, (time.size, 3))
+
+
+def own_errors(experiment: ExperimentSettings, own: OwnStates, time: FloatArray) -> FloatArray:
+    """Return the true values (n, k) of states that a user declared; zero if they are not simulated.
+
+    Parameters
+    ----------
+    experiment
+        The settings.
+    own
+        The states.
+    time : (n,) array
+        Times of IMU samples [s].
+    """
+    if own not in declared_states(experiment.sensors.own_errors, "sensors.own_errors"):
+        return np.zeros((time.size, own.size))
+    seed, rate = experiment.seed, float(experiment.trajectory.imu_rate)
+    samples = np.round(time * rate).astype(np.int64)
+    errors = own.sigma * unit_draws(seed, f"own {own.name}.constant", (own.size,))
+    if not own.drift_sigma.any():
+        return np.broadcast_to(errors, (time.size, own.size))
+    draws = unit_draws(seed, f"own {own.name}.drift", (int(samples[-1]) + 1, own.size))
+    decay = float(np.exp(-1 / (rate * own.correlation_time)))
+    drift = processes.gauss_markov(draws[0], draws, decay)
+    return np.asarray(errors + own.drift_sigma * drift[samples])
+
+
+def simulated_own_errors(experiment: ExperimentSettings, ideal: IdealImu) -> FloatArray:
+    """Return what gyros and accelerometers read too much (n, 6) by the errors that a user declared.
+
+    Parameters
+    ----------
+    experiment
+        The settings.
+    ideal
+        The true increments.
+    """
+    total = np.zeros((ideal.dtheta.shape[0], 6))
+    for own in declared_states(experiment.sensors.own_errors, "sensors.own_errors"):
+        E = own.effects(ideal.dtheta / ideal.dt, ideal.dvelocity / ideal.dt)
+        total += np.einsum("nik,nk->ni", E, own_errors(experiment, own, ideal.time[1:]))
+    return total
+
+
+def errors_of_states(
+    experiment: ExperimentSettings, names: tuple[str, ...], ideal: IdealImu, bias: FloatArray
+) -> FloatArray | None:
+    """Return what errors of the IMU with further states add to its output, (n, 6) [rad/s], [m/s²]; or None.
+
+    Parameters
+    ----------
+    experiment
+        The settings.
+    names
+        The further blocks of the filter.
+    ideal
+        The true increments.
+    bias : (n, 6) array
+        The true biases.
+    """
+    own = of_blocks(names)
+    if not own and not {*blocks.MISALIGNMENTS, *blocks.DRIFTS} & set(names):
+        return None
+    rates, forces, time = ideal.dtheta / ideal.dt, ideal.dvelocity / ideal.dt, ideal.time[1:]
+    total = np.zeros((time.size, 6))
+    for triad, values in enumerate((rates, forces)):
+        part = slice(3 * triad, 3 * triad + 3)
+        if blocks.MISALIGNMENTS[triad] in names:
+            errors = experiment.sensors.groups()[TRIADS[triad]]
+            assert isinstance(errors, imu.GyroErrors | imu.AccelerometerErrors)
+            total[:, part] += (values + bias[:, part]) @ imu.misalignment(errors).T
+        if blocks.DRIFTS[triad] in names:
+            total[:, part] += bias_drift(experiment, triad, time)
+    for one in own:
+        total += np.einsum("nik,nk->ni", one.effects(rates, forces), own_errors(experiment, one, time))
+    return total
 
 
 def _drift(experiment: ExperimentSettings, time: FloatArray) -> FloatArray:

@@ -79,7 +79,7 @@ class LogResult(Result):
         return self.fixes.time
 
     def lacks(self, name: str) -> str:
-        """Return why something is not known of this log, in a sentence; see `Run.lacks`."""
+        """Return in a sentence why this log lacks a quantity; see `Run.lacks`."""
         if name in NEEDS_SIMULATION:
             return (
                 "The true flight and the true biases of a sensor log are unknown, and "

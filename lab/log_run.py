@@ -18,7 +18,7 @@ from lab.memory import check_memory
 from lab.missions import LogMission, SensorLog
 from lab.navigation.aids import NO_AIDS
 from lab.navigation.algorithm import Algorithm, run_algorithm
-from lab.navigation.belief import assumed_latency, assumed_lever_arm
+from lab.navigation.belief import assumed_latency, assumed_lever_arm, chosen_blocks
 from lab.navigation.choice import is_ready
 from lab.navigation.recorded import RecordedRun, navigate_log
 from lab.navigation.solution import Solution
@@ -53,6 +53,7 @@ IN_EFFECT = frozenset(
         "sensors.gps.outages",
         "sensors.assumed",
         *(f"sensors.{sensor}.{term}" for sensor in ("barometer", "heading") for term in _SLOW_TERMS),
+        *(f"sensors.heading.{term}" for term in ("source", "declination", "period")),
         *(f"sensors.odometer.{term}" for term in ("fitted", "noise", "scale_factor_sigma", "lever_arm")),
     )
 )
@@ -143,7 +144,7 @@ def run_log(
     settings = {path: experiment.get(path) for path, *_ in experiment.leaves() if has_effect(path, states)}
     made, seconds = cache.get(
         "log navigation",
-        digest(content, settings | {"mission": ""}),
+        digest(content, settings | {"mission": ""}, chosen_blocks(navigator, sensors)),
         lambda: timed(lambda: navigate_log(log, sensors, navigator, outages)),
     )
     solution = made.solution

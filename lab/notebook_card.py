@@ -6,23 +6,9 @@ that draws it.
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from typing import Any, ClassVar
+from typing import ClassVar
 
-_DRAWERS: dict[str, Callable[[Any], str]] = {}
-
-
-def register(card: str, draw: Callable[[Any], str]) -> None:
-    """Register the function that draws a card.
-
-    Parameters
-    ----------
-    card
-        Name of the card: the `CARD` of its objects.
-    draw
-        Returns the HTML of an object.
-    """
-    _DRAWERS[card] = draw
+from lab.registry import find, names
 
 
 class NotebookCard:
@@ -32,5 +18,7 @@ class NotebookCard:
 
     def _repr_html_(self) -> str | None:
         """Return the card as HTML; None if no function is registered, so that Jupyter shows the text."""
-        draw = _DRAWERS.get(self.CARD)
-        return draw(self) if draw else None
+        if self.CARD not in names("card"):
+            return None
+        card: str = find("card", self.CARD)(self)
+        return card

@@ -12,7 +12,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -28,11 +28,14 @@ from lab.analysis.verdict import Verdict
 from lab.datasets import aiding, flight, innovations, sensors, tables
 from lab.experiment_settings import ExperimentSettings
 from lab.histories import made_when_asked
+from lab.html_frame import HtmlFrame
 from lab.identify import identify
 from lab.navigation.algorithm import Algorithm
 from lab.navigation.solution import Solution
 from lab.notebook_card import NotebookCard
 from lab.projection import Projection
+from lab.registry import find
+from lab.result_plots import ResultPlots
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -361,6 +364,32 @@ class Result(NotebookCard, Repeatable):
             If a user's algorithm navigated, or there are too few fixes.
         """
         return identify(self, progress)
+
+    @property
+    def plot(self) -> ResultPlots:
+        """The plots of this result, such as ``result.plot.errors()``; Tab completes their names."""
+        return ResultPlots(self)
+
+    def view3d(self, *, dark: bool = True, height: int = 500) -> HtmlFrame:
+        """Return the flight in three dimensions, for a notebook: paths, fixes, and 3σ ellipsoids.
+
+        Parameters
+        ----------
+        dark
+            Whether the background is dark.
+        height
+            Height of the frame [px].
+        """
+        frame: HtmlFrame = find("result", "view3d")(self, dark=dark, height=height)
+        return frame
+
+    def explore(self) -> Any:
+        """Return the plots of this result as one Panel layout, for a notebook that ran ``pn.extension()``.
+
+        A tab for each page of the dashboard that shows one result. All time axes are linked, and two sliders
+        move the visible stretch of time and the time cursor.
+        """
+        return find("result", "explore")(self)
 
     def datasets(self) -> dict[str, xr.Dataset]:
         """Return all known datasets of this run by name; some only if their settings make them meaningful."""

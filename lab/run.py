@@ -14,14 +14,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lab.experiment_settings import ExperimentSettings
-from lab.further_truth import further_truth
+from lab.further_truth import bias_drift, further_truth
 from lab.histories import LONG, made_when_asked
 from lab.ideal_imu import IdealImu
 from lab.missions import Mission, SensorLog
 from lab.navigation.aids import NO_AIDS, Aids
 from lab.navigation.alignment import Alignment
 from lab.navigation.belief import assumed_latency
-from lab.navigation.blocks import SCALES
+from lab.navigation.blocks import DRIFTS, SCALES
 from lab.navigation.rest_alignment import Aligned
 from lab.navigation.solution import HISTORIES, Belief, Solution
 from lab.rotation import euler_from_quaternion
@@ -210,8 +210,16 @@ class Run(ABC):
 
     @made_when_asked
     def true_bias(self) -> FloatArray:
-        """True gyro and accelerometer biases (n + 1, 6) at the IMU times [rad/s], [m/s²]."""
-        return _at_samples(self.gyro.bias, self.accelerometer.bias)
+        """True gyro and accelerometer biases (n + 1, 6) at the IMU times [rad/s], [m/s²].
+
+        Without their drift, if the filter has states for it.
+        """
+        whole = _at_samples(self.gyro.bias, self.accelerometer.bias)
+        if DRIFTS[0] not in self.blocks or self.recorded is not None:
+            return whole
+        return whole - np.concatenate(
+            [bias_drift(self.experiment, triad, self.time) for triad in range(2)], axis=1
+        )
 
     @made_when_asked
     def true_scale(self) -> FloatArray:

@@ -104,7 +104,7 @@ class AxisQuantity(param.Parameter):
             if not _is_finite(number):
                 raise ValueError(f"{axis}: {number!r} is not a finite number")
             if (low is not None and number < low) or (high is not None and number > high):
-                raise ValueError(f"{axis}: {number:g} is not{_range(self.bounds)} {self.unit}".rstrip())
+                raise ValueError(f"{axis}: {number:g} is not{range_text(self.bounds)} {self.unit}".rstrip())
         return tuple(float(number) for number in components)
 
 
@@ -243,7 +243,8 @@ def _either(options: Iterable[object]) -> str:
     return " or ".join(str(option) for option in options)
 
 
-def _range(bounds: Bounds | None) -> str:
+def range_text(bounds: Bounds | None) -> str:
+    """Return bounds in words with a space before them, such as ``" from 0 to 10"``; empty without any."""
     low, high = bounds or (None, None)
     if low is None and high is None:
         return ""
@@ -256,8 +257,8 @@ _WORDS: dict[type[param.Parameter], Callable[[Any, str], str]] = {
     param.Boolean: lambda p, u: "true or false",
     param.Selector: lambda p, u: "one of " + ", ".join(str(option) for option in p.objects),
     Intervals: lambda p, u: "a list of [start, end] pairs in seconds, such as [[60, 75]]",
-    param.Integer: lambda p, u: f"a whole number{_range(p.bounds)}{u}",
-    param.Number: lambda p, u: f"a number{_range(p.bounds)}{u}",
+    param.Integer: lambda p, u: f"a whole number{range_text(p.bounds)}{u}",
+    param.Number: lambda p, u: f"a number{range_text(p.bounds)}{u}",
     MatrixOrNone: lambda p, u: (
         f"{_either(p.sizes)} variances"
         + (
@@ -268,10 +269,10 @@ _WORDS: dict[type[param.Parameter], Callable[[Any, str], str]] = {
     ),
     QuantityOrNone: lambda p, u: (
         (f"one number, or {len(p.axes)} ({', '.join(p.axes)}), each" if p.axes else "a number")
-        + f"{_range(p.bounds)}{u}, or {p.unset}"
+        + f"{range_text(p.bounds)}{u}, or {p.unset}"
     ),
     AxisQuantity: lambda p, u: (
-        f"one number, or {len(p.axes)} ({', '.join(p.axes)}), each{_range(p.bounds)}{u}"
+        f"one number, or {len(p.axes)} ({', '.join(p.axes)}), each{range_text(p.bounds)}{u}"
     ),
 }
 

@@ -7,6 +7,7 @@ bound is written twice. Values are in datasheet units; the code that uses them c
 from __future__ import annotations
 
 import difflib
+import inspect
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import Any, ClassVar, NamedTuple, Self
 
@@ -14,6 +15,7 @@ import numpy as np
 import param
 
 from lab.notebook_card import NotebookCard
+from lab.setting_help import paragraph
 from lab.setting_kinds import AxisQuantity, Intervals, describe
 from lab.setting_text import MAX_PATH, value_of
 
@@ -72,6 +74,25 @@ class Settings(NotebookCard, param.Parameterized):
         if not name.startswith("_") and not hasattr(type(self), name):
             raise SettingError(_unknown(name, name, "", self))
         super().__setattr__(name, value)
+
+    def __dir__(self) -> list[str]:
+        # Completion in a notebook lists the settings and what one does with them, without the machinery.
+        mine = [cls for cls in type(self).__mro__ if issubclass(cls, Settings)]
+        public = {name for cls in mine for name in vars(cls) if not name.startswith("_")}
+        methods = {name for name in public if callable(getattr(type(self), name)) and name not in _HIDDEN}
+        return [*_declared(type(self)), *sorted(methods - set(_declared(type(self))))]
+
+    def getdoc(self) -> str:
+        """Return what IPython shows for ``?``: the class, and each setting with unit, bounds and meaning."""
+        # In IPython, param appends a table in colours to the docstring, without units.
+        about = inspect.cleandoc((type(self).__doc__ or "").partition("\x1b[")[0])
+        parts = []
+        for name, value in ((name, getattr(self, name)) for name in _declared(type(self))):
+            if isinstance(value, Settings):
+                parts.append(f"{name}.{{{', '.join(_declared(type(value)))}}}")
+            else:
+                parts.append(paragraph(name, type(self).param[name], value))
+        return "\n\n".join((about.rstrip(), *parts))
 
     def groups(self) -> dict[str, Settings]:
         """Return the groups directly inside this one, by name."""
@@ -143,7 +164,7 @@ class Settings(NotebookCard, param.Parameterized):
         """
         if len(path) > MAX_PATH:
             raise SettingError(f"{_show(path)}: there is no setting with a name of {len(path)} characters")
-        declaration = self._declaration(path)
+        declaration = self.declaration(path)
         try:
             value = value_of(declaration, text.strip())
         except ValueError as error:
@@ -210,7 +231,14 @@ class Settings(NotebookCard, param.Parameterized):
             if all(name in group for name in names):
                 raise SettingError(f"{path}: {' and '.join(names)} are two forms of one setting; give one")
 
-    def _declaration(self, path: str) -> param.Parameter:
+    def declaration(self, path: str) -> param.Parameter:
+        """Return the declaration of the setting at a dotted path: unit, bounds, label and documentation.
+
+        Raises
+        ------
+        SettingError
+            If there is no such setting.
+        """
         if path in self.OTHER_FORMS:
             return self.derived(path).declaration
         owner, name = self._find(path)
@@ -235,6 +263,9 @@ def group(settings: type[Settings], doc: str) -> Any:
     """Declare a group of settings inside another; every instance of the owner gets its own group."""
     return param.ClassSelector(class_=settings, default=None, allow_None=True, doc=doc)
 
+
+_HIDDEN = {"derived", "getdoc"}
+"""Public methods that are called by the lab and by IPython only."""
 
 # Cached, because declarations do not change, and a moving slider reads them a thousand times.
 _NAMES: dict[type[Settings], tuple[str, ...]] = {}

@@ -63,7 +63,7 @@ class SimulatedResult(Result):
         return self.fixes.time - self.latency
 
     def lacks(self, name: str) -> str:
-        """Return why something is not known of this run: everything is."""
+        """Return an empty text: a simulated run lacks nothing."""
         return ""
 
     @property

@@ -22,13 +22,9 @@
 # the solution is and why. Run the cells from top to bottom. Each step has one idea, and one question to try.
 
 # %%
-from html import escape
-
 import panel as pn
-import viser
 
 from lab import Experiment, mission, plots
-from lab.views.scene import Scene
 
 pn.extension()
 
@@ -48,9 +44,9 @@ mission("montreal")
 # ## 2. Sensors that err
 #
 # An *experiment* holds every setting of one run: the flight, the errors of the sensors, the assumptions of
-# the filter, and the seed of all random numbers. Each setting has a unit and bounds;
-# `experiment.sensors.gyro` shows those of the gyros. The defaults are those of the MEMSense AccelRate3D,
-# a small MEMS sensor.
+# the filter, and the seed of all random numbers. Each setting has a unit and bounds: the Tab key lists them
+# after `experiment.sensors.gyro.`, and `experiment.sensors.gyro` shows those of the gyros. The defaults are
+# those of the MEMSense AccelRate3D, a small MEMS sensor.
 
 # %%
 experiment = Experiment(mission="montreal", seed=1)
@@ -92,7 +88,8 @@ result.summary
 
 # %% [markdown]
 # Everything in a result is a labelled dataset of [xarray](https://xarray.dev) with units: `result.errors`,
-# `result.sigma`, `result.imu`, `result.gps`, … You can slice, plot and save each of them.
+# `result.sigma`, `result.imu`, `result.gps`, … You can slice, plot and save each of them. `result.plot.`
+# and the Tab key list the plots, and `result.explore()` has all of them in tabs.
 
 # %%
 result.errors
@@ -201,13 +198,7 @@ pn.Column(outage, pn.bind(without_gps, outage.param.value_throttled))
 # In the dashboard it is live, and the aircraft flies.
 
 # %%
-# %%capture
-server = viser.ViserServer(host="127.0.0.1", port=0, verbose=False)
-page = Scene(server, result).as_html(dark=True)
-server.stop()
-
-# %%
-pn.pane.HTML(f'<iframe srcdoc="{escape(page)}" width="100%" height="500"></iframe>', width=800, height=510)
+result.view3d()
 
 # %% [markdown]
 # ## 9. Take it with you

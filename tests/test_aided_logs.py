@@ -6,10 +6,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 from sensor_logs import ATTITUDE, EPOCH, IMU, POSITION, SIGMA, VELOCITY, tables, trajectory, write_csv
 
 from lab import Experiment
+from lab.magnetic_field import magnetic_field
 from lab.missions import MissionError, read_sensor_log
+from lab.missions.library import delete_mission
 
 OUTAGE = (EPOCH + 90.0, EPOCH + 150.0)
 
@@ -73,6 +76,93 @@ def test_what_is_there_and_not_used_or_wanted_and_not_there_is_told(folder: Path
     notes = " ".join(drive(folder, heading=True).run().remarks)
     assert "readings of a barometer that are not used; sensors.barometer.fitted = true uses them" in notes
     assert "The log has no readings for sensors.heading.fitted, which has no effect." in notes
+
+
+def with_headings(folder: Path, tmp_path: Path) -> Path:
+    """Return the log with a magnetometer and a file of headings, both 2° off."""
+    for name in ("imu.csv", "gnss.csv", "ref.csv"):
+        (tmp_path / name).write_bytes((folder / name).read_bytes())
+    rng, times = np.random.default_rng(4), np.arange(0.5, 199.0, 0.1)
+    truth = trajectory().at(times)
+    off = np.radians(2.0) + np.radians(0.5) * rng.normal(size=times.size)
+    heading = np.degrees(truth.euler[:, 2] + off) % 360
+    write_csv(tmp_path / "heading.csv", ("t_s", "heading_deg"), np.column_stack((times + EPOCH, heading)))
+    field = magnetic_field(truth.position[0])
+    C_nb = rotations(truth)
+    turned = Rotation.from_rotvec(-off[:, None] * np.array([0.0, 0.0, 1.0])).apply(field)
+    seen = np.einsum("nji,nj->ni", C_nb, turned)
+    write_csv(
+        tmp_path / "mag.csv", ("t_s", "mx_uT", "my_uT", "mz_uT"), np.column_stack((times + EPOCH, seen))
+    )
+    return tmp_path
+
+
+@pytest.mark.parametrize("source", ["heading", "magnetometer"])
+def test_headings_and_magnetic_fields_of_a_log_are_used(folder: Path, tmp_path: Path, source: str) -> None:
+    made = drive(with_headings(folder, tmp_path), heading=True)
+    made.set("sensors.heading.source", source)
+    made.set("sensors.heading.noise", 0.5)
+    made.set("navigator.initial_heading", np.degrees(float(trajectory().at(np.zeros(1)).euler[0, 2])))
+    result = made.run()
+    found = result.further_states.sel(state="heading sensor bias")
+    error, sigma = float(found["estimate"][-1]) - 2.0, float(found["sigma"][-1])
+    assert abs(error) < 4 * sigma
+    kinds = set(result.aiding.kind.values.tolist())
+    assert kinds == {"heading" if source == "heading" else "magnetic heading"}
+    # Headings at 10 Hz are all taken, a magnetometer once a second.
+    assert result.aids.time.size == pytest.approx(1980 if source == "heading" else 198, abs=10)
+    nis = result.solution_arrays.aid_innovation**2 / result.solution_arrays.aid_variance
+    assert np.nanmean(nis) == pytest.approx(1, abs=0.3)
+
+
+def test_a_declination_that_is_given_takes_the_place_of_the_model(folder: Path, tmp_path: Path) -> None:
+    made = drive(with_headings(folder, tmp_path), heading=True)
+    made.set("sensors.heading.source", "magnetometer")
+    made.set("sensors.heading.declination", 10.0)
+    np.testing.assert_allclose(made.run().aids.value, np.radians(10.0))
+    (tmp_path / "log.toml").write_text("declination_deg = -3.0\n")
+    made.set("sensors.heading.declination", None)
+    np.testing.assert_allclose(made.run().aids.value, np.radians(-3.0))
+
+
+def test_headings_in_two_files_are_refused(folder: Path, tmp_path: Path) -> None:
+    log = with_headings(folder, tmp_path)
+    rows = (log / "gnss.csv").read_text().splitlines()
+    (log / "gnss.csv").write_text("\n".join([f"{rows[0]},heading_deg", *(f"{row},10" for row in rows[1:])]))
+    with pytest.raises(MissionError, match=r"heading.csv: gnss.csv has headings too .* of one file"):
+        read_sensor_log(log)
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("t_s,speed\n1010,5\n", r"heading.csv.*heading_deg"),
+        ("t_s,heading_deg\n1010,5\n1009,6\n", r"heading.csv, column t_s: accepted is time that increases"),
+        ("t_s,heading_deg\n1010,500\n", r"heading.csv.*heading_deg.*360"),
+        ("t_s,heading_deg,sd_heading_deg\n1010,5,0\n", r"heading.csv.*sd_heading_deg"),
+    ],
+)
+def test_headings_that_cannot_be_read_are_refused(
+    folder: Path, tmp_path: Path, text: str, message: str
+) -> None:
+    log = with_headings(folder, tmp_path)
+    (log / "heading.csv").write_text(text)
+    with pytest.raises(MissionError, match=message):
+        read_sensor_log(log)
+
+
+def test_a_log_is_deleted_with_the_files_of_all_its_sensors(
+    folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("INS_LAB_MISSIONS", str(tmp_path))
+    mine = tmp_path / "mine"
+    mine.mkdir()
+    for file in with_headings(folder, mine).iterdir():
+        assert file.exists()
+    for name in ("baro.csv", "odo.csv"):
+        (mine / name).write_bytes((folder / name).read_bytes())
+    delete_mission("mine")
+    assert not mine.exists()
 
 
 def test_time_that_runs_backwards_is_refused(folder: Path, tmp_path: Path) -> None:

@@ -20,6 +20,7 @@ DOCUMENTS = [
     ROOT / "CONTRIBUTING.md",
     ROOT / "missions/README.md",
     *sorted((ROOT / "docs").glob("*.md")),
+    *sorted((ROOT / "docs/theory").glob("*.md")),
 ]
 LINK = re.compile(r"\]\(([^)]+)\)")
 PLACE = re.compile(r"(?<![\w./-])(?:lab|tests|dashboards|notebooks|missions|docs|\.ci)/[\w./*-]*\w")
@@ -116,8 +117,9 @@ def test_every_command_is_in_the_list_of_commands() -> None:
 
 def test_the_index_names_every_page_and_every_page_has_one_subject() -> None:
     index = set(LINK.findall(text_of(ROOT / "docs/README.md")))
-    for document in (ROOT / "docs").glob("*.md"):
-        assert document.name == "README.md" or document.name in index
+    for document in (*(ROOT / "docs").glob("*.md"), *(ROOT / "docs/theory").glob("*.md")):
+        name = document.relative_to(ROOT / "docs").as_posix()
+        assert name == "README.md" or name in index
         assert len(re.findall(r"^# ", prose(document), re.MULTILINE)) == 1, document.name
 
 

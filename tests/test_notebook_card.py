@@ -1,13 +1,20 @@
-"""Cards of a notebook: drawn by whoever registered, and not loaded before."""
+"""Cards of a notebook: drawn by whoever registered, and not loaded before; every object that has one."""
 
 from __future__ import annotations
 
 import json
 import subprocess
 import sys
+from html.parser import HTMLParser
 
-from lab import notebook_card
-from lab.notebook_card import NotebookCard, register
+import pytest
+
+from lab import card, registry
+from lab.experiment import Experiment
+from lab.notebook_card import NotebookCard
+from lab.registry import find, names, register
+from lab.result import Result
+from lab.seeds import run_ensemble
 from lab.sensors.gps import GpsErrors
 
 
@@ -17,24 +24,104 @@ class Shown(NotebookCard):
     CARD = "a card of this test"
 
 
-def test_a_card_is_drawn_by_whoever_registered_for_it(monkeypatch):
-    monkeypatch.setattr(notebook_card, "_DRAWERS", dict(notebook_card._DRAWERS))
+def draw(shown: Shown) -> str:
+    return f"<p>{type(shown).__name__}</p>"
+
+
+def test_a_card_is_drawn_by_whoever_registered_for_it(monkeypatch: pytest.MonkeyPatch) -> None:
+    kinds = {kind: dict(functions) for kind, functions in registry._FUNCTIONS.items()}
+    monkeypatch.setattr(registry, "_FUNCTIONS", kinds)
     assert Shown()._repr_html_() is None  # Jupyter shows the text then
-    register("a card of this test", lambda shown: f"<p>{type(shown).__name__}</p>")
+    register("card", "a card of this test", f"{__name__}:draw")
     assert Shown()._repr_html_() == "<p>Shown</p>"
 
 
-def test_a_subclass_has_the_card_of_its_parent():
+def test_every_registered_function_exists() -> None:
+    for kind in ("card", "plot", "result", "experiment", "sweep"):
+        assert names(kind)
+        for name in names(kind):
+            assert callable(find(kind, name)), (kind, name)
+
+
+def test_a_subclass_has_the_card_of_its_parent() -> None:
     assert "sensors" not in GpsErrors()._repr_html_()
     assert "<table>" in GpsErrors(period=2.0)._repr_html_()
 
 
-def test_importing_the_lab_registers_the_cards_and_loads_nothing_that_draws():
+def test_importing_the_lab_registers_the_cards_and_loads_nothing_that_draws() -> None:
     script = (
-        "import json, sys, lab\nfrom lab import notebook_card\n"
-        "print(json.dumps([sorted(notebook_card._DRAWERS), sorted(sys.modules)]))"
+        "import json, sys, lab\nfrom lab import registry\n"
+        "print(json.dumps([sorted(registry._FUNCTIONS['card']), sorted(sys.modules)]))"
     )
     done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True)
     cards, modules = json.loads(done.stdout)
     assert {"settings", "result"} <= set(cards)
-    assert not {"numpy", "param", "holoviews", "bokeh", "lab.result", "lab.settings"} & set(modules)
+    assert not {"numpy", "param", "holoviews", "bokeh", "IPython", "lab.result", "lab.settings"} & set(
+        modules
+    )
+
+
+class Reader(HTMLParser):
+    """Collects the texts, the colours of texts, and tags that were opened and not closed."""
+
+    def __init__(self, html: str) -> None:
+        super().__init__()
+        self.texts: list[str] = []
+        self.open: list[str] = []
+        self.styles = ""
+        self.feed(html)
+
+    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        """Note a tag and its style."""
+        self.styles += f"{dict(attrs).get('style') or ''};"
+        self.open.append(tag)
+
+    def handle_endtag(self, tag: str) -> None:
+        """Close the tag that was opened last."""
+        assert self.open.pop() == tag
+
+    def handle_data(self, data: str) -> None:
+        """Keep a text."""
+        self.texts.append(data)
+
+
+@pytest.fixture(scope="module")
+def mistuned() -> Result:
+    """Return a run of a filter that assumes a hundredth of R."""
+    experiment = Experiment(mission="los_angeles", seed=3)
+    experiment.trajectory.imu_rate = 20
+    experiment.navigator.r_scale = 0.01
+    return experiment.run()
+
+
+def test_a_verdict_shows_each_finding_with_its_advice_once(mistuned: Result) -> None:
+    read = Reader(str(mistuned.verdict._repr_html_()))
+    text = " ".join(read.texts)
+    assert not read.open
+    assert mistuned.verdict.findings
+    for finding in mistuned.verdict.findings:
+        assert text.count(finding.sentence) == 1
+        assert finding.evidence in text
+    assert "✗" in text
+
+
+def test_an_ensemble_shows_its_verdict_and_its_errors(mistuned: Result) -> None:
+    ensemble = run_ensemble(mistuned.experiment, 2)
+    read = Reader(str(ensemble._repr_html_()))
+    text = " ".join(read.texts)
+    assert not read.open
+    assert ensemble.verdict.findings[0].sentence in text
+    assert f"{ensemble.coverage['rms'][8]:.4g}" in text
+    assert "seeds 3 to 4" in text
+
+
+def test_a_sensor_card_shows_numbers_with_units_and_sources() -> None:
+    shown = card("ADIS16470")
+    read = Reader(str(shown._repr_html_()))
+    text = " ".join(read.texts)
+    assert not read.open
+    assert "0.008 °/s/√Hz (one-sided)" in text
+    for terms in (*shown.terms.values(), *shown.assumed.values()):
+        for datum in terms.values():
+            assert datum.source in text
+    assert "background" not in read.styles  # the notebook's own, light or dark

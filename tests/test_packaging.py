@@ -51,10 +51,12 @@ def test_the_wheel_holds_every_module_and_nothing_beside(distributions: Path) ->
     assert {name.split("/")[0] for name in names} == {"lab", "dashboards", "ins_lab-0.1.0.dist-info"}
 
 
-def test_the_wheel_holds_the_missions_and_all_other_data(distributions: Path) -> None:
+def test_the_wheel_holds_missions_notebooks_and_all_other_data(distributions: Path) -> None:
     names = _wheel_names(distributions)
     shipped = {f"lab/missions/shipped/{path.name}" for path in (ROOT / "missions").iterdir()}
     assert any(name.endswith("montreal.csv.gz") for name in shipped)
+    shipped |= {f"lab/exercises/notebooks/{path.name}" for path in (ROOT / "notebooks").glob("*.py")}
+    assert any(name.endswith("01_tour.py") for name in shipped)
     assert shipped <= names
     data = {
         path.relative_to(ROOT).as_posix()
@@ -96,7 +98,9 @@ def test_the_package_imports_fast() -> None:
     assert min(seconds) <= IMPORT_SECONDS
 
 
-@pytest.mark.parametrize("arguments", [["--help"], ["--version"], ["missions"], ["run", "--help"]])
+@pytest.mark.parametrize(
+    "arguments", [["--help"], ["--version"], ["missions"], ["notebooks", "list"], ["run", "--help"]]
+)
 def test_quick_commands_load_neither_compiler_nor_web_server(arguments: list[str]) -> None:
     script = (
         "import json, sys\n"

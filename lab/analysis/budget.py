@@ -44,12 +44,14 @@ from lab.analysis.errors import euler_sigma
 from lab.analysis.known_errors import Series, known_errors
 from lab.analysis.transition import BIASES, NAV, Flight, N, Processes, Transition, transition
 from lab.east_north_up import NED_TO_ENU, east_north_up_sizes
+from lab.navigation import blocks
 from lab.navigation.checks import OTHER
 from lab.navigation.error_models import ATT, MODELS, POS, STATES, VEL
 from lab.navigation.strapdown import MAX_LATITUDE
 from lab.rotation import euler_from_quaternion, euler_jacobian
 from lab.run import Run
 from lab.sensors.gps import within
+from lab.sensors.imu_errors import OFF_DIAGONAL
 from lab.settings import SettingError
 from lab.units import TO_SI
 
@@ -73,10 +75,13 @@ UNITS = ("m",) * 3 + ("m/s",) * 3 + ("°",) * 3 + ("°/s",) * 3 + ("mg",) * 3
 """Units of the quantities."""
 
 
-def quantities(states: int) -> dict[str, str]:
-    """Return the quantities of the budget of a filter with a number of states, and their units."""
+def quantities(names: Sequence[str]) -> dict[str, str]:
+    """Return the quantities of the budget of a filter with some further blocks, and their units."""
+    scales = (*QUANTITIES, *STATES[N:])[: blocks.count([name for name in names if name in blocks.SCALES])]
     units = (*UNITS, *("%",) * (len(STATES) - N))
-    return dict(zip((*QUANTITIES, *STATES[N:])[:states], units[:states], strict=True))
+    further, their_units, _ = blocks.shown_states(names)
+    found = dict(zip(scales, units[: len(scales)], strict=True))
+    return found | dict(zip(further, their_units, strict=True))
 
 
 INTERVAL = 1.0
@@ -112,7 +117,7 @@ def error_budget(run: Run) -> xr.Dataset:
     _check(run)
     experiment = run.experiment
     assert run.aligned is not None  # for a simulated run
-    constant = constants(experiment, run.aligned)
+    constant = constants(experiment, run.aligned, run.blocks)
     random = processes(experiment, ideal, float(run.time[-1]))
     known = known_errors(run)
     epochs = epochs_of(run)
@@ -161,11 +166,12 @@ def check_gains(run: Run) -> None:
 
 
 def check_states(run: Run) -> None:
-    """Raise `SettingError` for filters with other measurements or further states."""
-    if run.is_aided:
+    """Raise `SettingError` for filters with other measurements, or states for other errors than the IMU's."""
+    if run.aids.time.size or set(run.blocks) - {*blocks.SCALES, *blocks.MISALIGNMENTS}:
         raise SettingError(
-            f"{OTHER}: the error budget follows the errors of IMU and GPS through a filter with 15 or 21 "
-            "states, and this one uses other measurements or has further states; accepted here are none"
+            f"{OTHER}: the error budget follows the errors of IMU and GPS through a filter with states for "
+            "errors of the IMU, and this one uses other measurements or has states for other errors; "
+            "accepted here are navigator.states and navigator.estimate_misalignments"
         )
 
 
@@ -239,7 +245,7 @@ class _Propagation:
         self.time = ideal.time
         self.processes = processes
         self.inertial = [source for source in processes if source.channel <= ACCELEROMETER]
-        self.fade = np.exp(-belief.decay * ideal.dt)
+        self.fade = np.exp(-belief.decay[:BIASES] * ideal.dt)
         self.sampled = Processes(
             np.array([source.channel for source in self.inertial], dtype=np.int64),
             np.array([source.decay(ideal.dt) for source in self.inertial]),
@@ -248,6 +254,7 @@ class _Propagation:
         self.solution = solution = run.solution_arrays
         self.corrected = _corrections(run)
         n = self.states = solution.states
+        self.blocks = run.blocks
         self.waiting = slice(n, n + BIASES)  # the biases of x̂
         self.own = slice(n + BIASES, n + BIASES + 3)  # c
         self.widths = [source.start.shape[1] for source in constants]
@@ -259,7 +266,7 @@ class _Propagation:
         self.drawn = sum(self.widths)
         self.widths += [1] * len(known)
         self.columns = np.zeros((self.waiting.stop, sum(self.widths)))
-        self.columns[:n, : self.drawn] = np.concatenate([source.start[:n] for source in constants], axis=1)
+        self.columns[:n, : self.drawn] = np.concatenate([source.start for source in constants], axis=1)
         errors = run.experiment.sensors.gps
         bad = within(errors.quality_steps, run.fixes.time)
         self.grade = np.where(bad, errors.quality_factor, 1.0)
@@ -297,10 +304,10 @@ class _Propagation:
         A = np.eye(waiting.stop)
         A[:NAV, :NAV] = step.navigation
         A[:NAV, NAV:N] = step.bias
-        for c in range(
-            self.states - N
-        ):  # an error of a scale factor acts as one of the bias, times the measured quantity
-            A[:NAV, N + c] = step.coupled[:, c, c]
+        # An error of a scale factor acts as one of the bias, times the measured quantity; a misalignment,
+        # times that of another axis.
+        for state, of, by in coupled_states(self.blocks):
+            A[:NAV, state] = step.coupled[:, of, by]
         fade = np.diag(self.fade ** (last - first))
         A[:NAV, waiting] = step.bias - step.fading
         A[NAV:N, waiting] = np.eye(BIASES) - fade
@@ -372,6 +379,18 @@ class _Propagation:
         return np.concatenate((constant, random))
 
 
+def coupled_states(names: Sequence[str]) -> list[tuple[int, int, int]]:
+    """Return the states that act as a bias of one axis times the output of one: state, bias, output."""
+    pairs = [("xyz".index(pair[0]), "xyz".index(pair[1])) for pair in OFF_DIAGONAL]
+    found = []
+    for triad, (scale, misalignment) in enumerate(zip(blocks.SCALES, blocks.MISALIGNMENTS, strict=True)):
+        for name, couplings in ((scale, [(i, i) for i in range(3)]), (misalignment, pairs)):
+            if name in names:
+                first = blocks.first_state(names, name)
+                found += [(first + k, 3 * triad + i, 3 * triad + j) for k, (i, j) in enumerate(couplings)]
+    return found
+
+
 def _corrections(run: Run) -> NDArray[np.bool_]:
     """Return after which fixes (m,) the navigator was corrected."""
     navigator = run.experiment.navigator
@@ -393,7 +412,7 @@ def _dataset(run: Run, sources: list[str], epochs: Epochs, variance: FloatArray)
     names = list(dict.fromkeys(sources))
     if len(names) < len(sources):
         variance = np.stack([variance[[name == source for source in sources]].sum(axis=0) for name in names])
-    units = quantities(run.solution_arrays.states)
+    units = quantities(run.blocks)
     scale = np.array([1 / TO_SI[unit] for unit in units.values()])
     kept = epochs.sample[epochs.last]
     total = variance.sum(axis=0)
@@ -421,14 +440,15 @@ def _dataset(run: Run, sources: list[str], epochs: Epochs, variance: FloatArray)
 
 
 def believed_sigma(run: Run, samples: NDArray[np.int64]) -> FloatArray:
-    """Return σ of all `quantities` (m, 15 or 21) at samples (m,) according to the filter, in their units."""
+    """Return σ of all `quantities` (m, states) at samples (m,) according to the filter, in their units."""
     solution = run.solution_arrays
-    states = solution.states - solution.further.shape[1]
     euler = euler_from_quaternion(solution.q_nb[samples])
-    return sigma_of_quantities(euler, solution.variance[samples, :states], solution.covariance[samples])
+    return sigma_of_quantities(euler, solution.variance[samples], solution.covariance[samples], run.blocks)
 
 
-def sigma_of_quantities(euler: FloatArray, variance: FloatArray, covariance: FloatArray) -> FloatArray:
+def sigma_of_quantities(
+    euler: FloatArray, variance: FloatArray, covariance: FloatArray, names: Sequence[str]
+) -> FloatArray:
     """Return σ (n, states) of all `quantities`, in their units.
 
     Parameters
@@ -437,8 +457,10 @@ def sigma_of_quantities(euler: FloatArray, variance: FloatArray, covariance: Flo
         Roll, pitch, heading [rad].
     variance, covariance
         As of `Solution`.
+    names
+        The further blocks of the filter.
     """
     sigma = np.sqrt(variance)
     sigma[:, POS], sigma[:, VEL] = east_north_up_sizes(sigma[:, POS]), east_north_up_sizes(sigma[:, VEL])
     sigma[:, ATT] = euler_sigma(euler, variance[:, ATT], covariance[:, 1])
-    return sigma / [TO_SI[unit] for unit in quantities(variance.shape[1]).values()]
+    return sigma / [TO_SI[unit] for unit in quantities(names).values()]

@@ -5,6 +5,7 @@ Errors known sample by sample, such as the effect of a temperature or a latency,
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -12,6 +13,7 @@ from numpy.typing import NDArray
 
 from lab.analysis.transition import N
 from lab.east_north_up import east_north_up_sizes
+from lab.navigation import blocks
 from lab.navigation.error_models import (
     ACCEL_BIAS,
     ACCEL_SCALE,
@@ -48,7 +50,7 @@ class Constant(NamedTuple):
     name
         Name of the source.
     start : (n, c) array
-        Initial error states for one standard deviation of each number; as many as the filter has, or more.
+        Initial error states for one standard deviation of each number, as many as the filter has.
     coupling : (c, 6, 6) array
         Maps angular rate and specific force in b to the errors of gyros and accelerometers.
     """
@@ -96,7 +98,7 @@ class Process(NamedTuple):
         return self.variance * (1 - self.decay(elapsed) ** 2)
 
 
-def constants(experiment: ExperimentSettings, aligned: Aligned) -> list[Constant]:
+def constants(experiment: ExperimentSettings, aligned: Aligned, names: Sequence[str] = ()) -> list[Constant]:
     """Return the constant errors that are not zero.
 
     Parameters
@@ -105,26 +107,29 @@ def constants(experiment: ExperimentSettings, aligned: Aligned) -> list[Constant
         The settings.
     aligned
         The start of the navigator; an alignment reduces the errors before the flight to the remaining ones.
+    names
+        The further blocks of the filter: those of the IMU.
     """
     navigator, sensors = experiment.navigator, experiment.sensors
     found: list[Constant] = []
+    scaled, aligning = blocks.GYRO_SCALE in names, blocks.GYRO_MISALIGNMENT in names
     for name, block in (("position", POS), ("velocity", VEL), ("attitude", ATT)):
         found.append(initial(f"initial {name}", block, np.diag(si(navigator, f"{name}_sigma"))))
         found.append(initial(f"initial {name}, given", block, si(navigator, f"{name}_error")[None]))
-    blocks = (("gyro", GYRO_BIAS, GYRO_SCALE), ("accelerometer", ACCEL_BIAS, ACCEL_SCALE))
-    for number, (name, block, scale_block) in enumerate(blocks):
+    triads = (("gyro", GYRO_BIAS, GYRO_SCALE), ("accelerometer", ACCEL_BIAS, ACCEL_SCALE))
+    for number, (name, block, scale_block) in enumerate(triads):
         errors = sensors.groups()[name]
         own = slice(3 * number, 3 * number + 3)
         # The estimate starts at zero, so its error is minus the bias.
         found.append(initial(f"{name} turn-on bias σ", block, -np.diag(si(errors, "bias_sigma"))))
         found.append(initial(f"{name} turn-on bias, given", block, -si(errors, "bias")[None]))
         scale, drawn = si(errors, "scale_factor"), si(errors, "scale_factor_sigma")
-        # In a filter with 21 states, they are errors of an estimate that starts at zero, as for the biases.
+        # With states for them, they are errors of an estimate that starts at zero, as for the biases.
         sources = [
             initial(f"{name} scale factor σ", scale_block, -np.diag(drawn)),
             initial(f"{name} scale factor, given", scale_block, -scale[None]),
         ]
-        if navigator.states == N:
+        if not scaled:
             each = np.einsum("c,ci,cj->cij", drawn, np.eye(3), np.eye(3))
             couplings = each, np.diag(scale)[None]
             sources = [
@@ -132,10 +137,32 @@ def constants(experiment: ExperimentSettings, aligned: Aligned) -> list[Constant
                 for source, matrices in zip(sources, couplings, strict=True)
             ]
         found += sources
-        found.append(coupled(f"{name} misalignment", own, own, imu.misalignment(errors)[None]))
+        if not aligning:
+            found.append(coupled(f"{name} misalignment", own, own, imu.misalignment(errors)[None]))
     found = [source._replace(start=aligned.kept @ source.start) for source in found]
     noise = Constant("noise of the alignment", aligned.noise, np.zeros((aligned.noise.shape[1], 6, 6)))
-    return [source for source in (*found, noise) if source.start.any() or source.coupling.any()]
+    found = [_with_room(source, names) for source in (*found, noise)]
+    if aligning:
+        found += [
+            _of_block(f"{name} misalignment", names, block, -si(sensors.groups()[name], "misalignment"))
+            for (name, *_), block in zip(triads, blocks.MISALIGNMENTS, strict=True)
+        ]
+    return [source for source in found if source.start.any() or source.coupling.any()]
+
+
+def _with_room(source: Constant, names: Sequence[str]) -> Constant:
+    """Return a source with as many rows as a filter with some further blocks has states."""
+    start = np.zeros((blocks.count(names), source.start.shape[1]))
+    known = N + sum(blocks.block(name).size for name in names if name in blocks.SCALES)
+    start[:known] = source.start[:known]
+    return source._replace(start=start)
+
+
+def _of_block(name: str, names: Sequence[str], block: str, values: FloatArray) -> Constant:
+    """Return a source of initial errors of all states of a further block, given by their values."""
+    start = np.zeros((blocks.count(names), 1))
+    start[blocks.states_of(names, block), 0] = values
+    return Constant(name, start, np.zeros((1, 6, 6)))
 
 
 def initial(name: str, block: slice, columns: FloatArray) -> Constant:

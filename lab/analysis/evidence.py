@@ -18,11 +18,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lab.analysis import consistency, errors
+from lab.analysis.aid_verdict import aid_squares
 from lab.analysis.fix_causes import causes_of, motion_at_fixes
 from lab.analysis.fix_evidence import FixErrors, fix_errors
 from lab.analysis.innovation_evidence import Innovations, innovations, offered
 from lab.analysis.sensor_evidence import Reference, SensorErrors, sensor_errors
 from lab.analysis.sums import Kept, Squares, Sum
+from lab.navigation.aids import NAMES, NO_AIDS
 from lab.navigation.error_models import ACCEL_BIAS, ACCEL_SCALE, ATT, GYRO_BIAS, GYRO_SCALE, POS, VEL
 from lab.navigation.solution import Belief, Fixes, Imu, Solution
 
@@ -102,6 +104,8 @@ class Evidence(Sum):
     between : Squares or None
         NEES of the position on the time grid, once a second, and just before the fixes, where outages show;
         reduced as `nees`.
+    aids : Squares
+        Squared innovations of each kind of measurement other than fixes.
     """
 
     runs: int
@@ -113,10 +117,11 @@ class Evidence(Sum):
     start: Squares | None = None
     nees: Squares | None = None
     between: Squares | None = None
+    aids: Squares = field(default_factory=lambda: Squares(np.zeros(len(NAMES)), np.zeros(len(NAMES))))
 
     def without_truth(self) -> Self:
         """Return the evidence without that which needs the truth."""
-        return type(self)(self.runs, self.innovations, self.usage, self.told)
+        return type(self)(self.runs, self.innovations, self.usage, self.told, aids=self.aids)
 
 
 def evidence(
@@ -132,6 +137,7 @@ def evidence(
     explain: bool = True,
     aided: bool = False,
     calibrating: bool = False,
+    aid_kinds: NDArray[np.int64] = NO_AIDS.kind,
 ) -> Evidence:
     """Return the evidence of a run about its filter.
 
@@ -159,6 +165,8 @@ def evidence(
     calibrating
         Whether the filter estimates errors of the receiver. The errors of the fixes themselves are then not
         judged: they contain what is estimated.
+    aid_kinds : (a,) array
+        Kinds of the measurements other than fixes.
     """
     seen, samples = offered(solution, fixes, imu)
     motion = motion_at_fixes(solution, samples, imu)
@@ -167,6 +175,7 @@ def evidence(
         innovations=innovations(solution, belief, fixes, imu, motion, explain=explain, aided=aided),
         usage=usage(solution, gate),
         told=Kept(np.append(latency, belief.lever_arm)[None]),
+        aids=aid_squares(solution, aid_kinds),
     )
     if reference is None:
         return found

@@ -7,12 +7,13 @@ significant and large enough to matter (see `verdict`).
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import ClassVar, NamedTuple
 
 import numpy as np
 
 from lab.analysis.consistency import chi_square_interval
 from lab.analysis.sums import Squares
+from lab.notebook_card import NotebookCard
 
 DOUBT = 0.002
 """Probability that a χ² statistic of a matched filter lies outside its interval."""
@@ -90,7 +91,7 @@ class Finding:
 
 
 @dataclass(frozen=True)
-class Verdict:
+class Verdict(NotebookCard):
     """The verdict on a filter.
 
     Attributes
@@ -102,6 +103,8 @@ class Verdict:
     basis
         The evidence used.
     """
+
+    CARD: ClassVar[str] = "verdict"
 
     headline: str
     findings: tuple[Finding, ...]

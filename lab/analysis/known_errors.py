@@ -157,7 +157,7 @@ def _of_fixes(run: Run) -> list[Series]:
     number = np.round(fixes.time / errors.period).astype(np.int64)
     times = errors.period * np.arange(1.0, number[-1] + 1)
     position, velocity = gps.noise(times, errors, gps.GpsDraws.of(run.experiment.seed, times.size))
-    way = np.concatenate(
+    moved = np.concatenate(
         [
             east_north_up(error - noise[number - 1])
             for error, noise in ((fixes.position_error, position), (fixes.velocity_error, velocity))
@@ -165,9 +165,9 @@ def _of_fixes(run: Run) -> list[Series]:
         axis=1,
     )
     no_inertial = np.zeros((run.time.size - 1, 6))
-    way = way - _moved(run, fixes.time - latency) - _lever_arm(run, fixes.time - latency, told)
+    moved = moved - _moved(run, fixes.time - latency) - _lever_arm(run, fixes.time - latency, told)
     arm = _lever_arm(run, fixes.time - errors.latency, si(errors, "lever_arm") - told)
-    parts = {"GPS lever arm": arm, "GPS latency": way - arm}
+    parts = {"GPS lever arm": arm, "GPS latency": moved - arm}
     apart = {"GPS lever arm": bool(arm.any()), "GPS latency": latency != errors.latency}
     return [Series(name, no_inertial, part) for name, part in parts.items() if apart[name]]
 

@@ -264,15 +264,15 @@ def interval(
         Index of the parameter, which must not be a held one.
     """
     start, prior = (np.array([getattr(one, name) for one in parameters]) for name in ("start", "prior"))
-    way = estimate.covariance[:, index] / estimate.covariance[index, index]
+    direction = estimate.covariance[:, index] / estimate.covariance[index, index]
     sigma = float(estimate.sigma[index])
     wanted = NORMAL * sigma / math.sqrt(estimate.covariance[index, index])
-    moved = way != 0
+    moved = direction != 0
     best = estimate.log_likelihood - _cost(estimate.value[moved], start[moved], prior[moved])
 
     def fall(distance: float) -> float:
         """Return the loss at a distance, in the σ of a parabola."""
-        place = estimate.value + distance * way
+        place = estimate.value + distance * direction
         _, there = _tried(run, place, place[moved], start[moved], prior[moved])
         return math.sqrt(max(2 * (best - there), 0.0))
 

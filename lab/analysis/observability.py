@@ -19,14 +19,13 @@ from lab.analysis.budget import (
     believed_sigma,
     check_gains,
     check_latitude,
-    check_states,
     epochs_of,
     quantities,
     sigma_of_quantities,
 )
 from lab.navigation import strapdown
 from lab.navigation.compilation import interpreted
-from lab.navigation.error_models import PHI, ErrorModel, with_states
+from lab.navigation.error_models import PHI, ErrorModel, with_blocks
 from lab.navigation.filter import Filter
 from lab.navigation.navigator import advance, freely
 from lab.navigation.schedule import EVERY_FIX
@@ -205,9 +204,8 @@ def observability(run: Run) -> xr.Dataset:
     import xarray as xr  # noqa: PLC0415 - takes a while to import, and a run does without
 
     check_gains(run)
-    check_states(run)
     check_latitude(run.flown)
-    units = quantities(run.solution_arrays.states)
+    units = quantities(run.blocks)
     epochs = epochs_of(run)
     kept = epochs.sample[epochs.last]
     found = manoeuvres(run.flown)
@@ -251,7 +249,7 @@ def _free_sigma(run: Run, samples: NDArray[np.int64]) -> FloatArray:
     """
     flight, nothing = run.flown, np.zeros(3)
     start = Start.off(flight, nothing, nothing, nothing)
-    model = with_states(PHI, run.belief.P0.shape[0])
+    model = with_blocks(PHI, run.blocks)
     variance, covariance = np.empty((samples.size, model.states)), np.empty((samples.size, 2, 3))
     if run.ideal is None:
         led = _led(run, start, model)
@@ -264,7 +262,7 @@ def _free_sigma(run: Run, samples: NDArray[np.int64]) -> FloatArray:
             here = (first <= samples) & (samples < first + part.variance.shape[0])
             variance[here] = part.variance[samples[here] - first]
             covariance[here] = part.covariance[samples[here] - first]
-    return sigma_of_quantities(flight.taken(samples).euler, variance, covariance)
+    return sigma_of_quantities(flight.taken(samples).euler, variance, covariance, run.blocks)
 
 
 def _led(run: Run, start: Start, model: ErrorModel) -> Solution:

@@ -7,7 +7,8 @@ import numpy as np
 from lab.analysis.algorithm_verdict import algorithm_evidence
 from lab.analysis.evidence import Evidence, evidence
 from lab.analysis.sensor_evidence import Reference
-from lab.navigation.belief import bias_processes
+from lab.further_truth import errors_of_states
+from lab.navigation.belief import bias_processes, of_bias_states
 from lab.navigation.blocks import GPS_DRIFT, LATENCY, LEVER_ARM
 from lab.navigation.solution import Fixes, Imu, Solution
 from lab.run import Run
@@ -38,6 +39,7 @@ def evidence_of(run: Run, filtered: Solution, *, explain: bool = True) -> Eviden
         reference,
         aided=run.is_aided,
         calibrating=bool({GPS_DRIFT, LEVER_ARM, LATENCY} & set(run.blocks)),
+        aid_kinds=run.aids.kind,
         gate=float(navigator.gate),
         explain=explain,
         latency=run.latency,
@@ -51,6 +53,7 @@ def reference_of(run: Run) -> Reference:
     assert ideal is not None
     experiment, aligned = run.experiment, run.aligned
     constants = np.diag(aligned.P) if aligned is not None and experiment.navigator.alignment else None
+    drives = bias_processes(of_bias_states(experiment.sensors, experiment.navigator), constants)
     return Reference(
         truth,
         run.true_bias,
@@ -59,6 +62,7 @@ def reference_of(run: Run) -> Reference:
         run.true_scale if run.solution_arrays.scale.size else None,
         run.imu_temperature() if experiment.sensors.temperature.profile != "none" else None,
         (run.gyro.saturated, run.accelerometer.saturated),
-        bias_processes(experiment.sensors, constants)[0],
+        drives[0],
         run.true_further() if run.solution_arrays.further.size else None,
+        errors_of_states(experiment, run.blocks, ideal, run.true_bias[1:]),
     )

@@ -73,6 +73,9 @@ class Reference(NamedTuple):
         None if unknown.
     further : (n + 1, k) array
         True values of the further states of the filter (`navigation.blocks`), if it has any.
+    of_states : (n, 6) array
+        What the errors of the IMU for which the filter has further states, such as misalignments, add to the
+        output of gyros and accelerometers [rad/s], [m/s²]; None if it has none.
     """
 
     truth: Truth
@@ -84,6 +87,7 @@ class Reference(NamedTuple):
     saturated: tuple[int, int] = (0, 0)
     bias_drive: FloatArray | None = None
     further: FloatArray | None = None
+    of_states: FloatArray | None = None
 
 
 @dataclass(frozen=True)
@@ -218,6 +222,8 @@ def _axis(imu: Imu, reference: Reference, axis: int, window: float, has_scale: b
         )
         if has_scale and reference.scale is not None:  # scale factors are states, with known true values
             added = added - reference.scale[1:, axis][part] * moving(own, part)
+        if reference.of_states is not None:
+            added = added - reference.of_states[:, axis][part]
         return np.asarray(added)
 
     added = mean(added_in)

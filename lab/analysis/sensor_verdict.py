@@ -18,6 +18,7 @@ from lab.analysis.finding import (
 from lab.analysis.selection import PRICE, Explained, estimates, gain_of, select
 from lab.analysis.sensor_evidence import FACTORS, MOTION, SensorErrors
 from lab.analysis.sums import Fit, Squares
+from lab.earth import STANDARD_GRAVITY
 
 FloatArray = NDArray[np.float64]
 
@@ -53,8 +54,8 @@ _WORDS = {
 _ADVICE = {
     "scale factor": "Set navigator.states to 21, and sensors.{kind}.scale_factor_sigma to {size:.2g}: the "
     "filter then estimates the scale factors.",
-    "misalignment": "Calibrate the {kind}s: no state of the filter models misalignments. More {kind} noise "
-    "in navigator.q covers a part of them.",
+    "misalignment": "Calibrate the {kind}s, or set navigator.estimate_misalignments. More {kind} noise in "
+    "navigator.q covers a part of them.",
     "bandwidth": "Shift the time stamps of the {kind}s by −{size:.2g} ms, or use {kind}s with a larger "
     "bandwidth (sensors.{kind}.bandwidth).",
     "temperature": "Set sensors.temperature.compensation, or let the {kind} biases walk: a larger bias drive "
@@ -117,7 +118,7 @@ def _records(matrix: FloatArray, vector: FloatArray, squares: FloatArray) -> Fit
 
 
 def _stated(entry: Explained, kind: str, sensor: int) -> Weighed:
-    unit, to_unit = (("°/s", np.degrees(1.0)), ("mg", 1000 / 9.80665))[sensor]
+    unit, to_unit = (("°/s", np.degrees(1.0)), ("mg", 1000 / STANDARD_GRAVITY))[sensor]
     estimate = entry.estimate.sum(axis=1) if entry.name == "bandwidth" else entry.estimate
     factor = float(np.sqrt(np.mean(estimate**2)))
     size = (
@@ -127,7 +128,7 @@ def _stated(entry: Explained, kind: str, sensor: int) -> Weighed:
             "misalignment": np.degrees(1.0),
             "bandwidth": 1000,
             "temperature": to_unit,
-            "g-sensitivity": to_unit * 9.80665,
+            "g-sensitivity": to_unit * STANDARD_GRAVITY,
             "bias drift": 60 * to_unit,
         }[entry.name]
     )

@@ -20,6 +20,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from lab.analysis.aid_verdict import judge_aids
 from lab.analysis.evidence import Evidence, Usage
 from lab.analysis.finding import (
     MANY_SIGMA,
@@ -49,7 +50,7 @@ def judge(evidence: Evidence) -> Verdict:
     with_truth = evidence.fixes is not None
     refused = evidence.innovations.refused if evidence.fixes is None else evidence.fixes.refused
     weighed = judge_usage(evidence.usage, refused)
-    weighed += _by_truth(evidence) if with_truth else judge_innovations(evidence)
+    weighed += _by_truth(evidence) if with_truth else _by_innovations(evidence)
     findings = sorted_findings(weighed)
     if not evidence.usage.used and not findings:
         return Verdict("No verdict: no fix was used.", (), NOTHING)
@@ -85,6 +86,10 @@ def judge_usage(usage: Usage, refused: int) -> list[Weighed]:
     return [Weighed(float(unused), finding)]
 
 
+def _by_innovations(evidence: Evidence) -> list[Weighed]:
+    return judge_innovations(evidence) + judge_aids(evidence.aids)
+
+
 def _by_truth(evidence: Evidence) -> list[Weighed]:
     assert evidence.fixes is not None
     sizes = np.sqrt(evidence.innovations.squares.mean.reshape(2, 3).mean(axis=1))
@@ -95,4 +100,5 @@ def _by_truth(evidence: Evidence) -> list[Weighed]:
         # The effect of the specific force on the gyros looks like an unexpected initial bias.
         g_sensitive = any(entry.finding.quantity == "gyro g-sensitivity" for entry in found)
         found += judge_start(evidence.start, without=("gyro bias",) if g_sensitive else ())
+    found += judge_aids(evidence.aids)
     return found or judge_states(evidence)

@@ -18,6 +18,7 @@ from lab.cli import (
     lesson,
     live,
     missions,
+    notebooks,
     record,
     run,
     warm,
@@ -42,4 +43,5 @@ app.command("delete")(missions.delete)
 app.command("cards", epilog=cards.EXAMPLES)(cards.list_cards)
 app.command("allan", epilog=allan.EXAMPLES)(allan.allan)
 app.add_typer(lesson.lesson, epilog=lesson.EXAMPLES)
+app.add_typer(notebooks.notebooks, epilog=notebooks.EXAMPLES)
 app.command("warm", epilog=warm.EXAMPLES)(warm.warm)

@@ -41,7 +41,7 @@ def export_track(source: Result | Mission, path: str | os.PathLike[str], *, over
     FileExistsError
         If the file exists and `overwrite` is not given.
     MissionError
-        If a mission cannot be read, or a flight csv is asked of a log, which has no attitude all the way.
+        If a mission cannot be read, or the flight csv of a log, whose attitude has gaps, is requested.
     ValueError
         For another ending.
     OSError

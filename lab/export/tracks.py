@@ -71,7 +71,7 @@ class Track:
 
 @dataclass(frozen=True, eq=False)
 class Tracks:
-    """What is known of where a flight was.
+    """The paths of a flight: the truth, the fixes and the solution, as far as they exist.
 
     Attributes
     ----------

@@ -48,7 +48,7 @@ _MIN_DISTANCE = 1e-3
 _MIN_SPEED = 0.1
 """Slowest speed at which a leg is travelled [m/s]."""
 _MAX_ROUNDS = 80
-"""Most rounds of Picard's iteration: the longest ways at the highest latitudes need most."""
+"""Most rounds of Picard's iteration: the longest paths at the highest latitudes need most."""
 _FARTHEST = 1.5
 """Largest latitude in a round [rad]: 86°, where the tangent stays finite until the rounds settle."""
 _CONVERGED = 1e-13

@@ -311,6 +311,6 @@ _ALL = [
     for order in itertools.permutations(range(3))
     for signs in itertools.product((1, -1), repeat=3)
 ]
-"""All 48 ways in which axes can lie along axes, mirror images included."""
+"""All 48 arrangements of axes along axes, mirror images included."""
 _TURNS = [C for C in _ALL if np.linalg.det(C) > 0]
 """The 24 of them that a device can be turned to."""

@@ -75,6 +75,7 @@ GAPS: Final = 1000
 
 OTHER_STATES = (
     "estimate_misalignments",
+    "estimate_bias_drift",
     "estimate_gps_drift",
     "estimate_lever_arm",
     "estimate_latency",
@@ -129,6 +130,7 @@ class LiveNavigator:
             sensors.set(f"{sensor}.fitted", False)
         for path in OTHER_STATES:
             navigator.set(path, False)
+        navigator.own_states = ""
         self._sensors, self._navigator, self._place = sensors, navigator, place
         self._kept = max(kept, LEAST_KEPT)
         self._model = chosen_model(navigator)

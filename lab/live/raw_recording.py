@@ -1,6 +1,6 @@
 """Raw recording: the bytes of a device with the times of their arrival, in a file that survives any end.
 
-The file is a line of text, a line of JSON with what is known of the source, and records: kind, time of
+The file is a line of text, a line of JSON that describes the source, and records: kind, time of
 arrival, number of bytes, bytes. What was being written when the program ended is left out when it is read.
 """
 
@@ -55,7 +55,7 @@ class RawWriter:
     path
         The new file.
     header
-        What is known of the source; ``started`` (UTC) and ``monotonic``, the host's clock at that time, are
+        The description of the source; ``started`` (UTC) and ``monotonic``, the host's clock at that time, are
         added.
     clock
         The host's monotonic clock.

@@ -61,7 +61,7 @@ _NO_IMU, _NO_FIX = np.empty(0, TIMED_IMU), np.empty(0, TIMED_FIX)
 
 @dataclass
 class Loss:
-    """What was lost on the way.
+    """Losses between the device and the filter.
 
     Attributes
     ----------
@@ -97,7 +97,7 @@ class Reception:
     triads_apart : bool
         Whether the device sends rates and forces one by one: a rate then gets the last force.
     loss : Loss
-        What was lost on the way.
+        Losses between the device and the filter.
     clock, fix_clock : DeviceClock
         Clock of the IMU, and of the receiver if it has its own.
 

@@ -160,7 +160,7 @@ class SimulatedDevice:
         self.unplug()
 
     def _run(self) -> None:
-        # The line needs a reader before the first sample, or it would be lost on the way.
+        # The line needs a reader before the first sample, or the sample would be lost.
         self._begin = time.monotonic()
         step = max(1 / self.flight.rate, TICK)
         sent_fixes, held = 0, 0.0

@@ -55,7 +55,7 @@ class Status:
     statistics : Statistics
         What the decoder has seen.
     loss : Loss
-        What was lost on the way.
+        Losses between the device and the filter.
     drift : float
         How much faster the device's clock runs than the host's, as a part of 1; NaN without samples.
     offset : float

@@ -200,10 +200,10 @@ def _check_force(log: SensorLog) -> None:
     mean = np.median(force, axis=0)
     axis = int(np.argmax(np.abs(mean)))
     if axis != 2 or mean[2] > 0:
-        felt = ("forward", "right", "down")[axis]
+        direction = ("forward", "right", "down")[axis]
         sign = "" if mean[axis] > 0 else "minus "
         raise MissionError(
-            f"{log.name}: the reaction to gravity is measured along {sign}{felt}, but a level vehicle "
+            f"{log.name}: the reaction to gravity is measured along {sign}{direction}, but a level vehicle "
             "measures it along minus down: swapped axes or signs are likely. axes in the TOML says which "
             "axes of the IMU point forward, right, down"
         )
@@ -370,9 +370,9 @@ def _correlation(
 ) -> tuple[float, float]:
     """Return the correlation of an IMU axis, `lag` later, with the motion by the fixes, and the factor."""
     total = np.concatenate(([0.0], np.cumsum(increments)))
-    felt = np.interp(motion.end + lag, log.time, total) - np.interp(motion.start + lag, log.time, total)
+    measured = np.interp(motion.end + lag, log.time, total) - np.interp(motion.start + lag, log.time, total)
     rows = np.isfinite(seen)
-    a, b = (felt / (motion.end - motion.start))[rows], seen[rows]
+    a, b = (measured / (motion.end - motion.start))[rows], seen[rows]
     a, b = a - a.mean(), b - b.mean()
     power = float(np.sqrt((a @ a) * (b @ b)))
     if power == 0:

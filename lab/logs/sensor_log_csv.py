@@ -5,13 +5,14 @@ force ``fx_m_s2, fy_m_s2, fz_m_s2`` (or ``fx_g …``), mean over the interval th
 their integrals over it, ``dtheta_x_rad …`` and ``dvelocity_x_m_s …``. ``gnss.csv``: ``t_s, lat_deg,
 lon_deg, alt_m``, and those that the receiver has of ``vn_m_s, ve_m_s, vd_m_s`` and of its σ ``sd_n_m,
 sd_e_m, sd_d_m, sd_vn_m_s, sd_ve_m_s, sd_vd_m_s``; with two antennas also ``heading_deg, sd_heading_deg``.
-``ref.csv``, where there is one: ``t_s`` and those that are known of ``lat_deg, lon_deg, alt_m``, ``vn_m_s
+``ref.csv``, where there is one: ``t_s`` and those of the columns ``lat_deg, lon_deg, alt_m``, ``vn_m_s
 …`` and ``roll_deg, pitch_deg, heading_deg``. ``mag.csv``, where there is one: ``t_s, mx_uT, my_uT,
 mz_uT``, in the axes of the IMU. ``baro.csv``, where there is one: ``t_s, height_m``, by pressure;
-``odo.csv``: ``t_s, speed_m_s``, forward. An empty cell of an optional column is unknown. All files are
-stamped by one clock, which ``--from``, ``--to`` and outages refer to as well. Heights are above the
-ellipsoid, or all above the same other surface. The TOML, ``log.toml`` in the folder, may leave out every key;
-the defaults are as here, unless noted::
+``odo.csv``: ``t_s, speed_m_s``, forward; ``heading.csv``: ``t_s, heading_deg``, true, and
+``sd_heading_deg`` where it is known, in place of the headings in ``gnss.csv``. An empty cell of an optional
+column is unknown. All files are stamped by one clock, which ``--from``, ``--to`` and outages refer to as
+well. Heights are above the ellipsoid, or all above the same other surface. The TOML, ``log.toml`` in the
+folder, may leave out every key; the defaults are as here, unless noted::
 
     title = "Drive to work"
     description = "..."
@@ -22,6 +23,7 @@ the defaults are as here, unless noted::
     magnetometer = "mag.csv"      # taken where it exists
     barometer = "baro.csv"        # taken where it exists
     odometer = "odo.csv"          # taken where it exists
+    heading = "heading.csv"       # taken where it exists
     vehicle = "car"               # left out: unknown; aeroplane, car, boat, copter, pedestrian, ...
     axes = ["x", "y", "z"]        # which axes of the IMU point forward, right, down; "-y" for its opposite
     mounting_deg = [0, 0, 0]      # roll, pitch, yaw of these axes in the vehicle
@@ -123,7 +125,7 @@ class LogFiles:
         The folder, or the TOML file.
     imu, gnss : Path
         The csv files.
-    reference, magnetometer, barometer, odometer : Path or None
+    reference, magnetometer, barometer, odometer, heading : Path or None
         Csv files of the reference and of these sensors, if there are any.
     comparisons : tuple of (str, Path)
         Names and csv files of other solutions.
@@ -152,6 +154,7 @@ class LogFiles:
     magnetometer: Path | None
     barometer: Path | None
     odometer: Path | None
+    heading: Path | None
     comparisons: tuple[tuple[str, Path], ...]
     title: str
     description: str
@@ -173,6 +176,7 @@ class LogFiles:
             self.magnetometer,
             self.barometer,
             self.odometer,
+            self.heading,
             *(path for _, path in self.comparisons),
         )
         return [path for path in named if path is not None]
@@ -195,6 +199,13 @@ class LogFiles:
         """
         time, samples, increments = self._read_imu()
         gnss, headings = self._read_gnss()
+        if self.heading is not None:
+            if headings is not None:
+                raise MissionError(
+                    f"{self.heading}: {self.gnss.name} has headings too (heading_deg); accepted are those of "
+                    "one file"
+                )
+            headings = _read_headings(self.heading)
         auxiliary = AuxiliaryData(
             vehicle=self.vehicle,
             magnetometer=None if self.magnetometer is None else self._read_field(self.magnetometer),
@@ -296,6 +307,7 @@ def log_files(path: str | os.PathLike[str]) -> LogFiles:
             ("magnetometer", "mag.csv"),
             ("barometer", "baro.csv"),
             ("odometer", "odo.csv"),
+            ("heading", "heading.csv"),
         )
     }
     comparisons = tuple(
@@ -387,6 +399,17 @@ def _read_solution(path: Path) -> tuple[FloatArray, FloatArray, FloatArray, Floa
             "more"
         )
     return (time, *parts)
+
+
+def _read_headings(path: Path) -> Headings:
+    """Return headings with their σ; empty cells are left out."""
+    table, rows = _read(path, (_TIME, replace(_HEADING[0], required=True), _HEADING[1]))
+    heading, sigma = np.radians(_columns(table, _HEADING, rows)).T
+    known = np.isfinite(heading)
+    time = table["t_s"][known]
+    if (np.diff(time) < 0).any():
+        raise MissionError(f"{path}, column t_s: accepted is time that increases from row to row")
+    return Headings(time, heading[known], sigma[known])
 
 
 def _read_series(path: Path, column: Column) -> Series:

@@ -34,7 +34,10 @@ from lab.recordings.recording import Recording
 from lab.recordings.temporary_files import sweep, temporary_folder, unfinished
 from lab.toml_file import MAX_BYTES, TomlError, parse_toml, toml_text
 
-_LOG_FILES = ("imu.csv", "gnss.csv", "ref.csv", "mag.csv")
+_LOG_FILES = (
+    *("imu.csv", "gnss.csv", "ref.csv", "mag.csv"),
+    *("baro.csv", "odo.csv", "heading.csv"),
+)
 
 
 def add_mission(

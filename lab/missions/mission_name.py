@@ -33,7 +33,7 @@ def accepted_name(name: str) -> str:
     ------
     MissionError
         If it is empty or too long, has a character other than letters, digits and `PUNCTUATION`, begins or
-        ends with one that shells and file systems treat in their own way, is reserved, or ends like a file.
+        ends with one that shells and file systems treat specially, is reserved, or ends like a file.
     """
     name = unicodedata.normalize("NFC", name)
     wrong = _wrong(name)

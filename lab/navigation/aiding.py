@@ -53,10 +53,11 @@ def aids_of(
         Samples at rest.
     """
     scale = navigator.aiding_scale
-    parts = [
-        _same(one.time, KINDS[name], one.value, scale * float(si(sensors.groups()[name], "noise")) ** 2)
-        for name, one in readings.items()
-    ]
+    parts = []
+    for name, one in readings.items():
+        variance = scale * float(si(sensors.groups()[name], "noise")) ** 2
+        part = _same(one.time, KINDS[name], one.value, variance)
+        parts.append(_magnetic(sensors, part, one.field) if one.field.size else part)
     seconds = np.arange(imu.time[0] + CONDITION_PERIOD, imu.time[-1], CONDITION_PERIOD)
     if navigator.no_slip:
         for kind, sigma in zip((aids.RIGHTWARD, aids.DOWNWARD), si(navigator, "slip_sigma"), strict=True):
@@ -72,4 +73,14 @@ def aids_of(
 def _same(time: FloatArray, kind: int, value: FloatArray, variance: float) -> Aids:
     """Return measurements of one kind with one variance."""
     size = time.size
-    return Aids(time, np.full(size, kind, np.int64), value, np.full(size, variance), np.zeros(3))
+    kinds, variances = np.full(size, kind, np.int64), np.full(size, variance)
+    return Aids(time, kinds, value, variances, np.zeros((size, 3)), np.zeros(3))
+
+
+def _magnetic(sensors: SensorSuite, headings: Aids, field: FloatArray) -> Aids:
+    """Return measurements of the magnetic field (a, 3) in b, with the declination that the filter assumes."""
+    own = sensors.heading.declination
+    value = headings.value if own is None else np.full(headings.time.size, np.radians(own))
+    return headings._replace(
+        kind=np.full(headings.time.size, aids.MAGNETIC, np.int64), value=value, field=field
+    )

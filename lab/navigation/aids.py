@@ -25,9 +25,9 @@ from lab.navigation.strapdown import Matrix, Vector, cross, get, matrix, plus, p
 
 FloatArray = NDArray[np.float64]
 
-HEIGHT, FORWARD, RIGHTWARD, DOWNWARD, NORTHWARD, EASTWARD, VERTICAL, HEADING = range(8)
+HEIGHT, FORWARD, RIGHTWARD, DOWNWARD, NORTHWARD, EASTWARD, VERTICAL, HEADING, MAGNETIC = range(9)
 """Kinds: height [m]; speed forward, to the right and down of a place of the vehicle [m/s]; velocity north,
-east, down [m/s]; true heading [rad]."""
+east, down [m/s]; true heading [rad]; declination of a magnetic field that is measured in b [rad]."""
 NAMES = (
     "height",
     "speed forward",
@@ -37,9 +37,10 @@ NAMES = (
     "velocity east",
     "velocity down",
     "heading",
+    "magnetic heading",
 )
 """Names of the kinds, as shown."""
-SHOWN = (("m", 1.0), *(("m/s", 1.0),) * 6, ("°", math.degrees(1.0)))
+SHOWN = (("m", 1.0), *(("m/s", 1.0),) * 6, *(("°", math.degrees(1.0)),) * 2)
 """Unit of each kind on pages and in tables, and its value of one SI unit."""
 
 
@@ -54,6 +55,8 @@ class Aids(NamedTuple):
         What each measures, such as `HEIGHT`.
     value, variance : (a,) arrays
         The measured values, and their variances as the filter assumes them, in SI units.
+    field : (a, 3) array
+        Direction of the magnetic field in b, where that is measured.
     place : (3,) array
         The place whose speed is measured, from the IMU forward, right, down [m].
     """
@@ -62,6 +65,7 @@ class Aids(NamedTuple):
     kind: NDArray[np.int64]
     value: FloatArray
     variance: FloatArray
+    field: FloatArray
     place: FloatArray
 
     @classmethod
@@ -69,15 +73,15 @@ class Aids(NamedTuple):
         """Return several sets of measurements as one, in the order of their times."""
         if not parts:
             return NO_AIDS
-        time, kind, value, variance = (
-            np.concatenate([getattr(part, name) for part in parts]) for name in cls._fields[:4]
+        time, kind, value, variance, field = (
+            np.concatenate([getattr(part, name) for part in parts]) for name in cls._fields[:5]
         )
         order = np.argsort(time, kind="stable")
-        return cls(time[order], kind[order], value[order], variance[order], place)
+        return cls(time[order], kind[order], value[order], variance[order], field[order], place)
 
 
 def _nothing() -> Aids:
-    values = np.zeros(0), np.zeros(0, dtype=np.int64), np.zeros(0), np.zeros(0), np.zeros(3)
+    values = np.zeros(0), np.zeros(0, dtype=np.int64), np.zeros(0), np.zeros(0), np.zeros((0, 3)), np.zeros(3)
     for array in values:
         array.setflags(write=False)
     return Aids(*values)
@@ -140,17 +144,18 @@ def _see_speed(
 
 
 @inline_kernel
-def _see_heading(state: FloatArray, C: Matrix, heading: float, H: FloatArray) -> float:
-    """Return the navigator's heading minus the measured one, with the estimated bias of the sensor.
+def _see_azimuth(state: FloatArray, axis: Vector, azimuth: float, H: FloatArray) -> float:
+    """Return the azimuth of an axis by the navigator minus the measured one, with the estimated bias.
 
-    With c the forward axis in n, the heading is atan2(c_E, c_N), and φ changes c by −φ × c.
+    The azimuth of the axis c in n is atan2(c_E, c_N), and φ changes c by −φ × c. The axis is that forward,
+    and its azimuth the heading; or that of the magnetic field, and its azimuth the declination.
     """
-    north, east, down = C[0][0], C[1][0], C[2][0]
+    north, east, down = axis
     per_level = 1 / (north * north + east * east)
     H[6], H[7], H[8] = down * north * per_level, down * east * per_level, -1.0
     if HEADING_BIAS >= 0:
         H[HEADING_BIAS] = 1.0
-    off = math.atan2(east, north) - heading + state[strapdown.HEADING_BIAS]
+    off = math.atan2(east, north) - azimuth + state[strapdown.HEADING_BIAS]
     return float(off - 2 * math.pi * math.floor(off / (2 * math.pi) + 0.5))
 
 
@@ -160,6 +165,7 @@ def see_aid(
     axes: Matrix,
     kind: int,
     value: float,
+    field: FloatArray,
     place: FloatArray,
     age: float,
     dt: float,
@@ -173,7 +179,7 @@ def see_aid(
         The navigator, after the sample in which the measurement falls.
     axes
         North, east and down in the navigation frame.
-    kind, value, place
+    kind, value, field, place
         As of `Aids`.
     age
         Time from the measurement to the end of the sample [s].
@@ -211,5 +217,7 @@ def see_aid(
         (columns[0][2], columns[1][2], columns[2][2]),
     )
     if kind == HEADING:
-        return _see_heading(state, C, value, H)
+        return _see_azimuth(state, (C[0][0], C[1][0], C[2][0]), value, H)
+    if kind == MAGNETIC:
+        return _see_azimuth(state, rotate(C, get(field, 0)), value, H)
     return _see_speed(state, kind - FORWARD, C, v, rate, get(place, 0), value, H)

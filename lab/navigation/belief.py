@@ -13,11 +13,12 @@ from lab.east_north_up import east_north_up_sizes
 from lab.navigation import blocks
 from lab.navigation.error_models import ACCEL_BIAS, ACCEL_SCALE, ATT, GYRO_BIAS, GYRO_SCALE, POS, VEL
 from lab.navigation.kalman import MEASUREMENTS, gate
+from lab.navigation.own_states import declared_states, of_blocks
 from lab.navigation.schedule import Schedule
 from lab.navigation.settings import NavigatorSettings
 from lab.navigation.solution import Belief
 from lab.sensors.imu import AccelerometerErrors, GyroErrors
-from lab.sensors.suite import SensorSuite
+from lab.sensors.suite import TRIADS, SensorSuite
 from lab.settings import SettingError
 from lab.units import si
 
@@ -69,6 +70,8 @@ def chosen_blocks(navigator: NavigatorSettings, sensors: SensorSuite | None) -> 
     for name, wanted in (
         (blocks.GYRO_MISALIGNMENT, navigator.estimate_misalignments),
         (blocks.ACCEL_MISALIGNMENT, navigator.estimate_misalignments),
+        (blocks.GYRO_DRIFT, navigator.estimate_bias_drift),
+        (blocks.ACCEL_DRIFT, navigator.estimate_bias_drift),
         (blocks.GPS_DRIFT, navigator.estimate_gps_drift),
         (blocks.LEVER_ARM, navigator.estimate_lever_arm),
         (blocks.LATENCY, navigator.estimate_latency),
@@ -78,6 +81,7 @@ def chosen_blocks(navigator: NavigatorSettings, sensors: SensorSuite | None) -> 
     ):
         if wanted:
             chosen.append(name)
+    chosen += [own.block for own in declared_states(navigator.own_states, "navigator.own_states")]
     return blocks.in_order(chosen)
 
 
@@ -104,14 +108,15 @@ def belief(sensors: SensorSuite, navigator: NavigatorSettings, constants: FloatA
     """
     aligned = constants is not None
     constants = constant_errors(sensors, navigator) if constants is None else constants
-    drive, decay = bias_processes(sensors, np.diag(constants))
+    single = of_bias_states(sensors, navigator)
+    drive, decay = bias_processes(single, np.diag(constants))
     noise = _given(navigator.q) if navigator.q is not None else matched_noise(sensors, drive[:3], drive[3:])
     R = _given(navigator.r) if navigator.r is not None else matched_r(sensors)
     root = np.sqrt(r_factors(navigator))
     P0 = (
         _given_p0(navigator)
         if navigator.p0 is not None
-        else _matched_p0(sensors, navigator, constants, aligned=aligned)
+        else _matched_p0(single, navigator, constants, aligned=aligned)
     )
     further = further_processes(sensors, navigator)
     if further.variance.size:
@@ -138,6 +143,16 @@ class Further(NamedTuple):
     decay: FloatArray
 
 
+def of_bias_states(sensors: SensorSuite, navigator: NavigatorSettings) -> SensorSuite:
+    """Return sensors with the errors for which the bias states stand: without the drift if it has its own."""
+    if not navigator.estimate_bias_drift:
+        return sensors
+    single = sensors.copy()
+    for triad in TRIADS:
+        single.set(f"{triad}.instability", 0.0)
+    return single
+
+
 def further_processes(sensors: SensorSuite, navigator: NavigatorSettings) -> Further:
     """Return the processes of the further states: first-order Gauss-Markov processes and constants.
 
@@ -159,9 +174,15 @@ def further_processes(sensors: SensorSuite, navigator: NavigatorSettings) -> Fur
         ),
         blocks.GYRO_MISALIGNMENT: _process(si(sensors.gyro, "misalignment") ** 2, np.zeros(6), 1.0),
         blocks.ACCEL_MISALIGNMENT: _process(si(sensors.accelerometer, "misalignment") ** 2, np.zeros(6), 1.0),
+        blocks.GYRO_DRIFT: _drift_process(sensors.gyro),
+        blocks.ACCEL_DRIFT: _drift_process(sensors.accelerometer),
         blocks.LEVER_ARM: _process(si(navigator, "lever_arm_sigma") ** 2, np.zeros(3), 1.0),
         blocks.LATENCY: _process(si(navigator, "latency_sigma") ** 2, np.zeros(1), 1.0),
         blocks.ODOMETER_SCALE: _process(si(sensors.odometer, "scale_factor_sigma") ** 2, np.zeros(1), 1.0),
+    }
+    found |= {
+        own.block: _process(own.sigma**2, own.drift_sigma**2, own.correlation_time)
+        for own in of_blocks(names)
     }
     return Further(*(np.concatenate(parts) for parts in zip(*(found[name] for name in names), strict=True)))
 
@@ -173,6 +194,11 @@ def _process(constant: FloatArray, drift: FloatArray, correlation_time: float) -
     growth = 2 * drift / correlation_time
     decay = np.divide(growth, 2 * total, out=np.zeros_like(total), where=total > 0)
     return Further(total, growth, decay)
+
+
+def _drift_process(errors: GyroErrors | AccelerometerErrors) -> Further:
+    """Return the process of the instability of a triad."""
+    return _process(np.zeros(3), si(errors, "instability") ** 2, float(si(errors, "correlation_time")))
 
 
 def assumed_lever_arm(navigator: NavigatorSettings, true: FloatArray) -> FloatArray:

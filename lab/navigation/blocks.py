@@ -17,6 +17,7 @@ import math
 from collections.abc import Sequence
 from typing import NamedTuple
 
+from lab.earth import STANDARD_GRAVITY
 from lab.navigation import strapdown
 from lab.sensors.imu_errors import OFF_DIAGONAL
 
@@ -55,6 +56,7 @@ class Block(NamedTuple):
 
 GYRO_SCALE, ACCEL_SCALE = "gyro scale", "accelerometer scale"
 GYRO_MISALIGNMENT, ACCEL_MISALIGNMENT = "gyro misalignment", "accelerometer misalignment"
+GYRO_DRIFT, ACCEL_DRIFT = "gyro drift", "accelerometer drift"
 GPS_DRIFT, BAROMETER_BIAS, HEADING_BIAS = "GPS drift", "barometer bias", "heading sensor bias"
 LEVER_ARM, LATENCY, ODOMETER_SCALE = "lever arm", "latency", "odometer scale"
 
@@ -76,6 +78,20 @@ BLOCKS: dict[str, Block] = {
         "rad",
         "°",
         math.degrees(1.0),
+    ),
+    GYRO_DRIFT: Block(
+        tuple(f"{GYRO_DRIFT} {axis}" for axis in "xyz"),
+        strapdown.GYRO_DRIFT,
+        "rad/s",
+        "°/s",
+        math.degrees(1.0),
+    ),
+    ACCEL_DRIFT: Block(
+        tuple(f"{ACCEL_DRIFT} {axis}" for axis in "xyz"),
+        strapdown.ACCEL_DRIFT,
+        "m/s²",
+        "mg",
+        1e3 / STANDARD_GRAVITY,
     ),
     GPS_DRIFT: Block(
         tuple(f"{GPS_DRIFT} {axis}" for axis in ("north", "east", "down")),
@@ -101,11 +117,21 @@ SCALES = (GYRO_SCALE, ACCEL_SCALE)
 """The blocks of a filter with 21 states."""
 MISALIGNMENTS = (GYRO_MISALIGNMENT, ACCEL_MISALIGNMENT)
 """The blocks of a filter that estimates misalignments: they act on attitude and velocity, as scales do."""
+DRIFTS = (GYRO_DRIFT, ACCEL_DRIFT)
+"""The blocks of a filter with two bias states for each axis: a constant, and this Gauss-Markov process."""
+
+OWN: dict[str, Block] = {}
+"""The blocks that a user declared (`own_states`), which follow all others. Names are unique for ever."""
+
+
+def block(name: str) -> Block:
+    """Return a further block, by its name."""
+    return BLOCKS[name] if name in BLOCKS else OWN[name]
 
 
 def in_order(names: Sequence[str]) -> tuple[str, ...]:
     """Return names of blocks in the order of the states."""
-    return tuple(name for name in BLOCKS if name in names)
+    return tuple(name for name in (*BLOCKS, *OWN) if name in names)
 
 
 IMU_DENSITIES = 12
@@ -114,7 +140,7 @@ IMU_DENSITIES = 12
 
 def count(names: Sequence[str]) -> int:
     """Return the number of states of a filter with some further blocks."""
-    return CORE + sum(BLOCKS[name].size for name in names)
+    return CORE + sum(block(name).size for name in names)
 
 
 def first_state(names: Sequence[str], name: str) -> int:
@@ -125,23 +151,29 @@ def first_state(names: Sequence[str], name: str) -> int:
     for other in in_order(names):
         if other == name:
             break
-        at += BLOCKS[other].size
+        at += block(other).size
     return at
 
 
 def states_of(names: Sequence[str], name: str) -> slice:
     """Return the states of a block in a filter that has it."""
     first = first_state(names, name)
-    return slice(first, first + BLOCKS[name].size)
+    return slice(first, first + block(name).size)
+
+
+def own_states(names: Sequence[str]) -> slice:
+    """Return the states of the blocks that a user declared, the last ones; none if there are none."""
+    size = sum(OWN[name].size for name in names if name in OWN)
+    return slice(count(names) - size, count(names))
 
 
 def shown_states(names: Sequence[str]) -> tuple[list[str], list[str], list[float]]:
     """Return names, shown units and scales from SI units of the states after the scale factors."""
-    found = [BLOCKS[name] for name in in_order(names) if name not in SCALES]
+    found = [block(name) for name in in_order(names) if name not in SCALES]
     return (
-        [state for block in found for state in block.names],
-        [block.shown_unit for block in found for _ in block.names],
-        [block.shown_scale for block in found for _ in block.names],
+        [state for one in found for state in one.names],
+        [one.shown_unit for one in found for _ in one.names],
+        [one.shown_scale for one in found for _ in one.names],
     )
 
 
@@ -149,5 +181,5 @@ def places(names: Sequence[str]) -> tuple[int, ...]:
     """Return where the estimates of all states from the biases on are in the state of the navigator."""
     found = list(range(strapdown.GYRO_BIAS, strapdown.GYRO_BIAS + 6))
     for name in in_order(names):
-        found += range(BLOCKS[name].place, BLOCKS[name].place + BLOCKS[name].size)
+        found += range(block(name).place, block(name).place + block(name).size)
     return tuple(found)

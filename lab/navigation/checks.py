@@ -93,8 +93,9 @@ def check_aiding(settings: NavigatorSettings, names: Sequence[str], *, aided: bo
 
 OTHER = (
     "sensors.barometer.fitted, sensors.heading.fitted, sensors.odometer.fitted, navigator.no_slip, "
-    "navigator.zero_velocity, navigator.estimate_misalignments, navigator.estimate_gps_drift, "
-    "navigator.estimate_lever_arm, navigator.estimate_latency"
+    "navigator.zero_velocity, navigator.estimate_misalignments, navigator.estimate_bias_drift, "
+    "navigator.estimate_gps_drift, navigator.estimate_lever_arm, navigator.estimate_latency, "
+    "navigator.own_states"
 )
 """Settings that name other measurements or further states, as text."""
 

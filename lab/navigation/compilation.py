@@ -85,10 +85,19 @@ def embedded_kernel(function: Callable[P, R]) -> Callable[P, R]:
     return _kernel(function, inline="always")
 
 
-def entry_kernel(function: Callable[P, R]) -> Callable[P, R]:
-    """Compile a function called from Python: cached on disk, and running without the interpreter's lock."""
-    compiled = cast(Callable[P, R], numba.jit(**OPTIONS, nogil=True, cache=True)(function))
-    check_files(compiled)
+def entry_kernel(function: Callable[P, R], *, kept: bool = True) -> Callable[P, R]:
+    """Compile a function called from Python: cached on disk, and running without the interpreter's lock.
+
+    Parameters
+    ----------
+    function
+        The function.
+    kept
+        Whether it is cached on disk.
+    """
+    compiled = cast(Callable[P, R], numba.jit(**OPTIONS, nogil=True, cache=kept)(function))
+    if kept:
+        check_files(compiled)
     return compiled
 
 
@@ -174,7 +183,9 @@ def _rebound(function: Callable[P, R], changes: tuple[tuple[str, Any, Any], ...]
     )
     # Another name, for the reason that `named` gives.
     bound.__qualname__ = plain.__qualname__
-    named("_".join(str(new) for _, _, new in changes))(bound)
+    # A digest, because the name is that of a file in the cache: with many states it would be too long.
+    others = "_".join(str(new) for _, _, new in changes)
+    named(hashlib.sha256(others.encode()).hexdigest()[:16])(bound)
     return _kernel(bound, **function.targetoptions) if isinstance(function, Kernel) else bound
 
 

@@ -44,6 +44,7 @@ from lab.navigation.observation import (
     own_attitude_in_body,
     sight,
 )
+from lab.navigation.own_states import without_errors_of
 from lab.navigation.prediction import prediction
 from lab.navigation.propagation import (
     BIASES,
@@ -464,7 +465,13 @@ def compiled_for(function: Kernel, model: ErrorModel, *, summed: bool, aided: bo
         For measurements other than fixes.
     """
     own = rebound(function, **kernels(model, summed=summed, aided=aided))
-    return entry_kernel(rebound_throughout(own, WRITTEN_FOR, **layout(model.blocks)._asdict()))
+    written_for, values = dict(WRITTEN_FOR), layout(model.blocks)._asdict()
+    stepping = without_errors_of(model.blocks)
+    if stepping is not None:
+        written_for["without_own_errors"] = strapdown.without_own_errors
+        values["without_own_errors"] = stepping
+    # Functions of a notebook may change, also those that they call, so nothing with them is kept on the disk.
+    return entry_kernel(rebound_throughout(own, written_for, **values), kept=stepping is None)
 
 
 def driver(model: ErrorModel, *, summed: bool, aided: bool = False) -> Advance:

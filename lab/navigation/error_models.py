@@ -33,7 +33,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lab import earth
-from lab.navigation import blocks, strapdown
+from lab.navigation import blocks, own_room, strapdown
 from lab.navigation.compilation import inline_kernel, interpreted, named, rebound, rebound_throughout
 from lab.navigation.strapdown import Vector, earth_rate, get, matrix, transport_rate
 
@@ -134,7 +134,8 @@ def _pattern(write: Write, size: int) -> NDArray[np.bool_]:
     matrix = np.zeros((size, size))
     seen = np.zeros((size, size), dtype=np.bool_)
     for _ in range(3):
-        state = rng.uniform(0.1, 0.5, 2 * strapdown.LENGTH)  # other mechanizations have longer states
+        # Other mechanizations and the user's own states need longer ones.
+        state = rng.uniform(0.1, 0.5, own_room.END)
         state[strapdown.HEIGHT] = 1000.0
         plain(state, matrix)
         seen |= matrix != 0
@@ -357,7 +358,9 @@ def scaled(state: FloatArray, previous: int, bias: int, scale: int) -> Vector:
     The navigator has x = x_measured / (1 + s) − b, so an error δs acts as an error (x + b) / (1 + s) δs of
     the bias.
     """
-    x, y, z = strapdown.plus(get(state, bias), state[strapdown.PER_STEP], get(state, previous))
+    x, y, z = strapdown.plus(
+        strapdown.whole_bias(state, bias), state[strapdown.PER_STEP], get(state, previous)
+    )
     return x / (1 + state[scale]), y / (1 + state[scale + 1]), z / (1 + state[scale + 2])
 
 
@@ -423,9 +426,55 @@ def of_other_axes(
     state: FloatArray, previous: int, bias: int, scale: int
 ) -> tuple[tuple[float, float], tuple[float, float], tuple[float, float]]:
     """Return the means of the last step along the other two axes of each axis, divided by its scale."""
-    x, y, z = strapdown.plus(get(state, bias), state[strapdown.PER_STEP], get(state, previous))
+    x, y, z = strapdown.plus(
+        strapdown.whole_bias(state, bias), state[strapdown.PER_STEP], get(state, previous)
+    )
     p, q, r = 1 / (1 + state[scale]), 1 / (1 + state[scale + 1]), 1 / (1 + state[scale + 2])
     return (p * y, p * z), (q * x, q * z), (r * x, r * y)
+
+
+GD, BD = -1, -1
+"""First state of the drift of gyros and accelerometers; a filter that has it sets these."""
+
+
+@inline_kernel
+def drift_columns(state: FloatArray, F: FloatArray) -> None:
+    """Write the columns of the drift, which acts as the biases do."""
+    attitude_matrix(F, A, GD, 1.0, state)
+    attitude_matrix(F, V, BD, -1.0, state)
+
+
+@inline_kernel
+def drift_columns_in_body(state: FloatArray, F: FloatArray) -> None:
+    """Write the columns of the drift for errors resolved in b."""
+    for i in range(3):
+        F[A + i, GD + i], F[V + i, BD + i] = 1.0, -1.0
+
+
+OWN = -1
+"""First state of the blocks that a user declared; a filter that has them sets this."""
+OWN_SIZE = 0
+"""How many there are."""
+
+
+@inline_kernel
+def own_columns(state: FloatArray, F: FloatArray) -> None:
+    """Write the columns of the states that a user declared: their effects on gyros and accelerometers."""
+    for k in range(OWN_SIZE):
+        at = own_room.EFFECTS + own_room.WIDTH * k
+        for i in range(3):
+            x, y, z = get(state, strapdown.C_NB + 3 * i)
+            F[A + i, OWN + k] = x * state[at] + y * state[at + 1] + z * state[at + 2]
+            F[V + i, OWN + k] = -x * state[at + 3] - y * state[at + 4] - z * state[at + 5]
+
+
+@inline_kernel
+def own_columns_in_body(state: FloatArray, F: FloatArray) -> None:
+    """Write the columns of the states that a user declared for errors resolved in b."""
+    for k in range(OWN_SIZE):
+        at = own_room.EFFECTS + own_room.WIDTH * k
+        for i in range(3):
+            F[A + i, OWN + k], F[V + i, OWN + k] = state[at + i], -state[at + 3 + i]
 
 
 _before, _columns = phi, scale_columns
@@ -441,8 +490,8 @@ def _write_both(state: FloatArray, F: FloatArray) -> None:
 def with_blocks(model: ErrorModel, names: tuple[str, ...]) -> ErrorModel:
     """Return a model of 15 states as one with further blocks.
 
-    The scale factors and misalignments act on attitude and velocity. The errors of other sensors act on
-    nothing: F has no element for them.
+    Scale factors, misalignments, drift and the user's own states act on attitude and velocity. The errors of
+    other sensors act on nothing: F has no element for them.
     """
     names = blocks.in_order(names)
     if names == model.blocks:
@@ -465,6 +514,18 @@ def _columns_of(names: Sequence[str], *, in_body: bool) -> Iterator[Write]:
         }
         columns = misalignment_columns_in_body if in_body else misalignment_columns
         yield rebound_throughout(columns, {"GM": GM, "BM": BM}, **first)
+    if blocks.GYRO_DRIFT in names:
+        first = {
+            "GD": blocks.first_state(names, blocks.GYRO_DRIFT),
+            "BD": blocks.first_state(names, blocks.ACCEL_DRIFT),
+        }
+        columns = drift_columns_in_body if in_body else drift_columns
+        yield rebound_throughout(columns, {"GD": GD, "BD": BD}, **first)
+    own = blocks.own_states(names)
+    if own.stop > own.start:
+        columns = own_columns_in_body if in_body else own_columns
+        found = {"OWN": own.start, "OWN_SIZE": own.stop - own.start}
+        yield rebound_throughout(columns, {"OWN": OWN, "OWN_SIZE": OWN_SIZE}, **found)
 
 
 def with_states(model: ErrorModel, states: int) -> ErrorModel:

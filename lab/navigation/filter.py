@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lab import earth
-from lab.navigation import strapdown, wander
+from lab.navigation import blocks, own_room, strapdown, wander
 from lab.navigation.aids import NO_AIDS, Aids
 from lab.navigation.compilation import interpreted
 from lab.navigation.error_models import PHI, WANDER_AZIMUTH, ErrorModel
@@ -67,7 +67,9 @@ class Filter(NamedTuple):
         are measurements other than fixes, of which `kept_aids` updates are kept, likewise.
         """
         in_wander = model.mechanization == WANDER_AZIMUTH
-        state = np.zeros(wander.LENGTH if in_wander else strapdown.LENGTH)
+        own = blocks.own_states(model.blocks)
+        size = wander.LENGTH if in_wander else strapdown.LENGTH
+        state = np.zeros(own_room.END if own.stop > own.start else size)
         interpreted(wander.place if in_wander else strapdown.set_position)(state, *start.position)
         state[VELOCITY : VELOCITY + 3] = start.velocity_n
         state[strapdown.Q_NB : strapdown.Q_NB + 4] = start.q_nb

@@ -19,6 +19,7 @@ from scipy.spatial.transform import Rotation
 from lab.logs.auxiliary_data import AuxiliaryData, Headings, Magnetometer
 from lab.logs.vehicle import Vehicle, vehicle_of
 from lab.logs.velocity_matching import GYRO_BIAS_SIGMA, WINDOW, Match, lively, match, steps, turned, window_of
+from lab.magnetic_field import magnetic_declination
 from lab.navigation.solution import Fixes, Imu
 from lab.rotation import wrap
 
@@ -53,8 +54,6 @@ _DRIFT = np.radians(1.0)
 """Drift for an unknown bias [rad/s]."""
 _CONTRADICTION = 3.5
 """Difference of two headings, in σ, above which they contradict each other."""
-_DECLINATION_YEAR = 2025.0  # declination drifts by 0.1-0.2° a year, far below the σ
-_MODEL_HEIGHTS = (-1.0, 850.0)  # heights for which the World Magnetic Model is made [km]
 _WEAK = 6.0  # horizontal field [µT] below which compasses are unreliable (World Magnetic Model 2025)
 
 
@@ -299,17 +298,6 @@ def by_magnetometer(
         f"by the magnetometer ({model}, {np.degrees(declination):.1f}°)",
         float(imu.time[0]),
     )
-
-
-def magnetic_declination(position: FloatArray) -> tuple[float, float]:
-    """Return declination [rad] and horizontal field [µT] of the World Magnetic Model 2025 at a position."""
-    from pygeomag import GeoMag  # noqa: PLC0415 - only logs with a magnetometer need it
-
-    latitude, longitude = np.degrees(position[0]), np.degrees(wrap(position[1]))
-    kilometres = position[2] / 1000
-    height = float(np.clip(kilometres, *_MODEL_HEIGHTS))
-    here = GeoMag(base_year=_DECLINATION_YEAR).calculate(latitude, longitude, height, _DECLINATION_YEAR)
-    return float(np.radians(here.d)), float(here.h) / 1000
 
 
 def _drift(rest: float) -> float:

@@ -28,14 +28,15 @@ from lab.navigation.strapdown import (
     product,
     rotate,
     rotation,
+    whole_bias,
 )
 
 FloatArray = NDArray[np.float64]
 
 ATT, GYRO_BIAS, GYRO_SCALE = 6, 9, 15
+"""Indices at which these error states begin."""
 OTHER_AXES = ((1, 2), (0, 2), (0, 1))
 """The other two axes of each axis, in the order of misalignments."""
-"""Indices at which these error states begin."""
 WINDOW = 0.1
 """Time about a fix over which the gyros are averaged [s], about as long as a receiver averages its velocity.
 With a single sample, its noise on the lever arm would make the velocity of the antenna jump. An oscillation
@@ -138,7 +139,7 @@ def see_antenna(
     rate = corrected(
         state, get(turn, 0), 1.0, strapdown.GYRO_BIAS, strapdown.GYRO_SCALE, strapdown.GYRO_MISALIGNMENT
     )
-    biased = plus(rate, 1.0, get(state, strapdown.GYRO_BIAS))
+    biased = plus(rate, 1.0, whole_bias(state, strapdown.GYRO_BIAS))
     at = strapdown.Q_NB
     q = product(
         (state[at], state[at + 1], state[at + 2], state[at + 3]),

@@ -7,7 +7,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from lab.navigation import strapdown
+from lab.navigation import own_room, strapdown
 from lab.navigation.aids import FORWARD, north_axes, see_aid
 from lab.navigation.compilation import embedded_kernel, inline_kernel, kernel
 from lab.navigation.filter import Filter
@@ -26,10 +26,14 @@ from lab.navigation.kalman import (
 from lab.navigation.lever_arm import see_antenna
 from lab.navigation.propagation import (
     GPS_DRIFT,
+    GYRO_DRIFT,
     GYRO_MISALIGNMENT,
     LATENCY,
     LEVER_ARM,
     NAV,
+    OWN,
+    OWN_SIZE,
+    PLACES,
     SCALES,
     STATES,
     WIDTH,
@@ -100,6 +104,17 @@ def see_latency(state: FloatArray, axes: Matrix, at: int, z: FloatArray, H: Floa
         H[i, at], H[3 + i, at] = -velocity[i], -acceleration[i]
 
 
+@kernel
+def as_biases(state: FloatArray, H: FloatArray) -> None:
+    """Write the elements of a row of H for states that act as gyro biases do, from those of the biases."""
+    if GYRO_DRIFT >= 0:
+        for i in range(3):
+            H[GYRO_DRIFT + i] = H[NAV + i]
+    for k in range(OWN_SIZE):
+        x, y, z = get(state, own_room.EFFECTS + own_room.WIDTH * k)
+        H[OWN + k] = H[NAV] * x + H[NAV + 1] * y + H[NAV + 2] * z
+
+
 @embedded_kernel
 def sight(run: Filter, m: int, age: float, z: FloatArray, out: Solution) -> None:
     """Write H and R of fix m, which is `age` seconds old, and move z from the IMU to the antenna."""
@@ -132,6 +147,9 @@ def sight(run: Filter, m: int, age: float, z: FloatArray, out: Solution) -> None
             z[i] += run.state[strapdown.GPS_DRIFT + i]
             H[i, GPS_DRIFT + i] = 1.0
     for i in range(MEASUREMENTS):
+        as_biases(run.state, H[i])
+        for k in range(OWN_SIZE):  # the rate about the fix is one as measured
+            z[i] += H[i, OWN + k] * run.state[PLACES[OWN - NAV + k]]
         for j in range(STATES):
             out.fix_H[m, i, j] = H[i, j]
 
@@ -209,11 +227,13 @@ def observe_rest(run: Filter) -> bool:
     for i in range(3):
         done[6 + i] = seen[i]
         done[NAV + i] = H[3 + i]
+    as_biases(run.state, done)
     residual, s = z, 1.0
-    for i in range(6, NAV + 3):
-        residual -= done[i] * run.w[WIDTH * i + X]
-        for j in range(6, NAV + 3):
-            s += done[i] * done[j] * run.w[WIDTH * i + j]
+    for i in range(6, STATES):
+        if done[i] != 0:
+            residual -= done[i] * run.w[WIDTH * i + X]
+            for j in range(6, STATES):
+                s += done[i] * done[j] * run.w[WIDTH * i + j]
     if residual * residual > GATE * s:
         return False
     scalar_update(run.w, z, done)
@@ -254,9 +274,10 @@ def observe_aid(run: Filter, a: int, age: float, dt: float, schedule: Schedule, 
     """Update [P | x] with measurement a of the aids, `age` seconds old; return whether it was used."""
     done = run.aid_scalars[min(a, run.aid_scalars.shape[0] - 1), 0]
     aids = run.aids
-    z = see_aid(
-        run.state, north_axes(run.state), aids.kind[a], aids.value[a], aids.place, age, dt, done[:STATES]
-    )
+    axes = north_axes(run.state)
+    kind, value, field = aids.kind[a], aids.value[a], aids.field[a]
+    z = see_aid(run.state, axes, kind, value, field, aids.place, age, dt, done[:STATES])
+    as_biases(run.state, done)
     own_row(run.state, run.T, done)
     variance = aids.variance[a]
     if aids.kind[a] == FORWARD:

@@ -43,7 +43,10 @@ class Layout(NamedTuple):
     DRIVEN: int  # states after those of navigation with decay and process noise; constants follow
     SCALES: int  # states of scale factors
     PLACES: tuple[int, ...]  # of the states after those of navigation in the state of the navigator
+    OWN: int  # first state of those that a user declared, and how many
+    OWN_SIZE: int
     GYRO_MISALIGNMENT: int  # first state of each further block; −1 without it
+    GYRO_DRIFT: int
     GPS_DRIFT: int
     BAROMETER_BIAS: int
     HEADING_BIAS: int
@@ -65,10 +68,12 @@ class Layout(NamedTuple):
 def layout(names: Sequence[str]) -> Layout:
     """Return the layout of a filter with some further blocks."""
     states = blocks.count(names)
-    scales = sum(blocks.BLOCKS[name].size for name in names if name in blocks.SCALES)
+    scales = sum(blocks.block(name).size for name in names if name in blocks.SCALES)
+    own = blocks.own_states(names)
     only_scales = states == blocks.CORE + scales
     further = (
         blocks.GYRO_MISALIGNMENT,
+        blocks.GYRO_DRIFT,
         blocks.GPS_DRIFT,
         blocks.BAROMETER_BIAS,
         blocks.HEADING_BIAS,
@@ -83,14 +88,17 @@ def layout(names: Sequence[str]) -> Layout:
         BIASES if only_scales else states - NAV,
         scales,
         blocks.places(names),
+        own.start,
+        own.stop - own.start,
         *(blocks.first_state(names, name) for name in further),
     )
 
 
 _FIFTEEN = layout(())
-STATES, WIDTH, X, DRIVEN, SCALES, PLACES = _FIFTEEN[:6]
+STATES, WIDTH, X, DRIVEN, SCALES, PLACES, OWN, OWN_SIZE = _FIFTEEN[:8]
 """Sizes of the layout for which the kernels are written; see `Layout`."""
-GYRO_MISALIGNMENT, GPS_DRIFT, BAROMETER_BIAS, HEADING_BIAS, LEVER_ARM, LATENCY, ODOMETER_SCALE = _FIFTEEN[6:]
+GYRO_MISALIGNMENT, GYRO_DRIFT, GPS_DRIFT = _FIFTEEN[8:11]
+BAROMETER_BIAS, HEADING_BIAS, LEVER_ARM, LATENCY, ODOMETER_SCALE = _FIFTEEN[11:]
 """First states of the further blocks in this layout, which has none of them."""
 WRITTEN_FOR = _FIFTEEN._asdict()
 """The layout by names; see `compilation.rebound_throughout` for others."""

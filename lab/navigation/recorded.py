@@ -15,9 +15,10 @@ from numpy.typing import NDArray
 
 from lab.displacement import metres_per_radian
 from lab.ecef import near_pole
-from lab.logs.auxiliary_data import Series
+from lab.logs.auxiliary_data import Magnetometer, Series
 from lab.logs.log_section import piece
 from lab.logs.sensor_log import GnssLog, SensorLog
+from lab.magnetic_field import magnetic_declination
 from lab.navigation import navigator as linear
 from lab.navigation import smoother, unscented
 from lab.navigation.aiding import aids_of, needs_rest
@@ -49,10 +50,11 @@ from lab.navigation.navigator import PolarError
 from lab.navigation.schedule import Stretch
 from lab.navigation.settings import NavigatorSettings
 from lab.navigation.solution import NO_REST, Belief, Fixes, Imu, Solution, Start
-from lab.navigation.standstill import at_rest
+from lab.navigation.standstill import at_rest, still_without_fixes
 from lab.navigation.wander_models import linear_model
 from lab.recordings.mission_error import MissionError
 from lab.sensors.gps import within
+from lab.sensors.heading_sensor import HEADING, MAGNETOMETER
 from lab.sensors.readings import Readings
 from lab.sensors.suite import SensorSuite
 from lab.settings import SettingError
@@ -178,7 +180,10 @@ def navigate_log(
         rest = at_rest(imu, shown, assumed._replace(R=assumed.R[given]))
     else:
         rest = NO_REST
-    aids = aids_of(sensors, navigator, readings, imu, rest)
+    standing = rest
+    if navigator.zero_velocity and given.any():
+        standing = still_without_fixes(rest, imu, shown, assumed._replace(R=assumed.R[given]))
+    aids = aids_of(sensors, navigator, readings, imu, standing)
     if navigator.rest_updates:
         imu = imu._replace(rest=rest)
     names = chosen_blocks(navigator, sensors)
@@ -204,7 +209,30 @@ def readings_of(log: SensorLog, sensors: SensorSuite) -> dict[str, Readings]:
             within_log = (series.time > log.time[0]) & (series.time <= log.time[-1])
             time = series.time[within_log]
             found[name] = Readings(time, series.value[within_log], np.full(time.size, np.nan))
+    if sensors.heading.fitted and sensors.heading.source == MAGNETOMETER:
+        found.pop("heading", None)
+        if auxiliary.magnetometer is not None:
+            found["heading"] = _of_field(log, auxiliary.magnetometer, float(sensors.heading.period))
     return found
+
+
+def _of_field(log: SensorLog, magnetometer: Magnetometer, period: float) -> Readings:
+    """Return the magnetic field once in a period [s], since its errors are those of the vehicle's iron.
+
+    The declination is that of the log, or of the World Magnetic Model at the first fix.
+    """
+    size = np.linalg.norm(magnetometer.field, axis=1)
+    rows = np.flatnonzero(
+        (magnetometer.time > log.time[0]) & (magnetometer.time <= log.time[-1]) & (size > 0)
+    )
+    number = np.floor((magnetometer.time[rows] - log.time[0]) / period)
+    rows = rows[np.flatnonzero(np.diff(number, prepend=-1.0))]
+    declination = magnetometer.declination
+    if not np.isfinite(declination):
+        declination, _ = magnetic_declination(log.gnss.position[0])
+    time, unknown = magnetometer.time[rows], np.full(rows.size, np.nan)
+    field = magnetometer.field[rows] / size[rows, None]
+    return Readings(time, np.full(rows.size, declination), unknown, field)
 
 
 def fitted_only(
@@ -213,16 +241,22 @@ def fitted_only(
     """Return the sensors with only those fitted of which a log has readings, and remarks about the others."""
     own, remarks = sensors.copy(), []
     auxiliary = log.auxiliary
+    magnetic = sensors.heading.source == MAGNETOMETER
+    of_heading = auxiliary.magnetometer if magnetic else auxiliary.headings
     has = {
         "barometer": auxiliary.barometer is not None,
         "odometer": auxiliary.odometer is not None,
-        "heading": auxiliary.headings is not None,
+        "heading": of_heading is not None,
     }
     for name, there in has.items():
         fitted = sensors.groups()[name].get("fitted")
         if fitted and name not in readings:
             remarks.append(f"The log has no readings for sensors.{name}.fitted, which has no effect.")
             own.set(f"{name}.fitted", False)
+            other = auxiliary.headings if magnetic else auxiliary.magnetometer
+            if name == "heading" and other is not None:
+                source = HEADING if magnetic else MAGNETOMETER
+                remarks[-1] += f" With sensors.heading.source = {source} it has some."
         elif there and not fitted:
             remarks.append(
                 f"The log has readings of a {NAMES[name]} that are not used; sensors.{name}.fitted = true "

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from lab import earth
-from lab.navigation import blocks, strapdown
+from lab.navigation import blocks, own_room, strapdown
 from lab.navigation.aids import FORWARD, NO_AIDS, Aids
 from lab.navigation.blocks import LEVER_ARM
 from lab.navigation.driver import bend_estimate
@@ -34,14 +34,20 @@ from lab.navigation.error_models import (
 )
 from lab.navigation.filter import initial_covariance
 from lab.navigation.lever_arm import turns
-from lab.navigation.reference_aids import bent_speed, see_aid
+from lab.navigation.own_states import of_blocks
+from lab.navigation.reference_aids import as_biases, bent_speed, see_aid
 from lab.navigation.schedule import EVERY_FIX, SLACK, Schedule
 from lab.navigation.solution import Belief, Fixes, Imu, Solution, Start
 from lab.navigation.standstill import GATE, NEAREST, SPAN
+from lab.navigation.strapdown import Vector
 from lab.rotation import skew, wrap
 from lab.sensors.imu_errors import OFF_DIAGONAL
 
 FloatArray = NDArray[np.float64]
+
+ACCEL = slice(strapdown.ACCEL_BIAS, strapdown.ACCEL_BIAS + 3)
+ACCEL_DRIFT = slice(strapdown.ACCEL_DRIFT, strapdown.ACCEL_DRIFT + 3)
+"""Both parts of the accelerometer biases in the state of the navigator."""
 
 
 def navigate(
@@ -76,7 +82,8 @@ def navigate(
     turned = np.broadcast_to(turned, (fixes.time.size, 4))
     driven = list(blocks.places(model.blocks))[: belief.decay.size]
     for k, (time, dt) in enumerate(zip(imu.time[1:], np.diff(imu.time), strict=True)):
-        strapdown.step(state, tuple(imu.dtheta[k]), tuple(imu.dvelocity[k]), dt)
+        increments = _without_own(state, imu.dtheta[k], imu.dvelocity[k], dt, model.blocks)
+        strapdown.step(state, *increments, dt)
         rest.hold(state, imu, k)
         model.write(state, F)
         F_sum += F * dt
@@ -177,6 +184,7 @@ def _use_aid(
     if age > dt * (1 + SLACK):
         return
     z, row = see_aid(state, aids, a, age, dt, model.blocks)
+    as_biases(state, row[None], model.blocks)
     H, R = row[None] @ model.map(state), np.array([[aids.variance[a]]])
     if aids.kind[a] == FORWARD:
         excess = bent_speed(state, kalman.P[ATT, ATT], in_body=model.in_body)
@@ -223,7 +231,7 @@ def _predict(
 
 def _begin(start: Start, belief: Belief, model: ErrorModel) -> tuple[FloatArray, KalmanFilter]:
     """Return a navigator at its start, and its filter."""
-    state = np.zeros(strapdown.LENGTH)
+    state = np.zeros(own_room.END)
     strapdown.set_position(state, *start.position)
     _put(state, strapdown.VELOCITY, start.velocity_n)
     _put(state, strapdown.Q_NB, start.q_nb)
@@ -258,7 +266,7 @@ class _Rest:
         """Add the rate of a sample at rest; return whether an update is due."""
         if self.held is None:
             return False
-        self.rates.append(_get(state, strapdown.PREVIOUS_DTHETA) / dt + _get(state, strapdown.GYRO_BIAS))
+        self.rates.append(_get(state, strapdown.PREVIOUS_DTHETA) / dt + _gyro_bias(state))
         self.length += dt
         return self.length >= SPAN - NEAREST * dt
 
@@ -275,7 +283,8 @@ class _Rest:
         H = np.zeros((1, self.model.states))
         H[:, ATT] = skew(omega_ie)[2] @ (C_nb if self.model.in_body else np.eye(3))
         H[:, GYRO_BIAS] = -down
-        z = down @ (rates.mean(axis=0) - _get(state, strapdown.GYRO_BIAS) - C_nb.T @ omega_ie)
+        as_biases(state, H, self.model.blocks)
+        z = down @ (rates.mean(axis=0) - _gyro_bias(state) - C_nb.T @ omega_ie)
         if ((z - H @ kalman.x) ** 2 > GATE * (H @ kalman.P @ H.T + R)).any():
             return False
         kalman.update(z, R=np.array([[R]]), H=H)
@@ -299,7 +308,7 @@ def _antenna(
     """
     arm, n = belief.lever_arm + _get(state, strapdown.LEVER_ARM), blocks.count(names)
     measured, length = turn[:3], turn[3]
-    scale, bias = (_get(state, at) for at in (strapdown.GYRO_SCALE, strapdown.GYRO_BIAS))
+    scale, bias = _get(state, strapdown.GYRO_SCALE), _gyro_bias(state)
     rate = _aligned(state, measured / (1 + scale), scale) - bias
     C_nb = Rotation.from_quat(_get(state, strapdown.Q_NB, 4), scalar_first=True).as_matrix()
     C_nb = C_nb @ Rotation.from_rotvec(-age * rate).as_matrix()
@@ -319,12 +328,53 @@ def _antenna(
             row, column = ("xyz".index(axis) for axis in pair)
             by_axis = (rate + bias)[column] / (1 + scale[row])
             H[VEL, first + k] = H[VEL, GYRO_BIAS][:, row] * by_axis
+    as_biases(state, H, names)
+    own = blocks.own_states(names)
+    seen = np.concatenate((way, velocity)) + H[:, own] @ _own_values(state, names)
     if LEVER_ARM in names:
         H[POS, blocks.states_of(names, LEVER_ARM)] = C_nb
         H[VEL, blocks.states_of(names, LEVER_ARM)] = C_nb @ skew(rate) - skew(omega_ie) @ C_nb
     gyro_noise = np.zeros((6, 6))
     gyro_noise[VEL, VEL] = H[VEL, GYRO_BIAS] * belief.noise[:3] @ H[VEL, GYRO_BIAS].T / length
-    return H, np.concatenate((way, velocity)), gyro_noise
+    return H, seen, gyro_noise
+
+
+def _gyro_bias(state: FloatArray) -> FloatArray:
+    """Return both parts of the gyro biases (3,)."""
+    return _get(state, strapdown.GYRO_BIAS) + _get(state, strapdown.GYRO_DRIFT)
+
+
+def _own_values(state: FloatArray, names: tuple[str, ...]) -> FloatArray:
+    """Return the estimates (k,) of the states that a user declared."""
+    own = blocks.own_states(names)
+    return state[list(blocks.places(names))[own.start - GYRO_BIAS.start :]]
+
+
+def _without_own(
+    state: FloatArray, dtheta: FloatArray, dvelocity: FloatArray, dt: float, names: tuple[str, ...]
+) -> tuple[Vector, Vector]:
+    """Return increments without the errors that a user declared, and keep their effects E (6, k).
+
+    The navigator removes biases, scale factors and misalignments afterwards, so these are applied to what is
+    subtracted here.
+    """
+    measured = np.concatenate((dtheta, dvelocity))
+    own = of_blocks(names)
+    if own:
+        mix = np.zeros((6, 6))
+        for at, scale, off in (
+            (0, strapdown.GYRO_SCALE, strapdown.GYRO_MISALIGNMENT),
+            (3, strapdown.ACCEL_SCALE, strapdown.ACCEL_MISALIGNMENT),
+        ):
+            mix[at : at + 3, at : at + 3] = np.diag(1 + _get(state, scale))
+            for pair, part in zip(OFF_DIAGONAL, _get(state, off, 6), strict=True):
+                mix[at + "xyz".index(pair[0]), at + "xyz".index(pair[1])] = part
+        bias = np.concatenate((_gyro_bias(state), state[ACCEL] + state[ACCEL_DRIFT]))
+        true = np.linalg.solve(mix, measured) / dt - bias
+        E = np.concatenate([one.effects(true[None, :3], true[None, 3:])[0] for one in own], axis=1)
+        state[own_room.EFFECTS : own_room.EFFECTS + E.size] = E.T.ravel()
+        measured = measured - mix @ E @ _own_values(state, names) * dt
+    return (measured[0], measured[1], measured[2]), (measured[3], measured[4], measured[5])
 
 
 def _aligned(state: FloatArray, scaled: FloatArray, scale: FloatArray) -> FloatArray:

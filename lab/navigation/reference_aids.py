@@ -14,8 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from lab.navigation import blocks, strapdown
-from lab.navigation.aids import FORWARD, HEADING, HEIGHT, NORTHWARD, Aids
+from lab.navigation import blocks, own_room, strapdown
+from lab.navigation.aids import FORWARD, HEADING, HEIGHT, MAGNETIC, NORTHWARD, Aids
 from lab.navigation.error_models import ATT, GYRO_BIAS, POS, VEL
 from lab.rotation import skew, wrap
 
@@ -38,26 +38,36 @@ def see_aid(
         _write(row, names, blocks.BAROMETER_BIAS, 1.0)
         there = state[strapdown.HEIGHT] + age * velocity[2]
         return float(there + state[strapdown.BAROMETER_BIAS] - value), row
-    if kind == HEADING:
-        forward = C_nb[:, 0]
-        level = np.array([-forward[1], forward[0], 0.0]) / (forward[0] ** 2 + forward[1] ** 2)
-        row[ATT] = level @ skew(forward)  # δc = −φ × c = c × φ
+    if kind in (HEADING, MAGNETIC):
+        axis = C_nb @ (aids.field[a] if kind == MAGNETIC else np.array([1.0, 0.0, 0.0]))
+        level = np.array([-axis[1], axis[0], 0.0]) / (axis[0] ** 2 + axis[1] ** 2)
+        row[ATT] = level @ skew(axis)  # δc = −φ × c = c × φ
         _write(row, names, blocks.HEADING_BIAS, 1.0)
-        heading = np.arctan2(forward[1], forward[0]) + state[strapdown.HEADING_BIAS]
-        return float(wrap(heading - value)), row
+        azimuth = np.arctan2(axis[1], axis[0]) + state[strapdown.HEADING_BIAS]
+        return float(wrap(azimuth - value)), row
     if kind >= NORTHWARD:
         row[VEL][kind - NORTHWARD] = 1.0
         return float(velocity[kind - NORTHWARD] - value), row
-    axis = kind - FORWARD
-    speed = float((C_nb.T @ velocity + np.cross(rate, aids.place))[axis])
-    row[VEL] = C_nb[:, axis]
-    row[ATT] = -C_nb[:, axis] @ skew(velocity)
-    row[GYRO_BIAS] = skew(aids.place)[axis]
+    along = kind - FORWARD
+    speed = float((C_nb.T @ velocity + np.cross(rate, aids.place))[along])
+    row[VEL] = C_nb[:, along]
+    row[ATT] = -C_nb[:, along] @ skew(velocity)
+    row[GYRO_BIAS] = skew(aids.place)[along]
     if kind != FORWARD:
         return speed - value, row
     row *= 1 + state[strapdown.ODOMETER_SCALE]
     _write(row, names, blocks.ODOMETER_SCALE, speed)
     return (1 + state[strapdown.ODOMETER_SCALE]) * speed - value, row
+
+
+def as_biases(state: FloatArray, H: FloatArray, names: tuple[str, ...]) -> None:
+    """Write the columns of H (m, n) of all states that act as gyro biases do, from those of the biases."""
+    if blocks.GYRO_DRIFT in names:
+        H[:, blocks.states_of(names, blocks.GYRO_DRIFT)] = H[:, GYRO_BIAS]
+    own = blocks.own_states(names)
+    size = own.stop - own.start
+    effects = state[own_room.EFFECTS : own_room.EFFECTS + own_room.WIDTH * size].reshape(size, own_room.WIDTH)
+    H[:, own] = H[:, GYRO_BIAS] @ effects.T[:3]
 
 
 def bent_speed(state: FloatArray, P: FloatArray, *, in_body: bool) -> float:

@@ -53,7 +53,7 @@ class NavigatorSettings(Settings):
         objects=[15, 21],
         label="Number of states",
         doc="15: errors of position, velocity, attitude, gyro and accelerometer biases. 21: also their scale "
-        "factors, as random constants; misalignments are not estimated.",
+        "factors, as random constants.",
     )
     engine = param.Selector(
         default="compiled",
@@ -175,7 +175,8 @@ class NavigatorSettings(Settings):
         default=False,
         label="Zero velocity at rest",
         doc="Zero velocity updates: where the vehicle stands still for 10 s or more, its velocity is "
-        "measured as zero once a second. Detected as for the updates at rest.",
+        "measured as zero once a second. Detected as for the updates at rest; without fixes, it lasts "
+        "until the inertial sensors show motion.",
     )
     zero_velocity_sigma = Quantity(
         0.02,
@@ -215,6 +216,18 @@ class NavigatorSettings(Settings):
         label="Estimate misalignments",
         doc="Twelve states for the misalignments of gyros and accelerometers, constants with the sizes of "
         "sensors.gyro.misalignment and sensors.accelerometer.misalignment as σ.",
+    )
+    estimate_bias_drift = param.Boolean(
+        default=False,
+        label="Estimate bias drift",
+        doc="Six states for the instability of the biases, a first-order Gauss-Markov process, beside those "
+        "for the rest of the biases. Otherwise one state of each axis is both.",
+    )
+    own_states = param.String(
+        default="",
+        label="Own states",
+        doc="Names of states of errors of the IMU, separated by commas, that a notebook declared with "
+        "lab.declare_states.",
     )
     estimate_gps_drift = param.Boolean(
         default=False,

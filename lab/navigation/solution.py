@@ -284,7 +284,7 @@ class Solution(NamedTuple):
         aids
             How many measurements other than fixes there are.
         """
-        scales = sum(blocks.BLOCKS[name].size for name in names if name in blocks.SCALES)
+        scales = sum(blocks.block(name).size for name in names if name in blocks.SCALES)
         return cls._empty(samples, fixes, blocks.count(names), scales, shown, aids)
 
     def room(self, samples: int) -> Solution:

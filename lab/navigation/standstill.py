@@ -41,6 +41,9 @@ FORCE_SPREAD = 0.15
 """Spread of the specific force of a vehicle with an idling engine [m/s²]."""
 RATE_CHANGE = math.radians(0.05)
 """Largest change of the mean rate from one second to the next beyond its noise [rad/s]."""
+FORCE_CHANGE = 0.05
+"""Largest change of the mean specific force from rest on, beyond its noise, while no fix shows the speed
+[m/s²]: a car starts with 0.5 or more, a train with 0.3."""
 NOISE_SIGMAS = 3
 """The spread that is allowed if more noise is assumed, in its σ: the assumed noise may be too small."""
 CHANGE_SIGMAS = 5
@@ -76,6 +79,41 @@ def at_rest(imu: Imu, fixes: Fixes, belief: Belief, grid: FloatArray | None = No
             rest[edges[a] : edges[b]] = True
     rest.setflags(write=False)
     return rest
+
+
+def still_without_fixes(rest: NDArray[np.bool_], imu: Imu, fixes: Fixes, belief: Belief) -> NDArray[np.bool_]:
+    """Return the samples at rest (n,), with those added in which a vehicle at rest stays so without fixes.
+
+    It stays at rest until the inertial sensors show vibration, rotation, or another specific force.
+
+    Parameters
+    ----------
+    rest : (n,) array
+        Samples at rest as fixes show it, from `at_rest`.
+    imu, fixes, belief
+        The measurements, and the filter's assumptions about them.
+    """
+    found = rest.copy()
+    grid = imu.time[0] + SPAN * np.arange(int((imu.time[-1] - imu.time[0]) / SPAN) + 1)
+    first, last = (np.searchsorted(fixes.time, grid[:-1] + shift) for shift in (-SPAN, 2 * SPAN))
+    edges = np.searchsorted(imu.time, grid - 1e-9)
+    still = still_seconds(imu, belief, edges)
+    held = None
+    for second, (a, b) in enumerate(itertools.pairwise(edges)):
+        forces = imu.dvelocity[a:b] / np.diff(imu.time[a : b + 1])[:, None]
+        if b > a and rest[a:b].all():
+            held = forces.mean(axis=0)
+            continue
+        silent = held is not None and last[second] == first[second] and still[second]
+        if silent and held is not None:
+            allowed = FORCE_CHANGE + CHANGE_SIGMAS * forces.std(axis=0) * math.sqrt(2 / (b - a))
+            silent = bool((np.abs(forces.mean(axis=0) - held) <= allowed).all())
+        if silent:
+            found[a:b] = True
+        else:
+            held = None
+    found.setflags(write=False)
+    return found
 
 
 def _slow(seconds: FloatArray, fixes: Fixes, belief: Belief) -> NDArray[np.bool_]:
@@ -159,8 +197,9 @@ def hold_attitude(state: FloatArray, sums: FloatArray, rest: bool) -> None:
 @kernel
 def gather_rest(state: FloatArray, sums: FloatArray, dt: float) -> bool:
     """Add the rates of a sample at rest, including the estimated biases; return whether an update is due."""
+    bias = strapdown.whole_bias(state, strapdown.GYRO_BIAS)
     for i in range(3):
-        rate = state[strapdown.PREVIOUS_DTHETA + i] / dt + state[strapdown.GYRO_BIAS + i]
+        rate = state[strapdown.PREVIOUS_DTHETA + i] / dt + bias[i]
         sums[SUMS + i] += rate
         sums[SQUARES + i] += rate * rate
     sums[ELAPSED] += dt
@@ -198,11 +237,12 @@ def see_rest(
     turned = rotate(back, frame_rate)
     down = get(sums, ATTITUDE + 6)
     count = sums[COUNT]
+    bias = strapdown.whole_bias(state, strapdown.GYRO_BIAS)
     rate, variance = 0.0, 1e-18
     for i in range(3):
         mean = sums[SUMS + i] / count
         shown = max(0.0, sums[SQUARES + i] / count - mean * mean) / count
-        rate += down[i] * (mean - state[strapdown.GYRO_BIAS + i] - turned[i])
+        rate += down[i] * (mean - bias[i] - turned[i])
         variance += down[i] * down[i] * max(noise[i] / sums[ELAPSED], shown)
     per_sigma = 1 / math.sqrt(variance)
     H[0], H[1], H[2] = -frame_rate[1] * per_sigma, frame_rate[0] * per_sigma, 0.0

@@ -44,21 +44,24 @@ LATENCY = 30  # what the fixes are older than assumed [s]
 ODOMETER_SCALE = 31
 GYRO_MISALIGNMENT = 32  # parts of other axes in the output: xy, xz, yx, yz, zx, zy; zero unless estimated
 ACCEL_MISALIGNMENT = 38  # as for the gyros
+GYRO_DRIFT = 44  # second part of the biases, which is added to the first; zero unless estimated [rad/s]
+ACCEL_DRIFT = 47  # as for the gyros [m/s²]
+TO_DRIFT = GYRO_DRIFT - GYRO_BIAS  # from a bias to its second part, for gyros and accelerometers
 # The following values are derived from those above in each step, and kept for the next step and the error
 # model.
-SINE = 44  # of the latitude
-COSINE = 45  # of the latitude
-PREVIOUS_DTHETA = 46  # increments of the last step [rad]
-PREVIOUS_DVELOCITY = 49  # [m/s]
-PREVIOUS_VELOCITY = 52  # v_n at its start [m/s]
-MERIDIAN = 55  # 1 / (R_M + h)
-TRANSVERSE = 56  # 1 / (R_N + h)
-PER_COSINE = 57  # 1 / cos L
-FORCE_N = 58  # mean specific force of the last step, in n
-C_NB = 61  # attitude at the start of the last step, row by row
-PER_STEP = 70  # one over the length of the last step
-GRAVITY = 71  # during the last step
-LENGTH = 72  # length of the state
+SINE = 50  # of the latitude
+COSINE = 51  # of the latitude
+PREVIOUS_DTHETA = 52  # increments of the last step [rad]
+PREVIOUS_DVELOCITY = 55  # [m/s]
+PREVIOUS_VELOCITY = 58  # v_n at its start [m/s]
+MERIDIAN = 61  # 1 / (R_M + h)
+TRANSVERSE = 62  # 1 / (R_N + h)
+PER_COSINE = 63  # 1 / cos L
+FORCE_N = 64  # mean specific force of the last step, in n
+C_NB = 67  # attitude at the start of the last step, row by row
+PER_STEP = 76  # one over the length of the last step
+GRAVITY = 77  # during the last step
+LENGTH = 78  # length of the state
 
 MAX_LATITUDE = math.radians(89.9)
 """Limit of north-slaved navigation [rad]: its rate about the vertical grows without bound towards the
@@ -80,6 +83,16 @@ def put(state: FloatArray, at: int, v: Vector) -> None:
     state[at] = v[0]
     state[at + 1] = v[1]
     state[at + 2] = v[2]
+
+
+@inline_kernel
+def whole_bias(state: FloatArray, bias: int) -> Vector:
+    """Return the biases of gyros or accelerometers, which begin at `bias`: the sum of both parts."""
+    return (
+        state[bias] + state[bias + TO_DRIFT],
+        state[bias + 1] + state[bias + 1 + TO_DRIFT],
+        state[bias + 2] + state[bias + 2 + TO_DRIFT],
+    )
 
 
 @inline_kernel
@@ -222,7 +235,8 @@ def corrected(state: FloatArray, measured: Vector, dt: float, bias: int, scale: 
     dt
         Length of the interval [s].
     bias, scale, off
-        Where the biases b, the scale factors S and the misalignments M begin in the state.
+        Where the biases b, the scale factors S and the misalignments M begin in the state. b includes the
+        second part of the biases.
 
     Notes
     -----
@@ -237,7 +251,15 @@ def corrected(state: FloatArray, measured: Vector, dt: float, bias: int, scale: 
             scaled[1] - y * (state[off + 2] * aligned[0] + state[off + 3] * aligned[2]),
             scaled[2] - z * (state[off + 4] * aligned[0] + state[off + 5] * aligned[1]),
         )
-    return plus(aligned, -dt, get(state, bias))
+    return plus(aligned, -dt, whole_bias(state, bias))
+
+
+@inline_kernel
+def without_own_errors(
+    state: FloatArray, dtheta: Vector, dvelocity: Vector, dt: float
+) -> tuple[Vector, Vector]:
+    """Return increments without the errors that a user declared: none here; see `own_states`."""
+    return dtheta, dvelocity
 
 
 @inline_kernel
@@ -255,6 +277,7 @@ def step(state: FloatArray, dtheta_measured: Vector, dvelocity_measured: Vector,
     """
     dtheta = corrected(state, dtheta_measured, dt, GYRO_BIAS, GYRO_SCALE, GYRO_MISALIGNMENT)
     dvelocity = corrected(state, dvelocity_measured, dt, ACCEL_BIAS, ACCEL_SCALE, ACCEL_MISALIGNMENT)
+    dtheta, dvelocity = without_own_errors(state, dtheta, dvelocity, dt)
     dtheta_before = get(state, PREVIOUS_DTHETA)
     dvelocity_before = get(state, PREVIOUS_DVELOCITY)
     v = get(state, VELOCITY)

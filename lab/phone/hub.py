@@ -80,7 +80,7 @@ class PhoneHub:
             return Ticket(self._count, token)
 
     def phones(self) -> list[PhoneState]:
-        """Return what is known of all phones and invitations, in the order of the invitations."""
+        """Return the states of all phones and invitations, in the order of the invitations."""
         with self._lock:
             self._sweep()
             return [phone.state() for phone in self._phones.values()]

@@ -63,7 +63,7 @@ class Answer(NamedTuple):
 
 
 class PhoneState(NamedTuple):
-    """What is known of a phone.
+    """The state of a phone.
 
     Attributes
     ----------

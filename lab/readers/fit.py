@@ -182,7 +182,7 @@ def _messages(path: Path, data: bytes, points: _Points) -> Iterator[tuple[int, d
     except MissionError:
         raise
     except (
-        # What a decoder that trusts lengths and types in a file comes upon in a damaged one.
+        # Errors of a decoder that trusts the lengths and types in a damaged file.
         fitdecode.FitError, ArithmeticError, AssertionError, LookupError, TypeError, ValueError, struct.error,
     ) as error:  # fmt: skip
         points.broken = str(error) or "a message is longer than the file says"

@@ -1,6 +1,6 @@
 """FlightGear: files of its generic protocols insgns-gps and insgns-imu, both or the first alone.
 
-Numbers between tabs, no header; the protocols' own formats tell the two apart. insgns-gps has time,
+Numbers between tabs, no header; the formats of the protocols distinguish the two. insgns-gps has time,
 latitude and longitude [rad], the negative of the altitude above sea level [m] and the velocity north, east,
 down [m/s]; insgns-imu has time, the inertial rates p, q, r [rad/s] and the specific force at the pilot's
 head [m/s²]. Neither holds an attitude. With both files it is reconstructed: the rates integrate to it up

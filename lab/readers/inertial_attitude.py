@@ -86,8 +86,8 @@ def inertial_attitude(
     turn = Rotation.concatenate(
         [Rotation.identity(), Rotation.from_rotvec(step * (rate[1:] + rate[:-1]) / 2)]
     )
-    turned = _running_product(turn)
-    felt = CubicSpline(imu_time, turned.apply(force)).antiderivative()
+    attitude = _running_product(turn)
+    integral = CubicSpline(imu_time, attitude.apply(force)).antiderivative()
     # The same in inertial axes that are those of the Earth at the first time (Wu 2011, eq. 8).
     C_in = _inertial_axes(time - time[0], place)
     rate_ie_n = earth.RATE * np.column_stack((np.cos(place[:, 0]), np.zeros(len(time)), -np.sin(place[:, 0])))
@@ -98,7 +98,7 @@ def inertial_attitude(
     pulled = CubicSpline(time, np.einsum("nij,nj->ni", C_in, inner)).antiderivative()
     ends = np.arange(time[0], time[-1], _INTERVAL)
     changes = np.diff(CubicSpline(time, moved)(ends) + pulled(ends), axis=0)
-    measured = np.diff(felt(ends), axis=0)
+    measured = np.diff(integral(ends), axis=0)
     u, _, v = np.linalg.svd(changes.T @ measured)
     C_ib0 = u @ np.diag([1.0, 1.0, np.linalg.det(u) * np.linalg.det(v)]) @ v
     left = changes - measured @ C_ib0.T
@@ -106,7 +106,7 @@ def inertial_attitude(
     up = changes.mean(axis=0) / np.linalg.norm(changes.mean(axis=0))
     across = np.sum(changes**2) - np.sum((changes @ up) ** 2)
     uncertainty = residual * np.sqrt(len(changes) / max(float(across), 1e-12))
-    at_times = Slerp(imu_time, turned)(time).as_matrix()
+    at_times = Slerp(imu_time, attitude)(time).as_matrix()
     C_nb = np.einsum("nji,jk,nkl->nil", C_in, C_ib0, at_times)
     return InertialAttitude(C_nb, residual, float(uncertainty))
 

@@ -165,7 +165,7 @@ class ULogFile:
             size, kind = data[at] | data[at + 1] << 8, data[at + 2]
             content, following = at + _HEAD, at + _HEAD + size
             if resumes and following > resumes[0]:
-                # After a crash the log goes on at a place the header tells.
+                # After a crash the log continues at an offset that the header states.
                 at = max(at, resumes.pop(0))
                 continue
             if kind == _DATA and following <= end and size >= 2:

@@ -54,7 +54,7 @@ FIELDS = (
     Field("beta", ("beta,deg",), "angle", "°", NAMED),
     Field("latitude", ("lat,deg",), "angle", "°", NAMED),
     Field("longitude", ("lon,deg",), "angle", "°", NAMED),
-    # X-Plane 12 tells the centre of gravity from p-alt, which the air may have a say in.
+    # X-Plane 12 distinguishes the centre of gravity from p-alt, which may depend on the air pressure.
     Field("height", ("cg,ftmsl", "alt,ftmsl", "p-alt,ftmsl"), "length", "ft", NAMED),
     Field("X", ("x,m",), "length", "m", NAMED),
     Field("Z", ("z,m",), "length", "m", NAMED),

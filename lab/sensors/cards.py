@@ -15,10 +15,11 @@ import os
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 
+from lab.notebook_card import NotebookCard
 from lab.sensors.datum import OF_THE_VEHICLE, Datum, check_keys, read_sources, read_terms
 from lab.sensors.suite import TRIADS, SensorSuite
 from lab.sensors.typical import typical
@@ -54,7 +55,7 @@ Terms = Mapping[str, Mapping[str, Datum]]
 
 
 @dataclass(frozen=True)
-class Card:
+class Card(NotebookCard):
     """The numbers of a sensor with their sources.
 
     Attributes
@@ -69,6 +70,8 @@ class Card:
     assumed : mapping of mappings of Datum
         Assumed numbers for terms that are not given, in the same form.
     """
+
+    CARD: ClassVar[str] = "sensor card"
 
     name: str
     maker: str

@@ -9,22 +9,48 @@ and 10.2.5.
 from __future__ import annotations
 
 import numpy as np
+import param
+from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
 
+from lab.magnetic_field import magnetic_field
 from lab.rotation import wrap
 from lab.sensors import readings
 from lab.sensors.draws import Seed
 from lab.sensors.readings import Readings, read, reading_times, slow_error
+from lab.setting_kinds import QuantityOrNone
 from lab.settings import Settings
 from lab.trajectory import Trajectory
 from lab.units import si
+
+FloatArray = NDArray[np.float64]
+
+HEADING, MAGNETOMETER = "heading", "magnetometer"
+"""What the sensor measures, as in the settings."""
 
 
 class HeadingErrors(Settings):
     """Errors and timing of a heading sensor. Defaults: a magnetometer with its iron calibrated."""
 
     fitted = readings.fitted(
-        "a sensor of the heading: a magnetometer, with its declination removed, or two antennas. A filter "
-        "that uses it has a state for its bias."
+        "a sensor of the heading: two antennas, a compass, or a magnetometer. A filter that uses it has a "
+        "state for its bias."
+    )
+    source = param.Selector(
+        default=HEADING,
+        objects=[HEADING, MAGNETOMETER],
+        label="Measures",
+        doc="heading: the true heading, as two antennas or a compass do. magnetometer: the magnetic field in "
+        "the axes of the IMU, which the filter levels with its own attitude. Noise and bias are those of the "
+        "heading with both.",
+    )
+    declination = QuantityOrNone(
+        unset="model",
+        unit="°",
+        bounds=(-180, 180),
+        label="Declination the filter assumes",
+        doc="Magnetic declination, positive east, for a magnetometer. model: that of the World Magnetic "
+        "Model at the start, or of the log.",
     )
     period = readings.period(1.0)
     noise = readings.noise(1.0, unit="°", bounds=(1e-4, 90), softbounds=(0.01, 10), step=0.01)
@@ -35,7 +61,7 @@ class HeadingErrors(Settings):
 
 
 def measure(trajectory: Trajectory, errors: HeadingErrors, seed: Seed) -> Readings:
-    """Return the readings of a heading sensor: true headings from −π to π [rad].
+    """Return the readings of a heading sensor: true headings from −π to π [rad], or magnetic fields.
 
     Parameters
     ----------
@@ -51,4 +77,21 @@ def measure(trajectory: Trajectory, errors: HeadingErrors, seed: Seed) -> Readin
     bias = slow_error(seed, "heading", times, constant, drift, errors.correlation_time)
     heading = trajectory.at(times).euler[:, 2]
     found = read(seed, "heading", times, heading, bias, float(si(errors, "noise")), errors.outages)
-    return found._replace(value=np.asarray(wrap(found.value)))
+    if errors.source == HEADING:
+        return found._replace(value=np.asarray(wrap(found.value)))
+    return _of_field(trajectory, found)
+
+
+def _of_field(trajectory: Trajectory, found: Readings) -> Readings:
+    """Return readings of the magnetic field that show some headings [rad].
+
+    The field is that at the start: it turns by 1° in some 100 km.
+    """
+    field = magnetic_field(trajectory.at(np.zeros(1)).position[0])
+    truth = trajectory.at(found.time)
+    error = np.zeros((found.time.size, 3))
+    error[:, 2] = truth.euler[:, 2] - found.value
+    seen = Rotation.from_rotvec(error).apply(field / np.linalg.norm(field))
+    of_body = Rotation.from_quat(truth.q_nb, scalar_first=True).inv().apply(seen)
+    declination = np.full(found.time.size, np.arctan2(field[1], field[0]))
+    return found._replace(value=declination, field=np.asarray(of_body))

@@ -20,6 +20,11 @@ from lab.setting_kinds import Intervals, Quantity
 FloatArray = NDArray[np.float64]
 
 
+NO_FIELD = np.zeros((0, 3))
+"""No magnetic field, read-only."""
+NO_FIELD.setflags(write=False)
+
+
 class Readings(NamedTuple):
     """Readings of a sensor with one number.
 
@@ -31,11 +36,14 @@ class Readings(NamedTuple):
         What it reads.
     bias : (a,) array
         The slow part of its error, which a filter may estimate.
+    field : (a, 3) array, or (0, 3)
+        Direction of the magnetic field in b, if that is measured; the value is then the declination.
     """
 
     time: FloatArray
     value: FloatArray
     bias: FloatArray
+    field: FloatArray = NO_FIELD
 
 
 # Common declarations of all such sensors.

@@ -44,6 +44,12 @@ class SensorSuite(Settings):
     barometer = group(BarometerErrors, "Barometer errors.")
     heading = group(HeadingErrors, "Errors of a heading sensor.")
     odometer = group(OdometerErrors, "Odometer errors.")
+    own_errors = param.String(
+        default="",
+        label="Own errors",
+        doc="Names of errors of the IMU, separated by commas, that a notebook declared with "
+        "lab.declare_states. They are simulated, on top of the others.",
+    )
     assumed = param.String(
         default="",
         label="Assumed terms",

@@ -1,49 +1,44 @@
-"""Cards: the functions that draw the cards in a notebook.
+"""Cards: what notebooks show of the lab's objects, and what these offer there, registered by name.
 
-`import lab` registers them. To keep that fast, a drawing function is imported when its first card is drawn.
+`import lab` registers them. To keep that fast, a function is imported when it is first used.
 """
 
 from __future__ import annotations
 
-from typing import Any
+from lab.registry import register
 
-from lab.notebook_card import register
-
-
-def _settings(settings: Any) -> str:
-    from lab.views.settings_card import settings_html  # noqa: PLC0415 - see above
-
-    return settings_html(settings)
-
-
-def _result(result: Any) -> str:
-    from lab.views.result_card import result_html  # noqa: PLC0415 - see above
-
-    return result_html(result)
-
-
-def _mission(mission: Any) -> str:
-    from lab.views.mission_card import mission_html  # noqa: PLC0415 - see above
-
-    return mission_html(mission)
-
-
-def _log(mission: Any) -> str:
-    from lab.views.mission_card import log_html  # noqa: PLC0415 - see above
-
-    return log_html(mission)
-
-
-def _outcome(outcome: Any) -> str:
-    from lab.views.outcome_card import outcome_html  # noqa: PLC0415 - see above
-
-    return outcome_html(outcome)
+CARDS = {
+    "settings": "lab.views.settings_card:settings_html",
+    "result": "lab.views.result_card:result_html",
+    "mission": "lab.views.mission_card:mission_html",
+    "log": "lab.views.mission_card:log_html",
+    "outcome": "lab.views.outcome_card:outcome_html",
+    "verdict": "lab.views.verdict_card:verdict_html",
+    "ensemble": "lab.views.ensemble_card:ensemble_html",
+    "sensor card": "lab.views.sensor_card:sensor_html",
+    "sweep": "lab.views.sweep_card:sweep_html",
+}
+"""The functions that draw the cards."""
+PLOTS = (
+    "errors",
+    "covariance",
+    "innovations",
+    "consistency",
+    "sensor_errors",
+    "ground_track",
+    "height",
+)
+"""The plots of a result, by their functions in `lab.views.plots`; the first is its default plot."""
 
 
 def register_cards() -> None:
-    """Register all cards."""
-    register("settings", _settings)
-    register("result", _result)
-    register("mission", _mission)
-    register("log", _log)
-    register("outcome", _outcome)
+    """Register all cards, plots and views."""
+    for card, function in CARDS.items():
+        register("card", card, function)
+    for plot in PLOTS:
+        register("plot", plot, f"lab.views.plots:{plot}")
+    register("sweep", "plot", "lab.views.sweep_plot:sweep_plot")
+    register("result", "view3d", "lab.views.framed_scene:view3d")
+    register("result", "explore", "lab.views.explorer:explore")
+    register("experiment", "sweep", "lab.sweeping:sweep")
+    register("experiment", "progress", "lab.views.notebook_progress:shown")

@@ -108,8 +108,8 @@ def _track(read: FlightImport) -> figure:
 
 def _map(start: FloatArray, position: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Return metres east and north of the start, thinned for the screen."""
-    way = ecef.displacement(np.broadcast_to(start, position.shape), position)[:, [1, 0]]
-    east, north = way[thin_path(way, POINTS)].T
+    metres = ecef.displacement(np.broadcast_to(start, position.shape), position)[:, [1, 0]]
+    east, north = metres[thin_path(metres, POINTS)].T
     return east, north
 
 

@@ -17,6 +17,7 @@ from lab.views.envelope import envelope, limits, thin_path
 from lab.views.quantities import (
     AID_CLOCKS,
     AXIS_COLOURS,
+    CONSISTENCY,
     COVARIANCE,
     EAST_NORTH_UP,
     ERRORS,
@@ -73,6 +74,12 @@ def innovations(result: Result) -> hv.Layout:
     plots = [_time_plot(result, plot) for plot in (*INNOVATIONS, *aid_plots(kinds_of(result)))]
     plots += [_autocorrelation(result, name, axis) for name in ("position", "velocity") for axis in range(3)]
     return hv.Layout(plots).cols(3).opts(shared_axes=True)
+
+
+def consistency(result: Result) -> hv.Layout:
+    """Return NEES and NIS with their 95 % intervals, and the innovations in their σ; NIS alone for a log."""
+    known = [plot for plot in CONSISTENCY if plot.name != "nees" or not result.lacks("consistency")]
+    return _layout(result, known, columns=2)
 
 
 def height(result: Result) -> hv.Layout:

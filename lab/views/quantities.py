@@ -12,7 +12,8 @@ from numpy.typing import NDArray
 
 from lab.analysis.consistency import chi_square_interval
 from lab.navigation.aids import NAMES, SHOWN
-from lab.navigation.blocks import BLOCKS, SCALES
+from lab.navigation.blocks import SCALES
+from lab.navigation.blocks import block as find_block
 
 if TYPE_CHECKING:
     from lab.ensemble import Ensemble
@@ -280,9 +281,9 @@ def _further(variable: str, state: str) -> Reader:
 def further_plots(names: tuple[str, ...]) -> tuple[TimePlot, ...]:
     """Return plots of the estimates of the further states of a filter, given its blocks."""
     plots = []
-    for block in (BLOCKS[name] for name in names if name not in SCALES):
+    for block in (find_block(name) for name in names if name not in SCALES):
         for index, state in enumerate(block.names):
-            name, colour = state.replace(" ", "_"), AXIS_COLOURS[index]
+            name, colour = state.replace(" ", "_"), AXIS_COLOURS[index % len(AXIS_COLOURS)]
             estimate = _further("estimate", state)
             truth = _further("truth", state)
             plots.append(

@@ -1,10 +1,11 @@
-"""Settings card: settings shown in Jupyter: value, unit and meaning of each."""
+"""Settings card: settings shown in Jupyter: value, unit, accepted values and meaning of each."""
 
 from __future__ import annotations
 
 from html import escape
-from typing import Any
 
+from lab.setting_help import value_text
+from lab.setting_kinds import describe
 from lab.settings import Settings
 
 _LEFT = "text-align:left"
@@ -12,7 +13,7 @@ _CHANGED = f"{_LEFT};font-weight:bold"
 
 
 def settings_html(settings: Settings, *, changed_only: bool = False) -> str:
-    """Return settings as an HTML table with their units; changed ones are bold.
+    """Return settings as an HTML table with units and accepted values; changed ones are bold.
 
     Parameters
     ----------
@@ -27,19 +28,12 @@ def settings_html(settings: Settings, *, changed_only: bool = False) -> str:
         if changed_only and value == parameter.default:
             continue
         style = _LEFT if value == parameter.default else _CHANGED
-        cells = (path, f"{_shown(value)} {getattr(parameter, 'unit', '')}", parameter.doc or "")
-        styles = (style, style, _LEFT)
+        cells = (path, value_text(parameter, value), describe(parameter), parameter.doc or "")
+        styles = (style, style, _LEFT, _LEFT)
         rows.append("".join(f'<td style="{s}">{escape(c)}</td>' for s, c in zip(styles, cells, strict=True)))
     if not rows:
         return "<p>All settings have their default values.</p>"
-    head = "".join(f'<th style="{_LEFT}">{title}</th>' for title in ("setting", "value", "meaning"))
+    head = "".join(
+        f'<th style="{_LEFT}">{title}</th>' for title in ("setting", "value", "accepted", "meaning")
+    )
     return f"<table><tr>{head}</tr>{''.join(f'<tr>{row}</tr>' for row in rows)}</table>"
-
-
-def _shown(value: Any) -> str:
-    """Return a value as text; one number for all axes if they are equal."""
-    if value is None or value == []:
-        return "-"
-    if isinstance(value, tuple) and all(isinstance(item, float) for item in value):
-        return ", ".join(f"{item:g}" for item in (value[:1] if len(set(value)) == 1 else value))
-    return f"{value:g}" if isinstance(value, float) else str(value)

@@ -76,6 +76,7 @@ def at_rest(seconds: float, fixes: Sequence[int] = (), gain: float = 0.0) -> Sim
         ),
         fixes=SimpleNamespace(time=time[list(fixes)]),
         time=time,
+        blocks=(),
     )
 
 
@@ -238,6 +239,21 @@ def test_of_a_matched_filter_all_sources_sum_to_its_own_covariance(more: tuple[s
     assert np.allclose(found.total / found.believed, 1, atol=5e-3)
 
 
+def test_one_misalignment_with_a_state_acts_as_the_filter_believes() -> None:
+    """A given misalignment alone in its triad is one number, as in P0; the others are zero and certain."""
+    triads = ("gyro", "[0,0.1,0,0,0,0]"), ("accelerometer", "[0,0,0,0,0.1,0]")
+    for states in ("15", "21"):
+        misaligned = (f"sensors.{triad}.misalignment={values}" for triad, values in triads)
+        settings = (*SMALL, f"navigator.states={states}", "navigator.estimate_misalignments=true")
+        found = error_budget(made(*settings, *misaligned, "trajectory.imu_rate=50").run())
+        np.testing.assert_allclose(found.total, found.believed, rtol=1e-2)  # at 50 Hz
+        share = found.share.sel(source="gyro misalignment", quantity="gyro misalignment xz")
+        assert float(share[0]) == pytest.approx(100)
+        assert 1 < float(share[-1]) < 99  # the fixes replace it by the noise of all sensors
+        first, last = (found.total.sel(quantity="accelerometer misalignment zx").values[i] for i in (0, -1))
+        assert last < 0.5 * first
+
+
 def test_gauss_markov_biases_of_a_matched_feedforward_filter_sum_to_its_covariance() -> None:
     """Feedforward, since in feedback the navigator keeps a bias that the filter believes to fade."""
     processes = [
@@ -272,7 +288,7 @@ def final_errors(result: Result) -> np.ndarray:
     x = error_state(result.solution_arrays, end, result.truth_arrays, result.true_bias, result.true_scale)
     angles = wrap(result.euler[-1] - result.truth_arrays.euler[-1])
     return np.concatenate((east_north_up(x[:, POS])[0], east_north_up(x[:, VEL])[0], angles, x[0, 9:])) / [
-        TO_SI[unit] for unit in budget.quantities(x.shape[1]).values()
+        TO_SI[unit] for unit in budget.quantities(result.blocks).values()
     ]
 
 

@@ -14,8 +14,9 @@ from bokeh.core.property.descriptors import PropertyDescriptor
 from bokeh.core.property.wrappers import PropertyValueContainer
 from bokeh.model.util import visit_value_and_its_immediate_references
 from bokeh.models import Line, Model, Range1d
+from panel.links import Callback
 
-from dashboards.upstream import speed_up
+from dashboards.upstream import leave_out_hooks, speed_up
 from lab.views.figures import TimeAxis, time_figure
 
 WHOLE_PAGE = """
@@ -127,3 +128,27 @@ def test_a_component_has_the_properties_of_before_and_copies_no_declaration() ->
     assert box.get_root().children[0].data.label == "Go"
     button.param.label.label = "Own"
     assert pmui.Button.param.label.label != "Own"
+
+
+def test_a_component_copies_no_declaration_of_the_values_it_is_given() -> None:
+    button = pmui.Button(label="Go", icon="add", size="small", variant="outlined", margin=3)
+    assert not {"label", "icon", "size", "margin"} & button._param__private.params.keys()
+    assert button.param.label.allow_refs
+
+
+def test_a_component_still_follows_a_widget() -> None:
+    leader = pmui.TextInput(value="before")
+    follower = pmui.TextInput(value=leader)
+    leader.value = "after"
+    assert follower.value == "after"
+    assert leader in Callback.registry  # it also follows in the browser
+
+
+def test_a_page_without_hooks_still_has_its_links() -> None:
+    leader, follower = pmui.TextInput(), pmui.TextInput()
+    leader.jslink(follower, value="value")
+    page = pn.Column(leader, follower)
+    leave_out_hooks(page)
+    root = page.get_root()
+    linked = [one for one in root.select({"type": Model}) if one.js_property_callbacks]
+    assert linked

@@ -69,8 +69,8 @@ def state_at(rng: np.random.Generator) -> np.ndarray:
 
 def seen(state: np.ndarray, kind: int, place: np.ndarray, age: float) -> tuple[float, np.ndarray]:
     """Return what the navigator says of a measurement of zero, and its row of H."""
-    row = np.zeros(15)
-    return aids.see_aid(state, north_axes(state), kind, 0.0, place, age, 0.01, row), row
+    row, field = np.zeros(15), np.array([0.3, -0.2, 0.9])
+    return aids.see_aid(state, north_axes(state), kind, 0.0, field, place, age, 0.01, row), row
 
 
 def displaced(state: np.ndarray, error: np.ndarray) -> np.ndarray:
@@ -86,7 +86,7 @@ def displaced(state: np.ndarray, error: np.ndarray) -> np.ndarray:
     return moved
 
 
-@pytest.mark.parametrize("kind", range(8), ids=lambda kind: aids.NAMES[kind])
+@pytest.mark.parametrize("kind", range(9), ids=lambda kind: aids.NAMES[kind])
 @pytest.mark.parametrize("age", [0.0, 0.007])
 def test_rows_of_h_are_derivatives(kind: int, age: float) -> None:
     rng = np.random.default_rng(kind)
@@ -129,14 +129,19 @@ MISALIGNED = {
     "sensors.accelerometer.misalignment": 0.1,
     "navigator.estimate_misalignments": True,
 }
-ALL = VEHICLE | RECEIVER | MISALIGNED | {"navigator.states": 21}
+DRIFTING = {
+    "sensors.gyro.instability": 30.0,
+    "sensors.accelerometer.instability": 0.5,
+    "navigator.estimate_bias_drift": True,
+}
+ALL = VEHICLE | RECEIVER | MISALIGNED | DRIFTING | {"navigator.states": 21}
 """All sensors, all conditions and all states together."""
 
 
 @pytest.mark.parametrize(
     ("settings", "model", "rate"),
     [
-        (VEHICLE, "phi", 0.0),
+        (VEHICLE | {"sensors.heading.source": "magnetometer"}, "phi", 0.0),
         (ALL, "phi", 0.0),
         (ALL, "phi", 20.0),
         (ALL, "psi", 0.0),
@@ -178,11 +183,28 @@ def test_sigma_points_refuse_other_sensors() -> None:
 
 def test_what_follows_imu_and_gps_alone_refuses_further_states() -> None:
     result = experiment(navigator__estimate_lever_arm=True).run()
-    for refused in ("budget", "observability"):
-        with pytest.raises(SettingError, match="accepted here are none"):
-            getattr(result, refused)
+    with pytest.raises(SettingError, match=r"accepted here are navigator\.states"):
+        _ = result.budget
     with pytest.raises(ResultError, match="accepted are none"):
         result.identify()
+
+
+def test_the_verdict_names_measurements_with_another_noise_than_assumed() -> None:
+    right, wrong = (of(VEHICLE | {"navigator.aiding_scale": scale}).run() for scale in (1.0, 0.01))
+    assert right.verdict.consistent, right.verdict
+    for verdict in (wrong.verdict, wrong.innovation_verdict):
+        found = {finding.quantity for finding in verdict.findings}
+        assert {"R height", "R heading", "R speed forward"} <= found
+
+
+def test_observability_shows_what_each_state_gains() -> None:
+    found = of(ALL).run().observability
+    assert found.sizes["quantity"] == 15 + sum(block.size for block in BLOCKS.values())
+    first, last = found.sigma.isel(time=0), found.sigma.isel(time=-1)
+    for state in ("lever arm right", "barometer bias", "odometer scale", "latency", "gyro misalignment zx"):
+        assert float(last.sel(quantity=state)) < 0.9 * float(first.sel(quantity=state)), state
+    constant = found.free.sel(quantity="lever arm right")
+    np.testing.assert_allclose(constant, float(constant[0]))
 
 
 def test_an_ensemble_and_its_advice_work_with_all_states() -> None:
@@ -202,7 +224,7 @@ def test_an_ensemble_and_its_advice_work_with_all_states() -> None:
 
 
 def test_files_hold_what_other_sensors_measured(tmp_path: Path) -> None:
-    result = of(VEHICLE).run()
+    result = of(VEHICLE | {"trajectory.imu_rate": 50.0}).run()
     result.to_csv(tmp_path)
     aids_csv = (tmp_path / "aiding.csv").read_text(encoding="utf-8").splitlines()
     assert aids_csv[0] == "time_aid [s],innovation,sigma,used,kind,unit"

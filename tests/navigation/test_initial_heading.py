@@ -12,8 +12,9 @@ from sensor_logs import EPOCH, tables, write
 
 from lab.logs.auxiliary_data import AuxiliaryData, Headings, Magnetometer
 from lab.logs.velocity_matching import match, turned, window_of
+from lab.magnetic_field import magnetic_declination
 from lab.missions import read_sensor_log
-from lab.navigation.initial_heading import Found, Hints, magnetic_declination, surest
+from lab.navigation.initial_heading import Found, Hints, surest
 from lab.navigation.recorded import navigate_log
 from lab.navigation.settings import NavigatorSettings
 from lab.rotation import euler_from_quaternion, wrap

@@ -23,8 +23,8 @@ FloatArray = NDArray[np.float64]
 IDENTITY = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
 DT = 0.005
 SILENT = np.zeros(12)
-NO_ARM = -1
-"""For a filter without states of the lever arm."""
+NONE = -1
+"""For a filter without states of the lever arm, or of misalignments."""
 
 
 def navigator(rng: np.random.Generator) -> FloatArray:
@@ -64,7 +64,7 @@ def test_what_a_fix_sees_is_the_derivative_of_where_the_antenna_is(seed: int, ag
     measured = (rate + bias) * (1 + scale)
     z, H, R = np.zeros(6), np.eye(6, 24), np.zeros((6, 6))
     state[strapdown.LEVER_ARM : strapdown.LEVER_ARM + 3] = wrong = rng.normal(0, 0.3, 3)
-    see_antenna(state, arm - wrong, np.append(measured, DT), age, SILENT, IDENTITY, z, H, R, True, 21)
+    see_antenna(state, arm - wrong, np.append(measured, DT), age, SILENT, IDENTITY, z, H, R, True, 21, NONE)
     here = antenna(state, measured, arm, age)
     np.testing.assert_allclose(z, here, atol=1e-9)
     np.testing.assert_array_equal(R, 0)
@@ -91,7 +91,9 @@ def test_an_arm_along_one_axis_is_one(axis: int) -> None:
     state, z, H = navigator(np.random.default_rng(1)), np.zeros(6), np.eye(6, 15)
     C_nb = np.array(strapdown.matrix(tuple(state[strapdown.Q_NB : strapdown.Q_NB + 4])))
     turn = np.array([0.4, -0.7, 0.5, DT])
-    see_antenna(state, np.eye(3)[axis], turn, 0.01, SILENT, IDENTITY, z, H, np.zeros((6, 6)), False, NO_ARM)
+    see_antenna(
+        state, np.eye(3)[axis], turn, 0.01, SILENT, IDENTITY, z, H, np.zeros((6, 6)), False, NONE, NONE
+    )
     np.testing.assert_allclose(z[:3], C_nb[:, axis], atol=0.02)  # turned by 0.01 s at 1 rad/s
     for first in (0, 3):
         block = H[first : first + 3, 6:9]
@@ -107,14 +109,14 @@ def test_the_noise_of_the_gyros_is_in_r() -> None:
     R, samples = np.zeros((6, 6)), 20
     time, still = np.arange(samples + 1) * DT, np.zeros((samples, 3))
     turn = turns(Imu(time, still, still), np.array([0.05]), arm)[0]
-    see_antenna(state, arm, turn, 0.0, noise, IDENTITY, np.zeros(6), np.eye(6, 15), R, False, NO_ARM)
+    see_antenna(state, arm, turn, 0.0, noise, IDENTITY, np.zeros(6), np.eye(6, 15), R, False, NONE, NONE)
     seen = []
     for _ in range(4000):
         noisy = Imu(time, rng.normal(size=(samples, 3)) * np.sqrt(density * DT), still)
         z = np.zeros(6)
         turn = turns(noisy, np.array([0.05]), arm)[0]
         see_antenna(
-            state, arm, turn, 0.0, SILENT, IDENTITY, z, np.eye(6, 15), np.zeros((6, 6)), False, NO_ARM
+            state, arm, turn, 0.0, SILENT, IDENTITY, z, np.eye(6, 15), np.zeros((6, 6)), False, NONE, NONE
         )
         seen.append(z)
     found = np.cov(np.array(seen).T)

@@ -117,6 +117,7 @@ def test_filters_for_other_cards_tell_the_truth(name: str) -> None:
     nees = {}
     for wanted in (False, True):
         experiment = Experiment(mission="montreal")
+        experiment.trajectory.imu_rate = 50
         card(name).load(experiment)
         experiment.navigator.states = 21
         experiment.navigator.estimate_misalignments = wanted

@@ -15,7 +15,7 @@ from lab.experiment import Experiment
 from lab.navigation import standstill, strapdown
 from lab.navigation.compilation import interpreted
 from lab.navigation.solution import Belief, Fixes, Imu
-from lab.navigation.standstill import SHORTEST, at_rest
+from lab.navigation.standstill import SHORTEST, at_rest, still_without_fixes
 from lab.result import Result
 
 HEADER = (
@@ -126,6 +126,8 @@ def seconds_at_rest(
     speed_sigma: float = 0.1,
     noise: float = 0.0,
     silent: range = range(0),
+    starts: tuple[int, float] = (60, 0.0),
+    without_fixes: bool = False,
 ) -> set[int]:
     """Return which seconds of a minute at rest are found to be so.
 
@@ -143,6 +145,10 @@ def seconds_at_rest(
         Assumed density of the gyros [rad/s/√Hz] and of the accelerometers [m/s²/√Hz].
     silent
         Seconds without a fix.
+    starts
+        Second from which on the vehicle accelerates forward, and how much [m/s²].
+    without_fixes
+        Whether a rest lasts on without fixes.
     """
     second, swing = np.arange(60 * RATE) // RATE, np.tile([1.0, -1.0], 30 * RATE)
     dtheta, dvelocity = np.zeros((60 * RATE, 3)), np.zeros((60 * RATE, 3))
@@ -152,14 +158,18 @@ def seconds_at_rest(
         dtheta[second == at, 0] += (np.radians(size) * swing / RATE)[second == at]
     for at, size in (forces or {}).items():
         dvelocity[second == at, 1] += (size * swing / RATE)[second == at]
-    kept = np.array([at for at in range(60) if at not in silent])
+    dvelocity[second >= starts[0], 0] += starts[1] / RATE
+    kept = np.array([at for at in range(60) if at not in silent], dtype=np.int64)
     velocity = np.zeros((60, 3))
     for at, speed in (speeds or {}).items():
         velocity[at] = speed * np.array([0.6, 0.0, 0.8])
     imu = Imu(100 + np.arange(60 * RATE + 1) / RATE, dtheta, dvelocity)
     fixes = Fixes(100.5 + kept, np.zeros((kept.size, 3)), velocity[kept])
     belief = Belief(np.eye(15), np.diag([1.0] * 3 + [speed_sigma**2] * 3), np.full(12, noise**2), np.zeros(6))
-    rest = at_rest(imu, fixes, belief).reshape(60, RATE)
+    rest = at_rest(imu, fixes, belief)
+    if without_fixes:
+        rest = still_without_fixes(rest, imu, fixes, belief)
+    rest = rest.reshape(60, RATE)
     assert (rest.all(axis=1) == rest.any(axis=1)).all()
     return set(np.flatnonzero(rest[:, 0]).tolist())
 
@@ -174,6 +184,17 @@ def test_a_speed_of_the_gps_ends_a_rest_for_a_second_before_and_after() -> None:
     # Ten seconds between two are a rest, nine are none.
     assert seconds_at_rest(speeds={12: 1.0, 25: 1.0}) == MINUTE - {11, 12, 13, 24, 25, 26}
     assert seconds_at_rest(speeds={12: 1.0, 24: 1.0}) == MINUTE - set(range(11, 26))
+
+
+def test_a_rest_lasts_on_without_fixes_until_the_inertial_sensors_show_motion() -> None:
+    quiet = range(20, 60)
+    assert seconds_at_rest(silent=quiet) == set(range(21))
+    assert seconds_at_rest(silent=quiet, without_fixes=True) == MINUTE
+    for motion in ({"rates": {40: 1.0}}, {"forces": {40: 0.5}}, {"starts": (40, 0.1)}):
+        assert seconds_at_rest(silent=quiet, without_fixes=True, **motion) == set(range(40)), motion
+    # What the inertial sensors cannot tell from rest, and rest that fixes never showed.
+    assert seconds_at_rest(silent=quiet, without_fixes=True, starts=(40, 0.02)) == MINUTE
+    assert seconds_at_rest(silent=range(60), without_fixes=True) == set()
 
 
 @pytest.mark.parametrize(("sigma", "used"), [(0.1, 0.1), (0.01, 0.05)])

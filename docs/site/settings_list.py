@@ -1,0 +1,45 @@
+"""Settings list: every setting with its unit, default, accepted values and meaning, from its declaration."""
+
+from __future__ import annotations
+
+from docutils import nodes
+from sphinx.application import Sphinx
+from sphinx.util.docutils import SphinxDirective
+
+from lab.experiment import Experiment
+from lab.setting_help import value_text
+from lab.setting_kinds import describe
+
+
+class SettingsList(SphinxDirective):
+    """``.. settings-list:: GROUP`` lists the settings of a group, such as ``sensors.gyro``."""
+
+    required_arguments = 1
+
+    def run(self) -> list[nodes.Node]:
+        """Return the list."""
+        group = self.arguments[0]
+        whole = "" if group == "experiment" else f"{group}."
+        items = nodes.definition_list()
+        for path, owner, name in Experiment().leaves():
+            if path.rpartition(".")[0] != whole.rstrip("."):
+                continue
+            declaration = owner.param[name]
+            default = value_text(declaration, declaration.default)
+            term = nodes.term(
+                "", "", nodes.literal(text=path), ids=[path.replace(".", "-").replace("_", "-")]
+            )
+            facts = f"Default {default}; accepted is {describe(declaration)}."
+            about = nodes.definition("", nodes.paragraph(text=facts))
+            if declaration.doc:
+                about += nodes.paragraph(text=declaration.doc)
+            items += nodes.definition_list_item("", term, about)
+        if not len(items):
+            raise self.error(f"settings-list: there is no group {group!r}")
+        return [items]
+
+
+def setup(app: Sphinx) -> dict[str, bool]:
+    """Register the directive."""
+    app.add_directive("settings-list", SettingsList)
+    return {"parallel_read_safe": True, "parallel_write_safe": True}

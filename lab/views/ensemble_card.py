@@ -1,0 +1,44 @@
+"""Ensemble card: many runs in Jupyter: the verdict, the averages in their intervals, and the errors."""
+
+from __future__ import annotations
+
+from html import escape
+
+import numpy as np
+
+from lab.ensemble import Ensemble
+from lab.views.verdict_card import verdict_html
+
+SETTLED = 20.0
+"""Time after which the averages inside their intervals are counted [s]."""
+
+
+def ensemble_html(ensemble: Ensemble) -> str:
+    """Return many runs as HTML."""
+    seeds = ensemble.seeds
+    which = f"seed {seeds[0]}" if len(seeds) == 1 else f"{len(seeds)} runs, seeds {seeds[0]} to {seeds[-1]}"
+    who = f", {ensemble.algorithm}" if ensemble.algorithm else ""
+    table = ensemble.coverage.to_html(
+        index=False, border=0, float_format=lambda value: f"{value:.4g}", na_rep="unknown"
+    )
+    return (
+        f"<h4>{escape(ensemble.experiment.mission)}, {which}{escape(who)}</h4>"
+        f"{verdict_html(ensemble.verdict)}<p>{inside(ensemble)}</p>{table}"
+        "<p>The root mean square is that of the whole flights; the other columns are those of the errors "
+        "after the fixes.</p>"
+    )
+
+
+def inside(ensemble: Ensemble) -> str:
+    """Return a sentence: how often the averages over the runs are in their 95 % intervals."""
+    parts = [
+        f"{100 * part:.0f} % ({name})"
+        for name, part in zip(("NEES", "NIS"), ensemble.inside(SETTLED), strict=True)
+        if np.isfinite(part)
+    ]
+    if not parts:
+        return "NEES and NIS are unknown."
+    return (
+        f"After {SETTLED:g} s, the average over the runs is in its 95 % interval at {' and '.join(parts)} "
+        "of the fixes."
+    )

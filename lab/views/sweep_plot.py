@@ -1,0 +1,158 @@
+"""Sweep plot: errors, NEES and NIS over the values of a setting, with the band of the runs."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, NamedTuple
+
+import holoviews as hv
+import numpy as np
+from numpy.typing import NDArray
+
+from lab.views.figures import decade_ticks
+from lab.views.plots import HEIGHT_PIXELS, WIDTH
+from lab.views.quantities import AXIS_COLOURS, FIXES, TRUTH
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+    from lab.sweep import Sweep
+
+FloatArray = NDArray[np.float64]
+
+DEFAULT = ("position", "velocity", "attitude heading")
+"""The quantities that are drawn unless others are chosen."""
+BAND = (0.05, 0.95)
+"""Quantiles of the runs at the edges of the band, between which 90 % of them are."""
+COLOURS = (*AXIS_COLOURS, FIXES, "#7d6bd6", "#a38b1c")
+"""Colours of the values of a second setting, visible on white and on black."""
+WIDE_RANGE = 15.0
+"""Ratio of the largest and the smallest value from which the axis is logarithmic."""
+
+
+class Panel(NamedTuple):
+    """One plot: title, unit, values (…, seed) of the runs, and what the filter expects (…, seed)."""
+
+    title: str
+    unit: str
+    runs: xr.DataArray
+    expected: xr.DataArray
+
+
+def sweep_plot(sweep: Sweep, quantities: Sequence[str] | None = None) -> hv.Layout:
+    """Return the plots of a sweep; see `Sweep.plot`."""
+    swept = sweep.dims
+    data = sweep.dataset.sortby([dim for dim in swept if not is_text(sweep.dataset[dim])])
+    if not 1 <= len(swept) <= 2:
+        raise ValueError(
+            f"plot: {len(swept)} settings vary ({', '.join(swept) or 'none'}); accepted are one or two. "
+            "sweep.sel chooses a value of a setting, as in sweep.sel(NAME=value).plot()"
+        )
+    panels = [panel(data, name) for name in (DEFAULT if quantities is None else quantities)]
+    drawn = [draw(one, data, swept) for one in panels + tests(data)]
+    return hv.Layout(drawn).cols(3).opts(shared_axes=False)
+
+
+def panel(data: xr.Dataset, name: str) -> Panel:
+    """Return root mean square and σ of a quantity, or of a whole vector.
+
+    Raises
+    ------
+    ValueError
+        If there is no such quantity.
+    """
+    known = data["quantity"].values.tolist()
+    parts = [one for one in known if name in (one, one.split()[0])]
+    if not parts:
+        vectors = dict.fromkeys(one.split()[0] for one in known)
+        raise ValueError(f"plot: there is no quantity {name!r}; accepted are {', '.join((*vectors, *known))}")
+    chosen = data.sel(quantity=parts)
+    rms, sigma = (
+        np.sqrt((chosen[variable] ** 2).sum("quantity", skipna=False)) for variable in ("rms", "sigma")
+    )
+    return Panel(f"{name.capitalize()} error, rms", str(chosen["unit"].values[0]), rms, sigma)
+
+
+def tests(data: xr.Dataset) -> list[Panel]:
+    """Return NEES and NIS, if they are known."""
+    return [
+        Panel(f"{name.upper()}, mean over the fixes", "", data[name], data[f"{name}_degrees"])
+        for name in ("nees", "nis")
+        if np.isfinite(data[name]).any()
+    ]
+
+
+def labelled(words: str, unit: str) -> str:
+    """Return words with a unit in brackets, if there is one."""
+    return f"{words} [{unit}]" if unit else words
+
+
+def draw(one: Panel, data: xr.Dataset, swept: tuple[str, ...]) -> hv.Overlay:
+    """Draw a panel over the first setting, with a curve for each value of the second."""
+    first, *second = swept
+    axis, ticks = abscissa(data[first])
+    layers: list[hv.Element] = []
+    for place, value in enumerate(data[second[0]].values if second else [None]):
+        at = {} if value is None else {second[0]: value}
+        label = "" if value is None else f"{value} {data[second[0]].attrs['units']}".rstrip()
+        layers += curves(
+            one, one.runs.sel(at), one.expected.sel(at), axis, COLOURS[place % len(COLOURS)], label
+        )
+    about = data[first].attrs
+    return hv.Overlay(layers).opts(
+        width=WIDTH,
+        height=HEIGHT_PIXELS,
+        title=labelled(one.title, one.unit),
+        xlabel=labelled(about["long_name"], about["units"]),
+        ylabel="",
+        logx=is_wide(axis) and not is_text(data[first]),
+        show_grid=True,
+        show_legend=bool(second),
+        legend_position="top",
+        legend_cols=3,
+        legend_opts={"padding": 0, "margin": 0, "spacing": 8, "border_line_alpha": 0},
+        fontsize={"title": 10, "labels": 9, "ticks": 8, "legend": 8},
+        **({"xticks": ticks} if ticks else {}),
+    )
+
+
+def curves(
+    one: Panel, runs: xr.DataArray, expected: xr.DataArray, axis: FloatArray, colour: str, label: str
+) -> list[hv.Element]:
+    """Draw the band, the mean over the seeds, and what the filter expects."""
+    x, y = hv.Dimension("setting"), hv.Dimension(one.title, unit=one.unit or None)
+    low, high = (runs.quantile(edge, "seed").values for edge in BAND)
+    # Errors are averaged as squares; NEES and NIS are squares.
+    squared = bool(one.unit)
+    mean = np.sqrt((runs**2).mean("seed")) if squared else runs.mean("seed")
+    told = np.sqrt((expected**2).mean("seed")) if squared else expected.mean("seed")
+    drawn = [
+        hv.Area((axis, low, high), x, [y, f"{one.title} high"]).opts(color=colour, alpha=0.15, line_alpha=0),
+        hv.Curve((axis, told.values), x, y).opts(
+            color=colour if squared else TRUTH, line_dash="dashed", line_width=1.4
+        ),
+        hv.Curve((axis, mean.values), x, y, label=label).opts(color=colour, line_width=2),
+        hv.Scatter((axis, mean.values), x, y).opts(color=colour, size=5),
+    ]
+    return drawn if axis.size > 1 else drawn[3:]
+
+
+def abscissa(values: xr.DataArray) -> tuple[FloatArray, list[tuple[float, str]]]:
+    """Return the places of a setting's values, and the ticks; without ticks, the axis has its own."""
+    if is_text(values):
+        texts = [(float(at), str(value)) for at, value in enumerate(values.values)]
+        return np.arange(values.size, dtype=np.float64), texts
+    axis = values.values.astype(np.float64)
+    if not is_wide(axis):
+        return axis, []
+    return axis, [(tick, f"{tick:g}") for tick in decade_ticks(axis.min(), axis.max())]
+
+
+def is_text(values: xr.DataArray) -> bool:
+    """Return whether the values of a setting are no numbers."""
+    return bool(values.dtype.kind not in "fiu")
+
+
+def is_wide(axis: FloatArray) -> bool:
+    """Return whether an axis is better logarithmic."""
+    return bool(axis.min() > 0 and axis.max() >= WIDE_RANGE * axis.min())

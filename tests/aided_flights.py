@@ -1,0 +1,63 @@
+"""Flights for other sensors: a winding road, a vehicle that stands still; errors drawn as believed."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from lab import Experiment
+
+HEADER = (
+    "time_s,latitude_deg,longitude_deg,height_m,velocity_north_m_s,velocity_east_m_s,velocity_down_m_s,"
+    "roll_deg,pitch_deg,yaw_deg\n"
+)
+ARM, LATE = (1.0, 0.5, -0.5), 0.3
+"""What the filter assumes of the receiver [m], [s]; the truth is drawn about it."""
+ARM_SIGMA, LATE_SIGMA = 0.5, 0.05
+"""σ of both [m], [s]."""
+MISALIGNMENT = 0.2
+"""σ of each misalignment [°], and its size: the sign is drawn, since a filter takes the size as σ."""
+
+
+def winding_road(folder: Path) -> Path:
+    """Return a drive at 15 m/s along a winding level road, the car pointing where it goes."""
+    t = np.arange(0.0, 200.05, 0.1)
+    course = 0.8 * np.sin(2 * np.pi * t / 60) + 0.4 * np.sin(2 * np.pi * t / 17)
+    north, east = 15 * np.cos(course), 15 * np.sin(course)
+    place = [np.concatenate(([0.0], np.cumsum((v[1:] + v[:-1]) / 2 * 0.1))) for v in (north, east)]
+    latitude = 45.5 + np.degrees(place[0] / 6.371e6)
+    longitude = -73.6 + np.degrees(place[1] / (6.378e6 * np.cos(np.radians(45.5))))
+    path = folder / "drive.csv"
+    rows = np.column_stack((t, latitude, longitude, north, east, np.degrees(course)))
+    line = "{:.1f},{:.10f},{:.10f},30,{:.6f},{:.6f},0,0,0,{:.6f}\n"
+    path.write_text(HEADER + "".join(line.format(*row) for row in rows))
+    return path
+
+
+def standing(folder: Path) -> Path:
+    """Return a vehicle that stands still."""
+    path = folder / "standing.csv"
+    path.write_text(HEADER + "".join(f"{t},45,7,300,0,0,0,1,2,30\n" for t in range(201)))
+    return path
+
+
+def flight(mission: Path | str, seed: int, settings: dict[str, Any]) -> Experiment:
+    """Return an experiment with settings; errors that a filter estimates are drawn as it believes them."""
+    made = Experiment(mission=str(mission), seed=seed)
+    for path, value in settings.items():
+        made.set(path, value)
+    rng = np.random.default_rng(seed)
+    if made.navigator.estimate_lever_arm:
+        made.set("sensors.gps.lever_arm", tuple(np.array(ARM) + ARM_SIGMA * rng.normal(size=3)))
+        made.set("navigator.lever_arm", ARM)
+        made.set("navigator.lever_arm_sigma", (ARM_SIGMA,) * 3)
+    if made.navigator.estimate_latency:
+        made.set("sensors.gps.latency", LATE + LATE_SIGMA * rng.normal())
+        made.set("navigator.latency", LATE)
+        made.set("navigator.latency_sigma", LATE_SIGMA)
+    if made.navigator.estimate_misalignments:
+        for triad in ("gyro", "accelerometer"):
+            made.set(f"sensors.{triad}.misalignment", tuple(MISALIGNMENT * rng.choice((-1.0, 1.0), 6)))
+    return made

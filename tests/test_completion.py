@@ -1,0 +1,67 @@
+"""Completion: a running IPython lists settings with unit and bounds, and nothing of the machinery."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+
+import pytest
+from IPython.core.completer import provisionalcompleter
+from IPython.core.interactiveshell import InteractiveShell
+
+from lab.experiment import Experiment
+from lab.sensors.imu_errors import GyroErrors
+from lab.views.completion import register_completion
+
+Complete = Callable[[str], dict[str, str]]
+
+
+@pytest.fixture(scope="module")
+def complete() -> Iterator[Complete]:
+    """Return a function that presses Tab at the end of a text, and returns the names and their kinds."""
+    shell = InteractiveShell.instance()
+    shell.user_ns["experiment"] = Experiment(mission="los_angeles")
+    shell.user_ns["other"] = object()
+    register_completion()
+
+    def press(text: str) -> dict[str, str]:
+        with provisionalcompleter():
+            return {found.text: found.type for found in shell.Completer.completions(text, len(text))}
+
+    yield press
+    InteractiveShell.clear_instance()
+
+
+def test_a_group_completes_to_its_settings_with_unit_and_bounds(complete: Complete) -> None:
+    found = complete("experiment.sensors.gyro.")
+    settings = {name.removeprefix("experiment.sensors.gyro."): kind for name, kind in found.items()}
+    assert set(GyroErrors().to_dict()) <= set(settings)
+    assert settings["noise_density"] == "0.05 °/s/√Hz, from 0 to 10"
+    assert settings["copy"] == "function"
+    assert not {"param", "name", "CARD", "getdoc", "derived"} & set(settings)
+
+
+def test_a_beginning_is_completed_also_inside_a_call(complete: Complete) -> None:
+    assert set(complete("print(experiment.sensors.gyro.noi")) == {"experiment.sensors.gyro.noise_density"}
+    assert "phi, one of" in complete("x = experiment.navigator.mod")["experiment.navigator.model"]
+
+
+@pytest.mark.parametrize("call", ['experiment.set("', "experiment.get('", 'experiment.sweep({\n  "'])
+def test_dotted_paths_are_completed_inside_quotes(complete: Complete, call: str) -> None:
+    found = complete(f"{call}sensors.gps.peri")
+    assert found == {"sensors.gps.period": "1 s, from 0.05 to 60"}
+
+
+@pytest.mark.parametrize("text", ["experiment.no.such.", "other.", "nobody.sensors.", "experiment._"])
+def test_other_words_are_left_to_ipython(complete: Complete, text: str) -> None:
+    assert "function" not in {kind for name, kind in complete(text).items() if "gyro" in name}
+    assert not any("noise_density" in name for name in complete(text))
+
+
+def test_dir_and_the_question_mark_show_settings_and_no_machinery() -> None:
+    experiment = Experiment()
+    assert {"mission", "seed", "sensors", "run", "sweep", "to_toml", "copy"} <= set(dir(experiment))
+    assert not {"param", "name"} & set(dir(experiment))
+    text = experiment.sensors.gyro.getdoc()
+    assert "\x1b" not in text
+    assert "noise_density = 0.05 °/s/√Hz\n    accepted: one number, or 3 (x, y, z), each from 0 to 10" in text
+    assert "gyro, accelerometer" in experiment.getdoc()
