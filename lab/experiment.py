@@ -215,8 +215,8 @@ class Stages:
         assumed = self.belief(aligned)
         names = chosen_blocks(self.navigator, self.sensors)
         own = [one.block for one in declared_states(self.sensors.own_errors, "sensors.own_errors")]
-        parts = self.sensors.to_dict(), self.navigator.to_dict(), names, own, self.hidden
-        key = digest(self.flight_key, self.experiment.seed, *parts)
+        parts = self.sensors.to_dict(), self.navigator.to_dict(), names, own
+        key = digest(self.flight_key, self.experiment.seed, *parts, self.hidden)
         (solution, aids), seconds = (
             timed(
                 lambda: self.own_solution(

@@ -67,7 +67,9 @@ def sweep(
     points = list(combinations(experiment, swept))
     numbers = seeds_of(experiment, points, seeds)
     hashes = {name: mission(name).content_hash for name in {point.mission for point in points}}
-    keys = [digest(hashes[point.mission], {**point.to_dict(), "seed": None}) for point in points]
+    keys = [
+        digest(hashes[point.mission], {**point.to_dict(), "seed": None}, point.hidden) for point in points
+    ]
 
     def one(index: int, seed: int) -> Numbers:
         return KEPT.get("run", f"{keys[index]} {seed}", lambda: run(points[index], seed))

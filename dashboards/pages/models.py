@@ -90,6 +90,7 @@ def _are_of_one_run(one: Result, other: Result) -> bool:
     return (
         one.mission.content_hash == other.mission.content_hash
         and one.experiment.to_dict() == other.experiment.to_dict()
+        and one.experiment.hidden == other.experiment.hidden
     )
 
 

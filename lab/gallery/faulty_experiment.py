@@ -45,6 +45,10 @@ class FaultyExperiment(Experiment):
         """What every result of this experiment remarks."""
         return (NOTE,)
 
+    def to_toml(self) -> str:
+        """Return all settings as TOML text, with a comment that files of a result contain too."""
+        return f"# {NOTE}\n{super().to_toml()}"
+
     def copy(self) -> Self:
         """Return an independent copy."""
         twin = type(self)(self._fault)

@@ -13,6 +13,7 @@ from lab.gallery.faults import FAULTS
 from lab.lessons.check import Check, CheckError, parse_check
 from lab.lessons.lesson import PAGES, Lesson, Step
 from lab.lessons.text import TextError, text_html
+from lab.missions import missions
 from lab.setting_kinds import AxisQuantity, QuantityOrNone
 from lab.settings import SettingError
 from lab.toml_file import TomlError, parse_toml, read_text
@@ -181,6 +182,11 @@ def _try(trial: Experiment, settings: Mapping[str, Any], where: str) -> None:
             trial.set(name, settings[name])
     except SettingError as error:
         raise LessonError(f"{where}: {error}") from error
+    if trial.mission not in missions():
+        accepted = ", ".join(missions())
+        raise LessonError(
+            f"{where}: there is no mission {trial.mission[:60]!r}; accepted is one of {accepted}"
+        )
 
 
 def _page(table: Mapping[str, Any], where: str) -> str:

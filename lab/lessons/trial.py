@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from typing import NamedTuple
+from collections.abc import Callable, Mapping
+from typing import Any, NamedTuple
 
 from lab.lessons.lesson import Lesson, Step
 from lab.lessons.quantities import QUANTITIES
@@ -62,7 +62,7 @@ def trials(lesson: Lesson, progress: Callable[[str, float], None] | None = None)
 
 def _of_step(lesson: Lesson, number: int, step: Step) -> list[Trial]:
     assert step.check is not None
-    cases = [("the step as it begins", {}, step.solution is None)]
+    cases: list[tuple[str, Mapping[str, Any], bool]] = [("the step as it begins", {}, step.solution is None)]
     if step.solution is not None:
         cases.append(("the solution", step.solution, True))
     cases += [(f"the wrong settings {place}", wrong, False) for place, wrong in enumerate(step.wrong, 1)]

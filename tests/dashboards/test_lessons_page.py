@@ -147,6 +147,9 @@ def test_a_repair_counts_only_with_the_fault(walk: Walk) -> None:
 def test_a_choice_that_is_none_is_no_answer(walk: Walk) -> None:
     click(walk, "Break it 3")
     (choice,) = page(walk).view.select(pmui.RadioBoxGroup)
+    assert choice.value is None
+    click(walk, "Check the answer")
+    assert "Give an answer first" in walk.text()
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(page(walk)._step, "_entry", type("Forged", (), {"value": ["x"]})())
         click(walk, "Check the answer")

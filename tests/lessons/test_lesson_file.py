@@ -67,6 +67,7 @@ wrong = [ { navigator.q_scale = 2 } ]"""
         ("", "texd = 'x'", ("step 1: texd", "Did you mean text?")),
         ("", "settings = { navigator.r_scal = 1 }", ("step 1: settings", "r_scale")),
         ("", "settings = { navigator.r_scale = -1 }", ("step 1: settings", "accepted is")),
+        ("", "settings = { mission = '/etc/passwd' }", ("step 1: settings", "no mission", "montreal")),
         ("", "settings = 3", ("step 1: settings", "table")),
         ("", "page = 'Erors'", ("step 1: page = 'Erors'", "Innovations")),
         ("", "time = 'soon'", ("step 1: time", "number")),

@@ -40,6 +40,15 @@ LONGEST_ANSWER = 40
 _KINDS = {None: ("", ""), True: ("right", "✓ Right."), False: ("wrong", "✗ Not yet.")}
 
 
+class Choices(pmui.RadioBoxGroup):
+    """Choices of which none is chosen at first: the first one may be the answer."""
+
+    _allows_none = True
+
+    def __init__(self, **params: Any) -> None:
+        super().__init__(**params)  # type: ignore[no-untyped-call]
+
+
 class Actions(NamedTuple):
     """What a person can do in a step.
 
@@ -169,9 +178,7 @@ class StepView:
 def _entry(step: Step) -> Any:
     """Return the widget for an answer; None where there is none to give."""
     if step.choices:
-        return pmui.RadioBoxGroup(
-            options=list(step.choices), value=None, margin=(0, 8), sizing_mode="stretch_width", sx=CHOICES
-        )
+        return Choices(options=list(step.choices), margin=(0, 8), sizing_mode="stretch_width", sx=CHOICES)
     if step.answer is None:
         return None
     return pmui.TextInput(
