@@ -258,7 +258,7 @@ class SeedLanes:
         q_nb = solution.q_nb[at]
         error = errors_of(solution.position[at], solution.velocity_n[at], q_nb, self._there.taken(at))
         variance, covariance = solution.variance[at], solution.covariance[at]
-        sigma = sigma_of_quantities(euler_from_quaternion(q_nb), variance, covariance)
+        sigma = sigma_of_quantities(euler_from_quaternion(q_nb), variance, covariance, self._model.blocks)
         path = motion[np.searchsorted(self._path, self._grid)]
         along = errors_of(path[:, :3], path[:, 3:6], path[:, 6:], self._on_grid)
         return error, sigma[:, : len(QUANTITIES)], np.sqrt(np.mean(along**2, axis=0))

@@ -16,6 +16,8 @@ from lab.ensemble import Ensemble, RunAtFixes
 from lab.experiment import Experiment
 from lab.navigation.navigator import navigate
 from lab.navigation.solution import Fixes, Imu
+from lab.gallery.faults import FAULTS
+from lab.gallery.faulty_experiment import FaultyExperiment
 from lab.seed_lanes import SeedLanes
 from lab.seeds import _keep, run_ensemble
 
@@ -194,3 +196,8 @@ def test_a_run_abreast_takes_a_part_of_the_time_of_a_run_alone() -> None:
     print("\n{:.2f} ms alone, {:.2f} abreast; whole runs {:.1f} ms alone, {:.1f} abreast".format(*figures))
     assert figures[1] < 0.6 * figures[0]
     assert figures[3] < 0.6 * figures[2]
+
+
+def test_runs_with_errors_of_their_own_are_not_run_abreast() -> None:
+    """Their fault, or their own errors, are no part of the settings that runs abreast share."""
+    assert SeedLanes.of(FaultyExperiment(next(iter(FAULTS.values()))).update(SLOW)) is None
