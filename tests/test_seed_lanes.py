@@ -14,10 +14,10 @@ import lab.seeds as seeds_module
 from lab.analysis.sums import Kept
 from lab.ensemble import Ensemble, RunAtFixes
 from lab.experiment import Experiment
-from lab.navigation.navigator import navigate
-from lab.navigation.solution import Fixes, Imu
 from lab.gallery.faults import FAULTS
 from lab.gallery.faulty_experiment import FaultyExperiment
+from lab.navigation.navigator import navigate
+from lab.navigation.solution import Fixes, Imu
 from lab.seed_lanes import SeedLanes
 from lab.seeds import _keep, run_ensemble
 
