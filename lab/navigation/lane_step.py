@@ -135,7 +135,7 @@ def lane_step(model: ErrorModel) -> Kernel:
     It advances one run of the block by one sample: strapdown, F, P. `kept` and `noise` are those of
     `lane_constants`. Rotations within a sample must be below 0.5 rad.
     """
-    others = {"rotation": strapdown.small_rotation}
+    others: dict[str, Kernel] = {"rotation": strapdown.small_rotation}
     if not model.blocks:
         others["corrected"] = _without_bias
     step = inline_kernel(named(f"{model.label} lane")(rebound(strapdown.step, **others)))
