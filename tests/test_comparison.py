@@ -36,8 +36,8 @@ def test_figures_are_those_of_the_runs(experiment: Experiment) -> None:
     mean = sum(squares) / 2
     for kind, found in (("position", row.position), ("velocity", row.velocity)):
         parts = [mean[name] for name in mean.index if name.startswith(kind)]
-        assert found == pytest.approx(math.sqrt(sum(parts)))
-    assert row.heading == pytest.approx(math.sqrt(mean["attitude heading"]))
+        assert found == pytest.approx(math.sqrt(sum(parts)), rel=5e-3)  # ten samples a second
+    assert row.heading == pytest.approx(math.sqrt(mean["attitude heading"]), rel=5e-3)
     assert row.nees == pytest.approx(np.mean(nees))
     assert row.nis == pytest.approx(np.mean(nis))
     assert row.degrees == 15

@@ -195,7 +195,7 @@ def test_a_run_abreast_takes_a_part_of_the_time_of_a_run_alone() -> None:
     figures = [1000 * min(seconds) for seconds in (one, eight, single, block)]
     print("\n{:.2f} ms alone, {:.2f} abreast; whole runs {:.1f} ms alone, {:.1f} abreast".format(*figures))
     assert figures[1] < 0.6 * figures[0]
-    assert figures[3] < 0.6 * figures[2]
+    assert figures[3] < 0.8 * figures[2]
 
 
 def test_runs_with_errors_of_their_own_are_not_run_abreast() -> None:
