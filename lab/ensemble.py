@@ -87,7 +87,7 @@ class Ensemble(NotebookCard):
     error, sigma : (runs, m, 9) arrays
         Errors and their σ after each fix, in the order of `QUANTITIES` and in `UNITS`.
     rms : (runs, 9) array
-        Root mean square of the errors over each whole flight.
+        Root mean square of the errors over each whole flight, of ten samples a second.
     seconds : (runs,) array
         Computing time of the navigator for each run [s]; close to zero for a cached solution.
     evidence : tuple of Evidence

@@ -39,7 +39,7 @@ from lab.navigation.blocks import SCALES
 from lab.navigation.choice import chosen_model
 from lab.navigation.kalman import MEASUREMENTS
 from lab.navigation.lane_step import LANES
-from lab.navigation.lanes import Lane, LaneSolution, fits, navigate_lanes
+from lab.navigation.lanes import Lane, LaneSolution, fits, is_compiled, navigate_lanes
 from lab.navigation.schedule import SLACK
 from lab.navigation.solution import NO_VECTOR, Belief, Fixes, Imu, Solution, Start
 from lab.navigation.standstill import at_rest
@@ -138,6 +138,11 @@ class SeedLanes:
             if profile.profile != "none"
             else None
         )
+
+    @property
+    def is_compiled(self) -> bool:
+        """Whether these runs need not wait for a compiler."""
+        return is_compiled(self._model)
 
     def run(self, seeds: Sequence[int]) -> Iterator[RunAtFixes | None]:
         """Run up to eight seeds; a run is None if it must be run alone.

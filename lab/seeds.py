@@ -32,9 +32,9 @@ FloatArray = NDArray[np.float64]
 EXPLAINED = 8
 """Number of runs whose suspicious innovations are explained, which takes several times as long as a run. The
 other runs add only to the remaining evidence."""
-MANY = 100
-"""Number of runs from which on they are run eight abreast. Their filter is compiled separately, which takes
-as long as some hundred single runs; from then on it is loaded from the disk."""
+FEW, MANY = 100, 1000
+"""Numbers of runs from which on they are run eight abreast: if their filter is ready, and if it is not.
+Compiling it takes as long as some thousand single runs; `ins-lab warm` does so ahead."""
 SHOWN_EVERY = 2.0
 """Time between two partial ensembles [s]: putting 1,000 runs together takes 0.02 s."""
 
@@ -94,7 +94,9 @@ def run_ensemble(
     pool = ThreadPoolExecutor(workers, thread_name_prefix="ensemble")
     done = _Done(experiment, numbers, progress, partial)
     try:
-        lanes = SeedLanes.of(experiment) if algorithm is None and len(numbers) >= MANY else None
+        lanes = None if algorithm is not None or len(numbers) < FEW else SeedLanes.of(experiment)
+        if lanes is not None and len(numbers) < MANY and not lanes.is_compiled:
+            lanes = None
         one_by_one = len(numbers) if lanes is None else EXPLAINED
         running: dict[Future[list[RunAtFixes]], int] = {
             pool.submit(lambda seed: [alone(seed)], seed): index

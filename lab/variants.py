@@ -11,6 +11,7 @@ from itertools import product
 
 from lab.experiment import Experiment
 from lab.navigation.settings import NavigatorSettings
+from lab.seed_lanes import SeedLanes
 from lab.settings import SettingError
 
 Assignments = Mapping[str, object]
@@ -54,6 +55,15 @@ def compile_variant(assignments: Assignments) -> bool:
     except SettingError:
         return False
     return True
+
+
+def compile_lanes() -> None:
+    """Compile runs eight abreast for the default filter, or load them; other filters do so when first used."""
+    experiment = Experiment()
+    experiment.update({"trajectory.imu_rate": IMU_RATE})
+    lanes = SeedLanes.of(experiment)
+    assert lanes is not None
+    list(lanes.run((experiment.seed,)))
 
 
 def compile_budget() -> None:

@@ -112,6 +112,7 @@ def test_a_run_does_not_depend_on_those_beside_it() -> None:
 
 def test_many_seeds_run_abreast_and_those_that_need_more_alone(monkeypatch: pytest.MonkeyPatch) -> None:
     """With outliers, some runs of a block need a run of their own."""
+    monkeypatch.setattr(seeds_module, "FEW", 20)
     monkeypatch.setattr(seeds_module, "MANY", 20)
     monkeypatch.setattr(seeds_module, "SHOWN_EVERY", 0.0)
     experiment = of({"sensors.gps.outlier_rate": 0.005})

@@ -44,8 +44,11 @@ def warm(
         progress(_words(found[0]), 0.0)
         for done, accepted in enumerate(fresh.imap(variants.compile_variant, found), 1):
             usable += accepted
-            progress(_words(found[done]) if done < len(found) else "error budget", done / len(found))
+            progress(
+                _words(found[done]) if done < len(found) else "error budget, many seeds", done / len(found)
+            )
         fresh.apply(variants.compile_budget)
+        fresh.apply(variants.compile_lanes)
     print(f"The filter is compiled for {usable} of {len(found)} combinations; the others are not accepted.")
 
 

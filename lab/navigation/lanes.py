@@ -214,6 +214,11 @@ def _advance(model: ErrorModel) -> Callable[..., None]:
     return entry_kernel(rebound_throughout(own, WRITTEN_FOR, **layout(model.blocks)._asdict()))
 
 
+def is_compiled(model: ErrorModel) -> bool:
+    """Return whether runs abreast of a model are ready in this process: compiled, or loaded from the disk."""
+    return bool(_advance(model).signatures)  # type: ignore[attr-defined]
+
+
 def fits(model: ErrorModel, schedule: Schedule, belief: Belief) -> bool:
     """Return whether a block of runs can be navigated abreast, with fixes and without other measurements.
 
