@@ -58,7 +58,7 @@ def compile_variant(assignments: Assignments) -> bool:
 
 
 def compile_lanes() -> None:
-    """Compile runs eight abreast for the default filter, or load them; other filters do so when first used."""
+    """Compile runs eight abreast for the default filter, or load them."""
     experiment = Experiment()
     experiment.update({"trajectory.imu_rate": IMU_RATE})
     lanes = SeedLanes.of(experiment)
