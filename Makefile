@@ -1,8 +1,9 @@
-# Two commands: `make lab` shows the laboratory in a browser, `make test` passes every test.
+# `make lab` shows the laboratory in a browser, `make notebooks` the lessons in Jupyter, `make test` passes every test.
 # Repeating either does nothing twice: what is installed is remembered in $(VENV) until pyproject.toml changes.
 
 PYTHON ?= python3
 PORT ?= 5006
+NOTEBOOKS ?= my_notebooks
 SECONDS ?= 600
 NAME ?=
 WORKERS ?= 3
@@ -10,7 +11,7 @@ VENV := .venv
 BIN := $(VENV)/bin
 PIP_INSTALL := $(BIN)/python -m pip install --disable-pip-version-check
 
-.PHONY: help lab test style types ahead pytest docs bench fuzz browser clean
+.PHONY: help lab notebooks test style types ahead pytest docs bench fuzz browser clean
 .DEFAULT_GOAL := help
 
 # Where this is set, each of some hundred processes of the tests compiles 3,000 modules of Python again, which
@@ -18,16 +19,22 @@ PIP_INSTALL := $(BIN)/python -m pip install --disable-pip-version-check
 unexport PYTHONDONTWRITEBYTECODE
 
 help:
-	@echo 'make lab     install and open the dashboard on http://localhost:$(PORT) (another port: make lab PORT=8000)'
-	@echo 'make test    install and run every test, in three processes at a time (other: make test WORKERS=4)'
-	@echo 'make docs    install and write the documentation as a site, which needs no network, into build/site'
-	@echo 'make bench   install and measure the speed'
-	@echo 'make fuzz    install and attack every reader of recordings, every live decoder and a served laboratory for 10 minutes each (make fuzz SECONDS=60 NAME=GPX)'
-	@echo 'make clean   remove $(VENV) and all caches'
+	@echo 'make lab        install and open the dashboard on http://localhost:$(PORT) (another port: make lab PORT=8000)'
+	@echo 'make notebooks  install, copy the lessons into $(NOTEBOOKS), and open them in JupyterLab'
+	@echo 'make test       install and run every test, in three processes at a time (other: make test WORKERS=4)'
+	@echo 'make docs       install and write the documentation as a site, which needs no network, into build/site'
+	@echo 'make bench      install and measure the speed'
+	@echo 'make fuzz       install and attack every reader of recordings, every live decoder and a served laboratory for 10 minutes each (make fuzz SECONDS=60 NAME=GPX)'
+	@echo 'make clean      remove $(VENV) and all caches'
 	@echo 'Another Python than $(PYTHON): make lab PYTHON=python3.12'
 
 lab: $(VENV)/.lab
 	@$(BIN)/ins-lab serve --port $(PORT)
+
+# The copies are the user's: those that exist are kept.
+notebooks: $(VENV)/.notebooks
+	@$(BIN)/ins-lab notebooks copy '$(NOTEBOOKS)'
+	@$(BIN)/jupyter lab '$(NOTEBOOKS)'
 
 # mypy has one process and the tests begin with one: they run side by side.
 test: $(VENV)/.test browser style
@@ -72,6 +79,10 @@ $(BIN)/pip:
 $(VENV)/.lab: pyproject.toml | $(BIN)/pip
 	$(PIP_INSTALL) --editable '.[fit,fly,live,mavlink]'
 	@touch $@
+
+$(VENV)/.notebooks: pyproject.toml | $(BIN)/pip
+	$(PIP_INSTALL) --editable '.[fit,fly,live,mavlink,notebook]'
+	@touch $@ $(VENV)/.lab
 
 # The test extra contains all that the laboratory needs. Python compiles what a test imports, and no other module.
 $(VENV)/.test: pyproject.toml | $(BIN)/pip

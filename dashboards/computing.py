@@ -19,8 +19,9 @@ from lab.settings import SettingError
 
 log = logging.getLogger(__name__)
 
-# Pages wait this long for the interpreter while a run works in Python; the default 5 ms add up over a change.
-sys.setswitchinterval(0.001)
+TURN = 0.001
+"""How long a page waits for the interpreter while a run works in Python [s]; Python's 5 ms add up over a
+change."""
 
 POOL = ThreadPoolExecutor(max_workers=os.cpu_count(), thread_name_prefix="experiment")
 """Pool for the runs of all sessions; the kernels release the interpreter lock, so all cores are used."""
@@ -32,6 +33,11 @@ it."""
 
 T = TypeVar("T")
 Progress = Callable[[str, float], None]
+
+
+def share_interpreter() -> None:
+    """Make the threads of this process take turns more often, for a server of pages."""
+    sys.setswitchinterval(TURN)
 
 
 class SupersededError(Exception):

@@ -1,5 +1,6 @@
 """The simulator, for ``panel serve dashboards/simulator.py``."""
 
+from dashboards.computing import share_interpreter
 from dashboards.log_limit import limit_log
 from dashboards.messages import bound_messages
 from dashboards.page import SimulatorPage
@@ -8,4 +9,5 @@ from dashboards.upstream import speed_up
 limit_log()
 bound_messages()
 speed_up()
+share_interpreter()
 SimulatorPage().servable()

@@ -56,8 +56,8 @@ MOST_PATHS = 1024
 """Most pairs of file and folder whose relation is cached; a page needs 60."""
 
 
-CONSTANT = (type(None), bool, int, float, str)
-"""Types of cached defaults: immutable ones."""
+CONSTANT = frozenset((type(None), bool, int, float, str, type(Undefined)))
+"""Types of cached defaults: immutable ones, which refer to no model."""
 CONTAINERS = (PropertyValueDict, PropertyValueList, PropertyValueSet)
 """Types of defaults that are cached as empty."""
 
@@ -188,7 +188,23 @@ def _look_at_values_that_are_set() -> None:
         own = _own_values(value)
         for name in value.properties_with_refs():
             if name in own and type(own[name]) not in CONSTANT:
-                visit_inside(own[name], visitor)
+                inside(own[name], visitor)
+
+    def inside(obj: Any, visitor: Callable[[Model], None]) -> None:
+        kind = type(obj)
+        if kind in CONSTANT:
+            return
+        if issubclass(kind, Model):
+            visitor(obj)
+        elif issubclass(kind, list | tuple):
+            for item in obj:
+                inside(item, visitor)
+        elif issubclass(kind, dict):
+            for key, item in obj.items():
+                inside(key, visitor)
+                inside(item, visitor)
+        else:
+            visit_inside(obj, visitor)
 
     def query(
         model: HasProps,
@@ -204,6 +220,7 @@ def _look_at_values_that_are_set() -> None:
         return {name: value for name, value in _changed(model) if query(model.lookup(name))}
 
     util.visit_immediate_value_references = visit
+    util.visit_value_and_its_immediate_references = inside
     HasProps.query_properties_with_values = query  # type: ignore[method-assign, assignment]
 
 
@@ -228,6 +245,7 @@ def _share_declarations() -> None:
     The copies, 2,700 for a page, serve only components that change their own declarations.
     """
     get_properties = ReactiveESM._get_properties
+    holders: dict[type[ReactiveESM], list[str]] = {}
 
     @wraps(get_properties)
     def properties(component: ReactiveESM, document: Any) -> dict[str, Any]:
@@ -241,13 +259,16 @@ def _share_declarations() -> None:
     def children(
         component: ReactiveESM, _data: Any, document: Any, root: Any, parent: Any, comm: Any
     ) -> tuple[dict[str, Any], list[Any]]:
-        models, old, mapping = dict[str, Any](), list[Any](), type(component)._property_mapping
-        for name, declaration in component.param.objects(instance=False).items():
-            if is_viewable_param(declaration) and mapping.get(name, "") is not None:
-                models[name], before = component._get_child_model(
-                    getattr(component, name), document, root, parent, comm
-                )
-                old += before
+        kind = type(component)
+        if kind not in holders:
+            mapping, declarations = kind._property_mapping, component.param.objects(instance=False)
+            viewable = [name for name, one in declarations.items() if is_viewable_param(one)]
+            holders[kind] = [name for name in viewable if mapping.get(name, "") is not None]
+        models, old = dict[str, Any](), list[Any]()
+        for name in holders[kind]:
+            child = getattr(component, name)
+            models[name], before = component._get_child_model(child, document, root, parent, comm)
+            old += before
         return models, old
 
     def init_params(component: Syncable) -> dict[str, Any]:
@@ -265,7 +286,8 @@ def _begin_components() -> None:
     Panel marks the declarations of a class again for each component, and copies the declaration of each given
     value to see whether the component may follow a widget.
     """
-    begin_material, begin_reactive = MaterialComponent.__init__, Reactive.__init__
+    begin_material: Callable[..., None] = MaterialComponent.__init__
+    begin_reactive: Callable[..., None] = Reactive.__init__
     marked = set[type[Reactive]]()
 
     @wraps(begin_material)
@@ -276,7 +298,7 @@ def _begin_components() -> None:
         chosen = config.design
         design = chosen if isinstance(chosen, type) and issubclass(chosen, MaterialDesign) else MaterialDesign
         usual = {"dark_theme": config.theme == "dark", "design": design}
-        super(MaterialComponent, component).__init__(**usual | values)
+        super(MaterialComponent, component).__init__(**usual | values)  # type: ignore[no-untyped-call]
 
     @wraps(begin_reactive)
     def reactive(component: Reactive, refs: Any = None, **values: Any) -> None:
@@ -284,10 +306,10 @@ def _begin_components() -> None:
             marked.add(type(component))
             begin_reactive(component, refs=refs, **values)
         else:
-            super(Reactive, component).__init__(**values)
+            super(Reactive, component).__init__(**values)  # type: ignore[no-untyped-call]
 
-    MaterialComponent.__init__ = material  # type: ignore[method-assign]
-    Reactive.__init__ = reactive  # type: ignore[method-assign]
+    MaterialComponent.__init__ = material  # type: ignore[method-assign, assignment]
+    Reactive.__init__ = reactive  # type: ignore[method-assign, assignment]
 
 
 def _remember_paths() -> None:
@@ -296,7 +318,8 @@ def _remember_paths() -> None:
     if config.autoreload:  # then the files may change
         return
     for kind in (ReactiveESM, MaterialComponent):
-        kind._bundle_path = classproperty(lru_cache(MOST_PATHS)(vars(kind)["_bundle_path"].f))
+        remembered = lru_cache(MOST_PATHS)(vars(kind)["_bundle_path"].f)
+        kind._bundle_path = classproperty(remembered)  # type: ignore[method-assign]
 
 
 def leave_out_hooks(page: Viewable) -> None:
@@ -304,7 +327,7 @@ def leave_out_hooks(page: Viewable) -> None:
 
     Panel searches all components after each change of a layout.
     """
-    vars(page)["_preprocessing_hooks"] = [Callback._process_callbacks]
+    page.__dict__["_preprocessing_hooks"] = [Callback._process_callbacks]
 
 
 def cut_cycles() -> None:

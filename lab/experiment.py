@@ -118,7 +118,7 @@ class Experiment(Runnable):
         found = mission(settings.mission)
         if isinstance(found, LogMission):
             return run_log(settings, found, CACHE, tell, algorithm)
-        return Computation(settings, found, tell, algorithm).result()
+        return Stages(settings, found, tell, algorithm).result()
 
     def sweep(
         self,
@@ -166,7 +166,7 @@ class Experiment(Runnable):
         return f"<Experiment: mission {self.mission}, seed {self.seed}, {changed} settings not default>"
 
 
-class Computation:
+class Stages:
     """One computation of an experiment: its stages, each with the key of all its inputs.
 
     Parameters
@@ -198,7 +198,7 @@ class Computation:
     def result(self) -> SimulatedResult:
         """Compute the stages in order."""
         self.progress("Reading the flight", 0.0)
-        flight = CACHE.get("flight", self.flight_key, self.flight)
+        flight = self.kept_flight()
         self.progress("Simulating the sensors", 0.3)
         aligned = begin(flight.truth, self.experiment)
         fixes, readings = self.fixes(flight), self.readings(flight)
@@ -265,6 +265,10 @@ class Computation:
             readings=readings,
         )
 
+    def kept_flight(self) -> Flight:
+        """Return the flight, computed once for all experiments with the same."""
+        return CACHE.get("flight", self.flight_key, self.flight)
+
     def flight(self) -> Flight:
         """Compute the trajectory, and truth and ideal IMU on its grid."""
         settings = self.experiment.trajectory
@@ -300,12 +304,7 @@ class Computation:
         """
         errors = self.sensors.groups()[sensor]
         assert isinstance(errors, imu.GyroErrors | imu.AccelerometerErrors)
-        seed, samples = self.experiment.seed, flight.ideal.dtheta.shape[0]
-        long = {
-            "instability": any(errors.instability),
-            "flicker": any(errors.flicker),
-            "walk": any(errors.rate_random_walk),
-        }
+        seed, samples, long = self.experiment.seed, flight.ideal.dtheta.shape[0], _long_draws(errors)
 
         def draw() -> imu.ImuDraws:
             return imu.ImuDraws.of(seed, sensor, samples, **long)
@@ -325,7 +324,7 @@ class Computation:
         own = declared_states(self.sensors.own_errors, "sensors.own_errors")
         if own:
             key = digest(key, [one.block for one in own])
-        measured = keep(sensor, key, lambda: imu.as_kept(self.measured(errors, flight, draws)))
+        measured = keep(sensor, key, lambda: imu.as_kept(self.measured(errors, flight, draws, seed)))
         if not found.any():
             return measured
         return keep(
@@ -334,11 +333,27 @@ class Computation:
             lambda: imu.without_bias(measured, flight.ideal.dt, found, imu.cross_coupling(errors, draws)),
         )
 
+    def measured_with(
+        self, sensor: str, flight: Flight, seed: int, found: FloatArray = NO_VECTOR
+    ) -> imu.Measured:
+        """Return the output of the gyros or the accelerometers with another seed, which is not cached."""
+        errors = self.sensors.groups()[sensor]
+        assert isinstance(errors, imu.GyroErrors | imu.AccelerometerErrors)
+        draws = imu.ImuDraws.of(seed, sensor, flight.ideal.dtheta.shape[0], **_long_draws(errors))
+        measured = self.measured(errors, flight, draws, seed)
+        if not found.any():
+            return measured
+        return imu.without_bias(measured, flight.ideal.dt, found, imu.cross_coupling(errors, draws))
+
     def measured(
-        self, errors: imu.GyroErrors | imu.AccelerometerErrors, flight: Flight, draws: imu.ImuDraws
+        self,
+        errors: imu.GyroErrors | imu.AccelerometerErrors,
+        flight: Flight,
+        draws: imu.ImuDraws,
+        seed: int,
     ) -> imu.Measured:
         """Return the output of a triad with the temperature and the vibration of the flight."""
-        ideal, seed = flight.ideal, self.experiment.seed
+        ideal = flight.ideal
         height = flight.truth.height[1:] - flight.truth.height[0]
         conditions = Conditions.of(self.sensors, seed, ideal.time[1:], height, ideal.dvelocity, ideal.dt)
         measured = output(errors, ideal.dtheta, ideal.dt, draws, conditions)
@@ -348,8 +363,8 @@ class Computation:
         more = simulated_own_errors(self.experiment, ideal)[:, triad : triad + 3]
         return measured._replace(increments=measured.increments + more * ideal.dt)
 
-    def fixes(self, flight: Flight) -> gps.GpsFixes:
-        """Simulate the GPS receiver."""
+    def fix_truth(self, flight: Flight) -> tuple[Truth, Truth | None]:
+        """Return the truth of the IMU at the fixes, and that of the antenna if they differ."""
         errors = self.sensors.gps
         times = gps.fix_times(errors, flight.trajectory.duration)
         truth = CACHE.get(
@@ -362,10 +377,16 @@ class Computation:
                 digest(self.flight_key, errors.period, errors.latency, errors.lever_arm),
                 lambda: gps.antenna(flight.trajectory, errors, times),
             )
+        return truth, seen
+
+    def fixes(self, flight: Flight) -> gps.GpsFixes:
+        """Simulate the GPS receiver."""
+        errors, seed = self.sensors.gps, self.experiment.seed
+        truth, seen = self.fix_truth(flight)
         return CACHE.get(
             "gps",
-            digest(self.flight_key, self.experiment.seed, errors.to_dict()),
-            lambda: gps.measure(truth, errors, gps.GpsDraws.of(self.experiment.seed, times.size), seen),
+            digest(self.flight_key, seed, errors.to_dict()),
+            lambda: gps.measure(truth, errors, gps.GpsDraws.of(seed, truth.time.size), seen),
         )
 
     def readings(self, flight: Flight) -> dict[str, Readings]:
@@ -470,6 +491,15 @@ class Computation:
             )
         engine = smoother.navigate if self.navigator.smoother else navigate
         return engine(imu, fixes, start, belief, schedule, model, aids=aids)
+
+
+def _long_draws(errors: imu.GyroErrors | imu.AccelerometerErrors) -> dict[str, bool]:
+    """Return which draws with a value for each sample a triad needs besides its noise."""
+    return {
+        "instability": any(errors.instability),
+        "flicker": any(errors.flicker),
+        "walk": any(errors.rate_random_walk),
+    }
 
 
 def _computed(_stage: str, _key: str, compute: Callable[[], T]) -> T:

@@ -214,17 +214,16 @@ class Run(ABC):
 
         Without their drift, if the filter has states for it.
         """
-        whole = _at_samples(self.gyro.bias, self.accelerometer.bias)
+        whole = at_samples(self.gyro.bias, self.accelerometer.bias)
         if DRIFTS[0] not in self.blocks or self.recorded is not None:
             return whole
-        return whole - np.concatenate(
-            [bias_drift(self.experiment, triad, self.time) for triad in range(2)], axis=1
-        )
+        drift = [bias_drift(self.experiment, triad, self.time) for triad in range(2)]
+        return np.asarray(whole - np.concatenate(drift, axis=1))
 
     @made_when_asked
     def true_scale(self) -> FloatArray:
         """True scale factor errors of gyros and accelerometers (n + 1, 6) at the IMU times."""
-        return _at_samples(self.gyro.scale, self.accelerometer.scale)
+        return at_samples(self.gyro.scale, self.accelerometer.scale)
 
     def true_further(self) -> FloatArray:
         """Return the true values (n + 1, k) of the states after the scale factors, at the IMU times."""
@@ -286,7 +285,7 @@ class Run(ABC):
         return truth, self.ideal
 
 
-def _at_samples(gyro: FloatArray, accelerometer: FloatArray) -> FloatArray:
+def at_samples(gyro: FloatArray, accelerometer: FloatArray) -> FloatArray:
     """Return values of gyros and accelerometers in each interval, (n, 3) each, at all samples, (n + 1, 6)."""
     constant = not (gyro.strides[0] or accelerometer.strides[0])
     if constant:

@@ -8,29 +8,33 @@ from __future__ import annotations
 import os
 import time
 from collections.abc import Callable, Sequence
-from concurrent.futures import ThreadPoolExecutor, as_completed
-from typing import TYPE_CHECKING
+from concurrent.futures import Future, ThreadPoolExecutor, as_completed
 
 import numpy as np
 from numpy.typing import NDArray
 
 from lab.analysis.budget import believed_sigma
+from lab.analysis.consistency import normalised_squares, uncertain
+from lab.analysis.errors import error_state
 from lab.analysis.evidence import position_nees, whole_seconds
+from lab.analysis.path_errors import errors_of, path_of
 from lab.analysis.run_evidence import evidence_of, reference_of
 from lab.ensemble import QUANTITIES, Ensemble, Progress, RunAtFixes, together
 from lab.experiment import Experiment
 from lab.missions import LogMission, mission
 from lab.navigation.algorithm import Algorithm
+from lab.navigation.kalman import MEASUREMENTS
 from lab.result import Result
-
-if TYPE_CHECKING:
-    import xarray as xr
+from lab.seed_lanes import LANES, SeedLanes
 
 FloatArray = NDArray[np.float64]
 
 EXPLAINED = 8
 """Number of runs whose suspicious innovations are explained, which takes several times as long as a run. The
 other runs add only to the remaining evidence."""
+MANY = 100
+"""Number of runs from which on they are run eight abreast. Their filter is compiled separately, which takes
+as long as some hundred single runs; from then on it is loaded from the disk."""
 SHOWN_EVERY = 2.0
 """Time between two partial ensembles [s]: putting 1,000 runs together takes 0.02 s."""
 
@@ -77,19 +81,31 @@ def run_ensemble(
             "draws; accepted is one"
         )
 
-    def one(seed: int) -> RunAtFixes:
+    def alone(seed: int) -> RunAtFixes:
         mine = experiment.copy()
         mine.set("seed", seed)
         return _keep(mine.run(algorithm=algorithm), explain=seed in numbers[:EXPLAINED])
+
+    def abreast(lanes: SeedLanes, seeds: tuple[int, ...]) -> list[RunAtFixes]:
+        return [run or alone(seed) for seed, run in zip(seeds, lanes.run(seeds), strict=True)]
 
     # The user's code need not be thread-safe.
     workers = 1 if algorithm is not None else workers or os.cpu_count()
     pool = ThreadPoolExecutor(workers, thread_name_prefix="ensemble")
     done = _Done(experiment, numbers, progress, partial)
     try:
-        running = {pool.submit(one, seed): index for index, seed in enumerate(numbers)}
+        lanes = SeedLanes.of(experiment) if algorithm is None and len(numbers) >= MANY else None
+        one_by_one = len(numbers) if lanes is None else EXPLAINED
+        running: dict[Future[list[RunAtFixes]], int] = {
+            pool.submit(lambda seed: [alone(seed)], seed): index
+            for index, seed in enumerate(numbers[:one_by_one])
+        }
+        if lanes is not None:
+            for first in range(one_by_one, len(numbers), LANES):
+                running[pool.submit(abreast, lanes, numbers[first : first + LANES])] = first
         for future in as_completed(running):
-            done.add(running.pop(future), future.result())
+            for index, run in enumerate(future.result(), start=running.pop(future)):
+                done.add(index, run)
     finally:
         pool.shutdown(cancel_futures=True)
     return done.ensemble()
@@ -140,23 +156,34 @@ def _keep(result: Result, *, explain: bool = True) -> RunAtFixes:
 
     grid, apart, apart_degrees = _between(result)
     error, sigma, rms = _errors(result, at)
-    unknown = bool(result.lacks("consistency"))
+    nees, degrees = _nees(result, at, solution.fix_covariance[used])
+    nu = solution.innovation
+    measured = np.isfinite(nu).sum(axis=1)
     return RunAtFixes(
         time=result.fixes.time[used],
-        nees=np.full(at.size, np.nan) if unknown else result.consistency["nees"].values[used],
-        nis=result.innovations["nis"].values[used],
+        nees=nees,
+        nis=normalised_squares(np.nan_to_num(nu[used]), solution.innovation_covariance[used]),
         grid=grid,
         between=apart,
         between_degrees=apart_degrees,
         error=error,
         sigma=sigma,
         rms=rms,
-        degrees=0 if unknown else int(result.consistency["nees"].attrs["degrees"]),
-        nis_degrees=int(result.innovations["nis"].attrs["degrees"]),
+        degrees=degrees,
+        nis_degrees=int(measured.max()) if measured.any() else MEASUREMENTS,
         evidence=evidence_of(result, result.filtered, explain=explain),
         seconds=result.seconds,
         algorithm=result.algorithm,
     )
+
+
+def _nees(result: Result, at: NDArray[np.int64], P: FloatArray) -> tuple[FloatArray, int]:
+    """Return NEES at samples (m,) with covariances P (m, n, n), and its degrees of freedom."""
+    if result.lacks("consistency"):
+        return np.full(at.size, np.nan), 0
+    true = reference_of(result)
+    x = error_state(result.solution_arrays, at, true.truth, true.bias, true.scale, true.further)
+    return normalised_squares(x, P), int(uncertain(P).size) if P.size else 0
 
 
 def _between(result: Result) -> tuple[FloatArray, FloatArray, int]:
@@ -169,24 +196,21 @@ def _between(result: Result) -> tuple[FloatArray, FloatArray, int]:
 
 
 def _errors(result: Result, at: NDArray[np.int64]) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return errors and their σ (m, 9) at samples (m,), and the root mean square (9,) of all known errors."""
+    """Return errors and their σ (m, 9) at samples (m,), and the rms (9,) of those known along the path."""
     wide = len(QUANTITIES)
     error, sigma = np.full((at.size, wide), np.nan), believed_sigma(result, at)[:, :wide]
-    total, count, first = np.zeros(wide), np.zeros(wide, dtype=np.int64), 0
-    for part in result.parts():
-        if result.lacks("errors"):
-            break
-        here = (first <= at) & (at < first + part.time.size)
-        there = _nine(part.errors)
-        known = np.isfinite(there)
-        total += np.sum(there**2, axis=0, where=known)
-        count += known.sum(axis=0)
-        error[here] = there[at[here] - first]
-        first += part.time.size
-    rms = np.sqrt(np.divide(total, count, out=np.full(wide, np.nan), where=count > 0))
-    return error, sigma, np.asarray(rms)
+    if result.lacks("errors"):
+        return error, sigma, np.full(wide, np.nan)
+    along = _errors_at(result, path_of(result.time, float(result.experiment.sensors.gps.period)))
+    known = np.isfinite(along)
+    count = known.sum(axis=0)
+    square = np.sum(along**2, axis=0, where=known)
+    rms = np.sqrt(np.divide(square, count, out=np.full(wide, np.nan), where=count > 0))
+    return _errors_at(result, at), sigma, np.asarray(rms)
 
 
-def _nine(group: xr.Dataset) -> FloatArray:
-    """Return position, velocity and attitude of a dataset in one array (n, 9)."""
-    return np.concatenate([group[name].values for name in ("position", "velocity", "attitude")], axis=1)
+def _errors_at(result: Result, at: NDArray[np.int64]) -> FloatArray:
+    """Return the errors (m, 9) at samples (m,)."""
+    solution = result.solution_arrays
+    truth = result.known_truth("errors").taken(at)
+    return errors_of(solution.position[at], solution.velocity_n[at], solution.q_nb[at], truth)

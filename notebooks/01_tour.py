@@ -15,8 +15,8 @@
 #
 # An **inertial navigation system** measures how a vehicle turns and accelerates, and adds this up to know
 # where it is. It needs no signal from outside, but its errors add up too. **GPS** gives the position to about
-# a metre, at any time, but only once a second and only while it is received. A **Kalman filter** combines
-# the two.
+# a metre, at any time, but only once a second and only while it is received. A **Kalman filter** combines the
+# two.
 #
 # In ten minutes you will fly a Cessna over Montréal, put cheap sensors into it, navigate, and see how good
 # the solution is and why. Run the cells from top to bottom. Each step has one idea, and one question to try.
@@ -24,7 +24,7 @@
 # %%
 import panel as pn
 
-from lab import Experiment, mission, plots
+from lab import Experiment, check, mission, plots
 
 pn.extension()
 
@@ -55,10 +55,10 @@ result = experiment.run()
 experiment.sensors.gyro
 
 # %% [markdown]
-# Two errors of gyros matter most. **White noise** disturbs every sample; its density, in °/s/√Hz, says
-# how fast the angle drifts away in a random walk. A **bias** is a constant that is different each time the
-# sensor is switched on. The filter does not know this constant. The dashed line is the true bias of the
-# sensor, the solid line is the filter's estimate, and the band is its uncertainty (±3σ).
+# Two errors of gyros matter most. **White noise** disturbs every sample; its density, in °/s/√Hz, says how
+# fast the angle drifts away in a random walk. A **bias** is a constant that is different each time the sensor
+# is switched on. The filter does not know this constant. The dashed line is the true bias of the sensor, the
+# solid line is the filter's estimate, and the band is its uncertainty (±3σ).
 
 # %%
 plots.sensor_errors(result)
@@ -90,11 +90,7 @@ result.summary
 # Everything in a result is a labelled dataset of [xarray](https://xarray.dev) with units: `result.errors`,
 # `result.sigma`, `result.imu`, `result.gps`, … You can slice, plot and save each of them. `result.plot.`
 # and the Tab key list the plots, and `result.explore()` has all of them in tabs.
-
-# %%
-result.errors
-
-# %% [markdown]
+#
 # **Try:** `result.errors.position.sel(axis="up").plot()`. How large is the height error at the end?
 #
 # ## 4. The filter knows how large its errors may be
@@ -108,12 +104,19 @@ plots.errors(result)
 
 # %% [markdown]
 # Look at the heading. At rest and in straight flight its band does not close: GPS measures position and
-# velocity, and a heading error shows in neither while the aircraft does not accelerate sideways. In the
-# first turn, about 50 s after the start, it shows at once. **What is not moved is not observed**: this is the
-# most useful sentence of the whole field.
+# velocity, and a heading error shows in neither while the aircraft does not accelerate sideways. In the first
+# turn, about 50 s after the start, it shows at once. **What is not moved is not observed**: this is the most
+# useful sentence of the whole field.
 
 # %%
 plots.covariance(result)
+
+# %% [markdown]
+# `check` asks a question. Write your answer behind its number, in quotes if it is a word, and run the cell
+# again.
+
+# %%
+check("01.1")
 
 # %% [markdown]
 # **Try:** when does σ of the heading fall fastest? Compare with the roll angle:
@@ -141,15 +144,15 @@ def with_gyro_noise(density):
 pn.Column(noise, pn.bind(with_gyro_noise, noise.param.value_throttled))
 
 # %% [markdown]
-# **Try:** at 0.2 °/s/√Hz, four times the noise, how much worse is the heading, and how much the position?
-# Why does the position hardly change?
+# **Try:** at 0.2 °/s/√Hz, four times the noise, how much worse is the heading, and how much the position? Why
+# does the position hardly change?
 #
 # ## 6. Lie to the filter
 #
-# Until here the filter knew the true statistics of its sensors. In practice nobody does. `r_scale`
-# multiplies the GPS noise that the filter *assumes*, while the receiver stays as it is. An **innovation** is
-# the difference between the filter's prediction and a fix. The innovations reveal the lie: 95 % of them
-# should lie inside ±2σ, and none should predict the next.
+# Until here the filter knew the true statistics of its sensors. In practice nobody does. `r_scale` multiplies
+# the GPS noise that the filter *assumes*, while the receiver stays as it is. An **innovation** is the
+# difference between the filter's prediction and a fix. The innovations reveal the lie: 95 % of them should
+# lie inside ±2σ, and none should predict the next.
 
 # %%
 belief = pn.widgets.DiscreteSlider(label="The filter believes R ×", options=[0.01, 0.1, 1, 10, 100], value=1)
@@ -187,32 +190,23 @@ def without_gps(seconds):
 pn.Column(outage, pn.bind(without_gps, outage.param.value_throttled))
 
 # %% [markdown]
-# **Try:** double the outage from 30 to 60 s. Does the position error double, grow fourfold, or more? (A
-# constant error of the acceleration gives a position error that grows with t². A gyro bias gives a tilt that
-# grows with t, and so a position error that grows with t³.)
-#
+# **Try:** double the outage from 30 to 60 s. Does the position error double, grow fourfold, or more?
+
+# %%
+check("01.2")
+
+# %% [markdown]
 # ## 8. In three dimensions
 #
 # The scene shows the true path, the estimated path, the fixes, and the filter's 3σ ellipsoids of its position
-# (ten times enlarged). Drag to turn, scroll to zoom. This scene is a page of its own that needs no server.
-# In the dashboard it is live, and the aircraft flies.
+# (ten times enlarged). Drag to turn, scroll to zoom. This scene is a page of its own that needs no server. In
+# the dashboard it is live, and the aircraft flies.
 
 # %%
 result.view3d()
 
 # %% [markdown]
-# ## 9. Take it with you
-#
-# The settings can be saved to a text file and loaded again; the result can be saved as netCDF or csv. The
-# same experiment runs on the command line, `ins-lab run montreal --set sensors.gyro.noise_density=0.02`, and
-# in the dashboard, `ins-lab serve`, where all of this is on one page.
-
-# %%
-experiment.set("sensors.gyro.noise_density", 0.02)
-print(experiment.to_toml()[:420])
-
-# %% [markdown]
-# ## 10. A page of your own
+# ## 9. A page of your own
 #
 # A few widgets and plots make a page. The sliders are those of steps 5 to 7 and now act together: a slider
 # that you move here moves above too. In a terminal, `panel serve notebooks/01_tour.py` shows exactly this
@@ -252,6 +246,8 @@ pn.Column(
 #
 # ## Where to go next
 #
+# - `02_strapdown.py` to `11_live.py`: one subject each, with questions. `ins-lab notebooks list` names them.
+# - `print(experiment.to_toml())`: the settings as a file; `result.to_netcdf("run.nc")`: all datasets.
 # - `missions/README.md`: navigate a flight of your own, from a csv file.
 # - `docs/README.md`: every subject on a page of its own.
 # - `ins-lab serve`: the dashboard, with every setting and all plots linked.

@@ -31,7 +31,7 @@ from lab.displacement import displacement
 from lab.navigation import strapdown
 from lab.navigation.solution import Start
 
-hv.extension("bokeh")
+hv.extension("bokeh", inline=pn.config.inline)
 pn.extension()
 
 G = earth.STANDARD_GRAVITY  # m/s², the unit g of data sheets
@@ -200,8 +200,9 @@ check("02.3")
 # Turn a book by 90° about its long edge, then by 90° about its short one. Do it again in the other order: the
 # book ends differently. **Rotations do not commute**, so the sum of the angles of a gyro is not the rotation.
 # The worst case is a body that wobbles like a coin before it comes to rest: the axis of its tilt goes round.
-# This is *coning*. The gyros x and y swing as a sine and a cosine; the body returns after each turn. Yet the
-# sum of what they measure turns the navigator about z, always in the same sense.
+# This is *coning*. Gyros x and y swing as a cosine and a sine, and the body returns after each turn. Gyro z
+# measures a small constant rate, and the swing of x and y, correctly added up, cancels it. A navigator that
+# takes each sample by itself misses a part of the swing, and drifts about z, always in the same sense.
 #
 # The drift of a navigator that takes each sample by itself is ½ sin²a Ω (1 − sin(x)/x), for an angle a, a
 # frequency Ω, and x = Ω Δt. The cure costs one vector product: the sample before tells how the axis turns

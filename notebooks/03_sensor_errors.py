@@ -34,7 +34,7 @@ from lab.sensors import imu
 from lab.sensors.suite import SensorSuite
 from lab.views.allan import AllanFigures
 
-hv.extension("bokeh")
+hv.extension("bokeh", inline=pn.config.inline)
 pn.extension()
 pd.set_option("display.max_colwidth", None)
 
@@ -94,7 +94,9 @@ def walk(density):
     )
 
 
-density = pn.widgets.FloatSlider(label="Gyro noise [°/s/√Hz]", start=0.001, end=0.1, step=0.001, value=0.05)
+density = pn.widgets.FloatSlider(
+    label="Gyro noise [°/s/√Hz]", start=0.001, end=0.1, step=0.001, value=0.05, format="0.000"
+)
 pn.Column(density, pn.bind(walk, density.param.value_throttled))
 
 # %%
@@ -117,7 +119,7 @@ check("03.2")
 
 # %%
 noise = pn.widgets.FloatSlider(
-    label="White noise N [°/s/√Hz]", start=0.001, end=0.02, step=0.001, value=0.005
+    label="White noise N [°/s/√Hz]", start=0.001, end=0.02, step=0.001, value=0.005, format="0.000"
 )
 flicker = pn.widgets.FloatSlider(label="Flicker B [°/h]", start=0, end=40, step=1, value=8)
 random_walk = pn.widgets.FloatSlider(label="Random walk K [°/h/√h]", start=0, end=200, step=5, value=0)

@@ -28,7 +28,7 @@ import panel as pn
 from filterpy.kalman import KalmanFilter
 from scipy.spatial.transform import Rotation
 
-from lab import Estimate, Experiment, plots
+from lab import Estimate, Experiment, check, plots
 from lab.navigation import strapdown
 from lab.navigation.belief import belief
 from lab.navigation.error_models import PHI
@@ -59,8 +59,8 @@ plots.ground_track(compiled)
 #
 # Errors are small, so they follow a linear equation, ẋ = F x + w, although navigation is not linear. The
 # filter knows four things, which it *believes*: how wrong the start may be (P0), how noisy the sensors are
-# (the densities of w, which make Q), how fast the biases forget their value, and how noisy a fix is (R).
-# Here the lab gives it the true values of the simulated sensors.
+# (the densities of w, which make Q), how fast the biases forget their value, and how noisy a fix is (R). Here
+# the lab gives it the true values of the simulated sensors.
 
 # %%
 believed = belief(experiment.sensors, experiment.navigator)
@@ -216,6 +216,9 @@ def picture(F):
 
 picture(whole.F)
 
+# %%
+check("04.1")
+
 # %% [markdown]
 # ## 5. Take it apart
 #
@@ -262,7 +265,11 @@ pd.DataFrame(
 # Four blocks are enough for this sensor: a gyro bias of 0.1 °/s turns some six hundred times faster than the
 # rotation of the Earth turns an attitude error of 2°. Without *velocity from tilt*, the filter cannot see an
 # attitude error at all: nothing corrects it, and σ does not say so.
-#
+
+# %%
+check("04.2")
+
+# %% [markdown]
 # **Try:** fly with a better sensor: import `card` from `lab`, and before the first run write
 # `card("STIM300").load(experiment)` and `experiment.navigator.states = 15`. Do four blocks still do? For how
 # long must there be no fixes until they do not?
@@ -276,9 +283,9 @@ choice = pn.widgets.Select(label="F", options=list(runs))
 pn.Column(choice, pn.bind(lambda name: plots.errors(runs[name]), choice)).servable()
 
 # %% [markdown]
-# **Try:** filterpy updates P in the *Joseph form*, (I − K H) P (I − K H)ᵀ + K R Kᵀ. Write the short form,
-# P = (I − K H) P, after the update, with `kalman.K` and the P from before. Does anything change here? When
-# would it?
+# **Try:** filterpy updates P in the *Joseph form*, (I − K H) P (I − K H)ᵀ + K R Kᵀ. Write the short form, P =
+# (I − K H) P, after the update, with `kalman.K` and the P from before. Does anything change here? When would
+# it?
 #
 # ## Where to go next
 #

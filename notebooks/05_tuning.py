@@ -106,7 +106,7 @@ check("05.2")
 # Look at the column NIS first. Q wrong by a factor of 10 in either direction hardly changes it: from one fix
 # to the next the noise of the gyros has little time to act, and R dominates S. What changes is NEES: with Q
 # too small, P shrinks below the errors and stays there. With Q too large, **nothing shows without the
-# truth**. The filter gives away accuracy and remains silent about it.
+# truth**. The filter loses accuracy, and its innovations look as they should.
 
 # %%
 scan("q_scale")

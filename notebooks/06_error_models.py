@@ -28,7 +28,7 @@ import panel as pn
 
 from lab import Experiment, check, compare, plots
 
-hv.extension("bokeh")
+hv.extension("bokeh", inline=pn.config.inline)
 pn.extension()
 pd.set_option("display.max_colwidth", None)
 

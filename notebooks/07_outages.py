@@ -141,7 +141,9 @@ axis = TimeAxis()
 axis.range.update(end=205, bounds=(0, 205))
 figures = BudgetFigures(axis)
 figures.show(whole.budget, whole.observability, "heading")
-pn.Column(*(pn.pane.Bokeh(figure, width=760, height=300) for figure in figures.figures))
+for figure in figures.figures:
+    figure.update(sizing_mode="fixed", width=760, height=320)
+pn.Column(*figures.figures)
 
 # %%
 observability_table(whole.observability)[6:].set_index("quantity").round(3)
@@ -223,7 +225,9 @@ pd.DataFrame(
 # %%
 begin = pn.widgets.IntSlider(label="No GPS from [s]", start=0, end=140, step=5, value=100)
 seconds = pn.widgets.IntSlider(label="for [s]", start=0, end=60, step=5, value=60)
-density = pn.widgets.FloatSlider(label="Gyro noise [°/s/√Hz]", start=0.0, end=0.1, step=0.005, value=0.05)
+density = pn.widgets.FloatSlider(
+    label="Gyro noise [°/s/√Hz]", start=0.0, end=0.1, step=0.005, value=0.05, format="0.000"
+)
 smoother = pn.widgets.Checkbox(label="Smoother", value=False)
 
 

@@ -191,7 +191,9 @@ pd.DataFrame(
 # ## 7. Your flight, with your sensor
 
 # %%
-density = pn.widgets.FloatSlider(label="Gyro noise [°/s/√Hz]", start=0, end=0.2, step=0.005, value=0.05)
+density = pn.widgets.FloatSlider(
+    label="Gyro noise [°/s/√Hz]", start=0, end=0.2, step=0.005, value=0.05, format="0.000"
+)
 variance = pn.widgets.FloatSlider(
     label="Position variance of a fix [m²]", start=0.1, end=20, step=0.1, value=0.5
 )

@@ -220,8 +220,8 @@ honest.coverage.round(2)
 check("09.2")
 
 # %% [markdown]
-# **Try:** change S, and SIGMA, until the verdict is content. Which of the innovations is never white, and
-# why?
+# **Try:** change S, and SIGMA, until the verdict is content. Why are these innovations never white? (Two
+# neighbours share one fix.)
 #
 # ## 6. When it fails
 #

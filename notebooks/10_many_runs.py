@@ -27,7 +27,7 @@ import panel as pn
 
 from lab import Experiment, check, run_ensemble
 
-hv.extension("bokeh")
+hv.extension("bokeh", inline=pn.config.inline)
 pn.extension()
 pd.set_option("display.max_colwidth", None)
 
@@ -54,8 +54,8 @@ pd.Series(position_rms(matched), name="rms of the position error [m]").describe(
 # %% [markdown]
 # ## 1. One run is one draw
 #
-# The flight is the same, the settings are the same; only the seed differs. The best run is better than the
-# worst by a third. Two filters whose runs differ by less than that cannot be compared by one run each.
+# The flight is the same, the settings are the same; only the seed differs. The worst run is a fifth worse
+# than the best. Two filters whose runs differ by less than that cannot be compared by one run each.
 #
 # ## 2. NEES and NIS, averaged over the runs
 #

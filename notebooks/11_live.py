@@ -30,7 +30,7 @@ import pandas as pd
 import panel as pn
 
 import lab.live
-from lab import Experiment
+from lab import Experiment, check
 from lab.live.live_navigator import LiveNavigator
 from lab.live.recorded_log import log_of_recording, recorded_samples
 from lab.live.simulated_flight import SimulatedFlight
@@ -49,7 +49,8 @@ pn.extension()
 folder = Path(tempfile.mkdtemp())
 with lab.live.open("simulated:montreal?device=vectornav&hz=100") as source:
     source.record(folder / "first.inslab")
-    time.sleep(9)
+    while source.status.fixes < 8:  # one fix a second
+        time.sleep(0.1)
     status = source.status
 
 pd.Series(
@@ -89,7 +90,14 @@ table
 
 # %% [markdown]
 # **Try:** open the source with `&jitter_ms=20`. Which of the two rows changes?
-#
+
+# %%
+check("11.1")
+
+# %%
+check("11.2")
+
+# %% [markdown]
 # ## 3. Replay, bit by bit
 #
 # A recording holds the raw bytes and the times of their arrival. A replay goes through the same decoder, so

@@ -17,6 +17,7 @@ from lab.exercises.catalogue import EXERCISES
 from lab.exercises.exercise import Number
 from lab.missions import prepare_import, write_flight_csv
 from lab.navigation import strapdown
+from lab.navigation.error_models import PHI
 from lab.navigation.solution import Fixes, Imu, Start
 from lab.result import Result
 from lab.sensors import imu
@@ -255,3 +256,48 @@ def test_an_algorithm_that_holds_the_last_fix() -> None:
     assert nees[True].notnull().any()
     assert not nees[False].notnull().any()
     expect("09.2", "covariance")
+
+
+def test_what_is_not_moved_is_not_observed() -> None:
+    sigma, manoeuvres = montreal().sigma.attitude, montreal().observability
+    turn = float(manoeuvres.start.sel(segment="first right turn"))
+    fallen = sigma.sel(time=turn, method="nearest") / sigma[0]
+    expect("01.1", str(fallen.angle.values[int(np.argmax(fallen.values))]))
+    assert float(fallen.max()) > 0.9
+    # Twice the time, by integrating a constant twice.
+    error = np.cumsum(np.cumsum(np.ones(60_000)))
+    expect("01.2", float(error[-1] / error[29_999]))
+
+
+def test_the_blocks_of_the_system_matrix() -> None:
+    expect("04.1", G * math.sin(math.radians(1)))
+    state, F = np.zeros(strapdown.LENGTH), np.zeros((15, 15))
+    strapdown.set_position(state, 0.8, 0.0, 100.0)
+    state[strapdown.Q_NB] = 1
+    strapdown.step(state, (0.0, 0.0, 0.0), (0.0, 0.0, -0.01 * G), 0.01)
+    PHI.write(state, F)
+    blocks = {
+        "position from velocity": (slice(0, 3), slice(3, 6)),
+        "velocity from tilt": (slice(3, 6), slice(6, 9)),
+        "velocity from accelerometer": (slice(3, 6), slice(12, 15)),
+        "tilt from gyro": (slice(6, 9), slice(9, 12)),
+    }
+    blind = []
+    for name, block in blocks.items():
+        masked = F.copy()
+        masked[block] = 0
+        # GPS measures the first six states; what they show of a tilt comes through powers of F.
+        seen = [np.linalg.matrix_power(masked, power)[:6, 6:9] for power in range(1, 5)]
+        if np.abs(seen).max() < 1e-6:
+            blind.append(name)
+    assert len(blind) == 1
+    expect("04.2", blind[0])
+
+
+def test_clocks() -> None:
+    expect("11.2", 1e3 * 20e-6 * 3600)
+    # A busy moment delays bytes: the least delay of each second does not see it, the mean does.
+    delay = np.random.default_rng(1).exponential(0.002, (60, 100))
+    delay[20:40] += np.random.default_rng(2).exponential(0.02, (20, 100))
+    assert np.ptp(delay.min(axis=1)) < 0.1 * np.ptp(delay.mean(axis=1))
+    expect("11.1", "bytes are never early")

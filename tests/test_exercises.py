@@ -21,7 +21,7 @@ each = pytest.mark.parametrize("number", EXERCISES)
 
 @pytest.mark.parametrize("exercise", [NUMBER, CHOICE], ids=["number", "choice"])
 @pytest.mark.parametrize(
-    "answer", [True, math.nan, math.inf, "", "x" * 10_000, [84.4], {}, object(), b"gyro", 1j]
+    "answer", [True, math.nan, math.inf, 10**400, "", "x" * 10_000, [84.4], {}, object(), b"gyro", 1j]
 )
 def test_what_is_no_answer_is_refused_with_the_question(exercise: Exercise, answer: object) -> None:
     outcome = exercise.check(answer)

@@ -27,7 +27,8 @@ from lab.result import Result
 from lab.trajectory import Trajectory
 from lab.views import figures
 from lab.views.figures import TimeAxis, TimeFigures
-from lab.views.quantities import COVARIANCE, ERRORS, HEIGHT, SCALE_ERRORS, SENSOR_ERRORS, TimePlot
+from lab.views.quantities import COVARIANCE, ERRORS, HEIGHT, SCALE_ERRORS, SENSOR_ERRORS
+from lab.views.time_plot import TimePlot
 
 SHORT = 2**12
 """Samples from which on a flight counts as long here: a tenth of that of the tests."""

@@ -116,7 +116,7 @@ def test_the_examples_of_the_documents_run(
         assert names["ensemble"].nees.shape[0] == 20
     if "rows" in names:
         assert names["rows"][-1].model == "last fix"
-    assert {"result", "ensemble", "rows", "read", "experiment"} & names.keys()
+    assert {"answer", "result", "ensemble", "rows", "read", "experiment"} & names.keys()
 
 
 def test_the_first_example_is_ten_lines_long() -> None:

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
+from sensor_logs import tables, write
 
 from lab import sweeping
 from lab.experiment import Experiment
@@ -112,6 +114,19 @@ def test_runs_that_the_settings_forbid_are_missing_with_the_reason() -> None:
     assert "smoother" in str(some._repr_html_())
     with pytest.raises(ValueError, match="No run of the sweep is possible"):
         small().sweep({"navigator.model": ["nonlinear"], "navigator.smoother": [True]}, 1)
+
+
+def test_a_sensor_log_is_swept_with_one_run_and_its_errors_may_be_unknown(tmp_path: Path) -> None:
+    folder = write(tmp_path / "drive", tables(60, 100))
+    (folder / "ref.csv").unlink()
+    experiment = Experiment(mission=str(folder))
+    with pytest.raises(ValueError, match="accepted is seeds=1"):
+        experiment.sweep({"navigator.r_scale": [1.0, 0.1]})
+    data = experiment.sweep({"navigator.r_scale": [1.0, 0.1]}, 1).dataset
+    assert np.isnan(data.rms).all()
+    assert np.isnan(data.nees).all()
+    assert (data.sigma > 0).all()
+    assert float(data.nis.sel(r_scale=0.1).mean()) > float(data.nis.sel(r_scale=1.0).mean())
 
 
 def test_two_settings_with_the_same_name_have_dimensions_of_their_own() -> None:

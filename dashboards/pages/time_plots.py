@@ -17,10 +17,10 @@ from lab.views.quantities import (
     SCALE_ERRORS,
     SENSOR_ERRORS,
     TEMPERATURE,
-    TimePlot,
     further_plots,
     with_scale,
 )
+from lab.views.time_plot import TimePlot
 
 Plots = tuple[tuple[TimePlot, ...], ...]
 

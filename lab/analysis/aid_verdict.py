@@ -50,8 +50,8 @@ def judge_aids(squares: Squares) -> list[Weighed]:
         found += judge_size(
             Squares(total, number),
             f"R {name}",
-            f"The innovations of the {name} are {{root}} × as large as the filter says: its variance is "
-            "about {factor} × too {wrong}.",
+            f"The innovations of the {name} are {{root}} × as large as the filter says: their assumed noise "
+            "is too {wrong}.",
             _advice(kind),
             f"innovations of the {name}",
         )
@@ -63,8 +63,8 @@ def _advice(kind: int) -> str:
     if kind in SENSORS:
         return (
             f"Set sensors.{SENSORS[kind]}.noise to the noise that applies, or multiply "
-            "navigator.aiding_scale by {multiply} if all other measurements are wrong alike. Check the "
-            "times and the axes too."
+            "navigator.aiding_scale, first by {multiply}, if all other measurements are wrong alike. Check "
+            "the times and the axes too."
         )
     if kind in (RIGHTWARD, DOWNWARD):
         return (

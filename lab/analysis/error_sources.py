@@ -236,9 +236,14 @@ def _of_fixes(experiment: ExperimentSettings) -> list[Process]:
 
 def left_out(experiment: ExperimentSettings) -> list[str]:
     """Return the settings with errors that are not among the sources."""
+    found = []
     if experiment.navigator.gate and experiment.sensors.gps.outlier_rate:
-        return ["sensors.gps.outlier_rate (the gate rejects outliers, and those it passes are not followed)"]
-    return []
+        found.append(
+            "sensors.gps.outlier_rate (the gate rejects outliers, and those it passes are not followed)"
+        )
+    if experiment.sensors.own_errors:
+        found.append("sensors.own_errors (errors that a notebook declared)")
+    return found
 
 
 def rounding(errors: Settings, dt: float) -> FloatArray:

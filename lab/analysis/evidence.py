@@ -11,7 +11,9 @@ P. D. Groves, *Principles of GNSS, Inertial and Multisensor Integrated Navigatio
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, field, replace
+from functools import lru_cache
 from typing import Self
 
 import numpy as np
@@ -19,7 +21,7 @@ from numpy.typing import NDArray
 
 from lab.analysis import consistency, errors
 from lab.analysis.aid_verdict import aid_squares
-from lab.analysis.fix_causes import causes_of, motion_at_fixes
+from lab.analysis.fix_causes import Motion, causes_of, motion_at_fixes
 from lab.analysis.fix_evidence import FixErrors, fix_errors
 from lab.analysis.innovation_evidence import Innovations, innovations, offered
 from lab.analysis.sensor_evidence import Reference, SensorErrors, sensor_errors
@@ -138,6 +140,8 @@ def evidence(
     aided: bool = False,
     calibrating: bool = False,
     aid_kinds: NDArray[np.int64] = NO_AIDS.kind,
+    motion: Motion | None = None,
+    sensors: SensorErrors | None = None,
 ) -> Evidence:
     """Return the evidence of a run about its filter.
 
@@ -167,9 +171,14 @@ def evidence(
         judged: they contain what is estimated.
     aid_kinds : (a,) array
         Kinds of the measurements other than fixes.
+    motion
+        Motion at the fixes that were `offered`; by default, from the solution at all samples.
+    sensors
+        Errors of the sensors; by default, from the increments. With these two, solution, increments and
+        truth may have some samples only: start, end and whole seconds, and those with a fix and before.
     """
     seen, samples = offered(solution, fixes, imu)
-    motion = motion_at_fixes(solution, samples, imu)
+    motion = motion_at_fixes(solution, samples, imu) if motion is None else motion
     found = Evidence(
         runs=1,
         innovations=innovations(solution, belief, fixes, imu, motion, explain=explain, aided=aided),
@@ -192,7 +201,7 @@ def evidence(
             reference.truth,
             solution.fix_rejected[seen],
         ),
-        sensors=sensor_errors(belief, imu, reference),
+        sensors=sensor_errors(belief, imu, reference) if sensors is None else sensors,
         start=_start(solution, belief, reference),
         between=between_squares(shown, samples, reference),
         nees=nees_squares(shown, used, reference),
@@ -215,7 +224,7 @@ def _start(solution: Solution, belief: Belief, reference: Reference) -> Squares:
         P0 = belief.P0[block, block]
         if P0.size:
             total[at] = consistency.normalised_squares(x[:, block], P0[None]).sum()
-            number[at] = float(np.linalg.matrix_rank(_correlation(P0)))
+            number[at] = _rank(P0.tobytes())
     return Squares(total, number)
 
 
@@ -224,6 +233,14 @@ def _errors(solution: Solution, at: NDArray[np.intp], reference: Reference) -> F
     return errors.error_state(
         solution, at, reference.truth, reference.bias, reference.scale, reference.further
     )
+
+
+@lru_cache(maxsize=64)
+def _rank(P0: bytes) -> float:
+    """Return the number of independent errors with a covariance matrix; many runs have the same."""
+    values = np.frombuffer(P0)
+    states = math.isqrt(values.size)
+    return float(np.linalg.matrix_rank(_correlation(values.reshape(states, states))))
 
 
 def _correlation(P: FloatArray) -> FloatArray:

@@ -53,33 +53,79 @@ def motion_at_fixes(solution: Solution, samples: NDArray[np.intp], imu: Imu) -> 
     samples : (m,) array
         Samples of the fixes.
     """
-    step = float(np.mean(np.diff(imu.time))) if imu.time.size > 1 else 1.0
-    width = max(1, round(RATE_WINDOW / step))
     last = np.maximum(samples - 1, 0)
-    first = np.maximum(last - width, 0)
-    span = np.maximum(imu.time[last] - imu.time[first], step)[:, None]
-    turned = sums_at(imu.dtheta, np.concatenate((first, last)))
-    C_nb = C_nb_from_euler(euler_from_quaternion(solution.q_nb[last]))
-    return Motion(
-        velocity=solution.velocity_n[last],
-        acceleration=(solution.velocity_n[last] - solution.velocity_n[first]) / span,
-        rate_b=(turned[last.size :] - turned[: last.size]) / span,
-        force_n=_mean_force(solution, samples, imu),
-        C_nb=C_nb,
+    first = np.maximum(last - window_width(imu.time), 0)
+    ends = np.append(samples, imu.time.size - 1)
+    return motion_of(
+        imu.time,
+        (first, last),
+        (solution.velocity_n[first], solution.velocity_n[last]),
+        solution.q_nb[last],
+        imu.dtheta,
+        ends,
+        _gained_until(solution, ends, imu),
     )
 
 
-def _mean_force(solution: Solution, samples: NDArray[np.intp], imu: Imu) -> FloatArray:
-    """Return the specific force (m, 3) in n, averaged from each fix to the next [m/s²]."""
+def window_width(time: FloatArray) -> int:
+    """Return the number of samples in `RATE_WINDOW`, given their times (n + 1,) [s]."""
+    return max(1, round(RATE_WINDOW / _step(time)))
+
+
+def _step(time: FloatArray) -> float:
+    return float(np.mean(np.diff(time))) if time.size > 1 else 1.0
+
+
+def motion_of(
+    time: FloatArray,
+    window: tuple[NDArray[np.intp], NDArray[np.intp]],
+    velocity: tuple[FloatArray, FloatArray],
+    q_nb: FloatArray,
+    dtheta: FloatArray,
+    ends: NDArray[np.intp],
+    gained: FloatArray,
+) -> Motion:
+    """Return the motion at m fixes from the values at some samples.
+
+    Parameters
+    ----------
+    time : (n + 1,) array
+        Times of all samples [s].
+    window
+        First and last sample (m,) of the window before each fix.
+    velocity
+        Estimated velocities (m, 3) at both [m/s].
+    q_nb : (m, 4) array
+        Estimated attitude at the last.
+    dtheta : (n, 3) array
+        Angular increments [rad].
+    ends : (m + 1,) array
+        Samples of the fixes, and the last of all.
+    gained : (m + 1, 3) array
+        Sums of the velocity increments, resolved in n, up to these samples [m/s].
+    """
+    first, last = window
+    span = np.maximum(time[last] - time[first], _step(time))[:, None]
+    turned = sums_at(dtheta, np.concatenate((first, last)))
+    flown = np.maximum(time[ends[1:]] - time[ends[:-1]], 1e-9)[:, None]
+    return Motion(
+        velocity=velocity[1],
+        acceleration=(velocity[1] - velocity[0]) / span,
+        rate_b=(turned[last.size :] - turned[: last.size]) / span,
+        force_n=np.diff(gained, axis=0) / flown,
+        C_nb=C_nb_from_euler(euler_from_quaternion(q_nb)),
+    )
+
+
+def _gained_until(solution: Solution, ends: NDArray[np.intp], imu: Imu) -> FloatArray:
+    """Return the sums of the velocity increments, resolved in n, up to some samples (m,) [m/s]."""
 
     def gained(part: slice) -> FloatArray:
         attitude = Rotation.from_quat(solution.q_nb[1:][part], scalar_first=True)
         # SciPy takes no read-only array, so this is a copy.
         return np.asarray(attitude.apply(imu.dvelocity[part].astype(np.float64)))
 
-    at = np.append(samples, imu.time.size - 1)
-    span = np.maximum(imu.time[at[1:]] - imu.time[at[:-1]], 1e-9)[:, None]
-    return np.asarray(np.diff(_sums_of(gained, imu.dvelocity.shape[0], at), axis=0) / span)
+    return _sums_of(gained, imu.dvelocity.shape[0], ends)
 
 
 def sums_at(values: FloatArray, samples: NDArray[np.intp]) -> FloatArray:

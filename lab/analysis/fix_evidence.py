@@ -168,17 +168,19 @@ def coloured(times: FloatArray, causes: FloatArray, values: FloatArray) -> tuple
     fit = Fit(np.zeros((*shape, CAUSES, CAUSES)), np.zeros((*shape, CAUSES)), np.zeros(shape))
     log_determinant = np.zeros(shape)
     ratios = np.array(RATIOS)
+    both, wide = np.concatenate((causes, values[:, :, None]), axis=2), causes.shape[2] + 1
     for first in range(0, times.size, STRETCH):
         part = slice(first, first + STRETCH)
         since = times[part] - times[first]
         for at, correlation_time in enumerate(TIMES):
             power, basis = correlation_spectrum(since.tobytes(), correlation_time)
             weight = 1 / (1 + ratios[:, None] * power)
-            a = np.tensordot(basis.T, causes[part], axes=1)
-            y = basis.T @ values[part]
-            fit.matrix[at] += np.einsum("rm,mij->rij", weight, np.einsum("mci,mcj->mij", a, a))
-            fit.vector[at] += weight @ np.einsum("mci,mc->mi", a, y)
-            fit.squares[at] += weight @ np.sum(y**2, axis=1)
+            a = (basis.T @ both[part].reshape(since.size, -1)).reshape(since.size, -1, wide)
+            squares = weight @ (a.transpose(0, 2, 1) @ a).reshape(since.size, -1)
+            squares = squares.reshape(-1, wide, wide)
+            fit.matrix[at] += squares[:, :-1, :-1]
+            fit.vector[at] += squares[:, :-1, -1]
+            fit.squares[at] += squares[:, -1, -1]
             log_determinant[at] -= values.shape[1] * np.sum(np.log(weight), axis=1)
     return fit, log_determinant
 

@@ -160,12 +160,8 @@ def _without_outliers(
     filter that rejects them searches for them, if all other innovations are then right; otherwise they are
     searched one after the other.
     """
-    usual = (
-        float(np.median(np.sum(normalised**2, axis=1), axis=0)) / MEDIAN_SQUARE if normalised.size else 1.0
-    )
-    limit = OUTLYING * max(usual, 1.0)
-    apart = outliers(normalised, settled=NEIGHBOURS // 2)
-    if not apart.any() and not (np.sum(normalised.reshape(-1, 2, 3) ** 2, axis=2) > limit).any():
+    apart, limit = outliers(normalised, settled=NEIGHBOURS // 2), _limit(normalised)
+    if not apart.any() and not _beyond(normalised, limit):
         return record, apart
     refused = record.tried(np.zeros_like(apart), hypotheses.HYPOTHESES[:1], limit=limit).skipped
     if 0 < refused.mean() <= MOST and not _clustered(record.imu.time[record.samples], refused):
@@ -180,6 +176,26 @@ def _without_outliers(
             return record, before
         apart |= before
     return (record.without(apart, known) if apart.any() else record), apart
+
+
+def may_have_outliers(nu: FloatArray, S: FloatArray) -> bool:
+    """Return whether there may be outliers among some innovations (m, 6) with covariances S (m, 6, 6)."""
+    normalised = _normalised(np.nan_to_num(nu), S)
+    apart = outliers(normalised, settled=NEIGHBOURS // 2)
+    return bool(apart.any()) or _beyond(normalised, _limit(normalised))
+
+
+def _limit(normalised: FloatArray) -> float:
+    """Return the square of three components beyond which an innovation may be an outlier."""
+    if not normalised.size:
+        return OUTLYING
+    usual = float(np.median(np.sum(normalised**2, axis=1), axis=0)) / MEDIAN_SQUARE
+    return OUTLYING * max(usual, 1.0)
+
+
+def _beyond(normalised: FloatArray, limit: float) -> bool:
+    """Return whether a position or a velocity innovation exceeds the limit."""
+    return bool((np.sum(normalised.reshape(-1, 2, 3) ** 2, axis=2) > limit).any())
 
 
 def _clustered(times: FloatArray, which: NDArray[np.bool_]) -> bool:

@@ -41,6 +41,12 @@ def outliers(errors: FloatArray, settled: int = 0) -> NDArray[np.bool_]:
         found[new] = True
 
 
+def _middle(values: FloatArray) -> FloatArray:
+    """Return the medians (k, m) of values (k, m, n): of few values each, sorting them is fastest."""
+    ordered, n = np.sort(values, axis=-1), values.shape[-1]
+    return np.asarray(0.5 * (ordered[..., (n - 1) // 2] + ordered[..., n // 2]))
+
+
 def _apart(errors: FloatArray) -> NDArray[np.bool_]:
     """Return which errors (m,) stand out from those around them."""
     count = errors.shape[0]
@@ -50,10 +56,10 @@ def _apart(errors: FloatArray) -> NDArray[np.bool_]:
     first = np.clip(np.arange(count) - half, 0, count - NEIGHBOURS - 1)
     around = first[:, None] + np.arange(NEIGHBOURS)
     around += around >= np.arange(count)[:, None]
-    apart = errors - np.median(errors[around], axis=1)
+    apart = errors - _middle(errors.T[:, around]).T
     squares = np.sum(apart.reshape(count, 2, 3) ** 2, axis=2)
     usual = np.median(squares, axis=0)
     for side in (around[:, :half], around[:, half:]):
-        usual = np.maximum(usual, np.median(squares[side], axis=1))
+        usual = np.maximum(usual, _middle(squares.T[:, side]).T)
     middle, limit = chi_square_interval(3, 1, 0.0)[0], chi_square_interval(3, 1, 1 - 2 * CHANCE)[1]
     return np.asarray((squares > limit * np.maximum(usual / middle, 1.0)).any(axis=1))

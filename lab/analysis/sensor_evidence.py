@@ -127,6 +127,30 @@ class SensorErrors(Sum):
     drive: Kept
 
 
+class Exact(NamedTuple):
+    """The true motion, averaged over windows.
+
+    Attributes
+    ----------
+    dt : float
+        Time between samples [s].
+    width : int
+        Number of samples in a window.
+    moved : (windows, 6) array
+        Mean rates and specific forces [rad/s], [m/s²].
+    fall : (windows, 6) array
+        What they lose per second, by the samples at the ends of each window.
+    temperature : (windows,) array
+        Mean temperature [°C]; zero if it is constant.
+    """
+
+    dt: float
+    width: int
+    moved: FloatArray
+    fall: FloatArray
+    temperature: FloatArray
+
+
 class _Axis(NamedTuple):
     """The errors of an axis of a sensor, summed over windows of a length [s]."""
 
@@ -138,7 +162,9 @@ class _Axis(NamedTuple):
     clipped: NDArray[np.bool_]
 
 
-def sensor_errors(belief: Belief, imu: Imu, reference: Reference) -> SensorErrors:
+def sensor_errors(
+    belief: Belief, imu: Imu, reference: Reference, true: tuple[Exact, Exact] | None = None
+) -> SensorErrors:
     """Return the errors that the sensors of a run added.
 
     Parameters
@@ -149,6 +175,8 @@ def sensor_errors(belief: Belief, imu: Imu, reference: Reference) -> SensorError
         Output of the sensors.
     reference
         True values.
+    true
+        The true motion as from `exacts`, which is that of all runs of a flight.
     """
     runs, drives = 1, FACTORS.size + 2
     terms = len(MOTION)
@@ -158,11 +186,12 @@ def sensor_errors(belief: Belief, imu: Imu, reference: Reference) -> SensorError
     clipped = Squares(np.zeros(2), np.zeros(2))
     drift_matrix, drift_vector = np.zeros((runs, 6, drives, 4, 4)), np.zeros((runs, 6, drives, 4))
     drift_squares, determinant = np.zeros((runs, 6, drives)), np.zeros((runs, 6, drives))
-    has_scale = reference.scale is not None
-    window = max(WINDOW, float(imu.time[-1] - imu.time[0]) / LONGEST)
+    short, long = true or exacts(reference, imu.time)
+    sums = _sums(imu, reference, short)
+    of_long = sums if long is short else _sums(imu, reference, long)
     for axis in np.flatnonzero(belief.noise[:6] > 0):
-        seen = _axis(imu, reference, int(axis), WINDOW, has_scale)
-        wide = seen if window == WINDOW else _axis(imu, reference, int(axis), window, has_scale)
+        seen = _axis(imu, reference, int(axis), short, sums)
+        wide = seen if long is short else _axis(imu, reference, int(axis), long, of_long)
         root = np.sqrt(belief.noise[axis] / seen.window)
         noise, motion = seen.noise / root, seen.motion / root
         kept = ~seen.clipped
@@ -190,74 +219,139 @@ def sensor_errors(belief: Belief, imu: Imu, reference: Reference) -> SensorError
     )
 
 
-def _axis(imu: Imu, reference: Reference, axis: int, window: float, has_scale: bool) -> _Axis:
+def exacts(reference: Reference, time: FloatArray) -> tuple[Exact, Exact]:
+    """Return the true motion in the windows of the tests of the noise, and of the bias; see `exact`."""
+    window = max(WINDOW, float(time[-1] - time[0]) / LONGEST)
+    short = exact(reference, time)
+    return short, short if window == WINDOW else exact(reference, time, window)
+
+
+def exact(reference: Reference, time: FloatArray, window: float = 0.0) -> Exact:
+    """Return the true motion, averaged over windows.
+
+    Parameters
+    ----------
+    reference
+        The truth; its biases and scale factors have no effect.
+    time : (n + 1,) array
+        Times of the IMU samples [s].
+    window
+        Length of the windows [s]; 0 for that of the test of the noise.
+    """
+    dt, samples = float(np.mean(np.diff(time))), reference.dtheta.shape[0]
+    width = min(max(1, round((window or WINDOW) / dt)), samples)
+    count, few = samples // width, max(1, width // ENDS)
+    moved, fall = np.empty((count, 6)), np.empty((count, 6))
+    for sensor, true in enumerate((reference.dtheta, reference.dvelocity)):
+        own = slice(3 * sensor, 3 * sensor + 3)
+        moved[:, own] = _means(partial(_taken, true), count, width) / dt
+        first, last = (
+            np.mean([true[at : count * width : width] for at in ends], axis=0, dtype=np.float64) / dt
+            for ends in (range(few), range(width - few, width))
+        )
+        fall[:, own] = (first - last) / (width * dt)
+    temperature = reference.temperature
+    warm = np.zeros(count) if temperature is None else _means(partial(_taken, temperature), count, width)
+    return Exact(dt, width, moved, fall, warm)
+
+
+def _taken(values: FloatArray, part: slice) -> FloatArray:
+    return values[part]
+
+
+def _means(values: Callable[[slice], FloatArray], count: int, width: int) -> FloatArray:
+    """Return the means over `count` windows of values, which are computed in blocks of samples."""
+    means, at_once = [], max(AT_ONCE // width, 1)
+    for first in range(0, count, at_once):
+        last = min(first + at_once, count)
+        part = values(slice(first * width, last * width))
+        means.append(_mean(part.reshape(last - first, width, *part.shape[1:])))
+    return np.concatenate(means)
+
+
+def _mean(windows: FloatArray) -> FloatArray:
+    """Return the means (count, …) of values (count, width, …); constant ones are not summed."""
+    if windows.strides[0] == windows.strides[1] == 0:
+        return np.asarray(windows[:, 0], dtype=np.float64)
+    return np.asarray(windows.mean(axis=1, dtype=np.float64))
+
+
+class _Sums(NamedTuple):
+    """What the sensors of a run added, averaged over windows: (windows, 6) each."""
+
+    noise: FloatArray  # besides the bias
+    bias: FloatArray
+
+
+def _sums(imu: Imu, reference: Reference, true: Exact) -> _Sums:
+    """Return what the sensors of a run added."""
+    noise, biases = np.empty(true.moved.shape), np.empty(true.moved.shape)
+    for sensor, measured in enumerate((imu.dtheta, imu.dvelocity)):
+        own = slice(3 * sensor, 3 * sensor + 3)
+
+        def means(values: Callable[[slice], FloatArray]) -> FloatArray:
+            return _means(values, true.moved.shape[0], true.width)
+
+        bias, moved = reference.bias[1:, own], true.moved[:, own]
+        biases[:, own] = means(partial(_taken, bias))
+        noise[:, own] = means(partial(_taken, measured)) / true.dt
+        noise[:, own] -= moved + biases[:, own]
+        if reference.of_states is not None:
+            noise[:, own] -= means(partial(_taken, reference.of_states[:, own]))
+        if reference.scale is not None:  # scale factors are states, with known true values
+            scale = reference.scale[1:, own]
+            if scale.strides[0] == bias.strides[0] == 0:
+                noise[:, own] -= scale[:1] * (moved + biases[:, own])
+                continue
+            exact = (reference.dtheta, reference.dvelocity)[sensor]
+
+            def by_scale(
+                part: slice, scale: FloatArray = scale, exact: FloatArray = exact, bias: FloatArray = bias
+            ) -> FloatArray:
+                return np.asarray(scale[part] * (exact[part].astype(np.float64) / true.dt + bias[part]))
+
+            noise[:, own] -= means(by_scale)
+    return _Sums(noise, biases)
+
+
+def _axis(imu: Imu, reference: Reference, axis: int, true: Exact, sums: _Sums) -> _Axis:
     """Return the errors of an axis, averaged over windows."""
     sensor, own = divmod(axis, 3)
-    measured, true = ((imu.dtheta, reference.dtheta), (imu.dvelocity, reference.dvelocity))[sensor]
-    dt = float(np.mean(np.diff(imu.time)))
-    width = min(max(1, round(window / dt)), true.shape[0])
-    count = true.shape[0] // width
-
-    def mean(values: Callable[[slice], FloatArray]) -> FloatArray:
-        """Return the means (count,) over the windows of values that are computed in blocks of samples."""
-        means, at_once = np.empty(count), max(AT_ONCE // width, 1)
-        for first in range(0, count, at_once):
-            last = min(first + at_once, count)
-            part = values(slice(first * width, last * width)).reshape(last - first, width)
-            means[first:last] = part.mean(axis=1, dtype=np.float64)
-        return means
-
-    def moving(column: int, part: slice) -> FloatArray:
-        """Return a true rate or force plus the bias of the sensor."""
-        bias = reference.bias[1:, 3 * sensor + column]
-        return true[part, column].astype(np.float64, copy=False) / dt + bias[part]
-
-    def added_in(part: slice) -> FloatArray:
-        """Return the errors of the axis besides its bias."""
-        exact = true[part, own].astype(np.float64, copy=False)
-        added = (
-            measured[part, own].astype(np.float64, copy=False) / dt
-            - exact / dt
-            - reference.bias[1:, axis][part]
-        )
-        if has_scale and reference.scale is not None:  # scale factors are states, with known true values
-            added = added - reference.scale[1:, axis][part] * moving(own, part)
-        if reference.of_states is not None:
-            added = added - reference.of_states[:, axis][part]
-        return np.asarray(added)
-
-    added = mean(added_in)
+    count, width, dt = true.moved.shape[0], true.width, true.dt
+    added = sums.noise[:, axis]
     motion = np.empty((count, len(MOTION)))
     for column in range(3):
-        motion[:, column] = mean(partial(moving, (own + column) % 3))
-    motion[:, 3:] = _lag(true[: count * width, own] / dt, added, count, dt)
+        other = 3 * sensor + (own + column) % 3
+        motion[:, column] = true.moved[:, other] + sums.bias[:, other]
+    increments = (reference.dtheta, reference.dvelocity)[sensor]
+    motion[:, 3:] = _lag(lambda: increments[: count * width, own] / dt, added, true.fall[:, axis], dt)
     drift = np.empty((count, 4))
     drift[:, 0], drift[:, 1] = 1.0, (np.arange(count) + 0.5) * width * dt
-    temperature = reference.temperature
-    drift[:, 2] = 0.0 if temperature is None else mean(lambda part: temperature[part])
-    drift[:, 3] = 0.0 if sensor else mean(lambda part: reference.dvelocity[part, own]) / dt
-    bias = mean(lambda part: reference.bias[1:, axis][part])
+    drift[:, 2] = true.temperature
+    drift[:, 3] = 0.0 if sensor else true.moved[:, 3 + own]
     clipped = np.zeros(count, dtype=np.bool_)
     if reference.saturated[sensor]:
+        measured = (imu.dtheta, imu.dvelocity)[sensor]
         size = np.abs(measured[: count * width, own])
         at_end = size >= np.abs(measured).max() * (1 - 1e-9)
         clipped = at_end.reshape(count, width).any(axis=1)
-    return _Axis(width * dt, added, bias, motion, drift, clipped)
+    return _Axis(width * dt, added, sums.bias[:, axis], motion, drift, clipped)
 
 
-def _lag(values: FloatArray, added: FloatArray, windows: int, dt: float) -> FloatArray:
+def _lag(moved: Callable[[], FloatArray], added: FloatArray, fall: FloatArray, dt: float) -> FloatArray:
     """Return the effect of a first-order lag on values, per second of lag, and of a longer lag (windows, 2).
 
     The lag that fits the `added` errors is determined first, because a long lag has effects beyond the slope.
+    `moved` returns the values, and `fall` is minus their mean slope in each window.
     """
-    parts = values.reshape(windows, -1)
-    few = max(1, parts.shape[1] // ENDS)
-    fall = (parts[:, :few].mean(axis=1) - parts[:, -few:].mean(axis=1)) / (parts.shape[1] * dt)
+    windows = fall.size
     lag = _fitted(fall, added)
     if lag < SHORT:
         return np.stack((fall, np.zeros(windows)), axis=-1)
 
     from scipy.signal import lfilter  # noqa: PLC0415 - takes long to import, and few sensors lag so much
+
+    values = moved()
 
     def effect(lag: float) -> FloatArray:
         forget = float(np.exp(-dt / lag))
@@ -298,8 +392,8 @@ def _drift(
     weight = 1 / variance
     return (
         own / base,
-        np.einsum("dw,wi,wj->dij", weight, causes, causes),
-        np.einsum("dw,wi,w->di", weight, causes, values),
+        (weight @ (causes[:, :, None] * causes[:, None, :]).reshape(len(causes), -1)).reshape(-1, 4, 4),
+        weight @ (causes * values[:, None]),
         np.asarray(weight @ values**2),
         np.asarray(np.log(variance / white).sum(axis=1)),
     )

@@ -70,9 +70,9 @@ class Number:
         """Return what there is to say of an answer."""
         if answer is None:
             return Outcome(None, self.question)
-        if isinstance(answer, bool) or not isinstance(answer, Real) or not math.isfinite(answer):
+        value = _finite(answer)
+        if math.isnan(value):
             return Outcome(False, f"The answer is a number. {self.question}")
-        value = float(answer)
         if abs(value - self.right) <= self.tolerance:
             return Outcome(True, self.because)
         for mistake, help_for_it in self.mistakes.items():
@@ -131,3 +131,14 @@ class Choice:
 
 
 Exercise = Number | Choice
+
+
+def _finite(answer: object) -> float:
+    """Return an answer as a number; NaN if it is none, not finite, or too large."""
+    if isinstance(answer, bool) or not isinstance(answer, Real):
+        return math.nan
+    try:
+        value = float(answer)
+    except OverflowError:
+        return math.nan
+    return value if math.isfinite(value) else math.nan

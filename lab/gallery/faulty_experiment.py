@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from typing import Self
 
-from lab.experiment import Computation, Experiment, Flight, Progress
+from lab.experiment import Experiment, Flight, Progress, Stages
 from lab.gallery.faults import Fault
 from lab.missions import LogMission, Mission, mission
 from lab.navigation.algorithm import Algorithm
@@ -67,7 +67,7 @@ class FaultyExperiment(Experiment):
         return _Faulty(settings, found, tell, self._fault, algorithm).result()
 
 
-class _Faulty(Computation):
+class _Faulty(Stages):
     """A computation whose sensors, or whose filter, have a fault."""
 
     def __init__(
@@ -82,7 +82,7 @@ class _Faulty(Computation):
         real = Experiment().update(experiment.to_dict())
         for path, value in fault.sensors.items():
             real.set(f"sensors.{path}", value)
-        self._real = Computation(real, found, progress)
+        self._real = Stages(real, found, progress)
         self._fault = fault
         self.hidden = fault.title
 

@@ -39,6 +39,7 @@ from lab.live.live_view import phase_of, state_of
 from lab.live.ring import Cursor
 from lab.live.source import Source
 from lab.live.source_status import Event
+from lab.live.stream_settings import stream_settings
 from lab.logs.auxiliary_data import AuxiliaryData
 from lab.logs.sensor_log import GnssLog, SensorLog
 from lab.navigation.alignment import Alignment
@@ -50,7 +51,7 @@ from lab.navigation.recorded import start_covariance
 from lab.navigation.schedule import EVERY_FIX
 from lab.navigation.settings import NavigatorSettings
 from lab.recordings.mission_error import MissionError
-from lab.sensors.suite import OTHER_SENSORS, SensorSuite
+from lab.sensors.suite import SensorSuite
 from lab.settings import SettingError
 
 FloatArray = NDArray[np.float64]
@@ -71,18 +72,6 @@ SOON: Final = 1.0
 least 2 s apart."""
 GAPS: Final = 1000
 """Gaps that are remembered."""
-
-
-OTHER_STATES = (
-    "estimate_misalignments",
-    "estimate_bias_drift",
-    "estimate_gps_drift",
-    "estimate_lever_arm",
-    "estimate_latency",
-    "no_slip",
-    "zero_velocity",
-)
-"""Settings of the navigator for further states and measurements, which have no effect on a stream."""
 
 
 class LiveNavigator:
@@ -124,13 +113,7 @@ class LiveNavigator:
                 "whole logs only; accepted for a stream are the models phi, psi and invariant, and engine = "
                 "compiled"
             )
-        # A stream has neither other sensors nor further states.
-        sensors, navigator = sensors.copy(), navigator.copy()
-        for sensor in OTHER_SENSORS:
-            sensors.set(f"{sensor}.fitted", False)
-        for path in OTHER_STATES:
-            navigator.set(path, False)
-        navigator.own_states = ""
+        sensors, navigator = stream_settings(sensors, navigator)
         self._sensors, self._navigator, self._place = sensors, navigator, place
         self._kept = max(kept, LEAST_KEPT)
         self._model = chosen_model(navigator)

@@ -9,6 +9,7 @@ from pathlib import Path
 from lab.analysis.verdict import Verdict
 from lab.cache import StageCache
 from lab.experiment import Experiment
+from lab.live.stream_settings import stream_settings
 from lab.log_run import run_log
 from lab.logs.sensor_log import SensorLog
 from lab.missions.log_mission import LogMission
@@ -70,5 +71,8 @@ def batch_of(log: SensorLog, sensors: SensorSuite, navigator: NavigatorSettings)
 
 
 def verdict_of(log: SensorLog, sensors: SensorSuite, navigator: NavigatorSettings) -> Verdict:
-    """Return the verdict on the log of a stream; arguments and exceptions as of `batch_of`."""
-    return batch_of(log, sensors, navigator).verdict
+    """Return the verdict on the log of a stream; arguments and exceptions as of `batch_of`.
+
+    Settings that do not hold for a stream have no effect (`lab.live.stream_settings`).
+    """
+    return batch_of(log, *stream_settings(sensors, navigator)).verdict

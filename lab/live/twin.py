@@ -25,6 +25,7 @@ from lab.analysis.rest import Record
 from lab.live.live_log import log_of
 from lab.live.live_verdict import batch_of
 from lab.live.simulated_flight import REST, SimulatedFlight
+from lab.live.stream_settings import stream_settings
 from lab.live.stream_statistics import LEAST_HZ, Spectrum, StreamStatistics, of_log, of_rest
 from lab.logs.sensor_log import SensorLog
 from lab.navigation.settings import NavigatorSettings
@@ -125,7 +126,7 @@ def twin_of(
     log
         The stream, with fixes.
     sensors, navigator
-        The sensors that are simulated, and the filter of both.
+        The sensors that are simulated, and the filter of both, as far as they hold for a stream.
     seed
         Of the first simulation.
     progress
@@ -138,6 +139,7 @@ def twin_of(
     """
     tell = progress or (lambda _words, _part: None)
     tell("Navigating the stream", 0.0)
+    sensors, navigator = stream_settings(sensors, navigator)
     smoothing = NavigatorSettings()
     smoothing.update({**navigator.to_dict(), "smoother": True})
     motion = _motion(batch_of(log, sensors, smoothing))

@@ -18,7 +18,7 @@ import itertools
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, cast
 
 import numba
 import numpy as np
@@ -75,7 +75,9 @@ class OwnStates:
 
 
 _DECLARED: dict[str, OwnStates] = {}
+"""The declarations of this process by name; the last one of each name counts."""
 _NUMBERS = itertools.count(1)
+"""Numbers of the declarations, for the names of their blocks."""
 
 
 def declare_states(
@@ -172,6 +174,11 @@ def _each(name: str, what: str, value: float | Sequence[float], k: int) -> Float
     return np.array(np.broadcast_to(values, (k,)))
 
 
+def _compiled(effect: Effect) -> Effect:
+    """Return an effect compiled, for kernels."""
+    return cast(Effect, numba.njit(effect))
+
+
 def _check_effect(own: OwnStates) -> None:
     """Raise `SettingError` if an effect cannot be computed."""
     rate, force = (0.1, -0.2, 0.3), (1.0, -2.0, -9.8)
@@ -179,7 +186,7 @@ def _check_effect(own: OwnStates) -> None:
     try:
         own.effect(rate, force, E)
         compiled = np.zeros((own.size, own_room.WIDTH)).T
-        numba.njit(own.effect)(rate, force, compiled)
+        _compiled(own.effect)(rate, force, compiled)
     except Exception as error:
         reason = str(error).strip().splitlines() or [type(error).__name__]
         raise SettingError(
@@ -265,7 +272,7 @@ def _write_nothing(state: FloatArray, rate: Vector, force: Vector) -> None:
 def _writing(own: OwnStates, at: int, before: Callable[..., None]) -> Callable[..., None]:
     """Return the kernel that writes the effects of declared states, the first at `at`, after those before."""
     first, size = own_room.EFFECTS + own_room.WIDTH * at, own.size
-    last, effect = first + own_room.WIDTH * size, numba.njit(own.effect)
+    last, effect = first + own_room.WIDTH * size, _compiled(own.effect)
 
     @inline_kernel
     @named(own.block)

@@ -97,8 +97,16 @@ def layout(names: Sequence[str]) -> Layout:
 _FIFTEEN = layout(())
 STATES, WIDTH, X, DRIVEN, SCALES, PLACES, OWN, OWN_SIZE = _FIFTEEN[:8]
 """Sizes of the layout for which the kernels are written; see `Layout`."""
-GYRO_MISALIGNMENT, GYRO_DRIFT, GPS_DRIFT = _FIFTEEN[8:11]
-BAROMETER_BIAS, HEADING_BIAS, LEVER_ARM, LATENCY, ODOMETER_SCALE = _FIFTEEN[11:]
+(
+    GYRO_MISALIGNMENT,
+    GYRO_DRIFT,
+    GPS_DRIFT,
+    BAROMETER_BIAS,
+    HEADING_BIAS,
+    LEVER_ARM,
+    LATENCY,
+    ODOMETER_SCALE,
+) = _FIFTEEN[8:]
 """First states of the further blocks in this layout, which has none of them."""
 WRITTEN_FOR = _FIFTEEN._asdict()
 """The layout by names; see `compilation.rebound_throughout` for others."""

@@ -45,8 +45,7 @@ from lab.sensors.imu_errors import OFF_DIAGONAL
 
 FloatArray = NDArray[np.float64]
 
-ACCEL = slice(strapdown.ACCEL_BIAS, strapdown.ACCEL_BIAS + 3)
-ACCEL_DRIFT = slice(strapdown.ACCEL_DRIFT, strapdown.ACCEL_DRIFT + 3)
+ACCEL, ACCEL_DRIFT = (slice(at, at + 3) for at in (strapdown.ACCEL_BIAS, strapdown.ACCEL_DRIFT))
 """Both parts of the accelerometer biases in the state of the navigator."""
 
 
@@ -378,12 +377,15 @@ def _without_own(
 
 
 def _aligned(state: FloatArray, scaled: FloatArray, scale: FloatArray) -> FloatArray:
-    """Return measured rates (3,), divided by their scale factors, without their misalignments."""
-    M = np.eye(3)
+    """Return measured rates (3,), divided by their scale factors, without their misalignments.
+
+    To third order, as in the strapdown: (I + M)⁻¹ ≈ I − M + M².
+    """
+    M = np.zeros((3, 3))
     for pair, part in zip(OFF_DIAGONAL, _get(state, strapdown.GYRO_MISALIGNMENT, 6), strict=True):
         row, column = ("xyz".index(axis) for axis in pair)
         M[row, column] = part / (1 + scale[row])
-    return np.asarray(np.linalg.solve(M, scaled))
+    return np.asarray(scaled - M @ (scaled - M @ scaled))
 
 
 def _of_receiver(state: FloatArray, H: FloatArray, names: tuple[str, ...]) -> FloatArray:

@@ -139,10 +139,10 @@ def measure(
     """
     memory = Memory() if memory is None else memory
     bias = turn_on_bias(errors, draws) + drift(errors, draws, dt, memory)
-    bias = bias + induced_bias(errors, environment, dt)
-    bias = np.broadcast_to(bias, ideal.shape)
+    drifting = bias + induced_bias(errors, environment, dt)
+    bias = np.broadcast_to(drifting, ideal.shape)
     M = cross_coupling(errors, draws)
-    biased = ideal + bias * dt
+    biased = ideal + drifting * dt
     increments = biased @ (np.eye(3) + M).T if M.any() else biased
     scale, by_temperature = np.diag(M), si(errors, "scale_temperature")
     if by_temperature.any():
@@ -152,8 +152,10 @@ def measure(
     increments += si(errors, "noise_density") * np.sqrt(dt) * draws.noise
     _lag(increments, settled, si(errors, "bandwidth") * dt, memory.lag)
     limit = float(si(errors, "range")) * dt
-    saturated = int(np.count_nonzero(np.abs(increments) > limit))
-    np.clip(increments, -limit, limit, out=increments)
+    saturated = 0
+    if increments.max() > limit or increments.min() < -limit:
+        saturated = int(np.count_nonzero(np.abs(increments) > limit))
+        np.clip(increments, -limit, limit, out=increments)
     _quantise(increments, si(errors, "quantisation") * dt)
     return Measured(increments, bias, np.broadcast_to(scale, ideal.shape), saturated)
 

@@ -108,7 +108,10 @@ class AttitudeFigure:
         nothing: dict[str, list[object]] = {"xs": [], "ys": [], "colour": []}
         self._faces = ColumnDataSource(nothing, name="attitude")
         self._title_number, self._face_number = parcel.number(self._title), parcel.number(self._faces)
-        fig.patches("xs", "ys", source=self._faces, fill_color="colour", line_color="colour", line_width=0.5)
+        fig.patches(
+            "xs", "ys", source=self._faces, fill_color="colour", line_color="colour", line_width=0.5,
+            level="overlay",
+        )  # fmt: skip
 
     def _draw_rose(self) -> None:
         """Draw the level plane below the vehicle, with its cardinal points."""
@@ -125,7 +128,7 @@ class AttitudeFigure:
             text_font_size="12px",
         )  # fmt: skip
 
-    def show(self, euler: FloatArray | None, words: str = "") -> None:
+    def show(self, euler: FloatArray | None, words: str = "", *, title: bool = True) -> None:
         """Draw an attitude.
 
         Parameters
@@ -134,14 +137,17 @@ class AttitudeFigure:
             Roll, pitch, heading [rad]; None if unknown.
         words
             Behind the numbers of the title.
+        title
+            Whether the title is renewed, with which a browser paints the whole figure.
         """
         if euler is None or not np.isfinite(euler).all():
             self._parcel.set(self._title_number, text="Attitude: unknown")
             self._parcel.set(self._face_number, data={"xs": [], "ys": [], "colour": []})
             return
-        roll, pitch, heading = np.degrees(euler)
-        numbers = f"Roll {roll:.1f}°, pitch {pitch:.1f}°, heading {heading % 360:.1f}°"
-        self._parcel.set(self._title_number, text=f"{numbers}{words}")
+        if title:
+            roll, pitch, heading = np.degrees(euler)
+            numbers = f"Roll {roll:.1f}°, pitch {pitch:.1f}°, heading {heading % 360:.1f}°"
+            self._parcel.set(self._title_number, text=f"{numbers}{words}")
         self._parcel.set(self._face_number, data=drawn(SHAPES[self._shape], euler))
 
 

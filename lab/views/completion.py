@@ -16,6 +16,8 @@ if TYPE_CHECKING:
 
 _ATTRIBUTE = re.compile(r"(\w+(?:\.\w+)*)\.(\w*)")
 _PATH = re.compile(r"(\w+(?:\.\w+)*)\.(?:get|set|sweep)\([^)]*[\"']([\w.]*)$")
+WIDE = 40
+"""Most characters of a kind, beside which the names have room."""
 _BACK = 2000
 """Characters before the cursor among which the call is searched: more than such a call has."""
 
@@ -59,9 +61,15 @@ def completions(token: str, text: str, names: Mapping[str, Any]) -> dict[str, An
     else:
         found = []
     return {
-        "completions": [SimpleCompletion(word, type=kind) for word, kind in found],
+        "completions": [SimpleCompletion(word, type=in_one_line(kind)) for word, kind in found],
         "suppress": bool(found),
     }
+
+
+def in_one_line(kind: str) -> str:
+    """Return a kind for JupyterLab, which breaks lines at spaces, no longer than `WIDE`."""
+    short = kind if len(kind) <= WIDE else f"{kind[: WIDE - 1]}…"
+    return short.replace(" ", "\N{NO-BREAK SPACE}")
 
 
 def _settings(expression: str, names: Mapping[str, Any]) -> Settings | None:

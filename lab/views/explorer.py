@@ -25,12 +25,12 @@ from lab.views.quantities import (
     SCALE_ERRORS,
     SENSOR_ERRORS,
     TEMPERATURE,
-    TimePlot,
     aid_plots,
     further_plots,
     kinds_of,
     with_scale,
 )
+from lab.views.time_plot import TimePlot
 from lab.views.track import TrackFigure
 
 if TYPE_CHECKING:
@@ -91,10 +91,8 @@ class Explorer:
         self.cursor = pn.widgets.FloatSlider(
             label="Time cursor [s]", start=0.0, end=end, step=step, width=340
         )
-        self.tabs = pn.Tabs(
-            *((title, pn.Column(pn.Spacer(height=0))) for title in self._makers),
-            sizing_mode="stretch_width",
-        )
+        self._columns = [pn.Column(pn.Spacer(height=0)) for _ in self._makers]
+        self.tabs = pn.Tabs(*zip(self._makers, self._columns, strict=True), sizing_mode="stretch_width")
         for widget, name, react in (
             (self.window, "value_throttled", self._zoom),
             (self.cursor, "value", self._follow),
@@ -102,17 +100,9 @@ class Explorer:
         ):
             widget.param.watch(lambda _event, react=react: react(), name)
         self._open()
+        words = (f"**{result.mission.title or result.mission.name}**", f"{end:.0f} s", result.realisation)
         self.view = pn.Column(
-            ", ".join(
-                filter(
-                    None,
-                    (
-                        f"**{result.mission.title or result.mission.name}**",
-                        f"{end:.0f} s",
-                        result.realisation,
-                    ),
-                )
-            ),
+            ", ".join(word for word in words if word),
             pn.Row(self.window, self.cursor),
             self.tabs,
             sizing_mode="stretch_width",
@@ -126,7 +116,7 @@ class Explorer:
             tab.draw()
             tab.follow(self.axis.time)
             self._made[active] = tab
-            self.tabs[active][:] = [grid(tab.figures, tab.row)]
+            self._columns[active][:] = [grid(tab.figures, tab.row)]
         else:
             self._redraw()
 
@@ -148,7 +138,7 @@ class Explorer:
 
     def _send(self) -> None:
         """Send the changes of the figures to a notebook; a server sends them by itself."""
-        pn.io.push_notebook(*self.tabs[self.tabs.active].objects)
+        pn.io.push_notebook(*self._columns[self.tabs.active])
 
 
 def tabs_of(result: Result, axis: TimeAxis) -> dict[str, Callable[[], Tab]]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from functools import partial
-from typing import TYPE_CHECKING, Any, get_args
+from typing import TYPE_CHECKING, Any
 from weakref import ref
 
 import numpy as np
@@ -24,7 +24,8 @@ from bokeh.plotting import figure
 from lab.run import Run
 from lab.views.envelope import SMALLEST_DRAWN, FloatArray, envelope, envelope_in_parts, limits
 from lab.views.legend import add_legend
-from lab.views.quantities import AID_CLOCKS, CURSOR, Band, Clock, Curve, TimePlot, times_of_aid
+from lab.views.quantities import CURSOR, times_of_aid
+from lab.views.time_plot import AID_CLOCKS, CLOCKS, Band, Clock, Curve, TimePlot
 
 if TYPE_CHECKING:
     from lab.ensemble import Ensemble
@@ -185,7 +186,7 @@ class TimeFigures:
         self._ready: (
             tuple[ref[Result | Ensemble], tuple[float, float], dict[Clock, dict[str, FloatArray]]] | None
         ) = None
-        for clock in get_args(Clock):
+        for clock in CLOCKS:
             names = [name for plot in self.plots for name in _columns(plot, clock)]
             if names:
                 self._sources[clock] = Columns(("time", *names), f"{clock}:{self.plots[0].name}")

@@ -41,18 +41,18 @@ class LiveErrorFigures:
 
     def __init__(self, window: float) -> None:
         self.window = window
-        self._range = Range1d(start=-window, end=0.0, name="live error time")
+        ages = Range1d(start=window, end=0.0, name="live error ages")
         self._parcel = Parcel()
         self._plots = {
             (name, k): RollingPlot(
                 f"{axis.capitalize()} {'error' if name == 'attitude' else name + ' error'}",
-                unit, (_ERROR, _UPPER, _LOWER), self._range, self._parcel,
+                unit, (_ERROR, _UPPER, _LOWER), ages, self._parcel,
                 least=least, colours=(ESTIMATE, TRUTH, TRUTH), legend=_LEGEND,
             )
             for name, (unit, least, axes) in _PLOTS.items()
             for k, axis in enumerate(axes)
         }  # fmt: skip
-        self._time = self._parcel.number(self._range)
+        self._ages = self._parcel.number(ages)
         self._parcel.seal()
         self.figures: list[figure] = [plot.figure for plot in self._plots.values()]
         next(iter(self._plots.values())).source.tags = [self._parcel.carrier]
@@ -82,5 +82,16 @@ class LiveErrorFigures:
 
     def show(self, now: float) -> None:
         """Move the window to a time [s], and send what was added."""
-        self._parcel.set(self._time, start=now - self.window, end=now)
+        for plot in self._plots.values():
+            plot.move(now, self.window)
         self._parcel.send()
+
+    @property
+    def taken(self) -> bool:
+        """Whether the browser has drawn what was sent last."""
+        return self._parcel.taken
+
+    def widen(self, window: float) -> None:
+        """Show another length of time [s]."""
+        self.window = window
+        self._parcel.set(self._ages, start=window)

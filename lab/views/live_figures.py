@@ -71,13 +71,17 @@ class LiveTrack:
         self._path = ColumnDataSource(dict(nothing), name="live:track")
         self._fixes = ColumnDataSource(dict(nothing), name="live:fixes")
         self._now = ColumnDataSource({**nothing, "width": [], "height": []}, name="live:position")
-        fixes = self.figure.scatter("east", "north", source=self._fixes, color=FIXES, size=4, alpha=0.7)
-        path = self.figure.line("east", "north", source=self._path, color=ESTIMATE, line_width=2)
+        fixes = self.figure.scatter(
+            "east", "north", source=self._fixes, color=FIXES, size=4, alpha=0.7, level="overlay"
+        )
+        path = self.figure.line(
+            "east", "north", source=self._path, color=ESTIMATE, line_width=2, level="overlay"
+        )
         ellipse = self.figure.ellipse(
             "east", "north", "width", "height", source=self._now, fill_color=CURSOR, fill_alpha=0.2,
-            line_color=CURSOR,
+            line_color=CURSOR, level="overlay",
         )  # fmt: skip
-        here = self.figure.scatter("east", "north", source=self._now, color=CURSOR, size=6)
+        here = self.figure.scatter("east", "north", source=self._now, color=CURSOR, size=6, level="overlay")
         add_still_legend(self.figure, {"estimate": [path], "fixes": [fixes], "now with 3σ": [here, ellipse]})
         self._origin: FloatArray | None = None
         self._shown = (10.0, -10.0, -10.0)
@@ -122,7 +126,7 @@ class LiveTrack:
                 )
                 self._fit()
 
-    def show(self, position: FloatArray, sigma: FloatArray) -> None:
+    def show(self, position: FloatArray, sigma: FloatArray, *, words: bool) -> None:
         """Draw where it is now.
 
         Parameters
@@ -131,6 +135,8 @@ class LiveTrack:
             Latitude, longitude [rad], height [m]; NaN if unknown.
         sigma : (3,) array
             σ north, east, down [m].
+        words
+            Whether the title is renewed, with which a browser paints the whole figure.
         """
         if self._origin is None or not np.isfinite(position).all():
             self._show_none()
@@ -139,8 +145,9 @@ class LiveTrack:
         now, title = self._numbers[2:4]
         size = {"width": [6 * sigma[1]], "height": [6 * sigma[0]]}
         self._parcel.stream(now, {"east": east, "north": north, **size}, None)
-        words = f"σ {max(sigma[0], sigma[1]):.2g} m, height {position[2]:.1f} m"
-        self._parcel.set(title, text=f"Ground track: {words}")
+        if words:
+            numbers = f"σ {max(sigma[0], sigma[1]):.2g} m, height {position[2]:.1f} m"
+            self._parcel.set(title, text=f"Ground track: {numbers}")
 
     def _metres(self, rows: FloatArray) -> tuple[FloatArray, FloatArray]:
         assert self._origin is not None
@@ -186,18 +193,15 @@ class LiveFigures:
     def __init__(self, shape: Shape = "aircraft") -> None:
         self.window = WINDOWS["20 s"]
         self._parcel = parcel = Parcel()
-        self._ranges = [
-            Range1d(start=-self.window, end=0.0, name=f"live time {group}") for group in range(1 + _TURNS)
-        ]
-        x, first, second, third = self._ranges
-        self._rate = RollingPlot("Angular rate", "°/s", AXES, x, parcel, least=0.5)
-        self._force = RollingPlot("Specific force", "m/s²", AXES, x, parcel, least=0.5)
-        self._tilt = RollingPlot("Roll and pitch", "°", ANGLES[:2], first, parcel, least=1.0, group=1)
-        self._heading = RollingPlot("Heading", "°", ("heading",), first, parcel, least=5.0, group=1)
-        self._sigma = RollingPlot("σ of the attitude", "°", ANGLES, second, parcel, logarithmic=True, group=2)
-        self._velocity = RollingPlot("Velocity", "m/s", NORTH_EAST_DOWN, second, parcel, least=0.5, group=2)
+        self._range = ages = Range1d(start=self.window, end=0.0, name="live ages")
+        self._rate = RollingPlot("Angular rate", "°/s", AXES, ages, parcel, least=0.5)
+        self._force = RollingPlot("Specific force", "m/s²", AXES, ages, parcel, least=0.5)
+        self._tilt = RollingPlot("Roll and pitch", "°", ANGLES[:2], ages, parcel, least=1.0, group=1)
+        self._heading = RollingPlot("Heading", "°", ("heading",), ages, parcel, least=5.0, group=1)
+        self._sigma = RollingPlot("σ of the attitude", "°", ANGLES, ages, parcel, logarithmic=True, group=2)
+        self._velocity = RollingPlot("Velocity", "m/s", NORTH_EAST_DOWN, ages, parcel, least=0.5, group=2)
         self._innovation = RollingPlot(
-            "Innovations", "σ", INNOVATIONS, third, parcel, points=True, least=3.5, legend=_MEASURED, group=3
+            "Innovations", "σ", INNOVATIONS, ages, parcel, points=True, least=3.5, legend=_MEASURED, group=3
         )
         for limit in (-3.0, 3.0):
             self._innovation.figure.add_layout(
@@ -208,7 +212,7 @@ class LiveFigures:
         self._all = (
             self._rate, self._force, self._tilt, self._heading, self._sigma, self._velocity, self._innovation,
         )  # fmt: skip
-        self._times = [parcel.number(one, group) for group, one in enumerate(self._ranges)]
+        self._ages = parcel.number(ages)
         self._turn = 0
         parcel.seal()
         self._rate.source.tags = [parcel.carrier]
@@ -259,7 +263,7 @@ class LiveFigures:
         """Append fixes to the ground track, rows of `lab.live.timed.TIMED_FIX`."""
         self._track.add(np.empty((0, 3)), np.column_stack((fix["latitude"], fix["longitude"])))
 
-    def show(self, state: Any, now: float, *, whole: bool = True) -> None:
+    def show(self, state: Any, now: float, *, whole: bool = True, words: bool = True) -> None:
         """Draw the present, and move the window.
 
         Parameters
@@ -270,12 +274,24 @@ class LiveFigures:
             End of the window [s].
         whole
             Whether all figures are drawn. Otherwise rate, force and attitude are drawn, and the others take
-            turns: a browser paints nine figures in up to a tenth of a second.
+            turns: a browser paints nine figures in 30 to 50 ms, and five in 20 to 30 ms.
+        words
+            Whether the titles with numbers are renewed, with which a browser paints the whole figure.
         """
         relative = not np.isfinite(state.euler_sigma[2]) or state.euler_sigma[2] >= _UNKNOWN
-        self._attitude.show(state.euler, " (relative)" if relative else "")
-        self._track.show(state.position, state.position_sigma)
-        for time in self._times:
-            self._parcel.set(time, start=now - self.window, end=now)
+        self._attitude.show(state.euler, " (relative)" if relative else "", title=words)
+        self._track.show(state.position, state.position_sigma, words=words)
+        for one in self._all:
+            one.move(now, self.window)
         self._turn = (self._turn + 1) % _TURNS
         self._parcel.send(None if whole else (0, 1 + self._turn))
+
+    @property
+    def taken(self) -> bool:
+        """Whether the browser has drawn what was sent last."""
+        return self._parcel.taken
+
+    def widen(self, window: float) -> None:
+        """Show another length of time [s]."""
+        self.window = window
+        self._parcel.set(self._ages, start=window)

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import importlib
 import sys
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from html import escape
+from typing import Any
 
 Progress = Callable[[str, float], None]
 
@@ -23,22 +25,21 @@ def shown(progress: Progress | None) -> Iterator[Progress | None]:
     if progress is not None or not _in_notebook():
         yield progress
         return
-    from IPython.display import HTML, display  # noqa: PLC0415 - only a notebook shows a bar
-
-    begun, handles = time.monotonic(), []
+    display = importlib.import_module("IPython.display").display  # only a notebook shows a bar
+    begun, handles = time.monotonic(), list[Any]()
 
     def tell(words: str, fraction: float) -> None:
-        bar = HTML(f'<progress value="{fraction:.3f}" style="width:20em"></progress> {escape(words)}')
+        bar = f'<progress value="{fraction:.3f}" style="width:20em"></progress> {escape(words)}'
         if handles:
-            handles[0].update(bar)
+            handles[0].update({"text/html": bar}, raw=True)
         elif time.monotonic() - begun > QUIET and fraction < 1:
-            handles.append(display(bar, display_id=True))  # type: ignore[no-untyped-call]
+            handles.append(display({"text/html": bar}, raw=True, display_id=True))
 
     try:
         yield tell
     finally:
         for handle in handles:
-            handle.update(HTML(""))
+            handle.update({"text/html": ""}, raw=True)
 
 
 def _in_notebook() -> bool:

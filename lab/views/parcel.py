@@ -21,17 +21,32 @@ FloatArray = NDArray[np.float64]
 UNPACK = """
 const {what} = cb_obj.data;
 if (what.length > 0) {
-  const {streams, sets} = JSON.parse(what[0]);
+  const {streams, ages, sets} = JSON.parse(what[0]);
+  const changed = new Map();  // each source changes once
+  const dataOf = (model) => changed.get(model) ?? models[model].data;
   for (const [model, columns, rollover] of streams) {
-    const data = {};
-    for (const [name, values] of columns) data[name] = values.map((value) => value ?? NaN);
-    if (rollover == null) models[model].setv({data}, {sync: false});
-    else models[model].stream(data, rollover, {sync: false});
+    const before = dataOf(model), data = {...before};
+    for (const [name, values] of columns) {
+      const added = values.map((value) => value ?? NaN);
+      data[name] = rollover == null ? added : [...before[name], ...added].slice(-rollover);
+    }
+    changed.set(model, data);
   }
+  for (const [model, now, window] of ages) {
+    const {age, ...rows} = dataOf(model);
+    const shown = rows.time.findIndex((time) => time >= now - window);
+    const begin = Math.max(shown < 0 ? rows.time.length - 1 : shown - 1, 0);
+    const data = {};
+    for (const name in rows) data[name] = rows[name].slice(begin);
+    data.age = Array.from(data.time, (time) => now - time);
+    changed.set(model, data);
+  }
+  for (const [model, data] of changed) models[model].setv({data}, {sync: false});
   for (const [model, values] of sets) models[model].setv(values, {sync: false});
+  cb_obj.data = {what: []};  // the receipt
 }
 """
-"""Makes the changes in the browser, without sending them back."""
+"""Makes the changes in the browser, without sending them back, and empties the carrier as a receipt."""
 
 DECIMALS = 6
 """Decimals of the numbers: a microsecond, a micrometre, a millionth of a degree."""
@@ -51,6 +66,7 @@ class Parcel:
         self._models: list[Model] = []
         self._groups: list[int] = []
         self._streams: list[tuple[int, dict[str, FloatArray], int | None]] = []
+        self._ages: dict[int, tuple[float, float]] = {}
         self._sets: dict[int, dict[str, Any]] = {}
 
     def seal(self) -> None:
@@ -64,6 +80,11 @@ class Parcel:
         self._groups.append(group)
         return len(self._models) - 1
 
+    @property
+    def taken(self) -> bool:
+        """Whether the browser has made the changes that were sent last."""
+        return not self.carrier.data.get("what")
+
     def stream(self, model: int, columns: dict[str, Any], rollover: int | None) -> None:
         """Append rows of numbers to a source, or replace its data if `rollover` is None.
 
@@ -72,13 +93,27 @@ class Parcel:
         model
             Number of the source.
         columns
-            Columns of equal length.
+            Columns of equal length; of a source with ages, all but these.
         rollover
             Most rows that are kept.
         """
         self._streams.append(
             (model, {name: np.asarray(values, np.float64) for name, values in columns.items()}, rollover)
         )
+
+    def age(self, model: int, now: float, window: float) -> None:
+        """Set the column ``age`` of a source to how long before now its ``time`` is.
+
+        Parameters
+        ----------
+        model
+            Number of the source.
+        now
+            The present [s].
+        window
+            Age beyond which rows are dropped, but for one, to which the first line begins [s].
+        """
+        self._ages[model] = now, window
 
     def set(self, model: int, **values: Any) -> None:
         """Set properties of a model; their values go through JSON."""
@@ -94,34 +129,53 @@ class Parcel:
         """
         due = [groups is None or group in groups for group in self._groups]
         streams = [one for one in self._streams if due[one[0]]]
+        ages = {model: values for model, values in self._ages.items() if due[model]}
         sets = {model: values for model, values in self._sets.items() if due[model]}
         self._streams = [one for one in self._streams if not due[one[0]]]
+        self._ages = {model: values for model, values in self._ages.items() if not due[model]}
         self._sets = {model: values for model, values in self._sets.items() if not due[model]}
-        if not streams and not sets:
+        if not streams and not ages and not sets:
             return
         if self.carrier.document is None:
-            self._make(streams, sets)
+            self._make(streams, ages, sets)
             return
         parts = [
             (model, [(name, _plain(values)) for name, values in columns.items()], rollover)
             for model, columns, rollover in streams
         ]
-        self.carrier.data = {"what": [json.dumps({"streams": parts, "sets": list(sets.items())})]}
+        aged = [(model, *values) for model, values in ages.items()]
+        self.carrier.data = {
+            "what": [json.dumps({"streams": parts, "ages": aged, "sets": list(sets.items())})]
+        }
 
     def _make(
-        self, streams: list[tuple[int, dict[str, FloatArray], int | None]], sets: dict[int, dict[str, Any]]
+        self,
+        streams: list[tuple[int, dict[str, FloatArray], int | None]],
+        ages: dict[int, tuple[float, float]],
+        sets: dict[int, dict[str, Any]],
     ) -> None:
-        """Make the changes of models that no browser has yet."""
+        """Make the changes of models that no browser has yet, as `UNPACK` does."""
+        changed: dict[int, dict[str, Any]] = {}
         for number, columns, rollover in streams:
-            source = self._models[number]
-            assert isinstance(source, ColumnDataSource)
-            data: dict[str, Any] = dict(columns)
-            if rollover is None:
-                source.data = data
-            else:
-                source.stream(data, rollover)
+            data = changed.setdefault(number, self._data(number))
+            for name, values in columns.items():
+                data[name] = values if rollover is None else np.append(data[name], values)[-rollover:]
+        for number, (now, window) in ages.items():
+            data = changed.setdefault(number, self._data(number))
+            time = np.asarray(data["time"], np.float64)
+            begin = max(int(np.searchsorted(time, now - window)) - 1, 0)
+            data.update({name: values[begin:] for name, values in data.items() if name != "age"})
+            data["age"] = now - time[begin:]
+        for number, data in changed.items():
+            self._models[number].update(data=data)
         for number, properties in sets.items():
             self._models[number].update(**properties)
+
+    def _data(self, number: int) -> dict[str, Any]:
+        """Return a copy of the columns of a source."""
+        source = self._models[number]
+        assert isinstance(source, ColumnDataSource)
+        return dict(source.data)
 
 
 def _plain(values: FloatArray) -> list[float | None]:

@@ -15,7 +15,6 @@ import panel as pn
 
 from lab.views.envelope import envelope, limits, thin_path
 from lab.views.quantities import (
-    AID_CLOCKS,
     AXIS_COLOURS,
     CONSISTENCY,
     COVARIANCE,
@@ -30,14 +29,13 @@ from lab.views.quantities import (
     SENSOR_ERRORS,
     TEMPERATURE,
     TRUTH,
-    Curve,
-    TimePlot,
     aid_plots,
     further_plots,
     kinds_of,
     times_of_aid,
     with_scale,
 )
+from lab.views.time_plot import AID_CLOCKS, Curve, TimePlot
 
 if TYPE_CHECKING:
     from lab.result import Result

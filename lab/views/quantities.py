@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import functools
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, Literal, get_args
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,145 +13,16 @@ from lab.analysis.consistency import chi_square_interval
 from lab.navigation.aids import NAMES, SHOWN
 from lab.navigation.blocks import SCALES
 from lab.navigation.blocks import block as find_block
+from lab.views.time_plot import AID_CLOCKS, Band, Clock, Curve, FloatArray, Interval, Reader, TimePlot
 
 if TYPE_CHECKING:
     from lab.ensemble import Ensemble
     from lab.result import Result
     from lab.run import Run
 
-FloatArray = NDArray[np.floating]
-Reader = Callable[[Any], FloatArray]
-"""Returns samples (n,) of a result or of an ensemble."""
-Clock = Literal[
-    "time",
-    "time_gps",
-    "time_between",
-    "aid 0",
-    "aid 1",
-    "aid 2",
-    "aid 3",
-    "aid 4",
-    "aid 5",
-    "aid 6",
-    "aid 7",
-]
-AID_CLOCKS: tuple[Clock, ...] = get_args(Clock)[3:]
-"""Clocks of the measurements besides GPS, by their kind."""
-
 BLUE, GREEN, ORANGE = "#3b8eea", "#12a67c", "#e8862e"
 AXIS_COLOURS = (BLUE, GREEN, ORANGE)
 TRUTH, ESTIMATE, FIXES, CURSOR = "#8b95a5", BLUE, "#c2569b", "#e5484d"
-
-
-@dataclass(frozen=True)
-class Curve:
-    """One curve of a plot.
-
-    Attributes
-    ----------
-    name
-        Unique name; also the name of the column with its samples.
-    label
-        Label in a legend or a hover box.
-    colour
-        Line colour, visible on white and on black.
-    read
-        Returns the samples (n,) of a result.
-    style
-        Line style.
-    is_whole
-        Whether it must be read from the whole flight, because its noise is drawn for all samples together.
-    """
-
-    name: str
-    label: str
-    colour: str
-    read: Reader
-    style: Literal["line", "dashed", "points"] = "line"
-    is_whole: bool = False
-
-
-@dataclass(frozen=True)
-class Band:
-    """The region in which a curve is expected: `factor` standard deviations about `centre`, or about zero."""
-
-    name: str
-    factor: float
-    colour: str
-    sigma: Reader
-    centre: Reader | None = None
-
-    @property
-    def label(self) -> str:
-        """Label in a legend."""
-        return f"±{self.factor:g}σ"
-
-    @property
-    def low(self) -> str:
-        """Name of the column of the lower edge."""
-        return f"{self.name}_low"
-
-    @property
-    def high(self) -> str:
-        """Name of the column of the upper edge."""
-        return f"{self.name}_high"
-
-    def edges(self, result: Result | Ensemble) -> tuple[FloatArray, FloatArray]:
-        """Return the lower and the upper edge, each (n,)."""
-        half = self.factor * self.sigma(result)
-        return (
-            (-half, half) if self.centre is None else (self.centre(result) - half, self.centre(result) + half)
-        )
-
-
-@dataclass(frozen=True)
-class Interval(Band):
-    """The region that contains a curve with a probability of 95 %, given by its centre and half-width."""
-
-    @property
-    def label(self) -> str:
-        """Label in a legend."""
-        return "95 %"
-
-
-@dataclass(frozen=True)
-class TimePlot:
-    """Curves of one unit over time.
-
-    Attributes
-    ----------
-    name
-        Unique name.
-    title
-        Title without the unit.
-    unit
-        Unit of the ordinate.
-    curves
-        The curves; the first is on top.
-    band
-        Region in which the first curve is expected.
-    fixes
-        The same quantity from the GPS fixes, drawn below the curves at the times of the fixes.
-    clock
-        Coordinate of the samples of curves and band: IMU time, time of the fixes, times of a kind of other
-        measurements, or, for an ensemble, once a second between the fixes.
-    scale
-        Scale of the ordinate: zero in the middle, free, or logarithmic.
-    """
-
-    name: str
-    title: str
-    unit: str
-    curves: tuple[Curve, ...]
-    band: Band | None = None
-    fixes: Curve | None = None
-    clock: Clock = "time"
-    scale: Literal["symmetric", "free", "logarithmic"] = "symmetric"
-
-    @property
-    def heading(self) -> str:
-        """Title and unit, as printed above the plot."""
-        return f"{self.title} [{self.unit}]" if self.unit else self.title
 
 
 _AT_FIXES = ("gps", "innovations", "consistency")

@@ -1,4 +1,9 @@
-"""Rolling plot: curves over the last seconds of a stream, to which rows are appended."""
+"""Rolling plot: curves over the last seconds of a stream, to which rows are appended.
+
+The abscissa is the age of a row, so the axes stand still while the curves move. The curves are painted in the
+overlay of the figure: a browser paints axes, title and legend, which take most of its time, only when the
+ordinate changes.
+"""
 
 from __future__ import annotations
 
@@ -40,8 +45,8 @@ class RollingPlot:
         Title and unit of the ordinate.
     labels
         Labels of the curves.
-    x_range
-        Shared range of time.
+    ages
+        Shared range of the abscissa, from the oldest row to the newest [s].
     parcel
         Takes the changes.
     logarithmic
@@ -64,7 +69,7 @@ class RollingPlot:
         title: str,
         unit: str,
         labels: tuple[str, ...],
-        x_range: Range1d,
+        ages: Range1d,
         parcel: Parcel,
         *,
         logarithmic: bool = False,
@@ -80,22 +85,32 @@ class RollingPlot:
         self._ordinate = Range1d(start=0.1 if logarithmic else -1.0, end=1.0)
         self.figure: figure = plain_figure(
             Title(text=f"{title} [{unit}]"),
-            "time [s]",
-            x_range=x_range,
+            "time before now [s]",
+            x_range=ages,
             y_range=self._ordinate,
             y_axis_type="log" if logarithmic else "linear",
         )
         if logarithmic:
             tick_by_hand(self.figure)
             set_ordinate(self.figure, 0.1, 1.0)
-        self.source = ColumnDataSource({"time": [], **{label: [] for label in labels}}, name=f"live:{title}")
+        self._nothing: dict[str, list[float]] = {name: [] for name in ("time", "age", *labels)}
+        self.source = ColumnDataSource(self._nothing, name=f"live:{title}")
         self.glyphs: dict[str, GlyphRenderer[Any]] = {
             label: (
                 self.figure.scatter(
-                    "time", label, source=self.source, color=colour, size=6, alpha=0.9, marker=marker
+                    "age",
+                    label,
+                    source=self.source,
+                    color=colour,
+                    size=6,
+                    alpha=0.9,
+                    marker=marker,
+                    level="overlay",
                 )
                 if points
-                else self.figure.line("time", label, source=self.source, color=colour, line_width=1.4)
+                else self.figure.line(
+                    "age", label, source=self.source, color=colour, line_width=1.4, level="overlay"
+                )
             )
             for label, colour, marker in zip(
                 labels, colours, ("circle",) * 3 + ("triangle",) * 3, strict=False
@@ -115,7 +130,7 @@ class RollingPlot:
         """Forget all rows."""
         self._kept.clear()
         self._span = (0.0, 0.0)
-        self._parcel.stream(self._source, {"time": [], **{label: [] for label in self._labels}}, None)
+        self._parcel.stream(self._source, self._nothing, None)
 
     def add(self, time: FloatArray, values: FloatArray, window: float) -> None:
         """Append rows.
@@ -138,6 +153,10 @@ class RollingPlot:
         columns = dict(zip(("time", *self._labels), rows.T, strict=True))
         self._parcel.stream(self._source, columns, int(window * _ROWS_PER_SECOND))
         self._fit()
+
+    def move(self, now: float, window: float) -> None:
+        """Show the time [s] up to now, over the length of a window [s]."""
+        self._parcel.age(self._source, now, window)
 
     def _fit(self) -> None:
         """Let the ordinate hold what is shown, and change it only when it must."""

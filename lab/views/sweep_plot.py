@@ -67,9 +67,7 @@ def panel(data: xr.Dataset, name: str) -> Panel:
         vectors = dict.fromkeys(one.split()[0] for one in known)
         raise ValueError(f"plot: there is no quantity {name!r}; accepted are {', '.join((*vectors, *known))}")
     chosen = data.sel(quantity=parts)
-    rms, sigma = (
-        np.sqrt((chosen[variable] ** 2).sum("quantity", skipna=False)) for variable in ("rms", "sigma")
-    )
+    rms, sigma = ((chosen[one] ** 2).sum("quantity", skipna=False) ** 0.5 for one in ("rms", "sigma"))
     return Panel(f"{name.capitalize()} error, rms", str(chosen["unit"].values[0]), rms, sigma)
 
 
@@ -124,8 +122,8 @@ def curves(
     low, high = (runs.quantile(edge, "seed").values for edge in BAND)
     # Errors are averaged as squares; NEES and NIS are squares.
     squared = bool(one.unit)
-    mean = np.sqrt((runs**2).mean("seed")) if squared else runs.mean("seed")
-    told = np.sqrt((expected**2).mean("seed")) if squared else expected.mean("seed")
+    mean = (runs**2).mean("seed") ** 0.5 if squared else runs.mean("seed")
+    told = (expected**2).mean("seed") ** 0.5 if squared else expected.mean("seed")
     drawn = [
         hv.Area((axis, low, high), x, [y, f"{one.title} high"]).opts(color=colour, alpha=0.15, line_alpha=0),
         hv.Curve((axis, told.values), x, y).opts(

@@ -34,6 +34,8 @@ from lab.result import Result
 MISSIONS = ("montreal", "los_angeles")
 SEEDS = 10
 MATCHED_SEEDS = 100
+RATE = 50.0
+"""Rate of the IMU of the runs that are judged [Hz]: what is judged are fixes, as many at any rate."""
 
 LATENCY = 0.2
 ARM = np.array((2.0, 0.0, 0.0))
@@ -108,6 +110,7 @@ MATCHED = Case("", "", 0, 0)
 def navigated(mission: str, seed: int, case: Case) -> Result:
     """Run the experiment with a mismatch."""
     experiment = Experiment(mission=mission, seed=seed)
+    experiment.set("trajectory.imu_rate", RATE)
     for name, value in case.settings.items():
         experiment.set(f"navigator.{name}", value)
     result = experiment.run()

@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 import lab
 from lab.analysis.consistency import normalised_squares, uncertain
@@ -61,12 +62,14 @@ CASES: dict[str, tuple[str, dict[str, Any]]] = {
     "barometer": (AIR, {"sensors.barometer.fitted": True}),
     "heading": (AIR, {"sensors.heading.fitted": True, "sensors.heading.drift_sigma": 1.0}),
     "magnetometer": (AIR, {"sensors.heading.fitted": True, "sensors.heading.source": "magnetometer"}),
-    "odometer": (AIR, {"sensors.odometer.fitted": True}),
-    "no slip": (ROAD, {"navigator.no_slip": True, "navigator.slip_sigma": (0.05, 0.05)}),
+    "odometer": (ROAD, {"sensors.odometer.fitted": True}),
+    "no slip": (ROAD, {"navigator.no_slip": True, "navigator.slip_sigma": (0.01, 0.01)}),
     "zero velocity": (STANDING, {"navigator.zero_velocity": True, "navigator.zero_velocity_sigma": 0.002}),
     "all together": (AIR, _ALL),
 }
 """Missions and settings."""
+CONDITIONS = ("no slip", "zero velocity")
+"""Cases without a sensor: the simulated vehicles fulfil them exactly, so that σ is too large."""
 _WHEELS = {"sensors.odometer.fitted": True, "navigator.no_slip": True, "navigator.slip_sigma": (0.05, 0.05)}
 OUTAGES: dict[str, tuple[str, list[int], dict[str, Any]]] = {
     "barometer, down": ("montreal", [2], {"sensors.barometer.fitted": True}),
@@ -109,6 +112,15 @@ def squares(result: Result) -> tuple[float, float, float, float]:
     return float(nees), float(own), float(result.innovations["nis"].mean()) / 6, aids
 
 
+def judged(mean: NDArray[np.float64], half: NDArray[np.float64], *, condition: bool) -> str:
+    """Return whether mean squares are one within half an interval; a condition may hold better."""
+    known = np.isfinite(mean)
+    off = (mean - 1)[known] / (half + CLOSE)[known]
+    if (np.abs(off) < 1).all():
+        return "inside"
+    return "conservative" if condition and (off < 1).all() else "OUTSIDE"
+
+
 def at_the_end(
     mission: Path | str, states: list[int], seeds: int, settings: dict[str, Any]
 ) -> tuple[float, float]:
@@ -148,11 +160,9 @@ def main(arguments: list[str]) -> None:
             cells = [
                 f"{m:5.2f} ± {h:4.2f}" if np.isfinite(m) else "" for m, h in zip(mean, half, strict=True)
             ]
-            inside = bool(np.all((np.abs(mean - 1) < half + CLOSE) | ~np.isfinite(mean)))
+            word = judged(mean, half, condition=case in CONDITIONS)
             print(
-                f"{case:16} "
-                + " ".join(f"{text:>12}" for text in cells)
-                + f" {'inside' if inside else 'OUTSIDE'}",
+                f"{case:16} " + " ".join(f"{text:>12}" for text in cells) + f" {word}",
                 flush=True,
             )
         for case, (mission, states, settings) in OUTAGES.items():

@@ -138,7 +138,7 @@ def open_page(chromium: Browser, address: str, complaints: list[str]) -> Iterato
 
 
 class Keeper:
-    """Keeps one page of the simulator for a file of tests: opening it takes 8 s of a processor, a test 2 s.
+    """Keeps one page of the simulator for many tests: opening it takes 8 s of a processor, a test 2 s.
 
     Attributes
     ----------
@@ -188,9 +188,9 @@ class Keeper:
         self.complaints.clear()
 
 
-@pytest.fixture(scope="module")
+@pytest.fixture(scope="session")
 def keeper(chromium: Browser, address: str) -> Iterator[Keeper]:
-    """Return what keeps the page that the tests of a file share."""
+    """Return what keeps the page that tests share."""
     keeper = Keeper(chromium, address)
     yield keeper
     keeper.close()
@@ -212,7 +212,7 @@ def pytest_runtest_makereport(
 
 @pytest.fixture
 def shared_page(request: pytest.FixtureRequest, keeper: Keeper) -> Iterator[Page]:
-    """Return the simulator as it opens, on a page that the tests of a file share: each leaves it as it was.
+    """Return the simulator as it opens, on a page that tests share: each leaves it as it was.
 
     A test for which an address, a new session, or all models of a page matter takes `open_page`.
     """

@@ -37,8 +37,8 @@ def test_a_stream_is_drawn_as_it_comes(shared_page: Page) -> None:
     page.wait_for_function(f"{RATES}.at(-1) > {before} + 2")
     expect(page.get_by_text("streaming", exact=True)).to_be_visible()
     # The plots end at the newest sample, of all figures.
-    ends = "Bokeh.documents[0].get_model_by_name('live time 0').end"
-    page.wait_for_function(f"Math.abs({ends} - {RATES}.at(-1)) < 0.5")
+    ages = "Bokeh.documents[0].get_model_by_name('live:Angular rate').data.age"
+    page.wait_for_function(f"{ages}.at(-1) >= 0 && {ages}.at(-1) < 0.5 && {ages}.length === {RATES}.length")
 
     page.get_by_text("forward", exact=True).first.click()
     page.wait_for_function(f"{VISIBLE}.join() === 'false,true,true'")

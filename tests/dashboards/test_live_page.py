@@ -296,6 +296,19 @@ def test_a_phone_comes_by_its_invitation(
         assert not one.page._inviting.waiting
         one.page._toggle()
         one.until(lambda: hub.phones() == [])
+
+        # A phone that cannot be watched with these settings is not left to send to nobody.
+        one.page._session.experiment.navigator.model = "nonlinear"
+        for heading in ("", "north"):
+            one.page._fields._heading.value = ""
+            one.page._toggle()
+            (key,) = hub._phones
+            assert hub.claim(hub._phones[key], "device", "Bob")
+            one.page._fields._heading.value = heading
+            one.until(lambda: one.page._inviting._look() is None and hub.phones() == [])
+            one.until(lambda: "accepted" in one.page._job._after.text)
+            assert one.page._connect.label == "Connect"
+            assert one.page._station is None
     finally:
         phones.close_phone_server()
 

@@ -14,7 +14,7 @@ import lab.live.growing_allan as growing_module
 import lab.live.twin as twin_module
 from dashboards import devices
 from dashboards.devices import allow_devices
-from dashboards.pages.live.live import ALLAN, AXES, ERRORS, PLOTS, TWIN
+from dashboards.pages.live.live import ALLAN, AXES, ERRORS, PLOTS, SLOWEST, TWIN
 from lab.live.axis_map import AxisMap
 from lab.live.live_errors import joined
 from lab.sensors.cards import read_cards
@@ -187,3 +187,27 @@ def test_a_stream_with_fixes_needs_a_minute(one: Opened) -> None:
     assert "s more of the stream" in part._words.object
     part._start()  # a hand-made message
     assert not part._job.busy
+
+
+def test_a_browser_that_is_behind_gets_the_next_update_later(
+    one: Opened, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    page, updates = one.page, 0
+
+    def advance(**_: bool) -> None:
+        nonlocal updates
+        updates += 1
+
+    page._unwatch()  # ticks by hand
+    monkeypatch.setattr(page, "_advance", advance)
+    carrier = page._figures._parcel.carrier
+    carrier.data = {"what": ["not yet taken"]}
+    page._waited = 0
+    for _ in range(SLOWEST - 1):
+        page._tick()
+    assert updates == 0
+    page._tick()  # after a second, whatever the browser does
+    assert updates == 1
+    carrier.data = {"what": []}  # as the browser confirms
+    page._tick()
+    assert updates == 2

@@ -131,7 +131,9 @@ MISALIGNED = {
 }
 DRIFTING = {
     "sensors.gyro.instability": 30.0,
+    "sensors.gyro.correlation_time": 20.0,
     "sensors.accelerometer.instability": 0.5,
+    "sensors.accelerometer.correlation_time": 20.0,
     "navigator.estimate_bias_drift": True,
 }
 ALL = VEHICLE | RECEIVER | MISALIGNED | DRIFTING | {"navigator.states": 21}

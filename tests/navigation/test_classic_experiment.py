@@ -17,7 +17,7 @@ FloatArray = NDArray[np.float64]
 MISSIONS = ("montreal", "los_angeles")
 SEEDS = 100
 RATE = 50.0
-"""Rate of the IMU where the noise is wrong [Hz]: NEES, NIS and innovations show it as at the default of 200."""
+"""Rate of the IMU where the noise is wrong [Hz]: NEES, NIS and innovations show it as at 200 Hz."""
 SHOWN = 20
 """Seeds of which the errors are looked at one by one."""
 

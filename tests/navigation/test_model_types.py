@@ -25,9 +25,8 @@ from lab.trajectory import Truth
 FloatArray = NDArray[np.float64]
 
 SEEDS = 100
-RATE = {"nonlinear": 50.0}
-"""IMU rate of the model that takes five times as long as the others, over many seeds [Hz]: its statistics are
-taken at the fixes, which are as many at any rate."""
+RATE = 50.0
+"""IMU rate over many seeds [Hz]: their statistics are taken at the fixes, which are as many at any rate."""
 
 
 def run(model: str, seed: int = 1, rate: float | None = None, **settings: object) -> Result:
@@ -44,7 +43,7 @@ def run(model: str, seed: int = 1, rate: float | None = None, **settings: object
 @pytest.mark.parametrize("model", ["psi", "invariant", "nonlinear"])
 def test_a_matched_filter_tells_the_truth_about_itself(model: str) -> None:
     def one(seed: int) -> tuple[FloatArray, FloatArray]:
-        result = run(model, seed, RATE.get(model))
+        result = run(model, seed, RATE)
         late = result.fixes.time > 20
         return result.consistency.nees.values[late], result.innovations.nis.values[late]
 
@@ -145,7 +144,7 @@ def test_feedforward_keeps_to_the_fixes_where_the_navigator_runs_off(model: str)
 
 def heading_errors(model: str, seed: int) -> tuple[FloatArray, FloatArray, float]:
     """Return time, heading error [°] and mean NEES where the heading starts 60° off, as P₀ says."""
-    result = run(model, seed, RATE.get(model), attitude_error=[0.0, 0.0, 60.0])
+    result = run(model, seed, RATE, attitude_error=[0.0, 0.0, 60.0])
     late = (result.fixes.time > 20) & (result.fixes.time < 60)
     error = wrap(result.euler[:, 2] - result.truth_arrays.euler[:, 2])
     return result.time, np.abs(np.degrees(error)), float(result.consistency.nees.values[late].mean())
@@ -231,7 +230,7 @@ def test_the_gate_rejects_what_is_wild_and_little_else(model: str) -> None:
 
 @pytest.mark.parametrize("model", MODELS)
 def test_the_gate_lets_its_part_of_good_fixes_through(model: str) -> None:
-    rejected = [run(model, seed, gate=0.95).solution_arrays.fix_rejected for seed in range(1, 21)]
+    rejected = [run(model, seed, RATE, gate=0.95).solution_arrays.fix_rejected for seed in range(1, 21)]
     CACHE.clear()
     part = float(np.mean(rejected))
     print(f"\n{model}: {100 * part:.1f} % of {np.size(rejected)} good fixes rejected, 5 % expected")

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 import lab
 from lab import Experiment
 from lab.analysis.consistency import normalised_squares
+from lab.analysis.error_sources import left_out
 from lab.analysis.errors import error_state
 from lab.navigation import blocks, own_room, own_states, strapdown, wander
 from lab.navigation.compilation import interpreted
@@ -153,6 +154,7 @@ def test_a_filter_with_own_states_agrees_with_filterpy_and_tells_the_truth() -> 
     assert np.ptp(states.truth.values) > 0
     blind = flight(3, sensors__own_errors="g-sensitivity").run()
     assert not blind.verdict.consistent
+    assert left_out(blind.experiment) == ["sensors.own_errors (errors that a notebook declared)"]
 
 
 def test_own_states_have_room_behind_all_others() -> None:

@@ -25,6 +25,8 @@ from lab.settings import SettingError
 FloatArray = NDArray[np.float64]
 
 SEEDS = 60
+RATE = 50.0
+"""IMU rate over many seeds [Hz]: their statistics are taken at the fixes, which are as many at any rate."""
 SCALED = {"sensors.gyro.scale_factor_sigma": 1.0, "sensors.accelerometer.scale_factor_sigma": 1.0}
 
 
@@ -52,7 +54,7 @@ def all_errors(result: Result, samples: NDArray[np.int64]) -> FloatArray:
 @pytest.mark.parametrize("model", models())
 def test_a_matched_filter_tells_the_truth_about_its_scale_factors(model: str) -> None:
     def one(seed: int) -> tuple[FloatArray, FloatArray, FloatArray]:
-        result = run(seed, navigator__model=model)
+        result = run(seed, navigator__model=model, trajectory__imu_rate=RATE)
         late = result.fixes.time > 20
         end = np.array([result.time.size - 1])
         sigma = np.sqrt(result.solution_arrays.variance[-1, 15:])

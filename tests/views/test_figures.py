@@ -14,17 +14,8 @@ from lab.result import Result
 from lab.seeds import run_ensemble
 from lab.views.autocorrelation import AutocorrelationFigures
 from lab.views.figures import TimeAxis, TimeFigures, decade_ticks, set_ordinate, time_figure
-from lab.views.quantities import (
-    BLUE,
-    COVARIANCE,
-    ENSEMBLE_CONSISTENCY,
-    ERRORS,
-    HEIGHT,
-    INNOVATIONS,
-    LAGS,
-    Curve,
-    TimePlot,
-)
+from lab.views.quantities import BLUE, COVARIANCE, ENSEMBLE_CONSISTENCY, ERRORS, HEIGHT, INNOVATIONS, LAGS
+from lab.views.time_plot import Curve, TimePlot
 from lab.views.track import TrackFigure
 
 

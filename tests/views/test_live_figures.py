@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 from bokeh.models.sources import ColumnDataSource
 
 from lab.live.live_state import WAITING, LiveHistory, LiveState
+from lab.live.thinned import THINNED
 from lab.views.live_figures import LiveFigures
 
 
@@ -43,12 +46,37 @@ def test_figures_that_take_turns_lose_nothing() -> None:
     # Five figures a tick with one new row each: those that wait bring theirs when it is their turn.
     assert sent[2] < 15
     assert sent[-1] > sent[3]
-    assert {fig.x_range.end for fig in figures.figures[:2]} == {7.0}
-    assert len({fig.x_range.end for fig in figures.figures[3:8]}) == 3
     figures.show(state, 7.0)
     for source in slow(figures):
         assert list(source.data["time"]) == [1, 2, 3, 4, 5, 6, 7]
-    assert {fig.x_range.end for fig in figures.figures[:8] if fig is not figures.figures[2]} == {7.0}
+        assert list(source.data["age"]) == [6, 5, 4, 3, 2, 1, 0]
+
+
+def test_only_what_changes_in_the_overlay_is_painted_while_a_stream_moves() -> None:
+    """A browser paints axes, titles and legends again with each change of a range or of a title."""
+    figures = LiveFigures()
+    unknown = LiveState(phase=WAITING, reason="")
+    rows = np.zeros(2, THINNED)
+    rows["time"] = 1.0, 2.0
+    figures.add_samples(rows, 0.0)
+    figures.show(replace(unknown, euler=np.zeros(3)), 2.0)
+    still = [model for fig in figures.figures for model in (fig.x_range, fig.y_range, fig.title)]
+    before = [model.properties_with_values() for model in still]
+    rows["time"] = 3.0, 4.0
+    figures.add_samples(rows, 0.0)
+    figures.show(replace(unknown, euler=np.ones(3)), 4.0, words=False)
+    assert [model.properties_with_values() for model in still] == before
+    source = figures.figures[0].renderers[0].data_source
+    assert list(source.data["age"]) == [3, 2, 1, 0]
+    streamed = [one for fig in figures.figures for one in fig.renderers if one.data_source.name]
+    assert {one.level for one in streamed} == {"overlay"}
+    figures.widen(2.5)  # older rows are dropped but for one, to which the line begins
+    figures.show(unknown, 4.0)
+    assert list(source.data["age"]) == [3, 2, 1, 0]
+    figures.widen(1.5)
+    figures.show(unknown, 4.0)
+    assert list(source.data["age"]) == [2, 1, 0]
+    assert figures.figures[0].x_range.start == 1.5
 
 
 def slow(figures: LiveFigures) -> list[ColumnDataSource]:

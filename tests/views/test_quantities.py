@@ -16,9 +16,9 @@ from lab.views.quantities import (
     SCALE_COVARIANCE,
     SCALE_ERRORS,
     SENSOR_ERRORS,
-    TimePlot,
     with_scale,
 )
+from lab.views.time_plot import TimePlot
 
 PLOTS = {
     plot.name: plot for plot in (*ERRORS, *COVARIANCE, *SENSOR_ERRORS, *INNOVATIONS, *CONSISTENCY, *HEIGHT)

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from bokeh.document import Document
 from param.parameterized import edit_constant
+from sensor_logs import tables, write
 
 from lab.experiment import Experiment
 from lab.result import Result
@@ -22,20 +23,25 @@ def result() -> Result:
     return experiment.run()
 
 
-class WithoutTruth:
-    """Stands for the result of a log without reference."""
-
-    def lacks(self, name: str) -> str:
-        """Return why errors are unknown."""
-        return "no reference" if name == "errors" else ""
+def test_a_log_without_reference_has_the_plots_that_need_none(tmp_path: Path) -> None:
+    folder = write(tmp_path / "drive", tables(60, 90))
+    (folder / "ref.csv").unlink()
+    blind = Experiment(mission=str(folder)).run()
+    assert "errors" not in dir(blind.plot)
+    for name in dir(blind.plot):
+        assert getattr(blind.plot, name)() is not None, name
+    explorer = Explorer(blind)
+    titles = list(explorer._makers)
+    assert {"Errors", "Budget"}.isdisjoint(titles)
+    for index in range(len(titles)):
+        explorer.tabs.active = index
+    assert len(explorer._made) == len(titles)
+    assert "<iframe" in blind.view3d()._repr_html_()
 
 
 def test_plot_lists_the_plots_that_a_result_has(result: Result) -> None:
-    from lab.result_plots import ResultPlots
-
     names = dir(result.plot)
     assert {"errors", "innovations", "consistency", "ground_track", "height"} <= set(names)
-    assert "errors" not in dir(ResultPlots(WithoutTruth()))
     assert len(result.plot.errors()) == 9
     assert len(result.plot()) == 9
     assert len(result.plot.consistency()) == 4

@@ -66,7 +66,12 @@ class ErrorsPart:
 
     def widen(self, window: float) -> None:
         """Show another length of time [s], from the next `begin_anew`."""
-        self._figures.window = window
+        self._figures.widen(window)
+
+    @property
+    def taken(self) -> bool:
+        """Whether the browser has drawn what was sent last."""
+        return self._figures.taken
 
     def advance(self) -> None:
         """Append what came since the last time."""

@@ -1,0 +1,331 @@
+"""Seed lanes: runs of one experiment with many seeds, eight abreast, as far as this gives the same runs.
+
+Flight, settings and times are those of all runs, and computed once. Draws and sensors are those of a single
+run, so that each run of an ensemble is the run of its seed alone, within rounding. A run that needs more,
+such as the causes of outliers or updates at rest, is left to a run of its own.
+"""
+
+from __future__ import annotations
+
+import time as clock
+from collections.abc import Iterator, Sequence
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lab.analysis import consistency, fix_causes
+from lab.analysis.budget import sigma_of_quantities
+from lab.analysis.errors import error_state
+from lab.analysis.evidence import Evidence, evidence, position_nees, whole_seconds
+from lab.analysis.innovation_evidence import may_have_outliers, offered
+from lab.analysis.path_errors import errors_of, path_of
+from lab.analysis.sensor_evidence import Exact, Reference, exacts, sensor_errors
+from lab.ensemble import QUANTITIES, RunAtFixes
+from lab.experiment import Experiment, Stages, start
+from lab.histories import LONG
+from lab.missions import LogMission, mission
+from lab.navigation import rest_alignment
+from lab.navigation.aiding import needs_rest
+from lab.navigation.belief import (
+    assumed_latency,
+    belief,
+    bias_processes,
+    chosen_blocks,
+    is_aided,
+    schedule_of,
+)
+from lab.navigation.blocks import SCALES
+from lab.navigation.choice import chosen_model
+from lab.navigation.kalman import MEASUREMENTS
+from lab.navigation.lane_step import LANES
+from lab.navigation.lanes import Lane, LaneSolution, fits, navigate_lanes
+from lab.navigation.schedule import SLACK
+from lab.navigation.solution import NO_VECTOR, Belief, Fixes, Imu, Solution, Start
+from lab.navigation.standstill import at_rest
+from lab.navigation.strapdown import MAX_LATITUDE
+from lab.rotation import euler_from_quaternion
+from lab.run import at_samples
+from lab.sensors import gps, imu
+from lab.sensors import temperature as thermal
+from lab.units import si
+
+__all__ = ["LANES", "SeedLanes"]
+
+FloatArray = NDArray[np.float64]
+Samples = NDArray[np.int64]
+
+LARGEST_TURN = 0.4
+"""Largest rotation within a sample for runs abreast [rad]; the series of their rotation holds up to 0.5."""
+
+
+class _Sensed(NamedTuple):
+    """What the sensors of one run measured, and what its filter assumes."""
+
+    start: Start
+    belief: Belief
+    constants: FloatArray | None
+    gyro: imu.Measured
+    accelerometer: imu.Measured
+    fixes: gps.GpsFixes
+
+
+class SeedLanes:
+    """The runs of an experiment with many seeds, eight abreast; see `of`.
+
+    Parameters
+    ----------
+    experiment
+        The experiment; its seed has no effect.
+    """
+
+    def __init__(self, experiment: Experiment) -> None:
+        self._stages = Stages(experiment.copy(), mission(experiment.mission), lambda _stage, _done: None)
+        self._sensors, self._navigator = self._stages.sensors, self._stages.navigator
+        flight = self._stages.kept_flight()
+        self._flight, self._truth, self._ideal = flight, flight.truth, flight.ideal
+        self._model = chosen_model(self._navigator, self._sensors)
+        self._belief = belief(self._sensors, self._navigator)
+        self._schedule = schedule_of(self._navigator, self._ideal.dt, self._ideal.dtheta.shape[0])
+        self._exact: tuple[Exact, Exact] | None = None
+        self._true_start = Start.off(self._truth, NO_VECTOR, NO_VECTOR, NO_VECTOR)
+        self._lay_out()
+
+    @classmethod
+    def of(cls, experiment: Experiment) -> SeedLanes | None:
+        """Return the runs of an experiment; None if runs abreast would not be those of its seeds alone."""
+        navigator, sensors = experiment.navigator, experiment.sensors
+        if (
+            isinstance(mission(experiment.mission), LogMission)
+            or navigator.model == "nonlinear"
+            or navigator.engine != "compiled"
+            or navigator.smoother
+            or sensors.own_errors
+            or experiment.hidden
+            or is_aided(navigator, sensors)
+            or set(chosen_blocks(navigator, sensors)) - set(SCALES)
+        ):
+            return None
+        found = cls(experiment)
+        turn = float(si(sensors.gyro, "range")) * found._ideal.dt
+        usable = (
+            fits(found._model, found._schedule, found._belief)
+            and found._truth.time.size <= LONG
+            and turn < LARGEST_TURN
+        )
+        return found if usable else None
+
+    def _lay_out(self) -> None:
+        """Find the samples to store, which are those of all runs."""
+        time, dt = self._truth.time, self._ideal.dt
+        latency = assumed_latency(self._navigator, self._sensors.gps.latency)
+        self._fix_truth, self._seen = self._stages.fix_truth(self._flight)
+        fixed = np.searchsorted(time, self._fix_truth.time - latency - SLACK * dt)
+        fixed = fixed[(fixed > 0) & (fixed < time.size)]
+        seconds = whole_seconds(time)
+        self._before = np.maximum(seconds - 1, 1)
+        ends = np.array([0, min(1, time.size - 1), time.size - 1])
+        self._stored = np.unique(np.concatenate((ends, fixed - 1, fixed, seconds, self._before)))
+        self._width = fix_causes.window_width(time)
+        self._grid = path_of(time, float(self._sensors.gps.period))
+        first = np.maximum(fixed - 1 - self._width, 0)
+        self._path = np.unique(np.concatenate((self._grid, self._stored, first)))
+        self._there = self._truth.taken(self._stored)
+        self._on_grid = self._truth.taken(self._grid)
+        profile = self._sensors.temperature
+        self._temperature = (
+            thermal.temperature(profile, time[1:], self._truth.height[1:] - self._truth.height[0])
+            if profile.profile != "none"
+            else None
+        )
+
+    def run(self, seeds: Sequence[int]) -> Iterator[RunAtFixes | None]:
+        """Run up to eight seeds; a run is None if it must be run alone.
+
+        Parameters
+        ----------
+        seeds
+            The seeds.
+        """
+        sensed = [self._sense(seed) for seed in seeds]
+        first, usable = sensed[0].belief, []
+        for index, one in enumerate(sensed):
+            same = np.array_equal(one.belief.noise, first.noise) and np.array_equal(
+                one.belief.decay, first.decay
+            )
+            if same and not self._rests(one):
+                usable.append(index)
+        found: dict[int, RunAtFixes | None] = {}
+        if usable:
+            began = clock.perf_counter()
+            solutions = self._navigate([sensed[index] for index in usable])
+            seconds = (clock.perf_counter() - began) / len(usable)
+            for index, navigated in zip(usable, solutions, strict=True):
+                found[index] = self._kept(sensed[index], navigated, seconds)
+        return (found.get(index) for index in range(len(seeds)))
+
+    def _sense(self, seed: int) -> _Sensed:
+        """Simulate the sensors of one run."""
+        navigator, sensors, truth = self._navigator, self._sensors, self._truth
+        aligned = rest_alignment.begin(
+            start(truth, navigator, seed), self._true_start, sensors, navigator, seed
+        )
+        assumed, constants = self._belief, None
+        if navigator.alignment:
+            assumed = belief(sensors, navigator, aligned.P)
+            constants = np.diag(aligned.P)
+        draws = gps.GpsDraws.of(seed, self._fix_truth.time.size)
+        return _Sensed(
+            aligned.start,
+            assumed,
+            constants,
+            self._stages.measured_with("gyro", self._flight, seed, aligned.gyro_bias),
+            self._stages.measured_with("accelerometer", self._flight, seed),
+            gps.measure(self._fix_truth, sensors.gps, draws, self._seen),
+        )
+
+    def _imu(self, one: _Sensed) -> Imu:
+        return Imu(self._truth.time, one.gyro.increments, one.accelerometer.increments)
+
+    def _fixes(self, one: _Sensed) -> Fixes:
+        latency = assumed_latency(self._navigator, self._sensors.gps.latency)
+        return Fixes(one.fixes.time - latency, one.fixes.position, one.fixes.velocity_n)
+
+    def _rests(self, one: _Sensed) -> bool:
+        """Return whether the filter would find that the vehicle stands still."""
+        return needs_rest(self._navigator) and bool(
+            at_rest(self._imu(one), self._fixes(one), one.belief).any()
+        )
+
+    def _navigate(self, sensed: Sequence[_Sensed]) -> list[LaneSolution]:
+        lanes = [
+            Lane(
+                np.concatenate((one.gyro.increments, one.accelerometer.increments), axis=1),
+                one.fixes.position,
+                one.fixes.velocity_n,
+                one.start,
+                one.belief,
+            )
+            for one in sensed
+        ]
+        fix_time = self._fixes(sensed[0]).time
+        return navigate_lanes(
+            self._truth.time, fix_time, lanes, self._schedule, self._model, self._stored, self._path
+        )
+
+    def _kept(self, one: _Sensed, navigated: LaneSolution, seconds: float) -> RunAtFixes | None:
+        """Return what is kept of a run; None if it must be run alone: for an outlier, or as it diverged."""
+        whole, motion = navigated.solution, navigated.motion
+        at = np.searchsorted(self._stored, whole.fix_sample)
+        solution = whole._replace(fix_sample=np.where(whole.fix_sample >= 0, at, -1))
+        finite = np.isfinite(motion).all() and np.isfinite(solution.variance).all()
+        if not finite or np.abs(motion[:, 0]).max() > MAX_LATITUDE:
+            return None
+        true = self._whole_reference(one)
+        found = self._evidence(one, solution, navigated, true)
+        if found is None:
+            return None
+        used = solution.fix_sample >= 0
+        at = solution.fix_sample[used]
+        reference = self._reference(true)
+        x = error_state(solution, at, self._there, reference.bias, reference.scale)
+        P, before = solution.fix_covariance[used], np.searchsorted(self._stored, self._before)
+        between, degrees = position_nees(solution, before, reference)
+        error, sigma, rms = self._errors(solution, at, motion)
+        return RunAtFixes(
+            time=one.fixes.time[used],
+            nees=consistency.normalised_squares(x, P),
+            nis=consistency.normalised_squares(
+                solution.innovation[used], solution.innovation_covariance[used]
+            ),
+            grid=self._truth.time[self._before],
+            between=between,
+            between_degrees=degrees,
+            error=error,
+            sigma=sigma,
+            rms=rms,
+            degrees=int(consistency.uncertain(P).size) if P.size else 0,
+            nis_degrees=MEASUREMENTS,
+            evidence=found,
+            seconds=seconds,
+            algorithm="",
+        )
+
+    def _errors(
+        self, solution: Solution, at: Samples, motion: FloatArray
+    ) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Return errors and their σ (m, 9) at stored samples (m,), and the rms (9,) along the path."""
+        q_nb = solution.q_nb[at]
+        error = errors_of(solution.position[at], solution.velocity_n[at], q_nb, self._there.taken(at))
+        variance, covariance = solution.variance[at], solution.covariance[at]
+        sigma = sigma_of_quantities(euler_from_quaternion(q_nb), variance, covariance)
+        path = motion[np.searchsorted(self._path, self._grid)]
+        along = errors_of(path[:, :3], path[:, 3:6], path[:, 6:], self._on_grid)
+        return error, sigma[:, : len(QUANTITIES)], np.sqrt(np.mean(along**2, axis=0))
+
+    def _evidence(
+        self, one: _Sensed, solution: Solution, navigated: LaneSolution, true: Reference
+    ) -> Evidence | None:
+        """Return the evidence of a run; None if its innovations may have outliers, which need all samples."""
+        fixes = self._fixes(one)
+        stored = Imu(
+            self._truth.time[self._stored], one.gyro.increments[:0], one.accelerometer.increments[:0]
+        )
+        seen, samples = offered(solution, fixes, stored)
+        if may_have_outliers(solution.innovation[seen], solution.innovation_covariance[seen]):
+            return None
+        return evidence(
+            solution,
+            one.belief,
+            fixes,
+            stored,
+            self._reference(true),
+            gate=float(self._navigator.gate),
+            latency=assumed_latency(self._navigator, self._sensors.gps.latency),
+            explain=False,
+            motion=self._motion(one, solution, navigated, samples),
+            sensors=sensor_errors(one.belief, self._imu(one), true, self._moved(true)),
+        )
+
+    def _motion(
+        self, one: _Sensed, solution: Solution, navigated: LaneSolution, samples: Samples
+    ) -> fix_causes.Motion:
+        """Return the motion at the fixes, whose places among the stored samples are given."""
+        last = np.maximum(self._stored[samples] - 1, 0)
+        first = np.maximum(last - self._width, 0)
+        here = np.searchsorted(self._stored, last)
+        before = navigated.motion[np.searchsorted(self._path, first)]
+        return fix_causes.motion_of(
+            self._truth.time,
+            (first, last),
+            (before[:, 3:6], solution.velocity_n[here]),
+            solution.q_nb[here],
+            one.gyro.increments,
+            np.append(self._stored[samples], self._stored[-1]),
+            navigated.force[np.append(samples, self._stored.size - 1)],
+        )
+
+    def _reference(self, whole: Reference) -> Reference:
+        """Return the truth at the stored samples."""
+        scale = None if whole.scale is None else whole.scale[self._stored]
+        return whole._replace(truth=self._there, bias=whole.bias[self._stored], scale=scale)
+
+    def _moved(self, true: Reference) -> tuple[Exact, Exact]:
+        """Return the true motion in windows, which is that of all runs."""
+        if self._exact is None:
+            self._exact = exacts(true, self._truth.time)
+        return self._exact
+
+    def _whole_reference(self, one: _Sensed) -> Reference:
+        """Return the truth at all samples."""
+        scaled = set(self._model.blocks) & set(SCALES)
+        return Reference(
+            self._truth,
+            at_samples(one.gyro.bias, one.accelerometer.bias),
+            self._ideal.dtheta,
+            self._ideal.dvelocity,
+            at_samples(one.gyro.scale, one.accelerometer.scale) if scaled else None,
+            self._temperature,
+            (one.gyro.saturated, one.accelerometer.saturated),
+            bias_processes(self._sensors, one.constants)[0],
+        )

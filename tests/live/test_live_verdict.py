@@ -1,0 +1,73 @@
+"""The verdict on a stream: settings of flights and logs that do not hold for a stream have no effect."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+from lab import Experiment
+from lab.live.live_log import log_of
+from lab.live.live_navigator import LiveNavigator
+from lab.live.live_verdict import verdict_of
+from lab.live.simulated_flight import SimulatedFlight
+from lab.live.stream_settings import stream_settings
+from lab.logs.sensor_log import SensorLog
+
+LENGTH = 120.0
+"""Length of the stream [s]: what a live navigator keeps."""
+
+
+def rows(**gps: Any) -> tuple[Any, Any]:
+    """Return samples and fixes of a flight, with settings of the receiver."""
+    imu, fixes = SimulatedFlight.of("los_angeles", 20.0, settings={"sensors": {"gps": gps}}).timed()
+    return imu[imu["time"] <= LENGTH], fixes[fixes["time"] <= LENGTH]
+
+
+def streamed(imu: Any, fixes: Any) -> SensorLog:
+    """Return the log of a stream, as a live navigator keeps it."""
+    navigator = LiveNavigator(Experiment().sensors, Experiment().navigator)
+    navigator.feed(imu, fixes)
+    return navigator.log()
+
+
+def of_a_flight() -> Experiment:
+    """Return settings with an outage, a part of a log, and sensors that a stream does not have."""
+    experiment = Experiment()
+    experiment.sensors.gps.outages = [(5.0, 55.0)]
+    experiment.sensors.barometer.fitted = True
+    experiment.navigator.update({"log_from": 1000.0, "smoother": True, "estimate_gps_drift": True})
+    return experiment
+
+
+def test_the_verdict_is_that_of_the_same_stream_without_settings_of_flights() -> None:
+    plain, other, log = Experiment(), of_a_flight(), streamed(*rows())
+    said = str(verdict_of(log, plain.sensors, plain.navigator))
+    assert "Consistent" in said
+    assert str(verdict_of(log, other.sensors, other.navigator)) == said
+
+
+@pytest.mark.parametrize(
+    ("fault", "words"),
+    [({"latency": 0.2}, "late"), ({"lever_arm": (0.0, 0.0, -2.0)}, "lever arm")],
+)
+def test_a_fault_of_the_receiver_is_named_as_by_the_batch(fault: dict[str, Any], words: str) -> None:
+    """With a receiver of 10 cm and 10 cm/s, two minutes of a flight show both."""
+    good = {"position_variance": 0.01, "velocity_variance": 0.01}
+    imu, fixes = rows(**good, **fault)
+    experiment = Experiment()
+    live = verdict_of(streamed(imu, fixes), experiment.sensors, experiment.navigator)
+    assert words in str(live)
+    log = log_of("recorded", imu, fixes)
+    assert str(verdict_of(log, experiment.sensors, experiment.navigator)) == str(live)
+
+
+def test_the_settings_themselves_are_not_changed() -> None:
+    experiment = of_a_flight()
+    before = experiment.to_dict()
+    sensors, navigator = stream_settings(experiment.sensors, experiment.navigator)
+    assert experiment.to_dict() == before
+    assert list(sensors.gps.outages) == []
+    assert navigator.log_from is None
+    assert not np.any([sensors.barometer.fitted, navigator.smoother, navigator.estimate_gps_drift])

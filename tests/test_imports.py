@@ -1,0 +1,44 @@
+"""Imports: a module that is imported changes nothing in its process; exceptions are listed with a reason."""
+
+from __future__ import annotations
+
+import ast
+from pathlib import Path
+
+ROOT = Path(__file__).parent.parent
+SCRIPTS = {Path("dashboards/simulator.py"), Path("dashboards/__main__.py")}
+"""Files that are run and not imported."""
+MODULES = (path.relative_to(ROOT) for top in ("lab", "dashboards") for path in (ROOT / top).rglob("*.py"))
+FILES = sorted(set(MODULES) - SCRIPTS)
+HARMLESS = {
+    "app.command",  # of the package's own command line
+    "app.add_typer",
+    "check_files",  # of one function of the package
+    "register_cards",  # the displays of the package's own classes, in a notebook
+    "register_completion",
+    "setflags",  # of an array of the module
+    "hv.extension",  # HoloViews draws with nothing else
+}
+
+
+def calls(body: list[ast.stmt]) -> list[str]:
+    """Return what statements at module level call for its effect alone, also inside loops and conditions."""
+    found = []
+    for statement in body:
+        if isinstance(statement, ast.Expr) and isinstance(statement.value, ast.Call):
+            called = ast.unparse(statement.value.func)
+            found.append("app.command" if called.startswith("app.command(") else called)
+        found += [call for part in ("body", "orelse", "finalbody") for call in calls(inner(statement, part))]
+    return found
+
+
+def inner(statement: ast.stmt, part: str) -> list[ast.stmt]:
+    """Return the statements inside one that is carried out on import; those of functions are not."""
+    is_definition = isinstance(statement, ast.FunctionDef | ast.AsyncFunctionDef)
+    return [] if is_definition else getattr(statement, part, [])
+
+
+def test_an_import_changes_nothing_in_the_process() -> None:
+    found = {file: calls(ast.parse((ROOT / file).read_text("utf-8")).body) for file in FILES}
+    effects = [(str(file), call) for file, called in found.items() for call in called]
+    assert [effect for effect in effects if not HARMLESS & {effect[1], effect[1].rpartition(".")[2]}] == []

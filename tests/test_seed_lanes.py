@@ -1,0 +1,196 @@
+"""Seed lanes: runs eight abreast are those of their seeds alone."""
+
+from __future__ import annotations
+
+import dataclasses
+import time
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+import pytest
+
+import lab.seeds as seeds_module
+from lab.analysis.sums import Kept
+from lab.ensemble import Ensemble, RunAtFixes
+from lab.experiment import Experiment
+from lab.navigation.navigator import navigate
+from lab.navigation.solution import Fixes, Imu
+from lab.seed_lanes import SeedLanes
+from lab.seeds import _keep, run_ensemble
+
+SLOW: dict[str, object] = {"mission": "los_angeles", "trajectory.imu_rate": 50.0}
+OUTAGE: dict[str, object] = {"sensors.gps.outages": [[30.0, 55.0]]}
+MONTREAL: dict[str, object] = {
+    "mission": "montreal",
+    "trajectory.imu_rate": 20.0,
+    "sensors.gyro.instability": 30.0,
+    "sensors.gyro.flicker": 5.0,
+    "sensors.temperature.profile": "warm_up",
+    "sensors.accelerometer.bias_temperature": 0.1,
+    "sensors.accelerometer.vibration_density": 100.0,
+}
+ALIGNED: dict[str, object] = {"navigator.alignment": 30.0, "sensors.gps.period": 0.5}
+LATE: dict[str, object] = {"sensors.gps.latency": 0.13, "navigator.gate": 0.9, "navigator.robust": "huber"}
+
+
+def of(changes: dict[str, object]) -> Experiment:
+    """Return an experiment at a low rate with changed settings."""
+    return Experiment().update(SLOW | changes)
+
+
+def alone(experiment: Experiment, seed: int) -> RunAtFixes:
+    """Return the run of a seed alone."""
+    return _keep(experiment.copy().update({"seed": seed}).run(), explain=False)
+
+
+def numbers_in(value: Any) -> list[np.ndarray]:
+    """Return all arrays of a kept run, with those of its evidence."""
+    if dataclasses.is_dataclass(value):
+        return [part for f in dataclasses.fields(value) for part in numbers_in(getattr(value, f.name))]
+    if isinstance(value, tuple):
+        return [part for item in value for part in numbers_in(item)]
+    return [] if value is None or isinstance(value, str) else [np.asarray(value, dtype=np.float64)]
+
+
+def assert_same(abreast: RunAtFixes, single: RunAtFixes) -> None:
+    """Assert that two runs agree within rounding, all evidence included."""
+    assert isinstance(abreast.evidence.told, Kept)
+    left, right = (numbers_in(run._replace(seconds=0.0)) for run in (abreast, single))
+    assert len(left) == len(right) > 50
+    for one, other in zip(left, right, strict=True):
+        assert one.shape == other.shape
+        largest = np.nanmax(np.abs(other), initial=0.0)
+        np.testing.assert_allclose(one, other, rtol=1e-7, atol=1e-8 * largest)
+
+
+def assert_abreast_as_alone(changes: dict[str, object]) -> None:
+    """Assert that runs abreast are those of their seeds alone."""
+    experiment = of(changes)
+    lanes = SeedLanes.of(experiment)
+    assert lanes is not None
+    seeds = (5, 9, 6)
+    found = list(lanes.run(seeds))
+    assert sum(run is not None for run in found) >= 2
+    for seed, run in zip(seeds, found, strict=True):
+        if run is not None:
+            assert_same(run, alone(experiment, seed))
+
+
+@pytest.mark.parametrize("changes", [OUTAGE, MONTREAL, ALIGNED], ids=["outage", "montreal", "aligned"])
+def test_a_run_abreast_is_that_of_its_seed_alone(changes: dict[str, object]) -> None:
+    assert_abreast_as_alone(changes)
+
+
+@pytest.mark.benchmark  # each model is compiled
+@pytest.mark.parametrize(
+    "changes",
+    [
+        LATE | {"navigator.model": "psi"},
+        {"navigator.model": "invariant", "navigator.states": 21, "sensors.gyro.scale_factor_sigma": 0.5},
+    ],
+    ids=["psi", "invariant 21"],
+)
+def test_so_it_is_with_other_models(changes: dict[str, object]) -> None:
+    assert_abreast_as_alone(changes)
+
+
+def test_a_run_does_not_depend_on_those_beside_it() -> None:
+    """The same bits, whatever its lane, and whether the other lanes are occupied."""
+    lanes = SeedLanes.of(of({}))
+    assert lanes is not None
+    together, (single,), (_, second) = (list(lanes.run(seeds)) for seeds in ((3, 4, 7), (7,), (1, 7)))
+    for other in (single, second):
+        assert together[2] is not None
+        assert other is not None
+        left, right = (numbers_in(run._replace(seconds=0.0)) for run in (together[2], other))
+        for one, two in zip(left, right, strict=True):
+            assert np.array_equal(one, two, equal_nan=True)
+
+
+def test_many_seeds_run_abreast_and_those_that_need_more_alone(monkeypatch: pytest.MonkeyPatch) -> None:
+    """With outliers, some runs of a block need a run of their own."""
+    monkeypatch.setattr(seeds_module, "MANY", 20)
+    monkeypatch.setattr(seeds_module, "SHOWN_EVERY", 0.0)
+    experiment = of({"sensors.gps.outlier_rate": 0.005})
+    told: list[tuple[str, float]] = []
+    parts: list[Ensemble] = []
+    blocks: list[list[bool]] = []
+    run = SeedLanes.run
+
+    def watched(self: SeedLanes, seeds: Sequence[int]) -> list[RunAtFixes | None]:
+        found = list(run(self, seeds))
+        blocks.append([one is not None for one in found])
+        return found
+
+    monkeypatch.setattr(SeedLanes, "run", watched)
+    whole = run_ensemble(
+        experiment, range(1, 21), lambda words, done: told.append((words, done)), partial=parts.append
+    )
+    assert sorted(len(block) for block in blocks) == [4, 8]
+    done = [one for block in blocks for one in block]
+    assert any(done)
+    assert not all(done)
+    assert [fraction for _, fraction in told] == [count / 20 for count in range(1, 21)]
+    assert [len(part.seeds) for part in parts] == list(range(2, 20))
+    assert whole.seeds == tuple(range(1, 21))
+    for seed in (9, 14, 20):
+        single = alone(experiment, seed)
+        row = whole.nees[seed - 1]
+        np.testing.assert_allclose(row[np.isfinite(row)], single.nees, rtol=1e-7)
+        np.testing.assert_allclose(whole.rms[seed - 1], single.rms, rtol=1e-7)
+
+
+@pytest.mark.parametrize(
+    "changes",
+    [
+        {"navigator.correction": "feedforward"},
+        {"navigator.correction_period": 5.0},
+        {"navigator.filter_rate": 10.0},
+        {"navigator.smoother": True},
+        {"navigator.model": "nonlinear"},
+        {"navigator.mechanization": "wander azimuth"},
+        {"navigator.engine": "filterpy"},
+        {"sensors.gps.lever_arm": (1.0, 0.0, 0.0)},
+        {"sensors.barometer.fitted": True},
+        {"navigator.estimate_misalignments": True},
+        {"sensors.gyro.range": 2000.0},
+    ],
+    ids=lambda changes: next(iter(changes)),
+)
+def test_what_lanes_do_not_cover_runs_alone(changes: dict[str, object]) -> None:
+    assert SeedLanes.of(of(changes)) is None
+
+
+@pytest.mark.benchmark
+def test_a_run_abreast_takes_a_part_of_the_time_of_a_run_alone() -> None:
+    """In the processor's time: the loop over the samples, and the whole run with its evidence."""
+    experiment = Experiment(mission="los_angeles")
+    lanes = SeedLanes.of(experiment)
+    assert lanes is not None
+    result = experiment.run()
+    list(lanes.run(range(8)))
+    imu = Imu(result.time, result.gyro.increments, result.accelerometer.increments)
+    fixes = Fixes(result.fix_validity, result.fixes.position, result.fixes.velocity_n)
+    sensed = [lanes._sense(seed) for seed in range(8)]
+    one: list[float] = []
+    eight: list[float] = []
+    single: list[float] = []
+    block: list[float] = []
+    for turn in range(5):
+        began = time.thread_time()
+        navigate(imu, fixes, result.aligned.start, result.belief, lanes._schedule, lanes._model)
+        one.append(time.thread_time() - began)
+        began = time.thread_time()
+        lanes._navigate(sensed)
+        eight.append((time.thread_time() - began) / 8)
+        began = time.thread_time()
+        alone(experiment, 100 + turn)
+        single.append(time.thread_time() - began)
+        began = time.thread_time()
+        list(lanes.run(range(200 + 8 * turn, 208 + 8 * turn)))
+        block.append((time.thread_time() - began) / 8)
+    figures = [1000 * min(seconds) for seconds in (one, eight, single, block)]
+    print("\n{:.2f} ms alone, {:.2f} abreast; whole runs {:.1f} ms alone, {:.1f} abreast".format(*figures))
+    assert figures[1] < 0.6 * figures[0]
+    assert figures[3] < 0.6 * figures[2]
