@@ -45,7 +45,7 @@ async def open_and_leave(address, count):
         await visitors[-1].open()  # what is there now is kept
     for one in visitors:
         one.close()
-    async with asyncio.timeout(90):
+    async with asyncio.timeout(300):
         while pages:
             await asyncio.sleep(0.05)
 

@@ -142,7 +142,9 @@ def _odd_axes(fig: figure) -> Iterator[str]:
         if isinstance(axis, DataRange1d):  # follows the data in the browser
             continue
         start, end = axis.start, axis.end
-        if not (np.isfinite([start, end]).all() and start < end):
+        # Of a stream, the time before now is drawn, which falls from left to right.
+        rising = start < end if axis.name != "live ages" else start > end
+        if not (np.isfinite([start, end]).all() and rising):
             yield f"{name}: {where} from {start} to {end}"
         elif isinstance(scale, LogScale) and start <= 0:
             yield f"{name}: logarithmic {where} from {start}"
