@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import threading
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -66,15 +67,27 @@ def test_nothing_is_computed_twice_and_an_interrupted_sweep_goes_on(
 ) -> None:
     runs: list[int] = []
     run = sweeping.run
-    monkeypatch.setattr(sweeping, "run", lambda point, seed: runs.append(seed) or run(point, seed))
+    stopped = threading.Event()
+    stopped.set()
+
+    def counted(point: Experiment, seed: int) -> sweeping.Numbers:
+        # The second run does not end before the sweep is interrupted.
+        assert len(runs) != 1 or stopped.wait(60)
+        runs.append(seed)
+        return run(point, seed)
+
+    monkeypatch.setattr(sweeping, "run", counted)
+    monkeypatch.setattr(sweeping, "TOLD_EVERY", 0.0)
     wider = {"sensors.gyro.noise_density": [*DENSITIES, 0.1], "navigator.r_scale": [1.0, 0.1]}
     small().sweep(wider, SEEDS)
     assert sorted(runs) == [4, 4, 5, 5, 6, 6]
 
     def stop(_words: str, _fraction: float) -> None:
+        stopped.set()
         raise KeyboardInterrupt
 
     runs.clear()
+    stopped.clear()
     with pytest.raises(KeyboardInterrupt):
         small().sweep({"sensors.gps.period": [1.0, 2.0]}, 4, stop, workers=1)
     assert len(runs) < 8

@@ -39,7 +39,9 @@ def test_the_page_opens_where_there_is_a_screen(
     port = free_port()
     assert ask("serve", "--port", str(port), *flags).exit_code == 0
     expected = {"port": port, "address": "127.0.0.1", "show": show, "algorithms": ()}
-    assert asked == [expected | {"origins": (), "visitors": None, "password": None, "warm": True}]
+    assert asked == [
+        expected | {"origins": (), "visitors": None, "password": None, "lessons": None, "warm": True}
+    ]
 
 
 def _answers(address: str, within: float) -> bool:
