@@ -274,7 +274,7 @@ class LiveFigures:
             End of the window [s].
         whole
             Whether all figures are drawn. Otherwise rate, force and attitude are drawn, and the others take
-            turns: a browser paints nine figures in 30 to 50 ms, and five in 20 to 30 ms.
+            turns: a browser paints five figures sooner than nine.
         words
             Whether the titles with numbers are renewed, with which a browser paints the whole figure.
         """

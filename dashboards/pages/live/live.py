@@ -31,7 +31,7 @@ from lab.views.figures import TimeAxis
 from lab.views.live_figures import WINDOWS, LiveFigures
 
 TICK = 50
-"""Time between two updates of the plots [ms]: a browser paints one in 20 to 30 ms."""
+"""Time between two updates of the plots [ms]: a third of the 150 ms from a sample to its picture."""
 TELL = 10
 """Ticks for one update of the words."""
 SLOWEST = 20
