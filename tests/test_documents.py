@@ -8,20 +8,13 @@ import shlex
 from pathlib import Path
 
 import pytest
+from document_code import DOCUMENTS, ROOT, name_of
 from typer.main import get_command
 
 from dashboards.command_line import app
 from lab.experiment import Experiment
 from lab.importing.import_settings import ImportSettings
 
-ROOT = Path(__file__).parent.parent
-DOCUMENTS = [
-    ROOT / "README.md",
-    ROOT / "CONTRIBUTING.md",
-    ROOT / "missions/README.md",
-    *sorted((ROOT / "docs").glob("*.md")),
-    *sorted((ROOT / "docs/theory").glob("*.md")),
-]
 LINK = re.compile(r"\]\(([^)]+)\)")
 PLACE = re.compile(r"(?<![\w./-])(?:lab|tests|dashboards|notebooks|missions|docs|\.ci)/[\w./*-]*\w")
 PLACEHOLDER = "NAME"
@@ -31,9 +24,7 @@ README_LINES = 200
 PICTURE_BYTES = 150_000
 """A README with four such pictures loads in some seconds on a slow line."""
 
-every_document = pytest.mark.parametrize(
-    "document", DOCUMENTS, ids=lambda path: path.relative_to(ROOT).as_posix()
-)
+every_document = pytest.mark.parametrize("document", DOCUMENTS, ids=name_of)
 
 
 def text_of(document: Path) -> str:
