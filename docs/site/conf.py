@@ -34,6 +34,7 @@ extensions = [
     "mathml",
     "percent",
     "settings_list",
+    "themed_pictures",
 ]
 source_suffix = {".md": "markdown", ".rst": "restructuredtext", ".py": "percent"}
 
