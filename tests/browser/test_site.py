@@ -199,7 +199,7 @@ exclude_patterns = ["conf.py"]
 root_doc = "notebooks/short"
 myst_enable_extensions = ["dollarmath"]
 html_math_renderer = "mathml"
-html_theme = "pydata_sphinx_theme"
+html_theme, html_title = "pydata_sphinx_theme", "Short"
 html_static_path = [{str(SITE / "static")!r}]
 html_css_files, html_js_files = ["site.css"], ["site.js"]
 """
@@ -253,6 +253,7 @@ def test_an_executed_notebook_has_its_plots_without_network(
     expect(page.get_by_text("Noise:")).to_be_visible()
     plot = page.locator(".output canvas").first
     expect(plot).to_be_visible()
+    expect(page.get_by_role("slider", name="Noise")).to_be_visible()
     drawn = "(canvas) => canvas.getContext('2d').getImageData(canvas.width >> 1, 20, 1, 1).data[3] === 255"
     page.wait_for_function(drawn, arg=plot.element_handle())
     accessible(page, f"short notebook, {theme}, {width} px")

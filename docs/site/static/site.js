@@ -1,4 +1,4 @@
-/* What scrolls by itself can be reached with the keyboard. */
+/* What scrolls by itself can be reached with the keyboard, and each slider of a notebook says its name. */
 const scrolling = ".equation, .output, .bd-article table, .bd-article dt.sig";
 
 function reach() {
@@ -8,5 +8,21 @@ function reach() {
   }
 }
 
-addEventListener("load", reach);
+function nameSliders(root) {
+  for (const part of root.querySelectorAll("*")) {
+    if (part.shadowRoot) nameSliders(part.shadowRoot);
+    if (part.matches(".noUi-handle"))
+      part.setAttribute("aria-label", root.querySelector(".bk-slider-title")?.textContent || "slider");
+  }
+}
+
+const grown = new ResizeObserver((changes) => {
+  for (const change of changes) nameSliders(change.target);
+  reach();
+});
+
+addEventListener("load", () => {
+  reach();
+  for (const output of document.querySelectorAll(".output")) grown.observe(output);
+});
 addEventListener("resize", reach);
