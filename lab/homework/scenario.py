@@ -92,10 +92,18 @@ class Scenario:
 
     def allows(self, path: str) -> bool:
         """Return whether the student may change the setting at a path."""
-        return _is_in(path, self.change) and not is_never(path)
+        return path in self.leaves and _is_in(path, self.change) and not is_never(path)
+
+    @cached_property
+    def leaves(self) -> frozenset[str]:
+        """The paths of all settings, without groups and other forms."""
+        return frozenset(path for path, _, _ in self.shown.leaves())
 
     def check_change(self, path: str) -> None:
-        """Raise `SettingError` if the student may not change a setting; another seed is always possible."""
+        """Raise `SettingError` if the student may not change a setting; another seed is always possible.
+
+        A group is refused: there may be settings in it that he may not change.
+        """
         if path != "seed" and not self.allows(path):
             raise SettingError(
                 f"{path[:60]}: the homework “{self.title}” does not let you change it; accepted are "
@@ -153,7 +161,7 @@ def is_never(path: str) -> bool:
 
 
 def can_be_hidden(path: str) -> bool:
-    """Return whether a setting can be hidden: one of the sensors that does not decide how long a run takes."""
+    """Return whether a setting can be hidden: an error of a sensor, or of the start."""
     is_sensor = path.startswith("sensors.") and not _is_in(path, (*FIXED, "sensors.assumed"))
     return path in START or (is_sensor and not path.endswith(".fitted"))
 

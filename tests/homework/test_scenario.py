@@ -57,7 +57,7 @@ def test_what_a_student_changes_does_not_change_the_sensors_or_the_start() -> No
     better.update(
         {
             "sensors": {
-                "gyro": {"noise_density": 0.0, "bias_sigma": 0.0},
+                "gyro": {"noise_density": 0.0},
                 "gps": {"position_variance": 1e-4},
             },
             "navigator": {"attitude_sigma": 1e-3, "position_sigma": 1e-3},
