@@ -23,6 +23,11 @@ from lab.homework.homework import LONGEST_ANSWER, Homework, fault_titles
 from lab.lessons.text import text_html
 
 
+PARTS = """
+h3 { font: 500 17px/1.35 Roboto, sans-serif; margin: 12px 0 4px; } h3 .where { font-weight: 400; margin-left: 6px; }
+"""
+
+
 class Answers(NamedTuple):
     """What a student has typed and chosen.
 
@@ -123,10 +128,10 @@ class HomeworkView:
             self._faults = pmui.CheckBoxGroup(
                 options=list(fault_titles()), margin=(0, 8), sizing_mode="stretch_width", sx=CHOICES
             )
-            words = f"<h3>Which faults are hidden?</h3><p>{_points(homework.fault_points)}"
-            parts += [self._html(f"{words} A wrong one takes back a right one.</p>"), self._faults]
+            words = f"<h3>Which faults are hidden? {_points(homework.fault_points)}</h3>"
+            parts += [self._html(f"{words}<p>A wrong one takes back a right one.</p>"), self._faults]
         for number, question in enumerate(homework.questions, 1):
-            words = f"<h3>Question {number}</h3>{text_html(question.text)}<p>{_points(question.points)}</p>"
+            words = f"<h3>Question {number} {_points(question.points)}</h3>{text_html(question.text)}"
             entry: Any = (
                 Choices(
                     options=list(question.choices), margin=(0, 8), sizing_mode="stretch_width", sx=CHOICES
@@ -144,7 +149,7 @@ class HomeworkView:
         goals = [goal for goal in homework.goals if goal.text]
         if not goals:
             return []
-        listed = "".join(f"<li>{_unwrapped(goal.text)} {_points(goal.points)}</li>" for goal in goals)
+        listed = "".join(f"<li>{_unwrapped(goal.text)} · {_points(goal.points)}</li>" for goal in goals)
         return [self._html(f"<h3>What your settings should reach</h3><ul>{listed}</ul>")]
 
     def _answers(self) -> Answers:
@@ -185,17 +190,17 @@ class HomeworkView:
             f'<div class="step">{inside}</div>',
             margin=(2, 4),
             sizing_mode="stretch_width",
-            stylesheets=[TEXT],
+            stylesheets=[TEXT, PARTS],
         )
 
 
 def _changes(homework: Homework) -> str:
     names = ", ".join(f"<code>{escape(place)}</code>" for place in homework.scenario.change)
-    return f"Homework · {_points(homework.best)} You may change: {names or 'nothing'}."
+    return f"Homework · {_points(homework.best)} · You may change: {names or 'nothing'}."
 
 
 def _points(points: float) -> str:
-    return f'<span class="where">{points:g} point{"" if points == 1 else "s"}.</span>'
+    return f'<span class="where">{points:g} point{"" if points == 1 else "s"}</span>'
 
 
 def _unwrapped(text: str) -> str:
