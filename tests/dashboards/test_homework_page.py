@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from pathlib import Path
+from types import SimpleNamespace
 
 import panel_material_ui as pmui
 import pytest
@@ -102,13 +103,20 @@ def test_a_homework_of_the_server_is_solved_and_handed_in(walk: Walk, keyed: Key
 def test_hand_made_values_are_refused_or_count_as_nothing(walk: Walk, keyed: Keyed) -> None:
     click(walk, "Find <b>it</b>")
     part = page(walk)._homework
-    (faults,) = page(walk).view.select(pmui.CheckBoxGroup)
-    _number, name = page(walk).view.select(pmui.TextInput)
-    name.value = "Eve"
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(type(faults), "value", [3, "no fault"])
-        assert part._view._content() is None
-    assert "names a fault 'no fault'" in walk.text()
+    view = part._view
+    view._name = SimpleNamespace(value="Eve")
+    view._entries = [SimpleNamespace(value={"a": 1}), SimpleNamespace(value=None)]
+    view._faults = SimpleNamespace(value=[3, "R ten times too small"])
+    assert view._answers() == ("Eve", ("R ten times too small",), ("", ""))
+    for faults, answers, said in (
+        (["no fault"], ["", ""], "names a fault 'no fault'"),
+        ([], ["grey", ""], "none of the choices"),
+        ([], ["white", "9" * 10**6], "up to 100"),
+    ):
+        view._faults = SimpleNamespace(value=faults)
+        view._entries = [SimpleNamespace(value=answer) for answer in answers]
+        assert view._content() is None
+        assert said in walk.text()
 
 
 def test_reset_turns_it_off_and_it_is_taken_up_again(walk: Walk, keyed: Keyed) -> None:

@@ -22,9 +22,9 @@ from lab.homework.hand_in import LONGEST_NAME, SUFFIX
 from lab.homework.homework import LONGEST_ANSWER, Homework, fault_titles
 from lab.lessons.text import text_html
 
-
 PARTS = """
-h3 { font: 500 17px/1.35 Roboto, sans-serif; margin: 12px 0 4px; } h3 .where { font-weight: 400; margin-left: 6px; }
+h3 { font: 500 17px/1.35 Roboto, sans-serif; margin: 12px 0 4px; }
+h3 .where { font-weight: 400; margin-left: 6px; }
 """
 
 
