@@ -24,7 +24,7 @@ from lab.lessons.text import text_html
 
 PARTS = """
 h3 { font: 500 17px/1.35 Roboto, sans-serif; margin: 12px 0 4px; }
-h3 .where { font-weight: 400; margin-left: 6px; }
+h3 .where { font-weight: 400; margin-left: 6px; } h3 .where, li .where { white-space: nowrap; }
 """
 
 
