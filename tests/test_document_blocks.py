@@ -18,6 +18,8 @@ from document_code import DOCUMENTS, PROGRAMS, ROOT, Line, blocks, lines, name_o
 
 from lab.experiment import Experiment
 from lab.flying.plan_kinds import read_plan
+from lab.homework.sealing import PUBLIC
+from lab.homework.source_file import judge_of
 from lab.lessons.lesson_file import lesson_of
 from lab.missions import mission
 from lab.sensors.cards import read_cards
@@ -29,6 +31,10 @@ NOT_RUN = {
     ): "a person turns a sensor; tests/live/test_axis_check.py",
     ("docs/live.md", "xplane:127.0.0.1"): "X-Plane flies for a minute; tests/live/test_xplane_flight.py",
     ("docs/live.md", "tcp:192.168.1.20:5555"): "a device sends until it is off; tests/live/test_source.py",
+    (
+        "docs/homework.md",
+        "receiver.homework",
+    ): "tests/cli/test_homework_commands.py runs it, and grades what it writes",
     ("docs/live.md", "drive.inslab"): "compares the recording of that device; tests/live/test_twin.py",
 }
 """Python that is not run, by document and a part of its text, and why; its imports are made."""
@@ -101,6 +107,7 @@ def read_card(text: str, tables: dict[str, Any], folder: Path) -> None:
 
 
 LOADERS: dict[str, Callable[[str, dict[str, Any], Path], Any]] = {
+    "hidden": lambda text, tables, folder: judge_of(tables, bytes(PUBLIC), 1),
     "step": lambda text, tables, folder: lesson_of("mine", tables),
     "flight": read_flight,
     "recording": read_mission,

@@ -24,6 +24,8 @@ from writers import WRITERS
 from xplane_simulator import montreal
 
 from dashboards.command_line import app
+from lab.homework.hand_in import hand_in, write_hand_in
+from lab.homework.homework_file import homework_text, make_homework, read_homework
 from lab.missions import add_mission
 
 WRITES = {
@@ -31,6 +33,9 @@ WRITES = {
     "export": {"--to"},
     "identify": {"--card", "--settings"},
     "allan": {"--card"},
+    "homework make": {"--out"},
+    "homework hand-in": {"--out"},
+    "grade": {"--out"},
 }
 """Options of commands that name a file to write: another document may have written it."""
 NOT_RUN = {
@@ -84,6 +89,20 @@ def algorithm(path: Path) -> None:
     written(path, block.text.partition("\n\n\nresult")[0].replace("LastFix", "MyFilter"))
 
 
+def homework(path: Path) -> None:
+    """Write the homework of the document for students; its key is made by the line that makes both."""
+    source = path.with_name("receiver.toml")
+    written(source, toml_of("docs/homework.md", 0))
+    written(path, homework_text(make_homework(source)))
+
+
+def handed_in(path: Path) -> None:
+    """Write a folder with a hand-in."""
+    path.mkdir()
+    found = read_homework(path.with_name("receiver.homework"))
+    write_hand_in(path / "ada.handin", found, hand_in(found, "Ada", found.experiment()))
+
+
 MOTION = """ini lat (deg),ini lon (deg),ini alt (m),ini vx_body (m/s),ini vy_body (m/s),ini vz_body (m/s),\
 ini yaw (deg),ini pitch (deg),ini roll (deg)
 32,120,0,10,0,0,90,0,0
@@ -108,6 +127,9 @@ FILES: dict[str, Callable[[Path], Any]] = {
     "my_filter.py": algorithm,
     "my_lesson.toml": lambda path: written(path, toml_of("docs/lessons.md", 0)),
     "my_lessons": lambda path: (path.mkdir(), written(path / "mine.toml", toml_of("docs/lessons.md", 0))),
+    "receiver.toml": lambda path: written(path, toml_of("docs/homework.md", 0)),
+    "receiver.homework": homework,
+    "handed_in": handed_in,
     "mine": lambda path: add_mission(montreal(60), path.name, title="Mine"),
 }
 """What makes the reader's files, folders and missions, by their name in the documents."""
