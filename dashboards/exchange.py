@@ -19,6 +19,7 @@ from bokeh.document import Document
 
 from dashboards.computing import POOL, LatestWins, Outcome, attempt
 from dashboards.session import Session
+from dashboards.teaching.class_link import FIELD
 from dashboards.upload import Upload
 from lab.experiment import Experiment
 from lab.export import gpx, kml, tracks_of
@@ -176,12 +177,28 @@ class Address:
         self._document = document
         self._location = pn.state.location
         self._timer: Any = None
+        self._code, self._keeps_settings = "", True
         session.param.watch(lambda _event: self._later(), "result")
+
+    @property
+    def query(self) -> str:
+        """The query of the address."""
+        return self._location.search.removeprefix("?") if self._location is not None else ""
+
+    @property
+    def href(self) -> str:
+        """The address, as the browser has it; empty without a browser."""
+        return str(self._location.href) if self._location is not None else ""
+
+    def keep_class(self, code: str, keeps_settings: bool) -> None:
+        """Keep the code of a class in the address, none if it is empty, and the settings beside it or not."""
+        if (code, keeps_settings) != (self._code, self._keeps_settings):
+            self._code, self._keeps_settings = code, keeps_settings
+            self._later()
 
     def read(self) -> None:
         """Apply the settings in the address; report those that are not accepted."""
-        query = self._location.search.removeprefix("?") if self._location is not None else ""
-        trial, problems = experiment_of_query(query)
+        trial, problems = experiment_of_query(self.query)
         try:
             self._session.take(trial)
         except SettingError as error:
@@ -196,14 +213,18 @@ class Address:
 
     def _write(self) -> None:
         self._timer = None
-        text = query(self._session.experiment)
+        settings = query(self._session.experiment) if self._keeps_settings else ""
+        text = "&".join(part for part in (self._code and urlencode({FIELD: self._code}), settings) if part)
         search = f"?{text}" if text else ""
         if self._location is not None and self._location.search != search:
             self._location.search = search
 
 
 def experiment_of_query(query: str) -> tuple[Experiment, list[str]]:
-    """Return the experiment of an address query, and messages about settings that were not accepted."""
+    """Return the experiment of an address query, and messages about settings that were not accepted.
+
+    The code of a class is no setting; see `dashboards.teaching.class_link`.
+    """
     trial, problems = Experiment(), list[str]()
     try:
         fields = parse_qsl(query, max_num_fields=MOST_FIELDS)
@@ -211,6 +232,8 @@ def experiment_of_query(query: str) -> tuple[Experiment, list[str]]:
         return trial, [f"The address has too many settings; accepted are up to {MOST_FIELDS}."]
     # Other forms come last, because they depend on the other settings.
     for path, text in sorted(fields, key=lambda item: item[0] in Experiment.OTHER_FORMS):
+        if path == FIELD:
+            continue
         try:
             trial.set_text(path, text)
         except SettingError as error:

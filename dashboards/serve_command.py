@@ -20,6 +20,7 @@ Examples:
   ins-lab serve --port 8000
   ins-lab serve --algorithm my_filter.py:MyFilter
   ins-lab serve --lessons my_lessons
+  ins-lab serve --address 0.0.0.0 --teacher
   ins-lab serve --phone
   ins-lab serve --allow-device "serial:/dev/ttyUSB0?baud=115200"
   ins-lab serve --address 0.0.0.0 --password-file secret.txt
@@ -106,6 +107,10 @@ def serve(
             show_default=False,
         ),
     ] = None,
+    teacher: Annotated[
+        bool,
+        typer.Option("--teacher", help="Print a link for teachers: their page leads a class of students."),
+    ] = False,
     warm: Annotated[
         bool, typer.Option("--warm/--no-warm", help="Compile the filter ahead, in the background.")
     ] = True,
@@ -147,6 +152,7 @@ def serve(
             visitors=None if visitors is None else visitors.value,
             password=password,
             lessons=lessons,
+            teacher=teacher,
             warm=warm,
         )
     except OriginError as error:

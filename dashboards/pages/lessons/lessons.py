@@ -107,6 +107,23 @@ class Lessons(Page):
         self._looking = None
         self._judging.close()
 
+    @property
+    def place(self) -> tuple[Key, int] | None:
+        """The open lesson, and the number of its step from 0; None while the list is shown."""
+        return None if self._lesson is None else (self._key, self._number)
+
+    def go(self, place: tuple[Key, int] | None) -> None:
+        """Open a step of a lesson, or the list, without applying settings: whoever calls this brings them."""
+        if place == self.place:
+            return
+        key, number = place or (("", ""), 0)
+        lesson = self._catalogue.find(*key) if place else None
+        if lesson is not None:
+            self._key, self._number = key, min(max(number, 0), len(lesson.steps) - 1)
+            self._begun.add((self._key, self._number))
+        self._lesson = lesson
+        self._lay_out()
+
     def _refresh(self) -> None:
         """Show what has changed in the files."""
         self._catalogue.refresh()
@@ -150,11 +167,13 @@ class Lessons(Page):
         self._begun = {place for place in self._begun if place[0] != key}
         self._lay_out()
         self._begin()
+        self._session.acted()
 
     def _close_lesson(self) -> None:
         """Go back to the list; a hidden fault is turned off."""
         self._lesson = None
         self._lay_out()
+        self._session.acted()
         if self._session.experiment.hidden:
             self._take(Experiment().update(self._session.experiment.to_dict()))
 
@@ -163,6 +182,7 @@ class Lessons(Page):
             self._number += by
             self._lay_out()
             self._begin()
+            self._session.acted()
 
     def _begin(self) -> None:
         """Apply the settings of a step when it is opened for the first time."""
@@ -224,5 +244,6 @@ class Lessons(Page):
             return
         if outcome.result.right:
             self._done.add(self._number)
+            self._session.solved(self._key, self._number)
             self._step.show_progress(self._lesson, self._number, self._done)
         self._step.say(outcome.result)
