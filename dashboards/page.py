@@ -309,9 +309,9 @@ class SimulatorPage:
                     give_back()
                 page.show_time(self.axis.time)
             view = self._reason.view if reason else page.view  # a page may have changed its plots
-            self._large_type.dress(view)
             if self._stage.objects != [view]:
                 self._stage[:] = [view]
+            self._large_type.dress(view)  # a browser is told of changes only on a page that it has
             if result is None and not page.is_complete:
                 self.session.restore()
             if page is not self._visible:
@@ -390,7 +390,7 @@ class SimulatorPage:
             if not words:
                 return
             self._reminder = Notice(margin=(6, 8))
-            self._main.insert(1, self._reminder.view)
+            self._main.insert(2, self._reminder.view)
         if words != self._reminder.text:
             self._reminder.say(words, "info")
 

@@ -9,5 +9,14 @@ BAR = """
         background: rgba(31,111,208,.09); flex: 0 0 auto !important; max-height: none !important; }
 """
 WORDS = "div { font: 14px/1.4 Roboto, sans-serif; } b { font-weight: 600; }"
-BUTTON: dict[str, Any] = {"variant": "outlined", "size": "small", "margin": (6, 4)}
+BUTTON: dict[str, Any] = {"variant": "outlined", "size": "small", "margin": (6, 4), "align": "center"}
 """Options of all buttons in the line."""
+TOGGLE: dict[str, Any] = {
+    "& .MuiToggleButton-root, &.MuiToggleButton-root": {
+        "textTransform": "none",
+        "fontSize": "0.8125rem",
+        "padding": "3px 9px",
+        "gap": "6px",
+    }
+}
+"""Style of a button that stays pressed: as high as the others."""

@@ -177,8 +177,11 @@ class SchoolClass:
             before.notify()
 
     def is_led_by(self, seat: Seat) -> bool:
-        """Return whether a page has the lead."""
-        return self._leader is seat and not self.closed
+        """Return whether a page has the lead; the class then waits for its teacher anew."""
+        if self._leader is not seat or self.closed:
+            return False
+        self._led = self._clock()
+        return True
 
     def show(self, seat: Seat, moment: Moment) -> None:
         """Show a moment to all who follow; from a page without the lead, nothing is taken."""

@@ -15,6 +15,7 @@ import panel_material_ui as pmui
 
 from dashboards.pages.missions.entry_fields import WRAP
 from dashboards.sending import together
+from dashboards.style import TOOLTIP
 from dashboards.teaching.bar_style import BAR, BUTTON, WORDS
 from dashboards.teaching.desk import Desk
 from dashboards.teaching.moment import Moment
@@ -67,7 +68,7 @@ class StudentBar:
         self._own: Moment | None = None
         self._showing = self._called = False
         school_class.join(self._seat)
-        self._words = pn.pane.HTML("", margin=(8, 8), stylesheets=[WORDS])
+        self._words = pn.pane.HTML("", margin=(8, 8), align="center", stylesheets=[WORDS])
         self._turn = pmui.Button(label="", icon="directions_walk", **BUTTON)
         self._turn.on_click(lambda _event: self.wander() if self._seat.follows else self.follow())
         self._back = pmui.Button(label="Back to my own", icon="undo", visible=False, **BUTTON)
@@ -75,8 +76,23 @@ class StudentBar:
         self._lead = pmui.Button(label="Lead the class", icon="groups", visible=lead is not None, **BUTTON)
         if lead is not None:
             self._lead.on_click(lambda _event: lead())
+        self._badge = pmui.ToggleIcon(
+            icon="badge",
+            size="1.3em",
+            margin=(2, 4),
+            align="center",
+            description="Give the teacher your name. You need not.",
+            stylesheets=[TOOLTIP],
+        )
+        self._badge.param.watch(lambda event: self._name.param.update(visible=bool(event.new)), "value")
         self._name = pmui.TextInput(
-            label="Name for the teacher, optional", size="small", variant="outlined", width=230, margin=(4, 8)
+            label="Your name, for the teacher only",
+            size="small",
+            variant="outlined",
+            width=250,
+            margin=(8, 8),
+            align="center",
+            visible=False,
         )
         self._name.param.watch(lambda event: self._call(event.new), "value")
         self.view = pn.Row(
@@ -84,6 +100,7 @@ class StudentBar:
             self._turn,
             self._back,
             self._lead,
+            self._badge,
             self._name,
             margin=0,
             sizing_mode="stretch_width",
@@ -213,4 +230,4 @@ class StudentBar:
                 )
             self._back.visible = not ended and follows and self._own is not None
             if ended:
-                self._name.visible = self._lead.visible = False
+                self._name.visible = self._badge.visible = self._lead.visible = False

@@ -10,8 +10,7 @@ import panel_material_ui as pmui
 from dashboards.classroom import catalogue
 from dashboards.pages.missions.entry_fields import WRAP
 from dashboards.sending import together
-from dashboards.style import TOOLTIP
-from dashboards.teaching.bar_style import BAR, BUTTON, WORDS
+from dashboards.teaching.bar_style import BAR, BUTTON, TOGGLE, WORDS
 from dashboards.teaching.class_link import class_link
 from dashboards.teaching.class_register import CLASSES
 from dashboards.teaching.class_view import STYLE, invitation_html, line_html, students_html
@@ -52,10 +51,10 @@ class TeacherBar:
         self._news, self._looks = True, 0
         self._offered: list[tuple[str, bool]] = []
         self._closed = False
-        self._words = pn.pane.HTML(NO_CLASS, margin=(8, 8), stylesheets=[WORDS])
+        self._words = pn.pane.HTML(NO_CLASS, margin=(8, 8), align="center", stylesheets=[WORDS])
         self._start = pmui.Button(label="Start a class", icon="groups", **BUTTON | {"variant": "contained"})
         self._start.on_click(lambda _event: self.start())
-        self._offers = pn.Row(margin=0, stylesheets=[WRAP])
+        self._offers = pn.Row(margin=0, align="center", stylesheets=[WRAP])
         self._link = self._button("Link", "qr_code_2", self.invite)
         self._students = self._toggle("Students", "checklist")
         self._names = self._toggle("Names", "badge")
@@ -228,4 +227,4 @@ class TeacherBar:
         return button
 
     def _toggle(self, label: str, icon: str) -> pmui.Toggle:
-        return pmui.Toggle(label=label, icon=icon, stylesheets=[TOOLTIP], **BUTTON)
+        return pmui.Toggle(label=label, icon=icon, sx=TOGGLE, **BUTTON)
