@@ -194,14 +194,18 @@ class SimulatorPage:
             if self._place() is None and experiment.hidden:  # its lesson is not there any more
                 experiment = Experiment().update(experiment.to_dict())
             if not moment.has_settings_of(self.session.experiment):
-                try:
-                    self.session.take(experiment.copy(), moment.result)
-                except SettingError as error:
-                    self.session.problem = str(error)
-                self._waiting_time = moment.time
+                self._take(experiment.copy(), moment)
             self._tabs.active = [page.title for page in PAGES].index(moment.page)
             if moment.time != self.axis.time:
                 self._time_bar.go(moment.time)
+
+    def _take(self, experiment: Experiment, moment: Moment) -> None:
+        """Take settings over from a moment; the time waits for their result, which may be of a longer flight."""
+        self._waiting_time = moment.time
+        try:
+            self.session.take(experiment, moment.result)
+        except SettingError as error:
+            self.session.problem = str(error)
 
     def _enlarge(self, on: bool) -> None:
         """Turn large type for a projector on, which also closes the settings, or off."""

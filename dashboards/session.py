@@ -174,7 +174,7 @@ class Session(param.Parameterized):
             self.compute()
         else:
             self.release()
-            self._submit(Wanted(self.experiment.copy(), ready))
+            self._submit(Wanted(ready.experiment, ready))
 
     def close(self) -> None:
         """End the session: deliver no more, and drop the result."""

@@ -6,10 +6,12 @@ lasting content is what the teacher shows.
 
 from __future__ import annotations
 
+import asyncio
 import threading
 import time
 from collections import Counter
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
+from contextvars import Context
 from typing import NamedTuple
 
 from dashboards.teaching.moment import Key, Moment
@@ -100,7 +102,7 @@ class Tally(NamedTuple):
 
 
 class SchoolClass:
-    """One class; usable from any thread.
+    """One class; joined and counted from any thread, shown and closed in that of the server.
 
     Parameters
     ----------
@@ -127,6 +129,8 @@ class SchoolClass:
         self._lock = threading.RLock()
         self._seats: list[Seat] = []
         self._leader: Seat | None = None
+        self._untold: dict[Seat, None] = {}
+        self._telling: asyncio.Task[None] | None = None
         self._begun = self._led = clock()
 
     @property
@@ -164,6 +168,7 @@ class SchoolClass:
         """Give a seat up, or the lead."""
         with self._lock:
             self._seats = [one for one in self._seats if one is not seat]
+            self._untold.pop(seat, None)
             if self._leader is seat:
                 self._led, self._leader = self._clock(), None
         self._tell_leader()
@@ -190,8 +195,7 @@ class SchoolClass:
                 return
             self.moment = moment
             followers = [one for one in self._seats if one.follows]
-        for follower in followers:
-            follower.notify()
+        self._tell(followers)
 
     def changed(self) -> None:
         """Tell the teacher that a student has solved a step, typed a name, wandered off or come back."""
@@ -217,8 +221,30 @@ class SchoolClass:
             seats = [*self._seats, *([self._leader] if self._leader is not None else [])]
             self.closed, self.moment, self._leader = True, None, None
             self._seats = []
-        for seat in seats:
-            seat.notify()
+        self._tell(seats)
+
+    def _tell(self, seats: Iterable[Seat]) -> None:
+        """Tell pages that the class has changed: in a server one by one, with other requests in between."""
+        self._untold |= dict.fromkeys(seats)
+        try:
+            loop = asyncio.get_running_loop()
+        except RuntimeError:
+            while self._untold:
+                self._next().notify()
+            return
+        if self._telling is None or self._telling.done():
+            # In an empty context, because that of the caller refers to the teacher's document.
+            self._telling = loop.create_task(self._tell_in_turns(), context=Context())
+
+    async def _tell_in_turns(self) -> None:
+        while self._untold:
+            self._next().notify()
+            await asyncio.sleep(0)
+
+    def _next(self) -> Seat:
+        seat = next(iter(self._untold))
+        del self._untold[seat]
+        return seat
 
     def _tell_leader(self) -> None:
         leader = self._leader

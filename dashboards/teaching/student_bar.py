@@ -7,7 +7,6 @@ wanders off. Returning takes one click, and what the student had is kept for the
 from __future__ import annotations
 
 from collections.abc import Callable
-from contextvars import Context
 from html import escape
 
 import panel as pn
@@ -170,13 +169,10 @@ class StudentBar:
             self._class.changed()
 
     def _notify(self) -> None:
-        """Ask for a turn of this page's document; of several moments before it, the last one is shown.
-
-        In an empty context, because that of the caller refers to the teacher's document.
-        """
+        """Ask for a turn of this page's document; of several moments before it, the last one is shown."""
         if not self._called:
             self._called = True
-            Context().run(self._desk.document.add_next_tick_callback, self._arrive)
+            self._desk.document.add_next_tick_callback(self._arrive)
 
     def _arrive(self) -> None:
         self._called = False

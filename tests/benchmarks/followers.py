@@ -31,7 +31,7 @@ class Page(Visitor):
 
     def __init__(self, address: str, query: str = "", cookie: str = "") -> None:
         super().__init__(address, query, cookie)
-        self._seen = ""
+        self._seen, self._left = "", False
         self._news = asyncio.Event()
         self._reading: asyncio.Task[None] | None = None
 
@@ -51,8 +51,12 @@ class Page(Visitor):
         self._reading = asyncio.create_task(self._read())
 
     async def _read(self) -> None:
-        while True:
-            await self._receive()
+        while not self._left:
+            try:
+                await self._receive()
+            except AssertionError:  # the connection is closed
+                if not self._left:
+                    raise
             self._text.clear()
 
     async def until(self, arrived: Callable[[Page], bool]) -> float:
@@ -84,8 +88,7 @@ class Page(Visitor):
 
     def close(self) -> None:
         """Leave."""
-        if self._reading is not None:
-            self._reading.cancel()
+        self._left = True
         super().close()
 
 
