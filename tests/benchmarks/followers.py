@@ -23,6 +23,8 @@ MISSING = 10.0
 TITLES = [page.title for page in PAGES]
 FLIGHT = "?mission=los_angeles&trajectory.imu_rate=50"
 """Settings with which the teacher begins: a short flight."""
+KINDS = ("settings", "time", "settings", "another tab", "time", "first tab")
+"""Steps of a teacher, in a row."""
 CODE = re.compile(r"\?class=([a-z2-9]{6})")
 
 
@@ -183,10 +185,10 @@ async def class_of(served: Served, number: int) -> AsyncIterator[tuple[Teacher, 
 
 
 async def steps(teacher: Teacher, followers: list[Page], seconds: float) -> AsyncIterator[Step]:
-    """Have the teacher change a setting, the time, the tab and back, one after the other for some time."""
+    """Have the teacher change a setting, the time, the tab and back, in a row for some time, but all once."""
     until, number = time.monotonic() + seconds, 0
-    for kind in cycle(("settings", "time", "settings", "another tab", "time", "first tab")):
-        if time.monotonic() >= until and number >= len("set, time, set, tab, time, tab".split(", ")):
+    for kind in cycle(KINDS):
+        if time.monotonic() >= until and number >= len(KINDS):
             return
         number += 1
         for page in followers:
