@@ -153,7 +153,7 @@ def run(
     prepare: Callable[[Result], None] | None = None,
     ready: Result | None = None,
 ) -> Outcome:
-    """Run an experiment, unless its result is ready, and prepare the visible page; an error becomes a sentence."""
+    """Run an experiment, unless its result is ready, and prepare the page; an error becomes a sentence."""
 
     def work() -> Result:
         result = experiment.run(progress) if ready is None else ready

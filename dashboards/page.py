@@ -108,6 +108,7 @@ class SimulatorPage:
         self._reminder: Notice | None = None
         self._reminded = ""
         self._waiting_time: float | None = None
+        self._taken: Experiment | None = None
         self._large_type = LargeType()
         self._tabs = pmui.Tabs(
             *((page.title, pn.Spacer(height=0)) for page in PAGES),
@@ -133,7 +134,7 @@ class SimulatorPage:
         self.session.prepare = self._prepare
         self.session.go = self._go_to
         self.session.remind = self._remind
-        self.session.acted = self._class.acted
+        self.session.acted = self._acted
         self.session.solved = self._class.solved
         self.session.param.watch(self._new_result, "result")
         self.session.param.watch(self._new_problem, "problem")
@@ -193,14 +194,16 @@ class SimulatorPage:
                 lessons.go(moment.place)
             if self._place() is None and experiment.hidden:  # its lesson is not there any more
                 experiment = Experiment().update(experiment.to_dict())
-            if not moment.has_settings_of(self.session.experiment):
-                self._take(experiment.copy(), moment)
+            if moment.experiment is not self._taken:
+                if not moment.has_settings_of(self.session.experiment):
+                    self._take(experiment.copy(), moment)
+                self._taken = moment.experiment
             self._tabs.active = [page.title for page in PAGES].index(moment.page)
             if moment.time != self.axis.time:
                 self._time_bar.go(moment.time)
 
     def _take(self, experiment: Experiment, moment: Moment) -> None:
-        """Take settings over from a moment; the time waits for their result, which may be of a longer flight."""
+        """Take settings over; the time waits for their result, which may be of a longer flight."""
         self._waiting_time = moment.time
         try:
             self.session.take(experiment, moment.result)
@@ -281,6 +284,11 @@ class SimulatorPage:
             page.draw_again = partial(self._show_again, page)
             self._pages[index] = page
         return self._pages[index]
+
+    def _acted(self) -> None:
+        """Note that settings or the step of a lesson were changed, by a person or for a class."""
+        self._taken = None
+        self._class.acted()
 
     def _turn(self) -> None:
         """Show the page of a tab that was opened, by a person or for a class."""

@@ -72,9 +72,9 @@ def serve(
     from dashboards.upload import remove_abandoned, remove_all_here  # noqa: PLC0415
     from dashboards.visitors import allow  # noqa: PLC0415
     from dashboards.warming import Warming  # noqa: PLC0415
-    from lab.phone.addresses import in_address, is_any, own_addresses  # noqa: PLC0415
     from lab.missions import missions  # noqa: PLC0415
     from lab.missions.library import sweep_own_folder  # noqa: PLC0415
+    from lab.phone.addresses import in_address, is_any, own_addresses  # noqa: PLC0415
 
     use_algorithms(algorithms)
     use_lessons(lessons)

@@ -16,8 +16,8 @@ from dashboards.teaching.teacher import is_teacher
 from dashboards.teaching.teacher_bar import TeacherBar
 
 NO_CLASS = (
-    "There is no class with this link: it has ended, or the link was mistyped. Ask your teacher for the link. "
-    "Until then, the laboratory is yours."
+    "There is no class with this link: it has ended, or the link was mistyped. Ask your teacher for the "
+    "link. Until then, the laboratory is yours."
 )
 
 

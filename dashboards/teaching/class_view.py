@@ -5,6 +5,7 @@ Names that students typed are text only.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from html import escape
 
 from dashboards.teaching.class_link import ClassLink
@@ -72,7 +73,10 @@ def students_html(tally: Tally, lesson: Lesson | None, *, with_names: bool) -> s
     if not tally.named:
         return f"<div>{steps}<p>No student has typed a name.</p></div>"
     names = "".join(
-        f"<tr><td>{escape(one.name)}</td><td>{', '.join(str(step + 1) for step in one.solved) or '–'}</td></tr>"
-        for one in tally.named
+        f"<tr><td>{escape(one.name)}</td><td>{_numbers(one.solved)}</td></tr>" for one in tally.named
     )
     return f"<div>{steps}<table><tr><th>name</th><th>solved steps</th></tr>{names}</table></div>"
+
+
+def _numbers(steps: Sequence[int]) -> str:
+    return ", ".join(str(step + 1) for step in steps) or "–"

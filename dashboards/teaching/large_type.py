@@ -59,4 +59,4 @@ class LargeType:
 def _large(size: str) -> str:
     """Return a size of letters, such as ``13px``, enlarged."""
     number = size.rstrip("pxemt")
-    return f"{round(FACTOR * float(number), 2):g}{size[len(number):]}"
+    return f"{round(FACTOR * float(number), 2):g}{size[len(number) :]}"

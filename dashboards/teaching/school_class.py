@@ -188,14 +188,24 @@ class SchoolClass:
         self._led = self._clock()
         return True
 
-    def show(self, seat: Seat, moment: Moment) -> None:
-        """Show a moment to all who follow; from a page without the lead, nothing is taken."""
+    def show(self, seat: Seat, moment: Moment, loop: asyncio.AbstractEventLoop | None = None) -> None:
+        """Show a moment to all who follow; from a page without the lead, nothing is taken.
+
+        Parameters
+        ----------
+        seat
+            The page that shows it.
+        moment
+            What it shows.
+        loop
+            The running loop of the server, which spreads the work of many pages; None to tell all at once.
+        """
         with self._lock:
             if not self.is_led_by(seat):
                 return
             self.moment = moment
             followers = [one for one in self._seats if one.follows]
-        self._tell(followers)
+        self._tell(followers, loop)
 
     def changed(self) -> None:
         """Tell the teacher that a student has solved a step, typed a name, wandered off or come back."""
@@ -221,18 +231,16 @@ class SchoolClass:
             seats = [*self._seats, *([self._leader] if self._leader is not None else [])]
             self.closed, self.moment, self._leader = True, None, None
             self._seats = []
-        self._tell(seats)
+        for seat in seats:
+            seat.notify()
 
-    def _tell(self, seats: Iterable[Seat]) -> None:
-        """Tell pages that the class has changed: in a server one by one, with other requests in between."""
+    def _tell(self, seats: Iterable[Seat], loop: asyncio.AbstractEventLoop | None) -> None:
+        """Tell pages of a new moment: in a server one by one, with other requests in between."""
         self._untold |= dict.fromkeys(seats)
-        try:
-            loop = asyncio.get_running_loop()
-        except RuntimeError:
+        if loop is None:
             while self._untold:
                 self._next().notify()
-            return
-        if self._telling is None or self._telling.done():
+        elif self._telling is None or self._telling.done():
             # In an empty context, because that of the caller refers to the teacher's document.
             self._telling = loop.create_task(self._tell_in_turns(), context=Context())
 

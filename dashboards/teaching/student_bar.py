@@ -7,6 +7,7 @@ wanders off. Returning takes one click, and what the student had is kept for the
 from __future__ import annotations
 
 from collections.abc import Callable
+from contextvars import Context
 from html import escape
 
 import panel as pn
@@ -172,7 +173,8 @@ class StudentBar:
         """Ask for a turn of this page's document; of several moments before it, the last one is shown."""
         if not self._called:
             self._called = True
-            self._desk.document.add_next_tick_callback(self._arrive)
+            # In an empty context, because that of the caller may refer to another document.
+            Context().run(self._desk.document.add_next_tick_callback, self._arrive)
 
     def _arrive(self) -> None:
         self._called = False

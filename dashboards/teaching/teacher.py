@@ -53,7 +53,7 @@ def admit_no_teacher() -> None:
 def is_token(text: str) -> bool:
     """Return whether a text is the token, in a time that does not depend on how similar it is."""
     given = _hash(text[:_LONGEST])
-    return any([hmac.compare_digest(given, known) for known in _digest])
+    return bool(_digest) and hmac.compare_digest(given, _digest[0])
 
 
 def is_teacher(cookies: Mapping[str, str]) -> bool:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import asyncio
 from typing import Any
 
 import panel as pn
@@ -23,7 +24,7 @@ UPDATE = 250
 """Time between two looks at what the teacher's page shows [ms]: a class sees at most four moments a second,
 and the last one in any case."""
 COUNT = 8
-"""Looks after which the students are counted again, even if no page said anything: a connection may be lost."""
+"""Looks after which the students are counted again without any news: a connection may be lost."""
 NO_CLASS = "You are a teacher on this server. Students follow this page once you start a class."
 LOST = "Another page of a teacher leads the class now."
 ENDED = "The class has ended: it was open for too long, or without its teacher."
@@ -66,7 +67,11 @@ class TeacherBar:
         self._list = pn.pane.HTML("", margin=(4, 12), visible=False, stylesheets=[STYLE])
         self._invitation = pn.pane.HTML("", margin=0, sizing_mode="stretch_width", stylesheets=[STYLE])
         self._dialog = pmui.Dialog(
-            self._invitation, title="Open this link to follow", width_option="md", show_close_button=True, close_on_click=True
+            self._invitation,
+            title="Open this link to follow",
+            width_option="md",
+            show_close_button=True,
+            close_on_click=True,
         )
         line = pn.Row(
             self._words,
@@ -159,7 +164,8 @@ class TeacherBar:
         if moment is not None and moment != self._moment:
             self._news = self._news or self._moment is None or moment.place != self._moment.place
             self._moment = moment
-            self._class.show(self._seat, moment)
+            served = self._desk.document.session_context is not None
+            self._class.show(self._seat, moment, asyncio.get_running_loop() if served else None)
         if self._news or self._looks % COUNT == 0:
             self._count()
 

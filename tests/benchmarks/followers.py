@@ -1,4 +1,4 @@
-"""Followers: a class over websockets: the page of a teacher who acts, and pages that follow and draw nothing."""
+"""Followers: a class over websockets: a teacher's page that acts, and pages that follow and draw nothing."""
 
 from __future__ import annotations
 
@@ -186,11 +186,10 @@ async def class_of(served: Served, number: int) -> AsyncIterator[tuple[Teacher, 
 
 async def steps(teacher: Teacher, followers: list[Page], seconds: float) -> AsyncIterator[Step]:
     """Have the teacher change a setting, the time, the tab and back, in a row for some time, but all once."""
-    until, number = time.monotonic() + seconds, 0
-    for kind in cycle(KINDS):
-        if time.monotonic() >= until and number >= len(KINDS):
+    until = time.monotonic() + seconds
+    for number, kind in enumerate(cycle(KINDS), start=1):
+        if time.monotonic() >= until and number > len(KINDS):
             return
-        number += 1
         for page in followers:
             page.forget()
         begin = time.monotonic()

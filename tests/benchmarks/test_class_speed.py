@@ -28,7 +28,7 @@ pytestmark = [pytest.mark.benchmark, pytest.mark.timeout(600 + 3 * SECONDS)]
 
 
 async def follow(served: Served) -> tuple[list[Step], float, float, float]:
-    """Return the steps; CPU time of the server per step [s], its share of a core, and memory of a page [MB]."""
+    """Return the steps; CPU of the server for each [s], its share of a core, and memory of a page [MB]."""
     alone = Visitor(f"http://127.0.0.1:{served.port}")
     await alone.open()  # compiles and reads what the first visitor needs
     before = served.process.memory_info().rss
@@ -55,9 +55,9 @@ def test_a_class_follows_its_teacher(tmp_path: Path) -> None:
         )
     every = np.concatenate([step.delays for step in taken])
     print(
-        f"\nall: {STUDENTS} students, {len(taken)} steps in a row; 95 % within {np.percentile(every, 95):.2f} "
-        f"s; {np.isinf(every).sum()} did not arrive; server {cpu:.2f} s of CPU a step, {share:.0%} of a core; "
-        f"{memory:.1f} MB a session; load {psutil.getloadavg()[0]:.1f}"
+        f"\nall: {STUDENTS} students, {len(taken)} steps in a row; 95 % within "
+        f"{np.percentile(every, 95):.2f} s; {np.isinf(every).sum()} did not arrive; server {cpu:.2f} s of "
+        f"CPU a step, {share:.0%} of a core; {memory:.1f} MB a session; load {psutil.getloadavg()[0]:.1f}"
     )
     assert np.isfinite(every).all()
     assert "Traceback" not in written

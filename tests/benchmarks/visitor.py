@@ -77,7 +77,9 @@ class Visitor:
     async def open(self) -> None:
         """Open the page and wait until it is complete."""
         begin = time.monotonic()
-        answer = await AsyncHTTPClient(force_instance=True).fetch(self._request(f"{self._address}{self._query}"))
+        answer = await AsyncHTTPClient(force_instance=True).fetch(
+            self._request(f"{self._address}{self._query}")
+        )
         found = re.search(r'"token":"([^"]+)"', answer.body.decode())
         assert found is not None, "the page names no session"
         address = f"ws://{urlparse(self._address).netloc}{urlparse(self._address).path}/ws"
@@ -142,6 +144,4 @@ class Visitor:
         return fragment
 
     def _request(self, address: str) -> HTTPRequest:
-        return HTTPRequest(
-            address, connect_timeout=PATIENCE, request_timeout=PATIENCE, headers=self._headers
-        )
+        return HTTPRequest(address, connect_timeout=PATIENCE, request_timeout=PATIENCE, headers=self._headers)

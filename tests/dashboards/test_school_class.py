@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 import gc
+import re
 from weakref import ref
 
 import pytest
+import segno
 
 from dashboards.teaching import class_register
-from dashboards.teaching.class_link import HERE_ONLY, class_link, code_of, listen_on
+from dashboards.teaching.class_link import HERE_ONLY, ClassLink, class_link, code_of, listen_on
 from dashboards.teaching.class_register import MOST, ClassRegister, is_code
-from dashboards.teaching.class_view import line_html, students_html
+from dashboards.teaching.class_view import invitation_html, line_html, students_html
 from dashboards.teaching.moment import Moment
 from dashboards.teaching.school_class import (
     ALONE,
@@ -34,6 +36,7 @@ class Clock:
         self.now = 0.0
 
     def __call__(self) -> float:
+        """Return the time."""
         return self.now
 
 
@@ -45,6 +48,7 @@ class Sitter:
         self.seat = Seat(self.notify, lambda: self.connected)
 
     def notify(self) -> None:
+        """Note it."""
         self.told += 1
 
 
@@ -110,7 +114,11 @@ def test_those_are_counted_whose_browser_is_there(register: ClassRegister) -> No
 
 def test_names_are_text_bounded_and_only_of_those_who_typed_one(register: ClassRegister) -> None:
     opened, zoe, ana, nobody = register.open(), Sitter(), Sitter(), Sitter()
-    for sitter, typed in ((zoe, "zoë\u202e <img src=x>"), (ana, " Ana\n" + "a" * 1000), (nobody, "\u200b \t")):
+    for sitter, typed in (
+        (zoe, "zoë\u202e <img src=x>"),
+        (ana, " Ana\n" + "a" * 1000),
+        (nobody, "\u200b \t"),
+    ):
         opened.join(sitter.seat)
         sitter.seat.call(typed)
     zoe.seat.solve(LESSON, 1)
@@ -233,10 +241,24 @@ def test_of_this_computer_the_link_has_the_address_in_the_network(monkeypatch: p
     listen_on("0.0.0.0")
     assert class_link("http://localhost:5006/?x=1", "abcdef") == ("http://192.0.2.7:5006/?class=abcdef", "")
     listen_on("127.0.0.1")
-    assert class_link("http://localhost:5006/", "abcdef") == ("http://localhost:5006/?class=abcdef", HERE_ONLY)
+    assert class_link("http://localhost:5006/", "abcdef") == (
+        "http://localhost:5006/?class=abcdef",
+        HERE_ONLY,
+    )
     monkeypatch.setattr("dashboards.teaching.class_link.own_addresses", lambda: [])
     listen_on("0.0.0.0")
     assert class_link("http://127.0.0.1:5006/", "abcdef").problem == HERE_ONLY
+
+
+def test_the_qr_code_of_the_link_is_drawn_as_another_program_makes_it() -> None:
+    link = ClassLink("http://192.0.2.7:5006/?class=abcdef", "<b>")
+    drawn = invitation_html(link)
+    assert "<b>" not in drawn
+    runs = re.findall(r"M(\d+) (\d+)h(\d+)v1h-\d+z", drawn)
+    dark = {(int(y), int(x) + one) for x, y, length in runs for one in range(int(length))}
+    code = segno.make_qr(link.address, error="m")
+    rows = enumerate(code.matrix_iter(border=4))
+    assert dark == {(y, x) for y, row in rows for x, one in enumerate(row) if one}
 
 
 def test_a_step_counts_as_solved_in_the_line(register: ClassRegister) -> None:
