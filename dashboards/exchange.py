@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 import io
 import json
+import re
 import tempfile
 import zipfile
 from collections.abc import Callable
@@ -38,6 +39,9 @@ time."""
 
 HOMEWORK = "homework"
 """What names a homework of the server in an address."""
+
+THEME = "theme"
+"""What names the theme in an address, ``dark`` or ``default``; Panel itself takes it."""
 
 QUIET = 1500
 """Quiet time before the address is updated [ms]."""
@@ -182,6 +186,7 @@ class Address:
         self._location = pn.state.location
         self._timer: Any = None
         self._code, self._keeps_settings = "", True
+        self._theme = ""
         session.param.watch(lambda _event: self._later(), "result")
 
     @property
@@ -202,6 +207,8 @@ class Address:
 
     def read(self) -> None:
         """Apply the settings in the address; report those that are not accepted."""
+        theme = re.search(rf"(?:^|&){THEME}=(dark|default)(?:&|$)", self.query)
+        self._theme = theme[1] if theme else ""
         name, rest = homework_of_query(self.query)
         trial, problems = experiment_of_query(rest)
         if name:
@@ -227,7 +234,11 @@ class Address:
         self._timer = None
         settings = query(self._session.experiment) if self._keeps_settings else ""
         homework = self._session.homework if self._session.experiment.hidden else None
-        others = {FIELD: self._code, HOMEWORK: "" if homework is None else homework.name}
+        others = {
+            FIELD: self._code,
+            HOMEWORK: "" if homework is None else homework.name,
+            THEME: self._theme,
+        }
         named = urlencode({name: value for name, value in others.items() if value})
         text = "&".join(part for part in (named, settings) if part)
         search = f"?{text}" if text else ""
@@ -247,7 +258,7 @@ def homework_of_query(query: str) -> tuple[str, str]:
 def experiment_of_query(query: str) -> tuple[Experiment, list[str]]:
     """Return the experiment of an address query, and messages about settings that were not accepted.
 
-    The code of a class is no setting; see `dashboards.teaching.class_link`.
+    The code of a class and the theme are no settings; see `dashboards.teaching.class_link` and `THEME`.
     """
     trial, problems = Experiment(), list[str]()
     try:
@@ -256,7 +267,7 @@ def experiment_of_query(query: str) -> tuple[Experiment, list[str]]:
         return trial, [f"The address has too many settings; accepted are up to {MOST_FIELDS}."]
     # Other forms come last, because they depend on the other settings.
     for path, text in sorted(fields, key=lambda item: item[0] in Experiment.OTHER_FORMS):
-        if path == FIELD:
+        if path in (FIELD, THEME):
             continue
         try:
             trial.set_text(path, text)

@@ -35,7 +35,7 @@ from dashboards.progress import Progress
 from dashboards.sending import together
 from dashboards.session import Session
 from dashboards.settings_panel import SettingsPanel
-from dashboards.style import DRESS, FRAME, SAME_STYLE_ONCE, STAGE, THEME
+from dashboards.style import DRESS, FRAME, SAME_STYLE_ONCE, STAGE, THEME, THEME_OF_THE_SYSTEM
 from dashboards.teaching.class_bar import ClassBar
 from dashboards.teaching.desk import Desk
 from dashboards.teaching.large_type import LargeType
@@ -158,7 +158,9 @@ class SimulatorPage:
             self._dress()
         self._view.servable()
         pn.state.on_session_destroyed(partial(_close, self))
-        self._document.js_on_event(DocumentReady, CustomJS(code=SAME_STYLE_ONCE + SAME_FILE_AGAIN))
+        self._document.js_on_event(
+            DocumentReady, CustomJS(code=SAME_STYLE_ONCE + SAME_FILE_AGAIN + THEME_OF_THE_SYSTEM)
+        )
         # A browser ignores changes that arrive before the requested document.
         self._document.on_event(DocumentReady, lambda _event: self._go_on())
         self._address.read()

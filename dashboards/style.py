@@ -47,6 +47,15 @@ WRAP = """
 TOOLTIP = ".MuiTooltip-tooltip { width: max-content; max-width: 280px; }"
 """The tooltip of an icon button; otherwise it would be as narrow as the button, with one word per line."""
 
+THEME_OF_THE_SYSTEM = """
+const {theme} = Object.fromEntries(new URLSearchParams(window.location.search));
+const frame = Bokeh.documents[0].roots().find((root) => root.data?.dark_theme !== undefined);
+if (frame && theme === undefined && window.matchMedia("(prefers-color-scheme: dark)").matches) {
+  frame.data.dark_theme = true;
+}
+"""
+"""Begins with the dark theme where the reader's system has one, unless the address names a theme."""
+
 SAME_STYLE_ONCE = """
 const {InlineStyleSheet} = Bokeh.require("core/dom");
 const update = InlineStyleSheet.prototype._update;

@@ -226,6 +226,21 @@ def test_the_theme_changes_without_a_new_session_and_in_three_dimensions(shared_
     expect(tab).to_have_css("color", ink)
 
 
+def test_the_page_begins_with_the_theme_of_the_address_or_of_the_system(
+    open_page: Callable[..., Page], address: str
+) -> None:
+    page = open_page(drawn=False)
+    brightness = "Math.max(...getComputedStyle(document.body).backgroundColor.match(/\\d+/g).map(Number))"
+    page.emulate_media(color_scheme="dark")
+    page.reload()
+    page.wait_for_function(f"{brightness} < 60")
+    page.goto(address + "?theme=default&seed=3")
+    page.wait_for_function(IDLE)
+    page.wait_for_function(f"{brightness} > 200")
+    assert page.get_by_text("there is no setting").count() == 0
+    page.wait_for_url(re.compile("theme=default&seed=3"))
+
+
 def test_an_outage_is_drawn_on_the_timeline(shared_page: Page) -> None:
     page = shared_page
     plot = page.locator("canvas").first
