@@ -233,10 +233,11 @@ class Address:
     def _write(self) -> None:
         self._timer = None
         settings = query(self._session.experiment) if self._keeps_settings else ""
-        homework = self._session.homework if self._session.experiment.hidden else None
+        homework = self._session.homework
+        is_on = homework is not None and self._session.experiment.hidden == homework.scenario.key
         others = {
             FIELD: self._code,
-            HOMEWORK: "" if homework is None else homework.name,
+            HOMEWORK: homework.name if homework is not None and is_on else "",
             THEME: self._theme,
         }
         named = urlencode({name: value for name, value in others.items() if value})

@@ -186,8 +186,12 @@ def write_key(path: Path, made: Keyed) -> None:
     tables = {"format": KEY_FORMAT, "secret": made.key.secret.hex(), "seed": made.seed, "source": made.source}
     content = (_KEY_HEAD + toml_text(tables)).encode()
     descriptor = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL | getattr(os, "O_BINARY", 0), 0o600)
-    with os.fdopen(descriptor, "wb") as file:
-        file.write(content)
+    try:
+        with os.fdopen(descriptor, "wb") as file:
+            file.write(content)
+    except BaseException:
+        path.unlink(missing_ok=True)  # a part of a key opens nothing, and would keep the name
+        raise
 
 
 def read_key(path: Path) -> Keyed:

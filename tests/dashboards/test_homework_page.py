@@ -133,6 +133,11 @@ def test_reset_turns_it_off_and_it_is_taken_up_again(walk: Walk, keyed: Keyed) -
     assert (session.experiment.navigator.r_scale, session.experiment.navigator.q_scale) == (3.0, 1.0)
     click(walk, "Start again")
     assert session.experiment.navigator.r_scale == 1.0
+    page(walk).go((("shipped", "01-first-look"), 0))  # as a teacher does whom the student follows
+    assert "Which faults are hidden?" not in walk.text()
+    page(walk).go(None)
+    assert "Which faults are hidden?" in walk.text()
+    assert name.value == "Ada"
     click(walk, "All lessons")
     assert session.experiment.hidden == ""
     assert "Homework" in walk.text()

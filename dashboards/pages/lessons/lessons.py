@@ -146,22 +146,25 @@ class Lessons(Page):
         self._lay_out()
 
     def _lay_out(self) -> None:
-        """Show the open homework or step, or the list."""
+        """Show the open step, or the homework, or the list.
+
+        A teacher may open a lesson while a student who follows has a homework open: it comes back afterwards.
+        """
         views: list[pn.viewable.Viewable]
-        if self._homework.open is not None:
-            views = [self._homework.view]
-            self._session.remind(self._homework.reminder)
-        elif self._lesson is None:
-            self._list.show(self._catalogue.entries, self._solved)
-            self._homework.show_list()
-            views = [self._homework.list_view, self._list.view]
-            self._session.remind("")
-        else:
+        if self._lesson is not None:
             self._step.show(self._lesson, self._number, self._done)
             views = [self._step.view]
             where = f"{self._lesson.title}, step {self._number + 1} of {len(self._lesson.steps)}"
             title = self._lesson.steps[self._number].title
             self._session.remind(f"{where}: {title}. The step is on the page Lessons.")
+        elif self._homework.open is not None:
+            views = [self._homework.view]
+            self._session.remind(self._homework.reminder)
+        else:
+            self._list.show(self._catalogue.entries, self._solved)
+            self._homework.show_list()
+            views = [self._homework.list_view, self._list.view]
+            self._session.remind("")
         if self._stage.objects != views:
             self._stage[:] = views
 
