@@ -7,7 +7,8 @@ from weakref import WeakKeyDictionary
 
 import panel as pn
 from bokeh.model import Model
-from bokeh.models import Axis, Legend, Title
+from bokeh.models.annotations import Legend, Title
+from bokeh.models.axes import Axis
 
 FACTOR = 1.5
 """Letters of a page on a projector by those on a screen: 8 mm high on a wall of 2 m, they are read from 4 m,
