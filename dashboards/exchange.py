@@ -17,6 +17,7 @@ import panel as pn
 import panel_material_ui as pmui
 from bokeh.document import Document
 
+from dashboards.classroom import shelf
 from dashboards.computing import POOL, LatestWins, Outcome, attempt
 from dashboards.session import Session
 from dashboards.teaching.class_link import FIELD
@@ -34,6 +35,9 @@ MOST_FIELDS = 200
 MOST_PROBLEMS = 10
 """Most wrong settings of an address that are reported; the rest is ignored, because each message takes
 time."""
+
+HOMEWORK = "homework"
+"""What names a homework of the server in an address."""
 
 QUIET = 1500
 """Quiet time before the address is updated [ms]."""
@@ -198,7 +202,15 @@ class Address:
 
     def read(self) -> None:
         """Apply the settings in the address; report those that are not accepted."""
-        trial, problems = experiment_of_query(self.query)
+        name, rest = homework_of_query(self.query)
+        trial, problems = experiment_of_query(rest)
+        if name:
+            self._session.homework = shelf().find(name)
+            if self._session.homework is None:
+                problems.append(f"There is no homework {name[:40]!r} on this server. Ask your teacher.")
+            else:
+                trial = self._session.homework.taking(trial)
+                self._session.go("Lessons", None)
         try:
             self._session.take(trial)
         except SettingError as error:
@@ -214,10 +226,22 @@ class Address:
     def _write(self) -> None:
         self._timer = None
         settings = query(self._session.experiment) if self._keeps_settings else ""
-        text = "&".join(part for part in (self._code and urlencode({FIELD: self._code}), settings) if part)
+        homework = self._session.homework if self._session.experiment.hidden else None
+        others = {FIELD: self._code, HOMEWORK: "" if homework is None else homework.name}
+        named = urlencode({name: value for name, value in others.items() if value})
+        text = "&".join(part for part in (named, settings) if part)
         search = f"?{text}" if text else ""
         if self._location is not None and self._location.search != search:
             self._location.search = search
+
+
+def homework_of_query(query: str) -> tuple[str, str]:
+    """Return the name of a homework in an address query, empty without one, and the rest of the query."""
+    parts = query.split("&")
+    names = [part.partition("=")[2] for part in parts if part.startswith(f"{HOMEWORK}=")]
+    return (names[-1] if names else ""), "&".join(
+        part for part in parts if not part.startswith(f"{HOMEWORK}=")
+    )
 
 
 def experiment_of_query(query: str) -> tuple[Experiment, list[str]]:

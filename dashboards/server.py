@@ -27,6 +27,7 @@ def serve(
     visitors: str | None = None,
     password: str | None = None,
     lessons: Path | None = None,
+    homework: Path | None = None,
     teacher: bool = False,
     warm: bool = True,
 ) -> None:
@@ -51,6 +52,8 @@ def serve(
         Password for visitors; None for no password.
     lessons
         A teacher's folder with lessons; None without one.
+    homework
+        A teacher's folder with the keys of homework; None without one.
     teacher
         Whether somebody may teach: a link for teachers is printed, with which they lead classes.
     warm
@@ -61,7 +64,7 @@ def serve(
 
     import dashboards.page  # noqa: F401, PLC0415
     from dashboards.algorithms import use_algorithms  # noqa: PLC0415
-    from dashboards.classroom import use_lessons  # noqa: PLC0415
+    from dashboards.classroom import use_homework, use_lessons  # noqa: PLC0415
     from dashboards.headers import SecurityHeaders  # noqa: PLC0415
     from dashboards.log_limit import limit_log  # noqa: PLC0415
     from dashboards.messages import MAX_MESSAGE  # noqa: PLC0415
@@ -78,6 +81,7 @@ def serve(
 
     use_algorithms(algorithms)
     use_lessons(lessons)
+    use_homework(homework)
     sweep_own_folder()
     with warnings.catch_warnings(action="ignore"):
         missions()  # read here once, so that no page reads it again

@@ -13,6 +13,7 @@ from bokeh.events import DocumentReady
 from dashboards.computing import LatestWins, Outcome, Progress, run
 from dashboards.sending import together
 from lab.experiment import Experiment
+from lab.homework.homework import Homework
 from lab.missions import missions
 from lab.result import Result
 from lab.settings import SettingError
@@ -36,6 +37,8 @@ class Session(param.Parameterized):
 
     Attributes
     ----------
+    homework : Homework or None
+        The homework of the server that is open, whose name is in the address.
     prepare
         Called in a thread with each new result, before it is shown.
     go
@@ -59,6 +62,7 @@ class Session(param.Parameterized):
         super().__init__()
         self.experiment = Experiment()
         self._document = document
+        self.homework: Homework | None = None
         self.prepare: Callable[[Result], None] = lambda _result: None
         self.go: Callable[[str, float | None], None] = lambda _page, _time: None
         self.remind: Callable[[str], None] = lambda _sentence: None
@@ -136,6 +140,7 @@ class Session(param.Parameterized):
         try:
             if path == "mission":
                 _check_mission(value)
+            self.experiment.check_change(path)
             self.experiment.set(path, value)
         except SettingError as error:
             self.problem = str(error)
