@@ -164,7 +164,7 @@ class SimulatorPage:
         # A browser ignores changes that arrive before the requested document.
         self._document.on_event(DocumentReady, lambda _event: self._go_on())
         self._address.read()
-        has_own = query(self.session.experiment) != ""
+        has_own = self.session.homework is not None or query(self.session.experiment) != ""
         self._class.open(self._address.query, pn.state.cookies, has_own=has_own)
         if self._class.problem:
             self.session.problem = "\n\n".join(filter(None, (self._class.problem, self.session.problem)))

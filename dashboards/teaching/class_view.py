@@ -41,7 +41,7 @@ def line_html(code: str, tally: Tally, lesson: Lesson | None, step: int) -> str:
         parts.append("no student is here yet")
     else:
         parts.append(f"<b>{tally.present}</b> here, <b>{tally.following}</b> follow")
-    if lesson is not None and lesson.steps[step].asks:
+    if tally.present and lesson is not None and lesson.steps[step].asks:
         solved = tally.solved.get(step, 0)
         parts.append(f"step {step + 1} solved by <b>{solved}</b> of {tally.present}")
     return " · ".join(parts)

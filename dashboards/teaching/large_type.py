@@ -6,8 +6,10 @@ from typing import Any
 from weakref import WeakKeyDictionary
 
 import panel as pn
+import panel_material_ui as pmui
 from bokeh.model import Model
-from bokeh.models import Axis, Legend, Title
+from bokeh.models.annotations import Legend, Title
+from bokeh.models.axes import Axis
 
 FACTOR = 1.5
 """Letters of a page on a projector by those on a screen: 8 mm high on a wall of 2 m, they are read from 4 m,
@@ -40,8 +42,9 @@ class LargeType:
             return
         for pane in view.select(pn.pane.Bokeh):
             self._dress_plot(pane.object)
-        for text in view.select(pn.pane.HTML):
-            self._dress_text(text)
+        for kind in (pn.pane.HTML, pmui.RadioBoxGroup):  # texts, and the answers to choose from
+            for text in view.select(kind):
+                self._dress_text(text)
 
     def _dress_plot(self, plot: Model) -> None:
         for kind, names in SIZES.items():

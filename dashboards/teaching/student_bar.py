@@ -84,7 +84,6 @@ class StudentBar:
             description="Give the teacher your name. You need not.",
             stylesheets=[TOOLTIP],
         )
-        self._badge.param.watch(lambda event: self._name.param.update(visible=bool(event.new)), "value")
         self._name = pmui.TextInput(
             label="Your name, for the teacher only",
             size="small",
@@ -94,6 +93,7 @@ class StudentBar:
             align="center",
             visible=False,
         )
+        self._badge.param.watch(lambda event: self._name.param.update(visible=bool(event.new)), "value")
         self._name.param.watch(lambda event: self._call(event.new), "value")
         self.view = pn.Row(
             self._words,

@@ -16,6 +16,7 @@ from dashboards.teaching.class_link import class_link
 from dashboards.teaching.class_register import CLASSES
 from dashboards.teaching.class_view import STYLE, invitation_html, line_html, students_html
 from dashboards.teaching.desk import Desk
+from dashboards.teaching.large_type import FACTOR
 from dashboards.teaching.moment import Moment
 from dashboards.teaching.school_class import ClassError, SchoolClass, Seat
 from lab.lessons.lesson import Lesson
@@ -225,6 +226,8 @@ class TeacherBar:
     def _enlarge(self, on: bool) -> None:
         """Turn large type on or off; names are not projected."""
         self._desk.enlarge(bool(on))
+        for text in (self._words, self._list):
+            text.styles = {"zoom": str(FACTOR)} if on else {}
         self._count()
 
     def _button(self, label: str, icon: str, act: Any) -> pmui.Button:

@@ -72,7 +72,7 @@ def test_a_phone_follows_wanders_off_and_returns(chromium: Browser, tmp_path: Pa
         assert phone.evaluate("document.documentElement.scrollWidth") <= 390
         size = teacher.evaluate(TITLE_SIZE)
         teacher.get_by_role("button", name="Projector").click()
-        teacher.wait_for_function(f"({TITLE_SIZE}) === {1.5 * size}")
+        teacher.wait_for_function(f"({TITLE_SIZE}) > {1.4 * size}")
         expect(teacher.get_by_role("combobox", name="Mission")).not_to_be_visible()
         teacher.get_by_role("button", name="Close the class").click()
         bar(phone, "The class has ended.")
