@@ -7,6 +7,7 @@ such as the causes of outliers or updates at rest, is left to a run of its own.
 
 from __future__ import annotations
 
+import threading
 import time as clock
 from collections.abc import Callable, Iterator, Sequence
 from typing import NamedTuple
@@ -14,11 +15,12 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from lab.analysis import consistency, fix_causes
+from lab import lane_sensors
+from lab.analysis import consistency, fix_causes, fix_figures
 from lab.analysis.budget import sigma_of_quantities
 from lab.analysis.errors import error_state
 from lab.analysis.evidence import Evidence, evidence, position_nees, whole_seconds
-from lab.analysis.fix_figures import TrueMotion, fix_figures, is_ready
+from lab.analysis.fix_figures import TrueMotion
 from lab.analysis.innovation_evidence import may_have_outliers, offered
 from lab.analysis.path_errors import errors_of, path_of
 from lab.analysis.sensor_evidence import Exact, Reference, exacts, sensor_errors
@@ -26,6 +28,7 @@ from lab.ecef import near_pole
 from lab.ensemble import QUANTITIES
 from lab.experiment import Experiment, Stages, start
 from lab.histories import LONG
+from lab.lane_sensors import are_constant, constant_triads, empty_increments
 from lab.missions import LogMission, mission
 from lab.navigation import rest_alignment
 from lab.navigation.aiding import needs_rest
@@ -95,6 +98,7 @@ class SeedLanes:
         self._belief = belief(self._sensors, self._navigator)
         self._schedule = schedule_of(self._navigator, self._ideal.dt, self._ideal.dtheta.shape[0])
         self._exact: tuple[Exact, Exact] | None = None
+        self._room = threading.local()
         self._span = float(self._truth.time[0]), float(self._truth.time[-1])
         self._true_start = Start.off(self._truth, NO_VECTOR, NO_VECTOR, NO_VECTOR)
         self._lay_out()
@@ -154,7 +158,7 @@ class SeedLanes:
     @property
     def is_compiled(self) -> bool:
         """Whether these runs need not wait for a compiler."""
-        return is_compiled(self._model) and is_ready()
+        return is_compiled(self._model) and fix_figures.is_ready() and lane_sensors.is_ready()
 
     def run(self, seeds: Sequence[int]) -> Iterator[RunAtFixes | None]:
         """Run up to eight seeds, with their evidence; a run is None if it must be run alone.
@@ -179,7 +183,8 @@ class SeedLanes:
 
     def _each(self, seeds: Sequence[int], keep: Keep) -> Iterator[RunAtFixes | None]:
         """Run up to eight seeds, and return what is kept of each."""
-        sensed = [self._sense(seed) for seed in seeds]
+        increments = self._increments()
+        sensed = self._sense(seeds, increments)
         first, usable = sensed[0].belief, []
         for index, one in enumerate(sensed):
             same = np.array_equal(one.belief.noise, first.noise) and np.array_equal(
@@ -190,32 +195,55 @@ class SeedLanes:
         found: dict[int, RunAtFixes | None] = {}
         if usable:
             began = clock.perf_counter()
-            block = [sensed[index] for index in usable]
-            solutions = self._navigate(block)
+            solutions = self._navigate(sensed, usable, increments)
             seconds = (clock.perf_counter() - began) / len(usable)
-            for index, one, navigated in zip(usable, block, solutions, strict=True):
-                found[index] = keep(one, navigated, seconds)
+            found = {index: keep(sensed[index], solutions[index], seconds) for index in usable}
         return (found.get(index) for index in range(len(seeds)))
 
-    def _sense(self, seed: int) -> _Sensed:
-        """Simulate the sensors of one run."""
+    def _increments(self) -> FloatArray:
+        """Return room for the increments of a block, kept for each thread: new memory takes time."""
+        if not hasattr(self._room, "increments"):
+            self._room.increments = empty_increments(self._ideal.dtheta.shape[0])
+        found: FloatArray = self._room.increments
+        return found
+
+    def _sense(self, seeds: Sequence[int], increments: FloatArray) -> list[_Sensed]:
+        """Simulate the sensors of some runs; their `increments` are written, and referred to."""
         navigator, sensors, truth = self._navigator, self._sensors, self._truth
-        aligned = rest_alignment.begin(
-            start(truth, navigator, seed), self._true_start, sensors, navigator, seed
-        )
-        assumed, constants = self._belief, None
-        if navigator.alignment:
-            assumed = belief(sensors, navigator, aligned.P)
-            constants = np.diag(aligned.P)
-        draws = gps.GpsDraws.of(seed, self._fix_truth.time.size)
-        return _Sensed(
-            aligned.start,
-            assumed,
-            constants,
-            self._stages.measured_with("gyro", self._flight, seed, aligned.gyro_bias),
-            self._stages.measured_with("accelerometer", self._flight, seed),
-            gps.measure(self._fix_truth, sensors.gps, draws, self._seen),
-        )
+        aligned = [
+            rest_alignment.begin(start(truth, navigator, seed), self._true_start, sensors, navigator, seed)
+            for seed in seeds
+        ]
+        gyros = self._triads("gyro", seeds, [one.gyro_bias for one in aligned], increments)
+        accelerometers = self._triads("accelerometer", seeds, [NO_VECTOR] * len(seeds), increments)
+        found = []
+        for seed, one, gyro, accelerometer in zip(seeds, aligned, gyros, accelerometers, strict=True):
+            assumed, constants = self._belief, None
+            if navigator.alignment:
+                assumed = belief(sensors, navigator, one.P)
+                constants = np.diag(one.P)
+            draws = gps.GpsDraws.of(seed, self._fix_truth.time.size)
+            fixes = gps.measure(self._fix_truth, sensors.gps, draws, self._seen)
+            found.append(_Sensed(one.start, assumed, constants, gyro, accelerometer, fixes))
+        return found
+
+    def _triads(
+        self, sensor: str, seeds: Sequence[int], found: Sequence[FloatArray], increments: FloatArray
+    ) -> list[imu.Measured]:
+        """Simulate the gyros or the accelerometers of some runs, minus the bias that an alignment found."""
+        errors = self._sensors.groups()[sensor]
+        assert isinstance(errors, imu.GyroErrors | imu.AccelerometerErrors)
+        if are_constant(errors, self._sensors):
+            ideal = self._ideal.dtheta if sensor == "gyro" else self._ideal.dvelocity
+            return constant_triads(seeds, errors, ideal, self._ideal.dt, found, increments)
+        measured = []
+        own = slice(0, 3) if sensor == "gyro" else slice(3, 6)
+        for lane, (seed, bias) in enumerate(zip(seeds, found, strict=True)):
+            one = self._stages.measured_with(sensor, self._flight, seed, bias)
+            increments[:, own, lane] = one.increments
+            measured.append(one)
+        increments[:, own, len(seeds) :] = increments[:, own, len(seeds) - 1 : len(seeds)]
+        return measured
 
     def _imu(self, one: _Sensed) -> Imu:
         return Imu(self._truth.time, one.gyro.increments, one.accelerometer.increments)
@@ -230,20 +258,26 @@ class SeedLanes:
             at_rest(self._imu(one), self._fixes(one), one.belief).any()
         )
 
-    def _navigate(self, sensed: Sequence[_Sensed]) -> list[LaneSolution]:
-        lanes = [
-            Lane(
-                np.concatenate((one.gyro.increments, one.accelerometer.increments), axis=1),
-                one.fixes.position,
-                one.fixes.velocity_n,
-                one.start,
-                one.belief,
-            )
-            for one in sensed
-        ]
-        fix_time = self._fixes(sensed[0]).time
+    def _navigate(
+        self, sensed: Sequence[_Sensed], usable: Sequence[int], increments: FloatArray
+    ) -> list[LaneSolution]:
+        """Navigate a block; in the place of a run that is not usable, another is navigated."""
+        lanes = []
+        for index in range(len(sensed)):
+            own = index if index in usable else usable[0]
+            if own != index:
+                increments[:, :, index] = increments[:, :, own]
+            one = sensed[own]
+            lanes.append(Lane(one.fixes.position, one.fixes.velocity_n, one.start, one.belief))
         return navigate_lanes(
-            self._truth.time, fix_time, lanes, self._schedule, self._model, self._stored, self._path
+            self._truth.time,
+            increments,
+            self._fixes(sensed[0]).time,
+            lanes,
+            self._schedule,
+            self._model,
+            self._stored,
+            self._path,
         )
 
     def _kept(self, one: _Sensed, navigated: LaneSolution, seconds: float) -> RunAtFixes | None:
@@ -292,7 +326,7 @@ class SeedLanes:
         true = self._reference(self._whole_reference(one))
         scale = np.zeros((self._stored.size, 0)) if true.scale is None else true.scale
         path = np.ascontiguousarray(navigated.motion[self._of_grid])
-        found = fix_figures(
+        found = fix_figures.fix_figures(
             solution, self._of_before, self._true_there, true.bias, scale, path, self._true_path
         )
         used = solution.fix_sample >= 0

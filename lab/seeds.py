@@ -112,7 +112,8 @@ def run_ensemble(
 
 def _blocks(count: int, one_by_one: int) -> list[range]:
     """Return the places of the runs that are computed together: single ones first, then blocks."""
-    starts = [*range(one_by_one), *range(one_by_one, count, LANES)]
+    judged = max(min(count, JUDGED), one_by_one)
+    starts = [*range(one_by_one), *range(one_by_one, judged, LANES), *range(judged, count, LANES)]
     return [range(first, last) for first, last in zip(starts, [*starts[1:], count], strict=True)]
 
 

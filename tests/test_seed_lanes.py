@@ -180,7 +180,8 @@ def test_a_run_abreast_takes_a_part_of_the_time_of_a_run_alone() -> None:
     list(lanes.run(range(8)))
     imu = Imu(result.time, result.gyro.increments, result.accelerometer.increments)
     fixes = Fixes(result.fix_validity, result.fixes.position, result.fixes.velocity_n)
-    sensed = [lanes._sense(seed) for seed in range(8)]
+    increments = lanes._increments()
+    sensed = lanes._sense(range(8), increments)
     one: list[float] = []
     eight: list[float] = []
     single: list[float] = []
@@ -190,7 +191,7 @@ def test_a_run_abreast_takes_a_part_of_the_time_of_a_run_alone() -> None:
         navigate(imu, fixes, result.aligned.start, result.belief, lanes._schedule, lanes._model)
         one.append(time.thread_time() - began)
         began = time.thread_time()
-        lanes._navigate(sensed)
+        lanes._navigate(sensed, range(8), increments)
         eight.append((time.thread_time() - began) / 8)
         began = time.thread_time()
         alone(experiment, 100 + turn)

@@ -47,15 +47,12 @@ class Lane(NamedTuple):
 
     Attributes
     ----------
-    increments : (n, 6) array
-        Angle [rad] and velocity increments [m/s] of each sample.
     position, velocity_n : (m, 3) arrays
         Its fixes, as of `Fixes`.
     start, belief : Start, Belief
         Its start, and the assumptions of its filter; noise and decay are those of all runs.
     """
 
-    increments: FloatArray
     position: FloatArray
     velocity_n: FloatArray
     start: Start
@@ -153,7 +150,7 @@ def _fly(
     for k in range(first, last):
         for i in range(6):
             for lane in range(LANES):
-                buffer[(INCREMENTS + i) * LANES + lane] = increments[lane, k, i]
+                buffer[(INCREMENTS + i) * LANES + lane] = increments[k, i, lane]
         dt = time[k + 1] - time[k]
         fading, added = _lane_constants(decay, noise, dt)
         for lane in range(lanes):
@@ -237,6 +234,7 @@ def fits(model: ErrorModel, schedule: Schedule, belief: Belief) -> bool:
 
 def navigate_lanes(
     time: FloatArray,
+    increments: FloatArray,
     fix_time: FloatArray,
     runs: Sequence[Lane],
     schedule: Schedule,
@@ -250,6 +248,9 @@ def navigate_lanes(
     ----------
     time : (n + 1,) array
         Times of the IMU samples of all runs [s].
+    increments : (n, 6, LANES) array
+        Angle [rad] and velocity increments [m/s] of each sample of each run; those of unused lanes repeat
+        a run.
     fix_time : (m,) array
         Times of validity of the fixes of all runs [s].
     runs
@@ -262,7 +263,6 @@ def navigate_lanes(
     # Unused lanes repeat the last run.
     lanes = [*runs, *[runs[-1]] * (LANES - len(runs))]
     fixes = _all_fixes(fix_time, lanes)
-    increments = np.stack([lane.increments for lane in lanes])
     filters = [Filter.begin(lane.start, lane.belief, float(time[0]), model) for lane in lanes]
     buffer, kept = _block(filters, fix_time.size + 1)
     out = Solution.empty(LANES * stored.size, fixes.time.size, model.blocks)
