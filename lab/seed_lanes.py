@@ -158,7 +158,10 @@ class SeedLanes:
     @property
     def is_compiled(self) -> bool:
         """Whether these runs need not wait for a compiler."""
-        return is_compiled(self._model) and fix_figures.is_ready() and lane_sensors.is_ready()
+        triads = (self._sensors.gyro, self._sensors.accelerometer)
+        plain = any(are_constant(errors, self._sensors) for errors in triads)
+        ready = is_compiled(self._model) and fix_figures.is_ready()
+        return ready and (lane_sensors.is_ready() or not plain)
 
     def run(self, seeds: Sequence[int]) -> Iterator[RunAtFixes | None]:
         """Run up to eight seeds, with their evidence; a run is None if it must be run alone.
@@ -330,8 +333,9 @@ class SeedLanes:
             solution, self._of_before, self._true_there, true.bias, scale, path, self._true_path
         )
         used = solution.fix_sample >= 0
+        every: Samples | slice = slice(None) if used.all() else np.flatnonzero(used)
         P, nu, S = (
-            values[used]
+            values[every]
             for values in (solution.fix_covariance, solution.innovation, solution.innovation_covariance)
         )
         nees = found.nees if np.isfinite(found.nees).all() else consistency.normalised_squares(found.x, P)

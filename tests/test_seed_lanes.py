@@ -12,7 +12,8 @@ import pytest
 
 import lab.seeds as seeds_module
 from lab.analysis.sums import Kept
-from lab.ensemble import Ensemble
+from lab.cache import _freeze
+from lab.ensemble import Collected, Ensemble
 from lab.experiment import Experiment
 from lab.gallery.faults import FAULTS
 from lab.gallery.faulty_experiment import FaultyExperiment
@@ -103,11 +104,13 @@ def test_so_it_is_with_other_models(changes: dict[str, object]) -> None:
     assert_abreast_as_alone(changes)
 
 
-def test_a_run_does_not_depend_on_those_beside_it() -> None:
+@pytest.mark.parametrize("judged", [True, False])
+def test_a_run_does_not_depend_on_those_beside_it(*, judged: bool) -> None:
     """The same bits, whatever its lane, and whether the other lanes are occupied."""
     lanes = SeedLanes.of(of({}))
     assert lanes is not None
-    together, (single,), (_, second) = (list(lanes.run(seeds)) for seeds in ((3, 4, 7), (7,), (1, 7)))
+    run = lanes.run if judged else lanes.measure
+    together, (single,), (_, second) = (list(run(seeds)) for seeds in ((3, 4, 7), (7,), (1, 7)))
     for other in (single, second):
         assert together[2] is not None
         assert other is not None
@@ -147,6 +150,67 @@ def test_many_seeds_run_abreast_and_those_that_need_more_alone(monkeypatch: pyte
         single = alone(experiment, seed)
         np.testing.assert_allclose(whole.mean_nees[seed - 1], single.nees.mean(), rtol=1e-7)
         np.testing.assert_allclose(whole.rms[seed - 1], single.rms, rtol=1e-7)
+
+
+def test_an_ensemble_is_the_same_with_any_number_of_threads(monkeypatch: pytest.MonkeyPatch) -> None:
+    """To the bit; its verdict is that of the first runs, its figures those of all."""
+    monkeypatch.setattr(seeds_module, "FEW", 20)
+    monkeypatch.setattr(seeds_module, "MANY", 20)
+    monkeypatch.setattr(seeds_module, "JUDGED", 14)
+    experiment = of({"navigator.gate": 0.9})
+    one, three = (run_ensemble(experiment, 40, workers=workers) for workers in (1, 3))
+    assert one.consistency.identical(three.consistency)
+    assert one.errors.identical(three.errors)
+    assert one.coverage.equals(three.coverage)
+    assert one.whiteness.equals(three.whiteness)
+    assert np.array_equal(one.rms, three.rms)
+    assert one.verdict == three.verdict
+    assert len(one.evidence) == 14
+    assert one.verdict.basis.startswith("14 runs")
+    assert one.at_fixes.count["nis"].max() > 14
+    assert 0.8 < one.at_fixes.count["nis"].mean() / 40 < 0.95
+
+
+def test_the_memory_of_many_runs_is_that_of_few() -> None:
+    """What an ensemble keeps of the runs that are not judged: 200 bytes each."""
+    run = alone(of({}), 1)._replace(evidence=None)
+    sizes = []
+    for runs in (100, 1000):
+        collected = Collected(of({}))
+        for seed in range(runs):
+            collected.add(seed, run)
+        sizes.append(_freeze(collected.ensemble()))
+    assert sizes[1] - sizes[0] < 900 * 250
+
+
+SATURATED: dict[str, object] = {"sensors.gyro.range": 1.0, "sensors.accelerometer.range": 1.01}
+QUANTISED: dict[str, object] = {
+    "sensors.gyro.quantisation": 0.05,
+    "sensors.gyro.misalignment": (0.5, -0.3, 0.2, 0.1, 0.4, -0.2),
+    "sensors.gyro.scale_factor_sigma": 1.0,
+    "sensors.accelerometer.bias": (3.0, -2.0, 1.0),
+}
+
+
+@pytest.mark.parametrize(
+    "changes", [SATURATED, QUANTISED, ALIGNED], ids=["saturated", "quantised", "aligned"]
+)
+def test_sensors_abreast_measure_what_those_of_a_run_alone_do(changes: dict[str, object]) -> None:
+    experiment = of(changes)
+    lanes = SeedLanes.of(experiment)
+    assert lanes is not None
+    for seed, one in zip((4, 2), lanes._sense((4, 2), lanes._increments()), strict=True):
+        result = experiment.copy().update({"seed": seed}).run()
+        for abreast, single in ((one.gyro, result.gyro), (one.accelerometer, result.accelerometer)):
+            largest = float(np.abs(single.increments).max())
+            # Rounding moves a value to the next step of the quantisation only where it is half way.
+            apart = np.abs(abreast.increments - single.increments) > 1e-12 * largest
+            assert apart.mean() < 1e-4
+            np.testing.assert_allclose(abreast.bias, single.bias, rtol=1e-9, atol=1e-15)
+            np.testing.assert_allclose(abreast.scale, single.scale, rtol=1e-12)
+            assert abreast.saturated == single.saturated
+        if changes is SATURATED:
+            assert one.gyro.saturated > 0
 
 
 @pytest.mark.parametrize(
