@@ -49,9 +49,11 @@ class EpochSums:
             if name not in self.total:
                 shape = (self.time.size, *value.shape[1:])
                 self.total[name], self.count[name] = np.zeros(shape), np.zeros(shape)
-            known = ~np.isnan(value)
-            self.total[name][at] += np.where(known, value, 0.0)
-            self.count[name][at] += known
+            unknown = np.isnan(value)
+            if unknown.any():
+                value = np.where(unknown, 0.0, value)  # noqa: PLW2901
+            self.total[name][at] += value
+            self.count[name][at] += ~unknown
 
     def mean(self, name: str) -> FloatArray:
         """Return the mean over the runs at each epoch (m, ...); NaN where no run has a value."""
@@ -69,8 +71,10 @@ class EpochSums:
             {name: values.copy() for name, values in self.count.items()},
         )
 
-    def _places(self, time: FloatArray) -> NDArray[np.intp]:
+    def _places(self, time: FloatArray) -> NDArray[np.intp] | slice:
         """Return the rows of some epochs, after adding rows for the new ones."""
+        if np.array_equal(self.time, time):  # as of most runs, and a slice is not copied
+            return slice(None)
         at = np.searchsorted(self.time, time)
         if at.size and (at[-1] == self.time.size or not np.array_equal(self.time[at], time)):
             epochs = np.union1d(self.time, time)

@@ -51,13 +51,12 @@ class ErrorHistogram:
     def add(self, time: FloatArray, normalised: FloatArray) -> None:
         """Add errors in their σ (m, channels) at some times (m,) [s]; NaN is omitted."""
         part = np.clip(np.searchsorted(self.edges, time, side="right") - 1, 0, PARTS - 1)
-        known = ~np.isnan(normalised)
         with np.errstate(over="ignore"):
-            steps = np.rint(STEPS * np.arcsinh(np.where(known, normalised, 0.0)))
-        place = np.clip(steps, -_HALF, _HALF).astype(np.intp) + _HALF
-        channel = np.arange(normalised.shape[1])
-        flat = np.ravel_multi_index((part[:, None], channel, place), self.counts.shape)
-        np.add.at(self.counts.reshape(-1), flat[known], 1)
+            steps = np.clip(np.rint(STEPS * np.arcsinh(normalised)), -_HALF, _HALF)
+        channels = normalised.shape[1]
+        row = (part * channels)[:, None] + np.arange(channels)
+        place = row * float(_BINS) + (steps + _HALF)
+        np.add.at(self.counts.reshape(-1), place[~np.isnan(steps)].astype(np.intp), 1)
 
     def percentiles(self, percent: Sequence[float]) -> FloatArray:
         """Return percentiles (percent, parts, channels) in σ, interpolated within a bin; NaN without errors.

@@ -326,11 +326,13 @@ class SeedLanes:
         if _diverged(navigated):
             return None
         solution = self._in_stored(navigated.solution)
-        true = self._reference(self._whole_reference(one))
-        scale = np.zeros((self._stored.size, 0)) if true.scale is None else true.scale
+        bias = at_samples(one.gyro.bias, one.accelerometer.bias)[self._stored]
+        scale = np.zeros((self._stored.size, 0))
+        if set(self._model.blocks) & set(SCALES):
+            scale = at_samples(one.gyro.scale, one.accelerometer.scale)[self._stored]
         path = np.ascontiguousarray(navigated.motion[self._of_grid])
         found = fix_figures.fix_figures(
-            solution, self._of_before, self._true_there, true.bias, scale, path, self._true_path
+            solution, self._of_before, self._true_there, bias, scale, path, self._true_path
         )
         used = solution.fix_sample >= 0
         every: Samples | slice = slice(None) if used.all() else np.flatnonzero(used)
