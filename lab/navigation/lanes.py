@@ -15,7 +15,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lab.navigation import strapdown
-from lab.navigation.compilation import SOURCES, entry_kernel, kernel, named, rebound, rebound_throughout
+from lab.navigation.compilation import (
+    SOURCES,
+    embedded_kernel,
+    entry_kernel,
+    kernel,
+    named,
+    rebound,
+    rebound_throughout,
+)
 from lab.navigation.driver import _store, kernels, take_measurements
 from lab.navigation.error_models import NORTH_SLAVED, PHI, ErrorModel
 from lab.navigation.filter import Filter, aligned_zeros
@@ -207,7 +215,10 @@ def _advance(model: ErrorModel) -> Callable[..., None]:
 
     steps = {"_lane_step": lane_step(model), "_lane_constants": lane_constants(model)}
     fly = kernel(named(model.label)(rebound(_fly, **steps)))
-    own = rebound(advance, _fly=fly, **kernels(model, summed=False))
+    others = dict(kernels(model, summed=False))
+    # Embedded: a call with so many arrays takes a third of the time of a fix.
+    taking = embedded_kernel(rebound(others.get("take_measurements", take_measurements)))
+    own = rebound(advance, **others | {"_fly": fly, "take_measurements": taking})
     return entry_kernel(rebound_throughout(own, WRITTEN_FOR, **layout(model.blocks)._asdict()))
 
 
