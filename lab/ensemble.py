@@ -41,8 +41,8 @@ QUANTITIES = (
 TRIED = 4
 """Number of runs on which advice is tried: their mean has half the random scatter of one run."""
 JUDGED = 100
-"""Number of runs whose evidence is kept, and gives the verdict: that of one run takes as long as eight runs
-without. A convention: assumptions that are wrong by a tenth show in 100 runs."""
+"""Number of runs whose evidence gives the verdict; it takes twice as long as a run. The verdict names a
+variance only if it is wrong by half, which fewer runs show beyond doubt."""
 UNITS = ("m",) * 3 + ("m/s",) * 3 + ("°",) * 3
 """Units of position, velocity and attitude errors."""
 PERCENT = (5.0, 25.0, 50.0, 75.0, 95.0)
