@@ -41,7 +41,7 @@ FEW, MANY = 100, 1000
 Compiling it takes as long as some thousand single runs; `ins-lab warm` does so ahead."""
 SHOWN_EVERY = 2.0
 """Time between two partial ensembles [s]."""
-AHEAD = 64
+AHEAD = 16
 """Largest number of blocks of runs that are begun, or done, while an earlier one is not: those that are done
 wait in memory until they are added."""
 
