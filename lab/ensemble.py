@@ -109,6 +109,11 @@ class Ensemble(NotebookCard):
         """Times of the fixes that any run used (m,) [s]."""
         return self.at_fixes.time
 
+    @property
+    def grid(self) -> FloatArray:
+        """Times just before whole seconds, those of `between` (k,) [s]."""
+        return self.between.time
+
     @cached_property
     def verdict(self) -> Verdict:
         """The verdict on the filter from the first `JUDGED` runs together."""
