@@ -130,15 +130,10 @@ def _compared(model: str, ensemble: Ensemble) -> Compared:
         position=float(np.sqrt(square[0:3].sum())),
         velocity=float(np.sqrt(square[3:6].sum())),
         heading=float(np.sqrt(square[QUANTITIES.index("attitude heading")])),
-        nees=_mean(ensemble.nees),
+        nees=float(ensemble.at_fixes.mean_of_all("nees")),
         degrees=ensemble.degrees,
-        nis=_mean(ensemble.nis),
+        nis=float(ensemble.at_fixes.mean_of_all("nis")),
         nis_degrees=ensemble.nis_degrees,
         seconds=float(np.median(ensemble.seconds)),
         verdict=ensemble.verdict.headline,
     )
-
-
-def _mean(values: np.ndarray) -> float:
-    known = values[~np.isnan(values)]
-    return float(known.mean()) if known.size else float("nan")

@@ -1,6 +1,6 @@
-"""Ensemble: one experiment over many seeds, and the verdict on its filter from all runs.
+"""Ensemble: one experiment over many seeds, and the verdict on its filter.
 
-Only the required values at the fixes are kept of each run; see `lab.seeds`.
+Of the runs only sums are kept, and a few numbers of each; see `lab.seeds`.
 """
 
 from __future__ import annotations
@@ -9,7 +9,7 @@ import operator
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property, reduce
-from typing import TYPE_CHECKING, ClassVar, NamedTuple
+from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,8 +19,11 @@ from lab.analysis.algorithm_verdict import judge
 from lab.analysis.evidence import Evidence
 from lab.analysis.verdict import Verdict
 from lab.datasets.labelled import ANGLES, EAST_NORTH_UP
+from lab.epoch_sums import EpochSums
+from lab.error_histogram import ErrorHistogram
 from lab.experiment import Experiment
 from lab.notebook_card import NotebookCard
+from lab.run_at_fixes import ChannelSums, RunAtFixes
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -37,27 +40,13 @@ QUANTITIES = (
 """The kept errors, in this order."""
 TRIED = 4
 """Number of runs on which advice is tried: their mean has half the random scatter of one run."""
+JUDGED = 100
+"""Number of runs whose evidence gives the verdict; it takes twice as long as a run. The verdict names a
+variance only if it is wrong by half, which fewer runs show beyond doubt."""
 UNITS = ("m",) * 3 + ("m/s",) * 3 + ("°",) * 3
 """Units of position, velocity and attitude errors."""
-
-
-class RunAtFixes(NamedTuple):
-    """The kept values of one run: at the m fixes, and for the whole run."""
-
-    time: FloatArray
-    nees: FloatArray
-    nis: FloatArray
-    grid: FloatArray
-    between: FloatArray
-    between_degrees: int
-    error: FloatArray
-    sigma: FloatArray
-    rms: FloatArray
-    degrees: int
-    nis_degrees: int
-    evidence: Evidence
-    seconds: float
-    algorithm: str
+PERCENT = (5.0, 25.0, 50.0, 75.0, 95.0)
+"""Percentiles of the errors in their σ: those of a matched filter are −1.64, −0.67, 0, 0.67 and 1.64."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -70,28 +59,28 @@ class Ensemble(NotebookCard):
         The experiment.
     seeds : tuple of int
         The seeds, one for each run.
-    time : (m,) array
-        Times of the fixes that all runs have [s].
-    nees, nis : (runs, m) arrays
-        NEES and NIS at each fix; NaN if a run did not use the fix.
-    grid : (k,) array
-        Times just before each whole second, so that outages show [s]; empty for a sensor log.
-    between : (runs, k) array
-        NEES of the position at these times.
-    between_degrees : int
-        Its degrees of freedom.
-    degrees : int
-        Degrees of freedom of NEES; 0 for a sensor log, whose NEES is unknown.
-    nis_degrees : int
-        Degrees of freedom of NIS.
-    error, sigma : (runs, m, 9) arrays
-        Errors and their σ after each fix, in the order of `QUANTITIES` and in `UNITS`.
-    rms : (runs, 9) array
-        Root mean square of the errors over each whole flight, of ten samples a second.
+    at_fixes : EpochSums
+        Sums over the runs at the fixes: ``nees`` and ``nis``; and in the order of `QUANTITIES` and in `UNITS`
+        the ``error`` (m, 9), its ``product`` (m, 9, 9) and the filter's ``variance`` (m, 9), the error in its
+        σ, ``normalised``, and whether it is ``within 1`` and ``within 3`` σ. A run counts at the fixes that
+        it used.
+    between : EpochSums
+        Sums of the ``nees`` of the position just before each whole second, so that outages show; without
+        epochs for a sensor log.
+    histogram : ErrorHistogram
+        Histogram of the errors in their σ after the fixes.
+    innovations : ChannelSums
+        Sums of the innovations of all runs.
+    degrees, nis_degrees, between_degrees : int
+        Degrees of freedom of NEES, 0 for a sensor log, whose NEES is unknown; of NIS; of `between`.
+    rms, largest : (runs, 9) arrays
+        Root mean square and largest size of the errors over each whole flight, of ten samples a second.
+    mean_nees, mean_nis : (runs,) arrays
+        NEES and NIS of each run, averaged over its fixes; NaN if unknown.
     seconds : (runs,) array
         Computing time of the navigator for each run [s]; close to zero for a cached solution.
     evidence : tuple of Evidence
-        Evidence of each run.
+        Evidence of each of the first `JUDGED` runs.
     algorithm : str
         Name of the user's own navigator; empty for those of the lab.
     """
@@ -100,24 +89,34 @@ class Ensemble(NotebookCard):
 
     experiment: Experiment
     seeds: tuple[int, ...]
-    time: FloatArray
-    nees: FloatArray
-    nis: FloatArray
-    grid: FloatArray
-    between: FloatArray
-    between_degrees: int
+    at_fixes: EpochSums
+    between: EpochSums
+    histogram: ErrorHistogram
+    innovations: ChannelSums
     degrees: int
     nis_degrees: int
-    error: FloatArray
-    sigma: FloatArray
+    between_degrees: int
     rms: FloatArray
+    largest: FloatArray
+    mean_nees: FloatArray
+    mean_nis: FloatArray
     seconds: FloatArray
     evidence: tuple[Evidence, ...]
     algorithm: str
 
+    @property
+    def time(self) -> FloatArray:
+        """Times of the fixes that any run used (m,) [s]."""
+        return self.at_fixes.time
+
+    @property
+    def grid(self) -> FloatArray:
+        """Times just before whole seconds, those of `between` (k,) [s]."""
+        return self.between.time
+
     @cached_property
     def verdict(self) -> Verdict:
-        """The verdict on the filter from all runs together."""
+        """The verdict on the filter from the first `JUDGED` runs together."""
         return judge(reduce(operator.add, self.evidence))
 
     @cached_property
@@ -142,7 +141,7 @@ class Ensemble(NotebookCard):
 
     @cached_property
     def verdicts(self) -> tuple[Verdict, ...]:
-        """Verdict on each run alone."""
+        """Verdict on each of the first `JUDGED` runs alone."""
         return tuple(judge(one) for one in self.evidence)
 
     @cached_property
@@ -154,18 +153,18 @@ class Ensemble(NotebookCard):
         import xarray as xr  # noqa: PLC0415 - takes a while to import, and a run does without
 
         variables = {}
-        for name, clock, values, degrees in (
-            ("anees", "time_gps", self.nees, self.degrees),
-            ("anis", "time_gps", self.nis, self.nis_degrees),
-            ("anees_between", "time_between", self.between, self.between_degrees),
+        for name, clock, sums, total, degrees in (
+            ("anees", "time_gps", self.at_fixes, "nees", self.degrees),
+            ("anis", "time_gps", self.at_fixes, "nis", self.nis_degrees),
+            ("anees_between", "time_between", self.between, "nees", self.between_degrees),
         ):
-            mean, low, high = _averages(values, degrees)
+            mean, low, high = _averages(sums, total, degrees)
             label = f"{name.upper()}, {degrees} degrees of freedom"
             for suffix, series in (("", mean), ("_low", low), ("_high", high)):
                 variables[name + suffix] = (clock, series, {"units": "", "long_name": label})
         coords = {
             name: (name, time, {"units": "s", "long_name": "time"})
-            for name, time in (("time_gps", self.time), ("time_between", self.grid))
+            for name, time in (("time_gps", self.time), ("time_between", self.between.time))
         }
         return xr.Dataset(variables, coords=coords)
 
@@ -179,8 +178,8 @@ class Ensemble(NotebookCard):
         """
         late = self.time > after
         parts = []
-        for values, degrees in ((self.nees, self.degrees), (self.nis, self.nis_degrees)):
-            mean, low, high = (series[late] for series in _averages(values, degrees))
+        for name, degrees in (("nees", self.degrees), ("nis", self.nis_degrees)):
+            mean, low, high = (series[late] for series in _averages(self.at_fixes, name, degrees))
             known = ~np.isnan(mean)
             parts.append(float(np.mean((low < mean) & (mean < high), where=known)) if known.any() else np.nan)
         return parts[0], parts[1]
@@ -192,8 +191,8 @@ class Ensemble(NotebookCard):
         The columns are those of `lab.analysis.consistency.whiteness_table`. Components that the receiver of a
         log does not measure have no row.
         """
-        seen = reduce(operator.add, self.evidence).innovations
-        # The evidence is in north, east, down, with position first.
+        seen = self.innovations
+        # The sums are in north, east, down, with position first.
         order, sign = [1, 0, 2, 4, 3, 5], np.array([1, 1, -1] * 2)
         number = seen.squares.number[order]
         power = np.maximum(seen.squares.total, 1e-300)
@@ -214,63 +213,158 @@ class Ensemble(NotebookCard):
         """
         import pandas as pd  # noqa: PLC0415 - takes a while to import, and a run does without
 
-        known = ~np.isnan(self.error[..., 0])
-        errors, sigma = self.error[known], self.sigma[known]
+        sums = self.at_fixes
         table = {
             "quantity": QUANTITIES,
             "unit": UNITS,
             "rms": np.sqrt(np.mean(self.rms**2, axis=0)),
-            "mean [σ]": np.mean(errors / sigma, axis=0) if errors.size else np.full(len(QUANTITIES), np.nan),
+            "mean [σ]": sums.mean_of_all("normalised"),
             "mean ±": consistency.whiteness_band(len(self.seeds)),
-            "within ±1σ [%]": 100 * consistency.coverage(errors, sigma, 1),
-            "within ±3σ [%]": 100 * consistency.coverage(errors, sigma, 3),
+            "within ±1σ [%]": 100 * sums.mean_of_all("within 1"),
+            "within ±3σ [%]": 100 * sums.mean_of_all("within 3"),
         }
         return pd.DataFrame(table)
+
+    @cached_property
+    def errors(self) -> xr.Dataset:
+        """Errors of all runs after each fix: their mean, rms and covariance, and σ according to the filter.
+
+        ``percentile`` has percentiles of the errors in their σ, of all fixes in each of 256 parts of the
+        flight; those of a histogram, see `ErrorHistogram`.
+        """
+        import xarray as xr  # noqa: PLC0415 - takes a while to import, and a run does without
+
+        sums, edges = self.at_fixes, self.histogram.edges
+        mean, product = sums.mean("error"), sums.mean("product")
+        square = np.diagonal(product, axis1=1, axis2=2)
+        at, other = ("time_gps", "quantity"), ("time_gps", "quantity", "quantity_too")
+        return xr.Dataset(
+            {
+                "mean": (at, mean, {"long_name": "mean error"}),
+                "rms": (at, np.sqrt(square), {"long_name": "root mean square error"}),
+                "sigma": (at, np.sqrt(sums.mean("variance")), {"long_name": "rms of the filter's σ"}),
+                "covariance": (
+                    other,
+                    product - mean[:, :, None] * mean[:, None, :],
+                    {"long_name": "covariance of the errors"},
+                ),
+                "percentile": (
+                    ("percent", "time_part", "quantity"),
+                    self.histogram.percentiles(PERCENT),
+                    {"long_name": "percentile of the errors in their σ", "units": ""},
+                ),
+            },
+            {
+                "time_gps": ("time_gps", self.time, {"units": "s", "long_name": "time"}),
+                "time_part": ("time_part", (edges[1:] + edges[:-1]) / 2, {"units": "s", "long_name": "time"}),
+                "percent": list(PERCENT),
+                "quantity": list(QUANTITIES),
+                "quantity_too": list(QUANTITIES),
+                "unit": ("quantity", list(UNITS)),
+            },
+        )
 
     def __repr__(self) -> str:
         table = self.coverage.to_string(index=False, float_format=lambda value: f"{value:.4g}")
         return f"Ensemble of {self.experiment.mission}, {len(self.seeds)} seeds: {self.verdict}\n{table}"
 
 
-def together(experiment: Experiment, seeds: tuple[int, ...], runs: list[RunAtFixes]) -> Ensemble:
-    """Align runs at the fixes; a run that did not use a fix has NaN there."""
-    time = np.unique(np.concatenate([run.time for run in runs]))
-    places = [np.searchsorted(time, run.time) for run in runs]
+class Collected:
+    """The sums of the runs of an ensemble, and what is kept of each.
 
-    def beside(name: str, *shape: int) -> FloatArray:
-        out = np.full((len(runs), time.size, *shape), np.nan)
-        for row, place, run in zip(out, places, runs, strict=True):
-            row[place] = getattr(run, name)
-        return out
+    Parameters
+    ----------
+    experiment
+        The experiment.
+    """
 
-    return Ensemble(
-        experiment=experiment,
-        seeds=seeds,
-        time=time,
-        nees=beside("nees"),
-        nis=beside("nis"),
-        grid=runs[0].grid,
-        between=np.stack([run.between for run in runs]),
-        between_degrees=runs[0].between_degrees,
-        degrees=runs[0].degrees,
-        nis_degrees=runs[0].nis_degrees,
-        error=beside("error", len(QUANTITIES)),
-        sigma=beside("sigma", len(QUANTITIES)),
-        rms=np.stack([run.rms for run in runs]),
-        seconds=np.array([run.seconds for run in runs]),
-        evidence=tuple(run.evidence for run in runs),
-        algorithm=runs[0].algorithm,
-    )
+    def __init__(self, experiment: Experiment) -> None:
+        self._experiment = experiment.copy()
+        self._seeds: list[int] = []
+        self._last: RunAtFixes | None = None
+        self._at_fixes, self._between = EpochSums(), EpochSums()
+        self._histogram: ErrorHistogram | None = None
+        self._innovations: ChannelSums | None = None
+        self._of_runs: list[tuple[FloatArray, FloatArray, float, float, float]] = []
+        self._evidence: list[Evidence] = []
+
+    def add(self, seed: int, run: RunAtFixes) -> None:
+        """Add the run of a seed; runs are added in the order of the ensemble's seeds."""
+        if self._histogram is None or self._innovations is None:
+            self._histogram = ErrorHistogram.over(*run.span, len(QUANTITIES))
+            self._innovations = run.innovations
+        else:
+            self._innovations += run.innovations
+        error, sigma = run.error, run.sigma
+        with np.errstate(divide="ignore", invalid="ignore"):
+            normalised = error / sigma
+        unknown = np.isnan(error)
+        within = {
+            f"within {factor}": np.where(unknown, np.nan, np.abs(error) <= factor * sigma)
+            for factor in (1, 3)
+        }
+        self._at_fixes.add(
+            run.time,
+            {
+                "nees": run.nees,
+                "nis": run.nis,
+                "error": error,
+                "product": error[:, :, None] * error[:, None, :],
+                "variance": sigma**2,
+                "normalised": normalised,
+                **within,
+            },
+        )
+        self._histogram.add(run.time, normalised)
+        self._between.add(run.grid, {"nees": run.between})
+        self._of_runs.append((run.rms, run.largest, _mean(run.nees), _mean(run.nis), run.seconds))
+        if run.evidence is not None:
+            self._evidence.append(run.evidence)
+        self._seeds.append(seed)
+        self._last = run
+
+    def __len__(self) -> int:
+        return len(self._seeds)
+
+    def ensemble(self) -> Ensemble:
+        """Return the ensemble of the runs so far, of which there must be one."""
+        last = self._last
+        assert last is not None
+        assert self._histogram is not None
+        assert self._innovations is not None
+        rms, largest, nees, nis, seconds = (np.array(values) for values in zip(*self._of_runs, strict=True))
+        return Ensemble(
+            experiment=self._experiment,
+            seeds=tuple(self._seeds),
+            at_fixes=self._at_fixes.copy(),
+            between=self._between.copy(),
+            histogram=self._histogram.copy(),
+            innovations=self._innovations,
+            degrees=last.degrees,
+            nis_degrees=last.nis_degrees,
+            between_degrees=last.between_degrees,
+            rms=rms,
+            largest=largest,
+            mean_nees=nees,
+            mean_nis=nis,
+            seconds=seconds,
+            evidence=tuple(self._evidence),
+            algorithm=last.algorithm,
+        )
 
 
-def _averages(values: FloatArray, degrees: int) -> tuple[FloatArray, FloatArray, FloatArray]:
+def _mean(values: FloatArray) -> float:
+    """Return the mean of the known values; NaN without any."""
+    known = values[~np.isnan(values)]
+    return float(known.mean()) if known.size else float("nan")
+
+
+def _averages(sums: EpochSums, name: str, degrees: int) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Return the mean over the runs at each epoch, and the ends of its 95 % interval."""
-    counts = np.sum(~np.isnan(values), axis=0)
-    total = np.nansum(values, axis=0)
-    mean = np.divide(total, counts, out=np.full(counts.shape, np.nan), where=counts > 0)
+    counts = sums.count[name]
     limits = {
         int(count): consistency.chi_square_interval(degrees, int(count)) if count else (np.nan, np.nan)
         for count in np.unique(counts)
     }
     low, high = np.array([limits[int(count)] for count in counts]).reshape(-1, 2).T
-    return mean, low, high
+    return sums.mean(name), low, high

@@ -7,23 +7,28 @@ such as the causes of outliers or updates at rest, is left to a run of its own.
 
 from __future__ import annotations
 
+import threading
 import time as clock
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from lab.analysis import consistency, fix_causes
+from lab import lane_sensors
+from lab.analysis import consistency, fix_causes, fix_figures
 from lab.analysis.budget import sigma_of_quantities
 from lab.analysis.errors import error_state
 from lab.analysis.evidence import Evidence, evidence, position_nees, whole_seconds
+from lab.analysis.fix_figures import TrueMotion
 from lab.analysis.innovation_evidence import may_have_outliers, offered
 from lab.analysis.path_errors import errors_of, path_of
 from lab.analysis.sensor_evidence import Exact, Reference, exacts, sensor_errors
-from lab.ensemble import QUANTITIES, RunAtFixes
+from lab.ecef import near_pole
+from lab.ensemble import QUANTITIES
 from lab.experiment import Experiment, Stages, start
 from lab.histories import LONG
+from lab.lane_sensors import are_constant, constant_triads, empty_increments
 from lab.missions import LogMission, mission
 from lab.navigation import rest_alignment
 from lab.navigation.aiding import needs_rest
@@ -46,6 +51,7 @@ from lab.navigation.standstill import at_rest
 from lab.navigation.strapdown import MAX_LATITUDE
 from lab.rotation import euler_from_quaternion
 from lab.run import at_samples
+from lab.run_at_fixes import ChannelSums, RunAtFixes
 from lab.sensors import gps, imu
 from lab.sensors import temperature as thermal
 from lab.units import si
@@ -70,6 +76,10 @@ class _Sensed(NamedTuple):
     fixes: gps.GpsFixes
 
 
+Keep = Callable[[_Sensed, LaneSolution, float], RunAtFixes | None]
+"""What is kept of a run, given what it sensed, its solution, and the seconds this took."""
+
+
 class SeedLanes:
     """The runs of an experiment with many seeds, eight abreast; see `of`.
 
@@ -88,6 +98,8 @@ class SeedLanes:
         self._belief = belief(self._sensors, self._navigator)
         self._schedule = schedule_of(self._navigator, self._ideal.dt, self._ideal.dtheta.shape[0])
         self._exact: tuple[Exact, Exact] | None = None
+        self._room = threading.local()
+        self._span = float(self._truth.time[0]), float(self._truth.time[-1])
         self._true_start = Start.off(self._truth, NO_VECTOR, NO_VECTOR, NO_VECTOR)
         self._lay_out()
 
@@ -130,8 +142,12 @@ class SeedLanes:
         self._grid = path_of(time, float(self._sensors.gps.period))
         first = np.maximum(fixed - 1 - self._width, 0)
         self._path = np.unique(np.concatenate((self._grid, self._stored, first)))
+        self._of_grid = np.searchsorted(self._path, self._grid)
+        self._of_before = np.searchsorted(self._stored, self._before)
         self._there = self._truth.taken(self._stored)
+        self._true_there = TrueMotion.of(self._there)
         self._on_grid = self._truth.taken(self._grid)
+        self._true_path = TrueMotion.of(self._on_grid)
         profile = self._sensors.temperature
         self._temperature = (
             thermal.temperature(profile, time[1:], self._truth.height[1:] - self._truth.height[0])
@@ -142,17 +158,36 @@ class SeedLanes:
     @property
     def is_compiled(self) -> bool:
         """Whether these runs need not wait for a compiler."""
-        return is_compiled(self._model)
+        triads = (self._sensors.gyro, self._sensors.accelerometer)
+        plain = any(are_constant(errors, self._sensors) for errors in triads)
+        ready = is_compiled(self._model) and fix_figures.is_ready()
+        return ready and (lane_sensors.is_ready() or not plain)
 
     def run(self, seeds: Sequence[int]) -> Iterator[RunAtFixes | None]:
-        """Run up to eight seeds; a run is None if it must be run alone.
+        """Run up to eight seeds, with their evidence; a run is None if it must be run alone.
 
         Parameters
         ----------
         seeds
             The seeds.
         """
-        sensed = [self._sense(seed) for seed in seeds]
+        return self._each(seeds, self._kept)
+
+    def measure(self, seeds: Sequence[int]) -> Iterator[RunAtFixes | None]:
+        """Run up to eight seeds as `run` does, without evidence; a run is None if it must be run alone.
+
+        Parameters
+        ----------
+        seeds
+            The seeds.
+        """
+        near = near_pole(self._truth.latitude).any()
+        return self._each(seeds, self._kept if near else self._figures)
+
+    def _each(self, seeds: Sequence[int], keep: Keep) -> Iterator[RunAtFixes | None]:
+        """Run up to eight seeds, and return what is kept of each."""
+        increments = self._increments()
+        sensed = self._sense(seeds, increments)
         first, usable = sensed[0].belief, []
         for index, one in enumerate(sensed):
             same = np.array_equal(one.belief.noise, first.noise) and np.array_equal(
@@ -163,31 +198,55 @@ class SeedLanes:
         found: dict[int, RunAtFixes | None] = {}
         if usable:
             began = clock.perf_counter()
-            solutions = self._navigate([sensed[index] for index in usable])
+            solutions = self._navigate(sensed, usable, increments)
             seconds = (clock.perf_counter() - began) / len(usable)
-            for index, navigated in zip(usable, solutions, strict=True):
-                found[index] = self._kept(sensed[index], navigated, seconds)
+            found = {index: keep(sensed[index], solutions[index], seconds) for index in usable}
         return (found.get(index) for index in range(len(seeds)))
 
-    def _sense(self, seed: int) -> _Sensed:
-        """Simulate the sensors of one run."""
+    def _increments(self) -> FloatArray:
+        """Return room for the increments of a block, kept for each thread: new memory takes time."""
+        if not hasattr(self._room, "increments"):
+            self._room.increments = empty_increments(self._ideal.dtheta.shape[0])
+        found: FloatArray = self._room.increments
+        return found
+
+    def _sense(self, seeds: Sequence[int], increments: FloatArray) -> list[_Sensed]:
+        """Simulate the sensors of some runs; their `increments` are written, and referred to."""
         navigator, sensors, truth = self._navigator, self._sensors, self._truth
-        aligned = rest_alignment.begin(
-            start(truth, navigator, seed), self._true_start, sensors, navigator, seed
-        )
-        assumed, constants = self._belief, None
-        if navigator.alignment:
-            assumed = belief(sensors, navigator, aligned.P)
-            constants = np.diag(aligned.P)
-        draws = gps.GpsDraws.of(seed, self._fix_truth.time.size)
-        return _Sensed(
-            aligned.start,
-            assumed,
-            constants,
-            self._stages.measured_with("gyro", self._flight, seed, aligned.gyro_bias),
-            self._stages.measured_with("accelerometer", self._flight, seed),
-            gps.measure(self._fix_truth, sensors.gps, draws, self._seen),
-        )
+        aligned = [
+            rest_alignment.begin(start(truth, navigator, seed), self._true_start, sensors, navigator, seed)
+            for seed in seeds
+        ]
+        gyros = self._triads("gyro", seeds, [one.gyro_bias for one in aligned], increments)
+        accelerometers = self._triads("accelerometer", seeds, [NO_VECTOR] * len(seeds), increments)
+        found = []
+        for seed, one, gyro, accelerometer in zip(seeds, aligned, gyros, accelerometers, strict=True):
+            assumed, constants = self._belief, None
+            if navigator.alignment:
+                assumed = belief(sensors, navigator, one.P)
+                constants = np.diag(one.P)
+            draws = gps.GpsDraws.of(seed, self._fix_truth.time.size)
+            fixes = gps.measure(self._fix_truth, sensors.gps, draws, self._seen)
+            found.append(_Sensed(one.start, assumed, constants, gyro, accelerometer, fixes))
+        return found
+
+    def _triads(
+        self, sensor: str, seeds: Sequence[int], found: Sequence[FloatArray], increments: FloatArray
+    ) -> list[imu.Measured]:
+        """Simulate the gyros or the accelerometers of some runs, minus the bias that an alignment found."""
+        errors = self._sensors.groups()[sensor]
+        assert isinstance(errors, imu.GyroErrors | imu.AccelerometerErrors)
+        if are_constant(errors, self._sensors):
+            ideal = self._ideal.dtheta if sensor == "gyro" else self._ideal.dvelocity
+            return constant_triads(seeds, errors, ideal, self._ideal.dt, found, increments)
+        measured = []
+        own = slice(0, 3) if sensor == "gyro" else slice(3, 6)
+        for lane, (seed, bias) in enumerate(zip(seeds, found, strict=True)):
+            one = self._stages.measured_with(sensor, self._flight, seed, bias)
+            increments[:, own, lane] = one.increments
+            measured.append(one)
+        increments[:, own, len(seeds) :] = increments[:, own, len(seeds) - 1 : len(seeds)]
+        return measured
 
     def _imu(self, one: _Sensed) -> Imu:
         return Imu(self._truth.time, one.gyro.increments, one.accelerometer.increments)
@@ -202,30 +261,33 @@ class SeedLanes:
             at_rest(self._imu(one), self._fixes(one), one.belief).any()
         )
 
-    def _navigate(self, sensed: Sequence[_Sensed]) -> list[LaneSolution]:
-        lanes = [
-            Lane(
-                np.concatenate((one.gyro.increments, one.accelerometer.increments), axis=1),
-                one.fixes.position,
-                one.fixes.velocity_n,
-                one.start,
-                one.belief,
-            )
-            for one in sensed
-        ]
-        fix_time = self._fixes(sensed[0]).time
+    def _navigate(
+        self, sensed: Sequence[_Sensed], usable: Sequence[int], increments: FloatArray
+    ) -> list[LaneSolution]:
+        """Navigate a block; in the place of a run that is not usable, another is navigated."""
+        lanes = []
+        for index in range(len(sensed)):
+            own = index if index in usable else usable[0]
+            if own != index:
+                increments[:, :, index] = increments[:, :, own]
+            one = sensed[own]
+            lanes.append(Lane(one.fixes.position, one.fixes.velocity_n, one.start, one.belief))
         return navigate_lanes(
-            self._truth.time, fix_time, lanes, self._schedule, self._model, self._stored, self._path
+            self._truth.time,
+            increments,
+            self._fixes(sensed[0]).time,
+            lanes,
+            self._schedule,
+            self._model,
+            self._stored,
+            self._path,
         )
 
     def _kept(self, one: _Sensed, navigated: LaneSolution, seconds: float) -> RunAtFixes | None:
         """Return what is kept of a run; None if it must be run alone: for an outlier, or as it diverged."""
-        whole, motion = navigated.solution, navigated.motion
-        at = np.searchsorted(self._stored, whole.fix_sample)
-        solution = whole._replace(fix_sample=np.where(whole.fix_sample >= 0, at, -1))
-        finite = np.isfinite(motion).all() and np.isfinite(solution.variance).all()
-        if not finite or np.abs(motion[:, 0]).max() > MAX_LATITUDE:
+        if _diverged(navigated):
             return None
+        solution, motion = self._in_stored(navigated.solution), navigated.motion
         true = self._whole_reference(one)
         found = self._evidence(one, solution, navigated, true)
         if found is None:
@@ -234,9 +296,9 @@ class SeedLanes:
         at = solution.fix_sample[used]
         reference = self._reference(true)
         x = error_state(solution, at, self._there, reference.bias, reference.scale)
-        P, before = solution.fix_covariance[used], np.searchsorted(self._stored, self._before)
-        between, degrees = position_nees(solution, before, reference)
-        error, sigma, rms = self._errors(solution, at, motion)
+        P = solution.fix_covariance[used]
+        between, degrees = position_nees(solution, self._of_before, reference)
+        error, sigma, rms, largest = self._errors(solution, at, motion)
         return RunAtFixes(
             time=one.fixes.time[used],
             nees=consistency.normalised_squares(x, P),
@@ -249,24 +311,74 @@ class SeedLanes:
             error=error,
             sigma=sigma,
             rms=rms,
+            largest=largest,
             degrees=int(consistency.uncertain(P).size) if P.size else 0,
             nis_degrees=MEASUREMENTS,
+            innovations=ChannelSums.of(found.innovations),
+            span=self._span,
             evidence=found,
             seconds=seconds,
             algorithm="",
         )
 
+    def _figures(self, one: _Sensed, navigated: LaneSolution, seconds: float) -> RunAtFixes | None:
+        """Return what is kept of a run that is not judged; None if it diverged."""
+        if _diverged(navigated):
+            return None
+        solution = self._in_stored(navigated.solution)
+        bias = at_samples(one.gyro.bias, one.accelerometer.bias)[self._stored]
+        scale = np.zeros((self._stored.size, 0))
+        if set(self._model.blocks) & set(SCALES):
+            scale = at_samples(one.gyro.scale, one.accelerometer.scale)[self._stored]
+        path = np.ascontiguousarray(navigated.motion[self._of_grid])
+        found = fix_figures.fix_figures(
+            solution, self._of_before, self._true_there, bias, scale, path, self._true_path
+        )
+        used = solution.fix_sample >= 0
+        every: Samples | slice = slice(None) if used.all() else np.flatnonzero(used)
+        P, nu, S = (
+            values[every]
+            for values in (solution.fix_covariance, solution.innovation, solution.innovation_covariance)
+        )
+        nees = found.nees if np.isfinite(found.nees).all() else consistency.normalised_squares(found.x, P)
+        nis = found.nis if np.isfinite(found.nis).all() else consistency.normalised_squares(nu, S)
+        return RunAtFixes(
+            time=one.fixes.time[used],
+            nees=nees,
+            nis=nis,
+            grid=self._truth.time[self._before],
+            between=found.between,
+            between_degrees=3,
+            error=found.error,
+            sigma=found.sigma,
+            rms=found.rms,
+            largest=found.largest,
+            degrees=int(consistency.uncertain(P).size) if P.size else 0,
+            nis_degrees=MEASUREMENTS,
+            innovations=ChannelSums.of_used(nu, S),
+            span=self._span,
+            evidence=None,
+            seconds=seconds,
+            algorithm="",
+        )
+
+    def _in_stored(self, solution: Solution) -> Solution:
+        """Return a solution whose fixes tell their places among the stored samples."""
+        at = np.searchsorted(self._stored, solution.fix_sample)
+        return solution._replace(fix_sample=np.where(solution.fix_sample >= 0, at, -1))
+
     def _errors(
         self, solution: Solution, at: Samples, motion: FloatArray
-    ) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Return errors and their σ (m, 9) at stored samples (m,), and the rms (9,) along the path."""
+    ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+        """Return errors and their σ (m, 9) at stored samples (m,), rms and largest size (9,) on the path."""
         q_nb = solution.q_nb[at]
         error = errors_of(solution.position[at], solution.velocity_n[at], q_nb, self._there.taken(at))
         variance, covariance = solution.variance[at], solution.covariance[at]
         sigma = sigma_of_quantities(euler_from_quaternion(q_nb), variance, covariance, self._model.blocks)
-        path = motion[np.searchsorted(self._path, self._grid)]
+        path = motion[self._of_grid]
         along = errors_of(path[:, :3], path[:, 3:6], path[:, 6:], self._on_grid)
-        return error, sigma[:, : len(QUANTITIES)], np.sqrt(np.mean(along**2, axis=0))
+        sizes = np.sqrt(np.mean(along**2, axis=0)), np.abs(along).max(axis=0)
+        return error, sigma[:, : len(QUANTITIES)], *sizes
 
     def _evidence(
         self, one: _Sensed, solution: Solution, navigated: LaneSolution, true: Reference
@@ -334,3 +446,10 @@ class SeedLanes:
             (one.gyro.saturated, one.accelerometer.saturated),
             bias_processes(self._sensors, one.constants)[0],
         )
+
+
+def _diverged(navigated: LaneSolution) -> bool:
+    """Return whether a run is not finite, or came too close to a pole for its frame."""
+    motion = navigated.motion
+    finite = np.isfinite(motion).all() and np.isfinite(navigated.solution.variance).all()
+    return not finite or bool(np.abs(motion[:, 0]).max() > MAX_LATITUDE)

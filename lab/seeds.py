@@ -1,14 +1,17 @@
 """Seeds: one experiment run with many seeds, on all cores.
 
-Only the required values at the fixes are kept of each run, so that a thousand runs fit into memory.
+The runs are added up in the order of their seeds, as they are done, so that ten thousand take no more memory
+than a hundred.
 """
 
 from __future__ import annotations
 
 import os
 import time
+from collections import deque
 from collections.abc import Callable, Sequence
-from concurrent.futures import Future, ThreadPoolExecutor, as_completed
+from concurrent.futures import FIRST_COMPLETED, Future, ThreadPoolExecutor, wait
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,12 +22,13 @@ from lab.analysis.errors import error_state
 from lab.analysis.evidence import position_nees, whole_seconds
 from lab.analysis.path_errors import errors_of, path_of
 from lab.analysis.run_evidence import evidence_of, reference_of
-from lab.ensemble import QUANTITIES, Ensemble, Progress, RunAtFixes, together
+from lab.ensemble import JUDGED, QUANTITIES, Collected, Ensemble, Progress
 from lab.experiment import Experiment
 from lab.missions import LogMission, mission
 from lab.navigation.algorithm import Algorithm
 from lab.navigation.kalman import MEASUREMENTS
 from lab.result import Result
+from lab.run_at_fixes import ChannelSums, RunAtFixes
 from lab.seed_lanes import LANES, SeedLanes
 
 FloatArray = NDArray[np.float64]
@@ -36,7 +40,10 @@ FEW, MANY = 100, 1000
 """Numbers of runs from which on they are run eight abreast: if their filter is ready, and if it is not.
 Compiling it takes as long as some thousand single runs; `ins-lab warm` does so ahead."""
 SHOWN_EVERY = 2.0
-"""Time between two partial ensembles [s]: putting 1,000 runs together takes 0.02 s."""
+"""Time between two partial ensembles [s]."""
+AHEAD = 16
+"""Largest number of blocks of runs that are begun, or done, while an earlier one is not: those that are done
+wait in memory until they are added."""
 
 
 def run_ensemble(
@@ -81,36 +88,57 @@ def run_ensemble(
             "draws; accepted is one"
         )
 
-    def alone(seed: int) -> RunAtFixes:
-        mine = experiment.copy()
-        mine.set("seed", seed)
-        return _keep(mine.run(algorithm=algorithm), explain=seed in numbers[:EXPLAINED])
-
-    def abreast(lanes: SeedLanes, seeds: tuple[int, ...]) -> list[RunAtFixes]:
-        return [run or alone(seed) for seed, run in zip(seeds, lanes.run(seeds), strict=True)]
-
     # The user's code need not be thread-safe.
-    workers = 1 if algorithm is not None else workers or os.cpu_count()
+    workers = 1 if algorithm is not None else workers or os.cpu_count() or 1
     pool = ThreadPoolExecutor(workers, thread_name_prefix="ensemble")
     done = _Done(experiment, numbers, progress, partial)
     try:
         lanes = None if algorithm is not None or len(numbers) < FEW else SeedLanes.of(experiment)
         if lanes is not None and len(numbers) < MANY and not lanes.is_compiled:
             lanes = None
-        one_by_one = len(numbers) if lanes is None else EXPLAINED
-        running: dict[Future[list[RunAtFixes]], int] = {
-            pool.submit(lambda seed: [alone(seed)], seed): index
-            for index, seed in enumerate(numbers[:one_by_one])
-        }
-        if lanes is not None:
-            for first in range(one_by_one, len(numbers), LANES):
-                running[pool.submit(abreast, lanes, numbers[first : first + LANES])] = first
-        for future in as_completed(running):
-            for index, run in enumerate(future.result(), start=running.pop(future)):
-                done.add(index, run)
+        runner = _Runner(experiment, numbers, algorithm, lanes)
+        left = deque(_blocks(len(numbers), len(numbers) if lanes is None else EXPLAINED))
+        running: dict[Future[list[RunAtFixes]], int] = {}
+        while left or running:
+            while left and left[0].start < len(done) + AHEAD * LANES:
+                block = left.popleft()
+                running[pool.submit(runner.run, block)] = block.start
+            for future in wait(running, return_when=FIRST_COMPLETED).done:
+                done.add(running.pop(future), future.result())
     finally:
         pool.shutdown(cancel_futures=True)
     return done.ensemble()
+
+
+def _blocks(count: int, one_by_one: int) -> list[range]:
+    """Return the places of the runs that are computed together: single ones first, then blocks."""
+    judged = max(min(count, JUDGED), one_by_one)
+    starts = [*range(one_by_one), *range(one_by_one, judged, LANES), *range(judged, count, LANES)]
+    return [range(first, last) for first, last in zip(starts, [*starts[1:], count], strict=True)]
+
+
+class _Runner(NamedTuple):
+    """What runs the seeds at some places: alone, or abreast in lanes."""
+
+    experiment: Experiment
+    seeds: tuple[int, ...]
+    algorithm: Algorithm | None
+    lanes: SeedLanes | None
+
+    def run(self, block: range) -> list[RunAtFixes]:
+        """Run the seeds of a block."""
+        if self.lanes is None or block.start < EXPLAINED:
+            return [self._alone(place) for place in block]
+        seeds = [self.seeds[place] for place in block]
+        judged = block.start < JUDGED
+        abreast = self.lanes.run(seeds) if judged else self.lanes.measure(seeds)
+        return [run or self._alone(place) for place, run in zip(block, abreast, strict=True)]
+
+    def _alone(self, place: int) -> RunAtFixes:
+        mine = self.experiment.copy()
+        mine.set("seed", self.seeds[place])
+        result = mine.run(algorithm=self.algorithm)
+        return _keep(result, explain=place < EXPLAINED, judged=place < JUDGED)
 
 
 class _Done:
@@ -123,15 +151,24 @@ class _Done:
         progress: Progress | None,
         partial: Callable[[Ensemble], None] | None,
     ) -> None:
-        self._experiment, self._seeds = experiment.copy(), seeds
-        self._progress, self._partial = progress, partial
-        self._runs: dict[int, RunAtFixes] = {}
+        self._seeds, self._progress, self._partial = seeds, progress, partial
+        self._collected = Collected(experiment)
+        self._waiting: dict[int, RunAtFixes] = {}
         self._began = self._shown = time.monotonic()
 
-    def add(self, index: int, run: RunAtFixes) -> None:
-        """Add the run of a seed, and tell of it."""
-        self._runs[index] = run
-        count, wanted, now = len(self._runs), len(self._seeds), time.monotonic()
+    def __len__(self) -> int:
+        """Return the number of the runs that are added."""
+        return len(self._collected)
+
+    def add(self, first: int, runs: Sequence[RunAtFixes]) -> None:
+        """Add runs, of which the `first` place is given, once all before them are added; tell of each."""
+        self._waiting |= dict(enumerate(runs, start=first))
+        while (place := len(self)) in self._waiting:
+            self._collected.add(self._seeds[place], self._waiting.pop(place))
+            self._tell()
+
+    def _tell(self) -> None:
+        count, wanted, now = len(self), len(self._seeds), time.monotonic()
         if self._progress is not None:
             rate = count / max(now - self._began, 1e-9)
             left = f", {rate:.3g} per second, {(wanted - count) / rate:.0f} s left" if count < wanted else ""
@@ -141,39 +178,43 @@ class _Done:
             self._partial(self.ensemble())
 
     def ensemble(self) -> Ensemble:
-        """Return the ensemble of the runs that are done, in the order of their seeds."""
-        order = sorted(self._runs)
-        seeds = tuple(self._seeds[index] for index in order)
-        return together(self._experiment, seeds, [self._runs[index] for index in order])
+        """Return the ensemble of the runs that are added."""
+        return self._collected.ensemble()
 
 
-def _keep(result: Result, *, explain: bool = True) -> RunAtFixes:
+def _keep(result: Result, *, explain: bool = True, judged: bool = True) -> RunAtFixes:
     """Return the kept values of a result; unknown values of a log are NaN.
 
-    `explain` is true if suspicious innovations are to be explained.
+    `judged` is true if the evidence is wanted, and `explain` if suspicious innovations are to be explained.
     """
     solution = result.solution_arrays
     used = solution.fix_sample >= 0
     at = solution.fix_sample[used]
 
     grid, apart, apart_degrees = _between(result)
-    error, sigma, rms = _errors(result, at)
+    error, sigma = _errors(result, at)
+    rms, largest = _sizes(result)
     nees, degrees = _nees(result, at, solution.fix_covariance[used])
     nu = solution.innovation
     measured = np.isfinite(nu).sum(axis=1)
+    found = evidence_of(result, result.filtered, explain=explain) if judged else None
+    S = solution.innovation_covariance[used]
     return RunAtFixes(
         time=result.fixes.time[used],
         nees=nees,
-        nis=normalised_squares(np.nan_to_num(nu[used]), solution.innovation_covariance[used]),
+        nis=normalised_squares(np.nan_to_num(nu[used]), S),
         grid=grid,
         between=apart,
         between_degrees=apart_degrees,
         error=error,
         sigma=sigma,
         rms=rms,
+        largest=largest,
         degrees=degrees,
         nis_degrees=int(measured.max()) if measured.any() else MEASUREMENTS,
-        evidence=evidence_of(result, result.filtered, explain=explain),
+        innovations=ChannelSums.of_used(nu[used], S) if found is None else ChannelSums.of(found.innovations),
+        span=(float(result.time[0]), float(result.time[-1])),
+        evidence=found,
         seconds=result.seconds,
         algorithm=result.algorithm,
     )
@@ -197,18 +238,25 @@ def _between(result: Result) -> tuple[FloatArray, FloatArray, int]:
     return result.time[at], nees, degrees
 
 
-def _errors(result: Result, at: NDArray[np.int64]) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return errors and their σ (m, 9) at samples (m,), and the rms (9,) of those known along the path."""
+def _errors(result: Result, at: NDArray[np.int64]) -> tuple[FloatArray, FloatArray]:
+    """Return errors and their σ (m, 9) at samples (m,)."""
     wide = len(QUANTITIES)
-    error, sigma = np.full((at.size, wide), np.nan), believed_sigma(result, at)[:, :wide]
+    sigma = believed_sigma(result, at)[:, :wide]
+    return np.full((at.size, wide), np.nan) if result.lacks("errors") else _errors_at(result, at), sigma
+
+
+def _sizes(result: Result) -> tuple[FloatArray, FloatArray]:
+    """Return rms and largest size (9,) of the errors known along the path."""
+    wide = len(QUANTITIES)
     if result.lacks("errors"):
-        return error, sigma, np.full(wide, np.nan)
+        return np.full(wide, np.nan), np.full(wide, np.nan)
     along = _errors_at(result, path_of(result.time, float(result.experiment.sensors.gps.period)))
     known = np.isfinite(along)
     count = known.sum(axis=0)
     square = np.sum(along**2, axis=0, where=known)
     rms = np.sqrt(np.divide(square, count, out=np.full(wide, np.nan), where=count > 0))
-    return _errors_at(result, at), sigma, np.asarray(rms)
+    largest = np.max(np.abs(along), axis=0, where=known, initial=0.0)
+    return np.asarray(rms), np.where(count > 0, largest, np.nan)
 
 
 def _errors_at(result: Result, at: NDArray[np.int64]) -> FloatArray:

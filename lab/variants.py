@@ -63,7 +63,7 @@ def compile_lanes() -> None:
     experiment.update({"trajectory.imu_rate": IMU_RATE})
     lanes = SeedLanes.of(experiment)
     assert lanes is not None
-    list(lanes.run((experiment.seed,)))
+    list(lanes.measure((experiment.seed,)))
 
 
 def compile_budget() -> None:

@@ -11,7 +11,7 @@ from scipy import stats
 
 import lab.seeds as seeds_module
 from lab.analysis.innovation_evidence import LAGS
-from lab.ensemble import QUANTITIES, Ensemble, together
+from lab.ensemble import QUANTITIES, Collected, Ensemble
 from lab.experiment import CACHE, Experiment
 from lab.seeds import _keep, run_ensemble
 from lab.settings import SettingError
@@ -32,22 +32,28 @@ def test_runs_are_those_of_the_experiment_with_their_seeds(many: Ensemble) -> No
     for row in (0, 7):
         result = Experiment(mission="los_angeles", seed=many.seeds[row]).run()
         assert np.array_equal(many.time, result.fixes.time)
-        assert np.array_equal(many.nees[row], result.consistency.nees)
-        assert np.array_equal(many.nis[row], result.innovations.nis)
+        single = run_ensemble(result.experiment, 1)
+        assert np.array_equal(single.consistency.anees, result.consistency.nees)
+        assert np.array_equal(single.consistency.anis, result.innovations.nis)
+        assert many.mean_nees[row] == pytest.approx(float(result.consistency.nees.mean()), rel=1e-12)
+        assert many.mean_nis[row] == pytest.approx(float(result.innovations.nis.mean()), rel=1e-12)
+        assert np.array_equal(many.rms[row], single.rms[0])
         # Ten samples a second: 19 are closest to 20 without a common factor with the 200 of a fix interval.
         groups = [result.errors[name].values[::19] for name in ("position", "velocity", "attitude")]
         np.testing.assert_allclose(many.rms[row], np.sqrt(np.mean(np.hstack(groups) ** 2, axis=0)), rtol=1e-9)
         np.testing.assert_allclose(many.rms[row], result.summary["rms"], rtol=5e-3)
+        assert (many.largest[row] <= result.summary["max"] + 1e-9).all()
+        np.testing.assert_allclose(many.largest[row], result.summary["max"], rtol=0.3)
         north = result.errors.position.sel(axis="north").interp(time=many.time)
-        assert np.allclose(many.error[row, :, QUANTITIES.index("position north")], north, atol=1e-2)
+        assert np.allclose(single.errors["mean"].sel(quantity="position north"), north, atol=1e-2)
         assert many.verdicts[row] == result.verdict
     assert (many.seconds > 0).all()
 
 
 def test_averages_and_intervals_are_those_of_chi_square(many: Ensemble) -> None:
     data = many.consistency
-    for name, values, degrees in (("anees", many.nees, 15), ("anis", many.nis, 6)):
-        assert np.allclose(data[name], values.mean(axis=0))
+    for name, of_runs, degrees in (("anees", many.mean_nees, 15), ("anis", many.mean_nis, 6)):
+        assert float(data[name].mean()) == pytest.approx(of_runs.mean(), rel=1e-12)
         low, high = stats.chi2.interval(0.95, degrees * SEEDS)
         assert np.allclose(data[f"{name}_low"], low / SEEDS)
         assert np.allclose(data[f"{name}_high"], high / SEEDS)
@@ -62,22 +68,22 @@ def test_between_fixes_the_position_is_judged_just_before_them(many: Ensemble) -
     gap = Experiment(mission="los_angeles", seed=5)
     gap.set("sensors.gps.outages", [[40, 70]])
     together = run_ensemble(gap, 3)
-    assert together.between.shape == (3, together.grid.size)
-    inside = (together.grid > 41) & (together.grid < 69)
+    grid = together.between.time
+    inside = (grid > 41) & (grid < 69)
     assert inside.sum() == 28
-    assert not np.isin(together.grid, together.time).any()
+    assert not np.isin(grid, together.time).any()
     result = gap.run()
-    at = np.searchsorted(result.time, together.grid)
-    assert np.array_equal(result.time[at], together.grid)
+    at = np.searchsorted(result.time, grid)
+    assert np.array_equal(result.time[at], grid)
     x = np.stack([result.errors.position.values[at, axis] for axis in (1, 0, 2)], axis=-1) * [1, 1, -1]
     sigma = np.sqrt(result.solution_arrays.variance[at][:, :3])
     lowest = np.max((x / sigma) ** 2, axis=1)  # NEES is at least the square of each error in its σ
-    assert np.all(together.between[0] > 0.999 * lowest)
+    assert np.all(run_ensemble(gap, 1).between.mean("nees") > 0.999 * lowest)
     data = many.consistency
     low, high = stats.chi2.interval(0.95, 3 * SEEDS)
     assert np.allclose(data["anees_between_low"], low / SEEDS)
     assert np.allclose(data["anees_between_high"], high / SEEDS)
-    late = many.grid > 20
+    late = many.between.time > 20
     mean = data["anees_between"].values[late]
     assert np.mean((low / SEEDS < mean) & (mean < high / SEEDS)) > 0.8
 
@@ -116,10 +122,16 @@ def test_a_run_that_did_not_use_a_fix_has_a_gap_there() -> None:
     short = Experiment(mission="los_angeles")
     gap = Experiment(mission="los_angeles")
     gap.set("sensors.gps.outages", [[9.5, 12.5]])
-    both = together(short, (1, 1), [_keep(short.run()), _keep(gap.run())])
-    missing = (both.time > 9.5) & (both.time < 12.5)
-    assert np.isnan(both.nees[1]).tolist() == missing.tolist()
-    assert np.array_equal(both.consistency.anees[missing], both.nees[0][missing])
+    runs = [_keep(short.run()), _keep(gap.run())]
+    for order in (runs, runs[::-1]):  # the epochs of the second run are new, or are not
+        collected = Collected(short)
+        for run in order:
+            collected.add(1, run)
+        both = collected.ensemble()
+        missing = (both.time > 9.5) & (both.time < 12.5)
+        assert both.at_fixes.count["nees"].tolist() == np.where(missing, 1, 2).tolist()
+        assert np.array_equal(both.consistency.anees[missing], runs[0].nees[missing])
+        assert np.allclose(both.consistency.anees[~missing], (runs[0].nees[~missing] + runs[1].nees) / 2)
     assert float(both.consistency.anees_high[missing][0]) == pytest.approx(stats.chi2.interval(0.95, 15)[1])
     assert both.coverage["within ±3σ [%]"].notna().all()
 
@@ -136,7 +148,7 @@ def test_seeds_may_be_named_and_progress_is_told() -> None:
     assert float(first[2]) == pytest.approx(1 / float(first[1]), abs=0.6)
     assert told[1][0] == "2 of 2 runs"
     again = run_ensemble(Experiment(mission="los_angeles"), (3, 9), workers=1)
-    assert np.array_equal(ensemble.nees[::-1], again.nees)
+    assert np.array_equal(ensemble.mean_nees[::-1], again.mean_nees)
 
 
 def test_the_runs_that_are_done_are_an_ensemble_too(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -146,10 +158,12 @@ def test_the_runs_that_are_done_are_an_ensemble_too(monkeypatch: pytest.MonkeyPa
     whole = run_ensemble(Experiment(mission="los_angeles"), 5, partial=parts.append)
     assert [len(part.seeds) for part in parts] == [2, 3, 4]
     for part in parts:
-        rows = [whole.seeds.index(seed) for seed in part.seeds]
-        assert rows == sorted(rows)
-        assert np.array_equal(part.nees, whole.nees[rows], equal_nan=True)
-        assert np.array_equal(part.rms, whole.rms[rows])
+        count = len(part.seeds)
+        assert part.seeds == whole.seeds[:count]
+        assert np.array_equal(part.rms, whole.rms[:count])
+        alone = run_ensemble(Experiment(mission="los_angeles"), count)
+        assert part.consistency.identical(alone.consistency)
+        assert part.errors.identical(alone.errors)
 
 
 def test_who_is_told_of_the_progress_may_end_the_work() -> None:

@@ -12,12 +12,14 @@ import pytest
 
 import lab.seeds as seeds_module
 from lab.analysis.sums import Kept
-from lab.ensemble import Ensemble, RunAtFixes
+from lab.cache import _freeze
+from lab.ensemble import Collected, Ensemble
 from lab.experiment import Experiment
 from lab.gallery.faults import FAULTS
 from lab.gallery.faulty_experiment import FaultyExperiment
 from lab.navigation.navigator import navigate
 from lab.navigation.solution import Fixes, Imu
+from lab.run_at_fixes import RunAtFixes
 from lab.seed_lanes import SeedLanes
 from lab.seeds import _keep, run_ensemble
 
@@ -57,6 +59,7 @@ def numbers_in(value: Any) -> list[np.ndarray]:
 
 def assert_same(abreast: RunAtFixes, single: RunAtFixes) -> None:
     """Assert that two runs agree within rounding, all evidence included."""
+    assert abreast.evidence is not None
     assert isinstance(abreast.evidence.told, Kept)
     left, right = (numbers_in(run._replace(seconds=0.0)) for run in (abreast, single))
     assert len(left) == len(right) > 50
@@ -77,6 +80,11 @@ def assert_abreast_as_alone(changes: dict[str, object]) -> None:
     for seed, run in zip(seeds, found, strict=True):
         if run is not None:
             assert_same(run, alone(experiment, seed))
+    for seed, run in zip(seeds, lanes.measure(seeds), strict=True):
+        assert run is not None
+        assert run.evidence is None
+        single = alone(experiment, seed)
+        assert_same(run._replace(evidence=single.evidence), single)
 
 
 @pytest.mark.parametrize("changes", [OUTAGE, MONTREAL, ALIGNED], ids=["outage", "montreal", "aligned"])
@@ -97,11 +105,13 @@ def test_so_it_is_with_other_models(changes: dict[str, object]) -> None:
     assert_abreast_as_alone(changes)
 
 
-def test_a_run_does_not_depend_on_those_beside_it() -> None:
+@pytest.mark.parametrize("judged", [True, False])
+def test_a_run_does_not_depend_on_those_beside_it(*, judged: bool) -> None:
     """The same bits, whatever its lane, and whether the other lanes are occupied."""
     lanes = SeedLanes.of(of({}))
     assert lanes is not None
-    together, (single,), (_, second) = (list(lanes.run(seeds)) for seeds in ((3, 4, 7), (7,), (1, 7)))
+    run = lanes.run if judged else lanes.measure
+    together, (single,), (_, second) = (list(run(seeds)) for seeds in ((3, 4, 7), (7,), (1, 7)))
     for other in (single, second):
         assert together[2] is not None
         assert other is not None
@@ -139,9 +149,69 @@ def test_many_seeds_run_abreast_and_those_that_need_more_alone(monkeypatch: pyte
     assert whole.seeds == tuple(range(1, 21))
     for seed in (9, 14, 20):
         single = alone(experiment, seed)
-        row = whole.nees[seed - 1]
-        np.testing.assert_allclose(row[np.isfinite(row)], single.nees, rtol=1e-7)
+        np.testing.assert_allclose(whole.mean_nees[seed - 1], single.nees.mean(), rtol=1e-7)
         np.testing.assert_allclose(whole.rms[seed - 1], single.rms, rtol=1e-7)
+
+
+def test_an_ensemble_is_the_same_with_any_number_of_threads(monkeypatch: pytest.MonkeyPatch) -> None:
+    """To the bit; its verdict is that of the first runs, its figures those of all."""
+    monkeypatch.setattr(seeds_module, "FEW", 20)
+    monkeypatch.setattr(seeds_module, "MANY", 20)
+    monkeypatch.setattr(seeds_module, "JUDGED", 14)
+    experiment = of({"navigator.gate": 0.9})
+    one, three = (run_ensemble(experiment, 40, workers=workers) for workers in (1, 3))
+    assert one.consistency.identical(three.consistency)
+    assert one.errors.identical(three.errors)
+    assert one.coverage.equals(three.coverage)
+    assert one.whiteness.equals(three.whiteness)
+    assert np.array_equal(one.rms, three.rms)
+    assert one.verdict == three.verdict
+    assert len(one.evidence) == 14
+    assert one.verdict.basis.startswith("14 runs")
+    assert one.at_fixes.count["nis"].max() > 14
+    assert 0.8 < one.at_fixes.count["nis"].mean() / 40 < 0.95
+
+
+def test_the_memory_of_many_runs_is_that_of_few() -> None:
+    """What an ensemble keeps of the runs that are not judged: 200 bytes each."""
+    run = alone(of({}), 1)._replace(evidence=None)
+    sizes = []
+    for runs in (100, 1000):
+        collected = Collected(of({}))
+        for seed in range(runs):
+            collected.add(seed, run)
+        sizes.append(_freeze(collected.ensemble()))
+    assert sizes[1] - sizes[0] < 900 * 250
+
+
+SATURATED: dict[str, object] = {"sensors.gyro.range": 1.0, "sensors.accelerometer.range": 1.01}
+QUANTISED: dict[str, object] = {
+    "sensors.gyro.quantisation": 0.05,
+    "sensors.gyro.misalignment": (0.5, -0.3, 0.2, 0.1, 0.4, -0.2),
+    "sensors.gyro.scale_factor_sigma": 1.0,
+    "sensors.accelerometer.bias": (3.0, -2.0, 1.0),
+}
+
+
+@pytest.mark.parametrize(
+    "changes", [SATURATED, QUANTISED, ALIGNED], ids=["saturated", "quantised", "aligned"]
+)
+def test_sensors_abreast_measure_what_those_of_a_run_alone_do(changes: dict[str, object]) -> None:
+    experiment = of(changes)
+    lanes = SeedLanes.of(experiment)
+    assert lanes is not None
+    for seed, one in zip((4, 2), lanes._sense((4, 2), lanes._increments()), strict=True):
+        result = experiment.copy().update({"seed": seed}).run()
+        for abreast, single in ((one.gyro, result.gyro), (one.accelerometer, result.accelerometer)):
+            largest = float(np.abs(single.increments).max())
+            # Rounding moves a value to the next step of the quantisation only where it is half way.
+            apart = np.abs(abreast.increments - single.increments) > 1e-12 * largest
+            assert apart.mean() < 1e-4
+            np.testing.assert_allclose(abreast.bias, single.bias, rtol=1e-9, atol=1e-15)
+            np.testing.assert_allclose(abreast.scale, single.scale, rtol=1e-12)
+            assert abreast.saturated == single.saturated
+        if changes is SATURATED:
+            assert one.gyro.saturated > 0
 
 
 @pytest.mark.parametrize(
@@ -175,7 +245,8 @@ def test_a_run_abreast_takes_a_part_of_the_time_of_a_run_alone() -> None:
     list(lanes.run(range(8)))
     imu = Imu(result.time, result.gyro.increments, result.accelerometer.increments)
     fixes = Fixes(result.fix_validity, result.fixes.position, result.fixes.velocity_n)
-    sensed = [lanes._sense(seed) for seed in range(8)]
+    increments = lanes._increments()
+    sensed = lanes._sense(range(8), increments)
     one: list[float] = []
     eight: list[float] = []
     single: list[float] = []
@@ -185,7 +256,7 @@ def test_a_run_abreast_takes_a_part_of_the_time_of_a_run_alone() -> None:
         navigate(imu, fixes, result.aligned.start, result.belief, lanes._schedule, lanes._model)
         one.append(time.thread_time() - began)
         began = time.thread_time()
-        lanes._navigate(sensed)
+        lanes._navigate(sensed, range(8), increments)
         eight.append((time.thread_time() - began) / 8)
         began = time.thread_time()
         alone(experiment, 100 + turn)

@@ -46,6 +46,7 @@ def _wide_vectors(context: Any) -> Any:
     def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
         # llvmlite checks the names of attributes against a list without this one.
         set.add(builder.function.attributes, '"prefer-vector-width"="512"')
+        builder.function.attributes.alignstack = 64
         return context.get_dummy_value()
 
     return types.void(), generate

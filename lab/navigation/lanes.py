@@ -15,7 +15,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lab.navigation import strapdown
-from lab.navigation.compilation import SOURCES, entry_kernel, kernel, named, rebound, rebound_throughout
+from lab.navigation.compilation import (
+    SOURCES,
+    embedded_kernel,
+    entry_kernel,
+    kernel,
+    named,
+    rebound,
+    rebound_throughout,
+)
 from lab.navigation.driver import _store, kernels, take_measurements
 from lab.navigation.error_models import NORTH_SLAVED, PHI, ErrorModel
 from lab.navigation.filter import Filter, aligned_zeros
@@ -47,15 +55,12 @@ class Lane(NamedTuple):
 
     Attributes
     ----------
-    increments : (n, 6) array
-        Angle [rad] and velocity increments [m/s] of each sample.
     position, velocity_n : (m, 3) arrays
         Its fixes, as of `Fixes`.
     start, belief : Start, Belief
         Its start, and the assumptions of its filter; noise and decay are those of all runs.
     """
 
-    increments: FloatArray
     position: FloatArray
     velocity_n: FloatArray
     start: Start
@@ -153,7 +158,7 @@ def _fly(
     for k in range(first, last):
         for i in range(6):
             for lane in range(LANES):
-                buffer[(INCREMENTS + i) * LANES + lane] = increments[lane, k, i]
+                buffer[(INCREMENTS + i) * LANES + lane] = increments[k, i, lane]
         dt = time[k + 1] - time[k]
         fading, added = _lane_constants(decay, noise, dt)
         for lane in range(lanes):
@@ -210,7 +215,10 @@ def _advance(model: ErrorModel) -> Callable[..., None]:
 
     steps = {"_lane_step": lane_step(model), "_lane_constants": lane_constants(model)}
     fly = kernel(named(model.label)(rebound(_fly, **steps)))
-    own = rebound(advance, _fly=fly, **kernels(model, summed=False))
+    others = dict(kernels(model, summed=False))
+    # Embedded: a call with so many arrays takes a third of the time of a fix.
+    taking = embedded_kernel(rebound(others.get("take_measurements", take_measurements)))
+    own = rebound(advance, **others | {"_fly": fly, "take_measurements": taking})
     return entry_kernel(rebound_throughout(own, WRITTEN_FOR, **layout(model.blocks)._asdict()))
 
 
@@ -237,6 +245,7 @@ def fits(model: ErrorModel, schedule: Schedule, belief: Belief) -> bool:
 
 def navigate_lanes(
     time: FloatArray,
+    increments: FloatArray,
     fix_time: FloatArray,
     runs: Sequence[Lane],
     schedule: Schedule,
@@ -250,6 +259,9 @@ def navigate_lanes(
     ----------
     time : (n + 1,) array
         Times of the IMU samples of all runs [s].
+    increments : (n, 6, LANES) array
+        Angle [rad] and velocity increments [m/s] of each sample of each run; those of unused lanes repeat
+        a run.
     fix_time : (m,) array
         Times of validity of the fixes of all runs [s].
     runs
@@ -262,7 +274,6 @@ def navigate_lanes(
     # Unused lanes repeat the last run.
     lanes = [*runs, *[runs[-1]] * (LANES - len(runs))]
     fixes = _all_fixes(fix_time, lanes)
-    increments = np.stack([lane.increments for lane in lanes])
     filters = [Filter.begin(lane.start, lane.belief, float(time[0]), model) for lane in lanes]
     buffer, kept = _block(filters, fix_time.size + 1)
     out = Solution.empty(LANES * stored.size, fixes.time.size, model.blocks)

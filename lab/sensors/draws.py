@@ -31,7 +31,7 @@ class DrawStream:
     def following(self, name: str, shape: tuple[int, ...]) -> NDArray[np.float64]:
         """Return the next draws of one error source; see `unit_draws`."""
         if name not in self._generators:
-            self._generators[name] = _generator(self._seed, name)
+            self._generators[name] = generator(self._seed, name)
         return self._generators[name].standard_normal(shape)
 
 
@@ -53,8 +53,11 @@ def unit_draws(seed: Seed, name: str, shape: tuple[int, ...]) -> NDArray[np.floa
     """
     if isinstance(seed, DrawStream):
         return seed.following(name, shape)
-    return _generator(seed, name).standard_normal(shape)
+    if 0 in shape:
+        return np.empty(shape)
+    return generator(seed, name).standard_normal(shape)
 
 
-def _generator(seed: int, name: str) -> np.random.Generator:
+def generator(seed: int, name: str) -> np.random.Generator:
+    """Return the generator of the draws of one error source; see `unit_draws`."""
     return np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(zlib.crc32(name.encode()),)))

@@ -24,6 +24,7 @@ import pyins_reference
 import pytest
 from numpy.typing import NDArray
 
+from lab import seeds as many_seeds
 from lab.analysis.errors import position_error
 from lab.experiment import CACHE, Experiment, start
 from lab.missions import fly, mission
@@ -32,7 +33,9 @@ from lab.navigation.belief import belief
 from lab.navigation.error_models import MODELS, with_states
 from lab.navigation.navigator import Fixes, Imu, navigate
 from lab.result import Result
+from lab.seeds import run_ensemble
 from lab.units import si
+from lab.variants import compile_lanes
 
 pytestmark = pytest.mark.benchmark
 
@@ -125,6 +128,24 @@ def test_one_run(montreal: Result, navigation: Callable[[], object]) -> None:
     timed(navigation, 5)
     median = row(f"montreal, {samples} samples, P at 200 Hz, all histories", timed(navigation, 101), 12e-3)
     assert median <= 12e-3
+
+
+def test_many_seeds(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Runs abreast beside those one by one, in turns; in the processor's time, as threads share a core."""
+    experiment = Experiment(mission="montreal")
+    compile_lanes()
+    run_ensemble(experiment, 2)
+    seconds: dict[int, list[float]] = {100: [], 1000: []}
+    for first in (10_000, 20_000):  # seeds that no cache has
+        for runs, kept in seconds.items():
+            monkeypatch.setattr(many_seeds, "FEW", 101)
+            begin = time.process_time()
+            run_ensemble(experiment, range(first + runs, first + 2 * runs))
+            kept.append((time.process_time() - begin) / runs)
+    alone = row("montreal, a run of 100 seeds, one by one", seconds[100])
+    abreast = row("the same, of 1,000 seeds, eight abreast", seconds[1000], alone / 3.5)
+    print(f"{1 / alone:.0f} and {1 / abreast:.0f} runs per second and core: {alone / abreast:.1f} times")
+    assert abreast < alone / 3.5
 
 
 def pyins_filter(result: Result) -> Callable[[], FloatArray]:

@@ -212,8 +212,9 @@ def test_observability_shows_what_each_state_gains() -> None:
 def test_an_ensemble_and_its_advice_work_with_all_states() -> None:
     """Matrices that advice changes are those of IMU and GPS: the settings accept no others."""
     ensemble = run_ensemble(of(ALL | {"navigator.p0_scale": 0.05, "navigator.q_scale": 0.02}), range(2))
-    assert ensemble.sigma.shape[2] == 9
-    assert np.isfinite(ensemble.nees).all()
+    assert ensemble.errors.sigma.shape[1] == 9
+    assert np.isfinite(ensemble.errors.sigma).all()
+    assert np.isfinite(ensemble.consistency.anees).all()
     _ = ensemble.tried_verdict
     changes = (
         Change("navigator.p0", 4.0, times=True, rows=(6, 9)),

@@ -122,7 +122,7 @@ def test_filters_for_other_cards_tell_the_truth(name: str) -> None:
         experiment.navigator.states = 21
         experiment.navigator.estimate_misalignments = wanted
         states = 33 if wanted else 21
-        nees[wanted] = float(np.mean(run_ensemble(experiment, 8).nees)) / states
+        nees[wanted] = float(np.mean(run_ensemble(experiment, 8).mean_nees)) / states
     print(f"\n{name}: NEES per state {nees[False]:.2f} without, {nees[True]:.2f} with misalignments")
     assert 0.7 < nees[True] < 1.4
     assert nees[False] > 3 * nees[True]

@@ -127,7 +127,7 @@ def test_averages_of_an_ensemble_are_drawn_in_their_narrower_interval(axis: Time
     figures.show(ensemble)
     data = source(figures).data
     np.testing.assert_allclose(data["time"], ensemble.time, rtol=1e-6)
-    np.testing.assert_allclose(data["anees"], ensemble.nees.mean(axis=0), rtol=1e-5)
+    np.testing.assert_allclose(data["anees"], ensemble.at_fixes.mean("nees"), rtol=1e-5)
     low, high = chi2.interval(0.95, 4 * 15)
     np.testing.assert_allclose(data["anees_band_low"], low / 4, rtol=1e-5)
     np.testing.assert_allclose(data["anees_band_high"], high / 4, rtol=1e-5)
