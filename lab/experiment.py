@@ -200,7 +200,7 @@ class Stages:
         self.progress("Reading the flight", 0.0)
         flight = self.kept_flight()
         self.progress("Simulating the sensors", 0.3)
-        aligned = begin(flight.truth, self.experiment)
+        aligned = begin(flight.trajectory.at(0.0), self.experiment)
         fixes, readings = self.fixes(flight), self.readings(flight)
         gyro = self.triad("gyro", flight, aligned.gyro_bias)
         accelerometer = self.triad("accelerometer", flight)
