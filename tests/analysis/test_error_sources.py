@@ -15,7 +15,7 @@ from lab.navigation.belief import belief
 from lab.settings import Settings
 
 RATE = 50.0
-"""Rate of the IMU [Hz]: the effects of all errors on a flight are those at 200 Hz, in a quarter of the time."""
+"""Rate of the IMU [Hz]: the effects of errors on a flight are those at 200 Hz, in a quarter of the time."""
 QUIET = {
     **{
         f"sensors.{name}.{term}": 0.0

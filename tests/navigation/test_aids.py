@@ -20,7 +20,6 @@ from lab.run import ResultError
 from lab.seeds import run_ensemble
 from lab.settings import SettingError
 
-
 RATE = 50.0
 """Rate of the IMU [Hz]: measurements come once a second, at any rate."""
 
