@@ -10,6 +10,7 @@ import contextlib
 import gc
 import hashlib
 import logging
+import os
 import time
 from collections.abc import Iterator
 from pathlib import Path
@@ -28,6 +29,9 @@ DIGEST = hashlib.sha256().digest_size
 PATIENCE = 300.0
 """Longest wait for another process that compiles [s]: ten times what the largest kernel takes on a busy
 computer. After it, the process compiles the kernel itself."""
+
+LOWEST_PRIORITY = 19
+"""Niceness of a process that works only when no other does [POSIX]."""
 
 _PAUSE = 0.05
 """Time between two looks whether the other process is done [s]: short beside a compilation of seconds."""
@@ -94,7 +98,13 @@ class CachedKernel(CPUDispatcher):
 
 @contextlib.contextmanager
 def _alone(kernel: CheckedCacheFile) -> Iterator[None]:
-    """Wait until no other process or thread compiles a kernel, and keep others waiting."""
+    """Wait until no other process or thread compiles a kernel, and keep others waiting.
+
+    Nobody waits for a process of the lowest priority, which on a busy computer may take long.
+    """
+    if hasattr(os, "nice") and os.nice(0) >= LOWEST_PRIORITY:
+        yield
+        return
     path = Path(kernel._index_path).with_suffix(".lock")
     with contextlib.ExitStack() as stack:
         with contextlib.suppress(OSError):  # where nothing can be written, nothing can be shared

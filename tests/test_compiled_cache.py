@@ -9,6 +9,9 @@ from typing import Any
 import numba
 import pytest
 
+from lab import compiled_cache
+from lab.file_lock import locked
+
 SOURCE = """
 from lab.navigation.compilation import entry_kernel
 
@@ -110,3 +113,14 @@ def test_processes_that_need_a_kernel_at_once_compile_it_once(folder: Path) -> N
         assert first.stdout.readline() == "8\n"
         goes_on(second)
         assert second.stdout.readline() == "8\n"
+
+
+def test_a_process_of_the_lowest_priority_waits_for_nobody(
+    folder: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (path,) = folder.glob("__pycache__/*.lock")
+    monkeypatch.setattr(compiled_cache.time, "sleep", lambda _: pytest.fail("it waits"))
+    monkeypatch.setattr("os.nice", lambda _: compiled_cache.LOWEST_PRIORITY)
+    with path.open("ab") as held:
+        assert locked(held)
+        assert loaded(folder)(4) == 8
