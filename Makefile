@@ -32,10 +32,11 @@ help:
 lab: $(VENV)/.lab
 	@$(BIN)/ins-lab serve --port $(PORT)
 
-# The copies are the user's: those that exist are kept.
+# The copies are the user's: those that exist are kept. Panel puts its scripts into the page, so that plots
+# need no network.
 notebooks: $(VENV)/.notebooks
 	@$(BIN)/ins-lab notebooks copy '$(NOTEBOOKS)'
-	@$(BIN)/jupyter lab '$(NOTEBOOKS)'
+	@PANEL_INLINE=True $(BIN)/jupyter lab '$(NOTEBOOKS)'
 
 # mypy has one process, and the tests begin with one that compiles while the others wait: they run side by side.
 test: $(VENV)/.test browser style

@@ -17,6 +17,7 @@ import panel as pn
 import panel_material_ui as pmui
 from bokeh.document import Document
 
+from dashboards.classroom import shelf
 from dashboards.computing import POOL, LatestWins, Outcome, attempt
 from dashboards.session import Session
 from dashboards.upload import Upload
@@ -33,6 +34,9 @@ MOST_FIELDS = 200
 MOST_PROBLEMS = 10
 """Most wrong settings of an address that are reported; the rest is ignored, because each message takes
 time."""
+
+HOMEWORK = "homework"
+"""What names a homework of the server in an address."""
 
 QUIET = 1500
 """Quiet time before the address is updated [ms]."""
@@ -181,7 +185,15 @@ class Address:
     def read(self) -> None:
         """Apply the settings in the address; report those that are not accepted."""
         query = self._location.search.removeprefix("?") if self._location is not None else ""
-        trial, problems = experiment_of_query(query)
+        name, rest = homework_of_query(query)
+        trial, problems = experiment_of_query(rest)
+        if name:
+            self._session.homework = shelf().find(name)
+            if self._session.homework is None:
+                problems.append(f"There is no homework {name[:40]!r} on this server. Ask your teacher.")
+            else:
+                trial = self._session.homework.taking(trial)
+                self._session.go("Lessons", None)
         try:
             self._session.take(trial)
         except SettingError as error:
@@ -197,9 +209,20 @@ class Address:
     def _write(self) -> None:
         self._timer = None
         text = query(self._session.experiment)
+        if self._session.homework is not None and self._session.experiment.hidden:
+            text = "&".join(filter(None, (f"{HOMEWORK}={self._session.homework.name}", text)))
         search = f"?{text}" if text else ""
         if self._location is not None and self._location.search != search:
             self._location.search = search
+
+
+def homework_of_query(query: str) -> tuple[str, str]:
+    """Return the name of a homework in an address query, empty without one, and the rest of the query."""
+    parts = query.split("&")
+    names = [part.partition("=")[2] for part in parts if part.startswith(f"{HOMEWORK}=")]
+    return (names[-1] if names else ""), "&".join(
+        part for part in parts if not part.startswith(f"{HOMEWORK}=")
+    )
 
 
 def experiment_of_query(query: str) -> tuple[Experiment, list[str]]:

@@ -27,6 +27,7 @@ def serve(
     visitors: str | None = None,
     password: str | None = None,
     lessons: Path | None = None,
+    homework: Path | None = None,
     warm: bool = True,
 ) -> None:
     """Serve the simulator until interrupted; the 3-D view goes through the same port.
@@ -50,6 +51,8 @@ def serve(
         Password for visitors; None for no password.
     lessons
         A teacher's folder with lessons; None without one.
+    homework
+        A teacher's folder with the keys of homework; None without one.
     warm
         Whether a process beside the server compiles the filter ahead.
     """
@@ -58,7 +61,7 @@ def serve(
 
     import dashboards.page  # noqa: F401, PLC0415
     from dashboards.algorithms import use_algorithms  # noqa: PLC0415
-    from dashboards.classroom import use_lessons  # noqa: PLC0415
+    from dashboards.classroom import use_homework, use_lessons  # noqa: PLC0415
     from dashboards.headers import SecurityHeaders  # noqa: PLC0415
     from dashboards.log_limit import limit_log  # noqa: PLC0415
     from dashboards.messages import MAX_MESSAGE  # noqa: PLC0415
@@ -72,6 +75,7 @@ def serve(
 
     use_algorithms(algorithms)
     use_lessons(lessons)
+    use_homework(homework)
     sweep_own_folder()
     with warnings.catch_warnings(action="ignore"):
         missions()  # read here once, so that no page reads it again

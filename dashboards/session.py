@@ -13,6 +13,7 @@ from bokeh.events import DocumentReady
 from dashboards.computing import LatestWins, Outcome, Progress, run
 from dashboards.sending import together
 from lab.experiment import Experiment
+from lab.homework.homework import Homework
 from lab.missions import missions
 from lab.result import Result
 from lab.settings import SettingError
@@ -25,7 +26,13 @@ REST = 1000
 
 
 class Session(param.Parameterized):
-    """Settings of one page, computed in the background; the last good result stays until the next."""
+    """Settings of one page, computed in the background; the last good result stays until the next.
+
+    Attributes
+    ----------
+    homework : Homework or None
+        The homework of the server that is open, whose name is in the address.
+    """
 
     result: Result | None = param.Parameter(None, doc="The last good result.")
     problem: str = param.String("", doc="Error of the last change; empty if there was none.")
@@ -38,6 +45,7 @@ class Session(param.Parameterized):
         super().__init__()
         self.experiment = Experiment()
         self._document = document
+        self.homework: Homework | None = None
         self.prepare: Callable[[Result], None] = lambda _result: None
         self.go: Callable[[str, float | None], None] = lambda _page, _time: None
         self.remind: Callable[[str], None] = lambda _sentence: None
@@ -113,6 +121,7 @@ class Session(param.Parameterized):
         try:
             if path == "mission":
                 _check_mission(value)
+            self.experiment.check_change(path)
             self.experiment.set(path, value)
         except SettingError as error:
             self.problem = str(error)

@@ -18,6 +18,7 @@ from document_code import DOCUMENTS, PROGRAMS, ROOT, Line, blocks, lines, name_o
 
 from lab.experiment import Experiment
 from lab.flying.plan_kinds import read_plan
+from lab.homework.homework_file import homework_text, make_homework
 from lab.lessons.lesson_file import lesson_of
 from lab.missions import mission
 from lab.sensors.cards import read_cards
@@ -54,6 +55,8 @@ def test_python_runs(document: Path, tmp_path: Path, monkeypatch: pytest.MonkeyP
         text for text, tables in toml_of(ROOT / "missions/README.md") if "[[flight.waypoints]]" in text
     )
     (tmp_path / "my_plan.toml").write_text(waypoints, "utf-8")
+    ((homework, tables),) = toml_of(ROOT / "docs/homework.md")
+    read_source(homework, tables, tmp_path)
     names: dict[str, Any] = {}
     for block in blocks(document):
         if block.language == "python":
@@ -100,9 +103,17 @@ def read_card(text: str, tables: dict[str, Any], folder: Path) -> None:
     card.load(Experiment())
 
 
+def read_source(text: str, tables: dict[str, Any], folder: Path) -> None:
+    """Read the source of a homework, and write the file for the students."""
+    source = folder / "receiver.toml"
+    source.write_text(text, "utf-8")
+    source.with_suffix(".homework").write_text(homework_text(make_homework(source)), "utf-8")
+
+
 LOADERS: dict[str, Callable[[str, dict[str, Any], Path], Any]] = {
     "step": lambda text, tables, folder: lesson_of("mine", tables),
     "flight": read_flight,
+    "hidden": read_source,
     "recording": read_mission,
     "sensors": lambda text, tables, folder: Experiment.from_toml(text),
     "Mine": read_card,

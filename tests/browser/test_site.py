@@ -12,12 +12,14 @@ import subprocess
 import sys
 from collections.abc import Callable, Iterator
 from html.parser import HTMLParser
+from io import BytesIO
 from pathlib import Path
 from typing import Any
 from urllib.parse import unquote
 
 import pytest
 from axe_playwright_python.sync_playwright import Axe
+from PIL import Image, ImageStat
 from playwright.sync_api import Browser, Page, expect
 
 import lab
@@ -256,6 +258,8 @@ def test_an_executed_notebook_has_its_plots_without_network(
     expect(page.get_by_role("slider", name="Noise")).to_be_visible()
     drawn = "(canvas) => canvas.getContext('2d').getImageData(canvas.width >> 1, 20, 1, 1).data[3] === 255"
     page.wait_for_function(drawn, arg=plot.element_handle())
+    brightness = ImageStat.Stat(Image.open(BytesIO(plot.screenshot())).convert("L")).mean[0]
+    assert brightness > 200 if theme == "light" else brightness < 60
     accessible(page, f"short notebook, {theme}, {width} px")
 
 

@@ -24,6 +24,7 @@ from writers import WRITERS
 from xplane_simulator import montreal
 
 from dashboards.command_line import app
+from lab.homework.homework_file import homework_text, make_homework
 from lab.missions import add_mission
 
 WRITES = {
@@ -31,6 +32,9 @@ WRITES = {
     "export": {"--to"},
     "identify": {"--card", "--settings"},
     "allan": {"--card"},
+    "homework hand-in": {"--out"},
+    "homework make": {"--out"},
+    "grade": {"--out"},
 }
 """Options of commands that name a file to write: another document may have written it."""
 NOT_RUN = {
@@ -84,6 +88,13 @@ def algorithm(path: Path) -> None:
     written(path, block.text.partition("\n\n\nresult")[0].replace("LastFix", "MyFilter"))
 
 
+def homework(path: Path) -> None:
+    """Write the homework of the document for a student, who has not its key."""
+    source = path.with_suffix(".toml")
+    FILES[source.name](source)
+    written(path, homework_text(make_homework(source)))
+
+
 MOTION = """ini lat (deg),ini lon (deg),ini alt (m),ini vx_body (m/s),ini vy_body (m/s),ini vz_body (m/s),\
 ini yaw (deg),ini pitch (deg),ini roll (deg)
 32,120,0,10,0,0,90,0,0
@@ -106,6 +117,9 @@ FILES: dict[str, Callable[[Path], Any]] = {
     "my_plan.toml": lambda path: written(path, toml_of("missions/README.md", 3)),
     "motion_def.csv": lambda path: written(path, MOTION),
     "my_filter.py": algorithm,
+    "receiver.toml": lambda path: written(path, toml_of("docs/homework.md", 0)),
+    "receiver.homework": homework,
+    "handed_in": lambda path: (path.mkdir(), written(path / "other.handin", "of another homework")),
     "my_lesson.toml": lambda path: written(path, toml_of("docs/lessons.md", 0)),
     "my_lessons": lambda path: (path.mkdir(), written(path / "mine.toml", toml_of("docs/lessons.md", 0))),
     "mine": lambda path: add_mission(montreal(60), path.name, title="Mine"),
