@@ -26,7 +26,7 @@ from lab.settings import SettingError
 
 FloatArray = NDArray[np.float64]
 
-SEEDS = 40
+SEEDS = 100
 RATE = 50.0
 """IMU rate of whole flights [Hz]: smoothing takes longer the more samples there are, and NEES is
 taken at the fixes, which are as many at any rate."""
