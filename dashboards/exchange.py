@@ -20,6 +20,7 @@ from bokeh.document import Document
 from dashboards.classroom import shelf
 from dashboards.computing import POOL, LatestWins, Outcome, attempt
 from dashboards.session import Session
+from dashboards.teaching.class_link import FIELD
 from dashboards.upload import Upload
 from lab.experiment import Experiment
 from lab.export import gpx, kml, tracks_of
@@ -180,12 +181,28 @@ class Address:
         self._document = document
         self._location = pn.state.location
         self._timer: Any = None
+        self._code, self._keeps_settings = "", True
         session.param.watch(lambda _event: self._later(), "result")
+
+    @property
+    def query(self) -> str:
+        """The query of the address."""
+        return self._location.search.removeprefix("?") if self._location is not None else ""
+
+    @property
+    def href(self) -> str:
+        """The address, as the browser has it; empty without a browser."""
+        return str(self._location.href) if self._location is not None else ""
+
+    def keep_class(self, code: str, keeps_settings: bool) -> None:
+        """Keep the code of a class in the address, none if it is empty, and the settings beside it or not."""
+        if (code, keeps_settings) != (self._code, self._keeps_settings):
+            self._code, self._keeps_settings = code, keeps_settings
+            self._later()
 
     def read(self) -> None:
         """Apply the settings in the address; report those that are not accepted."""
-        query = self._location.search.removeprefix("?") if self._location is not None else ""
-        name, rest = homework_of_query(query)
+        name, rest = homework_of_query(self.query)
         trial, problems = experiment_of_query(rest)
         if name:
             self._session.homework = shelf().find(name)
@@ -208,9 +225,11 @@ class Address:
 
     def _write(self) -> None:
         self._timer = None
-        text = query(self._session.experiment)
-        if self._session.homework is not None and self._session.experiment.hidden:
-            text = "&".join(filter(None, (f"{HOMEWORK}={self._session.homework.name}", text)))
+        settings = query(self._session.experiment) if self._keeps_settings else ""
+        homework = self._session.homework if self._session.experiment.hidden else None
+        others = {FIELD: self._code, HOMEWORK: "" if homework is None else homework.name}
+        named = urlencode({name: value for name, value in others.items() if value})
+        text = "&".join(part for part in (named, settings) if part)
         search = f"?{text}" if text else ""
         if self._location is not None and self._location.search != search:
             self._location.search = search
@@ -226,7 +245,10 @@ def homework_of_query(query: str) -> tuple[str, str]:
 
 
 def experiment_of_query(query: str) -> tuple[Experiment, list[str]]:
-    """Return the experiment of an address query, and messages about settings that were not accepted."""
+    """Return the experiment of an address query, and messages about settings that were not accepted.
+
+    The code of a class is no setting; see `dashboards.teaching.class_link`.
+    """
     trial, problems = Experiment(), list[str]()
     try:
         fields = parse_qsl(query, max_num_fields=MOST_FIELDS)
@@ -234,6 +256,8 @@ def experiment_of_query(query: str) -> tuple[Experiment, list[str]]:
         return trial, [f"The address has too many settings; accepted are up to {MOST_FIELDS}."]
     # Other forms come last, because they depend on the other settings.
     for path, text in sorted(fields, key=lambda item: item[0] in Experiment.OTHER_FORMS):
+        if path == FIELD:
+            continue
         try:
             trial.set_text(path, text)
         except SettingError as error:

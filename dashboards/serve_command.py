@@ -21,6 +21,7 @@ Examples:
   ins-lab serve --algorithm my_filter.py:MyFilter
   ins-lab serve --lessons my_lessons
   ins-lab serve --homework my_keys
+  ins-lab serve --address 0.0.0.0 --teacher
   ins-lab serve --phone
   ins-lab serve --allow-device "serial:/dev/ttyUSB0?baud=115200"
   ins-lab serve --address 0.0.0.0 --password-file secret.txt
@@ -116,6 +117,10 @@ def serve(
             show_default=False,
         ),
     ] = None,
+    teacher: Annotated[
+        bool,
+        typer.Option("--teacher", help="Print a link for teachers: their page leads a class of students."),
+    ] = False,
     warm: Annotated[
         bool, typer.Option("--warm/--no-warm", help="Compile the filter ahead, in the background.")
     ] = True,
@@ -162,6 +167,7 @@ def serve(
             password=password,
             lessons=lessons,
             homework=homework,
+            teacher=teacher,
             warm=warm,
         )
     except OriginError as error:

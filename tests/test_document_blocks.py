@@ -15,10 +15,11 @@ from typing import Any
 
 import pytest
 from document_code import DOCUMENTS, PROGRAMS, ROOT, Line, blocks, lines, name_of
+from document_files import make_files
 
 from lab.experiment import Experiment
 from lab.flying.plan_kinds import read_plan
-from lab.homework.homework_file import homework_text, make_homework
+from lab.homework.homework_file import make_homework
 from lab.lessons.lesson_file import lesson_of
 from lab.missions import mission
 from lab.sensors.cards import read_cards
@@ -55,13 +56,12 @@ def test_python_runs(document: Path, tmp_path: Path, monkeypatch: pytest.MonkeyP
         text for text, tables in toml_of(ROOT / "missions/README.md") if "[[flight.waypoints]]" in text
     )
     (tmp_path / "my_plan.toml").write_text(waypoints, "utf-8")
-    ((homework, tables),) = toml_of(ROOT / "docs/homework.md")
-    read_source(homework, tables, tmp_path)
     names: dict[str, Any] = {}
     for block in blocks(document):
         if block.language == "python":
             code = compile(block.text, f"{name_of(document)}:{block.line}", "exec")
             if is_run(document, block.text):
+                make_files(" ".join(re.findall(r'"[\w.]+"', block.text)), tmp_path)
                 exec(code, names)
             else:
                 exec("\n".join(re.findall(r"^(?:import|from) .*", block.text, re.M)), {})
@@ -103,17 +103,16 @@ def read_card(text: str, tables: dict[str, Any], folder: Path) -> None:
     card.load(Experiment())
 
 
-def read_source(text: str, tables: dict[str, Any], folder: Path) -> None:
-    """Read the source of a homework, and write the file for the students."""
-    source = folder / "receiver.toml"
-    source.write_text(text, "utf-8")
-    source.with_suffix(".homework").write_text(homework_text(make_homework(source)), "utf-8")
+def read_own_homework(text: str, tables: dict[str, Any], folder: Path) -> None:
+    """Make a homework of what its teacher wrote."""
+    (folder / "mine.toml").write_text(text, "utf-8")
+    make_homework(folder / "mine.toml")
 
 
 LOADERS: dict[str, Callable[[str, dict[str, Any], Path], Any]] = {
+    "hidden": read_own_homework,
     "step": lambda text, tables, folder: lesson_of("mine", tables),
     "flight": read_flight,
-    "hidden": read_source,
     "recording": read_mission,
     "sensors": lambda text, tables, folder: Experiment.from_toml(text),
     "Mine": read_card,

@@ -8,32 +8,26 @@ from __future__ import annotations
 
 import itertools
 import re
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 import pytest
 from asking import Answer
-from copter_logs import copter
-from document_code import DOCUMENTS, ROOT, Line, blocks, lines, name_of
-from sensor_logs import EPOCH, IMU, Tables, tables, write, write_csv
+from document_code import DOCUMENTS, Line, lines, name_of
+from document_files import FILES, make_files
 from typer.main import get_command
 from typer.testing import CliRunner
-from writers import WRITERS
-from xplane_simulator import montreal
 
 from dashboards.command_line import app
-from lab.homework.homework_file import homework_text, make_homework
-from lab.missions import add_mission
 
 WRITES = {
     "run": {"--out", "--export"},
     "export": {"--to"},
     "identify": {"--card", "--settings"},
     "allan": {"--card"},
-    "homework hand-in": {"--out"},
     "homework make": {"--out"},
+    "homework hand-in": {"--out"},
     "grade": {"--out"},
 }
 """Options of commands that name a file to write: another document may have written it."""
@@ -55,76 +49,6 @@ ADDED = {
     "delete": ["--yes"],  # nobody is here to be asked
 }
 """By a command, also with an option: what is added to lines whose output is not shown."""
-
-
-def toml_of(document: str, number: int) -> str:
-    """Return the text of a TOML block of a document."""
-    found = [block.text for block in blocks(ROOT / document) if block.language == "toml"]
-    return found[number]
-
-
-def written(path: Path, content: str | bytes) -> None:
-    path.write_bytes(content.encode() if isinstance(content, str) else content)
-
-
-def drive(path: Path) -> None:
-    """Write a log at 25 Hz, with a clock that begins at 20 s."""
-    imu, gnss, reference = tables(20, 110)
-    for table in (imu, gnss, reference):
-        table[:, 0] -= EPOCH
-    write(path, Tables(imu[::4], gnss, reference))
-
-
-def at_rest(path: Path) -> None:
-    """Write five minutes of an IMU at rest."""
-    rng = np.random.default_rng(1)
-    rows = rng.normal(scale=[1e-3] * 3 + [1e-2] * 3, size=(30_000, 6)) - [0, 0, 0, 0, 0, 9.8]
-    write_csv(path, IMU, np.column_stack((np.arange(30_000) / 100, rows)))
-
-
-def algorithm(path: Path) -> None:
-    """Write the algorithm of the document under the name that its command lines have."""
-    (block,) = (block for block in blocks(ROOT / "docs/algorithms.md") if block.language == "python")
-    written(path, block.text.partition("\n\n\nresult")[0].replace("LastFix", "MyFilter"))
-
-
-def homework(path: Path) -> None:
-    """Write the homework of the document for a student, who has not its key."""
-    source = path.with_suffix(".toml")
-    FILES[source.name](source)
-    written(path, homework_text(make_homework(source)))
-
-
-MOTION = """ini lat (deg),ini lon (deg),ini alt (m),ini vx_body (m/s),ini vy_body (m/s),ini vz_body (m/s),\
-ini yaw (deg),ini pitch (deg),ini roll (deg)
-32,120,0,10,0,0,90,0,0
-command type,yaw (deg),pitch (deg),roll (deg),vx_body (m/s),vy_body (m/s),vz_body (m/s),command duration (s),\
-GPS visibility
-1,-15,0,0,0,0,0,6,1
-5,0,0,0,20,0,0,30,1
-"""
-FILES: dict[str, Callable[[Path], Any]] = {
-    "Data.txt": lambda path: written(path, WRITERS["X-Plane Data.txt"](montreal(60))),
-    "Data.csv": lambda path: written(path, WRITERS["MSFS/FSX fsLogger csv"](montreal(60))),
-    "flight.ulg": lambda path: written(path, WRITERS["PX4 ULog"](montreal(60))),
-    "my_flight.csv": lambda path: written(path, WRITERS["INS Lab flight csv"](montreal(60))),
-    "my_drive": drive,
-    "drive": drive,
-    "my_copter": lambda path: write(path, copter()),
-    "imu.csv": at_rest,
-    "settings.toml": lambda path: written(path, toml_of("docs/settings.md", 0)),
-    "eight.toml": lambda path: written(path, toml_of("docs/flying.md", 0)),
-    "my_plan.toml": lambda path: written(path, toml_of("missions/README.md", 3)),
-    "motion_def.csv": lambda path: written(path, MOTION),
-    "my_filter.py": algorithm,
-    "receiver.toml": lambda path: written(path, toml_of("docs/homework.md", 0)),
-    "receiver.homework": homework,
-    "handed_in": lambda path: (path.mkdir(), written(path / "other.handin", "of another homework")),
-    "my_lesson.toml": lambda path: written(path, toml_of("docs/lessons.md", 0)),
-    "my_lessons": lambda path: (path.mkdir(), written(path / "mine.toml", toml_of("docs/lessons.md", 0))),
-    "mine": lambda path: add_mission(montreal(60), path.name, title="Mine"),
-}
-"""What makes the reader's files, folders and missions, by their name in the documents."""
 
 
 def of_lab(document: Path) -> list[Line]:
@@ -179,13 +103,11 @@ def test_the_command_lines_of_a_document_run(document: Path, library: Path, done
 
 def prepare(line: Line, name: str, folder: Path) -> None:
     """Make the files that a line reads, and remove those that it writes."""
-    for word in line.words:
-        made = folder / word.partition(":")[0]
-        if made.name in FILES and not made.exists():
-            FILES[made.name](made)
+    make_files(line.text, folder)
     for option, word in itertools.pairwise(line.words):
         if option in WRITES.get(name, ()):
-            (folder / word).unlink(missing_ok=True)
+            for old in (folder / word, (folder / word).with_suffix(".key")):
+                old.unlink(missing_ok=True)
 
 
 def run(line: Line, name: str) -> Answer:

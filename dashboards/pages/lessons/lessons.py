@@ -110,6 +110,23 @@ class Lessons(Page):
         self._judging.close()
         self._homework.end()
 
+    @property
+    def place(self) -> tuple[Key, int] | None:
+        """The open lesson, and the number of its step from 0; None while the list is shown."""
+        return None if self._lesson is None else (self._key, self._number)
+
+    def go(self, place: tuple[Key, int] | None) -> None:
+        """Open a step of a lesson, or the list, without applying settings: whoever calls this brings them."""
+        if place == self.place:
+            return
+        key, number = place or (("", ""), 0)
+        lesson = self._catalogue.find(*key) if place else None
+        if lesson is not None:
+            self._key, self._number = key, min(max(number, 0), len(lesson.steps) - 1)
+            self._begun.add((self._key, self._number))
+        self._lesson = lesson
+        self._lay_out()
+
     def _refresh(self) -> None:
         """Show what has changed in the files."""
         self._catalogue.refresh()
@@ -160,12 +177,14 @@ class Lessons(Page):
         self._begun = {place for place in self._begun if place[0] != key}
         self._lay_out()
         self._begin()
+        self._session.acted()
 
     def _close_lesson(self) -> None:
         """Go back to the list; a hidden fault is turned off."""
         self._lesson = None
         self._lay_out()
         self._turn_off()
+        self._session.acted()
 
     def _homework_changed(self) -> None:
         """Show a homework that was opened, or the list after it was closed."""
@@ -183,6 +202,7 @@ class Lessons(Page):
             self._number += by
             self._lay_out()
             self._begin()
+            self._session.acted()
 
     def _begin(self) -> None:
         """Apply the settings of a step when it is opened for the first time."""
@@ -244,5 +264,6 @@ class Lessons(Page):
             return
         if outcome.result.right:
             self._done.add(self._number)
+            self._session.solved(self._key, self._number)
             self._step.show_progress(self._lesson, self._number, self._done)
         self._step.say(outcome.result)

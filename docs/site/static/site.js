@@ -1,4 +1,4 @@
-/* What scrolls by itself can be reached with the keyboard, and each slider of a notebook says its name. */
+/* What scrolls by itself can be reached with the keyboard, and sliders and boxes of a notebook say their names. */
 const scrolling = ".equation, .output, .bd-article table, .bd-article dt.sig";
 
 function reach() {
@@ -8,16 +8,18 @@ function reach() {
   }
 }
 
-function nameSliders(root) {
+function nameWidgets(root) {
   for (const part of root.querySelectorAll("*")) {
-    if (part.shadowRoot) nameSliders(part.shadowRoot);
+    if (part.shadowRoot) nameWidgets(part.shadowRoot);
     if (part.matches(".noUi-handle"))
       part.setAttribute("aria-label", root.querySelector(".bk-slider-title")?.textContent || "slider");
+    if (part.matches("input[type=checkbox]"))
+      part.setAttribute("aria-label", part.nextElementSibling?.textContent.trim() || "switch");
   }
 }
 
 const grown = new ResizeObserver((changes) => {
-  for (const change of changes) nameSliders(change.target);
+  for (const change of changes) nameWidgets(change.target);
   reach();
 });
 
