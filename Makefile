@@ -11,7 +11,7 @@ VENV := .venv
 BIN := $(VENV)/bin
 PIP_INSTALL := $(BIN)/python -m pip install --disable-pip-version-check
 
-.PHONY: help lab notebooks test style types ahead pytest docs pictures bench fuzz browser clean
+.PHONY: help lab notebooks test style types pytest docs pictures bench fuzz browser clean
 .DEFAULT_GOAL := help
 
 # Where this is set, each of some hundred processes of the tests compiles 3,000 modules of Python again, which
@@ -38,7 +38,7 @@ notebooks: $(VENV)/.notebooks
 	@$(BIN)/ins-lab notebooks copy '$(NOTEBOOKS)'
 	@PANEL_INLINE=True $(BIN)/jupyter lab '$(NOTEBOOKS)'
 
-# mypy has one process and the tests begin with one: they run side by side.
+# mypy has one process, and the tests begin with one that compiles while the others wait: they run side by side.
 test: $(VENV)/.test browser style
 	@$(MAKE) --no-print-directory --jobs=2 types pytest
 
@@ -49,12 +49,7 @@ style: $(VENV)/.test
 types: $(VENV)/.test
 	$(BIN)/mypy
 
-# Compiles once what most tests use; otherwise each process of the tests, and each server, compiles it.
-ahead: $(VENV)/.test
-	@$(BIN)/ins-lab run los_angeles --set trajectory.imu_rate=50 --set navigator.smoother=true >/dev/null
-	@$(BIN)/ins-lab budget los_angeles --set trajectory.imu_rate=50 --set navigator.states=21 >/dev/null
-
-pytest: ahead
+pytest: $(VENV)/.test
 	$(BIN)/pytest -m 'not benchmark' --numprocesses $(WORKERS) --dist loadfile --no-loadscope-reorder --durations=10
 
 docs: $(VENV)/.docs

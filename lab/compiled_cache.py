@@ -1,22 +1,40 @@
 """Compiled cache: kernels on disk that are checked before they are loaded; damaged ones are recompiled.
 
 Numba does not check its files: an empty one makes every command fail, and damaged machine code would run.
+Nor does it know what other processes compile: several that need the same kernel would each compile it.
 """
 
 from __future__ import annotations
 
 import contextlib
+import gc
 import hashlib
 import logging
+import os
+import time
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
 from numba.core.caching import IndexDataCacheFile
+from numba.core.registry import CPUDispatcher
+
+from lab.file_lock import locked
 
 log = logging.getLogger(__name__)
 
 DIGEST = hashlib.sha256().digest_size
 """Length of the checksum after the compiled code [bytes]."""
+
+PATIENCE = 300.0
+"""Longest wait for another process that compiles [s]: ten times what the largest kernel takes on a busy
+computer. After it, the process compiles the kernel itself."""
+
+LOWEST_PRIORITY = 19
+"""Niceness of a process that works only when no other does [POSIX]."""
+
+_PAUSE = 0.05
+"""Time between two looks whether the other process is done [s]: short beside a compilation of seconds."""
 
 
 class CheckedCacheFile(IndexDataCacheFile):
@@ -62,10 +80,61 @@ class CheckedCacheFile(IndexDataCacheFile):
                 path.unlink()
 
 
-def check_files(function: Any) -> None:
-    """Check the files of a compiled function, if it is cached on disk."""
-    own = getattr(getattr(function, "_cache", None), "_cache_file", None)
+class CachedKernel(CPUDispatcher):
+    """A function called from Python whose compiled code is kept on disk, and is compiled by one process."""
+
+    def compile(self, sig: Any) -> Any:
+        """Load the code for some types of arguments, or compile it; wait for a process that does."""
+        file = _files(self)
+        with _alone(file) if isinstance(file, CheckedCacheFile) else contextlib.nullcontext():
+            collected = gc.isenabled()
+            gc.disable()  # the compiler makes many objects and keeps most: searches are a tenth of its time
+            try:
+                return super().compile(sig)
+            finally:
+                if collected:
+                    gc.enable()
+
+
+@contextlib.contextmanager
+def _alone(kernel: CheckedCacheFile) -> Iterator[None]:
+    """Wait until no other process or thread compiles a kernel, and keep others waiting.
+
+    Nobody waits for a process of the lowest priority, which on a busy computer may take long.
+    """
+    if hasattr(os, "nice") and os.nice(0) >= LOWEST_PRIORITY:
+        yield
+        return
+    path = Path(kernel._index_path).with_suffix(".lock")
+    with contextlib.ExitStack() as stack:
+        with contextlib.suppress(OSError):  # where nothing can be written, nothing can be shared
+            path.parent.mkdir(parents=True, exist_ok=True)
+            file = stack.enter_context(path.open("ab"))
+            until = time.monotonic() + PATIENCE
+            while not locked(file) and time.monotonic() < until:
+                time.sleep(_PAUSE)
+        yield
+
+
+def _files(kernel: object) -> object:
+    return getattr(getattr(kernel, "_cache", None), "_cache_file", None)
+
+
+def cached(function: Any, options: dict[str, Any]) -> Any:
+    """Return a function that is compiled with some options when first called, and kept on disk.
+
+    Parameters
+    ----------
+    function
+        A function that Numba can compile.
+    options
+        Options of the compiler.
+    """
+    kernel: Any = CachedKernel(function, targetoptions=options)
+    kernel.enable_caching()
+    own = _files(kernel)
     if isinstance(own, IndexDataCacheFile):
-        function._cache._cache_file = CheckedCacheFile(
+        kernel._cache._cache_file = CheckedCacheFile(
             own._cache_path, own._index_name.removesuffix(".nbi"), own._source_stamp
         )
+    return kernel

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import gc
 import os
 from collections.abc import Iterator
 from pathlib import Path
@@ -42,12 +41,6 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
         return rank.get(folder[0] if folder else ".", len(rank))
 
     items.sort(key=place)
-
-
-def pytest_collection_finish() -> None:
-    """Have garbage collections pass over what imports left, which is a tenth of the time of a compilation."""
-    gc.collect()
-    gc.freeze()
 
 
 @pytest.fixture(scope="session", autouse=True)

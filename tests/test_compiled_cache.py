@@ -1,12 +1,16 @@
-"""Compiled cache: a damaged file of it costs one compilation, never a command."""
+"""Compiled cache: a damaged file costs one compilation, never a command; processes share a compilation."""
 
 import importlib.util
+import subprocess
 import sys
 from pathlib import Path
 from typing import Any
 
 import numba
 import pytest
+
+from lab import compiled_cache
+from lab.file_lock import locked
 
 SOURCE = """
 from lab.navigation.compilation import entry_kernel
@@ -61,3 +65,62 @@ def test_a_damaged_file_is_compiled_anew(folder: Path, ending: str, damage: str)
     again = loaded(folder)
     assert again(3.5) == 7.0
     assert sum(again.stats.cache_hits.values()) == 1
+
+
+PROCESS = """
+import sys
+import time
+from numba.core import event
+
+class Told(event.Listener):
+    def on_start(self, event):
+        print("compiles", flush=True)
+        input()
+    def on_end(self, event):
+        pass
+
+def waits(seconds, pause=time.sleep):
+    print("waits", flush=True)
+    input()
+    pause(seconds)
+
+event.register("numba:compile", Told())
+time.sleep = waits
+sys.path.insert(0, {folder!r})
+from kernel_on_disk import doubled
+print("asks", flush=True)
+input()
+print(doubled(4), flush=True)
+"""
+"""Says what it does, line by line, and goes on when it is told to."""
+
+
+def test_processes_that_need_a_kernel_at_once_compile_it_once(folder: Path) -> None:
+    """The kernel is compiled for real numbers so far, not for integers."""
+    command = [sys.executable, "-c", PROCESS.format(folder=str(folder))]
+    pipes = {"stdin": subprocess.PIPE, "stdout": subprocess.PIPE, "text": True}
+    with subprocess.Popen(command, **pipes) as first, subprocess.Popen(command, **pipes) as second:
+
+        def goes_on(process: subprocess.Popen[str]) -> None:
+            print(file=process.stdin, flush=True)
+
+        assert [one.stdout.readline() for one in (first, second)] == ["asks\n", "asks\n"]
+        goes_on(first)
+        assert first.stdout.readline() == "compiles\n"
+        goes_on(second)
+        assert second.stdout.readline() == "waits\n"
+        goes_on(first)
+        assert first.stdout.readline() == "8\n"
+        goes_on(second)
+        assert second.stdout.readline() == "8\n"
+
+
+def test_a_process_of_the_lowest_priority_waits_for_nobody(
+    folder: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (path,) = folder.glob("__pycache__/*.lock")
+    monkeypatch.setattr(compiled_cache.time, "sleep", lambda _: pytest.fail("it waits"))
+    monkeypatch.setattr("os.nice", lambda _: compiled_cache.LOWEST_PRIORITY)
+    with path.open("ab") as held:
+        assert locked(held)
+        assert loaded(folder)(4) == 8

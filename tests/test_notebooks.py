@@ -19,7 +19,10 @@ import pytest
 from bokeh.client import pull_session
 from bokeh.models.plots import Plot
 from bokeh.models.widgets.sliders import AbstractSlider
+from jupyter_client.manager import KernelManager
 from nbclient import NotebookClient
+from nbformat import NotebookNode
+from nbformat.v4 import new_code_cell
 
 ROOT = Path(__file__).parent.parent
 NOTEBOOKS = sorted((ROOT / "notebooks").glob("*.py"))
@@ -32,15 +35,32 @@ def notebook(request: pytest.FixtureRequest) -> Path:
     return path
 
 
+@pytest.fixture(scope="module")
+def kernel() -> Iterator[KernelManager]:
+    """Return one kernel for all notebooks, which takes seconds to start and to import what they need."""
+    kernel = KernelManager(kernel_name="python3")
+    yield kernel
+    kernel.shutdown_kernel(now=True)
+
+
+def fresh(folder: Path) -> NotebookNode:
+    """Return a cell that forgets the names of the notebook before, and works in a folder."""
+    return new_code_cell(f"%reset -f\nimport os\nos.chdir({str(folder)!r})\ndel os")
+
+
 def _texts(outputs: list[dict[str, Any]]) -> str:
     return "".join(str(output.get("text", "")) for output in outputs)
 
 
-def test_a_notebook_runs_in_jupyter_and_shows_something_in_most_cells(notebook: Path, tmp_path: Path) -> None:
+def test_a_notebook_runs_in_jupyter_and_shows_something_in_most_cells(
+    notebook: Path, tmp_path: Path, kernel: KernelManager
+) -> None:
     cells = jupytext.read(notebook, fmt="py:percent")
-    client = NotebookClient(cells, timeout=SECONDS, resources={"metadata": {"path": str(tmp_path)}})
+    cells.cells.insert(0, fresh(tmp_path))
+    client = NotebookClient(cells, km=kernel, timeout=SECONDS)
     client.execute()
-    code = [cell for cell in cells.cells if cell.cell_type == "code"]
+    client.kc.stop_channels()
+    code = [cell for cell in cells.cells[1:] if cell.cell_type == "code"]
     shown = [cell for cell in code if any(out.output_type != "stream" for out in cell.outputs)]
     assert len(shown) > len(code) / 2
     for cell in code:

@@ -20,8 +20,6 @@ background."""
 
 AT_ONCE = 6
 """Combinations that one process compiles: the compiler keeps some 45 MB of each (measured on Linux)."""
-LOWEST_PRIORITY = 19
-"""Niceness of a process that works only when no other does [POSIX]."""
 
 
 def warm(
@@ -30,6 +28,8 @@ def warm(
     ] = False,
 ) -> None:
     """Compile the filter ahead for every combination of settings, so that nobody waits for it."""
+    from lab.compiled_cache import LOWEST_PRIORITY  # noqa: PLC0415 - help does not need the compiler
+
     if idle and hasattr(os, "nice"):
         os.nice(LOWEST_PRIORITY)
     from multiprocessing import get_context  # noqa: PLC0415 - help does not need it

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import math
+from functools import partial
 
-import numba
 import numpy as np
 from numpy.typing import NDArray
 
-from lab.compiled_cache import check_files
+from lab.compiled_cache import cached
 
 FloatArray = NDArray[np.float64]
 
@@ -18,7 +18,7 @@ _RATES, _CHANGE, _ATTITUDE, _VELOCITY = 1, 3, 4, 5
 """Types of commands: rates, changes, attitude to reach, velocity to reach (gnss-ins-sim)."""
 
 
-@numba.njit(error_model="numpy", nogil=True, cache=True)
+@partial(cached, options={"nopython": True, "error_model": "numpy", "nogil": True})
 def respond(
     state: FloatArray,
     table: FloatArray,
@@ -92,6 +92,3 @@ def respond(
         samples[count] = state
         count += 1
     return count
-
-
-check_files(respond)

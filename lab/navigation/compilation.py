@@ -21,7 +21,7 @@ from numba.core import types
 from numba.core.registry import CPUDispatcher
 
 from lab import earth
-from lab.compiled_cache import check_files
+from lab.compiled_cache import cached
 
 P = ParamSpec("P")
 R = TypeVar("R")
@@ -95,10 +95,8 @@ def entry_kernel(function: Callable[P, R], *, kept: bool = True) -> Callable[P, 
     kept
         Whether it is cached on disk.
     """
-    compiled = cast(Callable[P, R], numba.jit(**OPTIONS, nogil=True, cache=kept)(function))
-    if kept:
-        check_files(compiled)
-    return compiled
+    options = OPTIONS | {"nogil": True}
+    return cast(Callable[P, R], cached(function, options) if kept else numba.jit(**options)(function))
 
 
 def interpreted(function: Callable[P, R]) -> Callable[P, R]:

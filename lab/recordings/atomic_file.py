@@ -9,7 +9,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import BinaryIO
 
-from lab.recordings.folder_lock import locked
+from lab.file_lock import locked
 
 
 @contextlib.contextmanager

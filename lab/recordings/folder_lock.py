@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import contextlib
-import sys
 import time
 from collections.abc import Iterator
 from pathlib import Path
 from typing import BinaryIO
+
+from lab.file_lock import locked
 
 LOCK_FILE = ".lock"
 """The file that is locked; it stays."""
@@ -65,26 +66,3 @@ def hold_file(path: Path) -> BinaryIO | None:
         return file
     file.close()
     return None
-
-
-if sys.platform == "win32":
-    import msvcrt
-
-    def locked(file: BinaryIO) -> bool:
-        """Take the lock of an open file, until it is closed; return False if it is taken."""
-        try:
-            msvcrt.locking(file.fileno(), msvcrt.LK_NBLCK, 1)
-        except OSError:
-            return False
-        return True
-
-else:
-    import fcntl
-
-    def locked(file: BinaryIO) -> bool:
-        """Take the lock of an open file, until it is closed; return False if it is taken."""
-        try:
-            fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except BlockingIOError:
-            return False
-        return True

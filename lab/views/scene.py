@@ -86,6 +86,8 @@ class Scene:
         self._aircraft: viser.FrameHandle | None = None
         server.scene.set_up_direction("+z")
         server.scene.world_axes.visible = False
+        # Nothing here casts a shadow; without a graphics card, drawing them took half of the time.
+        server.scene.configure_default_lights(cast_shadow=False)
         self.dress(dark)
         server.gui.main_panel.minimize()
         if result is not None:

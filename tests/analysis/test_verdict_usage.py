@@ -19,6 +19,7 @@ def test_a_matched_smoothed_run_is_consistent(mission):
     judged = []
     for seed in range(1, 11):
         experiment = Experiment(mission=mission, seed=seed)
+        experiment.set("trajectory.imu_rate", 50.0)
         experiment.set("navigator.smoother", True)
         judged.append(experiment.run().verdict)
     assert sum(not verdict.consistent for verdict in judged) == 0

@@ -16,7 +16,7 @@ pytestmark = pytest.mark.browser
 
 Open = Callable[..., Page]
 
-PAGES = 4
+PAGES = 3
 HEIGHT = 900
 """Height of the windows [px], which is that of `open_page` too."""
 PLOTS = "Array.from(Bokeh.index.query((view) => view.model.type === 'Figure')).length"

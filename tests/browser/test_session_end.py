@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 import psutil
 import pytest
-from playwright.sync_api import Browser, Page, expect
+from playwright.sync_api import Browser, Page, ViewportSize, expect
 
 from tests.browser.conftest import DRAWN, IDLE, new_context, serving
 from tests.browser.test_live_in_browser import connect
@@ -24,6 +24,8 @@ SOON = ("--unused-session-lifetime", "500", "--check-unused-sessions", "200")
 """Flags of a server that discards a closed page within a second, not half a minute."""
 PAGES = int(os.environ.get("INS_LAB_PAGES", "2"))
 """Pages with a stream that are opened and closed; the bar of the laboratory is 20."""
+SMALL: ViewportSize = {"width": 900, "height": 600}
+"""Size of the windows [px]: streams and the 3-D view are drawn without a graphics card."""
 SETTLED = 6.0
 """Time for which nothing changes when all has ended [s]: a page is discarded and its station ends in 2 s."""
 
@@ -62,8 +64,7 @@ def test_a_closed_page_leaves_no_port_and_no_thread(chromium: Browser, served: S
     threads = [0]
     # Pools of threads may still grow to their size; what a page leaves behind grows with each one.
     while len(threads) < 3 or (threads[-1] > threads[-2] and len(threads) < MOST_PAGES):
-        # Small: the 3-D view is drawn without a graphics card.
-        context = new_context(chromium, viewport={"width": 900, "height": 600})
+        context = new_context(chromium, viewport=SMALL)
         page = context.new_page()
         page.goto(address)
         alone = ports(server)
@@ -114,7 +115,7 @@ def test_closed_pages_with_a_stream_leave_no_thread_and_no_port(chromium: Browse
     address, server, _ = served
 
     def visit(pages: int) -> None:
-        contexts = [new_context(chromium, viewport={"width": 1440, "height": 900}) for _ in range(pages)]
+        contexts = [new_context(chromium, viewport=SMALL) for _ in range(pages)]
         for context in contexts:
             page = context.new_page()
             page.goto(address)

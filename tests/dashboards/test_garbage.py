@@ -17,8 +17,8 @@ from bokeh.document import Document
 from dashboards import garbage
 from dashboards.upstream import speed_up
 
-PAGES = 3
-TABS = (1, 0, 4)
+PAGES = 2
+TABS = (1, 4)
 """Tabs that each page shows; each drops the models of the one before."""
 SERVED_PAGES = f"""
 import asyncio, gc, os

@@ -61,8 +61,10 @@ FAULTS = {
 """What happens to the rows of the IMU."""
 
 
-@pytest.mark.parametrize("states", [15, 21])
-@pytest.mark.parametrize("fault", FAULTS)
+@pytest.mark.parametrize(
+    ("fault", "states"),
+    [*((fault, 15) for fault in FAULTS), *((fault, 21) for fault in ("almost a break", "lost and shaken"))],
+)
 def test_it_equals_the_batch_with_gaps(fault, states):
     imu, fixes, _ = driven(late=0.2)
     rows = FAULTS[fault](imu)
@@ -98,7 +100,7 @@ def test_it_equals_the_batch_with_gaps_and_other_settings(settings):
     assert_equal(live, navigate_log(log, suite(), whole, start=live.alignment))
 
 
-@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize("seed", range(2))
 def test_the_pieces_in_which_samples_arrive_change_no_bit(seed):
     imu, fixes, _ = driven(late=0.2)
     rows = shaken(lossy(imu, seed, 0.1), seed, 3e-3)

@@ -73,7 +73,7 @@ CASES = {
     f"{model}, {name}": case._replace(model=model)
     for model in ("psi", "invariant")
     for name, case in {
-        "montreal": Case("montreal", 200.0),
+        "montreal": Case("montreal", 50.0),
         "feedforward": Case(schedule=Schedule(feedback=False)),
         "corrected every 2.5 s": Case(schedule=Schedule(correction_period=2.5)),
         "P every 4, fixes between samples": Case(schedule=Schedule(stride=4), shift=0.0077),

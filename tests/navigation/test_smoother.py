@@ -28,7 +28,7 @@ FloatArray = NDArray[np.float64]
 
 SEEDS = 100
 RATE = 50.0
-"""IMU rate of flights over many seeds [Hz]: smoothing takes longer the more samples there are, and NEES is
+"""IMU rate of whole flights [Hz]: smoothing takes longer the more samples there are, and NEES is
 taken at the fixes, which are as many at any rate."""
 
 
@@ -175,6 +175,7 @@ def test_without_fixes_nothing_changes() -> None:
 def flights(seed: int, mission: str = "montreal", **settings: object) -> tuple[Result, Result]:
     """Return an experiment filtered and smoothed."""
     experiment = Experiment(mission=mission, seed=seed)
+    experiment.set("trajectory.imu_rate", RATE)
     for name, value in settings.items():
         experiment.set(name.replace("__", "."), value)
     filtered = experiment.run()
@@ -203,7 +204,7 @@ def test_an_outage_is_bridged_from_both_sides() -> None:
 
 def test_smoothed_errors_are_smaller_and_the_smoother_tells_the_truth() -> None:
     def one(seed: int) -> tuple[FloatArray, FloatArray]:
-        result, after = flights(seed, trajectory__imu_rate=RATE)
+        result, after = flights(seed)
         filtered, smoothed = result.solution_arrays, after.solution_arrays
         late = result.fixes.time > 20
         samples = filtered.fix_sample[late]
@@ -259,9 +260,7 @@ def test_smoothed_nees_holds_in_combination(settings: dict[str, object]) -> None
     seeds = 20
 
     def one(seed: int) -> FloatArray:
-        _, after = flights(
-            seed, "los_angeles", trajectory__imu_rate=RATE, sensors__gyro__bias_sigma=0.02, **settings
-        )
+        _, after = flights(seed, "los_angeles", sensors__gyro__bias_sigma=0.02, **settings)
         smoothed, late = after.solution_arrays, after.fixes.time > 20
         x = error_state(
             smoothed,

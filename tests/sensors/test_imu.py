@@ -187,7 +187,7 @@ def test_the_scale_factor_is_drawn_apart_from_the_bias():
 @pytest.mark.parametrize("dt", [0.005, 0.02])
 def test_flicker_has_the_allan_floor_of_its_coefficient_at_any_rate(errors, unit, dt):
     """0.664 B (IEEE 952), at 5 s whatever the rate."""
-    cluster, runs = round(5 / dt), 25
+    cluster, runs = round(5 / dt), 9
     means = np.concatenate(
         [
             at_rest(errors, 400 * cluster, seed, dt).reshape(-1, cluster, 3).sum(axis=1) / (5 * unit)
@@ -208,7 +208,7 @@ def test_flicker_has_the_allan_floor_of_its_coefficient_at_any_rate(errors, unit
     ],
     ids=["gyro", "accelerometer"],
 )
-@pytest.mark.parametrize("dt", [0.5, 10.0])
+@pytest.mark.parametrize("dt", [2.0, 10.0])
 def test_a_random_walk_has_its_coefficient_after_an_hour(errors, unit, dt):
     samples = round(3600 / dt)
     ends = [measure(np.zeros((samples, 3)), dt, errors, draws(samples, seed)).bias[-1] for seed in range(800)]

@@ -112,7 +112,7 @@ def in_one(sensors: SensorSuite) -> tuple[imu.Measured, imu.Measured, gps.GpsFix
 CUTS = [
     [],
     [1, 2, 3, 700, 701, 2000, 5999],
-    np.random.default_rng(3).choice(np.arange(1, 6000), 400, replace=False).tolist(),
+    np.random.default_rng(3).choice(np.arange(1, 6000), 60, replace=False).tolist(),
 ]
 
 
