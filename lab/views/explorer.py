@@ -209,6 +209,7 @@ def grid(figures: list[figure], row: int) -> Any:
     columns = f"repeat(auto-fit, minmax(min({LEAST}px, 100%), 1fr))"
     style = (
         ":host { display: grid !important; gap: 8px; height: auto !important; min-height: 0 !important; "
+        "flex: 0 0 auto !important; "  # not as high as one row: what is below would cover the others
         f"grid-template-columns: {columns}; grid-auto-rows: {row}px; }}"
     )
     for fig in figures:

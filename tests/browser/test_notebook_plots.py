@@ -1,8 +1,9 @@
-"""Notebook theme: the figures of a notebook turn dark with JupyterLab, and light again."""
+"""Plots in a notebook: they turn dark with JupyterLab, and light again; the explorer shows all its rows."""
 
 from __future__ import annotations
 
 import re
+from pathlib import Path
 
 import holoviews as hv
 import pytest
@@ -12,7 +13,8 @@ from bokeh.resources import INLINE
 from playwright.sync_api import Browser, expect
 
 from lab import Experiment
-from lab.views.explorer import Explorer
+from lab.result import Result
+from lab.views.explorer import ROW, Explorer
 from lab.views.notebook_theme import follow_theme
 from lab.views.plots import errors, ground_track, innovations
 from tests.browser.conftest import new_context
@@ -41,10 +43,28 @@ def test_a_figure_has_the_theme_of_jupyterlab_and_follows_it(chromium: Browser, 
     page.context.close()
 
 
-def test_all_figures_of_a_result_follow() -> None:
+@pytest.fixture(scope="module")
+def result() -> Result:
     experiment = Experiment(mission="los_angeles", seed=1)
     experiment.trajectory.imu_rate = 50
-    result = experiment.run()
+    return experiment.run()
+
+
+def test_the_explorer_is_as_high_as_its_figures(chromium: Browser, result: Result, tmp_path: Path) -> None:
+    Explorer(result).view.save(tmp_path / "explorer.html", resources=INLINE)
+    page = new_context(chromium, viewport={"width": 1100, "height": 900}).new_page()
+    page.goto((tmp_path / "explorer.html").as_uri())
+    figures = page.locator(".bk-Figure")
+    expect(figures).to_have_count(9)
+    expect(figures.last).to_be_visible()
+    tabs = page.locator("[class*='Tabs']").first
+    bottom = "(part) => part.getBoundingClientRect().bottom"
+    assert figures.last.evaluate(bottom) <= tabs.evaluate(bottom) + 1
+    assert tabs.evaluate("(part) => part.getBoundingClientRect().height") > 3 * ROW
+    page.context.close()
+
+
+def test_all_figures_of_a_result_follow(result: Result) -> None:
     explorer = Explorer(result)
     figures = list(explorer.tabs.get_root().select({"type": figure}))
     for plot in (errors, innovations, ground_track):
