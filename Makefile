@@ -11,7 +11,7 @@ VENV := .venv
 BIN := $(VENV)/bin
 PIP_INSTALL := $(BIN)/python -m pip install --disable-pip-version-check
 
-.PHONY: help lab notebooks test style types ahead pytest docs bench fuzz browser clean
+.PHONY: help lab notebooks test style types ahead pytest docs pictures bench fuzz browser clean
 .DEFAULT_GOAL := help
 
 # Where this is set, each of some hundred processes of the tests compiles 3,000 modules of Python again, which
@@ -23,6 +23,7 @@ help:
 	@echo 'make notebooks  install, copy the lessons into $(NOTEBOOKS), and open them in JupyterLab'
 	@echo 'make test       install and run every test, in three processes at a time (other: make test WORKERS=4)'
 	@echo 'make docs       install and write the documentation as a site, which needs no network, into build/site'
+	@echo 'make pictures   install and take the pictures of the documents, light and dark, in Chromium or Chrome'
 	@echo 'make bench      install and measure the speed'
 	@echo 'make fuzz       install and attack every reader of recordings, every live decoder and a served laboratory for 10 minutes each (make fuzz SECONDS=60 NAME=GPX)'
 	@echo 'make clean      remove $(VENV) and all caches'
@@ -31,10 +32,11 @@ help:
 lab: $(VENV)/.lab
 	@$(BIN)/ins-lab serve --port $(PORT)
 
-# The copies are the user's: those that exist are kept.
+# The copies are the user's: those that exist are kept. Panel puts its scripts into the page, so that plots
+# need no network.
 notebooks: $(VENV)/.notebooks
 	@$(BIN)/ins-lab notebooks copy '$(NOTEBOOKS)'
-	@$(BIN)/jupyter lab '$(NOTEBOOKS)'
+	@PANEL_INLINE=True $(BIN)/jupyter lab '$(NOTEBOOKS)'
 
 # mypy has one process and the tests begin with one: they run side by side.
 test: $(VENV)/.test browser style
@@ -58,6 +60,9 @@ pytest: ahead
 docs: $(VENV)/.docs
 	$(BIN)/python -m sphinx -q -W --keep-going -c docs/site -b html . build/site
 	@echo 'The documentation is build/site/index.html.'
+
+pictures: $(VENV)/.test browser
+	$(BIN)/python docs/pictures.py
 
 bench: $(VENV)/.test browser
 	OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 MKL_NUM_THREADS=1 NUMBA_NUM_THREADS=1 \

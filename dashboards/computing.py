@@ -151,11 +151,12 @@ def run(
     experiment: Experiment,
     progress: Progress | None = None,
     prepare: Callable[[Result], None] | None = None,
+    ready: Result | None = None,
 ) -> Outcome:
-    """Run an experiment and prepare the visible page; an error becomes a sentence."""
+    """Run an experiment, unless its result is ready, and prepare the page; an error becomes a sentence."""
 
     def work() -> Result:
-        result = experiment.run(progress)
+        result = experiment.run(progress) if ready is None else ready
         if prepare is not None:
             prepare(result)
         return result

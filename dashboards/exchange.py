@@ -17,8 +17,10 @@ import panel as pn
 import panel_material_ui as pmui
 from bokeh.document import Document
 
+from dashboards.classroom import shelf
 from dashboards.computing import POOL, LatestWins, Outcome, attempt
 from dashboards.session import Session
+from dashboards.teaching.class_link import FIELD
 from dashboards.upload import Upload
 from lab.experiment import Experiment
 from lab.export import gpx, kml, tracks_of
@@ -33,6 +35,9 @@ MOST_FIELDS = 200
 MOST_PROBLEMS = 10
 """Most wrong settings of an address that are reported; the rest is ignored, because each message takes
 time."""
+
+HOMEWORK = "homework"
+"""What names a homework of the server in an address."""
 
 QUIET = 1500
 """Quiet time before the address is updated [ms]."""
@@ -176,12 +181,36 @@ class Address:
         self._document = document
         self._location = pn.state.location
         self._timer: Any = None
+        self._code, self._keeps_settings = "", True
         session.param.watch(lambda _event: self._later(), "result")
+
+    @property
+    def query(self) -> str:
+        """The query of the address."""
+        return self._location.search.removeprefix("?") if self._location is not None else ""
+
+    @property
+    def href(self) -> str:
+        """The address, as the browser has it; empty without a browser."""
+        return str(self._location.href) if self._location is not None else ""
+
+    def keep_class(self, code: str, keeps_settings: bool) -> None:
+        """Keep the code of a class in the address, none if it is empty, and the settings beside it or not."""
+        if (code, keeps_settings) != (self._code, self._keeps_settings):
+            self._code, self._keeps_settings = code, keeps_settings
+            self._later()
 
     def read(self) -> None:
         """Apply the settings in the address; report those that are not accepted."""
-        query = self._location.search.removeprefix("?") if self._location is not None else ""
-        trial, problems = experiment_of_query(query)
+        name, rest = homework_of_query(self.query)
+        trial, problems = experiment_of_query(rest)
+        if name:
+            self._session.homework = shelf().find(name)
+            if self._session.homework is None:
+                problems.append(f"There is no homework {name[:40]!r} on this server. Ask your teacher.")
+            else:
+                trial = self._session.homework.taking(trial)
+                self._session.go("Lessons", None)
         try:
             self._session.take(trial)
         except SettingError as error:
@@ -196,14 +225,30 @@ class Address:
 
     def _write(self) -> None:
         self._timer = None
-        text = query(self._session.experiment)
+        settings = query(self._session.experiment) if self._keeps_settings else ""
+        homework = self._session.homework if self._session.experiment.hidden else None
+        others = {FIELD: self._code, HOMEWORK: "" if homework is None else homework.name}
+        named = urlencode({name: value for name, value in others.items() if value})
+        text = "&".join(part for part in (named, settings) if part)
         search = f"?{text}" if text else ""
         if self._location is not None and self._location.search != search:
             self._location.search = search
 
 
+def homework_of_query(query: str) -> tuple[str, str]:
+    """Return the name of a homework in an address query, empty without one, and the rest of the query."""
+    parts = query.split("&")
+    names = [part.partition("=")[2] for part in parts if part.startswith(f"{HOMEWORK}=")]
+    return (names[-1] if names else ""), "&".join(
+        part for part in parts if not part.startswith(f"{HOMEWORK}=")
+    )
+
+
 def experiment_of_query(query: str) -> tuple[Experiment, list[str]]:
-    """Return the experiment of an address query, and messages about settings that were not accepted."""
+    """Return the experiment of an address query, and messages about settings that were not accepted.
+
+    The code of a class is no setting; see `dashboards.teaching.class_link`.
+    """
     trial, problems = Experiment(), list[str]()
     try:
         fields = parse_qsl(query, max_num_fields=MOST_FIELDS)
@@ -211,6 +256,8 @@ def experiment_of_query(query: str) -> tuple[Experiment, list[str]]:
         return trial, [f"The address has too many settings; accepted are up to {MOST_FIELDS}."]
     # Other forms come last, because they depend on the other settings.
     for path, text in sorted(fields, key=lambda item: item[0] in Experiment.OTHER_FORMS):
+        if path == FIELD:
+            continue
         try:
             trial.set_text(path, text)
         except SettingError as error:

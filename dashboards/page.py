@@ -15,7 +15,7 @@ from bokeh.models.callbacks import CustomJS
 from panel_material_ui.template.base import Page as MaterialPage
 from param.parameterized import edit_constant
 
-from dashboards.exchange import Address, Files
+from dashboards.exchange import Address, Files, query
 from dashboards.notice import Notice
 from dashboards.openings import Openings
 from dashboards.pages.allan import Allan
@@ -36,11 +36,17 @@ from dashboards.sending import together
 from dashboards.session import Session
 from dashboards.settings_panel import SettingsPanel
 from dashboards.style import DRESS, FRAME, SAME_STYLE_ONCE, STAGE, THEME
+from dashboards.teaching.class_bar import ClassBar
+from dashboards.teaching.desk import Desk
+from dashboards.teaching.large_type import LargeType
+from dashboards.teaching.moment import Moment, Place
 from dashboards.time_bar import TimeBar
 from dashboards.upload import SAME_FILE_AGAIN
 from dashboards.upstream import leave_out_hooks
+from lab.experiment import Experiment
 from lab.memory import give_back
 from lab.result import Result
+from lab.settings import SettingError
 from lab.views.figures import TimeAxis
 
 log = logging.getLogger(__name__)
@@ -101,6 +107,9 @@ class SimulatorPage:
         self._message = Notice(closeable=True, margin=(6, 8))
         self._reminder: Notice | None = None
         self._reminded = ""
+        self._waiting_time: float | None = None
+        self._taken: Experiment | None = None
+        self._large_type = LargeType()
         self._tabs = pmui.Tabs(
             *((page.title, pn.Spacer(height=0)) for page in PAGES),
             active=PAGES.index(Errors),
@@ -111,8 +120,10 @@ class SimulatorPage:
             sx={"& .MuiTab-root": _TAB},
         )
         self._stage = pn.Column(sizing_mode="stretch_both", margin=0, stylesheets=[STAGE])
+        self._class = ClassBar(self._desk())
         self._main = pn.Column(
             self._tabs,
+            self._class.view,
             self._message.view,
             self._stage,
             self._time_bar.view,
@@ -123,9 +134,11 @@ class SimulatorPage:
         self.session.prepare = self._prepare
         self.session.go = self._go_to
         self.session.remind = self._remind
+        self.session.acted = self._acted
+        self.session.solved = self._class.solved
         self.session.param.watch(self._new_result, "result")
         self.session.param.watch(self._new_problem, "problem")
-        self._tabs.param.watch(lambda _event: self._show(), "active")
+        self._tabs.param.watch(lambda _event: self._turn(), "active")
         for edge in ("start", "end"):
             self.axis.range.on_change(edge, self._zoomed)
 
@@ -149,6 +162,59 @@ class SimulatorPage:
         # A browser ignores changes that arrive before the requested document.
         self._document.on_event(DocumentReady, lambda _event: self._go_on())
         self._address.read()
+        has_own = query(self.session.experiment) != ""
+        self._class.open(self._address.query, pn.state.cookies, has_own=has_own)
+        if self._class.problem:
+            self.session.problem = "\n\n".join(filter(None, (self._class.problem, self.session.problem)))
+
+    def _desk(self) -> Desk:
+        return Desk(
+            session=self.session,
+            document=self._document,
+            page=lambda: PAGES[self._tabs.active].title,
+            time=lambda: self.axis.time,
+            place=self._place,
+            show=self._show_moment,
+            keep=self._address.keep_class,
+            href=lambda: self._address.href,
+            enlarge=self._enlarge,
+        )
+
+    def _place(self) -> Place | None:
+        lessons = self._pages.get(PAGES.index(Lessons))
+        return lessons.place if isinstance(lessons, Lessons) else None
+
+    def _show_moment(self, moment: Moment) -> None:
+        """Show what another page of the class shows: settings, step of a lesson, tab and time."""
+        at, experiment = PAGES.index(Lessons), moment.experiment
+        with together(self._document):
+            if moment.place is not None or at in self._pages:
+                lessons = self._made(at)
+                assert isinstance(lessons, Lessons)
+                lessons.go(moment.place)
+            if self._place() is None and experiment.hidden:  # its lesson is not there any more
+                experiment = Experiment().update(experiment.to_dict())
+            if moment.experiment is not self._taken:
+                if not moment.has_settings_of(self.session.experiment):
+                    self._take(experiment.copy(), moment)
+                self._taken = moment.experiment
+            self._tabs.active = [page.title for page in PAGES].index(moment.page)
+            if moment.time != self.axis.time:
+                self._time_bar.go(moment.time)
+
+    def _take(self, experiment: Experiment, moment: Moment) -> None:
+        """Take settings over; the time waits for their result, which may be of a longer flight."""
+        self._waiting_time = moment.time
+        try:
+            self.session.take(experiment, moment.result)
+        except SettingError as error:
+            self.session.problem = str(error)
+
+    def _enlarge(self, on: bool) -> None:
+        """Turn large type for a projector on, which also closes the settings, or off."""
+        self._view.sidebar_open = not on and not self._on_phone
+        self._large_type.on = on
+        self._show_again(self._page)
 
     def _frame(self) -> MaterialPage:
         frame = MaterialPage(
@@ -198,6 +264,7 @@ class SimulatorPage:
     def close(self) -> None:
         """End the session."""
         self._closed = True
+        self._class.close()
         self.session.close()
         self._time_bar.stop()
         if self._files is not None:
@@ -207,13 +274,26 @@ class SimulatorPage:
 
     @property
     def _page(self) -> Page:
-        index = self._tabs.active
+        return self._made(self._tabs.active)
+
+    def _made(self, index: int) -> Page:
+        """Return the page of a tab; it is made when first needed."""
         if index not in self._pages:
             page = PAGES[index].of(self.axis, self.session)
             page.dress(self._dark)
             page.draw_again = partial(self._show_again, page)
             self._pages[index] = page
         return self._pages[index]
+
+    def _acted(self) -> None:
+        """Note that settings or the step of a lesson were changed, by a person or for a class."""
+        self._taken = None
+        self._class.acted()
+
+    def _turn(self) -> None:
+        """Show the page of a tab that was opened, by a person or for a class."""
+        self._show_if_begun()
+        self._class.acted()
 
     def _show_if_begun(self) -> None:
         """Draw the selected page, unless its first plots must wait for their turn."""
@@ -243,6 +323,7 @@ class SimulatorPage:
             view = self._reason.view if reason else page.view  # a page may have changed its plots
             if self._stage.objects != [view]:
                 self._stage[:] = [view]
+            self._large_type.dress(view)  # a browser is told of changes only on a page that it has
             if result is None and not page.is_complete:
                 self.session.restore()
             if page is not self._visible:
@@ -286,6 +367,9 @@ class SimulatorPage:
         outages = result.experiment.sensors.gps.outages
         self.axis.show_outages([(start - result.epoch, end - result.epoch) for start, end in outages])
         self._time_bar.span()
+        if self._waiting_time is not None:
+            self._time_bar.go(self._waiting_time)
+            self._waiting_time = None
         self._show_if_begun()
 
     def _cut(self, start: float, end: float) -> None:
@@ -318,7 +402,7 @@ class SimulatorPage:
             if not words:
                 return
             self._reminder = Notice(margin=(6, 8))
-            self._main.insert(1, self._reminder.view)
+            self._main.insert(2, self._reminder.view)
         if words != self._reminder.text:
             self._reminder.say(words, "info")
 

@@ -20,6 +20,8 @@ Examples:
   ins-lab serve --port 8000
   ins-lab serve --algorithm my_filter.py:MyFilter
   ins-lab serve --lessons my_lessons
+  ins-lab serve --homework my_keys
+  ins-lab serve --address 0.0.0.0 --teacher
   ins-lab serve --phone
   ins-lab serve --allow-device "serial:/dev/ttyUSB0?baud=115200"
   ins-lab serve --address 0.0.0.0 --password-file secret.txt
@@ -106,6 +108,19 @@ def serve(
             show_default=False,
         ),
     ] = None,
+    homework: Annotated[
+        Path | None,
+        typer.Option(
+            "--homework",
+            metavar="FOLDER",
+            help="A folder with keys of homework: this server runs it, so that nothing hidden leaves it.",
+            show_default=False,
+        ),
+    ] = None,
+    teacher: Annotated[
+        bool,
+        typer.Option("--teacher", help="Print a link for teachers: their page leads a class of students."),
+    ] = False,
     warm: Annotated[
         bool, typer.Option("--warm/--no-warm", help="Compile the filter ahead, in the background.")
     ] = True,
@@ -115,6 +130,10 @@ def serve(
     if lessons is not None and not lessons.is_dir():
         raise CommandError(
             f"--lessons {lessons}: is not a folder; accepted is one with lessons as .toml files"
+        )
+    if homework is not None and not homework.is_dir():
+        raise CommandError(
+            f"--homework {homework}: is not a folder; accepted is one with the keys of homework as .key files"
         )
     algorithms(own)  # a failure to load is reported now, not to visitors
     if phone:
@@ -147,6 +166,8 @@ def serve(
             visitors=None if visitors is None else visitors.value,
             password=password,
             lessons=lessons,
+            homework=homework,
+            teacher=teacher,
             warm=warm,
         )
     except OriginError as error:

@@ -27,6 +27,8 @@ def serve(
     visitors: str | None = None,
     password: str | None = None,
     lessons: Path | None = None,
+    homework: Path | None = None,
+    teacher: bool = False,
     warm: bool = True,
 ) -> None:
     """Serve the simulator until interrupted; the 3-D view goes through the same port.
@@ -50,6 +52,10 @@ def serve(
         Password for visitors; None for no password.
     lessons
         A teacher's folder with lessons; None without one.
+    homework
+        A teacher's folder with the keys of homework; None without one.
+    teacher
+        Whether somebody may teach: a link for teachers is printed, with which they lead classes.
     warm
         Whether a process beside the server compiles the filter ahead.
     """
@@ -58,25 +64,30 @@ def serve(
 
     import dashboards.page  # noqa: F401, PLC0415
     from dashboards.algorithms import use_algorithms  # noqa: PLC0415
-    from dashboards.classroom import use_lessons  # noqa: PLC0415
+    from dashboards.classroom import use_homework, use_lessons  # noqa: PLC0415
     from dashboards.headers import SecurityHeaders  # noqa: PLC0415
     from dashboards.log_limit import limit_log  # noqa: PLC0415
     from dashboards.messages import MAX_MESSAGE  # noqa: PLC0415
     from dashboards.origins import SETTING, accepted_hosts, check_origins_of_pages, is_loopback  # noqa: PLC0415
     from dashboards.password import Password  # noqa: PLC0415
+    from dashboards.teaching.class_link import listen_on  # noqa: PLC0415
+    from dashboards.teaching.teacher import PATH, TeachHandler, admit_no_teacher, admit_teachers  # noqa: PLC0415
     from dashboards.upload import remove_abandoned, remove_all_here  # noqa: PLC0415
     from dashboards.visitors import allow  # noqa: PLC0415
     from dashboards.warming import Warming  # noqa: PLC0415
     from lab.missions import missions  # noqa: PLC0415
     from lab.missions.library import sweep_own_folder  # noqa: PLC0415
+    from lab.phone.addresses import in_address, is_any, own_addresses  # noqa: PLC0415
 
     use_algorithms(algorithms)
     use_lessons(lessons)
+    use_homework(homework)
     sweep_own_folder()
     with warnings.catch_warnings(action="ignore"):
         missions()  # read here once, so that no page reads it again
     loopback = is_loopback(address)
     allow(visitors or ("edit" if loopback else "run"))
+    listen_on(address)
     limit_log()
     remove_abandoned()
     check_origins_of_pages()
@@ -87,6 +98,12 @@ def serve(
         door |= {"auth_provider": Password(password), "cookie_secret": secrets.token_hex(32)}
     where = "localhost" if loopback else address
     print(f"INS Lab is at http://{where}:{port}/ (stop it with Ctrl-C)", flush=True)
+    if teacher:
+        named = (own_addresses() or ["localhost"])[0] if is_any(address) else where
+        link = f"http://{in_address(named, port)}/{PATH}?key={admit_teachers()}"
+        print(f"Teachers open {link} and show it to nobody", flush=True)
+    else:
+        admit_no_teacher()
     try:
         pn.serve(
             {"/": str(APP)},
@@ -96,6 +113,7 @@ def serve(
             title="INS Lab",
             verbose=False,
             transforms=[SecurityHeaders],
+            extra_patterns=[(rf"/{PATH}", TeachHandler)],
             secret_key=secrets.token_bytes(32),
             sign_sessions=True,
             websocket_max_message_size=MAX_MESSAGE,

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
-from typing import Any
+from typing import Any, NamedTuple
 
 import param
 from bokeh.document import Document
@@ -13,6 +13,7 @@ from bokeh.events import DocumentReady
 from dashboards.computing import LatestWins, Outcome, Progress, run
 from dashboards.sending import together
 from lab.experiment import Experiment
+from lab.homework.homework import Homework
 from lab.missions import missions
 from lab.result import Result
 from lab.settings import SettingError
@@ -24,8 +25,31 @@ REST = 1000
 """Quiet time before the settings count as settled [ms]; a change on ten pages takes less."""
 
 
+class Wanted(NamedTuple):
+    """Settings to run; and their result, if another page has it already."""
+
+    experiment: Experiment
+    ready: Result | None = None
+
+
 class Session(param.Parameterized):
-    """Settings of one page, computed in the background; the last good result stays until the next."""
+    """Settings of one page, computed in the background; the last good result stays until the next.
+
+    Attributes
+    ----------
+    homework : Homework or None
+        The homework of the server that is open, whose name is in the address.
+    prepare
+        Called in a thread with each new result, before it is shown.
+    go
+        Opens a page at a time of the flight [s].
+    remind
+        Shows a sentence above all pages; none if it is empty.
+    acted
+        Called when a person, or a lesson, has changed settings or the step of a lesson.
+    solved
+        Called with a lesson, as origin and name, and the number from 0 of a step that is solved now.
+    """
 
     result: Result | None = param.Parameter(None, doc="The last good result.")
     problem: str = param.String("", doc="Error of the last change; empty if there was none.")
@@ -38,9 +62,12 @@ class Session(param.Parameterized):
         super().__init__()
         self.experiment = Experiment()
         self._document = document
+        self.homework: Homework | None = None
         self.prepare: Callable[[Result], None] = lambda _result: None
         self.go: Callable[[str, float | None], None] = lambda _page, _time: None
         self.remind: Callable[[str], None] = lambda _sentence: None
+        self.acted: Callable[[], None] = lambda: None
+        self.solved: Callable[[tuple[str, str], int], None] = lambda _lesson, _step: None
         self._runs = LatestWins(self._run, self._deliver)
         self._watching = self._run_failed = False
         self._on_settings: list[Callable[[], None]] = []
@@ -84,7 +111,7 @@ class Session(param.Parameterized):
         if self._closed:
             return
         self.release()
-        self._submit(self.experiment.copy())
+        self._submit(Wanted(self.experiment.copy()))
 
     def release(self) -> None:
         """Drop the result of a long flight: two of them, or one and another run, take too much memory.
@@ -99,11 +126,11 @@ class Session(param.Parameterized):
         """Compute a released result again, unless a run is under way."""
         if self.result is None and self._released is not None and not self._runs.busy:
             self._restored = self._released
-            self._submit(self._restored)
+            self._submit(Wanted(self._restored))
 
-    def _submit(self, experiment: Experiment) -> None:
-        self._newest = experiment
-        self._runs.submit(experiment)
+    def _submit(self, wanted: Wanted) -> None:
+        self._newest = wanted.experiment
+        self._runs.submit(wanted)
         if not self._watching:
             self._watching = True
             self._document.add_timeout_callback(self._watch, PATIENCE)
@@ -113,11 +140,13 @@ class Session(param.Parameterized):
         try:
             if path == "mission":
                 _check_mission(value)
+            self.experiment.check_change(path)
             self.experiment.set(path, value)
         except SettingError as error:
             self.problem = str(error)
             return False
         self.problem = ""
+        self.acted()
         self.compute()
         self._changed = time.monotonic()
         if self._resting:
@@ -125,8 +154,15 @@ class Session(param.Parameterized):
             self._document.add_timeout_callback(self._rest, REST)
         return True
 
-    def take(self, experiment: Experiment) -> None:
+    def take(self, experiment: Experiment, ready: Result | None = None) -> None:
         """Take over all settings of an experiment, and run them.
+
+        Parameters
+        ----------
+        experiment
+            The settings.
+        ready
+            Their result, if another page has it: it is shown in place of another run. Results do not change.
 
         Raises
         ------
@@ -138,7 +174,12 @@ class Session(param.Parameterized):
         self.problem = ""
         for callback in self._on_settings:
             callback()
-        self.compute()
+        self.acted()
+        if ready is None or self._closed:
+            self.compute()
+        else:
+            self.release()
+            self._submit(Wanted(ready.experiment, ready))
 
     def close(self) -> None:
         """End the session: deliver no more, and drop the result."""
@@ -148,10 +189,11 @@ class Session(param.Parameterized):
         self._on_rest.clear()
         self._on_library.clear()
 
-    def _run(self, experiment: Experiment, progress: Progress) -> Outcome:
-        return run(experiment, progress, self.prepare)
+    def _run(self, wanted: Wanted, progress: Progress) -> Outcome:
+        return run(wanted.experiment, progress, self.prepare, wanted.ready)
 
-    def _deliver(self, experiment: Experiment, outcome: Outcome) -> None:
+    def _deliver(self, wanted: Wanted, outcome: Outcome) -> None:
+        experiment = wanted.experiment
         replaced = outcome.result is not None and outcome.result.is_long and experiment is not self._newest
         if not (self._closed or replaced):
             self._arrived = experiment, outcome
@@ -178,7 +220,7 @@ class Session(param.Parameterized):
                     self._released = None
                 elif self.result is None and self._released is not None and experiment is self._newest:
                     self._restored = self._released
-                    self._submit(self._restored)
+                    self._submit(Wanted(self._restored))
                 return
             self._released = None
             self.result = outcome.result

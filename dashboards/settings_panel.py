@@ -121,9 +121,11 @@ class SettingsPanel:
         self.refresh()
 
     def refresh(self) -> None:
-        """Show the current settings."""
+        """Show the current settings; fields that show theirs already are left alone."""
         for path, shown in self._fields.items():
-            shown.show(self._session.experiment.get(path))
+            value = self._session.experiment.get(path)
+            if value != shown.value:
+                shown.show(value)
         self._suit()
 
     def _offer_missions(self) -> None:

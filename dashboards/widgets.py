@@ -62,6 +62,11 @@ class Field(param.Parameterized):
         """The widgets to place on the page."""
         raise NotImplementedError
 
+    @property
+    def value(self) -> Any:
+        """The value that the field shows."""
+        return self._value
+
     def show(self, value: Any) -> None:
         """Show a value that another part of the page has set."""
         self._value = value

@@ -200,7 +200,7 @@ class Stages:
         self.progress("Reading the flight", 0.0)
         flight = self.kept_flight()
         self.progress("Simulating the sensors", 0.3)
-        aligned = begin(flight.truth, self.experiment)
+        aligned = self.begin(flight.trajectory.at(0.0))
         fixes, readings = self.fixes(flight), self.readings(flight)
         gyro = self.triad("gyro", flight, aligned.gyro_bias)
         accelerometer = self.triad("accelerometer", flight)
@@ -264,6 +264,10 @@ class Stages:
             aids=aids,
             readings=readings,
         )
+
+    def begin(self, truth: Truth) -> Aligned:
+        """Return the start of the navigator, after its alignment if it has one."""
+        return begin(truth, self.experiment)
 
     def kept_flight(self) -> Flight:
         """Return the flight, computed once for all experiments with the same."""

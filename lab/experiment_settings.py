@@ -61,6 +61,9 @@ class ExperimentSettings(Settings):
         """Sentences about the experiment that every result of it remarks."""
         return ()
 
+    def check_change(self, path: str) -> None:
+        """Raise `SettingError` if a person may not change a setting; see `lab.homework`."""
+
     def derived(self, path: str) -> Derived:
         """Return a noise density's other form: the variance of a sample at the IMU rate."""
         return noise_variance(self.get(path.rpartition(".")[0]), path, float(self.trajectory.imu_rate))

@@ -1,8 +1,9 @@
 """Histories: the precision of a flight's histories that are displayed, not used in computations.
 
-Up to `LONG` samples, everything is float64. Beyond, arrays that are not integrated are float32: variances,
-biases, true increments, and the measured increments once the navigator has used them. A float32 has 24 bits,
-so a σ has an error of 3 parts in 10⁸, and a bias or an increment of 6.
+Up to `LONG` samples, everything is float64. Beyond, what is simulated and not integrated any more is float32:
+true velocity, attitude, biases and increments, and the measured increments once the navigator has used them.
+Beyond `SINGLE` samples, so is the solution, except for its position. A float32 has 24 bits, so a σ has an
+error of 3 parts in 10⁸, and a bias, an increment, a velocity or an element of a quaternion of 6.
 """
 
 from __future__ import annotations
@@ -16,8 +17,12 @@ from numpy.typing import NDArray
 FloatArray = NDArray[np.float64]
 T = TypeVar("T")
 
-LONG = 2**20
-"""Number of samples up to which everything is float64: 87 minutes at 200 Hz, some 600 MB."""
+LONG = 2**18
+"""Number of samples up to which everything is float64, and values derived of the arrays are kept: 22 minutes
+at 200 Hz. An open page takes 1.6 kB per sample of such a flight, so 420 MB at most."""
+SINGLE = 2**20
+"""Number of samples up to which a solution is float64: 87 minutes at 200 Hz, some 310 MB. It is larger than
+`LONG`, as the solution of a log is compared with that of a live run."""
 
 
 def kept(values: FloatArray) -> FloatArray:

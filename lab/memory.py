@@ -8,11 +8,11 @@ import sys
 from collections.abc import Iterator
 from pathlib import Path
 
-from lab.histories import LONG
+from lab.histories import SINGLE
 from lab.navigation.kalman import MEASUREMENTS
 
-BESIDE = 230
-"""Memory per sample besides the solution [bytes]: truth 88, measured increments 48, true ones 24, and work
+BESIDE = 202
+"""Memory per sample besides the solution [bytes]: truth 60, measured increments 48, true ones 24, and work
 space; measured on four hours at 200 Hz."""
 DRIFT = 48
 """Memory per sample for each triad with a varying bias [bytes]."""
@@ -72,9 +72,9 @@ def check_memory(
 
 def bytes_per_sample(samples: int, *, states: int, drifting: int, exact: bool, arm: bool) -> int:
     """Return the memory per sample of a run [bytes]; see `check_memory`."""
-    motion, shown = 10, states + 12 + (states - 15)
-    precise = exact or samples <= LONG
-    return BESIDE + DRIFT * drifting + ARM * arm + 8 * motion + (8 if precise else 4) * shown
+    position, others = 3, 7 + states + 12 + (states - 15)
+    precise = exact or samples <= SINGLE
+    return BESIDE + DRIFT * drifting + ARM * arm + 8 * position + (8 if precise else 4) * others
 
 
 def bytes_per_fix(states: int) -> int:

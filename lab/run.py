@@ -144,6 +144,16 @@ class Run(ABC):
         """The lever arm (3,) of the antenna, as simulated, or as the log says [m]."""
 
     @property
+    def simulated_settings(self) -> ExperimentSettings:
+        """The settings with which the sensors were simulated: those of the run, unless some are hidden."""
+        return self.experiment
+
+    @property
+    def shows_sensor_errors(self) -> bool:
+        """Whether datasets show the true errors of the sensors; they are unknown for a log."""
+        return self.recorded is None
+
+    @property
     def is_long(self) -> bool:
         """Whether the flight is so long that derived histories are not kept."""
         return int(self.solution_arrays.position.shape[0]) > LONG
@@ -217,7 +227,7 @@ class Run(ABC):
         whole = at_samples(self.gyro.bias, self.accelerometer.bias)
         if DRIFTS[0] not in self.blocks or self.recorded is not None:
             return whole
-        drift = [bias_drift(self.experiment, triad, self.time) for triad in range(2)]
+        drift = [bias_drift(self.simulated_settings, triad, self.time) for triad in range(2)]
         return np.asarray(whole - np.concatenate(drift, axis=1))
 
     @made_when_asked
@@ -227,7 +237,7 @@ class Run(ABC):
 
     def true_further(self) -> FloatArray:
         """Return the true values (n + 1, k) of the states after the scale factors, at the IMU times."""
-        return further_truth(self.experiment, self.readings, self.blocks, self.time)
+        return further_truth(self.simulated_settings, self.readings, self.blocks, self.time)
 
     @property
     def is_aided(self) -> bool:

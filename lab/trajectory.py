@@ -84,7 +84,7 @@ class Truth:
 
 
 class LongTruth(Truth):
-    """The truth of a long flight, whose Euler angles are computed at each use."""
+    """The truth of a long flight: float32 velocity and attitude; Euler angles are computed at each use."""
 
     def __init__(self, time: FloatArray, **parts: FloatArray) -> None:
         for name, values in {"time": time, **parts}.items():
@@ -96,9 +96,9 @@ class LongTruth(Truth):
         return rotation.euler_from_quaternion(self.q_nb)
 
     def taken(self, samples: NDArray[Any] | slice) -> Truth:
-        """Return the truth at some samples: numbers of them, flags, or a slice."""
+        """Return the truth at some samples: numbers of them, flags, or a slice; in float64."""
         names = [name for name in Truth.__dataclass_fields__ if name != "euler"]
-        part = {name: getattr(self, name)[samples] for name in names}
+        part = {name: getattr(self, name)[samples].astype(np.float64, copy=False) for name in names}
         return Truth(**part, euler=rotation.euler_from_quaternion(part["q_nb"]))
 
 
@@ -227,7 +227,10 @@ class Trajectory:
         is_long = times.size > LONG
         widths = {"latitude": (), "longitude": (), "height": (), "velocity_n": (3,), "q_nb": (4,)}
         widths |= {} if is_long else {"euler": (3,)}
-        whole = {name: np.empty((times.size, *width)) for name, width in widths.items()}
+        whole = {
+            name: np.empty((times.size, *width), np.float32 if is_long and width else np.float64)
+            for name, width in widths.items()
+        }
         for first in range(0, times.size, AT_ONCE):
             part = slice(first, first + AT_ONCE)
             there = self._at(times[part])

@@ -8,32 +8,24 @@ import shlex
 from pathlib import Path
 
 import pytest
+from document_code import DOCUMENTS, ROOT, name_of
 from typer.main import get_command
 
 from dashboards.command_line import app
 from lab.experiment import Experiment
 from lab.importing.import_settings import ImportSettings
 
-ROOT = Path(__file__).parent.parent
-DOCUMENTS = [
-    ROOT / "README.md",
-    ROOT / "CONTRIBUTING.md",
-    ROOT / "missions/README.md",
-    *sorted((ROOT / "docs").glob("*.md")),
-    *sorted((ROOT / "docs/theory").glob("*.md")),
-]
 LINK = re.compile(r"\]\(([^)]+)\)")
 PLACE = re.compile(r"(?<![\w./-])(?:lab|tests|dashboards|notebooks|missions|docs|\.ci)/[\w./*-]*\w")
 PLACEHOLDER = "NAME"
 """What stands in the recipes for a name that a reader chooses."""
 README_LINES = 200
 """The README is the first five minutes; all else has a page of its own in docs."""
+PICTURES = sorted((ROOT / "docs").rglob("*.png"))
 PICTURE_BYTES = 150_000
 """A README with four such pictures loads in some seconds on a slow line."""
 
-every_document = pytest.mark.parametrize(
-    "document", DOCUMENTS, ids=lambda path: path.relative_to(ROOT).as_posix()
-)
+every_document = pytest.mark.parametrize("document", DOCUMENTS, ids=name_of)
 
 
 def text_of(document: Path) -> str:
@@ -123,7 +115,17 @@ def test_the_index_names_every_page_and_every_page_has_one_subject() -> None:
         assert len(re.findall(r"^# ", prose(document), re.MULTILINE)) == 1, document.name
 
 
-@pytest.mark.parametrize("picture", sorted((ROOT / "docs").glob("*.png")), ids=lambda path: path.name)
+@every_document
+def test_every_picture_is_there_in_light_and_dark(document: Path) -> None:
+    for shown in re.findall(r"<picture>.*?</picture>", text_of(document), re.DOTALL):
+        light, dark = re.findall(r"src=\"(.+?)\"", shown) + re.findall(r"srcset=\"(.+?)\"", shown)
+        assert dark == light.replace("-light.png", "-dark.png")
+        assert (document.parent / light).is_file(), light
+        assert (document.parent / dark).is_file(), dark
+        assert re.search(r'alt="[^"]{20,}"', shown), light
+
+
+@pytest.mark.parametrize("picture", PICTURES, ids=lambda path: path.name)
 def test_pictures_are_shown_and_small(picture: Path) -> None:
     assert picture.stat().st_size <= PICTURE_BYTES
-    assert any(f"{picture.name})" in text_of(document) for document in DOCUMENTS)
+    assert any(f'{picture.name}"' in text_of(document) for document in DOCUMENTS)

@@ -32,13 +32,19 @@ from lab.views.time_plot import TimePlot
 
 SHORT = 2**12
 """Samples from which on a flight counts as long here: a tenth of that of the tests."""
+ROUNDING = 2e-5
+"""Largest difference of an error of float32 velocities [m/s] or attitudes [°] due to their 24 bits: each of
+two velocities of up to 128 m/s is off by up to 3.8e-6 m/s, and two headings, each made of four elements of a
+quaternion that are off by up to 3e-8, by up to 2e-5°."""
 
 
 @pytest.fixture
 def everything_is_long(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
     """Treat a flight of minutes as one of hours."""
-    for module in (histories, trajectory, navigator, smoother, stages, arrays, memory):
+    for module in (histories, trajectory, stages, arrays):
         monkeypatch.setattr(module, "LONG", SHORT)
+    for module in (navigator, smoother, memory):
+        monkeypatch.setattr(module, "SINGLE", SHORT)
     monkeypatch.setattr(spline_windows, "WINDOW", SHORT)
     for module in (trajectory, arrays, observability, figures):
         monkeypatch.setattr(module, "AT_ONCE", 1000)
@@ -72,8 +78,8 @@ def test_what_is_said_of_a_flight_does_not_change(exact: Result, request: pytest
     request.getfixturevalue("everything_is_long")
     long = settings().run()
     a, b = exact.solution_arrays, long.solution_arrays
-    assert b.variance.dtype == np.float32
-    assert b.position.dtype == b.q_nb.dtype == np.float64
+    assert b.variance.dtype == b.velocity_n.dtype == b.q_nb.dtype == np.float32
+    assert b.position.dtype == np.float64
     np.testing.assert_array_equal(a.fix_sample, b.fix_sample)
     np.testing.assert_array_equal(a.rest, b.rest)
     np.testing.assert_allclose(a.position, b.position, rtol=1e-12)
@@ -85,10 +91,11 @@ def test_what_is_said_of_a_flight_does_not_change(exact: Result, request: pytest
     np.testing.assert_allclose(a.covariance, b.covariance, rtol=1e-7, atol=1e-12)
     np.testing.assert_allclose(a.bias, b.bias, rtol=1e-7, atol=1e-12)
     np.testing.assert_allclose(
-        long.summary[["rms", "max", "95 %"]], summary[["rms", "max", "95 %"]], rtol=1e-8
+        long.summary[["rms", "max", "95 %"]], summary[["rms", "max", "95 %"]], rtol=1e-8, atol=ROUNDING
     )
+    # Errors of correlated states cancel in part, and so do not their 24 bits.
     np.testing.assert_allclose(
-        long.consistency["nees"].values, consistency["nees"].values, rtol=1e-6, equal_nan=True
+        long.consistency["nees"].values, consistency["nees"].values, rtol=1e-4, equal_nan=True
     )
     assert long.evidence.nees is not None
     assert long.evidence.between is not None
@@ -115,8 +122,8 @@ def test_a_smoothed_flight_does_not_change(request: pytest.FixtureRequest) -> No
     request.getfixturevalue("everything_is_long")
     long = smoothed((3.0, 1.0, -1.0)).run()
     a, b = exact.solution_arrays, long.solution_arrays
-    assert b.variance.dtype == np.float32
-    assert b.position.dtype == b.q_nb.dtype == np.float64
+    assert b.variance.dtype == b.velocity_n.dtype == b.q_nb.dtype == np.float32
+    assert b.position.dtype == np.float64
     for name in ("fix_sample", "fix_rejected", "fix_recovered", "rest"):
         np.testing.assert_array_equal(getattr(a, name), getattr(b, name))
     np.testing.assert_allclose(a.position, b.position, rtol=1e-12)
@@ -141,7 +148,8 @@ def test_a_smoothed_flight_does_not_change(request: pytest.FixtureRequest) -> No
         np.testing.assert_array_equal(getattr(filtered, name)[:1], getattr(own, name))
     assert evidence.nees is not None
     assert long.evidence.nees is not None
-    assert float(long.evidence.nees.total) == pytest.approx(float(evidence.nees.total), rel=1e-6)
+    # Smoothed errors are small, and known to 24 bits of velocity and attitude.
+    assert float(long.evidence.nees.total) == pytest.approx(float(evidence.nees.total), rel=1e-5)
     np.testing.assert_allclose(
         long.evidence.innovations.likelihoods, evidence.innovations.likelihoods, rtol=1e-4
     )
@@ -198,7 +206,8 @@ def test_what_is_drawn_of_a_flight_does_not_change(exact: Result, request: pytes
         for name, values in wanted.items():
             # 24 bits of what is drawn and of what is kept; the edge of a band is a difference of these.
             size = np.nanmax(np.abs(values), initial=1e-12)
-            np.testing.assert_allclose(found[name], values, rtol=3e-7, atol=3e-7 * size, err_msg=name)
+            most = 3e-7 * size + (ROUNDING if "velocity" in name or "attitude" in name else 0)
+            np.testing.assert_allclose(found[name], values, rtol=3e-7, atol=most, err_msg=name)
     np.testing.assert_allclose(long.places(np.array([0, 7000, 41000])), places, atol=1e-6)
     assert long.drawn_track["time"].values[-1] == long.time[-1]
 

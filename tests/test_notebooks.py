@@ -1,4 +1,4 @@
-"""The notebooks and the examples of the documents run from top to bottom, in Jupyter and as apps."""
+"""The notebooks run from top to bottom, in Jupyter and as apps."""
 
 from __future__ import annotations
 
@@ -95,30 +95,3 @@ def test_the_filter_that_is_written_openly_is_the_compiled_one() -> None:
     assert (found.loc["difference"] < 1e-9).all()
     assert (found.loc["difference of σ"] < 1e-9).all()
     assert (found.loc["σ"] > 0.1).all()
-
-
-EXAMPLES = re.compile(r"```python\n(.*?)```", re.DOTALL)
-PAGES = ("README.md", *(f"docs/{path.name}" for path in sorted((ROOT / "docs").glob("*.md"))))
-WITH_EXAMPLES = [page for page in PAGES if EXAMPLES.search((ROOT / page).read_text("utf-8"))]
-
-
-@pytest.mark.parametrize("document", WITH_EXAMPLES)
-def test_the_examples_of_the_documents_run(
-    document: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.chdir(tmp_path)
-    names: dict[str, Any] = {}
-    for example in EXAMPLES.findall((ROOT / document).read_text("utf-8")):
-        exec(compile(example, document, "exec"), names)
-    if "result" in names:
-        assert len(names["result"].summary) >= 9
-    if "ensemble" in names:
-        assert names["ensemble"].nees.shape[0] == 20
-    if "rows" in names:
-        assert names["rows"][-1].model == "last fix"
-    assert {"answer", "result", "ensemble", "rows", "read", "experiment"} & names.keys()
-
-
-def test_the_first_example_is_ten_lines_long() -> None:
-    (example,) = EXAMPLES.findall((ROOT / "README.md").read_text("utf-8"))
-    assert len([line for line in example.splitlines() if line.strip()]) <= 10

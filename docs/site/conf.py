@@ -31,9 +31,11 @@ extensions = [
     "myst_parser",
     "sphinx.ext.autodoc",
     "sphinx.ext.napoleon",
+    "executed",
     "mathml",
     "percent",
     "settings_list",
+    "themed_pictures",
 ]
 source_suffix = {".md": "markdown", ".rst": "restructuredtext", ".py": "percent"}
 
@@ -56,6 +58,7 @@ html_theme = "pydata_sphinx_theme"
 html_title = "INS Lab"
 html_static_path = ["static"]
 html_css_files = ["site.css"]
+html_js_files = ["site.js"]
 html_extra_path = ["root"]
 html_math_renderer = "mathml"
 html_copy_source = False

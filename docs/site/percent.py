@@ -2,42 +2,53 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import jupytext
 from docutils import nodes
+from executed import Cell, executed
 from myst_parser.sphinx_ import Parser
 from sphinx.application import Sphinx
 
 FIRST_LINES = """{intro}
 
-*This page is the notebook `{name}`, which you can run: `jupyter lab` opens it.*
+*This page is the notebook `{name}.py`. Run it with `jupyter lab`: there, the sliders compute anew.*
 """
 
 
 class PercentParser(Parser):
-    """Reads cells of text as Markdown and cells of code as blocks of code."""
+    """Reads cells of text as Markdown, and cells of code as blocks of code with what they show."""
 
     supported = ("percent",)
 
     def parse(self, inputstring: str, document: nodes.document) -> None:
         """Parse a notebook into a document."""
-        super().parse(markdown(inputstring, document.settings.env.docname), document)
+        env = document.settings.env
+        if env.config.execute_notebooks:
+            cells = executed(Path(env.docname).name, inputstring, Path(env.config.notebook_cache))
+        else:
+            cells = [dict(cell) for cell in jupytext.reads(inputstring, fmt="py:percent").cells]
+        env.temp_data["cells"] = cells
+        super().parse(markdown(cells, env.docname), document)
 
 
-def markdown(source: str, name: str) -> str:
+def markdown(cells: list[Cell], name: str) -> str:
     """Return a notebook as Markdown.
 
     Parameters
     ----------
-    source
-        The Python file, with cells in the percent format.
+    cells
+        Its cells; the first is text.
     name
         Name of its page.
     """
-    cells = jupytext.reads(source, fmt="py:percent").cells
     parts = [
-        cell.source if cell.cell_type == "markdown" else f"```python\n{cell.source}\n```" for cell in cells
+        cell["source"]
+        if cell["cell_type"] == "markdown"
+        else f"```python\n{cell['source']}\n```\n\n```{{cell-outputs}} {number}\n```"
+        for number, cell in enumerate(cells)
     ]
-    return "\n\n".join((FIRST_LINES.format(intro=parts[0], name=f"{name}.py"), *parts[1:]))
+    return "\n\n".join((FIRST_LINES.format(intro=parts[0], name=name), *parts[1:]))
 
 
 def setup(app: Sphinx) -> dict[str, bool]:

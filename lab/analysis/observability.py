@@ -86,7 +86,7 @@ def manoeuvres(truth: Truth) -> list[Manoeuvre]:
     dt = float(truth.time[1] - truth.time[0])
     width = min(max(1, round(SMOOTHING / dt)), truth.time.size)
     north, east, down = truth.velocity_n.T
-    speed = north**2
+    speed = np.square(north, dtype=np.float64)
     speed += east**2
     speed += down**2
     np.sqrt(speed, out=speed)

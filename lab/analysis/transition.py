@@ -59,14 +59,14 @@ class Flight(NamedTuple):
     dt: float
 
     def between(self, first: int, last: int) -> Flight:
-        """Return the flight from one sample to another, with increments in float64."""
+        """Return the flight from one sample to another, all in float64."""
         samples, increments = slice(first, last + 1), slice(first, last)
         return Flight(
             self.latitude[samples],
             self.longitude[samples],
             self.height[samples],
-            self.velocity_n[samples],
-            self.q_nb[samples],
+            self.velocity_n[samples].astype(np.float64, copy=False),
+            self.q_nb[samples].astype(np.float64, copy=False),
             self.dtheta[increments].astype(np.float64, copy=False),
             self.dvelocity[increments].astype(np.float64, copy=False),
             self.dt,

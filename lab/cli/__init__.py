@@ -13,6 +13,8 @@ from lab.cli import (
     compare,
     export,
     fly,
+    grade,
+    homework,
     identify,
     import_flight,
     lesson,
@@ -43,5 +45,7 @@ app.command("delete")(missions.delete)
 app.command("cards", epilog=cards.EXAMPLES)(cards.list_cards)
 app.command("allan", epilog=allan.EXAMPLES)(allan.allan)
 app.add_typer(lesson.lesson, epilog=lesson.EXAMPLES)
+app.add_typer(homework.homework, epilog=homework.EXAMPLES)
+app.command("grade", epilog=grade.EXAMPLES)(grade.grade)
 app.add_typer(notebooks.notebooks, epilog=notebooks.EXAMPLES)
 app.command("warm", epilog=warm.EXAMPLES)(warm.warm)

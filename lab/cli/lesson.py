@@ -66,7 +66,8 @@ def check(
     ] = False,
 ) -> None:
     """Check the file of a lesson; the first thing that is wrong is reported, with the step and the key."""
-    from lab.lessons.lesson_file import LessonError, read_lesson  # noqa: PLC0415 - takes a second
+    from lab.lessons.fields import LessonError  # noqa: PLC0415 - takes a second
+    from lab.lessons.lesson_file import read_lesson  # noqa: PLC0415 - takes a second
 
     try:
         found = read_lesson(file)

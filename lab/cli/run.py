@@ -127,14 +127,19 @@ def run(
         navigators = algorithms([own] if own else None)
         result = chosen.run(progress, algorithm=next(iter(navigators.values()), None))
         if out is not None:
-            _write(result, out, force)
+            write_result(result, out, force)
         if export is not None:
             write(result, export, force, "--export")
         verdict = result.tried_verdict
     if as_json:
-        print_json(_facts(result, out, export))
+        print_json(facts(result, out, export))
     else:
-        print("\n\n".join((_errors(result), *_remarks(result), verdict_text(verdict))))
+        print(report(result, verdict))
+
+
+def report(result: Result, verdict: Verdict) -> str:
+    """Return a result as text: its errors, its remarks, and a verdict."""
+    return "\n\n".join((_errors(result), *_remarks(result), verdict_text(verdict)))
 
 
 def _set_log(chosen: Experiment, options: Mapping[str, float | str | None]) -> None:
@@ -148,14 +153,16 @@ def _set_log(chosen: Experiment, options: Mapping[str, float | str | None]) -> N
         chosen.set(_LOG_SETTINGS[option], value)
 
 
-def _write(result: Result, out: Path, force: bool) -> None:
+def write_result(result: Result, out: Path, force: bool) -> None:
+    """Write a result as netCDF; `CommandError` if it cannot be written."""
     try:
         result.to_netcdf(out, overwrite=force)
     except OSError as error:
         raise CommandError(f"--out {out}: cannot be written: {error.strerror or error}") from error
 
 
-def _facts(result: Result, out: Path | None, export: Path | None) -> dict[str, Any]:
+def facts(result: Result, out: Path | None, export: Path | None) -> dict[str, Any]:
+    """Return a result as data for JSON, with the files that were written."""
     return {
         "mission": result.experiment.mission,
         "seed": result.experiment.seed,

@@ -27,7 +27,7 @@ def further_states(run: Run) -> xr.Dataset:
         "estimate": (dims, solution.further * shown, "", "estimates of the further states"),
         "sigma": (dims, np.sqrt(solution.variance[:, first:]) * shown, "", "their σ"),
     }
-    if run.truth_arrays is not None and run.recorded is None:
+    if run.truth_arrays is not None and run.shows_sensor_errors:
         variables["truth"] = (dims, run.true_further() * shown, "", "their true values")
     return labelled(run, **variables).assign_coords(state=names, unit=("state", units))
 

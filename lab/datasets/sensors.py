@@ -31,7 +31,7 @@ def imu(run: Run) -> xr.Dataset:
         "angular_rate": (dims, turned * rate, "°/s", "measured angular rate"),
         "specific_force": (dims, gained * force, "m/s²", "measured specific force"),
     }
-    if ideal is not None:
+    if ideal is not None and run.shows_sensor_errors:
         variables |= {
             "angular_rate_true": (dims, ideal.dtheta * rate, "°/s", "true angular rate"),
             "specific_force_true": (dims, ideal.dvelocity * force, "m/s²", "true specific force"),
@@ -63,7 +63,7 @@ def gps(run: Run, projection: Projection) -> xr.Dataset:
         "northing": (("time_gps",), northing, "m", f"northing, {label}"),
         "velocity": (dims, east_north_up(fixes.velocity_n), "m/s", "velocity"),
     }
-    if run.recorded is None:
+    if run.shows_sensor_errors:
         variables |= {
             "position_error": (dims, fixes.position_error, "m", "position error of the fix"),
             "velocity_error": (dims, fixes.velocity_error, "m/s", "velocity error of the fix"),
@@ -84,7 +84,7 @@ def sensor_errors(run: Run) -> xr.Dataset:
             part = slice(3 * number, 3 * number + 3)
             for suffix, values, label in (
                 ("", estimate, "estimated"),
-                *([] if run.recorded else [("_true", true, "true")]),
+                *([("_true", true, "true")] if run.shows_sensor_errors else []),
                 ("_sigma", sigma, "σ of the estimated"),
             ):
                 shown = values[:, part] / TO_SI[unit]

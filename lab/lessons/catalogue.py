@@ -6,9 +6,10 @@ import os
 from pathlib import Path
 from typing import NamedTuple
 
+from lab.lessons.fields import LessonError
 from lab.lessons.gallery_lessons import gallery_lessons
 from lab.lessons.lesson import Lesson
-from lab.lessons.lesson_file import LessonError, read_lesson
+from lab.lessons.lesson_file import read_lesson
 
 SHIPPED = Path(__file__).with_name("shipped")
 MOST_FILES = 200

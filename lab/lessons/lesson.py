@@ -123,7 +123,7 @@ class Step:
     def _is_right(self, answer: str | float) -> bool:
         if isinstance(self.answer, str):
             return answer == self.answer
-        value = _number(answer)
+        value = number_typed(answer)
         return self.answer is not None and math.isfinite(value) and abs(value - self.answer) <= self.tolerance
 
 
@@ -166,7 +166,7 @@ class Lesson:
         return begun.update(self.settings).update(step.settings or {})
 
 
-def _number(answer: str | float) -> float:
+def number_typed(answer: str | float) -> float:
     """Return a number that was typed, with a point or a comma; NaN if it is none."""
     try:
         return float(answer.replace(",", ".").replace("−", "-") if isinstance(answer, str) else answer)

@@ -15,7 +15,7 @@ from collections.abc import Callable, Iterator, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from lab.histories import LONG
+from lab.histories import SINGLE
 from lab.navigation import strapdown
 from lab.navigation.aids import NO_AIDS, Aids
 from lab.navigation.blocks import LEVER_ARM
@@ -72,7 +72,7 @@ def navigate(
     PolarError
         If a north-slaved navigator comes closer than 0.1° to a pole.
     """
-    shown = np.float32 if imu.time.size > LONG else np.float64
+    shown = np.float32 if imu.time.size > SINGLE else np.float64
     solution = Solution.empty(imu.time.size, fixes.time.size, model.blocks, shown, aids.time.size)
     _fill(solution, imu, fixes, start, belief, schedule, model, stretches, aids)
     return solution
@@ -124,7 +124,7 @@ def _fill(
     aids: Aids = NO_AIDS,
 ) -> None:
     """Navigate a whole flight, and write the solution."""
-    is_long = imu.time.size > LONG
+    is_long = imu.time.size > SINGLE
     turned = turns(imu, fixes.time, belief.lever_arm, estimated=LEVER_ARM in model.blocks)
     run = Filter.begin(start, belief, float(imu.time[0]), model, turned=turned, aids=aids)
 

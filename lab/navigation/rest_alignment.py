@@ -87,7 +87,12 @@ class Aligned(NamedTuple):
 
 
 def begin(
-    start: Start, true: Start, sensors: SensorSuite, navigator: NavigatorSettings, seed: int
+    start: Start,
+    true: Start,
+    sensors: SensorSuite,
+    navigator: NavigatorSettings,
+    seed: int,
+    real: SensorSuite | None = None,
 ) -> Aligned:
     """Return the start of a simulated navigator, after its alignment if it has one.
 
@@ -99,12 +104,14 @@ def begin(
         The errors of the sensors; the filter, with the length of the rest.
     seed
         Seed of the run.
+    real
+        The errors that the sensors really have; by default, those that the filter assumes.
     """
     P, length = constant_errors(sensors, navigator), float(navigator.alignment)
     if not length:
         return Aligned(start, np.zeros(3), P, np.eye(21), np.zeros((21, 6)))
     P[np.diag_indices(21)] += np.concatenate((np.zeros(9), induced_variance(sensors), np.zeros(6)))
-    return align(start, P, means_of(sensors, seed, length, true))
+    return align(start, P, means_of(sensors if real is None else real, seed, length, true))
 
 
 def usual(sensors: SensorSuite, navigator: NavigatorSettings) -> FloatArray | None:

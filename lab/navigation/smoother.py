@@ -24,7 +24,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from lab.histories import LONG
+from lab.histories import SINGLE
 from lab.navigation.aids import NO_AIDS, Aids
 from lab.navigation.blocks import LEVER_ARM
 from lab.navigation.compilation import SOURCES, inline_kernel, kernel
@@ -113,7 +113,7 @@ def navigate(
     """
     assert schedule.stride == 1
     imu, fixes = read_only(imu), read_only(fixes)
-    is_long = imu.time.size > LONG
+    is_long = imu.time.size > SINGLE
     shown, at_once = (np.float32, 2 * GO) if is_long else (np.float64, GO)
     out = Solution.empty(imu.time.size, fixes.time.size, model.blocks, shown, aids.time.size)
     turned = turns(imu, fixes.time, belief.lever_arm, estimated=LEVER_ARM in model.blocks)

@@ -205,7 +205,7 @@ class Solution(NamedTuple):
         Estimates of the further states of the filter (`blocks`), in their order.
     variance : (n + 1, states) array
         Diagonal of P: the 15 states of every filter in the order of `error_models.STATES`, then those of its
-        blocks. For a long flight, bias, scale, further, variance and covariance are float32
+        blocks. For a long flight, all arrays over the samples except for the position are float32
         (`lab.histories`).
     covariance : (n + 1, 2, 3) array
         Elements (0, 1), (0, 2), (1, 2) of P's position and attitude blocks.
@@ -280,7 +280,7 @@ class Solution(NamedTuple):
         names
             Names of the further blocks of the filter.
         shown
-            Type of the arrays that are shown, not integrated: estimated errors and variances.
+            Type of the arrays, except for the position, which needs float64.
         aids
             How many measurements other than fixes there are.
         """
@@ -306,7 +306,8 @@ class Solution(NamedTuple):
         if shown == np.float64:
             parts = _block(samples, motion | others, shown)
         else:
-            parts = _block(samples, motion, np.float64) | _block(samples, others, shown)
+            position = {"position": motion.pop("position")}
+            parts = _block(samples, position, np.float64) | _block(samples, motion | others, shown)
         return cls(
             position=parts["position"].reshape(samples, 3),
             velocity_n=parts["velocity_n"].reshape(samples, 3),

@@ -56,11 +56,3 @@ class Invitation:
     steps: tuple[str, ...] = STEPS
     problem: str = ""
     left: float = 0.0
-
-
-def qr_code(text: str) -> tuple[tuple[bool, ...], ...]:
-    """Return the QR code of a text: rows of modules, True is dark, with a quiet zone of 4 modules."""
-    import segno  # noqa: PLC0415 - needed with phones only
-
-    code = segno.make_qr(text, error="m")
-    return tuple(tuple(bool(one) for one in row) for row in code.matrix_iter(border=4))

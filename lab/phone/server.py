@@ -19,7 +19,8 @@ from lab.phone.addresses import in_address, is_any, is_loopback, own_addresses
 from lab.phone.certificate import certificate_file
 from lab.phone.handlers import NothingHandler, PageHandler, PushHandler, SamplesHandler
 from lab.phone.hub import PhoneHub, Ticket
-from lab.phone.invitation import LOOPBACK, Invitation, qr_code
+from lab.phone.invitation import LOOPBACK, Invitation
+from lab.qr_code import qr_code
 
 IDLE: Final = 30.0
 """Time after which a connection without a request is closed [s]; the next one costs a phone 0.1 s."""
@@ -29,7 +30,7 @@ CONNECTIONS: Final = 256
 """Most connections at once: each phone holds one or two."""
 CONNECTIONS_EACH: Final = 64
 """Most connections from one address at once: a class behind one router holds 40."""
-MISSING: Final = "phones need cryptography and segno, which are not installed: pip install 'ins-lab[live]'"
+MISSING: Final = "phones need cryptography, which is not installed: pip install 'ins-lab[live]'"
 _HEAD: Final = 2**14
 """Most bytes of the head of a request."""
 _DRAINED: Final = 2**24

@@ -15,6 +15,7 @@ import panel as pn
 from lab.views.autocorrelation import AutocorrelationFigures
 from lab.views.budget import BudgetFigures
 from lab.views.figures import TimeAxis, TimeFigures
+from lab.views.notebook_theme import follow_theme
 from lab.views.quantities import (
     CONSISTENCY,
     COVARIANCE,
@@ -210,5 +211,7 @@ def grid(figures: list[figure], row: int) -> Any:
         ":host { display: grid !important; gap: 8px; height: auto !important; min-height: 0 !important; "
         f"grid-template-columns: {columns}; grid-auto-rows: {row}px; }}"
     )
+    for fig in figures:
+        follow_theme(fig)
     panes = [pn.pane.Bokeh(fig, sizing_mode="stretch_both", margin=0) for fig in figures]
     return pn.Column(*panes, sizing_mode="stretch_width", height=row, stylesheets=[style])

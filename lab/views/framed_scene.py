@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from contextlib import redirect_stdout
-from io import StringIO
+from collections.abc import Iterator
+from contextlib import contextmanager
 from typing import TYPE_CHECKING
 
+import rich
 import viser
 
 from lab.html_frame import HtmlFrame
@@ -17,10 +18,21 @@ if TYPE_CHECKING:
 
 def view3d(result: Result, *, dark: bool = True, height: int = 500) -> HtmlFrame:
     """Return the scene of a result; see `Result.view3d`."""
-    with redirect_stdout(StringIO()):  # viser prints its address, at which nobody needs to look
+    with _silence():
         server = viser.ViserServer(host="127.0.0.1", port=0, verbose=False)
         try:
             page = Scene(server, result, dark=dark).as_html(dark=dark)
         finally:
             server.stop()
     return HtmlFrame(page, f"{result.mission.title or result.mission.name} in three dimensions", height)
+
+
+@contextmanager
+def _silence() -> Iterator[None]:
+    """Keep viser from printing its address: nobody needs to look there."""
+    console = rich.get_console()
+    before, console.quiet = console.quiet, True
+    try:
+        yield
+    finally:
+        console.quiet = before

@@ -2,40 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from html import escape
-from itertools import groupby
 
 from lab.phone.invitation import Invitation
+from lab.qr_code import qr_svg
 
-QR_SIZE = 260
-"""Side of the QR code [px]: a phone reads it from half a metre."""
-
-
-def qr_svg(code: Sequence[Sequence[bool]], size: int = QR_SIZE) -> str:
-    """Return a QR code as SVG, dark on white in both colour schemes: not every camera reads the reverse.
-
-    Parameters
-    ----------
-    code
-        Rows of modules, True is dark, with the quiet zone.
-    size
-        Side [px].
-    """
-    path = []
-    for down, row in enumerate(code):
-        at = 0
-        for dark, run in groupby(row):
-            length = len(list(run))
-            if dark:
-                path.append(f"M{at} {down}h{length}v1h-{length}z")
-            at += length
-    side = len(code)
-    return (
-        f'<svg xmlns="http://www.w3.org/2000/svg" width="{size}" height="{size}" viewBox="0 0 {side} {side}" '
-        'shape-rendering="crispEdges" role="img" aria-label="QR code of the page for the phone">'
-        f'<rect width="{side}" height="{side}" fill="#fff"/><path d="{"".join(path)}" fill="#000"/></svg>'
-    )
+LABEL = "QR code of the page for the phone"
 
 
 def warning_svg(width: int = 300) -> str:
@@ -72,7 +44,7 @@ def invitation_html(invitation: Invitation) -> str:
     return (
         f"<div>{problem}<ol>{steps}</ol>"
         f'<div style="display:flex;flex-wrap:wrap;gap:24px;align-items:center">'
-        f"{qr_svg(invitation.qr)}{warning_svg()}</div>"
+        f"{qr_svg(invitation.qr, LABEL)}{warning_svg()}</div>"
         f"<p>{escape(invitation.warning)}</p>"
         f'<p style="overflow-wrap:anywhere"><code>{address}</code></p></div>'
     )

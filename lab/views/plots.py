@@ -14,6 +14,7 @@ import numpy as np
 import panel as pn
 
 from lab.views.envelope import envelope, limits, thin_path
+from lab.views.notebook_theme import theme_hook
 from lab.views.quantities import (
     AXIS_COLOURS,
     CONSISTENCY,
@@ -118,6 +119,7 @@ def ground_track(result: Result) -> hv.Overlay:
         padding=0.05,
         xformatter="%.0f",
         yformatter="%.0f",
+        hooks=[theme_hook],
     )
 
 
@@ -166,6 +168,7 @@ def _time_plot(result: Result, plot: TimePlot) -> hv.Overlay:
         legend_cols=4,
         legend_opts={"padding": 0, "margin": 0, "spacing": 8, "border_line_alpha": 0},
         fontsize={"title": 10, "labels": 9, "ticks": 8, "legend": 8},
+        hooks=[theme_hook],
     )
 
 
@@ -198,6 +201,7 @@ def _autocorrelation(result: Result, name: str, axis: int) -> hv.Overlay:
         xlabel="Lag [fixes]",
         ylabel="",
         ylim=(-0.6, 0.6),
+        hooks=[theme_hook],
         show_grid=True,
         fontsize={"title": 10, "labels": 9, "ticks": 8},
     )

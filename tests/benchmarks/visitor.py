@@ -51,7 +51,11 @@ class Visitor:
     Parameters
     ----------
     address
-        Address of the simulator.
+        Address of the simulator, without a slash at its end.
+    query
+        Query of the address.
+    cookie
+        Cookie of the browser, as ``name=value``; empty without one.
 
     Attributes
     ----------
@@ -60,8 +64,10 @@ class Visitor:
         there as well [s].
     """
 
-    def __init__(self, address: str) -> None:
+    def __init__(self, address: str, query: str = "", cookie: str = "") -> None:
         self._address = address
+        self._query = query
+        self._headers = {"Cookie": cookie} if cookie else {}
         self._text: list[str] = []
         self._slider: str | None = None
         self.framed = self.drawn = self.complete = 0.0
@@ -71,11 +77,13 @@ class Visitor:
     async def open(self) -> None:
         """Open the page and wait until it is complete."""
         begin = time.monotonic()
-        answer = await AsyncHTTPClient(force_instance=True).fetch(_request(self._address))
+        answer = await AsyncHTTPClient(force_instance=True).fetch(
+            self._request(f"{self._address}{self._query}")
+        )
         found = re.search(r'"token":"([^"]+)"', answer.body.decode())
         assert found is not None, "the page names no session"
         address = f"ws://{urlparse(self._address).netloc}{urlparse(self._address).path}/ws"
-        self._socket = await websocket_connect(_request(address), subprotocols=["bokeh", found[1]])
+        self._socket = await websocket_connect(self._request(address), subprotocols=["bokeh", found[1]])
         await self._receive("ACK")
         await self._send("PULL-DOC-REQ", {})
         await self._receive("PULL-DOC-REPLY")
@@ -135,6 +143,5 @@ class Visitor:
         assert fragment is not None, "the server has closed the connection"
         return fragment
 
-
-def _request(address: str) -> HTTPRequest:
-    return HTTPRequest(address, connect_timeout=PATIENCE, request_timeout=PATIENCE)
+    def _request(self, address: str) -> HTTPRequest:
+        return HTTPRequest(address, connect_timeout=PATIENCE, request_timeout=PATIENCE, headers=self._headers)

@@ -23,7 +23,20 @@ def test_alone_it_prints_help_with_every_command_and_examples() -> None:
 
 @pytest.mark.parametrize(
     "command",
-    ["missions", "run", "fly", "cards", "allan", "budget", "live", "lesson", "notebooks", "serve"],
+    [
+        "missions",
+        "run",
+        "fly",
+        "cards",
+        "allan",
+        "budget",
+        "live",
+        "lesson",
+        "homework",
+        "grade",
+        "notebooks",
+        "serve",
+    ],
 )
 def test_every_command_has_help(command: str) -> None:
     answer = ask(command, "--help")

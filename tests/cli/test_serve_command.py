@@ -40,7 +40,8 @@ def test_the_page_opens_where_there_is_a_screen(
     assert ask("serve", "--port", str(port), *flags).exit_code == 0
     expected = {"port": port, "address": "127.0.0.1", "show": show, "algorithms": ()}
     assert asked == [
-        expected | {"origins": (), "visitors": None, "password": None, "lessons": None, "warm": True}
+        expected
+        | {"origins": (), "visitors": None, "password": None, "lessons": None, "teacher": False, "warm": True}
     ]
 
 

@@ -12,8 +12,9 @@ from dashboards.page import PAGES as TABS
 from lab.gallery.faulty_experiment import FaultyExperiment
 from lab.lessons import lesson_file
 from lab.lessons.catalogue import Catalogue
+from lab.lessons.fields import LessonError
 from lab.lessons.lesson import PAGES
-from lab.lessons.lesson_file import OF_LESSON, OF_STEP, LessonError, read_lesson
+from lab.lessons.lesson_file import OF_LESSON, OF_STEP, read_lesson
 from lab.lessons.quantities import QUANTITIES
 from lab.lessons.trial import trials
 

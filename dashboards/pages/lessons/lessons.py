@@ -11,6 +11,7 @@ from bokeh.document import Document
 from dashboards.classroom import catalogue
 from dashboards.computing import LatestWins, Outcome, Progress, attempt
 from dashboards.pages.base import Page
+from dashboards.pages.lessons.homework_part import HomeworkPart
 from dashboards.pages.lessons.lesson_list import Key, LessonList
 from dashboards.pages.lessons.step_view import Actions, StepView
 from dashboards.pages.missions.entry_fields import WHOLE
@@ -77,6 +78,7 @@ class Lessons(Page):
     def make(self) -> pn.viewable.Viewable:
         """Return the list of lessons."""
         self._list = LessonList(self._open)
+        self._homework = HomeworkPart(self._session, self._homework_changed)
         self._step = StepView(Actions(self._apply, self._look, self._ask, self._turn, self._close_lesson))
         self._stage = pn.Column(margin=0, sizing_mode="stretch_width", stylesheets=[WHOLE])
         self._lay_out()
@@ -106,10 +108,30 @@ class Lessons(Page):
         """End the page; its periodic callback has ended with its document."""
         self._looking = None
         self._judging.close()
+        self._homework.end()
+
+    @property
+    def place(self) -> tuple[Key, int] | None:
+        """The open lesson, and the number of its step from 0; None while the list is shown."""
+        return None if self._lesson is None else (self._key, self._number)
+
+    def go(self, place: tuple[Key, int] | None) -> None:
+        """Open a step of a lesson, or the list, without applying settings: whoever calls this brings them."""
+        if place == self.place:
+            return
+        key, number = place or (("", ""), 0)
+        lesson = self._catalogue.find(*key) if place else None
+        if lesson is not None:
+            self._key, self._number = key, min(max(number, 0), len(lesson.steps) - 1)
+            self._begun.add((self._key, self._number))
+        self._lesson = lesson
+        self._lay_out()
 
     def _refresh(self) -> None:
         """Show what has changed in the files."""
         self._catalogue.refresh()
+        if self._homework.has_changed() and self._lesson is None:
+            self._lay_out()
         if self._catalogue.version == self._seen:
             return
         self._seen = self._catalogue.version
@@ -124,19 +146,24 @@ class Lessons(Page):
         self._lay_out()
 
     def _lay_out(self) -> None:
-        """Show the open step, or the list."""
-        if self._lesson is None:
+        """Show the open homework or step, or the list."""
+        views: list[pn.viewable.Viewable]
+        if self._homework.open is not None:
+            views = [self._homework.view]
+            self._session.remind(self._homework.reminder)
+        elif self._lesson is None:
             self._list.show(self._catalogue.entries, self._solved)
-            view: pn.viewable.Viewable = self._list.view
+            self._homework.show_list()
+            views = [self._homework.list_view, self._list.view]
             self._session.remind("")
         else:
             self._step.show(self._lesson, self._number, self._done)
-            view = self._step.view
+            views = [self._step.view]
             where = f"{self._lesson.title}, step {self._number + 1} of {len(self._lesson.steps)}"
             title = self._lesson.steps[self._number].title
             self._session.remind(f"{where}: {title}. The step is on the page Lessons.")
-        if self._stage.objects != [view]:
-            self._stage[:] = [view]
+        if self._stage.objects != views:
+            self._stage[:] = views
 
     @property
     def _done(self) -> set[int]:
@@ -150,11 +177,23 @@ class Lessons(Page):
         self._begun = {place for place in self._begun if place[0] != key}
         self._lay_out()
         self._begin()
+        self._session.acted()
 
     def _close_lesson(self) -> None:
         """Go back to the list; a hidden fault is turned off."""
         self._lesson = None
         self._lay_out()
+        self._turn_off()
+        self._session.acted()
+
+    def _homework_changed(self) -> None:
+        """Show a homework that was opened, or the list after it was closed."""
+        self._lay_out()
+        if self._homework.open is None:
+            self._turn_off()
+
+    def _turn_off(self) -> None:
+        """Turn off whatever is hidden."""
         if self._session.experiment.hidden:
             self._take(Experiment().update(self._session.experiment.to_dict()))
 
@@ -163,6 +202,7 @@ class Lessons(Page):
             self._number += by
             self._lay_out()
             self._begin()
+            self._session.acted()
 
     def _begin(self) -> None:
         """Apply the settings of a step when it is opened for the first time."""
@@ -224,5 +264,6 @@ class Lessons(Page):
             return
         if outcome.result.right:
             self._done.add(self._number)
+            self._session.solved(self._key, self._number)
             self._step.show_progress(self._lesson, self._number, self._done)
         self._step.say(outcome.result)

@@ -46,6 +46,11 @@ FAULTS: dict[str, dict[str, Any]] = {
 }
 """What a simulated device can be told to do wrong."""
 _FIELD: dict[str, Any] = {"size": "small", "variant": "outlined", "margin": (8, 4)}
+_AS_SMALL = """
+.MuiSelect-select.MuiSelect-select { padding-top: 8.5px; padding-bottom: 8.5px; min-height: 23px }
+.MuiInputLabel-root[data-shrink="false"] { transform: translate(14px, 9px) }
+"""
+"""Style of a choice of several, which has no size, like that of the other fields."""
 
 _OF_SIMULATED = (
     "The simulated device flies the mission of the settings with their sensors, and sends what they measure "
@@ -93,13 +98,14 @@ class SourceFields:
         self._rate = pmui.Select(
             label="Rate", options={f"{rate} Hz": rate for rate in RATES}, value=100, **_FIELD, **sized(100)
         )
+        size = sized(220)
         self._faults = pmui.MultiChoice(
             label="Misbehaviour",
             options=list(FAULTS),
             value=[],
             variant="outlined",
             margin=(8, 4),
-            **sized(220),
+            **size | {"stylesheets": [*size["stylesheets"], _AS_SMALL]},
         )
         self._protocol = pmui.Select(
             label="Protocol", options={"found out": "", **{name: name for name in DECODERS}}, value="",

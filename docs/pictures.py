@@ -1,0 +1,165 @@
+"""Pictures of the pages, light and dark, for the documents: `make pictures` writes ``docs/pictures/``.
+
+A server of its own is started, and Chromium opens each page on it. A picture is taken when the page has drawn
+what its words and curves say; nothing waits for a fixed time.
+"""
+
+from __future__ import annotations
+
+import argparse
+import io
+import os
+import shutil
+import socket
+import subprocess
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import NamedTuple
+
+from PIL import Image
+from playwright.sync_api import Browser, Page, expect, sync_playwright
+
+ROOT = Path(__file__).parent.parent
+FOLDER = ROOT / "docs/pictures"
+WIDTH, HEIGHT = 1440, 900
+"""Size of the window [px]: at most that of a laptop."""
+PATIENCE = 300_000
+"""Longest wait for what a page shows [ms]: a first run compiles the filter."""
+COLOURS = 255
+"""Colours of a picture. None differs by more than 12 of 255 from the page, and a file is a third as large."""
+ALIKE = 4
+"""Screenshots in a row that are alike before nothing moves: the themes of 20 buttons change one by one."""
+NAMES = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable", "chrome")
+"""Names of browsers that are looked for."""
+IDLE = "window.Bokeh && Bokeh.documents.length === 1 && Bokeh.documents[0].is_idle"
+TITLES = (
+    "Array.from(Bokeh.index.query((view) => view.model.title?.text)).map((view) => view.model.title.text)"
+)
+DRAWN = f"{IDLE} && Bokeh.documents[0].get_model_by_name('time:position_east')?.data.time?.length > 100"
+
+
+MONTREAL = "?mission=montreal&seed=7"
+
+
+class Picture(NamedTuple):
+    """A picture: the address of the page, its tab, the first figure there, and words that it shows."""
+
+    address: str
+    tab: str
+    figure: str
+    words: str
+
+
+PICTURES = {
+    "errors": Picture(MONTREAL + "&sensors.gps.outages=[[90,110]]", "Errors", "Position error, east [m]", ""),
+    "consistency": Picture(
+        MONTREAL + "&navigator.q_scale=0.1",
+        "Consistency",
+        "NEES: errors of all states, normalised",
+        "too small",
+    ),
+    "budget": Picture(MONTREAL, "Budget", "Parts of the variance of heading [%]", "At the end"),
+    "missions": Picture(MONTREAL, "Missions", "", "Over the Pacific"),
+    "lessons": Picture(MONTREAL, "Lessons", "", "Break it: one hidden fault in each"),
+}
+"""The pictures by the names of their files."""
+
+
+@contextmanager
+def served() -> Iterator[str]:
+    """Serve the dashboard with the missions that ship; yield its address."""
+    with socket.socket() as free:
+        free.bind(("127.0.0.1", 0))
+        port = str(free.getsockname()[1])
+    command = [sys.executable, "-m", "dashboards", "serve", "--no-browser", "--no-warm", "--port", port]
+    nobody = FOLDER / "no missions of one's own"
+    environment = {**os.environ, "INS_LAB_MISSIONS": str(nobody), "PYTHONPATH": str(ROOT)}
+    with subprocess.Popen(command, env=environment, stdout=subprocess.PIPE, text=True) as server:
+        try:
+            assert server.stdout is not None
+            next(line for line in server.stdout if port in line)
+            yield f"http://localhost:{port}/"
+        finally:
+            server.terminate()
+
+
+@contextmanager
+def browser() -> Iterator[Browser]:
+    """Start an installed Chromium or Chrome without a window."""
+    path = os.environ.get("INS_LAB_BROWSER") or next(filter(None, map(shutil.which, NAMES)), None)
+    if path is None:
+        sys.exit("no Chromium or Chrome found: install one, or name it in INS_LAB_BROWSER")
+    with sync_playwright() as playwright:
+        started = playwright.chromium.launch(executable_path=path, args=["--no-sandbox", "--disable-gpu"])
+        yield started
+        started.close()
+
+
+def draw(page: Page, wanted: Picture) -> None:
+    """Open a page, and wait until it has drawn its tab."""
+    page.goto(wanted.address)
+    page.wait_for_function(DRAWN)
+    tab = page.get_by_role("tab", name=wanted.tab, exact=True)
+    tab.click()
+    expect(tab).to_have_attribute("aria-selected", "true")
+    if wanted.figure:
+        page.wait_for_function(f"{TITLES}[0] === {wanted.figure!r}")
+        expect(page.locator("canvas").first).to_be_visible()
+    if wanted.words:
+        expect(page.get_by_text(wanted.words).first).to_be_visible()
+
+
+def darken(page: Page, title: str) -> None:
+    """Change to the dark theme, and wait until the page has changed."""
+    tab = page.get_by_role("tab", name=title, exact=True)
+    ink = tab.evaluate("element => getComputedStyle(element).color")
+    toggle = page.get_by_role("button", name="Toggle theme")
+    toggle.click()
+    toggle.blur()
+    expect(tab).not_to_have_css("color", ink)
+
+
+def photograph(page: Page, path: Path) -> None:
+    """Write what a page shows when all of its messages have come, and nothing moves any more."""
+    page.mouse.move(1, HEIGHT - 1)  # over no button, whose tooltip would be there
+    expect(page.get_by_role("tooltip")).to_have_count(0)
+    page.wait_for_function(IDLE)
+    seen = [b"", page.screenshot()]
+    while seen[-1] != seen[-2] or len(seen) < ALIKE:
+        seen = [*(seen if seen[-1] == seen[-2] else seen[-1:]), page.screenshot()]
+    picture = Image.open(io.BytesIO(seen[-1])).convert("RGB")
+    few = picture.quantize(COLOURS, method=Image.Quantize.MAXCOVERAGE, dither=Image.Dither.NONE)
+    few.save(path, optimize=True)
+
+
+def make(names: list[str], folder: Path) -> None:
+    """Write pictures, light and dark.
+
+    Parameters
+    ----------
+    names
+        Keys of `PICTURES`.
+    folder
+        Where the files ``NAME-light.png`` and ``NAME-dark.png`` are written.
+    """
+    folder.mkdir(exist_ok=True)
+    expect.set_options(timeout=PATIENCE)
+    with served() as address, browser() as chromium:
+        for name in names:
+            context = chromium.new_context(viewport={"width": WIDTH, "height": HEIGHT}, base_url=address)
+            context.set_default_timeout(PATIENCE)
+            page = context.new_page()
+            draw(page, PICTURES[name])
+            photograph(page, folder / f"{name}-light.png")
+            darken(page, PICTURES[name].tab)
+            photograph(page, folder / f"{name}-dark.png")
+            context.close()
+            print(f"{name}: light and dark")
+
+
+if __name__ == "__main__":
+    parser = argparse.ArgumentParser(description="Write the pictures of the documents.")
+    parser.add_argument("names", nargs="*", choices=[[], *PICTURES], help="all if none is named")
+    make(parser.parse_args().names or list(PICTURES), FOLDER)

@@ -1,0 +1,142 @@
+"""Executed notebooks: outputs of their cells, kept in ``build/notebooks`` until notebook or lab change.
+
+Plots are those that Jupyter shows, drawn by the scripts of Bokeh and Panel, which the site brings along.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import shutil
+from collections.abc import Iterator
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Any
+
+import bokeh
+import jupytext
+import panel
+from docutils import nodes
+from nbclient import NotebookClient
+from sphinx.application import Sphinx
+from sphinx.util import logging
+from sphinx.util.docutils import SphinxDirective
+
+ROOT = Path(__file__).parent.parent.parent
+SECONDS = 600
+"""Longest time of a cell [s]: the first run of a filter compiles it."""
+PANEL = Path(panel.__file__).parent / "dist"
+BOKEH = Path(bokeh.__file__).parent / "server/static/js"
+SCRIPTS = ("bokeh.min.js", "bokeh-widgets.min.js", "bokeh-tables.min.js")
+STYLES = ("css", "bundled/theme")
+"""Folders with the style sheets that outputs of Panel name."""
+NETWORK = f"https://cdn.holoviz.org/panel/{panel.__version__}/dist/"
+"""Where outputs look for style sheets; here they are beside the page."""
+LOADING = {"application/javascript", "application/vnd.holoviews_load.v0+json"}
+"""Kinds of output with which Jupyter loads scripts: the page has its own."""
+
+Cell = dict[str, Any]
+_log = logging.getLogger(__name__)
+
+
+def key(source: str) -> str:
+    """Return a text that changes with a notebook, with the lab and with what draws the plots."""
+    parts = [source, bokeh.__version__, panel.__version__]
+    parts += [path.read_text("utf-8") for path in sorted((ROOT / "lab").rglob("*.py"))]
+    return hashlib.sha256("\0".join(parts).encode()).hexdigest()[:16]
+
+
+def executed(name: str, source: str, cache: Path) -> list[Cell]:
+    """Return the cells of a notebook with their outputs.
+
+    Parameters
+    ----------
+    name
+        Name of the file without its suffix.
+    source
+        The notebook in the percent format.
+    cache
+        Folder of the outputs that are kept.
+
+    Raises
+    ------
+    nbclient.exceptions.CellExecutionError
+        If a cell fails.
+    """
+    kept = cache / f"{name}-{key(source)}.json"
+    if kept.exists():
+        return list(json.loads(kept.read_text("utf-8")))
+    _log.info("executing %s", name)
+    notebook = jupytext.reads(source, fmt="py:percent")
+    with TemporaryDirectory() as folder:
+        NotebookClient(notebook, timeout=SECONDS, resources={"metadata": {"path": folder}}).execute()
+    cells = [dict(cell) for cell in notebook.cells]
+    cache.mkdir(parents=True, exist_ok=True)
+    for old in cache.glob(f"{name}-*.json"):
+        old.unlink()
+    kept.write_text(json.dumps(cells), "utf-8")
+    return cells
+
+
+class CellOutputs(SphinxDirective):
+    """``{cell-outputs} N`` shows the outputs of a cell of the notebook that is read."""
+
+    required_arguments = 1
+
+    def run(self) -> list[nodes.Node]:
+        """Return the outputs."""
+        cell = self.env.temp_data["cells"][int(self.arguments[0])]
+        static = "../" * self.env.docname.count("/") + "_static/panel/"
+        shown: list[nodes.Node] = []
+        scripts = ""
+        for kind, found in outputs(cell):
+            text = found.replace(NETWORK, static)
+            if kind == "html":
+                if "docs_json" in text and not self.env.temp_data.get("has scripts"):
+                    self.env.temp_data["has scripts"] = True
+                    scripts = "".join(
+                        f'<script defer src="{static}{name}"></script>' for name in (*SCRIPTS, "panel.min.js")
+                    )
+                shown.append(nodes.raw("", f'{scripts}<div class="output">{text}</div>', format="html"))
+            else:
+                shown.append(nodes.literal_block(text, text, language="none", classes=["output"]))
+        return shown
+
+
+def outputs(cell: Cell) -> Iterator[tuple[str, str]]:
+    """Iterate over what a cell shows, as ``html`` or ``text``."""
+    found = cell.get("outputs", [])
+    if any(LOADING & set(one.get("data", {})) for one in found):
+        return
+    for one in found:
+        if one["output_type"] == "stream":
+            yield "text", one["text"]
+        data = one.get("data", {})
+        if "text/html" in data and "esms-options" not in data["text/html"]:
+            yield "html", data["text/html"]
+        elif "image/png" in data:
+            about = "Picture that the cell above draws"
+            yield "html", f'<img alt="{about}" src="data:image/png;base64,{data["image/png"].strip()}">'
+        elif "text/markdown" not in data and "text/html" not in data and "text/plain" in data:
+            yield "text", data["text/plain"]
+
+
+def bring_scripts(app: Sphinx, problem: Exception | None) -> None:
+    """Copy the scripts and style sheets that draw plots into the site."""
+    if problem or app.builder.format != "html":
+        return
+    folder = app.outdir / "_static/panel"
+    folder.mkdir(parents=True, exist_ok=True)
+    for path in (*(BOKEH / name for name in SCRIPTS), PANEL / "panel.min.js"):
+        shutil.copy(path, folder / path.name)
+    for name in STYLES:
+        shutil.copytree(PANEL / name, folder / name, dirs_exist_ok=True)
+
+
+def setup(app: Sphinx) -> dict[str, bool]:
+    """Register the directive and the setting."""
+    app.add_config_value("execute_notebooks", True, "env", types=bool)
+    app.add_config_value("notebook_cache", str(ROOT / "build/notebooks"), "env", types=str)
+    app.add_directive("cell-outputs", CellOutputs)
+    app.connect("build-finished", bring_scripts)
+    return {"parallel_read_safe": True, "parallel_write_safe": True}

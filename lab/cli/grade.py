@@ -1,0 +1,72 @@
+"""``ins-lab grade``: the hand-ins of a homework become a table."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from lab.cli.app import CommandError, working
+from lab.cli.options import Force, check_out
+from lab.counted import counted
+
+EXAMPLES = """\b
+Examples:
+  ins-lab grade handed_in --key receiver.key
+  ins-lab grade handed_in --key receiver.key --out grades.csv"""
+
+
+def grade(
+    folder: Annotated[
+        Path, typer.Argument(metavar="FOLDER", help="The folder with the hand-ins.", show_default=False)
+    ],
+    key: Annotated[
+        Path, typer.Option("--key", metavar="FILE.key", help="The key of the homework.", show_default=False)
+    ],
+    out: Annotated[
+        Path | None,
+        typer.Option(
+            "--out",
+            metavar="FILE.csv",
+            help="Write the table to a file instead of standard output.",
+            show_default=False,
+        ),
+    ] = None,
+    force: Force = False,
+) -> None:
+    """Grade the hand-ins of a homework: run their settings, and compare their answers, in a row each."""
+    from lab.homework.grading import (  # noqa: PLC0415 - slow
+        GRADED,
+        GradingError,
+        check_folder,
+        columns,
+        csv_text,
+        files_of,
+    )
+    from lab.homework.grading import grade as rows_of  # noqa: PLC0415 - slow
+    from lab.homework.homework_file import read_key  # noqa: PLC0415 - slow
+    from lab.homework.sealing import SealError  # noqa: PLC0415 - slow
+    from lab.lessons.fields import LessonError  # noqa: PLC0415 - slow
+    from lab.recordings.atomic_file import atomic_file  # noqa: PLC0415 - slow
+
+    check_out(out, force, ".csv", "a table", "--out")
+    try:
+        keyed = read_key(key)
+        check_folder(folder)
+        files = files_of(folder, (key, *([out] if out is not None else [])))
+    except (LessonError, SealError, GradingError) as error:
+        raise CommandError(str(error)) from error
+    if not files:
+        raise CommandError(f"{folder}: is empty; accepted is a folder with hand-ins")
+    with working(folder.name) as progress:
+        rows = rows_of(files, keyed, progress)
+    text = csv_text(columns(keyed.judge), rows)
+    if out is None:
+        sys.stdout.buffer.write(text.encode()) if hasattr(sys.stdout, "buffer") else print(text, end="")
+    else:
+        with atomic_file(out) as file:
+            file.write(text.encode())
+    done = sum(row["status"] == GRADED for row in rows)
+    print(f"ins-lab: {counted(len(rows), 'file')}, {done} graded", file=sys.stderr)

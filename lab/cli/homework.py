@@ -1,0 +1,260 @@
+"""``ins-lab homework``: make a homework; read it, work with it, and hand it in."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from lab.cli.app import CommandError, Commands, print_json, working
+from lab.cli.options import AsJson, Assignments, Config, Force, Seed, check_out
+
+if TYPE_CHECKING:
+    from lab.homework.hidden_experiment import HiddenExperiment
+    from lab.homework.homework import Homework
+
+EXAMPLES = """\b
+Examples:
+  ins-lab homework make receiver.toml --out receiver.homework
+  ins-lab homework show receiver.homework
+  ins-lab homework run receiver.homework --set navigator.latency=0.1
+  ins-lab homework hand-in receiver.homework --name "Ada Lovelace" \\
+      --set navigator.latency=0.1 --fault "fixes that come late" --out ada.handin
+  ins-lab grade handed_in --key receiver.key --out grades.csv
+  ins-lab serve --homework my_keys"""
+
+homework = typer.Typer(
+    name="homework",
+    cls=Commands,
+    help="Homework with hidden settings: make it, work with it, hand it in.",
+    rich_markup_mode=None,
+    pretty_exceptions_enable=False,
+    no_args_is_help=True,
+)
+
+TheHomework = Annotated[
+    Path, typer.Argument(metavar="FILE", help="The homework, a .homework file.", show_default=False)
+]
+
+
+@homework.command("make")
+def make(
+    source: Annotated[
+        Path,
+        typer.Argument(metavar="HOMEWORK.toml", help="The homework as you wrote it.", show_default=False),
+    ],
+    out: Annotated[
+        Path,
+        typer.Option("--out", metavar="FILE.homework", help="The file for the students.", show_default=False),
+    ],
+    key: Annotated[
+        Path | None,
+        typer.Option(
+            "--key",
+            metavar="FILE.key",
+            help="The key, which you keep; by default beside the other file. It is never replaced.",
+            show_default=False,
+        ),
+    ] = None,
+    force: Force = False,
+) -> None:
+    """Make a homework: a file for the students, and a key for you, which contains the solutions."""
+    from lab.homework.homework_file import homework_text, make_homework, write_key  # noqa: PLC0415 - slow
+    from lab.recordings.atomic_file import atomic_file  # noqa: PLC0415 - slow
+
+    check_out(out, force, ".homework", "a homework", "--out")
+    kept = out.with_suffix(".key") if key is None else key
+    if kept.suffix != ".key":
+        raise CommandError(f"--key {kept}: accepted is the name of a key, ending in .key")
+    made = _read(lambda: make_homework(source))
+    try:
+        write_key(kept, made)
+    except FileExistsError as error:
+        raise CommandError(
+            f"--key {kept}: exists already, and a key is never replaced: it grades what was handed in; name "
+            "another one with --key"
+        ) from error
+    with atomic_file(out) as file:
+        file.write(homework_text(made).encode())
+    print(f"{out}: for the students: {made.homework.title} ({made.homework.name})")
+    print(f"{kept}: for you alone: it contains the solutions, and `ins-lab grade` needs it")
+
+
+@homework.command("show")
+def show(file: TheHomework, as_json: AsJson = False) -> None:
+    """Show a homework: its text, its questions, and which settings you may change."""
+    found = _open(file)
+    if as_json:
+        print_json(_facts(found))
+        return
+    lines = [f"{found.title} ({found.name})", "", found.text, ""]
+    lines += ["You may change: " + (", ".join(found.scenario.change) or "nothing"), ""]
+    if found.names_faults:
+        lines += [f"Which faults are hidden? ({_points(found.fault_points)}) --fault takes any of:"]
+        lines += [f"  {title}" for title in _titles()]
+    for number, question in enumerate(found.questions, 1):
+        lines += ["", f"{number}. {question.text} ({_points(question.points)})"]
+        lines += [f"  {choice}" for choice in question.choices]
+    goals = [goal for goal in found.goals if goal.text]
+    if goals:
+        lines += ["", "The result of your settings should reach:"]
+        lines += [f"  {goal.text} ({_points(goal.points)})" for goal in goals]
+    print("\n".join(lines))
+
+
+@homework.command("run")
+def run(
+    file: TheHomework,
+    config: Config = None,
+    assignments: Assignments = None,
+    seed: Seed = None,
+    out: Annotated[
+        Path | None,
+        typer.Option(
+            "--out", metavar="FILE.nc", help="Write the whole result as netCDF.", show_default=False
+        ),
+    ] = None,
+    force: Force = False,
+    as_json: AsJson = False,
+) -> None:
+    """Navigate the flight of a homework with your settings; show the errors and the verdict."""
+    from lab.cli.run import facts, report, write_result  # noqa: PLC0415 - slow
+
+    check_out(out, force, ".nc", "a netCDF file", "--out")
+    chosen = _experiment(_open(file), config, assignments)
+    if seed is not None:
+        chosen.set("seed", seed)
+    with working(file.name) as progress:
+        result = chosen.run(progress)
+        if out is not None:
+            write_result(result, out, force)
+        verdict = result.tried_verdict
+    if as_json:
+        print_json(facts(result, out, None))
+    else:
+        print(report(result, verdict))
+
+
+@homework.command("hand-in")
+def hand_in(
+    file: TheHomework,
+    name: Annotated[str, typer.Option("--name", metavar="NAME", help="Your name.", show_default=False)],
+    out: Annotated[
+        Path,
+        typer.Option("--out", metavar="FILE.handin", help="The file that you hand in.", show_default=False),
+    ],
+    config: Config = None,
+    assignments: Assignments = None,
+    faults: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--fault", metavar="TITLE", help="A fault that is hidden; may be repeated.", show_default=False
+        ),
+    ] = None,
+    answers: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--answer",
+            metavar="N=ANSWER",
+            help="The answer to question N; may be repeated.",
+            show_default=False,
+        ),
+    ] = None,
+    force: Force = False,
+) -> None:
+    """Write the file that you hand in: your name, your settings and your answers, sealed for the teacher."""
+    from lab.homework.hand_in import SUFFIX, HandInError, write_hand_in  # noqa: PLC0415 - slow
+    from lab.homework.hand_in import hand_in as made  # noqa: PLC0415 - slow
+
+    check_out(out, force, SUFFIX, "a hand-in", "--out")
+    found = _open(file)
+    chosen = _experiment(found, config, assignments)
+    try:
+        handed = made(found, name, chosen, tuple(faults or ()), _answers(found, answers or ()))
+    except HandInError as error:
+        raise CommandError(f"the hand-in {error}") from error
+    write_hand_in(out, found, handed, overwrite=force)
+    print(f"{out}: {handed.name}, {found.title}")
+    changed = ", ".join(f"{path}={value}" for path, value in handed.changes.items())
+    print(f"settings: {changed or 'as in the homework'}")
+    if found.names_faults:
+        print(f"faults: {', '.join(handed.faults) or 'none'}")
+    for number, answer in enumerate(handed.answers, 1):
+        print(f"answer {number}: {answer or 'none'}")
+
+
+def _open(file: Path) -> Homework:
+    from lab.homework.homework_file import read_homework  # noqa: PLC0415 - slow
+
+    found: Homework = _read(lambda: read_homework(file))
+    return found
+
+
+def _read(reading: Any) -> Any:
+    """Return what is read; a problem becomes a message."""
+    from lab.homework.sealing import SealError  # noqa: PLC0415 - slow
+    from lab.lessons.fields import LessonError  # noqa: PLC0415 - slow
+
+    try:
+        return reading()
+    except (LessonError, SealError) as error:
+        raise CommandError(str(error)) from error
+
+
+def _experiment(found: Homework, config: Path | None, assignments: Sequence[str] | None) -> HiddenExperiment:
+    """Return the experiment with the student's settings."""
+    from lab.settings import SettingError  # noqa: PLC0415 - beside the others
+    from lab.toml_file import TomlError, read_toml  # noqa: PLC0415 - beside the others
+
+    chosen = found.experiment()
+    if config is not None:
+        try:
+            chosen.update(read_toml(config))
+        except (TomlError, SettingError) as error:
+            raise CommandError(f"{config}: {error}") from error
+    chosen.set_texts(assignments or [])
+    found.scenario.changes(chosen)
+    return chosen
+
+
+def _answers(found: Homework, given: Sequence[str]) -> tuple[str, ...]:
+    """Return the answers in the order of the questions."""
+    answers = [""] * len(found.questions)
+    for text in given:
+        number, sign, answer = text.partition("=")
+        if not sign or not number.strip().isdecimal() or not 1 <= int(number) <= len(answers):
+            raise CommandError(
+                f"--answer {text[:60]}: accepted is N=ANSWER, with N from 1 to {len(answers)}"
+                if answers
+                else f"--answer {text[:60]}: this homework has no questions besides the faults"
+            )
+        answers[int(number) - 1] = answer.strip()
+    return tuple(answers)
+
+
+def _titles() -> tuple[str, ...]:
+    from lab.homework.homework import fault_titles  # noqa: PLC0415 - slow
+
+    return fault_titles()
+
+
+def _points(points: float) -> str:
+    return f"{points:g} point{'' if points == 1 else 's'}"
+
+
+def _facts(found: Homework) -> dict[str, Any]:
+    return {
+        "title": found.title,
+        "name": found.name,
+        "text": found.text,
+        "settings": dict(found.scenario.settings),
+        "change": list(found.scenario.change),
+        "faults": list(_titles()) if found.names_faults else None,
+        "questions": [
+            {"text": one.text, "choices": list(one.choices), "points": one.points} for one in found.questions
+        ],
+        "goals": [{"text": one.text, "points": one.points} for one in found.goals],
+        "points": found.best,
+    }

@@ -1,0 +1,82 @@
+"""A class in browsers: the QR code, a phone that follows, wanders off and returns, and large type."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import pytest
+from playwright.sync_api import Browser, Page, expect
+
+from tests.browser.conftest import DRAWN, new_context, watched
+from tests.security.conftest import serving
+
+pytestmark = pytest.mark.browser
+
+PHONE = {
+    "viewport": {"width": 390, "height": 844},
+    "is_mobile": True,
+    "has_touch": True,
+    "user_agent": "Mozilla/5.0 (Linux; Android 14) Mobile Safari/537.36",
+}
+FLIGHT = "mission=los_angeles&trajectory.imu_rate=50"
+TIME = "Bokeh.documents[0].get_model_by_name('time cursor').location"
+TITLE_SIZE = """parseFloat(
+    [...Bokeh.documents[0].all_models].find((model) => model.type === "Title").text_font_size)"""
+
+
+def bar(page: Page, text: str) -> None:
+    """Wait until the line of the class says something."""
+    expect(page.get_by_text(text)).to_be_visible()
+
+
+def test_a_phone_follows_wanders_off_and_returns(chromium: Browser, tmp_path: Path) -> None:
+    complaints: list[str] = []
+    with serving(tmp_path, "--address", "0.0.0.0", "--teacher") as served:
+        address = f"http://127.0.0.1:{served.port}"
+        found = re.search(r"/teach\?key=[\w-]+", served.log.read_text())
+        assert found is not None
+        teacher = watched(chromium, address + "/", complaints)
+        teacher.goto(address + found[0])
+        assert "key" not in teacher.url
+        teacher.goto(f"{address}/?{FLIGHT}")
+        teacher.wait_for_function(DRAWN)
+        teacher.get_by_role("button", name="Start a class").click()
+        code = teacher.get_by_role("img", name="QR code of the link for students")
+        box = code.bounding_box()
+        assert box is not None
+        assert box["width"] == pytest.approx(box["height"], abs=1)
+        assert box["width"] > 400  # readable from the last row
+        link = teacher.locator(".link").inner_text()
+        assert re.fullmatch(rf"http://[\d.:a-f\[\]]+:{served.port}/\?class=[a-z2-9]{{6}}", link)
+        teacher.keyboard.press("Escape")
+        phone = new_context(chromium, **PHONE).new_page()
+        phone.goto(f"{address}/?{link.rpartition('?')[2]}")
+        phone.wait_for_function(DRAWN)
+        bar(phone, "You follow your teacher.")
+        bar(teacher, "follow")
+        teacher.get_by_role("tab", name="Height", exact=True).click()
+        teacher.evaluate(f"{TIME} = 42")
+        phone.wait_for_function(f"{TIME} === 42")
+        expect(phone.get_by_role("tab", name="Height", exact=True)).to_have_attribute("aria-selected", "true")
+        phone.get_by_role("tab", name="Ground track", exact=True).click()
+        bar(phone, "You are on your own.")
+        teacher.get_by_role("tab", name="Errors", exact=True).click()
+        teacher.wait_for_function(DRAWN)
+        expect(phone.get_by_role("tab", name="Ground track", exact=True)).to_have_attribute(
+            "aria-selected", "true"
+        )
+        phone.get_by_role("button", name="Return to the teacher").click()
+        phone.wait_for_function(DRAWN)
+        bar(phone, "You follow your teacher.")
+        assert phone.evaluate("document.documentElement.scrollWidth") <= 390
+        size = teacher.evaluate(TITLE_SIZE)
+        teacher.get_by_role("button", name="Projector").click()
+        teacher.wait_for_function(f"({TITLE_SIZE}) === {1.5 * size}")
+        expect(teacher.get_by_role("combobox", name="Mission")).not_to_be_visible()
+        teacher.get_by_role("button", name="Close the class").click()
+        bar(phone, "The class has ended.")
+        phone.context.close()
+        teacher.context.close()
+        assert "Traceback" not in served.log.read_text()
+    assert complaints == []

@@ -1,0 +1,54 @@
+"""Notebook theme: the figures of a notebook turn dark with JupyterLab, and light again."""
+
+from __future__ import annotations
+
+import re
+
+import holoviews as hv
+import pytest
+from bokeh.embed import file_html
+from bokeh.plotting import figure
+from bokeh.resources import INLINE
+from playwright.sync_api import Browser, expect
+
+from lab import Experiment
+from lab.views.explorer import Explorer
+from lab.views.notebook_theme import follow_theme
+from lab.views.plots import errors, ground_track, innovations
+from tests.browser.conftest import new_context
+
+pytestmark = pytest.mark.browser
+
+INVERTED = re.compile("invert")
+
+
+@pytest.mark.parametrize("begins", ["true", "false"])
+def test_a_figure_has_the_theme_of_jupyterlab_and_follows_it(chromium: Browser, begins: str) -> None:
+    drawn = figure(width=300, height=200)
+    drawn.line([0, 1], [0, 1])
+    follow_theme(drawn)
+    follow_theme(drawn)
+    text = file_html(drawn, INLINE).replace("<body>", f'<body data-jp-theme-light="{begins}">')
+    page = new_context(chromium).new_page()
+    page.set_content(text)
+    shown = page.locator(".bk-Figure")
+    for light in (begins, "false", "true", "false"):
+        page.evaluate(f"document.body.dataset.jpThemeLight = '{light}'")
+        if light == "false":
+            expect(shown).to_have_css("filter", INVERTED)
+        else:
+            expect(shown).not_to_have_css("filter", INVERTED)
+    page.context.close()
+
+
+def test_all_figures_of_a_result_follow() -> None:
+    experiment = Experiment(mission="los_angeles", seed=1)
+    experiment.trajectory.imu_rate = 50
+    result = experiment.run()
+    explorer = Explorer(result)
+    figures = list(explorer.tabs.get_root().select({"type": figure}))
+    for plot in (errors, innovations, ground_track):
+        figures += hv.render(plot(result)).select({"type": figure})
+    assert len(figures) > 9 + 6 + 6
+    for one in figures:
+        assert one.js_property_callbacks.keys() == {"change:inner_width"}, one.title.text

@@ -1,0 +1,111 @@
+"""Files, folders and missions that the documents name as the reader's: what makes each of them."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from copter_logs import copter
+from document_code import ROOT, blocks
+from sensor_logs import EPOCH, IMU, Tables, tables, write, write_csv
+from typer.testing import CliRunner
+from writers import WRITERS
+from xplane_simulator import montreal
+
+from dashboards.command_line import app
+from lab.missions import add_mission
+
+
+def toml_of(document: str, number: int) -> str:
+    """Return the text of a TOML block of a document."""
+    found = [block.text for block in blocks(ROOT / document) if block.language == "toml"]
+    return found[number]
+
+
+def written(path: Path, content: str | bytes) -> None:
+    path.write_bytes(content.encode() if isinstance(content, str) else content)
+
+
+def drive(path: Path) -> None:
+    """Write a log at 25 Hz, with a clock that begins at 20 s."""
+    imu, gnss, reference = tables(20, 110)
+    for table in (imu, gnss, reference):
+        table[:, 0] -= EPOCH
+    write(path, Tables(imu[::4], gnss, reference))
+
+
+def at_rest(path: Path) -> None:
+    """Write five minutes of an IMU at rest."""
+    rng = np.random.default_rng(1)
+    rows = rng.normal(scale=[1e-3] * 3 + [1e-2] * 3, size=(30_000, 6)) - [0, 0, 0, 0, 0, 9.8]
+    write_csv(path, IMU, np.column_stack((np.arange(30_000) / 100, rows)))
+
+
+def algorithm(path: Path) -> None:
+    """Write the algorithm of the document under the name that its command lines have."""
+    (block,) = (block for block in blocks(ROOT / "docs/algorithms.md") if block.language == "python")
+    written(path, block.text.partition("\n\n\nresult")[0].replace("LastFix", "MyFilter"))
+
+
+def made_homework(path: Path) -> None:
+    """Make the homework of the document, with its key beside it."""
+    path.with_suffix(".key").unlink(missing_ok=True)
+    make_files("receiver.toml", path.parent)
+    answered(["homework", "make", "receiver.toml", "--out", path.name])
+
+
+def handed_in(path: Path) -> None:
+    """Write a folder with what one student hands in."""
+    path.mkdir()
+    make_files("receiver.homework", path.parent)
+    answered(
+        ["homework", "hand-in", "receiver.homework", "--name", "Ada", "--out", f"{path.name}/ada.handin"]
+    )
+
+
+def answered(arguments: list[str]) -> None:
+    """Run a command in the folder of the reader."""
+    answer = CliRunner().invoke(app, arguments)
+    assert answer.exit_code == 0, answer.output
+
+
+MOTION = """ini lat (deg),ini lon (deg),ini alt (m),ini vx_body (m/s),ini vy_body (m/s),ini vz_body (m/s),\
+ini yaw (deg),ini pitch (deg),ini roll (deg)
+32,120,0,10,0,0,90,0,0
+command type,yaw (deg),pitch (deg),roll (deg),vx_body (m/s),vy_body (m/s),vz_body (m/s),command duration (s),\
+GPS visibility
+1,-15,0,0,0,0,0,6,1
+5,0,0,0,20,0,0,30,1
+"""
+FILES: dict[str, Callable[[Path], Any]] = {
+    "Data.txt": lambda path: written(path, WRITERS["X-Plane Data.txt"](montreal(60))),
+    "Data.csv": lambda path: written(path, WRITERS["MSFS/FSX fsLogger csv"](montreal(60))),
+    "flight.ulg": lambda path: written(path, WRITERS["PX4 ULog"](montreal(60))),
+    "my_flight.csv": lambda path: written(path, WRITERS["INS Lab flight csv"](montreal(60))),
+    "my_drive": drive,
+    "drive": drive,
+    "my_copter": lambda path: write(path, copter()),
+    "imu.csv": at_rest,
+    "settings.toml": lambda path: written(path, toml_of("docs/settings.md", 0)),
+    "eight.toml": lambda path: written(path, toml_of("docs/flying.md", 0)),
+    "my_plan.toml": lambda path: written(path, toml_of("missions/README.md", 3)),
+    "motion_def.csv": lambda path: written(path, MOTION),
+    "my_filter.py": algorithm,
+    "my_lesson.toml": lambda path: written(path, toml_of("docs/lessons.md", 0)),
+    "my_lessons": lambda path: (path.mkdir(), written(path / "mine.toml", toml_of("docs/lessons.md", 0))),
+    "receiver.toml": lambda path: written(path, toml_of("docs/homework.md", 0)),
+    "receiver.homework": made_homework,
+    "handed_in": handed_in,
+    "mine": lambda path: add_mission(montreal(60), path.name, title="Mine"),
+}
+"""What makes the reader's files, folders and missions, by their name in the documents."""
+
+
+def make_files(text: str, folder: Path) -> None:
+    """Make the files of `FILES` that a text names and the folder in which commands run lacks."""
+    for word in dict.fromkeys(re.findall(r"[\w.]+", text)):
+        if word in FILES and not (folder / word).exists():
+            FILES[word](folder / word)
