@@ -29,7 +29,9 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from lab import ecef
 from lab.analysis import feedforward
+from lab.analysis.error_axes import output_map
 from lab.analysis.error_sources import (
     ACCELEROMETER,
     GPS_POSITION,
@@ -47,7 +49,6 @@ from lab.east_north_up import NED_TO_ENU, east_north_up_sizes
 from lab.navigation import blocks
 from lab.navigation.checks import OTHER
 from lab.navigation.error_models import ATT, MODELS, POS, STATES, VEL
-from lab.navigation.strapdown import MAX_LATITUDE
 from lab.rotation import euler_from_quaternion, euler_jacobian
 from lab.run import Run
 from lab.sensors.gps import within
@@ -57,8 +58,6 @@ from lab.units import TO_SI
 
 if TYPE_CHECKING:
     import xarray as xr
-
-    from lab.trajectory import Truth
 
 FloatArray = NDArray[np.float64]
 
@@ -133,22 +132,10 @@ def _check(run: Run) -> None:
             f"navigator.model = {model!r}: the error budget needs the gains of a linear model; accepted here "
             f"is one of {', '.join(MODELS)}"
         )
-    check_latitude(run.known_truth("budget"))
     check_gains(run)
     check_states(run)
     check_rest(run)
     check_feedforward(run)
-
-
-def check_latitude(flight: Truth) -> None:
-    """Raise `SettingError` for flights too close to a pole for errors in north, east, down."""
-    highest = float(max(flight.latitude.max(), -flight.latitude.min()))
-    if highest > MAX_LATITUDE:
-        raise SettingError(
-            f"mission: the flight reaches latitude {np.degrees(highest):.3f}°, and this analysis follows "
-            "errors in north, east, down, and these axes turn too fast there; accepted here are flights up "
-            "to 89.9°"
-        )
 
 
 def check_gains(run: Run) -> None:
@@ -235,6 +222,7 @@ class _Propagation:
         (truth, ideal), belief = run.true_flight("budget"), run.belief
         self.flight = Flight(
             truth.latitude,
+            truth.longitude,
             truth.height,
             truth.velocity_n,
             truth.q_nb,
@@ -267,6 +255,8 @@ class _Propagation:
         self.widths += [1] * len(known)
         self.columns = np.zeros((self.waiting.stop, sum(self.widths)))
         self.columns[:n, : self.drawn] = np.concatenate([source.start for source in constants], axis=1)
+        self.columns[:NAV] = np.linalg.solve(self._maps(np.zeros(1, dtype=np.int64))[0], self.columns[:NAV])
+        self.fix_axes = ecef.axes(*run.fixes.position[:, :2].T)
         errors = run.experiment.sensors.gps
         bad = within(errors.quality_steps, run.fixes.time)
         self.grade = np.where(bad, errors.quality_factor, 1.0)
@@ -280,7 +270,7 @@ class _Propagation:
         out = np.zeros((len(self.widths) + len(self.processes), int(epochs.last.sum()), self.states))
         room = Transition.empty(len(self.inertial), len(self.known))
         before, row = 0, 0
-        self.jacobian = dict(zip(epochs.sample.tolist(), self._jacobians(epochs.sample), strict=True))
+        self.map = dict(zip(epochs.sample.tolist(), self._quantities(epochs.sample), strict=True))
         for sample, fix, last in zip(*(part.tolist() for part in epochs), strict=True):
             self._propagate(before, sample, room)
             if fix >= 0:
@@ -291,9 +281,18 @@ class _Propagation:
             before = sample
         return out
 
-    def _jacobians(self, samples: NDArray[np.int64]) -> FloatArray:
-        """Return the Jacobians (m, 3, 3) of the Euler angles at some samples."""
-        return euler_jacobian(euler_from_quaternion(self.flight.q_nb[samples]))
+    def _maps(self, samples: NDArray[np.int64]) -> FloatArray:
+        """Return the maps (m, 9, 9) from errors in e to output errors at some samples of the true flight."""
+        flight = self.flight
+        place = (flight.latitude[samples], flight.longitude[samples], flight.height[samples])
+        return output_map(np.stack(place, axis=-1), flight.velocity_n[samples])
+
+    def _quantities(self, samples: NDArray[np.int64]) -> FloatArray:
+        """Return the maps (m, 9, 9) from errors in e to the quantities at some samples."""
+        T = np.zeros((samples.size, NAV, NAV))
+        T[:, POS, POS] = T[:, VEL, VEL] = NED_TO_ENU
+        T[:, ATT, ATT] = euler_jacobian(euler_from_quaternion(self.flight.q_nb[samples]))
+        return np.asarray(T @ self._maps(samples))
 
     def _propagate(self, first: int, last: int, step: Transition) -> None:
         """Go from one sample to another."""
@@ -332,12 +331,23 @@ class _Propagation:
     def _update(self, fix: int) -> None:
         """Take a fix."""
         solution, waiting, own = self.solution, self.waiting, self.own
-        H, n = solution.fix_H[fix], self.states
+        H, n, sample = solution.fix_H[fix].copy(), self.states, int(solution.fix_sample[fix])
+        # The filter's H is for errors along the axes of the fix, its P⁺ for output errors at its estimate.
+        C_fe = self.fix_axes[fix].T
+        for block in (POS, VEL, ATT):
+            H[:, block] = H[:, block] @ C_fe
+        here = output_map(solution.position[sample, None], solution.velocity_n[sample, None])[0]
+        back = np.eye(n)
+        back[:NAV, :NAV] = np.linalg.inv(here)
+        P = back @ solution.fix_covariance[fix] @ back.T
         # K = P⁺ Hᵀ R⁻¹, even if P⁺ and R are wrong (Gelb 4.2-16b).
-        K = solution.fix_covariance[fix] @ H.T @ np.linalg.inv(solution.fix_R[fix])
+        K = P @ H.T @ np.linalg.inv(solution.fix_R[fix])
         U = np.eye(waiting.stop)
         U[:n, :n] -= K @ H
         U[waiting, :n] = K[NAV:N] @ H
+        # Errors of a fix are along north, east and down of the true place.
+        turned = C_fe @ ecef.axes(self.flight.latitude[sample], self.flight.longitude[sample])
+        K = np.concatenate((K[:, :3] @ turned, K[:, 3:] @ turned), axis=1)
         noise = np.concatenate((K, -K[NAV:N]))
         if self.corrected[fix]:
             U[waiting] = noise[waiting] = 0.0
@@ -358,10 +368,8 @@ class _Propagation:
     def _variances(self, sample: int) -> FloatArray:
         """Return the variances (source, quantity) at a sample."""
         n = self.states
-        T = np.zeros((n, n))
-        T[0:3, POS] = T[3:6, VEL] = NED_TO_ENU
-        T[6:9, ATT] = self.jacobian[sample]
-        T[NAV:, NAV:] = np.eye(n - NAV)
+        T = np.eye(n)
+        T[:NAV, :NAV] = self.map[sample]
         states = self.columns[:n].copy()
         for column, series in enumerate(self.known, self.drawn):
             if series.is_bias:
@@ -376,7 +384,8 @@ class _Propagation:
             if source.time:
                 seen[p, NAV + 3 * source.channel : NAV + 3 * source.channel + 3, self.own] = np.eye(3)
         random = np.einsum("pqi,pij,pqj->pq", seen, self.P, seen, optimize=True)
-        return np.concatenate((constant, random))
+        # Roundoff of the turned axes may make a zero variance slightly negative.
+        return np.concatenate((constant, np.maximum(random, 0)))
 
 
 def coupled_states(names: Sequence[str]) -> list[tuple[int, int, int]]:

@@ -11,7 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from lab import earth, ecef
+from lab import ecef
+from lab.analysis.error_axes import output_map
 from lab.displacement import displacement
 from lab.navigation.error_models import ACCEL_BIAS, ACCEL_SCALE, ATT, GYRO_BIAS, GYRO_SCALE, POS, VEL
 from lab.navigation.solution import Solution
@@ -97,22 +98,19 @@ def error_state(
 def _error_near_pole(solution: Solution, samples: NDArray[np.int64], truth: Truth) -> FloatArray:
     """Return the errors of position, velocity and attitude (m, 9) close to a pole.
 
-    Computed in e, where they are small, and converted to n to first order, as the filter's covariance is: δv
-    = δv_c + v × δθ and φ = ψ + δθ, with δθ the rotation of north, east, down along the position error.
+    Computed in e, where they are small, and converted to n to first order, as the filter's covariance is
+    (`error_axes.output_map`).
     """
-    here = solution.position[samples]
+    here, velocity_n = solution.position[samples], solution.velocity_n[samples]
     C_ec, C_en = ecef.axes(here[:, 0], here[:, 1]), ecef.axes(truth.latitude, truth.longitude)
     off = -ecef.displacement(here, truth.position)
-    meridian, transverse = earth.radii(np.sin(here[:, 0]))
-    east = off[:, 1] / (transverse + here[:, 2])
-    turn = np.stack((east, -off[:, 0] / (meridian + here[:, 2]), -east * np.tan(here[:, 0])), axis=-1)
-    velocity = solution.velocity_n[samples]
-    true_velocity = ecef.resolved(truth.velocity_n, truth.position, here)
+    faster = velocity_n - ecef.resolved(truth.velocity_n, truth.position, here)
     true_attitude = Rotation.from_matrix(C_ec.transpose(0, 2, 1) @ C_en) * Rotation.from_quat(
         truth.q_nb, scalar_first=True
     )
     psi = attitude_error(solution.q_nb[samples], true_attitude.as_quat(scalar_first=True))
-    return np.concatenate((off, velocity - true_velocity + np.cross(velocity, turn), psi + turn), axis=1)
+    in_e = np.stack((off, faster, psi), axis=1) @ C_ec.transpose(0, 2, 1)
+    return np.asarray((output_map(here, velocity_n) @ in_e.reshape(-1, 9, 1))[..., 0])
 
 
 def block_matrices(variance: FloatArray, covariance: FloatArray) -> FloatArray:

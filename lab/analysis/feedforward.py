@@ -12,8 +12,10 @@ P. S. Maybeck, *Stochastic Models, Estimation, and Control*, vol. 1, ch. 6.4 (fe
 from __future__ import annotations
 
 import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
 
-from lab.analysis.errors import attitude_error
+from lab import ecef
 from lab.analysis.finding import Change, Finding, Verdict, headline
 from lab.navigation.error_models import with_blocks
 from lab.navigation.navigator import PolarError, freely
@@ -21,6 +23,8 @@ from lab.navigation.schedule import Schedule
 from lab.navigation.solution import Imu, Start
 from lab.navigation.wander_models import linear_model
 from lab.run import Run
+
+FloatArray = NDArray[np.float64]
 
 LINEAR = np.radians(0.8)
 """Attitude error of the free-running navigator up to which the filter is linear enough [rad]. Measured on
@@ -55,6 +59,12 @@ def judge(drift: float, verdict: Verdict) -> Verdict:
     return Verdict(headline((finding,), ""), (finding,), verdict.basis)
 
 
+def _in_earth_axes(position: FloatArray, q_nb: FloatArray) -> Rotation:
+    """Return attitudes in e: north at two places is not the same, least of all close to a pole."""
+    C_en = Rotation.from_matrix(ecef.axes(position[:, 0], position[:, 1]))
+    return C_en * Rotation.from_quat(q_nb, scalar_first=True)
+
+
 def drift_of(run: Run) -> float:
     """Return the largest attitude error of the free-running navigator, as estimated [rad].
 
@@ -77,8 +87,10 @@ def drift_of(run: Run) -> float:
         model = with_blocks(linear_model(navigator.model, navigator.mechanization), run.blocks)
         largest = 0.0
         for first, free in freely(imu, start, alone, Schedule(feedback=False), model):
-            there = solution.q_nb[first : first + free.q_nb.shape[0]]
-            largest = max(largest, float(np.linalg.norm(attitude_error(free.q_nb, there), axis=1).max()))
+            part = slice(first, first + free.q_nb.shape[0])
+            there = _in_earth_axes(solution.position[part], solution.q_nb[part])
+            apart = there.inv() * _in_earth_axes(free.position, free.q_nb)
+            largest = max(largest, float(apart.magnitude().max()))
     except PolarError:  # it diverged to a pole
         return float(np.pi)
     return largest

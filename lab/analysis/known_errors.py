@@ -13,12 +13,11 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from lab import earth
+from lab import earth, ecef
 from lab.analysis.error_sources import rounding
-from lab.analysis.errors import position_error
 from lab.east_north_up import east_north_up
 from lab.navigation.belief import assumed_latency, assumed_lever_arm
-from lab.rotation import C_nb_from_euler, wrap
+from lab.rotation import C_nb_from_euler
 from lab.run import Run
 from lab.sensors import gps, imu
 from lab.sensors import temperature as thermal
@@ -175,23 +174,19 @@ def _of_fixes(run: Run) -> list[Series]:
 def _moved(run: Run, times: FloatArray) -> FloatArray:
     """Return displacement and velocity change of the IMU at some times (m,) relative to the time stamps."""
     truth, _ = run.true_flight("budget")
-    now, then = (_truth_at(truth, at) for at in (run.fixes.time, times))
-    position = np.stack((then.latitude, then.longitude, then.height), axis=-1)
-    return np.concatenate((position_error(position, now), then.velocity_n - now.velocity_n), axis=1)
+    now, then = (_motion_at(truth, at) for at in (run.fixes.time, times))
+    C_en = ecef.axes(*ecef.geodetic(now[:, :3]).T[:2])
+    changes = (then - now).reshape(-1, 2, 3)
+    return np.asarray((changes @ C_en).reshape(-1, 6))
 
 
-def _truth_at(truth: Truth, times: FloatArray) -> Truth:
-    """Return position and velocity at some times, linearly interpolated."""
+def _motion_at(truth: Truth, times: FloatArray) -> FloatArray:
+    """Return position and velocity (m, 6) in e at some times, linearly interpolated."""
     truth = truth.around(times)
-    return Truth(
-        times,
-        np.interp(times, truth.time, truth.latitude),
-        wrap(np.interp(times, truth.time, np.unwrap(truth.longitude))),
-        np.interp(times, truth.time, truth.height),
-        np.stack([np.interp(times, truth.time, v) for v in truth.velocity_n.T], axis=-1),
-        truth.q_nb[:0],
-        np.zeros((0, 3)),
-    )
+    C_en = ecef.axes(truth.latitude, truth.longitude)
+    velocity = np.einsum("nij,nj->ni", C_en, truth.velocity_n)
+    motion = np.concatenate((ecef.position(truth.position), velocity), axis=1)
+    return np.stack([np.interp(times, truth.time, part) for part in motion.T], axis=-1)
 
 
 def _lever_arm(run: Run, times: FloatArray, arm: FloatArray) -> FloatArray:

@@ -18,18 +18,17 @@ from numpy.typing import NDArray
 from lab.analysis.budget import (
     believed_sigma,
     check_gains,
-    check_latitude,
     epochs_of,
     quantities,
     sigma_of_quantities,
 )
 from lab.navigation import strapdown
-from lab.navigation.compilation import interpreted
-from lab.navigation.error_models import PHI, ErrorModel, with_blocks
+from lab.navigation.error_models import ErrorModel, with_blocks
 from lab.navigation.filter import Filter
 from lab.navigation.navigator import advance, freely
 from lab.navigation.schedule import EVERY_FIX
 from lab.navigation.solution import Fixes, Imu, Solution, Start
+from lab.navigation.wander_models import linear_model
 from lab.rotation import wrap
 from lab.run import Run
 from lab.trajectory import Truth
@@ -198,13 +197,11 @@ def observability(run: Run) -> xr.Dataset:
     Raises
     ------
     SettingError
-        If the solution is smoothed or from a user's algorithm, or the flight comes closer than 0.1° to a
-        pole.
+        If the solution is smoothed or from a user's algorithm.
     """
     import xarray as xr  # noqa: PLC0415 - takes a while to import, and a run does without
 
     check_gains(run)
-    check_latitude(run.flown)
     units = quantities(run.blocks)
     epochs = epochs_of(run)
     kept = epochs.sample[epochs.last]
@@ -249,7 +246,7 @@ def _free_sigma(run: Run, samples: NDArray[np.int64]) -> FloatArray:
     """
     flight, nothing = run.flown, np.zeros(3)
     start = Start.off(flight, nothing, nothing, nothing)
-    model = with_blocks(PHI, run.blocks)
+    model = with_blocks(linear_model("phi", run.experiment.navigator.mechanization), run.blocks)
     variance, covariance = np.empty((samples.size, model.states)), np.empty((samples.size, 2, 3))
     if run.ideal is None:
         led = _led(run, start, model)
@@ -283,9 +280,7 @@ def _led(run: Run, start: Start, model: ErrorModel) -> Solution:
             EVERY_FIX,
             model,
         )
-        interpreted(strapdown.set_position)(coasting.state, *led.position[end])
-        coasting.state[strapdown.VELOCITY : strapdown.VELOCITY + 3] = led.velocity_n[end]
-        coasting.state[strapdown.Q_NB : strapdown.Q_NB + 4] = led.q_nb[end]
+        coasting.lead(led.position[end], led.velocity_n[end], led.q_nb[end], model)
         coasting.state[strapdown.GYRO_BIAS : strapdown.ACCEL_BIAS + 3] = led.bias[end]
         done = end
     return out

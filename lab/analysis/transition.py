@@ -1,8 +1,16 @@
 """Transition: the response of the navigation errors to initial errors and IMU errors over an interval.
 
-The error model `phi` is linear: the errors at the end of an interval are a sum of responses to the errors at
-its start and to those of every inertial sample in it. The samples are processed backwards, so that each
-response is a product with the transition over the later samples.
+The error model is linear: the errors at the end of an interval are a sum of responses to the errors at its
+start and to those of every inertial sample in it. The samples are processed backwards, so that each response
+is a product with the transition over the later samples.
+
+Errors are resolved in Earth-fixed axes e, where the model is the same at a pole as elsewhere. In a filter's
+own frame it is another form of the same (`error_axes`).
+
+References
+----------
+P. D. Groves, *Principles of GNSS, Inertial and Multisensor Integrated Navigation Systems*, 2nd ed., ch.
+14.2.3 (errors resolved in e).
 """
 
 from __future__ import annotations
@@ -13,10 +21,10 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from lab.navigation import strapdown
+from lab import earth
 from lab.navigation.compilation import SOURCES, entry_kernel, inline_kernel, kernel
-from lab.navigation.error_models import PHI
-from lab.navigation.strapdown import put
+from lab.navigation.error_models import A, B, G, P, V, gravity_gradient, skew
+from lab.navigation.strapdown import cross, get, gravity, matrix, plus, radii, rotate
 
 FloatArray = NDArray[np.float64]
 
@@ -29,8 +37,8 @@ class Flight(NamedTuple):
 
     Attributes
     ----------
-    latitude, height : (n + 1,) arrays
-        Position [rad], [m].
+    latitude, longitude, height : (n + 1,) arrays
+        Position [rad], [rad], [m].
     velocity_n : (n + 1, 3) array
         Velocity north, east, down [m/s].
     q_nb : (n + 1, 4) array
@@ -42,6 +50,7 @@ class Flight(NamedTuple):
     """
 
     latitude: FloatArray
+    longitude: FloatArray
     height: FloatArray
     velocity_n: FloatArray
     q_nb: FloatArray
@@ -54,6 +63,7 @@ class Flight(NamedTuple):
         samples, increments = slice(first, last + 1), slice(first, last)
         return Flight(
             self.latitude[samples],
+            self.longitude[samples],
             self.height[samples],
             self.velocity_n[samples].astype(np.float64, copy=False),
             self.q_nb[samples].astype(np.float64, copy=False),
@@ -82,7 +92,7 @@ class Processes(NamedTuple):
 
 
 class Transition(NamedTuple):
-    """Responses of the nine navigation errors over an interval.
+    """Responses of the nine navigation errors in e over an interval.
 
     Attributes
     ----------
@@ -128,26 +138,38 @@ class Transition(NamedTuple):
         )
 
 
-_write_phi = PHI.write
-_radii = strapdown.radii
-_matrix = strapdown.matrix
-
-
 @inline_kernel
-def _set_state(state: FloatArray, flight: Flight, k: int) -> None:
-    """Write the strapdown state for the error model, from the truth at sample k."""
-    sine, cosine, height = np.sin(flight.latitude[k]), np.cos(flight.latitude[k]), flight.height[k]
-    meridian, transverse = _radii(sine)
-    state[strapdown.LATITUDE], state[strapdown.HEIGHT] = flight.latitude[k], height
-    state[strapdown.SINE], state[strapdown.COSINE], state[strapdown.PER_COSINE] = sine, cosine, 1 / cosine
-    state[strapdown.MERIDIAN] = 1 / (meridian + height)
-    state[strapdown.TRANSVERSE] = 1 / (transverse + height)
-    v, q, f = flight.velocity_n[k], flight.q_nb[k], flight.dvelocity[k]
-    put(state, strapdown.VELOCITY, (v[0], v[1], v[2]))
-    C = _matrix((q[0], q[1], q[2], q[3]))
+def _write(flight: Flight, k: int, F: FloatArray) -> None:
+    """Write F of the errors in e, from the truth at sample k (Groves 14.47-14.49, with the sign of ψ here).
+
+        δṙ = δv,   δv̇ = Γ δr − 2 ω_ie × δv + f × ψ − C_eb δb_a,   ψ̇ = −ω_ie × ψ + C_eb δb_g
+
+    with Γ the change of gravity with the position.
+    """
+    s, c, height = np.sin(flight.latitude[k]), np.cos(flight.latitude[k]), flight.height[k]
+    sl, cl = np.sin(flight.longitude[k]), np.cos(flight.longitude[k])
+    C_en = (-s * cl, -sl, -c * cl), (-s * sl, cl, -c * sl), (c, 0.0, -s)
+    meridian, transverse = radii(s)
+    g = gravity(s, height)
+    by_latitude, by_height = gravity_gradient(s, c, height)
+    north, east = g / (meridian + height), g / (transverse + height)
+    slope = by_latitude / (meridian + height)
+    q, dvelocity = flight.q_nb[k], get(flight.dvelocity[k], 0)
+    C_nb = matrix((q[0], q[1], q[2], q[3]))
+    # With the attitude at mid-interval, as the strapdown has it.
+    f = plus(dvelocity, 0.5, cross(get(flight.dtheta[k], 0), dvelocity))
+    f_n = rotate(C_nb, (f[0] / flight.dt, f[1] / flight.dt, f[2] / flight.dt))
     for i in range(3):
-        put(state, strapdown.C_NB + 3 * i, C[i])
-        state[strapdown.FORCE_N + i] = (C[i][0] * f[0] + C[i][1] * f[1] + C[i][2] * f[2]) / flight.dt
+        F[P + i, V + i] = 1.0
+        u, v, w = C_en[i]
+        for j in range(3):
+            a, b, d = C_en[j]
+            F[V + i, P + j] = w * (slope * a - by_height * d) - north * u * a - east * v * b
+            C = u * C_nb[0][j] + v * C_nb[1][j] + w * C_nb[2][j]
+            F[V + i, B + j], F[A + i, G + j] = -C, C
+    skew(F, V, V, (0.0, 0.0, -2 * earth.RATE))
+    skew(F, V, A, rotate(C_en, f_n))
+    skew(F, A, A, (0.0, 0.0, -earth.RATE))
 
 
 @kernel
@@ -236,13 +258,11 @@ def _compile(
             Receives the transition.
         """
         _ = sources
-        state = np.zeros(strapdown.LENGTH)
         F = np.zeros((N, N))
         r = np.zeros((NAV, BIASES))
         _clear(out)
         for k in range(last - 1, first - 1, -1):
-            _set_state(state, flight, k)
-            _write_phi(state, F)
+            _write(flight, k, F)
             _respond(flight, k, F, fade, r, out)
             for p in range(processes.decay.size):
                 _drive(p, processes.channel[p], processes.decay[p], processes.drive[p], r, out)

@@ -6,6 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
 
 from lab import earth
 from lab.navigation import blocks, own_room, strapdown, wander
@@ -103,6 +104,24 @@ class Filter(NamedTuple):
             read_only(aids),
             np.zeros((max(kept_aids, 1), 1, 2 * n + 2)),
         )
+
+    def lead(self, position: FloatArray, velocity_n: FloatArray, q_nb: FloatArray, model: ErrorModel) -> None:
+        """Set a navigator to a position, velocity and attitude in n, as of `Start`; its covariance stays.
+
+        In a wander-azimuth frame, the frame goes to the new place without a turn about the vertical.
+        """
+        state = self.state
+        if model.mechanization == WANDER_AZIMUTH:
+            interpreted(wander.move_to)(state, position)
+            C_wn = np.array(interpreted(wander.north_axes)(state)).T
+            velocity_n = C_wn @ velocity_n
+            q_nb = (Rotation.from_matrix(C_wn) * Rotation.from_quat(q_nb, scalar_first=True)).as_quat(
+                scalar_first=True
+            )
+        else:
+            interpreted(strapdown.set_position)(state, *position)
+        state[VELOCITY : VELOCITY + 3] = velocity_n
+        state[strapdown.Q_NB : strapdown.Q_NB + 4] = q_nb
 
 
 def initial_covariance(model: ErrorModel, state: FloatArray, P0: FloatArray) -> FloatArray:

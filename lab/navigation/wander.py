@@ -271,6 +271,16 @@ def difference(
             z[3 + i] += axis[j] * (v[j] - fraction * (v[j] - before[j]))
 
 
+@kernel
+def move_to(state: FloatArray, position: FloatArray) -> None:
+    """Move the frame to a latitude, longitude and height nearby; velocity and attitude turn with it."""
+    s, c = math.sin(position[0]), math.cos(position[0])
+    up = c * math.cos(position[1]), c * math.sin(position[1]), s
+    error = np.zeros(9)
+    put(error, 0, way_from(state, _back(matrix(quaternion(state, Q_EW)), up), position[2]))
+    displace(state, error)
+
+
 @inline_kernel
 def frame_rate(state: FloatArray) -> Vector:
     """Return the Earth's rate in w."""

@@ -52,6 +52,7 @@ def at_rest(seconds: float, fixes: Sequence[int] = (), gain: float = 0.0) -> Sim
     time = STEP * np.arange(n + 1)
     truth = SimpleNamespace(
         latitude=np.full(n + 1, LATITUDE),
+        longitude=np.full(n + 1, -2.0),
         height=np.zeros(n + 1),
         velocity_n=np.zeros((n + 1, 3)),
         q_nb=q_nb,
@@ -69,12 +70,14 @@ def at_rest(seconds: float, fixes: Sequence[int] = (), gain: float = 0.0) -> Sim
             fix_H=np.tile(np.eye(6, 15), (len(fixes), 1, 1)),
             fix_R=np.tile(np.eye(6), (len(fixes), 1, 1)),
             states=15,
+            position=np.tile([LATITUDE, -2.0, 0.0], (n + 1, 1)),
+            velocity_n=np.zeros((n + 1, 3)),
         ),
         experiment=SimpleNamespace(
             navigator=SimpleNamespace(correction="feedback", correction_period=0.0),
             sensors=SimpleNamespace(gps=GpsErrors()),
         ),
-        fixes=SimpleNamespace(time=time[list(fixes)]),
+        fixes=SimpleNamespace(time=time[list(fixes)], position=np.tile([LATITUDE, -2.0, 0], (len(fixes), 1))),
         time=time,
         blocks=(),
     )

@@ -2,17 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 
 from lab.analysis import observability as file
-from lab.analysis.budget import error_budget
 from lab.analysis.observability import SMOOTHING, manoeuvres, observability, observability_table
 from lab.experiment import Experiment
 from lab.result import Result
-from lab.settings import SettingError
 from lab.trajectory import Truth
 
 DT = 0.05
@@ -74,15 +70,6 @@ def test_the_flight_of_montreal_is_told_as_its_plan_has_it() -> None:
 @pytest.fixture(scope="module")
 def result() -> Result:
     return Experiment().run()
-
-
-def test_a_flight_too_close_to_a_pole_is_refused(result: Result) -> None:
-    truth = result.known_truth("truth")
-    there = replace(truth, latitude=truth.latitude - truth.latitude.max() + np.radians(89.95))
-    polar = replace(result, truth_arrays=there)
-    for analysis in (error_budget, observability):
-        with pytest.raises(SettingError, match=r"reaches latitude 89\.950°.*up to 89\.9°"):
-            analysis(polar)
 
 
 def test_reductions_telescope_and_shares_sum_to_the_whole(result: Result) -> None:
