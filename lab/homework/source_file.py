@@ -29,6 +29,7 @@ MOST_QUESTIONS = 20
 MOST_FAULTS = 3
 """Most faults hidden in one homework; each pair still has a signature of its own to look for."""
 MOST_POINTS = 1000
+"""Most points for one answer: a typing error such as 1e9 would bury all others."""
 LONGEST = {"title": 80, "text": 6000, "question": 1000, "goal": 200, "condition": 300}
 """Longest texts [characters], as in lessons."""
 
