@@ -17,6 +17,7 @@ from pathlib import Path
 from typing import Any
 
 from numba.core.caching import IndexDataCacheFile
+from numba.core.compiler_lock import global_compiler_lock
 from numba.core.registry import CPUDispatcher
 
 from lab.file_lock import locked
@@ -86,7 +87,9 @@ class CachedKernel(CPUDispatcher):
     def compile(self, sig: Any) -> Any:
         """Load the code for some types of arguments, or compile it; wait for a process that does."""
         file = _files(self)
-        with _alone(file) if isinstance(file, CheckedCacheFile) else contextlib.nullcontext():
+        waiting = _alone(file) if isinstance(file, CheckedCacheFile) else contextlib.nullcontext()
+        # The lock of the compiler first: a thread that compiles another kernel has it, and may need this one.
+        with global_compiler_lock, waiting:
             collected = gc.isenabled()
             gc.disable()  # the compiler makes many objects and keeps most: searches are a tenth of its time
             try:
@@ -98,7 +101,7 @@ class CachedKernel(CPUDispatcher):
 
 @contextlib.contextmanager
 def _alone(kernel: CheckedCacheFile) -> Iterator[None]:
-    """Wait until no other process or thread compiles a kernel, and keep others waiting.
+    """Wait until no other process compiles a kernel, and keep others waiting.
 
     Nobody waits for a process of the lowest priority, which on a busy computer may take long.
     """

@@ -8,6 +8,7 @@ from typing import Any
 
 import numba
 import pytest
+from numba.core.compiler_lock import global_compiler_lock
 
 from lab import compiled_cache
 from lab.file_lock import locked
@@ -113,6 +114,19 @@ def test_processes_that_need_a_kernel_at_once_compile_it_once(folder: Path) -> N
         assert first.stdout.readline() == "8\n"
         goes_on(second)
         assert second.stdout.readline() == "8\n"
+
+
+def test_a_thread_that_holds_a_kernel_has_the_compiler(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    # Otherwise it would wait for a thread that compiles another kernel, which may need this one.
+    has = []
+
+    def taken(file: Any) -> bool:
+        has.append(global_compiler_lock.is_locked())
+        return locked(file)
+
+    monkeypatch.setattr(compiled_cache, "locked", taken)
+    assert loaded(folder)(3.5) == 7.0
+    assert has == [True]
 
 
 def test_a_process_of_the_lowest_priority_waits_for_nobody(
