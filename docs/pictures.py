@@ -134,7 +134,7 @@ def photograph(page: Page, path: Path) -> None:
     few.save(path, optimize=True)
 
 
-def make(names: list[str], folder: Path) -> None:
+def make(names: list[str], folder: Path, chromium: Browser) -> None:
     """Write pictures, light and dark.
 
     Parameters
@@ -143,10 +143,11 @@ def make(names: list[str], folder: Path) -> None:
         Keys of `PICTURES`.
     folder
         Where the files ``NAME-light.png`` and ``NAME-dark.png`` are written.
+    chromium
+        The browser that draws them.
     """
     folder.mkdir(exist_ok=True)
-    expect.set_options(timeout=PATIENCE)
-    with served() as address, browser() as chromium:
+    with served() as address:
         for name in names:
             context = chromium.new_context(viewport={"width": WIDTH, "height": HEIGHT}, base_url=address)
             context.set_default_timeout(PATIENCE)
@@ -162,4 +163,7 @@ def make(names: list[str], folder: Path) -> None:
 if __name__ == "__main__":
     parser = argparse.ArgumentParser(description="Write the pictures of the documents.")
     parser.add_argument("names", nargs="*", choices=[[], *PICTURES], help="all if none is named")
-    make(parser.parse_args().names or list(PICTURES), FOLDER)
+    chosen = parser.parse_args().names or list(PICTURES)
+    expect.set_options(timeout=PATIENCE)
+    with browser() as opened:
+        make(chosen, FOLDER, opened)

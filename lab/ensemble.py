@@ -71,8 +71,12 @@ class Ensemble(NotebookCard):
         Histogram of the errors in their σ after the fixes.
     innovations : ChannelSums
         Sums of the innovations of all runs.
-    degrees, nis_degrees, between_degrees : int
-        Degrees of freedom of NEES, 0 for a sensor log, whose NEES is unknown; of NIS; of `between`.
+    degrees : int
+        Degrees of freedom of NEES; 0 for a sensor log, whose NEES is unknown.
+    nis_degrees : int
+        Degrees of freedom of NIS.
+    between_degrees : int
+        Degrees of freedom of `between`.
     rms, largest : (runs, 9) arrays
         Root mean square and largest size of the errors over each whole flight, of ten samples a second.
     mean_nees, mean_nis : (runs,) arrays

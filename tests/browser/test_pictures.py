@@ -8,6 +8,7 @@ from types import ModuleType
 
 import pytest
 from PIL import Image, ImageStat
+from playwright.sync_api import Browser
 
 from tests.browser.conftest import ROOT
 
@@ -29,8 +30,8 @@ def test_every_picture_of_the_script_is_in_the_documents(script: ModuleType) -> 
     assert {path.name for path in script.FOLDER.glob("*.png")} == names
 
 
-def test_a_page_is_taken_in_both_themes(script: ModuleType, tmp_path: Path) -> None:
-    script.make(["missions"], tmp_path)
+def test_a_page_is_taken_in_both_themes(script: ModuleType, chromium: Browser, tmp_path: Path) -> None:
+    script.make(["missions"], tmp_path, chromium)
     light, dark = (Image.open(tmp_path / f"missions-{theme}.png").convert("L") for theme in ("light", "dark"))
     assert light.size == dark.size == (script.WIDTH, script.HEIGHT)
     assert ImageStat.Stat(light).mean[0] > 200
