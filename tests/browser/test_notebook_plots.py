@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import re
+import subprocess
+import sys
 from pathlib import Path
 
 import holoviews as hv
@@ -17,7 +19,7 @@ from lab.result import Result
 from lab.views.explorer import ROW, Explorer
 from lab.views.notebook_theme import follow_theme
 from lab.views.plots import errors, ground_track, innovations
-from tests.browser.conftest import new_context
+from tests.browser.conftest import ROOT, new_context
 
 pytestmark = pytest.mark.browser
 
@@ -50,8 +52,20 @@ def result() -> Result:
     return experiment.run()
 
 
-def test_the_explorer_is_as_high_as_its_figures(chromium: Browser, result: Result, tmp_path: Path) -> None:
-    Explorer(result).view.save(tmp_path / "explorer.html", resources=INLINE)
+SAVE = """
+import sys
+from bokeh.resources import INLINE
+from lab import Experiment
+from lab.views.explorer import Explorer
+experiment = Experiment(mission="los_angeles", seed=1)
+experiment.trajectory.imu_rate = 50
+Explorer(experiment.run()).view.save(sys.argv[1], resources=INLINE)
+"""
+"""As in a notebook; a process that has imported the dashboard also asks for the scripts of its widgets."""
+
+
+def test_the_explorer_is_as_high_as_its_figures(chromium: Browser, tmp_path: Path) -> None:
+    subprocess.run([sys.executable, "-c", SAVE, str(tmp_path / "explorer.html")], cwd=ROOT, check=True)
     page = new_context(chromium, viewport={"width": 1100, "height": 900}).new_page()
     page.goto((tmp_path / "explorer.html").as_uri())
     figures = page.locator(".bk-Figure")
