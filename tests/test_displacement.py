@@ -14,7 +14,8 @@ from lab.displacement import displaced, displacement, longer_above, metres_per_r
 
 ROOT = Path(lab.__file__).parent
 CURVATURE = {
-    "analysis/errors.py": "the turn of north along a position error",
+    "analysis/error_axes.py": "the turn of north along a position error",
+    "analysis/fix_figures.py": "errors in metres, compiled",
     "analysis/transition.py": "the strapdown's state",
     "displacement.py": "the owner",
     "earth.py": "the definition",

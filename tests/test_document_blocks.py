@@ -66,7 +66,7 @@ def test_python_runs(document: Path, tmp_path: Path, monkeypatch: pytest.MonkeyP
             else:
                 exec("\n".join(re.findall(r"^(?:import|from) .*", block.text, re.M)), {})
     if "ensemble" in names:
-        assert names["ensemble"].nees.shape[0] == 20
+        assert len(names["ensemble"].seeds) == 20
     if "rows" in names:
         assert names["rows"][-1].model == "last fix"
     if "result" in names:

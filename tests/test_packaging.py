@@ -62,7 +62,7 @@ def test_the_wheel_holds_missions_notebooks_and_all_other_data(distributions: Pa
         path.relative_to(ROOT).as_posix()
         for top in ("lab", "dashboards")
         for path in (ROOT / top).rglob("*")
-        if path.is_file() and path.suffix not in {".py", ".pyc", ".nbi", ".nbc"}
+        if path.is_file() and path.suffix != ".py" and path.parent.name != "__pycache__"
     }
     assert data <= names
 

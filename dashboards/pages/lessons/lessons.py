@@ -124,8 +124,6 @@ class Lessons(Page):
         if lesson is not None:
             self._key, self._number = key, min(max(number, 0), len(lesson.steps) - 1)
             self._begun.add((self._key, self._number))
-            if self._homework.open is not None:
-                self._homework.close()
         self._lesson = lesson
         self._lay_out()
 
