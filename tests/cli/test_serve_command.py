@@ -41,7 +41,15 @@ def test_the_page_opens_where_there_is_a_screen(
     expected = {"port": port, "address": "127.0.0.1", "show": show, "algorithms": ()}
     assert asked == [
         expected
-        | {"origins": (), "visitors": None, "password": None, "lessons": None, "teacher": False, "warm": True}
+        | {
+            "origins": (),
+            "visitors": None,
+            "password": None,
+            "lessons": None,
+            "homework": None,
+            "teacher": False,
+        }
+        | {"warm": True}
     ]
 
 

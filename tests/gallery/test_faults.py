@@ -115,7 +115,7 @@ def test_a_fault_is_hidden_and_only_where_it_was_put() -> None:
 def test_many_runs_have_the_fault_too_and_are_kept_apart() -> None:
     clean, faulty = pair("scale", FIXES)
     one, other = (ensemble(result, 2, lambda *_: None) for result in (clean, faulty))
-    assert float(np.mean(other.nees)) > 1.05 * float(np.mean(one.nees))
+    assert float(np.mean(other.mean_nees)) > 1.05 * float(np.mean(one.mean_nees))
 
 
 def test_no_setting_and_no_log_gives_a_fault() -> None:
