@@ -148,10 +148,11 @@ def test_zooming_one_plot_zooms_all_and_a_click_moves_the_cursor_that_play_runs(
     page = shared_page
     remember_data(page)
     plot = page.locator("canvas").nth(4)
-    box = plot.bounding_box()
-    assert box is not None
-    middle = box["y"] + box["height"] / 2
     for attempt in range(3):  # a busy browser may miss a drag, as a person's: one drags again
+        page.wait_for_function(IDLE)
+        box = plot.bounding_box()
+        assert box is not None
+        middle = box["y"] + box["height"] / 2
         page.mouse.move(box["x"] + box["width"] * 0.5, middle)
         page.mouse.down()
         page.mouse.move(box["x"] + box["width"] * 0.52, middle, steps=4)
