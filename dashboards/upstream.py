@@ -7,6 +7,8 @@ Each part is tested against the installed version, which `pyproject.toml` pins
   <https://github.com/bokeh/bokeh/issues/15354>`_, and for 3.10 pull request ``bokeh#15322``.
 - An ended document without reference cycles: ``bokeh#11523``, open since 2021. Collections that block all
   sessions: ``panel#3259``.
+- Events without the lock of their document: no upstream issue is known. They carry the mark of
+  `panel.io.with_lock`.
 - Panel's repeated copies, lookups and searches for each component, and access control in viser: no upstream
   issue is known.
 
@@ -162,8 +164,10 @@ def themed(model: HasProps) -> dict[str, Any] | None:
 def speed_up() -> None:
     """Make Bokeh and Panel cache, and skip the checks that only help authors of pages.
 
-    These are the checks of whole documents and of the arguments of each callback.
+    These are the checks of whole documents and of the arguments of each callback. Events are made to wait for
+    their document, too.
     """
+    _lock_events()
     if PropertyDescriptor.instance_default.__module__ != RememberedDefaults.__module__:
         RememberedDefaults().install()
         cut_cycles()
@@ -320,6 +324,16 @@ def _remember_paths() -> None:
     for kind in (ReactiveESM, MaterialComponent):
         remembered = lru_cache(MOST_PATHS)(vars(kind)["_bundle_path"].f)
         kind._bundle_path = classproperty(remembered)  # type: ignore[method-assign]
+
+
+def _lock_events() -> None:
+    """Make Panel hold the lock of a document for all events of its browser.
+
+    Panel takes the lock except for an event that comes just after a changed value, such as a click after
+    typing. Bokeh then refuses to send what the click has changed.
+    """
+    for coroutine in (Syncable._event_coroutine, Syncable._change_coroutine):
+        vars(coroutine)["lock"] = True
 
 
 def leave_out_hooks(page: Viewable) -> None:

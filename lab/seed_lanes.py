@@ -26,7 +26,7 @@ from lab.analysis.path_errors import errors_of, path_of
 from lab.analysis.sensor_evidence import Exact, Reference, exacts, sensor_errors
 from lab.ecef import near_pole
 from lab.ensemble import QUANTITIES
-from lab.experiment import Experiment, Stages, start
+from lab.experiment import Experiment
 from lab.histories import LONG
 from lab.lane_sensors import are_constant, constant_triads, empty_increments
 from lab.missions import LogMission, mission
@@ -54,6 +54,7 @@ from lab.run import at_samples
 from lab.run_at_fixes import ChannelSums, RunAtFixes
 from lab.sensors import gps, imu
 from lab.sensors import temperature as thermal
+from lab.stages import Stages, start
 from lab.units import si
 
 __all__ = ["LANES", "SeedLanes"]

@@ -9,9 +9,10 @@ import pytest
 
 from lab import comparison
 from lab.comparison import compare, models
-from lab.experiment import CACHE, Experiment
+from lab.experiment import Experiment
 from lab.navigation.settings import NavigatorSettings
 from lab.settings import SettingError
+from lab.stages import CACHE
 
 
 @pytest.fixture

@@ -12,9 +12,10 @@ from scipy import stats
 import lab.seeds as seeds_module
 from lab.analysis.innovation_evidence import LAGS
 from lab.ensemble import QUANTITIES, Collected, Ensemble
-from lab.experiment import CACHE, Experiment
+from lab.experiment import Experiment
 from lab.seeds import _keep, run_ensemble
 from lab.settings import SettingError
+from lab.stages import CACHE
 
 SEEDS = 40
 

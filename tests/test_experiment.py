@@ -14,13 +14,14 @@ import numpy as np
 import pymap3d
 import pytest
 
-from lab.experiment import CACHE, Experiment, start
+from lab.experiment import Experiment
 from lab.missions import Recording, mission, write_flight_csv
 from lab.navigation.settings import NavigatorSettings
 from lab.recordings.mission_error import MissionError
 from lab.result import Result
 from lab.sensors.draws import unit_draws
 from lab.settings import SettingError
+from lab.stages import CACHE, start
 from lab.trajectory import Trajectory
 
 STAGES = {"flight", "draws", "gyro", "accelerometer", "truth at fixes", "gps", "navigation"}

@@ -8,7 +8,6 @@ from copter_logs import copter
 from sensor_logs import tables, trajectory, write, write_csv
 
 from lab import Experiment, ResultError, compare, run_ensemble
-from lab.experiment import CACHE
 from lab.log_reference import differences, reference_at
 from lab.log_result import LogResult
 from lab.log_run import has_effect
@@ -19,6 +18,7 @@ from lab.navigation.recorded import navigate_log
 from lab.result import DATASETS
 from lab.rotation import wrap
 from lab.settings import SettingError
+from lab.stages import CACHE
 
 
 def experiment(folder, **settings):

@@ -13,8 +13,7 @@ import pytest
 from typer.testing import CliRunner
 
 from dashboards.computing import run
-from lab import Experiment, histories, memory, spline_windows, trajectory
-from lab import experiment as stages
+from lab import Experiment, histories, memory, spline_windows, stages, trajectory
 from lab import run as arrays
 from lab.analysis import consistency, fix_causes, imu_causes, observability, sensor_evidence
 from lab.analysis.run_evidence import evidence_of

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from typing import Self
 
-from lab.experiment import Experiment, Flight, Progress, Stages
+from lab.experiment import Experiment
 from lab.gallery.faults import Fault
 from lab.missions import LogMission, Mission, mission
 from lab.navigation.algorithm import Algorithm
@@ -18,6 +18,7 @@ from lab.result import Result
 from lab.sensors import gps, imu
 from lab.sensors.imu import Measured
 from lab.settings import SettingError
+from lab.stages import Flight, Progress, Stages
 
 NOTE = "A fault of the gallery is hidden in this run."
 

@@ -13,8 +13,7 @@ from typing import Self
 
 import numpy as np
 
-from lab import experiment as experiments
-from lab.experiment import Experiment, Flight, Progress, Stages
+from lab.experiment import Experiment
 from lab.experiment_settings import ExperimentSettings
 from lab.homework.scenario import Scenario
 from lab.missions import LogMission, Mission, mission
@@ -29,6 +28,7 @@ from lab.sensors.imu import Measured
 from lab.sensors.readings import Readings
 from lab.settings import SettingError
 from lab.simulated_result import SimulatedResult
+from lab.stages import Flight, Progress, Stages, start
 from lab.trajectory import Truth
 from lab.units import si
 
@@ -149,7 +149,7 @@ class _HiddenStages(Stages):
         """Return the start of the navigator: its true error is that of the homework."""
         real, nothing = self._real.experiment, np.zeros(3)
         return rest_alignment.begin(
-            experiments.start(truth, real.navigator, real.seed),
+            start(truth, real.navigator, real.seed),
             Start.off(truth, nothing, nothing, nothing),
             self.sensors,
             self.navigator,

@@ -54,6 +54,9 @@ class TimeAxis:
     ----------
     touch
         Whether the figures are on a touch screen, where dragging scrolls the page.
+    name
+        First word of the names of its models, by which they are found in a document: no two axes that may be
+        in the same document have the same.
 
     Attributes
     ----------
@@ -67,14 +70,14 @@ class TimeAxis:
         End of the flight [s].
     """
 
-    def __init__(self, *, touch: bool = False) -> None:
+    def __init__(self, *, touch: bool = False, name: str = "time") -> None:
         self.touch = touch
         self.duration = 1.0
-        self.range = Range1d(start=0.0, end=1.0, bounds=(0.0, 1.0), min_interval=0.05, name="time axis")
+        self.range = Range1d(start=0.0, end=1.0, bounds=(0.0, 1.0), min_interval=0.05, name=f"{name} axis")
         self.cursor = Span(
-            dimension="height", location=0.0, line_color=CURSOR, line_width=1.2, name="time cursor"
+            dimension="height", location=0.0, line_color=CURSOR, line_width=1.2, name=f"{name} cursor"
         )
-        self.outages = ColumnDataSource({"start": [], "end": []}, name="GPS outages")
+        self.outages = ColumnDataSource({"start": [], "end": []}, name=f"{name} without GPS")
         self._strips: list[GlyphRenderer[Any]] = []
         self.crosshair = Span(dimension="height", line_color="#808895", line_dash="dotted", line_width=1)
 

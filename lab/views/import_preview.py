@@ -48,7 +48,7 @@ def preview_figures(read: FlightImport) -> tuple[figure, list[figure]]:
     tuple of figure and list of figures
         The data of the file as points, the curves of the mission as lines.
     """
-    axis = TimeAxis()
+    axis = TimeAxis(name="preview")
     axis.span(float(read.recording.time[-1]))
     return _track(read), [_height(read, axis), _speed(read, axis), *_attitude(read, axis)]
 

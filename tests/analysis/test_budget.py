@@ -27,12 +27,13 @@ from lab.analysis.error_sources import (
 from lab.analysis.error_sources import initial as initial_columns
 from lab.analysis.errors import error_state
 from lab.east_north_up import east_north_up
-from lab.experiment import CACHE, Experiment
+from lab.experiment import Experiment
 from lab.navigation.error_models import POS, VEL
 from lab.result import Result
 from lab.rotation import wrap
 from lab.sensors.gps import GpsErrors
 from lab.settings import SettingError
+from lab.stages import CACHE
 from lab.units import TO_SI
 
 LATITUDE = 0.7

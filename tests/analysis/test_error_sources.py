@@ -10,9 +10,10 @@ import numpy as np
 import pytest
 
 from lab.analysis.budget import error_budget
-from lab.experiment import CACHE, Experiment
+from lab.experiment import Experiment
 from lab.navigation.belief import belief
 from lab.settings import Settings
+from lab.stages import CACHE
 
 RATE = 50.0
 """Rate of the IMU [Hz]: the effects of errors on a flight are those at 200 Hz, in a quarter of the time."""

@@ -12,9 +12,10 @@ from lab.analysis import feedforward
 from lab.analysis.budget import error_budget
 from lab.analysis.consistency import chi_square_interval
 from lab.analysis.observability import observability
-from lab.experiment import CACHE, Experiment
+from lab.experiment import Experiment
 from lab.recordings.flight_csv import write_flight_csv
 from lab.result import Result
+from lab.stages import CACHE
 
 WANDER = {"navigator.mechanization": "wander azimuth"}
 LINEAR = {

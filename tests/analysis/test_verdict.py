@@ -25,11 +25,12 @@ from lab.analysis.fix_evidence import RATIOS, TIMES
 from lab.analysis.innovation_evidence import offered
 from lab.analysis.outliers import outliers
 from lab.analysis.verdict import judge
-from lab.experiment import CACHE, Experiment, start
+from lab.experiment import Experiment
 from lab.navigation.navigator import navigate
 from lab.navigation.schedule import EVERY_FIX
 from lab.navigation.solution import Fixes, Imu, Solution
 from lab.result import Result
+from lab.stages import CACHE, start
 
 MISSIONS = ("montreal", "los_angeles")
 SEEDS = 10

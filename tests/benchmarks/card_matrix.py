@@ -13,9 +13,10 @@ from concurrent.futures import ThreadPoolExecutor
 import numpy as np
 
 from lab.analysis.consistency import chi_square_interval
-from lab.experiment import CACHE, Experiment
+from lab.experiment import Experiment
 from lab.result import Result
 from lab.sensors.cards import card, cards
+from lab.stages import CACHE
 from tests.benchmarks.faults import MISSIONS
 
 REASONS = {

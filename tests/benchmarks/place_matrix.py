@@ -14,10 +14,11 @@ from typing import Any
 
 import numpy as np
 
-from lab.experiment import CACHE, Experiment
+from lab.experiment import Experiment
 from lab.recordings.flight_csv import write_flight_csv
 from lab.recordings.recording import Recording
 from lab.result import Result
+from lab.stages import CACHE
 
 SEEDS = 4
 RATE = 50.0

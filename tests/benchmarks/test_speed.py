@@ -26,7 +26,7 @@ from numpy.typing import NDArray
 
 from lab import seeds as many_seeds
 from lab.analysis.errors import position_error
-from lab.experiment import CACHE, Experiment, start
+from lab.experiment import Experiment
 from lab.missions import fly, mission
 from lab.navigation import unscented
 from lab.navigation.belief import belief
@@ -34,6 +34,7 @@ from lab.navigation.error_models import MODELS, with_states
 from lab.navigation.navigator import Fixes, Imu, navigate
 from lab.result import Result
 from lab.seeds import run_ensemble
+from lab.stages import CACHE, start
 from lab.units import si
 from lab.variants import compile_lanes
 

@@ -12,7 +12,7 @@ from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field
 
 from lab.analysis.finding import Verdict
-from lab.experiment import CACHE
+from lab.stages import CACHE
 from tests.benchmarks.faults import FAULTS, GRADES, MISSIONS, Fault, experiment
 
 MATCHED = "matched"

@@ -45,7 +45,7 @@ def test_an_outage_set_on_a_plot_is_of_the_clock_of_the_file(open_page: Open, ow
     write(own_folder / "drive", tables(60, 90))
     page = open_page("?mission=drive")
     page.get_by_role("button", name="GPS outage").click()
-    shaded = "Bokeh.documents[0].get_model_by_name('GPS outages').data"
+    shaded = "Bokeh.documents[0].get_model_by_name('time without GPS').data"
     page.wait_for_function(f"{shaded}.start?.length === 1")
     assert page.evaluate(f"[{shaded}.start[0], {shaded}.end[0]]") == pytest.approx([0, 20], abs=0.1)
     written = page.get_by_role("textbox", name="Outages").input_value()

@@ -14,6 +14,7 @@ from xplane_sender import XPlaneSender
 
 from lab.flying.airports import runway
 from lab.missions import FlightPlan, Recording, add_mission, mission, missions, write_flight_csv
+from tests.browser.conftest import RANGE_END
 
 pytestmark = pytest.mark.browser
 
@@ -197,6 +198,8 @@ def test_a_flight_is_uploaded_judged_and_added(mine: Path, shared_page: Page, tm
     expect(page.get_by_text("ours was added and chosen.")).to_be_visible()
     expect(chooser(page)).to_have_text("Flight of our flight.csv")
     assert mission("ours").duration == pytest.approx(part_of_montreal().duration, abs=0.3)
+    # A browser keeps the models of the preview for half a minute: they have names of their own.
+    assert page.evaluate(RANGE_END) > 0
 
 
 def test_x_plane_is_recorded(mine: Path, shared_page: Page) -> None:

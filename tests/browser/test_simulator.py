@@ -254,7 +254,7 @@ def test_an_outage_is_drawn_on_the_timeline(shared_page: Page) -> None:
     page.wait_for_function(f"{RANGE_END} < 180")
     start, end = page.evaluate(f"[{RANGE_END.replace('.end', '.start')}, {RANGE_END}]")
     page.get_by_role("button", name="GPS outage").click()
-    shaded = "Bokeh.documents[0].get_model_by_name('GPS outages').data"
+    shaded = "Bokeh.documents[0].get_model_by_name('time without GPS').data"
     page.wait_for_function(f"{shaded}.start.length === 1")
     assert page.evaluate(f"{shaded}.start[0]") == pytest.approx(start, abs=0.06)
     assert page.evaluate(f"{shaded}.end[0]") == pytest.approx(end, abs=0.06)

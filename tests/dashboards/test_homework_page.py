@@ -8,12 +8,12 @@ from types import SimpleNamespace
 
 import panel_material_ui as pmui
 import pytest
-from walking import TITLES, Walk, walking
+from lessons_walk import click, page
+from walking import Walk, walking
 
 from dashboards import classroom
 from dashboards.exchange import Address, homework_of_query
 from dashboards.pages.lessons.homework_part import IS_OFF
-from dashboards.pages.lessons.lessons import Lessons
 from lab.experiment import Experiment
 from lab.homework.hand_in import open_hand_in
 from lab.homework.homework_file import Keyed, homework_text, make_homework, write_key
@@ -57,18 +57,6 @@ def walk(keyed: Keyed) -> Iterator[Walk]:
         opened.run(PLAIN.copy())
         opened.open("Lessons")
         yield opened
-
-
-def page(walk: Walk) -> Lessons:
-    found = walk.page._pages[TITLES.index("Lessons")]
-    assert isinstance(found, Lessons)
-    return found
-
-
-def click(walk: Walk, label: str) -> None:
-    (button,) = [one for one in page(walk).view.select(pmui.Button) if one.label == label]
-    button.clicks += 1
-    walk.settle()
 
 
 def test_a_homework_of_the_server_is_solved_and_handed_in(walk: Walk, keyed: Keyed) -> None:
@@ -168,7 +156,7 @@ def test_the_address_opens_the_homework_with_the_settings_of_the_student(keyed: 
         address._location = Location()
         address.read()
         walk.settle()
-        assert TITLES[walk.page._tabs.active] == "Lessons"
+        assert walk.title == "Lessons"
         assert "Which faults are hidden?" in walk.text()
         assert session.experiment.hidden == keyed.homework.scenario.key
         assert (session.experiment.navigator.r_scale, session.experiment.navigator.q_scale) == (4.0, 1.0)

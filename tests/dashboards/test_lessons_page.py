@@ -2,16 +2,16 @@
 
 from __future__ import annotations
 
-import time
 from collections.abc import Iterator
 from pathlib import Path
 
 import panel_material_ui as pmui
 import pytest
-from walking import PATIENCE, TITLES, Walk, walking
+from lessons_walk import click, page
+from walking import Walk, walking
 
 from dashboards import classroom
-from dashboards.pages.lessons.lessons import FAULT_IS_OFF, OLD_RESULT, Lessons
+from dashboards.pages.lessons.lessons import FAULT_IS_OFF, OLD_RESULT
 from lab.experiment import Experiment
 from lab.gallery.faults import FAULTS
 from lab.gallery.faulty_experiment import FaultyExperiment
@@ -54,22 +54,6 @@ def walk(folder: Path) -> Iterator[Walk]:
         opened.run(Experiment().update({"mission": "los_angeles", "trajectory": {"imu_rate": 50}}))
         opened.open("Lessons")
         yield opened
-
-
-def page(walk: Walk) -> Lessons:
-    found = walk.page._pages[TITLES.index("Lessons")]
-    assert isinstance(found, Lessons)
-    return found
-
-
-def click(walk: Walk, label: str) -> None:
-    """Click the button of this label on the page Lessons, and wait until its answer is there."""
-    (button,) = [one for one in page(walk).view.select(pmui.Button) if one.label == label]
-    button.clicks += 1
-    until = time.monotonic() + PATIENCE
-    while page(walk)._judging.busy:
-        assert time.monotonic() < until
-    walk.settle()
 
 
 def computed(walk: Walk) -> None:

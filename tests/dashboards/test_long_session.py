@@ -11,8 +11,7 @@ import pytest
 from panel.io.state import set_curdoc
 from walking import Walk, walking
 
-from lab import experiment as stages
-from lab import histories
+from lab import histories, stages
 from lab import run as arrays
 
 PATIENCE = 300.0

@@ -6,14 +6,18 @@ import os
 import re
 import subprocess
 import sys
+from types import SimpleNamespace
 
 import panel as pn
 import panel_material_ui as pmui
 import pytest
 from bokeh.core.property.descriptors import PropertyDescriptor
 from bokeh.core.property.wrappers import PropertyValueContainer
+from bokeh.document import Document
+from bokeh.events import ButtonClick
 from bokeh.model.util import visit_value_and_its_immediate_references
 from bokeh.models import Line, Model, Range1d
+from panel.io.state import set_curdoc
 from panel.links import Callback
 
 from dashboards.upstream import leave_out_hooks, speed_up
@@ -152,3 +156,16 @@ def test_a_page_without_hooks_still_has_its_links() -> None:
     root = page.get_root()
     linked = [one for one in root.select({"type": Model}) if one.js_property_callbacks]
     assert linked
+
+
+def test_an_event_just_after_a_changed_value_holds_the_lock_of_its_document() -> None:
+    document, box, button = Document(), pmui.TextInput(), pmui.Button()
+    document._session_context = lambda: SimpleNamespace(session=None, server_context=None)  # type: ignore[assignment]
+    with set_curdoc(document):
+        model = button.get_root(document)
+        box.get_root(document)
+        box._server_change(document, "box", None, "value", "", "typed")
+        button._server_event(document, ButtonClick(model))
+    waiting = [one.callback for one in document.session_callbacks]
+    assert len(waiting) == 2
+    assert not any(getattr(callback, "nolock", False) for callback in waiting)

@@ -295,9 +295,8 @@ def test_what_is_worked_out_and_cannot_be_drawn_is_said(
 def drawn(fig: object) -> bool:
     """Return whether any glyph of a figure has something to draw."""
     sources = [glyph.data_source for glyph in fig.renderers if hasattr(glyph, "data_source")]
-    return any(
-        len(values) for source in sources if source.name != "GPS outages" for values in source.data.values()
-    )
+    drawn = [source for source in sources if source.name != "time without GPS"]
+    return any(len(values) for source in drawn for values in source.data.values())
 
 
 def test_the_pages_are_those_of_the_simulator() -> None:

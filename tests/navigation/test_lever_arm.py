@@ -11,12 +11,13 @@ from numpy.typing import NDArray
 from lab import earth
 from lab.analysis.consistency import chi_square_interval, normalised_squares
 from lab.analysis.errors import error_state
-from lab.experiment import CACHE, Experiment
+from lab.experiment import Experiment
 from lab.navigation import strapdown
 from lab.navigation.lever_arm import WINDOW, see_antenna, turns
 from lab.navigation.sigma_points import displace
 from lab.navigation.solution import Imu
 from lab.result import Result
+from lab.stages import CACHE
 
 FloatArray = NDArray[np.float64]
 

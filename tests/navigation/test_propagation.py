@@ -10,7 +10,6 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 from scipy.linalg import expm
 
-from lab.experiment import start
 from lab.navigation import kalman
 from lab.navigation.belief import belief
 from lab.navigation.compilation import rebound_throughout
@@ -22,6 +21,7 @@ from lab.navigation.propagation import WRITTEN_FOR, compile_propagation, layout,
 from lab.navigation.settings import NavigatorSettings
 from lab.sensors import gps
 from lab.sensors.suite import SensorSuite
+from lab.stages import start
 
 FloatArray = NDArray[np.float64]
 

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from lab import earth
-from lab.experiment import Experiment, start
+from lab.experiment import Experiment
 from lab.navigation import navigator, reference
 from lab.navigation.belief import belief
 from lab.navigation.error_models import MODELS, with_states
@@ -27,6 +27,7 @@ from lab.navigation.settings import NavigatorSettings
 from lab.rotation import wrap
 from lab.sensors import gps, imu
 from lab.sensors.suite import SensorSuite
+from lab.stages import start
 
 FloatArray = NDArray[np.float64]
 

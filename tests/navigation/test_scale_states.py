@@ -14,13 +14,14 @@ from numpy.typing import NDArray
 from lab.analysis.consistency import chi_square_interval
 from lab.analysis.errors import error_state
 from lab.comparison import models
-from lab.experiment import CACHE, Experiment
+from lab.experiment import Experiment
 from lab.navigation import strapdown
 from lab.navigation.belief import belief
 from lab.navigation.compilation import inline_kernel, kernel, rebound_throughout
 from lab.navigation.error_models import ACCEL_SCALE, GYRO_SCALE
 from lab.result import Result
 from lab.settings import SettingError
+from lab.stages import CACHE
 
 FloatArray = NDArray[np.float64]
 

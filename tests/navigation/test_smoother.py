@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from lab import earth
 from lab.analysis.consistency import chi_square_interval, normalised_squares
 from lab.analysis.errors import attitude_error, error_state
-from lab.experiment import CACHE, Experiment
+from lab.experiment import Experiment
 from lab.navigation import smoother, strapdown
 from lab.navigation.error_models import PHI, with_states
 from lab.navigation.navigator import navigate
@@ -23,6 +23,7 @@ from lab.navigation.solution import Belief, Fixes, Imu, Solution, Start
 from lab.result import Result
 from lab.rotation import wrap
 from lab.settings import SettingError
+from lab.stages import CACHE
 
 FloatArray = NDArray[np.float64]
 

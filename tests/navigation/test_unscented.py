@@ -19,7 +19,7 @@ from scipy.spatial.transform import Rotation
 
 from lab import earth
 from lab.analysis.errors import attitude_error, position_error
-from lab.experiment import CACHE, Experiment, start
+from lab.experiment import Experiment
 from lab.navigation import navigator, sigma_points, unscented
 from lab.navigation.navigator import PolarError
 from lab.navigation.schedule import Schedule
@@ -27,6 +27,7 @@ from lab.navigation.solution import Fixes, Imu, Solution, Start
 from lab.navigation.strapdown import ACCEL_BIAS, GYRO_BIAS, Q_NB, VELOCITY
 from lab.result import Result
 from lab.settings import SettingError
+from lab.stages import CACHE, start
 
 FloatArray = NDArray[np.float64]
 

@@ -7,10 +7,11 @@ import hashlib
 import numpy as np
 import pytest
 
-from lab.experiment import CACHE, Experiment
+from lab.experiment import Experiment
 from lab.result import Result
 from lab.sensors.draws import unit_draws
 from lab.setting_kinds import AxisQuantity, Quantity
+from lab.stages import CACHE
 
 DEGREE = np.pi / 180
 G = 9.80665

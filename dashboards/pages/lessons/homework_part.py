@@ -19,6 +19,7 @@ from dashboards.pages.lessons.lesson_list import HEADING, ROW, SUMMARY, TITLE, W
 from dashboards.pages.missions.entry_fields import WHOLE
 from dashboards.session import Session
 from dashboards.upload import Upload
+from lab.experiment import Experiment
 from lab.homework.hand_in import HandInError, hand_in, hand_in_text
 from lab.homework.homework import Homework
 from lab.homework.homework_file import LARGEST, read_homework
@@ -147,9 +148,9 @@ class HomeworkPart:
         if self.open is not None:
             self._run(partial(self.open.taking, self._session.experiment))
 
-    def _run(self, make: Callable[[], object]) -> None:
+    def _run(self, make: Callable[[], Experiment]) -> None:
         try:
-            self._session.take(make())  # type: ignore[arg-type]
+            self._session.take(make())
         except SettingError as error:
             self._view.say(str(error))
         else:
