@@ -67,7 +67,7 @@ def _size(fixes: FixErrors, kind: int, scale: float, size: float, plain: bool) -
     count = np.array(3.0 * fixes.count)
     own = slice(3 * kind, 3 * kind + 3)
     squares, capped = (
-        Squares(fixes.channels.total[way, own], fixes.channels.number[way, own]) for way in (0, 1)
+        Squares(fixes.channels.total[row, own], fixes.channels.number[row, own]) for row in (0, 1)
     )
     where = stretch(fixes.in_time, kind) if plain else None
     if where is not None:

@@ -146,14 +146,14 @@ def see_antenna(
         rotation((-age * rate[0], -age * rate[1], -age * rate[2])),
     )
     C = matrix(q)
-    way = rotate(axes, rotate(C, l_b))
+    arm_n = rotate(axes, rotate(C, l_b))
     sine = state[strapdown.SINE]
     omega_ie = earth.RATE * math.sqrt(max(0.0, 1 - sine * sine)), 0.0, -earth.RATE * sine
-    velocity = plus(rotate(axes, rotate(C, cross(rate, l_b))), -1.0, cross(omega_ie, way))
+    velocity = plus(rotate(axes, rotate(C, cross(rate, l_b))), -1.0, cross(omega_ie, arm_n))
     for i in range(3):
-        z[i] += way[i]
+        z[i] += arm_n[i]
         z[3 + i] += velocity[i]
-    _skew(H, 0, way)
+    _skew(H, 0, arm_n)
     _skew(H, 3, velocity)
     for j in range(3):
         axis = (1.0 if j == 0 else 0.0), (1.0 if j == 1 else 0.0), (1.0 if j == 2 else 0.0)

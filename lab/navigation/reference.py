@@ -150,9 +150,9 @@ def _use_fix(
     if age > dt * (1 + SLACK):
         return
     before = kalman.x, kalman.P
-    H, way, gyro_noise = _antenna(state, belief, turn, age, model.blocks)
+    H, antenna, gyro_noise = _antenna(state, belief, turn, age, model.blocks)
     R = belief.fix_covariance(np.array([m])).reshape(6, 6) + gyro_noise
-    z = _difference(state, fixes, m, age, dt) + way + _of_receiver(state, H, model.blocks)
+    z = _difference(state, fixes, m, age, dt) + antenna + _of_receiver(state, H, model.blocks)
     _update(kalman, z, H @ model.map(state), R)
     out.innovation[m], out.innovation_covariance[m] = kalman.y, kalman.S
     out.fix_H[m], out.fix_R[m] = H, R
@@ -313,11 +313,11 @@ def _antenna(
     C_nb = C_nb @ Rotation.from_rotvec(-age * rate).as_matrix()
     latitude = np.arcsin(state[strapdown.SINE])
     omega_ie = earth.RATE * np.array([np.cos(latitude), 0.0, -np.sin(latitude)])
-    way = C_nb @ arm
-    velocity = C_nb @ np.cross(rate, arm) - np.cross(omega_ie, way)
+    arm_n = C_nb @ arm
+    velocity = C_nb @ np.cross(rate, arm) - np.cross(omega_ie, arm_n)
     H = np.eye(6, n)
     H[POS, VEL] = -age * np.eye(3)
-    H[POS, ATT], H[VEL, ATT] = skew(way), skew(velocity)
+    H[POS, ATT], H[VEL, ATT] = skew(arm_n), skew(velocity)
     H[VEL, GYRO_BIAS] = C_nb @ skew(arm)
     if blocks.GYRO_SCALE in names:
         H[VEL, GYRO_SCALE] = H[VEL, GYRO_BIAS] * (measured / (1 + scale) ** 2)
@@ -329,7 +329,7 @@ def _antenna(
             H[VEL, first + k] = H[VEL, GYRO_BIAS][:, row] * by_axis
     as_biases(state, H, names)
     own = blocks.own_states(names)
-    seen = np.concatenate((way, velocity)) + H[:, own] @ _own_values(state, names)
+    seen = np.concatenate((arm_n, velocity)) + H[:, own] @ _own_values(state, names)
     if LEVER_ARM in names:
         H[POS, blocks.states_of(names, LEVER_ARM)] = C_nb
         H[VEL, blocks.states_of(names, LEVER_ARM)] = C_nb @ skew(rate) - skew(omega_ie) @ C_nb

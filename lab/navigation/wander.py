@@ -128,9 +128,9 @@ def transport_rate(velocity: Vector, t: float, k: float, c_x: float, c_y: float)
 
 
 @inline_kernel
-def turn_of(state: FloatArray, way: Vector) -> Vector:
+def turn_of(state: FloatArray, displacement: Vector) -> Vector:
     """Return the rotation of the frame along a displacement in w [rad]."""
-    return transport_rate(way, state[TRANSVERSE], state[BEND], state[AXIS], state[AXIS + 1])
+    return transport_rate(displacement, state[TRANSVERSE], state[BEND], state[AXIS], state[AXIS + 1])
 
 
 @inline_kernel
@@ -235,7 +235,7 @@ def _back(C: Matrix, v: Vector) -> Vector:
 
 
 @inline_kernel
-def way_from(state: FloatArray, up: Vector, height: float) -> Vector:
+def displacement_from(state: FloatArray, up: Vector, height: float) -> Vector:
     """Return the displacement to the navigator [m] from a point with a height and the vertical `up`, in w.
 
     The verticals differ by K times the displacement; K⁻¹ = (I − k/m c cᵀ) / t.
@@ -261,13 +261,13 @@ def difference(
     put(state, FIX_AXES + 3, _back(C_ew, (-sl, cl, 0.0)))
     down = _back(C_ew, (-c * cl, -c * sl, -s))
     put(state, FIX_AXES + 6, down)
-    way = way_from(state, (-down[0], -down[1], -down[2]), position[2])
+    offset = displacement_from(state, (-down[0], -down[1], -down[2]), position[2])
     v, before = get(state, VELOCITY), get(state, PREVIOUS_VELOCITY)
     for i in range(3):
         axis = get(state, FIX_AXES + 3 * i)
         z[i], z[3 + i] = 0.0, -velocity[i]
         for j in range(3):
-            z[i] += axis[j] * (way[j] - 0.5 * age * (v[j] + before[j]))
+            z[i] += axis[j] * (offset[j] - 0.5 * age * (v[j] + before[j]))
             z[3 + i] += axis[j] * (v[j] - fraction * (v[j] - before[j]))
 
 
@@ -277,7 +277,7 @@ def move_to(state: FloatArray, position: FloatArray) -> None:
     s, c = math.sin(position[0]), math.cos(position[0])
     up = c * math.cos(position[1]), c * math.sin(position[1]), s
     error = np.zeros(9)
-    put(error, 0, way_from(state, _back(matrix(quaternion(state, Q_EW)), up), position[2]))
+    put(error, 0, displacement_from(state, _back(matrix(quaternion(state, Q_EW)), up), position[2]))
     displace(state, error)
 
 
