@@ -10,6 +10,7 @@ import numpy as np
 from lab.ensemble import QUANTITIES, Ensemble
 from lab.experiment import Experiment
 from lab.navigation.algorithm import Algorithm, AlgorithmError
+from lab.navigation.checks import DivergedError
 from lab.navigation.kalman import MEASUREMENTS
 from lab.seeds import run_ensemble
 from lab.settings import SettingError
@@ -108,7 +109,7 @@ def compare(
             row = _compared(name, run_ensemble(variant, seeds, tell, algorithm=algorithm))
             # The compared run may be cached, with a time that includes compilation.
             found.append(replace(row, seconds=min(row.seconds, seconds)))
-        except (SettingError, AlgorithmError) as error:
+        except (SettingError, AlgorithmError, DivergedError) as error:
             found.append(Compared(name, refusal=str(error)))
     if all(row.refusal for row in found):
         raise SettingError("; ".join(dict.fromkeys(row.refusal for row in found)))
@@ -120,7 +121,10 @@ def _warm_up(experiment: Experiment) -> float:
     stranger = experiment.copy()
     scale = experiment.navigator.q_scale
     stranger.set("navigator.q_scale", scale * (1 - 1e-9 if scale > 1 else 1 + 1e-9))
-    return stranger.run().seconds
+    try:
+        return stranger.run().seconds
+    except DivergedError:  # other seeds need not diverge
+        return np.inf
 
 
 def _compared(model: str, ensemble: Ensemble) -> Compared:
@@ -135,5 +139,5 @@ def _compared(model: str, ensemble: Ensemble) -> Compared:
         nis=float(ensemble.at_fixes.mean_of_all("nis")),
         nis_degrees=ensemble.nis_degrees,
         seconds=float(np.median(ensemble.seconds)),
-        verdict=ensemble.verdict.headline,
+        verdict=" ".join(filter(None, (ensemble.remark, ensemble.verdict.headline))),
     )

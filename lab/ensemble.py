@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import operator
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property, reduce
 from typing import TYPE_CHECKING, ClassVar
 
@@ -22,6 +22,7 @@ from lab.datasets.labelled import ANGLES, EAST_NORTH_UP
 from lab.epoch_sums import EpochSums
 from lab.error_histogram import ErrorHistogram
 from lab.experiment import Experiment
+from lab.navigation.checks import DivergedError
 from lab.notebook_card import NotebookCard
 from lab.run_at_fixes import ChannelSums, RunAtFixes
 
@@ -43,6 +44,8 @@ TRIED = 4
 JUDGED = 100
 """Number of runs whose evidence gives the verdict; it takes twice as long as a run. The verdict names a
 variance only if it is wrong by half, which fewer runs show beyond doubt."""
+NAMED = 5
+"""Most seeds of diverged runs that a sentence names."""
 UNITS = ("m",) * 3 + ("m/s",) * 3 + ("°",) * 3
 """Units of position, velocity and attitude errors."""
 PERCENT = (5.0, 25.0, 50.0, 75.0, 95.0)
@@ -87,6 +90,8 @@ class Ensemble(NotebookCard):
         Evidence of each of the first `JUDGED` runs.
     algorithm : str
         Name of the user's own navigator; empty for those of the lab.
+    diverged : dict of int to str
+        The seeds whose runs diverged, each with the reason: these runs are left out of everything else.
     """
 
     CARD: ClassVar[str] = "ensemble"
@@ -107,6 +112,20 @@ class Ensemble(NotebookCard):
     seconds: FloatArray
     evidence: tuple[Evidence, ...]
     algorithm: str
+    diverged: dict[int, str] = field(default_factory=dict)
+
+    @property
+    def remark(self) -> str:
+        """A sentence about the runs that diverged; empty if none did."""
+        if not self.diverged:
+            return ""
+        seeds = sorted(self.diverged)
+        more = f" and {len(seeds) - NAMED} more" if len(seeds) > NAMED else ""
+        named = ", ".join(map(str, seeds[:NAMED]))
+        return (
+            f"{len(seeds)} of {len(seeds) + len(self.seeds)} runs diverged, and are left out of all figures: "
+            f"seed{'' if len(seeds) == 1 else 's'} {named}{more}."
+        )
 
     @property
     def time(self) -> FloatArray:
@@ -270,7 +289,8 @@ class Ensemble(NotebookCard):
 
     def __repr__(self) -> str:
         table = self.coverage.to_string(index=False, float_format=lambda value: f"{value:.4g}")
-        return f"Ensemble of {self.experiment.mission}, {len(self.seeds)} seeds: {self.verdict}\n{table}"
+        lines = f"{len(self.seeds)} seeds: {self.verdict}", self.remark, table
+        return f"Ensemble of {self.experiment.mission}, " + "\n".join(filter(None, lines))
 
 
 class Collected:
@@ -291,6 +311,13 @@ class Collected:
         self._innovations: ChannelSums | None = None
         self._of_runs: list[tuple[FloatArray, FloatArray, float, float, float]] = []
         self._evidence: list[Evidence] = []
+        self._diverged: dict[int, str] = {}
+        self._count = 0
+
+    def leave_out(self, seed: int, reason: str) -> None:
+        """Note that the run of a seed diverged."""
+        self._diverged[seed] = reason
+        self._count += 1
 
     def add(self, seed: int, run: RunAtFixes) -> None:
         """Add the run of a seed; runs are added in the order of the ensemble's seeds."""
@@ -325,15 +352,29 @@ class Collected:
         if run.evidence is not None:
             self._evidence.append(run.evidence)
         self._seeds.append(seed)
+        self._count += 1
         self._last = run
 
     def __len__(self) -> int:
-        return len(self._seeds)
+        """Return the number of runs so far, with those that diverged."""
+        return self._count
+
+    @property
+    def is_empty(self) -> bool:
+        """Whether all runs so far have diverged, or there is none."""
+        return self._last is None
 
     def ensemble(self) -> Ensemble:
-        """Return the ensemble of the runs so far, of which there must be one."""
+        """Return the ensemble of the runs so far, of which there must be one.
+
+        Raises
+        ------
+        DivergedError
+            If all of them diverged.
+        """
         last = self._last
-        assert last is not None
+        if last is None:
+            raise DivergedError(next(iter(self._diverged.values())))
         assert self._histogram is not None
         assert self._innovations is not None
         rms, largest, nees, nis, seconds = (np.array(values) for values in zip(*self._of_runs, strict=True))
@@ -354,6 +395,7 @@ class Collected:
             seconds=seconds,
             evidence=tuple(self._evidence),
             algorithm=last.algorithm,
+            diverged=dict(self._diverged),
         )
 
 

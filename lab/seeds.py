@@ -26,6 +26,7 @@ from lab.ensemble import JUDGED, QUANTITIES, Collected, Ensemble, Progress
 from lab.experiment import Experiment
 from lab.missions import LogMission, mission
 from lab.navigation.algorithm import Algorithm
+from lab.navigation.checks import DivergedError
 from lab.navigation.kalman import MEASUREMENTS
 from lab.result import Result
 from lab.run_at_fixes import ChannelSums, RunAtFixes
@@ -76,7 +77,8 @@ def run_ensemble(
     Raises
     ------
     ValueError
-        If there is no seed, or more than one for a log; and as in `Experiment.run`.
+        If there is no seed, or more than one for a log; and as in `Experiment.run`. Runs that diverge are
+        left out (`Ensemble.diverged`), unless all do.
     """
     chosen = range(experiment.seed, experiment.seed + seeds) if isinstance(seeds, int) else seeds
     numbers = tuple(int(seed) for seed in chosen)
@@ -98,7 +100,7 @@ def run_ensemble(
             lanes = None
         runner = _Runner(experiment, numbers, algorithm, lanes)
         left = deque(_blocks(len(numbers), len(numbers) if lanes is None else EXPLAINED))
-        running: dict[Future[list[RunAtFixes]], int] = {}
+        running: dict[Future[list[RunAtFixes | DivergedError]], int] = {}
         while left or running:
             while left and left[0].start < len(done) + AHEAD * LANES:
                 block = left.popleft()
@@ -125,8 +127,8 @@ class _Runner(NamedTuple):
     algorithm: Algorithm | None
     lanes: SeedLanes | None
 
-    def run(self, block: range) -> list[RunAtFixes]:
-        """Run the seeds of a block."""
+    def run(self, block: range) -> list[RunAtFixes | DivergedError]:
+        """Run the seeds of a block; a run that diverges gives the error."""
         if self.lanes is None or block.start < EXPLAINED:
             return [self._alone(place) for place in block]
         seeds = [self.seeds[place] for place in block]
@@ -134,10 +136,13 @@ class _Runner(NamedTuple):
         abreast = self.lanes.run(seeds) if judged else self.lanes.measure(seeds)
         return [run or self._alone(place) for place, run in zip(block, abreast, strict=True)]
 
-    def _alone(self, place: int) -> RunAtFixes:
+    def _alone(self, place: int) -> RunAtFixes | DivergedError:
         mine = self.experiment.copy()
         mine.set("seed", self.seeds[place])
-        result = mine.run(algorithm=self.algorithm)
+        try:
+            result = mine.run(algorithm=self.algorithm)
+        except DivergedError as error:
+            return error.with_traceback(None)
         return _keep(result, explain=place < EXPLAINED, judged=place < JUDGED)
 
 
@@ -153,18 +158,22 @@ class _Done:
     ) -> None:
         self._seeds, self._progress, self._partial = seeds, progress, partial
         self._collected = Collected(experiment)
-        self._waiting: dict[int, RunAtFixes] = {}
+        self._waiting: dict[int, RunAtFixes | DivergedError] = {}
         self._began = self._shown = time.monotonic()
 
     def __len__(self) -> int:
         """Return the number of the runs that are added."""
         return len(self._collected)
 
-    def add(self, first: int, runs: Sequence[RunAtFixes]) -> None:
+    def add(self, first: int, runs: Sequence[RunAtFixes | DivergedError]) -> None:
         """Add runs, of which the `first` place is given, once all before them are added; tell of each."""
         self._waiting |= dict(enumerate(runs, start=first))
         while (place := len(self)) in self._waiting:
-            self._collected.add(self._seeds[place], self._waiting.pop(place))
+            seed, run = self._seeds[place], self._waiting.pop(place)
+            if isinstance(run, DivergedError):
+                self._collected.leave_out(seed, str(run))
+            else:
+                self._collected.add(seed, run)
             self._tell()
 
     def _tell(self) -> None:
@@ -173,7 +182,8 @@ class _Done:
             rate = count / max(now - self._began, 1e-9)
             left = f", {rate:.3g} per second, {(wanted - count) / rate:.0f} s left" if count < wanted else ""
             self._progress(f"{count:,} of {wanted:,} runs{left}", count / wanted)
-        if self._partial is not None and 1 < count < wanted and now - self._shown > SHOWN_EVERY:
+        some = 1 < count < wanted and not self._collected.is_empty
+        if self._partial is not None and some and now - self._shown > SHOWN_EVERY:
             self._shown = now
             self._partial(self.ensemble())
 

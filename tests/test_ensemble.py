@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 import threading
+from typing import Any
 
 import numpy as np
 import pytest
@@ -13,6 +14,8 @@ import lab.seeds as seeds_module
 from lab.analysis.innovation_evidence import LAGS
 from lab.ensemble import QUANTITIES, Collected, Ensemble
 from lab.experiment import Experiment
+from lab.navigation.checks import DivergedError, diverged
+from lab.result import Result
 from lab.seeds import _keep, run_ensemble
 from lab.settings import SettingError
 from lab.stages import CACHE
@@ -191,6 +194,29 @@ def test_what_is_wrong_with_a_run_is_told_and_the_threads_end() -> None:
     with pytest.raises(SettingError, match=r"navigator\.r: is singular"):
         run_ensemble(wrong, 5)
     assert not [thread for thread in threading.enumerate() if thread.name.startswith("ensemble")]
+
+
+def test_runs_that_diverge_are_left_out_and_named(monkeypatch: pytest.MonkeyPatch) -> None:
+    run = Experiment.run
+
+    def run_or_diverge(experiment: Experiment, *arguments: Any, **options: Any) -> Result:
+        if experiment.seed % 2 == 0:
+            raise diverged("the numbers are not usable from t = 3 s on")
+        return run(experiment, *arguments, **options)
+
+    monkeypatch.setattr(Experiment, "run", run_or_diverge)
+    monkeypatch.setattr(seeds_module, "SHOWN_EVERY", 0.0)
+    short = Experiment(mission="los_angeles").update({"trajectory": {"imu_rate": 50}})
+    parts: list[Ensemble] = []
+    found = run_ensemble(short, (2, 4, 1, 3), partial=parts.append, workers=1)
+    assert found.seeds == (1, 3)
+    assert [(part.seeds, list(part.diverged)) for part in parts] == [((1,), [2, 4])]
+    assert "not usable from t = 3 s" in found.diverged[2]
+    assert found.remark == "2 of 4 runs diverged, and are left out of all figures: seeds 2, 4."
+    assert found.remark in repr(found)
+    assert found.consistency.identical(run_ensemble(short, (1, 3)).consistency)
+    with pytest.raises(DivergedError, match="not usable from"):
+        run_ensemble(short, (2,))
 
 
 @pytest.mark.filterwarnings("error::RuntimeWarning")

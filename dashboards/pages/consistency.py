@@ -158,7 +158,7 @@ class Consistency(ComputedPage):
 
     def _draw_some(self, result: Result, done: Ensemble) -> None:
         complete = self._content is not None and self._content[0] is result
-        if result is self._wanted and self.runs > len(done.seeds) and not complete:
+        if result is self._wanted and self.runs > len(done.seeds) + len(done.diverged) and not complete:
             assert self._document is not None
             with together(self._document):
                 self._draw_runs(done)
@@ -270,6 +270,7 @@ def over_seeds(ensemble: Ensemble) -> str:
     nees, nis = (f"{100 * part:.0f} %" if np.isfinite(part) else "none" for part in ensemble.inside(SETTLED))
     return (
         f"{len(ensemble.seeds)} flights, seeds {ensemble.seeds[0]} to {ensemble.seeds[-1]}. "
+        f"{ensemble.remark} "
         f"After {SETTLED:g} s the averages lie in their 95 % intervals at {nees} (NEES) and {nis} (NIS) "
         "of the fixes."
     )

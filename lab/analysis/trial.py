@@ -20,6 +20,7 @@ from lab.analysis.finding import WITHHELD, Change, Finding, Verdict, headline
 from lab.displacement import displaced, displacement
 from lab.experiment_settings import ExperimentSettings
 from lab.navigation.blocks import IMU_DENSITIES
+from lab.navigation.checks import DivergedError
 from lab.rotation import C_nb_from_euler, euler_from_quaternion
 from lab.run import Run
 from lab.settings import SettingError
@@ -50,7 +51,8 @@ class Figures(NamedTuple):
     correlation : float
         Largest absolute correlation of a kind of innovation from one fix to the next.
     held_out : float
-        Rms of the position errors relative to withheld fixes [m]; NaN if the flight is too short.
+        Rms of the position errors relative to withheld fixes [m]; NaN if the flight is too short, infinite if
+        the run diverges without them.
     fixes : float
         Number of fixes for NIS and the correlation.
     """
@@ -173,8 +175,8 @@ def worsened(before: Figures, after: Figures) -> str:
         )
     if after.held_out > WORSE * before.held_out:
         found.append(
-            f"the error across outages of {OUTAGE:.0f} s ({before.held_out:.2g} m, then "
-            f"{after.held_out:.2g} m)"
+            f"the error across outages of {OUTAGE:.0f} s ({_metres(before.held_out)}, then "
+            f"{_metres(after.held_out)})"
         )
     return " and ".join(found)
 
@@ -184,11 +186,14 @@ def _words(before: Figures, after: Figures) -> str:
         f"NIS per degree of freedom {before.nis:.2f}, then {after.nis:.2f}",
         f"correlation of the innovations {before.correlation:.2f}, then {after.correlation:.2f}",
     ]
-    if np.isfinite(before.held_out):
-        words.append(
-            f"error across outages of {OUTAGE:.0f} s {before.held_out:.2g} m, then {after.held_out:.2g} m"
-        )
+    if not np.isnan(before.held_out):
+        was, becomes = _metres(before.held_out), _metres(after.held_out)
+        words.append(f"error across outages of {OUTAGE:.0f} s {was}, then {becomes}")
     return "; ".join(words)
+
+
+def _metres(error: float) -> str:
+    return f"{error:.2g} m" if np.isfinite(error) else "without bound"
 
 
 def advised(run: Repeatable, changes: tuple[Change, ...]) -> ExperimentSettings:
@@ -247,7 +252,10 @@ def average(of: Sequence[Figures]) -> Figures:
 
 
 def held_out(run: Repeatable) -> float:
-    """Return the rms position error across artificial outages, relative to the fixes withheld there [m]."""
+    """Return the rms position error across artificial outages, relative to the fixes withheld there [m].
+
+    It is infinite where the run diverges without these fixes, and NaN if the flight is too short.
+    """
     begin, end = float(run.time[0]), float(run.time[-1])
     starts = np.arange(begin + EVERY - OUTAGE, end - OUTAGE, EVERY)
     outages = [[float(start), float(start + OUTAGE)] for start in starts]
@@ -262,7 +270,10 @@ def held_out(run: Repeatable) -> float:
         chosen |= (times > first + OUTAGE / 2) & (times <= last)
     if not chosen.any():
         return float("nan")
-    coasted = run.repeated(experiment)
+    try:
+        coasted = run.repeated(experiment)
+    except DivergedError:
+        return np.inf
     solution, time = coasted.solution_arrays, coasted.time
     at = times[chosen]
     after = np.clip(np.searchsorted(time, at), 1, time.size - 1)

@@ -131,8 +131,12 @@ def check_bias_decay(step: float, decay: FloatArray) -> None:
         )
 
 
+class DivergedError(ValueError):
+    """The solution of a run diverged; with another seed it need not."""
+
+
 def check_finite(solution: Solution, time: FloatArray) -> None:
-    """Raise `ValueError` if a solution, at times (n + 1,), is not finite or has negative variances."""
+    """Raise `DivergedError` if a solution, at times (n + 1,), is not finite or has negative variances."""
     # A value that is not finite stays so: checking the last sample is enough.
     states = (
         *(solution.position, solution.velocity_n, solution.q_nb),
@@ -146,10 +150,10 @@ def check_finite(solution: Solution, time: FloatArray) -> None:
     raise diverged(f"the numbers are not usable from t = {time[int(np.argmax(bad))]:.3f} s on")
 
 
-def diverged(what: str, error: Exception | None = None) -> ValueError:
+def diverged(what: str, error: Exception | None = None) -> DivergedError:
     """Return the exception for a solution that diverged; `what` says how, `error` is the cause."""
     detail = f" ({error})" if error else ""
-    return ValueError(
+    return DivergedError(
         f"the navigation solution diverged: {what}{detail}. Check for extreme settings of the navigator "
         "(p0, q, r, their scales, the initial σ, filter_rate) and of the sensors"
     )

@@ -23,7 +23,7 @@ def ensemble_html(ensemble: Ensemble) -> str:
     )
     return (
         f"<h4>{escape(ensemble.experiment.mission)}, {which}{escape(who)}</h4>"
-        f"{verdict_html(ensemble.verdict)}<p>{inside(ensemble)}</p>{table}"
+        f"{verdict_html(ensemble.verdict)}<p>{escape(ensemble.remark)} {inside(ensemble)}</p>{table}"
         "<p>The root mean square is that of the whole flights; the other columns are those of the errors "
         "after the fixes.</p>"
     )

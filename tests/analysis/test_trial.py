@@ -10,6 +10,7 @@ from lab.analysis.finding import Change
 from lab.analysis.trial import Figures
 from lab.ensemble import TRIED
 from lab.experiment import Experiment
+from lab.navigation.checks import diverged
 from lab.seeds import run_ensemble
 
 BEFORE = Figures(nis=1.5, correlation=0.1, held_out=4.0, fixes=400)
@@ -104,6 +105,21 @@ def test_errors_across_outages_are_those_of_the_coasted_solution():
     errors = coasted.errors.position.values[at]
     expected = np.sqrt(np.mean(np.sum(errors**2, axis=1)) + 1.5)
     assert found == pytest.approx(expected, rel=0.35)
+
+
+def test_a_flight_that_diverges_without_its_fixes_still_has_its_advice_tried(monkeypatch):
+    """With more process noise it no longer does, which is better than an error without bound."""
+    before = trial.Figures(1.0, 0.0, np.inf, 600.0)
+    assert trial.worsened(before, before._replace(held_out=3.0)) == ""
+    assert "without bound" in trial.worsened(before._replace(held_out=3.0), before)
+    result = Experiment(mission="los_angeles").run()
+
+    def repeated(_experiment):
+        raise diverged("the numbers are not usable")
+
+    monkeypatch.setitem(result.__dict__, "repeated", repeated)
+    assert trial.held_out(result) == np.inf
+    assert trial.figures(result).held_out == np.inf
 
 
 def test_a_flight_without_room_for_outages_is_judged_without_them():
