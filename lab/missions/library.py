@@ -20,7 +20,7 @@ from lab.flying.plan_kinds import read_plan
 from lab.logs.log_toml import DESCRIPTION_FILE
 from lab.logs.sensor_log import SensorLog
 from lab.logs.sensor_log_writer import write_sensor_log
-from lab.missions.catalogue import mission, own_folder, places, shipped_folder
+from lab.missions.catalogue import mission, names_in_words, own_folder, places, shipped_folder
 from lab.missions.log_mission import LogMission, is_log_folder, is_log_toml
 from lab.missions.mission import Mission
 from lab.missions.mission_name import MAX_LETTERS, accepted_name, suggested_name
@@ -194,7 +194,7 @@ def own_place(name: str) -> Path:
     """
     found = places()
     if name not in found:
-        own = ", ".join(sorted(own_names())) or "there is none yet"
+        own = names_in_words(sorted(own_names())) or "there is none yet"
         raise MissionError(f"there is no mission {name!r}. Accepted are your own: {own}")
     if found[name].parent != _own_folder_unless_shipped():
         raise MissionError(f"mission {name}: ships with the lab and cannot be changed; accepted are your own")
