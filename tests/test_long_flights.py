@@ -20,6 +20,7 @@ from lab.analysis.run_evidence import evidence_of
 from lab.cli import app
 from lab.datasets import flight, tables
 from lab.navigation import navigator, smoother, unscented
+from lab.navigation.choice import chosen_model
 from lab.navigation.lever_arm import turns
 from lab.navigation.solution import Imu, Solution
 from lab.result import Result
@@ -121,6 +122,9 @@ def test_a_smoothed_flight_does_not_change(request: pytest.FixtureRequest) -> No
     evidence, verdict, filtered = exact.evidence, exact.verdict, exact.filtered
     request.getfixturevalue("everything_is_long")
     long = smoothed((3.0, 1.0, -1.0)).run()
+    # Compiling once more takes some 30 s and 200 MB.
+    compiled = smoother._backwards(chosen_model(long.experiment.navigator, long.experiment.sensors), aided=False)
+    assert len(compiled.signatures) == 1  # type: ignore[attr-defined]
     a, b = exact.solution_arrays, long.solution_arrays
     assert b.variance.dtype == b.velocity_n.dtype == b.q_nb.dtype == np.float32
     assert b.position.dtype == np.float64
