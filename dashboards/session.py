@@ -14,7 +14,7 @@ from dashboards.computing import LatestWins, Outcome, Progress, run
 from dashboards.sending import together
 from lab.experiment import Experiment
 from lab.homework.homework import Homework
-from lab.missions import missions
+from lab.missions import missions, names_in_words
 from lab.result import Result
 from lab.settings import SettingError
 
@@ -255,5 +255,5 @@ def _check_mission(name: str) -> None:
     known = missions()
     if name not in known:
         raise SettingError(
-            f"mission = {name[:60]!r}: there is no such mission; accepted is one of {', '.join(known)}"
+            f"mission = {name[:60]!r}: there is no such mission; accepted is one of {names_in_words(known)}"
         )

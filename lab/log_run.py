@@ -138,7 +138,7 @@ def run_log(
         log.time.size / max(log.duration, 1.0),
         states=states,
         drifting=0,
-        exact=navigator.model == "nonlinear",
+        exact=False,
         arm=bool(assumed_lever_arm(navigator, log.gnss.lever_arm).any()),
     )
     settings = {path: experiment.get(path) for path, *_ in experiment.leaves() if has_effect(path, states)}

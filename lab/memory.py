@@ -47,7 +47,7 @@ def check_memory(
     drifting
         Number of triads with a varying bias.
     exact
-        Whether all histories are float64, as for a nonlinear filter.
+        Whether all histories are float64, as for the engine filterpy.
     arm
         Whether the filter assumes a lever arm.
 

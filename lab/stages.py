@@ -210,7 +210,7 @@ class Stages:
             rate,
             states=blocks.count(chosen_blocks(navigator, self.sensors)),
             drifting=sum(imu.is_drifting(errors) for errors in triads),
-            exact=navigator.model == "nonlinear" or navigator.engine == "filterpy",
+            exact=navigator.engine == "filterpy",
             arm=bool(belief(self.sensors, navigator).lever_arm.any()),
         )
 

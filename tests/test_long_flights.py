@@ -19,7 +19,8 @@ from lab.analysis import consistency, fix_causes, imu_causes, observability, sen
 from lab.analysis.run_evidence import evidence_of
 from lab.cli import app
 from lab.datasets import flight, tables
-from lab.navigation import navigator, smoother
+from lab.navigation import navigator, smoother, unscented
+from lab.navigation.choice import chosen_model
 from lab.navigation.lever_arm import turns
 from lab.navigation.solution import Imu, Solution
 from lab.result import Result
@@ -42,12 +43,13 @@ def everything_is_long(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
     """Treat a flight of minutes as one of hours."""
     for module in (histories, trajectory, stages, arrays):
         monkeypatch.setattr(module, "LONG", SHORT)
-    for module in (navigator, smoother, memory):
+    for module in (navigator, smoother, unscented, memory):
         monkeypatch.setattr(module, "SINGLE", SHORT)
     monkeypatch.setattr(spline_windows, "WINDOW", SHORT)
     for module in (trajectory, arrays, observability, figures):
         monkeypatch.setattr(module, "AT_ONCE", 1000)
-    monkeypatch.setattr(navigator, "PIECE", 777)
+    for module in (navigator, unscented):
+        monkeypatch.setattr(module, "PIECE", 777)
     stages.CACHE.clear()
     yield
     stages.CACHE.clear()
@@ -120,6 +122,9 @@ def test_a_smoothed_flight_does_not_change(request: pytest.FixtureRequest) -> No
     evidence, verdict, filtered = exact.evidence, exact.verdict, exact.filtered
     request.getfixturevalue("everything_is_long")
     long = smoothed((3.0, 1.0, -1.0)).run()
+    # Compiling once more takes some 30 s and 200 MB.
+    compiled = smoother._backwards(chosen_model(long.experiment.navigator, long.experiment.sensors), aided=False)
+    assert len(compiled.signatures) == 1  # type: ignore[attr-defined]
     a, b = exact.solution_arrays, long.solution_arrays
     assert b.variance.dtype == b.velocity_n.dtype == b.q_nb.dtype == np.float32
     assert b.position.dtype == np.float64
@@ -153,6 +158,26 @@ def test_a_smoothed_flight_does_not_change(request: pytest.FixtureRequest) -> No
         long.evidence.innovations.likelihoods, evidence.innovations.likelihoods, rtol=1e-4
     )
     assert long.verdict == verdict
+
+
+def test_a_flight_of_the_nonlinear_filter_does_not_change(monkeypatch: pytest.MonkeyPatch) -> None:
+    def run() -> Solution:
+        stages.CACHE.clear()
+        experiment = settings()
+        experiment.set("trajectory.imu_rate", 50)
+        experiment.set("navigator.states", 15)
+        experiment.set("navigator.model", "nonlinear")
+        return experiment.run().solution_arrays
+
+    exact = run()
+    monkeypatch.setattr(unscented, "SINGLE", SHORT)
+    monkeypatch.setattr(unscented, "PIECE", 777)
+    long = run()
+    stages.CACHE.clear()
+    assert long.variance.dtype == long.velocity_n.dtype == long.q_nb.dtype == np.float32
+    for name, wanted in exact._asdict().items():
+        found = getattr(long, name)
+        np.testing.assert_array_equal(found, wanted.astype(found.dtype), err_msg=name)
 
 
 def test_a_smoother_takes_little_memory(monkeypatch: pytest.MonkeyPatch, everything_is_long: None) -> None:

@@ -78,8 +78,16 @@ def steps(solution: Solution, belief: Belief, imu: Imu, samples: NDArray[np.intp
     samples : (m,) array
         Samples of the fixes.
     """
-    parts = list(steps_in_parts(solution, belief, imu, samples))
-    return Steps(*(np.concatenate(values) for values in zip(*parts, strict=True)))
+    n, regressors = solution.states, sum(len(own) for own in columns().values())
+    shapes = (n, n), (4, n, n), (n, regressors)
+    whole = Steps(*(np.empty((samples.size, *shape)) for shape in shapes))
+    done = 0
+    for part in steps_in_parts(solution, belief, imu, samples):
+        here = slice(done, done + part.transition.shape[0])
+        for all_of_them, values in zip(whole, part, strict=True):
+            all_of_them[here] = values
+        done = here.stop
+    return whole
 
 
 def steps_in_parts(

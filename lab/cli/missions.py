@@ -29,13 +29,15 @@ def list_missions(as_json: AsJson = False) -> None:
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # omitted missions are listed below
         found = find_missions()
-    readable = [entry for entry in found.values() if _readable(entry)]
+    # Each mission is dropped once it is described, which frees its recording.
+    facts = [_facts(found.pop(name)) for name in list(found)]
+    readable = [one for one in facts if one]
     for reason in broken_missions().values():
         print(f"ins-lab: mission left out: {reason}", file=sys.stderr)
     if as_json:
-        print_json([_facts(entry) for entry in readable])
+        print_json(readable)
         return
-    rows = [(entry.name, entry.title, f"{entry.duration:.1f} s", entry.origin) for entry in readable]
+    rows = [(one["name"], one["title"], f"{one['duration_s']:.1f} s", one["origin"]) for one in readable]
     print(table(("name", "title", "duration", "origin"), rows, right={2}))
 
 
@@ -66,20 +68,18 @@ def delete(
     print(f"{mission} deleted")
 
 
-def _readable(entry: Mission) -> bool:
+def _facts(entry: Mission) -> dict[str, Any]:
+    """Return the facts about a mission; empty if its recording cannot be read, which is reported."""
     try:
-        return entry.duration > 0
+        duration = entry.duration
     except MissionError as error:
         print(f"ins-lab: mission {entry.name} left out: {error}", file=sys.stderr)
-        return False
-
-
-def _facts(entry: Mission) -> dict[str, Any]:
+        return {}
     return {
         "name": entry.name,
         "title": entry.title,
         "description": " ".join(entry.description.split()),
-        "duration_s": entry.duration,
+        "duration_s": duration,
         "aircraft": entry.aircraft,
         "airport": entry.airport,
         "origin": entry.origin,

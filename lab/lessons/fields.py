@@ -9,7 +9,7 @@ from typing import Any
 
 from lab.experiment import Experiment
 from lab.lessons.text import TextError, text_html
-from lab.missions import missions
+from lab.missions import missions, names_in_words
 from lab.settings import SettingError
 
 MOST_CHOICES = 12
@@ -89,8 +89,9 @@ def try_settings(trial: Experiment, settings: Mapping[str, Any], where: str) -> 
             trial.set(name, settings[name])
     except SettingError as error:
         raise LessonError(f"{where}: {error}") from error
-    if trial.mission not in missions():
-        accepted = ", ".join(missions())
+    found = missions()
+    if trial.mission not in found:
+        accepted = names_in_words(found)
         raise LessonError(
             f"{where}: there is no mission {trial.mission[:60]!r}; accepted is one of {accepted}"
         )

@@ -16,7 +16,14 @@ from lab.flying.flight_plan import FlightPlan
 from lab.flying.plan_kinds import read_plan
 from lab.logs.sensor_log import SensorLog
 from lab.logs.sensor_log_csv import read_sensor_log
-from lab.missions.catalogue import broken_missions, mission, missions, own_folder, shipped_folder
+from lab.missions.catalogue import (
+    broken_missions,
+    mission,
+    missions,
+    names_in_words,
+    own_folder,
+    shipped_folder,
+)
 from lab.missions.flown_mission import fly_mission
 from lab.missions.library import add_log, add_mission, delete_mission, describe_mission, rename_mission
 from lab.missions.log_mission import LogMission
@@ -48,6 +55,7 @@ __all__ = [
     "fly_mission",
     "mission",
     "missions",
+    "names_in_words",
     "own_folder",
     "prepare_import",
     "read_flight_csv",

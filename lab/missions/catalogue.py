@@ -6,6 +6,7 @@ import difflib
 import os
 import time
 import warnings
+from collections.abc import Callable, Collection
 from dataclasses import replace
 from pathlib import Path
 from typing import NamedTuple
@@ -21,6 +22,10 @@ OWN_FOLDER_VARIABLE = "INS_LAB_MISSIONS"
 _SETTLED = 2.0
 """Age above which a change of a file shows in its time stamp [s]: some file systems have a resolution of 2
 s."""
+
+
+_NAMED = 20
+"""Most missions that a message names, some two lines."""
 
 
 class _Read(NamedTuple):
@@ -112,9 +117,15 @@ def mission(name_or_path: str | os.PathLike[str]) -> Mission:
     close = difflib.get_close_matches(text, found, n=1)
     hint = f" Did you mean {close[0]}?" if close else ""
     raise MissionError(
-        f"there is no mission {text!r}.{hint} Accepted: {', '.join(found)}, or the path of a .toml, .csv or "
-        ".csv.gz file or of a folder with a log"
+        f"there is no mission {text!r}.{hint} Accepted: {names_in_words(found)}, or the path of a .toml, "
+        ".csv or .csv.gz file or of a folder with a log"
     )
+
+
+def names_in_words(names: Collection[str]) -> str:
+    """Return the first names of missions as the words of a message: a folder may have thousands."""
+    first, more = list(names)[:_NAMED], len(names) - _NAMED
+    return ", ".join(first) + (f" and {more:,} more" if more > 0 else "")
 
 
 def _expanded(text: str) -> Path:
@@ -171,7 +182,7 @@ def _find() -> tuple[dict[str, Mission], dict[str, str], dict[str, Path]]:
         try:
             with os.scandir(folder) as entries:
                 inside = {entry.name: entry for entry in entries}
-            logs = [folder / name for name in sorted(inside) if inside[name].is_dir()]
+            logs = [folder / name for name in sorted(inside) if _holds(inside[name].is_dir)]
             logs = [path for path in logs if is_log_folder(path)]
             tomls = [folder / name for name in sorted(inside) if name.endswith(".toml")]
             paths = [path for path in tomls if path not in logs] if logs else tomls
@@ -192,7 +203,7 @@ def _find() -> tuple[dict[str, Mission], dict[str, str], dict[str, Path]]:
                 continue
             recording = listed.recording_path
             there = inside.get(recording.name) if recording.parent == folder else None
-            if recording.is_file() if there is None else there.is_file():
+            if _holds(recording.is_file if there is None else there.is_file):
                 found[name] = listed
             else:
                 hint = "; fly it: ins-lab fly " + str(path) if listed.flight else ""
@@ -201,6 +212,14 @@ def _find() -> tuple[dict[str, Mission], dict[str, str], dict[str, Path]]:
     _READ.clear()
     _READ.update(now)
     return found, broken, places
+
+
+def _holds(check: Callable[[], bool]) -> bool:
+    """Return the answer of a check of a file; False if there is none, as for a link to itself."""
+    try:
+        return check()
+    except OSError:
+        return False
 
 
 def _listed(path: Path, name: str, read: dict[str, _Read]) -> Mission:

@@ -20,7 +20,7 @@ from lab.flying.plan_kinds import read_plan
 from lab.logs.log_toml import DESCRIPTION_FILE
 from lab.logs.sensor_log import SensorLog
 from lab.logs.sensor_log_writer import write_sensor_log
-from lab.missions.catalogue import mission, own_folder, places, shipped_folder
+from lab.missions.catalogue import mission, names_in_words, own_folder, places, shipped_folder
 from lab.missions.log_mission import LogMission, is_log_folder, is_log_toml
 from lab.missions.mission import Mission
 from lab.missions.mission_name import MAX_LETTERS, accepted_name, suggested_name
@@ -180,7 +180,8 @@ def free_name(text: str) -> str:
 
 def own_names() -> frozenset[str]:
     """Return the user's own missions, which may be changed, including those that cannot be listed."""
-    return frozenset(name for name, place in places().items() if _is_own(place))
+    own = _own_folder_unless_shipped()
+    return frozenset(name for name, place in places().items() if place.parent == own)
 
 
 def own_place(name: str) -> Path:
@@ -193,9 +194,9 @@ def own_place(name: str) -> Path:
     """
     found = places()
     if name not in found:
-        own = ", ".join(sorted(own_names())) or "there is none yet"
+        own = names_in_words(sorted(own_names())) or "there is none yet"
         raise MissionError(f"there is no mission {name!r}. Accepted are your own: {own}")
-    if not _is_own(found[name]):
+    if found[name].parent != _own_folder_unless_shipped():
         raise MissionError(f"mission {name}: ships with the lab and cannot be changed; accepted are your own")
     return found[name]
 
@@ -285,8 +286,10 @@ def _delete_log(folder: Path) -> None:
         folder.rmdir()
 
 
-def _is_own(place: Path) -> bool:
-    return place.parent == own_folder() and own_folder().resolve() != shipped_folder().resolve()
+def _own_folder_unless_shipped() -> Path | None:
+    """Return the folder with the missions that may be changed; None if it is that of those that ship."""
+    own = own_folder()
+    return None if own.resolve() == shipped_folder().resolve() else own
 
 
 def _check_free(folder: Path, name: str, overwrite: bool = False) -> None:

@@ -20,6 +20,7 @@ from collections.abc import Callable, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from lab.histories import SINGLE
 from lab.navigation import blocks, strapdown
 from lab.navigation.blocks import CORE
 from lab.navigation.compilation import (
@@ -40,7 +41,8 @@ from lab.navigation.kalman import (
     weight,
 )
 from lab.navigation.lever_arm import see_antenna, turns
-from lab.navigation.navigator import go_through
+from lab.navigation.navigator import PIECE, go_through
+from lab.navigation.piece import Piece
 from lab.navigation.schedule import EVERY_FIX, SLACK, Schedule, Stretch
 from lab.navigation.sigma_points import attitude, displace, gather, spread, transport
 from lab.navigation.solution import Belief, Fixes, Imu, Solution, Start, read_only
@@ -88,15 +90,22 @@ def navigate(
     """
     check(schedule)
     check_heading(belief.P0)
-    solution = Solution.empty(
-        imu.time.size, fixes.time.size, blocks.SCALES if belief.P0.shape[0] > blocks.CORE else ()
-    )
+    is_long = imu.time.size > SINGLE
+    scales = blocks.SCALES if belief.P0.shape[0] > blocks.CORE else ()
+    shown = np.float32 if is_long else np.float64
+    solution = Solution.empty(imu.time.size, fixes.time.size, scales, shown)
     run = Filter.begin(start, belief, float(imu.time[0]), turns(imu, fixes.time, belief.lever_arm))
 
     def onwards(imu: Imu, out: Solution, first: int, schedule: Schedule) -> int:
-        return advance(run, imu, fixes, out, first, schedule)
+        if not is_long:
+            return advance(run, imu, fixes, out, first, schedule)
+        fix, piece = int(run.counts[0]), Piece.of(imu, out, first)
+        stopped = advance(run, piece.imu, fixes, piece.out, piece.first, schedule)
+        piece.keep(out, stopped, slice(fix, int(run.counts[0])), slice(0))
+        return piece.before + stopped
 
-    go_through(run.state, run.noise, imu, solution, schedule, stretches, onwards)
+    longest = PIECE if is_long else 0
+    go_through(run.state, run.noise, imu, solution, schedule, stretches, onwards, longest)
     return solution
 
 

@@ -2,19 +2,22 @@
 
 from __future__ import annotations
 
+import gc
 import itertools
 import json
 import os
 import signal
 import subprocess
 import sys
+import weakref
+from functools import cached_property
 from pathlib import Path
 
 import pytest
 from asking import ask, refused
 
 from lab.flying.simulated_aircraft import SimulatedAircraft
-from lab.missions import add_mission, mission
+from lab.missions import Mission, Recording, add_mission, mission
 
 
 def test_missions_are_a_table() -> None:
@@ -31,6 +34,28 @@ def test_missions_as_json() -> None:
     assert {"montreal", "los_angeles"} <= entries.keys()
     assert entries["montreal"]["duration_s"] == mission("montreal").duration
     assert entries["montreal"]["can_fly"] is True
+
+
+def test_one_recording_after_the_other_is_in_memory(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Thousands of recordings at once need gigabytes."""
+    read: list[weakref.ref[Recording]] = []
+    original = Mission.__dict__["recording"].func
+    most = 0
+
+    def recording(self: Mission) -> Recording:
+        nonlocal most
+        found = original(self)
+        read.append(weakref.ref(found))
+        gc.collect()
+        most = max(most, sum(one() is not None for one in read))
+        return found
+
+    kept = cached_property(recording)
+    kept.__set_name__(Mission, "recording")
+    monkeypatch.setattr(Mission, "recording", kept)
+    assert ask("missions").exit_code == 0
+    assert len(read) >= 3
+    assert most == 1
 
 
 def test_a_broken_mission_of_ones_own_is_named_and_the_rest_listed(

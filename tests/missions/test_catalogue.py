@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import os
+import sys
 import time
 from pathlib import Path
 
 import pytest
 
-from lab.missions import broken_missions, catalogue, mission, missions
+from lab.missions import MissionError, broken_missions, catalogue, delete_mission, mission, missions
 from lab.missions.catalogue import OWN_FOLDER_VARIABLE
 from lab.missions.mission import Mission
 
@@ -77,3 +78,24 @@ def test_what_was_just_written_is_read_again(own, read, monkeypatch):
 
 def test_a_listing_does_not_keep_what_was_read_through_another(own):
     assert missions()["one"] is not missions()["one"]
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="links need rights there")
+@pytest.mark.filterwarnings("ignore:mission left out")
+def test_links_in_a_circle_hide_no_other_mission(own):
+    (own / "circle.toml").symlink_to("circle.toml")
+    (own / "here.csv").symlink_to("here.csv")
+    write(own / "here.toml", "here")
+    assert {"one", "two", "three"} <= set(missions())
+    assert {"circle", "here"} <= set(broken_missions())
+
+
+def test_a_message_names_some_of_many_missions(own):
+    for number in range(60):
+        write(own / f"many{number:02}.toml", "many")
+        (own / f"many{number:02}.csv").write_text("never read here")
+    with pytest.raises(MissionError, match=r"many16 and 46 more, or the path") as refused:
+        mission("nowhere")
+    assert len(str(refused.value)) < 500
+    with pytest.raises(MissionError, match=r"Accepted are your own: .* and 43 more"):
+        delete_mission("nowhere")

@@ -14,6 +14,48 @@ export function render({model}) {
   // A message would send the whole component along, pictures and all. The count tells a repeated wish from the last.
   const act = (what, name) => { model.wish = {what, name, count: (model.wish.count || 0) + 1} }
 
+  // Pictures by name. One of an older list is shown until its new one arrives.
+  const drawings = new Map()
+  const lacking = new Set()  // names of cards in view
+  let asked = new Set()  // names for which the server was asked, and has not answered
+  const view = new IntersectionObserver((entries) => {
+    for (const {target, isIntersecting} of entries) {
+      if (isIntersecting) lacking.add(target.dataset.name)
+      else lacking.delete(target.dataset.name)
+    }
+    ask()
+  }, {rootMargin: "200px"})
+
+  function ask() {
+    if (asked.size || !lacking.size) return
+    asked = new Set([...lacking].slice(0, 48))
+    model.asked = {names: [...asked], count: (model.asked.count || 0) + 1}
+  }
+
+  function fill(box) {
+    const drawn = drawings.get(box.dataset.name)
+    if (!drawn) return
+    const face = box.querySelector(".face")
+    face.disabled = Boolean(drawn.problem)
+    face.querySelector(".picture").innerHTML = drawn.picture
+    face.querySelector(".picture").hidden = Boolean(drawn.problem)
+    face.querySelector(".problem").textContent = drawn.problem
+    face.querySelector(".duration").textContent = drawn.duration
+  }
+
+  function answered() {
+    for (const [name, drawn] of Object.entries(model.drawn.cards)) drawings.set(name, drawn)
+    if (model.drawn.count !== model.asked.count) return  // what was asked before the list changed
+    for (const box of grid.querySelectorAll(".card")) {
+      if (!asked.has(box.dataset.name)) continue
+      fill(box)
+      view.unobserve(box)
+      lacking.delete(box.dataset.name)
+    }
+    asked = new Set()
+    ask()
+  }
+
   function card(mission) {
     const box = made("article", "card")
     box.dataset.name = mission.name
@@ -22,13 +64,11 @@ export function render({model}) {
     face.setAttribute("aria-label", `Choose ${mission.title}`)
     face.disabled = Boolean(mission.problem)
     face.onclick = () => act("choose", mission.name)
-    const picture = made("div", mission.problem ? "problem" : "picture")
-    if (mission.problem) picture.textContent = mission.problem
-    else picture.innerHTML = mission.picture
+    const picture = made("div", "picture")
+    picture.hidden = Boolean(mission.problem)
     const head = made("div", "head")
-    head.append(made("span", "title", mission.title), made("span", "duration", mission.duration))
-    face.append(picture, head, made("div", "origin", mission.origin))
-    if (mission.problem) face.append(picture)
+    head.append(made("span", "title", mission.title), made("span", "duration"))
+    face.append(picture, head, made("div", "origin", mission.origin), made("div", "problem", mission.problem))
     const foot = made("div", "foot")
     foot.append(made("code", "name", mission.name))
     for (const tag of mission.tags) {
@@ -49,6 +89,10 @@ export function render({model}) {
       foot.append(tools)
     }
     box.append(face, foot)
+    if (!mission.problem) {
+      fill(box)
+      view.observe(box)
+    }
     return box
   }
 
@@ -66,11 +110,15 @@ export function render({model}) {
   }
 
   function draw() {
+    view.disconnect()
+    lacking.clear()
+    asked = new Set()
     grid.replaceChildren(...model.missions.map(card), made("p", "none", "No mission contains all these words."))
     mark()
   }
 
   model.on("missions", draw)
+  model.on("drawn", answered)
   model.on(["chosen", "filter"], mark)
   draw()
   // Once the browser has this component, the server may send changes; before, they would overtake it.

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from functools import partial
+from collections.abc import Callable
 from html import escape
 from typing import Any
 
@@ -11,7 +11,7 @@ import panel_material_ui as pmui
 
 from dashboards.computing import LONG, LatestWins, Outcome, Progress, attempt
 from dashboards.notice import Notice
-from dashboards.pages.missions.cards import MissionCards, all_cards
+from dashboards.pages.missions.cards import MissionCards, Question, all_cards, drawings
 from dashboards.pages.missions.dialog import Act, Dialog, fill
 from dashboards.sending import together
 from dashboards.session import Session
@@ -40,10 +40,11 @@ class Library:
     def __init__(self, session: Session) -> None:
         self._session = session
         self._document = pn.state.curdoc
-        self._work: LatestWins[str] = LatestWins(
-            self._list, lambda _thing, _outcome: None, LONG, at_once=True
+        self._work: LatestWins[str] = LatestWins(self._list, self._listed, LONG)
+        self._drawing: LatestWins[Question] = LatestWins(self._draw, self._drawn, LONG)
+        self._cards = MissionCards(
+            self._act, self._drawing.submit, sizing_mode="stretch_width", margin=(4, 2)
         )
-        self._cards = MissionCards(self._act, sizing_mode="stretch_width", margin=(4, 2))
         self._filter = pmui.TextInput(
             label="Filter", placeholder="words of title, origin, tags …", **FIELD | {"max_width": 420}
         )
@@ -87,25 +88,38 @@ class Library:
     def close(self) -> None:
         """End the work, and show no more."""
         self._work.close()
+        self._drawing.close()
         self._changing.close()
         self._deleting.close()
 
-    def _list(self, _chosen: str, progress: Progress) -> Outcome:
-        def work() -> None:
-            for cards in all_cards(progress, self._may_edit):
-                assert self._document is not None
-                self._document.add_next_tick_callback(partial(self._show, cards))
+    def _list(self, _chosen: str, _progress: Progress) -> Outcome:
+        return attempt(lambda: all_cards(self._may_edit))
 
-        return attempt(work)
+    def _listed(self, _chosen: str, outcome: Outcome) -> None:
+        self._later(lambda: self._show(outcome))
 
-    def _show(self, cards: list[dict[str, Any]]) -> None:
-        pictures = {card["name"]: (card["picture"], card["duration"]) for card in self._cards.missions}
-        for card in cards:  # the old pictures stay until the new ones are ready
-            if not card["picture"] and not card["problem"]:
-                card["picture"], card["duration"] = pictures.get(card["name"], ("", ""))
-        assert self._document is not None
-        with together(self._document):
-            self._cards.missions = cards
+    def _show(self, outcome: Outcome) -> None:
+        if outcome.problem:
+            self._message.say(outcome.problem, "error")
+        else:
+            self._cards.missions = outcome.result
+
+    def _draw(self, question: Question, _progress: Progress) -> Outcome:
+        return attempt(lambda: drawings(question.names))
+
+    def _drawn(self, question: Question, outcome: Outcome) -> None:
+        self._later(lambda: self._cards.answer(question, outcome.result or {}))
+
+    def _later(self, show: Callable[[], None]) -> None:
+        """Show something in the turn of this page, and send it as a whole."""
+        document = self._document
+        assert document is not None
+
+        def turn() -> None:
+            with together(document):
+                show()
+
+        document.add_next_tick_callback(turn)
 
     def _act(self, what: str, name: str) -> None:
         if what == "ready":
