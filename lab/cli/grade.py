@@ -45,7 +45,7 @@ def grade(
     ] = 4,
 ) -> None:
     """Grade the hand-ins of a homework: run their settings, and compare their answers, in a row each."""
-    from lab.homework.bounded_runs import BoundedRuns  # noqa: PLC0415 - slow
+    from lab.homework.bounded_runs import BoundedRuns, StartError  # noqa: PLC0415 - slow
     from lab.homework.grading import (  # noqa: PLC0415 - slow
         GRADED,
         GradingError,
@@ -69,8 +69,11 @@ def grade(
         raise CommandError(str(error)) from error
     if not files:
         raise CommandError(f"{folder}: is empty; accepted is a folder with hand-ins")
-    with working(folder.name) as progress, BoundedRuns(keyed, seconds, memory) as examining:
-        rows = rows_of(files, keyed, progress, examining)
+    try:
+        with working(folder.name) as progress, BoundedRuns(keyed, seconds, memory) as examining:
+            rows = rows_of(files, keyed, progress, examining)
+    except StartError as error:
+        raise CommandError(str(error)) from error
     text = csv_text(columns(keyed.judge), rows)
     if out is None:
         sys.stdout.buffer.write(text.encode()) if hasattr(sys.stdout, "buffer") else print(text, end="")

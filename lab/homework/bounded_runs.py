@@ -28,11 +28,18 @@ MEMORY = 4
 START = 120.0
 """Longest start of the process [s]: importing the lab takes 10 s on a busy computer."""
 
+
+class StartError(RuntimeError):
+    """The process for the runs does not start; no hand-in is the reason."""
+
+
 Examining = Callable[[Judge, Mapping[str, Any]], Examined]
 
 
 class BoundedRuns:
     """A process that runs a homework with the settings of students; a context manager.
+
+    A script that uses it needs ``if __name__ == "__main__":``, because the process imports the script.
 
     Parameters
     ----------
@@ -71,8 +78,8 @@ class BoundedRuns:
 
     def __call__(self, _judge: Judge, changes: Mapping[str, Any]) -> Examined:
         """Run the homework with the changes of a student."""
+        line = self._ready()
         try:
-            line = self._ready()
             line.send(dict(changes))
             if not line.poll(self._seconds):
                 self._end()
@@ -98,8 +105,8 @@ class BoundedRuns:
 
         Raises
         ------
-        EOFError
-            If the process ends, or does not start in time.
+        StartError
+            If the process ends before it is ready, or does not start in time.
         """
         if self._line is None:
             context = get_context("spawn")
@@ -107,13 +114,16 @@ class BoundedRuns:
             self._process = context.Process(target=_serve, args=(far, *self._given), daemon=True)
             self._process.start()
             far.close()
-            if not self._line.poll(START):
-                raise EOFError
-            self._line.recv()
+            try:
+                ready = self._line.poll(START) and self._line.recv()
+            except (EOFError, OSError) as error:
+                raise StartError("the process that runs the hand-ins ended at its start") from error
+            if not ready:
+                raise StartError(f"the process that runs the hand-ins did not start within {START:g} s")
         return self._line
 
     def _end(self) -> None:
-        if self._process is not None:
+        if self._process is not None and self._process.pid is not None:
             self._process.kill()
             self._process.join()
         if self._line is not None:
@@ -126,7 +136,7 @@ def _serve(line: Connection, key: str, memory: int, examining: Examining) -> Non
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl+C stops the grading, which ends this process
     judge = parse_key(key).judge
     _limit(memory)
-    line.send(None)
+    line.send(True)
     while True:
         try:
             changes = line.recv()

@@ -10,9 +10,11 @@ from threading import Event
 from typing import Any
 from unittest.mock import patch
 
+import pytest
+
 from lab.cli.grade import grade as grade_command
 from lab.homework import bounded_runs
-from lab.homework.bounded_runs import BoundedRuns
+from lab.homework.bounded_runs import BoundedRuns, StartError
 from lab.homework.examination import FIGURES, Examined, examine
 from lab.homework.grading import GRADED, NOT_RUN, files_of, grade
 from lab.homework.hand_in import HandIn, write_hand_in
@@ -73,6 +75,16 @@ def test_a_hostile_run_costs_its_own_row_only(tmp_path: Path) -> None:
     assert os.getpid() not in processes
     for process in processes:
         assert not Path(f"/proc/{process}").exists()
+
+
+def test_a_process_that_does_not_start_costs_no_points(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "find.toml").write_text(SOURCE, encoding="utf-8")
+    keyed = make_homework(tmp_path / "find.toml")
+    monkeypatch.setattr(bounded_runs, "key_text", lambda _keyed: "")
+    with BoundedRuns(keyed) as examining, pytest.raises(StartError, match="at its start"):
+        examining(keyed.judge, {})
 
 
 def test_the_command_has_the_bounds_of_the_class() -> None:
