@@ -103,6 +103,12 @@ def available() -> int:
     return max(min(_sources()), 0)
 
 
+def address_space() -> int:
+    """Return the address space of this process [bytes]."""
+    pages = _read(Path("/proc/self/statm")).split()
+    return int(pages[0]) * os.sysconf("SC_PAGE_SIZE") if pages else 0
+
+
 def _sources() -> Iterator[int]:
     yield _of_system()
     yield from _of_groups()
@@ -111,7 +117,7 @@ def _sources() -> Iterator[int]:
 
         limit, _ = resource.getrlimit(resource.RLIMIT_AS)
         if limit != resource.RLIM_INFINITY:
-            yield limit - _taken()
+            yield limit - address_space()
 
 
 def _of_system() -> int:
@@ -154,12 +160,6 @@ def _cached(folder: Path, name: str) -> int:
         if key == name and value.strip().isdigit():
             return int(value)
     return 0
-
-
-def _taken() -> int:
-    """Return the address space of this process [bytes]."""
-    pages = _read(Path("/proc/self/statm")).split()
-    return int(pages[0]) * os.sysconf("SC_PAGE_SIZE") if pages else 0
 
 
 def _read(path: Path) -> str:

@@ -32,6 +32,7 @@ from lab.navigation import strapdown
 from lab.navigation.solution import Start
 
 hv.extension("bokeh", inline=pn.config.inline)
+plots.follow_theme()
 pn.extension()
 
 G = earth.STANDARD_GRAVITY  # m/s², the unit g of data sheets

@@ -35,6 +35,7 @@ from lab.sensors.suite import SensorSuite
 from lab.views.allan import AllanFigures
 
 hv.extension("bokeh", inline=pn.config.inline)
+plots.follow_theme()
 pn.extension()
 pd.set_option("display.max_colwidth", None)
 

@@ -29,6 +29,7 @@ import panel as pn
 from lab import Experiment, check, compare, plots
 
 hv.extension("bokeh", inline=pn.config.inline)
+plots.follow_theme()
 pn.extension()
 pd.set_option("display.max_colwidth", None)
 

@@ -25,9 +25,10 @@ import numpy as np
 import pandas as pd
 import panel as pn
 
-from lab import Experiment, check, run_ensemble
+from lab import Experiment, check, plots, run_ensemble
 
 hv.extension("bokeh", inline=pn.config.inline)
+plots.follow_theme()
 pn.extension()
 pd.set_option("display.max_colwidth", None)
 
@@ -67,7 +68,7 @@ pd.Series(position_rms(matched), name="rms of the position error [m]").describe(
 # %%
 def over_time(ensemble):
     """Return the averages of NEES and NIS over time, each with its interval."""
-    data, plots = ensemble.consistency, []
+    data, drawn = ensemble.consistency, []
     titles = {
         "anees": "NEES of all states",
         "anees_between": "NEES of the position, between fixes",
@@ -77,8 +78,8 @@ def over_time(ensemble):
         time = data[data[name].dims[0]]
         edges = hv.Area((time, data[f"{name}_low"], data[f"{name}_high"]), "time [s]", [title, "high"])
         curve = edges.opts(alpha=0.2, line_alpha=0) * hv.Curve((time, data[name]), "time [s]", title)
-        plots.append(curve.opts(width=330, height=260, show_grid=True, title=f"{title}, average of the runs"))
-    return hv.Layout(plots).opts(shared_axes=False)
+        drawn.append(curve.opts(width=330, height=260, show_grid=True, title=f"{title}, average of the runs"))
+    return hv.Layout(drawn).opts(shared_axes=False)
 
 
 over_time(matched)

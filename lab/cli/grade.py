@@ -35,8 +35,17 @@ def grade(
         ),
     ] = None,
     force: Force = False,
+    seconds: Annotated[
+        int,
+        typer.Option("--seconds", metavar="S", min=1, help="Longest run of one hand-in [s]."),
+    ] = 300,
+    memory: Annotated[
+        int,
+        typer.Option("--memory", metavar="GB", min=1, help="Most memory of the run of one hand-in [GB]."),
+    ] = 4,
 ) -> None:
     """Grade the hand-ins of a homework: run their settings, and compare their answers, in a row each."""
+    from lab.homework.bounded_runs import BoundedRuns, StartError  # noqa: PLC0415 - slow
     from lab.homework.grading import (  # noqa: PLC0415 - slow
         GRADED,
         GradingError,
@@ -60,8 +69,11 @@ def grade(
         raise CommandError(str(error)) from error
     if not files:
         raise CommandError(f"{folder}: is empty; accepted is a folder with hand-ins")
-    with working(folder.name) as progress:
-        rows = rows_of(files, keyed, progress)
+    try:
+        with working(folder.name) as progress, BoundedRuns(keyed, seconds, memory) as examining:
+            rows = rows_of(files, keyed, progress, examining)
+    except StartError as error:
+        raise CommandError(str(error)) from error
     text = csv_text(columns(keyed.judge), rows)
     if out is None:
         sys.stdout.buffer.write(text.encode()) if hasattr(sys.stdout, "buffer") else print(text, end="")

@@ -2,7 +2,8 @@
 
 Each file has a row, in the order of the names. A file that is not accepted has the reason in its row, and
 does not stop the others. The flight, its IMU rate and its sensors are those of the key, so that no hand-in
-decides how long it takes. The same folder and key give the same bytes.
+decides how long it takes; `lab.homework.bounded_runs` stops a run that takes long nevertheless. The same
+folder and key give the same bytes.
 """
 
 from __future__ import annotations
@@ -18,6 +19,8 @@ from collections.abc import Callable, Iterable, Iterator, Mapping
 from pathlib import Path, PurePath
 from typing import Any, NamedTuple
 
+from lab.homework.bounded_runs import Examining
+from lab.homework.examination import FIGURES, examine
 from lab.homework.hand_in import HandIn, HandInError, open_hand_in, read_hand_in
 from lab.homework.homework import Judge
 from lab.homework.homework_file import Keyed
@@ -27,8 +30,6 @@ MOST_FILES = 2000
 """Most files in a folder; more than any class hands in."""
 DEEPEST = 3
 """Deepest folder within the folder: learning platforms make one for each student."""
-FIGURES = ("position_rms", "position_max", "velocity_rms", "tilt_rms", "heading_rms", "nees", "nis")
-"""Quantities of the result in the table; see `lab.lessons.quantities`."""
 GRADED, NOT_RUN, REFUSED = "graded", "not run", "refused"
 """Status of a row: with its settings run; with answers only; with a reason only."""
 _FORMULA = ("=", "+", "-", "@", "\t", "\r")
@@ -102,7 +103,9 @@ def _walk(folder: Path, depth: int) -> Iterator[Path]:
                     yield Path(entry.path)  # gets a row: it is not an ordinary file
 
 
-def grade(files: list[Handed], keyed: Keyed, progress: Progress | None = None) -> list[Row]:
+def grade(
+    files: list[Handed], keyed: Keyed, progress: Progress | None = None, examining: Examining = examine
+) -> list[Row]:
     """Return a row for each file, by the name of its column.
 
     Parameters
@@ -113,6 +116,8 @@ def grade(files: list[Handed], keyed: Keyed, progress: Progress | None = None) -
         The homework with its key.
     progress
         Called with a phrase and the fraction done, from 0 to 1.
+    examining
+        What runs the settings of a student; `lab.homework.bounded_runs.BoundedRuns` bounds time and memory.
     """
     opened = [_open(file, keyed) for file in files]
     names = Counter(_folded(found.name) for found, _ in opened if isinstance(found, HandIn))
@@ -130,7 +135,7 @@ def grade(files: list[Handed], keyed: Keyed, progress: Progress | None = None) -
         remarks = [f"the same file as {original}"] if original != file.name else []
         if names[_folded(found.name)] > 1 and not remarks:
             remarks.append("this name is in several files")
-        rows.append(row | _graded(found, keyed.judge, remarks))
+        rows.append(row | _graded(found, keyed.judge, remarks, examining))
     return rows
 
 
@@ -176,7 +181,7 @@ def text_cell(text: str) -> str:
     return f"'{plain}" if plain.lstrip().startswith(_FORMULA) else plain
 
 
-def _graded(handed: HandIn, judge: Judge, remarks: list[str]) -> Row:
+def _graded(handed: HandIn, judge: Judge, remarks: list[str], examining: Examining) -> Row:
     """Return the cells of a hand-in that could be opened."""
     homework = judge.homework
     row = {"name": text_cell(handed.name), "settings": text_cell(_assignments(handed.changes))}
@@ -199,28 +204,15 @@ def _graded(handed: HandIn, judge: Judge, remarks: list[str]) -> Row:
         won = question.points * solution.accepts(answer)
         points += won
         row |= {f"answer_{number}": text_cell(answer), f"answer_points_{number}": f"{won:.6g}"}
-    figures, passed = _figures(handed, judge, remarks)
-    row |= {_column(name): _figure(value) for name, value in figures.items()}
-    for number, (goal, is_reached) in enumerate(zip(homework.goals, passed, strict=True), 1):
+    examined = examining(judge, handed.changes)
+    remarks += [examined.problem] if examined.problem else []
+    row |= {_column(name): _figure(value) for name, value in examined.figures.items()}
+    for number, (goal, is_reached) in enumerate(zip(homework.goals, examined.passed, strict=True), 1):
         points += goal.points * is_reached
         row[f"goal_{number}_points"] = f"{goal.points * is_reached:.6g}"
     row |= {"points": f"{points:.6g}", "of": f"{homework.best:.6g}"}
-    return row | {"status": GRADED if figures else NOT_RUN, "remark": text_cell("; ".join(remarks))}
-
-
-def _figures(handed: HandIn, judge: Judge, remarks: list[str]) -> tuple[dict[str, float], list[bool]]:
-    """Return the figures of a student's settings, and which goals they reach.
-
-    There are none if the settings cannot be run; then there is a remark that says why.
-    """
-    try:
-        result = judge.homework.experiment_with(handed.changes).run()
-        figures = {name: QUANTITIES[name].of(result) for name in FIGURES}
-        return figures, [check.accepts(result) for check in judge.checks]
-    except Exception as error:  # whatever one hand-in does, the others are graded
-        kind = "" if isinstance(error, ValueError) else f"{type(error).__name__}: "
-        remarks.append(f"cannot be run: {kind}{error}")
-        return {}, [False] * len(judge.checks)
+    status = NOT_RUN if examined.problem else GRADED
+    return row | {"status": status, "remark": text_cell("; ".join(remarks))}
 
 
 def _column(name: str) -> str:

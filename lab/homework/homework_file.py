@@ -175,6 +175,12 @@ def _solved(question: Mapping[str, Any]) -> Mapping[str, Any]:
     return {**question, "answer": 0.0, "tolerance": 0.0}
 
 
+def key_text(made: Keyed) -> str:
+    """Return the content of the key file."""
+    tables = {"format": KEY_FORMAT, "secret": made.key.secret.hex(), "seed": made.seed, "source": made.source}
+    return _KEY_HEAD + toml_text(tables)
+
+
 def write_key(path: Path, made: Keyed) -> None:
     """Write the key file, readable by its owner only; an existing file is never replaced.
 
@@ -183,8 +189,7 @@ def write_key(path: Path, made: Keyed) -> None:
     FileExistsError
         If there is a file of this name.
     """
-    tables = {"format": KEY_FORMAT, "secret": made.key.secret.hex(), "seed": made.seed, "source": made.source}
-    content = (_KEY_HEAD + toml_text(tables)).encode()
+    content = key_text(made).encode()
     descriptor = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL | getattr(os, "O_BINARY", 0), 0o600)
     try:
         with os.fdopen(descriptor, "wb") as file:
@@ -204,16 +209,25 @@ def read_key(path: Path) -> Keyed:
     SealError
         If cryptography is not installed.
     """
-    check_installed()
     try:
-        tables = parse_toml(_bounded(path))
-        return _of_key(tables)
+        return parse_key(_bounded(path))
     except (TomlError, LessonError) as error:
         message = str(error).removeprefix(f"{path.name}: ")
         raise LessonError(f"{path.name}: {message}") from error
 
 
-def _of_key(tables: Mapping[str, Any]) -> Keyed:
+def parse_key(text: str) -> Keyed:
+    """Return the homework of the content of a key file; see `read_key`.
+
+    Raises
+    ------
+    TomlError, LessonError
+        If it is no key.
+    SealError
+        If cryptography is not installed.
+    """
+    check_installed()
+    tables = parse_toml(text)
     if tables.get("format") != KEY_FORMAT:
         raise LessonError("is not the key of a homework; accepted is that of `ins-lab homework make`")
     secret, seed, source = (tables.get(name) for name in ("secret", "seed", "source"))

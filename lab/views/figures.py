@@ -249,9 +249,10 @@ class TimeFigures:
         return [values[first - before :] for values in self._series(result.part(before, last), "time")]
 
     def _show_known(self, plot: TimePlot, fig: figure, result: Result | Ensemble) -> None:
-        """Hide a figure, or an entry of its legend, without known values, as in sensor logs."""
+        """Hide a figure, or an entry of its legend, without known values, as in sensor logs and homework."""
         # Nothing is hidden in a stretch of time without fixes: zooming must not hide a figure.
-        whole = getattr(result, "recorded", None) is not None
+        hides = not getattr(result, "shows_sensor_errors", True)
+        whole = hides or getattr(result, "recorded", None) is not None
         known = {curve.name: not whole or _is_known(plot, curve, result) for curve in plot.curves}
         hide(fig, not any(known.values()), in_place=self._in_place)
         for curve in (*plot.curves, *([plot.fixes] if plot.fixes else [])):

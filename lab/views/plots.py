@@ -52,6 +52,12 @@ BUCKETS = 300
 """Number of intervals to which each curve is thinned: one for each pixel of a plot of this width."""
 
 
+def follow_theme() -> None:
+    """Have plots that a notebook draws with HoloViews itself turn dark with JupyterLab, as those here do."""
+    kinds = (hv.opts.Curve, hv.opts.Area, hv.opts.Scatter, hv.opts.ErrorBars)
+    hv.opts.defaults(*(kind(hooks=[theme_hook]) for kind in kinds))
+
+
 def errors(result: Result) -> hv.Layout:
     """Return position, velocity and attitude errors with ±3σ, three in a row."""
     return _layout(result, ERRORS, columns=3)

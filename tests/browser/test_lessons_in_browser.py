@@ -2,10 +2,15 @@
 
 from __future__ import annotations
 
+import csv
+import io
 from collections.abc import Callable
+from pathlib import Path
 
 import pytest
 from playwright.sync_api import Page, expect
+
+from tests.cli.asking import ask
 
 pytestmark = pytest.mark.browser
 
@@ -32,3 +37,52 @@ def test_a_lesson_from_its_text_to_the_right_answer(open_page: Callable[..., Pag
     page.get_by_role("button", name="Look at Consistency").click()
     expect(page.get_by_text("R position is about").first).to_be_visible()
     expect(page.get_by_text("Tuning R, step 2 of 3")).to_be_visible()
+
+
+HOMEWORK = """title = "The new receiver"
+text = "Something is wrong."
+change = ["navigator.r_scale"]
+fault_points = 2
+[settings]
+mission = "los_angeles"
+trajectory.imu_rate = 20
+[hidden]
+faults = ["r"]
+[[question]]
+text = "How many times?"
+answer = 10
+tolerance = 1
+[[goal]]
+text = "NEES below 5."
+condition = "nees < 5"
+points = 4
+"""
+
+
+def test_a_homework_from_the_file_of_the_teacher_to_the_grades(
+    open_page: Callable[..., Page], tmp_path: Path
+) -> None:
+    source, key, handed = tmp_path / "receiver.toml", tmp_path / "receiver.key", tmp_path / "handed"
+    source.write_text(HOMEWORK, encoding="utf-8")
+    assert ask("homework", "make", str(source), "--out", str(source.with_suffix(".homework"))).exit_code == 0
+    page = open_page("?mission=los_angeles&trajectory.imu_rate=20")
+    page.get_by_role("tab", name="Lessons", exact=True).click()
+    page.locator("input[type=file][accept='.homework']").set_input_files(source.with_suffix(".homework"))
+    expect(page.get_by_text("Which faults are hidden?")).to_be_visible()
+    scale = page.get_by_role("slider", name="R scale").first
+    expect(scale).to_be_visible()
+    scale.press("End")
+    page.get_by_role("checkbox", name="R ten times too small").click()
+    page.get_by_role("textbox", name="Your answer, a number").fill("10")
+    page.get_by_role("button", name="Save the file to hand in").click()
+    expect(page.get_by_text("no name")).to_be_visible()
+    page.get_by_role("textbox", name="Your name").fill("Ada Lovelace")
+    page.get_by_role("textbox", name="Your name").press("Tab")
+    with page.expect_download() as download:
+        page.get_by_role("button", name="Save the file to hand in").click()
+    assert download.value.suggested_filename == "Ada_Lovelace.handin"
+    download.value.save_as(handed / "ada.handin")
+    (row,) = csv.DictReader(io.StringIO(ask("grade", str(handed), "--key", str(key)).stdout))
+    assert (row["name"], row["status"], row["answer_1"]) == ("Ada Lovelace", "graded", "10")
+    assert row["settings"] == "navigator.r_scale=100"
+    assert (row["faults_points"], row["answer_points_1"], row["goal_1_points"]) == ("2", "1", "4")

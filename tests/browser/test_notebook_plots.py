@@ -86,3 +86,16 @@ def test_all_figures_of_a_result_follow(result: Result) -> None:
     assert len(figures) > 9 + 6 + 6
     for one in figures:
         assert one.js_property_callbacks.keys() == {"change:inner_width"}, one.title.text
+
+
+def test_plots_that_a_notebook_draws_itself_follow() -> None:
+    script = """import holoviews as hv; from lab import plots; plots.follow_theme()
+curve = hv.Curve(([0, 1], [0, 1]))
+area = hv.Area(([0, 1], [0, 1], [1, 2]), "x", ["y", "high"])
+bars = hv.ErrorBars(([0, 1], [0, 1], [1, 1])) * hv.Scatter([0, 1])
+for one in (curve.opts(width=300), hv.Overlay([curve, curve]) * area, bars):
+    print(*hv.render(one).js_property_callbacks)"""
+    found = subprocess.run(
+        [sys.executable, "-c", script], cwd=ROOT, check=True, capture_output=True, text=True
+    )
+    assert found.stdout.split() == ["change:inner_width"] * 3

@@ -20,6 +20,8 @@ from lab.homework.homework import Homework
 from lab.homework.scenario import Hidden, Scenario
 from lab.notebook_card import NotebookCard
 from lab.settings import SettingError
+from lab.views.figures import TimeAxis, TimeFigures
+from lab.views.quantities import SENSOR_ERRORS
 
 SHOWN = {"mission": "los_angeles", "trajectory": {"imu_rate": 20}}
 BIAS, ARM, SEED = 0.0437219, 2.6173911, 3141592653
@@ -159,3 +161,17 @@ def test_the_budget_is_withheld_and_says_why() -> None:
     assert "hidden" in result.lacks("budget")
     with pytest.raises(ValueError, match="hidden"):
         _ = result.budget
+
+
+def test_a_legend_names_no_truth_that_is_hidden() -> None:
+    plain = Experiment().update(SHOWN).run()
+    axis = TimeAxis()
+    figures = TimeFigures(SENSOR_ERRORS, axis)
+    for result, is_shown in ((plain, True), (experiment().run(), False), (plain, True)):
+        axis.span(float(result.time[-1]))
+        figures.show(result)
+        for fig in figures.figures:
+            (legend,) = fig.legend
+            shown = {item.label.value: item.visible for item in legend.items}
+            assert shown == {"estimate": True, "truth": is_shown}, fig.title.text
+            assert fig.visible
