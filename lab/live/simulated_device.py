@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import threading
 import time
 from dataclasses import dataclass
@@ -90,6 +91,7 @@ class SimulatedDevice:
         self._encoder = encoder
         self._link = link
         self._plugged = False
+        self._back = np.inf  # when it is plugged in again, by the host's clock [s]
         self._lock = threading.Lock()  # of the line
         self._ending = threading.Event()
         self._rng = np.random.default_rng(seed)
@@ -143,14 +145,14 @@ class SimulatedDevice:
         with self._lock:
             if not self._plugged:
                 self._link.plug()
-                self._plugged = True
+                self._plugged, self._back = True, np.inf
 
-    def unplug(self) -> None:
-        """Break the line, as when the plug is pulled; the flight goes on."""
+    def unplug(self, seconds: float = np.inf) -> None:
+        """Break the line for a time [s], as when the plug is pulled; the flight goes on."""
         with self._lock:
             if self._plugged:
                 self._link.unplug()
-                self._plugged = False
+                self._plugged, self._back = False, time.monotonic() + seconds
 
     def close(self) -> None:
         """End; may be repeated."""
@@ -165,6 +167,9 @@ class SimulatedDevice:
         step = max(1 / self.flight.rate, TICK)
         sent_fixes, held = 0, 0.0
         while not self._ending.is_set() and not self.finished:
+            if time.monotonic() >= self._back:
+                with contextlib.suppress(OSError):  # the port may be taken: it is tried again
+                    self.plug()
             now = time.monotonic() - self._begin
             if now >= held:
                 due = min(int(now * self.flight.rate + 1e-9), len(self._imu))

@@ -132,9 +132,10 @@ class Source:
         return self._losses
 
     @property
-    def recording(self) -> bool:
-        """Whether the bytes are being recorded."""
-        return self._writer is not None
+    def recording(self) -> Path | None:
+        """The file into which the bytes are being recorded; None if none is."""
+        writer = self._writer
+        return None if writer is None else writer.path
 
     @property
     def axes(self) -> AxisMap:
@@ -265,9 +266,17 @@ class Source:
             )
             self._recorded, self._warning = (str(path), 0), ""
 
-    def stop_recording(self) -> Path | None:
-        """End the recording; return its path, or None if none runs."""
+    def stop_recording(self, path: Path | None = None) -> Path | None:
+        """End the recording; return its path, or None if none runs.
+
+        Parameters
+        ----------
+        path
+            The recording that is meant, where many record: another one, begun after it had ended, goes on.
+        """
         with self._lock:
+            if path is not None and path != self.recording:
+                return None
             return self._stopped()
 
     def _stopped(self) -> Path | None:

@@ -219,7 +219,7 @@ def _without_repeats(
     time, samples = time[kept], samples[kept]
     if increments:  # two equal increments are two movements
         return time, samples
-    same = np.append(False, (np.diff(samples, axis=0) == 0).all(axis=1))
+    same = np.append(False, (np.diff(samples, axis=0) == 0).all(axis=1))[: time.size]
     start = np.maximum.accumulate(np.where(same, 0, np.arange(same.size)))
     # A sensor that shows one value for longer is at rest, or stuck, and not polled too fast.
     runs = np.bincount(start, minlength=same.size)[start]

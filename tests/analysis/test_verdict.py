@@ -210,7 +210,7 @@ SEEN = {
 
 
 def test_what_innovations_alone_tell(mismatched):
-    """Too large Q and P0 do not show there, too small ones as low gain; a lever arm only over many runs."""
+    """Too large Q and P0 do not show there, too small ones as low gain; a lever arm not always."""
     name, _, found = mismatched
     verdicts = [judge(one.without_truth()) for one in found]
     named = [verdict.findings[0].quantity if verdict.findings else "" for verdict in verdicts]

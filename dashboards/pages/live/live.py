@@ -343,9 +343,8 @@ class Live(Page):
 
     def _pull_plug(self) -> None:
         device = self._station.source.device if self._station is not None else None
-        if device is not None and device.plugged and self._document is not None:
-            device.unplug()
-            self._document.add_timeout_callback(device.plug, round(1000 * AWAY))
+        if device is not None:
+            device.unplug(AWAY)  # the device plugs itself in again: this page may be closed before
 
 
 def _leave(key: str, watcher: object) -> None:
