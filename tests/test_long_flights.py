@@ -123,7 +123,9 @@ def test_a_smoothed_flight_does_not_change(request: pytest.FixtureRequest) -> No
     request.getfixturevalue("everything_is_long")
     long = smoothed((3.0, 1.0, -1.0)).run()
     # Compiling once more takes some 30 s and 200 MB.
-    compiled = smoother._backwards(chosen_model(long.experiment.navigator, long.experiment.sensors), aided=False)
+    compiled = smoother._backwards(
+        chosen_model(long.experiment.navigator, long.experiment.sensors), aided=False
+    )
     assert len(compiled.signatures) == 1  # type: ignore[attr-defined]
     a, b = exact.solution_arrays, long.solution_arrays
     assert b.variance.dtype == b.velocity_n.dtype == b.q_nb.dtype == np.float32
