@@ -334,14 +334,14 @@ def _place_figures() -> None:
     def place(
         pane: Bokeh, doc: Document, root: Model | None = None, parent: Model | None = None, comm: Any = None
     ) -> Model:
-        figure = pane.object
+        figure: Model | None = pane.object
         themed_alone = pane.theme is not None
         if root is None or comm or figure is None or themed_alone or figure.document not in (None, doc):
             return get_model(pane, doc, root, parent, comm)
         pane._models[root.ref["id"]] = (figure, parent)
         return figure
 
-    Bokeh._get_model = place  # type: ignore[method-assign]
+    Bokeh._get_model = place  # type: ignore[method-assign, assignment]
 
 
 def _remember_paths() -> None:

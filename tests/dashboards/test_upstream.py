@@ -16,7 +16,8 @@ from bokeh.core.property.wrappers import PropertyValueContainer
 from bokeh.document import Document
 from bokeh.events import Event
 from bokeh.model.util import visit_value_and_its_immediate_references
-from bokeh.models import Line, Model, Range1d, Title
+from bokeh.models import Line, Model, Range1d
+from bokeh.models.annotations import Title
 from bokeh.themes import Theme
 from panel.io.state import set_curdoc
 from panel.links import Callback
