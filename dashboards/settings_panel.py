@@ -133,7 +133,10 @@ class SettingsPanel:
 
     def _suit(self) -> None:
         """Show only settings with an effect: for a sensor log, nothing is simulated."""
-        self._is_log = isinstance(missions().get(self._session.experiment.mission), LogMission)
+        is_log = isinstance(missions().get(self._session.experiment.mission), LogMission)
+        if is_log == self._is_log:
+            return
+        self._is_log = is_log
         self._note.say(OF_A_LOG if self._is_log else "", "info")
         for view, paths in self._views:
             view.visible = not self._is_log or any(map(has_effect, paths))

@@ -44,6 +44,7 @@ from panel.config import config
 from panel.custom import ReactiveESM
 from panel.io import resources
 from panel.links import Callback
+from panel.pane import Bokeh
 from panel.reactive import Reactive, Syncable
 from panel.util import classproperty
 from panel.viewable import Viewable, is_viewable_param
@@ -99,7 +100,7 @@ class RememberedDefaults:
         apply_theme = HasProps.apply_theme
 
         def apply(model: HasProps, property_values: dict[str, Any]) -> None:
-            if property_values or themed(model):
+            if property_values != (themed(model) or {}):  # Panel and Bokeh apply copies of the same theme
                 apply_theme(model, property_values)
 
         HasProps.apply_theme = apply  # type: ignore[method-assign, assignment]
@@ -174,7 +175,11 @@ def speed_up() -> None:
         _look_at_values_that_are_set()
         _share_declarations()
         _begin_components()
+        _place_figures()
         _remember_paths()
+        # What is set is not looked up in the environment, several hundred times a page.
+        settings.serialize_include_defaults = settings.serialize_include_defaults()
+        settings.simple_ids = settings.simple_ids()
     settings.perform_document_validation = False
     settings.perform_error_diagnostics = False
 
@@ -217,7 +222,7 @@ def _look_at_values_that_are_set() -> None:
         include_defaults: bool = True,
         include_undefined: bool = False,
     ) -> dict[str, Any]:
-        if include_defaults or include_undefined or themed(model):
+        if include_defaults or include_undefined:
             return query_any(
                 model, query, include_defaults=include_defaults, include_undefined=include_undefined
             )
@@ -235,11 +240,12 @@ def _own_values(model: HasProps) -> dict[str, Any]:
 
 def _changed(model: HasProps) -> Iterator[tuple[str, Any]]:
     """Yield the properties of a model that must be sent to a browser, in Bokeh's order."""
-    own = _own_values(model)
+    own, theme = _own_values(model), themed(model) or {}
     for name in model.properties(_with_props=True):
-        if name in own:
+        if name in own or name in theme:
             value = model.lookup(name).get_value(model)
-            if not (isinstance(value, PropertyValueContainer) and name in model._unstable_default_values):
+            is_empty = isinstance(value, PropertyValueContainer) and name in model._unstable_default_values
+            if name in theme or not is_empty:
                 yield name, value
 
 
@@ -316,6 +322,28 @@ def _begin_components() -> None:
     Reactive.__init__ = reactive  # type: ignore[method-assign, assignment]
 
 
+def _place_figures() -> None:
+    """Make Panel place a figure into a served page without visiting its models.
+
+    Panel searches them for code that names the figure by its identifier; that of the laboratory does not.
+    Panel also applies the theme, which the document does again.
+    """
+    get_model = Bokeh._get_model
+
+    @wraps(get_model)
+    def place(
+        pane: Bokeh, doc: Document, root: Model | None = None, parent: Model | None = None, comm: Any = None
+    ) -> Model:
+        figure: Model | None = pane.object
+        themed_alone = pane.theme is not None
+        if root is None or comm or figure is None or themed_alone or figure.document not in (None, doc):
+            return get_model(pane, doc, root, parent, comm)
+        pane._models[root.ref["id"]] = (figure, parent)
+        return figure
+
+    Bokeh._get_model = place  # type: ignore[method-assign, assignment]
+
+
 def _remember_paths() -> None:
     """Make Panel look only once for the files of a component's class, not thousands of times a page."""
     vars(resources)["_is_subpath"] = lru_cache(MOST_PATHS)(resources._is_subpath)
@@ -337,11 +365,16 @@ def _lock_events() -> None:
 
 
 def leave_out_hooks(page: Viewable) -> None:
-    """Make Panel search a page for its own links only, not for plots and links of other libraries.
+    """Make Panel search a page for its own links only, if there are any, not for those of other libraries.
 
     Panel searches all components after each change of a layout.
     """
-    page.__dict__["_preprocessing_hooks"] = [Callback._process_callbacks]
+
+    def process(*changed: Any, **options: Any) -> None:
+        if Callback.registry:
+            Callback._process_callbacks(*changed, **options)
+
+    page.__dict__["_preprocessing_hooks"] = [process]
 
 
 def cut_cycles() -> None:

@@ -17,6 +17,8 @@ from bokeh.document import Document
 from bokeh.events import Event
 from bokeh.model.util import visit_value_and_its_immediate_references
 from bokeh.models import Line, Model, Range1d
+from bokeh.models.annotations import Title
+from bokeh.themes import Theme
 from panel.io.state import set_curdoc
 from panel.links import Callback
 
@@ -30,6 +32,7 @@ if sys.argv[1] != "plain":
     speed_up()
 from bokeh.core.json_encoder import serialize_json
 from bokeh.document import Document
+from bokeh.themes import Theme
 from panel.io.state import set_curdoc
 from dashboards.page import SimulatorPage
 document = Document()
@@ -169,3 +172,22 @@ def test_an_event_just_after_a_changed_value_holds_the_lock_of_its_document() ->
     waiting = [one.callback for one in document.session_callbacks]
     assert len(waiting) == 2
     assert not any(getattr(callback, "nolock", False) for callback in waiting)
+
+
+def test_a_figure_on_a_page_has_the_theme_of_the_page_also_when_it_is_shown_again() -> None:
+    fig, document = time_figure("a", TimeAxis()), Document()
+    document.theme = Theme(json={"attrs": {"Title": {"text_color": "#123456"}}})
+    usual = fig.title.text_color
+    for _ in range(2):
+        document.add_root(pn.Column(pn.pane.Bokeh(fig)).get_root(document))
+        assert (fig.document, fig.title.text_color) == (document, "#123456")
+        document.clear()
+        assert (fig.document, fig.title.text_color) == (None, usual)
+
+
+def test_a_themed_model_is_sent_as_bokeh_does_it() -> None:
+    title, as_set = Title(text="a"), {"text_color": "#123456", "tags": []}
+    title.apply_theme(as_set)
+    assert title.properties_with_values(include_defaults=False) == {"text": "a", **as_set}
+    title.apply_theme(dict(as_set))  # an equal copy changes nothing
+    assert title.themed_values() is as_set
