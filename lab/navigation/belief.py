@@ -30,6 +30,9 @@ PLAUSIBLE = 0.999
 """Fraction of the good fixes that a robust filter without a gate counts as plausible."""
 UNEXPLAINED = 1e-6
 """Probability of rejected good fixes in a row below which chance does not explain them."""
+COMMONEST = 1 - 1e-9
+"""Largest probability of a rejected good fix that counts: 14 billion rejected fixes in a row are then left to
+chance, which no flight has."""
 FEWEST_AGREEING = 4
 """Fewest consecutive rejected fixes that indicate a wrong filter if they agree: of four outliers with random
 directions, one row in 64 agrees."""
@@ -356,7 +359,7 @@ def schedule_of(navigator: NavigatorSettings, dt: float, samples: int) -> Schedu
         Number of IMU samples.
     """
     rate = navigator.filter_rate
-    by_chance = max(1 - suspicion(navigator), UNEXPLAINED)
+    by_chance = min(max(1 - suspicion(navigator), UNEXPLAINED), COMMONEST)
     accusing = math.ceil(math.log(UNEXPLAINED) / math.log(by_chance))
     return Schedule(
         feedback=navigator.correction == "feedback",

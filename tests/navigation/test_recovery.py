@@ -95,6 +95,18 @@ def test_rows_of_rejections_that_chance_explains_accuse_nobody() -> None:
     assert lengths == {0.5: 20, 0.9: 6, 0.999: 4}
 
 
+@pytest.mark.parametrize("least", [5e-324, 1e-300, 1e-12])
+def test_a_gate_that_rejects_every_fix_leaves_all_rejections_to_chance(least: float) -> None:
+    free = Experiment(mission="los_angeles")
+    free.set("trajectory.imu_rate", 50.0)
+    closed = free.copy()
+    free.set("sensors.gps.outages", [[0, 1e6]])
+    closed.set("navigator.gate", least)
+    found = closed.run().solution_arrays
+    assert (found.fix_sample < 0).all()
+    np.testing.assert_array_equal(found.position, free.run().solution_arrays.position)
+
+
 @pytest.mark.parametrize(("angle", "accused"), [(59.0, 4), (61.0, 10)])
 def test_fixes_that_agree_accuse_the_filter_sooner(angle: float, accused: int) -> None:
     """Innovations that turn by less than 60° from one to the next, in the metric of S, agree."""
