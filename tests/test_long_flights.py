@@ -19,6 +19,7 @@ from lab.analysis import consistency, fix_causes, imu_causes, observability, sen
 from lab.analysis.run_evidence import evidence_of
 from lab.cli import app
 from lab.datasets import flight, tables
+from lab.missions import mission
 from lab.navigation import navigator, smoother, unscented
 from lab.navigation.choice import chosen_model
 from lab.navigation.lever_arm import turns
@@ -363,7 +364,7 @@ def test_nothing_made_of_a_long_flight_stays(everything_is_long: None) -> None:
 
 
 def test_a_curve_takes_little_while_it_is_made(monkeypatch: pytest.MonkeyPatch) -> None:
-    recording = stages.mission("montreal").recording
+    recording = mission("montreal").recording
     monkeypatch.setattr(spline_windows, "WINDOW", 2**11)  # a tenth of the flight
     tracemalloc.start()
     try:

@@ -9,7 +9,7 @@ from typing import Any
 
 import pytest
 
-import lab.experiment
+import lab.stages
 from lab import anchoring
 from lab.cache import StageCache
 from lab.experiment import Experiment
@@ -38,7 +38,7 @@ def work(monkeypatch: pytest.MonkeyPatch) -> Counter[str]:
         for module in [one for key, one in sys.modules.items() if key.split(".")[0] == "lab"]:
             if getattr(module, name, None) is function:
                 monkeypatch.setattr(module, name, counted(name, function))
-    monkeypatch.setattr(lab.experiment, "CACHE", StageCache(limit=256 * 2**20))
+    monkeypatch.setattr(lab.stages, "CACHE", StageCache(limit=256 * 2**20))
     return counts
 
 

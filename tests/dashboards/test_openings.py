@@ -204,7 +204,7 @@ def test_everything_is_searched_for_a_page_that_only_garbage_refers_to(
     monkeypatch.setattr(openings, "MOST", UNLIMITED)
 
     async def end() -> None:
-        await turns._search([page], 1.0)
+        await turns._search([page], UNLIMITED)  # no second search meanwhile
 
     completed(end)
     assert found == [1]
