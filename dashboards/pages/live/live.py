@@ -273,9 +273,11 @@ class Live(Page):
     def _stop_or_go(self) -> None:
         """Pause the plots, or go on and catch up; the stream does not stop."""
         if self._pause.label == "Pause":
-            self._pause.param.update(label="Go on", icon="play_arrow")
             self._unwatch()
-            self._advance()
+            assert self._document is not None
+            with together(self._document):  # the plots stand still once the button says so
+                self._advance()
+                self._pause.param.update(label="Go on", icon="play_arrow")
         else:
             self._pause.param.update(label="Pause", icon="pause")
             self._begin_anew()
