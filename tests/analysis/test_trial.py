@@ -108,7 +108,7 @@ def test_errors_across_outages_are_those_of_the_coasted_solution():
 
 
 def test_a_flight_that_diverges_without_its_fixes_still_has_its_advice_tried(monkeypatch):
-    """With more process noise it no longer does, which is better than an error without bound."""
+    """Its error across outages is infinite: any finite one is better, and it is worse than any."""
     before = trial.Figures(1.0, 0.0, np.inf, 600.0)
     assert trial.worsened(before, before._replace(held_out=3.0)) == ""
     assert "without bound" in trial.worsened(before._replace(held_out=3.0), before)
