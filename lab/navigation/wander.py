@@ -65,7 +65,8 @@ Q_EW = strapdown.LENGTH  # position, scalar first
 AXIS = Q_EW + 4  # the Earth's axis in w: cos L in the direction of north, and −sin L
 BEND = AXIS + 3  # k of the curvature K
 FIX_AXES = BEND + 1  # north, east and down of the last fix, in w
-LENGTH = FIX_AXES + 9
+LEAST_SINE = FIX_AXES + 9  # of the latitude, without sign, at which the navigator stays in this frame
+LENGTH = LEAST_SINE + 1
 """Length of the state."""
 
 _AT_POLE = 1e-15
@@ -150,9 +151,9 @@ step = inline_kernel(
 
 
 @inline_kernel
-def lost(state: FloatArray) -> bool:
-    """Return False: this frame has no limiting latitude."""
-    return False
+def leaves_frame(state: FloatArray) -> bool:
+    """Return whether the navigator is so far from the poles that it goes on in the north-slaved frame."""
+    return bool(abs(state[SINE]) < state[LEAST_SINE])
 
 
 @inline_kernel
