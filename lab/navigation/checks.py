@@ -22,15 +22,11 @@ def check_mechanization(settings: NavigatorSettings) -> None:
     """Raise `SettingError` if a mechanization is incompatible with the model or the engine."""
     if settings.mechanization == NORTH_SLAVED:
         return
-    reason = None
-    if settings.model == "nonlinear":
-        reason = "navigator.model: the sigma points of the model nonlinear are north-slaved navigators"
-    elif settings.engine == "filterpy":
-        reason = "navigator.engine: the reference in filterpy is a north-slaved navigator"
-    if reason:
+    if settings.engine == "filterpy":
         raise SettingError(
-            f"{reason}, which navigator.mechanization = {settings.mechanization} is not; accepted with it "
-            f"are the models {', '.join(MODELS)} and the compiled engine"
+            "navigator.engine: the reference in filterpy is a north-slaved navigator, which "
+            f"navigator.mechanization = {settings.mechanization} is not; accepted with it is the compiled "
+            "engine"
         )
 
 

@@ -16,7 +16,6 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from lab import earth
 from lab.navigation import strapdown, wander
 from lab.navigation.compilation import interpreted
 from lab.navigation.error_models import NORTH_SLAVED, WANDER_AZIMUTH, ErrorModel, with_blocks
@@ -84,13 +83,8 @@ def place(state: FloatArray, position: FloatArray, model: ErrorModel) -> None:
 
 def keep_radii(state: FloatArray) -> None:
     """Fill in the curvatures at a new position; later, each step updates them."""
-    sine, height = float(state[strapdown.SINE]), float(state[strapdown.HEIGHT])
-    meridian, transverse = earth.radii(sine)
-    m, t = 1 / (meridian + height), 1 / (transverse + height)
-    state[strapdown.MERIDIAN], state[strapdown.TRANSVERSE] = m, t
-    if in_wander(state):
-        squared = earth.ECCENTRICITY_SQUARED
-        state[wander.BEND] = transverse * squared / (1 - squared * sine * sine) * m * t
+    frame = wander if in_wander(state) else strapdown
+    interpreted(frame.environment)(state, state[strapdown.HEIGHT])
 
 
 def shown(state: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
