@@ -525,6 +525,6 @@ def _driver(model: ErrorModel, summed: bool, aided: bool) -> Advance:
                 _store(out, k + 1, _corrected(state, w, T, x, spare), w, T)
             else:
                 _store(out, k + 1, state, w, T)
-        return imu.dtheta.shape[0]
+        return imu.time.size - 1
 
     return compiled_for(advance, model, summed=summed, aided=aided)

@@ -11,7 +11,6 @@ T' x' = T x, with T and T' as of `error_models` in the two frames.
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,9 +22,6 @@ from lab.navigation.propagation import NAV
 from lab.navigation.solution import Solution
 from lab.navigation.strapdown import PREVIOUS_VELOCITY, Q_NB, VELOCITY
 from lab.navigation.wander_models import linear_model
-
-if TYPE_CHECKING:
-    from lab.navigation.filter import Filter
 
 FloatArray = NDArray[np.float64]
 
@@ -97,13 +93,15 @@ def shown(state: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
     return out.position[0], out.velocity_n[0], out.q_nb[0]
 
 
-def change(run: Filter, model: ErrorModel) -> FloatArray:
+def change(state: FloatArray, P: FloatArray, model: ErrorModel) -> FloatArray:
     """Take a navigator to the other frame, and return C: its own errors are x' = C x from now on.
 
     Parameters
     ----------
-    run
+    state
         The navigator between two samples; changed in place.
+    P : (n, n + 1 or more) array
+        [P | x] of its filter; changed in place.
     model
         The model with which it began.
 
@@ -112,7 +110,7 @@ def change(run: Filter, model: ErrorModel) -> FloatArray:
     (9, 9) array
         C; the other errors stay as they are.
     """
-    state, n = run.state, model.states
+    n = model.states
     before = model_at(state, model).map(state)[:NAV, :NAV]
     position, velocity_n, q_nb = shown(state)
     earlier = state[PREVIOUS_VELOCITY : PREVIOUS_VELOCITY + 3].copy()
@@ -127,8 +125,7 @@ def change(run: Filter, model: ErrorModel) -> FloatArray:
     state[Q_NB : Q_NB + 4] = q_nb
     keep_radii(state)
     C = np.linalg.solve(model_at(state, model).map(state)[:NAV, :NAV], before)
-    run.P[:NAV, : n + 1] = C @ run.P[:NAV, : n + 1]
-    run.P[:, :NAV] = run.P[:, :NAV] @ C.T
-    P = run.P[:, :n]
-    P[:] = (P + P.T) / 2
-    return C
+    P[:NAV, : n + 1] = C @ P[:NAV, : n + 1]
+    P[:, :NAV] = P[:, :NAV] @ C.T
+    P[:, :n] = (P[:, :n] + P[:, :n].T) / 2
+    return np.asarray(C)

@@ -200,7 +200,7 @@ def advance(
     the navigator began. Over the poles, it goes on in another frame (`frames`).
     """
     while (first := go(run, imu, fixes, out, first, schedule, model)) < imu.dtheta.shape[0]:
-        change(run, model)
+        change(run.state, run.P, model)
 
 
 def freely(

@@ -126,7 +126,7 @@ def navigate(
             copies.append(_Copy(first, _copied(run), schedule, changed))
             first = go(run, imu, fixes, out, first, schedule, model)
             if first < imu.dtheta.shape[0]:
-                changed = change(run, model)
+                changed = change(run.state, run.P, model)
 
     go_through(run.noise, imu, out, schedule, stretches, onwards, at_once)
     n = model.states

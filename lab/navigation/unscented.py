@@ -17,6 +17,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
+from typing import cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -30,7 +31,7 @@ from lab.navigation.compilation import (
     entry_kernel,
     inline_kernel,
 )
-from lab.navigation.error_models import ATT
+from lab.navigation.error_models import ATT, Write
 from lab.navigation.kalman import (
     MEASUREMENTS,
     RECOVERED,
@@ -56,7 +57,7 @@ from lab.settings import SettingError
 
 FloatArray = NDArray[np.float64]
 
-_write_map = wander_models.PSI.write_map
+_write_map = cast(Write, wander_models.PSI.write_map)
 
 FORMED = 0.02
 """Shortest time between two computations of mean and covariance, except at fixes [s]."""
