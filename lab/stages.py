@@ -52,6 +52,7 @@ from lab.navigation.settings import NavigatorSettings
 from lab.navigation.solution import NO_REST, NO_VECTOR, Belief, Fixes, Imu, Solution, Start
 from lab.navigation.standstill import at_rest, still_without_fixes
 from lab.result import Runnable
+from lab.run import in_one
 from lab.sensors import barometer, gps, heading_sensor, imu, odometer
 from lab.sensors.draws import unit_draws
 from lab.sensors.readings import Readings
@@ -122,6 +123,7 @@ class Stages:
         del flight
         is_long = truth.time.size > LONG
         if is_long:
+            gyro, accelerometer = in_one(gyro, accelerometer)
             give_back()
         ready = self.algorithm is not None or is_ready(self.navigator, self.sensors)
         self.progress("Navigating" if ready else "Preparing the navigator (compiled once)", 0.4)
