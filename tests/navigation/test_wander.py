@@ -228,16 +228,8 @@ def test_a_filter_over_the_pole_tells_the_truth_about_itself(tmp_path: Path) -> 
     assert heading[at] == pytest.approx(np.hypot(before, np.degrees(position / away[at])), rel=0.1)
 
 
-@pytest.mark.parametrize(
-    ("settings", "message"),
-    [
-        ({"engine": "filterpy"}, r"navigator\.engine: .*accepted with it .*compiled"),
-    ],
-    ids=["filterpy"],
-)
-def test_what_goes_only_north_slaved_is_refused_with_a_reason(
-    settings: dict[str, object], message: str
-) -> None:
-    named = {f"navigator__{name}": value for name, value in settings.items()}
-    with pytest.raises(SettingError, match=message):
-        run("los_angeles", **named, navigator__mechanization=WANDER)
+def test_the_reference_is_north_slaved_and_says_so(polar_csv: str) -> None:
+    with pytest.raises(SettingError, match=r"navigator\.engine: .*accepted with it .*compiled"):
+        run("los_angeles", navigator__engine="filterpy", navigator__mechanization=WANDER)
+    with pytest.raises(SettingError, match=r"navigator\.engine: .* ends 1° from a pole; .* t = .*compiled"):
+        run(polar_csv, navigator__engine="filterpy")
