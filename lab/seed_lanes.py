@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import threading
 import time as clock
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -20,10 +20,10 @@ from lab.analysis import consistency, fix_causes, fix_figures
 from lab.analysis.budget import sigma_of_quantities
 from lab.analysis.errors import error_state
 from lab.analysis.evidence import Evidence, evidence, position_nees, whole_seconds
-from lab.analysis.fix_figures import TrueMotion
-from lab.analysis.innovation_evidence import may_have_outliers, offered
+from lab.analysis.fix_figures import FixFigures, TrueMotion
+from lab.analysis.innovation_evidence import may_have_outliers, needs_explanation, offered
 from lab.analysis.path_errors import errors_of, path_of
-from lab.analysis.sensor_evidence import Exact, Reference, exacts, sensor_errors
+from lab.analysis.sensor_evidence import Exact, Reference, exacts, sensor_errors, window_means
 from lab.ecef import near_pole
 from lab.ensemble import QUANTITIES
 from lab.experiment import Experiment
@@ -77,10 +77,6 @@ class _Sensed(NamedTuple):
     fixes: gps.GpsFixes
 
 
-Keep = Callable[[_Sensed, LaneSolution, float], RunAtFixes | None]
-"""What is kept of a run, given what it sensed, its solution, and the seconds this took."""
-
-
 class SeedLanes:
     """The runs of an experiment with many seeds, eight abreast; see `of`.
 
@@ -102,6 +98,7 @@ class SeedLanes:
         self._room = threading.local()
         self._span = float(self._truth.time[0]), float(self._truth.time[-1])
         self._true_start = Start.off(self._truth, NO_VECTOR, NO_VECTOR, NO_VECTOR)
+        self._near_pole = bool(near_pole(self._truth.latitude).any())
         self._lay_out()
 
     @classmethod
@@ -164,15 +161,19 @@ class SeedLanes:
         ready = is_compiled(self._model) and fix_figures.is_ready()
         return ready and (lane_sensors.is_ready() or not plain)
 
-    def run(self, seeds: Sequence[int]) -> Iterator[RunAtFixes | None]:
+    def run(self, seeds: Sequence[int], *, explain: bool = False) -> Iterator[RunAtFixes | None]:
         """Run up to eight seeds, with their evidence; a run is None if it must be run alone.
 
         Parameters
         ----------
         seeds
             The seeds.
+        explain
+            Whether suspicious innovations are to be explained: such a run must be run alone.
         """
-        return self._each(seeds, self._kept)
+        for found in self._each(seeds, judged=True):
+            asked = found is not None and explain and needs_explanation(_evidence_of(found).innovations)
+            yield None if asked else found
 
     def measure(self, seeds: Sequence[int]) -> Iterator[RunAtFixes | None]:
         """Run up to eight seeds as `run` does, without evidence; a run is None if it must be run alone.
@@ -182,10 +183,9 @@ class SeedLanes:
         seeds
             The seeds.
         """
-        near = near_pole(self._truth.latitude).any()
-        return self._each(seeds, self._kept if near else self._figures)
+        return self._each(seeds, judged=False)
 
-    def _each(self, seeds: Sequence[int], keep: Keep) -> Iterator[RunAtFixes | None]:
+    def _each(self, seeds: Sequence[int], *, judged: bool) -> Iterator[RunAtFixes | None]:
         """Run up to eight seeds, and return what is kept of each."""
         increments = self._increments()
         sensed = self._sense(seeds, increments)
@@ -201,7 +201,10 @@ class SeedLanes:
             began = clock.perf_counter()
             solutions = self._navigate(sensed, usable, increments)
             seconds = (clock.perf_counter() - began) / len(usable)
-            found = {index: keep(sensed[index], solutions[index], seconds) for index in usable}
+            means = self._means(increments) if judged else None
+            for index in usable:
+                own = None if means is None else (means[0][..., index], means[1][..., index])
+                found[index] = self._kept(sensed[index], solutions[index], seconds, own)
         return (found.get(index) for index in range(len(seeds)))
 
     def _increments(self) -> FloatArray:
@@ -284,63 +287,34 @@ class SeedLanes:
             self._path,
         )
 
-    def _kept(self, one: _Sensed, navigated: LaneSolution, seconds: float) -> RunAtFixes | None:
-        """Return what is kept of a run; None if it must be run alone: for an outlier, or as it diverged."""
-        if _diverged(navigated):
-            return None
-        solution, motion = self._in_stored(navigated.solution), navigated.motion
-        true = self._whole_reference(one)
-        found = self._evidence(one, solution, navigated, true)
-        if found is None:
-            return None
-        used = solution.fix_sample >= 0
-        at = solution.fix_sample[used]
-        reference = self._reference(true)
-        x = error_state(solution, at, self._there, reference.bias, reference.scale)
-        P = solution.fix_covariance[used]
-        between, degrees = position_nees(solution, self._of_before, reference)
-        error, sigma, rms, largest = self._errors(solution, at, motion)
-        return RunAtFixes(
-            time=one.fixes.time[used],
-            nees=consistency.normalised_squares(x, P),
-            nis=consistency.normalised_squares(
-                solution.innovation[used], solution.innovation_covariance[used]
-            ),
-            grid=self._truth.time[self._before],
-            between=between,
-            between_degrees=degrees,
-            error=error,
-            sigma=sigma,
-            rms=rms,
-            largest=largest,
-            degrees=int(consistency.uncertain(P).size) if P.size else 0,
-            nis_degrees=MEASUREMENTS,
-            innovations=ChannelSums.of(found.innovations),
-            span=self._span,
-            evidence=found,
-            seconds=seconds,
-            algorithm="",
-        )
+    def _means(self, increments: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return the mean increments (windows, 6, LANES) in the windows of the tests of the sensors."""
+        short, long = self._moved()
+        means = window_means(increments, short)
+        return means, means if long is short else window_means(increments, long)
 
-    def _figures(self, one: _Sensed, navigated: LaneSolution, seconds: float) -> RunAtFixes | None:
-        """Return what is kept of a run that is not judged; None if it diverged."""
+    def _kept(
+        self,
+        one: _Sensed,
+        navigated: LaneSolution,
+        seconds: float,
+        means: tuple[FloatArray, FloatArray] | None,
+    ) -> RunAtFixes | None:
+        """Return what is kept of a run; None if it must be run alone: for an outlier, or as it diverged.
+
+        A run is judged if the means of its increments (windows, 6) are given.
+        """
         if _diverged(navigated):
             return None
         solution = self._in_stored(navigated.solution)
-        bias = at_samples(one.gyro.bias, one.accelerometer.bias)[self._stored]
-        scale = np.zeros((self._stored.size, 0))
-        if set(self._model.blocks) & set(SCALES):
-            scale = at_samples(one.gyro.scale, one.accelerometer.scale)[self._stored]
-        path = np.ascontiguousarray(navigated.motion[self._of_grid])
-        found = fix_figures.fix_figures(
-            solution, self._of_before, self._true_there, bias, scale, path, self._true_path
+        judged = None if means is None else self._evidence(one, solution, navigated, means)
+        if means is not None and judged is None:
+            return None
+        found = (self._figures_near_pole if self._near_pole else self._figures)(
+            one, solution, navigated.motion
         )
         used = solution.fix_sample >= 0
-        every: Samples | slice = slice(None) if used.all() else np.flatnonzero(used)
-        P, nu, S = (
-            values[every]
-            for values in (solution.fix_covariance, solution.innovation, solution.innovation_covariance)
-        )
+        P, nu, S = _used(solution, used)
         nees = found.nees if np.isfinite(found.nees).all() else consistency.normalised_squares(found.x, P)
         nis = found.nis if np.isfinite(found.nis).all() else consistency.normalised_squares(nu, S)
         return RunAtFixes(
@@ -356,11 +330,39 @@ class SeedLanes:
             largest=found.largest,
             degrees=int(consistency.uncertain(P).size) if P.size else 0,
             nis_degrees=MEASUREMENTS,
-            innovations=ChannelSums.of_used(nu, S),
+            innovations=ChannelSums.of_used(nu, S) if judged is None else ChannelSums.of(judged.innovations),
             span=self._span,
-            evidence=None,
+            evidence=judged,
             seconds=seconds,
             algorithm="",
+        )
+
+    def _figures(self, one: _Sensed, solution: Solution, motion: FloatArray) -> FixFigures:
+        """Return the figures of a run."""
+        true = self._reference(one)
+        scale = np.zeros((self._stored.size, 0)) if true.scale is None else true.scale
+        path = np.ascontiguousarray(motion[self._of_grid])
+        return fix_figures.fix_figures(
+            solution, self._of_before, self._true_there, true.bias, scale, path, self._true_path
+        )
+
+    def _figures_near_pole(self, one: _Sensed, solution: Solution, motion: FloatArray) -> FixFigures:
+        """Return the same of a run that comes near a pole."""
+        used = solution.fix_sample >= 0
+        at = solution.fix_sample[used]
+        true = self._reference(one)
+        x = error_state(solution, at, self._there, true.bias, true.scale)
+        P, nu, S = _used(solution, used)
+        error, sigma, rms, largest = self._errors(solution, at, motion)
+        return FixFigures(
+            x,
+            consistency.normalised_squares(x, P),
+            consistency.normalised_squares(nu, S),
+            error,
+            sigma,
+            position_nees(solution, self._of_before, true)[0],
+            rms,
+            largest,
         )
 
     def _in_stored(self, solution: Solution) -> Solution:
@@ -382,7 +384,11 @@ class SeedLanes:
         return error, sigma[:, : len(QUANTITIES)], *sizes
 
     def _evidence(
-        self, one: _Sensed, solution: Solution, navigated: LaneSolution, true: Reference
+        self,
+        one: _Sensed,
+        solution: Solution,
+        navigated: LaneSolution,
+        means: tuple[FloatArray, FloatArray],
     ) -> Evidence | None:
         """Return the evidence of a run; None if its innovations may have outliers, which need all samples."""
         fixes = self._fixes(one)
@@ -397,12 +403,14 @@ class SeedLanes:
             one.belief,
             fixes,
             stored,
-            self._reference(true),
+            self._reference(one),
             gate=float(self._navigator.gate),
             latency=assumed_latency(self._navigator, self._sensors.gps.latency),
             explain=False,
             motion=self._motion(one, solution, navigated, samples),
-            sensors=sensor_errors(one.belief, self._imu(one), true, self._moved(true)),
+            sensors=sensor_errors(
+                one.belief, self._imu(one), self._whole_reference(one), self._moved(), means
+            ),
         )
 
     def _motion(
@@ -423,14 +431,23 @@ class SeedLanes:
             navigated.force[np.append(samples, self._stored.size - 1)],
         )
 
-    def _reference(self, whole: Reference) -> Reference:
+    def _reference(self, one: _Sensed) -> Reference:
         """Return the truth at the stored samples."""
+        whole = self._whole_reference(one)
         scale = None if whole.scale is None else whole.scale[self._stored]
         return whole._replace(truth=self._there, bias=whole.bias[self._stored], scale=scale)
 
-    def _moved(self, true: Reference) -> tuple[Exact, Exact]:
+    def _moved(self) -> tuple[Exact, Exact]:
         """Return the true motion in windows, which is that of all runs."""
         if self._exact is None:
+            ideal = self._ideal
+            true = Reference(
+                self._truth,
+                self._truth.time[:0],
+                ideal.dtheta,
+                ideal.dvelocity,
+                temperature=self._temperature,
+            )
             self._exact = exacts(true, self._truth.time)
         return self._exact
 
@@ -447,6 +464,22 @@ class SeedLanes:
             (one.gyro.saturated, one.accelerometer.saturated),
             bias_processes(self._sensors, one.constants)[0],
         )
+
+
+def _evidence_of(run: RunAtFixes) -> Evidence:
+    """Return the evidence of a run that is judged."""
+    assert run.evidence is not None
+    return run.evidence
+
+
+def _used(solution: Solution, used: NDArray[np.bool_]) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return covariance, innovation and its covariance of the used fixes, without a copy if all are used."""
+    every: Samples | slice = slice(None) if used.all() else np.flatnonzero(used)
+    return (
+        solution.fix_covariance[every],
+        solution.innovation[every],
+        solution.innovation_covariance[every],
+    )
 
 
 def _diverged(navigated: LaneSolution) -> bool:

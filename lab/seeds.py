@@ -99,7 +99,7 @@ def run_ensemble(
         if lanes is not None and len(numbers) < MANY and not lanes.is_compiled:
             lanes = None
         runner = _Runner(experiment, numbers, algorithm, lanes)
-        left = deque(_blocks(len(numbers), len(numbers) if lanes is None else EXPLAINED))
+        left = deque(_blocks(len(numbers), len(numbers) if lanes is None else 0))
         running: dict[Future[list[RunAtFixes | DivergedError]], int] = {}
         while left or running:
             while left and left[0].start < len(done) + AHEAD * LANES:
@@ -129,11 +129,14 @@ class _Runner(NamedTuple):
 
     def run(self, block: range) -> list[RunAtFixes | DivergedError]:
         """Run the seeds of a block; a run that diverges gives the error."""
-        if self.lanes is None or block.start < EXPLAINED:
+        if self.lanes is None:
             return [self._alone(place) for place in block]
         seeds = [self.seeds[place] for place in block]
-        judged = block.start < JUDGED
-        abreast = self.lanes.run(seeds) if judged else self.lanes.measure(seeds)
+        abreast = (
+            self.lanes.run(seeds, explain=block.start < EXPLAINED)
+            if block.start < JUDGED
+            else self.lanes.measure(seeds)
+        )
         return [run or self._alone(place) for place, run in zip(block, abreast, strict=True)]
 
     def _alone(self, place: int) -> RunAtFixes | DivergedError:

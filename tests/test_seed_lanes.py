@@ -105,6 +105,35 @@ def test_so_it_is_with_other_models(changes: dict[str, object]) -> None:
     assert_abreast_as_alone(changes)
 
 
+def test_figures_near_a_pole_are_those_of_the_compiled_function() -> None:
+    """Two implementations, of which the one in NumPy holds up to a pole."""
+    lanes = SeedLanes.of(of(OUTAGE))
+    assert lanes is not None
+    (compiled,) = lanes.measure((3,))
+    lanes._near_pole = True
+    (plain,) = lanes.measure((3,))
+    assert compiled is not None
+    assert plain is not None
+    left, right = (numbers_in(run._replace(seconds=0.0)) for run in (compiled, plain))
+    for one, other in zip(left, right, strict=True):
+        np.testing.assert_allclose(one, other, rtol=1e-7, atol=1e-8 * np.nanmax(np.abs(other), initial=0.0))
+
+
+@pytest.mark.parametrize(("changes", "asked"), [({}, False), ({"navigator.r_scale": 0.3}, True)])
+def test_a_run_whose_innovations_need_an_explanation_runs_alone(
+    changes: dict[str, object], *, asked: bool
+) -> None:
+    """The evidence of a run alone has likelihoods of hypotheses only if its innovations need them."""
+    experiment = of(changes)
+    lanes = SeedLanes.of(experiment)
+    assert lanes is not None
+    (abreast,) = lanes.run((5,), explain=True)
+    evidence = _keep(experiment.copy().update({"seed": 5}).run()).evidence
+    assert evidence is not None
+    assert bool(evidence.innovations.likelihoods.any()) is asked
+    assert (abreast is None) is asked
+
+
 @pytest.mark.parametrize("judged", [True, False])
 def test_a_run_does_not_depend_on_those_beside_it(*, judged: bool) -> None:
     """The same bits, whatever its lane, and whether the other lanes are occupied."""
@@ -131,8 +160,8 @@ def test_many_seeds_run_abreast_and_those_that_need_more_alone(monkeypatch: pyte
     blocks: list[list[bool]] = []
     run = SeedLanes.run
 
-    def watched(self: SeedLanes, seeds: Sequence[int]) -> list[RunAtFixes | None]:
-        found = list(run(self, seeds))
+    def watched(self: SeedLanes, seeds: Sequence[int], *, explain: bool) -> list[RunAtFixes | None]:
+        found = list(run(self, seeds, explain=explain))
         blocks.append([one is not None for one in found])
         return found
 
@@ -140,7 +169,7 @@ def test_many_seeds_run_abreast_and_those_that_need_more_alone(monkeypatch: pyte
     whole = run_ensemble(
         experiment, range(1, 21), lambda words, done: told.append((words, done)), partial=parts.append
     )
-    assert sorted(len(block) for block in blocks) == [4, 8]
+    assert sorted(len(block) for block in blocks) == [4, 8, 8]
     done = [one for block in blocks for one in block]
     assert any(done)
     assert not all(done)

@@ -106,12 +106,11 @@ def motion_of(
     """
     first, last = window
     span = np.maximum(time[last] - time[first], _step(time))[:, None]
-    turned = sums_at(dtheta, np.concatenate((first, last)))
     flown = np.maximum(time[ends[1:]] - time[ends[:-1]], 1e-9)[:, None]
     return Motion(
         velocity=velocity[1],
         acceleration=(velocity[1] - velocity[0]) / span,
-        rate_b=(turned[last.size :] - turned[: last.size]) / span,
+        rate_b=_sums_between(dtheta, first, last) / span,
         force_n=np.diff(gained, axis=0) / flown,
         C_nb=C_nb_from_euler(euler_from_quaternion(q_nb)),
     )
@@ -128,9 +127,12 @@ def _gained_until(solution: Solution, ends: NDArray[np.intp], imu: Imu) -> Float
     return _sums_of(gained, imu.dvelocity.shape[0], ends)
 
 
-def sums_at(values: FloatArray, samples: NDArray[np.intp]) -> FloatArray:
-    """Return the sums (m, 3) of values (n, 3) before some samples (m,), in any order."""
-    return _sums_of(lambda part: values[part], values.shape[0], samples)
+def _sums_between(values: FloatArray, first: NDArray[np.intp], last: NDArray[np.intp]) -> FloatArray:
+    """Return the sums (m, 3) of values (n, 3) from each first sample (m,) to that before the last (m,)."""
+    samples = first[:, None] + np.arange(np.max(last - first, initial=0))
+    inside = (samples < last[:, None])[..., None]
+    there = values[np.minimum(samples, values.shape[0] - 1)]
+    return np.asarray(np.sum(there, axis=1, where=inside, dtype=np.float64))
 
 
 def _sums_of(values: Callable[[slice], FloatArray], count: int, samples: NDArray[np.intp]) -> FloatArray:

@@ -299,8 +299,7 @@ def _explained(
     whole = _nothing()
     whole.matrix[:CAUSES, :CAUSES], whole.vector[:CAUSES] = fit.matrix, fit.vector
     part = replace(found, causes=whole._replace(squares=fit.squares))
-    records = Fit(fit.matrix[None], fit.vector[None], fit.squares)
-    if not explain or (not suspicious(part) and gain_of(records, range(CAUSES)) < TRIED):
+    if not explain or not needs_explanation(part):
         return part
     record, kept, causes = record.cut(LONGEST), kept[:LONGEST], causes[:LONGEST]
     ahead = steps(solution, belief, imu, record.samples)
@@ -324,6 +323,12 @@ def _fit(answer: FloatArray, nu: FloatArray, S: FloatArray) -> Fit:
     both = np.concatenate((answer, nu[..., None]), axis=2) / sigma[..., None]
     white = np.asarray(np.linalg.solve(root, both), dtype=np.float64)
     return normal_equations(white[..., :-1], white[..., -1])
+
+
+def needs_explanation(found: Innovations) -> bool:
+    """Return whether innovations are suspicious, or latency and lever arm may explain a part of them."""
+    fit = Fit(found.causes.matrix[None], found.causes.vector[None], found.causes.squares)
+    return suspicious(found) or gain_of(fit, range(CAUSES)) >= TRIED
 
 
 def suspicious(found: Innovations) -> bool:

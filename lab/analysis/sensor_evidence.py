@@ -163,7 +163,11 @@ class _Axis(NamedTuple):
 
 
 def sensor_errors(
-    belief: Belief, imu: Imu, reference: Reference, true: tuple[Exact, Exact] | None = None
+    belief: Belief,
+    imu: Imu,
+    reference: Reference,
+    true: tuple[Exact, Exact] | None = None,
+    measured: tuple[FloatArray, FloatArray] | None = None,
 ) -> SensorErrors:
     """Return the errors that the sensors of a run added.
 
@@ -177,6 +181,9 @@ def sensor_errors(
         True values.
     true
         The true motion as from `exacts`, which is that of all runs of a flight.
+    measured
+        The mean increments (windows, 6) in the windows of both, as from `window_means`; by default, from the
+        output of the sensors.
     """
     runs, drives = 1, FACTORS.size + 2
     terms = len(MOTION)
@@ -187,8 +194,12 @@ def sensor_errors(
     drift_matrix, drift_vector = np.zeros((runs, 6, drives, 4, 4)), np.zeros((runs, 6, drives, 4))
     drift_squares, determinant = np.zeros((runs, 6, drives)), np.zeros((runs, 6, drives))
     short, long = true or exacts(reference, imu.time)
-    sums = _sums(imu, reference, short)
-    of_long = sums if long is short else _sums(imu, reference, long)
+
+    def means(at: int) -> FloatArray:
+        return _measured_means(imu, (short, long)[at]) if measured is None else measured[at]
+
+    sums = _sums(reference, short, means(0))
+    of_long = sums if long is short else _sums(reference, long, means(1))
     for axis in np.flatnonzero(belief.noise[:6] > 0):
         seen = _axis(imu, reference, int(axis), short, sums)
         wide = seen if long is short else _axis(imu, reference, int(axis), long, of_long)
@@ -283,21 +294,25 @@ class _Sums(NamedTuple):
     bias: FloatArray
 
 
-def _sums(imu: Imu, reference: Reference, true: Exact) -> _Sums:
-    """Return what the sensors of a run added."""
-    noise, biases = np.empty(true.moved.shape), np.empty(true.moved.shape)
-    for sensor, measured in enumerate((imu.dtheta, imu.dvelocity)):
+def window_means(values: FloatArray, true: Exact) -> FloatArray:
+    """Return the means (windows, …) of values (n, …) in the windows of the true motion."""
+    return _means(partial(_taken, values), true.moved.shape[0], true.width)
+
+
+def _measured_means(imu: Imu, true: Exact) -> FloatArray:
+    return np.concatenate([window_means(values, true) for values in (imu.dtheta, imu.dvelocity)], axis=1)
+
+
+def _sums(reference: Reference, true: Exact, measured: FloatArray) -> _Sums:
+    """Return what the sensors of a run added, given the means (windows, 6) of their output."""
+    noise, biases = measured / true.dt, np.empty(true.moved.shape)
+    for sensor in range(2):
         own = slice(3 * sensor, 3 * sensor + 3)
-
-        def means(values: Callable[[slice], FloatArray]) -> FloatArray:
-            return _means(values, true.moved.shape[0], true.width)
-
         bias, moved = reference.bias[1:, own], true.moved[:, own]
-        biases[:, own] = means(partial(_taken, bias))
-        noise[:, own] = means(partial(_taken, measured)) / true.dt
+        biases[:, own] = window_means(bias, true)
         noise[:, own] -= moved + biases[:, own]
         if reference.of_states is not None:
-            noise[:, own] -= means(partial(_taken, reference.of_states[:, own]))
+            noise[:, own] -= window_means(reference.of_states[:, own], true)
         if reference.scale is not None:  # scale factors are states, with known true values
             scale = reference.scale[1:, own]
             if scale.strides[0] == bias.strides[0] == 0:
@@ -310,7 +325,7 @@ def _sums(imu: Imu, reference: Reference, true: Exact) -> _Sums:
             ) -> FloatArray:
                 return np.asarray(scale[part] * (exact[part].astype(np.float64) / true.dt + bias[part]))
 
-            noise[:, own] -= means(by_scale)
+            noise[:, own] -= _means(by_scale, true.moved.shape[0], true.width)
     return _Sums(noise, biases)
 
 
