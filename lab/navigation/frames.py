@@ -2,7 +2,7 @@
 
 The north-slaved frame turns about the vertical with the meridians, faster and faster towards a pole. A
 navigator in it therefore goes on in a wander-azimuth frame (`wander`) beyond 89°, and comes back below 88.9°.
-No other code asks where the poles are: the output of both is in north, east, down.
+The output of both is in north, east, down, so the callers of a navigator do not ask for its frame.
 
 A change of the frame moves nothing. It maps the filter's own errors x so that its output errors are the same,
 T' x' = T x, with T and T' as of `error_models` in the two frames.
