@@ -99,7 +99,7 @@ def offered(solution: Solution, fixes: Fixes, imu: Imu) -> tuple[NDArray[np.intp
     """Return the indices of the fixes that the filter used or rejected, and their samples."""
     seen = np.flatnonzero((solution.fix_sample >= 0) | solution.fix_rejected)
     used = solution.fix_sample[seen]
-    step = float(np.median(np.diff(imu.time)))
+    step = imu.step
     at = np.searchsorted(imu.time, fixes.time[seen] - SLACK * step)
     return seen, np.where(used >= 0, used, np.minimum(at, imu.time.size - 1)).astype(np.intp)
 
