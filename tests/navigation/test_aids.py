@@ -185,12 +185,9 @@ def test_sigma_points_refuse_other_sensors() -> None:
         experiment(sensors__barometer__fitted=True, navigator__model="nonlinear").run()
 
 
-def test_what_follows_imu_and_gps_alone_refuses_further_states() -> None:
-    result = of(ALL).run()
-    with pytest.raises(SettingError, match=r"accepted here are navigator\.states"):
-        _ = result.budget
+def test_identification_refuses_further_states() -> None:
     with pytest.raises(ResultError, match="accepted are none"):
-        result.identify()
+        of(ALL).run().identify()
 
 
 def test_the_verdict_names_measurements_with_another_noise_than_assumed() -> None:
