@@ -367,7 +367,7 @@ def shown_in(source: Process, names: Sequence[str]) -> tuple[slice, float]:
 def acting_as_biases(names: Sequence[str]) -> NDArray[np.int64]:
     """Return the states that act on the navigator as biases do: biases, and the states of their drift."""
     drifts = [blocks.states_of(names, name) for name in blocks.DRIFTS if name in names]
-    return np.r_[NAV:N, *drifts].astype(np.int64)
+    return np.asarray(np.r_[NAV:N, *drifts], dtype=np.int64)
 
 
 def coupled_states(names: Sequence[str]) -> list[tuple[int, int, int]]:

@@ -184,9 +184,9 @@ def _of_measurements(experiment: ExperimentSettings, names: Sequence[str]) -> li
     sensors, navigator = experiment.sensors, experiment.navigator
     arm, latency = si(sensors.gps, "lever_arm"), float(sensors.gps.latency)
     odometer = sensors.odometer
-    found = {
+    found: dict[str, tuple[str, FloatArray]] = {
         blocks.LEVER_ARM: ("GPS lever arm", assumed_lever_arm(navigator, arm) - arm),
-        blocks.LATENCY: ("GPS latency", assumed_latency(navigator, latency) - latency),
+        blocks.LATENCY: ("GPS latency", np.array(assumed_latency(navigator, latency) - latency)),
         blocks.BAROMETER_BIAS: ("barometer bias", -si(sensors.barometer, "bias_sigma")),
         blocks.HEADING_BIAS: ("heading sensor bias", -si(sensors.heading, "bias_sigma")),
         blocks.ODOMETER_SCALE: ("odometer scale factor", -si(odometer, "scale_factor_sigma")),

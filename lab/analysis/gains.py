@@ -132,4 +132,4 @@ def aid_update(run: Run, aid: int) -> Update:
 def _map_at(run: Run, sample: int) -> FloatArray:
     """Return the map (9, 9) from errors in e to output errors at the estimate of a sample."""
     solution = run.solution_arrays
-    return output_map(solution.position[sample, None], solution.velocity_n[sample, None])[0]
+    return np.asarray(output_map(solution.position[sample, None], solution.velocity_n[sample, None])[0])
