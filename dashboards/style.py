@@ -4,17 +4,41 @@ from __future__ import annotations
 
 from typing import Any
 
+_FIELDS: dict[str, Any] = {
+    "MuiSelect": {
+        "styleOverrides": {
+            "select": {"&&": {"paddingTop": "8.5px", "paddingBottom": "8.5px", "minHeight": "23px"}}
+        }
+    }
+}
+"""Selects are as high as text fields, which stand beside them in rows."""
+
 THEME: dict[str, Any] = {
     "light": {
-        "palette": {"primary": {"main": "#1f6fd0"}, "background": {"default": "#f5f7fa", "paper": "#ffffff"}},
+        "palette": {
+            "primary": {"main": "#1f6fd0"},
+            "background": {"default": "#f5f7fa", "paper": "#ffffff"},
+            "contrastThreshold": 4.5,
+        },
         "shape": {"borderRadius": 6},
+        "components": _FIELDS,
     },
     "dark": {
-        "palette": {"primary": {"main": "#5aa2f2"}, "background": {"default": "#12151a", "paper": "#181c22"}},
+        "palette": {
+            "primary": {"main": "#5aa2f2", "dark": "#7fb8f6"},
+            "error": {"main": "#f44336", "dark": "#f6695e"},
+            "background": {"default": "#12151a", "paper": "#181c22"},
+            "contrastThreshold": 4.5,
+        },
         "shape": {"borderRadius": 6},
+        "components": _FIELDS,
     },
 }
-"""Colours of the two themes."""
+"""Colours of the two themes.
+
+Letters on a button have a contrast of 4.5, as WCAG 2 wants. In the dark theme they are dark, so a button
+under the mouse gets lighter.
+"""
 
 DRESS: dict[str, Any] = {
     "& .MuiAppBar-root": {"backgroundColor": "#16324f", "backgroundImage": "none", "boxShadow": "none"},
@@ -43,6 +67,9 @@ WRAP = """
 :host > :last-child { flex: 1 1 260px; }
 """
 """A selection and the text about it: one below the other if they do not fit side by side."""
+
+WHOLE = ":host { max-height: none !important; min-width: 0 !important; }"
+"""Makes a column as high as its content; otherwise Panel lets content higher than the window overlap."""
 
 TOOLTIP = ".MuiTooltip-tooltip { width: max-content; max-width: 280px; }"
 """The tooltip of an icon button; otherwise it would be as narrow as the button, with one word per line."""

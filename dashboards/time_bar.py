@@ -71,7 +71,7 @@ class TimeBar:
         )
         self._play.param.watch(lambda event: self.play() if event.new else self.stop(), "value")
         self._speed = pmui.Select(
-            options=SPEEDS, value=5.0, size="small", width=84, margin=(6, 4), stylesheets=[ROOMY]
+            options=SPEEDS, value=5.0, size="small", width=84, margin=4, stylesheets=[ROOMY]
         )
         self._slider = Slider(
             label="Time",

@@ -15,7 +15,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lab.cache import StageCache, digest
-from lab.ecef import near_pole
 from lab.further_truth import simulated_own_errors
 from lab.histories import LONG, kept
 from lab.ideal_imu import IdealImu
@@ -39,12 +38,13 @@ from lab.navigation.checks import (
     check_engine,
     check_finite,
     check_mechanization,
+    check_place,
     check_r,
     check_smoother,
     diverged,
 )
 from lab.navigation.choice import chosen_model, is_ready
-from lab.navigation.navigator import PolarError, navigate
+from lab.navigation.navigator import navigate
 from lab.navigation.own_states import declared_states
 from lab.navigation.rest_alignment import Aligned
 from lab.navigation.schedule import Schedule
@@ -52,6 +52,7 @@ from lab.navigation.settings import NavigatorSettings
 from lab.navigation.solution import NO_REST, NO_VECTOR, Belief, Fixes, Imu, Solution, Start
 from lab.navigation.standstill import at_rest, still_without_fixes
 from lab.result import Runnable
+from lab.run import in_one
 from lab.sensors import barometer, gps, heading_sensor, imu, odometer
 from lab.sensors.draws import unit_draws
 from lab.sensors.readings import Readings
@@ -122,6 +123,7 @@ class Stages:
         del flight
         is_long = truth.time.size > LONG
         if is_long:
+            gyro, accelerometer = in_one(gyro, accelerometer)
             give_back()
         ready = self.algorithm is not None or is_ready(self.navigator, self.sensors)
         self.progress("Navigating" if ready else "Preparing the navigator (compiled once)", 0.4)
@@ -357,15 +359,10 @@ class Stages:
             solution = self.engine(increments, seen, begin, assumed, schedule, other)
         except SettingError:
             raise
-        except PolarError as error:
-            if near_pole(truth.latitude).any():
-                raise
-            raise diverged(
-                "the estimate moved to a pole, and the flight does not come near one", error
-            ) from error
         except ValueError as error:  # the reference's linear algebra stops at values that are not finite
             raise diverged("the filter cannot go on", error) from error
         check_finite(solution, truth.time)
+        check_place(solution, truth.latitude)
         return solution, other
 
     def own_solution(

@@ -22,9 +22,7 @@ CURVATURE = {
     "ecef.py": "Earth-fixed positions",
     "ideal_imu.py": "their derivatives in time",
     "importing/derived_motion.py": "the transport rate",
-    "navigation/filter.py": "the strapdown's state",
     "navigation/strapdown.py": "the transport rate, compiled",
-    "navigation/unscented_filter.py": "the strapdown's state",
     "navigation/wander.py": "the curvature in the wander frame",
 }
 """Files that need the radii of curvature themselves, and what for; all others need metres per radian."""

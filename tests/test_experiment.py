@@ -399,15 +399,25 @@ def seed_that_starts_north(sigmas: float) -> int:
     return next(seed for seed in range(1000) if unit_draws(seed, "initial error", (9,))[0] > sigmas)
 
 
-def test_an_estimate_beyond_a_pole_is_told_from_a_flight_that_goes_there(tmp_path):
+@pytest.mark.parametrize(
+    ("flight", "sigma"), [({"latitude": 89.9, "north": -1400}, 2e3), ({"latitude": 88.5}, 1e5)]
+)
+def test_an_estimate_that_begins_beyond_a_pole_comes_back_with_the_fixes(flight, sigma, tmp_path):
     path = tmp_path / "polar.csv"
-    write_flight_csv(path, recording(20, latitude=89.9, heading=0, north=-1400))
-    with pytest.raises(ValueError, match=r"closer than 0\.1° to a pole") as caught:
-        run(str(path), navigator__position_sigma=2000, seed=seed_that_starts_north(1))
-    assert "diverged" not in str(caught.value)
+    write_flight_csv(path, recording(20, heading=0, **flight))
+    begun = run(str(path), navigator__position_sigma=sigma, seed=seed_that_starts_north(1.7))
+    error = np.linalg.norm(begun.errors["position"].values, axis=1)
+    assert error[0] > sigma
+    assert error[-1] < 5
+
+
+def test_an_estimate_at_a_pole_is_told_from_a_flight_that_goes_there(tmp_path):
+    path = tmp_path / "polar.csv"
     write_flight_csv(path, recording(20, latitude=88.5))
+    seed = seed_that_starts_north(1.7)
+    to_pole = 1.5 * 111.69e3 / float(unit_draws(seed, "initial error", (9,))[0])
     with pytest.raises(ValueError, match="diverged: the estimate moved to a pole"):
-        run(str(path), navigator__position_sigma=1e5, seed=seed_that_starts_north(1.7))
+        run(str(path), navigator__position_sigma=[to_pole, 1.0, 1.0], seed=seed)
 
 
 def test_a_mission_can_be_given_by_path(short):

@@ -25,6 +25,7 @@ from lab.navigation.choice import chosen_model
 from lab.navigation.lever_arm import turns
 from lab.navigation.solution import Imu, Solution
 from lab.result import Result
+from lab.sensors.imu import Measured
 from lab.trajectory import Trajectory
 from lab.views import figures
 from lab.views.figures import TimeAxis, TimeFigures
@@ -108,6 +109,24 @@ def test_what_is_said_of_a_flight_does_not_change(exact: Result, request: pytest
     np.testing.assert_allclose(
         long.coverage.select_dtypes("number"), coverage.select_dtypes("number"), atol=1e-2
     )
+
+
+def test_drifting_biases_are_in_memory_once() -> None:
+    rng = np.random.default_rng(3)
+    gyro, accelerometer = (
+        Measured(rng.normal(size=(5, 3)), rng.normal(size=(5, 3)), np.zeros((5, 3)), 0) for _ in range(2)
+    )
+    two = arrays.in_one(gyro, accelerometer)
+    biases = arrays.at_samples(two[0].bias, two[1].bias)
+    assert np.shares_memory(biases, two[0].bias)
+    assert np.shares_memory(biases, two[1].bias)
+    for before, after in zip((gyro, accelerometer), two, strict=True):
+        np.testing.assert_array_equal(before.bias, after.bias)
+    np.testing.assert_array_equal(biases, arrays.at_samples(gyro.bias, accelerometer.bias))
+    part = two[0].taken(slice(2, 4)), two[1].taken(slice(2, 4))
+    np.testing.assert_array_equal(arrays.at_samples(part[0].bias, part[1].bias), biases[[3, 3, 4]])
+    steady = gyro._replace(bias=np.broadcast_to(np.ones(3), (5, 3)))
+    assert arrays.in_one(steady, accelerometer) == (steady, accelerometer)
 
 
 def smoothed(lever_arm: tuple[float, float, float] = (0.0, 0.0, 0.0)) -> Experiment:

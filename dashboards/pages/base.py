@@ -11,6 +11,7 @@ import panel as pn
 from bokeh.plotting import figure
 
 from dashboards.session import Session
+from dashboards.style import WHOLE
 from lab.result import Result
 from lab.views.figures import TimeAxis
 
@@ -146,3 +147,8 @@ def plot_grid(
     # height of the rows.
     sizing = {"sizing_mode": "stretch_both"} if fill else {"sizing_mode": "stretch_width", "height": least}
     return pn.Column(*panes, **sizing, stylesheets=[grid], margin=(6, 8))
+
+
+def hideable(grid: pn.viewable.Viewable) -> pn.Column:
+    """Return a column around a grid of plots, hidden at first: the style of a grid alone keeps it visible."""
+    return pn.Column(grid, visible=False, sizing_mode="stretch_width", margin=0, stylesheets=[WHOLE])

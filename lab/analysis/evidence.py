@@ -260,7 +260,13 @@ def nees_squares(
         return Squares(np.zeros(()), np.zeros(()))
     at = solution.fix_sample[used]
     x = _errors(solution, at, reference)
-    P = solution.fix_covariance[used][:, block, block]
+    # Of a long flight, P at all fixes takes 50 MB, so it is copied only where a fix was not used.
+    P = (
+        solution.fix_covariance
+        if used.size == len(solution.fix_covariance)
+        else solution.fix_covariance[used]
+    )
+    P = P[:, block, block]
     nees = consistency.normalised_squares(x[:, block], P)
     epochs = max(1.0, float(np.ptp(reference.truth.time)) / SETTLING)
     return Squares(np.array(epochs * nees.mean()), np.array(epochs * consistency.uncertain(P).size))

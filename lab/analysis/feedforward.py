@@ -18,7 +18,7 @@ from scipy.spatial.transform import Rotation
 from lab import ecef
 from lab.analysis.finding import Change, Finding, Verdict, headline
 from lab.navigation.error_models import with_blocks
-from lab.navigation.navigator import PolarError, freely
+from lab.navigation.navigator import freely
 from lab.navigation.schedule import Schedule
 from lab.navigation.solution import Imu, Start
 from lab.navigation.wander_models import linear_model
@@ -83,14 +83,11 @@ def drift_of(run: Run) -> float:
     imu = Imu(run.time, run.gyro.increments, run.accelerometer.increments)
     alone = run.belief._replace(R=np.eye(6), decay=np.zeros_like(run.belief.decay))
     navigator = run.experiment.navigator
-    try:
-        model = with_blocks(linear_model(navigator.model, navigator.mechanization), run.blocks)
-        largest = 0.0
-        for first, free in freely(imu, start, alone, Schedule(feedback=False), model):
-            part = slice(first, first + free.q_nb.shape[0])
-            there = _in_earth_axes(solution.position[part], solution.q_nb[part])
-            apart = there.inv() * _in_earth_axes(free.position, free.q_nb)
-            largest = max(largest, float(apart.magnitude().max()))
-    except PolarError:  # it diverged to a pole
-        return float(np.pi)
+    model = with_blocks(linear_model(navigator.model, navigator.mechanization), run.blocks)
+    largest = 0.0
+    for first, free in freely(imu, start, alone, Schedule(feedback=False), model):
+        part = slice(first, first + free.q_nb.shape[0])
+        there = _in_earth_axes(solution.position[part], solution.q_nb[part])
+        apart = there.inv() * _in_earth_axes(free.position, free.q_nb)
+        largest = max(largest, float(apart.magnitude().max()))
     return largest

@@ -280,7 +280,7 @@ def _led(run: Run, start: Start, model: ErrorModel) -> Solution:
             EVERY_FIX,
             model,
         )
-        coasting.lead(led.position[end], led.velocity_n[end], led.q_nb[end], model)
+        coasting.lead(led.position[end], led.velocity_n[end], led.q_nb[end])
         coasting.state[strapdown.GYRO_BIAS : strapdown.ACCEL_BIAS + 3] = led.bias[end]
         done = end
     return out

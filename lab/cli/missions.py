@@ -29,8 +29,7 @@ def list_missions(as_json: AsJson = False) -> None:
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # omitted missions are listed below
         found = find_missions()
-    # Each mission is dropped once it is described, which frees its recording.
-    facts = [_facts(found.pop(name)) for name in list(found)]
+    facts = [_facts(entry) for entry in found.values()]
     readable = [one for one in facts if one]
     for reason in broken_missions().values():
         print(f"ins-lab: mission left out: {reason}", file=sys.stderr)

@@ -24,9 +24,10 @@ from lab.navigation.alignment import level
 from lab.navigation.belief import belief, constant_errors
 from lab.navigation.error_models import ACCEL_BIAS, ATT, GYRO_BIAS, PHI, POS, VEL
 from lab.navigation.filter import Filter
+from lab.navigation.frames import model_at, shown
 from lab.navigation.gap_noise import AROUND, gap_noise
 from lab.navigation.kalman import MEASUREMENTS
-from lab.navigation.navigator import PIECE, PolarError, advance
+from lab.navigation.navigator import PIECE, advance
 from lab.navigation.rest_alignment import Means, align, induced_variance
 from lab.navigation.schedule import EVERY_FIX
 from lab.navigation.settings import NavigatorSettings
@@ -69,7 +70,7 @@ LOST_SPEED: Final = 300.0
 """Velocity, or σ of it, that only an unaided navigator shows [m/s]: it is taken back to zero with this σ, so
 that the attitude does not suffer."""
 
-_POSITION, _VELOCITY, _ATTITUDE, _BIAS = slice(0, 3), slice(3, 6), slice(6, 10), slice(10, 16)
+_VELOCITY, _ATTITUDE, _BIAS = slice(3, 6), slice(6, 10), slice(10, 16)
 """Columns of a row of the estimate."""
 _NO_FIXES: Final = Fixes(np.zeros(0), np.zeros((0, 3)), np.zeros((0, 3)))
 """No fixes."""
@@ -152,14 +153,14 @@ class AttitudeOnly:
     def P(self) -> FloatArray:  # noqa: N802
         """Covariance (15, 15) of the errors now."""
         assert self._run is not None
-        return self._run.P[:, :15].copy()
+        T = model_at(self._run.state, PHI).map(self._run.state)
+        return np.asarray(T @ self._run.P[:, :15] @ T.T)
 
     @property
     def solution(self) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
         """Position, velocity, attitude q_nb and biases now."""
         assert self._run is not None
-        state = self._run.state
-        return state[_POSITION], state[_VELOCITY], state[_ATTITUDE], state[_BIAS]
+        return *shown(self._run.state), self._run.state[_BIAS]
 
     def reachable(self) -> float:
         """Return the σ of the heading that the gyros can reach by the Earth's rate [rad]; infinite at a pole.
@@ -222,8 +223,7 @@ class AttitudeOnly:
             first = self._at - before
             imu = self._increments(before, stop)
             out = Solution.empty(stop - before + 1, 0)
-            if advance(self._run, imu, _NO_FIXES, out, first, EVERY_FIX) < imu.time.size:
-                raise PolarError("the position drifted to a pole")
+            advance(self._run, imu, _NO_FIXES, out, first, EVERY_FIX)
             for name in ("position", "velocity_n", "q_nb", "bias", "variance", "covariance"):
                 part = getattr(out, name)[first + 1 :]  # without the variances of scale factors
                 self.samples.rows(name, self._at + 1, stop + 1)[..., : part.shape[-1]] = part

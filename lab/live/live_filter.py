@@ -22,7 +22,7 @@ from lab.navigation.filter import Filter
 from lab.navigation.gap_noise import AROUND, gap_noise
 from lab.navigation.kalman import MEASUREMENTS, gate
 from lab.navigation.lever_arm import NO_TURNS, WINDOW, turns
-from lab.navigation.navigator import POLAR, PolarError, advance
+from lab.navigation.navigator import advance
 from lab.navigation.schedule import Schedule
 from lab.navigation.settings import NavigatorSettings
 from lab.navigation.solution import NO_REST, Belief, Fixes, Imu, Solution, Start
@@ -206,13 +206,7 @@ class LiveFilter:
                 self._gaps.append(Gap(start, end, self._noise_in(start, end)))
 
     def advance(self) -> None:
-        """Advance to the last sample.
-
-        Raises
-        ------
-        PolarError
-            If a north-slaved navigator comes closer than 0.1° to a pole.
-        """
+        """Advance to the last sample."""
         last = self.samples.end - 1
         self._turn(last, settled=False)
         self._look_for_rest(last)
@@ -375,9 +369,7 @@ class LiveFilter:
         run.noise[:] = noise
         run.counts[0] = 0
         out = Solution.empty(end - before + 1, count, self.model.blocks)
-        stopped = advance(run, imu, shown, out, self.at - before, schedule, self.model)
-        if stopped < end - before + 1:
-            raise PolarError(POLAR.format(time=imu.time[stopped - 1]))
+        advance(run, imu, shown, out, self.at - before, schedule, self.model)
         written = self.at if self.at == self.first else self.at + 1
         for name in _OF_SAMPLES:
             self.samples.rows(name, written, end + 1)[:] = getattr(out, name)[written - before :]

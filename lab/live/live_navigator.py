@@ -46,7 +46,7 @@ from lab.navigation.alignment import Alignment
 from lab.navigation.belief import assumed_latency, assumed_lever_arm, belief, schedule_of
 from lab.navigation.checks import check_mechanization, check_r
 from lab.navigation.choice import chosen_model
-from lab.navigation.navigator import PolarError, load
+from lab.navigation.navigator import load
 from lab.navigation.recorded import start_covariance
 from lab.navigation.schedule import EVERY_FIX
 from lab.navigation.settings import NavigatorSettings
@@ -366,12 +366,9 @@ class LiveNavigator:
     def _navigate(self, run: LiveFilter) -> None:
         """Advance the full navigator, or stop it if its solution means nothing any more."""
         why = ""
-        try:
-            run.advance()
-        except PolarError as error:
-            why = str(error)
+        run.advance()
         stream = self._stream
-        if not why and not np.isfinite(run.state).all():
+        if not np.isfinite(run.state).all():
             why = "the solution diverged beyond all numbers"
         if not why and stream.position_sigma > STOPS_AT:
             why = f"the σ of the position reached {STOPS_AT / 1000:g} km without fixes"
@@ -411,11 +408,7 @@ class LiveNavigator:
         stream = self._stream
         if self._place is None and len(stream.fixes):
             attitude.place = stream.fixes.column("position")[-1].copy()
-        try:
-            attitude.advance()
-        except PolarError as error:
-            self._stop(str(error))
-            return
+        attitude.advance()
         second = int(stream.now)
         if second == self._second:
             return

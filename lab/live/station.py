@@ -48,6 +48,9 @@ class Station:
 
     Attributes
     ----------
+    sensors : SensorSuite
+    settings : NavigatorSettings
+        The assumptions of the live navigator.
     zero, newest : float
         Times of the first sample or fix, and of the newest one [s].
     failure : str
@@ -63,7 +66,7 @@ class Station:
         self.zero = self.newest = 0.0
         self.failure = ""
         self.verdict = ""
-        self._sensors, self._settings = sensors, navigator
+        self.sensors, self.settings = sensors, navigator
         self._navigator = LiveNavigator(sensors, navigator)
         self._state = self._navigator.state
         self._lock = threading.Lock()  # of the navigator
@@ -177,7 +180,7 @@ class Station:
                 continue
             judged = used
             try:
-                self.verdict = str(verdict_of(self.log(), self._sensors, self._settings))
+                self.verdict = str(verdict_of(self.log(), self.sensors, self.settings))
             except ValueError as error:  # too few fixes for a batch run, or it diverges
                 self.verdict = f"None yet: {error}"
 

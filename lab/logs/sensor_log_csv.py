@@ -57,7 +57,7 @@ from lab.logs.sensor_log import MIN_IMU_SAMPLES, SIGMAS, GnssLog, SensorLog, rep
 from lab.recordings.bounds import HEIGHTS, LATITUDES, LONGITUDES, MAX_DURATION, MAX_SPEED, TIME_STAMPS
 from lab.recordings.description_toml import file_in_same_folder, read_toml
 from lab.recordings.mission_error import MissionError
-from lab.recordings.named_columns import Column, read_columns
+from lab.recordings.named_columns import Column, read_columns, read_duration
 from lab.rotation import C_nb_from_euler
 
 FloatArray = NDArray[np.float64]
@@ -187,6 +187,11 @@ class LogFiles:
         names = tuple(name for name, _ in self.comparisons)
         return self.axes, self.mounting, self.lever_arm, self.latency, self.vehicle, self.declination, names
 
+    @property
+    def duration(self) -> float:
+        """Time from the first sample of the IMU to the last [s], as stamped; only these are read."""
+        return read_duration(self.imu, _IMU, MIN_IMU_SAMPLES)
+
     def read(self) -> SensorLog:
         """Read the log.
 
@@ -295,7 +300,7 @@ def log_files(path: str | os.PathLike[str]) -> LogFiles:
     """
     path = Path(path)
     described = path / DESCRIPTION_FILE if path.is_dir() else path
-    values = read_toml(described) if described.is_file() or not path.is_dir() else {}
+    values = read_toml(described) if os.path.lexists(described) or not path.is_dir() else {}
     check_values(described, values)
     imu, gnss = (
         file_in_same_folder(described, key, values.get(key, f"{key}.csv")) for key in ("imu", "gnss")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+import os
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -93,8 +94,9 @@ class LogMission(Mission):
 
     @property
     def duration(self) -> float:
-        """Time from the first sample of the IMU to the last [s]."""
-        return self.log.duration
+        """Time from the first sample of the IMU to the last [s]; only these are read."""
+        log = self.__dict__.get("log")
+        return self.files.duration if log is None else float(log.duration)
 
     @cached_property
     def content_hash(self) -> str:
@@ -118,9 +120,12 @@ class LogMission(Mission):
 
 
 def is_log_folder(path: Path) -> bool:
-    """Return whether a folder holds a log: its TOML, or the csv files of an IMU and a receiver."""
+    """Return whether a folder holds a log: its TOML, or the csv files of an IMU and a receiver.
+
+    A TOML that cannot be read, such as a pipe, counts: the log is then reported as broken.
+    """
     try:
-        return (path / DESCRIPTION_FILE).is_file() or all(
+        return os.path.lexists(path / DESCRIPTION_FILE) or all(
             (path / name).is_file() for name in ("imu.csv", "gnss.csv")
         )
     except (OSError, ValueError):

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 from lab.flying.plan_kinds import read_plan
 from lab.notebook_card import NotebookCard
 from lab.recordings.description_toml import check_keys, file_in_same_folder, read_toml
-from lab.recordings.flight_csv import read_flight_csv
+from lab.recordings.flight_csv import flight_duration, read_flight_csv
 from lab.recordings.mission_error import MissionError
 from lab.recordings.named_columns import MAX_BYTES
 from lab.recordings.recording import Recording
@@ -108,8 +108,9 @@ class Mission(NotebookCard):
 
     @property
     def duration(self) -> float:
-        """Time from the first sample of the recording to the last [s]."""
-        return self.recording.duration
+        """Time from the first sample of the recording to the last [s]; only these are read."""
+        recording = self.__dict__.get("recording")
+        return flight_duration(self.recording_path) if recording is None else float(recording.duration)
 
     @cached_property
     def content_hash(self) -> str:

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from lab.ecef import near_pole
 from lab.navigation.blocks import SCALES
 from lab.navigation.error_models import MODELS, NORTH_SLAVED
 from lab.navigation.schedule import Schedule
@@ -21,15 +22,11 @@ def check_mechanization(settings: NavigatorSettings) -> None:
     """Raise `SettingError` if a mechanization is incompatible with the model or the engine."""
     if settings.mechanization == NORTH_SLAVED:
         return
-    reason = None
-    if settings.model == "nonlinear":
-        reason = "navigator.model: the sigma points of the model nonlinear are north-slaved navigators"
-    elif settings.engine == "filterpy":
-        reason = "navigator.engine: the reference in filterpy is a north-slaved navigator"
-    if reason:
+    if settings.engine == "filterpy":
         raise SettingError(
-            f"{reason}, which navigator.mechanization = {settings.mechanization} is not; accepted with it "
-            f"are the models {', '.join(MODELS)} and the compiled engine"
+            "navigator.engine: the reference in filterpy is a north-slaved navigator, which "
+            f"navigator.mechanization = {settings.mechanization} is not; accepted with it is the compiled "
+            "engine"
         )
 
 
@@ -148,6 +145,19 @@ def check_finite(solution: Solution, time: FloatArray) -> None:
     for values in states:
         bad |= ~np.isfinite(values).all(axis=1)
     raise diverged(f"the numbers are not usable from t = {time[int(np.argmax(bad))]:.3f} s on")
+
+
+def check_place(solution: Solution, latitude: FloatArray) -> None:
+    """Raise `DivergedError` if a solution comes to a pole, and the flight, at latitudes (m,) [rad], does not.
+
+    A pole is 100 km from every place that is not near one.
+    """
+    if np.abs(solution.position[:, 0]).max() > AT_POLE and not near_pole(latitude).any():
+        raise diverged("the estimate moved to a pole, and the flight does not come near one")
+
+
+AT_POLE = np.radians(89.9)
+"""Latitude at which an estimate has moved to a pole [rad]: 11 km from it."""
 
 
 def diverged(what: str, error: Exception | None = None) -> DivergedError:

@@ -60,7 +60,7 @@ from lab.navigation.propagation import (
 )
 from lab.navigation.schedule import SLACK, Schedule
 from lab.navigation.solution import Fixes, Imu, Solution
-from lab.navigation.standstill import gather_rest, hold_attitude
+from lab.navigation.standstill import HELD, gather_rest, hold_attitude
 from lab.navigation.strapdown import (
     GYRO_BIAS,
     GYRO_SCALE,
@@ -305,7 +305,7 @@ def _estimation(correct: Kernel, model: ErrorModel) -> Kernel:
 
 
 @inline_kernel
-def _lost(state: FloatArray) -> bool:
+def leaves_frame(state: FloatArray) -> bool:
     """Return whether the navigator came too close to a pole for its frame."""
     return bool(abs(state[LATITUDE]) > strapdown.MAX_LATITUDE)
 
@@ -429,7 +429,7 @@ def kernels(model: ErrorModel, *, summed: bool, aided: bool = False) -> Mapping[
     if model.mechanization == WANDER_AZIMUTH:
         others |= {
             "_step": wander.step,
-            "_lost": wander.lost,
+            "leaves_frame": wander.leaves_frame,
             "difference": wander.difference,
             "fix_axes": wander.fix_axes,
             "north_axes": wander.north_axes,
@@ -494,9 +494,9 @@ def _driver(model: ErrorModel, summed: bool, aided: bool) -> Advance:
     identity = SOURCES, model.name, model.mechanization, model.blocks, summed, aided
 
     def advance(run: Filter, imu: Imu, fixes: Fixes, out: Solution, first: int, schedule: Schedule) -> int:
-        """Advance a navigator over `imu` from sample `first` on; return the sample where it stopped.
+        """Advance a navigator over `imu` from increment `first` on; return the increment where it stopped.
 
-        It stops early if it comes too close to a pole, and returns the number of samples written.
+        It stops early, between two samples, where it must go on in another frame (`frames`).
         """
         _ = identity
         state, w, T = run.state, run.w, run.T
@@ -507,10 +507,11 @@ def _driver(model: ErrorModel, summed: bool, aided: bool) -> Advance:
         if first == 0:
             _store(out, 0, state, w, T)
         for k in range(first, imu.dtheta.shape[0]):
+            # Sums over samples, and what is held at rest, are of the frame in which they began.
+            if leaves_frame(state) and run.counts[1] == 0 and run.rest_sums[HELD] == 0:
+                return k
             time, dt = imu.time[k + 1], imu.time[k + 1] - imu.time[k]
             _step(state, get(imu.dtheta[k], 0), get(imu.dvelocity[k], 0), dt)
-            if _lost(state):
-                return k + 1
             m = run.counts[0]
             due = m < fixes.time.size and fixes.time[m] <= time + SLACK * dt
             due |= aid_due(run, time, dt)
@@ -524,6 +525,6 @@ def _driver(model: ErrorModel, summed: bool, aided: bool) -> Advance:
                 _store(out, k + 1, _corrected(state, w, T, x, spare), w, T)
             else:
                 _store(out, k + 1, state, w, T)
-        return imu.time.size
+        return imu.time.size - 1
 
     return compiled_for(advance, model, summed=summed, aided=aided)

@@ -8,11 +8,10 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from lab import earth
-from lab.navigation import blocks, own_room, strapdown, wander
+from lab.navigation import blocks, frames, own_room, strapdown, wander
 from lab.navigation.aids import NO_AIDS, Aids
 from lab.navigation.compilation import interpreted
-from lab.navigation.error_models import PHI, WANDER_AZIMUTH, ErrorModel
+from lab.navigation.error_models import PHI, ErrorModel
 from lab.navigation.kalman import MEASUREMENTS
 from lab.navigation.lever_arm import NO_TURNS
 from lab.navigation.propagation import NAV, layout
@@ -67,19 +66,16 @@ class Filter(NamedTuple):
         `turned` (m, 4) holds the angular rates about each fix; a navigator with a lever arm needs it. `aids`
         are measurements other than fixes, of which `kept_aids` updates are kept, likewise.
         """
-        in_wander = model.mechanization == WANDER_AZIMUTH
         own = blocks.own_states(model.blocks)
-        size = wander.LENGTH if in_wander else strapdown.LENGTH
-        state = np.zeros(own_room.END if own.stop > own.start else size)
-        interpreted(wander.place if in_wander else strapdown.set_position)(state, *start.position)
+        state = np.zeros(own_room.END if own.stop > own.start else wander.LENGTH)
+        frames.place(state, start.position, model)
         state[VELOCITY : VELOCITY + 3] = start.velocity_n
         state[strapdown.Q_NB : strapdown.Q_NB + 4] = start.q_nb
         state[GYRO_BIAS : GYRO_BIAS + 3] = start.gyro_bias
-        _keep_radii(state, in_wander=in_wander)
         n, space = model.states, layout(model.blocks)
         w = aligned_zeros(space.size)
         P = w[: space.product].reshape(n, space.WIDTH)
-        P[:, :n] = initial_covariance(model, state, belief.P0)
+        P[:, :n] = initial_covariance(frames.model_at(state, model), state, belief.P0)
         return cls(
             state,
             w,
@@ -105,13 +101,13 @@ class Filter(NamedTuple):
             np.zeros((max(kept_aids, 1), 1, 2 * n + 2)),
         )
 
-    def lead(self, position: FloatArray, velocity_n: FloatArray, q_nb: FloatArray, model: ErrorModel) -> None:
+    def lead(self, position: FloatArray, velocity_n: FloatArray, q_nb: FloatArray) -> None:
         """Set a navigator to a position, velocity and attitude in n, as of `Start`; its covariance stays.
 
         In a wander-azimuth frame, the frame goes to the new place without a turn about the vertical.
         """
         state = self.state
-        if model.mechanization == WANDER_AZIMUTH:
+        if frames.in_wander(state):
             interpreted(wander.move_to)(state, position)
             C_wn = np.array(interpreted(wander.north_axes)(state)).T
             velocity_n = C_wn @ velocity_n
@@ -138,21 +134,10 @@ def initial_covariance(model: ErrorModel, state: FloatArray, P0: FloatArray) -> 
     """
     if model.write_map is None:
         return P0
-    _keep_radii(state, in_wander=model.mechanization == WANDER_AZIMUTH)
+    frames.keep_radii(state)
     back = np.linalg.inv(model.map(state))
     P = back @ P0 @ back.T
     return np.asarray((P + P.T) / 2)
-
-
-def _keep_radii(state: FloatArray, *, in_wander: bool) -> None:
-    """Fill in the curvatures at the start; later, each step updates them."""
-    sine, height = float(state[strapdown.SINE]), float(state[strapdown.HEIGHT])
-    meridian, transverse = earth.radii(sine)
-    m, t = 1 / (meridian + height), 1 / (transverse + height)
-    state[strapdown.MERIDIAN], state[strapdown.TRANSVERSE] = m, t
-    if in_wander:
-        squared = earth.ECCENTRICITY_SQUARED
-        state[wander.BEND] = transverse * squared / (1 - squared * sine * sine) * m * t
 
 
 def aligned_zeros(size: int) -> FloatArray:

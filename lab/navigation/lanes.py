@@ -321,7 +321,7 @@ def _block(filters: Sequence[Filter], fixes: int) -> tuple[FloatArray, Progress]
     """Return the numbers of some filters side by side, and what else they keep; each has so many fixes."""
     states = filters[0].P.shape[0]
     buffer = aligned_zeros(LANES * size_of_lane(states)).reshape(-1, LANES)
-    buffer[: strapdown.LENGTH] = np.stack([run.state for run in filters], axis=1)
+    buffer[: strapdown.LENGTH] = np.stack([run.state[: strapdown.LENGTH] for run in filters], axis=1)
     upper = np.triu_indices(states)
     buffer[COVARIANCE : COVARIANCE + upper[0].size] = np.stack([run.P[upper] for run in filters], axis=1)
     counts = np.stack([run.counts for run in filters])

@@ -16,12 +16,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lab.histories import SINGLE
-from lab.navigation import strapdown
 from lab.navigation.aids import NO_AIDS, Aids
 from lab.navigation.blocks import LEVER_ARM
 from lab.navigation.driver import driver
-from lab.navigation.error_models import PHI, WANDER_AZIMUTH, ErrorModel
+from lab.navigation.error_models import PHI, ErrorModel
 from lab.navigation.filter import Filter
+from lab.navigation.frames import change, model_at
 from lab.navigation.lever_arm import turns
 from lab.navigation.piece import Piece
 from lab.navigation.schedule import EVERY_FIX, Schedule, Stretch
@@ -32,10 +32,6 @@ FloatArray = NDArray[np.float64]
 
 PIECE = 2**16
 """Samples of a long flight that are navigated in one call, with some 220 bytes each."""
-
-
-class PolarError(ValueError):
-    """The flight comes closer to a pole than a north-slaved navigation frame allows."""
 
 
 def navigate(
@@ -66,11 +62,6 @@ def navigate(
         Stretches of a log, up to its end, if the conditions change.
     aids
         Measurements other than fixes.
-
-    Raises
-    ------
-    PolarError
-        If a north-slaved navigator comes closer than 0.1° to a pole.
     """
     shown = np.float32 if imu.time.size > SINGLE else np.float64
     solution = Solution.empty(imu.time.size, fixes.time.size, model.blocks, shown, aids.time.size)
@@ -96,11 +87,6 @@ def navigate_to_fixes(
     ----------
     imu, fixes, start, belief, schedule, model, aids
         As of `navigate`.
-
-    Raises
-    ------
-    PolarError
-        If a north-slaved navigator comes closer than 0.1° to a pole.
     """
     samples = imu.time.size
     solution = Solution.empty(1, fixes.time.size, model.blocks, aids=aids.time.size)._replace(
@@ -128,21 +114,18 @@ def _fill(
     turned = turns(imu, fixes.time, belief.lever_arm, estimated=LEVER_ARM in model.blocks)
     run = Filter.begin(start, belief, float(imu.time[0]), model, turned=turned, aids=aids)
 
-    def onwards(imu: Imu, out: Solution, first: int, schedule: Schedule) -> int:
-        go = advance_piece if is_long else advance
-        return go(run, imu, fixes, out, first, schedule, model)
+    def onwards(imu: Imu, out: Solution, first: int, schedule: Schedule) -> None:
+        advance(run, imu, fixes, out, first, schedule, model, go)
 
-    polar = model.mechanization == WANDER_AZIMUTH
-    longest = PIECE if is_long else 0
-    go_through(run.state, run.noise, imu, solution, schedule, stretches, onwards, longest, polar=polar)
+    go = within_frame_in_piece if is_long else within_frame
+    go_through(run.noise, imu, solution, schedule, stretches, onwards, PIECE if is_long else 0)
 
 
-Onwards = Callable[[Imu, Solution, int, Schedule], int]
-"""Advances a navigator from increment `first` on, writes the solution, and returns where it stopped."""
+Onwards = Callable[[Imu, Solution, int, Schedule], None]
+"""Advances a navigator from increment `first` on, and writes the solution."""
 
 
 def go_through(
-    state: FloatArray,
     noise: FloatArray,
     imu: Imu,
     out: Solution,
@@ -150,48 +133,55 @@ def go_through(
     stretches: Sequence[Stretch],
     onwards: Onwards,
     longest: int = 0,
-    *,
-    polar: bool = False,
 ) -> None:
     """Advance a navigator through a whole flight, stretch by stretch.
 
     Parameters
     ----------
-    state, noise
-        The strapdown's state, and the filter's densities of the process noise; changed in place.
+    noise
+        The filter's densities of the process noise; changed in place.
     imu, out, schedule, stretches
         As of `navigate`.
     onwards
         Advances the navigator.
     longest
         Largest number of samples per call; 0 for no limit.
-    polar
-        Whether its frame works at a pole.
-
-    Raises
-    ------
-    PolarError
-        If a north-slaved navigator comes closer than 0.1° to a pole.
     """
-    if not polar and abs(state[strapdown.LATITUDE]) > strapdown.MAX_LATITUDE:
-        raise PolarError(POLAR.format(time=imu.time[0]))
     samples, done = imu.dtheta.shape[0], 0
     for stretch in stretches or (Stretch(samples, schedule.gate, schedule.implausible, noise.copy()),):
         noise[:] = stretch.noise
         schedule = schedule._replace(gate=stretch.gate, implausible=stretch.implausible)
         while done < stretch.end:
             end = min(stretch.end, done + longest) if longest else stretch.end
-            stopped = onwards(imu.until(end), out, done, schedule)
-            if stopped < end + 1:
-                raise PolarError(POLAR.format(time=imu.time[stopped - 1]))
+            onwards(imu.until(end), out, done, schedule)
             done = end
 
 
-POLAR = (
-    "t = {time:.3f} s: closer than 0.1° to a pole, where a north-slaved navigation frame fails; accepted "
-    "are latitudes up to 89.9°, or navigator.mechanization = wander azimuth, which works over the poles"
-)
-"""Message of a `PolarError`."""
+Go = Callable[[Filter, Imu, Fixes, Solution, int, Schedule, ErrorModel], int]
+"""Advances a navigator as `within_frame` does."""
+
+
+def within_frame(
+    run: Filter, imu: Imu, fixes: Fixes, out: Solution, first: int, schedule: Schedule, model: ErrorModel
+) -> int:
+    """Advance a navigator as `advance` does, as long as it stays in its frame.
+
+    Returns the number of increments that were used.
+    """
+    model = model_at(run.state, model)
+    go = driver(model, summed=schedule.stride > 1, aided=bool(run.aids.time.size))
+    return go(run, read_only(imu), read_only(fixes), out, first, schedule)
+
+
+def within_frame_in_piece(
+    run: Filter, imu: Imu, fixes: Fixes, out: Solution, first: int, schedule: Schedule, model: ErrorModel
+) -> int:
+    """Advance a navigator as `within_frame` does, over histories that the kernel cannot write."""
+    fix, aid = int(run.counts[0]), int(run.counts[2])
+    piece = Piece.of(imu, out, first)
+    used = within_frame(run, piece.imu, fixes, piece.out, piece.first, schedule, model)
+    piece.keep(out, used + 1, slice(fix, int(run.counts[0])), slice(aid, int(run.counts[2])))
+    return piece.before + used
 
 
 def advance(
@@ -202,15 +192,15 @@ def advance(
     first: int,
     schedule: Schedule,
     model: ErrorModel = PHI,
-) -> int:
-    """Advance a navigator over the samples of `imu` from number `first` on.
+    go: Go = within_frame,
+) -> None:
+    """Advance a navigator over the increments of `imu` from number `first` on.
 
-    Returns the number of samples written: fewer than there are times in `imu` if the navigator comes too
-    close to a pole. The flight may be passed whole or in pieces: the result is the same. The model must be
-    the one with which the navigator began.
+    The flight may be passed whole or in pieces: the result is the same. The model must be the one with which
+    the navigator began. Over the poles, it goes on in another frame (`frames`).
     """
-    go = driver(model, summed=schedule.stride > 1, aided=bool(run.aids.time.size))
-    return go(run, read_only(imu), read_only(fixes), out, first, schedule)
+    while (first := go(run, imu, fixes, out, first, schedule, model)) < imu.dtheta.shape[0]:
+        change(run.state, run.P, model)
 
 
 def freely(
@@ -227,11 +217,6 @@ def freely(
     ------
     int, Solution
         Number of the first sample of a piece, and the solution there, which the next piece overwrites.
-
-    Raises
-    ------
-    PolarError
-        If a north-slaved navigator comes closer than 0.1° to a pole.
     """
     none = Fixes(np.zeros(0), np.zeros((0, 3)), np.zeros((0, 3)))
     run = Filter.begin(start, belief._replace(R=np.eye(6)), float(imu.time[0]), model)
@@ -244,13 +229,8 @@ def freely(
             imu.dtheta[first:last].astype(np.float64, copy=False),
             imu.dvelocity[first:last].astype(np.float64, copy=False),
         )
-        polar = model.mechanization == WANDER_AZIMUTH
-        if not polar and abs(run.state[strapdown.LATITUDE]) > strapdown.MAX_LATITUDE:
-            raise PolarError(POLAR.format(time=piece.time[0]))
-        stopped = advance(run, piece, none, room, 0, schedule, model)
-        if stopped < piece.time.size:
-            raise PolarError(POLAR.format(time=piece.time[stopped - 1]))
-        written = {name: getattr(room, name)[:stopped] for name in HISTORIES}
+        advance(run, piece, none, room, 0, schedule, model)
+        written = {name: getattr(room, name)[: piece.time.size] for name in HISTORIES}
         yield first, room._replace(**written)
 
 
@@ -270,23 +250,6 @@ def load(belief: Belief, schedule: Schedule, model: ErrorModel = PHI) -> None:
     P0 = belief.P0[: model.states, : model.states]
     run = Filter.begin(start, belief._replace(P0=P0), 0.0, model)
     advance(run, imu, fixes, Solution.empty(2, 0, model.blocks), 0, schedule, model)
-
-
-def advance_piece(
-    run: Filter,
-    imu: Imu,
-    fixes: Fixes,
-    out: Solution,
-    first: int,
-    schedule: Schedule,
-    model: ErrorModel,
-) -> int:
-    """Advance a navigator as `advance` does, over samples with histories that the kernel cannot write."""
-    fix, aid = int(run.counts[0]), int(run.counts[2])
-    piece = Piece.of(imu, out, first)
-    stopped = advance(run, piece.imu, fixes, piece.out, piece.first, schedule, model)
-    piece.keep(out, stopped, slice(fix, int(run.counts[0])), slice(aid, int(run.counts[2])))
-    return piece.before + stopped
 
 
 def is_compiled(model: ErrorModel = PHI, *, aided: bool = False) -> bool:

@@ -12,7 +12,7 @@ MOST = 12
 """Most states that a user may declare: their number only costs memory here."""
 WIDTH = 6
 """Numbers of the effect of a state: on three gyros, then on three accelerometers."""
-VALUES = strapdown.LENGTH + 17
+VALUES = strapdown.LENGTH + 18
 """Their estimates, in SI units, behind the values of a wander-azimuth navigator (`wander.LENGTH`)."""
 EFFECTS = VALUES + MOST
 """The effects of one after the other, in the order of the states of the filter."""

@@ -14,7 +14,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lab.displacement import metres_per_radian
-from lab.ecef import near_pole
 from lab.logs.auxiliary_data import Magnetometer, Series
 from lab.logs.log_section import piece
 from lab.logs.sensor_log import GnssLog, SensorLog
@@ -38,15 +37,14 @@ from lab.navigation.checks import (
     check_aiding,
     check_finite,
     check_mechanization,
+    check_place,
     check_r,
     check_smoother,
-    diverged,
 )
 from lab.navigation.error_models import ATT, GYRO_BIAS, POS, VEL, with_blocks
 from lab.navigation.gap_noise import gap_noise
 from lab.navigation.initial_heading import Hints
 from lab.navigation.kalman import MEASUREMENTS, gate
-from lab.navigation.navigator import PolarError
 from lab.navigation.schedule import Stretch
 from lab.navigation.settings import NavigatorSettings
 from lab.navigation.solution import NO_REST, Belief, Fixes, Imu, Solution, Start
@@ -393,20 +391,14 @@ def _solution(
     if not given.all():
         assumed = assumed._replace(R=assumed.R + WITHHELD**2 * np.eye(MEASUREMENTS) * ~given[:, None, None])
     arguments = (_shown(imu), _shown(fixes), start, assumed, schedule)
-    try:
-        if navigator.model == "nonlinear":
-            solution = unscented.navigate(*arguments, stretches)
-        else:
-            engine = smoother.navigate if navigator.smoother else linear.navigate
-            model = with_blocks(linear_model(navigator.model, navigator.mechanization), names)
-            solution = engine(*arguments, model, stretches, aids)
-    except PolarError as error:
-        if near_pole(log.gnss.position[:, 0]).any():
-            raise
-        raise diverged(
-            "the estimate moved to a pole, and the vehicle did not come near one", error
-        ) from error
+    if navigator.model == "nonlinear":
+        solution = unscented.navigate(*arguments, stretches)
+    else:
+        engine = smoother.navigate if navigator.smoother else linear.navigate
+        model = with_blocks(linear_model(navigator.model, navigator.mechanization), names)
+        solution = engine(*arguments, model, stretches, aids)
     check_finite(solution, imu.time)
+    check_place(solution, log.gnss.position[:, 0])
     return solution
 
 

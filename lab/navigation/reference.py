@@ -42,6 +42,7 @@ from lab.navigation.standstill import GATE, NEAREST, SPAN
 from lab.navigation.strapdown import Vector
 from lab.rotation import skew, wrap
 from lab.sensors.imu_errors import OFF_DIAGONAL
+from lab.settings import SettingError
 
 FloatArray = NDArray[np.float64]
 
@@ -68,6 +69,11 @@ def navigate(
         As for `navigator.navigate`.
     progress
         Called with the fraction done, from 0 to 1.
+
+    Raises
+    ------
+    SettingError
+        If the estimate comes closer than 1° to a pole.
     """
     n = model.states
     state, kalman = _begin(start, belief, model)
@@ -81,6 +87,7 @@ def navigate(
     turned = np.broadcast_to(turned, (fixes.time.size, 4))
     driven = list(blocks.places(model.blocks))[: belief.decay.size]
     for k, (time, dt) in enumerate(zip(imu.time[1:], np.diff(imu.time), strict=True)):
+        _check_frame(state, time)
         increments = _without_own(state, imu.dtheta[k], imu.dvelocity[k], dt, model.blocks)
         strapdown.step(state, *increments, dt)
         rest.hold(state, imu, k)
@@ -109,6 +116,16 @@ def navigate(
         if progress and k % 1000 == 0:
             progress(k / imu.dtheta.shape[0])
     return out
+
+
+def _check_frame(state: FloatArray, time: float) -> None:
+    """Raise `SettingError` close to a pole, where a north-slaved navigator cannot compute."""
+    if abs(state[strapdown.LATITUDE]) > strapdown.MAX_LATITUDE:
+        raise SettingError(
+            "navigator.engine: the reference in filterpy is a north-slaved navigator, which ends "
+            f"{90 - np.degrees(strapdown.MAX_LATITUDE):.0f}° from a pole; the estimate is closer at "
+            f"t = {time:.1f} s. Accepted there is the compiled engine"
+        )
 
 
 def _due(times: FloatArray, first: int, now: float, dt: float) -> list[int]:

@@ -44,9 +44,9 @@ class NavigatorSettings(Settings):
         default="north-slaved",
         objects=["north-slaved", "wander azimuth"],
         label="Mechanization",
-        doc="Frame in which the navigator computes. north-slaved: ends 0.1° from a pole. wander azimuth: "
-        "does not turn about the vertical, and works over the poles. Both show their results in north, "
-        "east, down.",
+        doc="Frame in which a linear filter computes. north-slaved: within 1° of a pole, it goes on in the "
+        "other frame by itself. wander azimuth: does not turn about the vertical; everywhere. Both show "
+        "their results in north, east, down. The model nonlinear always computes in wander azimuth.",
     )
     states = param.Selector(
         default=15,

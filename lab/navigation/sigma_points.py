@@ -1,7 +1,8 @@
 """Sigma points: a navigator and its covariance as 2 n navigators, and the inverse; attitudes on SO(3).
 
 A sigma point is a possible truth: the navigator minus an error from its covariance, with an exact rotation
-for the attitude.
+for the attitude. The navigators compute in a wander-azimuth frame (`wander`), and the errors are those of
+the computer frame, resolved in the frame of the navigator.
 
 The transform is the scaled one with α = 1, β = 0, κ = 3 − n for n states: the points lie at √3 σ, where they
 have the fourth moment of the normal distribution, weigh 1/6 each, and the centre 1 − n/3. A negative weight
@@ -26,18 +27,23 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from lab.navigation import strapdown
+from lab.navigation import strapdown, wander
 from lab.navigation.compilation import inline_kernel, kernel
 from lab.navigation.strapdown import (
     GYRO_BIAS,
-    LATITUDE,
-    PREVIOUS_VELOCITY,
+    Q_NB,
     VELOCITY,
     Quaternion,
     Vector,
     get,
+    matrix,
+    product,
     put,
+    rotate,
+    rotation,
+    unit,
 )
+from lab.navigation.wander import Q_EW, displacement_from, put_quaternion, quaternion
 
 FloatArray = NDArray[np.float64]
 
@@ -72,36 +78,27 @@ def cholesky(P: FloatArray, order: NDArray[np.int64], root: FloatArray) -> None:
 
 
 @inline_kernel
-def attitude(state: FloatArray) -> Quaternion:
-    """Read the attitude."""
-    at = strapdown.Q_NB
-    return state[at], state[at + 1], state[at + 2], state[at + 3]
-
-
-@inline_kernel
 def rotation_vector(p: Quaternion, q: Quaternion) -> Vector:
     """Return the rotation vector of p ⊗ q*, no longer than π."""
-    w, x, y, z = strapdown.product(p, (q[0], -q[1], -q[2], -q[3]))
+    w, x, y, z = product(p, conjugate(q))
     sine = math.sqrt(x * x + y * y + z * z)
     size = 2 * math.atan2(sine, abs(w)) / sine if sine > 1e-12 else 2.0
     f = math.copysign(size, w)
     return f * x, f * y, f * z
 
 
+@inline_kernel
+def conjugate(q: Quaternion) -> Quaternion:
+    """Return q*, the opposite rotation."""
+    return q[0], -q[1], -q[2], -q[3]
+
+
 @kernel
 def displace(state: FloatArray, x: FloatArray) -> None:
-    """Subtract an error x from a navigator, from the attitude by the rotation C_nb = exp([φ×]) Ĉ_nb."""
-    latitude = state[LATITUDE] - x[0] * state[strapdown.MERIDIAN]
-    longitude = state[strapdown.LONGITUDE] - x[1] * state[strapdown.TRANSVERSE] / state[strapdown.COSINE]
-    strapdown.set_position(state, latitude, longitude, state[strapdown.HEIGHT] + x[2])
-    for i in range(3):
-        state[VELOCITY + i] -= x[3 + i]
-        state[PREVIOUS_VELOCITY + i] -= x[3 + i]
+    """Subtract an error x from a navigator, with exact rotations (`wander.displace`)."""
+    wander.displace(state, x)
     for i in range(9, x.size):  # biases, and scale factors if they are states
         state[GYRO_BIAS - 9 + i] -= x[i]
-    q = strapdown.product(strapdown.rotation((x[6], x[7], x[8])), attitude(state))
-    put(state, strapdown.Q_NB, (q[0], q[1], q[2]))
-    state[strapdown.Q_NB + 3] = q[3]
 
 
 @kernel
@@ -167,7 +164,12 @@ def spread(
 
 @kernel
 def gather(
-    state: FloatArray, points: FloatArray, deviations: FloatArray, x: FloatArray, P: FloatArray
+    state: FloatArray,
+    points: FloatArray,
+    deviations: FloatArray,
+    attitudes: FloatArray,
+    x: FloatArray,
+    P: FloatArray,
 ) -> None:
     """Write mean and covariance of the sigma points.
 
@@ -177,7 +179,7 @@ def gather(
         The navigator, the centre of the points.
     points : (2 n, LENGTH) array
         The sigma points.
-    deviations : (2 n, n) array
+    deviations, attitudes : (2 n, n) and (2 n, 4) arrays
         Workspace.
     x : (n,) array
         Receives the error of the navigator relative to the mean.
@@ -185,14 +187,15 @@ def gather(
         Receives the covariance of the error of the mean.
     """
     n = x.size
-    q = _mean_attitude(state, points)
-    centre = rotation_vector(attitude(state), q)
+    for point in range(2 * n):
+        _difference(state, points[point], deviations[point], attitudes[point])
+    q = _mean_attitude(quaternion(state, Q_NB), attitudes)
+    centre = rotation_vector(quaternion(state, Q_NB), q)
     for i in range(n):
         x[i] = 0.0
     for point in range(2 * n):
         deviation = deviations[point]
-        _difference(state, points[point], deviation)
-        phi = rotation_vector(attitude(points[point]), q)
+        phi = rotation_vector(quaternion(attitudes[point], 0), q)
         for i in range(3):
             deviation[6 + i] = phi[i] - centre[i]
         for i in range(n):
@@ -213,32 +216,40 @@ def gather(
 
 
 @inline_kernel
-def _difference(state: FloatArray, truth: FloatArray, x: FloatArray) -> None:
-    """Write the error of a navigator relative to another one as truth, except for its attitude."""
-    x[0] = (state[LATITUDE] - truth[LATITUDE]) / state[strapdown.MERIDIAN]
-    east = state[strapdown.LONGITUDE] - truth[strapdown.LONGITUDE]
-    east -= 2 * math.pi * math.floor(east / (2 * math.pi) + 0.5)
-    x[1] = east * state[strapdown.COSINE] / state[strapdown.TRANSVERSE]
-    x[2] = truth[strapdown.HEIGHT] - state[strapdown.HEIGHT]
+def _difference(state: FloatArray, truth: FloatArray, x: FloatArray, attitude: FloatArray) -> None:
+    """Write the error of a navigator relative to another one as truth, and the attitude of that other one.
+
+    Both are resolved in the frame of the navigator, as `wander.displace` takes them. The error of the
+    attitude is left out.
+    """
+    turn = product(conjugate(quaternion(truth, Q_EW)), quaternion(state, Q_EW))
+    # Rotation vector of a turn of a few milliradians at most, to 10⁻¹⁵.
+    f = 2 * (1 + (turn[1] * turn[1] + turn[2] * turn[2]) / 6)
+    # The verticals differ by u = K δr = (−δθ_y, δθ_x).
+    offset = displacement_from(state, (f * turn[2], -f * turn[1], 0.0), truth[strapdown.HEIGHT])
+    C = matrix(conjugate(turn))
+    v = rotate(C, get(truth, VELOCITY))
+    put_quaternion(attitude, 0, product(conjugate(turn), quaternion(truth, Q_NB)))
     for i in range(3):
-        x[3 + i] = state[VELOCITY + i] - truth[VELOCITY + i]
+        x[i] = offset[i]
+        x[3 + i] = state[VELOCITY + i] - v[i]
         x[6 + i] = 0.0
     for i in range(9, x.size):
         x[i] = state[GYRO_BIAS - 9 + i] - truth[GYRO_BIAS - 9 + i]
 
 
 @inline_kernel
-def _mean_attitude(state: FloatArray, points: FloatArray) -> Quaternion:
+def _mean_attitude(centre: Quaternion, attitudes: FloatArray) -> Quaternion:
     """Return the attitude from which the weighted rotation vectors to all points sum to zero (Kraft)."""
-    q = attitude(state)
-    at_centre = 1 - WEIGHT * points.shape[0]
+    q = centre
+    at_centre = 1 - WEIGHT * attitudes.shape[0]
     for _ in range(ROUNDS):
-        a, b, c = rotation_vector(attitude(state), q)
+        a, b, c = rotation_vector(centre, q)
         a, b, c = at_centre * a, at_centre * b, at_centre * c
-        for point in range(points.shape[0]):
-            phi = rotation_vector(attitude(points[point]), q)
+        for point in range(attitudes.shape[0]):
+            phi = rotation_vector(quaternion(attitudes[point], 0), q)
             a, b, c = a + WEIGHT * phi[0], b + WEIGHT * phi[1], c + WEIGHT * phi[2]
-        q = strapdown.unit(strapdown.product(strapdown.rotation((a, b, c)), q))
+        q = unit(product(rotation((a, b, c)), q))
         if abs(a) + abs(b) + abs(c) < CONVERGED:
             break
     return q

@@ -42,11 +42,12 @@ from lab.navigation.driver import (
     compiled_for,
     take_measurements,
 )
-from lab.navigation.error_models import PHI, WANDER_AZIMUTH, ErrorModel
+from lab.navigation.error_models import PHI, ErrorModel
 from lab.navigation.filter import Filter
+from lab.navigation.frames import change, model_at
 from lab.navigation.kalman import MEASUREMENTS
 from lab.navigation.lever_arm import turns
-from lab.navigation.navigator import advance, advance_piece, go_through
+from lab.navigation.navigator import go_through, within_frame, within_frame_in_piece
 from lab.navigation.piece import Piece
 from lab.navigation.propagation import DRIVEN, NAV, STATES, WIDTH, X
 from lab.navigation.schedule import EVERY_FIX, SLACK, Schedule, Stretch
@@ -65,11 +66,12 @@ others do not change. R and the angular rates about the fixes may be as long as 
 
 
 class _Copy(NamedTuple):
-    """A filter before a block of samples, and the schedule for the block."""
+    """A filter before a block of samples, the schedule for the block, and the change of its frame there."""
 
     first: int
     run: Filter
     schedule: Schedule
+    changed: FloatArray | None = None  # as of `frames.change`
 
 
 class _Kept(NamedTuple):
@@ -105,11 +107,6 @@ def navigate(
     Solution
         Smoothed position, velocity, attitude, biases and scale factors at all samples with their variances,
         and smoothed covariances at the fixes; innovations remain the filter's.
-
-    Raises
-    ------
-    PolarError
-        If a north-slaved navigator comes closer than 0.1° to a pole.
     """
     assert schedule.stride == 1
     imu, fixes = read_only(imu), read_only(fixes)
@@ -121,19 +118,23 @@ def navigate(
     run = Filter.begin(start, belief, float(imu.time[0]), model, fixes.time.size, turned, aids, kept_aids)
     copies: list[_Copy] = []
 
-    def onwards(imu: Imu, out: Solution, first: int, schedule: Schedule) -> int:
-        copies.append(_Copy(first, _copied(run), schedule))
-        go = advance_piece if is_long else advance
-        return go(run, imu, fixes, out, first, schedule, model)
+    go = within_frame_in_piece if is_long else within_frame
 
-    polar = model.mechanization == WANDER_AZIMUTH
-    go_through(run.state, run.noise, imu, out, schedule, stretches, onwards, at_once, polar=polar)
+    def onwards(imu: Imu, out: Solution, first: int, schedule: Schedule) -> None:
+        changed = None
+        while first < imu.dtheta.shape[0]:
+            copies.append(_Copy(first, _copied(run), schedule, changed))
+            first = go(run, imu, fixes, out, first, schedule, model)
+            if first < imu.dtheta.shape[0]:
+                changed = change(run.state, run.P, model)
+
+    go_through(run.noise, imu, out, schedule, stretches, onwards, at_once)
     n = model.states
     later, Later = np.zeros(n), np.zeros((n, n))
-    back = _backwards(model, aided=bool(aids.time.size))
     end = imu.dtheta.shape[0]
     while copies:
-        first, own, there = copies.pop()
+        first, own, there, changed = copies.pop()
+        back = _backwards(model_at(own.state, model), aided=bool(aids.time.size))
         kept = _Kept(
             np.zeros((end - first, run.state.size)),
             np.zeros((end - first, n * run.P.shape[1])),
@@ -149,6 +150,10 @@ def navigate(
             piece.keep(out, piece.imu.time.size, *taken)
         else:
             back(own, imu.until(end), fixes, out, first, there, kept, later, Later)
+        if changed is not None:
+            later[:NAV] = changed.T @ later[:NAV]
+            Later[:NAV] = changed.T @ Later[:NAV]
+            Later[:, :NAV] = Later[:, :NAV] @ changed
         end = first
     return out
 

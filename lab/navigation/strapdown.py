@@ -19,6 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lab import earth
+from lab.ecef import NEAR_POLE
 from lab.navigation.compilation import inline_kernel, kernel
 
 FloatArray = NDArray[np.float64]
@@ -63,9 +64,9 @@ PER_STEP = 76  # one over the length of the last step
 GRAVITY = 77  # during the last step
 LENGTH = 78  # length of the state
 
-MAX_LATITUDE = math.radians(89.9)
-"""Limit of north-slaved navigation [rad]: its rate about the vertical grows without bound towards the
-poles."""
+MAX_LATITUDE = NEAR_POLE
+"""Limit of north-slaved navigation [rad]: its rate about the vertical grows without bound towards the poles,
+and its errors are no longer small where a displacement is not small compared with the way to the pole."""
 
 radii = inline_kernel(earth.radii)
 gravity = inline_kernel(earth.gravity)

@@ -1,9 +1,10 @@
 """Unscented: the nonlinear filter: sigma points through the exact strapdown kinematics, attitude on SO(3).
 
 The navigator and its sigma points, 30 for 15 states and 42 for 21, are propagated together through every IMU
-sample. Mean and covariance are computed from the points 50 times a second. At each fix, and once a second
-without fixes, new points are placed about the mean. Only the propagation of the process noise between two
-placements is linearised, so the attitude error may be as large as that of an unknown heading.
+sample, in a wander-azimuth frame (`wander`), which has no pole. Mean and covariance are computed from the
+points 50 times a second. At each fix, and once a second without fixes, new points are placed about the mean.
+Only the propagation of the process noise between two placements is linearised, so the attitude error may be
+as large as that of an unknown heading.
 
 References
 ----------
@@ -16,12 +17,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
+from typing import cast
 
 import numpy as np
 from numpy.typing import NDArray
 
 from lab.histories import SINGLE
-from lab.navigation import blocks, strapdown
+from lab.navigation import blocks, strapdown, wander_models
 from lab.navigation.blocks import CORE
 from lab.navigation.compilation import (
     SOURCES,
@@ -29,7 +31,7 @@ from lab.navigation.compilation import (
     entry_kernel,
     inline_kernel,
 )
-from lab.navigation.error_models import ATT
+from lab.navigation.error_models import ATT, Write
 from lab.navigation.kalman import (
     MEASUREMENTS,
     RECOVERED,
@@ -43,24 +45,19 @@ from lab.navigation.kalman import (
 from lab.navigation.lever_arm import see_antenna, turns
 from lab.navigation.navigator import PIECE, go_through
 from lab.navigation.piece import Piece
+from lab.navigation.propagation import NAV
 from lab.navigation.schedule import EVERY_FIX, SLACK, Schedule, Stretch
-from lab.navigation.sigma_points import attitude, displace, gather, spread, transport
+from lab.navigation.sigma_points import displace, gather, spread, transport
 from lab.navigation.solution import Belief, Fixes, Imu, Solution, Start, read_only
 from lab.navigation.standstill import GATE, gather_rest, hold_attitude, see_rest
-from lab.navigation.strapdown import (
-    GYRO_BIAS,
-    LATITUDE,
-    PREVIOUS_VELOCITY,
-    VELOCITY,
-    Matrix,
-    Vector,
-    get,
-    put,
-)
+from lab.navigation.strapdown import GYRO_BIAS, Matrix, Vector, get, put
 from lab.navigation.unscented_filter import Filter
+from lab.navigation.wander import back, difference, fix_axes, frame_rate, quaternion, step, store_state
 from lab.settings import SettingError
 
 FloatArray = NDArray[np.float64]
+
+_write_map = cast(Write, wander_models.PSI.write_map)
 
 FORMED = 0.02
 """Shortest time between two computations of mean and covariance, except at fixes [s]."""
@@ -83,8 +80,6 @@ def navigate(
 
     Raises
     ------
-    PolarError
-        If the navigator comes closer than 0.1° to a pole.
     SettingError
         If the schedule is not supported: feedforward, or corrections less often than at each fix.
     """
@@ -96,16 +91,15 @@ def navigate(
     solution = Solution.empty(imu.time.size, fixes.time.size, scales, shown)
     run = Filter.begin(start, belief, float(imu.time[0]), turns(imu, fixes.time, belief.lever_arm))
 
-    def onwards(imu: Imu, out: Solution, first: int, schedule: Schedule) -> int:
+    def onwards(imu: Imu, out: Solution, first: int, schedule: Schedule) -> None:
         if not is_long:
-            return advance(run, imu, fixes, out, first, schedule)
+            advance(run, imu, fixes, out, first, schedule)
+            return
         fix, piece = int(run.counts[0]), Piece.of(imu, out, first)
-        stopped = advance(run, piece.imu, fixes, piece.out, piece.first, schedule)
-        piece.keep(out, stopped, slice(fix, int(run.counts[0])), slice(0))
-        return piece.before + stopped
+        advance(run, piece.imu, fixes, piece.out, piece.first, schedule)
+        piece.keep(out, piece.imu.time.size, slice(fix, int(run.counts[0])), slice(0))
 
-    longest = PIECE if is_long else 0
-    go_through(run.state, run.noise, imu, solution, schedule, stretches, onwards, longest)
+    go_through(run.noise, imu, solution, schedule, stretches, onwards, PIECE if is_long else 0)
     return solution
 
 
@@ -179,7 +173,7 @@ def _drive(run: Filter, elapsed: float) -> None:
     − C_nb δb_a and φ̇ = C_nb δb_g.
     """
     D, n = run.driven, run.x.size
-    C_nb = strapdown.matrix(attitude(run.state))
+    C_nb = strapdown.matrix(quaternion(run.state, strapdown.Q_NB))
     force = get(run.state, strapdown.FORCE_N)
     _add_noise(run, C_nb, 0.5 * elapsed)
     for i in range(n):
@@ -201,10 +195,36 @@ def _drive(run: Filter, elapsed: float) -> None:
 
 
 @embedded_kernel
+def _show(run: Filter) -> None:
+    """Write the covariance of the output errors, T P Tᵀ."""
+    T, n, half, shown = run.T, run.x.size, run.half, run.shown
+    _write_map(run.state, T)
+    for i in range(NAV):
+        for j in range(n):
+            half[i, j] = 0.0
+        for c in range(NAV):
+            t = T[i, c]
+            if t != 0:
+                for j in range(n):
+                    half[i, j] += t * run.P[c, j]
+    for i in range(NAV):
+        for j in range(i, NAV):
+            total = 0.0
+            for c in range(NAV):
+                total += half[i, c] * T[j, c]
+            shown[i, j] = shown[j, i] = total
+        for j in range(NAV, n):
+            shown[i, j] = shown[j, i] = half[i, j]
+    for i in range(NAV, n):
+        for j in range(NAV, n):
+            shown[i, j] = run.P[i, j]
+
+
+@embedded_kernel
 def _form(run: Filter) -> None:
     """Compute mean and covariance from the points and from the noise since they were placed."""
     _decay(run, run.clock[0])
-    gather(run.state, run.points, run.deviations, run.mean, run.P)
+    gather(run.state, run.points, run.deviations, run.attitudes, run.mean, run.P)
     _drive(run, run.clock[0])
     for i in range(run.x.size):
         for j in range(i + 1):  # one triangle for both, because roundoff would make them differ
@@ -213,6 +233,7 @@ def _form(run: Filter) -> None:
             run.P[j, i] = p
     run.counts[1] = 0
     run.clock[0] = 0.0
+    _show(run)
 
 
 @embedded_kernel
@@ -227,22 +248,6 @@ def _centre(run: Filter) -> None:
 
 
 @embedded_kernel
-def _innovation(
-    state: FloatArray, age: float, fraction: float, position: FloatArray, velocity: FloatArray, z: FloatArray
-) -> None:
-    """Write navigator minus fix, the navigator interpolated to `age` seconds (`fraction` of a step) ago."""
-    east = state[strapdown.LONGITUDE] - position[1]
-    east -= 2 * math.pi * math.floor(east / (2 * math.pi) + 0.5)
-    z[0] = (state[LATITUDE] - position[0]) / state[strapdown.MERIDIAN]
-    z[1] = east * state[strapdown.COSINE] / state[strapdown.TRANSVERSE]
-    z[2] = position[2] - state[strapdown.HEIGHT]
-    for i in range(3):
-        now, before = state[VELOCITY + i], state[PREVIOUS_VELOCITY + i]
-        z[i] -= age * 0.5 * (now + before)
-        z[3 + i] = now - fraction * (now - before) - velocity[i]
-
-
-@embedded_kernel
 def _judge(
     run: Filter, m: int, age: float, time: float, schedule: Schedule, nu: FloatArray, out: Solution
 ) -> int:
@@ -253,9 +258,14 @@ def _judge(
             R[i, j] = run.R[min(m, run.R.shape[0] - 1), i, j]
         for j in range(n):
             H[i, j] = 1.0 if i == j else 0.0
-    axes = (1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)
+    axes = fix_axes(run.state)
     turn = run.turns[min(m, run.turns.shape[0] - 1)]
     see_antenna(run.state, run.lever_arm, turn, age, run.noise, axes, nu, H, R, H.shape[1] > CORE, -1, -1)
+    for i in range(MEASUREMENTS):
+        for j in range(n):
+            out.fix_H[m, i, j] = H[i, j]
+        for at in range(0, 9, 3):
+            put(H[i], at, back(axes, get(H[i], at)))
     predict_fix(run.P, H, R, S)
     nis = normalised_square(nu, S)
     became = plausibility(run.P, run.streak, run.clock, nu, S, nis, time, schedule, n)
@@ -267,8 +277,6 @@ def _judge(
             for j in range(MEASUREMENTS):
                 R[i, j] *= per_weight
     for i in range(MEASUREMENTS):
-        for j in range(n):
-            out.fix_H[m, i, j] = H[i, j]
         for j in range(MEASUREMENTS):
             out.fix_R[m, i, j] = R[i, j]
     return became
@@ -327,9 +335,7 @@ def _update_at_rest(run: Filter) -> bool:
     """Update with the mean rate about the vertical at rest; return False if the vehicle turns."""
     P, x, state = run.P, run.x, run.state
     H, gain = np.empty(6), np.empty(x.size)
-    sine = state[strapdown.SINE]
-    rate = strapdown.earth_rate(sine, math.sqrt(1 - sine * sine))
-    z = see_rest(state, rate, run.noise, run.rest_sums, H)
+    z = see_rest(state, frame_rate(state), run.noise, run.rest_sums, H)
     s = 1.0
     for i in range(x.size):
         gain[i] = 0.0
@@ -355,22 +361,18 @@ def _store(out: Solution, k: int, run: Filter) -> None:
     for i in range(mean.size):
         mean[i] = run.state[i]
     displace(mean, run.mean)
-    for i in range(3):
-        out.position[k, i] = mean[LATITUDE + i]
-        out.velocity_n[k, i] = mean[VELOCITY + i]
-    for i in range(4):
-        out.q_nb[k, i] = mean[strapdown.Q_NB + i]
+    store_state(out, k, mean)
     for i in range(6):
         out.bias[k, i] = mean[GYRO_BIAS + i]
     for i in range(out.scale.shape[1]):
         out.scale[k, i] = mean[strapdown.GYRO_SCALE + i]
     for i in range(run.x.size):
-        out.variance[k, i] = run.P[i, i]
+        out.variance[k, i] = run.shown[i, i]
     for block in range(2):
         at = 6 * block
-        out.covariance[k, block, 0] = run.P[at, at + 1]
-        out.covariance[k, block, 1] = run.P[at, at + 2]
-        out.covariance[k, block, 2] = run.P[at + 1, at + 2]
+        out.covariance[k, block, 0] = run.shown[at, at + 1]
+        out.covariance[k, block, 1] = run.shown[at, at + 2]
+        out.covariance[k, block, 2] = run.shown[at + 1, at + 2]
 
 
 @embedded_kernel
@@ -379,7 +381,7 @@ def _store_fix(out: Solution, m: int, sample: int, run: Filter) -> None:
     out.fix_sample[m] = sample
     for i in range(run.x.size):
         for j in range(run.x.size):
-            out.fix_covariance[m, i, j] = run.P[i, j]
+            out.fix_covariance[m, i, j] = run.shown[i, j]
 
 
 @embedded_kernel
@@ -388,29 +390,28 @@ def _step(run: Filter, dtheta: Vector, dvelocity: Vector, dt: float) -> None:
     if run.clock[1] < 0:
         spread(run.state, run.P, run.order, run.root, run.x, run.points)
         run.clock[1] = 0.0
-    strapdown.step(run.state, dtheta, dvelocity, dt)
+    step(run.state, dtheta, dvelocity, dt)
     for point in range(run.points.shape[0]):
-        strapdown.step(run.points[point], dtheta, dvelocity, dt)
+        step(run.points[point], dtheta, dvelocity, dt)
     run.counts[1] += 1
     run.clock[0] += dt
     run.clock[1] += dt
 
 
-def _compile_advance(sources: str) -> Callable[[Filter, Imu, Fixes, Solution, int, Schedule], int]:
+def _compile_advance(sources: str) -> Callable[[Filter, Imu, Fixes, Solution, int, Schedule], None]:
     """Compile the driver."""
 
     @entry_kernel
-    def advance(run: Filter, imu: Imu, fixes: Fixes, out: Solution, first: int, schedule: Schedule) -> int:
-        """Advance a filter over `imu` from sample `first` on; return the sample where it stopped."""
+    def advance(run: Filter, imu: Imu, fixes: Fixes, out: Solution, first: int, schedule: Schedule) -> None:
+        """Advance a filter over `imu` from sample `first` on."""
         _ = sources
         if first == 0:
+            _show(run)
             _store(out, 0, run)
         for k in range(first, imu.dtheta.shape[0]):
             time = imu.time[k + 1]
             dt = time - imu.time[k]
             _step(run, get(imu.dtheta[k], 0), get(imu.dvelocity[k], 0), dt)
-            if abs(run.state[LATITUDE]) > strapdown.MAX_LATITUDE:
-                return k + 1
             m = run.counts[0]
             fix_due = m < fixes.time.size and fixes.time[m] <= time + SLACK * dt
             rest_due = _rests(run, imu, k, dt)
@@ -424,23 +425,24 @@ def _compile_advance(sources: str) -> Callable[[Filter, Imu, Fixes, Solution, in
                     _centre(run)
             if rest_due and _update_at_rest(run):
                 out.rest[k + 1] = True
+                _show(run)
             while fix_due:
                 age = time - fixes.time[m]
                 if age <= dt * (1 + SLACK):
                     nu = out.innovation[m]
-                    _innovation(run.state, age, age / dt, fixes.position[m], fixes.velocity_n[m], nu)
+                    difference(run.state, age, age / dt, fixes.position[m], fixes.velocity_n[m], nu)
                     became = _judge(run, m, age, time, schedule, nu, out)
                     if became == REJECTED:
                         out.fix_rejected[m] = True
                     else:
                         _update(run, nu)
+                        _show(run)
                         _store_fix(out, m, k + 1, run)
                         out.fix_recovered[m] = became == RECOVERED
                 m += 1
                 run.counts[0] = m
                 fix_due = m < fixes.time.size and fixes.time[m] <= time + SLACK * dt
             _store(out, k + 1, run)
-        return imu.time.size
 
     return advance
 
@@ -448,13 +450,12 @@ def _compile_advance(sources: str) -> Callable[[Filter, Imu, Fixes, Solution, in
 _advance = _compile_advance(SOURCES)
 
 
-def advance(run: Filter, imu: Imu, fixes: Fixes, out: Solution, first: int, schedule: Schedule) -> int:
+def advance(run: Filter, imu: Imu, fixes: Fixes, out: Solution, first: int, schedule: Schedule) -> None:
     """Advance a filter over the samples of `imu` from number `first` on.
 
-    Returns the number of samples written: fewer than there are times in `imu` if the navigator comes too
-    close to a pole. The flight may be passed whole or in pieces: the result is the same.
+    The flight may be passed whole or in pieces: the result is the same.
     """
-    return _advance(run, read_only(imu), read_only(fixes), out, first, schedule)
+    _advance(run, read_only(imu), read_only(fixes), out, first, schedule)
 
 
 def is_compiled() -> bool:

@@ -7,9 +7,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from lab import earth
-from lab.navigation import strapdown
-from lab.navigation.compilation import interpreted
+from lab.navigation import frames, strapdown, wander, wander_models
+from lab.navigation.error_models import with_states
+from lab.navigation.filter import initial_covariance
 from lab.navigation.kalman import MEASUREMENTS
 from lab.navigation.lever_arm import NO_TURNS
 from lab.navigation.solution import Belief, Start
@@ -29,7 +29,7 @@ class Filter(NamedTuple):
     points : (2 n, LENGTH) array
         The sigma points, navigators of the same kind.
     P : (n, n) array
-        Covariance of the error, in the order of `error_models.STATES`, 15 or 21 of them.
+        Covariance of the error, 15 or 21 states, in the computer frame as of `wander_models.psi`.
     """
 
     state: FloatArray
@@ -37,10 +37,14 @@ class Filter(NamedTuple):
     P: FloatArray
     root: FloatArray  # lower Cholesky factor of P
     deviations: FloatArray  # error of the navigator relative to each sigma point
+    attitudes: FloatArray  # of the sigma points, in the frame of the navigator
     order: NDArray[np.int64]  # order of the states in the root: the attitude first
     x: FloatArray
     mean: FloatArray  # error of the navigator relative to the mean of the sigma points
     driven: FloatArray  # covariance from process noise since the points were placed
+    T: FloatArray  # derivative of the output errors with respect to the filter's own
+    half: FloatArray  # T P, its first nine rows
+    shown: FloatArray  # covariance of the output errors, T P Tᵀ
     spare: FloatArray  # a navigator
     counts: NDArray[np.int64]  # next fix; samples since mean and covariance were computed
     clock: FloatArray  # s since then; s since the points were placed, negative before; time of last fix
@@ -57,26 +61,28 @@ class Filter(NamedTuple):
     @classmethod
     def begin(cls, start: Start, belief: Belief, time: float = 0.0, turned: FloatArray = NO_TURNS) -> Filter:
         """Return a filter at its start, at a time [s]; for `turned` see `filter.Filter.begin`."""
-        state = np.zeros(strapdown.LENGTH)
-        interpreted(strapdown.set_position)(state, *start.position)
-        meridian, transverse = earth.radii(state[strapdown.SINE])
-        state[strapdown.MERIDIAN] = 1 / (meridian + start.position[2])
-        state[strapdown.TRANSVERSE] = 1 / (transverse + start.position[2])
+        n = belief.P0.shape[0]
+        model = with_states(wander_models.PSI, n)
+        state = np.zeros(wander.LENGTH)
+        frames.place(state, start.position, model)
         state[VELOCITY : VELOCITY + 3] = start.velocity_n
         state[strapdown.Q_NB : strapdown.Q_NB + 4] = start.q_nb
         state[GYRO_BIAS : GYRO_BIAS + 3] = start.gyro_bias
-        n = belief.P0.shape[0]
         return cls(
             state,
-            np.zeros((2 * n, strapdown.LENGTH)),
-            np.array(belief.P0, dtype=np.float64, order="C"),
+            np.zeros((2 * n, wander.LENGTH)),
+            np.array(initial_covariance(model, state, belief.P0), dtype=np.float64, order="C"),
             np.zeros((n, n)),
             np.zeros((2 * n, n)),
+            np.zeros((2 * n, 4)),
             np.r_[6:9, 0:6, 9:n],
             np.zeros(n),
             np.zeros(n),
             np.zeros((n, n)),
-            np.zeros(strapdown.LENGTH),
+            np.zeros((9, 9)),
+            np.zeros((9, n)),
+            np.zeros((n, n)),
+            np.zeros(wander.LENGTH),
             np.zeros(2, dtype=np.int64),
             np.array([0.0, -1.0, time]),
             np.zeros(2 + MEASUREMENTS),

@@ -4,7 +4,7 @@ The frame w is horizontal and initially aligned with north, east, down. Relative
 rotate about the vertical, ω_ew,z = 0, so that no tan L appears. The position is the quaternion q_ew and the
 height. The transport rate follows from the curvature of the ellipsoid, written without longitude or north,
 
-    ω_ew = (u_y, −u_x, 0),   u = K v,   K = t I + k c cᵀ,   k = R_N e² / (1 − e² sin² L) · m t
+    ω_ew = (u_y, −u_x, 0),   u = K v,   K = t I + k c cᵀ,   k = R_M e² / (1 − e²) · m t
 
 with m = 1/(R_M + h), t = 1/(R_N + h) and c the horizontal part of the Earth's axis in w, of length cos L:
 along it, K is m, across it t; K is smooth over the pole.
@@ -52,7 +52,6 @@ from lab.navigation.strapdown import (
     radii,
     rotate,
     rotation,
-    small_rotation,
     unit,
 )
 
@@ -65,9 +64,12 @@ Q_EW = strapdown.LENGTH  # position, scalar first
 AXIS = Q_EW + 4  # the Earth's axis in w: cos L in the direction of north, and −sin L
 BEND = AXIS + 3  # k of the curvature K
 FIX_AXES = BEND + 1  # north, east and down of the last fix, in w
-LENGTH = FIX_AXES + 9
+LEAST_SINE = FIX_AXES + 9  # of the latitude, without sign, at which the navigator stays in this frame
+LENGTH = LEAST_SINE + 1
 """Length of the state."""
 
+_SECOND_SQUARED = earth.ECCENTRICITY_SQUARED / (1 - earth.ECCENTRICITY_SQUARED)
+"""Square of the second eccentricity: R_N − R_M = R_M e'² cos² L."""
 _AT_POLE = 1e-15
 """cos L below which the frame's x replaces north: 6 nm from the pole."""
 
@@ -113,8 +115,7 @@ def environment(state: FloatArray, height: float) -> tuple[Vector, tuple[float, 
     radius_meridian, radius_transverse = radii(sine)
     m = 1 / (radius_meridian + height)
     t = 1 / (radius_transverse + height)
-    squared = earth.ECCENTRICITY_SQUARED
-    k = radius_transverse * squared / (1 - squared * sine * sine) * m * t
+    k = radius_meridian * _SECOND_SQUARED * m * t
     state[MERIDIAN], state[TRANSVERSE], state[BEND] = m, t, k
     omega_ie = earth.RATE * axis[0], earth.RATE * axis[1], earth.RATE * axis[2]
     return omega_ie, (t, k, axis[0], axis[1]), gravity(sine, height)
@@ -137,8 +138,17 @@ def turn_of(state: FloatArray, displacement: Vector) -> Vector:
 def move(state: FloatArray, velocity: Vector, dt: float) -> None:
     """Move the position by a mean velocity."""
     x, y, _ = turn_of(state, velocity)
-    q = unit(product(quaternion(state, Q_EW), small_rotation((dt * x, dt * y, 0.0))))
-    put_quaternion(state, Q_EW, q)
+    # Quaternion of the turn, without its third order, below 10⁻¹⁸: a step turns the frame by microradians.
+    a, b = 0.5 * dt * x, 0.5 * dt * y
+    c = 1 - 0.5 * (a * a + b * b)
+    q_w, q_x, q_y, q_z = quaternion(state, Q_EW)
+    q = (
+        c * q_w - a * q_x - b * q_y,
+        c * q_x + a * q_w - b * q_z,
+        c * q_y + b * q_w + a * q_z,
+        c * q_z + b * q_x - a * q_y,
+    )
+    put_quaternion(state, Q_EW, unit(q))
     state[HEIGHT] -= dt * velocity[2]
     _keep_axis(state)
 
@@ -150,9 +160,9 @@ step = inline_kernel(
 
 
 @inline_kernel
-def lost(state: FloatArray) -> bool:
-    """Return False: this frame has no limiting latitude."""
-    return False
+def leaves_frame(state: FloatArray) -> bool:
+    """Return whether the navigator is so far from the poles that it goes on in the north-slaved frame."""
+    return bool(abs(state[SINE]) < state[LEAST_SINE])
 
 
 @inline_kernel
@@ -225,7 +235,7 @@ def displace(state: FloatArray, x: FloatArray) -> None:
 
 
 @inline_kernel
-def _back(C: Matrix, v: Vector) -> Vector:
+def back(C: Matrix, v: Vector) -> Vector:
     """Return Cᵀ v."""
     return (
         C[0][0] * v[0] + C[1][0] * v[1] + C[2][0] * v[2],
@@ -257,9 +267,9 @@ def difference(
     s, c = math.sin(position[0]), math.cos(position[0])
     sl, cl = math.sin(position[1]), math.cos(position[1])
     C_ew = matrix(quaternion(state, Q_EW))
-    put(state, FIX_AXES, _back(C_ew, (-s * cl, -s * sl, c)))
-    put(state, FIX_AXES + 3, _back(C_ew, (-sl, cl, 0.0)))
-    down = _back(C_ew, (-c * cl, -c * sl, -s))
+    put(state, FIX_AXES, back(C_ew, (-s * cl, -s * sl, c)))
+    put(state, FIX_AXES + 3, back(C_ew, (-sl, cl, 0.0)))
+    down = back(C_ew, (-c * cl, -c * sl, -s))
     put(state, FIX_AXES + 6, down)
     offset = displacement_from(state, (-down[0], -down[1], -down[2]), position[2])
     v, before = get(state, VELOCITY), get(state, PREVIOUS_VELOCITY)
@@ -277,7 +287,7 @@ def move_to(state: FloatArray, position: FloatArray) -> None:
     s, c = math.sin(position[0]), math.cos(position[0])
     up = c * math.cos(position[1]), c * math.sin(position[1]), s
     error = np.zeros(9)
-    put(error, 0, displacement_from(state, _back(matrix(quaternion(state, Q_EW)), up), position[2]))
+    put(error, 0, displacement_from(state, back(matrix(quaternion(state, Q_EW)), up), position[2]))
     displace(state, error)
 
 

@@ -27,7 +27,7 @@ from lab.recordings.bounds import (
     TIME_STAMPS,
 )
 from lab.recordings.mission_error import MissionError
-from lab.recordings.named_columns import Column, read_columns
+from lab.recordings.named_columns import Column, read_columns, read_duration
 from lab.recordings.recording import Recording
 from lab.recordings.units_check import check_units
 
@@ -76,6 +76,17 @@ def read_flight_csv(path: str | os.PathLike[str]) -> Recording:
     _check_time(path, table[:, 0], first_line)
     check_units(str(path), table)
     return _recording(columns, table)
+
+
+def flight_duration(path: Path) -> float:
+    """Return the time from the first sample of a flight csv to the last [s]; those between are not checked.
+
+    Raises
+    ------
+    MissionError
+        As of `read_flight_csv`, for the header and the times of these two samples.
+    """
+    return read_duration(path, COLUMNS, MIN_SAMPLES)
 
 
 def write_flight_csv(path: str | os.PathLike[str], recording: Recording) -> None:

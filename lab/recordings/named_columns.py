@@ -109,6 +109,42 @@ def read_columns(path: Path, accepted: tuple[Column, ...]) -> tuple[list[Column]
     return columns, np.concatenate(parsed), first_line
 
 
+def read_duration(path: Path, accepted: tuple[Column, ...], fewest: int) -> float:
+    """Return the time from the first row to the last of a csv file [s]; the rows between are not checked.
+
+    Parameters
+    ----------
+    path
+        A ``.csv`` file, or a gzip-compressed ``.csv.gz``.
+    accepted
+        The columns to look for; the first is the time, and increases.
+    fewest
+        Fewest accepted rows.
+
+    Raises
+    ------
+    MissionError
+        If the file cannot be read or is too large, a required column is missing, there are too few rows, or
+        the time in the first or the last row is not a number within its limits.
+    """
+    with TextBlocks(path, MAX_BYTES) as text:
+        columns, indices, cells = _header(path, text, accepted)
+        begin, first, last, count = text.next_line, b"", b"", 0
+        for block in text.blocks():
+            rows = block.rstrip()
+            if rows:
+                first, last = first or rows.partition(b"\n")[0], rows.rpartition(b"\n")[2]
+                count += rows.count(b"\n") + 1
+        ends = {begin: text.decode(first, begin), begin + count - 1: text.decode(last, begin + count - 1)}
+    if count < fewest:
+        raise MissionError(f"{path}: the file ends after {count} rows; accepted are at least {fewest}")
+    for line, row in ends.items():
+        if fault := _fault(path, row, line, cells, columns[:1], indices[:1]):
+            raise MissionError(fault)
+    start, end = (float(row.split(",")[indices[0]]) for row in ends.values())
+    return end - start
+
+
 def _header(
     path: Path, text: TextBlocks, accepted: tuple[Column, ...]
 ) -> tuple[list[Column], list[int], int]:
@@ -175,20 +211,27 @@ def _first_fault(
 ) -> str:
     """Return the message for the first row with something wrong; slow, and only called when there is one."""
     for number, row in enumerate(rows, line):
-        texts = row.split(",")
-        if not row.strip():
-            return _blank(path, number)
-        if len(texts) != cells:
-            return f"{path}, row {number}: {len(texts)} cells; accepted are {cells}, as many as in the header"
-        for column, index in zip(columns, indices, strict=True):
-            text = texts[index].strip()
-            if column.may_be_empty and text in {"", "nan", "NaN"}:
-                continue
-            if not (_NUMBER.fullmatch(text) and column.low <= float(text) <= column.high):
-                shown = text if len(text) <= _MAX_SHOWN else text[: _MAX_SHOWN - 3] + "..."
-                what = f"{shown!r} is not accepted" if shown else "the cell is empty"
-                return f"{path}, row {number}, column {column.name}: {what}; accepted is {column.accepted}"
+        if fault := _fault(path, row, number, cells, columns, indices):
+            return fault
     return f"{path}, from row {line}: the rows cannot be read as numbers"
+
+
+def _fault(path: Path, row: str, number: int, cells: int, columns: list[Column], indices: list[int]) -> str:
+    """Return the message for a row; empty if nothing is wrong in it."""
+    texts = row.split(",")
+    if not row.strip():
+        return _blank(path, number)
+    if len(texts) != cells:
+        return f"{path}, row {number}: {len(texts)} cells; accepted are {cells}, as many as in the header"
+    for column, index in zip(columns, indices, strict=True):
+        text = texts[index].strip()
+        if column.may_be_empty and text in {"", "nan", "NaN"}:
+            continue
+        if not (_NUMBER.fullmatch(text) and column.low <= float(text) <= column.high):
+            shown = text if len(text) <= _MAX_SHOWN else text[: _MAX_SHOWN - 3] + "..."
+            what = f"{shown!r} is not accepted" if shown else "the cell is empty"
+            return f"{path}, row {number}, column {column.name}: {what}; accepted is {column.accepted}"
+    return ""
 
 
 def _blank(path: Path, line: int) -> str:

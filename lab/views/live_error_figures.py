@@ -58,10 +58,9 @@ class LiveErrorFigures:
         next(iter(self._plots.values())).source.tags = [self._parcel.carrier]
 
     def clear(self) -> None:
-        """Forget all rows, as for another source."""
+        """Forget all rows, as for another source; drawn with the next `show`."""
         for plot in self._plots.values():
             plot.clear()
-        self._parcel.send()
 
     def add(self, errors: LiveErrors, zero: float) -> None:
         """Append errors.

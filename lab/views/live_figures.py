@@ -223,12 +223,11 @@ class LiveFigures:
         ]  # fmt: skip
 
     def clear(self) -> None:
-        """Forget all rows, as for another source."""
+        """Forget all rows, as for another source; drawn with the next `show`."""
         for one in self._all:
             one.clear()
         self._track.clear()
         self._attitude.show(None)
-        self._parcel.send()
 
     def add_samples(self, rows: NDArray[np.void], zero: float) -> None:
         """Append thinned samples.

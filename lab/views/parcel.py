@@ -97,6 +97,8 @@ class Parcel:
         rollover
             Most rows that are kept.
         """
+        if rollover is None:
+            self._streams = [one for one in self._streams if one[0] != model]
         self._streams.append(
             (model, {name: np.asarray(values, np.float64) for name, values in columns.items()}, rollover)
         )
@@ -121,6 +123,8 @@ class Parcel:
 
     def send(self, groups: Container[int] | None = None) -> None:
         """Make the changes: in the browser as one message, or here while the models are in no document.
+
+        Send once while a document holds back its changes: of two messages, it would send the last alone.
 
         Parameters
         ----------

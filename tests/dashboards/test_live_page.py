@@ -17,6 +17,7 @@ from dashboards import devices, phones
 from dashboards.devices import STATIONS, allow_devices, allowed_devices
 from dashboards.pages.live import Live
 from dashboards.pages.live.source_fields import PHONE, SIMULATED, WATCHED
+from dashboards.serve_command import free_port
 from dashboards.session import Session
 from lab.live.source_status import LOST, STREAMING
 from lab.live.station import Station, Stations
@@ -159,12 +160,12 @@ def test_a_page_that_is_closed_while_it_connects_leaves_nothing(
 ) -> None:
     one = opened()
     begun, closed, left = threading.Event(), threading.Event(), threading.Event()
-    key, make = one.page._fields.chosen()
+    chosen = one.page._fields.chosen()
 
     def slow() -> Station:
         begun.set()
         assert closed.wait(PATIENCE)
-        return make()
+        return chosen.make()
 
     leave = STATIONS.leave
 
@@ -173,7 +174,7 @@ def test_a_page_that_is_closed_while_it_connects_leaves_nothing(
         left.set()
 
     monkeypatch.setattr(STATIONS, "leave", leaving)
-    one.page._start(key, slow)
+    one.page._start(chosen._replace(make=slow))
     assert begun.wait(PATIENCE)
     one.page.close()
     closed.set()
@@ -233,6 +234,52 @@ def test_only_allowed_sources_are_opened(
     one.page._fields._source.value = "tcp:127.0.0.1:1"
     one.page._toggle()
     one.until(lambda: one.page._station is not None and one.page._station.status.state == LOST)
+
+
+def test_a_device_that_is_open_in_another_way_is_not_watched_unasked(
+    opened: Callable[[], Opened], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(devices, "_decided", {})
+    plain = f"udp:127.0.0.1:{free_port()}"  # one program alone can open it, however it is written
+    other = f"{plain}?protocol=mip"
+    allow_devices([plain, other])
+    first, second = opened(), opened()
+
+    def choose(one: Opened, source: str) -> None:
+        one.page._fields.refresh()
+        one.page._fields._source.value = source
+        one.page._toggle()
+        one.until(lambda: one.page._station is not None or bool(one.page._job._after.text))
+
+    choose(first, plain)
+    station = first.page._station
+    assert station is not None
+    second.session.experiment.sensors.gyro.set("noise_density", 0.2)
+    choose(second, other)
+    assert second.page._station is None
+    told = second.page._job._after.text
+    for words in (
+        f"{plain} is open already on one other page",
+        "protocol is to be found out, not mip",
+        "the navigator assumes other sensors than your settings",
+        "Press Connect to watch it as it is",
+    ):
+        assert words in told
+    assert "axes" not in told
+    assert str(second.page._fields._source.value).startswith(WATCHED)
+    second.page._toggle()
+    second.until(lambda: second.page._station is station)
+
+    second.page._toggle()
+    first.page._toggle()
+    second.until(lambda: STATIONS.names() == {})
+    choose(second, other)  # nobody else has it open now
+    assert second.page._station is not None
+    assert second.page._station.status.protocol == "mip"
+    second.page._fields._source.value = other
+    second.page._fields._protocol.value = "xsens"
+    with pytest.raises(ValueError, match="this server opens it with protocol = mip"):
+        second.page._fields.chosen()
 
 
 def test_x_plane_is_watched_with_the_sensors_of_the_settings(

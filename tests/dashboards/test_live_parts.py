@@ -7,6 +7,7 @@ from collections.abc import Callable, Iterator
 
 import numpy as np
 import pytest
+from bokeh.document.events import DocumentChangedEvent
 
 import dashboards.pages.live.allan_part as allan_module
 import dashboards.pages.live.twin_part as twin_part_module
@@ -45,6 +46,22 @@ def one(monkeypatch: pytest.MonkeyPatch) -> Iterator[Opened]:
 def without_fixes(monkeypatch: pytest.MonkeyPatch) -> Iterator[Opened]:
     """Return a page that is connected to a device on a table without a receiver."""
     yield from connected(monkeypatch, "simulated:rest?device=memsense&hz=150&rest=60")
+
+
+def rate_times(one: Opened) -> list[float]:
+    """Return the times of the plot of rates as a browser has them, by the messages from now on."""
+    times = list(one.page._figures._rate.source.data["time"])
+    carrier = one.page._figures._parcel.carrier
+
+    def receive(event: DocumentChangedEvent) -> None:
+        if getattr(event, "model", None) is not carrier or not carrier.data["what"]:
+            return
+        for model, columns, rollover in json.loads(carrier.data["what"][0])["streams"]:
+            if model == 0:
+                times[:] = [*(times if rollover else ()), *dict(columns)["time"]]
+
+    one.document.on_change(receive)
+    return times
 
 
 def test_a_position_is_taken_and_the_axes_are_used(one: Opened) -> None:
@@ -106,9 +123,16 @@ def test_the_deviation_grows_and_becomes_a_card(
     assert parse_toml(path.read_text())
     (made,) = read_cards(path).values()
     assert made.datum("gyro", "noise_density") is not None
+    assert part._grid.visible
+    times = rate_times(one)
+    reached = page._station.source.end.imu if page._station else 0
     page._choice.value = PLOTS
     assert list(page._stage) == [page._plots]
+    one.until(lambda: page._station is not None and page._station.source.end.imu > reached + 20)
+    one.until(lambda: len(times) > 100)
+    assert (np.diff(times) > 0).all()  # a browser would draw rows from before as a line back
     page._toggle()
+    assert not part._grid.visible
     assert "Connect a source" in part._words.object
     assert len(source.data["at"]) == 0
 

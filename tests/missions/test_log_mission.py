@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import os
+
 import numpy as np
 import pytest
 from sensor_logs import POSITION, tables, write, write_csv
 
-from lab.missions import LogMission, MissionError, broken_missions, mission, missions
+from lab.missions import LogMission, MissionError, broken_missions, delete_mission, mission, missions
 from lab.missions.catalogue import OWN_FOLDER_VARIABLE
 
 
@@ -57,6 +59,23 @@ def test_broken_logs_are_reported(own, flown):
     assert "Did you mean lever_arm_m?" in broken["wrong_key"]
     with pytest.raises(MissionError, match=r"gnss\.csv"):
         mission("no_gnss")
+
+
+def test_a_description_that_cannot_be_read_is_reported_and_does_not_block(own, flown):
+    folder = write(own / "piped", flown)
+    os.mkfifo(own / "piped" / "log.toml")
+    (own / "alone").mkdir()
+    os.mkfifo(own / "alone" / "log.toml")
+    (own / "linked").mkdir()
+    (own / "linked" / "log.toml").symlink_to(own / "nowhere.toml")
+    broken = broken_missions()
+    assert "log.toml: cannot be read: is not an ordinary file" in broken["piped"]
+    assert "log.toml: cannot be read: is not an ordinary file" in broken["alone"]
+    assert "log.toml: cannot be read: No such file" in broken["linked"]
+    with pytest.raises(MissionError, match="not an ordinary file"):
+        mission(folder)
+    delete_mission("piped")
+    assert not folder.exists()
 
 
 def test_a_folder_without_a_log_is_refused(tmp_path):

@@ -12,7 +12,7 @@ from lab import earth
 from lab.analysis.consistency import chi_square_interval, normalised_squares
 from lab.analysis.errors import error_state
 from lab.experiment import Experiment
-from lab.navigation import strapdown
+from lab.navigation import strapdown, wander
 from lab.navigation.lever_arm import WINDOW, see_antenna, turns
 from lab.navigation.sigma_points import displace
 from lab.navigation.solution import Imu
@@ -29,15 +29,15 @@ NONE = -1
 
 
 def navigator(rng: np.random.Generator) -> FloatArray:
-    """Return a navigator after a step of a turning flight."""
-    state = np.zeros(strapdown.LENGTH)
-    strapdown.set_position(state, 0.8, 0.3, 500.0)
+    """Return a navigator after a step of a turning flight; its wander frame is north, east, down."""
+    state = np.zeros(wander.LENGTH)
+    wander.place(state, 0.8, 0.3, 500.0)
     state[strapdown.VELOCITY : strapdown.VELOCITY + 3] = rng.normal(0, 30, 3)
     q = rng.normal(size=4)
     state[strapdown.Q_NB : strapdown.Q_NB + 4] = q / np.linalg.norm(q)
     state[strapdown.GYRO_BIAS : strapdown.GYRO_BIAS + 3] = rng.normal(0, 0.01, 3)
     state[strapdown.GYRO_SCALE : strapdown.GYRO_SCALE + 3] = rng.normal(0, 0.01, 3)
-    strapdown.step(state, tuple(rng.normal(0, 1, 3) * DT), (0.01, -0.02, -0.05), DT)
+    wander.step(state, tuple(rng.normal(0, 1, 3) * DT), (0.01, -0.02, -0.05), DT)
     return state
 
 

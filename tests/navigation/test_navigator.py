@@ -123,7 +123,7 @@ def test_a_flight_in_pieces_gives_the_same_bits(schedule: Schedule, size: int) -
         known = np.searchsorted(fixes.time, imu.time[last], side="right")
         part = Imu(imu.time[: last + 1], imu.dtheta[:last], imu.dvelocity[:last])
         so_far = Fixes(*(array[:known] for array in fixes))
-        assert advance(state, part, so_far, pieces, first, schedule) == last + 1
+        advance(state, part, so_far, pieces, first, schedule)
     assert_same_bits(whole, pieces)
 
 

@@ -20,7 +20,7 @@ from lab.analysis.errors import position_error
 from lab.experiment import Experiment
 from lab.navigation import wander_models
 from lab.navigation.filter import Filter
-from lab.navigation.navigator import Fixes, Imu, PolarError, Schedule, Solution, Start, advance, navigate
+from lab.navigation.navigator import Fixes, Imu, Schedule, Solution, Start, advance, navigate
 from lab.recordings.flight_csv import write_flight_csv
 from lab.result import Result
 from lab.settings import SettingError
@@ -93,11 +93,22 @@ def test_it_is_the_north_slaved_navigator_elsewhere() -> None:
     assert turned.magnitude().max() <= 1e-8
 
 
-def test_a_north_slaved_navigator_says_what_helps() -> None:
-    flight = fly_over_the_pole("straight over the north pole")
-    start = Start.off(flight.truth, *np.zeros((3, 3)))
-    with pytest.raises(PolarError, match=r"89\.9°, or navigator\.mechanization = wander azimuth"):
-        navigate(flight.imu, NO_FIXES, start, NO_FILTER)
+def test_a_north_slaved_navigator_goes_over_the_pole_in_the_other_frame(tmp_path: Path) -> None:
+    """From 88.85° over the limit and back on the other side: filter and smoother are those of that frame."""
+    path = tmp_path / "pole.csv"
+    write_flight_csv(path, over_the_pole(40.0, duration=270.0, speed=950.0))
+    for smoother in (False, True):
+        settings = GOOD_SENSORS | {"navigator__smoother": smoother, "trajectory__imu_rate": 50.0}
+        one, other = (
+            run(str(path), **settings, **more) for more in ({}, {"navigator__mechanization": WANDER})
+        )
+        a, b = one.solution_arrays, other.solution_arrays
+        assert np.abs(a.position[[0, -1], 0]).max() < np.radians(88.9)
+        far = ecef.displacement(b.position, a.position) / np.sqrt(b.variance[:, :3])
+        sigma = np.sqrt(a.variance / b.variance)
+        print(f"\nsmoother {smoother}: {np.abs(far).max():.1e} σ, σ within {np.abs(sigma - 1).max():.1e}")
+        assert 0 < np.abs(far).max() < 0.05
+        np.testing.assert_allclose(sigma, 1, atol=0.02)
 
 
 def run(mission: str, seed: int = 1, **settings: object) -> Result:
@@ -217,17 +228,8 @@ def test_a_filter_over_the_pole_tells_the_truth_about_itself(tmp_path: Path) -> 
     assert heading[at] == pytest.approx(np.hypot(before, np.degrees(position / away[at])), rel=0.1)
 
 
-@pytest.mark.parametrize(
-    ("settings", "message"),
-    [
-        ({"model": "nonlinear"}, r"navigator\.model: .*nonlinear.*accepted with it are the models phi"),
-        ({"engine": "filterpy"}, r"navigator\.engine: .*accepted with it .*compiled engine"),
-    ],
-    ids=["nonlinear", "filterpy"],
-)
-def test_what_goes_only_north_slaved_is_refused_with_a_reason(
-    settings: dict[str, object], message: str
-) -> None:
-    named = {f"navigator__{name}": value for name, value in settings.items()}
-    with pytest.raises(SettingError, match=message):
-        run("los_angeles", **named, navigator__mechanization=WANDER)
+def test_the_reference_is_north_slaved_and_says_so(polar_csv: str) -> None:
+    with pytest.raises(SettingError, match=r"navigator\.engine: .*accepted with it .*compiled"):
+        run("los_angeles", navigator__engine="filterpy", navigator__mechanization=WANDER)
+    with pytest.raises(SettingError, match=r"navigator\.engine: .* ends 1° from a pole; .* t = .*compiled"):
+        run(polar_csv, navigator__engine="filterpy")

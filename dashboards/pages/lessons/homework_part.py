@@ -16,8 +16,8 @@ from dashboards.computing import LatestWins, Outcome, attempt
 from dashboards.notice import Notice
 from dashboards.pages.lessons.homework_view import Answers, Doings, HomeworkView
 from dashboards.pages.lessons.lesson_list import HEADING, ROW, SUMMARY, TITLE, WIDTH
-from dashboards.pages.missions.entry_fields import WHOLE
 from dashboards.session import Session
+from dashboards.style import WHOLE
 from dashboards.upload import Upload
 from lab.experiment import Experiment
 from lab.homework.hand_in import HandInError, hand_in, hand_in_text

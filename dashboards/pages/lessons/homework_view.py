@@ -16,7 +16,7 @@ import panel_material_ui as pmui
 
 from dashboards.exchange import Download
 from dashboards.pages.lessons.step_view import BUTTONS, CHOICES, TEXT, Choices
-from dashboards.pages.missions.entry_fields import WHOLE
+from dashboards.style import WHOLE
 from dashboards.upload import plain_name
 from lab.homework.hand_in import LONGEST_NAME, SUFFIX
 from lab.homework.homework import LONGEST_ANSWER, Homework, fault_titles

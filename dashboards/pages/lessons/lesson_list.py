@@ -8,7 +8,7 @@ from html import escape
 import panel as pn
 import panel_material_ui as pmui
 
-from dashboards.pages.missions.entry_fields import WHOLE
+from dashboards.style import WHOLE
 from lab.lessons.catalogue import Entry
 from lab.lessons.lesson import Lesson
 

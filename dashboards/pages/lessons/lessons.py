@@ -14,8 +14,8 @@ from dashboards.pages.base import Page
 from dashboards.pages.lessons.homework_part import HomeworkPart
 from dashboards.pages.lessons.lesson_list import Key, LessonList
 from dashboards.pages.lessons.step_view import Actions, StepView
-from dashboards.pages.missions.entry_fields import WHOLE
 from dashboards.session import Session
+from dashboards.style import WHOLE
 from lab.experiment import Experiment
 from lab.gallery.faults import FAULTS
 from lab.lessons.lesson import Answer, Lesson, Step

@@ -14,7 +14,7 @@ import panel as pn
 import panel_material_ui as pmui
 
 from dashboards.pages.lessons.lesson_list import progress_html
-from dashboards.pages.missions.entry_fields import WHOLE
+from dashboards.style import WHOLE
 from lab.exercises.exercise import Outcome
 from lab.lessons.lesson import Answer, Lesson, Step
 from lab.lessons.text import text_html

@@ -12,11 +12,12 @@ import panel_material_ui as pmui
 
 from dashboards.computing import LONG, LatestWins, Outcome, Progress, attempt
 from dashboards.exchange import Download
-from dashboards.pages.base import plot_grid
-from dashboards.pages.missions.entry_fields import WHOLE, WRAP, sized
+from dashboards.pages.base import hideable, plot_grid
+from dashboards.pages.missions.entry_fields import WRAP, sized
 from dashboards.pages.missions.job import Job
 from dashboards.sending import together
 from dashboards.session import Session
+from dashboards.style import WHOLE
 from lab.analysis import allan, rest
 from lab.live.growing_allan import LEAST_FOR_CARD, GrowingAllan
 from lab.live.station import Station
@@ -56,6 +57,7 @@ class AllanPart:
         self._toml = b""
         self.card: Card | None = None
         self._figures = AllanFigures()
+        self._grid = hideable(plot_grid(self._figures.figures, 2, least=360, fill=False))
         self._work: LatestWins[Station] = LatestWins(self._compute, self._deliver, LONG)
         self._words = pn.pane.HTML("", margin=(4, 10), sizing_mode="stretch_width")
         self._wanted = pmui.Select(
@@ -80,7 +82,7 @@ class AllanPart:
                 margin=0, stylesheets=[WRAP], sizing_mode="stretch_width",
             ),
             self._job.view,
-            plot_grid(self._figures.figures, 2, least=360, fill=False),
+            self._grid,
             sizing_mode="stretch_width",
             margin=0,
             stylesheets=[WHOLE],
@@ -89,7 +91,7 @@ class AllanPart:
     def watch(self, station: Station | None) -> None:
         """Show another device, or none."""
         self._station, self._seen, self._toml, self.card = station, (0.0, 0), b"", None
-        self._figures.clear()
+        self._clear()
         self._download.visible = False
         self._make.disabled = True
         self._job.say("")
@@ -111,12 +113,17 @@ class AllanPart:
         self._make.disabled = duration < LEAST_FOR_CARD
         shown, before = self._seen
         if restarts != before:
-            self._figures.clear()
+            self._clear()
             shown = 0.0
             self._seen = 0.0, restarts
         if ready and not self._work.busy and duration > max(GROWN * shown, shown + SOONEST):
             self._seen = duration, restarts
             self._work.submit(station)
+
+    def _clear(self) -> None:
+        """Show no curves, and no plots without curves."""
+        self._figures.clear()
+        self._grid.visible = False
 
     def close(self) -> None:
         """Deliver no further results."""
@@ -138,6 +145,7 @@ class AllanPart:
             if station is self._station and not outcome.problem:
                 with together(self._document):
                     self._figures.show(self._session.experiment.sensors, outcome.result)
+                    self._grid.visible = True
 
         if self._document is not None:
             self._document.add_next_tick_callback(arrive)

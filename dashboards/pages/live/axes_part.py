@@ -10,7 +10,8 @@ import panel as pn
 import panel_material_ui as pmui
 
 from dashboards.notice import Notice
-from dashboards.pages.missions.entry_fields import WHOLE, WRAP, sized
+from dashboards.pages.missions.entry_fields import WRAP, sized
+from dashboards.style import WHOLE
 from lab import earth
 from lab.live.axis_check import (
     LAST,

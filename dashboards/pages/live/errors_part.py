@@ -8,8 +8,8 @@ from html import escape
 import numpy as np
 import panel as pn
 
-from dashboards.pages.base import plot_grid
-from dashboards.pages.missions.entry_fields import WHOLE
+from dashboards.pages.base import hideable, plot_grid
+from dashboards.style import WHOLE
 from lab.live.live_errors import LiveErrors, errors_of, joined, normalised_rms
 from lab.live.live_state import HistoryCursor
 from lab.live.station import Station
@@ -45,7 +45,7 @@ class ErrorsPart:
         self._recent: deque[LiveErrors] = deque()
         self._figures = LiveErrorFigures(window)
         self._words = pn.pane.HTML("", margin=(4, 10), sizing_mode="stretch_width")
-        self._grid = plot_grid(self._figures.figures, 3, 205, fill=False)
+        self._grid = hideable(plot_grid(self._figures.figures, 3, 205, fill=False))
         self.view = pn.Column(
             self._words, self._grid, sizing_mode="stretch_width", margin=0, stylesheets=[WHOLE]
         )

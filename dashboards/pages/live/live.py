@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from typing import Any, Self
 
 import panel as pn
@@ -16,13 +15,15 @@ from dashboards.pages.live.axes_part import AxesPart
 from dashboards.pages.live.errors_part import ErrorsPart
 from dashboards.pages.live.inviting import Inviting, forget_phone, phone_station
 from dashboards.pages.live.recorder import Recorder
-from dashboards.pages.live.source_fields import SourceFields
+from dashboards.pages.live.source_fields import Chosen, SourceFields
 from dashboards.pages.live.status_line import StatusLine
 from dashboards.pages.live.twin_part import TwinPart
-from dashboards.pages.missions.entry_fields import WHOLE, WRAP, sized
+from dashboards.pages.live.wanted import not_as_wanted
+from dashboards.pages.missions.entry_fields import WRAP, sized
 from dashboards.pages.missions.job import Job
 from dashboards.sending import together
 from dashboards.session import Session
+from dashboards.style import WHOLE
 from lab.live.live_state import HistoryCursor
 from lab.live.ring import Cursor
 from lab.live.station import Station
@@ -189,11 +190,11 @@ class Live(Page):
                 self._inviting.begin(self._phone_came)
                 self._connect.label = "Cancel"
                 return
-            key, make = self._fields.chosen()
+            chosen = self._fields.chosen()
         except ValueError as error:
             self._job.say(str(error))
             return
-        self._start(key, make)
+        self._start(chosen)
 
     def _phone_came(self, key: int, name: str) -> None:
         """Connect a phone that has scanned the QR code; if that is not possible, the phone is told."""
@@ -205,21 +206,28 @@ class Live(Page):
             forget_phone(key)
             return
         self._start(
-            f"{PHONE_KEY}{key}", lambda: phone_station(key, name, experiment.sensors, experiment.navigator)
+            Chosen(
+                f"{PHONE_KEY}{key}",
+                lambda: phone_station(key, name, experiment.sensors, experiment.navigator),
+            )
         )
 
-    def _start(self, key: str, make: Callable[[], Station]) -> None:
+    def _start(self, chosen: Chosen) -> None:
         watcher = object()  # another for each connection: an earlier one may not have left yet
         self._job.start(
             "Connecting",
-            lambda _progress: self._opened(key, watcher, make),
-            lambda station: self._came(key, watcher, station),
+            lambda _progress: self._opened(chosen, watcher),
+            lambda station: self._came(chosen, watcher, station),
         )
 
-    def _opened(self, key: str, watcher: object, make: Callable[[], Station]) -> Station:
+    def _opened(self, chosen: Chosen, watcher: object) -> Station:
         """Return the station; in a thread."""
+        key = chosen.key
         try:
-            station = STATIONS.watch(key, watcher, make)
+            station = STATIONS.watch(key, watcher, chosen.make)
+            if _differences(chosen, station) and STATIONS.watchers(key) == 1:  # the others have just left
+                _leave(key, watcher)
+                station = STATIONS.watch(key, watcher, chosen.make)
         except ValueError:
             _leave(key, watcher)
             raise
@@ -227,7 +235,14 @@ class Live(Page):
             _leave(key, watcher)
         return station
 
-    def _came(self, key: str, watcher: object, station: Station) -> None:
+    def _came(self, chosen: Chosen, watcher: object, station: Station) -> None:
+        key = chosen.key
+        if differences := _differences(chosen, station):
+            others = STATIONS.watchers(key) - 1
+            LONG.submit(_leave, key, watcher)
+            self._fields.offer_to_watch(key)
+            self._job.say(not_as_wanted(station.name, differences, others), "warning")
+            return
         self._key, self._watcher, self._station = key, watcher, station
         self._connect.param.update(label="Disconnect", icon="sensors_off", color="default")
         self._pause.param.update(disabled=False, label="Pause", icon="pause")
@@ -347,6 +362,11 @@ class Live(Page):
         device = self._station.source.device if self._station is not None else None
         if device is not None:
             device.unplug(AWAY)  # the device plugs itself in again: this page may be closed before
+
+
+def _differences(chosen: Chosen, station: Station) -> list[str]:
+    """Return in what a station that is open differs from what was chosen."""
+    return [] if chosen.wanted is None else chosen.wanted.differences(station)
 
 
 def _leave(key: str, watcher: object) -> None:

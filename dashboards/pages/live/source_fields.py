@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any
+from typing import Any, NamedTuple
 
 import panel as pn
 import panel_material_ui as pmui
 
 from dashboards.devices import STATIONS, allowed_devices
+from dashboards.pages.live.wanted import Wanted
 from dashboards.pages.missions.entry_fields import WRAP, sized
 from dashboards.session import Session
 from dashboards.widgets import number
@@ -47,7 +48,6 @@ FAULTS: dict[str, dict[str, Any]] = {
 """What a simulated device can be told to do wrong."""
 _FIELD: dict[str, Any] = {"size": "small", "variant": "outlined", "margin": (8, 4)}
 _AS_SMALL = """
-.MuiSelect-select.MuiSelect-select { padding-top: 8.5px; padding-bottom: 8.5px; min-height: 23px }
 .MuiInputLabel-root[data-shrink="false"] { transform: translate(14px, 9px) }
 """
 """Style of a choice of several, which has no size, like that of the other fields."""
@@ -69,6 +69,29 @@ _OF_OTHERS = (
     "The navigator assumes the sensors of the settings: choose the card of this sensor there. The columns of "
     "text lines are found out and shown; to correct them, write them as they are shown, and connect again."
 )
+_OF_WATCHED = (
+    "Another page has opened this source. Its protocol, its axes and what the navigator assumes are as that "
+    "page has set them."
+)
+
+
+class Chosen(NamedTuple):
+    """A chosen source.
+
+    Attributes
+    ----------
+    key : str
+        Key of its station.
+    make : callable
+        Makes the station; called in a thread.
+    wanted : Wanted or None
+        How a device is to be read; None if no other page can have opened it in another way, or if it is
+        watched as it is.
+    """
+
+    key: str
+    make: Callable[[], Station]
+    wanted: Wanted | None = None
 
 
 class SourceFields:
@@ -141,6 +164,12 @@ class SourceFields:
         value = self._source.value if self._source.value in offers.values() else SIMULATED
         self._source.param.update(options=offers, value=value)
 
+    def offer_to_watch(self, key: str) -> None:
+        """Choose a station that another page has opened."""
+        self.refresh()
+        if f"{WATCHED}{key}" in self._source.options.values():
+            self._source.value = f"{WATCHED}{key}"
+
     def _offers(self) -> dict[str, str]:
         watched = {f"Watch: {name}": f"{WATCHED}{key}" for key, name in STATIONS.names().items()}
         return {"Simulated device": SIMULATED, "A phone": PHONE, **allowed_devices(), **watched}
@@ -157,13 +186,12 @@ class SourceFields:
         self._columns.visible = self._protocol.visible and self._protocol.value in ("", TextLines.name)
         self._axes.visible = not (watched or phone or xplane)
         self._heading.visible = not watched
-        note = _OF_OTHERS
-        for chosen, words in ((simulated, _OF_SIMULATED), (phone, _OF_PHONES), (xplane, _OF_XPLANE)):
-            note = words if chosen else note
+        kinds = {_OF_SIMULATED: simulated, _OF_PHONES: phone, _OF_XPLANE: xplane, _OF_WATCHED: watched}
+        note = next((words for words, chosen in kinds.items() if chosen), _OF_OTHERS)
         self._note.object = f"<p>{note}</p>"
 
-    def chosen(self) -> tuple[str, Callable[[], Station]]:
-        """Return the key of the chosen source, and what makes its station in a thread.
+    def chosen(self) -> Chosen:
+        """Return the chosen source.
 
         Raises
         ------
@@ -172,8 +200,7 @@ class SourceFields:
         """
         source = str(self._source.value)
         if source.startswith(WATCHED):
-            key = source.removeprefix(WATCHED)
-            return key, _gone
+            return Chosen(source.removeprefix(WATCHED), _gone)
         experiment = self.settings()
         axes = AxisMap.of(str(self._axes.value_input or self._axes.value or "x,y,z"))
         sensors, navigator = experiment.sensors, experiment.navigator
@@ -192,8 +219,17 @@ class SourceFields:
         columns = str(self._columns.value_input or self._columns.value or "").strip()
         if columns and self._columns.visible:
             options["columns"] = str(ColumnMap.of(columns))
-        given = Address(address.kind, address.place, {**options, **address.options})
-        return source, lambda: Station(open_source(given), sensors, navigator, source)
+        for name, value in options.items():
+            if address.options.get(name, value) != value:
+                raise ValueError(
+                    f"{source}: {name} = {value}; this server opens it with {name} = {address.options[name]}"
+                )
+        wanted = Wanted(Address(address.kind, address.place, {**options, **address.options}), experiment)
+        return Chosen(
+            wanted.key(source),
+            lambda: Station(open_source(wanted.address), sensors, navigator, source),
+            wanted,
+        )
 
     @property
     def wants_phone(self) -> bool:
@@ -218,8 +254,8 @@ class SourceFields:
         return experiment
 
     @staticmethod
-    def _xplane(address: Address, experiment: Experiment) -> tuple[str, Callable[[], Station]]:
-        """Return the key of simulated sensors in X-Plane, and what makes their station."""
+    def _xplane(address: Address, experiment: Experiment) -> Chosen:
+        """Return simulated sensors in X-Plane."""
         sensors, navigator = experiment.sensors, experiment.navigator
         by_card = "card" in address.options
 
@@ -227,10 +263,10 @@ class SourceFields:
             given = address if by_card else xplane_transport(address, sensors, experiment.seed)
             return Station(open_source(given), sensors, navigator, str(address))
 
-        return digest(str(address), experiment.to_dict()), make
+        return Chosen(digest(str(address), experiment.to_dict()), make)
 
-    def _simulated(self, experiment: Experiment, axes: AxisMap) -> tuple[str, Callable[[], Station]]:
-        """Return the key of a simulated device, and what makes its station."""
+    def _simulated(self, experiment: Experiment, axes: AxisMap) -> Chosen:
+        """Return a simulated device."""
         device = self._device.value if self._device.value in ENCODERS else "vectornav"
         rate = float(self._rate.value) if self._rate.value in RATES else 100.0
         faults: dict[str, Any] = {}
@@ -256,7 +292,7 @@ class SourceFields:
             source = open_source(transport, axes=str(axes))
             return Station(source, experiment.sensors, experiment.navigator, name)
 
-        return key, make
+        return Chosen(key, make)
 
 
 def _gone() -> Station:

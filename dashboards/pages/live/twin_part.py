@@ -9,10 +9,11 @@ from typing import Any
 import panel as pn
 import panel_material_ui as pmui
 
-from dashboards.pages.base import plot_grid
-from dashboards.pages.missions.entry_fields import WHOLE, WRAP, sized
+from dashboards.pages.base import hideable, plot_grid
+from dashboards.pages.missions.entry_fields import WRAP, sized
 from dashboards.pages.missions.job import Job
 from dashboards.session import Session
+from dashboards.style import WHOLE
 from lab.experiment import Experiment
 from lab.live.station import Station
 from lab.live.twin import TwinComparison, twin_at_rest, twin_of
@@ -59,8 +60,7 @@ class TwinPart:
         self._compare.on_click(lambda _event: self._start())
         self._job = Job()
         self._table = pn.pane.HTML("", margin=(4, 10), sizing_mode="stretch_width", stylesheets=[STYLE])
-        self._grid = plot_grid(self._figures.figures, 2, least=300, fill=False)
-        self._grid.visible = False
+        self._grid = hideable(plot_grid(self._figures.figures, 2, least=300, fill=False))
         self.view = pn.Column(
             self._words,
             pn.Row(

@@ -11,12 +11,13 @@ import panel_material_ui as pmui
 
 from dashboards.computing import Progress
 from dashboards.notice import Notice
-from dashboards.pages.missions.entry_fields import WHOLE, WRAP
+from dashboards.pages.missions.entry_fields import WRAP
 from dashboards.pages.missions.import_fields import SettingFields, UnitFields
 from dashboards.pages.missions.job import Job
 from dashboards.pages.missions.naming import Naming
 from dashboards.pages.missions.report_html import REPORT_STYLE, report_html
 from dashboards.session import Session
+from dashboards.style import WHOLE
 from lab.importing.import_settings import ImportSettings
 from lab.missions import Mission, MissionError, add_log
 from lab.missions.flight_import import FlightImport, prepare_flight

@@ -17,10 +17,6 @@ WRAP = ":host { flex-wrap: wrap; min-width: 0 !important; }"
 """Wraps fields that do not fit on one line."""
 
 
-WHOLE = ":host { max-height: none !important; min-width: 0 !important; }"
-"""Makes a column as high as its content; otherwise Panel lets content higher than the window overlap."""
-
-
 def sized(width: int) -> dict[str, Any]:
     """Return layout options for a width [px] that Panel does not turn into a minimum width of the parents."""
     return {

@@ -14,11 +14,12 @@ import panel_material_ui as pmui
 from dashboards.computing import Progress, SupersededError
 from dashboards.mission_titles import mission_titles
 from dashboards.notice import Notice
-from dashboards.pages.missions.entry_fields import WHOLE, WRAP, sized
+from dashboards.pages.missions.entry_fields import WRAP, sized
 from dashboards.pages.missions.job import Job
 from dashboards.pages.missions.naming import Naming
 from dashboards.pages.missions.plan_editor import PlanEditor
 from dashboards.session import Session
+from dashboards.style import WHOLE
 from lab.missions import FlightPlan, Mission, MissionError, add_mission, fly, missions
 from lab.toml_file import toml_text
 

@@ -8,7 +8,7 @@ from typing import Any
 import panel as pn
 import panel_material_ui as pmui
 
-from dashboards.pages.missions.entry_fields import WHOLE
+from dashboards.style import WHOLE
 from dashboards.widgets import Field, field
 from lab.importing.import_settings import ImportSettings
 from lab.readers.unit_names import UNITS

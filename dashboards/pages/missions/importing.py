@@ -5,8 +5,8 @@ from __future__ import annotations
 import panel as pn
 
 from dashboards.pages.missions.draft import Draft
-from dashboards.pages.missions.entry_fields import WHOLE
 from dashboards.session import Session
+from dashboards.style import WHOLE
 from dashboards.upload import MAX_BYTES, Upload
 from lab.readers import READERS
 

@@ -9,12 +9,12 @@ import panel as pn
 import panel_material_ui as pmui
 
 from dashboards.pages.base import Page
-from dashboards.pages.missions.entry_fields import WHOLE
 from dashboards.pages.missions.flying import Flying
 from dashboards.pages.missions.importing import Importing
 from dashboards.pages.missions.library import Library
 from dashboards.pages.missions.recording import Recording
 from dashboards.session import Session
+from dashboards.style import WHOLE
 from dashboards.visitors import may_edit
 from lab.result import Result
 from lab.views.figures import TimeAxis

@@ -9,8 +9,8 @@ from typing import Any, NamedTuple
 import panel as pn
 import panel_material_ui as pmui
 
-from dashboards.pages.missions.entry_fields import WHOLE, EntryFields, sized
-from dashboards.style import TOOLTIP
+from dashboards.pages.missions.entry_fields import EntryFields, sized
+from dashboards.style import TOOLTIP, WHOLE
 from lab.flying.plan_table import Limits
 
 ROW = """

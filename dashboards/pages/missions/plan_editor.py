@@ -9,8 +9,9 @@ import panel as pn
 import panel_material_ui as pmui
 import param
 
-from dashboards.pages.missions.entry_fields import WHOLE, WRAP, EntryFields, sized
+from dashboards.pages.missions.entry_fields import WRAP, EntryFields, sized
 from dashboards.pages.missions.part_list import PartList
+from dashboards.style import WHOLE
 from lab.flying import airports
 from lab.flying.aircraft import AIRCRAFT
 from lab.flying.flight_plan import AirStart, Runway

@@ -9,9 +9,10 @@ import panel_material_ui as pmui
 
 from dashboards.computing import Progress
 from dashboards.pages.missions.draft import Draft
-from dashboards.pages.missions.entry_fields import WHOLE, WRAP, sized
+from dashboards.pages.missions.entry_fields import WRAP, sized
 from dashboards.pages.missions.job import Job
 from dashboards.session import Session
+from dashboards.style import WHOLE
 from dashboards.widgets import number
 from lab.importing.xplane_live import PORT, XPlaneRecorder
 from lab.repair.raw_flight import RawFlight
