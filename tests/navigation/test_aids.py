@@ -171,6 +171,8 @@ def test_compiled_and_filterpy_agree(settings: dict[str, Any], model: str, rate:
         assert np.nanmax(np.abs(found - expected) / scale, initial=0.0) < 1e-9, part
     np.testing.assert_allclose(a.aid_innovation, b.aid_innovation, rtol=1e-7, atol=1e-9)
     np.testing.assert_allclose(a.aid_variance, b.aid_variance, rtol=1e-9)
+    for found, expected in ((a.aid_H, b.aid_H), (a.aid_gain, b.aid_gain)):
+        np.testing.assert_allclose(found, expected, rtol=1e-6, atol=1e-9 * np.nanmax(np.abs(expected)))
 
 
 def test_a_model_with_the_same_number_of_other_states_is_another_one() -> None:
