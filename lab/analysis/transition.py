@@ -98,8 +98,10 @@ class Transition(NamedTuple):
     ----------
     navigation : (9, 9) array
         Response to themselves.
-    bias, fading : (9, 6) arrays
-        Response to bias errors: constant, and decaying as in the filter.
+    bias : (9, 6) array
+        Response to constant bias errors.
+    fading : (9, b) array
+        Response to errors that act as those of the biases, and decay as states of the filter do.
     coupled : (9, 6, 6) array
         Response to errors of gyros and accelerometers that are proportional to a component of rate or force.
     process : (p, 9, 3) array
@@ -123,12 +125,12 @@ class Transition(NamedTuple):
     driven: FloatArray
 
     @classmethod
-    def empty(cls, processes: int, known: int = 0) -> Transition:
-        """Allocate arrays for a number of processes and of known errors."""
+    def empty(cls, processes: int, known: int = 0, fading: int = BIASES) -> Transition:
+        """Allocate arrays for a number of processes, of known errors and of states that decay."""
         return cls(
             np.zeros((NAV, NAV)),
             np.zeros((NAV, BIASES)),
-            np.zeros((NAV, BIASES)),
+            np.zeros((NAV, fading)),
             np.zeros((NAV, BIASES, BIASES)),
             np.zeros((processes, NAV, 3)),
             np.zeros((processes, NAV, NAV)),
@@ -196,10 +198,11 @@ def _respond(flight: Flight, k: int, F: FloatArray, fade: FloatArray, r: FloatAr
                 total += L[i, m] * F[m, NAV + j]
             r[i, j] = dt * total
             out.bias[i, j] += r[i, j]
-            out.fading[i, j] = r[i, j] + fade[j] * out.fading[i, j]
             for a in range(3):
                 out.coupled[i, j, a] += total * flight.dtheta[k, a]
                 out.coupled[i, j, 3 + a] += total * flight.dvelocity[k, a]
+        for b in range(fade.size):
+            out.fading[i, b] = r[i, b % BIASES] + fade[b] * out.fading[i, b]
         for j in range(NAV):
             total = 0.0
             for m in range(NAV):
@@ -248,8 +251,8 @@ def _compile(
             The flight.
         first, last
             First and last sample of the interval; equal samples give the transition over no time.
-        fade : (6,) array
-            The filter's decay of the biases in one sample.
+        fade : (b,) array
+            The filter's decay in one sample of the biases, and of further states that act as these do.
         processes
             Random errors of the IMU.
         known : (s, n, 6) array

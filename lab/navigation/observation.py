@@ -278,6 +278,8 @@ def observe_aid(run: Filter, a: int, age: float, dt: float, schedule: Schedule, 
     kind, value, field = aids.kind[a], aids.value[a], aids.field[a]
     z = see_aid(run.state, axes, kind, value, field, aids.place, age, dt, done[:STATES])
     as_biases(run.state, done)
+    for i in range(STATES):
+        out.aid_H[a, i] = done[i]
     own_row(run.state, run.T, done)
     variance = aids.variance[a]
     if aids.kind[a] == FORWARD:
@@ -297,4 +299,11 @@ def observe_aid(run: Filter, a: int, age: float, dt: float, schedule: Schedule, 
     for i in range(STATES):
         done[i] *= per_sigma
     scalar_update(run.w, z * per_sigma, done)
+    for i in range(STATES):
+        gain = done[STATES + i]
+        if i < NAV:  # from the model's own errors to those in north, east, down
+            gain = 0.0
+            for j in range(NAV):
+                gain += run.T[i, j] * done[STATES + j]
+        out.aid_gain[a, i] = gain * per_sigma
     return True
