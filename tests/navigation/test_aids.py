@@ -13,7 +13,8 @@ from lab.analysis.finding import Change
 from lab.analysis.trial import advised
 from lab.navigation import aids, blocks, strapdown
 from lab.navigation.blocks import BLOCKS, count, first_state, in_order, places
-from lab.navigation.error_models import MODELS, with_blocks
+from lab.navigation.error_models import MODELS
+from lab.navigation.further_columns import with_blocks
 from lab.navigation.observation import north_axes
 from lab.rotation import wrap
 from lab.run import ResultError
