@@ -5,14 +5,15 @@ propagated along the true flight and through the gains that the filter really us
 are right or wrong. The sources are independent and the model is linear, so their variances sum to the
 variance of the error.
 
-The error e of the solution, its pending estimate x̂, and the state c of a source obey
+The error e of the solution, its estimate b̂ of the sensor errors that the filter believes to decay, and the
+state c of a source obey
 
-    e⁻ = Φ e + (Φ − Φ_f) x̂ + Γ c,    x̂⁻ = Φ_f x̂                from fix to fix, Φ_f as the filter has it,
-    e⁺ = (I − K H) e⁻ + K v,          x̂⁺ = x̂⁻ + K (H e⁻ − v)     with a fix of error v,
+    e⁻ = Φ e + (Φ_f − Φ) b̂ + Γ c,    b̂⁻ = Φ_f b̂          from one measurement to the next,
+    e⁺ = (I − K H) e⁻ + K v,          b̂⁺ = b̂⁻ − K (H e⁻ − v)     with a measurement of error v.
 
-and a correction subtracts x̂ from the navigator and sets it to zero. Only the biases of x̂ matter, because Φ
-and Φ_f are equal elsewhere. c is v itself, or the error of an inertial sensor with the sign of an error of
-the estimated bias, because it acts as one on the navigator.
+Φ_f is the transition as the filter has it: estimates decay, while constant errors do not. It does not matter
+when the navigator is corrected. c is v itself, or the error of an inertial sensor with the sign of an error
+of the estimated bias, because it acts as one on the navigator.
 
 References
 ----------
@@ -24,18 +25,17 @@ Systems*, 2nd ed., ch. 14.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
-from lab import ecef
 from lab.analysis import feedforward
 from lab.analysis.error_axes import output_map
 from lab.analysis.error_sources import (
     ACCELEROMETER,
-    GPS_POSITION,
-    GPS_VELOCITY,
+    INSTABILITY,
+    SLOW_ERRORS,
     Constant,
     Process,
     constants,
@@ -43,11 +43,11 @@ from lab.analysis.error_sources import (
     processes,
 )
 from lab.analysis.errors import euler_sigma
+from lab.analysis.gains import Epochs, Update, aid_update, epochs_of, fix_update
 from lab.analysis.known_errors import Series, known_errors
 from lab.analysis.transition import BIASES, NAV, Flight, N, Processes, Transition, transition
 from lab.east_north_up import NED_TO_ENU, east_north_up_sizes
 from lab.navigation import blocks
-from lab.navigation.checks import OTHER
 from lab.navigation.error_models import ATT, MODELS, POS, STATES, VEL
 from lab.rotation import euler_from_quaternion, euler_jacobian
 from lab.run import Run
@@ -83,10 +83,6 @@ def quantities(names: Sequence[str]) -> dict[str, str]:
     return found | dict(zip(further, their_units, strict=True))
 
 
-INTERVAL = 1.0
-"""Longest time between two epochs of a budget [s]."""
-
-
 def error_budget(run: Run) -> xr.Dataset:
     """Return the error budget of a run.
 
@@ -102,8 +98,9 @@ def error_budget(run: Run) -> xr.Dataset:
         the quantity; for an error given by its value, its effect. ``share`` (source, time, quantity): its
         share of the variance [%]. ``total`` and ``believed`` (time, quantity): σ of all sources together, and
         σ according to the filter. A known error counts with its square, as if its sign were random. Times are
-        the start, the used fixes (after the fix), the end, and others, so that none is more than a second
-        from the next. Attribute `left_out`: settings with errors that are not in the budget.
+        the start, the used fixes (after all measurements of the sample), the end, and others, so that none is
+        more than a second from the next. Attribute `left_out`: settings with errors that are not in the
+        budget.
 
     Raises
     ------
@@ -153,12 +150,11 @@ def check_gains(run: Run) -> None:
 
 
 def check_states(run: Run) -> None:
-    """Raise `SettingError` for filters with other measurements, or states for other errors than the IMU's."""
-    if run.aids.time.size or set(run.blocks) - {*blocks.SCALES, *blocks.MISALIGNMENTS}:
+    """Raise `SettingError` for filters with states that a user declared."""
+    if set(run.blocks) & set(blocks.OWN):
         raise SettingError(
-            f"{OTHER}: the error budget follows the errors of IMU and GPS through a filter with states for "
-            "errors of the IMU, and this one uses other measurements or has states for other errors; "
-            "accepted here are navigator.states and navigator.estimate_misalignments"
+            "navigator.own_states: the error budget follows the errors of the sensors through the states of "
+            "the filter, and does not know the effect of your own; accepted here are none"
         )
 
 
@@ -182,35 +178,8 @@ def check_feedforward(run: Run) -> None:
         )
 
 
-class Epochs(NamedTuple):
-    """Epochs of a flight: IMU samples (e,), the fix at each or −1, and whether it is the sample's last."""
-
-    sample: NDArray[np.int64]
-    fix: NDArray[np.int64]
-    last: NDArray[np.bool_]
-
-
-def epochs_of(run: Run) -> Epochs:
-    """Return the epochs: start, used fixes, end, and samples between, so that none is far from the next."""
-    end = run.time.size - 1
-    used = np.flatnonzero(run.solution_arrays.fix_sample >= 0)
-    at_fix = run.solution_arrays.fix_sample[used]
-    grid = np.append(np.arange(0, end, max(1, round(INTERVAL / _step(run)))), end)
-    grid = np.setdiff1d(grid, at_fix)
-    sample = np.concatenate((at_fix, grid))
-    order = np.argsort(sample, kind="stable")
-    sample = sample[order]
-    fix = np.concatenate((used, np.full(grid.size, -1)))[order]
-    return Epochs(sample, fix, np.append(np.diff(sample) > 0, True))
-
-
-def _step(run: Run) -> float:
-    """Return the usual time from IMU sample to IMU sample [s]."""
-    return float(np.median(np.diff(run.time))) if run.ideal is None else run.ideal.dt
-
-
 class _Propagation:
-    """Propagates the covariance of each source from epoch to epoch."""
+    """Propagates the covariance of each source from epoch to epoch: of errors, decaying estimates, and c."""
 
     def __init__(
         self,
@@ -230,21 +199,22 @@ class _Propagation:
             ideal.dvelocity,
             ideal.dt,
         )
-        self.time = ideal.time
-        self.processes = processes
+        self.result, self.time, self.processes = run, ideal.time, processes
         self.inertial = [source for source in processes if source.channel <= ACCELEROMETER]
-        self.fade = np.exp(-belief.decay[:BIASES] * ideal.dt)
         self.sampled = Processes(
             np.array([source.channel for source in self.inertial], dtype=np.int64),
             np.array([source.decay(ideal.dt) for source in self.inertial]),
             np.array([source.drive(ideal.dt) for source in self.inertial]).reshape(-1, 3),
         )
-        self.solution = solution = run.solution_arrays
-        self.corrected = _corrections(run)
-        n = self.states = solution.states
+        n = self.states = run.solution_arrays.states
         self.blocks = run.blocks
-        self.waiting = slice(n, n + BIASES)  # the biases of x̂
-        self.own = slice(n + BIASES, n + BIASES + 3)  # c
+        decay = np.append(belief.decay, np.zeros(n - NAV - belief.decay.size))
+        self.acting = acting_as_biases(run.blocks)
+        self.fade = np.exp(-decay[self.acting - NAV] * ideal.dt)
+        self.decaying = NAV + np.flatnonzero(decay)
+        self.kept = np.exp(-decay[self.decaying - NAV] * ideal.dt)
+        self.estimates = slice(n, n + self.decaying.size)  # b̂
+        self.own = slice(self.estimates.stop, self.estimates.stop + 3)  # c
         self.widths = [source.start.shape[1] for source in constants]
         self.coupling = np.concatenate([source.coupling for source in constants])
         self.known = known
@@ -253,29 +223,36 @@ class _Propagation:
             room[:] = series.inertial
         self.drawn = sum(self.widths)
         self.widths += [1] * len(known)
-        self.columns = np.zeros((self.waiting.stop, sum(self.widths)))
+        self.columns = np.zeros((self.estimates.stop, sum(self.widths)))
         self.columns[:n, : self.drawn] = np.concatenate([source.start for source in constants], axis=1)
         self.columns[:NAV] = np.linalg.solve(self._maps(np.zeros(1, dtype=np.int64))[0], self.columns[:NAV])
-        self.fix_axes = ecef.axes(*run.fixes.position[:, :2].T)
+        estimated = np.concatenate([source.estimate for source in constants], axis=1)
+        self.columns[self.estimates, : self.drawn] = estimated[self.decaying]
         errors = run.experiment.sensors.gps
         bad = within(errors.quality_steps, run.fixes.time)
         self.grade = np.where(bad, errors.quality_factor, 1.0)
+        self.shown = [shown_in(source, run.blocks) for source in processes]
         self.P = np.zeros((len(processes), self.own.stop, self.own.stop))
         for P, source in zip(self.P, processes, strict=True):
             if source.settled:
                 P[self.own, self.own] = np.diag(source.variance)
 
     def run(self, epochs: Epochs) -> FloatArray:
-        """Return the variances (source, kept epoch, quantity) in SI units."""
-        out = np.zeros((len(self.widths) + len(self.processes), int(epochs.last.sum()), self.states))
-        room = Transition.empty(len(self.inertial), len(self.known))
+        """Return the variances (source, shown epoch, quantity) in SI units."""
+        out = np.zeros((len(self.widths) + len(self.processes), int(epochs.shown.sum()), self.states))
+        room = Transition.empty(len(self.inertial), len(self.known), self.fade.size)
         before, row = 0, 0
         self.map = dict(zip(epochs.sample.tolist(), self._quantities(epochs.sample), strict=True))
-        for sample, fix, last in zip(*(part.tolist() for part in epochs), strict=True):
+        for sample, fix, aid, shown in zip(*(part.tolist() for part in epochs), strict=True):
             self._propagate(before, sample, room)
             if fix >= 0:
-                self._update(fix)
-            if last:
+                place = np.array((self.flight.latitude[sample], self.flight.longitude[sample]))
+                update = fix_update(self.result, fix, place)
+                self._update(update, [series.fixes[fix] for series in self.known], fix)
+            elif aid >= 0:
+                values = [series.aids[aid : aid + 1] for series in self.known]
+                self._update(aid_update(self.result, aid), values)
+            if shown:
                 out[:, row] = self._variances(sample)
                 row += 1
             before = sample
@@ -299,23 +276,26 @@ class _Propagation:
         there = self.flight.between(first, last)
         series = np.ascontiguousarray(self.series[:, first:last])
         transition(there, 0, last - first, self.fade, self.sampled, series, step)
-        waiting, own = self.waiting, self.own
-        A = np.eye(waiting.stop)
+        estimates, own = self.estimates, self.own
+        A = np.eye(estimates.stop)
         A[:NAV, :NAV] = step.navigation
-        A[:NAV, NAV:N] = step.bias
+        response = np.zeros((NAV, self.states))
+        response[:, self.acting] = np.tile(step.bias, self.acting.size // BIASES)
+        A[:NAV, NAV : self.states] = response[:, NAV:]
         # An error of a scale factor acts as one of the bias, times the measured quantity; a misalignment,
         # times that of another axis.
         for state, of, by in coupled_states(self.blocks):
             A[:NAV, state] = step.coupled[:, of, by]
-        fade = np.diag(self.fade ** (last - first))
-        A[:NAV, waiting] = step.bias - step.fading
-        A[NAV:N, waiting] = np.eye(BIASES) - fade
-        A[waiting, waiting] = fade
+        kept = self.kept ** (last - first)
+        response[:, self.acting] = step.fading - response[:, self.acting]
+        A[:NAV, estimates] = response[:, self.decaying]
+        A[self.decaying, estimates] = np.diag(kept - 1)
+        A[estimates, estimates] = np.diag(kept)
         self.columns = A @ self.columns
         self.columns[:NAV, : self.drawn] += np.einsum("iab,cab->ic", step.coupled, self.coupling)
         self.columns[:NAV, self.drawn :] += step.driven.T
         B = np.zeros_like(self.P)
-        B[:, : waiting.stop, : waiting.stop] = A
+        B[:, : estimates.stop, : estimates.stop] = A
         Q = np.zeros_like(self.P)
         imu = len(self.inertial)
         B[:imu, :NAV, own] = self.sampled.decay[:, None, None] * step.process
@@ -328,42 +308,23 @@ class _Propagation:
             Q[p, own, own] = np.diag(source.drive(elapsed))
         self.P = B @ self.P @ B.mT + Q
 
-    def _update(self, fix: int) -> None:
-        """Take a fix."""
-        solution, waiting, own = self.solution, self.waiting, self.own
-        H, n, sample = solution.fix_H[fix].copy(), self.states, int(solution.fix_sample[fix])
-        # The filter's H is for errors along the axes of the fix, its P⁺ for output errors at its estimate.
-        C_fe = self.fix_axes[fix].T
-        for block in (POS, VEL, ATT):
-            H[:, block] = H[:, block] @ C_fe
-        here = output_map(solution.position[sample, None], solution.velocity_n[sample, None])[0]
-        back = np.eye(n)
-        back[:NAV, :NAV] = np.linalg.inv(here)
-        P = back @ solution.fix_covariance[fix] @ back.T
-        # K = P⁺ Hᵀ R⁻¹, even if P⁺ and R are wrong (Gelb 4.2-16b).
-        K = P @ H.T @ np.linalg.inv(solution.fix_R[fix])
-        U = np.eye(waiting.stop)
-        U[:n, :n] -= K @ H
-        U[waiting, :n] = K[NAV:N] @ H
-        # Errors of a fix are along north, east and down of the true place.
-        turned = C_fe @ ecef.axes(self.flight.latitude[sample], self.flight.longitude[sample])
-        K = np.concatenate((K[:, :3] @ turned, K[:, 3:] @ turned), axis=1)
-        noise = np.concatenate((K, -K[NAV:N]))
-        if self.corrected[fix]:
-            U[waiting] = noise[waiting] = 0.0
-        self.columns = U @ self.columns
-        for column, series in enumerate(self.known, self.drawn):
-            self.columns[:, column] += noise @ series.fixes[fix]
-        B = np.zeros_like(self.P)
-        B[:, : waiting.stop, : waiting.stop] = U
-        B[:, own, own] = np.eye(3)
+    def _update(self, update: Update, known: Sequence[FloatArray], fix: int = -1) -> None:
+        """Take a measurement, given what known errors (r,) add to it, and the number of a fix."""
+        H, n = update.H, self.states
+        G = np.concatenate((update.K, update.K[self.decaying]))
+        self.columns = self.columns - G @ (H @ self.columns[:n])
+        for column, added in enumerate(known, self.drawn):
+            self.columns[:, column] += G @ added
+        G = np.concatenate((G, np.zeros((3, H.shape[0]))))
+        F = np.zeros((len(self.processes), H.shape[0], self.own.stop))
+        F[:, :, :n] = H
         for p, source in enumerate(self.processes):
-            grade = self.grade[fix] if source.graded else 1.0
-            if source.channel == GPS_POSITION:
-                B[p, : waiting.stop, own] = grade * noise[:, :3]
-            elif source.channel == GPS_VELOCITY:
-                B[p, : waiting.stop, own] = grade * noise[:, 3:]
-        self.P = B @ self.P @ B.mT
+            if source.channel in update.noise:
+                grade = self.grade[fix] if source.graded else 1.0
+                F[p, :, self.own] = -grade * update.noise[source.channel]
+        # (I − G F) P (I − G F)ᵀ
+        self.P = self.P - G @ (F @ self.P)
+        self.P = self.P - (self.P @ F.mT) @ G.T
 
     def _variances(self, sample: int) -> FloatArray:
         """Return the variances (source, quantity) at a sample."""
@@ -379,13 +340,34 @@ class _Propagation:
         constant = np.stack([part.sum(axis=1) for part in parts])
         seen = np.zeros((len(self.processes), n, self.own.stop))
         seen[:, :, :n] = T
-        for p, source in enumerate(self.inertial):
-            # The true bias includes the instability, but not white noise.
-            if source.time:
-                seen[p, NAV + 3 * source.channel : NAV + 3 * source.channel + 3, self.own] = np.eye(3)
+        for p, (states_of_c, sign) in enumerate(self.shown):
+            seen[p, states_of_c, self.own] = sign * np.eye(states_of_c.stop - states_of_c.start, 3)
         random = np.einsum("pqi,pij,pqj->pq", seen, self.P, seen, optimize=True)
         # Roundoff of the turned axes may make a zero variance slightly negative.
         return np.concatenate((constant, np.maximum(random, 0)))
+
+
+def shown_in(source: Process, names: Sequence[str]) -> tuple[slice, float]:
+    """Return the states whose error includes c of a process, and its sign there; none for white noise.
+
+    The true bias includes the instability, but not white noise. An error of a measurement is one of the state
+    that stands for it, with the other sign.
+    """
+    if not source.time:
+        return slice(0, 0), 0.0
+    if source.channel <= ACCELEROMETER:
+        drift = blocks.DRIFTS[source.channel]
+        if source.name.endswith(INSTABILITY) and drift in names:
+            return blocks.states_of(names, drift), 1.0
+        return slice(NAV + 3 * source.channel, NAV + 3 * source.channel + 3), 1.0
+    block = SLOW_ERRORS[source.channel]
+    return (blocks.states_of(names, block), -1.0) if block in names else (slice(0, 0), 0.0)
+
+
+def acting_as_biases(names: Sequence[str]) -> NDArray[np.int64]:
+    """Return the states that act on the navigator as biases do: biases, and the states of their drift."""
+    drifts = [blocks.states_of(names, name) for name in blocks.DRIFTS if name in names]
+    return np.asarray(np.r_[NAV:N, *drifts], dtype=np.int64)
 
 
 def coupled_states(names: Sequence[str]) -> list[tuple[int, int, int]]:
@@ -400,20 +382,6 @@ def coupled_states(names: Sequence[str]) -> list[tuple[int, int, int]]:
     return found
 
 
-def _corrections(run: Run) -> NDArray[np.bool_]:
-    """Return after which fixes (m,) the navigator was corrected."""
-    navigator = run.experiment.navigator
-    sample = run.solution_arrays.fix_sample
-    corrected = np.zeros(sample.shape, dtype=np.bool_)
-    if navigator.correction != "feedback":
-        return corrected
-    last, slack = run.time[0], 1e-6 * _step(run)
-    for m in np.flatnonzero(sample >= 0):
-        if run.time[sample[m]] - last >= navigator.correction_period - slack:
-            corrected[m], last = True, run.time[sample[m]]
-    return corrected
-
-
 def _dataset(run: Run, sources: list[str], epochs: Epochs, variance: FloatArray) -> xr.Dataset:
     """Return the result of `error_budget`."""
     import xarray as xr  # noqa: PLC0415 - takes a while to import, and a run does without
@@ -423,7 +391,7 @@ def _dataset(run: Run, sources: list[str], epochs: Epochs, variance: FloatArray)
         variance = np.stack([variance[[name == source for source in sources]].sum(axis=0) for name in names])
     units = quantities(run.blocks)
     scale = np.array([1 / TO_SI[unit] for unit in units.values()])
-    kept = epochs.sample[epochs.last]
+    kept = epochs.sample[epochs.shown]
     total = variance.sum(axis=0)
     share = np.divide(variance, total, out=np.zeros_like(variance), where=total > 0)
     share *= 100

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from lab.analysis.transition import N
 from lab.east_north_up import east_north_up_sizes
 from lab.navigation import blocks
+from lab.navigation.belief import assumed_latency, assumed_lever_arm
 from lab.navigation.error_models import (
     ACCEL_BIAS,
     ACCEL_SCALE,
@@ -38,8 +39,18 @@ FloatArray = NDArray[np.float64]
 STAGE = 1.0
 """Spacing of the processes that model flicker, in the logarithm of their correlation times."""
 
-GYRO, ACCELEROMETER, GPS_POSITION, GPS_VELOCITY = range(4)
+GYRO, ACCELEROMETER, GPS_POSITION, GPS_VELOCITY, BAROMETER, HEADING, ODOMETER = range(7)
 """Indices of the groups of sensors to which errors belong."""
+SENSOR_CHANNELS = {"barometer": BAROMETER, "heading": HEADING, "odometer": ODOMETER}
+"""Index of each sensor with one number, by its group in the settings."""
+SLOW_ERRORS = {
+    GPS_POSITION: blocks.GPS_DRIFT,
+    BAROMETER: blocks.BAROMETER_BIAS,
+    HEADING: blocks.HEADING_BIAS,
+}
+"""States that stand for the slow error of a measurement."""
+INSTABILITY = "bias instability"
+"""Last words of the names of the processes for which a filter may have states of their own."""
 
 
 class Constant(NamedTuple):
@@ -53,11 +64,14 @@ class Constant(NamedTuple):
         Initial error states for one standard deviation of each number, as many as the filter has.
     coupling : (c, 6, 6) array
         Maps angular rate and specific force in b to the errors of gyros and accelerometers.
+    estimate : (n, c) array
+        Part of the initial errors that is an estimate, of an alignment; the rest is minus the truth.
     """
 
     name: str
     start: FloatArray
     coupling: FloatArray
+    estimate: FloatArray
 
 
 class Process(NamedTuple):
@@ -68,9 +82,10 @@ class Process(NamedTuple):
     name
         Name of the source.
     channel
-        The disturbed measurement: `GYRO`, `ACCELEROMETER`, `GPS_POSITION` or `GPS_VELOCITY`.
+        The disturbed measurement, such as `GYRO` or `GPS_POSITION`.
     variance : (3,) array
-        Steady-state variance, body axes or north, east, down; for a random walk, its growth per second.
+        Steady-state variance, body axes or north, east, down; for a random walk, its growth per second. That
+        of a sensor with one number is the first one.
     time
         Correlation time [s]; 0 for white noise from sample to sample or fix to fix; infinite for a random
         walk.
@@ -108,7 +123,7 @@ def constants(experiment: ExperimentSettings, aligned: Aligned, names: Sequence[
     aligned
         The start of the navigator; an alignment reduces the errors before the flight to the remaining ones.
     names
-        The further blocks of the filter: those of the IMU.
+        The further blocks of the filter.
     """
     navigator, sensors = experiment.navigator, experiment.sensors
     found: list[Constant] = []
@@ -139,44 +154,68 @@ def constants(experiment: ExperimentSettings, aligned: Aligned, names: Sequence[
         found += sources
         if not aligning:
             found.append(coupled(f"{name} misalignment", own, own, imu.misalignment(errors)[None]))
-    found = [source._replace(start=aligned.kept @ source.start) for source in found]
-    noise = Constant("noise of the alignment", aligned.noise, np.zeros((aligned.noise.shape[1], 6, 6)))
+    estimated = aligned.kept - np.eye(len(STATES))
+    found = [
+        source._replace(start=aligned.kept @ source.start, estimate=estimated @ source.start)
+        for source in found
+    ]
+    uncoupled = np.zeros((aligned.noise.shape[1], 6, 6))
+    noise = Constant("noise of the alignment", aligned.noise, uncoupled, aligned.noise)
     found = [_with_room(source, names) for source in (*found, noise)]
     if aligning:
         found += [
             _of_block(f"{name} misalignment", names, block, -si(sensors.groups()[name], "misalignment"))
             for (name, *_), block in zip(triads, blocks.MISALIGNMENTS, strict=True)
         ]
+    found += _of_measurements(experiment, names)
     return [source for source in found if source.start.any() or source.coupling.any()]
 
 
 def _with_room(source: Constant, names: Sequence[str]) -> Constant:
     """Return a source with as many rows as a filter with some further blocks has states."""
-    start = np.zeros((blocks.count(names), source.start.shape[1]))
+    start, estimate = np.zeros((2, blocks.count(names), source.start.shape[1]))
     known = N + sum(blocks.block(name).size for name in names if name in blocks.SCALES)
-    start[:known] = source.start[:known]
-    return source._replace(start=start)
+    start[:known], estimate[:known] = source.start[:known], source.estimate[:known]
+    return source._replace(start=start, estimate=estimate)
+
+
+def _of_measurements(experiment: ExperimentSettings, names: Sequence[str]) -> list[Constant]:
+    """Return the constant errors of measurements for which the filter has states; these start at zero."""
+    sensors, navigator = experiment.sensors, experiment.navigator
+    arm, latency = si(sensors.gps, "lever_arm"), float(sensors.gps.latency)
+    odometer = sensors.odometer
+    found: dict[str, tuple[str, FloatArray]] = {
+        blocks.LEVER_ARM: ("GPS lever arm", assumed_lever_arm(navigator, arm) - arm),
+        blocks.LATENCY: ("GPS latency", np.array(assumed_latency(navigator, latency) - latency)),
+        blocks.BAROMETER_BIAS: ("barometer bias", -si(sensors.barometer, "bias_sigma")),
+        blocks.HEADING_BIAS: ("heading sensor bias", -si(sensors.heading, "bias_sigma")),
+        blocks.ODOMETER_SCALE: ("odometer scale factor", -si(odometer, "scale_factor_sigma")),
+    }
+    return [
+        _of_block(source, names, block, values) for block, (source, values) in found.items() if block in names
+    ]
 
 
 def _of_block(name: str, names: Sequence[str], block: str, values: FloatArray) -> Constant:
     """Return a source of initial errors of all states of a further block, given by their values."""
     start = np.zeros((blocks.count(names), 1))
     start[blocks.states_of(names, block), 0] = values
-    return Constant(name, start, np.zeros((1, 6, 6)))
+    return Constant(name, start, np.zeros((1, 6, 6)), np.zeros_like(start))
 
 
 def initial(name: str, block: slice, columns: FloatArray) -> Constant:
     """Return a source of initial errors, from (c, 3) values of one block of states."""
     start = np.zeros((len(STATES), columns.shape[0]))
     start[block] = columns.T
-    return Constant(name, start, np.zeros((columns.shape[0], 6, 6)))
+    return Constant(name, start, np.zeros((columns.shape[0], 6, 6)), np.zeros_like(start))
 
 
 def coupled(name: str, rows: slice, columns: slice, matrices: FloatArray) -> Constant:
     """Return a source proportional to rate or force, from (c, 3, 3) matrices."""
     coupling = np.zeros((matrices.shape[0], 6, 6))
     coupling[:, rows, columns] = matrices
-    return Constant(name, np.zeros((len(STATES), matrices.shape[0])), coupling)
+    none = np.zeros((len(STATES), matrices.shape[0]))
+    return Constant(name, none, coupling, none)
 
 
 def processes(experiment: ExperimentSettings, ideal: IdealImu, duration: float) -> list[Process]:
@@ -203,7 +242,7 @@ def processes(experiment: ExperimentSettings, ideal: IdealImu, duration: float) 
         size = np.sqrt(squares / len(increments)) / ideal.dt
         found += [
             Process(f"{name} white noise", channel, si(errors, "noise_density") ** 2 / ideal.dt),
-            Process(f"{name} bias instability", channel, instability, time),
+            Process(f"{name} {INSTABILITY}", channel, instability, time),
             *flicker(f"{name} flicker", channel, si(errors, "flicker"), ideal.dt, duration),
             Process(f"{name} random walk", channel, walk, np.inf, settled=False),
             Process(f"{name} quantisation", channel, rounding(errors, ideal.dt)),
@@ -212,7 +251,28 @@ def processes(experiment: ExperimentSettings, ideal: IdealImu, duration: float) 
     vibration = si(sensors.accelerometer, "vibration_density") ** 2 / ideal.dt
     found.append(Process("vibration", ACCELEROMETER, vibration))
     found.append(Process("vibration", GYRO, si(sensors.gyro, "g_sensitivity") ** 2 * vibration))
-    return [source for source in (*found, *_of_fixes(experiment)) if source.variance.any()]
+    found += [*_of_fixes(experiment), *_of_sensors(experiment)]
+    return [source for source in found if source.variance.any()]
+
+
+def _of_sensors(experiment: ExperimentSettings) -> list[Process]:
+    """Return the random errors of the fitted sensors with one number."""
+    found = []
+    for sensor, channel in SENSOR_CHANNELS.items():
+        errors = experiment.sensors.groups()[sensor]
+        if not errors.get("fitted"):
+            continue
+        name = "heading sensor" if sensor == "heading" else sensor
+        found.append(Process(f"{name} noise", channel, _first(si(errors, "noise") ** 2)))
+        if channel in SLOW_ERRORS:
+            drift, time = _first(si(errors, "drift_sigma") ** 2), float(si(errors, "correlation_time"))
+            found.append(Process(f"{name} drift", channel, drift, time))
+    return found
+
+
+def _first(variance: FloatArray) -> FloatArray:
+    """Return the variance (3,) of a sensor with one number."""
+    return np.array([float(variance), 0.0, 0.0])
 
 
 def _of_fixes(experiment: ExperimentSettings) -> list[Process]:

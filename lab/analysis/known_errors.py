@@ -2,7 +2,7 @@
 
 Each is the difference of two simulations, with and without the error: temperature, g-sensitivity and
 bandwidth alone on the true flight; saturation, and quantisation steps coarser than the noise, in the run
-itself; latency and lever arm in the fixes.
+itself; latency and lever arm in the fixes; the motion against which a condition holds, such as zero velocity.
 """
 
 from __future__ import annotations
@@ -16,8 +16,10 @@ from scipy.spatial.transform import Rotation
 from lab import earth, ecef
 from lab.analysis.error_sources import rounding
 from lab.east_north_up import east_north_up
+from lab.navigation.aids import FORWARD, MAGNETIC, NORTHWARD
 from lab.navigation.belief import assumed_latency, assumed_lever_arm
-from lab.rotation import C_nb_from_euler
+from lab.navigation.blocks import LATENCY, LEVER_ARM
+from lab.rotation import C_nb_from_euler, wrap
 from lab.run import Run
 from lab.sensors import gps, imu
 from lab.sensors import temperature as thermal
@@ -49,6 +51,8 @@ class Series(NamedTuple):
         [rad/s], [m/s²].
     fixes : (m, 6) array
         Errors of the fixes, position and velocity, north, east, down [m], [m/s].
+    aids : (a,) array
+        Errors of the measurements besides GPS, in SI units.
     is_bias
         Whether the true bias includes it.
     """
@@ -56,13 +60,15 @@ class Series(NamedTuple):
     name: str
     inertial: FloatArray
     fixes: FloatArray
+    aids: FloatArray
     is_bias: bool = False
 
 
 def known_errors(run: Run) -> list[Series]:
     """Return the known errors of a run that are not zero."""
-    found = [*_of_triad(run, 0, "gyro"), *_of_triad(run, 1, "accelerometer"), *_of_fixes(run)]
-    return [source for source in found if source.inertial.any() or source.fixes.any()]
+    triads = [*_of_triad(run, 0, "gyro"), *_of_triad(run, 1, "accelerometer")]
+    found = [*triads, *_of_fixes(run), *_of_aids(run)]
+    return [source for source in found if any(part.any() for part in source[1:4])]
 
 
 def _of_triad(run: Run, number: int, name: str) -> list[Series]:
@@ -84,7 +90,8 @@ def _of_triad(run: Run, number: int, name: str) -> list[Series]:
     def add(source: str, difference: FloatArray, is_bias: bool = False) -> None:
         inertial = np.zeros((true.shape[0], 6))
         inertial[:, 3 * number : 3 * number + 3] = -difference / ideal.dt
-        found.append(Series(f"{name} {source}", inertial, np.zeros((run.fixes.time.size, 6)), is_bias))
+        none = np.zeros((run.fixes.time.size, 6)), np.zeros(run.aids.time.size)
+        found.append(Series(f"{name} {source}", inertial, *none, is_bias))
 
     environment = imu.Environment(temperature, ideal.dvelocity)
     for source, term in TERMS.items():
@@ -146,10 +153,13 @@ _NONE = imu.ImuDraws(*(np.zeros(3),) * 3, *(np.zeros((0, 3)),) * 3, np.zeros((1,
 
 
 def _of_fixes(run: Run) -> list[Series]:
-    """Return the errors of the fixes due to latency and lever arm."""
+    """Return the errors of the fixes due to latency and lever arm, for which the filter has no states."""
     errors, fixes, navigator = run.experiment.sensors.gps, run.fixes, run.experiment.navigator
-    latency = assumed_latency(navigator, errors.latency)
-    told = assumed_lever_arm(navigator, si(errors, "lever_arm"))
+    latency, told = float(errors.latency), si(errors, "lever_arm")
+    if LATENCY not in run.blocks:
+        latency = assumed_latency(navigator, latency)
+    if LEVER_ARM not in run.blocks:
+        told = assumed_lever_arm(navigator, told)
     is_told = latency == errors.latency and np.array_equal(told, si(errors, "lever_arm"))
     if not fixes.time.size or is_told:
         return []
@@ -163,12 +173,45 @@ def _of_fixes(run: Run) -> list[Series]:
         ],
         axis=1,
     )
-    no_inertial = np.zeros((run.time.size - 1, 6))
+    no_inertial, no_aids = np.zeros((run.time.size - 1, 6)), np.zeros(run.aids.time.size)
     moved = moved - _moved(run, fixes.time - latency) - _lever_arm(run, fixes.time - latency, told)
     arm = _lever_arm(run, fixes.time - errors.latency, si(errors, "lever_arm") - told)
     parts = {"GPS lever arm": arm, "GPS latency": moved - arm}
     apart = {"GPS lever arm": bool(arm.any()), "GPS latency": latency != errors.latency}
-    return [Series(name, no_inertial, part) for name, part in parts.items() if apart[name]]
+    return [Series(name, no_inertial, part, no_aids) for name, part in parts.items() if apart[name]]
+
+
+def _of_aids(run: Run) -> list[Series]:
+    """Return the errors of measurements besides GPS that flight and settings determine.
+
+    A condition measures zero, so its error is minus the true speed. That of a magnetometer is the difference
+    of the declinations.
+    """
+    time, kind, value = run.aids.time, run.aids.kind, run.aids.value
+    if not time.size:
+        return []
+    truth, ideal = run.true_flight("budget")
+    at = np.clip(np.round((time - run.time[0]) / ideal.dt).astype(np.int64), 1, ideal.dtheta.shape[0])
+    C_nb = C_nb_from_euler(truth.taken(at).euler)
+    velocity = truth.velocity_n[at].astype(np.float64)
+    rate = ideal.dtheta[at - 1].astype(np.float64) / ideal.dt
+    of_place = np.einsum("aij,ai->aj", C_nb, velocity) + np.cross(rate, run.aids.place)
+    slip, motion, declination = np.zeros((3, time.size))
+    for errors, first, speeds in ((slip, FORWARD, of_place), (motion, NORTHWARD, velocity)):
+        for axis in range(3):
+            those = kind == first + axis
+            if first + axis != FORWARD:
+                errors[those] = value[those] - speeds[those, axis]
+    magnetic = kind == MAGNETIC
+    if magnetic.any():
+        declination[magnetic] = wrap(value[magnetic] - run.readings["heading"].value)
+    found = {
+        "vehicle slip": slip,
+        "vehicle motion at rest": motion,
+        "heading sensor declination": declination,
+    }
+    no_inertial, no_fixes = np.zeros((run.time.size - 1, 6)), np.zeros((run.fixes.time.size, 6))
+    return [Series(name, no_inertial, no_fixes, errors) for name, errors in found.items()]
 
 
 def _moved(run: Run, times: FloatArray) -> FloatArray:

@@ -18,13 +18,14 @@ from numpy.typing import NDArray
 from lab.analysis.budget import (
     believed_sigma,
     check_gains,
-    epochs_of,
     quantities,
     sigma_of_quantities,
 )
+from lab.analysis.gains import epochs_of
 from lab.navigation import strapdown
-from lab.navigation.error_models import ErrorModel, with_blocks
+from lab.navigation.error_models import ErrorModel
 from lab.navigation.filter import Filter
+from lab.navigation.further_columns import with_blocks
 from lab.navigation.navigator import advance, freely
 from lab.navigation.schedule import EVERY_FIX
 from lab.navigation.solution import Fixes, Imu, Solution, Start
@@ -188,11 +189,11 @@ def observability(run: Run) -> xr.Dataset:
     Returns
     -------
     xr.Dataset
-        ``sigma`` and ``free`` (time, quantity): σ according to the filter, and σ without any fix, in the
-        `unit` of the quantity. ``reduction`` (segment, quantity): natural logarithm of σ at the start of a
-        manoeuvre over σ at its end, both after the last fix; negative if σ grew. ``share`` (segment,
-        quantity): share of the sum of all reductions [%]. Coordinates `start` and `end` of the segments [s].
-        The times are those of the error budget.
+        ``sigma`` and ``free`` (time, quantity): σ according to the filter, and σ without any measurement, in
+        the `unit` of the quantity. ``reduction`` (segment, quantity): natural logarithm of σ at the start of
+        a manoeuvre over σ at its end, both after the last measurement; negative if σ grew. ``share``
+        (segment, quantity): share of the sum of all reductions [%]. Coordinates `start` and `end` of the
+        segments [s]. The times are those of the error budget.
 
     Raises
     ------
@@ -204,10 +205,10 @@ def observability(run: Run) -> xr.Dataset:
     check_gains(run)
     units = quantities(run.blocks)
     epochs = epochs_of(run)
-    kept = epochs.sample[epochs.last]
+    kept = epochs.sample[epochs.shown]
     found = manoeuvres(run.flown)
     edges = np.array([*(stretch.start for stretch in found), found[-1].end])
-    at = np.append(0, epochs.sample[epochs.fix >= 0])
+    at = np.append(0, epochs.sample[(epochs.fix >= 0) | (epochs.aid >= 0)])
     sigma = believed_sigma(run, kept)
     known = believed_sigma(run, at[np.searchsorted(run.time[at], edges, side="right") - 1])
     known = np.log(np.maximum(known, np.finfo(float).tiny))  # a certain quantity has no reduction

@@ -15,14 +15,13 @@ P. D. Groves, *Principles of GNSS, Inertial and Multisensor Integrated Navigatio
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from lab import earth
-from lab.navigation.compilation import SOURCES, entry_kernel, inline_kernel, kernel
+from lab.navigation.compilation import entry_kernel, inline_kernel, kernel
 from lab.navigation.error_models import A, B, G, P, V, gravity_gradient, skew
 from lab.navigation.strapdown import cross, get, gravity, matrix, plus, radii, rotate
 
@@ -98,8 +97,10 @@ class Transition(NamedTuple):
     ----------
     navigation : (9, 9) array
         Response to themselves.
-    bias, fading : (9, 6) arrays
-        Response to bias errors: constant, and decaying as in the filter.
+    bias : (9, 6) array
+        Response to constant bias errors.
+    fading : (9, b) array
+        Response to errors that act as those of the biases, and decay as states of the filter do.
     coupled : (9, 6, 6) array
         Response to errors of gyros and accelerometers that are proportional to a component of rate or force.
     process : (p, 9, 3) array
@@ -123,12 +124,12 @@ class Transition(NamedTuple):
     driven: FloatArray
 
     @classmethod
-    def empty(cls, processes: int, known: int = 0) -> Transition:
-        """Allocate arrays for a number of processes and of known errors."""
+    def empty(cls, processes: int, known: int = 0, fading: int = BIASES) -> Transition:
+        """Allocate arrays for a number of processes, of known errors and of states that decay."""
         return cls(
             np.zeros((NAV, NAV)),
             np.zeros((NAV, BIASES)),
-            np.zeros((NAV, BIASES)),
+            np.zeros((NAV, fading)),
             np.zeros((NAV, BIASES, BIASES)),
             np.zeros((processes, NAV, 3)),
             np.zeros((processes, NAV, NAV)),
@@ -196,10 +197,11 @@ def _respond(flight: Flight, k: int, F: FloatArray, fade: FloatArray, r: FloatAr
                 total += L[i, m] * F[m, NAV + j]
             r[i, j] = dt * total
             out.bias[i, j] += r[i, j]
-            out.fading[i, j] = r[i, j] + fade[j] * out.fading[i, j]
             for a in range(3):
                 out.coupled[i, j, a] += total * flight.dtheta[k, a]
                 out.coupled[i, j, 3 + a] += total * flight.dvelocity[k, a]
+        for b in range(fade.size):
+            out.fading[i, b] = r[i, b % BIASES] + fade[b] * out.fading[i, b]
         for j in range(NAV):
             total = 0.0
             for m in range(NAV):
@@ -225,54 +227,42 @@ def _drive(p: int, channel: int, decay: float, drive: FloatArray, r: FloatArray,
     out.power[p] *= decay
 
 
-def _compile(
-    sources: str,
-) -> Callable[[Flight, int, int, FloatArray, Processes, FloatArray, Transition], None]:
-    """Compile the transition over an interval."""
+@entry_kernel
+def transition(
+    flight: Flight,
+    first: int,
+    last: int,
+    fade: FloatArray,
+    processes: Processes,
+    known: FloatArray,
+    out: Transition,
+) -> None:
+    """Write the transition from sample `first` to sample `last` of a flight.
 
-    @entry_kernel
-    def transition(
-        flight: Flight,
-        first: int,
-        last: int,
-        fade: FloatArray,
-        processes: Processes,
-        known: FloatArray,
-        out: Transition,
-    ) -> None:
-        """Write the transition from sample `first` to sample `last` of a flight.
-
-        Parameters
-        ----------
-        flight
-            The flight.
-        first, last
-            First and last sample of the interval; equal samples give the transition over no time.
-        fade : (6,) array
-            The filter's decay of the biases in one sample.
-        processes
-            Random errors of the IMU.
-        known : (s, n, 6) array
-            Known errors of the IMU in each sample, as errors of the bias estimates.
-        out
-            Receives the transition.
-        """
-        _ = sources
-        F = np.zeros((N, N))
-        r = np.zeros((NAV, BIASES))
-        _clear(out)
-        for k in range(last - 1, first - 1, -1):
-            _write(flight, k, F)
-            _respond(flight, k, F, fade, r, out)
-            for p in range(processes.decay.size):
-                _drive(p, processes.channel[p], processes.decay[p], processes.drive[p], r, out)
-            for s in range(known.shape[0]):
-                for i in range(NAV):
-                    for j in range(BIASES):
-                        out.driven[s, i] += r[i, j] * known[s, k, j]
-
-    return transition
-
-
-transition = _compile(SOURCES)
-"""The compiled kernel: ``transition(flight, first, last, fade, processes, known, out)``."""
+    Parameters
+    ----------
+    flight
+        The flight.
+    first, last
+        First and last sample of the interval; equal samples give the transition over no time.
+    fade : (b,) array
+        The filter's decay in one sample of the biases, and of further states that act as these do.
+    processes
+        Random errors of the IMU.
+    known : (s, n, 6) array
+        Known errors of the IMU in each sample, as errors of the bias estimates.
+    out
+        Receives the transition.
+    """
+    F = np.zeros((N, N))
+    r = np.zeros((NAV, BIASES))
+    _clear(out)
+    for k in range(last - 1, first - 1, -1):
+        _write(flight, k, F)
+        _respond(flight, k, F, fade, r, out)
+        for p in range(processes.decay.size):
+            _drive(p, processes.channel[p], processes.decay[p], processes.drive[p], r, out)
+        for s in range(known.shape[0]):
+            for i in range(NAV):
+                for j in range(BIASES):
+                    out.driven[s, i] += r[i, j] * known[s, k, j]

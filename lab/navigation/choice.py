@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from lab.navigation import navigator, unscented
 from lab.navigation.belief import chosen_blocks, is_aided
-from lab.navigation.error_models import ErrorModel, with_blocks
+from lab.navigation.error_models import ErrorModel
+from lab.navigation.further_columns import with_blocks
 from lab.navigation.settings import NavigatorSettings
 from lab.navigation.wander_models import linear_model
 from lab.sensors.suite import SensorSuite

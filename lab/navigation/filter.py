@@ -10,8 +10,8 @@ from scipy.spatial.transform import Rotation
 
 from lab.navigation import blocks, frames, own_room, strapdown, wander
 from lab.navigation.aids import NO_AIDS, Aids
-from lab.navigation.compilation import interpreted
 from lab.navigation.error_models import PHI, ErrorModel
+from lab.navigation.generation import interpreted
 from lab.navigation.kalman import MEASUREMENTS
 from lab.navigation.lever_arm import NO_TURNS
 from lab.navigation.propagation import NAV, layout
@@ -31,7 +31,7 @@ class Filter(NamedTuple):
     F: FloatArray
     F_sum: FloatArray  # of F dt since P was last propagated
     F_step: FloatArray  # transition of the errors over the sum
-    T: FloatArray  # derivative of the errors with respect to the model's own
+    T: FloatArray  # derivative of the errors with respect to the model's own; the unit matrix of `phi`
     counts: NDArray[np.int64]  # next fix; samples since P was last propagated; next of the aids
     clock: FloatArray  # of the last feedback correction; seconds since P was last propagated; of the last fix
     streak: FloatArray  # of implausible fixes, see `kalman.stands_out`
@@ -83,7 +83,7 @@ class Filter(NamedTuple):
             np.zeros((n, n)),
             np.zeros((n, n)),
             np.zeros((n, n)),
-            np.zeros((NAV, NAV)),
+            np.eye(NAV),
             np.zeros(3, dtype=np.int64),
             np.array([time, 0.0, time]),
             np.zeros(2 + MEASUREMENTS),

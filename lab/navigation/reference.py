@@ -22,7 +22,7 @@ from lab import earth
 from lab.navigation import blocks, own_room, strapdown
 from lab.navigation.aids import FORWARD, NO_AIDS, Aids
 from lab.navigation.blocks import LEVER_ARM
-from lab.navigation.driver import bend_estimate
+from lab.navigation.correction import bend_estimate
 from lab.navigation.error_models import (
     ATT,
     GYRO_BIAS,
@@ -201,14 +201,17 @@ def _use_aid(
         return
     z, row = see_aid(state, aids, a, age, dt, model.blocks)
     as_biases(state, row[None], model.blocks)
-    H, R = row[None] @ model.map(state), np.array([[aids.variance[a]]])
+    T = model.map(state)
+    H, R = row[None] @ T, np.array([[aids.variance[a]]])
     if aids.kind[a] == FORWARD:
         excess = bent_speed(state, kalman.P[ATT, ATT], in_body=model.in_body)
         z, R = z - excess, R + 2 * excess**2
     out.aid_innovation[a] = z - float((H @ kalman.x)[0])
     out.aid_variance[a] = float((H @ kalman.P @ H.T + R)[0, 0])
+    out.aid_H[a] = row
     if out.aid_innovation[a] ** 2 > schedule.aid_gate * out.aid_variance[a]:
         return
+    out.aid_gain[a] = T @ kalman.P @ H[0] / out.aid_variance[a]
     _update(kalman, np.array([z]), H, R)
     out.aid_sample[a] = k + 1
     feedback.apply(state, kalman, time, dt)

@@ -234,6 +234,9 @@ class Solution(NamedTuple):
         those that are outside the IMU data.
     aid_sample : (a,) array
         Sample after which each was used; −1 for those that are outside the IMU data or rejected.
+    aid_H, aid_gain : (a, states) arrays
+        Row of H of each, and the gain with which it was used, for errors in north, east, down; NaN where the
+        filter has none: not used, or by a nonlinear filter.
     """
 
     position: FloatArray
@@ -256,6 +259,8 @@ class Solution(NamedTuple):
     aid_innovation: FloatArray
     aid_variance: FloatArray
     aid_sample: NDArray[np.int64]
+    aid_H: FloatArray
+    aid_gain: FloatArray
 
     @property
     def states(self) -> int:
@@ -329,4 +334,6 @@ class Solution(NamedTuple):
             aid_innovation=np.full(aids, np.nan),
             aid_variance=np.full(aids, np.nan),
             aid_sample=np.full(aids, -1, dtype=np.int64),
+            aid_H=np.full((aids, states), np.nan),
+            aid_gain=np.full((aids, states), np.nan),
         )

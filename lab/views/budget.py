@@ -33,6 +33,10 @@ FAMILIES = {
     ),
     "vibration": ("#c9b22f",),
     "GPS": ("#e8862e", "#f3b27a", "#b85f12", "#f8d2b0", "#8a470d", "#d9772a"),
+    "barometer": ("#7e57c2", "#a78bda", "#cfc0ec"),
+    "heading": ("#c2477f", "#dd86ad", "#f0c2d6", "#8c2f5b"),
+    "odometer": ("#4aa3a8", "#93cdd0"),
+    "vehicle": ("#8d6e63", "#bcaaa4"),
 }
 """Colours of the sources, by the first word of their names."""
 

@@ -70,6 +70,7 @@ def at_rest(seconds: float, fixes: Sequence[int] = (), gain: float = 0.0) -> Sim
             fix_sample=np.array(fixes, dtype=np.int64),
             fix_H=np.tile(np.eye(6, 15), (len(fixes), 1, 1)),
             fix_R=np.tile(np.eye(6), (len(fixes), 1, 1)),
+            aid_sample=np.zeros(0, dtype=np.int64),
             states=15,
             position=np.tile([LATITUDE, -2.0, 0.0], (n + 1, 1)),
             velocity_n=np.zeros((n + 1, 3)),
@@ -88,7 +89,8 @@ def sigmas(
     result: SimpleNamespace, constants: Iterable[Constant] = (), processes: Iterable[Process] = ()
 ) -> dict[str, np.ndarray]:
     """Return σ in time of each quantity, in SI units, of all sources together."""
-    constants = [*constants] or [Constant("none", np.zeros((15, 1)), np.zeros((1, 6, 6)))]
+    none = np.zeros((15, 1))
+    constants = [*constants] or [Constant("none", none, np.zeros((1, 6, 6)), none)]
     constants = [source._replace(start=source.start[:15]) for source in constants]
     epochs = budget.epochs_of(result)
     variance = budget._Propagation(result, constants, list(processes)).run(epochs)
@@ -225,6 +227,16 @@ SCALE_STATES = (
     "sensors.accelerometer.scale_factor_sigma=0.02",
 )
 
+OTHERS = (
+    *("sensors.barometer.fitted=true", "sensors.heading.fitted=true", "sensors.odometer.fitted=true"),
+    *("sensors.barometer.noise=0.003", "sensors.heading.noise=0.01", "sensors.odometer.noise=0.001"),
+    *("sensors.barometer.bias_sigma=0.05", "sensors.barometer.drift_sigma=0"),
+    *("sensors.heading.bias_sigma=0", "sensors.heading.drift_sigma=0.02"),
+    *("sensors.heading.correlation_time=60", "sensors.odometer.scale_factor_sigma=0.01"),
+    *("sensors.odometer.lever_arm=[-1.2,0.3,0.5]", "trajectory.imu_rate=50"),
+)
+"""Other sensors as good, with a constant, a drifting and a scale error, each of which has its state."""
+
 
 @pytest.mark.parametrize(
     "more",
@@ -237,6 +249,8 @@ SCALE_STATES = (
         ("navigator.alignment=20",),
         SCALE_STATES,
         (*SCALE_STATES, "navigator.alignment=20"),
+        OTHERS,
+        (*OTHERS, "navigator.correction_period=20"),
     ],
 )
 def test_of_a_matched_filter_all_sources_sum_to_its_own_covariance(more: tuple[str, ...]) -> None:
@@ -261,14 +275,14 @@ def test_one_misalignment_with_a_state_acts_as_the_filter_believes() -> None:
         assert last < 0.5 * first
 
 
-def test_gauss_markov_biases_of_a_matched_feedforward_filter_sum_to_its_covariance() -> None:
-    """Feedforward, since in feedback the navigator keeps a bias that the filter believes to fade."""
+@pytest.mark.parametrize("correction", ["feedback", "feedforward"])
+def test_gauss_markov_biases_of_a_matched_filter_sum_to_its_covariance(correction: str) -> None:
     processes = [
         *("sensors.gyro.bias_sigma=0", "sensors.accelerometer.bias_sigma=0"),
         *("sensors.gyro.instability=3", "sensors.accelerometer.instability=0.02"),
         *("sensors.gyro.correlation_time=60", "sensors.accelerometer.correlation_time=20"),
     ]
-    found = error_budget(made(*SMALL, *processes, "navigator.correction=feedforward").run())
+    found = error_budget(made(*SMALL, *processes, f"navigator.correction={correction}").run())
     assert np.allclose(found.total / found.believed, 1, atol=5e-3)
 
 
@@ -292,7 +306,15 @@ def test_an_outage_has_epochs_and_growing_errors() -> None:
 def final_errors(result: Result) -> np.ndarray:
     """Return the errors of all states at the end, in the order and units of the budget's quantities."""
     end = np.array([result.time.size - 1])
-    x = error_state(result.solution_arrays, end, result.truth_arrays, result.true_bias, result.true_scale)
+    solution = result.solution_arrays
+    x = error_state(
+        solution,
+        end,
+        result.truth_arrays,
+        result.true_bias,
+        result.true_scale,
+        result.true_further() if solution.further.size else None,
+    )
     angles = wrap(result.euler[-1] - result.truth_arrays.euler[-1])
     return np.concatenate((east_north_up(x[:, POS])[0], east_north_up(x[:, VEL])[0], angles, x[0, 9:])) / [
         TO_SI[unit] for unit in budget.quantities(result.blocks).values()
@@ -313,6 +335,12 @@ def monte_carlo(seeds: int, *assignments: str, mission: str = "montreal") -> np.
 
 RATE = "trajectory.imu_rate=50"
 """A low rate for many runs: budget and runs then have the same one."""
+BAD = (
+    *("sensors.barometer.noise=1", "sensors.heading.noise=0.5", "sensors.odometer.noise=0.3"),
+    *("sensors.barometer.bias_sigma=3", "sensors.heading.drift_sigma=0.5"),
+    "sensors.odometer.scale_factor_sigma=0.5",
+)
+"""Errors of usual other sensors."""
 ONE_PERCENT = (
     "navigator.states=21",
     "sensors.gyro.scale_factor_sigma=1",
@@ -323,8 +351,13 @@ ONE_PERCENT = (
 
 @pytest.mark.parametrize(
     "assignments",
-    [(RATE,), (RATE, "navigator.r_scale=100"), (*ONE_PERCENT, "navigator.p0_scale=0.3")],
-    ids=["matched", "wrong R", "21 states, wrong P0"],
+    [
+        (RATE,),
+        (RATE, "navigator.r_scale=100"),
+        (*ONE_PERCENT, "navigator.p0_scale=0.3"),
+        (*OTHERS, *BAD, "navigator.aiding_scale=30"),
+    ],
+    ids=["matched", "wrong R", "21 states, wrong P0", "other sensors, wrong noise"],
 )
 def test_the_total_is_that_of_200_runs(assignments: tuple[str, ...]) -> None:
     found = error_budget(made(*assignments).run()).isel(time=-1)

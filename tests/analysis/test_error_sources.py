@@ -12,6 +12,7 @@ import pytest
 from lab.analysis.budget import error_budget
 from lab.experiment import Experiment
 from lab.navigation.belief import belief
+from lab.sensors.suite import OTHER_SENSORS, TRIADS
 from lab.settings import Settings
 from lab.stages import CACHE
 
@@ -44,6 +45,19 @@ def alone(seed: int = 1, **errors: object) -> Experiment:
     return experiment
 
 
+FITTED = {
+    **{f"sensors__{name}__fitted": True for name in OTHER_SENSORS},
+    **{f"sensors__{name}__bias_sigma": 0.0 for name in ("barometer", "heading")},
+    "sensors__barometer__drift_sigma": 0.0,
+    "sensors__odometer__scale_factor_sigma": 0.0,
+    "sensors__barometer__noise": 3e-4,
+    "sensors__heading__noise": 1e-3,
+    "sensors__odometer__outages": [(0.0, 1000.0)],
+    "navigator__aiding_scale": 1e6,
+}
+"""All other sensors, almost without errors, of which the filter assumes usual ones. The odometer has a state
+but no readings: the filter corrects them for an uncertain heading, which is certain here."""
+
 GIVEN = {
     "gyro turn-on bias, given": {"sensors__gyro__bias": (0.02, -0.01, 0.03)},
     "accelerometer turn-on bias, given": {"sensors__accelerometer__bias": (1.0, 0.5, -2.0)},
@@ -69,6 +83,12 @@ GIVEN = {
     "gyro range": {"sensors__gyro__range": 10.0},
     "accelerometer range": {"sensors__accelerometer__range": 1.1},
     "gyro quantisation": {"sensors__gyro__quantisation": 0.05},
+    "vehicle slip": {**FITTED, "navigator__no_slip": True, "navigator__slip_sigma": (3e-3, 3e-3)},
+    "heading sensor declination": {
+        **FITTED,
+        "sensors__heading__source": "magnetometer",
+        "sensors__heading__declination": 11.8,
+    },
 }
 
 
@@ -196,16 +216,18 @@ NEEDS = {
     "sensors.gps.outlier_size": {"sensors.gps.outlier_rate": 0.1},
     "sensors.gps.quality_factor": {"sensors.gps.quality_steps": [(20, 40)]},
     "sensors.gps.correlation_time": {"sensors.gps.correlated_sigma": 1.0},
-    **{
-        f"sensors.{triad}.correlation_time": {f"sensors.{triad}.instability": 1.0}
-        for triad in ("gyro", "accelerometer")
-    },
+    **{f"sensors.{triad}.correlation_time": {f"sensors.{triad}.instability": 1.0} for triad in TRIADS},
+    "sensors.heading.correlation_time": {"sensors.heading.drift_sigma": 1.0},
+    "sensors.heading.declination": {"sensors.heading.source": "magnetometer"},
 }
+"""Other settings without which a setting has no effect."""
 VALUES = {
     "sensors.gyro.range": 5.0,
     "sensors.accelerometer.range": 1.05,
     "sensors.gps.outages": [(20, 30)],
     "sensors.gps.quality_steps": [(20, 40)],
+    **{f"sensors.{sensor}.outages": [(20, 100)] for sensor in OTHER_SENSORS},
+    "sensors.heading.declination": 20.0,
 }
 
 
@@ -239,6 +261,22 @@ SOURCES = {
     "outlier_size": "GPS outliers",
     "quality_steps": "GPS position noise",
     "quality_factor": "GPS position noise",
+    **{
+        f"{sensor}.{setting}": f"{named} {source}"
+        for sensor, named in (
+            ("barometer", "barometer"),
+            ("heading", "heading sensor"),
+            ("odometer", "odometer"),
+        )
+        for setting, source in {
+            **dict.fromkeys(("noise", "period", "outages"), "noise"),
+            "bias_sigma": "bias",
+            "scale_factor_sigma": "scale factor",
+            "drift_sigma": "drift",
+            "correlation_time": "drift",
+        }.items()
+    },
+    "heading.declination": "heading sensor declination",
 }
 """Source of the budget in which a setting shows, by its name; of a triad with the triad's."""
 LEAST = 0.01
@@ -265,7 +303,9 @@ def filter_of_its_own() -> Iterator[dict[str, object]]:
     [
         leaf
         for leaf in Experiment().sensors.leaves("sensors.")
-        if leaf[0].split(".")[1] in ("gyro", "accelerometer", "gps")  # with other sensors it is refused
+        if leaf[0].split(".")[1] in (*TRIADS, "gps")
+        # The filter knows where the odometer is, and another kind of sensor has no error of its own.
+        or (leaf[0].split(".")[1] in OTHER_SENSORS and leaf[2] not in ("fitted", "source", "lever_arm"))
     ],
     ids=lambda part: part if isinstance(part, str) and part.startswith("sensors.") else "",
 )
@@ -278,13 +318,16 @@ def test_no_setting_of_a_sensor_is_left_out_silently(
         experiment.set("trajectory.imu_rate", RATE)
         for setting, value in {**filter_of_its_own, **NEEDS.get(path, {})}.items():
             experiment.set(setting, value)
+        for sensor in OTHER_SENSORS if path.split(".")[1] in OTHER_SENSORS else ():
+            experiment.set(f"sensors.{sensor}.fitted", True)
     declaration = owner.param[name]
     high = (getattr(declaration, "softbounds", None) or (0, 1))[1]
     after.set(path, VALUES.get(path, 0.4 * high))
     found = [error_budget(experiment.run()).isel(time=-1) for experiment in (before, after)]
     assert found[1].attrs["left_out"] == ""
     group = path.split(".")[1]
-    source = SOURCES.get(f"{group}.{name}", SOURCES[name]).format(group)
+    own = f"{group}.{name}"
+    source = SOURCES[own if own in SOURCES else name].format(group)
     sigma = [
         one.sigma.sel(source=source).values if source in one.source else np.zeros(one.total.shape)
         for one in found

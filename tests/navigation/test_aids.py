@@ -11,13 +11,18 @@ import pytest
 from lab import Experiment
 from lab.analysis.finding import Change
 from lab.analysis.trial import advised
+from lab.memory import bytes_per_aid
 from lab.navigation import aids, blocks, strapdown
+from lab.navigation.aiding import KINDS, aids_of, most_aids
 from lab.navigation.blocks import BLOCKS, count, first_state, in_order, places
-from lab.navigation.error_models import MODELS, with_blocks
+from lab.navigation.error_models import MODELS
+from lab.navigation.further_columns import with_blocks
 from lab.navigation.observation import north_axes
+from lab.navigation.solution import Imu, Solution
 from lab.rotation import wrap
 from lab.run import ResultError
 from lab.seeds import run_ensemble
+from lab.sensors.readings import Readings
 from lab.settings import SettingError
 
 RATE = 50.0
@@ -50,6 +55,26 @@ def test_blocks_follow_each_other_in_one_order() -> None:
     assert len(set(places(names))) == len(places(names)) == count(names) - 9
     assert min(places(names)) == strapdown.GYRO_BIAS
     assert max(places(names)) < strapdown.SINE
+
+
+def test_memory_of_measurements_is_counted() -> None:
+    made, duration, period = Experiment(), 600.0, 0.4
+    for name in KINDS:
+        made.set(f"sensors.{name}.fitted", True)
+        made.set(f"sensors.{name}.period", period)
+    made.set("navigator.no_slip", True)
+    made.set("navigator.zero_velocity", True)
+    time = np.arange(1.0, duration / period + 1) * period
+    readings = {name: Readings(time, np.zeros(time.size), np.full(time.size, np.nan)) for name in KINDS}
+    imu_time = np.arange(0.0, duration + 0.1, 0.1)
+    imu = Imu(imu_time, *np.zeros((2, imu_time.size - 1, 3)))
+    standing = np.ones(imu_time.size - 1, np.bool_)
+    found = aids_of(made.sensors, made.navigator, readings, imu, standing)
+    most = most_aids(made.sensors, made.navigator, duration)
+    assert found.time.size <= most < 1.01 * found.time.size
+    solution = Solution.empty(0, 0, ("barometer bias",), aids=found.time.size)
+    arrays = [*found[:5], *(getattr(solution, name) for name in Solution.__annotations__ if "aid" in name)]
+    assert bytes_per_aid(solution.states) * found.time.size == sum(array.nbytes for array in arrays)
 
 
 def state_at(rng: np.random.Generator) -> np.ndarray:
@@ -171,6 +196,8 @@ def test_compiled_and_filterpy_agree(settings: dict[str, Any], model: str, rate:
         assert np.nanmax(np.abs(found - expected) / scale, initial=0.0) < 1e-9, part
     np.testing.assert_allclose(a.aid_innovation, b.aid_innovation, rtol=1e-7, atol=1e-9)
     np.testing.assert_allclose(a.aid_variance, b.aid_variance, rtol=1e-9)
+    for found, expected in ((a.aid_H, b.aid_H), (a.aid_gain, b.aid_gain)):
+        np.testing.assert_allclose(found, expected, rtol=1e-6, atol=1e-9 * np.nanmax(np.abs(expected)))
 
 
 def test_a_model_with_the_same_number_of_other_states_is_another_one() -> None:
@@ -185,12 +212,9 @@ def test_sigma_points_refuse_other_sensors() -> None:
         experiment(sensors__barometer__fitted=True, navigator__model="nonlinear").run()
 
 
-def test_what_follows_imu_and_gps_alone_refuses_further_states() -> None:
-    result = of(ALL).run()
-    with pytest.raises(SettingError, match=r"accepted here are navigator\.states"):
-        _ = result.budget
+def test_identification_refuses_further_states() -> None:
     with pytest.raises(ResultError, match="accepted are none"):
-        result.identify()
+        of(ALL).run().identify()
 
 
 def test_the_verdict_names_measurements_with_another_noise_than_assumed() -> None:

@@ -1,0 +1,135 @@
+"""Gains: the measurements that a filter used, with their rows of H and gains on errors in Earth-fixed axes.
+
+References
+----------
+A. Gelb (ed.), *Applied Optimal Estimation*, ch. 4.2.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lab import ecef
+from lab.analysis.aid_verdict import SENSORS
+from lab.analysis.error_axes import output_map
+from lab.analysis.error_sources import GPS_POSITION, GPS_VELOCITY, SENSOR_CHANNELS
+from lab.analysis.transition import NAV
+from lab.navigation.error_models import ATT, POS, VEL
+from lab.run import Run
+
+FloatArray = NDArray[np.float64]
+
+INTERVAL = 1.0
+"""Longest time between two epochs of a budget [s]."""
+
+
+class Epochs(NamedTuple):
+    """Epochs of a flight, in order.
+
+    Attributes
+    ----------
+    sample : (e,) array
+        IMU samples.
+    fix, aid : (e,) arrays
+        The fix, or the measurement of the aids, that was used at each, or −1.
+    shown : (e,) array
+        Whether it is the last of a sample whose errors are in the budget: not where only aids were used,
+        because there may be many.
+    """
+
+    sample: NDArray[np.int64]
+    fix: NDArray[np.int64]
+    aid: NDArray[np.int64]
+    shown: NDArray[np.bool_]
+
+
+def epochs_of(run: Run) -> Epochs:
+    """Return the epochs: start, used measurements, end, and samples between, none far from the next.
+
+    At one sample, the filter uses fixes before other measurements.
+    """
+    end, solution = run.time.size - 1, run.solution_arrays
+    fixes, aids = np.flatnonzero(solution.fix_sample >= 0), np.flatnonzero(solution.aid_sample >= 0)
+    at_fix, at_aid = solution.fix_sample[fixes], solution.aid_sample[aids]
+    grid = np.append(np.arange(0, end, max(1, round(INTERVAL / usual_step(run)))), end)
+    grid = np.setdiff1d(grid, at_fix)
+    sample = np.concatenate((at_fix, at_aid, grid))
+    order = np.argsort(sample, kind="stable")
+    sample = sample[order]
+    fix, aid = np.full((2, sample.size), -1)
+    fix[: fixes.size], aid[fixes.size : fixes.size + aids.size] = fixes, aids
+    last = np.append(np.diff(sample) > 0, True)
+    return Epochs(sample, fix[order], aid[order], last & np.isin(sample, np.concatenate((at_fix, grid))))
+
+
+def usual_step(run: Run) -> float:
+    """Return the usual time from IMU sample to IMU sample [s]."""
+    return float(np.median(np.diff(run.time))) if run.ideal is None else run.ideal.dt
+
+
+class Update(NamedTuple):
+    """The use of a measurement by a filter with n states: of a fix, r = 6, or another one, r = 1.
+
+    Attributes
+    ----------
+    H : (r, n) array
+        Measurement matrix, for errors in e.
+    K : (n, r) array
+        Gain on errors in e.
+    noise : dict
+        By the channel of an error of the measurement, its effect (r, 3) on the measured numbers.
+    """
+
+    H: FloatArray
+    K: FloatArray
+    noise: dict[int, FloatArray]
+
+
+def fix_update(run: Run, fix: int, place: FloatArray) -> Update:
+    """Return the use of a fix.
+
+    Parameters
+    ----------
+    run
+        The run.
+    fix
+        Number of the fix.
+    place : (2,) array
+        True latitude and longitude [rad].
+    """
+    solution, sample = run.solution_arrays, int(run.solution_arrays.fix_sample[fix])
+    # The filter's H is for errors along the axes of the fix, its P⁺ for output errors at its estimate.
+    C_fe = ecef.axes(*run.fixes.position[fix, :2]).T
+    H = solution.fix_H[fix].copy()
+    for block in (POS, VEL, ATT):
+        H[:, block] = H[:, block] @ C_fe
+    back = np.eye(solution.states)
+    back[:NAV, :NAV] = np.linalg.inv(_map_at(run, sample))
+    P = back @ solution.fix_covariance[fix] @ back.T
+    # K = P⁺ Hᵀ R⁻¹, even if P⁺ and R are wrong (Gelb 4.2-16b).
+    K = P @ H.T @ np.linalg.inv(solution.fix_R[fix])
+    # Errors of a fix are along north, east and down of the true place.
+    turned, none = C_fe @ ecef.axes(*place), np.zeros((3, 3))
+    noise = {GPS_POSITION: np.vstack((turned, none)), GPS_VELOCITY: np.vstack((none, turned))}
+    return Update(H, K, noise)
+
+
+def aid_update(run: Run, aid: int) -> Update:
+    """Return the use of a measurement of the aids, given by its number."""
+    solution, kind = run.solution_arrays, int(run.aids.kind[aid])
+    here = _map_at(run, int(solution.aid_sample[aid]))
+    H, K = solution.aid_H[aid].copy(), solution.aid_gain[aid].copy()
+    H[:NAV] = H[:NAV] @ here
+    K[:NAV] = np.linalg.solve(here, K[:NAV])
+    sensor = SENSORS.get(kind)
+    noise = {SENSOR_CHANNELS[sensor]: np.array([[1.0, 0.0, 0.0]])} if sensor else {}
+    return Update(H[None], K[:, None], noise)
+
+
+def _map_at(run: Run, sample: int) -> FloatArray:
+    """Return the map (9, 9) from errors in e to output errors at the estimate of a sample."""
+    solution = run.solution_arrays
+    return np.asarray(output_map(solution.position[sample, None], solution.velocity_n[sample, None])[0])
