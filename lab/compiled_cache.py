@@ -140,6 +140,17 @@ def _alone(kernel: CheckedCacheFile) -> Iterator[None]:
         yield
 
 
+def is_missing(kernel: object) -> bool:
+    """Return whether the code of a function called from Python belongs on the disk, and is not there."""
+    if not isinstance(kernel, CachedKernel) or kernel.signatures:
+        return False
+    files = kernel._files()
+    try:
+        return files is not None and not files._load_index()
+    except Exception:  # as above
+        return True
+
+
 def cached(function: Any, options: dict[str, Any]) -> Any:
     """Return a function that is compiled with some options when first called, and kept on disk.
 

@@ -82,7 +82,7 @@ class Simulated:
         given = R + WITHHELD**2 * np.eye(MEASUREMENTS) * withheld[:, None, None]
         latency = assumed_latency(navigator, experiment.sensors.gps.latency)
         fixes = Fixes(self.stamps - latency, self._fixes.position, self._fixes.velocity_n)
-        schedule = schedule_of(navigator, float(np.median(np.diff(imu.time))), imu.dtheta.shape[0])
+        schedule = schedule_of(navigator, imu.step, imu.dtheta.shape[0])
         model, aids = chosen_model(navigator, experiment.sensors), self._aids
         arguments = (imu, fixes, self._start, assumed._replace(R=given), schedule)
         if navigator.model == "nonlinear":

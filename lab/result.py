@@ -30,6 +30,7 @@ from lab.experiment_settings import ExperimentSettings
 from lab.histories import made_when_asked
 from lab.html_frame import HtmlFrame
 from lab.identify import identify
+from lab.memory import give_back
 from lab.navigation.algorithm import Algorithm
 from lab.navigation.solution import Solution
 from lab.notebook_card import NotebookCard
@@ -268,6 +269,8 @@ class Result(NotebookCard, Repeatable):
     @cached_property
     def evidence(self) -> Evidence:
         """The evidence of this run for each assumption of the filter; for a log, from its innovations."""
+        if self.is_long:
+            give_back()  # what tables and plots have left
         return evidence_of(self, self.filtered)
 
     @property

@@ -143,7 +143,7 @@ def test_a_smoothed_flight_does_not_change(request: pytest.FixtureRequest) -> No
     request.getfixturevalue("everything_is_long")
     long = smoothed((3.0, 1.0, -1.0)).run()
     # Compiling once more takes some 30 s and 200 MB.
-    compiled = smoother._backwards(
+    compiled = smoother.backward_pass(
         chosen_model(long.experiment.navigator, long.experiment.sensors), aided=False
     )
     assert len(compiled.signatures) == 1  # type: ignore[attr-defined]
@@ -162,6 +162,9 @@ def test_a_smoothed_flight_does_not_change(request: pytest.FixtureRequest) -> No
     np.testing.assert_allclose(a.covariance, b.covariance, rtol=1e-7, atol=1e-12)
     for name in ("bias", "scale"):
         np.testing.assert_allclose(getattr(a, name), getattr(b, name), rtol=1e-7, atol=1e-12)
+    for triad in ("gyro", "accelerometer"):  # the smoother gives up the exact ones on its way
+        wanted = getattr(exact, triad).increments.astype(np.float32)
+        np.testing.assert_array_equal(getattr(long, triad).increments, wanted)
     # The filter's own solution, as far as the evidence needs it.
     own = long.filtered
     sigma = np.sqrt(np.diagonal(filtered.fix_covariance, axis1=1, axis2=2))
@@ -361,11 +364,25 @@ def test_the_sensors_of_a_long_flight_are_not_cached(everything_is_long: None) -
     assert not {"gyro", "accelerometer"} & set(stages.CACHE.computed)
 
 
+def taken() -> int:
+    """Return the memory of this process [bytes]."""
+    return 1024 * int(Path("/proc/self/status").read_text().split("VmRSS:")[1].split()[0])
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="only Linux takes back a part of an array")
+def test_rows_that_were_used_take_half_of_their_memory() -> None:
+    exact = np.linspace(0.0, 1.0, 6_000_000).reshape(-1, 3)
+    wanted, before = exact.astype(np.float32), taken()
+    retiring = memory.Retiring(exact)
+    for first in range(1_999_000, -1, -1000):
+        retiring.retire(first)
+    assert before - taken() > 0.4 * exact.nbytes
+    np.testing.assert_array_equal(retiring.kept, wanted)
+    assert retiring.left == 0
+
+
 @pytest.mark.skipif(sys.platform != "linux", reason="only the C library of GNU keeps freed memory")
 def test_freed_memory_is_given_back() -> None:
-    def taken() -> int:
-        return 1024 * int(Path("/proc/self/status").read_text().split("VmRSS:")[1].split()[0])
-
     blocks = [np.ones(8000) for _ in range(2000)]  # 128 MB, in blocks that are not mapped alone
     last = blocks.pop()  # keeps the end of the heap
     blocks.clear()

@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 
 from lab.analysis import consistency, errors
 from lab.analysis.aid_verdict import aid_squares
-from lab.analysis.fix_causes import Motion, causes_of, motion_at_fixes
+from lab.analysis.fix_causes import Motion, causes_of, motion_at_fixes, of_fixes
 from lab.analysis.fix_evidence import FixErrors, fix_errors
 from lab.analysis.innovation_evidence import Innovations, innovations, offered
 from lab.analysis.sensor_evidence import Reference, SensorErrors, sensor_errors
@@ -260,13 +260,7 @@ def nees_squares(
         return Squares(np.zeros(()), np.zeros(()))
     at = solution.fix_sample[used]
     x = _errors(solution, at, reference)
-    # Of a long flight, P at all fixes takes 50 MB, so it is copied only where a fix was not used.
-    P = (
-        solution.fix_covariance
-        if used.size == len(solution.fix_covariance)
-        else solution.fix_covariance[used]
-    )
-    P = P[:, block, block]
+    P = of_fixes(solution.fix_covariance, used)[:, block, block]
     nees = consistency.normalised_squares(x[:, block], P)
     epochs = max(1.0, float(np.ptp(reference.truth.time)) / SETTLING)
     return Squares(np.array(epochs * nees.mean()), np.array(epochs * consistency.uncertain(P).size))

@@ -25,7 +25,7 @@ FloatArray = NDArray[np.float64]
 
 CAUSES = 4
 """Regressors: latency [s], then the lever arm forward, right, down [m]."""
-AT_ONCE = 2**16
+AT_ONCE = 2**14
 """Samples that are summed in one block, with some 250 bytes each."""
 FIXES_AT_ONCE = 1024
 """Fixes whose transitions or gains are computed together, with some 20 kB each at 21 states."""
@@ -163,12 +163,18 @@ def causes_of(motion: Motion) -> FloatArray:
 
 def matrices(solution: Solution, belief: Belief, fixes: NDArray[np.intp]) -> tuple[FloatArray, FloatArray]:
     """Return H (m, 6, n) of some fixes and their assumed R (m, 6, 6), before any robust weight."""
-    return solution.fix_H[fixes], np.broadcast_to(belief.fix_covariance(fixes), (fixes.size, 6, 6))
+    R = np.broadcast_to(belief.fix_covariance(fixes), (fixes.size, 6, 6))
+    return of_fixes(solution.fix_H, fixes), R
+
+
+def of_fixes(values: FloatArray, fixes: NDArray[np.intp]) -> FloatArray:
+    """Return the rows of some fixes, in their order; all rows are not copied: P of four hours takes 50 MB."""
+    return values if fixes.size == len(values) else values[fixes]
 
 
 def gains(solution: Solution, fixes: NDArray[np.intp]) -> FloatArray:
     """Return the gains (m, n, 6) of some fixes, K = P Hᵀ R⁻¹ with P after the fix; zero for rejected ones."""
-    H, R = solution.fix_H[fixes], solution.fix_R[fixes]
+    H, R = of_fixes(solution.fix_H, fixes), of_fixes(solution.fix_R, fixes)
     used = solution.fix_sample[fixes] >= 0
     K = np.zeros((fixes.size, solution.states, 6))
     for first in range(0, fixes.size, FIXES_AT_ONCE):

@@ -21,7 +21,7 @@ from lab.trajectory import Truth
 
 FloatArray = NDArray[np.float64]
 
-AT_ONCE = 2**18
+AT_ONCE = 2**16
 """Number of samples that are averaged in one block."""
 WINDOW = 1.0
 """Summation time of the sensors' noise [s]."""

@@ -31,8 +31,8 @@ from lab.navigation.solution import HISTORIES, Belief, Fixes, Imu, Solution, Sta
 FloatArray = NDArray[np.float64]
 
 
-PIECE = 2**16
-"""Samples of a long flight that are navigated in one call, with some 220 bytes each."""
+PIECE = 2**14
+"""Samples of a long flight that are navigated in one call, with some 420 bytes each at 21 states."""
 
 
 def navigate(
