@@ -8,7 +8,7 @@ import os
 import sys
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -133,7 +133,8 @@ class Retiring:
     """
 
     def __init__(self, exact: NDArray[np.float64]) -> None:
-        self.kept = np.empty(exact.shape, np.float32)
+        # Computations with it give float64.
+        self.kept = cast(NDArray[np.float64], np.empty(exact.shape, np.float32))
         self.left = exact.shape[0]
         self._exact = exact
 
