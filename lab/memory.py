@@ -142,12 +142,15 @@ class Retiring:
         """Keep the rows from a number on in float32 only."""
         rows = slice(first, self.left)
         self.kept[rows] = self._exact[rows]
-        _forget(self._exact[first:])
+        forget(self._exact[first:])
         self.left = first
 
 
-def _forget(values: NDArray[Any]) -> None:
-    """Give the whole pages of memory in a contiguous array back to the system, which makes them zero."""
+def forget(values: NDArray[Any]) -> None:
+    """Give the whole pages of memory in a contiguous array back to the system, which makes them zero.
+
+    Where the system is not Linux, nothing happens.
+    """
     if sys.platform != "linux" or not values.flags.c_contiguous:
         return
     page, begin = mmap.PAGESIZE, values.ctypes.data

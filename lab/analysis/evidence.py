@@ -142,6 +142,7 @@ def evidence(
     aid_kinds: NDArray[np.int64] = NO_AIDS.kind,
     motion: Motion | None = None,
     sensors: SensorErrors | None = None,
+    gains: FloatArray | None = None,
 ) -> Evidence:
     """Return the evidence of a run about its filter.
 
@@ -173,6 +174,8 @@ def evidence(
         Kinds of the measurements other than fixes.
     motion
         Motion at the fixes that were `offered`; by default, from the solution at all samples.
+    gains : (m, states, 6) array
+        Gains of these fixes; by default, from the P after each.
     sensors
         Errors of the sensors; by default, from the increments. With these two, solution, increments and
         truth may have some samples only: start, end and whole seconds, and those with a fix and before.
@@ -181,7 +184,9 @@ def evidence(
     motion = motion_at_fixes(solution, samples, imu) if motion is None else motion
     found = Evidence(
         runs=1,
-        innovations=innovations(solution, belief, fixes, imu, motion, explain=explain, aided=aided),
+        innovations=innovations(
+            solution, belief, fixes, imu, motion, explain=explain, aided=aided, gained=gains
+        ),
         usage=usage(solution, gate),
         told=Kept(np.append(latency, belief.lever_arm)[None]),
         aids=aid_squares(solution, aid_kinds),

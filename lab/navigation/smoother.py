@@ -40,7 +40,7 @@ from lab.navigation.piece import Piece
 from lab.navigation.prediction import predict
 from lab.navigation.propagation import DRIVEN, NAV, STATES, WIDTH, X
 from lab.navigation.schedule import EVERY_FIX, SLACK, Schedule, Stretch
-from lab.navigation.solution import Belief, Fixes, Imu, Solution, Start, read_only
+from lab.navigation.solution import HISTORIES, Belief, Fixes, Imu, Solution, Start, read_only
 from lab.navigation.standstill import hold_attitude
 from lab.navigation.storage import store, store_fix
 from lab.navigation.strapdown import get, step
@@ -114,6 +114,10 @@ def navigate(
     copies: list[_Copy] = []
 
     go = within_frame_in_piece if is_long else within_frame
+    passing = out
+    if is_long:  # the way back writes the histories, while it gives up the increments
+        row = out.room(1)
+        passing = out._replace(**{name: getattr(row, name) for name in HISTORIES if name != "rest"})
 
     def onwards(imu: Imu, out: Solution, first: int, schedule: Schedule) -> None:
         changed = None
@@ -123,7 +127,7 @@ def navigate(
             if first < imu.dtheta.shape[0]:
                 changed = change(run.state, run.P, model)
 
-    go_through(run.noise, imu, out, schedule, stretches, onwards, at_once)
+    go_through(run.noise, imu, passing, schedule, stretches, onwards, at_once)
     n = model.states
     later, Later = np.zeros(n), np.zeros((n, n))
     end = imu.dtheta.shape[0]
