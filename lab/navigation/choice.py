@@ -31,7 +31,7 @@ def chosen_model(settings: NavigatorSettings, sensors: SensorSuite | None = None
 
 
 def is_ready(settings: NavigatorSettings, sensors: SensorSuite | None = None) -> bool:
-    """Return whether the filter is ready in this process: compiled, or loaded from the disk."""
+    """Return whether the filter waits for no compiler: compiled here, or on the disk."""
     if settings.model == "nonlinear":
         return unscented.is_compiled()
     aided = sensors is not None and is_aided(settings, sensors)

@@ -277,5 +277,5 @@ def load(belief: Belief, schedule: Schedule, model: ErrorModel = PHI) -> None:
 
 
 def is_compiled(model: ErrorModel = PHI, *, aided: bool = False) -> bool:
-    """Return whether the driver of a model is ready in this process: compiled, or loaded from the disk."""
+    """Return whether the driver of a model waits for no compiler: compiled here, or on the disk."""
     return is_ready(driver(model, summed=False, aided=aided))
