@@ -158,13 +158,7 @@ def _alone(kernel: CheckedCacheFile) -> Iterator[None]:
 
 def is_missing(kernel: object) -> bool:
     """Return whether the code of a function called from Python belongs on the disk, and is not there."""
-    if not isinstance(kernel, CachedKernel) or kernel.signatures:
-        return False
-    files = kernel._files()
-    try:
-        return files is not None and not files._load_index()
-    except Exception:  # as above
-        return True
+    return isinstance(kernel, CachedKernel) and not kernel.is_ready and kernel._files() is not None
 
 
 def cached(function: Any, options: dict[str, Any]) -> Any:
