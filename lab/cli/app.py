@@ -11,7 +11,7 @@ from typing import Annotated, Any
 
 import typer
 
-from lab.cli.terminal import Progress, spell_what_cannot_be_encoded
+from lab.cli.terminal import Progress, spell_what_cannot_be_encoded, visible_output
 from lab.missions import MissionError
 from lab.settings import SettingError
 
@@ -67,7 +67,8 @@ Examples:
 def main() -> None:
     """Run the command line with the arguments of the process."""
     spell_what_cannot_be_encoded()
-    app(prog_name="ins-lab")
+    with visible_output():
+        app(prog_name="ins-lab")
 
 
 @app.callback()

@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 import codecs
+import contextlib
+import re
 import shutil
 import sys
 import textwrap
 import threading
 import time
 import unicodedata
-from collections.abc import Collection, Sequence
-from typing import Self, TextIO
+from collections.abc import Collection, Iterator, Sequence
+from typing import Any, Self, TextIO, cast
 
 PATIENCE = 0.5
 """Time after which unfinished work shows its progress [s]."""
@@ -27,6 +29,9 @@ _SPELLED = {
     "₀": "0",
 }
 
+_OBEYED = re.compile("[\x00-\x08\x0b-\x1f\x7f-\x9f\u200e\u200f\u2028-\u202e\u2066-\u2069]")
+"""Control characters except tabs and ends of lines, and marks that change the direction of writing."""
+
 
 def spell_what_cannot_be_encoded() -> None:
     """Make standard output and error write ``deg`` for ``°`` and so on if their encoding lacks the sign."""
@@ -34,6 +39,44 @@ def spell_what_cannot_be_encoded() -> None:
     for stream in (sys.stdout, sys.stderr):
         if hasattr(stream, "reconfigure"):
             stream.reconfigure(errors="ins-lab-spelled")
+
+
+def visible(text: str) -> str:
+    """Return a text with escapes in place of signs that a terminal obeys, or that change the direction.
+
+    A stranger's mission or the name of a file may contain them, to clear the screen or to look like another
+    text.
+    """
+    return _OBEYED.sub(lambda found: found[0].encode("unicode_escape").decode(), text)
+
+
+class VisibleText:
+    """A stream that writes every text as `visible`; in all else, it is the stream below it.
+
+    Parameters
+    ----------
+    stream
+        The stream below it.
+    """
+
+    def __init__(self, stream: TextIO) -> None:
+        self.stream = stream
+
+    def write(self, text: str) -> int:
+        """Write a text."""
+        return self.stream.write(visible(text))
+
+    def __getattr__(self, name: str) -> Any:
+        """Return anything else of the stream below it."""
+        return getattr(self.stream, name)
+
+
+@contextlib.contextmanager
+def visible_output() -> Iterator[None]:
+    """Write to standard output and error as `visible` while this is open."""
+    out, error = (cast(TextIO, VisibleText(stream)) for stream in (sys.stdout, sys.stderr))
+    with contextlib.redirect_stdout(out), contextlib.redirect_stderr(error):
+        yield
 
 
 def _spell(error: UnicodeError) -> tuple[str, int]:
@@ -95,7 +138,8 @@ class Progress:
         self._task = task
         self._step = ""
         self._fraction = 0.0
-        self._stream = stream or sys.stderr
+        given = stream or sys.stderr
+        self._stream = given.stream if isinstance(given, VisibleText) else given
         self._alive = self._stream.isatty()
         self._shown = False
         self._begin = time.monotonic()
@@ -133,7 +177,7 @@ class Progress:
             pause = 1.0
 
     def _write(self) -> None:
-        line = f"{self._task}: {self._step} ..." if self._step else f"{self._task} ..."
+        line = visible(f"{self._task}: {self._step} ..." if self._step else f"{self._task} ...")
         seconds = time.monotonic() - self._begin
         self._stream.write(
             f"\r\x1b[K{line} {self._fraction:.0%}, {seconds:.0f} s" if self._alive else f"{line}\n"

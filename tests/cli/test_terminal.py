@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 import io
+import sys
 import threading
+from pathlib import Path
 
 import pytest
 
+from lab.cli.app import main
 from lab.cli.terminal import Progress, table
 
 
@@ -20,6 +23,27 @@ def test_a_wide_last_column_goes_on_below_itself(monkeypatch: pytest.MonkeyPatch
     assert lines[2].startswith("      ")
     assert all(len(line) <= 40 for line in lines)
     assert lines[-1] == "b"
+
+
+def test_what_a_stranger_wrote_gives_the_terminal_no_orders(
+    own_missions: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    title = 'title = "\\u001b]0;mine\\u0007\\u001b[2J\\u202ekcab\\u009b31m"\n'
+    (own_missions / "odd.toml").write_text(f'{title}recording = "none.csv"\n')
+    (own_missions / "\x1b[31m.toml").write_text("nothing = 1\n")
+    before = sys.stdout, sys.stderr
+    try:
+        for command in (["missions"], ["run", "\x1b[2J"], ["import", "\x1b]0;\x07.csv"]):
+            monkeypatch.setattr(sys, "argv", ["ins-lab", *command])
+            with pytest.raises(SystemExit):
+                main()
+    finally:
+        for path in own_missions.iterdir():
+            path.unlink()
+    assert (sys.stdout, sys.stderr) == before
+    shown = "".join(capsys.readouterr())
+    assert shown.count("\\x1b") > 3
+    assert not set(shown) & set("\x1b\x07\x9b\u202e")
 
 
 class _Screen(io.StringIO):
