@@ -13,7 +13,7 @@ import pytest
 from lab import Experiment, variants
 from lab.compiled_cache import CachedKernel
 from lab.compiling_apart import compile_apart
-from lab.navigation import choice, smoother
+from lab.navigation import choice, smoother, unscented
 from lab.navigation.choice import chosen_model
 from lab.navigation.driver import driver
 
@@ -63,6 +63,14 @@ def test_each_part_of_a_filter_is_looked_for(
     assert not choice.is_missing(experiment.navigator, experiment.sensors, 100.0)
     parts = [driver(model, summed=filter_rate > 0)]
     assert looked == ([*parts, smoother.backward_pass(model, aided=False)] if smoother_on else parts)
+
+
+def test_the_nonlinear_filter_is_looked_for_too(monkeypatch: pytest.MonkeyPatch) -> None:
+    experiment, looked = Experiment(), list[object]()
+    experiment.set("navigator.model", "nonlinear")
+    monkeypatch.setattr(choice.compiled_cache, "is_missing", looked.append)
+    choice.is_missing(experiment.navigator, experiment.sensors, 100.0)
+    assert looked == [unscented.driver()]
 
 
 def test_a_filter_that_is_on_the_disk_is_not_compiled_again(

@@ -39,7 +39,7 @@ def is_ready(settings: NavigatorSettings, sensors: SensorSuite | None = None) ->
 
 
 def is_missing(settings: NavigatorSettings, sensors: SensorSuite, rate: float) -> bool:
-    """Return whether a part of a linear filter is neither ready nor on the disk, so it will be compiled.
+    """Return whether a part of the filter is neither ready nor on the disk, so it will be compiled.
 
     Parameters
     ----------
@@ -49,7 +49,7 @@ def is_missing(settings: NavigatorSettings, sensors: SensorSuite, rate: float) -
         Rate of the samples [Hz].
     """
     if settings.model == "nonlinear":
-        return False
+        return compiled_cache.is_missing(unscented.driver())
     model, aided = chosen_model(settings, sensors), is_aided(settings, sensors)
     forward = driver(model, summed=schedule_of(settings, 1 / rate, MANY).stride > 1, aided=aided)
     parts = [forward, smoother.backward_pass(model, aided=aided)] if settings.smoother else [forward]

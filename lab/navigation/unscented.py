@@ -432,7 +432,7 @@ def filter_all(run: Filter, imu: Imu, fixes: Fixes, out: Solution, first: int, s
 
 
 @functools.cache
-def _advance() -> Callable[[Filter, Imu, Fixes, Solution, int, Schedule], None]:
+def driver() -> Callable[[Filter, Imu, Fixes, Solution, int, Schedule], None]:
     """Return the loop over samples, which is compiled, or loaded from the disk, when first called."""
     variant = Variant({**wander_models.PSI.variant.kernels, **wander.STEP})
     made: Callable[[Filter, Imu, Fixes, Solution, int, Schedule], None] = generated(
@@ -446,9 +446,9 @@ def advance(run: Filter, imu: Imu, fixes: Fixes, out: Solution, first: int, sche
 
     The flight may be passed whole or in pieces: the result is the same.
     """
-    _advance()(run, read_only(imu), read_only(fixes), out, first, schedule)
+    driver()(run, read_only(imu), read_only(fixes), out, first, schedule)
 
 
 def is_compiled() -> bool:
     """Return whether the driver waits for no compiler: compiled here, or on the disk."""
-    return is_ready(_advance())
+    return is_ready(driver())
