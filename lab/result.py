@@ -270,7 +270,10 @@ class Result(NotebookCard, Repeatable):
         """The evidence of this run for each assumption of the filter; for a log, from its innovations."""
         if self.is_long:
             give_back()  # what tables and plots have left
-        return evidence_of(self, self.filtered)
+        filtered = self.filtered
+        if self.is_long:
+            give_back()
+        return evidence_of(self, filtered)
 
     @property
     def filtered(self) -> Filtered:

@@ -257,7 +257,11 @@ def _transitions(motion: Motion, dt: FloatArray, n: int) -> Iterator[FloatArray]
 
 
 def respond(
-    gains: FloatArray, H: FloatArray, transition: Iterable[FloatArray], fixes: FloatArray, forced: FloatArray
+    gains: FloatArray,
+    H: FloatArray,
+    transition: Iterable[FloatArray],
+    fixes: FloatArray,
+    forced: Iterable[FloatArray],
 ) -> FloatArray:
     """Return the response of the innovations (m, 6, p) to causes.
 
@@ -269,13 +273,14 @@ def respond(
         Transition of the error to each fix from the previous one.
     fixes : (m, 6, p) array
         Error of each fix per unit of each cause.
-    forced : (m, n, p) array
+    forced : (m, n, p) array, or m matrices
         Error that the causes add between the previous fix and each fix.
     """
-    error = np.zeros(forced.shape[1:])
+    error = np.zeros((gains.shape[1], fixes.shape[2]))
     answer = np.empty(fixes.shape)
-    for k, onwards in zip(range(fixes.shape[0]), transition, strict=True):  # a loop over fixes, not samples
-        error = onwards @ error + forced[k]
+    # A loop over fixes, not samples.
+    for k, onwards, added in zip(range(fixes.shape[0]), transition, forced, strict=True):
+        error = onwards @ error + added
         answer[k] = H[k] @ error - fixes[k]
         error = error - gains[k] @ answer[k]
     return answer

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from typing import NamedTuple
@@ -305,18 +306,30 @@ def _explained(
     if not explain or not needs_explanation(part):
         return part
     record, kept, causes = record.cut(LONGEST), kept[:LONGEST], causes[:LONGEST]
-    ahead = steps(solution, belief, imu, record.samples)
-    by_fixes = np.zeros((*causes.shape[:2], REGRESSORS))
-    by_fixes[:, :, :CAUSES] = causes
-    by_sensors = np.zeros((causes.shape[0], solution.states, REGRESSORS))
-    by_sensors[:, :, CAUSES:] = ahead.forced
-    H = matrices(solution, belief, record.seen)[0]
-    answer = respond(record.gains, H, ahead.transition, by_fixes, by_sensors)
+    # The steps of a long flight take 50 MB, so they are computed part by part, and twice.
+    all_of_them = (
+        [steps(solution, belief, imu, record.samples)] if record.seen.size < LONGEST else list[Steps]()
+    )
+    answer = _response_to_all(
+        record, all_of_them or steps_in_parts(solution, belief, imu, record.samples), causes
+    )
     return replace(
         found,
         causes=_fit(answer[kept], record.innovation[kept], record.covariance[kept]),
-        likelihoods=record.tried(~kept, hypotheses.HYPOTHESES, [ahead]).likelihoods,
+        likelihoods=record.tried(~kept, hypotheses.HYPOTHESES, all_of_them).likelihoods,
     )
+
+
+def _response_to_all(record: Record, ahead: Iterable[Steps], causes: FloatArray) -> FloatArray:
+    """Return the response of the innovations (m, 6, REGRESSORS) to the causes of fixes and of sensors."""
+    by_fixes = np.zeros((*causes.shape[:2], REGRESSORS))
+    by_fixes[:, :, :CAUSES] = causes
+    none = np.zeros((record.solution.states, CAUSES))
+    some, same = itertools.tee(ahead)
+    transition = (one for part in some for one in part.transition)
+    by_sensors = (np.concatenate((none, one), axis=1) for part in same for one in part.forced)
+    H = matrices(record.solution, record.belief, record.seen)[0]
+    return respond(record.gains, H, transition, by_fixes, by_sensors)
 
 
 def _fit(answer: FloatArray, nu: FloatArray, S: FloatArray) -> Fit:

@@ -5,8 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from lab.analysis import imu_causes, innovation_evidence
 from lab.analysis.errors import error_state
 from lab.analysis.evidence import BLOCKS, Reference, between_squares, nees_squares, usage
+from lab.analysis.run_evidence import evidence_of
 from lab.experiment import Experiment
 from lab.navigation.belief import belief
 from lab.navigation.error_models import VEL
@@ -82,3 +84,20 @@ def test_the_start_is_judged_by_p0_in_whole_and_by_blocks() -> None:
         expected = x[block] @ np.linalg.solve(P0[block, block], x[block])
         assert found.total[at] == pytest.approx(expected, rel=1e-9)
         assert found.number[at] == x[block].size
+
+
+def test_a_record_that_is_computed_in_parts_says_the_same(monkeypatch: pytest.MonkeyPatch) -> None:
+    experiment = Experiment(mission="los_angeles")
+    experiment.update({"trajectory.imu_rate": 50, "navigator.r_scale": 0.1})
+    result = experiment.run()
+    whole = evidence_of(result, result.filtered).innovations
+    assert whole.likelihoods.any()  # suspicious, so the response to all causes is sought
+    solution = result.solution_arrays
+    count = int(np.sum((solution.fix_sample >= 0) | solution.fix_rejected))
+    monkeypatch.setattr(innovation_evidence, "LONGEST", count)
+    monkeypatch.setattr(innovation_evidence, "steps", lambda *_: pytest.fail("all at once"))
+    monkeypatch.setattr(imu_causes, "AT_ONCE", 7)
+    parts = evidence_of(result, result.filtered).innovations
+    np.testing.assert_allclose(parts.causes.matrix, whole.causes.matrix, rtol=1e-9)
+    np.testing.assert_allclose(parts.causes.vector, whole.causes.vector, rtol=1e-9)
+    np.testing.assert_allclose(parts.likelihoods, whole.likelihoods, rtol=1e-9)
