@@ -8,8 +8,8 @@ from typing import Any
 
 import panel as pn
 
-from dashboards.seen_names import as_seen
 from dashboards.pages.base import Page
+from dashboards.seen_names import as_seen
 from lab.result import Result
 
 TABLE_STYLE = """
