@@ -17,6 +17,8 @@ THEME: dict[str, Any] = {
     "light": {
         "palette": {
             "primary": {"main": "#1f6fd0"},
+            "default": {"main": "#000000", "light": "#f5f5f5", "dark": "#616161"},
+            "action": {"active": "rgba(0, 0, 0, 0.62)"},
             "background": {"default": "#f5f7fa", "paper": "#ffffff"},
             "contrastThreshold": 4.5,
         },
@@ -36,8 +38,8 @@ THEME: dict[str, Any] = {
 }
 """Colours of the two themes.
 
-Letters on a button have a contrast of 4.5, as WCAG 2 wants. In the dark theme they are dark, so a button
-under the mouse gets lighter.
+Letters on a button have a contrast of 4.5, as WCAG 2 wants, also on grey ones and under the mouse. In the dark
+theme letters on coloured buttons are dark, so a button under the mouse gets lighter.
 """
 
 DRESS: dict[str, Any] = {

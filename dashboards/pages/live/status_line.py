@@ -27,7 +27,7 @@ _STYLE = """
 .numbers b { font-weight: 600; }
 .dim { opacity: 0.7; }
 .numbers .wide { white-space: normal; overflow-wrap: anywhere; min-width: 0; }
-.bad { color: #e5484d; }
+.bad { color: color-mix(in srgb, #e5484d 65%, currentColor); }
 p { margin: 2px 0; overflow-wrap: anywhere; }
 """
 
