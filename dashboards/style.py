@@ -12,6 +12,16 @@ _FIELDS: dict[str, Any] = {
     }
 }
 """Selects are as high as text fields, which stand beside them in rows."""
+_BRIGHT_ICONS: dict[str, Any] = {
+    "MuiIconButton": {
+        "styleOverrides": {
+            "root": {
+                "variants": [{"props": {"color": "default"}, "style": {"color": "rgba(255, 255, 255, 0.7)"}}]
+            }
+        }
+    }
+}
+"""Icons that are buttons, such as those that open the groups of settings, can be seen on dark ground."""
 
 THEME: dict[str, Any] = {
     "light": {
@@ -33,7 +43,7 @@ THEME: dict[str, Any] = {
             "contrastThreshold": 4.5,
         },
         "shape": {"borderRadius": 6},
-        "components": _FIELDS,
+        "components": _FIELDS | _BRIGHT_ICONS,
     },
 }
 """Colours of the two themes.
