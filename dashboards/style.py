@@ -48,8 +48,8 @@ THEME: dict[str, Any] = {
 }
 """Colours of the two themes.
 
-Letters on a button have a contrast of 4.5, as WCAG 2 wants, also on grey ones and under the mouse. In the dark
-theme letters on coloured buttons are dark, so a button under the mouse gets lighter.
+Letters on a button have a contrast of 4.5, as WCAG 2 wants, also on grey ones and under the mouse. In the
+dark theme letters on coloured buttons are dark, so a button under the mouse gets lighter.
 """
 
 DRESS: dict[str, Any] = {
