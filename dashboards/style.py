@@ -26,7 +26,7 @@ _BRIGHT_ICONS: dict[str, Any] = {
 THEME: dict[str, Any] = {
     "light": {
         "palette": {
-            "primary": {"main": "#1f6fd0"},
+            "primary": {"main": "#1b62b9"},
             "default": {"main": "#000000", "light": "#f5f5f5", "dark": "#616161"},
             "action": {"active": "rgba(0, 0, 0, 0.62)"},
             "background": {"default": "#f5f7fa", "paper": "#ffffff"},

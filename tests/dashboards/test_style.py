@@ -7,6 +7,7 @@ import re
 import numpy as np
 
 from dashboards.style import THEME
+from dashboards.teaching.bar_style import BAR
 
 LEAST = 4.5
 """Least contrast of letters and their ground: WCAG 2, success criterion 1.4.3."""
@@ -16,7 +17,7 @@ def over(text: str, ground: np.ndarray) -> np.ndarray:
     """Return red, green and blue, from 0 to 1, of a colour painted over another."""
     if text.startswith("#"):
         return np.array([int(text[k : k + 2], 16) for k in (1, 3, 5)]) / 255
-    *colour, alpha = (float(part) for part in re.findall(r"[\d.]+", text))
+    *colour, alpha = (float(part) for part in re.findall(r"\d*\.?\d+", text))
     return alpha * np.array(colour) / 255 + (1 - alpha) * ground
 
 
@@ -41,3 +42,12 @@ def test_letters_on_grey_buttons_can_be_read() -> None:
     assert contrast(grey["dark"], grey["light"]) >= LEAST  # a button under the mouse
     assert contrast(grey["main"], palette["background"]["default"]) >= LEAST
     assert contrast(palette["action"]["active"], grey["light"]) >= LEAST  # one of several that is not chosen
+
+
+def test_a_button_that_is_pressed_can_be_read_in_the_line_of_a_class() -> None:
+    primary = THEME["light"]["palette"]["primary"]["main"]
+    (tint,) = re.findall(r"background: (rgba\(.*?\))", BAR)
+    line = over(tint, np.ones(3))
+    pressed = 0.08 * over(primary, line) + 0.92 * line  # as the library paints it
+    light, dark = luminance(pressed), luminance(over(primary, line))
+    assert (light + 0.05) / (dark + 0.05) >= LEAST
