@@ -1,6 +1,7 @@
 """Compiled cache: kernels on disk that are checked before they are loaded; damaged ones are recompiled.
 
-Numba does not check its files: an empty one makes every command fail, and damaged machine code would run.
+Numba does not check its files: an empty one makes every command fail, and damaged machine code would run. It
+compares the file of a kernel, not the functions that the kernel calls: here, their fingerprint is compared.
 Nor does it know what other processes compile: several that need the same kernel would each compile it.
 """
 
@@ -16,13 +17,18 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
-from numba.core.caching import IndexDataCacheFile
+import numba
+from numba.core.caching import IndexDataCacheFile, NullCache
 from numba.core.compiler_lock import global_compiler_lock
 from numba.core.registry import CPUDispatcher
 
 from lab.file_lock import locked
+from lab.fingerprint import fingerprint
 
 log = logging.getLogger(__name__)
+
+DISABLE_JIT: bool = vars(numba.config)["DISABLE_JIT"]
+"""Whether kernels stay plain Python, by the environment variable NUMBA_DISABLE_JIT=1."""
 
 DIGEST = hashlib.sha256().digest_size
 """Length of the checksum after the compiled code [bytes]."""
@@ -59,6 +65,13 @@ class CheckedCacheFile(IndexDataCacheFile):
             self._remove(error)
             super().save(key, data)
 
+    def has_code_for(self, processor: object) -> bool:
+        """Return whether there is compiled code of this version for a processor, for any arguments."""
+        try:
+            return any(key[1] == processor for key in self._load_index())
+        except Exception:  # a damaged pickle can raise any exception
+            return False
+
     def _load_data(self, name: str) -> Any:
         path = Path(self._data_path(name))
         content = path.read_bytes()
@@ -84,19 +97,43 @@ class CheckedCacheFile(IndexDataCacheFile):
 class CachedKernel(CPUDispatcher):
     """A function called from Python whose compiled code is kept on disk, and is compiled by one process."""
 
+    _cache: Any
+    targetctx: Any
+
     def compile(self, sig: Any) -> Any:
         """Load the code for some types of arguments, or compile it; wait for a process that does."""
-        file = _files(self)
-        waiting = _alone(file) if isinstance(file, CheckedCacheFile) else contextlib.nullcontext()
         # The lock of the compiler first: a thread that compiles another kernel has it, and may need this one.
-        with global_compiler_lock, waiting:
-            collected = gc.isenabled()
-            gc.disable()  # the compiler makes many objects and keeps most: searches are a tenth of its time
-            try:
-                return super().compile(sig)
-            finally:
-                if collected:
-                    gc.enable()
+        with global_compiler_lock:
+            file = self._files()
+            with _alone(file) if file else contextlib.nullcontext():
+                collected = gc.isenabled()
+                # The compiler makes many objects and keeps most: searches are a tenth of its time.
+                gc.disable()
+                try:
+                    return super().compile(sig)
+                finally:
+                    if collected:
+                        gc.enable()
+
+    @property
+    def is_ready(self) -> bool:
+        """Whether the kernel is compiled, in this process or on the disk, for any arguments."""
+        if self.signatures:
+            return True
+        file = self._files()
+        return file is not None and file.has_code_for(self.targetctx.codegen().magic_tuple())
+
+    def _files(self) -> CheckedCacheFile | None:
+        """Return the files of the kernel; None if they cannot be kept anywhere."""
+        if isinstance(self._cache, NullCache):
+            with contextlib.suppress(RuntimeError):  # no file of the source, or no folder that can be written
+                self.enable_caching()
+        own = getattr(self._cache, "_cache_file", None)
+        if own is not None and not isinstance(own, CheckedCacheFile):
+            name = own._index_name.removesuffix(".nbi")
+            own = CheckedCacheFile(own._cache_path, name, fingerprint(self))
+            self._cache._cache_file = own
+        return own
 
 
 @contextlib.contextmanager
@@ -119,10 +156,6 @@ def _alone(kernel: CheckedCacheFile) -> Iterator[None]:
         yield
 
 
-def _files(kernel: object) -> object:
-    return getattr(getattr(kernel, "_cache", None), "_cache_file", None)
-
-
 def cached(function: Any, options: dict[str, Any]) -> Any:
     """Return a function that is compiled with some options when first called, and kept on disk.
 
@@ -133,11 +166,4 @@ def cached(function: Any, options: dict[str, Any]) -> Any:
     options
         Options of the compiler.
     """
-    kernel: Any = CachedKernel(function, targetoptions=options)
-    kernel.enable_caching()
-    own = _files(kernel)
-    if isinstance(own, IndexDataCacheFile):
-        kernel._cache._cache_file = CheckedCacheFile(
-            own._cache_path, own._index_name.removesuffix(".nbi"), own._source_stamp
-        )
-    return kernel
+    return function if DISABLE_JIT else CachedKernel(function, targetoptions=options)

@@ -6,14 +6,14 @@ noise is drawn. The draws are those of a single run, from the same generators.
 
 from __future__ import annotations
 
-import functools
-from collections.abc import Callable, Sequence
-from typing import Any, NamedTuple
+from collections.abc import Sequence
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from lab.navigation.compilation import SOURCES, entry_kernel, kernel
+from lab.navigation import compilation
+from lab.navigation.compilation import entry_kernel, kernel
 from lab.navigation.filter import aligned_zeros
 from lab.navigation.lane_step import LANES
 from lab.sensors import imu
@@ -98,7 +98,7 @@ def constant_triads(
     )
     saturated = np.zeros(LANES, dtype=np.int64)
     noise = tuple(generator(seeds[lane], f"{name}.noise") for lane in lanes)
-    _compiled()(noise, ideal, constants, out, first, saturated)
+    _sense(noise, ideal, constants, out, first, saturated)
     return [
         imu.Measured(
             out[:, first : first + 3, lane],
@@ -111,32 +111,26 @@ def constant_triads(
 
 
 def is_ready() -> bool:
-    """Return whether the function is compiled, or loaded from the disk, in this process."""
-    return bool(_compiled().signatures)  # type: ignore[attr-defined]
+    """Return whether the function waits for no compiler: compiled here, or on the disk."""
+    return compilation.is_ready(_sense)
 
 
-@functools.cache
-def _compiled() -> Callable[..., Any]:
-    identity = SOURCES, LANES
-
-    def sense(
-        noise: tuple[np.random.Generator, ...],
-        ideal: FloatArray,
-        given: _Constants,
-        out: FloatArray,
-        first: int,
-        saturated: NDArray[np.int64],
-    ) -> None:
-        """Write the samples of a triad of all runs, as `imu.measure` computes those of one."""
-        _ = identity
-        drawn = np.empty((AT_ONCE, 3))
-        for start in range(0, ideal.shape[0], AT_ONCE):
-            count = min(AT_ONCE, ideal.shape[0] - start)
-            for lane in range(LANES):
-                _draw(noise[lane], drawn, count)
-                saturated[lane] += _measure(ideal, start, count, given, drawn, out, first, lane)
-
-    return entry_kernel(sense)
+@entry_kernel
+def _sense(
+    noise: tuple[np.random.Generator, ...],
+    ideal: FloatArray,
+    given: _Constants,
+    out: FloatArray,
+    first: int,
+    saturated: NDArray[np.int64],
+) -> None:
+    """Write the samples of a triad of all runs, as `imu.measure` computes those of one."""
+    drawn = np.empty((AT_ONCE, 3))
+    for start in range(0, ideal.shape[0], AT_ONCE):
+        count = min(AT_ONCE, ideal.shape[0] - start)
+        for lane in range(LANES):
+            _draw(noise[lane], drawn, count)
+            saturated[lane] += _measure(ideal, start, count, given, drawn, out, first, lane)
 
 
 @kernel

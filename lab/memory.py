@@ -32,7 +32,15 @@ class TooLongError(ValueError):
 
 
 def check_memory(
-    samples: int, fixes: int, rate: float, *, states: int, drifting: int, exact: bool, arm: bool
+    samples: int,
+    fixes: int,
+    rate: float,
+    *,
+    states: int,
+    drifting: int,
+    exact: bool,
+    arm: bool,
+    aids: int = 0,
 ) -> None:
     """Raise `TooLongError` if a run needs more memory than is available.
 
@@ -50,6 +58,8 @@ def check_memory(
         Whether all histories are float64, as for the engine filterpy.
     arm
         Whether the filter assumes a lever arm.
+    aids
+        Number of measurements besides fixes.
 
     Raises
     ------
@@ -57,7 +67,7 @@ def check_memory(
         If it needs more; the message gives the longest possible flight.
     """
     each = bytes_per_sample(samples, states=states, drifting=drifting, exact=exact, arm=arm)
-    needed = samples * each + fixes * bytes_per_fix(states)
+    needed = samples * each + fixes * bytes_per_fix(states) + aids * bytes_per_aid(states)
     if needed <= ALWAYS:
         return
     there = SPARE * available()
@@ -80,6 +90,11 @@ def bytes_per_sample(samples: int, *, states: int, drifting: int, exact: bool, a
 def bytes_per_fix(states: int) -> int:
     """Return the memory per fix [bytes]: P, H, two covariances, and copies for a smoother."""
     return 8 * (2 * states**2 + 4 * MEASUREMENTS * states + 3 * MEASUREMENTS**2)
+
+
+def bytes_per_aid(states: int) -> int:
+    """Return the memory per measurement besides fixes [bytes]: row of H, gain, and 10 numbers of its own."""
+    return 8 * (2 * states + 10)
 
 
 def give_back() -> None:

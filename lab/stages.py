@@ -22,7 +22,7 @@ from lab.log_run import timed
 from lab.memory import check_memory, give_back
 from lab.missions import Mission
 from lab.navigation import blocks, rest_alignment, smoother, unscented
-from lab.navigation.aiding import aids_of, needs_rest
+from lab.navigation.aiding import aids_of, most_aids, needs_rest
 from lab.navigation.aids import NO_AIDS, Aids
 from lab.navigation.algorithm import Algorithm, run_algorithm
 from lab.navigation.belief import (
@@ -214,6 +214,7 @@ class Stages:
             drifting=sum(imu.is_drifting(errors) for errors in triads),
             exact=navigator.engine == "filterpy",
             arm=bool(belief(self.sensors, navigator).lever_arm.any()),
+            aids=most_aids(self.sensors, navigator, samples / rate),
         )
 
     def triad(self, sensor: str, flight: Flight, found: FloatArray = NO_VECTOR) -> imu.Measured:

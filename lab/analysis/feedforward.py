@@ -17,7 +17,7 @@ from scipy.spatial.transform import Rotation
 
 from lab import ecef
 from lab.analysis.finding import Change, Finding, Verdict, headline
-from lab.navigation.error_models import with_blocks
+from lab.navigation.further_columns import with_blocks
 from lab.navigation.navigator import freely
 from lab.navigation.schedule import Schedule
 from lab.navigation.solution import Imu, Start

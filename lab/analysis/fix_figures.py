@@ -7,16 +7,15 @@ arrays. For thousands of runs that takes longer than the runs. Positions must be
 
 from __future__ import annotations
 
-import functools
 import math
-from collections.abc import Callable
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from lab.analysis.consistency import SINGULAR
-from lab.navigation.compilation import SOURCES, entry_kernel, inline_kernel, kernel
+from lab.navigation import compilation
+from lab.navigation.compilation import entry_kernel, inline_kernel, kernel
 from lab.navigation.solution import Solution
 from lab.navigation.strapdown import Vector, get, radii
 from lab.trajectory import Truth
@@ -282,32 +281,26 @@ def _along(motion: FloatArray, path: TrueMotion, out: FixFigures) -> None:
         out.rms[i] = math.sqrt(out.rms[i] / motion.shape[0])
 
 
-@functools.cache
-def _compiled() -> Callable[..., Any]:
-    identity = SOURCES, SINGULAR
-
-    def measure(
-        solution: Solution,
-        fixes: Samples,
-        before: Samples,
-        there: TrueMotion,
-        bias: FloatArray,
-        scale: FloatArray,
-        motion: FloatArray,
-        path: TrueMotion,
-        out: FixFigures,
-    ) -> None:
-        _ = identity
-        _at_fixes(solution, fixes, there, bias, scale, out)
-        _between(solution, before, there, out)
-        _along(motion, path, out)
-
-    return entry_kernel(measure)
+@entry_kernel
+def _measure(
+    solution: Solution,
+    fixes: Samples,
+    before: Samples,
+    there: TrueMotion,
+    bias: FloatArray,
+    scale: FloatArray,
+    motion: FloatArray,
+    path: TrueMotion,
+    out: FixFigures,
+) -> None:
+    _at_fixes(solution, fixes, there, bias, scale, out)
+    _between(solution, before, there, out)
+    _along(motion, path, out)
 
 
 def is_ready() -> bool:
-    """Return whether the function is compiled, or loaded from the disk, in this process."""
-    return bool(_compiled().signatures)  # type: ignore[attr-defined]
+    """Return whether the function waits for no compiler: compiled here, or on the disk."""
+    return compilation.is_ready(_measure)
 
 
 def fix_figures(
@@ -339,5 +332,5 @@ def fix_figures(
     """
     fixes = np.flatnonzero(solution.fix_sample >= 0)
     out = FixFigures.empty(fixes.size, before.size, solution.states)
-    _compiled()(solution, fixes, before, there, bias, scale, motion, path, out)
+    _measure(solution, fixes, before, there, bias, scale, motion, path, out)
     return out

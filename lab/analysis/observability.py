@@ -23,8 +23,9 @@ from lab.analysis.budget import (
 )
 from lab.analysis.gains import epochs_of
 from lab.navigation import strapdown
-from lab.navigation.error_models import ErrorModel, with_blocks
+from lab.navigation.error_models import ErrorModel
 from lab.navigation.filter import Filter
+from lab.navigation.further_columns import with_blocks
 from lab.navigation.navigator import advance, freely
 from lab.navigation.schedule import EVERY_FIX
 from lab.navigation.solution import Fixes, Imu, Solution, Start

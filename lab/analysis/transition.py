@@ -15,14 +15,13 @@ P. D. Groves, *Principles of GNSS, Inertial and Multisensor Integrated Navigatio
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from lab import earth
-from lab.navigation.compilation import SOURCES, entry_kernel, inline_kernel, kernel
+from lab.navigation.compilation import entry_kernel, inline_kernel, kernel
 from lab.navigation.error_models import A, B, G, P, V, gravity_gradient, skew
 from lab.navigation.strapdown import cross, get, gravity, matrix, plus, radii, rotate
 
@@ -228,54 +227,42 @@ def _drive(p: int, channel: int, decay: float, drive: FloatArray, r: FloatArray,
     out.power[p] *= decay
 
 
-def _compile(
-    sources: str,
-) -> Callable[[Flight, int, int, FloatArray, Processes, FloatArray, Transition], None]:
-    """Compile the transition over an interval."""
+@entry_kernel
+def transition(
+    flight: Flight,
+    first: int,
+    last: int,
+    fade: FloatArray,
+    processes: Processes,
+    known: FloatArray,
+    out: Transition,
+) -> None:
+    """Write the transition from sample `first` to sample `last` of a flight.
 
-    @entry_kernel
-    def transition(
-        flight: Flight,
-        first: int,
-        last: int,
-        fade: FloatArray,
-        processes: Processes,
-        known: FloatArray,
-        out: Transition,
-    ) -> None:
-        """Write the transition from sample `first` to sample `last` of a flight.
-
-        Parameters
-        ----------
-        flight
-            The flight.
-        first, last
-            First and last sample of the interval; equal samples give the transition over no time.
-        fade : (b,) array
-            The filter's decay in one sample of the biases, and of further states that act as these do.
-        processes
-            Random errors of the IMU.
-        known : (s, n, 6) array
-            Known errors of the IMU in each sample, as errors of the bias estimates.
-        out
-            Receives the transition.
-        """
-        _ = sources
-        F = np.zeros((N, N))
-        r = np.zeros((NAV, BIASES))
-        _clear(out)
-        for k in range(last - 1, first - 1, -1):
-            _write(flight, k, F)
-            _respond(flight, k, F, fade, r, out)
-            for p in range(processes.decay.size):
-                _drive(p, processes.channel[p], processes.decay[p], processes.drive[p], r, out)
-            for s in range(known.shape[0]):
-                for i in range(NAV):
-                    for j in range(BIASES):
-                        out.driven[s, i] += r[i, j] * known[s, k, j]
-
-    return transition
-
-
-transition = _compile(SOURCES)
-"""The compiled kernel: ``transition(flight, first, last, fade, processes, known, out)``."""
+    Parameters
+    ----------
+    flight
+        The flight.
+    first, last
+        First and last sample of the interval; equal samples give the transition over no time.
+    fade : (b,) array
+        The filter's decay in one sample of the biases, and of further states that act as these do.
+    processes
+        Random errors of the IMU.
+    known : (s, n, 6) array
+        Known errors of the IMU in each sample, as errors of the bias estimates.
+    out
+        Receives the transition.
+    """
+    F = np.zeros((N, N))
+    r = np.zeros((NAV, BIASES))
+    _clear(out)
+    for k in range(last - 1, first - 1, -1):
+        _write(flight, k, F)
+        _respond(flight, k, F, fade, r, out)
+        for p in range(processes.decay.size):
+            _drive(p, processes.channel[p], processes.decay[p], processes.drive[p], r, out)
+        for s in range(known.shape[0]):
+            for i in range(NAV):
+                for j in range(BIASES):
+                    out.driven[s, i] += r[i, j] * known[s, k, j]

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from lab.navigation import navigator, unscented
 from lab.navigation.belief import chosen_blocks, is_aided
-from lab.navigation.error_models import ErrorModel, with_blocks
+from lab.navigation.error_models import ErrorModel
+from lab.navigation.further_columns import with_blocks
 from lab.navigation.settings import NavigatorSettings
 from lab.navigation.wander_models import linear_model
 from lab.sensors.suite import SensorSuite
@@ -25,7 +26,7 @@ def chosen_model(settings: NavigatorSettings, sensors: SensorSuite | None = None
 
 
 def is_ready(settings: NavigatorSettings, sensors: SensorSuite | None = None) -> bool:
-    """Return whether the filter is ready in this process: compiled, or loaded from the disk."""
+    """Return whether the filter waits for no compiler: compiled here, or on the disk."""
     if settings.model == "nonlinear":
         return unscented.is_compiled()
     aided = sensors is not None and is_aided(settings, sensors)

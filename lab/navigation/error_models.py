@@ -1,7 +1,7 @@
 """Error models: the matrix F of ẋ = F x + w, declared block by block.
 
 The error is estimate minus truth, in the order of `STATES`, of which a filter has the first 15 or all 21;
-further blocks of states may follow (`blocks`).
+further blocks of states may follow (`further_columns`).
 Position errors are metres north, east, down. The attitude error φ is the small rotation of the computed
 navigation frame, Ĉ_nb = (I − [φ×]) C_nb. A model is a function that writes the non-zero elements of F.
 Calling it gives the pattern of these elements, and the code that propagates the covariance is generated from
@@ -24,9 +24,8 @@ inertial-integrated navigation*, Satellite Navigation 2 (2021).
 
 from __future__ import annotations
 
-import dataclasses
 import functools
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -34,7 +33,8 @@ from numpy.typing import NDArray
 
 from lab import earth
 from lab.navigation import blocks, own_room, strapdown
-from lab.navigation.compilation import inline_kernel, interpreted, named, rebound, rebound_throughout
+from lab.navigation.compilation import inline_kernel
+from lab.navigation.generation import Slot, Variant, Written, generated, interpreted
 from lab.navigation.strapdown import Vector, earth_rate, get, matrix, transport_rate
 
 FloatArray = NDArray[np.float64]
@@ -54,7 +54,7 @@ STATES = (
 """Names of the error states, in order; a filter has the first 15, or all 21, and further blocks."""
 
 # First index of each block, for the declarations below.
-P, V, A, G, B, GS, BS = 0, 3, 6, 9, 12, 15, 18
+P, V, A, G, B = 0, 3, 6, 9, 12
 N, E, D = 0, 1, 2
 """North, east and down within a block."""
 
@@ -62,21 +62,26 @@ gravity_gradient = inline_kernel(earth.gravity_gradient)
 
 Write = Callable[[FloatArray, FloatArray], None]
 
+write_f = Slot("write_f")
+"""``write_f(state, F)`` of the model."""
+write_map, write_fix_map, write_frame_map = Slot("write_map"), Slot("write_fix_map"), Slot("write_frame_map")
+"""``write_map(state, T)`` of the model, and the others of this kind; see `ErrorModel`."""
+
 NORTH_SLAVED, WANDER_AZIMUTH = "north-slaved", "wander azimuth"
 """Mechanizations, as in the settings."""
 
 
 @dataclass(frozen=True)
 class ErrorModel:
-    """An error model: its name, the function that writes F, and its coordinates.
+    """An error model: its name, the functions that write F, and its coordinates.
 
     Attributes
     ----------
     name
         As in the settings.
-    write
-        ``write(state, F)`` writes the non-zero elements of F for the navigator's `strapdown` state after a
-        step. The first-order decay of the biases is not part of it.
+    writes
+        Functions ``write(state, F)``, which together write the non-zero elements of F for the navigator's
+        `strapdown` state after a step. The first-order decay of the biases is not part of it.
     write_map
         ``write_map(state, T)`` writes the non-zero elements of T (9, 9), the derivative of the position,
         velocity and attitude errors with respect to the model's own; None if they are the same.
@@ -89,17 +94,23 @@ class ErrorModel:
     mechanization
         Mechanization of the navigator, as in the settings.
     blocks
-        Names of the further blocks of states, in the order of `blocks.BLOCKS`.
+        Names of the further blocks of states, in the order of `blocks.BLOCKS`; see `further_columns`.
+    kernels
+        Kernels that these functions call, and those that they call in this model.
+    constants
+        Names of constants of these functions, their values there, and in this model.
     """
 
     name: str
-    write: Write
+    writes: tuple[Write, ...]
     write_map: Write | None = None
     write_fix_map: Write | None = None
     write_frame_map: Write | None = None
     in_body: bool = False
     mechanization: str = NORTH_SLAVED
     blocks: tuple[str, ...] = ()
+    kernels: tuple[tuple[Write, Write], ...] = ()
+    constants: tuple[tuple[str, int, int], ...] = ()
 
     @property
     def states(self) -> int:
@@ -108,28 +119,48 @@ class ErrorModel:
 
     @property
     def label(self) -> str:
-        """Unique name for the functions made for this model."""
-        return f"{self.name} {self.mechanization} {' '.join(('15', *self.blocks))}"
+        """Name for the modules generated for this model."""
+        return " ".join((self.name, self.mechanization, str(self.states), *self.blocks))
+
+    @functools.cached_property
+    def variant(self) -> Variant:
+        """What kernels of this model have in place of those of the lab."""
+        calls = [f"    {write.__name__}(state, F)" for write in self.writes]
+        text = "\n".join(("@inline_kernel", "def write_f(state, F):", *calls))
+        own = {
+            write_f: Written("write_f", text, {write.__name__: write for write in self.writes}),
+            write_map: self.write_map,
+            write_fix_map: self.write_fix_map or self.write_map,
+            write_frame_map: self.write_frame_map or self.write_map,
+        }
+        return Variant({**dict(self.kernels), **own}, {name: (old, new) for name, old, new in self.constants})
+
+    @functools.cached_property
+    def write(self) -> Write:
+        """``write(state, F)``, which writes the non-zero elements of F."""
+        title = f"The system matrix F of the filter {self.label}."
+        return generated(f"F {self.label}", title, [write_f], self.variant)[write_f]  # type: ignore[no-any-return]
 
     def pattern(self) -> NDArray[np.bool_]:
         """Return the mask (n, n) of the elements of F that can be non-zero."""
-        return _pattern(self.write, self.states)
+        return _pattern(interpreted(write_f, self.variant), self.states)
 
     def map_pattern(self) -> NDArray[np.bool_]:
         """Return the mask (9, 9) of the elements of T that can be non-zero."""
-        return _pattern(self.write_map, 9) if self.write_map else np.eye(9, dtype=np.bool_)
+        return (
+            _pattern(interpreted(write_map, self.variant), 9) if self.write_map else np.eye(9, dtype=np.bool_)
+        )
 
     def map(self, state: FloatArray) -> FloatArray:
         """Return the derivative of all errors with respect to the model's own, (n, n)."""
         T = np.eye(self.states)
         if self.write_map:
-            interpreted(self.write_map)(state, T)
+            interpreted(write_map, self.variant)(state, T)
         return T
 
 
 def _pattern(write: Write, size: int) -> NDArray[np.bool_]:
     """Return the mask of the elements of a matrix to which a function can write non-zero values."""
-    plain = interpreted(write)
     rng = np.random.default_rng(0)
     matrix = np.zeros((size, size))
     seen = np.zeros((size, size), dtype=np.bool_)
@@ -137,7 +168,7 @@ def _pattern(write: Write, size: int) -> NDArray[np.bool_]:
         # Other mechanizations and the user's own states need longer ones.
         state = rng.uniform(0.1, 0.5, own_room.END)
         state[strapdown.HEIGHT] = 1000.0
-        plain(state, matrix)
+        write(state, matrix)
         seen |= matrix != 0
     return seen
 
@@ -351,190 +382,8 @@ def invariant_map(state: FloatArray, T: FloatArray) -> None:
         T[A + N, P + j], T[A + E, P + j], T[A + D, P + j] = t * east, -m * north, -tl * t * east
 
 
-@inline_kernel
-def scaled(state: FloatArray, previous: int, bias: int, scale: int) -> Vector:
-    """Return (x + b) / (1 + s) for the mean x of the last step: minus the derivative of x with respect to s.
-
-    The navigator has x = x_measured / (1 + s) − b, so an error δs acts as an error (x + b) / (1 + s) δs of
-    the bias.
-    """
-    x, y, z = strapdown.plus(
-        strapdown.whole_bias(state, bias), state[strapdown.PER_STEP], get(state, previous)
-    )
-    return x / (1 + state[scale]), y / (1 + state[scale + 1]), z / (1 + state[scale + 2])
-
-
-@inline_kernel
-def scale_columns(state: FloatArray, F: FloatArray) -> None:
-    """Write the columns of the scale factors, C_nb diag(ω_ib,b) and −C_nb diag(f_b), both as `scaled`."""
-    omega = scaled(state, strapdown.PREVIOUS_DTHETA, strapdown.GYRO_BIAS, strapdown.GYRO_SCALE)
-    f = scaled(state, strapdown.PREVIOUS_DVELOCITY, strapdown.ACCEL_BIAS, strapdown.ACCEL_SCALE)
-    for i in range(3):
-        x, y, z = get(state, strapdown.C_NB + 3 * i)
-        F[A + i, GS], F[A + i, GS + 1], F[A + i, GS + 2] = x * omega[0], y * omega[1], z * omega[2]
-        F[V + i, BS], F[V + i, BS + 1], F[V + i, BS + 2] = -x * f[0], -y * f[1], -z * f[2]
-
-
-@inline_kernel
-def scale_columns_in_body(state: FloatArray, F: FloatArray) -> None:
-    """Write the columns of the scale factors, diag(ω_ib,b) and −diag(f_b), both as `scaled`."""
-    omega = scaled(state, strapdown.PREVIOUS_DTHETA, strapdown.GYRO_BIAS, strapdown.GYRO_SCALE)
-    f = scaled(state, strapdown.PREVIOUS_DVELOCITY, strapdown.ACCEL_BIAS, strapdown.ACCEL_SCALE)
-    F[A, GS], F[A + 1, GS + 1], F[A + 2, GS + 2] = omega
-    F[V, BS], F[V + 1, BS + 1], F[V + 2, BS + 2] = -f[0], -f[1], -f[2]
-
-
-GM, BM = -1, -1
-"""First misalignment of gyros and accelerometers among the states; a filter that has them sets these."""
-
-
-@inline_kernel
-def misalignment_columns(state: FloatArray, F: FloatArray) -> None:
-    """Write the columns of the misalignments.
-
-    An error of m_xy acts as an error (y + b_y) / (1 + s_x) of the bias of x; see `scaled`.
-    """
-    for i in range(3):
-        x, y, z = get(state, strapdown.C_NB + 3 * i)
-        u, v, w = of_other_axes(state, strapdown.PREVIOUS_DTHETA, strapdown.GYRO_BIAS, strapdown.GYRO_SCALE)
-        F[A + i, GM], F[A + i, GM + 1] = x * u[0], x * u[1]
-        F[A + i, GM + 2], F[A + i, GM + 3] = y * v[0], y * v[1]
-        F[A + i, GM + 4], F[A + i, GM + 5] = z * w[0], z * w[1]
-        u, v, w = of_other_axes(
-            state, strapdown.PREVIOUS_DVELOCITY, strapdown.ACCEL_BIAS, strapdown.ACCEL_SCALE
-        )
-        F[V + i, BM], F[V + i, BM + 1] = -x * u[0], -x * u[1]
-        F[V + i, BM + 2], F[V + i, BM + 3] = -y * v[0], -y * v[1]
-        F[V + i, BM + 4], F[V + i, BM + 5] = -z * w[0], -z * w[1]
-
-
-@inline_kernel
-def misalignment_columns_in_body(state: FloatArray, F: FloatArray) -> None:
-    """Write the columns of the misalignments for errors resolved in b."""
-    u, v, w = of_other_axes(state, strapdown.PREVIOUS_DTHETA, strapdown.GYRO_BIAS, strapdown.GYRO_SCALE)
-    F[A, GM], F[A, GM + 1] = u
-    F[A + 1, GM + 2], F[A + 1, GM + 3] = v
-    F[A + 2, GM + 4], F[A + 2, GM + 5] = w
-    u, v, w = of_other_axes(state, strapdown.PREVIOUS_DVELOCITY, strapdown.ACCEL_BIAS, strapdown.ACCEL_SCALE)
-    F[V, BM], F[V, BM + 1] = -u[0], -u[1]
-    F[V + 1, BM + 2], F[V + 1, BM + 3] = -v[0], -v[1]
-    F[V + 2, BM + 4], F[V + 2, BM + 5] = -w[0], -w[1]
-
-
-@inline_kernel
-def of_other_axes(
-    state: FloatArray, previous: int, bias: int, scale: int
-) -> tuple[tuple[float, float], tuple[float, float], tuple[float, float]]:
-    """Return the means of the last step along the other two axes of each axis, divided by its scale."""
-    x, y, z = strapdown.plus(
-        strapdown.whole_bias(state, bias), state[strapdown.PER_STEP], get(state, previous)
-    )
-    p, q, r = 1 / (1 + state[scale]), 1 / (1 + state[scale + 1]), 1 / (1 + state[scale + 2])
-    return (p * y, p * z), (q * x, q * z), (r * x, r * y)
-
-
-GD, BD = -1, -1
-"""First state of the drift of gyros and accelerometers; a filter that has it sets these."""
-
-
-@inline_kernel
-def drift_columns(state: FloatArray, F: FloatArray) -> None:
-    """Write the columns of the drift, which acts as the biases do."""
-    attitude_matrix(F, A, GD, 1.0, state)
-    attitude_matrix(F, V, BD, -1.0, state)
-
-
-@inline_kernel
-def drift_columns_in_body(state: FloatArray, F: FloatArray) -> None:
-    """Write the columns of the drift for errors resolved in b."""
-    for i in range(3):
-        F[A + i, GD + i], F[V + i, BD + i] = 1.0, -1.0
-
-
-OWN = -1
-"""First state of the blocks that a user declared; a filter that has them sets this."""
-OWN_SIZE = 0
-"""How many there are."""
-
-
-@inline_kernel
-def own_columns(state: FloatArray, F: FloatArray) -> None:
-    """Write the columns of the states that a user declared: their effects on gyros and accelerometers."""
-    for k in range(OWN_SIZE):
-        at = own_room.EFFECTS + own_room.WIDTH * k
-        for i in range(3):
-            x, y, z = get(state, strapdown.C_NB + 3 * i)
-            F[A + i, OWN + k] = x * state[at] + y * state[at + 1] + z * state[at + 2]
-            F[V + i, OWN + k] = -x * state[at + 3] - y * state[at + 4] - z * state[at + 5]
-
-
-@inline_kernel
-def own_columns_in_body(state: FloatArray, F: FloatArray) -> None:
-    """Write the columns of the states that a user declared for errors resolved in b."""
-    for k in range(OWN_SIZE):
-        at = own_room.EFFECTS + own_room.WIDTH * k
-        for i in range(3):
-            F[A + i, OWN + k], F[V + i, OWN + k] = state[at + i], -state[at + 3 + i]
-
-
-_before, _columns = phi, scale_columns
-
-
-def _write_both(state: FloatArray, F: FloatArray) -> None:
-    """Write F of a model with fewer states, and the columns of further ones."""
-    _before(state, F)
-    _columns(state, F)
-
-
-@functools.cache
-def with_blocks(model: ErrorModel, names: tuple[str, ...]) -> ErrorModel:
-    """Return a model of 15 states as one with further blocks.
-
-    Scale factors, misalignments, drift and the user's own states act on attitude and velocity. The errors of
-    other sensors act on nothing: F has no element for them.
-    """
-    names = blocks.in_order(names)
-    if names == model.blocks:
-        return model
-    write = model.write
-    for columns in _columns_of(names, in_body=model.in_body):
-        both = rebound(_write_both, _before=write, _columns=columns)
-        write = inline_kernel(named(f"{model.label} {' '.join(names)} {columns.__name__}")(both))
-    return dataclasses.replace(model, write=write, blocks=names)
-
-
-def _columns_of(names: Sequence[str], *, in_body: bool) -> Iterator[Write]:
-    """Yield the functions that write the columns of further blocks."""
-    if blocks.GYRO_SCALE in names:
-        yield scale_columns_in_body if in_body else scale_columns
-    if blocks.GYRO_MISALIGNMENT in names:
-        first = {
-            "GM": blocks.first_state(names, blocks.GYRO_MISALIGNMENT),
-            "BM": blocks.first_state(names, blocks.ACCEL_MISALIGNMENT),
-        }
-        columns = misalignment_columns_in_body if in_body else misalignment_columns
-        yield rebound_throughout(columns, {"GM": GM, "BM": BM}, **first)
-    if blocks.GYRO_DRIFT in names:
-        first = {
-            "GD": blocks.first_state(names, blocks.GYRO_DRIFT),
-            "BD": blocks.first_state(names, blocks.ACCEL_DRIFT),
-        }
-        columns = drift_columns_in_body if in_body else drift_columns
-        yield rebound_throughout(columns, {"GD": GD, "BD": BD}, **first)
-    own = blocks.own_states(names)
-    if own.stop > own.start:
-        columns = own_columns_in_body if in_body else own_columns
-        found = {"OWN": own.start, "OWN_SIZE": own.stop - own.start}
-        yield rebound_throughout(columns, {"OWN": OWN, "OWN_SIZE": OWN_SIZE}, **found)
-
-
-def with_states(model: ErrorModel, states: int) -> ErrorModel:
-    """Return a model of 15 states as one of 15 or 21 states: the scale factors are random constants."""
-    return with_blocks(model, blocks.SCALES if states > blocks.CORE else ())
-
-
-PHI = ErrorModel("phi", phi)
-PSI = ErrorModel("psi", psi, psi_map)
-INVARIANT = ErrorModel("invariant", invariant, invariant_map, in_body=True)
+PHI = ErrorModel("phi", (phi,))
+PSI = ErrorModel("psi", (psi,), psi_map)
+INVARIANT = ErrorModel("invariant", (invariant,), invariant_map, in_body=True)
 MODELS = {model.name: model for model in (PHI, PSI, INVARIANT)}
 """The models with 15 states by name."""

@@ -10,8 +10,8 @@ from scipy.spatial.transform import Rotation
 
 from lab.navigation import blocks, frames, own_room, strapdown, wander
 from lab.navigation.aids import NO_AIDS, Aids
-from lab.navigation.compilation import interpreted
 from lab.navigation.error_models import PHI, ErrorModel
+from lab.navigation.generation import interpreted
 from lab.navigation.kalman import MEASUREMENTS
 from lab.navigation.lever_arm import NO_TURNS
 from lab.navigation.propagation import NAV, layout

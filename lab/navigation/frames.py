@@ -16,8 +16,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lab.navigation import strapdown, wander
-from lab.navigation.compilation import interpreted
-from lab.navigation.error_models import NORTH_SLAVED, WANDER_AZIMUTH, ErrorModel, with_blocks
+from lab.navigation.error_models import NORTH_SLAVED, WANDER_AZIMUTH, ErrorModel
+from lab.navigation.further_columns import with_blocks
+from lab.navigation.generation import interpreted
 from lab.navigation.propagation import NAV
 from lab.navigation.solution import Solution
 from lab.navigation.strapdown import PREVIOUS_VELOCITY, Q_NB, VELOCITY

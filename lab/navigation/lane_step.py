@@ -17,10 +17,12 @@ from numba.core import cgutils, types
 from numba.extending import intrinsic
 from numpy.typing import NDArray
 
+from lab.compiled_cache import DISABLE_JIT
 from lab.navigation import strapdown
-from lab.navigation.compilation import inline_kernel, named, rebound
-from lab.navigation.error_models import ErrorModel
-from lab.navigation.propagation import NAV, layout
+from lab.navigation.compilation import inline_kernel
+from lab.navigation.error_models import ErrorModel, write_f
+from lab.navigation.generation import Slot, Written
+from lab.navigation.propagation import NAV, STATES, layout
 
 LANES = 8
 """Runs in a block: the float64 numbers in a cache line, and in the widest vector of today's processors."""
@@ -104,6 +106,22 @@ wide_vectors: Kernel = intrinsic(_wide_vectors)
 numbers: Kernel = intrinsic(_numbers)
 rows: Kernel = intrinsic(_rows)
 
+if DISABLE_JIT:  # the same for a debugger
+
+    def wide_vectors() -> None:
+        """Do nothing: there is no compiler."""
+
+    def numbers(buffer: FloatArray, first: int, lane: int) -> FloatArray:
+        """Return the numbers of one run from `first` on."""
+        view: FloatArray = buffer[first * LANES + lane :: LANES]
+        return view
+
+    def rows(buffer: FloatArray, first: int, width: int, lane: int) -> FloatArray:
+        """Return the numbers of one run from `first` on, to the end of the buffer, as a matrix."""
+        found = numbers(buffer, first, lane)
+        matrix: FloatArray = found[: found.size // width * width].reshape(-1, width)
+        return matrix
+
 
 def size_of_lane(states: int) -> int:
     """Return how many numbers a run has in the buffer."""
@@ -130,67 +148,65 @@ def gained(state: FloatArray, given: FloatArray) -> strapdown.Vector:
     return strapdown.plus(strapdown.get(given, 6), 1.0, last)
 
 
-def lane_step(model: ErrorModel) -> Kernel:
-    """Return the kernel ``lane_step(buffer, lane, dt, kept, noise)`` of a north-slaved error model.
+propagate = Slot("propagate")
+"""``propagate(state, F, dt, kept, noise, p)``: see `propagation_of`."""
+lane_constants = Slot("lane_constants")
+"""``lane_constants(decay, noise, dt)``: see `constants_of`."""
 
-    It advances one run of the block by one sample: strapdown, F, P. `kept` and `noise` are those of
-    `lane_constants`. Rotations within a sample must be below 0.5 rad.
+
+@inline_kernel
+def lane_step(buffer: Any, lane: int, dt: float, kept: Any, noise: Any) -> None:
+    """Advance one run of the block by one sample: strapdown, F, P.
+
+    `kept` and `noise` are those of `lane_constants`. Rotations within a sample must be below 0.5 rad.
     """
-    others: dict[str, Kernel] = {"rotation": strapdown.small_rotation}
-    if not model.blocks:
-        others["corrected"] = _without_bias
-    step = inline_kernel(named(f"{model.label} lane")(rebound(strapdown.step, **others)))
-    write, propagate = model.write, _compiled(propagation_source(model), "propagate", model)
-    F_at, states = size_of_lane(model.states) - NAV * model.states, model.states
-
-    @inline_kernel
-    @named(model.label)
-    def lane_step(buffer: Any, lane: int, dt: float, kept: Any, noise: Any) -> None:
-        state, given = numbers(buffer, 0, lane), numbers(buffer, INCREMENTS, lane)
-        F = rows(buffer, F_at, states, lane)
-        strapdown.put(given, 6, gained(state, given))
-        force = given[3], given[4], given[5]
-        step(state, (given[0], given[1], given[2]), force, dt)
-        write(state, F)
-        propagate(state, F, dt, kept, noise, numbers(buffer, COVARIANCE, lane))
-        strapdown.put(given, 9, force)
-
-    return lane_step
+    state, given = numbers(buffer, 0, lane), numbers(buffer, INCREMENTS, lane)
+    F = rows(buffer, COVARIANCE + STATES * (STATES + 1) // 2, STATES, lane)
+    strapdown.put(given, 6, gained(state, given))
+    force = given[3], given[4], given[5]
+    strapdown.step(state, (given[0], given[1], given[2]), force, dt)
+    write_f(state, F)
+    propagate(state, F, dt, kept, noise, numbers(buffer, COVARIANCE, lane))
+    strapdown.put(given, 9, force)
 
 
-def lane_constants(model: ErrorModel) -> Kernel:
-    """Return the kernel ``lane_constants(decay, noise, dt)``: what is the same for all runs, as two tuples.
+def lane_kernels(model: ErrorModel) -> dict[Any, Any]:
+    """Return the kernels of a north-slaved model in place of those above, and of those of the strapdown."""
+    own: dict[Any, Any] = {
+        propagate: propagation_of(model),
+        lane_constants: constants_of(model),
+        strapdown.rotation: strapdown.small_rotation,
+    }
+    return own if model.blocks else own | {strapdown.corrected: _without_bias}
+
+
+def constants_of(model: ErrorModel) -> Written:
+    """Return the kernel `lane_constants` of a model: what is the same for all runs, as two tuples.
 
     The factors by which the driven states fade over a sample, and the variances that it adds.
     """
     driven = layout(model.blocks).DRIVEN
     fading = ", ".join(f"1 - dt * decay[{b}]" for b in range(driven))
     added = ", ".join(f"dt * noise[{b}]" for b in range(6 + driven))
-    source = f"def lane_constants(decay, noise, dt):\n    return ({fading},), ({added},)"
-    return _compiled(source, "lane_constants", model)
+    text = f"@inline_kernel\ndef lane_constants(decay, noise, dt):\n    return ({fading},), ({added},)"
+    return Written("lane_constants", text)
 
 
-def _compiled(source: str, name: str, model: ErrorModel) -> Kernel:
-    namespace: dict[str, Kernel] = {}
-    exec(compile(source, f"<{name} of {model.label} in lanes>", "exec"), namespace)
-    return inline_kernel(named(f"{model.label} lanes")(namespace[name]))
-
-
-def propagation_source(model: ErrorModel) -> str:
-    """Return the source of ``propagate(state, F, dt, kept, noise, p)``.
+def propagation_of(model: ErrorModel) -> Written:
+    """Return the kernel `propagate` of a model.
 
     It replaces the upper triangle `p` of P by that of Φ P Φᵀ plus the noise, and lets the estimates of the
     driven states fade, as the propagation of a single run does.
     """
     pattern, space = model.pattern(), layout(model.blocks)
     terms = {row: [int(c) for c in np.flatnonzero(columns)] for row, columns in enumerate(pattern[:NAV])}
-    lines = ["def propagate(state, F, dt, kept, noise, p):"]
+    lines = ["@inline_kernel", "def propagate(state, F, dt, kept, noise, p):"]
     lines += [f"    f_{row}_{c} = dt * F[{row}, {c}]" for row, columns in terms.items() for c in columns]
     lines += _products(terms, space.STATES)
     lines += _fading(space.STATES, NAV + space.DRIVEN)
     lines += [f"    state[{place}] *= kept[{b}]" for b, place in enumerate(space.PLACES[: space.DRIVEN])]
     lines += _noise(space.STATES, space.DRIVEN, in_body=model.in_body)
-    return "\n".join(lines)
+    return Written("propagate", "\n".join(lines))
 
 
 def _at(i: int, j: int, states: int) -> str:

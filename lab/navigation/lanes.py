@@ -15,18 +15,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lab.navigation import strapdown
-from lab.navigation.compilation import (
-    SOURCES,
-    embedded_kernel,
-    entry_kernel,
-    kernel,
-    named,
-    rebound,
-    rebound_throughout,
-)
-from lab.navigation.driver import _store, kernels, take_measurements
-from lab.navigation.error_models import NORTH_SLAVED, PHI, ErrorModel
+from lab.navigation.compilation import embedded_kernel, entry_kernel, is_ready, kernel
+from lab.navigation.driver import steps, take_measurements
+from lab.navigation.error_models import NORTH_SLAVED, ErrorModel
 from lab.navigation.filter import Filter, aligned_zeros
+from lab.navigation.generation import Redecorated, Variant, generated
 from lab.navigation.kalman import MEASUREMENTS
 from lab.navigation.lane_step import (
     COVARIANCE,
@@ -34,14 +27,16 @@ from lab.navigation.lane_step import (
     LANES,
     gained,
     lane_constants,
+    lane_kernels,
     lane_step,
     numbers,
     size_of_lane,
     wide_vectors,
 )
-from lab.navigation.propagation import STATES, WIDTH, WRITTEN_FOR, X, layout
+from lab.navigation.propagation import STATES, WIDTH, X
 from lab.navigation.schedule import SLACK, Schedule
 from lab.navigation.solution import Belief, Fixes, Imu, Solution, Start, read_only
+from lab.navigation.storage import store
 
 FloatArray = NDArray[np.float64]
 Samples = NDArray[np.int64]
@@ -134,10 +129,6 @@ def _save(run: Filter, buffer: FloatArray, kept: Progress, lane: int) -> None:
         kept.streak[lane, i] = run.streak[i]
 
 
-# The kernels of `phi`; those of other models replace them.
-_lane_step, _lane_constants = lane_step(PHI), lane_constants(PHI)
-
-
 @kernel
 def _fly(
     buffer: FloatArray,
@@ -160,71 +151,74 @@ def _fly(
             for lane in range(LANES):
                 buffer[(INCREMENTS + i) * LANES + lane] = increments[k, i, lane]
         dt = time[k + 1] - time[k]
-        fading, added = _lane_constants(decay, noise, dt)
+        fading, added = lane_constants(decay, noise, dt)
         for lane in range(lanes):
-            _lane_step(buffer, lane, dt, fading, added)
+            lane_step(buffer, lane, dt, fading, added)
+
+
+@entry_kernel
+def advance(
+    run: Filter,
+    buffer: FloatArray,
+    kept: Progress,
+    imu: Imu,
+    increments: FloatArray,
+    fixes: Fixes,
+    schedule: Schedule,
+    stops: Samples,
+    stored: Samples,
+    path: Samples,
+    out: Solution,
+    motion: FloatArray,
+    force: FloatArray,
+    lanes: int,
+) -> None:
+    """Advance a block over all samples, stopping at those with a fix and at those to store."""
+    z, x, spare = np.empty(MEASUREMENTS), np.empty(STATES), np.empty(run.state.size)
+    at, r, s = 0, 0, 0
+    for stop in stops:
+        if stop > at:
+            _fly(buffer, imu.time, increments, at, stop, run.decay, run.noise, lanes)
+            at = stop
+            time, dt = imu.time[at], imu.time[at] - imu.time[at - 1]
+            if fixes.time[kept.counts[0, 0]] <= time + SLACK * dt:
+                for lane in range(LANES):
+                    _load(run, buffer, kept, lane)
+                    take_measurements(run, imu, fixes, out, at - 1, schedule, z, x, spare, False)
+                    _save(run, buffer, kept, lane)
+        if s < path.size and path[s] == at:
+            for lane in range(LANES):
+                for i in range(MOTION):
+                    motion[lane, s, i] = buffer[i * LANES + lane]
+            s += 1
+        if r < stored.size and stored[r] == at:
+            for lane in range(LANES):
+                _load(run, buffer, kept, lane)
+                given = numbers(buffer, INCREMENTS, lane)
+                force[lane, r, 0], force[lane, r, 1], force[lane, r, 2] = gained(run.state, given)
+                store(out, lane * stored.size + r, run.state, run.w, run.T)
+            r += 1
 
 
 @functools.cache
 def _advance(model: ErrorModel) -> Callable[..., None]:
     """Return the loop over all samples for a model, which is compiled, or loaded, when first called."""
-    identity = SOURCES, model.name, model.blocks
-
-    def advance(
-        run: Filter,
-        buffer: FloatArray,
-        kept: Progress,
-        imu: Imu,
-        increments: FloatArray,
-        fixes: Fixes,
-        schedule: Schedule,
-        stops: Samples,
-        stored: Samples,
-        path: Samples,
-        out: Solution,
-        motion: FloatArray,
-        force: FloatArray,
-        lanes: int,
-    ) -> None:
-        """Advance a block over all samples, stopping at those with a fix and at those to store."""
-        _ = identity
-        z, x, spare = np.empty(MEASUREMENTS), np.empty(STATES), np.empty(run.state.size)
-        at, r, s = 0, 0, 0
-        for stop in stops:
-            if stop > at:
-                _fly(buffer, imu.time, increments, at, stop, run.decay, run.noise, lanes)
-                at = stop
-                time, dt = imu.time[at], imu.time[at] - imu.time[at - 1]
-                if fixes.time[kept.counts[0, 0]] <= time + SLACK * dt:
-                    for lane in range(LANES):
-                        _load(run, buffer, kept, lane)
-                        take_measurements(run, imu, fixes, out, at - 1, schedule, z, x, spare, False)
-                        _save(run, buffer, kept, lane)
-            if s < path.size and path[s] == at:
-                for lane in range(LANES):
-                    for i in range(MOTION):
-                        motion[lane, s, i] = buffer[i * LANES + lane]
-                s += 1
-            if r < stored.size and stored[r] == at:
-                for lane in range(LANES):
-                    _load(run, buffer, kept, lane)
-                    given = numbers(buffer, INCREMENTS, lane)
-                    force[lane, r, 0], force[lane, r, 1], force[lane, r, 2] = gained(run.state, given)
-                    _store(out, lane * stored.size + r, run.state, run.w, run.T)
-                r += 1
-
-    steps = {"_lane_step": lane_step(model), "_lane_constants": lane_constants(model)}
-    fly = kernel(named(model.label)(rebound(_fly, **steps)))
-    others = dict(kernels(model, summed=False))
+    parts = steps(model, summed=False)
+    kernels, constants = parts.variant.kernels, parts.variant.constants
+    title = f"Eight runs abreast of the filter {model.label}"
+    between = Variant({**kernels, **lane_kernels(model)}, constants)
+    fly = generated(f"fly {model.label}", f"{title}, between fixes.", [_fly], between)
     # Embedded: a call with so many arrays takes a third of the time of a fix.
-    taking = embedded_kernel(rebound(others.get("take_measurements", take_measurements)))
-    own = rebound(advance, **others | {"_fly": fly, "take_measurements": taking})
-    return entry_kernel(rebound_throughout(own, WRITTEN_FOR, **layout(model.blocks)._asdict()))
+    taking = Redecorated(take_measurements, embedded_kernel)
+    variant = Variant({**kernels, take_measurements: taking}, constants)
+    made = generated(f"lanes {model.label}", f"{title}.", [advance], variant, [parts, fly])
+    whole: Callable[..., None] = made[advance]
+    return whole
 
 
 def is_compiled(model: ErrorModel) -> bool:
-    """Return whether runs abreast of a model are ready in this process: compiled, or loaded from the disk."""
-    return bool(_advance(model).signatures)  # type: ignore[attr-defined]
+    """Return whether runs abreast of a model wait for no compiler: compiled here, or on the disk."""
+    return is_ready(_advance(model))
 
 
 def fits(model: ErrorModel, schedule: Schedule, belief: Belief) -> bool:

@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from lab.histories import SINGLE
 from lab.navigation.aids import NO_AIDS, Aids
 from lab.navigation.blocks import LEVER_ARM
+from lab.navigation.compilation import is_ready
 from lab.navigation.driver import driver
 from lab.navigation.error_models import PHI, ErrorModel
 from lab.navigation.filter import Filter
@@ -253,5 +254,5 @@ def load(belief: Belief, schedule: Schedule, model: ErrorModel = PHI) -> None:
 
 
 def is_compiled(model: ErrorModel = PHI, *, aided: bool = False) -> bool:
-    """Return whether the driver of a model is ready in this process: compiled, or loaded from the disk."""
-    return bool(driver(model, summed=False, aided=aided).signatures)  # type: ignore[attr-defined]
+    """Return whether the driver of a model waits for no compiler: compiled here, or on the disk."""
+    return is_ready(driver(model, summed=False, aided=aided))

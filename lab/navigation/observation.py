@@ -7,10 +7,12 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from lab.navigation import own_room, strapdown
+from lab.navigation import own_room, strapdown, wander
 from lab.navigation.aids import FORWARD, north_axes, see_aid
 from lab.navigation.compilation import embedded_kernel, inline_kernel, kernel
+from lab.navigation.error_models import WANDER_AZIMUTH, ErrorModel, write_fix_map, write_map
 from lab.navigation.filter import Filter
+from lab.navigation.generation import Kernel
 from lab.navigation.kalman import (
     EVERY,
     MEASUREMENTS,
@@ -73,6 +75,20 @@ def fix_axes(state: FloatArray) -> Matrix:
 @inline_kernel
 def through_map(state: FloatArray, T: FloatArray, H: FloatArray) -> None:
     """Transform H of the errors to H of the model's own errors; for `phi`, they are the same."""
+
+
+@kernel
+def through_fix_map(state: FloatArray, T: FloatArray, H: FloatArray) -> None:
+    """Transform H of the errors along the axes of the fix to H of the model's own errors."""
+    write_fix_map(state, T)
+    row = np.empty(NAV)
+    for i in range(MEASUREMENTS):
+        for c in range(NAV):
+            row[c] = H[i, c]
+        for c in range(NAV):
+            H[i, c] = 0.0
+            for d in range(NAV):
+                H[i, c] += row[d] * T[d, c]
 
 
 @kernel
@@ -246,6 +262,19 @@ def own_row(state: FloatArray, T: FloatArray, H: FloatArray) -> None:
 
 
 @kernel
+def through_own_map(state: FloatArray, T: FloatArray, H: FloatArray) -> None:
+    """Transform a row of H of the errors to one of the model's own errors."""
+    write_map(state, T)
+    row = np.empty(NAV)
+    for c in range(NAV):
+        row[c] = H[c]
+    for c in range(NAV):
+        H[c] = 0.0
+        for d in range(NAV):
+            H[c] += row[d] * T[d, c]
+
+
+@kernel
 def bent_speed(run: Filter) -> float:
     """Return how much larger a speed forward appears on average, because the attitude is uncertain [m/s].
 
@@ -307,3 +336,20 @@ def observe_aid(run: Filter, a: int, age: float, dt: float, schedule: Schedule, 
                 gain += run.T[i, j] * done[STATES + j]
         out.aid_gain[a, i] = gain * per_sigma
     return True
+
+
+def observations(model: ErrorModel) -> dict[Kernel, Kernel]:
+    """Return the kernels of a model in place of those above."""
+    found: dict[Kernel, Kernel] = {}
+    if model.mechanization == WANDER_AZIMUTH:
+        found |= {
+            difference: wander.difference,
+            fix_axes: wander.fix_axes,
+            north_axes: wander.north_axes,
+            frame_rate: wander.frame_rate,
+        }
+    if model.in_body:
+        found[own_attitude] = own_attitude_in_body
+    if model.write_map:
+        found |= {through_map: through_fix_map, own_row: through_own_map}
+    return found

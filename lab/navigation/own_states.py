@@ -13,7 +13,6 @@ The row is that of a constant, or of a first-order Gauss-Markov process.
 
 from __future__ import annotations
 
-import functools
 import itertools
 import math
 from collections.abc import Callable, Sequence
@@ -26,8 +25,10 @@ from numpy.typing import NDArray
 
 from lab.navigation import blocks, own_room
 from lab.navigation.blocks import Block
-from lab.navigation.compilation import inline_kernel, named
-from lab.navigation.strapdown import Vector, get, plus
+from lab.navigation.compilation import inline_kernel
+from lab.navigation.generation import Slot, Written
+from lab.navigation.propagation import NAV, OWN, OWN_SIZE, PLACES
+from lab.navigation.strapdown import Vector, get, plus, without_own_errors
 from lab.settings import SettingError
 
 FloatArray = NDArray[np.float64]
@@ -236,50 +237,46 @@ def of_blocks(names: Sequence[str]) -> list[OwnStates]:
     return [by_block[name] for name in names if name in blocks.OWN]
 
 
-@functools.cache
-def without_errors_of(names: tuple[str, ...]) -> Callable[..., Any] | None:
-    """Return the kernel for `strapdown.without_own_errors` of a filter with some blocks; None for others."""
-    found = of_blocks(names)
-    if not found:
-        return None
-    write: Callable[..., None] = _write_nothing
-    at = 0
-    for own in found:
-        write = _writing(own, at, write)
-        at += own.size
-    places = blocks.places(names)[-at:]
-
-    @inline_kernel
-    @named(" ".join(own.block for own in found))
-    def without(state: FloatArray, dtheta: Vector, dvelocity: Vector, dt: float) -> tuple[Vector, Vector]:
-        """Return increments without the declared errors, and keep their effects for the error model."""
-        per_dt, nothing = 1 / dt, (0.0, 0.0, 0.0)
-        write(state, plus(nothing, per_dt, dtheta), plus(nothing, per_dt, dvelocity))
-        for k in range(len(places)):
-            amount, effect = dt * state[places[k]], own_room.EFFECTS + own_room.WIDTH * k
-            dtheta = plus(dtheta, -amount, get(state, effect))
-            dvelocity = plus(dvelocity, -amount, get(state, effect + 3))
-        return dtheta, dvelocity
-
-    return without
+write_effects = Slot("write_effects")
+"""``write_effects(state, rate, force)``: it keeps the effects of all declared states in the state."""
 
 
 @inline_kernel
-def _write_nothing(state: FloatArray, rate: Vector, force: Vector) -> None:
-    """Write the effects of no states."""
+def without_errors(state: FloatArray, dtheta: Vector, dvelocity: Vector, dt: float) -> tuple[Vector, Vector]:
+    """Return increments without the declared errors, and keep their effects for the error model."""
+    per_dt, nothing = 1 / dt, (0.0, 0.0, 0.0)
+    write_effects(state, plus(nothing, per_dt, dtheta), plus(nothing, per_dt, dvelocity))
+    for k in range(OWN_SIZE):
+        amount, effect = dt * state[PLACES[OWN - NAV + k]], own_room.EFFECTS + own_room.WIDTH * k
+        dtheta = plus(dtheta, -amount, get(state, effect))
+        dvelocity = plus(dvelocity, -amount, get(state, effect + 3))
+    return dtheta, dvelocity
 
 
-def _writing(own: OwnStates, at: int, before: Callable[..., None]) -> Callable[..., None]:
-    """Return the kernel that writes the effects of declared states, the first at `at`, after those before."""
-    first, size = own_room.EFFECTS + own_room.WIDTH * at, own.size
-    last, effect = first + own_room.WIDTH * size, _compiled(own.effect)
+def compiled_effect(block: str) -> Effect:
+    """Return the effect of a declared block, compiled for kernels."""
+    return _compiled(of_blocks([block])[0].effect)
 
-    @inline_kernel
-    @named(own.block)
-    def write(state: FloatArray, rate: Vector, force: Vector) -> None:
-        before(state, rate, force)
-        E = state[first:last].reshape((size, own_room.WIDTH)).T
-        E[:, :] = 0.0
-        effect(rate, force, E)
 
-    return write
+def own_kernels(names: Sequence[str]) -> dict[Any, Any]:
+    """Return the kernels of a filter with declared blocks in place of others; none without such blocks."""
+    found = of_blocks(names)
+    if not found:
+        return {}
+    lines = ["@inline_kernel", "def write_effects(state, rate, force):"]
+    effects, first = {}, own_room.EFFECTS
+    for k, own in enumerate(found):
+        effect = Written(
+            f"effect_{k}",
+            f"effect_{k} = compiled_effect({own.block!r})",
+            {"compiled_effect": compiled_effect},
+        )
+        effects[effect.name], last = effect, first + own_room.WIDTH * own.size
+        lines += [
+            f"    E_{k} = state[{first}:{last}].reshape(({own.size}, {own_room.WIDTH})).T",
+            f"    E_{k}[:, :] = 0.0",
+            f"    effect_{k}(rate, force, E_{k})",
+        ]
+        first = last
+    written = Written("write_effects", "\n".join(lines), effects)
+    return {without_own_errors: without_errors, write_effects: written}

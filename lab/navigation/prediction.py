@@ -5,34 +5,34 @@ At each sample with F to first order, or less often with the sum of F dt to thir
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from typing import Any
-
 import numpy as np
 from numpy.typing import NDArray
 
 from lab.navigation import strapdown
-from lab.navigation.compilation import embedded_kernel, inline_kernel, kernel, named
+from lab.navigation.compilation import embedded_kernel, inline_kernel, kernel
 from lab.navigation.error_models import ErrorModel
 from lab.navigation.filter import Filter
+from lab.navigation.generation import Slot, Written
 from lab.navigation.propagation import (
     DRIVEN,
     NAV,
     PLACES,
     STATES,
     WIDTH,
-    compile_propagation,
     layout,
+    propagate,
     propagate_over,
 )
 from lab.navigation.strapdown import get
 
 FloatArray = NDArray[np.float64]
-Kernel = Callable[..., Any]
+
+kept_part = Slot("kept_part")
+"""``kept_part(decay, dt)``: the factors of all driven states over a step; see `kept_part_of`."""
 
 
 @inline_kernel
-def _add_noise(w: FloatArray, state: FloatArray, noise: FloatArray, dt: float) -> None:
+def add_noise(w: FloatArray, state: FloatArray, noise: FloatArray, dt: float) -> None:
     """Add the process noise of one step to P; white noise enters through C_nb."""
     for block in range(2):
         at = 6 - 3 * block  # gyro noise drives the attitude, accelerometer noise the velocity
@@ -50,7 +50,7 @@ def _add_noise(w: FloatArray, state: FloatArray, noise: FloatArray, dt: float) -
 
 
 @inline_kernel
-def _add_noise_in_body(w: FloatArray, state: FloatArray, noise: FloatArray, dt: float) -> None:
+def add_noise_in_body(w: FloatArray, state: FloatArray, noise: FloatArray, dt: float) -> None:
     """Add the process noise of one step to P where velocity and attitude errors are resolved in b."""
     for i in range(3):
         w[(WIDTH + 1) * (6 + i)] += dt * noise[i]
@@ -105,67 +105,43 @@ def second_order(A: FloatArray, elapsed: float, decay: FloatArray, E: FloatArray
                 E[r, c] += factor * power[c]
 
 
-def prediction(model: ErrorModel, *, summed: bool) -> Kernel:
-    """Return the kernel that propagates [P | x] of a model at each sample, or with sums of F dt."""
-    return _over_sums(model) if summed else _at_each_sample(model)
-
-
-def _compile_kept_part(model: ErrorModel) -> Kernel:
-    """Return the kernel ``kept_part(decay, dt)``: the factors of all driven states over a step, as a tuple.
-
-    A tuple stays in registers; an array would not.
-    """
+def kept_part_of(model: ErrorModel) -> Written:
+    """Return the kernel `kept_part` of a model. Its tuple stays in registers; an array would not."""
     factors = ", ".join(f"1 - dt * decay[{b}]" for b in range(layout(model.blocks).DRIVEN))
-    namespace: dict[str, Kernel] = {}
-    source = f"def kept_part(decay, dt):\n    return ({factors},)"
-    exec(compile(source, f"<decay of {model.label}>", "exec"), namespace)
-    return inline_kernel(named(model.label)(namespace["kept_part"]))
+    return Written("kept_part", f"@inline_kernel\ndef kept_part(decay, dt):\n    return ({factors},)")
 
 
-def _at_each_sample(model: ErrorModel) -> Kernel:
-    propagate, kept_part = compile_propagation(model), _compile_kept_part(model)
-    add_noise = _add_noise_in_body if model.in_body else _add_noise
+@embedded_kernel
+def predict(run: Filter, dt: float, fix_due: bool, stride: int) -> None:
+    """Propagate [P | x] over the sample with F to first order, then add the noise."""
+    kept = kept_part(run.decay, dt)
+    propagate(run.F, dt, kept, run.w)
+    # Corrections already fed back decay like those still in x.
+    for b in range(DRIVEN):
+        run.state[PLACES[b]] *= kept[b]
+    add_noise(run.w, run.state, run.noise, dt)
 
-    @embedded_kernel
-    @named(model.label)
-    def predict(run: Filter, dt: float, fix_due: bool, stride: int) -> None:
-        """Propagate [P | x] over the sample with F to first order, then add the noise."""
-        kept = kept_part(run.decay, dt)
-        propagate(run.F, dt, kept, run.w)
-        # Corrections already fed back decay like those still in x.
+
+@embedded_kernel
+def predict_over_sums(run: Filter, dt: float, fix_due: bool, stride: int) -> None:
+    """Add the step to the sum of F dt; when due, propagate [P | x] over the whole sum.
+
+    Half of the noise is added before and half after, which is accurate to second order in time.
+    """
+    due = fix_due or run.counts[1] + 1 >= stride
+    run.counts[1] += 1
+    run.clock[1] += dt
+    for i in range(NAV):
+        for j in range(STATES):
+            run.F_sum[i, j] += dt * run.F[i, j]
+    if due:
+        elapsed = run.clock[1]
+        second_order(run.F_sum, elapsed, run.decay, run.F_step)
+        add_noise(run.w, run.state, run.noise, 0.5 * elapsed)
+        propagate_over(run.F_step, run.w)
+        add_noise(run.w, run.state, run.noise, 0.5 * elapsed)
         for b in range(DRIVEN):
-            run.state[PLACES[b]] *= kept[b]
-        add_noise(run.w, run.state, run.noise, dt)
-
-    return predict
-
-
-def _over_sums(model: ErrorModel) -> Kernel:
-    add_noise = _add_noise_in_body if model.in_body else _add_noise
-
-    @embedded_kernel
-    @named(model.label)
-    def predict(run: Filter, dt: float, fix_due: bool, stride: int) -> None:
-        """Add the step to the sum of F dt; when due, propagate [P | x] over the whole sum.
-
-        Half of the noise is added before and half after, which is accurate to second order in time.
-        """
-        due = fix_due or run.counts[1] + 1 >= stride
-        run.counts[1] += 1
-        run.clock[1] += dt
-        for i in range(NAV):
-            for j in range(STATES):
-                run.F_sum[i, j] += dt * run.F[i, j]
-        if due:
-            elapsed = run.clock[1]
-            second_order(run.F_sum, elapsed, run.decay, run.F_step)
-            add_noise(run.w, run.state, run.noise, 0.5 * elapsed)
-            propagate_over(run.F_step, run.w)
-            add_noise(run.w, run.state, run.noise, 0.5 * elapsed)
-            for b in range(DRIVEN):
-                run.state[PLACES[b]] *= 1 + run.F_step[NAV + b, NAV + b]
-            run.F_sum[:] = 0.0
-            run.counts[1] = 0
-            run.clock[1] = 0.0
-
-    return predict
+            run.state[PLACES[b]] *= 1 + run.F_step[NAV + b, NAV + b]
+        run.F_sum[:] = 0.0
+        run.counts[1] = 0
+        run.clock[1] = 0.0

@@ -1,4 +1,4 @@
-"""Propagation: P ← Φ P Φᵀ and x ← Φ x, at each sample as code generated from an error model's pattern.
+"""Propagation: P ← Φ P Φᵀ and x ← Φ x, at each sample as code written from an error model's pattern.
 
 F is sparse with a fixed pattern, so the products are written out once per model. Only the elements that can
 be non-zero are multiplied, and each multiplication runs over a whole row, which the compiler converts to
@@ -14,19 +14,18 @@ For a model with its own coordinates, similar generated code projects the covari
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from lab.navigation import blocks
-from lab.navigation.compilation import inline_kernel, kernel, named
+from lab.navigation.compilation import kernel
 from lab.navigation.error_models import ErrorModel
+from lab.navigation.generation import Slot, Written
 
 FloatArray = NDArray[np.float64]
-Propagate = Callable[[FloatArray, float, tuple[float, ...], FloatArray], None]
-Project = Callable[[FloatArray, FloatArray, int, FloatArray, FloatArray], None]
 
 NAV = 9
 """States of position, velocity and attitude."""
@@ -108,37 +107,35 @@ STATES, WIDTH, X, DRIVEN, SCALES, PLACES, OWN, OWN_SIZE = _FIFTEEN[:8]
     ODOMETER_SCALE,
 ) = _FIFTEEN[8:]
 """First states of the further blocks in this layout, which has none of them."""
-WRITTEN_FOR = _FIFTEEN._asdict()
-"""The layout by names; see `compilation.rebound_throughout` for others."""
 
 
-def compile_propagation(model: ErrorModel) -> Propagate:
-    """Return the compiled ``propagate(F, dt, decay, w)`` of an error model.
+def layout_constants(names: Sequence[str]) -> dict[str, tuple[object, object]]:
+    """Return the layout of a filter with some further blocks as constants of a `generation.Variant`."""
+    old, new = _FIFTEEN._asdict(), layout(names)._asdict()
+    return {name: (old[name], new[name]) for name in old}
+
+
+propagate = Slot("propagate")
+"""``propagate(F, dt, decay, w)``: see `propagation_of`."""
+project = Slot("project")
+"""``project(T, w, k, variance, covariance)``: see `projection_of`."""
+
+
+def propagation_of(model: ErrorModel) -> Written:
+    """Return the kernel `propagate` of an error model.
 
     It replaces [P | x] in the workspace `w` by [Φ P Φᵀ | Φ x] with Φ = I + F dt in the navigation rows and
     the factors `decay` on the driven states.
-
-    Parameters
-    ----------
-    model
-        The error model.
     """
-    namespace: dict[str, Propagate] = {}
-    exec(compile(propagation_source(model), f"<propagation of {model.name}>", "exec"), namespace)
-    return inline_kernel(named(model.label)(namespace["propagate"]))
-
-
-def propagation_source(model: ErrorModel) -> str:
-    """Return the source that `compile_propagation` compiles."""
     pattern = model.pattern()
     terms = {row: [int(c) for c in np.flatnonzero(columns)] for row, columns in enumerate(pattern[:NAV])}
     space = layout(model.blocks)
-    lines = ["def propagate(F, dt, decay, w):"]
+    lines = ["@inline_kernel", "def propagate(F, dt, decay, w):"]
     lines += [f"    f_{row}_{c} = dt * F[{row}, {c}]" for row, columns in terms.items() for c in columns]
     lines += _navigation_rows(terms, space)
     lines += _navigation_block(terms, space)
     lines += _sensor_columns(space)
-    return "\n".join(lines)
+    return Written("propagate", "\n".join(lines))
 
 
 def _navigation_rows(terms: dict[int, list[int]], space: Layout) -> list[str]:
@@ -248,24 +245,17 @@ def propagate_over(E: FloatArray, w: FloatArray) -> None:
         w[WIDTH * b + X] *= 1 + E[b, b]
 
 
-def compile_projection(model: ErrorModel) -> Project:
-    """Return the compiled ``project(T, w, k, variance, covariance)`` of an error model.
+def projection_of(model: ErrorModel) -> Written:
+    """Return the kernel `project` of an error model.
 
     It writes row k of the histories `variance` (n, states) and `covariance` (n, 2, 3) of a `Solution`: the
     diagonal of T P Tᵀ, and the off-diagonal elements of its position and attitude blocks. It uses the
     workspace beyond [P | x].
     """
-    namespace: dict[str, Project] = {}
-    exec(compile(projection_source(model), f"<projection of {model.name}>", "exec"), namespace)
-    return inline_kernel(named(model.label)(namespace["project"]))
-
-
-def projection_source(model: ErrorModel) -> str:
-    """Return the source that `compile_projection` compiles."""
     pattern, space = model.map_pattern(), layout(model.blocks)
     width = space.WIDTH
     terms = {row: [int(c) for c in np.flatnonzero(columns)] for row, columns in enumerate(pattern)}
-    lines = ["def project(T, w, k, variance, covariance):"]
+    lines = ["@inline_kernel", "def project(T, w, k, variance, covariance):"]
     for row, columns in terms.items():
         lines += [f"    t_{row}_{c} = T[{row}, {c}]" for c in columns]
         products = " + ".join(f"t_{row}_{c} * w[{width * c} + j]" for c in columns)
@@ -286,4 +276,4 @@ def projection_source(model: ErrorModel) -> str:
         at = 6 * block
         for e, (i, j) in enumerate(((0, 1), (0, 2), (1, 2))):
             lines += [f"    covariance[k, {block}, {e}] = {element(at + i, at + j)}"]
-    return "\n".join(lines)
+    return Written("project", "\n".join(lines))

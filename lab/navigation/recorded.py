@@ -41,7 +41,8 @@ from lab.navigation.checks import (
     check_r,
     check_smoother,
 )
-from lab.navigation.error_models import ATT, GYRO_BIAS, POS, VEL, with_blocks
+from lab.navigation.error_models import ATT, GYRO_BIAS, POS, VEL
+from lab.navigation.further_columns import with_blocks
 from lab.navigation.gap_noise import gap_noise
 from lab.navigation.initial_heading import Hints
 from lab.navigation.kalman import MEASUREMENTS, gate

@@ -22,7 +22,7 @@ from lab import earth
 from lab.navigation import blocks, own_room, strapdown
 from lab.navigation.aids import FORWARD, NO_AIDS, Aids
 from lab.navigation.blocks import LEVER_ARM
-from lab.navigation.driver import bend_estimate
+from lab.navigation.correction import bend_estimate
 from lab.navigation.error_models import (
     ATT,
     GYRO_BIAS,

@@ -27,33 +27,23 @@ from numpy.typing import NDArray
 from lab.histories import SINGLE
 from lab.navigation.aids import NO_AIDS, Aids
 from lab.navigation.blocks import LEVER_ARM
-from lab.navigation.compilation import SOURCES, inline_kernel, kernel
-from lab.navigation.driver import (
-    PENDING,
-    SETTLED,
-    _corrected,
-    _has_estimate,
-    _predict,
-    _step,
-    _store,
-    _store_fix,
-    _write,
-    aid_due,
-    compiled_for,
-    take_measurements,
-)
-from lab.navigation.error_models import PHI, ErrorModel
+from lab.navigation.compilation import entry_kernel, inline_kernel, kernel
+from lab.navigation.correction import corrected, has_estimate
+from lab.navigation.driver import PENDING, SETTLED, aid_due, loop, take_measurements
+from lab.navigation.error_models import PHI, ErrorModel, write_f
 from lab.navigation.filter import Filter
 from lab.navigation.frames import change, model_at
 from lab.navigation.kalman import MEASUREMENTS
 from lab.navigation.lever_arm import turns
 from lab.navigation.navigator import go_through, within_frame, within_frame_in_piece
 from lab.navigation.piece import Piece
+from lab.navigation.prediction import predict
 from lab.navigation.propagation import DRIVEN, NAV, STATES, WIDTH, X
 from lab.navigation.schedule import EVERY_FIX, SLACK, Schedule, Stretch
 from lab.navigation.solution import Belief, Fixes, Imu, Solution, Start, read_only
 from lab.navigation.standstill import hold_attitude
-from lab.navigation.strapdown import get
+from lab.navigation.storage import store, store_fix
+from lab.navigation.strapdown import get, step
 
 FloatArray = NDArray[np.float64]
 
@@ -292,72 +282,71 @@ def _smooth(w: FloatArray, later: FloatArray, Later: FloatArray, half: FloatArra
             w[WIDTH * j + i] = total
 
 
+@entry_kernel
+def backwards(
+    run: Filter,
+    imu: Imu,
+    fixes: Fixes,
+    out: Solution,
+    first: int,
+    schedule: Schedule,
+    kept: _Kept,
+    later: FloatArray,
+    Later: FloatArray,
+) -> None:
+    """Write the smoothed solution of the samples of `imu` from number `first` on.
+
+    The filter's covariances at the fixes are written first, and replaced afterwards.
+    """
+    z, x, spare = np.empty(MEASUREMENTS), np.empty(STATES), np.empty(run.state.size)
+    half, P, decay = np.empty((STATES, STATES)), np.empty((STATES, STATES)), np.empty(DRIVEN)
+    start_state, start_w = run.state.copy(), run.w.copy()
+    left = PENDING if has_estimate(run.w) else SETTLED
+    kept.fixes[0], kept.aids[0] = run.counts[0], run.counts[2]
+    last = imu.dtheta.shape[0]
+    for k in range(first, last):
+        at, dt = k - first, imu.time[k + 1] - imu.time[k]
+        step(run.state, get(imu.dtheta[k], 0), get(imu.dvelocity[k], 0), dt)
+        m = run.counts[0]
+        due = m < fixes.time.size and fixes.time[m] <= imu.time[k + 1] + SLACK * dt
+        due |= aid_due(run, imu.time[k + 1], dt)
+        if imu.rest.size > 0:
+            hold_attitude(run.state, run.rest_sums, imu.rest[k])
+        write_f(run.state, run.F)
+        predict(run, dt, due, schedule.stride)
+        if due or (imu.rest.size > 0 and imu.rest[k]):
+            left = take_measurements(run, imu, fixes, out, k, schedule, z, x, spare, left == PENDING)
+        kept.fixes[at + 1], kept.aids[at + 1] = run.counts[0], run.counts[2]
+        _copy(run.state, kept.state[at])
+        _copy(run.w, kept.w[at])
+        if out.rest[k + 1]:
+            _copy(run.rest_scalars[0], kept.rest[at, 0])
+        for i in range(NAV):
+            for j in range(STATES):
+                kept.Phi[at, i, j] = dt * run.F[i, j] + (1.0 if i == j else 0.0)
+    for k in range(last - 1, first - 1, -1):
+        at, dt = k - first, imu.time[k + 1] - imu.time[k]
+        _copy(kept.w[at], run.w)
+        _smooth(run.w, later, Later, half, P)
+        state = corrected(kept.state[at], run.w, run.T, x, spare)
+        store(out, k + 1, state, run.w, run.T)
+        _before_aids(run, out, kept.aids[at], kept.aids[at + 1], k + 1, later, Later, x)
+        for m in range(kept.fixes[at + 1] - 1, kept.fixes[at] - 1, -1):
+            if out.fix_sample[m] == k + 1:
+                store_fix(out, m, state, run.w, run.T)
+                _before_update(run.scalars[m], later, Later, x)
+        if out.rest[k + 1]:
+            _before_update(kept.rest[at], later, Later, x)
+        for b in range(DRIVEN):
+            decay[b] = 1 - dt * run.decay[b]
+        _before_step(kept.Phi[at], decay, later, Later, half)
+    if first == 0:
+        _copy(start_w, run.w)
+        _smooth(run.w, later, Later, half, P)
+        store(out, 0, corrected(start_state, run.w, run.T, x, spare), run.w, run.T)
+
+
 @functools.cache
 def _backwards(model: ErrorModel, *, aided: bool) -> Callable[..., None]:
     """Return the backward pass over some samples, compiled, or loaded from the disk, when first called."""
-    identity = SOURCES, model.name, model.mechanization, model.blocks, aided
-
-    def backwards(
-        run: Filter,
-        imu: Imu,
-        fixes: Fixes,
-        out: Solution,
-        first: int,
-        schedule: Schedule,
-        kept: _Kept,
-        later: FloatArray,
-        Later: FloatArray,
-    ) -> None:
-        """Write the smoothed solution of the samples of `imu` from number `first` on.
-
-        The filter's covariances at the fixes are written first, and replaced afterwards.
-        """
-        _ = identity
-        z, x, spare = np.empty(MEASUREMENTS), np.empty(STATES), np.empty(run.state.size)
-        half, P, decay = np.empty((STATES, STATES)), np.empty((STATES, STATES)), np.empty(DRIVEN)
-        start_state, start_w = run.state.copy(), run.w.copy()
-        left = PENDING if _has_estimate(run.w) else SETTLED
-        kept.fixes[0], kept.aids[0] = run.counts[0], run.counts[2]
-        last = imu.dtheta.shape[0]
-        for k in range(first, last):
-            at, dt = k - first, imu.time[k + 1] - imu.time[k]
-            _step(run.state, get(imu.dtheta[k], 0), get(imu.dvelocity[k], 0), dt)
-            m = run.counts[0]
-            due = m < fixes.time.size and fixes.time[m] <= imu.time[k + 1] + SLACK * dt
-            due |= aid_due(run, imu.time[k + 1], dt)
-            if imu.rest.size > 0:
-                hold_attitude(run.state, run.rest_sums, imu.rest[k])
-            _write(run.state, run.F)
-            _predict(run, dt, due, schedule.stride)
-            if due or (imu.rest.size > 0 and imu.rest[k]):
-                left = take_measurements(run, imu, fixes, out, k, schedule, z, x, spare, left == PENDING)
-            kept.fixes[at + 1], kept.aids[at + 1] = run.counts[0], run.counts[2]
-            _copy(run.state, kept.state[at])
-            _copy(run.w, kept.w[at])
-            if out.rest[k + 1]:
-                _copy(run.rest_scalars[0], kept.rest[at, 0])
-            for i in range(NAV):
-                for j in range(STATES):
-                    kept.Phi[at, i, j] = dt * run.F[i, j] + (1.0 if i == j else 0.0)
-        for k in range(last - 1, first - 1, -1):
-            at, dt = k - first, imu.time[k + 1] - imu.time[k]
-            _copy(kept.w[at], run.w)
-            _smooth(run.w, later, Later, half, P)
-            state = _corrected(kept.state[at], run.w, run.T, x, spare)
-            _store(out, k + 1, state, run.w, run.T)
-            _before_aids(run, out, kept.aids[at], kept.aids[at + 1], k + 1, later, Later, x)
-            for m in range(kept.fixes[at + 1] - 1, kept.fixes[at] - 1, -1):
-                if out.fix_sample[m] == k + 1:
-                    _store_fix(out, m, state, run.w, run.T)
-                    _before_update(run.scalars[m], later, Later, x)
-            if out.rest[k + 1]:
-                _before_update(kept.rest[at], later, Later, x)
-            for b in range(DRIVEN):
-                decay[b] = 1 - dt * run.decay[b]
-            _before_step(kept.Phi[at], decay, later, Later, half)
-        if first == 0:
-            _copy(start_w, run.w)
-            _smooth(run.w, later, Later, half, P)
-            _store(out, 0, _corrected(start_state, run.w, run.T, x, spare), run.w, run.T)
-
-    return compiled_for(backwards, model, summed=False, aided=aided)
+    return loop(backwards, model, aided=aided)

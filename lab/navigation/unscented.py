@@ -15,23 +15,19 @@ F. L. Markley, *Unscented filtering for spacecraft attitude estimation*, JGCD 26
 
 from __future__ import annotations
 
+import functools
 import math
 from collections.abc import Callable, Sequence
-from typing import cast
 
 import numpy as np
 from numpy.typing import NDArray
 
 from lab.histories import SINGLE
-from lab.navigation import blocks, strapdown, wander_models
+from lab.navigation import blocks, strapdown, wander, wander_models
 from lab.navigation.blocks import CORE
-from lab.navigation.compilation import (
-    SOURCES,
-    embedded_kernel,
-    entry_kernel,
-    inline_kernel,
-)
-from lab.navigation.error_models import ATT, Write
+from lab.navigation.compilation import embedded_kernel, entry_kernel, inline_kernel, is_ready
+from lab.navigation.error_models import ATT, write_map
+from lab.navigation.generation import Variant, generated
 from lab.navigation.kalman import (
     MEASUREMENTS,
     RECOVERED,
@@ -50,14 +46,12 @@ from lab.navigation.schedule import EVERY_FIX, SLACK, Schedule, Stretch
 from lab.navigation.sigma_points import displace, gather, spread, transport
 from lab.navigation.solution import Belief, Fixes, Imu, Solution, Start, read_only
 from lab.navigation.standstill import GATE, gather_rest, hold_attitude, see_rest
-from lab.navigation.strapdown import GYRO_BIAS, Matrix, Vector, get, put
+from lab.navigation.strapdown import GYRO_BIAS, Matrix, Vector, get, put, step
 from lab.navigation.unscented_filter import Filter
-from lab.navigation.wander import back, difference, fix_axes, frame_rate, quaternion, step, store_state
+from lab.navigation.wander import back, difference, fix_axes, frame_rate, quaternion, store_state
 from lab.settings import SettingError
 
 FloatArray = NDArray[np.float64]
-
-_write_map = cast(Write, wander_models.PSI.write_map)
 
 FORMED = 0.02
 """Shortest time between two computations of mean and covariance, except at fixes [s]."""
@@ -198,7 +192,7 @@ def _drive(run: Filter, elapsed: float) -> None:
 def _show(run: Filter) -> None:
     """Write the covariance of the output errors, T P Tᵀ."""
     T, n, half, shown = run.T, run.x.size, run.half, run.shown
-    _write_map(run.state, T)
+    write_map(run.state, T)
     for i in range(NAV):
         for j in range(n):
             half[i, j] = 0.0
@@ -398,56 +392,53 @@ def _step(run: Filter, dtheta: Vector, dvelocity: Vector, dt: float) -> None:
     run.clock[1] += dt
 
 
-def _compile_advance(sources: str) -> Callable[[Filter, Imu, Fixes, Solution, int, Schedule], None]:
-    """Compile the driver."""
-
-    @entry_kernel
-    def advance(run: Filter, imu: Imu, fixes: Fixes, out: Solution, first: int, schedule: Schedule) -> None:
-        """Advance a filter over `imu` from sample `first` on."""
-        _ = sources
-        if first == 0:
+@entry_kernel
+def filter_all(run: Filter, imu: Imu, fixes: Fixes, out: Solution, first: int, schedule: Schedule) -> None:
+    """Advance a filter over `imu` from sample `first` on."""
+    if first == 0:
+        _show(run)
+        _store(out, 0, run)
+    for k in range(first, imu.dtheta.shape[0]):
+        time = imu.time[k + 1]
+        dt = time - imu.time[k]
+        _step(run, get(imu.dtheta[k], 0), get(imu.dvelocity[k], 0), dt)
+        m = run.counts[0]
+        fix_due = m < fixes.time.size and fixes.time[m] <= time + SLACK * dt
+        rest_due = _rests(run, imu, k, dt)
+        if fix_due or rest_due or (run.counts[1] >= schedule.stride and run.clock[0] >= FORMED - SLACK * dt):
+            _form(run)
+            if fix_due or rest_due or run.clock[1] >= HELD - SLACK * dt:
+                _centre(run)
+        if rest_due and _update_at_rest(run):
+            out.rest[k + 1] = True
             _show(run)
-            _store(out, 0, run)
-        for k in range(first, imu.dtheta.shape[0]):
-            time = imu.time[k + 1]
-            dt = time - imu.time[k]
-            _step(run, get(imu.dtheta[k], 0), get(imu.dvelocity[k], 0), dt)
-            m = run.counts[0]
+        while fix_due:
+            age = time - fixes.time[m]
+            if age <= dt * (1 + SLACK):
+                nu = out.innovation[m]
+                difference(run.state, age, age / dt, fixes.position[m], fixes.velocity_n[m], nu)
+                became = _judge(run, m, age, time, schedule, nu, out)
+                if became == REJECTED:
+                    out.fix_rejected[m] = True
+                else:
+                    _update(run, nu)
+                    _show(run)
+                    _store_fix(out, m, k + 1, run)
+                    out.fix_recovered[m] = became == RECOVERED
+            m += 1
+            run.counts[0] = m
             fix_due = m < fixes.time.size and fixes.time[m] <= time + SLACK * dt
-            rest_due = _rests(run, imu, k, dt)
-            if (
-                fix_due
-                or rest_due
-                or (run.counts[1] >= schedule.stride and run.clock[0] >= FORMED - SLACK * dt)
-            ):
-                _form(run)
-                if fix_due or rest_due or run.clock[1] >= HELD - SLACK * dt:
-                    _centre(run)
-            if rest_due and _update_at_rest(run):
-                out.rest[k + 1] = True
-                _show(run)
-            while fix_due:
-                age = time - fixes.time[m]
-                if age <= dt * (1 + SLACK):
-                    nu = out.innovation[m]
-                    difference(run.state, age, age / dt, fixes.position[m], fixes.velocity_n[m], nu)
-                    became = _judge(run, m, age, time, schedule, nu, out)
-                    if became == REJECTED:
-                        out.fix_rejected[m] = True
-                    else:
-                        _update(run, nu)
-                        _show(run)
-                        _store_fix(out, m, k + 1, run)
-                        out.fix_recovered[m] = became == RECOVERED
-                m += 1
-                run.counts[0] = m
-                fix_due = m < fixes.time.size and fixes.time[m] <= time + SLACK * dt
-            _store(out, k + 1, run)
-
-    return advance
+        _store(out, k + 1, run)
 
 
-_advance = _compile_advance(SOURCES)
+@functools.cache
+def _advance() -> Callable[[Filter, Imu, Fixes, Solution, int, Schedule], None]:
+    """Return the loop over samples, which is compiled, or loaded from the disk, when first called."""
+    variant = Variant({**wander_models.PSI.variant.kernels, **wander.STEP})
+    made: Callable[[Filter, Imu, Fixes, Solution, int, Schedule], None] = generated(
+        "nonlinear", "The unscented filter, in a wander-azimuth frame.", [filter_all], variant
+    )[filter_all]
+    return made
 
 
 def advance(run: Filter, imu: Imu, fixes: Fixes, out: Solution, first: int, schedule: Schedule) -> None:
@@ -455,9 +446,9 @@ def advance(run: Filter, imu: Imu, fixes: Fixes, out: Solution, first: int, sche
 
     The flight may be passed whole or in pieces: the result is the same.
     """
-    _advance(run, read_only(imu), read_only(fixes), out, first, schedule)
+    _advance()(run, read_only(imu), read_only(fixes), out, first, schedule)
 
 
 def is_compiled() -> bool:
-    """Return whether the driver is ready in this process: compiled, or loaded from the disk."""
-    return bool(_advance.signatures)  # type: ignore[attr-defined]
+    """Return whether the driver waits for no compiler: compiled here, or on the disk."""
+    return is_ready(_advance())

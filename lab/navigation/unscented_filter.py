@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lab.navigation import frames, strapdown, wander, wander_models
-from lab.navigation.error_models import with_states
 from lab.navigation.filter import initial_covariance
+from lab.navigation.further_columns import with_states
 from lab.navigation.kalman import MEASUREMENTS
 from lab.navigation.lever_arm import NO_TURNS
 from lab.navigation.solution import Belief, Start

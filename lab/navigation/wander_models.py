@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from lab import earth
 from lab.navigation import error_models, strapdown
-from lab.navigation.compilation import inline_kernel, kernel, rebound
+from lab.navigation.compilation import inline_kernel, kernel
 from lab.navigation.error_models import (
     WANDER_AZIMUTH,
     A,
@@ -34,6 +34,7 @@ from lab.navigation.error_models import (
     invariant,
     skew,
 )
+from lab.navigation.generation import Slot
 from lab.navigation.strapdown import (
     HEIGHT,
     MERIDIAN,
@@ -221,21 +222,22 @@ def _clear(T: FloatArray) -> None:
             T[i, j] = 0.0
 
 
-_own_map = psi_map
+own_map = Slot("own_map")
+"""The map of the model's own errors to those of the computer frame."""
 
 
 @kernel
 def _frame_map(state: FloatArray, T: FloatArray) -> None:
     """Write the map of the model's own errors to those of the computer frame."""
     _clear(T)
-    _own_map(state, T)
+    own_map(state, T)
 
 
 @kernel
 def _fix_map(state: FloatArray, T: FloatArray) -> None:
     """Write the map of the model's own errors to those along the axes of the fix."""
     _clear(T)
-    _own_map(state, T)
+    own_map(state, T)
     to_fix(state, T)
 
 
@@ -243,21 +245,20 @@ def _fix_map(state: FloatArray, T: FloatArray) -> None:
 def _north_map(state: FloatArray, T: FloatArray) -> None:
     """Write the map of the model's own errors to the output errors of the filter."""
     _clear(T)
-    _own_map(state, T)
+    own_map(state, T)
     to_north(state, T)
 
 
-def _model(name: str, write: Write, own_map: Write, *, in_body: bool = False) -> ErrorModel:
+def _model(name: str, write: Write, map_: Write, *, in_body: bool = False) -> ErrorModel:
     """Return a model, given its F and the map of its errors to those of the computer frame."""
-    north, fix, frame = (kernel(rebound(m, _own_map=own_map)) for m in (_north_map, _fix_map, _frame_map))
-    return ErrorModel(name, write, north, fix, frame, in_body, WANDER_AZIMUTH)
+    kernels = (own_map, map_), (error_models.gravitation_gradient, gravitation_gradient)
+    maps = _north_map, _fix_map, _frame_map
+    return ErrorModel(name, (write,), *maps, in_body, WANDER_AZIMUTH, kernels=kernels)
 
-
-_invariant = rebound(invariant, gravitation_gradient=gravitation_gradient)
 
 PHI = _model("phi", phi, phi_map)
 PSI = _model("psi", psi, psi_map)
-INVARIANT = _model("invariant", inline_kernel(_invariant), invariant_map, in_body=True)
+INVARIANT = _model("invariant", invariant, invariant_map, in_body=True)
 MODELS = {model.name: model for model in (PHI, PSI, INVARIANT)}
 """The models by name."""
 

@@ -30,7 +30,8 @@ from lab.experiment import Experiment
 from lab.missions import fly, mission
 from lab.navigation import unscented
 from lab.navigation.belief import belief
-from lab.navigation.error_models import MODELS, with_states
+from lab.navigation.error_models import MODELS
+from lab.navigation.further_columns import with_states
 from lab.navigation.navigator import Fixes, Imu, navigate
 from lab.result import Result
 from lab.seeds import run_ensemble

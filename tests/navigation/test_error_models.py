@@ -26,8 +26,8 @@ from lab.navigation.error_models import (
     STATES,
     VEL,
     ErrorModel,
-    with_states,
 )
+from lab.navigation.further_columns import with_states
 
 FloatArray = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]

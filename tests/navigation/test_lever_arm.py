@@ -13,6 +13,7 @@ from lab.analysis.consistency import chi_square_interval, normalised_squares
 from lab.analysis.errors import error_state
 from lab.experiment import Experiment
 from lab.navigation import strapdown, wander
+from lab.navigation.generation import Variant, interpreted
 from lab.navigation.lever_arm import WINDOW, see_antenna, turns
 from lab.navigation.sigma_points import displace
 from lab.navigation.solution import Imu
@@ -28,6 +29,9 @@ NONE = -1
 """For a filter without states of the lever arm, or of misalignments."""
 
 
+STEP = interpreted(strapdown.step, Variant(wander.STEP))
+
+
 def navigator(rng: np.random.Generator) -> FloatArray:
     """Return a navigator after a step of a turning flight; its wander frame is north, east, down."""
     state = np.zeros(wander.LENGTH)
@@ -37,7 +41,7 @@ def navigator(rng: np.random.Generator) -> FloatArray:
     state[strapdown.Q_NB : strapdown.Q_NB + 4] = q / np.linalg.norm(q)
     state[strapdown.GYRO_BIAS : strapdown.GYRO_BIAS + 3] = rng.normal(0, 0.01, 3)
     state[strapdown.GYRO_SCALE : strapdown.GYRO_SCALE + 3] = rng.normal(0, 0.01, 3)
-    wander.step(state, tuple(rng.normal(0, 1, 3) * DT), (0.01, -0.02, -0.05), DT)
+    STEP(state, tuple(rng.normal(0, 1, 3) * DT), (0.01, -0.02, -0.05), DT)
     return state
 
 

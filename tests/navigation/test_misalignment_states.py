@@ -11,7 +11,8 @@ from numpy.typing import NDArray
 
 from lab import Experiment, card
 from lab.navigation import blocks, strapdown
-from lab.navigation.error_models import ATT, MODELS, VEL, with_blocks
+from lab.navigation.error_models import ATT, MODELS, VEL
+from lab.navigation.further_columns import with_blocks
 from lab.navigation.lever_arm import see_antenna
 from lab.seeds import run_ensemble
 from lab.sensors.imu_errors import OFF_DIAGONAL

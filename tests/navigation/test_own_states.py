@@ -15,8 +15,9 @@ from lab.analysis.consistency import normalised_squares
 from lab.analysis.error_sources import left_out
 from lab.analysis.errors import error_state
 from lab.navigation import blocks, own_room, own_states, strapdown, wander
-from lab.navigation.compilation import interpreted
-from lab.navigation.error_models import ATT, MODELS, VEL, with_blocks
+from lab.navigation.error_models import ATT, MODELS, VEL
+from lab.navigation.further_columns import with_blocks
+from lab.navigation.generation import interpreted
 from lab.navigation.own_states import declared_states
 from lab.settings import SettingError
 

@@ -12,12 +12,19 @@ from scipy.linalg import expm
 
 from lab.navigation import kalman
 from lab.navigation.belief import belief
-from lab.navigation.compilation import rebound_throughout
-from lab.navigation.error_models import ATT, PHI, VEL, with_states
+from lab.navigation.error_models import ATT, PHI, VEL
 from lab.navigation.filter import Filter
+from lab.navigation.further_columns import with_states
+from lab.navigation.generation import Variant, generated
 from lab.navigation.navigator import Fixes, Schedule, Solution, advance
 from lab.navigation.prediction import second_order
-from lab.navigation.propagation import WRITTEN_FOR, compile_propagation, layout, propagate_over
+from lab.navigation.propagation import (
+    layout,
+    layout_constants,
+    propagate,
+    propagate_over,
+    propagation_of,
+)
 from lab.navigation.settings import NavigatorSettings
 from lab.sensors import gps
 from lab.sensors.suite import SensorSuite
@@ -26,9 +33,16 @@ from lab.stages import start
 FloatArray = NDArray[np.float64]
 
 MODELS = {n: with_states(PHI, n) for n in (15, 21)}
-PROPAGATE = {n: compile_propagation(model) for n, model in MODELS.items()}
+MADE = {
+    n: generated(
+        f"propagation {n}",
+        "The propagation of a filter.",
+        [propagate, propagate_over],
+        Variant({propagate: propagation_of(model)}, layout_constants(model.blocks)),
+    )
+    for n, model in MODELS.items()
+}
 LAYOUTS = {n: layout(model.blocks) for n, model in MODELS.items()}
-OVER = {n: rebound_throughout(propagate_over, WRITTEN_FOR, **LAYOUTS[n]._asdict()) for n in MODELS}
 TYPICAL = np.repeat([1.0, 0.3, 0.01, 2e-3, 0.02], 3)
 """Sizes of the error states [m], [m/s], [rad], [rad/s], [m/s²]."""
 
@@ -81,7 +95,7 @@ def test_generated_propagation_is_the_dense_product(seed: int, dt: float, n: int
     F = MODELS[n].pattern() * rng.normal(size=(n, n))
     P, x, decay = random_covariance(rng, np.ones(n)), rng.normal(size=n), rng.uniform(0.5, 1, 6)
     w = workspace(P, x)
-    PROPAGATE[n](F, dt, tuple(decay.tolist()), w)
+    MADE[n][propagate](F, dt, tuple(decay.tolist()), w)
     Phi = np.eye(n) + F * dt
     Phi[9:15, 9:15] = np.diag(decay)
     assert_propagated(w, Phi, P, x)
@@ -95,7 +109,7 @@ def test_propagation_over_many_samples_is_the_dense_product(seed: int, n: int) -
     E[np.arange(9, 15), np.arange(9, 15)] = rng.uniform(-0.5, 0, 6)
     P, x = random_covariance(rng, np.ones(n)), rng.normal(size=n)
     w = workspace(P, x)
-    OVER[n](E, w)
+    MADE[n][propagate_over](E, w)
     assert_propagated(w, np.eye(n) + E, P, x)
 
 

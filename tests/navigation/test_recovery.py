@@ -8,7 +8,7 @@ import pytest
 from lab.experiment import Experiment
 from lab.navigation import kalman
 from lab.navigation.belief import schedule_of
-from lab.navigation.compilation import interpreted
+from lab.navigation.generation import interpreted
 from lab.navigation.kalman import HUBER, HUBER_NIS, RECOVERED, REJECTED, STUDENT_T, USED, gate, weight
 from lab.navigation.schedule import Schedule
 from lab.navigation.settings import NavigatorSettings

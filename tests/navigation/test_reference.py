@@ -21,7 +21,8 @@ from lab import earth
 from lab.experiment import Experiment
 from lab.navigation import navigator, reference
 from lab.navigation.belief import belief
-from lab.navigation.error_models import MODELS, with_states
+from lab.navigation.error_models import MODELS
+from lab.navigation.further_columns import with_states
 from lab.navigation.navigator import Belief, Fixes, Imu, Schedule, Solution, Start
 from lab.navigation.settings import NavigatorSettings
 from lab.rotation import wrap

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
-from types import ModuleType
 
 import numpy as np
 import pytest
@@ -17,7 +16,6 @@ from lab.comparison import models
 from lab.experiment import Experiment
 from lab.navigation import strapdown
 from lab.navigation.belief import belief
-from lab.navigation.compilation import inline_kernel, kernel, rebound_throughout
 from lab.navigation.error_models import ACCEL_SCALE, GYRO_SCALE
 from lab.result import Result
 from lab.settings import SettingError
@@ -219,45 +217,3 @@ def test_files_have_the_scale_factors(tmp_path: Path) -> None:
     head = (tmp_path / "csv" / "sensor_errors.csv").read_text(encoding="utf-8").splitlines()[0]
     assert "accelerometer_scale_true z [%]" in head
     assert "accelerometer scale z" in (tmp_path / "csv" / "state_sigma.csv").read_text().splitlines()[0]
-
-
-SIZE = 3
-
-
-@inline_kernel
-def _inner(x: float) -> float:
-    return x * SIZE
-
-
-@kernel
-def _untouched(x: float) -> float:
-    return x + 1
-
-
-@kernel
-def _outer(x: float) -> float:
-    total = _untouched(0.0)
-    for _ in range(SIZE):
-        total += _inner(x)
-    return total
-
-
-def test_a_constant_of_another_module_that_has_the_same_name_is_another() -> None:
-    """As X, the column of the estimate to the driver, and the first axis of the wander frame."""
-    other = ModuleType("other")
-    exec("SIZE = 4\ndef inner(x): return x * SIZE", other.__dict__)
-    inner = inline_kernel(other.inner)
-
-    @kernel
-    def outer(x: float) -> float:
-        return inner(x) + SIZE
-
-    assert rebound_throughout(outer, {"SIZE": SIZE}, SIZE=5)(1.0) == 1 * 4 + 5
-
-
-def test_constants_are_replaced_throughout_and_nowhere_else() -> None:
-    five = rebound_throughout(_outer, {"SIZE": SIZE}, SIZE=5)
-    assert five(1.0) == 1 + 5 * 5
-    assert _outer(1.0) == 1 + 3 * 3
-    assert rebound_throughout(_untouched, {"SIZE": SIZE}, SIZE=5) is _untouched
-    assert five.targetoptions == _outer.targetoptions  # type: ignore[attr-defined]

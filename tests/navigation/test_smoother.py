@@ -16,7 +16,8 @@ from lab.analysis.consistency import chi_square_interval, normalised_squares
 from lab.analysis.errors import attitude_error, error_state
 from lab.experiment import Experiment
 from lab.navigation import smoother, strapdown
-from lab.navigation.error_models import PHI, with_states
+from lab.navigation.error_models import PHI
+from lab.navigation.further_columns import with_states
 from lab.navigation.navigator import navigate
 from lab.navigation.schedule import Schedule
 from lab.navigation.solution import Belief, Fixes, Imu, Solution, Start

@@ -13,7 +13,7 @@ from lab import earth
 from lab.analysis.errors import error_state
 from lab.experiment import Experiment
 from lab.navigation import standstill, strapdown
-from lab.navigation.compilation import interpreted
+from lab.navigation.generation import interpreted
 from lab.navigation.solution import Belief, Fixes, Imu
 from lab.navigation.standstill import SHORTEST, at_rest, still_without_fixes
 from lab.result import Result

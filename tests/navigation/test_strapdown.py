@@ -20,7 +20,7 @@ from scipy.special import j1
 
 from lab import earth
 from lab.navigation import strapdown
-from lab.navigation.compilation import interpreted
+from lab.navigation.generation import interpreted
 from lab.navigation.navigator import Imu
 from lab.rotation import euler_from_quaternion
 

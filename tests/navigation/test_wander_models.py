@@ -10,9 +10,9 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from lab import earth
-from lab.navigation import driver, error_models, strapdown, wander
-from lab.navigation.compilation import interpreted
+from lab.navigation import error_models, strapdown, wander
 from lab.navigation.error_models import ACCEL_BIAS, ATT, GYRO_BIAS, POS, VEL, ErrorModel
+from lab.navigation.generation import Variant, interpreted
 from lab.navigation.settings import NavigatorSettings
 from lab.navigation.wander_models import MODELS, linear_model
 from lab.settings import SettingError
@@ -170,6 +170,9 @@ def put_quaternion(state: FloatArray, at: int, C: FloatArray) -> None:
     state[at : at + 4] = Rotation.from_matrix(C.real).as_quat(scalar_first=True)
 
 
+STEP = interpreted(strapdown.step, Variant(wander.STEP))
+
+
 def navigator_state(vehicle: Vehicle) -> FloatArray:
     """Return the strapdown's state of a vehicle, all that is derived filled in by a step of no length."""
     state = np.zeros(wander.LENGTH)
@@ -181,7 +184,7 @@ def navigator_state(vehicle: Vehicle) -> FloatArray:
     state[strapdown.GYRO_BIAS : strapdown.GYRO_BIAS + 3] = vehicle.gyro_bias
     state[strapdown.ACCEL_BIAS : strapdown.ACCEL_BIAS + 3] = vehicle.accel_bias
     dt = 1e-9
-    interpreted(wander.step)(state, tuple(vehicle.omega_b * dt), tuple(vehicle.f_b * dt), dt)
+    STEP(state, tuple(vehicle.omega_b * dt), tuple(vehicle.f_b * dt), dt)
     return state
 
 
@@ -223,19 +226,6 @@ def test_every_entry_is_the_derivative_of_the_true_error_propagation(
         model.map(state)[:9], T, rtol=digits, atol=1e-12 * max(1.0, np.abs(np.tan(latitude)))
     )
     assert (model.map_pattern() >= (np.abs(T[:, :9]) > 1e-12)).all()
-
-
-def test_functions_made_for_one_model_have_names_of_their_own() -> None:
-    """Compiled code that is loaded from the disk finds others by their names."""
-    seen: dict[tuple[str, str], object] = {}
-    for model in (*error_models.MODELS.values(), *MODELS.values()):
-        made = driver.kernels(model, summed=False)
-        parts = {**made, "map": model.write_map, "fix": model.write_fix_map, "frame": model.write_frame_map}
-        parts |= {"summed": driver.kernels(model, summed=True)["_predict"]}
-        for part in filter(None, parts.values()):
-            function = getattr(part, "py_func", part)
-            assert seen.setdefault((function.__module__, function.__qualname__), function) is function
-    assert seen[wander.step.__module__, wander.step.__qualname__] is not strapdown.step.py_func
 
 
 def test_every_linear_model_of_the_settings_is_written_for_both_mechanizations() -> None:

@@ -1,0 +1,113 @@
+"""Fingerprint: a digest of what a compiled function depends on: its own code, and all that it calls.
+
+It covers the instructions and constants of each function, the options it is compiled with, the values of the
+names it uses, and the fields of the tuples given to it. It ignores comments, docstrings and line numbers.
+"""
+
+from __future__ import annotations
+
+import dis
+import functools
+import hashlib
+import sys
+from collections.abc import Iterator
+from types import CodeType, FunctionType, ModuleType
+from typing import Any
+
+import numpy as np
+
+
+def plain_function(value: object) -> FunctionType | None:
+    """Return the Python function of a kernel, or a function of the lab itself; None for other objects."""
+    inner = getattr(value, "py_func", None) or getattr(value, "_defn", None)
+    if isinstance(inner, FunctionType):
+        return inner
+    return value if isinstance(value, FunctionType) and value.__module__.startswith("lab.") else None
+
+
+@functools.cache
+def _names(code: CodeType) -> tuple[list[str], list[str]]:
+    """Return the names that a function looks up outside itself, and the attributes that it reads."""
+    found: dict[bool, dict[str, None]] = {True: {}, False: {}}
+    for step in dis.get_instructions(code):
+        if step.opname in {"LOAD_GLOBAL", "LOAD_ATTR", "LOAD_METHOD"}:
+            found[step.opname == "LOAD_GLOBAL"][step.argval] = None
+    for part in code.co_consts:
+        if isinstance(part, CodeType):
+            for names, inner in zip(found.values(), _names(part), strict=True):
+                names.update(dict.fromkeys(inner))
+    return list(found[True]), list(found[False])
+
+
+def uses(function: FunctionType) -> Iterator[tuple[str, Any]]:
+    """Iterate over what a function may use of its module, and of modules that it names, by name."""
+    names, attributes = _names(function.__code__)
+    for name in names:
+        value = function.__globals__.get(name)
+        if isinstance(value, ModuleType):
+            yield from ((part, getattr(value, part)) for part in attributes if hasattr(value, part))
+        elif name in function.__globals__:
+            yield name, value
+
+
+def fingerprint(function: object) -> str:
+    """Return the digest of a kernel and of all kernels that it calls."""
+    seen: dict[FunctionType, int] = {}
+    digest = hashlib.sha256()
+
+    def add(value: object) -> None:
+        plain = plain_function(value)
+        if plain is None:
+            digest.update(_written(value).encode())
+        elif plain in seen:
+            digest.update(f"function {seen[plain]}".encode())
+        else:
+            seen[plain] = len(seen)
+            options = sorted(getattr(value, "targetoptions", {}).items())
+            digest.update(f"{options} {_code(plain.__code__, plain.__doc__)}".encode())
+            digest.update(f"{plain.__defaults__} {[_fields(kind) for kind in _kinds(plain)]}".encode())
+            for name, used in uses(plain):
+                digest.update(name.encode())
+                add(used)
+
+    add(function)
+    return digest.hexdigest()
+
+
+def _code(code: CodeType, docstring: str | None) -> str:
+    """Return the instructions of a function with its constants, without the docstring."""
+    constants = [
+        _code(part, None) if isinstance(part, CodeType) else _written(part)
+        for part in code.co_consts
+        if docstring is None or part != docstring
+    ]
+    return f"{code.co_code.hex()} {constants} {code.co_names} {code.co_varnames} {code.co_argcount}"
+
+
+def _written(value: object) -> str:
+    """Return a value as text; only the name of what a kernel does not compile."""
+    if isinstance(value, np.ndarray):
+        return f"{value.dtype} {value.shape} {value.tobytes().hex()}"
+    if isinstance(value, frozenset):
+        return str(sorted(map(_written, value)))
+    if isinstance(value, int | float | complex | str | bytes | tuple | None):
+        return repr(value)
+    return _fields(value) or getattr(value, "__name__", type(value).__name__)
+
+
+def _kinds(function: FunctionType) -> Iterator[object]:
+    """Iterate over the types of the arguments that are classes of the function's module."""
+    for kind in function.__annotations__.values():
+        yield function.__globals__.get(kind) if isinstance(kind, str) else kind
+
+
+def _fields(kind: object) -> str:
+    """Return the fields of a named tuple with those of tuples in it; nothing for other types."""
+    if not (isinstance(kind, type) and issubclass(kind, tuple) and hasattr(kind, "_fields")):
+        return ""
+    scope = vars(sys.modules[kind.__module__])
+    parts = {
+        name: _fields(scope.get(getattr(of, "__forward_arg__", ""), of))
+        for name, of in kind.__annotations__.items()
+    }
+    return f"{kind.__name__} {parts}"

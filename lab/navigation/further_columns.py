@@ -1,0 +1,187 @@
+"""Further columns: F of a filter with further blocks of states (`blocks`), and the models that have them.
+
+Scale factors, misalignments, drift and the user's own states act on attitude and velocity. The errors of
+other sensors act on nothing: F has no element for them.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import functools
+from collections.abc import Iterator, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lab.navigation import blocks, own_room, strapdown
+from lab.navigation.compilation import inline_kernel
+from lab.navigation.error_models import A, ErrorModel, V, Write, attitude_matrix
+from lab.navigation.strapdown import Vector, get
+
+FloatArray = NDArray[np.float64]
+
+GS, BS = 15, 18
+"""First scale factor of gyros and accelerometers among the states."""
+
+
+@inline_kernel
+def scaled(state: FloatArray, previous: int, bias: int, scale: int) -> Vector:
+    """Return (x + b) / (1 + s) for the mean x of the last step: minus the derivative of x with respect to s.
+
+    The navigator has x = x_measured / (1 + s) − b, so an error δs acts as an error (x + b) / (1 + s) δs of
+    the bias.
+    """
+    x, y, z = strapdown.plus(
+        strapdown.whole_bias(state, bias), state[strapdown.PER_STEP], get(state, previous)
+    )
+    return x / (1 + state[scale]), y / (1 + state[scale + 1]), z / (1 + state[scale + 2])
+
+
+@inline_kernel
+def scale_columns(state: FloatArray, F: FloatArray) -> None:
+    """Write the columns of the scale factors, C_nb diag(ω_ib,b) and −C_nb diag(f_b), both as `scaled`."""
+    omega = scaled(state, strapdown.PREVIOUS_DTHETA, strapdown.GYRO_BIAS, strapdown.GYRO_SCALE)
+    f = scaled(state, strapdown.PREVIOUS_DVELOCITY, strapdown.ACCEL_BIAS, strapdown.ACCEL_SCALE)
+    for i in range(3):
+        x, y, z = get(state, strapdown.C_NB + 3 * i)
+        F[A + i, GS], F[A + i, GS + 1], F[A + i, GS + 2] = x * omega[0], y * omega[1], z * omega[2]
+        F[V + i, BS], F[V + i, BS + 1], F[V + i, BS + 2] = -x * f[0], -y * f[1], -z * f[2]
+
+
+@inline_kernel
+def scale_columns_in_body(state: FloatArray, F: FloatArray) -> None:
+    """Write the columns of the scale factors, diag(ω_ib,b) and −diag(f_b), both as `scaled`."""
+    omega = scaled(state, strapdown.PREVIOUS_DTHETA, strapdown.GYRO_BIAS, strapdown.GYRO_SCALE)
+    f = scaled(state, strapdown.PREVIOUS_DVELOCITY, strapdown.ACCEL_BIAS, strapdown.ACCEL_SCALE)
+    F[A, GS], F[A + 1, GS + 1], F[A + 2, GS + 2] = omega
+    F[V, BS], F[V + 1, BS + 1], F[V + 2, BS + 2] = -f[0], -f[1], -f[2]
+
+
+GM, BM = -1, -1
+"""First misalignment of gyros and accelerometers among the states; a filter that has them sets these."""
+
+
+@inline_kernel
+def misalignment_columns(state: FloatArray, F: FloatArray) -> None:
+    """Write the columns of the misalignments.
+
+    An error of m_xy acts as an error (y + b_y) / (1 + s_x) of the bias of x; see `scaled`.
+    """
+    for i in range(3):
+        x, y, z = get(state, strapdown.C_NB + 3 * i)
+        u, v, w = of_other_axes(state, strapdown.PREVIOUS_DTHETA, strapdown.GYRO_BIAS, strapdown.GYRO_SCALE)
+        F[A + i, GM], F[A + i, GM + 1] = x * u[0], x * u[1]
+        F[A + i, GM + 2], F[A + i, GM + 3] = y * v[0], y * v[1]
+        F[A + i, GM + 4], F[A + i, GM + 5] = z * w[0], z * w[1]
+        u, v, w = of_other_axes(
+            state, strapdown.PREVIOUS_DVELOCITY, strapdown.ACCEL_BIAS, strapdown.ACCEL_SCALE
+        )
+        F[V + i, BM], F[V + i, BM + 1] = -x * u[0], -x * u[1]
+        F[V + i, BM + 2], F[V + i, BM + 3] = -y * v[0], -y * v[1]
+        F[V + i, BM + 4], F[V + i, BM + 5] = -z * w[0], -z * w[1]
+
+
+@inline_kernel
+def misalignment_columns_in_body(state: FloatArray, F: FloatArray) -> None:
+    """Write the columns of the misalignments for errors resolved in b."""
+    u, v, w = of_other_axes(state, strapdown.PREVIOUS_DTHETA, strapdown.GYRO_BIAS, strapdown.GYRO_SCALE)
+    F[A, GM], F[A, GM + 1] = u
+    F[A + 1, GM + 2], F[A + 1, GM + 3] = v
+    F[A + 2, GM + 4], F[A + 2, GM + 5] = w
+    u, v, w = of_other_axes(state, strapdown.PREVIOUS_DVELOCITY, strapdown.ACCEL_BIAS, strapdown.ACCEL_SCALE)
+    F[V, BM], F[V, BM + 1] = -u[0], -u[1]
+    F[V + 1, BM + 2], F[V + 1, BM + 3] = -v[0], -v[1]
+    F[V + 2, BM + 4], F[V + 2, BM + 5] = -w[0], -w[1]
+
+
+@inline_kernel
+def of_other_axes(
+    state: FloatArray, previous: int, bias: int, scale: int
+) -> tuple[tuple[float, float], tuple[float, float], tuple[float, float]]:
+    """Return the means of the last step along the other two axes of each axis, divided by its scale."""
+    x, y, z = strapdown.plus(
+        strapdown.whole_bias(state, bias), state[strapdown.PER_STEP], get(state, previous)
+    )
+    p, q, r = 1 / (1 + state[scale]), 1 / (1 + state[scale + 1]), 1 / (1 + state[scale + 2])
+    return (p * y, p * z), (q * x, q * z), (r * x, r * y)
+
+
+GD, BD = -1, -1
+"""First state of the drift of gyros and accelerometers; a filter that has it sets these."""
+
+
+@inline_kernel
+def drift_columns(state: FloatArray, F: FloatArray) -> None:
+    """Write the columns of the drift, which acts as the biases do."""
+    attitude_matrix(F, A, GD, 1.0, state)
+    attitude_matrix(F, V, BD, -1.0, state)
+
+
+@inline_kernel
+def drift_columns_in_body(state: FloatArray, F: FloatArray) -> None:
+    """Write the columns of the drift for errors resolved in b."""
+    for i in range(3):
+        F[A + i, GD + i], F[V + i, BD + i] = 1.0, -1.0
+
+
+OWN = blocks.CORE
+"""First state of the blocks that a user declared; a filter that has them sets this."""
+OWN_SIZE = 0
+"""How many there are."""
+
+
+@inline_kernel
+def own_columns(state: FloatArray, F: FloatArray) -> None:
+    """Write the columns of the states that a user declared: their effects on gyros and accelerometers."""
+    for k in range(OWN_SIZE):
+        at = own_room.EFFECTS + own_room.WIDTH * k
+        for i in range(3):
+            x, y, z = get(state, strapdown.C_NB + 3 * i)
+            F[A + i, OWN + k] = x * state[at] + y * state[at + 1] + z * state[at + 2]
+            F[V + i, OWN + k] = -x * state[at + 3] - y * state[at + 4] - z * state[at + 5]
+
+
+@inline_kernel
+def own_columns_in_body(state: FloatArray, F: FloatArray) -> None:
+    """Write the columns of the states that a user declared for errors resolved in b."""
+    for k in range(OWN_SIZE):
+        at = own_room.EFFECTS + own_room.WIDTH * k
+        for i in range(3):
+            F[A + i, OWN + k], F[V + i, OWN + k] = state[at + i], -state[at + 3 + i]
+
+
+@functools.cache
+def with_blocks(model: ErrorModel, names: tuple[str, ...]) -> ErrorModel:
+    """Return a model of 15 states as one with further blocks."""
+    names = blocks.in_order(names)
+    if names == model.blocks:
+        return model
+    own = blocks.own_states(names)
+    found = {
+        "GM": (GM, blocks.first_state(names, blocks.GYRO_MISALIGNMENT)),
+        "BM": (BM, blocks.first_state(names, blocks.ACCEL_MISALIGNMENT)),
+        "GD": (GD, blocks.first_state(names, blocks.GYRO_DRIFT)),
+        "BD": (BD, blocks.first_state(names, blocks.ACCEL_DRIFT)),
+        "OWN": (OWN, own.start),
+        "OWN_SIZE": (OWN_SIZE, own.stop - own.start),
+    }
+    constants = tuple((name, *values) for name, values in found.items())
+    writes = *model.writes, *_columns_of(names, in_body=model.in_body)
+    return dataclasses.replace(model, writes=writes, blocks=names, constants=constants)
+
+
+def _columns_of(names: Sequence[str], *, in_body: bool) -> Iterator[Write]:
+    """Yield the functions that write the columns of further blocks."""
+    if blocks.GYRO_SCALE in names:
+        yield scale_columns_in_body if in_body else scale_columns
+    if blocks.GYRO_MISALIGNMENT in names:
+        yield misalignment_columns_in_body if in_body else misalignment_columns
+    if blocks.GYRO_DRIFT in names:
+        yield drift_columns_in_body if in_body else drift_columns
+    if any(name in blocks.OWN for name in names):
+        yield own_columns_in_body if in_body else own_columns
+
+
+def with_states(model: ErrorModel, states: int) -> ErrorModel:
+    """Return a model of 15 states as one of 15 or 21 states: the scale factors are random constants."""
+    return with_blocks(model, blocks.SCALES if states > blocks.CORE else ())

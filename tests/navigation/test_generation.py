@@ -1,0 +1,155 @@
+"""Generation: a variant changes what it names and nothing else; its module can be stepped through."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+from types import ModuleType
+from typing import Any
+
+import numpy as np
+import pytest
+
+from lab.navigation import generation
+from lab.navigation.compilation import embedded_kernel, inline_kernel, kernel
+from lab.navigation.generation import Redecorated, Slot, Variant, Written, generated, interpreted
+
+SIZE = 3
+change = Slot("change")
+
+
+@inline_kernel
+def inner(x: float) -> float:
+    return x * SIZE
+
+
+@kernel
+def untouched(x: float) -> float:
+    return x + 1
+
+
+@kernel
+def outer(x: float) -> float:
+    total = untouched(0.0)
+    for _ in range(SIZE):
+        total += inner(x)
+    return total
+
+
+@kernel
+def changing(x: float) -> float:
+    return change(x) + outer(x)  # ω × r: the parser counts bytes
+
+
+def made(root: Any, kernels: dict[Any, Any] | None = None, **constants: tuple[Any, Any]) -> Any:
+    return generated("test", "A test.", [root], Variant(kernels or {}, constants))[root]
+
+
+def test_constants_are_replaced_throughout_and_nowhere_else() -> None:
+    five = made(outer, SIZE=(3, 5))
+    assert five(1.0) == 1 + 5 * 5
+    assert outer(1.0) == 1 + 3 * 3
+    assert five.targetoptions == outer.targetoptions  # type: ignore[attr-defined]
+    assert vars(sys.modules[five.__module__])["untouched"] is untouched
+    assert made(untouched, SIZE=(3, 5)) is untouched
+
+
+def test_a_constant_with_another_value_is_another() -> None:
+    """As X, the column of the estimate to the filter, and the first axis of the wander frame."""
+    assert made(outer, SIZE=(4, 5)) is outer
+
+
+def test_names_that_two_modules_share_are_kept_apart(monkeypatch: pytest.MonkeyPatch) -> None:
+    other = ModuleType("other_module")
+    other.__file__ = "<other_module>"
+    text = "SIZE = 4\ndef inner(x):\n    return x * SIZE\n"
+    monkeypatch.setitem(sys.modules, "other_module", other)
+    generation.inspect.linecache.cache["<other_module>"] = (
+        len(text),
+        None,
+        text.splitlines(True),
+        "<other_module>",
+    )
+    exec(compile(text, "<other_module>", "exec"), other.__dict__)
+    other.inner = inline_kernel(other.inner)
+    changed = made(changing, {change: other.inner}, SIZE=(3, 5))
+    assert changed(1.0) == 1 * 4 + 1 + 5 * 5
+
+
+def test_a_slot_takes_a_kernel_or_a_text() -> None:
+    assert made(changing, {change: untouched})(1.0) == 2 + 10
+    text = "@inline_kernel\ndef twice(x):\n    return 2 * inner(x)"
+    # What a text names is not replaced: a kernel may so call the one whose place it takes.
+    twice = Written("twice", text, {"inner": inner})
+    assert made(changing, {change: twice, inner: untouched})(1.0) == 6 + 1 + 3 * 2
+    with pytest.raises(TypeError, match="this variant has no kernel for it"):
+        made(changing)
+    with pytest.raises(TypeError, match="generated for each filter"):
+        change(1.0)
+
+
+def test_a_kernel_takes_another_decorator() -> None:
+    embedded = made(outer, {outer: Redecorated(outer, embedded_kernel)})
+    assert embedded.targetoptions["inline"] == "always"
+    assert embedded(1.0) == 1 + 3 * 3
+
+
+def test_parts_are_imported() -> None:
+    variant = Variant({}, {"SIZE": (3, 5)})
+    part = generated("part", "A part.", [inner], variant)
+    whole = generated("whole", "The rest.", [outer], variant, [part])
+    assert vars(whole.module)["inner"] is part[inner]
+    assert whole[outer](1.0) == 1 + 5 * 5
+
+
+def test_plain_python_calls_nothing_that_is_compiled() -> None:
+    plain = interpreted(changing, Variant({change: untouched}, {"SIZE": (3, 5)}))
+    assert plain(1.0) == 2 + 1 + 5 * 5
+    assert not hasattr(vars(sys.modules[plain.__module__])["untouched"], "py_func")
+
+
+def test_a_source_that_changed_meanwhile_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(generation.inspect, "getsource", lambda _: "@kernel\ndef outer(x):\n    return 7.0\n")
+    with pytest.raises(RuntimeError, match=r"test_generation\.py has changed"):
+        made(outer, SIZE=(3, 6))
+
+
+STEPPED = """
+import numpy as np
+from lab.navigation.driver import driver
+from lab.navigation.error_models import PHI
+from lab.navigation.navigator import navigate
+from lab.navigation.solution import Belief, Fixes, Imu, Start
+rng = np.random.default_rng(1)
+time = np.arange(21) / 20.0
+imu = Imu(time, rng.normal(0, 1e-3, (20, 3)), rng.normal(0, 1e-2, (20, 3)) + [0, 0, -0.49])
+fixes = Fixes(np.array([0.5, 1.0]), np.array([[0.8, 0.1, 99.0]] * 2), np.zeros((2, 3)))
+start = Start(np.array([0.8, 0.1, 100.0]), np.zeros(3), np.array([1.0, 0, 0, 0]))
+belief = Belief(np.eye(15), np.eye(6), np.full(12, 1e-4), np.full(6, 0.01), np.array([1.0, 0, 0]))
+out = navigate(imu, fixes, start, belief)
+assert (out.fix_sample > 0).all()
+go = driver(PHI, summed=False)
+print(hasattr(go, "py_func"), getattr(go, "py_func", go).__code__.co_filename)
+np.save({path!r}, np.hstack([out.velocity_n, out.variance, out.bias]))
+"""
+
+
+def test_a_filter_can_be_stepped_through(tmp_path: Path) -> None:
+    """Without the compiler, it is the function in the generated file, and computes the same."""
+    found = {}
+    for plain in ("0", "1"):
+        path = str(tmp_path / f"{plain}.npy")
+        run = subprocess.run(
+            [sys.executable, "-c", STEPPED.format(path=path)],
+            env=os.environ | {"NUMBA_DISABLE_JIT": plain},
+            capture_output=True,
+            text=True,
+            check=True,
+        )
+        found[plain] = np.load(path)
+    compiled, file = run.stdout.split()
+    assert compiled == "False"
+    assert "def advance(" in Path(file).read_text("utf-8")
+    np.testing.assert_allclose(found["1"], found["0"], rtol=1e-9, atol=1e-12)
