@@ -29,14 +29,13 @@ from lab.navigation.belief import (
     belief,
     chosen_blocks,
     implausible,
-    is_aided,
     r_factors,
     schedule_of,
 )
 from lab.navigation.checks import (
-    check_aiding,
     check_finite,
     check_mechanization,
+    check_own_states,
     check_place,
     check_r,
     check_smoother,
@@ -150,7 +149,7 @@ def navigate_log(
     _check(log, navigator)
     readings = readings_of(log, sensors)
     sensors, remarks = fitted_only(sensors, readings, log)
-    check_aiding(navigator, chosen_blocks(navigator, sensors), aided=is_aided(navigator, sensors))
+    check_own_states(navigator)
     assumed = belief(sensors, navigator)
     check_r(assumed.R)
     times = log.gnss.time - assumed_latency(navigator, log.gnss.latency)
@@ -393,7 +392,7 @@ def _solution(
         assumed = assumed._replace(R=assumed.R + WITHHELD**2 * np.eye(MEASUREMENTS) * ~given[:, None, None])
     arguments = (_shown(imu), _shown(fixes), start, assumed, schedule)
     if navigator.model == "nonlinear":
-        solution = unscented.navigate(*arguments, stretches)
+        solution = unscented.navigate(*arguments, stretches, aids, names)
     else:
         engine = smoother.navigate if navigator.smoother else linear.navigate
         model = with_blocks(linear_model(navigator.model, navigator.mechanization), names)

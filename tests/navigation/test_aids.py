@@ -19,15 +19,9 @@ from lab.navigation.observation import north_axes
 from lab.rotation import wrap
 from lab.run import ResultError
 from lab.seeds import run_ensemble
-from lab.settings import SettingError
 
 RATE = 50.0
 """Rate of the IMU [Hz]: measurements come once a second, at any rate."""
-
-
-def experiment(**settings: Any) -> Experiment:
-    """Return an experiment with the given settings, dots written as two underscores."""
-    return of({path.replace("__", "."): value for path, value in settings.items()})
 
 
 def of(settings: dict[str, Any]) -> Experiment:
@@ -181,11 +175,6 @@ def test_a_model_with_the_same_number_of_other_states_is_another_one() -> None:
     drift = with_blocks(MODELS["phi"], (blocks.GPS_DRIFT,))
     assert lever.states == drift.states == 18
     assert lever.label != drift.label
-
-
-def test_sigma_points_refuse_other_sensors() -> None:
-    with pytest.raises(SettingError, match="the models phi"):
-        experiment(sensors__barometer__fitted=True, navigator__model="nonlinear").run()
 
 
 def test_identification_refuses_further_states() -> None:
