@@ -52,7 +52,7 @@ from lab.navigation.standstill import at_rest, still_without_fixes
 from lab.navigation.wander_models import linear_model
 from lab.recordings.mission_error import MissionError
 from lab.sensors.gps import within
-from lab.sensors.heading_sensor import HEADING, MAGNETOMETER
+from lab.sensors.heading_sensor import HEADING, MAGNETOMETER, check_field
 from lab.sensors.readings import Readings
 from lab.sensors.suite import SensorSuite
 from lab.settings import SettingError
@@ -218,7 +218,13 @@ def _of_field(log: SensorLog, magnetometer: Magnetometer, period: float) -> Read
     """Return the magnetic field once in a period [s], since its errors are those of the vehicle's iron.
 
     The declination is that of the log, or of the World Magnetic Model at the first fix.
+
+    Raises
+    ------
+    SettingError
+        If it does not show the heading there.
     """
+    check_field(log.gnss.position)
     size = np.linalg.norm(magnetometer.field, axis=1)
     rows = np.flatnonzero(
         (magnetometer.time > log.time[0]) & (magnetometer.time <= log.time[-1]) & (size > 0)

@@ -24,7 +24,7 @@ from numpy.typing import NDArray
 
 from lab.histories import SINGLE
 from lab.navigation import blocks, strapdown, wander, wander_models
-from lab.navigation.aids import NO_AIDS, Aids, north_axes
+from lab.navigation.aids import NO_AIDS, Aids, north_axes, north_variance
 from lab.navigation.compilation import embedded_kernel, entry_kernel, inline_kernel, is_ready, kernel
 from lab.navigation.error_models import ATT, write_map
 from lab.navigation.generation import Kernel, Variant, generated
@@ -528,7 +528,8 @@ def _advance(*, aided: bool) -> Callable[[Filter, Imu, Fixes, Solution, int, Sch
     own: dict[Kernel, Kernel] = {**wander_models.PSI.variant.kernels, **wander.STEP}
     name = "nonlinear"
     if aided:
-        own |= {aid_due: _aid_due, take_aids: _take_aids, north_axes: wander.north_axes}
+        own |= {aid_due: _aid_due, take_aids: _take_aids}
+        own |= {north_axes: wander.north_axes_before, north_variance: wander.north_variance}
         name = "nonlinear aids"
     made: Callable[[Filter, Imu, Fixes, Solution, int, Schedule], None] = generated(
         name, "The unscented filter, in a wander-azimuth frame.", [filter_all], Variant(own)

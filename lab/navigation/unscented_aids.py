@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lab.navigation import strapdown
-from lab.navigation.aids import HEADING, MAGNETIC, north_axes, see_aid
+from lab.navigation.aids import HEADING, MAGNETIC, north_axes, north_variance, see_aid
 from lab.navigation.compilation import inline_kernel, kernel
 from lab.navigation.schedule import Schedule
 from lab.navigation.sigma_points import SPREAD, WEIGHT, displace, spread, transport
@@ -57,7 +57,7 @@ def observe_aid(run: Filter, a: int, age: float, dt: float, schedule: Schedule, 
     state, P, x, aids = run.state, run.P, run.x, run.aids
     kind, value, field, n = aids.kind[a], aids.value[a], aids.field[a], x.size
     row, gain = run.H[0], run.H[1]  # workspace
-    z = see_aid(state, north_axes(state), kind, value, field, aids.place, age, dt, row)
+    z = see_aid(state, north_axes(state, age), kind, value, field, aids.place, age, dt, row)
     spread(state, P, run.order, run.root, x, run.points, run.places)
     mean, square = 0.0, 0.0
     for i in range(n):
@@ -65,7 +65,7 @@ def observe_aid(run: Filter, a: int, age: float, dt: float, schedule: Schedule, 
     for point in range(2 * n):
         there = run.points[point]
         _turn_as_biased(state, there)
-        seen = see_aid(there, north_axes(there), kind, value, field, aids.place, age, dt, row)
+        seen = see_aid(there, north_axes(there, age), kind, value, field, aids.place, age, dt, row)
         d = _difference(kind, z, seen)
         mean += WEIGHT * d
         square += WEIGHT * d * d
@@ -73,6 +73,8 @@ def observe_aid(run: Filter, a: int, age: float, dt: float, schedule: Schedule, 
         for i in range(n):
             gain[i] += WEIGHT * d * size * run.root[i, point % n]
     nu, s = _difference(kind, z, mean), square - mean * mean + aids.variance[a]
+    if kind in (HEADING, MAGNETIC):  # where even the points do not show how north varies
+        s += north_variance(state, 0.5 * (P[0, 0] + P[1, 1]))
     out.aid_innovation[a], out.aid_variance[a] = nu, s
     if nu * nu > schedule.aid_gate * s:
         return False

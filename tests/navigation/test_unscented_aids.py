@@ -13,7 +13,7 @@ from scipy.spatial.transform import Rotation
 
 from lab import ecef
 from lab.navigation import aids, blocks, strapdown, wander
-from lab.navigation.aids import Aids, north_axes
+from lab.navigation.aids import Aids, north_axes, north_variance
 from lab.navigation.blocks import in_order
 from lab.navigation.checks import check_own_states
 from lab.navigation.frames import keep_radii
@@ -42,7 +42,7 @@ def filter_at(latitude: float, seed: int, kind: int) -> Filter:
     rng = np.random.default_rng(seed)
     one = Aids(np.zeros(1), np.array([kind]), np.array(VALUES)[[kind]], np.array([0.01]), FIELD[None], PLACE)
     attitude = Rotation.from_euler("ZYX", [0.5, 0.2, -0.3]).as_quat(scalar_first=True)
-    begin = Start(np.array([latitude, 0.4, 1000.0]), rng.normal(0, 30, 3), attitude)
+    begin = Start(np.array([latitude, 0.4, 1000.0]), np.array([30.0, -40.0, 5.0]), attitude)
     run = Filter.begin(begin, NO_FILTER._replace(P0=np.eye(STATES)), names=NAMES, aids=one)
     sigma = np.concatenate((np.repeat([5.0, 2.0], 3), [0.1, 0.1, 0.35], np.full(STATES - 9, 1e-3)))
     root = sigma[:, None] * rng.normal(size=(STATES, STATES)) / np.sqrt(STATES)
@@ -64,8 +64,9 @@ def predicted(run: Filter, kind: int, x: FloatArray) -> float:
     here = np.array([np.arcsin(up[2]), np.arctan2(up[1], up[0]), state[strapdown.HEIGHT]])
     C_en = ecef.axes(here[:1], here[1:2])[0]
     there = ecef.displaced(here[None], (-C_en.T @ C_ew @ x[:3])[None])[0]
-    C_ne = ecef.axes(there[:1], there[1:2])[0].T
     v, before = state[strapdown.VELOCITY :][:3], state[strapdown.PREVIOUS_VELOCITY :][:3]
+    then = ecef.displaced(here[None], (-C_en.T @ C_ew @ (x[:3] + AGE * (v - x[3:6])))[None])[0]
+    C_ne = ecef.axes(then[:1], then[1:2])[0].T
     v_n = C_ne @ C_ew @ (v - AGE / DT * (v - before) - x[3:6])
     bias = np.array([errors[strapdown.GYRO_BIAS + i] + errors[strapdown.GYRO_DRIFT + i] for i in range(3)])
     rate = state[strapdown.PREVIOUS_DTHETA :][:3] / DT + bias
@@ -106,7 +107,8 @@ def test_an_update_is_that_of_a_plain_unscented_filter(kind: int, latitude: floa
         nu = float(wrap(nu))
     before, P = run.state.copy(), run.P.copy()
     out = Solution.empty(2, 0, NAMES, aids=1)
-    update = interpreted(observe_aid, Variant({north_axes: wander.north_axes}))
+    own = {north_axes: wander.north_axes_before, north_variance: wander.north_variance}
+    update = interpreted(observe_aid, Variant(own))
     assert update(run, 0, AGE, DT, Schedule(), out)
     assert out.aid_innovation[0] == pytest.approx(nu, rel=1e-5, abs=1e-6)
     assert out.aid_variance[0] == pytest.approx(S, rel=1e-5)
