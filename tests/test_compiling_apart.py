@@ -70,7 +70,7 @@ def test_the_nonlinear_filter_is_looked_for_too(monkeypatch: pytest.MonkeyPatch)
     experiment.set("navigator.model", "nonlinear")
     monkeypatch.setattr(choice.compiled_cache, "is_missing", looked.append)
     choice.is_missing(experiment.navigator, experiment.sensors, 100.0)
-    assert looked == [unscented.driver()]
+    assert looked == [unscented.driver(aided=False)]
 
 
 def test_a_filter_that_is_on_the_disk_is_not_compiled_again(

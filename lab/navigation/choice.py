@@ -32,9 +32,9 @@ def chosen_model(settings: NavigatorSettings, sensors: SensorSuite | None = None
 
 def is_ready(settings: NavigatorSettings, sensors: SensorSuite | None = None) -> bool:
     """Return whether the filter waits for no compiler: compiled here, or on the disk."""
-    if settings.model == "nonlinear":
-        return unscented.is_compiled()
     aided = sensors is not None and is_aided(settings, sensors)
+    if settings.model == "nonlinear":
+        return unscented.is_compiled(aided=aided)
     return navigator.is_compiled(chosen_model(settings, sensors), aided=aided)
 
 
@@ -48,9 +48,10 @@ def is_missing(settings: NavigatorSettings, sensors: SensorSuite, rate: float) -
     rate
         Rate of the samples [Hz].
     """
+    aided = is_aided(settings, sensors)
     if settings.model == "nonlinear":
-        return compiled_cache.is_missing(unscented.driver())
-    model, aided = chosen_model(settings, sensors), is_aided(settings, sensors)
+        return compiled_cache.is_missing(unscented.driver(aided=aided))
+    model = chosen_model(settings, sensors)
     forward = driver(model, summed=schedule_of(settings, 1 / rate, MANY).stride > 1, aided=aided)
     parts = [forward, smoother.backward_pass(model, aided=aided)] if settings.smoother else [forward]
     return any(map(compiled_cache.is_missing, parts))
