@@ -9,7 +9,6 @@ import param
 
 from dashboards.session import Session
 
-
 _SHORT = """
 :host { flex: 1 1 0 !important; width: 0 !important; min-width: 0 !important; }
 div { overflow: hidden; text-overflow: ellipsis; }

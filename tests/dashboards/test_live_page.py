@@ -382,8 +382,8 @@ def test_the_environment_allows_devices_too(monkeypatch: pytest.MonkeyPatch) -> 
     [
         ("_axes", "x,y,-z", "mirror image"),
         ("_axes", "<img src=x>", "accepted are the directions"),
-        ("_heading", "north", "accepted is a number of degrees"),
-        ("_heading", "1e99", "initial_heading"),
+        ("_heading", "north", "accepted is a number from -360 to 360 °"),
+        ("_heading", "1e99", "Initial heading"),
     ],
 )
 def test_wrong_fields_are_told(opened: Callable[[], Opened], field: str, text: str, words: str) -> None:
