@@ -95,7 +95,7 @@ class Simulated:
                 values.astype(np.float64, copy=False) for values in (imu.dtheta, imu.dvelocity)
             )
             imu = imu._replace(dtheta=dtheta, dvelocity=dvelocity)
-            solution = unscented.navigate(imu, *arguments[1:])
+            solution = unscented.navigate(imu, *arguments[1:], aids=aids, names=model.blocks)
         else:
             solution = linear.navigate(*arguments, model, aids=aids)
         return _seen(solution), _predicted(solution, R)

@@ -30,15 +30,14 @@ from lab.navigation.belief import (
     assumed_latency,
     belief,
     chosen_blocks,
-    is_aided,
     schedule_of,
 )
 from lab.navigation.checks import (
-    check_aiding,
     check_bias_decay,
     check_engine,
     check_finite,
     check_mechanization,
+    check_own_states,
     check_place,
     check_r,
     check_smoother,
@@ -349,8 +348,7 @@ class Stages:
         self.check_memory(truth.time.size)
         check_mechanization(settings)
         check_engine(settings)
-        names, aided = chosen_blocks(settings, self.sensors), is_aided(settings, self.sensors)
-        check_aiding(settings, names, aided=aided)
+        check_own_states(settings)
         check_r(assumed.R)
         schedule = schedule_of(settings, dt, dtheta.shape[0])
         check_smoother(settings, schedule)
@@ -398,7 +396,8 @@ class Stages:
     ) -> Solution:
         """Navigate with the model and the engine of the settings."""
         if self.navigator.model == "nonlinear":
-            return unscented.navigate(imu, fixes, start, belief, schedule)
+            names = chosen_blocks(self.navigator, self.sensors)
+            return unscented.navigate(imu, fixes, start, belief, schedule, aids=aids, names=names)
         model = chosen_model(self.navigator, self.sensors)
         if self.navigator.engine == "filterpy":
             from lab.navigation import reference  # noqa: PLC0415 - filterpy takes half a second to import

@@ -32,9 +32,9 @@ def chosen_model(settings: NavigatorSettings, sensors: SensorSuite | None = None
 
 def is_ready(settings: NavigatorSettings, sensors: SensorSuite | None = None) -> bool:
     """Return whether the filter waits for no compiler: compiled here, or on the disk."""
-    if settings.model == "nonlinear":
-        return unscented.is_compiled()
     aided = sensors is not None and is_aided(settings, sensors)
+    if settings.model == "nonlinear":
+        return unscented.is_compiled(aided=aided)
     return navigator.is_compiled(chosen_model(settings, sensors), aided=aided)
 
 
