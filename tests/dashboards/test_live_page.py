@@ -311,7 +311,7 @@ def test_x_plane_is_watched_with_the_sensors_of_the_settings(
         station = one.page._station
         assert station is not None
         one.until(lambda: station.source.end.imu > 100)
-        assert one.page._errors._grid.visible
+        assert one.page._errors._truth is not None
         rate = station.source.last(0.5).imu["rate"]
         assert np.abs(np.diff(rate, axis=0)).max() < np.radians(0.1)  # the default noise is 0.5°/s
         one.page._toggle()
