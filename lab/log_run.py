@@ -228,8 +228,8 @@ def clock_remarks(log: SensorLog, outages: Sequence[tuple[float, float]]) -> lis
     remarks = []
     if abs(log.epoch) > _SAME_CLOCK:
         remarks.append(
-            f"Time 0 is {log.epoch:.10g} s in the clock of the file; --from, --to and outages are given in "
-            "this clock."
+            f"Time 0 is {log.epoch:.10g} s in the clock of the file; navigator.log_from, "
+            "navigator.log_to and sensors.gps.outages are given in this clock."
         )
     outside = [f"{a:g} to {b:g} s" for a, b in outages if b <= log.epoch or a >= log.epoch + log.duration]
     if outside:

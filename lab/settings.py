@@ -311,8 +311,10 @@ def _plain(value: Any) -> Any:
 
 
 def _refused(path: str, value: Any, declaration: param.Parameter, error: Exception) -> SettingError:
+    reason = _reason(error)
     return SettingError(
-        f"{path} = {_show(value)}: not accepted; accepted is {describe(declaration)}. ({_reason(error)})"
+        f"{path} = {_show(value)}: not accepted; accepted is {describe(declaration)}."
+        f"{f' ({reason})' if reason else ''}"
     )
 
 
@@ -322,7 +324,9 @@ def _show(value: Any) -> str:
 
 
 def _reason(error: Exception) -> str:
-    return str(error).partition("\n")[0].rstrip(".")
+    """Return what a kind of setting says; nothing if it is only param's sentence for programmers."""
+    first = str(error).partition("\n")[0].rstrip(".")
+    return "" if " parameter '" in first else first
 
 
 def _unknown(path: str, key: str, walked: str, owner: Settings) -> str:

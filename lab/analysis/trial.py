@@ -193,7 +193,7 @@ def _words(before: Figures, after: Figures) -> str:
 
 
 def _metres(error: float) -> str:
-    return f"{error:.2g} m" if np.isfinite(error) else "without bound"
+    return f"{float(f'{error:.2g}'):g} m" if np.isfinite(error) else "without bound"  # 580 m, not 5.8e+02
 
 
 def advised(run: Repeatable, changes: tuple[Change, ...]) -> ExperimentSettings:

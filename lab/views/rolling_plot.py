@@ -28,6 +28,8 @@ from lab.views.quantities import AXIS_COLOURS
 
 FloatArray = NDArray[np.float64]
 
+NOTHING = ": none yet"
+"""Words behind the title of a plot that has no value yet."""
 _LEGEND = 0.25
 """Part of an ordinate that is left free at the top for the legend."""
 _ROWS_PER_SECOND = 60
@@ -83,8 +85,11 @@ class RollingPlot:
         self._parcel = parcel
         self._span = (0.0, 0.0)
         self._ordinate = Range1d(start=0.1 if logarithmic else -1.0, end=1.0)
+        self._words = f"{title} [{unit}]"
+        heading = Title(text=self._words + NOTHING)
+        self._waits = True  # for a first value
         self.figure: figure = plain_figure(
-            Title(text=f"{title} [{unit}]"),
+            heading,
             "time before now [s]",
             x_range=ages,
             y_range=self._ordinate,
@@ -122,7 +127,9 @@ class RollingPlot:
             shown = {name: [self.glyphs[label] for label in curves] for name, curves in legend.items()}
             add_still_legend(self.figure, shown)
         self._kept: deque[FloatArray] = deque()
-        self._source, self._y = (parcel.number(one, group) for one in (self.source, self._ordinate))
+        self._source, self._y, self._title = (
+            parcel.number(one, group) for one in (self.source, self._ordinate, heading)
+        )
         ticker = self.figure.yaxis[0].ticker
         self._ticks = parcel.number(ticker, group) if isinstance(ticker, FixedTicker) else -1
 
@@ -130,6 +137,8 @@ class RollingPlot:
         """Forget all rows."""
         self._kept.clear()
         self._span = (0.0, 0.0)
+        self._waits = True
+        self._parcel.set(self._title, text=self._words + NOTHING)
         self._parcel.stream(self._source, self._nothing, None)
 
     def add(self, time: FloatArray, values: FloatArray, window: float) -> None:
@@ -166,6 +175,9 @@ class RollingPlot:
             known = known[known > 0]
         if not known.size:
             return
+        if self._waits:
+            self._waits = False
+            self._parcel.set(self._title, text=self._words)
         low, high = float(known.min()), float(known.max())
         start, end = self._span
         if self._logarithmic:

@@ -24,7 +24,7 @@ FIRST = {
     "Allan": "Gyros: Allan deviation [°/h], dashed: as set",
     "Ground track": "Ground track, UTM zone 11 north",
     "Height": "Height above the ellipsoid [m]",
-    "Live": "Angular rate [°/s]",
+    "Live": "Angular rate [°/s]: none yet",
     "Budget": "Parts of the variance of heading [%]",
 }
 """First figure of each tab that has figures."""

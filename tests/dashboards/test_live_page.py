@@ -311,7 +311,7 @@ def test_x_plane_is_watched_with_the_sensors_of_the_settings(
         station = one.page._station
         assert station is not None
         one.until(lambda: station.source.end.imu > 100)
-        assert one.page._errors._grid.visible
+        assert one.page._errors._truth is not None
         rate = station.source.last(0.5).imu["rate"]
         assert np.abs(np.diff(rate, axis=0)).max() < np.radians(0.1)  # the default noise is 0.5°/s
         one.page._toggle()
@@ -382,8 +382,8 @@ def test_the_environment_allows_devices_too(monkeypatch: pytest.MonkeyPatch) -> 
     [
         ("_axes", "x,y,-z", "mirror image"),
         ("_axes", "<img src=x>", "accepted are the directions"),
-        ("_heading", "north", "accepted is a number of degrees"),
-        ("_heading", "1e99", "initial_heading"),
+        ("_heading", "north", "accepted is a number from -360 to 360 °"),
+        ("_heading", "1e99", "Initial heading"),
     ],
 )
 def test_wrong_fields_are_told(opened: Callable[[], Opened], field: str, text: str, words: str) -> None:

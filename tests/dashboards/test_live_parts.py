@@ -150,7 +150,7 @@ def test_the_errors_against_the_truth_are_drawn_and_told(one: Opened) -> None:
         for model, columns, _ in (
             json.loads(carrier.data["what"][0])["streams"] if carrier.data["what"] else []
         ):
-            if model == 12:  # the source of the roll: each plot before it has a source and an ordinate
+            if model == 18:  # the source of the roll: each plot before it has three models
                 drawn.extend(dict(columns)["error"])
         return len(drawn) > 20
 

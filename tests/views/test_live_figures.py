@@ -79,6 +79,21 @@ def test_only_what_changes_in_the_overlay_is_painted_while_a_stream_moves() -> N
     assert figures.figures[0].x_range.start == 1.5
 
 
+def test_a_plot_without_values_says_so() -> None:
+    """A heading that is only relative is not drawn, and its empty plot must not look broken."""
+    figures = LiveFigures()
+    rows = np.zeros(2, THINNED)
+    rows["time"] = 1.0, 2.0
+    figures.add_samples(rows, 0.0)
+    figures.show(LiveState(phase=WAITING, reason=""), 2.0)
+    titles = [fig.title.text for fig in figures.figures]
+    assert titles[:2] == ["Angular rate [°/s]", "Specific force [m/s²]"]
+    assert titles[4] == "Heading [°]: none yet"
+    figures.clear()
+    figures.show(LiveState(phase=WAITING, reason=""), 2.0)
+    assert figures.figures[0].title.text == "Angular rate [°/s]: none yet"
+
+
 def slow(figures: LiveFigures) -> list[ColumnDataSource]:
     """Return the sources of the figures that take turns: tilt, heading, σ, velocity and innovations."""
     return [fig.renderers[0].data_source for fig in figures.figures[3:8]]

@@ -26,6 +26,7 @@ from lab.live.simulated_flight import SimulatedFlight, begins_at_rest
 from lab.live.simulated_link import local_link
 from lab.live.simulated_transport import SimulatedTransport
 from lab.live.station import Station
+from lab.settings import SettingError
 
 SIMULATED = "simulated"
 """Choice of the simulated device."""
@@ -248,9 +249,12 @@ class SourceFields:
         heading = str(self._heading.value_input or self._heading.value or "").strip()
         if heading:
             typed = number(heading)
-            if isinstance(typed, str):
-                raise ValueError(f"Initial heading {heading!r}: accepted is a number of degrees, or nothing")
-            experiment.navigator.set_texts([f"initial_heading={typed!r}"])
+            try:
+                experiment.set("navigator.initial_heading", typed)
+            except SettingError as error:
+                raise ValueError(
+                    f"Initial heading {heading!r}: accepted is a number from -360 to 360 °, or nothing"
+                ) from error
         return experiment
 
     @staticmethod
