@@ -18,6 +18,7 @@ from param.parameterized import edit_constant
 from dashboards.exchange import Address, Files, query
 from dashboards.notice import Notice
 from dashboards.openings import Openings
+from dashboards.page_template import PAGE
 from dashboards.pages.allan import Allan
 from dashboards.pages.base import Page, not_drawn
 from dashboards.pages.budget import Budget
@@ -35,7 +36,7 @@ from dashboards.progress import Progress
 from dashboards.sending import together
 from dashboards.session import Session
 from dashboards.settings_panel import SettingsPanel
-from dashboards.style import DRESS, FRAME, SAME_STYLE_ONCE, STAGE, THEME, THEME_OF_THE_SYSTEM
+from dashboards.style import DRESS, FRAME, STAGE, THEME, THEME_OF_THE_SYSTEM
 from dashboards.teaching.class_bar import ClassBar
 from dashboards.teaching.desk import Desk
 from dashboards.teaching.large_type import LargeType
@@ -158,9 +159,7 @@ class SimulatorPage:
             self._dress()
         self._view.servable()
         pn.state.on_session_destroyed(partial(_close, self))
-        self._document.js_on_event(
-            DocumentReady, CustomJS(code=SAME_STYLE_ONCE + SAME_FILE_AGAIN + THEME_OF_THE_SYSTEM)
-        )
+        self._document.js_on_event(DocumentReady, CustomJS(code=SAME_FILE_AGAIN + THEME_OF_THE_SYSTEM))
         # A browser ignores changes that arrive before the requested document.
         self._document.on_event(DocumentReady, lambda _event: self._go_on())
         self._address.read()
@@ -229,6 +228,7 @@ class SimulatorPage:
             theme_config=THEME,
             sx=DRESS,
             busy_indicator=None,
+            template=PAGE,
         )
         _unlink_busy(frame)
         leave_out_hooks(frame)

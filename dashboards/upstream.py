@@ -1,4 +1,6 @@
-"""Upstream: the private parts of Bokeh, Panel and viser that the laboratory replaces or reads.
+"""Upstream: the private parts of Bokeh, Panel and viser that the laboratory replaces or reads on the server.
+
+`upstream.js` replaces those in the browser.
 
 Each part is tested against the installed version, which `pyproject.toml` pins
 (`tests/dashboards/test_upstream.py`). These upstream changes would make parts unnecessary:
