@@ -8,7 +8,6 @@ from contextlib import contextmanager
 from functools import partial
 
 import panel as pn
-import panel_material_ui as pmui
 import param
 from bokeh.events import DocumentReady
 from bokeh.models.callbacks import CustomJS
@@ -42,6 +41,7 @@ from dashboards.teaching.desk import Desk
 from dashboards.teaching.large_type import LargeType
 from dashboards.teaching.moment import Moment, Place
 from dashboards.time_bar import TimeBar
+from dashboards.titled import Tabs
 from dashboards.upload import SAME_FILE_AGAIN
 from dashboards.upstream import leave_out_hooks
 from lab.experiment import Experiment
@@ -111,7 +111,7 @@ class SimulatorPage:
         self._waiting_time: float | None = None
         self._taken: Experiment | None = None
         self._large_type = LargeType()
-        self._tabs = pmui.Tabs(
+        self._tabs = Tabs(
             *((page.title, pn.Spacer(height=0)) for page in PAGES),
             active=PAGES.index(Errors),
             sizing_mode="stretch_width",
