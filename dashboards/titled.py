@@ -30,4 +30,4 @@ class Card(_Titled, pmui.Card):
     """A card with a text as title."""
 
     def __init__(self, *parts: Any, **params: Any) -> None:
-        super().__init__(*parts, **params)  # type: ignore[no-untyped-call]
+        super().__init__(*parts, **params)

@@ -364,7 +364,8 @@ def _remember_paths() -> None:
     def styles(kind: type[MaterialComponent], _mode: str) -> tuple[str, ...]:
         return tuple(styles_of(kind))
 
-    MaterialComponent._bundle_css = classproperty(lambda kind: list(styles(kind, resources.RESOURCE_MODE)))
+    found = classproperty(lambda kind: list(styles(kind, resources.RESOURCE_MODE)))
+    MaterialComponent._bundle_css = found  # type: ignore[method-assign]
 
 
 def _remember_accepted() -> None:
@@ -390,7 +391,7 @@ def _remember_accepted() -> None:
             known.add(key)
         return prepared
 
-    Property.prepare_value = prepare  # type: ignore[method-assign]
+    Property.prepare_value = prepare  # type: ignore[method-assign, assignment]
 
 
 def _lock_events() -> None:
