@@ -156,6 +156,11 @@ def _alone(kernel: CheckedCacheFile) -> Iterator[None]:
         yield
 
 
+def is_missing(kernel: object) -> bool:
+    """Return whether the code of a function called from Python belongs on the disk, and is not there."""
+    return isinstance(kernel, CachedKernel) and not kernel.is_ready and kernel._files() is not None
+
+
 def cached(function: Any, options: dict[str, Any]) -> Any:
     """Return a function that is compiled with some options when first called, and kept on disk.
 
