@@ -22,6 +22,7 @@ from dashboards.classroom import shelf
 from dashboards.computing import POOL, LatestWins, Outcome, attempt
 from dashboards.session import Session
 from dashboards.teaching.class_link import FIELD
+from dashboards.titled import Card
 from dashboards.upload import Upload
 from lab.experiment import Experiment
 from lab.export import gpx, kml, tracks_of
@@ -78,7 +79,7 @@ class Files:
             lambda content, _progress: attempt(lambda: experiment_of(content)),
             partial(self._arrive, document),
         )
-        card = pmui.Card(
+        card = Card(
             pn.Row(self._netcdf, self._csv, margin=0, sizing_mode="stretch_width"),
             pn.Row(self._kml, self._gpx, margin=0, sizing_mode="stretch_width"),
             pn.Row(self._toml, self._upload, margin=0, sizing_mode="stretch_width"),

@@ -8,7 +8,6 @@ from contextlib import contextmanager
 from functools import partial
 
 import panel as pn
-import panel_material_ui as pmui
 import param
 from bokeh.events import DocumentReady
 from bokeh.models.callbacks import CustomJS
@@ -18,6 +17,7 @@ from param.parameterized import edit_constant
 from dashboards.exchange import Address, Files, query
 from dashboards.notice import Notice
 from dashboards.openings import Openings
+from dashboards.page_template import PAGE
 from dashboards.pages.allan import Allan
 from dashboards.pages.base import Page, not_drawn
 from dashboards.pages.budget import Budget
@@ -36,12 +36,13 @@ from dashboards.seen_names import as_seen
 from dashboards.sending import together
 from dashboards.session import Session
 from dashboards.settings_panel import SettingsPanel
-from dashboards.style import DRESS, FRAME, SAME_STYLE_ONCE, STAGE, THEME, THEME_OF_THE_SYSTEM
+from dashboards.style import DRESS, FRAME, STAGE, THEME, THEME_OF_THE_SYSTEM
 from dashboards.teaching.class_bar import ClassBar
 from dashboards.teaching.desk import Desk
 from dashboards.teaching.large_type import LargeType
 from dashboards.teaching.moment import Moment, Place
 from dashboards.time_bar import TimeBar
+from dashboards.titled import Tabs
 from dashboards.upload import SAME_FILE_AGAIN
 from dashboards.upstream import leave_out_hooks
 from lab.experiment import Experiment
@@ -111,7 +112,7 @@ class SimulatorPage:
         self._waiting_time: float | None = None
         self._taken: Experiment | None = None
         self._large_type = LargeType()
-        self._tabs = pmui.Tabs(
+        self._tabs = Tabs(
             *((page.title, pn.Spacer(height=0)) for page in PAGES),
             active=PAGES.index(Errors),
             sizing_mode="stretch_width",
@@ -159,9 +160,7 @@ class SimulatorPage:
             self._dress()
         self._view.servable()
         pn.state.on_session_destroyed(partial(_close, self))
-        self._document.js_on_event(
-            DocumentReady, CustomJS(code=SAME_STYLE_ONCE + SAME_FILE_AGAIN + THEME_OF_THE_SYSTEM)
-        )
+        self._document.js_on_event(DocumentReady, CustomJS(code=SAME_FILE_AGAIN + THEME_OF_THE_SYSTEM))
         # A browser ignores changes that arrive before the requested document.
         self._document.on_event(DocumentReady, lambda _event: self._go_on())
         self._address.read()
@@ -230,6 +229,7 @@ class SimulatorPage:
             theme_config=THEME,
             sx=DRESS,
             busy_indicator=None,
+            template=PAGE,
         )
         _unlink_busy(frame)
         leave_out_hooks(frame)

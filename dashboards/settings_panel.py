@@ -17,6 +17,7 @@ from dashboards.notice import Notice
 from dashboards.other_form import OtherFormField
 from dashboards.session import Session
 from dashboards.style import TOOLTIP
+from dashboards.titled import Card
 from dashboards.widgets import ChoiceField, Field, TextField, field
 from lab.experiment import Experiment
 from lab.log_run import has_effect
@@ -198,7 +199,7 @@ class SettingsPanel:
         common = [path for path in paths if path in COMMON]
         others = [path for path in paths if path not in COMMON | OF_NOTEBOOKS]
         body = pn.Column(margin=(0, 4, 8, 4), sizing_mode="stretch_width")
-        card = pmui.Card(
+        card = Card(
             body,
             title=title,
             title_variant="subtitle2",

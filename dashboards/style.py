@@ -94,16 +94,3 @@ if (frame && theme === undefined && window.matchMedia("(prefers-color-scheme: da
 }
 """
 """Begins with the dark theme where the reader's system has one, unless the address names a theme."""
-
-SAME_STYLE_ONCE = """
-const {InlineStyleSheet} = Bokeh.require("core/dom");
-const update = InlineStyleSheet.prototype._update;
-InlineStyleSheet.prototype._update = function(css) {
-  if (this.el.textContent !== css) update.call(this, css);
-};
-"""
-"""Spares the browser style sheets that do not change.
-
-Bokeh rewrites the place of each axis and title at every repaint, changed or not, and each time the browser
-recomputes all styles. A repaint of nine plots took 84 ms with this, and takes 47 ms without.
-"""

@@ -1,4 +1,6 @@
-"""Upstream: the private parts of Bokeh, Panel and viser that the laboratory replaces or reads.
+"""Upstream: the private parts of Bokeh, Panel and viser that the laboratory replaces or reads on the server.
+
+`upstream.js` replaces those in the browser.
 
 Each part is tested against the installed version, which `pyproject.toml` pins
 (`tests/dashboards/test_upstream.py`). These upstream changes would make parts unnecessary:
@@ -28,6 +30,7 @@ from weakref import WeakSet
 import param
 import viser
 from bokeh.core.has_props import HasProps
+from bokeh.core.property.bases import Property, validation_on
 from bokeh.core.property.descriptors import PropertyDescriptor
 from bokeh.core.property.singletons import Intrinsic, Undefined
 from bokeh.core.property.wrappers import (
@@ -60,6 +63,8 @@ from websockets.asyncio.server import ServerConnection
 
 MOST_PATHS = 1024
 """Most pairs of file and folder whose relation is cached; a page needs 60."""
+MOST_VALUES = 64
+"""Most accepted values that are remembered of a property; those of most are one to ten."""
 
 
 CONSTANT = frozenset((type(None), bool, int, float, str, type(Undefined)))
@@ -180,6 +185,7 @@ def speed_up() -> None:
         _begin_components()
         _place_figures()
         _remember_paths()
+        _remember_accepted()
         # What is set is not looked up in the environment, several hundred times a page.
         settings.serialize_include_defaults = settings.serialize_include_defaults()
         settings.simple_ids = settings.simple_ids()
@@ -355,6 +361,40 @@ def _remember_paths() -> None:
     for kind in (ReactiveESM, MaterialComponent):
         remembered = lru_cache(MOST_PATHS)(vars(kind)["_bundle_path"].f)
         kind._bundle_path = classproperty(remembered)  # type: ignore[method-assign]
+    styles_of = vars(MaterialComponent)["_bundle_css"].f
+
+    @lru_cache(MOST_PATHS)
+    def styles(kind: type[MaterialComponent], _mode: str) -> tuple[str, ...]:
+        return tuple(styles_of(kind))
+
+    found = classproperty(lambda kind: list(styles(kind, resources.RESOURCE_MODE)))
+    MaterialComponent._bundle_css = found  # type: ignore[method-assign]
+
+
+def _remember_accepted() -> None:
+    """Make Bokeh check a number, a text or a Boolean once for a property, not for each model that has it.
+
+    A page sets 6,000 properties, to few different values. Only values that Bokeh accepts as they are count.
+    """
+    prepare_any = Property.prepare_value
+    accepted: dict[int, tuple[Property[Any], set[tuple[type, Any]]]] = {}
+
+    @wraps(prepare_any)
+    def prepare(declared: Property[Any], owner: Any, name: str, value: Any, *, hint: Any = None) -> Any:
+        plain = type(value) in CONSTANT and value is not Undefined
+        if not plain or hint is not None or declared.assertions:
+            return prepare_any(declared, owner, name, value, hint=hint)
+        # The declaration is kept, so that no other gets its number.
+        known = accepted.setdefault(id(declared), (declared, set()))[1]
+        key = type(value), value
+        if key in known:
+            return value
+        prepared = prepare_any(declared, owner, name, value, hint=hint)
+        if prepared is value and len(known) < MOST_VALUES and validation_on():
+            known.add(key)
+        return prepared
+
+    Property.prepare_value = prepare  # type: ignore[method-assign, assignment]
 
 
 def _lock_events() -> None:

@@ -71,6 +71,16 @@ def test_a_theme_still_sets_defaults() -> None:
     assert line.line_width == 1
 
 
+@pytest.mark.parametrize(
+    ("name", "good", "bad"), [("line_join", "round", "zigzag"), ("syncable", True, 1), ("tags", [], 1)]
+)
+def test_a_value_is_refused_though_one_was_accepted_before(name: str, good: object, bad: object) -> None:
+    for _ in range(2):
+        assert getattr(Line(**{name: good}), name) == good
+        with pytest.raises(ValueError, match=name):
+            Line(**{name: bad})
+
+
 def test_models_share_no_list() -> None:
     one, other = Range1d(), Range1d()
     one.tags.append("seen")

@@ -9,6 +9,7 @@ import panel as pn
 import panel_material_ui as pmui
 
 from dashboards.style import WHOLE
+from dashboards.titled import Card
 from dashboards.widgets import Field, field
 from lab.importing.import_settings import ImportSettings
 from lab.readers.unit_names import UNITS
@@ -112,7 +113,7 @@ def _alike(unit: str) -> list[str]:
 
 
 def _card(title: str, *content: pn.viewable.Viewable) -> pn.viewable.Viewable:
-    return pmui.Card(
+    return Card(
         pn.Column(*content, margin=(0, 8, 8, 8), sizing_mode="stretch_width", stylesheets=[WHOLE]),
         title=title,
         title_variant="subtitle2",

@@ -12,6 +12,7 @@ import param
 from dashboards.pages.missions.entry_fields import WRAP, EntryFields, sized
 from dashboards.pages.missions.part_list import PartList
 from dashboards.style import WHOLE
+from dashboards.titled import Card
 from lab.flying import airports
 from lab.flying.aircraft import AIRCRAFT
 from lab.flying.flight_plan import AirStart, Runway
@@ -145,7 +146,7 @@ class PlanEditor:
 
 
 def _card(title: str, *content: pn.viewable.Viewable, collapsed: bool = False) -> pn.viewable.Viewable:
-    return pmui.Card(
+    return Card(
         *content,
         title=title,
         title_variant="subtitle2",

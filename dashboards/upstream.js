@@ -1,0 +1,78 @@
+// Private parts of Bokeh in the browser that the laboratory replaces: an opening computed all styles of the page
+// two thousand times, and laid all of it out 140 times. This script runs before the page is made.
+{
+  const {InlineStyleSheet} = Bokeh.require("core/dom");
+  const {VisualProperties} = Bokeh.require("core/visuals/visual");
+  const {LayoutDOMView} = Bokeh.require("models/layouts/layout_dom");
+  const {PlotView} = Bokeh.require("models/plots/plot_canvas");
+
+  const original = (kind, name) => {
+    const found = Object.getOwnPropertyDescriptor(kind.prototype, name);
+    if (found === undefined) { throw new Error(`this version of Bokeh has no ${kind.name}.${name}`); }
+    return found.value ?? found.get;
+  };
+
+  // Bokeh asks the browser for a variable --bk-… for each colour, width and font of each part of a plot, at every
+  // repaint. No style sheet of the laboratory sets one.
+  original(VisualProperties, "_get_css_value");
+  VisualProperties.prototype._get_css_value = () => "";
+
+  // Bokeh writes style sheets again that do not change, and empties them first. Inside a layout the text is only
+  // remembered; at its end, what differs is written.
+  const texts = new Map();
+  let depth = 0;
+  const write = (sheet, css) => { if (sheet.el.textContent !== css) { sheet.el.textContent = css; } };
+  original(InlineStyleSheet, "_update");
+  InlineStyleSheet.prototype._update = function(css) {
+    if (depth > 0) { texts.set(this, css); } else { write(this, css); }
+  };
+  const css = original(InlineStyleSheet, "css");
+  Object.defineProperty(InlineStyleSheet.prototype, "css", {
+    configurable: true,
+    get() { return texts.get(this) ?? css.call(this); },
+  });
+  for (const name of ["update_layout", "measure_layout"]) {
+    const lay_out = original(LayoutDOMView, name);
+    LayoutDOMView.prototype[name] = function() {
+      depth += 1;
+      try {
+        lay_out.call(this);
+      } finally {
+        depth -= 1;
+        if (depth === 0) {
+          for (const [sheet, text] of texts) { write(sheet, text); }
+          texts.clear();
+        }
+      }
+    };
+  }
+
+  // The size of letters from which relative ones are computed: it stays the same for a plot.
+  const sizes = new WeakMap();
+  const base_font_size = original(PlotView, "base_font_size");
+  Object.defineProperty(PlotView.prototype, "base_font_size", {
+    configurable: true,
+    get() {
+      if (!sizes.has(this) && this.el.isConnected) { sizes.set(this, base_font_size.call(this)); }
+      return sizes.get(this) ?? base_font_size.call(this);
+    },
+  });
+
+  // Each component that changes its size has the whole page laid out. A plot needs that at once; the others
+  // share one layout in the next frame, because the browser itself has placed them.
+  const waiting = new Set();
+  const after_resize = original(LayoutDOMView, "_after_resize");
+  const root_of = (view) => view.is_managed ? root_of(view.parent) : view;
+  LayoutDOMView.prototype._after_resize = function() {
+    const root = root_of(this);
+    if (this instanceof PlotView || !root._layout_computed) {
+      after_resize.call(this);
+    } else if (!waiting.has(root)) {
+      waiting.add(root);
+      requestAnimationFrame(() => {
+        waiting.delete(root);
+        if (root.el.isConnected) { root.compute_layout(); }
+      });
+    }
+  };
+}
