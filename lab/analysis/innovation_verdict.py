@@ -89,7 +89,16 @@ def explanations(seen: Innovations) -> list[Explanation]:
         price = PRICE * len(own)
         size = float(np.linalg.norm(parts))
         found.append(Explanation(name, source, gain_of(records, own) - price, size, parts))
-    return sorted(found, key=lambda one: -one.gain)
+    return _preferred(sorted(found, key=lambda one: -one.gain))
+
+
+def _preferred(found: list[Explanation]) -> list[Explanation]:
+    """Return explanations with a plain R too large before correlated fixes that explain hardly more."""
+    best = found[0]
+    plain = [one for one in found if one.name.startswith("R") and one.size < 1]
+    if best.name != "GPS correlation" or not plain or plain[0].gain < (1 - ALIKE) * best.gain:
+        return found
+    return [plain[0], *(one for one in found if one is not plain[0])]
 
 
 def _matters(name: str, parts: FloatArray) -> bool:
@@ -193,13 +202,19 @@ def _finding(best: Explanation, seen: Innovations, statistic: str, told: FloatAr
         return lever_arm(best.parts, best.gain, told)
     if best.name == "GPS correlation":
         size = np.sqrt(seen.offered.mean[:3].mean())
+        hidden = size < 1
         return Finding(
             "GPS correlation",
             "not modelled",
             float("nan"),
             f"The position innovations are {size:.2g} × as large as assumed and correlated in time: the "
-            "errors of the fixes are correlated, and the filter assumes that they are white.",
-            ADVICE_CORRELATION,
+            "errors of the fixes are correlated, and the filter assumes that they are white."
+            + (
+                " Innovations hide the slow part of such errors, so that R is not too large."
+                if hidden
+                else ""
+            ),
+            f"{'Do not lower R. ' if hidden else ''}{ADVICE_CORRELATION}",
             statistic,
         )
     if best.parts.size:
