@@ -235,7 +235,7 @@ def _without_repeats(
 
 def _real_fixes(gnss: GnssLog, rows: NDArray[np.bool_], repairs: list[str]) -> NDArray[np.bool_]:
     """Return which fixes (m,) are measurements: neither zeros of a receiver without a fix, nor repeated."""
-    empty = rows & (gnss.position[:, :2] == 0).all(axis=1)
+    empty = np.asarray(rows & (gnss.position[:, :2] == 0).all(axis=1))
     _say(repairs, int(empty.sum()), "GPS fix at latitude 0, longitude 0 was dropped")
     at = np.flatnonzero(rows & ~empty)
     values = np.concatenate((gnss.position[at], gnss.velocity_n[at]), axis=1)
@@ -243,7 +243,7 @@ def _real_fixes(gnss: GnssLog, rows: NDArray[np.bool_], repairs: list[str]) -> N
     same = ((values[1:] == values[:-1]) | (np.isnan(values[1:]) & np.isnan(values[:-1]))).all(axis=1)
     repeated = at[1:][same & moving[1:]]
     _say(repairs, repeated.size, "GPS fix in motion that repeats the values of the one before was dropped")
-    real = ~empty
+    real: NDArray[np.bool_] = ~empty
     real[repeated] = False
     return real
 

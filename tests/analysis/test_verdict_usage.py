@@ -74,6 +74,20 @@ def test_small_innovations_of_a_receiver_that_filters_are_no_r_too_large(filtere
     assert finding.advice.startswith("Do not lower R.") == filtered
 
 
+def test_where_causes_cannot_be_compared_the_receiver_is_not_accused():
+    """Misaligned sensors show in turns; a filter with a state of the receiver compares no explanations."""
+    experiment = Experiment(mission="los_angeles", seed=100)
+    experiment.set("trajectory.imu_rate", 50.0)
+    experiment.set("sensors.gps.period", 0.5)
+    experiment.set("sensors.gyro.noise_density", 0.005)
+    experiment.set("sensors.gyro.misalignment", [1.0] * 6)
+    experiment.set("sensors.accelerometer.misalignment", [1.0] * 6)
+    experiment.set("navigator.estimate_gps_drift", True)
+    findings = experiment.run().verdict.findings
+    assert findings
+    assert not [one.quantity for one in findings if one.quantity.startswith("R ")]
+
+
 @pytest.mark.parametrize("gate", [0.95, 0.99, 0.999])
 def test_what_a_gate_rejects_by_chance_is_no_finding(gate):
     for seed in range(1, 6):
