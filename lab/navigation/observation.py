@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lab.navigation import own_room, strapdown, wander
-from lab.navigation.aids import FORWARD, north_axes, see_aid
+from lab.navigation.aids import FORWARD, HEADING, north_axes, north_variance, see_aid
 from lab.navigation.compilation import embedded_kernel, inline_kernel, kernel
 from lab.navigation.error_models import WANDER_AZIMUTH, ErrorModel, write_fix_map, write_map
 from lab.navigation.filter import Filter
@@ -299,11 +299,22 @@ def bent_speed(run: Filter) -> float:
 
 
 @kernel
+def position_variance(run: Filter) -> float:
+    """Return the mean variance of the position along the horizontal axes [m²]; T must be that of now."""
+    total = 0.0
+    for row in range(2):
+        for i in range(NAV):
+            for j in range(NAV):
+                total += run.T[row, i] * run.T[row, j] * run.P[i, j]
+    return 0.5 * total
+
+
+@kernel
 def observe_aid(run: Filter, a: int, age: float, dt: float, schedule: Schedule, out: Solution) -> bool:
     """Update [P | x] with measurement a of the aids, `age` seconds old; return whether it was used."""
     done = run.aid_scalars[min(a, run.aid_scalars.shape[0] - 1), 0]
     aids = run.aids
-    axes = north_axes(run.state)
+    axes = north_axes(run.state, age)
     kind, value, field = aids.kind[a], aids.value[a], aids.field[a]
     z = see_aid(run.state, axes, kind, value, field, aids.place, age, dt, done[:STATES])
     as_biases(run.state, done)
@@ -315,6 +326,8 @@ def observe_aid(run: Filter, a: int, age: float, dt: float, schedule: Schedule, 
         excess = bent_speed(run)
         z -= excess
         variance += 2 * excess * excess
+    if kind >= HEADING:  # also a magnetic one
+        variance += north_variance(run.state, position_variance(run))
     per_sigma = 1 / math.sqrt(variance)
     residual, s = z, variance
     for i in range(STATES):
@@ -345,7 +358,8 @@ def observations(model: ErrorModel) -> dict[Kernel, Kernel]:
         found |= {
             difference: wander.difference,
             fix_axes: wander.fix_axes,
-            north_axes: wander.north_axes,
+            north_axes: wander.north_axes_before,
+            north_variance: wander.north_variance,
             frame_rate: wander.frame_rate,
         }
     if model.in_body:
