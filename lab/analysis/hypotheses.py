@@ -86,10 +86,10 @@ class Outcome(NamedTuple):
 
 def _all() -> tuple[Hypothesis, ...]:
     found = [Hypothesis("none", 1.0)]
-    for factor in (0.1, 0.3, 3.0, 10.0, 100.0):
-        found.append(Hypothesis("R position", factor, r=(factor, 1.0)))
-        found.append(Hypothesis("R velocity", factor, r=(1.0, factor)))
-    found += [Hypothesis("R", factor, r=(factor, factor)) for factor in (0.1, 0.3, 3.0, 10.0)]
+    smaller, larger = (0.01, 0.03, 0.1, 0.3), (3.0, 10.0, 100.0)
+    found += [Hypothesis("R position", factor, r=(factor, 1.0)) for factor in (*smaller, *larger)]
+    found += [Hypothesis("R velocity", factor, r=(1.0, factor)) for factor in (*smaller[2:], *larger)]
+    found += [Hypothesis("R", factor, r=(factor, factor)) for factor in (*smaller, *larger[:2])]
     for factor in (0.1, 10.0):
         found.append(Hypothesis("Q", factor, q=(factor,) * 4))
     for factor in (0.1, 10.0, 100.0, 1000.0):
@@ -106,6 +106,10 @@ def _all() -> tuple[Hypothesis, ...]:
     for time in (10.0, 60.0):
         for factor in (1.0, 5.0, 25.0):
             found.append(Hypothesis("GPS correlation", factor, correlated=(factor, time)))
+    # A receiver that filters its fixes: hardly any of their errors is white.
+    for white in (0.01, 0.1):
+        for velocity in (white, 1.0):
+            found.append(Hypothesis("GPS correlation", 1.0, r=(white, velocity), correlated=(1.0, 60.0)))
     return tuple(found)
 
 

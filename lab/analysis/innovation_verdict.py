@@ -35,6 +35,10 @@ FloatArray = NDArray[np.float64]
 ALIKE = 0.15
 """Fraction of the gain in log-likelihood by which the best explanation must exceed that by the other
 instrument, because the responses are of first order, and variances are tried in steps."""
+LINEAR = 0.5
+"""Largest misalignment [rad] or scale factor error [1] that is stated: responses are of first order, and at
+0.5 rad the second is a tenth of it. Data with two clocks gave 350°."""
+_MANOEUVRES = " Errors of the inertial sensors in manoeuvres may be the cause instead."
 GPS, IMU, START, EITHER = "GPS", "IMU", "P0", "GPS or IMU"
 
 
@@ -61,7 +65,9 @@ def judge_innovations(evidence: Evidence) -> list[Weighed]:
         told = evidence.told.values.mean(axis=0)
         whose = GPS if found[0].source == GPS and _rival(found) is None else EITHER
         return _local(seen, found[0].gain, whose) or [_stated(found, seen, told)]
-    return (_local(seen, 0.0, GPS) or _sizes(seen)) if suspicious(seen) else []
+    # Without a comparison of explanations, as with further states, nothing speaks for the fixes.
+    whose = GPS if seen.likelihoods.any() else EITHER
+    return (_local(seen, 0.0, whose) or _sizes(seen)) if suspicious(seen) else []
 
 
 def explanations(seen: Innovations) -> list[Explanation]:
@@ -89,12 +95,22 @@ def explanations(seen: Innovations) -> list[Explanation]:
         price = PRICE * len(own)
         size = float(np.linalg.norm(parts))
         found.append(Explanation(name, source, gain_of(records, own) - price, size, parts))
-    return sorted(found, key=lambda one: -one.gain)
+    return _preferred(sorted(found, key=lambda one: -one.gain))
+
+
+def _preferred(found: list[Explanation]) -> list[Explanation]:
+    """Return explanations with a plain R too large before correlated fixes that explain hardly more."""
+    best = found[0]
+    plain = [one for one in found if one.name.startswith("R") and one.size < 1]
+    if best.name != "GPS correlation" or not plain or plain[0].gain < (1 - ALIKE) * best.gain:
+        return found
+    return [plain[0], *(one for one in found if one is not plain[0])]
 
 
 def _matters(name: str, parts: FloatArray) -> bool:
     least = {"GPS latency": LATENCY, "GPS lever arm": LEVER_ARM}.get(name, 0.0)
-    return bool(np.linalg.norm(parts) > least)
+    most = LINEAR if name.endswith(("misalignment", "scale factor")) else np.inf
+    return bool(least < np.linalg.norm(parts) < most)
 
 
 def _local(seen: Innovations, gain: float, whose: str) -> list[Weighed]:
@@ -112,7 +128,8 @@ def _local(seen: Innovations, gain: float, whose: str) -> list[Weighed]:
                 f"R {name}" if whose == GPS else EITHER,
                 f"{words[0].upper()}{words[1:]} the {name} innovations are {{root}} × as large as assumed; "
                 "before and after they are right.",
-                "Check the receiver in that time (satellites, multipath), and outages before it.",
+                "Check the receiver in that time (satellites, multipath), and outages before it."
+                + ("" if whose == GPS else _MANOEUVRES),
                 f"{name} innovations {words}",
             )
     if found and sum(entry.weight for entry in found) > (1 - ALIKE) * gain:
@@ -123,12 +140,15 @@ def _local(seen: Innovations, gain: float, whose: str) -> list[Weighed]:
         other = slice(3 - 3 * kind, 6 - 3 * kind)
         others = float(seen.offered.total[other].sum()), float(seen.offered.number[other].sum())
         if axis is not None and (not others[1] or is_right(*others)):
+            rival = "" if whose == GPS else ", or an error of the IMU shows in this direction"
+            cause = f"R {name} {AXES[axis]} is about {{factor}} × too {{wrong}}{rival}."
             found = judge_size(
                 Squares(seen.offered.total[own][axis], seen.offered.number[own][axis]),
                 f"R {name} {AXES[axis]}" if whose == GPS else EITHER,
                 f"The {name} innovations {AXES[axis]} are {{root}} × as large as assumed, the others are "
-                f"right: R {name} {AXES[axis]} is about {{factor}} × too {{wrong}}.",
-                f"Multiply the variance of the {name} {AXES[axis]} in navigator.r by {{multiply}}.",
+                f"right: {cause}",
+                f"Multiply the variance of the {name} {AXES[axis]} in navigator.r by {{multiply}}."
+                + ("" if whose == GPS else _MANOEUVRES),
                 f"{name} innovations {AXES[axis]}",
                 scales=("navigator.r", (3 * kind + axis, 3 * kind + axis + 1)),
             )
@@ -193,13 +213,19 @@ def _finding(best: Explanation, seen: Innovations, statistic: str, told: FloatAr
         return lever_arm(best.parts, best.gain, told)
     if best.name == "GPS correlation":
         size = np.sqrt(seen.offered.mean[:3].mean())
+        hidden = size < 1
         return Finding(
             "GPS correlation",
             "not modelled",
             float("nan"),
             f"The position innovations are {size:.2g} × as large as assumed and correlated in time: the "
-            "errors of the fixes are correlated, and the filter assumes that they are white.",
-            ADVICE_CORRELATION,
+            "errors of the fixes are correlated, and the filter assumes that they are white."
+            + (
+                " Innovations hide the slow part of such errors, so that R is not too large."
+                if hidden
+                else ""
+            ),
+            f"{'Do not lower R. ' if hidden else ''}{ADVICE_CORRELATION}",
             statistic,
         )
     if best.parts.size:

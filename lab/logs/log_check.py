@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from lab.displacement import metres_per_radian
 from lab.earth import STANDARD_GRAVITY
+from lab.logs.fix_check import check_fixes
 from lab.logs.log_section import piece
 from lab.logs.sensor_log import SensorLog
 from lab.logs.vehicle import VEHICLES, Vehicle, vehicle_of
@@ -28,6 +29,9 @@ FloatArray = NDArray[np.float64]
 MAX_LAG = 3.0
 """Largest clock offset that is tried [s]."""
 
+_MAX_INTERVAL = 0.5
+"""Longest usual interval between samples of an IMU [s]: loggers of phones take 10 to 1000 Hz, and between
+slower samples the motion of a vehicle is unknown."""
 _GRAVITY_RATIO = (0.7, 1.5)
 """Median specific force of a log [g]: every vehicle has about 1; a wrong unit is a factor of 9.8 or the
 rate."""
@@ -129,10 +133,12 @@ def check_log(log: SensorLog) -> None:
     Raises
     ------
     MissionError
-        Naming the likely cause: g for m/s², rates for increments or increments for rates, degrees for radians
-        or radians for degrees, axes that do not point forward, right, down, or a clock of the receiver that
-        is not the IMU's.
+        Naming the likely cause: ms for s, g for m/s², rates for increments or increments for rates, degrees
+        for radians or radians for degrees, axes that do not point forward, right, down, fixes whose positions
+        do not move as their velocities say, or a clock of the receiver that is not the IMU's.
     """
+    _check_interval(log)
+    check_fixes(log.name, log.gnss)
     log = piece(log)
     _check_force(log)
     _check_tumbling(log)
@@ -174,6 +180,15 @@ def motion_of(log: SensorLog) -> Motion:
     turn[np.abs(np.diff(course)) > _MAX_COURSE_STEP] = np.nan
     short = dt < _MAX_LEG * _LEG
     return Motion(time[:-1][short], time[1:][short], turn[short], (np.diff(speed) / dt)[short])
+
+
+def _check_interval(log: SensorLog) -> None:
+    usual = float(np.median(np.diff(log.time)))
+    if usual > _MAX_INTERVAL:
+        raise MissionError(
+            f"{log.name}: samples of the IMU are usually {usual:.3g} s apart; accepted are up to "
+            f"{_MAX_INTERVAL:g} s. Times that look like this are often ms where s are declared (column t_s)"
+        )
 
 
 def _check_force(log: SensorLog) -> None:

@@ -35,6 +35,10 @@ GAP_STEPS = 2.5
 MAX_REPEAT = 4
 """Longest run of equal samples that is a sensor polled too often; a longer one is a sensor at rest, or
 stuck."""
+_MOVING = 0.5
+"""Speed from which two fixes cannot be equal [m/s]: loggers write the latest fix again, and receivers that
+lose the signal freeze. A receiver that holds its position has no speed. At 10 Hz it moves by 5 cm, five steps
+of 10⁻⁷°."""
 _MAX_FILLED = 10
 """Most samples that gaps are filled with, for each there is: a file must not ask for more memory than it is
 large."""
@@ -169,6 +173,7 @@ def repaired(
     time, samples = _without_repeats(time, samples, increments, repairs)
     gnss_rows = np.append(True, np.diff(gnss.time) > 0)[: gnss.time.size]
     _say(repairs, int((~gnss_rows).sum()), "GPS fix with the time of the one before was dropped")
+    gnss_rows &= _real_fixes(gnss, gnss_rows, repairs)
     _check_overlap(name, time, gnss.time[gnss_rows] - gnss.latency)
     dt = np.diff(time)
     rates = samples[1:] / dt[:, None] if increments else samples[1:]
@@ -226,6 +231,21 @@ def _without_repeats(
     kept = ~(same & (runs <= MAX_REPEAT))
     _say(repairs, int((~kept).sum()), "IMU sample that repeats the values of the one before was dropped")
     return time[kept], samples[kept]
+
+
+def _real_fixes(gnss: GnssLog, rows: NDArray[np.bool_], repairs: list[str]) -> NDArray[np.bool_]:
+    """Return which fixes (m,) are measurements: neither zeros of a receiver without a fix, nor repeated."""
+    empty = np.asarray(rows & (gnss.position[:, :2] == 0).all(axis=1))
+    _say(repairs, int(empty.sum()), "GPS fix at latitude 0, longitude 0 was dropped")
+    at = np.flatnonzero(rows & ~empty)
+    values = np.concatenate((gnss.position[at], gnss.velocity_n[at]), axis=1)
+    moving = np.linalg.norm(gnss.velocity_n[at, :2], axis=1) > _MOVING
+    same = ((values[1:] == values[:-1]) | (np.isnan(values[1:]) & np.isnan(values[:-1]))).all(axis=1)
+    repeated = at[1:][same & moving[1:]]
+    _say(repairs, repeated.size, "GPS fix in motion that repeats the values of the one before was dropped")
+    real: NDArray[np.bool_] = ~empty
+    real[repeated] = False
+    return real
 
 
 def _check_overlap(name: str, imu: FloatArray, gnss: FloatArray) -> None:

@@ -60,6 +60,34 @@ def test_a_gate_that_rejects_good_fixes_is_never_consistent():
     assert result.innovation_verdict.consistent is False
 
 
+@pytest.mark.parametrize("filtered", [True, False])
+def test_small_innovations_of_a_receiver_that_filters_are_no_r_too_large(filtered):
+    """Its errors of 1 m hardly change from fix to fix; white errors of 0.1 m are an R too large indeed."""
+    experiment = Experiment(mission="los_angeles", seed=3)
+    experiment.set("trajectory.imu_rate", 20.0)
+    experiment.set("sensors.gps.period", 0.2)
+    experiment.set("sensors.gps.position_variance", 0.01)
+    experiment.set("sensors.gps.correlated_sigma", 1.0 if filtered else 0.0)
+    experiment.set("navigator.r", [1.0] * 3 + [0.2] * 3)
+    (finding,) = experiment.run().innovation_verdict.findings
+    assert finding.quantity == ("GPS correlation" if filtered else "R position")
+    assert finding.advice.startswith("Do not lower R.") == filtered
+
+
+def test_where_causes_cannot_be_compared_the_receiver_is_not_accused():
+    """Misaligned sensors show in turns; a filter with a state of the receiver compares no explanations."""
+    experiment = Experiment(mission="los_angeles", seed=100)
+    experiment.set("trajectory.imu_rate", 50.0)
+    experiment.set("sensors.gps.period", 0.5)
+    experiment.set("sensors.gyro.noise_density", 0.005)
+    experiment.set("sensors.gyro.misalignment", [1.0] * 6)
+    experiment.set("sensors.accelerometer.misalignment", [1.0] * 6)
+    experiment.set("navigator.estimate_gps_drift", True)
+    findings = experiment.run().verdict.findings
+    assert findings
+    assert not [one.quantity for one in findings if one.quantity.startswith("R ")]
+
+
 @pytest.mark.parametrize("gate", [0.95, 0.99, 0.999])
 def test_what_a_gate_rejects_by_chance_is_no_finding(gate):
     for seed in range(1, 6):

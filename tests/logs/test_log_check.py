@@ -146,3 +146,37 @@ def test_the_clock_of_a_copter_is_judged_by_what_it_felt(tmp_path, late):
     recognised(folder, rf"about {abs(late):.1f} s {side}.*latency_s = {late:.1f} in the TOML")
     (folder / "log.toml").write_text(f'vehicle = "copter"\nlatency_s = {late}')
     read_sensor_log(folder)
+
+
+FIXES = {
+    "km/h": (slice(4, 7), 3.6, "look like km/h"),
+    "knots": (slice(4, 7), 3600 / 1852, "look like knots"),
+    "radians": (slice(1, 3), np.pi / 180, "look like radians where degrees"),
+    "feet": (3, 1 / 0.3048, "heights look like feet"),
+    "up": (6, -1.0, "positive up"),
+    "west": (5, -1.0, "reversed signs"),
+    "reversed": (slice(4, 6), -1.0, "180° beside the direction"),
+}
+
+
+@pytest.mark.parametrize("fault", FIXES)
+def test_positions_move_as_velocities_say(tmp_path, fault):
+    columns, factor, pattern = FIXES[fault]
+    source = tables(30, 200), "", (*POSITION, *VELOCITY)
+    gnss = source[0].gnss.copy()
+    gnss[:, columns] *= factor
+    recognised(corrupted(tmp_path, source, gnss=gnss), pattern)
+
+
+def test_swapped_velocities(tmp_path, source):
+    gnss = source[0].gnss.copy()
+    gnss[:, [4, 5]] = gnss[:, [5, 4]]
+    recognised(corrupted(tmp_path, source, gnss=gnss), "swapped columns")
+
+
+def test_milliseconds_for_seconds(tmp_path, source):
+    begin = source[0].imu[0, 0]
+    imu, gnss = (table[table[:, 0] < begin + 60].copy() for table in (source[0].imu, source[0].gnss))
+    for table in (imu, gnss):
+        table[:, 0] = 1000 * (table[:, 0] - begin)
+    recognised(corrupted(tmp_path, source, imu, gnss), "often ms where s are declared")

@@ -99,6 +99,26 @@ def test_repeated_times_are_dropped(tmp_path, log):
     assert read.repairs[1].startswith("1 GPS fix with the time")
 
 
+def test_zeros_of_a_receiver_without_a_fix_are_dropped(tmp_path, log):
+    gnss = log.gnss.copy()
+    gnss[:3, 1:7] = 0.0
+    read = read_sensor_log(write(tmp_path, log._replace(gnss=gnss)))
+    np.testing.assert_allclose(read.gnss.time, log.gnss[3:, 0] - read.epoch, atol=1e-9)
+    assert "3 GPS fixes at latitude 0, longitude 0 were dropped." in read.repairs
+
+
+def test_the_latest_fix_written_again_is_dropped_in_motion(tmp_path, log):
+    """A logger writes a row for each of its own steps; a receiver in motion never measures the same twice."""
+    gnss = np.repeat(log.gnss, 4, axis=0)
+    gnss[:, 0] += np.tile((0.0, 0.1, 0.2, 0.3), len(log.gnss))
+    read = read_sensor_log(write(tmp_path / "moving", log._replace(gnss=gnss)))
+    np.testing.assert_allclose(read.gnss.time, log.gnss[:, 0] - read.epoch, atol=1e-9)
+    assert f"{3 * len(log.gnss)} GPS fixes in motion that repeat" in " ".join(read.repairs)
+    gnss[:, 1:7] = (*log.gnss[0, 1:4], 0.0, 0.0, 0.0)
+    read = read_sensor_log(write(tmp_path / "holding", log._replace(gnss=gnss)))
+    assert len(read.gnss.time) == len(gnss), "a receiver that holds its position"
+
+
 def test_a_gap_is_filled_where_rates_change_linearly(tmp_path, log):
     imu = log.imu.copy()
     ramp = np.linspace(0, 1, len(imu))[:, None] * (0.1, -0.2, 0.3, 1, 2, 1)
