@@ -15,7 +15,9 @@ from typing import Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from lab.live.live_aids import LiveAids
 from lab.live.rolling import Rolling
+from lab.navigation.aids import NO_AIDS
 from lab.navigation.belief import implausible, schedule_of
 from lab.navigation.error_models import ErrorModel
 from lab.navigation.filter import Filter
@@ -23,9 +25,9 @@ from lab.navigation.gap_noise import AROUND, gap_noise
 from lab.navigation.kalman import MEASUREMENTS, gate
 from lab.navigation.lever_arm import NO_TURNS, WINDOW, turns
 from lab.navigation.navigator import advance
-from lab.navigation.schedule import Schedule
+from lab.navigation.schedule import SLACK, Schedule
 from lab.navigation.settings import NavigatorSettings
-from lab.navigation.solution import NO_REST, Belief, Fixes, Imu, Solution, Start
+from lab.navigation.solution import NO_REST, Belief, Fixes, Imu, Solution, Start, read_only
 from lab.navigation.standstill import LEAST_SPEED, SHORTEST, SLOW, SPAN, at_rest
 
 FloatArray = NDArray[np.float64]
@@ -130,6 +132,8 @@ class LiveFilter:
         The filter's assumptions; R of each fix is in its row.
     navigator, model
         Its settings and error model.
+    aids
+        Its measurements besides fixes.
     rests
         Whether it uses rests that the fixes and the IMU show.
     """
@@ -143,6 +147,7 @@ class LiveFilter:
         assumed: Belief,
         navigator: NavigatorSettings,
         model: ErrorModel,
+        aids: LiveAids,
         *,
         rests: bool,
     ) -> None:
@@ -155,7 +160,7 @@ class LiveFilter:
         """Number of the next fix; the last one before the start was used for the start."""
         self._gaps: list[Gap] = []
         self._gap_second = 0  # in which the noise in gaps was settled
-        self.assumed, self.model = assumed, model
+        self.assumed, self.model, self._aids = assumed, model, aids
         self._first_fix = self.next_fix
         self._navigator, self._rests = navigator, rests
         self._schedule = schedule_of(navigator, self._step, _ENDLESS)
@@ -237,7 +242,10 @@ class LiveFilter:
         """Return the densities (12,) of the process noise in a gap [s], from the samples so far."""
         first = max(self.samples.number("time", start - AROUND - _SLACK), self.first)
         around = self._increments(first, self.samples.end - 1)
-        return np.asarray(self.assumed.noise + np.append(gap_noise(around, start, end), np.zeros(6)))
+        return np.asarray(
+            self.assumed.noise
+            + np.append(gap_noise(around, start, end), np.zeros(self.assumed.noise.size - 6))
+        )
 
     def _time(self, sample: int) -> float:
         return float(self.samples.rows("time", sample, sample + 1)[0])
@@ -349,6 +357,13 @@ class LiveFilter:
                 noise = gap.noise
         return self._gates[count], noise
 
+    def _until(self, sample: int) -> float:
+        """Return the latest time of a measurement that is used at a sample or before [s]."""
+        time = self._time(sample)
+        if sample == self.first:
+            return -np.inf
+        return time + SLACK * (time - self._time(sample - 1))
+
     def _go(self, end: int) -> None:
         """Advance to a sample under constant conditions."""
         schedule, noise = self._conditions(end)
@@ -366,14 +381,22 @@ class LiveFilter:
             R=self.fixes.rows("R", self.next_fix, due) if count else np.eye(MEASUREMENTS)[None],
             turns=self.fixes.rows("turn", self.next_fix, due) if arm else NO_TURNS.copy(),
         )
+        aids, reading = (
+            self._aids.within(self._until(self.at), self._until(end))
+            if self._aids.is_fitted
+            else (NO_AIDS, 0)
+        )
+        run = run._replace(aids=read_only(aids))
         run.noise[:] = noise
-        run.counts[0] = 0
-        out = Solution.empty(end - before + 1, count, self.model.blocks)
+        run.counts[0] = run.counts[2] = 0
+        out = Solution.empty(end - before + 1, count, self.model.blocks, aids=aids.time.size)
         advance(run, imu, shown, out, self.at - before, schedule, self.model)
         written = self.at if self.at == self.first else self.at + 1
         for name in _OF_SAMPLES:
             self.samples.rows(name, written, end + 1)[:] = getattr(out, name)[written - before :]
         self._keep_fixes(out, int(run.counts[0]), before)
+        if aids.time.size:
+            self._aids.keep(out, reading)
         self.at = end
         self._keep_copy()
 

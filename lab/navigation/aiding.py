@@ -56,22 +56,22 @@ def aids_of(
     parts = []
     for name, one in readings.items():
         variance = scale * float(si(sensors.groups()[name], "noise")) ** 2
-        part = _same(one.time, KINDS[name], one.value, variance)
+        part = of_one_kind(one.time, KINDS[name], one.value, variance)
         parts.append(_magnetic(sensors, part, one.field) if one.field.size else part)
     seconds = np.arange(imu.time[0] + CONDITION_PERIOD, imu.time[-1], CONDITION_PERIOD)
     if navigator.no_slip:
         for kind, sigma in zip((aids.RIGHTWARD, aids.DOWNWARD), si(navigator, "slip_sigma"), strict=True):
-            parts.append(_same(seconds, kind, np.zeros(seconds.size), scale * sigma**2))
+            parts.append(of_one_kind(seconds, kind, np.zeros(seconds.size), scale * sigma**2))
     if navigator.zero_velocity and rest.any():
         still = seconds[rest[np.searchsorted(imu.time, seconds) - 1]]
         variance = scale * float(navigator.zero_velocity_sigma) ** 2
         three = (aids.NORTHWARD, aids.EASTWARD, aids.VERTICAL)
-        parts += [_same(still, kind, np.zeros(still.size), variance) for kind in three]
+        parts += [of_one_kind(still, kind, np.zeros(still.size), variance) for kind in three]
     return Aids.together(parts, si(sensors.odometer, "lever_arm"))
 
 
-def _same(time: FloatArray, kind: int, value: FloatArray, variance: float) -> Aids:
-    """Return measurements of one kind with one variance."""
+def of_one_kind(time: FloatArray, kind: int, value: FloatArray, variance: float) -> Aids:
+    """Return measurements of one kind, such as `aids.HEIGHT`, at times (a,), with one variance."""
     size = time.size
     kinds, variances = np.full(size, kind, np.int64), np.full(size, variance)
     return Aids(time, kinds, value, variances, np.zeros((size, 3)), np.zeros(3))
