@@ -361,7 +361,7 @@ class LiveFilter:
         """Return the latest time of a measurement that is used at a sample or before [s]."""
         time = self._time(sample)
         if sample == self.first:
-            return -np.inf
+            return 0.0  # a log has no readings at its first sample or before
         return time + SLACK * (time - self._time(sample - 1))
 
     def _go(self, end: int) -> None:

@@ -42,6 +42,7 @@ from lab.live.ring import Cursor
 from lab.live.source import Source
 from lab.live.source_status import Event
 from lab.live.stream_settings import stream_settings
+from lab.live.timed import TIMED_IMU
 from lab.logs.auxiliary_data import AuxiliaryData, Series
 from lab.logs.sensor_log import GnssLog, SensorLog
 from lab.navigation.alignment import Alignment
@@ -129,6 +130,7 @@ class LiveNavigator:
         self._intake = Intake()
         self._fix_intake = FixIntake(self._assumed, navigator, self._latency)
         self._heights = Heights()
+        self._unread = np.empty(0, TIMED_IMU)  # rows before the first stream, whose pressures are not taken
         self._history = History()
         self._rows: list[NDArray[np.void]] = []  # not yet taken
         self._taken = -np.inf  # time of the last row when rows were taken
@@ -300,8 +302,12 @@ class LiveNavigator:
 
     def _take_pressures(self, rows: NDArray[np.void]) -> None:
         """Append the heights by pressure of rows that arrived."""
-        time, height = self._heights.take(rows[usable_imu(rows)])
-        if time.size and not np.isnan(self._stream.epoch):
+        self._unread = np.concatenate((self._unread, rows[usable_imu(rows)]))
+        if np.isnan(self._stream.epoch):
+            return
+        time, height = self._heights.take(self._unread)
+        self._unread = self._unread[:0]
+        if time.size:
             readings = self._stream.readings
             start = readings.end
             readings.extend(time.size)
@@ -387,7 +393,7 @@ class LiveNavigator:
     def _shift_heights(self) -> None:
         """Begin the heights by pressure at the first fix, and take note of what becomes of them."""
         first, readings, epoch = self._fix_intake.first, self._stream.readings, self._stream.epoch
-        if len(readings) and first is not None:
+        if len(readings) and first is not None and self._stream.now + epoch >= first[0]:
             self._heights.begin_at(*first, readings.column("time") + epoch, readings.column("value"))
         self._aids.shift = self._heights.shift
         remark = self._aids.remark

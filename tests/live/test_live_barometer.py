@@ -72,7 +72,7 @@ def test_it_equals_the_batch(seed: int, late: float, settings: dict, tmp_path) -
     assert run.solution.variance[-1, 2] < 0.95 * without.solution.variance[-1, 2]
     np.testing.assert_array_equal(live.log().auxiliary.barometer.value, log.auxiliary.barometer.value)
     assert "Barometer: the last innovation is" in " ".join(live.state.remarks)
-    write_sensor_log(log, tmp_path / "drive")
+    write_sensor_log(tmp_path / "drive", log, title="Drive")
     again = read_sensor_log(tmp_path / "drive").auxiliary.barometer
     np.testing.assert_allclose(again.value, log.auxiliary.barometer.value, atol=1e-3)
 
