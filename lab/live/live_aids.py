@@ -1,19 +1,25 @@
-"""Live aids: the measurements besides fixes that the live filter uses, as the batch has them."""
+"""Live aids: the measurements besides fixes that the live filter uses, as the batch has them.
+
+They are heights by pressure, and zero velocity where the IMU shows that the vehicle stands still.
+"""
 
 from __future__ import annotations
 
 from typing import Final
 
 import numpy as np
+from numpy.typing import NDArray
 
 from lab.live.rolling import Rolling
 from lab.navigation import aids
-from lab.navigation.aiding import of_one_kind
+from lab.navigation.aiding import CONDITION_PERIOD, ROUNDING, of_one_kind, zero_velocity
 from lab.navigation.aids import Aids
 from lab.navigation.settings import NavigatorSettings
 from lab.navigation.solution import Solution
 from lab.sensors.suite import SensorSuite
 from lab.units import si
+
+FloatArray = NDArray[np.float64]
 
 READINGS: Final = {
     "time": ((), np.float64),
@@ -25,7 +31,7 @@ READINGS: Final = {
 
 
 class LiveAids:
-    """The readings of a barometer, for a filter.
+    """The measurements of a filter besides fixes.
 
     Parameters
     ----------
@@ -33,11 +39,18 @@ class LiveAids:
         The assumptions of the filter.
     readings
         Rows with the columns `READINGS`; the results are written into them.
+    samples
+        Rows with the columns ``time`` and ``standing``.
     """
 
-    def __init__(self, sensors: SensorSuite, navigator: NavigatorSettings, readings: Rolling) -> None:
-        self.readings = readings
-        self.is_fitted = bool(sensors.barometer.fitted)
+    def __init__(
+        self, sensors: SensorSuite, navigator: NavigatorSettings, readings: Rolling, samples: Rolling
+    ) -> None:
+        self.readings, self._samples, self._navigator = readings, samples, navigator
+        self._is_fitted = bool(sensors.barometer.fitted)
+        self.stands = bool(navigator.zero_velocity)
+        """Whether the filter uses zero velocity."""
+        self.are_used = self._is_fitted or self.stands
         """Whether the filter uses any."""
         self.shift = np.nan
         """What is added to the heights [m]."""
@@ -50,7 +63,7 @@ class LiveAids:
     def remark(self) -> str:
         """What becomes of the readings; empty if nobody expects any."""
         there = len(self.readings) > 0
-        if not self.is_fitted:
+        if not self._is_fitted:
             wanted = "The stream has pressures that are not used; sensors.barometer.fitted = true uses them."
             return wanted if there else ""
         if not there:
@@ -65,17 +78,35 @@ class LiveAids:
             f"by pressure are shifted by {self.shift:.0f} m, to the height of the first fix."
         )
 
-    def within(self, after: float, until: float) -> tuple[Aids, int]:
-        """Return the measurements after a time and until another [s], and the number of the first reading."""
+    def within(self, begun: float, after: float, until: float) -> tuple[Aids, int]:
+        """Return the measurements after a time and until another, and the number of the first reading.
+
+        Parameters
+        ----------
+        begun
+            Start of the filter, from which the seconds count [s].
+        after, until
+            The times [s].
+        """
         first, end = (self.readings.number("time", time, "right") for time in (after, until))
-        if np.isnan(self.shift):
+        if np.isnan(self.shift) or not self._is_fitted:
             first = end
         time, value = (self.readings.rows(name, first, end) for name in ("time", "value"))
         heights = of_one_kind(time, aids.HEIGHT, value + self.shift, self._variance)
-        return Aids.together([heights, self._never], self._place), first
+        still = zero_velocity(self._standing(begun, after, until), self._navigator) if self.stands else []
+        return Aids.together([heights, *still, self._never], self._place), first
 
-    def keep(self, out: Solution, first: int) -> None:
+    def _standing(self, begun: float, after: float, until: float) -> FloatArray:
+        """Return the whole seconds since the start in which the vehicle stands still."""
+        first = max(int(np.floor((after - begun) / CONDITION_PERIOD)), 1)
+        seconds = begun + CONDITION_PERIOD * np.arange(first, int((until - begun) / CONDITION_PERIOD) + 2)
+        seconds = seconds[(seconds > after) & (seconds <= until)]
+        samples = [self._samples.number("time", second - ROUNDING) for second in seconds.tolist()]
+        still = [bool(self._samples.rows("standing", at, at + 1)[0]) for at in samples]
+        return np.asarray(seconds[np.array(still, dtype=np.bool_)])
+
+    def keep(self, out: Solution, used: Aids, first: int) -> None:
         """Keep the results of readings, which begin with number `first`."""
-        end = first + out.aid_innovation.size - 1
-        self.readings.rows("innovation", first, end)[:] = out.aid_innovation[:-1]
-        self.readings.rows("variance", first, end)[:] = out.aid_variance[:-1]
+        rows = np.flatnonzero(used.kind == aids.HEIGHT)[:-1]  # without that which is never due
+        self.readings.rows("innovation", first, first + rows.size)[:] = out.aid_innovation[rows]
+        self.readings.rows("variance", first, first + rows.size)[:] = out.aid_variance[rows]

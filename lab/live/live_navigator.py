@@ -143,7 +143,7 @@ class LiveNavigator:
         """When and why the source broke, as far as it knows; whoever feeds the navigator sets it."""
         self._new_stream(np.nan)
         load(self._assumed, EVERY_FIX)
-        load(self._assumed, schedule_of(navigator, STEP, 1), self._model, aided=self._aids.is_fitted)
+        load(self._assumed, schedule_of(navigator, STEP, 1), self._model, aided=self._aids.are_used)
 
     def feed(self, imu: NDArray[np.void] | None = None, fixes: NDArray[np.void] | None = None) -> bool:
         """Take rows that arrived; return whether they were processed: few samples wait for the next ones.
@@ -286,7 +286,7 @@ class LiveNavigator:
     def _new_stream(self, epoch: float) -> None:
         """Begin with the first sample of a stream, at a time of the host [s]."""
         self._stream = Stream(epoch, self._model.states)
-        self._aids = LiveAids(self._sensors, self._navigator, self._stream.readings)
+        self._aids = LiveAids(self._sensors, self._navigator, self._stream.readings, self._stream.samples)
         self._start = LiveStart(self._navigator, self._assumed.noise[:3])
         self._second = -1  # in which a start was sought
         self._shown_fix = self._shown = 0  # fixes and samples in the history

@@ -15,7 +15,6 @@ OTHER_STATES: Final = (
     "estimate_lever_arm",
     "estimate_latency",
     "no_slip",
-    "zero_velocity",
 )
 """Settings of the navigator for further states and measurements, which have no effect on a stream."""
 
