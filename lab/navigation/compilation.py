@@ -14,7 +14,7 @@ import numba
 from numba.core import types
 from numba.core.registry import CPUDispatcher
 
-from lab.compiled_cache import DISABLE_JIT, cached
+from lab.compiled_cache import DISABLE_JIT, CachedKernel, cached
 
 P = ParamSpec("P")
 R = TypeVar("R")
@@ -93,5 +93,7 @@ def passing_entry_kernel(function: Callable[P, R]) -> Callable[P, R]:
 
 
 def is_ready(function: Callable[..., Any]) -> bool:
-    """Return whether a function called from Python is compiled, or loaded from the disk, in this process."""
+    """Return whether a function called from Python waits for no compiler: compiled here, or on the disk."""
+    if isinstance(function, CachedKernel):
+        return function.is_ready
     return bool(getattr(function, "signatures", True))

@@ -547,5 +547,5 @@ def advance(run: Filter, imu: Imu, fixes: Fixes, out: Solution, first: int, sche
 
 
 def is_compiled(*, aided: bool = False) -> bool:
-    """Return whether the driver is ready in this process: compiled, or loaded from the disk."""
+    """Return whether the driver waits for no compiler: compiled here, or on the disk."""
     return is_ready(_advance(aided=aided))

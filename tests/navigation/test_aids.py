@@ -13,7 +13,9 @@ from scipy.spatial.transform import Rotation
 from lab import Experiment
 from lab.analysis.finding import Change
 from lab.analysis.trial import advised
+from lab.memory import bytes_per_aid
 from lab.navigation import aids, blocks, strapdown, wander
+from lab.navigation.aiding import KINDS, aids_of, most_aids
 from lab.navigation.blocks import BLOCKS, count, first_state, in_order, places
 from lab.navigation.error_models import MODELS
 from lab.navigation.filter import Filter
@@ -21,11 +23,12 @@ from lab.navigation.frames import keep_radii
 from lab.navigation.further_columns import with_blocks
 from lab.navigation.generation import interpreted
 from lab.navigation.observation import north_axes
-from lab.navigation.solution import Start
+from lab.navigation.solution import Imu, Solution, Start
 from lab.navigation.wander_models import PSI
 from lab.rotation import wrap
 from lab.run import ResultError
 from lab.seeds import run_ensemble
+from lab.sensors.readings import Readings
 
 RATE = 50.0
 """Rate of the IMU [Hz]: measurements come once a second, at any rate."""
@@ -52,6 +55,26 @@ def test_blocks_follow_each_other_in_one_order() -> None:
     assert len(set(places(names))) == len(places(names)) == count(names) - 9
     assert min(places(names)) == strapdown.GYRO_BIAS
     assert max(places(names)) < strapdown.SINE
+
+
+def test_memory_of_measurements_is_counted() -> None:
+    made, duration, period = Experiment(), 600.0, 0.4
+    for name in KINDS:
+        made.set(f"sensors.{name}.fitted", True)
+        made.set(f"sensors.{name}.period", period)
+    made.set("navigator.no_slip", True)
+    made.set("navigator.zero_velocity", True)
+    time = np.arange(1.0, duration / period + 1) * period
+    readings = {name: Readings(time, np.zeros(time.size), np.full(time.size, np.nan)) for name in KINDS}
+    imu_time = np.arange(0.0, duration + 0.1, 0.1)
+    imu = Imu(imu_time, *np.zeros((2, imu_time.size - 1, 3)))
+    standing = np.ones(imu_time.size - 1, np.bool_)
+    found = aids_of(made.sensors, made.navigator, readings, imu, standing)
+    most = most_aids(made.sensors, made.navigator, duration)
+    assert found.time.size <= most < 1.01 * found.time.size
+    solution = Solution.empty(0, 0, ("barometer bias",), aids=found.time.size)
+    arrays = [*found[:5], *(getattr(solution, name) for name in Solution.__annotations__ if "aid" in name)]
+    assert bytes_per_aid(solution.states) * found.time.size == sum(array.nbytes for array in arrays)
 
 
 def state_at(rng: np.random.Generator) -> np.ndarray:
