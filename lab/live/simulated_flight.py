@@ -163,7 +163,7 @@ def _measure_pressure(imu: NDArray[np.void], result: Result) -> None:
     seed = result.experiment.seed
     slow = float(errors.bias_sigma), float(errors.drift_sigma), float(errors.correlation_time)
     bias = slow_error(seed, "barometer", time, *slow)
-    height = result.truth_arrays.height[1:]
+    height = result.known_truth("pressures").height[1:]
     found = read(seed, "barometer", time, height, bias, float(errors.noise), errors.outages)
     imu["pressure"][np.searchsorted(time, found.time)] = pressure_at(found.value)
 
