@@ -360,7 +360,7 @@ class Stages:
             rest = at_rest(increments, seen, assumed) if needs_rest(settings) else NO_REST
             standing = rest
             if settings.zero_velocity:
-                standing = still_without_fixes(rest, increments, seen, assumed)
+                standing, _ = still_without_fixes(rest, increments, seen, assumed)
             other = aids_of(self.sensors, settings, readings, increments, standing)
             if settings.rest_updates:
                 increments = increments._replace(rest=rest)

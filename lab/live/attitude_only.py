@@ -20,6 +20,7 @@ from scipy.spatial.transform import Rotation
 from lab import earth
 from lab.live.anchor import Anchor, with_heading
 from lab.live.rolling import Rolling
+from lab.live.stream_settings import without
 from lab.navigation.alignment import level
 from lab.navigation.belief import belief, constant_errors
 from lab.navigation.error_models import ACCEL_BIAS, ATT, GYRO_BIAS, PHI, POS, VEL
@@ -117,7 +118,7 @@ class AttitudeOnly:
         constants[at, at] += shape * g * g
         shape = np.sum(misalignment(sensors.gyro) ** 2, axis=1) + si(sensors.gyro, "scale_factor") ** 2
         self._scale = float(np.sqrt((shape + si(sensors.gyro, "scale_factor_sigma") ** 2).max()))
-        assumed = belief(sensors, settings, constants)
+        assumed = belief(without(sensors), settings, constants)
         # As for a log: the settings do not describe the biases found, so these do not decay.
         self.assumed = assumed._replace(decay=np.zeros(6), lever_arm=np.zeros(3), R=np.eye(MEASUREMENTS))
         self.heading_source = "" if np.isnan(heading) else "given"

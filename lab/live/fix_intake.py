@@ -37,6 +37,8 @@ class FixIntake:
     def __init__(self, assumed: Belief, navigator: NavigatorSettings, latency: float) -> None:
         self._assumed, self._navigator, self._latency = assumed, navigator, latency
         self._early = np.empty(0, TIMED_FIX)
+        self.first: tuple[float, float] | None = None
+        """Time stamp [s] and height [m] of the first fix that was used."""
         self.refused = 0
         """Fixes that were not used."""
         self.above_sea = False
@@ -87,6 +89,8 @@ class FixIntake:
         rows = rows[good]
         if not rows.size:
             return
+        if self.first is None:
+            self.first = float(rows["time"][0]), float(rows["height"][0])
         self.above_sea |= bool((rows["sea_level"] == 1).any())
         gnss = gnss_of(rows)
         start = stream.fixes.end

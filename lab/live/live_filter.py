@@ -15,7 +15,9 @@ from typing import Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from lab.live.live_aids import LiveAids
 from lab.live.rolling import Rolling
+from lab.navigation.aids import NO_AIDS
 from lab.navigation.belief import implausible, schedule_of
 from lab.navigation.error_models import ErrorModel
 from lab.navigation.filter import Filter
@@ -23,10 +25,10 @@ from lab.navigation.gap_noise import AROUND, gap_noise
 from lab.navigation.kalman import MEASUREMENTS, gate
 from lab.navigation.lever_arm import NO_TURNS, WINDOW, turns
 from lab.navigation.navigator import advance
-from lab.navigation.schedule import Schedule
+from lab.navigation.schedule import SLACK, Schedule
 from lab.navigation.settings import NavigatorSettings
-from lab.navigation.solution import NO_REST, Belief, Fixes, Imu, Solution, Start
-from lab.navigation.standstill import LEAST_SPEED, SHORTEST, SLOW, SPAN, at_rest
+from lab.navigation.solution import NO_REST, Belief, Fixes, Imu, Solution, Start, read_only
+from lab.navigation.standstill import LEAST_SPEED, SHORTEST, SLOW, SPAN, at_rest, still_without_fixes
 
 FloatArray = NDArray[np.float64]
 
@@ -61,13 +63,17 @@ SAMPLES: Final = {
     "dvelocity": ((3,), np.float64),
     "magnetic": ((3,), np.float64),
     "rest": ((), np.bool_),
+    "standing": ((), np.bool_),
     "position": ((3,), np.float64),
     "velocity_n": ((3,), np.float64),
     "q_nb": ((4,), np.float64),
     "bias": ((6,), np.float64),
     "covariance": ((2, 3), np.float64),
 }
-"""Columns of the samples: the increments that end at a time, and the solution there without ``variance``."""
+"""Columns of the samples: the increments that end at a time, and the solution there without ``variance``.
+
+``rest`` is whether the fixes and the IMU show a rest, ``standing`` also whether it lasts without fixes.
+"""
 FIXES: Final = {
     "time": ((), np.float64),
     "position": ((3,), np.float64),
@@ -130,6 +136,8 @@ class LiveFilter:
         The filter's assumptions; R of each fix is in its row.
     navigator, model
         Its settings and error model.
+    aids
+        Its measurements besides fixes.
     rests
         Whether it uses rests that the fixes and the IMU show.
     """
@@ -143,6 +151,7 @@ class LiveFilter:
         assumed: Belief,
         navigator: NavigatorSettings,
         model: ErrorModel,
+        aids: LiveAids,
         *,
         rests: bool,
     ) -> None:
@@ -155,7 +164,7 @@ class LiveFilter:
         """Number of the next fix; the last one before the start was used for the start."""
         self._gaps: list[Gap] = []
         self._gap_second = 0  # in which the noise in gaps was settled
-        self.assumed, self.model = assumed, model
+        self.assumed, self.model, self._aids = assumed, model, aids
         self._first_fix = self.next_fix
         self._navigator, self._rests = navigator, rests
         self._schedule = schedule_of(navigator, self._step, _ENDLESS)
@@ -165,6 +174,7 @@ class LiveFilter:
         self._stale = first + 1  # first sample whose solution must be computed again, beyond `at` if none
         self._seconds = 0  # for which the rest was looked for
         self._looks_changed = False
+        self._held: dict[int, FloatArray | None] = {}  # force of a rest that lasts after a second
         self._unturned = self.next_fix  # first fix whose rates may still change
 
     @property
@@ -237,7 +247,10 @@ class LiveFilter:
         """Return the densities (12,) of the process noise in a gap [s], from the samples so far."""
         first = max(self.samples.number("time", start - AROUND - _SLACK), self.first)
         around = self._increments(first, self.samples.end - 1)
-        return np.asarray(self.assumed.noise + np.append(gap_noise(around, start, end), np.zeros(6)))
+        return np.asarray(
+            self.assumed.noise
+            + np.append(gap_noise(around, start, end), np.zeros(self.assumed.noise.size - 6))
+        )
 
     def _time(self, sample: int) -> float:
         return float(self.samples.rows("time", sample, sample + 1)[0])
@@ -268,7 +281,7 @@ class LiveFilter:
 
     def _look_for_rest(self, last: int) -> None:
         """Mark the samples at rest as a batch run over the samples so far would."""
-        if not self._rests:
+        if not self._rests and not self._aids.stands:
             return
         begun, now = self._begun, self._time(last)
         seconds = int((now - begun) / SPAN)
@@ -283,17 +296,29 @@ class LiveFilter:
         start = max(self.samples.number("time", float(grid[0]) - 1e-9), self.first)
         fix = max(self._first_fix, self.fixes.number("time", float(grid[0]) - SPAN - _SLACK))
         end = max(fix, self.fixes.number("time", now, "right"))
-        if grid.size < SHORTEST + 1 or end == fix:
+        if grid.size < SHORTEST + 1 or (end == fix and not self._aids.stands):
             return
         fixes = Fixes(*(self.fixes.rows(name, fix, end) for name in ("time", "position", "known_velocity")))
         R = self.fixes.rows("R", fix, end)
-        found = at_rest(self._increments(start, last), fixes, self.assumed._replace(R=R), grid)
+        assumed, imu = self.assumed._replace(R=R), self._increments(start, last)
+        found = at_rest(imu, fixes, assumed, grid) if end > fix else np.zeros(last - start, np.bool_)
         free = 0 if whole == 0 else self.samples.number("time", begun + settled) - start
-        kept = self.samples.rows("rest", start + 1, last + 1)
+        rest = self._marked("rest", found, start, free)
+        if self._aids.stands:
+            first = settled - 1 if whole else 0  # the last second that is settled
+            known = [self._held[first]] if whole else None
+            standing, after = still_without_fixes(rest, imu, fixes, assumed, grid[first - whole :], known)
+            self._held = {first + second: force for second, force in enumerate(after)}
+            self._marked("standing", standing, start, free)
+
+    def _marked(self, name: str, found: NDArray[np.bool_], start: int, free: int) -> NDArray[np.bool_]:
+        """Write and return a column of flags after sample `start`, of which the first `free` ones stay."""
+        kept = self.samples.rows(name, start + 1, start + 1 + found.size)
         changed = np.flatnonzero(found[free:] != kept[free:])
         if changed.size:
             kept[free:] = found[free:]
             self._stale = min(self._stale, start + 1 + free + int(changed[0]))
+        return kept
 
     def _increments(self, start: int, end: int) -> Imu:
         """Return the increments between two samples."""
@@ -349,6 +374,13 @@ class LiveFilter:
                 noise = gap.noise
         return self._gates[count], noise
 
+    def _until(self, sample: int) -> float:
+        """Return the latest time of a measurement that is used at a sample or before [s]."""
+        time = self._time(sample)
+        if sample == self.first:
+            return 0.0  # a log has no readings at its first sample or before
+        return time + SLACK * (time - self._time(sample - 1))
+
     def _go(self, end: int) -> None:
         """Advance to a sample under constant conditions."""
         schedule, noise = self._conditions(end)
@@ -366,14 +398,22 @@ class LiveFilter:
             R=self.fixes.rows("R", self.next_fix, due) if count else np.eye(MEASUREMENTS)[None],
             turns=self.fixes.rows("turn", self.next_fix, due) if arm else NO_TURNS.copy(),
         )
+        aids, reading = (
+            self._aids.within(self._begun, self._until(self.at), self._until(end))
+            if self._aids.are_used
+            else (NO_AIDS, 0)
+        )
+        run = run._replace(aids=read_only(aids))
         run.noise[:] = noise
-        run.counts[0] = 0
-        out = Solution.empty(end - before + 1, count, self.model.blocks)
+        run.counts[0] = run.counts[2] = 0
+        out = Solution.empty(end - before + 1, count, self.model.blocks, aids=aids.time.size)
         advance(run, imu, shown, out, self.at - before, schedule, self.model)
         written = self.at if self.at == self.first else self.at + 1
         for name in _OF_SAMPLES:
             self.samples.rows(name, written, end + 1)[:] = getattr(out, name)[written - before :]
         self._keep_fixes(out, int(run.counts[0]), before)
+        if aids.time.size:
+            self._aids.keep(out, aids, reading)
         self.at = end
         self._keep_copy()
 

@@ -5,8 +5,9 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from lab.live.pressure import Heights
 from lab.live.samples import FIX_3D
-from lab.logs.auxiliary_data import AuxiliaryData, Magnetometer
+from lab.logs.auxiliary_data import AuxiliaryData, Magnetometer, Series
 from lab.logs.sensor_log import GnssLog, SensorLog, believed_sigma, repaired
 
 FloatArray = NDArray[np.float64]
@@ -52,13 +53,30 @@ def log_of(
     imu = imu[_increasing(imu["time"])]
     fixes = fixes[usable_fixes(fixes)]
     fixes = fixes[_increasing(fixes["time"])]
+    magnetometer = magnetometer_of(imu["time"], imu["magnetic"])
     return repaired(
         name,
         imu["time"].copy(),
         np.concatenate((imu["rate"], imu["force"]), axis=1),
         gnss_of(fixes, lever_arm, latency),
-        auxiliary=AuxiliaryData(vehicle, magnetometer=magnetometer_of(imu["time"], imu["magnetic"])),
+        auxiliary=AuxiliaryData(vehicle, magnetometer=magnetometer, barometer=barometer_of(imu, fixes)),
     )
+
+
+def barometer_of(imu: NDArray[np.void], fixes: NDArray[np.void]) -> Series | None:
+    """Return the heights by pressure as those of a log; None without pressures or fixes.
+
+    Parameters
+    ----------
+    imu, fixes
+        As of `log_of`, without the rows that are left out.
+    """
+    heights = Heights()
+    time, height = heights.take(imu)
+    if not time.size or not fixes.size:
+        return None
+    heights.begin_at(float(fixes["time"][0]), float(fixes["height"][0]), time, height)
+    return Series(time, height + heights.shift)
 
 
 def gnss_of(fixes: NDArray[np.void], lever_arm: FloatArray | None = None, latency: float = 0.0) -> GnssLog:

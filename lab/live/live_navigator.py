@@ -28,19 +28,22 @@ from lab.live.anchor import Anchor
 from lab.live.attitude_only import AttitudeOnly
 from lab.live.fix_intake import FixIntake
 from lab.live.intake import Increments, Intake
+from lab.live.live_aids import LiveAids
 from lab.live.live_compass import look_at_compass
 from lab.live.live_filter import LiveFilter
 from lab.live.live_history import History
-from lab.live.live_log import magnetometer_of
+from lab.live.live_log import magnetometer_of, usable_imu
 from lab.live.live_start import LiveStart
 from lab.live.live_state import PHASES, HistoryCursor, LiveHistory, LiveState
 from lab.live.live_stream import LiveSolution, Stream
 from lab.live.live_view import phase_of, state_of
+from lab.live.pressure import Heights
 from lab.live.ring import Cursor
 from lab.live.source import Source
 from lab.live.source_status import Event
 from lab.live.stream_settings import stream_settings
-from lab.logs.auxiliary_data import AuxiliaryData
+from lab.live.timed import TIMED_IMU
+from lab.logs.auxiliary_data import AuxiliaryData, Series
 from lab.logs.sensor_log import GnssLog, SensorLog
 from lab.navigation.alignment import Alignment
 from lab.navigation.belief import assumed_latency, assumed_lever_arm, belief, schedule_of
@@ -116,16 +119,18 @@ class LiveNavigator:
         sensors, navigator = stream_settings(sensors, navigator)
         self._sensors, self._navigator, self._place = sensors, navigator, place
         self._kept = max(kept, LEAST_KEPT)
-        self._model = chosen_model(navigator)
+        self._model = chosen_model(navigator, sensors)
         assumed = belief(sensors, navigator)
         check_r(assumed.R)
         self._assumed = assumed._replace(
-            decay=np.zeros_like(assumed.decay),
+            decay=np.append(np.zeros(6), assumed.decay[6:]),
             lever_arm=assumed_lever_arm(navigator, np.zeros(3)),
         )
         self._latency = assumed_latency(navigator, 0.0)
         self._intake = Intake()
         self._fix_intake = FixIntake(self._assumed, navigator, self._latency)
+        self._heights = Heights()
+        self._unread = np.empty(0, TIMED_IMU)  # rows before the first stream, whose pressures are not taken
         self._history = History()
         self._rows: list[NDArray[np.void]] = []  # not yet taken
         self._taken = -np.inf  # time of the last row when rows were taken
@@ -138,7 +143,7 @@ class LiveNavigator:
         """When and why the source broke, as far as it knows; whoever feeds the navigator sets it."""
         self._new_stream(np.nan)
         load(self._assumed, EVERY_FIX)
-        load(self._assumed, schedule_of(navigator, STEP, 1), self._model)
+        load(self._assumed, schedule_of(navigator, STEP, 1), self._model, aided=self._aids.are_used)
 
     def feed(self, imu: NDArray[np.void] | None = None, fixes: NDArray[np.void] | None = None) -> bool:
         """Take rows that arrived; return whether they were processed: few samples wait for the next ones.
@@ -253,6 +258,10 @@ class LiveNavigator:
             time = samples.column("time") - zero
             gaps = [(max(start, zero), end) for start, end in stream.gaps if end > zero]
             magnetometer = magnetometer_of(time, samples.column("magnetic"))
+            heights, barometer = stream.readings, None
+            if len(heights) and not np.isnan(self._heights.shift):
+                shifted = heights.column("value") + self._heights.shift
+                barometer = Series(heights.column("time") - zero, shifted)
             return SensorLog(
                 name="live stream",
                 epoch=stream.epoch + zero,
@@ -271,12 +280,13 @@ class LiveNavigator:
                 reference=None,
                 gaps=np.array(gaps).reshape(-1, 2) - zero,
                 repairs=self.state.remarks,
-                auxiliary=AuxiliaryData(magnetometer=magnetometer),
+                auxiliary=AuxiliaryData(magnetometer=magnetometer, barometer=barometer),
             )
 
     def _new_stream(self, epoch: float) -> None:
         """Begin with the first sample of a stream, at a time of the host [s]."""
         self._stream = Stream(epoch, self._model.states)
+        self._aids = LiveAids(self._sensors, self._navigator, self._stream.readings, self._stream.samples)
         self._start = LiveStart(self._navigator, self._assumed.noise[:3])
         self._second = -1  # in which a start was sought
         self._shown_fix = self._shown = 0  # fixes and samples in the history
@@ -288,6 +298,22 @@ class LiveNavigator:
             self._rows = []
             for part in self._intake.accept(rows):
                 self._take(part)
+            self._take_pressures(rows)
+
+    def _take_pressures(self, rows: NDArray[np.void]) -> None:
+        """Append the heights by pressure of rows that arrived."""
+        self._unread = np.concatenate((self._unread, rows[usable_imu(rows)]))
+        if np.isnan(self._stream.epoch):
+            return
+        time, height = self._heights.take(self._unread)
+        self._unread = self._unread[:0]
+        if time.size:
+            readings = self._stream.readings
+            start = readings.end
+            readings.extend(time.size)
+            readings.rows("time", start, readings.end)[:] = time - self._stream.epoch
+            readings.rows("value", start, readings.end)[:] = height
+            readings.rows("innovation", start, readings.end)[:] = np.nan
 
     def _take(self, part: Increments) -> None:
         """Append increments; those after a break begin a new stream."""
@@ -353,6 +379,7 @@ class LiveNavigator:
         if not len(stream.samples):
             return
         stream.forget(self._kept)  # before a start is sought among the rest
+        self._shift_heights()
         if stream.attitude is not None:
             self._seek(stream.attitude)
         if stream.filter is not None:
@@ -362,6 +389,16 @@ class LiveNavigator:
             shown = max(self._shown, stream.samples.first)
             self._history.add(stream.samples, shown, stream.epoch, phase, has_position=stream.has_position)
         self._shown = stream.end
+
+    def _shift_heights(self) -> None:
+        """Begin the heights by pressure at the first fix, and take note of what becomes of them."""
+        first, readings, epoch = self._fix_intake.first, self._stream.readings, self._stream.epoch
+        if len(readings) and first is not None and self._stream.now + epoch >= first[0]:
+            self._heights.begin_at(*first, readings.column("time") + epoch, readings.column("value"))
+        self._aids.shift = self._heights.shift
+        remark = self._aids.remark
+        if remark:
+            self._notes["barometer"] = remark
 
     def _navigate(self, run: LiveFilter) -> None:
         """Advance the full navigator, or stop it if its solution means nothing any more."""
@@ -433,6 +470,7 @@ class LiveNavigator:
             self._assumed._replace(P0=P0),
             self._navigator,
             self._model,
+            self._aids,
             rests=bool(self._navigator.rest_updates),
         )
         run.add_gaps(stream.gaps)

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lab.live.attitude_only import NORTH, AttitudeOnly
+from lab.live.live_aids import READINGS
 from lab.live.live_filter import FIXES, SAMPLES, LiveFilter
 from lab.live.live_state import euler_with_sigma
 from lab.live.rolling import Rolling
@@ -82,6 +83,7 @@ class Stream:
         self.epoch = epoch
         self.samples = Rolling(SAMPLES | {"variance": ((states,), np.float64)})
         self.fixes = Rolling(FIXES)
+        self.readings = Rolling(READINGS)
         self.gaps: list[tuple[float, float]] = []
         """Start and end of the filled gaps [s]."""
         self.filter: LiveFilter | None = None
@@ -180,4 +182,6 @@ class Stream:
         if self.now - float(self.samples.column("time")[0]) < kept + 1.0:
             return
         self.samples.forget(self.samples.number("time", self.now - kept))
-        self.fixes.forget(self.fixes.number("time", float(self.samples.column("time")[0])) - 2)
+        oldest = float(self.samples.column("time")[0])
+        self.fixes.forget(self.fixes.number("time", oldest) - 2)
+        self.readings.forget(self.readings.number("time", oldest))

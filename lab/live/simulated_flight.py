@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from lab.experiment import Experiment
 from lab.live.axis_map import AxisMap
+from lab.live.pressure import pressure_at
 from lab.live.samples import FIX, FIX_3D, IMU
 from lab.live.timed import TIMED_FIX, TIMED_IMU
 from lab.live.transport import TransportError
@@ -23,6 +24,7 @@ from lab.recordings.recording import Recording
 from lab.result import Result
 from lab.sensors.cards import card
 from lab.sensors.gps import GpsErrors, GpsFixes
+from lab.sensors.readings import read, slow_error
 
 REST = "rest"
 """Name of the flight that never leaves: a table at 45° north, with the device heading north-east."""
@@ -127,6 +129,7 @@ class SimulatedFlight:
             result.accelerometer.increments / dt,
             axes,
         )
+        _measure_pressure(imu, result)
         fix = fix_rows(result.fixes, result.experiment.sensors.gps)
         return cls(imu, fix, rate, result)
 
@@ -152,6 +155,17 @@ def imu_rows(
     imu["magnetic"] = imu["pressure"] = np.nan
     imu["temperature"] = 25.0
     return imu
+
+
+def _measure_pressure(imu: NDArray[np.void], result: Result) -> None:
+    """Write the pressures that a barometer measures, with the errors in the settings, in each sample."""
+    errors, time = result.experiment.sensors.barometer, result.time[1:]
+    seed = result.experiment.seed
+    slow = float(errors.bias_sigma), float(errors.drift_sigma), float(errors.correlation_time)
+    bias = slow_error(seed, "barometer", time, *slow)
+    height = result.known_truth("pressures").height[1:]
+    found = read(seed, "barometer", time, height, bias, float(errors.noise), errors.outages)
+    imu["pressure"][np.searchsorted(time, found.time)] = pressure_at(found.value)
 
 
 def fix_rows(fixes: GpsFixes, errors: GpsErrors) -> NDArray[np.void]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from typing import Final
 
 from lab.navigation.settings import NavigatorSettings
@@ -14,9 +15,16 @@ OTHER_STATES: Final = (
     "estimate_lever_arm",
     "estimate_latency",
     "no_slip",
-    "zero_velocity",
 )
 """Settings of the navigator for further states and measurements, which have no effect on a stream."""
+
+
+def without(sensors: SensorSuite, others: Iterable[str] = OTHER_SENSORS) -> SensorSuite:
+    """Return a copy of the sensors in which some besides IMU and GPS, by default all, are not fitted."""
+    sensors = sensors.copy()
+    for sensor in others:
+        sensors.set(f"{sensor}.fitted", False)
+    return sensors
 
 
 def stream_settings(
@@ -24,17 +32,16 @@ def stream_settings(
 ) -> tuple[SensorSuite, NavigatorSettings]:
     """Return copies of the settings without what a stream does not have.
 
-    That is other sensors than IMU and GPS, further states, outages at times of a flight, and a part of a log.
-    The smoother is off, because it looks into the future.
+    That is other sensors than IMU, GPS and barometer, further states, outages at times of a flight, and a
+    part of a log. The smoother is off, because it looks into the future.
 
     Parameters
     ----------
     sensors, navigator
         Settings of a flight or of a log.
     """
-    sensors, navigator = sensors.copy(), navigator.copy()
-    for sensor in OTHER_SENSORS:
-        sensors.set(f"{sensor}.fitted", False)
+    navigator = navigator.copy()
+    sensors = without(sensors, [sensor for sensor in OTHER_SENSORS if sensor != "barometer"])
     sensors.gps.outages = []
     for path in (*OTHER_STATES, "smoother"):
         navigator.set(path, False)

@@ -23,6 +23,8 @@ FloatArray = NDArray[np.float64]
 
 CONDITION_PERIOD = 1.0
 """Time between two measurements of a condition [s]: slip is assumed white from one to the next."""
+ROUNDING = 1e-6
+"""Largest rounding of a time stamp [s]: a second ends with the sample at its end."""
 KINDS = {"barometer": aids.HEIGHT, "heading": aids.HEADING, "odometer": aids.FORWARD}
 """What the sensors measure, by their group in the settings."""
 
@@ -64,22 +66,28 @@ def aids_of(
     parts = []
     for name, one in readings.items():
         variance = scale * float(si(sensors.groups()[name], "noise")) ** 2
-        part = _same(one.time, KINDS[name], one.value, variance)
+        part = of_one_kind(one.time, KINDS[name], one.value, variance)
         parts.append(_magnetic(sensors, part, one.field) if one.field.size else part)
-    seconds = np.arange(imu.time[0] + CONDITION_PERIOD, imu.time[-1], CONDITION_PERIOD)
+    length = (imu.time[-1] - imu.time[0]) / CONDITION_PERIOD
+    seconds = imu.time[0] + CONDITION_PERIOD * np.arange(1, int(length + ROUNDING) + 1)
     if navigator.no_slip:
         for kind, sigma in zip((aids.RIGHTWARD, aids.DOWNWARD), si(navigator, "slip_sigma"), strict=True):
-            parts.append(_same(seconds, kind, np.zeros(seconds.size), scale * sigma**2))
+            parts.append(of_one_kind(seconds, kind, np.zeros(seconds.size), scale * sigma**2))
     if navigator.zero_velocity and rest.any():
-        still = seconds[rest[np.searchsorted(imu.time, seconds) - 1]]
-        variance = scale * float(navigator.zero_velocity_sigma) ** 2
-        three = (aids.NORTHWARD, aids.EASTWARD, aids.VERTICAL)
-        parts += [_same(still, kind, np.zeros(still.size), variance) for kind in three]
+        still = seconds[rest[np.searchsorted(imu.time, seconds - ROUNDING) - 1]]
+        parts += zero_velocity(still, navigator)
     return Aids.together(parts, si(sensors.odometer, "lever_arm"))
 
 
-def _same(time: FloatArray, kind: int, value: FloatArray, variance: float) -> Aids:
-    """Return measurements of one kind with one variance."""
+def zero_velocity(time: FloatArray, navigator: NavigatorSettings) -> list[Aids]:
+    """Return the measurements that a vehicle stands still at times (a,) [s], north, east and down."""
+    variance = float(navigator.aiding_scale) * float(navigator.zero_velocity_sigma) ** 2
+    three = (aids.NORTHWARD, aids.EASTWARD, aids.VERTICAL)
+    return [of_one_kind(time, kind, np.zeros(time.size), variance) for kind in three]
+
+
+def of_one_kind(time: FloatArray, kind: int, value: FloatArray, variance: float) -> Aids:
+    """Return measurements of one kind, such as `aids.HEIGHT`, at times (a,), with one variance."""
     size = time.size
     kinds, variances = np.full(size, kind, np.int64), np.full(size, variance)
     return Aids(time, kinds, value, variances, np.zeros((size, 3)), np.zeros(3))

@@ -258,7 +258,7 @@ def freely(
         yield first, room._replace(**written)
 
 
-def load(belief: Belief, schedule: Schedule, model: ErrorModel = PHI) -> None:
+def load(belief: Belief, schedule: Schedule, model: ErrorModel = PHI, *, aided: bool = False) -> None:
     """Load, or compile, what advances a navigator, so that the first sample of a stream does not wait for it.
 
     Parameters
@@ -267,13 +267,16 @@ def load(belief: Belief, schedule: Schedule, model: ErrorModel = PHI) -> None:
         Any belief.
     schedule, model
         Those of the navigator.
+    aided
+        For measurements other than fixes.
     """
     start = Start(np.zeros(3), np.zeros(3), np.array([1.0, 0.0, 0.0, 0.0]))
     imu = Imu(np.array([0.0, 0.01]), np.zeros((1, 3)), np.zeros((1, 3)))
     fixes = Fixes(np.zeros(0), np.zeros((0, 3)), np.zeros((0, 3)))
     P0 = belief.P0[: model.states, : model.states]
-    run = Filter.begin(start, belief._replace(P0=P0), 0.0, model)
-    advance(run, imu, fixes, Solution.empty(2, 0, model.blocks), 0, schedule, model)
+    later = NO_AIDS._replace(time=np.full(1, np.inf), kind=np.zeros(1, np.int64)) if aided else NO_AIDS
+    run = Filter.begin(start, belief._replace(P0=P0), 0.0, model, aids=later)
+    advance(run, imu, fixes, Solution.empty(2, 0, model.blocks, aids=later.time.size), 0, schedule, model)
 
 
 def is_compiled(model: ErrorModel = PHI, *, aided: bool = False) -> bool:

@@ -180,7 +180,7 @@ def navigate_log(
         rest = NO_REST
     standing = rest
     if navigator.zero_velocity and given.any():
-        standing = still_without_fixes(rest, imu, shown, assumed._replace(R=assumed.R[given]))
+        standing, _ = still_without_fixes(rest, imu, shown, assumed._replace(R=assumed.R[given]))
     aids = aids_of(sensors, navigator, readings, imu, standing)
     if navigator.rest_updates:
         imu = imu._replace(rest=rest)

@@ -81,7 +81,14 @@ def at_rest(imu: Imu, fixes: Fixes, belief: Belief, grid: FloatArray | None = No
     return rest
 
 
-def still_without_fixes(rest: NDArray[np.bool_], imu: Imu, fixes: Fixes, belief: Belief) -> NDArray[np.bool_]:
+def still_without_fixes(
+    rest: NDArray[np.bool_],
+    imu: Imu,
+    fixes: Fixes,
+    belief: Belief,
+    grid: FloatArray | None = None,
+    known: list[FloatArray | None] | None = None,
+) -> tuple[NDArray[np.bool_], list[FloatArray | None]]:
     """Return the samples at rest (n,), with those added in which a vehicle at rest stays so without fixes.
 
     It stays at rest until the inertial sensors show vibration, rotation, or another specific force.
@@ -92,17 +99,33 @@ def still_without_fixes(rest: NDArray[np.bool_], imu: Imu, fixes: Fixes, belief:
         Samples at rest as fixes show it, from `at_rest`.
     imu, fixes, belief
         The measurements, and the filter's assumptions about them.
+    grid : (s + 1,) array
+        Times between which the seconds lie [s]; by default, they count from the first sample.
+    known
+        What the second value holds for the first second, if that is known.
+
+    Returns
+    -------
+    mask, list of (3,) arrays
+        The samples, and after each second the mean specific force of the rest that lasts [m/s²], or None.
     """
     found = rest.copy()
-    grid = imu.time[0] + SPAN * np.arange(int((imu.time[-1] - imu.time[0]) / SPAN) + 1)
+    if grid is None:
+        grid = imu.time[0] + SPAN * np.arange(int((imu.time[-1] - imu.time[0]) / SPAN) + 1)
+    after: list[FloatArray | None] = []
     first, last = (np.searchsorted(fixes.time, grid[:-1] + shift) for shift in (-SPAN, 2 * SPAN))
     edges = np.searchsorted(imu.time, grid - 1e-9)
     still = still_seconds(imu, belief, edges)
     held = None
     for second, (a, b) in enumerate(itertools.pairwise(edges)):
         forces = imu.dvelocity[a:b] / np.diff(imu.time[a : b + 1])[:, None]
+        if second == 0 and known is not None:
+            held = known[0]
+            after.append(held)
+            continue
         if b > a and rest[a:b].all():
             held = forces.mean(axis=0)
+            after.append(held)
             continue
         silent = held is not None and last[second] == first[second] and still[second]
         if silent and held is not None:
@@ -112,8 +135,9 @@ def still_without_fixes(rest: NDArray[np.bool_], imu: Imu, fixes: Fixes, belief:
             found[a:b] = True
         else:
             held = None
+        after.append(held)
     found.setflags(write=False)
-    return found
+    return found, after
 
 
 def _slow(seconds: FloatArray, fixes: Fixes, belief: Belief) -> NDArray[np.bool_]:

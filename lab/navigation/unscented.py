@@ -529,7 +529,7 @@ def driver(*, aided: bool) -> Callable[[Filter, Imu, Fixes, Solution, int, Sched
     name = "nonlinear"
     if aided:
         own |= {aid_due: _aid_due, take_aids: _take_aids}
-        own |= {north_axes: wander.north_axes_before, north_variance: wander.north_variance}
+        own[north_axes], own[north_variance] = wander.north_axes_before, wander.north_variance
         name = "nonlinear aids"
     made: Callable[[Filter, Imu, Fixes, Solution, int, Schedule], None] = generated(
         name, "The unscented filter, in a wander-azimuth frame.", [filter_all], Variant(own)

@@ -222,7 +222,7 @@ def north_variance(state: FloatArray, variance: float) -> float:
     """
     x, y = max(abs(state[AXIS]), _AT_POLE), state[AXIS + 1]
     bend = variance * state[MERIDIAN] * state[MERIDIAN] / (x * x + y * y)
-    return bend * bend
+    return float(bend * bend)
 
 
 @inline_kernel

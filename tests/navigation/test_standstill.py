@@ -168,7 +168,7 @@ def seconds_at_rest(
     belief = Belief(np.eye(15), np.diag([1.0] * 3 + [speed_sigma**2] * 3), np.full(12, noise**2), np.zeros(6))
     rest = at_rest(imu, fixes, belief)
     if without_fixes:
-        rest = still_without_fixes(rest, imu, fixes, belief)
+        rest, _ = still_without_fixes(rest, imu, fixes, belief)
     rest = rest.reshape(60, RATE)
     assert (rest.all(axis=1) == rest.any(axis=1)).all()
     return set(np.flatnonzero(rest[:, 0]).tolist())
