@@ -2,7 +2,8 @@
 
 Numba optimises each function with all those that it calls, makes machine code and wrappers of it, and does so
 again in each caller. Of the kernels of the lab, only those that Python calls need machine code. All others
-stay instructions of LLVM, which are linked into the kernel that Python calls, and optimised there once.
+stay instructions of LLVM, which are linked into the kernel that Python calls, and optimised there once. A
+kernel that needs another optimisation than its callers is optimised before.
 
 `NativeLowering`, `JITCodeLibrary` and `CPUDispatcher` are Numba's own classes, not a public interface; the
 tests check what is built on them.
@@ -59,7 +60,19 @@ class _Instructions(JITCodeLibrary):
         for library in dict.fromkeys(self._linking_libraries):
             self._reload_init.update(library._reload_init)
             self._final_module.link_in(library._get_module_for_linking(), preserve=True)
+        self._complete()
         self._finalized = True
+
+    def _complete(self) -> None:
+        """Do what remains to do when all is there: nothing."""
+
+
+class _OptimisedInstructions(_Instructions):
+    """The instructions of a kernel that are optimised before its callers get them."""
+
+    def _complete(self) -> None:
+        """Optimise them."""
+        self._optimize_final_module()
 
 
 @register_pass(mutates_CFG=True, analysis_only=False)
@@ -67,10 +80,11 @@ class _ToInstructions(NativeLowering):
     """The last step of the compilation of a kernel."""
 
     _name = "lowering_to_instructions"
+    library: type[_Instructions] = _Instructions
 
     def run_pass(self, state: Any) -> bool:
         """Write the instructions, and tell Numba where they are."""
-        state.library = _Instructions(state.targetctx.codegen(), state.func_id.func_qualname)
+        state.library = self.library(state.targetctx.codegen(), state.func_id.func_qualname)
         state.flags.no_compile = True
         super().run_pass(state)
         made = state["cr"]
@@ -80,17 +94,33 @@ class _ToInstructions(NativeLowering):
         return True
 
 
+@register_pass(mutates_CFG=True, analysis_only=False)
+class _ToOptimisedInstructions(_ToInstructions):
+    """The last step for a kernel that is optimised apart."""
+
+    _name = "lowering_to_optimised_instructions"
+    library = _OptimisedInstructions
+
+
 class _Compiler(CompilerBase):
     """Numba's compiler with fewer steps, and another last one."""
+
+    last = _ToInstructions
 
     def define_pipelines(self) -> list[PassManager]:
         """Return the one list of steps."""
         own = PassManager("kernel")
         for step, what in DefaultPassBuilder.define_nopython_pipeline(self.state).passes:
             if step not in UNUSED:
-                own.add_pass(_ToInstructions if step is NativeLowering else step, what)
+                own.add_pass(self.last if step is NativeLowering else step, what)
         own.finalize()
         return [own]
+
+
+class _CompilerApart(_Compiler):
+    """The compiler of a kernel that is optimised apart."""
+
+    last = _ToOptimisedInstructions
 
 
 class Kernel(CPUDispatcher):
@@ -99,8 +129,9 @@ class Kernel(CPUDispatcher):
     A kernel that Python calls, as tests do, is compiled a second time, as Numba does.
     """
 
-    def __init__(self, function: Any, options: dict[str, Any]) -> None:
-        super().__init__(function, targetoptions=options | WITHOUT_WRAPPERS, pipeline_class=_Compiler)
+    def __init__(self, function: Any, options: dict[str, Any], *, apart: bool = False) -> None:
+        compiler = _CompilerApart if apart else _Compiler
+        super().__init__(function, targetoptions=options | WITHOUT_WRAPPERS, pipeline_class=compiler)
 
     def __call__(self, *arguments: Any) -> Any:
         """Call the function from Python."""

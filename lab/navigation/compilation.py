@@ -32,10 +32,10 @@ ENTRY: dict[str, Any] = {"nogil": True, "no_cfunc_wrapper": True}
 """Options of a function called from Python, and not from C."""
 
 
-def _kernel(function: Callable[P, R], **options: Any) -> Callable[P, R]:
+def _kernel(function: Callable[P, R], *, apart: bool = False, **options: Any) -> Callable[P, R]:
     if DISABLE_JIT:
         return function
-    return cast(Callable[P, R], Kernel(function, OPTIONS | options))
+    return cast(Callable[P, R], Kernel(function, OPTIONS | options, apart=apart))
 
 
 def kernel(function: Callable[P, R]) -> Callable[P, R]:
@@ -46,6 +46,11 @@ def kernel(function: Callable[P, R]) -> Callable[P, R]:
 def allocating_kernel(function: Callable[P, R]) -> Callable[P, R]:
     """Compile a function that other kernels call, and that makes small arrays for itself; it returns none."""
     return _kernel(function, **ALLOCATING)
+
+
+def separate_kernel(function: Callable[P, R]) -> Callable[P, R]:
+    """Compile a function as `kernel` does, and optimise it before it is a part of its callers."""
+    return _kernel(function, apart=True)
 
 
 def inline_kernel(function: Callable[P, R]) -> Callable[P, R]:

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lab.navigation import strapdown
-from lab.navigation.compilation import embedded_kernel, is_ready, kernel, loop_kernel
+from lab.navigation.compilation import embedded_kernel, is_ready, kernel, loop_kernel, separate_kernel
 from lab.navigation.driver import steps, take_measurements
 from lab.navigation.error_models import NORTH_SLAVED, ErrorModel
 from lab.navigation.filter import Filter, aligned_zeros
@@ -128,7 +128,7 @@ def _save(run: Filter, buffer: FloatArray, kept: Progress, lane: int) -> None:
         kept.streak[lane, i] = run.streak[i]
 
 
-@kernel
+@separate_kernel
 def _fly(
     buffer: FloatArray,
     time: FloatArray,
