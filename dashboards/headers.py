@@ -8,6 +8,8 @@ import secrets
 from tornado.httputil import HTTPHeaders, HTTPServerRequest
 from tornado.web import OutputTransform
 
+from dashboards.upstream import TransformedPages
+
 _HOST = re.compile(r"[\w.:\[\]-]{1,260}", re.ASCII)
 _SCRIPT = re.compile(rb"<script(?=[\s>])", re.IGNORECASE)
 
@@ -37,6 +39,10 @@ class SecurityHeaders(OutputTransform):
                 if "Content-Length" in headers:
                     headers["Content-Length"] = str(len(chunk))
         return status_code, headers, chunk
+
+
+PROTECTED = TransformedPages(SecurityHeaders)
+"""Pages that have the headers on any server, such as that of ``panel serve``."""
 
 
 def sockets(request: HTTPServerRequest) -> str:

@@ -11,6 +11,7 @@ import panel as pn
 import panel_material_ui as pmui
 
 from dashboards.computing import LONG, LatestWins, Outcome, Progress, attempt
+from dashboards.seen_names import as_seen
 from dashboards.session import Session
 from dashboards.style import WRAP
 from lab.analysis.identification import Identification
@@ -150,5 +151,5 @@ def identification_html(found: Identification) -> str:
             f"{''.join(f'<td>{escape(cell)}</td>' for cell in cells)}</tr>"
         )
     head = "".join(f'<th class="{"unit" if name == "unit" else ""}">{name}</th>' for name in heads)
-    remarks = "".join(f'<p class="quiet">{escape(remark)}</p>' for remark in found.remarks)
-    return f"<p>{escape(found.sentence)}</p><table><tr>{head}</tr>{''.join(rows)}</table>{remarks}"
+    remarks = "".join(f'<p class="quiet">{escape(as_seen(remark))}</p>' for remark in found.remarks)
+    return f"<p>{escape(as_seen(found.sentence))}</p><table><tr>{head}</tr>{''.join(rows)}</table>{remarks}"

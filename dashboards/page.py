@@ -32,6 +32,7 @@ from dashboards.pages.summary import Summary
 from dashboards.pages.time_plots import Covariance, Errors, Height, SensorErrors
 from dashboards.pages.view_3d import View3D
 from dashboards.progress import Progress
+from dashboards.seen_names import as_seen
 from dashboards.sending import together
 from dashboards.session import Session
 from dashboards.settings_panel import SettingsPanel
@@ -294,7 +295,8 @@ class SimulatorPage:
 
     def _turn(self) -> None:
         """Show the page of a tab that was opened, by a person or for a class."""
-        self._show_if_begun()
+        with together(self._document):  # what a page sends as it appears must not overtake the page
+            self._show_if_begun()
         self._class.acted()
 
     def _show_if_begun(self) -> None:
@@ -415,7 +417,7 @@ class SimulatorPage:
                 page.show_time(time)
 
     def _new_problem(self, event: param.parameterized.Event) -> None:
-        self._message.say(event.new)
+        self._message.say(as_seen(event.new))
 
     def _zoomed(self, _attr: str, _old: object, _new: object) -> None:
         if not self._zooming:

@@ -9,6 +9,12 @@ import param
 
 from dashboards.session import Session
 
+_SHORT = """
+:host { flex: 1 1 0 !important; width: 0 !important; min-width: 0 !important; }
+div { overflow: hidden; text-overflow: ellipsis; }
+"""
+"""On a phone the text ends with dots: it must not push the switch of the theme out of the header."""
+
 
 class Progress:
     """Shows the stage and the fraction done while a session computes."""
@@ -21,6 +27,7 @@ class Progress:
             margin=(0, 8),
             styles={"color": "white", "white-space": "nowrap"},
             css_classes=["progress"],
+            stylesheets=[_SHORT],
         )
         session.param.watch(self._changed, ["stage", "fraction"])
         self._session = session

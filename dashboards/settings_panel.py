@@ -177,7 +177,12 @@ class SettingsPanel:
 
     def _cards_row(self) -> pn.viewable.Viewable:
         reset = pmui.Button(
-            label="Reset", icon="restart_alt", size="small", variant="outlined", margin=(12, 0, 8, 8)
+            label="Reset",
+            icon="restart_alt",
+            size="small",
+            variant="outlined",
+            margin=(12, 0, 8, 8),
+            sx={"padding": "3px 5px"},
         )
         reset.on_click(lambda _event: self._reset())
         return pn.Row(self._cards.view, reset, margin=0, sizing_mode="stretch_width")

@@ -12,11 +12,23 @@ _FIELDS: dict[str, Any] = {
     }
 }
 """Selects are as high as text fields, which stand beside them in rows."""
+_BRIGHT_ICONS: dict[str, Any] = {
+    "MuiIconButton": {
+        "styleOverrides": {
+            "root": {
+                "variants": [{"props": {"color": "default"}, "style": {"color": "rgba(255, 255, 255, 0.7)"}}]
+            }
+        }
+    }
+}
+"""Icons that are buttons, such as those that open the groups of settings, can be seen on dark ground."""
 
 THEME: dict[str, Any] = {
     "light": {
         "palette": {
-            "primary": {"main": "#1f6fd0"},
+            "primary": {"main": "#1b62b9"},
+            "default": {"main": "#000000", "light": "#f5f5f5", "dark": "#616161"},
+            "action": {"active": "rgba(0, 0, 0, 0.62)"},
             "background": {"default": "#f5f7fa", "paper": "#ffffff"},
             "contrastThreshold": 4.5,
         },
@@ -31,13 +43,13 @@ THEME: dict[str, Any] = {
             "contrastThreshold": 4.5,
         },
         "shape": {"borderRadius": 6},
-        "components": _FIELDS,
+        "components": _FIELDS | _BRIGHT_ICONS,
     },
 }
 """Colours of the two themes.
 
-Letters on a button have a contrast of 4.5, as WCAG 2 wants. In the dark theme they are dark, so a button
-under the mouse gets lighter.
+Letters on a button have a contrast of 4.5, as WCAG 2 wants, also on grey ones and under the mouse. In the
+dark theme letters on coloured buttons are dark, so a button under the mouse gets lighter.
 """
 
 DRESS: dict[str, Any] = {

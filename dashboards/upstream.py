@@ -23,6 +23,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from functools import lru_cache, wraps
 from typing import Any
+from weakref import WeakSet
 
 import param
 import viser
@@ -39,10 +40,12 @@ from bokeh.document import Document
 from bokeh.document.callbacks import DocumentCallbackManager
 from bokeh.model import Model, util
 from bokeh.server.callbacks import SessionCallback
+from bokeh.server.contexts import ApplicationContext
 from bokeh.settings import settings
 from panel.config import config
 from panel.custom import ReactiveESM
 from panel.io import resources
+from panel.io.server import DocHandler
 from panel.links import Callback
 from panel.pane import Bokeh
 from panel.reactive import Reactive, Syncable
@@ -51,7 +54,7 @@ from panel.viewable import Viewable, is_viewable_param
 from panel.widgets.base import WidgetBase
 from panel_material_ui.base import MaterialComponent
 from panel_material_ui.theme import MaterialDesign
-from tornado.web import Application
+from tornado.web import Application, OutputTransform
 from viser.infra import WebsockClientConnection, WebsockServer
 from websockets.asyncio.server import ServerConnection
 
@@ -407,6 +410,41 @@ def serving_application(document: Document) -> Application | None:
         if isinstance(application, Application):
             return application
     return None
+
+
+class TransformedPages:
+    """Applies a transform of Tornado to the pages of some applications, whichever server they are on.
+
+    An application is not asked when its server is made, so it cannot add the transform there; and other
+    applications of that server need other headers.
+    """
+
+    def __init__(self, transform: type[OutputTransform]) -> None:
+        self._transform = transform
+        self._applications: WeakSet[ApplicationContext] = WeakSet()
+
+    def add(self, document: Document) -> None:
+        """Apply it to the answer with a document, which is being made, and to all later ones alike."""
+        server = getattr(document.session_context, "server_context", None)
+        context = getattr(server, "application_context", None)
+        if context is None or context in self._applications:
+            return
+        if not self._applications:
+            self._install()
+        self._applications.add(context)
+
+    def _install(self) -> None:
+        write, transform, applications = DocHandler.write, self._transform, self._applications
+
+        def write_transformed(handler: DocHandler, chunk: Any) -> None:
+            known = handler._transforms
+            if handler.application_context in applications and not any(
+                isinstance(one, transform) for one in known
+            ):
+                known.append(transform(handler.request))
+            write(handler, chunk)
+
+        DocHandler.write = write_transformed  # type: ignore[method-assign, assignment]
 
 
 def viser_sockets(server: viser.ViserServer) -> WebsockServer:

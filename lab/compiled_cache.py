@@ -65,6 +65,13 @@ class CheckedCacheFile(IndexDataCacheFile):
             self._remove(error)
             super().save(key, data)
 
+    def has_code_for(self, processor: object) -> bool:
+        """Return whether there is compiled code of this version for a processor, for any arguments."""
+        try:
+            return any(key[1] == processor for key in self._load_index())
+        except Exception:  # a damaged pickle can raise any exception
+            return False
+
     def _load_data(self, name: str) -> Any:
         path = Path(self._data_path(name))
         content = path.read_bytes()
@@ -91,6 +98,7 @@ class CachedKernel(CPUDispatcher):
     """A function called from Python whose compiled code is kept on disk, and is compiled by one process."""
 
     _cache: Any
+    targetctx: Any
 
     def compile(self, sig: Any) -> Any:
         """Load the code for some types of arguments, or compile it; wait for a process that does."""
@@ -106,6 +114,14 @@ class CachedKernel(CPUDispatcher):
                 finally:
                     if collected:
                         gc.enable()
+
+    @property
+    def is_ready(self) -> bool:
+        """Whether the kernel is compiled, in this process or on the disk, for any arguments."""
+        if self.signatures:
+            return True
+        file = self._files()
+        return file is not None and file.has_code_for(self.targetctx.codegen().magic_tuple())
 
     def _files(self) -> CheckedCacheFile | None:
         """Return the files of the kernel; None if they cannot be kept anywhere."""
@@ -138,6 +154,11 @@ def _alone(kernel: CheckedCacheFile) -> Iterator[None]:
             while not locked(file) and time.monotonic() < until:
                 time.sleep(_PAUSE)
         yield
+
+
+def is_missing(kernel: object) -> bool:
+    """Return whether the code of a function called from Python belongs on the disk, and is not there."""
+    return isinstance(kernel, CachedKernel) and not kernel.is_ready and kernel._files() is not None
 
 
 def cached(function: Any, options: dict[str, Any]) -> Any:

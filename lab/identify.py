@@ -42,7 +42,6 @@ from lab.assumptions import (
 )
 from lab.experiment_settings import ExperimentSettings
 from lab.factors import choose, scaled
-from lab.navigation.checks import OTHER
 from lab.renavigation import Subject, subject
 from lab.run import ResultError, Run
 from lab.withheld import EVERY, OUTAGE, TURNS, held_out, outages
@@ -67,6 +66,14 @@ MOST_OUTLIERS = 0.05
 """Fraction of the fixes above which apparent outliers indicate a wrong model."""
 REJECTED = 3.84
 """Twice the loss of log-likelihood at the ends of the 95 % interval (χ², 1 degree of freedom)."""
+
+_OTHER = (
+    "sensors.barometer.fitted, sensors.heading.fitted, sensors.odometer.fitted, navigator.no_slip, "
+    "navigator.zero_velocity, navigator.estimate_misalignments, navigator.estimate_bias_drift, "
+    "navigator.estimate_gps_drift, navigator.estimate_lever_arm, navigator.estimate_latency, "
+    "navigator.own_states"
+)
+"""Settings that name other measurements or further states, as text."""
 
 
 class _Search(NamedTuple):
@@ -135,8 +142,8 @@ def identify(run: Run, progress: Progress | None = None) -> Identification:
         raise ResultError("The navigator is your own algorithm, so its assumptions are unknown.")
     if run.is_aided:
         raise ResultError(
-            f"{OTHER}: the identification is from the innovations of IMU and GPS alone, and this filter uses "
-            "other measurements or has further states; accepted are none"
+            f"{_OTHER}: the identification is from the innovations of IMU and GPS alone, and this filter "
+            "uses other measurements or has further states; accepted are none"
         )
     tell, begun_at = progress or (lambda _stage, _fraction: None), time.perf_counter()
     again = subject(run)

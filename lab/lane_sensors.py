@@ -111,7 +111,7 @@ def constant_triads(
 
 
 def is_ready() -> bool:
-    """Return whether the function is compiled, or loaded from the disk, in this process."""
+    """Return whether the function waits for no compiler: compiled here, or on the disk."""
     return compilation.is_ready(_sense)
 
 

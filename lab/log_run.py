@@ -20,7 +20,7 @@ from lab.navigation.aids import NO_AIDS
 from lab.navigation.algorithm import Algorithm, run_algorithm
 from lab.navigation.belief import assumed_latency, assumed_lever_arm, chosen_blocks
 from lab.navigation.choice import is_ready
-from lab.navigation.recorded import RecordedRun, navigate_log
+from lab.navigation.recorded import RecordedRun, navigate_log, readings_of
 from lab.navigation.solution import Solution
 from lab.result import Runnable
 from lab.run import Recorded
@@ -140,6 +140,7 @@ def run_log(
         drifting=0,
         exact=False,
         arm=bool(assumed_lever_arm(navigator, log.gnss.lever_arm).any()),
+        aids=sum(one.time.size for one in readings_of(log, sensors).values()),
     )
     settings = {path: experiment.get(path) for path, *_ in experiment.leaves() if has_effect(path, states)}
     made, seconds = cache.get(

@@ -3,10 +3,15 @@
 from __future__ import annotations
 
 import ctypes
+import mmap
 import os
 import sys
 from collections.abc import Iterator
 from pathlib import Path
+from typing import Any, cast
+
+import numpy as np
+from numpy.typing import NDArray
 
 from lab.histories import SINGLE
 from lab.navigation.kalman import MEASUREMENTS
@@ -32,7 +37,15 @@ class TooLongError(ValueError):
 
 
 def check_memory(
-    samples: int, fixes: int, rate: float, *, states: int, drifting: int, exact: bool, arm: bool
+    samples: int,
+    fixes: int,
+    rate: float,
+    *,
+    states: int,
+    drifting: int,
+    exact: bool,
+    arm: bool,
+    aids: int = 0,
 ) -> None:
     """Raise `TooLongError` if a run needs more memory than is available.
 
@@ -50,6 +63,8 @@ def check_memory(
         Whether all histories are float64, as for the engine filterpy.
     arm
         Whether the filter assumes a lever arm.
+    aids
+        Number of measurements besides fixes.
 
     Raises
     ------
@@ -57,7 +72,7 @@ def check_memory(
         If it needs more; the message gives the longest possible flight.
     """
     each = bytes_per_sample(samples, states=states, drifting=drifting, exact=exact, arm=arm)
-    needed = samples * each + fixes * bytes_per_fix(states)
+    needed = samples * each + fixes * bytes_per_fix(states) + aids * bytes_per_aid(states)
     if needed <= ALWAYS:
         return
     there = SPARE * available()
@@ -82,6 +97,11 @@ def bytes_per_fix(states: int) -> int:
     return 8 * (2 * states**2 + 4 * MEASUREMENTS * states + 3 * MEASUREMENTS**2)
 
 
+def bytes_per_aid(states: int) -> int:
+    """Return the memory per measurement besides fixes [bytes]: row of H, gain, and 10 numbers of its own."""
+    return 8 * (2 * states + 10)
+
+
 def give_back() -> None:
     """Give freed memory back to the system, where the C library is that of GNU.
 
@@ -92,6 +112,52 @@ def give_back() -> None:
         trim = getattr(ctypes.CDLL(None), "malloc_trim", None)
         if trim is not None:
             trim(0)
+
+
+class Retiring:
+    """An array in float64 whose rows are not needed exactly any more, part by part, the last part first.
+
+    They are kept in float32, and on Linux their memory is given back to the system at once.
+
+    Parameters
+    ----------
+    exact : (n, k) array
+        The array. Nothing else may need a row after it has been retired: it becomes zero.
+
+    Attributes
+    ----------
+    kept : (n, k) array
+        The retired rows in float32.
+    left : int
+        Number of rows, the first ones, that are not retired.
+    """
+
+    def __init__(self, exact: NDArray[np.float64]) -> None:
+        # Computations with it give float64.
+        self.kept = cast(NDArray[np.float64], np.empty(exact.shape, np.float32))
+        self.left = exact.shape[0]
+        self._exact = exact
+
+    def retire(self, first: int) -> None:
+        """Keep the rows from a number on in float32 only."""
+        rows = slice(first, self.left)
+        self.kept[rows] = self._exact[rows]
+        forget(self._exact[first:])
+        self.left = first
+
+
+def forget(values: NDArray[Any]) -> None:
+    """Give the whole pages of memory in a contiguous array back to the system, which makes them zero.
+
+    Where the system is not Linux, nothing happens.
+    """
+    if sys.platform != "linux" or not values.flags.c_contiguous:
+        return
+    page, begin = mmap.PAGESIZE, values.ctypes.data
+    first, last = -(-begin // page) * page, (begin + values.nbytes) // page * page
+    if last > first:
+        advise = ctypes.CDLL(None).madvise
+        advise(ctypes.c_void_p(first), ctypes.c_size_t(last - first), mmap.MADV_DONTNEED)
 
 
 def available() -> int:

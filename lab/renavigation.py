@@ -10,14 +10,19 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from lab.analysis.fix_causes import Ends, gains, motion_at_fixes, windows
+from lab.analysis.innovation_evidence import offered
 from lab.analysis.likelihood import Seen
+from lab.analysis.run_evidence import Filtered
 from lab.experiment_settings import ExperimentSettings
+from lab.memory import forget
 from lab.navigation import navigator as linear
 from lab.navigation import unscented
 from lab.navigation.alignment import Alignment
 from lab.navigation.belief import assumed_latency, belief, schedule_of
 from lab.navigation.choice import chosen_model
 from lab.navigation.kalman import MEASUREMENTS
+from lab.navigation.piece import Piece
 from lab.navigation.recorded import WITHHELD, navigate_log
 from lab.navigation.solution import Fixes, Imu, Solution
 from lab.navigation.standstill import at_rest
@@ -82,7 +87,7 @@ class Simulated:
         given = R + WITHHELD**2 * np.eye(MEASUREMENTS) * withheld[:, None, None]
         latency = assumed_latency(navigator, experiment.sensors.gps.latency)
         fixes = Fixes(self.stamps - latency, self._fixes.position, self._fixes.velocity_n)
-        schedule = schedule_of(navigator, float(np.median(np.diff(imu.time))), imu.dtheta.shape[0])
+        schedule = schedule_of(navigator, imu.step, imu.dtheta.shape[0])
         model, aids = chosen_model(navigator, experiment.sensors), self._aids
         arguments = (imu, fixes, self._start, assumed._replace(R=given), schedule)
         if navigator.model == "nonlinear":
@@ -90,7 +95,7 @@ class Simulated:
                 values.astype(np.float64, copy=False) for values in (imu.dtheta, imu.dvelocity)
             )
             imu = imu._replace(dtheta=dtheta, dvelocity=dvelocity)
-            solution = unscented.navigate(imu, *arguments[1:])
+            solution = unscented.navigate(imu, *arguments[1:], aids=aids, names=model.blocks)
         else:
             solution = linear.navigate(*arguments, model, aids=aids)
         return _seen(solution), _predicted(solution, R)
@@ -134,8 +139,56 @@ def subject(run: Run) -> Subject:
     return Logged(run.recorded) if run.recorded else Simulated(run)
 
 
-def filtered(run: Run) -> Solution:
-    """Return the solution of the filter of a long simulated run that was smoothed, without most histories.
+class _Gathered:
+    """What the evidence needs of a filter's own run besides its attitude, gathered piece by piece.
+
+    P, H, R and S of a fix are forgotten once its gain is known: in four hours they take 75 MB.
+
+    Parameters
+    ----------
+    fixes, samples : (m,) arrays
+        Indices and samples of the offered fixes.
+    time : (n + 1,) array
+        Times of the samples [s].
+    states
+        Number of states of the filter.
+
+    Attributes
+    ----------
+    gains : (m, states, 6) array
+        As of `fix_causes.gains`.
+    """
+
+    def __init__(
+        self, fixes: NDArray[np.intp], samples: NDArray[np.intp], time: FloatArray, states: int
+    ) -> None:
+        self.gains = np.zeros((fixes.size, states, MEASUREMENTS))
+        self._fixes, self._samples = fixes, samples
+        self._ends = windows(samples, time)
+        self._wanted = np.unique(np.concatenate(self._ends))
+        self._velocity_n = np.empty((self._wanted.size, 3))
+
+    @property
+    def velocity(self) -> Ends:
+        """Velocities (m, 3) at the ends of the windows before the fixes [m/s]."""
+        first, last = (self._velocity_n[np.searchsorted(self._wanted, end)] for end in self._ends)
+        return first, last
+
+    def __call__(self, piece: Piece, written: slice) -> None:
+        """Take what is wanted of a piece."""
+        edges = piece.before + written.start, piece.before + written.stop
+        rows = slice(*np.searchsorted(self._wanted, edges))
+        self._velocity_n[rows] = piece.out.velocity_n[self._wanted[rows] - piece.before]
+        done = slice(*np.searchsorted(self._samples, edges))
+        fixes = self._fixes[done]
+        if fixes.size:
+            self.gains[done] = gains(piece.out, fixes)
+            for name in ("fix_covariance", "fix_H", "fix_R", "innovation_covariance"):
+                forget(getattr(piece.out, name)[: fixes[-1] + 1])
+
+
+def filtered(run: Run) -> Filtered:
+    """Return the filter's own run for a long simulated run that was smoothed, without most histories.
 
     Only the navigation is computed again; see `navigator.navigate_to_fixes`.
     """
@@ -143,19 +196,22 @@ def filtered(run: Run) -> Solution:
     assert run.ideal is not None
     navigator = run.experiment.navigator
     imu, fixes = _measured(run)
-    schedule = schedule_of(navigator, run.ideal.dt, imu.dtheta.shape[0])
+    seen, samples = offered(run.solution_arrays, fixes, imu)
+    gathered = _Gathered(seen, samples, imu.time, run.solution_arrays.states)
     found = linear.navigate_to_fixes(
         imu,
         fixes,
         run.aligned.start,
         run.belief,
-        schedule,
+        schedule_of(navigator, run.ideal.dt, imu.dtheta.shape[0]),
         chosen_model(navigator, run.experiment.sensors),
         run.aids,
+        gathered,
     )
     # A smoother leaves the other data of the fixes as they are.
     same = {name: getattr(run.solution_arrays, name) for name in UNSMOOTHED}
-    return found._replace(**same)
+    solution = found._replace(fix_covariance=found.fix_covariance[:0].copy(), **same)
+    return Filtered(solution, motion_at_fixes(solution, samples, imu, gathered.velocity), gathered.gains)
 
 
 def _measured(run: Run) -> tuple[Imu, Fixes]:

@@ -22,7 +22,7 @@ from lab import result_files
 from lab.analysis import budget, feedforward, observability, trial
 from lab.analysis.algorithm_verdict import judge
 from lab.analysis.evidence import Evidence
-from lab.analysis.run_evidence import evidence_of
+from lab.analysis.run_evidence import Filtered, evidence_of
 from lab.analysis.trial import Repeatable
 from lab.analysis.verdict import Verdict
 from lab.datasets import aiding, flight, innovations, sensors, tables
@@ -30,8 +30,8 @@ from lab.experiment_settings import ExperimentSettings
 from lab.histories import made_when_asked
 from lab.html_frame import HtmlFrame
 from lab.identify import identify
+from lab.memory import give_back
 from lab.navigation.algorithm import Algorithm
-from lab.navigation.solution import Solution
 from lab.notebook_card import NotebookCard
 from lab.projection import Projection
 from lab.registry import find
@@ -268,19 +268,21 @@ class Result(NotebookCard, Repeatable):
     @cached_property
     def evidence(self) -> Evidence:
         """The evidence of this run for each assumption of the filter; for a log, from its innovations."""
+        if self.is_long:
+            give_back()  # what tables and plots have left
         return evidence_of(self, self.filtered)
 
     @property
-    def filtered(self) -> Solution:
-        """The solution of the filter itself: for a smoothed run, its forward run, otherwise the solution.
+    def filtered(self) -> Filtered:
+        """The filter's own run: for a smoothed run, its forward run, otherwise the solution.
 
         For a long simulated flight that was smoothed, without most histories; see `renavigation.filtered`.
         """
         if self.algorithm or not self.experiment.navigator.smoother:
-            return self.solution_arrays
+            return Filtered(self.solution_arrays)
         alone = self.experiment.copy()
         alone.set("navigator.smoother", False)
-        return alone.run().solution_arrays
+        return Filtered(alone.run().solution_arrays)
 
     def repeated(self, experiment: ExperimentSettings) -> Result:
         """Return the run with a changed copy of its settings."""

@@ -20,6 +20,7 @@ from lab.analysis.budget import believed_sigma
 from lab.analysis.consistency import normalised_squares, uncertain
 from lab.analysis.errors import error_state
 from lab.analysis.evidence import position_nees, whole_seconds
+from lab.analysis.fix_causes import of_fixes
 from lab.analysis.path_errors import errors_of, path_of
 from lab.analysis.run_evidence import evidence_of, reference_of
 from lab.ensemble import JUDGED, QUANTITIES, Collected, Ensemble, Progress
@@ -201,13 +202,13 @@ def _keep(result: Result, *, explain: bool = True, judged: bool = True) -> RunAt
     `judged` is true if the evidence is wanted, and `explain` if suspicious innovations are to be explained.
     """
     solution = result.solution_arrays
-    used = solution.fix_sample >= 0
+    used = np.flatnonzero(solution.fix_sample >= 0)
     at = solution.fix_sample[used]
 
     grid, apart, apart_degrees = _between(result)
     error, sigma = _errors(result, at)
     rms, largest = _sizes(result)
-    nees, degrees = _nees(result, at, solution.fix_covariance[used])
+    nees, degrees = _nees(result, at, of_fixes(solution.fix_covariance, used))
     nu = solution.innovation
     measured = np.isfinite(nu).sum(axis=1)
     found = evidence_of(result, result.filtered, explain=explain) if judged else None

@@ -9,9 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lab import renavigation
+from lab.analysis.run_evidence import Filtered
 from lab.ideal_imu import IdealImu
 from lab.navigation.rest_alignment import Aligned
-from lab.navigation.solution import Solution
 from lab.result import Result
 from lab.trajectory import Truth
 from lab.units import si
@@ -91,8 +91,8 @@ class SimulatedResult(Result):
         return float(self.truth_arrays.latitude[0]), float(self.truth_arrays.longitude[0])
 
     @property
-    def filtered(self) -> Solution:
-        """The solution of the filter itself; see `Result.filtered`."""
+    def filtered(self) -> Filtered:
+        """The filter's own run; see `Result.filtered`."""
         is_smoothed = self.experiment.navigator.smoother and not self.algorithm
         return renavigation.filtered(self) if self.is_long and is_smoothed else super().filtered
 

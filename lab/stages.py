@@ -15,29 +15,29 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lab.cache import StageCache, digest
+from lab.compiling_apart import compile_apart
 from lab.further_truth import simulated_own_errors
-from lab.histories import LONG, kept
+from lab.histories import LONG, SINGLE, kept
 from lab.ideal_imu import IdealImu
 from lab.log_run import timed
-from lab.memory import check_memory, give_back
+from lab.memory import Retiring, check_memory, give_back
 from lab.missions import Mission
 from lab.navigation import blocks, rest_alignment, smoother, unscented
-from lab.navigation.aiding import aids_of, needs_rest
+from lab.navigation.aiding import aids_of, most_aids, needs_rest
 from lab.navigation.aids import NO_AIDS, Aids
 from lab.navigation.algorithm import Algorithm, run_algorithm
 from lab.navigation.belief import (
     assumed_latency,
     belief,
     chosen_blocks,
-    is_aided,
     schedule_of,
 )
 from lab.navigation.checks import (
-    check_aiding,
     check_bias_decay,
     check_engine,
     check_finite,
     check_mechanization,
+    check_own_states,
     check_place,
     check_r,
     check_smoother,
@@ -108,6 +108,7 @@ class Stages:
         self.sensors: SensorSuite = experiment.sensors
         self.navigator: NavigatorSettings = experiment.navigator
         self.flight_key = digest(self.mission.content_hash, experiment.trajectory.to_dict())
+        self._retiring: tuple[Retiring, ...] = ()
 
     def result(self) -> SimulatedResult:
         """Compute the stages in order."""
@@ -124,9 +125,12 @@ class Stages:
         is_long = truth.time.size > LONG
         if is_long:
             gyro, accelerometer = in_one(gyro, accelerometer)
+            self._retiring = Retiring(gyro.increments), Retiring(accelerometer.increments)
             give_back()
         ready = self.algorithm is not None or is_ready(self.navigator, self.sensors)
         self.progress("Navigating" if ready else "Preparing the navigator (compiled once)", 0.4)
+        if self.algorithm is None and truth.time.size > SINGLE:
+            compile_apart(self.navigator, self.sensors, 1 / ideal.dt)
         assumed = self.belief(aligned)
         names = chosen_blocks(self.navigator, self.sensors)
         own = [one.block for one in declared_states(self.sensors.own_errors, "sensors.own_errors")]
@@ -157,9 +161,13 @@ class Stages:
             )
         )
         if is_long:
-            # The navigator is done with the exact increments.
-            gyro = gyro._replace(increments=kept(gyro.increments))
-            accelerometer = accelerometer._replace(increments=kept(accelerometer.increments))
+            # The navigator is done with the exact increments, and a smoother with copies of its filter.
+            give_back()
+            gyro, accelerometer = (
+                triad._replace(increments=kept(triad.increments) if one.left else one.kept)
+                for triad, one in zip((gyro, accelerometer), self._retiring, strict=True)
+            )
+            self._retiring = ()
             give_back()
         self.progress("Done", 1.0)
         return SimulatedResult(
@@ -214,6 +222,7 @@ class Stages:
             drifting=sum(imu.is_drifting(errors) for errors in triads),
             exact=navigator.engine == "filterpy",
             arm=bool(belief(self.sensors, navigator).lever_arm.any()),
+            aids=most_aids(self.sensors, navigator, samples / rate),
         )
 
     def triad(self, sensor: str, flight: Flight, found: FloatArray = NO_VECTOR) -> imu.Measured:
@@ -339,8 +348,7 @@ class Stages:
         self.check_memory(truth.time.size)
         check_mechanization(settings)
         check_engine(settings)
-        names, aided = chosen_blocks(settings, self.sensors), is_aided(settings, self.sensors)
-        check_aiding(settings, names, aided=aided)
+        check_own_states(settings)
         check_r(assumed.R)
         schedule = schedule_of(settings, dt, dtheta.shape[0])
         check_smoother(settings, schedule)
@@ -388,7 +396,8 @@ class Stages:
     ) -> Solution:
         """Navigate with the model and the engine of the settings."""
         if self.navigator.model == "nonlinear":
-            return unscented.navigate(imu, fixes, start, belief, schedule)
+            names = chosen_blocks(self.navigator, self.sensors)
+            return unscented.navigate(imu, fixes, start, belief, schedule, aids=aids, names=names)
         model = chosen_model(self.navigator, self.sensors)
         if self.navigator.engine == "filterpy":
             from lab.navigation import reference  # noqa: PLC0415 - filterpy takes half a second to import
@@ -403,8 +412,15 @@ class Stages:
                 aids,
                 progress=lambda done: self.progress("Navigating", 0.4 + 0.6 * done),
             )
-        engine = smoother.navigate if self.navigator.smoother else navigate
-        return engine(imu, fixes, start, belief, schedule, model, aids=aids)
+        arguments = imu, fixes, start, belief, schedule, model
+        if self.navigator.smoother:
+            return smoother.navigate(*arguments, aids=aids, used=self._retire)
+        return navigate(*arguments, aids=aids)
+
+    def _retire(self, first: int) -> None:
+        """Keep the increments of a long flight from number `first` on in float32: the smoother used them."""
+        for one in self._retiring:
+            one.retire(first)
 
 
 def _long_draws(errors: imu.GyroErrors | imu.AccelerometerErrors) -> dict[str, bool]:

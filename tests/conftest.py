@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 # Before numpy is imported. The threads of one small product wait for each other in a loop: beside a second
@@ -56,6 +56,14 @@ def own_missions(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
 def undecided(monkeypatch: pytest.MonkeyPatch) -> None:
     """Have each test begin in a process where no server has decided what visitors may do."""
     monkeypatch.setattr("dashboards.visitors._decided", {})
+
+
+@pytest.fixture
+def make_pipe() -> Callable[[Path], None]:
+    """Return what makes a named pipe; where there are none, as on Windows, the test is skipped."""
+    if not hasattr(os, "mkfifo"):
+        pytest.skip("this system has no named pipes")
+    return os.mkfifo
 
 
 @pytest.fixture(scope="session")

@@ -12,6 +12,7 @@ from numba.core.compiler_lock import global_compiler_lock
 
 from lab import compiled_cache
 from lab.file_lock import locked
+from lab.navigation.compilation import is_ready
 
 SOURCE = """
 from lab.navigation.compilation import entry_kernel
@@ -45,6 +46,20 @@ def test_what_was_compiled_is_loaded(folder: Path) -> None:
     kernel = loaded(folder)
     assert kernel(2.5) == 5.0
     assert sum(kernel.stats.cache_hits.values()) == 1
+
+
+def test_a_kernel_on_the_disk_is_ready(folder: Path) -> None:
+    assert is_ready(loaded(folder))
+    source = folder / "kernel_on_disk.py"
+    source.write_text(SOURCE.replace("2 * value", "value + value"))
+    changed = loaded(folder)
+    assert not is_ready(changed)
+    assert changed(1.5) == 3.0
+    assert is_ready(changed)
+    assert is_ready(loaded(folder))
+    (index,) = folder.glob("__pycache__/*.nbi")
+    index.write_bytes(index.read_bytes()[:-20])
+    assert not is_ready(loaded(folder))
 
 
 @pytest.mark.parametrize("ending", ["nbi", "nbc"])

@@ -79,12 +79,14 @@ class Budget(ComputedPage):
 def sentence(result: Result, quantity: str) -> str:
     """Return a sentence: the largest error sources of a quantity at the end, and what reduced its σ."""
     there = result.budget.isel(time=-1).sel(quantity=quantity)
-    order = there.share.values.argsort()[::-1][:3]
-    parts = ", ".join(f"{there.source.values[at]} {there.share.values[at]:.0f} %" for at in order)
+    share = there.share.values
+    order = [at for at in share.argsort()[::-1][:3] if round(share[at]) > 0]
+    parts = ", ".join(f"{there.source.values[at]} {share[at]:.0f} %" for at in order)
+    largest = f"largest sources are {parts}" if len(order) > 1 else f"largest source is {parts}"
     row = observability_table(result.observability).set_index("quantity").loc[quantity]
     text = (
         f"At the end, σ of the {quantity} is {float(there.total):.3g} {row['unit']}; the filter states "
-        f"{float(there.believed):.3g} {row['unit']}. The largest sources are {parts}. The filter's σ was "
+        f"{float(there.believed):.3g} {row['unit']}. The {largest}. The filter's σ was "
         f"{row['σ at start']:.3g} {row['unit']} at the start. It was reduced by {row['brought by']}."
     )
     left_out = result.budget.attrs["left_out"]

@@ -15,6 +15,7 @@ from dashboards.ensembles import ensemble
 from dashboards.identifying import Identifying
 from dashboards.pages.base import plot_grid
 from dashboards.pages.computed import ComputedPage
+from dashboards.seen_names import as_seen
 from dashboards.sending import together
 from dashboards.session import Session
 from dashboards.style import WRAP
@@ -246,7 +247,7 @@ def verdict_html(verdict: Verdict, by_innovations: Verdict, *, tried: bool = Tru
     Advice is tried before it is given; until then, a note says that it is being tried.
     """
     findings = "".join(
-        f"<p>{f'{escape(finding.sentence)} ' if number else ''}{_advice(finding, tried=tried)} "
+        f"<p>{f'{escape(as_seen(finding.sentence))} ' if number else ''}{_advice(finding, tried=tried)} "
         f'<span class="quiet">({escape(finding.evidence)})</span></p>'
         for number, finding in enumerate(verdict.findings)
     )
@@ -254,7 +255,7 @@ def verdict_html(verdict: Verdict, by_innovations: Verdict, *, tried: bool = Tru
     alone = "" if same else f" By the innovations alone: {by_innovations.headline}"
     return (
         f'<div class="verdict {_COLOUR[verdict.consistent]}">'
-        f"<h2>{escape(verdict.headline)}</h2>{findings}"
+        f"<h2>{escape(as_seen(verdict.headline))}</h2>{findings}"
         f'<p class="quiet">Judged by {escape(verdict.basis)}.{escape(alone)}</p></div>'
     )
 
@@ -262,7 +263,7 @@ def verdict_html(verdict: Verdict, by_innovations: Verdict, *, tried: bool = Tru
 def _advice(finding: Finding, *, tried: bool) -> str:
     if finding.changes and not tried:
         return "The advice is being tried."
-    return escape(finding.counsel).replace("Try:", "<b>Try:</b>", 1)
+    return escape(as_seen(finding.counsel)).replace("Try:", "<b>Try:</b>", 1)
 
 
 def over_seeds(ensemble: Ensemble) -> str:

@@ -9,6 +9,7 @@ from typing import Any
 import panel as pn
 
 from dashboards.pages.base import Page
+from dashboards.seen_names import as_seen
 from lab.result import Result
 
 TABLE_STYLE = """
@@ -71,7 +72,7 @@ def log_html(result: Result) -> str:
     Errors against the reference, or the innovations if there is none, with repairs and assumptions.
     """
     mission = escape(result.mission.title or result.mission.name)
-    remarks = "".join(f"<li>{escape(remark)}</li>" for remark in result.remarks)
+    remarks = "".join(f"<li>{escape(as_seen(remark))}</li>" for remark in result.remarks)
     if result.lacks("summary"):
         table, words = result.whiteness, "innovations in their σ (navigator − fix)"
         names = [name for name in table.columns if name != "innovation"]

@@ -6,7 +6,7 @@ from typing import Any
 
 BAR = """
 :host { align-items: center; border-bottom: 1px solid rgba(128,128,128,.25);
-        background: rgba(31,111,208,.09); flex: 0 0 auto !important; max-height: none !important; }
+        background: rgba(27,98,185,.09); flex: 0 0 auto !important; max-height: none !important; }
 """
 WORDS = "div { font: 14px/1.4 Roboto, sans-serif; } b { font-weight: 600; }"
 BUTTON: dict[str, Any] = {"variant": "outlined", "size": "small", "margin": (6, 4), "align": "center"}

@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 
 from lab.analysis import consistency, errors
 from lab.analysis.aid_verdict import aid_squares
-from lab.analysis.fix_causes import Motion, causes_of, motion_at_fixes
+from lab.analysis.fix_causes import Motion, causes_of, motion_at_fixes, of_fixes
 from lab.analysis.fix_evidence import FixErrors, fix_errors
 from lab.analysis.innovation_evidence import Innovations, innovations, offered
 from lab.analysis.sensor_evidence import Reference, SensorErrors, sensor_errors
@@ -142,6 +142,7 @@ def evidence(
     aid_kinds: NDArray[np.int64] = NO_AIDS.kind,
     motion: Motion | None = None,
     sensors: SensorErrors | None = None,
+    gains: FloatArray | None = None,
 ) -> Evidence:
     """Return the evidence of a run about its filter.
 
@@ -173,6 +174,8 @@ def evidence(
         Kinds of the measurements other than fixes.
     motion
         Motion at the fixes that were `offered`; by default, from the solution at all samples.
+    gains : (m, states, 6) array
+        Gains of these fixes; by default, from the P after each.
     sensors
         Errors of the sensors; by default, from the increments. With these two, solution, increments and
         truth may have some samples only: start, end and whole seconds, and those with a fix and before.
@@ -181,7 +184,9 @@ def evidence(
     motion = motion_at_fixes(solution, samples, imu) if motion is None else motion
     found = Evidence(
         runs=1,
-        innovations=innovations(solution, belief, fixes, imu, motion, explain=explain, aided=aided),
+        innovations=innovations(
+            solution, belief, fixes, imu, motion, explain=explain, aided=aided, gained=gains
+        ),
         usage=usage(solution, gate),
         told=Kept(np.append(latency, belief.lever_arm)[None]),
         aids=aid_squares(solution, aid_kinds),
@@ -260,13 +265,7 @@ def nees_squares(
         return Squares(np.zeros(()), np.zeros(()))
     at = solution.fix_sample[used]
     x = _errors(solution, at, reference)
-    # Of a long flight, P at all fixes takes 50 MB, so it is copied only where a fix was not used.
-    P = (
-        solution.fix_covariance
-        if used.size == len(solution.fix_covariance)
-        else solution.fix_covariance[used]
-    )
-    P = P[:, block, block]
+    P = of_fixes(solution.fix_covariance, used)[:, block, block]
     nees = consistency.normalised_squares(x[:, block], P)
     epochs = max(1.0, float(np.ptp(reference.truth.time)) / SETTLING)
     return Squares(np.array(epochs * nees.mean()), np.array(epochs * consistency.uncertain(P).size))

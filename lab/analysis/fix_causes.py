@@ -25,7 +25,7 @@ FloatArray = NDArray[np.float64]
 
 CAUSES = 4
 """Regressors: latency [s], then the lever arm forward, right, down [m]."""
-AT_ONCE = 2**16
+AT_ONCE = 2**14
 """Samples that are summed in one block, with some 250 bytes each."""
 FIXES_AT_ONCE = 1024
 """Fixes whose transitions or gains are computed together, with some 20 kB each at 21 states."""
@@ -43,7 +43,13 @@ class Motion(NamedTuple):
     C_nb: FloatArray
 
 
-def motion_at_fixes(solution: Solution, samples: NDArray[np.intp], imu: Imu) -> Motion:
+Ends = tuple[FloatArray, FloatArray]
+"""Values at the ends of the window before each fix."""
+
+
+def motion_at_fixes(
+    solution: Solution, samples: NDArray[np.intp], imu: Imu, velocity: Ends | None = None
+) -> Motion:
     """Return the motion at the fixes, from the samples before each, before its correction.
 
     Parameters
@@ -52,19 +58,26 @@ def motion_at_fixes(solution: Solution, samples: NDArray[np.intp], imu: Imu) -> 
         Solution and input of the navigator.
     samples : (m,) array
         Samples of the fixes.
+    velocity
+        Estimated velocities (m, 3) at the ends of `windows` [m/s]; by default, from the solution.
     """
-    last = np.maximum(samples - 1, 0)
-    first = np.maximum(last - window_width(imu.time), 0)
+    window = windows(samples, imu.time)
     ends = np.append(samples, imu.time.size - 1)
     return motion_of(
         imu.time,
-        (first, last),
-        (solution.velocity_n[first], solution.velocity_n[last]),
-        solution.q_nb[last],
+        window,
+        (solution.velocity_n[window[0]], solution.velocity_n[window[1]]) if velocity is None else velocity,
+        solution.q_nb[window[1]],
         imu.dtheta,
         ends,
         _gained_until(solution, ends, imu),
     )
+
+
+def windows(samples: NDArray[np.intp], time: FloatArray) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+    """Return the first and the last sample (m,) of the window before each of some samples (m,)."""
+    last = np.maximum(samples - 1, 0)
+    return np.maximum(last - window_width(time), 0), last
 
 
 def window_width(time: FloatArray) -> int:
@@ -73,7 +86,7 @@ def window_width(time: FloatArray) -> int:
 
 
 def _step(time: FloatArray) -> float:
-    return float(np.mean(np.diff(time))) if time.size > 1 else 1.0
+    return float(time[-1] - time[0]) / (time.size - 1) if time.size > 1 else 1.0
 
 
 def motion_of(
@@ -163,12 +176,18 @@ def causes_of(motion: Motion) -> FloatArray:
 
 def matrices(solution: Solution, belief: Belief, fixes: NDArray[np.intp]) -> tuple[FloatArray, FloatArray]:
     """Return H (m, 6, n) of some fixes and their assumed R (m, 6, 6), before any robust weight."""
-    return solution.fix_H[fixes], np.broadcast_to(belief.fix_covariance(fixes), (fixes.size, 6, 6))
+    R = np.broadcast_to(belief.fix_covariance(fixes), (fixes.size, 6, 6))
+    return of_fixes(solution.fix_H, fixes), R
+
+
+def of_fixes(values: FloatArray, fixes: NDArray[np.intp]) -> FloatArray:
+    """Return the rows of some fixes, in their order; all rows are not copied: P of four hours takes 50 MB."""
+    return values if fixes.size == len(values) else values[fixes]
 
 
 def gains(solution: Solution, fixes: NDArray[np.intp]) -> FloatArray:
     """Return the gains (m, n, 6) of some fixes, K = P Hᵀ R⁻¹ with P after the fix; zero for rejected ones."""
-    H, R = solution.fix_H[fixes], solution.fix_R[fixes]
+    H, R = of_fixes(solution.fix_H, fixes), of_fixes(solution.fix_R, fixes)
     used = solution.fix_sample[fixes] >= 0
     K = np.zeros((fixes.size, solution.states, 6))
     for first in range(0, fixes.size, FIXES_AT_ONCE):

@@ -185,7 +185,7 @@ def coloured(times: FloatArray, causes: FloatArray, values: FloatArray) -> tuple
     return fit, log_determinant
 
 
-@lru_cache(maxsize=64)
+@lru_cache(maxsize=16)
 def correlation_spectrum(times: bytes, correlation_time: float) -> tuple[FloatArray, FloatArray]:
     """Return eigenvalues (m,) and eigenvectors (m, m) of exp(−|t − t'| / time); runs have the same times."""
     t = np.frombuffer(times)

@@ -299,7 +299,7 @@ def _measure(
 
 
 def is_ready() -> bool:
-    """Return whether the function is compiled, or loaded from the disk, in this process."""
+    """Return whether the function waits for no compiler: compiled here, or on the disk."""
     return compilation.is_ready(_measure)
 
 

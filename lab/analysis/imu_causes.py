@@ -34,7 +34,7 @@ DRIFT_TIME = 60.0
 """Time in which a unit drift changes a bias by one unit [s]."""
 NODES = ((-np.sqrt(0.6), 5 / 18), (0.0, 8 / 18), (np.sqrt(0.6), 5 / 18))
 """Gauss-Legendre nodes and weights, exact for the powers in the short-term error."""
-AT_ONCE = 256
+AT_ONCE = 64
 """Fixes whose steps are computed together, with some 100 kB each at 200 Hz and 21 states."""
 
 

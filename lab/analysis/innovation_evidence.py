@@ -99,7 +99,7 @@ def offered(solution: Solution, fixes: Fixes, imu: Imu) -> tuple[NDArray[np.intp
     """Return the indices of the fixes that the filter used or rejected, and their samples."""
     seen = np.flatnonzero((solution.fix_sample >= 0) | solution.fix_rejected)
     used = solution.fix_sample[seen]
-    step = float(np.median(np.diff(imu.time)))
+    step = imu.step
     at = np.searchsorted(imu.time, fixes.time[seen] - SLACK * step)
     return seen, np.where(used >= 0, used, np.minimum(at, imu.time.size - 1)).astype(np.intp)
 
@@ -113,10 +113,12 @@ def innovations(
     *,
     explain: bool = True,
     aided: bool = False,
+    gained: FloatArray | None = None,
 ) -> Innovations:
     """Return the statistics of the innovations of a run.
 
-    The parameters are those of `evidence.evidence`, and the motion at the fixes that were `offered`.
+    The parameters are those of `evidence.evidence`, with the motion at the fixes that were `offered`, and
+    their gains as `gained`.
     """
     seen, samples = offered(solution, fixes, imu)
     used = solution.fix_sample[seen] >= 0
@@ -124,7 +126,8 @@ def innovations(
     nu, S = np.nan_to_num(solution.innovation[seen]), solution.innovation_covariance[seen]
     normalised = _normalised(nu, S)
     squares, sums, lagged = sizes(normalised[used])
-    record = Record(solution, belief, imu, seen, samples, nu, S, gains(solution, seen))
+    K = gains(solution, seen) if gained is None else gained
+    record = Record(solution, belief, imu, seen, samples, nu, S, K)
     apart = np.zeros(seen.size, dtype=np.bool_)
     if not aided:
         record, apart = _without_outliers(record, known, normalised)

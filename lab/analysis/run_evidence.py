@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
+from numpy.typing import NDArray
 
 from lab.analysis.algorithm_verdict import algorithm_evidence
 from lab.analysis.evidence import Evidence, evidence
+from lab.analysis.fix_causes import Motion
 from lab.analysis.sensor_evidence import Reference
 from lab.further_truth import errors_of_states
 from lab.navigation.belief import bias_processes, of_bias_states
@@ -13,8 +17,28 @@ from lab.navigation.blocks import GPS_DRIFT, LATENCY, LEVER_ARM
 from lab.navigation.solution import Fixes, Imu, Solution
 from lab.run import Run
 
+FloatArray = NDArray[np.float64]
 
-def evidence_of(run: Run, filtered: Solution, *, explain: bool = True) -> Evidence:
+
+class Filtered(NamedTuple):
+    """The filter's own run.
+
+    Attributes
+    ----------
+    solution : Solution
+        Its solution.
+    motion : Motion or None
+        Motion at the offered fixes, if the solution has no velocity at all samples.
+    gains : (m, states, 6) array or None
+        Their gains, if it has no P after each fix.
+    """
+
+    solution: Solution
+    motion: Motion | None = None
+    gains: FloatArray | None = None
+
+
+def evidence_of(run: Run, filtered: Filtered, *, explain: bool = True) -> Evidence:
     """Return the evidence of a run for each assumption of its filter; for a log, from its innovations.
 
     Parameters
@@ -22,7 +46,7 @@ def evidence_of(run: Run, filtered: Solution, *, explain: bool = True) -> Eviden
     run
         The run.
     filtered
-        Solution of the filter itself. A smoother changes the start and all later states, and keeps no gains,
+        The filter's own run. A smoother changes the start and all later states, and keeps no gains,
         so the start, the gains and the innovations are those of the filter's own run.
     explain
         Whether to explain suspicious innovations, which takes several times as long as the run.
@@ -32,7 +56,7 @@ def evidence_of(run: Run, filtered: Solution, *, explain: bool = True) -> Eviden
         return algorithm_evidence(run.solution_arrays, reference)
     fixes, navigator = run.fixes, run.experiment.navigator
     return evidence(
-        filtered,
+        filtered.solution,
         run.belief,
         Fixes(run.fix_validity, fixes.position, fixes.velocity_n),
         Imu(run.time, run.gyro.increments, run.accelerometer.increments),
@@ -44,6 +68,8 @@ def evidence_of(run: Run, filtered: Solution, *, explain: bool = True) -> Eviden
         explain=explain,
         latency=run.latency,
         smoothed=run.solution_arrays if navigator.smoother else None,
+        motion=filtered.motion,
+        gains=filtered.gains,
     )
 
 

@@ -21,7 +21,7 @@ from lab.trajectory import Truth
 
 FloatArray = NDArray[np.float64]
 
-AT_ONCE = 2**18
+AT_ONCE = 2**16
 """Number of samples that are averaged in one block."""
 WINDOW = 1.0
 """Summation time of the sensors' noise [s]."""
@@ -249,7 +249,7 @@ def exact(reference: Reference, time: FloatArray, window: float = 0.0) -> Exact:
     window
         Length of the windows [s]; 0 for that of the test of the noise.
     """
-    dt, samples = float(np.mean(np.diff(time))), reference.dtheta.shape[0]
+    dt, samples = float(time[-1] - time[0]) / (time.size - 1), reference.dtheta.shape[0]
     width = min(max(1, round((window or WINDOW) / dt)), samples)
     count, few = samples // width, max(1, width // ENDS)
     moved, fall = np.empty((count, 6)), np.empty((count, 6))

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from lab.analysis import consistency as statistics
 from lab.analysis.errors import error_state
+from lab.analysis.fix_causes import of_fixes
 from lab.datasets.labelled import EAST_NORTH_UP, labelled
 from lab.east_north_up import NED_TO_ENU, east_north_up, east_north_up_sizes
 from lab.navigation.error_models import POS
@@ -81,7 +82,7 @@ def consistency(run: Run) -> xr.Dataset:
     further = run.true_further() if solution.further.size else None
     x = error_state(solution, samples, run.known_truth("consistency"), run.true_bias, scale, further)
     nees = _of_used_fixes(run, x, solution.fix_covariance)
-    used = solution.fix_covariance[solution.fix_sample >= 0]
+    used = of_fixes(solution.fix_covariance, np.flatnonzero(solution.fix_sample >= 0))
     degrees = int(statistics.uncertain(used).size) if used.size else 0
     label = f"NEES, {degrees} degrees of freedom" if degrees else "NEES, not known"
     dataset = labelled(run, nees=(("time_gps",), nees, "", label))
@@ -104,7 +105,7 @@ def position_covariance(run: Run) -> xr.DataArray:
 
 def _of_used_fixes(run: Run, vectors: FloatArray, covariances: FloatArray) -> FloatArray:
     """Return the normalised squares (m,) of vectors at the fixes; NaN where the filter used none."""
-    used = run.solution_arrays.fix_sample >= 0
-    squares = np.full(used.shape, np.nan)
-    squares[used] = statistics.normalised_squares(vectors[used], covariances[used])
+    used = np.flatnonzero(run.solution_arrays.fix_sample >= 0)
+    squares = np.full(run.fixes.time.shape, np.nan)
+    squares[used] = statistics.normalised_squares(vectors[used], of_fixes(covariances, used))
     return squares

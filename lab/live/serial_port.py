@@ -129,9 +129,12 @@ class SerialPort:
         """
         port = self._port
         port.timeout = longest
-        data = port.read(1)
-        if data and (more := port.in_waiting):
-            data += port.read(more)
+        try:
+            data = port.read(1)
+            if data and (more := port.in_waiting):
+                data += port.read(more)
+        except OSError as error:  # pyserial asks what happened, Linux names an input/output error
+            raise OSError("the device was unplugged, or another program reads its port") from error
         return Chunk(time.monotonic(), bytes(data))
 
     def close(self) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import threading
 import time
 from collections.abc import Callable, Hashable, Iterator
@@ -44,7 +45,7 @@ class Station:
     sensors, navigator
         The assumptions of the live navigator.
     name
-        What people call it.
+        What people call it; `Stations` numbers those of one name.
 
     Attributes
     ----------
@@ -263,10 +264,17 @@ class Stations:
         made = make()
         with self._lock:
             if key not in self._open and len(self._open) < self._most:
+                made.name = self._unlike(made.name)
                 self._open[key] = made, {watcher}
                 return made
         made.close()  # someone else was faster
         return self.watch(key, watcher, make)
+
+    def _unlike(self, name: str) -> str:
+        """Return a name that no open station has: people choose by names."""
+        taken = {station.name for station, _ in self._open.values()}
+        numbered = (name if number == 1 else f"{name} ({number})" for number in itertools.count(1))
+        return next(one for one in numbered if one not in taken)
 
     def leave(self, key: str, watcher: Hashable) -> None:
         """Stop watching; the station ends with the last who watches. May be repeated."""

@@ -32,6 +32,14 @@ def needs_rest(navigator: NavigatorSettings) -> bool:
     return bool(navigator.rest_updates or navigator.zero_velocity)
 
 
+def most_aids(sensors: SensorSuite, navigator: NavigatorSettings, duration: float) -> int:
+    """Return how many measurements besides GPS fixes a simulated flight has at most; its duration is in s."""
+    groups = (sensors.groups()[name] for name in KINDS)
+    per_second = sum(1.0 / float(one.get("period")) for one in groups if one.get("fitted"))
+    conditions = 2 * bool(navigator.no_slip) + 3 * bool(navigator.zero_velocity)
+    return round(duration * (per_second + conditions / CONDITION_PERIOD))
+
+
 def aids_of(
     sensors: SensorSuite,
     navigator: NavigatorSettings,

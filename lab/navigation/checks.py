@@ -2,13 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-
 import numpy as np
 from numpy.typing import NDArray
 
 from lab.ecef import near_pole
-from lab.navigation.blocks import SCALES
 from lab.navigation.error_models import MODELS, NORTH_SLAVED
 from lab.navigation.schedule import Schedule
 from lab.navigation.settings import NavigatorSettings
@@ -67,34 +64,13 @@ def check_engine(settings: NavigatorSettings) -> None:
         )
 
 
-def check_aiding(settings: NavigatorSettings, names: Sequence[str], *, aided: bool) -> None:
-    """Raise `SettingError` if a navigator cannot use other measurements, or cannot have further states.
-
-    Parameters
-    ----------
-    settings
-        The navigator.
-    names
-        The further blocks of states that the settings name.
-    aided
-        Whether the settings name measurements besides GPS.
-    """
-    if not aided and not set(names) - set(SCALES):
-        return
-    if settings.model == "nonlinear":
+def check_own_states(settings: NavigatorSettings) -> None:
+    """Raise `SettingError` if a navigator cannot have the states that a user declared."""
+    if settings.model == "nonlinear" and settings.own_states:
         raise SettingError(
-            "navigator.model: the sigma points of the model nonlinear have no states for other sensors "
-            f"({OTHER}); accepted with them are the models {', '.join(MODELS)}"
+            "navigator.own_states: your own states are an effect on F, and the sigma points of the model "
+            f"nonlinear have no F; accepted with them are the models {', '.join(MODELS)}"
         )
-
-
-OTHER = (
-    "sensors.barometer.fitted, sensors.heading.fitted, sensors.odometer.fitted, navigator.no_slip, "
-    "navigator.zero_velocity, navigator.estimate_misalignments, navigator.estimate_bias_drift, "
-    "navigator.estimate_gps_drift, navigator.estimate_lever_arm, navigator.estimate_latency, "
-    "navigator.own_states"
-)
-"""Settings that name other measurements or further states, as text."""
 
 
 def check_r(R: FloatArray) -> None:

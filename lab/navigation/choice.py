@@ -2,13 +2,18 @@
 
 from __future__ import annotations
 
-from lab.navigation import navigator, unscented
-from lab.navigation.belief import chosen_blocks, is_aided
+from lab import compiled_cache
+from lab.navigation import navigator, smoother, unscented
+from lab.navigation.belief import chosen_blocks, is_aided, schedule_of
+from lab.navigation.driver import driver
 from lab.navigation.error_models import ErrorModel
 from lab.navigation.further_columns import with_blocks
 from lab.navigation.settings import NavigatorSettings
 from lab.navigation.wander_models import linear_model
 from lab.sensors.suite import SensorSuite
+
+MANY = 2**20
+"""Samples of a flight that is longer than any interval between two propagations of the covariance."""
 
 
 def chosen_model(settings: NavigatorSettings, sensors: SensorSuite | None = None) -> ErrorModel:
@@ -26,8 +31,26 @@ def chosen_model(settings: NavigatorSettings, sensors: SensorSuite | None = None
 
 
 def is_ready(settings: NavigatorSettings, sensors: SensorSuite | None = None) -> bool:
-    """Return whether the filter is ready in this process: compiled, or loaded from the disk."""
-    if settings.model == "nonlinear":
-        return unscented.is_compiled()
+    """Return whether the filter waits for no compiler: compiled here, or on the disk."""
     aided = sensors is not None and is_aided(settings, sensors)
+    if settings.model == "nonlinear":
+        return unscented.is_compiled(aided=aided)
     return navigator.is_compiled(chosen_model(settings, sensors), aided=aided)
+
+
+def is_missing(settings: NavigatorSettings, sensors: SensorSuite, rate: float) -> bool:
+    """Return whether a part of a linear filter is neither ready nor on the disk, so it will be compiled.
+
+    Parameters
+    ----------
+    settings, sensors
+        The filter, and the sensors that it uses.
+    rate
+        Rate of the samples [Hz].
+    """
+    if settings.model == "nonlinear":
+        return False
+    model, aided = chosen_model(settings, sensors), is_aided(settings, sensors)
+    forward = driver(model, summed=schedule_of(settings, 1 / rate, MANY).stride > 1, aided=aided)
+    parts = [forward, smoother.backward_pass(model, aided=aided)] if settings.smoother else [forward]
+    return any(map(compiled_cache.is_missing, parts))

@@ -11,7 +11,7 @@ from typing import Any, ParamSpec, TypeVar, cast
 
 import numba
 
-from lab.compiled_cache import DISABLE_JIT, cached
+from lab.compiled_cache import DISABLE_JIT, CachedKernel, cached
 from lab.kernel_compiler import Kernel
 
 P = ParamSpec("P")
@@ -83,5 +83,7 @@ def passing_loop_kernel(function: Callable[P, R]) -> Callable[P, R]:
 
 
 def is_ready(function: Callable[..., Any]) -> bool:
-    """Return whether a function called from Python is compiled, or loaded from the disk, in this process."""
+    """Return whether a function called from Python waits for no compiler: compiled here, or on the disk."""
+    if isinstance(function, CachedKernel):
+        return function.is_ready
     return bool(getattr(function, "signatures", True))

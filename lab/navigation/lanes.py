@@ -215,7 +215,7 @@ def _advance(model: ErrorModel) -> Callable[..., None]:
 
 
 def is_compiled(model: ErrorModel) -> bool:
-    """Return whether runs abreast of a model are ready in this process: compiled, or loaded from the disk."""
+    """Return whether runs abreast of a model wait for no compiler: compiled here, or on the disk."""
     return is_ready(_advance(model))
 
 

@@ -11,6 +11,7 @@ P. D. Groves, *Principles of GNSS, Inertial and Multisensor Integrated Navigatio
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,6 +24,7 @@ from lab.navigation.driver import driver
 from lab.navigation.error_models import PHI, ErrorModel
 from lab.navigation.filter import Filter
 from lab.navigation.frames import change, model_at
+from lab.navigation.kalman import MEASUREMENTS
 from lab.navigation.lever_arm import turns
 from lab.navigation.piece import Piece
 from lab.navigation.schedule import EVERY_FIX, Schedule, Stretch
@@ -31,8 +33,12 @@ from lab.navigation.solution import HISTORIES, Belief, Fixes, Imu, Solution, Sta
 FloatArray = NDArray[np.float64]
 
 
-PIECE = 2**16
-"""Samples of a long flight that are navigated in one call, with some 220 bytes each."""
+PIECE = 2**14
+"""Samples of a long flight that are navigated in one call, with some 420 bytes each at 21 states."""
+
+
+Gather = Callable[[Piece, slice], None]
+"""Is given each piece of a flight with the samples in it that were written."""
 
 
 def navigate(
@@ -77,25 +83,32 @@ def navigate_to_fixes(
     belief: Belief,
     schedule: Schedule,
     model: ErrorModel,
-    aids: Aids = NO_AIDS,
+    aids: Aids,
+    gather: Gather,
 ) -> Solution:
     """Navigate a whole long flight as `navigate` does, and keep only the data that explain its innovations.
 
-    These are all data of the fixes, and velocity and attitude at all samples, in float32. The other histories
-    have one row, the start. So the solution takes 30 bytes per sample; a whole one takes 240 with 21 states.
+    These are all data of the fixes, and the attitude at all samples, in float32. The other histories have one
+    row, the start. So the solution takes 17 bytes per sample; a whole one takes 240 with 21 states.
 
     Parameters
     ----------
     imu, fixes, start, belief, schedule, model, aids
         As of `navigate`.
+    gather
+        Takes what else is wanted of each piece.
     """
-    samples = imu.time.size
-    solution = Solution.empty(1, fixes.time.size, model.blocks, aids=aids.time.size)._replace(
-        velocity_n=np.empty((samples, 3), dtype=np.float32),
+    samples, count, n = imu.time.size, fixes.time.size, model.states
+    solution = Solution.empty(1, count, model.blocks, aids=aids.time.size)._replace(
         q_nb=np.empty((samples, 4), dtype=np.float32),
         rest=np.zeros(samples, dtype=np.bool_),
+        # Memory is taken only when it is written, so what is gathered may give it back.
+        innovation_covariance=np.empty((count, MEASUREMENTS, MEASUREMENTS)),
+        fix_covariance=np.empty((count, n, n)),
+        fix_H=np.empty((count, MEASUREMENTS, n)),
+        fix_R=np.empty((count, MEASUREMENTS, MEASUREMENTS)),
     )
-    _fill(solution, imu, fixes, start, belief, schedule, model, aids=aids)
+    _fill(solution, imu, fixes, start, belief, schedule, model, aids=aids, gather=gather)
     return solution
 
 
@@ -109,6 +122,7 @@ def _fill(
     model: ErrorModel,
     stretches: Sequence[Stretch] = (),
     aids: Aids = NO_AIDS,
+    gather: Gather | None = None,
 ) -> None:
     """Navigate a whole flight, and write the solution."""
     is_long = imu.time.size > SINGLE
@@ -118,7 +132,7 @@ def _fill(
     def onwards(imu: Imu, out: Solution, first: int, schedule: Schedule) -> None:
         advance(run, imu, fixes, out, first, schedule, model, go)
 
-    go = within_frame_in_piece if is_long else within_frame
+    go = partial(within_frame_in_piece, gather=gather) if is_long or gather is not None else within_frame
     go_through(run.noise, imu, solution, schedule, stretches, onwards, PIECE if is_long else 0)
 
 
@@ -175,13 +189,22 @@ def within_frame(
 
 
 def within_frame_in_piece(
-    run: Filter, imu: Imu, fixes: Fixes, out: Solution, first: int, schedule: Schedule, model: ErrorModel
+    run: Filter,
+    imu: Imu,
+    fixes: Fixes,
+    out: Solution,
+    first: int,
+    schedule: Schedule,
+    model: ErrorModel,
+    gather: Gather | None = None,
 ) -> int:
     """Advance a navigator as `within_frame` does, over histories that the kernel cannot write."""
     fix, aid = int(run.counts[0]), int(run.counts[2])
     piece = Piece.of(imu, out, first)
     used = within_frame(run, piece.imu, fixes, piece.out, piece.first, schedule, model)
     piece.keep(out, used + 1, slice(fix, int(run.counts[0])), slice(aid, int(run.counts[2])))
+    if gather is not None:
+        gather(piece, piece.written(used + 1))
     return piece.before + used
 
 
@@ -254,5 +277,5 @@ def load(belief: Belief, schedule: Schedule, model: ErrorModel = PHI) -> None:
 
 
 def is_compiled(model: ErrorModel = PHI, *, aided: bool = False) -> bool:
-    """Return whether the driver of a model is ready in this process: compiled, or loaded from the disk."""
+    """Return whether the driver of a model waits for no compiler: compiled here, or on the disk."""
     return is_ready(driver(model, summed=False, aided=aided))

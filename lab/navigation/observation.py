@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lab.navigation import own_room, strapdown, wander
-from lab.navigation.aids import FORWARD, north_axes, see_aid
+from lab.navigation.aids import FORWARD, HEADING, north_axes, north_variance, see_aid
 from lab.navigation.compilation import allocating_kernel, embedded_kernel, inline_kernel, kernel
 from lab.navigation.error_models import WANDER_AZIMUTH, ErrorModel, write_fix_map, write_map
 from lab.navigation.filter import Filter
@@ -301,12 +301,23 @@ def bent_speed(state: FloatArray, P: FloatArray) -> float:
 
 
 @kernel
+def position_variance(T: FloatArray, P: FloatArray) -> float:
+    """Return the mean variance of the position along the horizontal axes [m²]; T must be that of now."""
+    total = 0.0
+    for row in range(2):
+        for i in range(NAV):
+            for j in range(NAV):
+                total += T[row, i] * T[row, j] * P[i, j]
+    return 0.5 * total
+
+
+@kernel
 def observe_aid(run: Filter, a: int, age: float, dt: float, schedule: Schedule, out: Solution) -> bool:
     """Update [P | x] with measurement a of the aids, `age` seconds old; return whether it was used."""
     state, w, T, aids = run.state, run.w, run.T, run.aids
     done = run.aid_scalars[min(a, run.aid_scalars.shape[0] - 1), 0]
     seen, gains = out.aid_H[a], out.aid_gain[a]
-    axes = north_axes(state)
+    axes = north_axes(state, age)
     kind, value, field = aids.kind[a], aids.value[a], aids.field[a]
     z = see_aid(state, axes, kind, value, field, aids.place, age, dt, done[:STATES])
     as_biases(state, done)
@@ -318,6 +329,8 @@ def observe_aid(run: Filter, a: int, age: float, dt: float, schedule: Schedule, 
         excess = bent_speed(state, run.P)
         z -= excess
         variance += 2 * excess * excess
+    if kind >= HEADING:  # also a magnetic one
+        variance += north_variance(state, position_variance(T, run.P))
     per_sigma = 1 / math.sqrt(variance)
     residual, s = z, variance
     for i in range(STATES):
@@ -348,7 +361,8 @@ def observations(model: ErrorModel) -> dict[Kernel, Kernel]:
         found |= {
             difference: wander.difference,
             fix_axes: wander.fix_axes,
-            north_axes: wander.north_axes,
+            north_axes: wander.north_axes_before,
+            north_variance: wander.north_variance,
             frame_rate: wander.frame_rate,
         }
     if model.in_body:

@@ -61,6 +61,10 @@ class Piece(NamedTuple):
         increments = Imu(imu.time[before:], dtheta, dvelocity, imu.rest[before:])
         return cls(increments, out._replace(**here), first - before, before)
 
+    def written(self, stopped: int) -> slice:
+        """Return the samples of the piece that were written, if `stopped` were with those before."""
+        return slice(self.first + 1 if self.first else 0, stopped)
+
     def keep(self, out: Solution, stopped: int, fixes: slice, aids: slice) -> None:
         """Copy what was written into the solution of the whole flight.
 
@@ -73,7 +77,7 @@ class Piece(NamedTuple):
         fixes, aids
             The fixes, and the other measurements, whose sample was written.
         """
-        written = slice(self.first + 1 if self.first else 0, stopped)
+        written = self.written(stopped)
         for name in HISTORIES:
             if not _is_buffered(out, name):
                 continue

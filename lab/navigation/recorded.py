@@ -29,14 +29,13 @@ from lab.navigation.belief import (
     belief,
     chosen_blocks,
     implausible,
-    is_aided,
     r_factors,
     schedule_of,
 )
 from lab.navigation.checks import (
-    check_aiding,
     check_finite,
     check_mechanization,
+    check_own_states,
     check_place,
     check_r,
     check_smoother,
@@ -53,7 +52,7 @@ from lab.navigation.standstill import at_rest, still_without_fixes
 from lab.navigation.wander_models import linear_model
 from lab.recordings.mission_error import MissionError
 from lab.sensors.gps import within
-from lab.sensors.heading_sensor import HEADING, MAGNETOMETER
+from lab.sensors.heading_sensor import HEADING, MAGNETOMETER, check_field
 from lab.sensors.readings import Readings
 from lab.sensors.suite import SensorSuite
 from lab.settings import SettingError
@@ -150,7 +149,7 @@ def navigate_log(
     _check(log, navigator)
     readings = readings_of(log, sensors)
     sensors, remarks = fitted_only(sensors, readings, log)
-    check_aiding(navigator, chosen_blocks(navigator, sensors), aided=is_aided(navigator, sensors))
+    check_own_states(navigator)
     assumed = belief(sensors, navigator)
     check_r(assumed.R)
     times = log.gnss.time - assumed_latency(navigator, log.gnss.latency)
@@ -219,7 +218,13 @@ def _of_field(log: SensorLog, magnetometer: Magnetometer, period: float) -> Read
     """Return the magnetic field once in a period [s], since its errors are those of the vehicle's iron.
 
     The declination is that of the log, or of the World Magnetic Model at the first fix.
+
+    Raises
+    ------
+    SettingError
+        If it does not show the heading there.
     """
+    check_field(log.gnss.position)
     size = np.linalg.norm(magnetometer.field, axis=1)
     rows = np.flatnonzero(
         (magnetometer.time > log.time[0]) & (magnetometer.time <= log.time[-1]) & (size > 0)
@@ -393,7 +398,7 @@ def _solution(
         assumed = assumed._replace(R=assumed.R + WITHHELD**2 * np.eye(MEASUREMENTS) * ~given[:, None, None])
     arguments = (_shown(imu), _shown(fixes), start, assumed, schedule)
     if navigator.model == "nonlinear":
-        solution = unscented.navigate(*arguments, stretches)
+        solution = unscented.navigate(*arguments, stretches, aids, names)
     else:
         engine = smoother.navigate if navigator.smoother else linear.navigate
         model = with_blocks(linear_model(navigator.model, navigator.mechanization), names)

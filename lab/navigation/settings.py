@@ -356,7 +356,7 @@ class NavigatorSettings(Settings):
     vehicle = param.Selector(
         default="auto",
         objects=["auto", *VEHICLES],
-        label="Vehicle of a log",
+        label="Vehicle of a log or stream",
         doc="Vehicle that carried the sensors of a log. Aeroplanes and cars move where their nose points: "
         "this shows the initial heading and wrong axes. The others need not. auto: as stated in the "
         "log.",
@@ -365,7 +365,7 @@ class NavigatorSettings(Settings):
         unset="found",
         unit="°",
         bounds=(-360, 360),
-        label="Initial heading of a log",
+        label="Initial heading of a log or stream",
         doc="True heading at the first sample of a log. found: what antennas, course, motion or "
         "magnetometer show.",
     )
@@ -375,7 +375,7 @@ class NavigatorSettings(Settings):
         bounds=(1e-3, 180),
         softbounds=(0.1, 30),
         step=0.1,
-        label="Initial heading of a log, σ",
+        label="Initial heading of a log or stream, σ",
         doc="Standard deviation of a given initial heading.",
     )
     log_from = QuantityOrNone(

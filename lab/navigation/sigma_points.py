@@ -30,7 +30,6 @@ from numpy.typing import NDArray
 from lab.navigation import strapdown, wander
 from lab.navigation.compilation import inline_kernel, kernel
 from lab.navigation.strapdown import (
-    GYRO_BIAS,
     Q_NB,
     VELOCITY,
     Quaternion,
@@ -94,11 +93,21 @@ def conjugate(q: Quaternion) -> Quaternion:
 
 
 @kernel
-def displace(state: FloatArray, x: FloatArray) -> None:
-    """Subtract an error x from a navigator, with exact rotations (`wander.displace`)."""
+def displace(state: FloatArray, x: FloatArray, places: NDArray[np.int64]) -> None:
+    """Subtract an error x from a navigator, with exact rotations (`wander.displace`).
+
+    Parameters
+    ----------
+    state
+        The navigator, changed in place.
+    x : (n,) array
+        The error.
+    places : (n − 9,) array
+        Where the estimates of the states from the biases on are in the state of the navigator.
+    """
     wander.displace(state, x)
-    for i in range(9, x.size):  # biases, and scale factors if they are states
-        state[GYRO_BIAS - 9 + i] -= x[i]
+    for i in range(9, x.size):
+        state[places[i - 9]] -= x[i]
 
 
 @kernel
@@ -135,6 +144,7 @@ def spread(
     root: FloatArray,
     x: FloatArray,
     points: FloatArray,
+    places: NDArray[np.int64],
 ) -> None:
     """Write the sigma points: the navigator minus ± √3 times each column of the root of P.
 
@@ -150,6 +160,8 @@ def spread(
         Workspace; zeros at first.
     points : (2 n, LENGTH) array
         Receives the sigma points.
+    places : (n − 9,) array
+        As of `displace`.
     """
     n = x.size
     cholesky(P, order, root)
@@ -159,7 +171,7 @@ def spread(
             x[i] = size * root[i, point % n]
         for i in range(state.size):
             points[point, i] = state[i]
-        displace(points[point], x)
+        displace(points[point], x, places)
 
 
 @kernel
@@ -170,6 +182,7 @@ def gather(
     attitudes: FloatArray,
     x: FloatArray,
     P: FloatArray,
+    places: NDArray[np.int64],
 ) -> None:
     """Write mean and covariance of the sigma points.
 
@@ -185,10 +198,12 @@ def gather(
         Receives the error of the navigator relative to the mean.
     P : (n, n) array
         Receives the covariance of the error of the mean.
+    places : (n − 9,) array
+        As of `displace`.
     """
     n = x.size
     for point in range(2 * n):
-        _difference(state, points[point], deviations[point], attitudes[point])
+        _difference(state, points[point], deviations[point], attitudes[point], places)
     q = _mean_attitude(quaternion(state, Q_NB), attitudes)
     centre = rotation_vector(quaternion(state, Q_NB), q)
     for i in range(n):
@@ -216,7 +231,9 @@ def gather(
 
 
 @inline_kernel
-def _difference(state: FloatArray, truth: FloatArray, x: FloatArray, attitude: FloatArray) -> None:
+def _difference(
+    state: FloatArray, truth: FloatArray, x: FloatArray, attitude: FloatArray, places: NDArray[np.int64]
+) -> None:
     """Write the error of a navigator relative to another one as truth, and the attitude of that other one.
 
     Both are resolved in the frame of the navigator, as `wander.displace` takes them. The error of the
@@ -235,7 +252,7 @@ def _difference(state: FloatArray, truth: FloatArray, x: FloatArray, attitude: F
         x[3 + i] = state[VELOCITY + i] - v[i]
         x[6 + i] = 0.0
     for i in range(9, x.size):
-        x[i] = state[GYRO_BIAS - 9 + i] - truth[GYRO_BIAS - 9 + i]
+        x[i] = state[places[i - 9]] - truth[places[i - 9]]
 
 
 @inline_kernel

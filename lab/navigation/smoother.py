@@ -39,7 +39,7 @@ from lab.navigation.piece import Piece
 from lab.navigation.prediction import predict
 from lab.navigation.propagation import DRIVEN, NAV, STATES, WIDTH, X
 from lab.navigation.schedule import EVERY_FIX, SLACK, Schedule, Stretch
-from lab.navigation.solution import Belief, Fixes, Imu, Solution, Start, read_only
+from lab.navigation.solution import HISTORIES, Belief, Fixes, Imu, Solution, Start, read_only
 from lab.navigation.standstill import hold_attitude
 from lab.navigation.storage import store, store_fix
 from lab.navigation.strapdown import get, step
@@ -48,10 +48,11 @@ FloatArray = NDArray[np.float64]
 
 GO = 1024
 """Samples kept in memory in the backward pass, with some 6 kB each at 21 states. For a long flight, these are
-twice as many: at the start of each block, a copy of the filter is kept, with 19 kB."""
-SHARED = ("P", "scalars", "R", "decay", "lever_arm", "turns", "aids", "aid_scalars")
-"""Arrays of a filter that are not copied: P is a part of `w`, updates by fixes are kept for all fixes, the
-others do not change. R and the angular rates about the fixes may be as long as the flight."""
+twice as many: at the start of each block, a copy of the filter is kept, with 12 kB."""
+SHARED = ("P", "F_sum", "F_step", "scalars", "R", "decay", "lever_arm", "turns", "aids", "aid_scalars")
+"""Arrays of a filter that are not copied: P is a part of `w`, sums of F serve a covariance that is propagated
+less often, updates by fixes are kept for all fixes, the others do not change. R and the angular rates about
+the fixes may be as long as the flight."""
 
 
 class _Copy(NamedTuple):
@@ -86,6 +87,7 @@ def navigate(
     model: ErrorModel = PHI,
     stretches: Sequence[Stretch] = (),
     aids: Aids = NO_AIDS,
+    used: Callable[[int], None] | None = None,
 ) -> Solution:
     """Navigate a whole flight, and smooth the solution over all its fixes.
 
@@ -93,6 +95,9 @@ def navigate(
     ----------
     imu, fixes, start, belief, schedule, model, stretches, aids
         As of `navigator.navigate`; P is propagated at every sample (`schedule.stride` is 1).
+    used
+        Called after each block of the way back, with the number of the increment from which on all have been
+        used.
 
     Returns
     -------
@@ -111,6 +116,10 @@ def navigate(
     copies: list[_Copy] = []
 
     go = within_frame_in_piece if is_long else within_frame
+    passing = out
+    if is_long:  # the way back writes the histories, while it gives up the increments
+        row = out.room(1)
+        passing = out._replace(**{name: getattr(row, name) for name in HISTORIES if name != "rest"})
 
     def onwards(imu: Imu, out: Solution, first: int, schedule: Schedule) -> None:
         changed = None
@@ -120,13 +129,13 @@ def navigate(
             if first < imu.dtheta.shape[0]:
                 changed = change(run.state, run.P, model)
 
-    go_through(run.noise, imu, out, schedule, stretches, onwards, at_once)
+    go_through(run.noise, imu, passing, schedule, stretches, onwards, at_once)
     n = model.states
     later, Later = np.zeros(n), np.zeros((n, n))
     end = imu.dtheta.shape[0]
     while copies:
         first, own, there, changed = copies.pop()
-        back = _backwards(model_at(own.state, model), aided=bool(aids.time.size))
+        back = backward_pass(model_at(own.state, model), aided=bool(aids.time.size))
         kept = _Kept(
             np.zeros((end - first + 1, run.state.size)),
             np.zeros((end - first + 1, n * run.P.shape[1])),
@@ -149,6 +158,8 @@ def navigate(
             later[:NAV] = changed.T @ later[:NAV]
             Later[:NAV] = changed.T @ Later[:NAV]
             Later[:, :NAV] = Later[:, :NAV] @ changed
+        if used is not None:
+            used(first)
         end = first
     return out
 
@@ -352,6 +363,6 @@ def backwards(
 
 
 @functools.cache
-def _backwards(model: ErrorModel, *, aided: bool) -> Callable[..., None]:
+def backward_pass(model: ErrorModel, *, aided: bool) -> Callable[..., None]:
     """Return the backward pass over some samples, compiled, or loaded from the disk, when first called."""
     return loop(backwards, model, aided=aided)

@@ -1,10 +1,10 @@
 """Unscented: the nonlinear filter: sigma points through the exact strapdown kinematics, attitude on SO(3).
 
-The navigator and its sigma points, 30 for 15 states and 42 for 21, are propagated together through every IMU
-sample, in a wander-azimuth frame (`wander`), which has no pole. Mean and covariance are computed from the
-points 50 times a second. At each fix, and once a second without fixes, new points are placed about the mean.
-Only the propagation of the process noise between two placements is linearised, so the attitude error may be
-as large as that of an unknown heading.
+The navigator and its sigma points, two for each state, are propagated together through every IMU sample, in a
+wander-azimuth frame (`wander`), which has no pole. Mean and covariance are computed from the points 50 times
+a second. At each measurement, and once a second without any, new points are placed about the mean. Only the
+propagation of the process noise between two placements is linearised, so the attitude error may be as large
+as that of an unknown heading.
 
 References
 ----------
@@ -24,10 +24,10 @@ from numpy.typing import NDArray
 
 from lab.histories import SINGLE
 from lab.navigation import blocks, strapdown, wander, wander_models
-from lab.navigation.blocks import CORE
-from lab.navigation.compilation import embedded_kernel, entry_kernel, inline_kernel, is_ready
+from lab.navigation.aids import NO_AIDS, Aids, north_axes, north_variance
+from lab.navigation.compilation import embedded_kernel, entry_kernel, inline_kernel, is_ready, kernel
 from lab.navigation.error_models import ATT, write_map
-from lab.navigation.generation import Variant, generated
+from lab.navigation.generation import Kernel, Variant, generated
 from lab.navigation.kalman import (
     MEASUREMENTS,
     RECOVERED,
@@ -40,14 +40,24 @@ from lab.navigation.kalman import (
 )
 from lab.navigation.lever_arm import see_antenna, turns
 from lab.navigation.navigator import PIECE, go_through
+from lab.navigation.observation import see_latency
 from lab.navigation.piece import Piece
 from lab.navigation.propagation import NAV
 from lab.navigation.schedule import EVERY_FIX, SLACK, Schedule, Stretch
 from lab.navigation.sigma_points import displace, gather, spread, transport
 from lab.navigation.solution import Belief, Fixes, Imu, Solution, Start, read_only
 from lab.navigation.standstill import GATE, gather_rest, hold_attitude, see_rest
-from lab.navigation.strapdown import GYRO_BIAS, Matrix, Vector, get, put, step
-from lab.navigation.unscented_filter import Filter
+from lab.navigation.strapdown import GYRO_BIAS, Matrix, Vector, get, plus, put, step
+from lab.navigation.unscented_aids import observe_aid
+from lab.navigation.unscented_filter import (
+    GPS_DRIFT,
+    GYRO_DRIFT,
+    LATENCY,
+    LEVER_ARM,
+    MISALIGNMENT,
+    SCALE,
+    Filter,
+)
 from lab.navigation.wander import back, difference, fix_axes, frame_rate, quaternion, store_state
 from lab.settings import SettingError
 
@@ -66,9 +76,12 @@ def navigate(
     belief: Belief,
     schedule: Schedule = EVERY_FIX,
     stretches: Sequence[Stretch] = (),
+    aids: Aids = NO_AIDS,
+    names: Sequence[str] | None = None,
 ) -> Solution:
     """Navigate a whole flight with the unscented filter; arguments and result as for `navigator.navigate`.
 
+    `names` are the further blocks of states; by default, the scale factors if the belief has 21 states.
     Between two computations of the covariance (`FORMED`, or `schedule.stride` samples if that is longer), the
     output variance is the last one.
 
@@ -80,18 +93,21 @@ def navigate(
     check(schedule)
     check_heading(belief.P0)
     is_long = imu.time.size > SINGLE
-    scales = blocks.SCALES if belief.P0.shape[0] > blocks.CORE else ()
+    if names is None:
+        names = blocks.SCALES if belief.P0.shape[0] > blocks.CORE else ()
     shown = np.float32 if is_long else np.float64
-    solution = Solution.empty(imu.time.size, fixes.time.size, scales, shown)
-    run = Filter.begin(start, belief, float(imu.time[0]), turns(imu, fixes.time, belief.lever_arm))
+    solution = Solution.empty(imu.time.size, fixes.time.size, names, shown, aids.time.size)
+    turned = turns(imu, fixes.time, belief.lever_arm, estimated=blocks.LEVER_ARM in names)
+    run = Filter.begin(start, belief, float(imu.time[0]), turned, names, aids)
 
     def onwards(imu: Imu, out: Solution, first: int, schedule: Schedule) -> None:
         if not is_long:
             advance(run, imu, fixes, out, first, schedule)
             return
-        fix, piece = int(run.counts[0]), Piece.of(imu, out, first)
+        fix, aid, piece = int(run.counts[0]), int(run.counts[2]), Piece.of(imu, out, first)
         advance(run, piece.imu, fixes, piece.out, piece.first, schedule)
-        piece.keep(out, piece.imu.time.size, slice(fix, int(run.counts[0])), slice(0))
+        used = slice(fix, int(run.counts[0])), slice(aid, int(run.counts[2]))
+        piece.keep(out, piece.imu.time.size, *used)
 
     go_through(run.noise, imu, solution, schedule, stretches, onwards, PIECE if is_long else 0)
     return solution
@@ -130,13 +146,13 @@ def check(schedule: Schedule) -> None:
 
 @inline_kernel
 def _decay(run: Filter, elapsed: float) -> None:
-    """Let the biases decay: those of the navigator and of all points, and the covariance from noise."""
-    for b in range(6):
+    """Let slow errors decay: those of the navigator and of all points, and the covariance from noise."""
+    for b in range(run.decay.size):
         if run.decay[b] > 0:
-            kept = math.exp(-run.decay[b] * elapsed)
-            run.state[GYRO_BIAS + b] *= kept
+            kept, place = math.exp(-run.decay[b] * elapsed), run.places[b]
+            run.state[place] *= kept
             for point in range(run.points.shape[0]):
-                run.points[point, GYRO_BIAS + b] *= kept
+                run.points[point, place] *= kept
             for i in range(run.x.size):
                 run.driven[9 + b, i] *= kept
             for i in range(run.x.size):
@@ -154,7 +170,7 @@ def _add_noise(run: Filter, C_nb: Matrix, elapsed: float) -> None:
                 for k in range(3):
                     total += C_nb[i][k] * C_nb[j][k] * run.noise[3 * block + k]
                 run.driven[at + i, at + j] += elapsed * total
-    for b in range(6):
+    for b in range(run.noise.size - 6):
         run.driven[9 + b, 9 + b] += elapsed * run.noise[6 + b]
 
 
@@ -166,14 +182,17 @@ def _drive(run: Filter, elapsed: float) -> None:
     covariance is small and lasts for a second at most, so only these error rates matter: δṙ = δv, δv̇ = f × φ
     − C_nb δb_a and φ̇ = C_nb δb_g.
     """
-    D, n = run.driven, run.x.size
+    D, n, drift = run.driven, run.x.size, run.first[GYRO_DRIFT]
     C_nb = strapdown.matrix(quaternion(run.state, strapdown.Q_NB))
     force = get(run.state, strapdown.FORCE_N)
     _add_noise(run, C_nb, 0.5 * elapsed)
     for i in range(n):
         v, phi = (D[3, i], D[4, i], D[5, i]), (D[6, i], D[7, i], D[8, i])
         gyro, accel = (D[9, i], D[10, i], D[11, i]), (D[12, i], D[13, i], D[14, i])
-        acceleration_error = strapdown.plus(strapdown.cross(force, phi), -1.0, strapdown.rotate(C_nb, accel))
+        if drift >= 0:
+            gyro = gyro[0] + D[drift, i], gyro[1] + D[drift + 1, i], gyro[2] + D[drift + 2, i]
+            accel = accel[0] + D[drift + 3, i], accel[1] + D[drift + 4, i], accel[2] + D[drift + 5, i]
+        acceleration_error = plus(strapdown.cross(force, phi), -1.0, strapdown.rotate(C_nb, accel))
         turn = strapdown.rotate(C_nb, gyro)
         for j in range(3):
             D[j, i] += elapsed * v[j]
@@ -181,10 +200,13 @@ def _drive(run: Filter, elapsed: float) -> None:
             D[6 + j, i] += elapsed * turn[j]
     for i in range(n):
         v, phi, gyro, accel = get(D[i], 3), get(D[i], 6), get(D[i], 9), get(D[i], 12)
-        acceleration_error = strapdown.plus(strapdown.cross(force, phi), -1.0, strapdown.rotate(C_nb, accel))
-        put(D[i], 0, strapdown.plus(get(D[i], 0), elapsed, v))
-        put(D[i], 3, strapdown.plus(v, elapsed, acceleration_error))
-        put(D[i], 6, strapdown.plus(phi, elapsed, strapdown.rotate(C_nb, gyro)))
+        if drift >= 0:
+            gyro = plus(gyro, 1.0, get(D[i], drift))
+            accel = plus(accel, 1.0, get(D[i], drift + 3))
+        acceleration_error = plus(strapdown.cross(force, phi), -1.0, strapdown.rotate(C_nb, accel))
+        put(D[i], 0, plus(get(D[i], 0), elapsed, v))
+        put(D[i], 3, plus(v, elapsed, acceleration_error))
+        put(D[i], 6, plus(phi, elapsed, strapdown.rotate(C_nb, gyro)))
     _add_noise(run, C_nb, 0.5 * elapsed)
 
 
@@ -218,7 +240,7 @@ def _show(run: Filter) -> None:
 def _form(run: Filter) -> None:
     """Compute mean and covariance from the points and from the noise since they were placed."""
     _decay(run, run.clock[0])
-    gather(run.state, run.points, run.deviations, run.attitudes, run.mean, run.P)
+    gather(run.state, run.points, run.deviations, run.attitudes, run.mean, run.P, run.places)
     _drive(run, run.clock[0])
     for i in range(run.x.size):
         for j in range(i + 1):  # one triangle for both, because roundoff would make them differ
@@ -233,12 +255,28 @@ def _form(run: Filter) -> None:
 @embedded_kernel
 def _centre(run: Filter) -> None:
     """Move the navigator to the mean, and mark its sigma points as outdated."""
-    displace(run.state, run.mean)
+    displace(run.state, run.mean, run.places)
     for i in range(run.x.size):
         run.mean[i] = 0.0
         for j in range(run.x.size):
             run.driven[i, j] = 0.0
     run.clock[1] = -1.0
+
+
+@embedded_kernel
+def _see_slow_errors(run: Filter, axes: Matrix, nu: FloatArray, H: FloatArray) -> None:
+    """Add latency, GPS drift and gyro drift to the innovation of a fix and to its H, if they are states."""
+    latency, gps_drift, gyro_drift = run.first[LATENCY], run.first[GPS_DRIFT], run.first[GYRO_DRIFT]
+    if latency >= 0:
+        see_latency(run.state, axes, latency, nu, H)
+    if gps_drift >= 0:
+        for i in range(3):
+            nu[i] += run.state[strapdown.GPS_DRIFT + i]
+            H[i, gps_drift + i] = 1.0
+    if gyro_drift >= 0:
+        for i in range(MEASUREMENTS):
+            for j in range(3):
+                H[i, gyro_drift + j] = H[i, 9 + j]
 
 
 @embedded_kernel
@@ -254,7 +292,21 @@ def _judge(
             H[i, j] = 1.0 if i == j else 0.0
     axes = fix_axes(run.state)
     turn = run.turns[min(m, run.turns.shape[0] - 1)]
-    see_antenna(run.state, run.lever_arm, turn, age, run.noise, axes, nu, H, R, H.shape[1] > CORE, -1, -1)
+    see_antenna(
+        run.state,
+        run.lever_arm,
+        turn,
+        age,
+        run.noise,
+        axes,
+        nu,
+        H,
+        R,
+        run.first[SCALE] >= 0,
+        run.first[LEVER_ARM],
+        run.first[MISALIGNMENT],
+    )
+    _see_slow_errors(run, axes, nu, H)
     for i in range(MEASUREMENTS):
         for j in range(n):
             out.fix_H[m, i, j] = H[i, j]
@@ -311,7 +363,7 @@ def _update(run: Filter, nu: FloatArray) -> None:
             for m in range(MEASUREMENTS):
                 total += W[i, m] * W[j, m]
             P[i, j] -= total
-    displace(run.state, x)
+    displace(run.state, x, run.places)
     transport(P, (x[6], x[7], x[8]))
 
 
@@ -327,7 +379,7 @@ def _rests(run: Filter, imu: Imu, k: int, dt: float) -> bool:
 @embedded_kernel
 def _update_at_rest(run: Filter) -> bool:
     """Update with the mean rate about the vertical at rest; return False if the vehicle turns."""
-    P, x, state = run.P, run.x, run.state
+    P, x, state, drift = run.P, run.x, run.state, run.first[GYRO_DRIFT]
     H, gain = np.empty(6), np.empty(x.size)
     z = see_rest(state, frame_rate(state), run.noise, run.rest_sums, H)
     s = 1.0
@@ -335,15 +387,19 @@ def _update_at_rest(run: Filter) -> bool:
         gain[i] = 0.0
         for j in range(6):
             gain[i] += P[i, 6 + j] * H[j]
+        for j in range(3 if drift >= 0 else 0):
+            gain[i] += P[i, drift + j] * H[3 + j]
     for j in range(6):
         s += H[j] * gain[6 + j]
+    for j in range(3 if drift >= 0 else 0):
+        s += H[3 + j] * gain[drift + j]
     if z * z > GATE * s:
         return False
     for i in range(x.size):
         x[i] = gain[i] / s * z
         for j in range(x.size):
             P[i, j] -= gain[i] * gain[j] / s
-    displace(state, x)
+    displace(state, x, run.places)
     transport(P, (x[6], x[7], x[8]))
     return True
 
@@ -354,12 +410,15 @@ def _store(out: Solution, k: int, run: Filter) -> None:
     mean = run.spare
     for i in range(mean.size):
         mean[i] = run.state[i]
-    displace(mean, run.mean)
+    displace(mean, run.mean, run.places)
     store_state(out, k, mean)
     for i in range(6):
         out.bias[k, i] = mean[GYRO_BIAS + i]
     for i in range(out.scale.shape[1]):
         out.scale[k, i] = mean[strapdown.GYRO_SCALE + i]
+    at = 6 + out.scale.shape[1]
+    for i in range(out.further.shape[1]):
+        out.further[k, i] = mean[run.places[at + i]]
     for i in range(run.x.size):
         out.variance[k, i] = run.shown[i, i]
     for block in range(2):
@@ -382,7 +441,7 @@ def _store_fix(out: Solution, m: int, sample: int, run: Filter) -> None:
 def _step(run: Filter, dtheta: Vector, dvelocity: Vector, dt: float) -> None:
     """Advance the navigator and its sigma points by one IMU sample."""
     if run.clock[1] < 0:
-        spread(run.state, run.P, run.order, run.root, run.x, run.points)
+        spread(run.state, run.P, run.order, run.root, run.x, run.points, run.places)
         run.clock[1] = 0.0
     step(run.state, dtheta, dvelocity, dt)
     for point in range(run.points.shape[0]):
@@ -390,6 +449,36 @@ def _step(run: Filter, dtheta: Vector, dvelocity: Vector, dt: float) -> None:
     run.counts[1] += 1
     run.clock[0] += dt
     run.clock[1] += dt
+
+
+@inline_kernel
+def aid_due(run: Filter, time: float, dt: float) -> bool:
+    """Return False: without aids, no measurement of theirs is ever due."""
+    return False
+
+
+@inline_kernel
+def take_aids(run: Filter, out: Solution, k: int, time: float, dt: float, schedule: Schedule) -> None:
+    """Do nothing: without aids, there are no measurements of theirs."""
+
+
+@inline_kernel
+def _aid_due(run: Filter, time: float, dt: float) -> bool:
+    """Return whether a measurement of the aids is due at a time."""
+    a = run.counts[2]
+    return bool(a < run.aids.time.size and run.aids.time[a] <= time + SLACK * dt)
+
+
+@kernel
+def _take_aids(run: Filter, out: Solution, k: int, time: float, dt: float, schedule: Schedule) -> None:
+    """Apply the measurements of the aids that are due at sample k."""
+    while _aid_due(run, time, dt):
+        a = run.counts[2]
+        age = time - run.aids.time[a]
+        if age <= dt * (1 + SLACK) and observe_aid(run, a, age, dt, schedule, out):
+            out.aid_sample[a] = k + 1
+            _show(run)
+        run.counts[2] = a + 1
 
 
 @entry_kernel
@@ -405,9 +494,10 @@ def filter_all(run: Filter, imu: Imu, fixes: Fixes, out: Solution, first: int, s
         m = run.counts[0]
         fix_due = m < fixes.time.size and fixes.time[m] <= time + SLACK * dt
         rest_due = _rests(run, imu, k, dt)
-        if fix_due or rest_due or (run.counts[1] >= schedule.stride and run.clock[0] >= FORMED - SLACK * dt):
+        due = fix_due or rest_due or aid_due(run, time, dt)
+        if due or (run.counts[1] >= schedule.stride and run.clock[0] >= FORMED - SLACK * dt):
             _form(run)
-            if fix_due or rest_due or run.clock[1] >= HELD - SLACK * dt:
+            if due or run.clock[1] >= HELD - SLACK * dt:
                 _centre(run)
         if rest_due and _update_at_rest(run):
             out.rest[k + 1] = True
@@ -428,15 +518,21 @@ def filter_all(run: Filter, imu: Imu, fixes: Fixes, out: Solution, first: int, s
             m += 1
             run.counts[0] = m
             fix_due = m < fixes.time.size and fixes.time[m] <= time + SLACK * dt
+        take_aids(run, out, k, time, dt, schedule)
         _store(out, k + 1, run)
 
 
 @functools.cache
-def _advance() -> Callable[[Filter, Imu, Fixes, Solution, int, Schedule], None]:
+def _advance(*, aided: bool) -> Callable[[Filter, Imu, Fixes, Solution, int, Schedule], None]:
     """Return the loop over samples, which is compiled, or loaded from the disk, when first called."""
-    variant = Variant({**wander_models.PSI.variant.kernels, **wander.STEP})
+    own: dict[Kernel, Kernel] = {**wander_models.PSI.variant.kernels, **wander.STEP}
+    name = "nonlinear"
+    if aided:
+        own |= {aid_due: _aid_due, take_aids: _take_aids}
+        own |= {north_axes: wander.north_axes_before, north_variance: wander.north_variance}
+        name = "nonlinear aids"
     made: Callable[[Filter, Imu, Fixes, Solution, int, Schedule], None] = generated(
-        "nonlinear", "The unscented filter, in a wander-azimuth frame.", [filter_all], variant
+        name, "The unscented filter, in a wander-azimuth frame.", [filter_all], Variant(own)
     )[filter_all]
     return made
 
@@ -446,9 +542,10 @@ def advance(run: Filter, imu: Imu, fixes: Fixes, out: Solution, first: int, sche
 
     The flight may be passed whole or in pieces: the result is the same.
     """
-    _advance()(run, read_only(imu), read_only(fixes), out, first, schedule)
+    go = _advance(aided=bool(run.aids.time.size))
+    go(run, read_only(imu), read_only(fixes), out, first, schedule)
 
 
-def is_compiled() -> bool:
-    """Return whether the driver is ready in this process: compiled, or loaded from the disk."""
-    return is_ready(_advance())
+def is_compiled(*, aided: bool = False) -> bool:
+    """Return whether the driver waits for no compiler: compiled here, or on the disk."""
+    return is_ready(_advance(aided=aided))

@@ -2,21 +2,35 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from lab.navigation import frames, strapdown, wander, wander_models
+from lab.navigation import blocks, frames, strapdown, wander, wander_models
+from lab.navigation.aids import NO_AIDS, Aids
 from lab.navigation.filter import initial_covariance
-from lab.navigation.further_columns import with_states
+from lab.navigation.further_columns import with_blocks
 from lab.navigation.kalman import MEASUREMENTS
 from lab.navigation.lever_arm import NO_TURNS
-from lab.navigation.solution import Belief, Start
+from lab.navigation.solution import Belief, Start, read_only
 from lab.navigation.standstill import ROOM
 from lab.navigation.strapdown import GYRO_BIAS, VELOCITY
 
 FloatArray = NDArray[np.float64]
+
+SEEN = (
+    blocks.GYRO_SCALE,
+    blocks.GYRO_MISALIGNMENT,
+    blocks.GYRO_DRIFT,
+    blocks.GPS_DRIFT,
+    blocks.LEVER_ARM,
+    blocks.LATENCY,
+)
+"""Blocks of states that appear in fixes or in the rates at rest."""
+SCALE, MISALIGNMENT, GYRO_DRIFT, GPS_DRIFT, LEVER_ARM, LATENCY = range(len(SEEN))
+"""Their places in `Filter.first`."""
 
 
 class Filter(NamedTuple):
@@ -29,7 +43,8 @@ class Filter(NamedTuple):
     points : (2 n, LENGTH) array
         The sigma points, navigators of the same kind.
     P : (n, n) array
-        Covariance of the error, 15 or 21 states, in the computer frame as of `wander_models.psi`.
+        Covariance of the error, in the computer frame as of `wander_models.psi`; 15 states of every filter,
+        then those of its further blocks.
     """
 
     state: FloatArray
@@ -46,7 +61,7 @@ class Filter(NamedTuple):
     half: FloatArray  # T P, its first nine rows
     shown: FloatArray  # covariance of the output errors, T P Tᵀ
     spare: FloatArray  # a navigator
-    counts: NDArray[np.int64]  # next fix; samples since mean and covariance were computed
+    counts: NDArray[np.int64]  # next fix; samples since mean and covariance were computed; next of the aids
     clock: FloatArray  # s since then; s since the points were placed, negative before; time of last fix
     streak: FloatArray  # of implausible fixes, see `kalman.stands_out`
     R: FloatArray  # of all fixes, or of each
@@ -57,12 +72,26 @@ class Filter(NamedTuple):
     lever_arm: FloatArray
     turns: FloatArray  # rates about all fixes, or about each, see `lever_arm.turns`
     rest_sums: FloatArray  # of the rates at rest, see `standstill`
+    places: NDArray[np.int64]  # of the states from the biases on in the state of the navigator
+    first: NDArray[np.int64]  # first state of each of the blocks `SEEN`; −1 without it
+    aids: Aids  # measurements other than fixes
 
     @classmethod
-    def begin(cls, start: Start, belief: Belief, time: float = 0.0, turned: FloatArray = NO_TURNS) -> Filter:
-        """Return a filter at its start, at a time [s]; for `turned` see `filter.Filter.begin`."""
-        n = belief.P0.shape[0]
-        model = with_states(wander_models.PSI, n)
+    def begin(
+        cls,
+        start: Start,
+        belief: Belief,
+        time: float = 0.0,
+        turned: FloatArray = NO_TURNS,
+        names: Sequence[str] = (),
+        aids: Aids = NO_AIDS,
+    ) -> Filter:
+        """Return a filter with some further blocks at its start, at a time [s].
+
+        For `turned` and `aids` see `filter.Filter.begin`.
+        """
+        n = blocks.count(names)
+        model = with_blocks(wander_models.PSI, names)
         state = np.zeros(wander.LENGTH)
         frames.place(state, start.position, model)
         state[VELOCITY : VELOCITY + 3] = start.velocity_n
@@ -83,7 +112,7 @@ class Filter(NamedTuple):
             np.zeros((9, n)),
             np.zeros((n, n)),
             np.zeros(wander.LENGTH),
-            np.zeros(2, dtype=np.int64),
+            np.zeros(3, dtype=np.int64),
             np.array([0.0, -1.0, time]),
             np.zeros(2 + MEASUREMENTS),
             np.array(belief.R, dtype=np.float64).reshape(-1, MEASUREMENTS, MEASUREMENTS),
@@ -94,4 +123,7 @@ class Filter(NamedTuple):
             np.array(belief.lever_arm, dtype=np.float64),
             np.array(turned, dtype=np.float64),
             np.zeros(ROOM),
+            np.array(blocks.places(names), dtype=np.int64),
+            np.array([blocks.first_state(names, name) for name in SEEN], dtype=np.int64),
+            read_only(aids),
         )

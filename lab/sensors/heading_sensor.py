@@ -19,7 +19,7 @@ from lab.sensors import readings
 from lab.sensors.draws import Seed
 from lab.sensors.readings import Readings, read, reading_times, slow_error
 from lab.setting_kinds import QuantityOrNone
-from lab.settings import Settings
+from lab.settings import SettingError, Settings
 from lab.trajectory import Trajectory
 from lab.units import si
 
@@ -82,6 +82,51 @@ def measure(trajectory: Trajectory, errors: HeadingErrors, seed: Seed) -> Readin
     return _of_field(trajectory, found)
 
 
+WEAKEST_FIELD = 2.0
+"""Horizontal field below which a magnetic heading is refused [µT]: the blackout zones of the World Magnetic
+Model, about the magnetic poles and up to the geographic north pole."""
+LARGEST_CHANGE = np.radians(10.0)
+"""Change of the declination along a flight up to which that at the start stands for the flight [rad]: five
+times the default σ of the sensor's bias, and ten times the change along 100 km elsewhere."""
+CALM_LATITUDE = np.radians(50.0)
+"""Latitude below which there is neither, on flights of some hundred kilometres [rad]."""
+_PLACES = 8
+"""Places along a flight at which the field is computed, and that closest to a pole."""
+
+
+def check_field(position: FloatArray) -> None:
+    """Raise `SettingError` if a magnetometer does not show the heading on a flight.
+
+    Parameters
+    ----------
+    position : (n, 3) array
+        Latitude, longitude [rad] and height [m] along the flight.
+    """
+    latitude = np.abs(position[:, 0])
+    if latitude.max() < CALM_LATITUDE:
+        return
+    places = np.append(np.linspace(0, latitude.size - 1, _PLACES).astype(np.int64), np.argmax(latitude))
+    north, east, _ = np.array([magnetic_field(position[place]) for place in places]).T
+    weakest = float(np.hypot(north, east).min())
+    declination = np.arctan2(east, north)
+    change = float(np.abs(wrap(declination - declination[0])).max())
+    if weakest < WEAKEST_FIELD:
+        reason = (
+            f"the horizontal magnetic field is {weakest:.1f} µT on this flight, and the World Magnetic Model "
+            f"calls regions below {WEAKEST_FIELD:g} µT blackout zones of the compass"
+        )
+    elif change > LARGEST_CHANGE:
+        reason = (
+            f"the magnetic declination changes by {np.degrees(change):.0f}° on this flight, and the filter "
+            f"assumes one value; accepted are up to {np.degrees(LARGEST_CHANGE):.0f}°"
+        )
+    else:
+        return
+    raise SettingError(
+        f"sensors.heading.source: {reason}; accepted here is source = {HEADING}, which two antennas measure"
+    )
+
+
 def _of_field(trajectory: Trajectory, found: Readings) -> Readings:
     """Return readings of the magnetic field that show some headings [rad].
 
@@ -89,6 +134,8 @@ def _of_field(trajectory: Trajectory, found: Readings) -> Readings:
     """
     field = magnetic_field(trajectory.at(np.zeros(1)).position[0])
     truth = trajectory.at(found.time)
+    if found.time.size:
+        check_field(truth.position)
     error = np.zeros((found.time.size, 3))
     error[:, 2] = truth.euler[:, 2] - found.value
     seen = Rotation.from_rotvec(error).apply(field / np.linalg.norm(field))

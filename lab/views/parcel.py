@@ -158,7 +158,11 @@ class Parcel:
         ages: dict[int, tuple[float, float]],
         sets: dict[int, dict[str, Any]],
     ) -> None:
-        """Make the changes of models that no browser has yet, as `UNPACK` does."""
+        """Make the changes of models that no browser has yet, as `UNPACK` does.
+
+        A browser that had them and left them makes no more of what was sent last.
+        """
+        self.carrier.data = {"what": []}
         changed: dict[int, dict[str, Any]] = {}
         for number, columns, rollover in streams:
             data = changed.setdefault(number, self._data(number))

@@ -18,7 +18,7 @@ table { border-collapse: collapse; font-variant-numeric: tabular-nums; margin: 6
 th, td { text-align: left; padding: 3px 14px 3px 0; vertical-align: top; }
 th { font-weight: 500; opacity: 0.7; }
 td.number { text-align: right; white-space: nowrap; }
-.differs { color: #e5484d; font-weight: 600; }
+.differs { color: color-mix(in srgb, #e5484d 65%, currentColor); font-weight: 600; }
 ul { margin: 4px 0; padding-left: 20px; }
 .scroll { overflow-x: auto; }
 """

@@ -1,9 +1,9 @@
 """State statistics: NEES and NIS over seeds for each further state and measurement, alone and all together.
 
-Run it with ``python -m tests.benchmarks.state_statistics [seeds] [words in names of cases ...]``. Each line
-has the mean NEES per state of all states and of those of the case, the NIS of the fixes and of the other
-measurements, each with half of its 99.8 % interval from the scatter of the runs, and whether all are inside.
-Then follow outages of 60 s: the error at the end without and with a measurement, and its ratio to σ.
+Run it with ``python -m tests.benchmarks.state_statistics [seeds] [model] [words in names of cases ...]``.
+Each line has the mean NEES per state of all states and of those of the case, the NIS of the fixes and of the
+other measurements, each with half of its 99.8 % interval from the scatter of the runs, and whether all are
+inside. Then follow outages of 60 s: the error at the end without and with a measurement, and its ratio to σ.
 """
 
 from __future__ import annotations
@@ -20,13 +20,14 @@ import lab
 from lab.analysis.consistency import normalised_squares, uncertain
 from lab.analysis.errors import error_state
 from lab.navigation import blocks
+from lab.navigation.settings import NavigatorSettings
 from lab.result import Result
 
 sys.path.insert(0, str(Path(__file__).parent.parent))
 from aided_flights import flight, standing, winding_road
 
-RATE = {"trajectory.imu_rate": 50.0}
-"""A low IMU rate [Hz]: the statistics are those of the filter."""
+RATE: dict[str, Any] = {"trajectory.imu_rate": 50.0}
+"""A low IMU rate [Hz]: the statistics are those of the filter. The chosen model is added."""
 BOUND = 3.1
 """Half of the 99.8 % interval of a mean, in its σ."""
 CLOSE = 0.05
@@ -141,7 +142,11 @@ def at_the_end(
 def main(arguments: list[str]) -> None:
     """Print both tables."""
     seeds = int(arguments[0]) if arguments and arguments[0].isdigit() else 100
-    words = [word for word in arguments if not word.isdigit()]
+    models = NavigatorSettings.param["model"].objects
+    words = [word for word in arguments if not word.isdigit() and word not in models]
+    for word in arguments:
+        if word in models:
+            RATE["navigator.model"] = word
     lab.declare_states(
         "g-sensitivity", ["gyro g x", "gyro g y", "gyro g z"], g_sensitivity, sigma=3e-4, unit="rad/s/(m/s²)"
     )
@@ -151,6 +156,8 @@ def main(arguments: list[str]) -> None:
         for case, (mission, settings) in CASES.items():
             if words and not any(word in case for word in words):
                 continue
+            if "navigator.own_states" in settings and RATE.get("navigator.model") == "nonlinear":
+                continue  # refused
             runs = [
                 squares(flight(places.get(mission, mission), seed, RATE | settings).run())
                 for seed in range(seeds)

@@ -106,7 +106,10 @@ def serving(*flags: str) -> Iterator[tuple[str, subprocess.Popen[str]]]:
         yield f"http://localhost:{port}/simulator", process
     finally:
         process.terminate()
-        process.wait(timeout=30)
+        try:
+            process.wait(timeout=30)
+        except subprocess.TimeoutExpired:  # it compiles a filter for a session that nobody has any more
+            process.kill()
         drain.wait(timeout=30)
 
 

@@ -24,6 +24,7 @@ def test_a_lesson_from_its_text_to_the_right_answer(open_page: Callable[..., Pag
     box = formula.bounding_box()
     assert box is not None
     assert box["width"] > 50  # drawn, not folded away
+    expect(formula).to_have_css("font-family", "math")  # others have no roots and no accents
     page.get_by_role("button", name="Check the answer").click()
     expect(page.get_by_text("Give an answer first.")).to_be_visible()
     page.get_by_role("radio", name="no, they are too small").click()

@@ -226,6 +226,19 @@ def test_what_a_recording_says_is_text_where_it_is_judged(
     assert strange[1] == []
 
 
+@pytest.mark.parametrize("query", ["", "?seed=2"])
+def test_a_plain_panel_server_sends_the_headers_with_the_page(address: str, query: str) -> None:
+    """Also with the first page of all, whose making installs them."""
+    with urlopen(address + query) as answer:
+        headers, page = answer.headers, answer.read().decode()
+    assert headers["X-Content-Type-Options"] == "nosniff"
+    assert headers["Referrer-Policy"] == "same-origin"
+    (number,) = re.findall(r"'nonce-([^']+)'", headers["Content-Security-Policy"])
+    assert "frame-ancestors 'self'" in headers["Content-Security-Policy"]
+    assert re.findall(r"<script(?! nonce=)[^>]*>", page) == []
+    assert f'<script nonce="{number}"' in page
+
+
 PATHS = {"": 200, "static/js/bokeh.min.js": 200, "favicon.ico": 200, "nowhere": 404, "static/nowhere": 404}
 
 

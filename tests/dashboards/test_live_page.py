@@ -139,6 +139,15 @@ def test_two_pages_share_one_source(opened: Callable[[], Opened]) -> None:
     first.until(lambda: station.source.ended)
 
 
+def test_devices_of_one_name_are_told_apart(opened: Callable[[], Opened]) -> None:
+    first, second = opened(), opened()
+    second.session.experiment.seed = 2
+    assert first.connect() is not second.connect()
+    watched = [name for name in opened().page._fields._offers() if name.startswith("Watch: ")]
+    assert len(watched) == 2
+    assert watched[1] == f"{watched[0]} (2)"
+
+
 def test_a_paused_page_loses_nothing(opened: Callable[[], Opened]) -> None:
     one = opened()
     station = one.connect()

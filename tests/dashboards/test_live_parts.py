@@ -141,7 +141,8 @@ def test_the_errors_against_the_truth_are_drawn_and_told(one: Opened) -> None:
     page = one.page
     page._choice.value = ERRORS
     part = page._errors
-    assert part._grid.visible
+    assert "has no attitude. The IMU must stand still for" in part._words.object
+    assert not part._of_attitude.visible  # plots without curves
     carrier = part._figures._parcel.carrier
     drawn: list[float] = []
 
@@ -164,10 +165,26 @@ def test_the_errors_against_the_truth_are_drawn_and_told(one: Opened) -> None:
     part.tell()
     assert "attitude" in part._words.object
     assert "σ" in part._words.object
+    assert part._of_attitude.visible
+    assert part._of_position.visible is bool(np.isfinite(found.position).any())
     page._toggle()
-    assert not part._grid.visible
-    part.tell()
+    assert not part._of_attitude.visible
     assert "Only a simulated device and X-Plane" in part._words.object
+
+
+def test_plots_are_filled_before_a_browser_gets_them(one: Opened) -> None:
+    """Rows that overtake the plots they are for are lost in the browser."""
+    page = one.page
+    page._choice.value = AXES
+    one.until(lambda: len(page._station.thinned.since(0)[1]) > 60)  # type: ignore[union-attr]
+    page._choice.value = PLOTS
+    parcel = page._figures._parcel
+    assert len(page._figures._rate.source.data["time"]) > 50
+    assert parcel.taken
+    page.hide()
+    page.appear()
+    assert list(page._stage) == [page._plots]
+    assert parcel.taken
 
 
 def test_a_desk_sensor_without_fixes_is_compared_at_rest(

@@ -273,12 +273,14 @@ HOSTILE: dict[str, Callable[[Keyed], bytes]] = {
 }
 
 
-def test_hostile_files_get_a_reason_and_stop_nothing(keyed: Keyed, tmp_path: Path) -> None:
+def test_hostile_files_get_a_reason_and_stop_nothing(
+    keyed: Keyed, tmp_path: Path, make_pipe: Callable[[Path], None]
+) -> None:
     for name, content in HOSTILE.items():
         (tmp_path / f"{name}.handin").write_bytes(content(keyed))
     (tmp_path / "link.handin").symlink_to("/etc/passwd")
     (tmp_path / "round").symlink_to(tmp_path)
-    os.mkfifo(tmp_path / "pipe.handin")
+    make_pipe(tmp_path / "pipe.handin")
     (tmp_path / ".DS_Store").write_bytes(b"x")
     with (tmp_path / "huge.handin").open("wb") as file:
         file.truncate(10 * 2**30)  # as large as a zip bomb becomes; it takes no room on the disk

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-import os
 import re
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
@@ -101,7 +101,7 @@ def test_what_is_wrong_is_said_with_its_place(
         assert word in message
 
 
-def test_files_that_are_none_are_refused(tmp_path: Path) -> None:
+def test_files_that_are_none_are_refused(tmp_path: Path, make_pipe: Callable[[Path], None]) -> None:
     large = tmp_path / "large.toml"
     large.write_bytes(b"#" * (lesson_file.LARGEST + 1))
     binary = tmp_path / "binary.toml"
@@ -109,7 +109,7 @@ def test_files_that_are_none_are_refused(tmp_path: Path) -> None:
     folder = tmp_path / "folder.toml"
     folder.mkdir()
     pipe = tmp_path / "pipe.toml"
-    os.mkfifo(pipe)
+    make_pipe(pipe)
     for path in (large, binary, folder, pipe, tmp_path / "none.toml"):
         with pytest.raises(LessonError, match=path.name):
             read_lesson(path)

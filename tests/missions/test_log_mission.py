@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import os
-
 import numpy as np
 import pytest
 from sensor_logs import POSITION, tables, write, write_csv
@@ -61,11 +59,11 @@ def test_broken_logs_are_reported(own, flown):
         mission("no_gnss")
 
 
-def test_a_description_that_cannot_be_read_is_reported_and_does_not_block(own, flown):
+def test_a_description_that_cannot_be_read_is_reported_and_does_not_block(own, flown, make_pipe):
     folder = write(own / "piped", flown)
-    os.mkfifo(own / "piped" / "log.toml")
+    make_pipe(own / "piped" / "log.toml")
     (own / "alone").mkdir()
-    os.mkfifo(own / "alone" / "log.toml")
+    make_pipe(own / "alone" / "log.toml")
     (own / "linked").mkdir()
     (own / "linked" / "log.toml").symlink_to(own / "nowhere.toml")
     broken = broken_missions()

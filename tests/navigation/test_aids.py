@@ -7,27 +7,31 @@ from typing import Any
 
 import numpy as np
 import pytest
+from motions import NO_FILTER
+from scipy.spatial.transform import Rotation
 
 from lab import Experiment
 from lab.analysis.finding import Change
 from lab.analysis.trial import advised
-from lab.navigation import aids, blocks, strapdown
+from lab.memory import bytes_per_aid
+from lab.navigation import aids, blocks, strapdown, wander
+from lab.navigation.aiding import KINDS, aids_of, most_aids
 from lab.navigation.blocks import BLOCKS, count, first_state, in_order, places
 from lab.navigation.error_models import MODELS
+from lab.navigation.filter import Filter
+from lab.navigation.frames import keep_radii
 from lab.navigation.further_columns import with_blocks
+from lab.navigation.generation import interpreted
 from lab.navigation.observation import north_axes
+from lab.navigation.solution import Imu, Solution, Start
+from lab.navigation.wander_models import PSI
 from lab.rotation import wrap
 from lab.run import ResultError
 from lab.seeds import run_ensemble
-from lab.settings import SettingError
+from lab.sensors.readings import Readings
 
 RATE = 50.0
 """Rate of the IMU [Hz]: measurements come once a second, at any rate."""
-
-
-def experiment(**settings: Any) -> Experiment:
-    """Return an experiment with the given settings, dots written as two underscores."""
-    return of({path.replace("__", "."): value for path, value in settings.items()})
 
 
 def of(settings: dict[str, Any]) -> Experiment:
@@ -53,6 +57,26 @@ def test_blocks_follow_each_other_in_one_order() -> None:
     assert max(places(names)) < strapdown.SINE
 
 
+def test_memory_of_measurements_is_counted() -> None:
+    made, duration, period = Experiment(), 600.0, 0.4
+    for name in KINDS:
+        made.set(f"sensors.{name}.fitted", True)
+        made.set(f"sensors.{name}.period", period)
+    made.set("navigator.no_slip", True)
+    made.set("navigator.zero_velocity", True)
+    time = np.arange(1.0, duration / period + 1) * period
+    readings = {name: Readings(time, np.zeros(time.size), np.full(time.size, np.nan)) for name in KINDS}
+    imu_time = np.arange(0.0, duration + 0.1, 0.1)
+    imu = Imu(imu_time, *np.zeros((2, imu_time.size - 1, 3)))
+    standing = np.ones(imu_time.size - 1, np.bool_)
+    found = aids_of(made.sensors, made.navigator, readings, imu, standing)
+    most = most_aids(made.sensors, made.navigator, duration)
+    assert found.time.size <= most < 1.01 * found.time.size
+    solution = Solution.empty(0, 0, ("barometer bias",), aids=found.time.size)
+    arrays = [*found[:5], *(getattr(solution, name) for name in Solution.__annotations__ if "aid" in name)]
+    assert bytes_per_aid(solution.states) * found.time.size == sum(array.nbytes for array in arrays)
+
+
 def state_at(rng: np.random.Generator) -> np.ndarray:
     """Return a north-slaved navigator that moves and turns, away from its last step."""
     state = np.zeros(strapdown.LENGTH)
@@ -72,7 +96,7 @@ def state_at(rng: np.random.Generator) -> np.ndarray:
 def seen(state: np.ndarray, kind: int, place: np.ndarray, age: float) -> tuple[float, np.ndarray]:
     """Return what the navigator says of a measurement of zero, and its row of H."""
     row, field = np.zeros(15), np.array([0.3, -0.2, 0.9])
-    return aids.see_aid(state, north_axes(state), kind, 0.0, field, place, age, 0.01, row), row
+    return aids.see_aid(state, north_axes(state, age), kind, 0.0, field, place, age, 0.01, row), row
 
 
 def displaced(state: np.ndarray, error: np.ndarray) -> np.ndarray:
@@ -105,6 +129,57 @@ def test_rows_of_h_are_derivatives(kind: int, age: float) -> None:
             # The bias turns the attitude back over the age, by 1e-4 of what it does else.
             bound = 1e-6 if i < 9 else 1e-6 + 2 * age * np.abs(row[6:9]).max()
             assert wrap(change) / 2e-5 == pytest.approx(row[i], rel=1e-6, abs=bound + 1e-8), i
+
+
+def near_the_pole(latitude: float) -> np.ndarray:
+    """Return a navigator in a wander-azimuth frame that moves and turns."""
+    rng = np.random.default_rng(3)
+    attitude = Rotation.from_euler("ZYX", [0.5, 0.2, -0.3]).as_quat(scalar_first=True)
+    begin = Start(np.array([np.radians(latitude), 0.4, 900.0]), rng.normal(0, 20, 3), attitude)
+    state = Filter.begin(begin, NO_FILTER, 0.0, PSI).state
+    keep_radii(state)
+    state[strapdown.PREVIOUS_VELOCITY :][:3] = state[strapdown.VELOCITY :][:3] + rng.normal(0, 0.05, 3)
+    state[strapdown.PREVIOUS_DTHETA :][:3] = rng.normal(0, 0.002, 3)
+    state[strapdown.PER_STEP] = 100.0
+    return state
+
+
+@pytest.mark.parametrize("latitude", [89.999, -89.95], ids=["110 m from the pole", "6 km from the other"])
+@pytest.mark.parametrize("kind", range(9), ids=lambda kind: aids.NAMES[kind])
+def test_rows_of_h_are_derivatives_close_to_a_pole(kind: int, latitude: float) -> None:
+    """For the errors of the computer frame; a reading at the end of the sample, as H takes its position."""
+    state, field, place = near_the_pole(latitude), np.array([0.3, -0.2, 0.9]), np.array([1.0, -0.5, 0.4])
+    see, axes, displace = (
+        interpreted(one) for one in (aids.see_aid, wander.north_axes_before, wander.displace)
+    )
+
+    def value(at: np.ndarray, row: np.ndarray) -> float:
+        return float(see(at, axes(at, 0.0), kind, 0.0, field, place, 0.0, 0.01, row))
+
+    row = np.zeros(15)
+    value(state, row)
+    H = row[:9] @ PSI.map(state)[:9, :9]
+    for i in range(9):
+        x = np.zeros(9)
+        x[i] = 1e-2 if i < 3 else 1e-5
+        ahead, behind = state.copy(), state.copy()
+        displace(ahead, -x)
+        displace(behind, x)
+        change = wrap(value(ahead, np.zeros(15)) - value(behind, np.zeros(15))) / (2 * x[i])
+        assert change == pytest.approx(H[i], rel=1e-5, abs=1e-7), i
+
+
+def test_a_heading_says_nothing_where_the_pole_is_closer_than_the_position_is_known() -> None:
+    """The variance of north beyond the linear one, against positions drawn at 20 σ from the pole."""
+    state = near_the_pole(89.9982)
+    x, y = state[wander.AXIS : wander.AXIS + 2]
+    away = np.hypot(x, y) / state[strapdown.MERIDIAN]
+    sigma = away / 20
+    rng = np.random.default_rng(1)
+    along, across = away + sigma * rng.normal(size=1_000_000), sigma * rng.normal(size=1_000_000)
+    beyond = np.var(np.arctan2(across, along) - across / away)
+    assert interpreted(wander.north_variance)(state, sigma**2) == pytest.approx(beyond, rel=0.05)
+    assert interpreted(wander.north_variance)(state, away**2) == pytest.approx(1.0)  # rad²
 
 
 RECEIVER = {
@@ -181,11 +256,6 @@ def test_a_model_with_the_same_number_of_other_states_is_another_one() -> None:
     drift = with_blocks(MODELS["phi"], (blocks.GPS_DRIFT,))
     assert lever.states == drift.states == 18
     assert lever.label != drift.label
-
-
-def test_sigma_points_refuse_other_sensors() -> None:
-    with pytest.raises(SettingError, match="the models phi"):
-        experiment(sensors__barometer__fitted=True, navigator__model="nonlinear").run()
 
 
 def test_identification_refuses_further_states() -> None:

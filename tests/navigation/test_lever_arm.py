@@ -13,6 +13,7 @@ from lab.analysis.consistency import chi_square_interval, normalised_squares
 from lab.analysis.errors import error_state
 from lab.experiment import Experiment
 from lab.navigation import strapdown, wander
+from lab.navigation.blocks import SCALES, places
 from lab.navigation.generation import Variant, interpreted
 from lab.navigation.lever_arm import WINDOW, see_antenna, turns
 from lab.navigation.sigma_points import displace
@@ -81,7 +82,7 @@ def test_what_a_fix_sees_is_the_derivative_of_where_the_antenna_is(seed: int, ag
         x = np.zeros(21)
         x[column] = size
         moved = state.copy()
-        displace(moved, x)
+        displace(moved, x, np.array(places(SCALES)))
         there = antenna(moved, measured, arm, age)
         # H leaves out how the turn over the fix's age, 5 ms at most, changes with the bias.
         np.testing.assert_allclose((here - there) / size, H[:, column], atol=bound)

@@ -74,14 +74,14 @@ def make_positions_certain(filter_: unscented.Filter) -> None:
 
 def spread(filter_: unscented.Filter) -> None:
     """Spread a filter's sigma points."""
-    sigma_points.spread(filter_.state, filter_.P, filter_.order, filter_.root, filter_.x, filter_.points)
+    f = filter_
+    sigma_points.spread(f.state, f.P, f.order, f.root, f.x, f.points, f.places)
 
 
 def gather(filter_: unscented.Filter) -> None:
     """Form their mean and covariance."""
-    sigma_points.gather(
-        filter_.state, filter_.points, filter_.deviations, filter_.attitudes, filter_.mean, filter_.P
-    )
+    f = filter_
+    sigma_points.gather(f.state, f.points, f.deviations, f.attitudes, f.mean, f.P, f.places)
 
 
 def assert_close(P: FloatArray, expected: FloatArray, tolerance: float) -> None:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import time
 import tracemalloc
 from collections.abc import Callable
@@ -81,11 +80,9 @@ def test_the_worst_that_is_accepted_takes_little_memory() -> None:
 
 @pytest.mark.parametrize("reader", READERS)
 @pytest.mark.timeout(20)
-def test_only_ordinary_files_are_read(reader: str, tmp_path: Path) -> None:
+def test_only_ordinary_files_are_read(reader: str, tmp_path: Path, make_pipe: Callable[[Path], None]) -> None:
     pipe = tmp_path / "mine.toml"
-    if not hasattr(os, "mkfifo"):
-        pytest.skip("this system has no named pipes")
-    os.mkfifo(pipe)
+    make_pipe(pipe)
     device = tmp_path / "zero.toml"
     device.symlink_to("/dev/zero")
     read, kind = READERS[reader]
@@ -94,10 +91,8 @@ def test_only_ordinary_files_are_read(reader: str, tmp_path: Path) -> None:
             read(path)
 
 
-def test_a_motion_definition_is_an_ordinary_file(tmp_path: Path) -> None:
-    if not hasattr(os, "mkfifo"):
-        pytest.skip("this system has no named pipes")
-    os.mkfifo(tmp_path / "motion.csv")
+def test_a_motion_definition_is_an_ordinary_file(tmp_path: Path, make_pipe: Callable[[Path], None]) -> None:
+    make_pipe(tmp_path / "motion.csv")
     with pytest.raises(MissionError, match="ordinary file"):
         read_motion_file(tmp_path / "motion.csv")
 

@@ -27,7 +27,8 @@ h2 { font: 500 18px/1.4 Roboto, sans-serif; margin: 14px 0 2px; }
 SUMMARY = """
 :host { flex: 1 1 260px !important; min-width: 0 !important; }
 div { font: 14px/1.45 Roboto, sans-serif; padding: 6px 0; overflow-wrap: anywhere; }
-.count { opacity: .7; white-space: nowrap; } .done { color: #1a8f4c; font-weight: 500; }
+.count { opacity: .7; white-space: nowrap; }
+.done { color: color-mix(in srgb, #1a8f4c 65%, currentColor); font-weight: 500; }
 .problem { border-left: 3px solid #d0702e; padding-left: 8px; }
 """
 ROW = ":host { flex-wrap: wrap; border-bottom: 1px solid rgba(128,128,128,.18); }"

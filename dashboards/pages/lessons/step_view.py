@@ -23,10 +23,12 @@ TEXT = """
 :host { max-width: 46em; }
 div.step { font: 16px/1.6 Roboto, sans-serif; overflow-wrap: anywhere; }
 h2 { font: 500 21px/1.35 Roboto, sans-serif; margin: 6px 0 8px; }
-.where { font-size: 14px; opacity: .75; } .done { color: #1a8f4c; font-weight: 500; opacity: 1; }
+.where { font-size: 14px; opacity: .75; }
+.done { color: color-mix(in srgb, #1a8f4c 65%, currentColor); font-weight: 500; opacity: 1; }
 p { margin: 0 0 12px; } ul { margin: 0 0 12px; padding-left: 22px; }
 code { font: 14px/1.4 "Roboto Mono", monospace; background: rgba(128,128,128,.16); border-radius: 3px;
        padding: 1px 4px; }
+math, math * { font-family: math !important; }  /* a font of text has no roots, fractions and accents */
 math { font-size: 1.08em; } math[display="block"] { margin: 4px 0; overflow: auto hidden; }
 .said { border-left: 4px solid #777; padding: 4px 12px; margin: 4px 0; }
 .said.right { border-color: #1a8f4c; } .said.wrong { border-color: #d0702e; }

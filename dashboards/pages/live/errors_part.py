@@ -9,6 +9,7 @@ import numpy as np
 import panel as pn
 
 from dashboards.pages.base import hideable, plot_grid
+from dashboards.seen_names import as_seen
 from dashboards.style import WHOLE
 from lab.live.live_errors import LiveErrors, errors_of, joined, normalised_rms
 from lab.live.live_state import HistoryCursor
@@ -45,23 +46,27 @@ class ErrorsPart:
         self._recent: deque[LiveErrors] = deque()
         self._figures = LiveErrorFigures(window)
         self._words = pn.pane.HTML("", margin=(4, 10), sizing_mode="stretch_width")
-        self._grid = hideable(plot_grid(self._figures.figures, 3, 205, fill=False))
+        figures = self._figures.figures
+        self._of_position = hideable(plot_grid(figures[:6], 3, 205, fill=False))
+        self._of_attitude = hideable(plot_grid(figures[6:], 3, 205, fill=False))
         self.view = pn.Column(
-            self._words, self._grid, sizing_mode="stretch_width", margin=0, stylesheets=[WHOLE]
-        )
+            self._words, self._of_position, self._of_attitude,
+            sizing_mode="stretch_width", margin=0, stylesheets=[WHOLE],
+        )  # fmt: skip
         self.watch(None)
 
     def watch(self, station: Station | None) -> None:
         """Show the errors of another source, or of none."""
         self._station = station
         self._truth = None if station is None else station.source.truth
-        self._grid.visible = self._truth is not None
         self.begin_anew()
+        self.tell()
 
     def begin_anew(self) -> None:
         """Forget what is drawn: the next `advance` draws all that the station still has."""
         self._cursor = HistoryCursor()
         self._recent.clear()
+        self._of_position.visible = self._of_attitude.visible = False
         self._figures.clear()
 
     def widen(self, window: float) -> None:
@@ -88,6 +93,9 @@ class ErrorsPart:
         if not errors.time.size:
             return
         self._figures.add(errors, zero)
+        # Plots without curves are hidden; the words say what they wait for.
+        self._of_attitude.visible = True
+        self._of_position.visible |= bool(np.isfinite(errors.position).any())
         self._recent.append(errors)
         while self._recent[0].time[-1] < errors.time[-1] - _RECENT:
             self._recent.popleft()
@@ -98,8 +106,10 @@ class ErrorsPart:
         if station is None or truth is None:
             self._words.object = f"<p>{escape(_NO_TRUTH)}</p>"
             return
+        state = station.state
         if not self._recent:
-            self._words.object = "<p>The navigator shows no attitude yet.</p>"
+            waits = f"No errors yet: the navigator has no attitude. {as_seen(state.reason)}"
+            self._words.object = f"<p>{escape(waits)}</p>"
             return
         rms = normalised_rms(joined(self._recent))
         parts = [f"{name} {value:.2f} σ" for name, value in rms.items() if np.isfinite(value)]
@@ -107,4 +117,6 @@ class ErrorsPart:
             f"Errors are estimate minus truth. Their rms over the last {_RECENT:g} s, in σ: "
             f"{', '.join(parts)}. Over many runs, a filter whose σ is true has 1."
         )
+        if not self._of_position.visible:
+            sentence += f" Errors of position and velocity follow. {as_seen(state.reason)}"
         self._words.object = f"<p>{escape(sentence)}</p>"

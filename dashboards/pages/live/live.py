@@ -106,8 +106,7 @@ class Live(Page):
             options=list(self._parts), value=PLOTS, size="small", margin=(6, 10), color="primary"
         )
         self._choice.param.watch(lambda _event: self._turn(), "value")
-        self._stage = pn.Column(margin=0, sizing_mode="stretch_width", stylesheets=[WHOLE])
-        self._turn()
+        self._stage = pn.Column(self._plots, margin=0, sizing_mode="stretch_width", stylesheets=[WHOLE])
         row: dict[str, Any] = {"margin": 0, "stylesheets": [WRAP], "sizing_mode": "stretch_width"}
         return pn.Column(
             self._fields.view,
@@ -130,13 +129,13 @@ class Live(Page):
         """Begin to follow the stream."""
         self._visible = True
         self._fields.refresh()
-        if self._station is not None:
-            self._begin_anew()
+        self._turn()
 
     def hide(self) -> None:
         """Stop following the stream, which goes on."""
         self._visible = False
         self._unwatch()
+        self._stage[:] = []  # `appear` fills the plots before a browser has them
 
     def close(self) -> None:
         """Stop watching; the source ends with the last page that watches it."""
@@ -150,13 +149,21 @@ class Live(Page):
         self._leave()
 
     def _turn(self) -> None:
-        """Show the chosen part."""
-        # A hand-made message may contain any value.
-        self._stage[:] = [self._parts.get(str(self._choice.value), self._parts[PLOTS])]
-        if self._choice.value in (PLOTS, ERRORS) and self._station is not None:
-            self._begin_anew()
-        else:
-            self._tell_part()
+        """Show the chosen part.
+
+        Its plots are filled before they are laid out, and both are sent as one message: a browser that gets
+        rows of a plot that it does not have yet drops them.
+        """
+        assert self._document is not None
+        with together(self._document):
+            if self._choice.value in (PLOTS, ERRORS) and self._station is not None:
+                self._begin_anew()
+            else:
+                self._tell_part()
+            # A hand-made message may contain any value.
+            part = self._parts.get(str(self._choice.value), self._parts[PLOTS])
+            if self._stage.objects != [part]:
+                self._stage[:] = [part]
 
     def _tell_part(self) -> None:
         """Renew the words of the chosen part."""

@@ -274,7 +274,7 @@ class SourceFields:
             faults |= FAULTS.get(name, {})
         mounted = AxisMap.of(faults.pop("axes", "x,y,z"))
         key = digest(experiment.to_dict(), device, rate, sorted(self._faults.value), str(axes))
-        name = f"{experiment.mission} as {device}, {rate:g} Hz"
+        name = ", ".join([f"{experiment.mission} as {device}", f"{rate:g} Hz", *sorted(self._faults.value)])
 
         def make() -> Station:
             flight = SimulatedFlight.of(

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import re
 from html import escape
 
 import numpy as np
 import panel as pn
 
+from dashboards.seen_names import as_seen
 from lab.live.live_state import LiveState
 from lab.live.source_status import ENDED, LOST, OPENING, STALE, STREAMING, Status
 
@@ -25,7 +27,7 @@ _STYLE = """
 .numbers b { font-weight: 600; }
 .dim { opacity: 0.7; }
 .numbers .wide { white-space: normal; overflow-wrap: anywhere; min-width: 0; }
-.bad { color: #e5484d; }
+.bad { color: color-mix(in srgb, #e5484d 65%, currentColor); }
 p { margin: 2px 0; overflow-wrap: anywhere; }
 """
 
@@ -50,20 +52,27 @@ class StatusLine:
     def show(self, status: Status, state: LiveState, verdict: str, failure: str) -> None:
         """Show a source, its navigator with its remarks, and the verdict on its innovations."""
         dot = f'<span style="color:{COLOURS[status.state]}">●</span>'
-        first, _, more = status.sentence.partition(".")
-        said = more if first.lower() == status.state else status.sentence  # the state stands before it
-        words = escape(f"{said} {status.warning}".strip())
+        words = escape(f"{_without(status.state, status.sentence)} {status.warning}".strip())
         lines = [
             f'<p>{dot} <span class="state">{status.state}</span> <span class="dim">{words}</span></p>',
             f'<div class="numbers">{"".join(f"<span>{one}</span>" for one in _numbers(status))}</div>',
-            f"<p><b>{escape(state.phase.capitalize())}</b> {escape(state.reason)}</p>",
+            f"<p><b>{escape(state.phase.capitalize())}</b> {escape(as_seen(state.reason))}</p>",
         ]
         if failure:
             lines.append(f'<p class="bad">{escape(failure)}</p>')
         if verdict:
-            lines.append(f"<p><b>Verdict</b> {escape(verdict)}</p>")
-        lines += [f'<p class="dim">{escape(remark)}</p>' for remark in state.remarks]
+            lines.append(f"<p><b>Verdict</b> {escape(as_seen(verdict))}</p>")
+        lines += [f'<p class="dim">{escape(as_seen(remark))}</p>' for remark in state.remarks]
         self.view.object = "".join(lines)
+
+
+def _without(state: str, sentence: str) -> str:
+    """Return a sentence without the state at its beginning, which stands before it."""
+    first, mark, more = re.match(r"([^.:]*)([.:]?)(.*)", sentence, re.DOTALL).groups()  # type: ignore[union-attr]
+    if first.lower() != state or not mark:
+        return sentence
+    more = more.strip()
+    return more[:1].upper() + more[1:]
 
 
 def _numbers(status: Status) -> list[str]:
