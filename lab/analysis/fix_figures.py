@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from lab.analysis.consistency import SINGULAR
 from lab.navigation import compilation
-from lab.navigation.compilation import entry_kernel, inline_kernel, kernel
+from lab.navigation.compilation import allocating_kernel, entry_kernel, inline_kernel, kernel
 from lab.navigation.solution import Solution
 from lab.navigation.strapdown import Vector, get, radii
 from lab.trajectory import Truth
@@ -210,7 +210,7 @@ def _put_sigma(sigma: FloatArray, euler: Vector, variance: FloatArray, covarianc
     sigma[8] = DEGREES * math.sqrt(max(variance[8] + tan * (tan * along + mixed), 0.0))
 
 
-@kernel
+@allocating_kernel
 def _at_fixes(
     solution: Solution,
     fixes: Samples,
@@ -243,7 +243,7 @@ def _at_fixes(
         out.nis[m] = normalised_square(solution.innovation[f], solution.innovation_covariance[f], root, row)
 
 
-@kernel
+@allocating_kernel
 def _between(solution: Solution, before: Samples, there: TrueMotion, out: FixFigures) -> None:
     """Write NEES of the position at some stored samples."""
     v, P = np.empty(3), np.empty((3, 3))
@@ -258,7 +258,7 @@ def _between(solution: Solution, before: Samples, there: TrueMotion, out: FixFig
         out.between[k] = normalised_square(v, P, root, row)
 
 
-@kernel
+@allocating_kernel
 def _along(motion: FloatArray, path: TrueMotion, out: FixFigures) -> None:
     """Write rms and largest size of the errors along the path."""
     error = np.empty(QUANTITIES)

@@ -186,10 +186,11 @@ def _clear(out: Transition) -> None:
 
 
 @inline_kernel
-def _respond(flight: Flight, k: int, F: FloatArray, fade: FloatArray, r: FloatArray, out: Transition) -> None:
+def _respond(
+    flight: Flight, k: int, F: FloatArray, fade: FloatArray, r: FloatArray, row: FloatArray, out: Transition
+) -> None:
     """Write the response r (9, 6) to errors of the IMU in sample k, and prepend the sample."""
     L, dt = out.navigation, flight.dt
-    row = np.empty(NAV)
     for i in range(NAV):
         for j in range(BIASES):
             total = 0.0
@@ -255,11 +256,11 @@ def transition(
         Receives the transition.
     """
     F = np.zeros((N, N))
-    r = np.zeros((NAV, BIASES))
+    r, row = np.zeros((NAV, BIASES)), np.zeros(NAV)
     _clear(out)
     for k in range(last - 1, first - 1, -1):
         _write(flight, k, F)
-        _respond(flight, k, F, fade, r, out)
+        _respond(flight, k, F, fade, r, row, out)
         for p in range(processes.decay.size):
             _drive(p, processes.channel[p], processes.decay[p], processes.drive[p], r, out)
         for s in range(known.shape[0]):

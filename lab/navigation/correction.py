@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lab.navigation import strapdown, wander
-from lab.navigation.compilation import inline_kernel, kernel
+from lab.navigation.compilation import allocating_kernel, inline_kernel, kernel
 from lab.navigation.error_models import WANDER_AZIMUTH, ErrorModel, write_frame_map
 from lab.navigation.generation import Kernel, Slot
 from lab.navigation.propagation import NAV, PLACES, STATES, WIDTH, X
@@ -50,7 +50,7 @@ def correct(state: FloatArray, w: FloatArray, T: FloatArray) -> None:
         w[WIDTH * i + X] = 0.0
 
 
-@kernel
+@allocating_kernel
 def correct_in_wander(state: FloatArray, w: FloatArray, T: FloatArray) -> None:
     """Correct a navigator in a wander frame by the estimated error, and set the estimate to zero."""
     x = np.empty(STATES)
@@ -90,7 +90,7 @@ correct_linearly = Slot("correct_linearly")
 would move a large one away from them."""
 
 
-@kernel
+@allocating_kernel
 def correct_mapped(state: FloatArray, w: FloatArray, T: FloatArray) -> None:
     """Correct the navigator of a model with its own coordinates."""
     write_frame_map(state, T)
@@ -104,7 +104,7 @@ def correct_mapped(state: FloatArray, w: FloatArray, T: FloatArray) -> None:
     correct_frame(state, w, T)
 
 
-@kernel
+@allocating_kernel
 def correct_group(state: FloatArray, w: FloatArray, T: FloatArray) -> None:
     """Correct the navigator of a model whose errors are those of the group."""
     write_frame_map(state, T)

@@ -15,12 +15,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lab.navigation import strapdown, wander
-from lab.navigation.compilation import entry_kernel, inline_kernel, kernel, passing_entry_kernel
+from lab.navigation.compilation import (
+    embedded_kernel,
+    inline_kernel,
+    kernel,
+    loop_kernel,
+    passing_loop_kernel,
+)
 from lab.navigation.correction import correct, corrected, corrections, has_estimate
 from lab.navigation.error_models import WANDER_AZIMUTH, ErrorModel, write_f
 from lab.navigation.filter import Filter
 from lab.navigation.generation import Generated, Kernel, Redecorated, Variant, generated
-from lab.navigation.kalman import MEASUREMENTS, RECOVERED, REJECTED
+from lab.navigation.kalman import RECOVERED, REJECTED
 from lab.navigation.observation import difference, observations, observe, observe_aid, observe_rest
 from lab.navigation.own_states import own_kernels
 from lab.navigation.prediction import (
@@ -31,7 +37,7 @@ from lab.navigation.prediction import (
     predict,
     predict_over_sums,
 )
-from lab.navigation.propagation import STATES, layout_constants, propagate, propagation_of
+from lab.navigation.propagation import layout_constants, propagate, propagation_of
 from lab.navigation.schedule import SLACK, Schedule
 from lab.navigation.solution import Fixes, Imu, Solution
 from lab.navigation.standstill import HELD, gather_rest, hold_attitude
@@ -48,13 +54,13 @@ def leaves_frame(state: FloatArray) -> bool:
     return bool(abs(state[LATITUDE]) > strapdown.MAX_LATITUDE)
 
 
-@inline_kernel
+@embedded_kernel
 def aid_due(run: Filter, time: float, dt: float) -> bool:
     """Return False: without aids, no measurement of theirs is ever due."""
     return False
 
 
-@inline_kernel
+@embedded_kernel
 def take_aids(
     run: Filter, out: Solution, k: int, time: float, dt: float, schedule: Schedule, pending: bool
 ) -> bool:
@@ -62,11 +68,11 @@ def take_aids(
     return pending
 
 
-@inline_kernel
+@embedded_kernel
 def _aid_due(run: Filter, time: float, dt: float) -> bool:
     """Return whether a measurement of the aids is due at a time."""
-    a = run.counts[2]
-    return bool(a < run.aids.time.size and run.aids.time[a] <= time + SLACK * dt)
+    a, times = run.counts[2], run.aids.time
+    return bool(a < times.size and times[a] <= time + SLACK * dt)
 
 
 @kernel
@@ -100,9 +106,6 @@ def take_measurements(
     out: Solution,
     k: int,
     schedule: Schedule,
-    z: FloatArray,
-    x: FloatArray,
-    spare: FloatArray,
     pending: bool,
 ) -> int:
     """Apply the measurements due at sample k to a navigator; return `SETTLED` or `PENDING`.
@@ -110,77 +113,78 @@ def take_measurements(
     A loop over samples skips the call if no measurement is due: with so many arrays, a call takes half the
     time of a sample.
     """
-    state, w, T = run.state, run.w, run.T
-    time = imu.time[k + 1]
+    state, w, T, z, x, spare = run.state, run.w, run.T, run.z, run.x, run.spare
+    counts, clock, rest_sums = run.counts, run.clock, run.rest_sums
+    fix_time, position, velocity_n = fixes.time, fixes.position, fixes.velocity_n
+    fix_sample, fix_rejected, fix_recovered = out.fix_sample, out.fix_rejected, out.fix_recovered
+    fix_covariance, rest_updates = out.fix_covariance, out.rest
+    time, rests = imu.time[k + 1], imu.rest.size > 0 and imu.rest[k]
     dt = time - imu.time[k]
-    m = run.counts[0]
-    fix_due = m < fixes.time.size and fixes.time[m] <= time + SLACK * dt
-    rests = imu.rest.size > 0 and imu.rest[k]
-    if rests and gather_rest(state, run.rest_sums, dt) and observe_rest(run):
-        out.rest[k + 1] = True
+    m = counts[0]
+    fix_due = m < fix_time.size and fix_time[m] <= time + SLACK * dt
+    if rests and gather_rest(state, rest_sums, dt) and observe_rest(run):
+        rest_updates[k + 1] = True
         pending = True
-        if schedule.feedback and time - run.clock[0] >= schedule.correction_period - SLACK * dt:
+        if schedule.feedback and time - clock[0] >= schedule.correction_period - SLACK * dt:
             correct(state, w, T)
-            run.clock[0] = time
+            clock[0] = time
             pending = False
     while fix_due:
-        age = time - fixes.time[m]
+        age = time - fix_time[m]
         if age <= dt * (1 + SLACK):
-            difference(state, age, age / dt, fixes.position[m], fixes.velocity_n[m], z)
+            difference(state, age, age / dt, position[m], velocity_n[m], z)
             became = observe(run, m, age, time, schedule, z, out)
             if became == REJECTED:
-                out.fix_rejected[m] = True
+                fix_rejected[m] = True
             else:
-                out.fix_sample[m] = k + 1
-                out.fix_recovered[m] = became == RECOVERED
+                fix_sample[m] = k + 1
+                fix_recovered[m] = became == RECOVERED
                 pending = True
-                if schedule.feedback and time - run.clock[0] >= schedule.correction_period - SLACK * dt:
+                if schedule.feedback and time - clock[0] >= schedule.correction_period - SLACK * dt:
                     correct(state, w, T)
-                    run.clock[0] = time
+                    clock[0] = time
                     pending = False
                 if pending:
-                    store_fix(out, m, corrected(state, w, T, x, spare), w, T)
-                else:
-                    store_fix(out, m, state, w, T)
+                    corrected(state, w, T, x, spare)
+                store_fix(fix_covariance[m], spare if pending else state, w, T)
         m += 1
-        run.counts[0] = m
-        fix_due = m < fixes.time.size and fixes.time[m] <= time + SLACK * dt
+        counts[0] = m
+        fix_due = m < fix_time.size and fix_time[m] <= time + SLACK * dt
     return PENDING if take_aids(run, out, k, time, dt, schedule, pending) else SETTLED
 
 
-@entry_kernel
+@loop_kernel
 def advance(run: Filter, imu: Imu, fixes: Fixes, out: Solution, first: int, schedule: Schedule) -> int:
     """Advance a navigator over `imu` from increment `first` on; return the increment where it stopped.
 
     It stops early, between two samples, where it must go on in another frame (`frames`).
     """
-    state, w, T = run.state, run.w, run.T
-    z = np.empty(MEASUREMENTS)
-    x = np.empty(STATES)
-    spare = np.empty(state.size)
+    state, w, T, x, spare = run.state, run.w, run.T, run.x, run.spare
+    F, counts, rest_sums = run.F, run.counts, run.rest_sums
+    times, dtheta, dvelocity, rest, fix_time = imu.time, imu.dtheta, imu.dvelocity, imu.rest, fixes.time
     left = PENDING if has_estimate(w) else SETTLED
     if first == 0:
         store(out, 0, state, w, T)
-    for k in range(first, imu.dtheta.shape[0]):
+    for k in range(first, dtheta.shape[0]):
         # Sums over samples, and what is held at rest, are of the frame in which they began.
-        if leaves_frame(state) and run.counts[1] == 0 and run.rest_sums[HELD] == 0:
+        if leaves_frame(state) and counts[1] == 0 and rest_sums[HELD] == 0:
             return k
-        time, dt = imu.time[k + 1], imu.time[k + 1] - imu.time[k]
-        step(state, get(imu.dtheta[k], 0), get(imu.dvelocity[k], 0), dt)
-        m = run.counts[0]
-        due = m < fixes.time.size and fixes.time[m] <= time + SLACK * dt
+        time, dt = times[k + 1], times[k + 1] - times[k]
+        step(state, get(dtheta[k], 0), get(dvelocity[k], 0), dt)
+        m = counts[0]
+        due = m < fix_time.size and fix_time[m] <= time + SLACK * dt
         due |= aid_due(run, time, dt)
-        if imu.rest.size > 0:
-            hold_attitude(state, run.rest_sums, imu.rest[k])
-        write_f(state, run.F)
+        if rest.size > 0:
+            hold_attitude(state, rest_sums, rest[k])
+        write_f(state, F)
         predict(run, dt, due, schedule.stride)
-        if due or (imu.rest.size > 0 and imu.rest[k]):
-            left = take_measurements(run, imu, fixes, out, k, schedule, z, x, spare, left == PENDING)
+        if due or (rest.size > 0 and rest[k]):
+            left = take_measurements(run, imu, fixes, out, k, schedule, left == PENDING)
         if left == PENDING:
             store(out, k + 1, corrected(state, w, T, x, spare), w, T)
         else:
             store(out, k + 1, state, w, T)
-    return imu.time.size - 1
+    return times.size - 1
 
 
 @functools.cache
@@ -238,7 +242,7 @@ def loop(function: Kernel, model: ErrorModel, *, summed: bool = False, aided: bo
     own = parts.variant
     if own_kernels(model.blocks):
         # Functions of a notebook may change, also those that they call: nothing of them is kept on disk.
-        own = Variant({**own.kernels, function: Redecorated(function, passing_entry_kernel)}, own.constants)
+        own = Variant({**own.kernels, function: Redecorated(function, passing_loop_kernel)}, own.constants)
     name, what = _name(model, summed=summed, aided=aided), function.__name__
     title = f"The loop `{what}` of the filter {name}."
     made: Kernel = generated(f"{what} {name}", title, [function], own, [parts])[function]

@@ -38,6 +38,10 @@ class Filter(NamedTuple):
     R: FloatArray  # of all fixes, or of each
     R_fix: FloatArray  # of this fix
     H: FloatArray  # of this fix, for the model's own errors
+    z: FloatArray  # navigator minus this fix
+    S: FloatArray  # of this fix once P was raised
+    x: FloatArray  # an estimated error
+    spare: FloatArray  # a navigator
     scalars: FloatArray  # updates of the last fix, or of each; see `kalman.update`
     rest_sums: FloatArray  # of the rates at rest, see `standstill`
     rest_scalars: FloatArray  # updates of the last update at rest
@@ -90,6 +94,10 @@ class Filter(NamedTuple):
             np.array(belief.R, dtype=np.float64).reshape(-1, MEASUREMENTS, MEASUREMENTS),
             np.zeros((MEASUREMENTS, MEASUREMENTS)),
             np.zeros((MEASUREMENTS, n)),
+            np.zeros(MEASUREMENTS),
+            np.zeros((MEASUREMENTS, MEASUREMENTS)),
+            np.zeros(n),
+            np.zeros(state.size),
             np.zeros((max(kept_fixes, 1), MEASUREMENTS, 2 * n + 2)),
             np.zeros(ROOM),
             np.zeros((1, 2 * n + 2)),

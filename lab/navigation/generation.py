@@ -197,8 +197,9 @@ class _Writer:
         if self._is_changed(value):
             return self._copied(value)
         plain = plain_function(value)
-        if plain is not None and vars(sys.modules[plain.__module__]).get(plain.__name__) is value:
-            name, home = plain.__name__, plain.__module__
+        for known in (name, plain.__name__) if plain is not None else ():
+            if vars(sys.modules[plain.__module__]).get(known) is value:
+                name, home = known, plain.__module__
         assert vars(sys.modules[home])[name] is value, f"no module has the kernel {plain} by its name"
         return self._imported(value, name, home)
 

@@ -24,7 +24,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import special
 
-from lab.navigation.compilation import kernel
+from lab.navigation.compilation import allocating_kernel, kernel
 from lab.navigation.propagation import STATES, WIDTH, X
 from lab.navigation.schedule import Schedule
 
@@ -57,7 +57,7 @@ def gate(probability: float, measurements: int = MEASUREMENTS) -> float:
     return float(2 * special.gammaincinv(measurements / 2, probability)) if probability else math.inf
 
 
-@kernel
+@allocating_kernel
 def predict_fix(P: FloatArray, H: FloatArray, R: FloatArray, S: FloatArray) -> None:
     """Write the covariance S = H P Hᵀ + R (6, 6) of an innovation; P is (n, ≥ n), H is (6, n)."""
     n = H.shape[1]
@@ -78,7 +78,7 @@ def predict_fix(P: FloatArray, H: FloatArray, R: FloatArray, S: FloatArray) -> N
             S[j, i] = total
 
 
-@kernel
+@allocating_kernel
 def normalised_square(nu: FloatArray, S: FloatArray) -> float:
     """Return νᵀ S⁻¹ ν, eliminating one measurement after the other."""
     A, v = S.copy(), nu.copy()
@@ -107,7 +107,7 @@ def weight(robust: int, nis: float) -> float:
     return 1.0
 
 
-@kernel
+@allocating_kernel
 def stands_out(
     streak: FloatArray, nu: FloatArray, S: FloatArray, nis: float, agreeing: int, any_of: int
 ) -> bool:
@@ -228,7 +228,7 @@ def cholesky_of_fix(R: FloatArray, root: FloatArray) -> None:
             root[i, j] = math.sqrt(total) if i == j else total / root[j, j]
 
 
-@kernel
+@allocating_kernel
 def update(w: FloatArray, z: FloatArray, H: FloatArray, R: FloatArray, scalars: FloatArray) -> None:
     """Update [P | x] in the workspace with one fix.
 

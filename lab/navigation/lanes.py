@@ -15,12 +15,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lab.navigation import strapdown
-from lab.navigation.compilation import embedded_kernel, entry_kernel, is_ready, kernel
+from lab.navigation.compilation import embedded_kernel, is_ready, kernel, loop_kernel, separate_kernel
 from lab.navigation.driver import steps, take_measurements
 from lab.navigation.error_models import NORTH_SLAVED, ErrorModel
 from lab.navigation.filter import Filter, aligned_zeros
 from lab.navigation.generation import Redecorated, Variant, generated
-from lab.navigation.kalman import MEASUREMENTS
 from lab.navigation.lane_step import (
     COVARIANCE,
     INCREMENTS,
@@ -129,7 +128,7 @@ def _save(run: Filter, buffer: FloatArray, kept: Progress, lane: int) -> None:
         kept.streak[lane, i] = run.streak[i]
 
 
-@kernel
+@separate_kernel
 def _fly(
     buffer: FloatArray,
     time: FloatArray,
@@ -156,7 +155,7 @@ def _fly(
             lane_step(buffer, lane, dt, fading, added)
 
 
-@entry_kernel
+@loop_kernel
 def advance(
     run: Filter,
     buffer: FloatArray,
@@ -174,7 +173,6 @@ def advance(
     lanes: int,
 ) -> None:
     """Advance a block over all samples, stopping at those with a fix and at those to store."""
-    z, x, spare = np.empty(MEASUREMENTS), np.empty(STATES), np.empty(run.state.size)
     at, r, s = 0, 0, 0
     for stop in stops:
         if stop > at:
@@ -184,7 +182,7 @@ def advance(
             if fixes.time[kept.counts[0, 0]] <= time + SLACK * dt:
                 for lane in range(LANES):
                     _load(run, buffer, kept, lane)
-                    take_measurements(run, imu, fixes, out, at - 1, schedule, z, x, spare, False)
+                    take_measurements(run, imu, fixes, out, at - 1, schedule, False)
                     _save(run, buffer, kept, lane)
         if s < path.size and path[s] == at:
             for lane in range(LANES):

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from lab.navigation import own_room, strapdown, wander
 from lab.navigation.aids import FORWARD, HEADING, north_axes, north_variance, see_aid
-from lab.navigation.compilation import embedded_kernel, inline_kernel, kernel
+from lab.navigation.compilation import allocating_kernel, embedded_kernel, inline_kernel, kernel
 from lab.navigation.error_models import WANDER_AZIMUTH, ErrorModel, write_fix_map, write_map
 from lab.navigation.filter import Filter
 from lab.navigation.generation import Kernel
@@ -77,7 +77,7 @@ def through_map(state: FloatArray, T: FloatArray, H: FloatArray) -> None:
     """Transform H of the errors to H of the model's own errors; for `phi`, they are the same."""
 
 
-@kernel
+@allocating_kernel
 def through_fix_map(state: FloatArray, T: FloatArray, H: FloatArray) -> None:
     """Transform H of the errors along the axes of the fix to H of the model's own errors."""
     write_fix_map(state, T)
@@ -134,20 +134,21 @@ def as_biases(state: FloatArray, H: FloatArray) -> None:
 @embedded_kernel
 def sight(run: Filter, m: int, age: float, z: FloatArray, out: Solution) -> None:
     """Write H and R of fix m, which is `age` seconds old, and move z from the IMU to the antenna."""
-    H, R = run.H, run.R_fix
+    state, H, R, arm, noise = run.state, run.H, run.R_fix, run.lever_arm, run.noise
+    assumed, turn = run.R[min(m, run.R.shape[0] - 1)], run.turns[min(m, run.turns.shape[0] - 1)]
+    seen = out.fix_H[m]
     for i in range(MEASUREMENTS):
         for j in range(MEASUREMENTS):
-            R[i, j] = run.R[min(m, run.R.shape[0] - 1), i, j]
+            R[i, j] = assumed[i, j]
         for j in range(STATES):
             H[i, j] = 1.0 if i == j else 0.0
-    turn = run.turns[min(m, run.turns.shape[0] - 1)]
-    axes = fix_axes(run.state)
+    axes = fix_axes(state)
     see_antenna(
-        run.state,
-        run.lever_arm,
+        state,
+        arm,
         turn,
         age,
-        run.noise,
+        noise,
         axes,
         z,
         H,
@@ -157,17 +158,17 @@ def sight(run: Filter, m: int, age: float, z: FloatArray, out: Solution) -> None
         GYRO_MISALIGNMENT,
     )
     if LATENCY >= 0:
-        see_latency(run.state, axes, LATENCY, z, H)
+        see_latency(state, axes, LATENCY, z, H)
     if GPS_DRIFT >= 0:
         for i in range(3):
-            z[i] += run.state[strapdown.GPS_DRIFT + i]
+            z[i] += state[strapdown.GPS_DRIFT + i]
             H[i, GPS_DRIFT + i] = 1.0
     for i in range(MEASUREMENTS):
-        as_biases(run.state, H[i])
+        as_biases(state, H[i])
         for k in range(OWN_SIZE):  # the rate about the fix is one as measured
-            z[i] += H[i, OWN + k] * run.state[PLACES[OWN - NAV + k]]
+            z[i] += H[i, OWN + k] * state[PLACES[OWN - NAV + k]]
         for j in range(STATES):
-            out.fix_H[m, i, j] = H[i, j]
+            seen[i, j] = H[i, j]
 
 
 @embedded_kernel
@@ -179,21 +180,23 @@ def observe(
     z is navigator minus fix, without the lever arm.
     """
     sight(run, m, age, z, out)
-    H, R, nu, S = run.H, run.R_fix, out.innovation[m], out.innovation_covariance[m]
-    through_map(run.state, run.T, H)
+    state, w, P, T, H, R = run.state, run.w, run.P, run.T, run.H, run.R_fix
+    nu, S, used = out.innovation[m], out.innovation_covariance[m], out.fix_R[m]
+    streak, clock, raised = run.streak, run.clock, run.S
+    scalars = run.scalars[min(m, run.scalars.shape[0] - 1)]
+    through_map(state, T, H)
     for i in range(MEASUREMENTS):
         nu[i] = z[i]
         for j in range(STATES):
-            nu[i] -= H[i, j] * run.w[WIDTH * j + X]
-    predict_fix(run.P, H, R, S)
+            nu[i] -= H[i, j] * w[WIDTH * j + X]
+    predict_fix(P, H, R, S)
     nis = normalised_square(nu, S)
-    became = plausibility(run.P, run.streak, run.clock, nu, S, nis, time, schedule, STATES)
+    became = plausibility(P, streak, clock, nu, S, nis, time, schedule, STATES)
     if became == REJECTED:
         return REJECTED
     if schedule.robust != EVERY:
         if became == RECOVERED:
-            raised = np.empty((MEASUREMENTS, MEASUREMENTS))
-            predict_fix(run.P, H, R, raised)
+            predict_fix(P, H, R, raised)
             nis = normalised_square(nu, raised)
         per_weight = 1 / weight(schedule.robust, nis)
         for i in range(MEASUREMENTS):
@@ -201,8 +204,8 @@ def observe(
                 R[i, j] *= per_weight
     for i in range(MEASUREMENTS):
         for j in range(MEASUREMENTS):
-            out.fix_R[m, i, j] = R[i, j]
-    update(run.w, z, H, R, run.scalars[min(m, run.scalars.shape[0] - 1)])
+            used[i, j] = R[i, j]
+    update(w, z, H, R, scalars)
     return became
 
 
@@ -234,25 +237,25 @@ def own_attitude_in_body(state: FloatArray, seen: Vector) -> Vector:
 @embedded_kernel
 def observe_rest(run: Filter) -> bool:
     """Update [P | x] with the mean rate about the vertical at rest; return False if the vehicle turns."""
-    H = np.empty(6)
-    z = see_rest(run.state, frame_rate(run.state), run.noise, run.rest_sums, H)
-    done = run.rest_scalars[0]
+    state, w, done = run.state, run.w, run.rest_scalars[0]
+    H = run.z  # a row for six states
+    z = see_rest(state, frame_rate(state), run.noise, run.rest_sums, H)
     for c in range(STATES):
         done[c] = 0.0
-    seen = own_attitude(run.state, (H[0], H[1], H[2]))
+    seen = own_attitude(state, (H[0], H[1], H[2]))
     for i in range(3):
         done[6 + i] = seen[i]
         done[NAV + i] = H[3 + i]
-    as_biases(run.state, done)
+    as_biases(state, done)
     residual, s = z, 1.0
     for i in range(6, STATES):
         if done[i] != 0:
-            residual -= done[i] * run.w[WIDTH * i + X]
+            residual -= done[i] * w[WIDTH * i + X]
             for j in range(6, STATES):
-                s += done[i] * done[j] * run.w[WIDTH * i + j]
+                s += done[i] * done[j] * w[WIDTH * i + j]
     if residual * residual > GATE * s:
         return False
-    scalar_update(run.w, z, done)
+    scalar_update(w, z, done)
     return True
 
 
@@ -261,7 +264,7 @@ def own_row(state: FloatArray, T: FloatArray, H: FloatArray) -> None:
     """Transform a row of H of the errors to one of the model's own errors; for `phi`, they are the same."""
 
 
-@kernel
+@allocating_kernel
 def through_own_map(state: FloatArray, T: FloatArray, H: FloatArray) -> None:
     """Transform a row of H of the errors to one of the model's own errors."""
     write_map(state, T)
@@ -275,7 +278,7 @@ def through_own_map(state: FloatArray, T: FloatArray, H: FloatArray) -> None:
 
 
 @kernel
-def bent_speed(run: Filter) -> float:
+def bent_speed(state: FloatArray, P: FloatArray) -> float:
     """Return how much larger a speed forward appears on average, because the attitude is uncertain [m/s].
 
     With an angle α between the estimated and the true forward axis, the speed v appears as v cos α. The mean
@@ -283,7 +286,6 @@ def bent_speed(run: Filter) -> float:
     at most 2 (v p / 2)² (second-order filter: Bar-Shalom, Li & Kirubarajan 10.3.3). This matters for a
     heading that is uncertain by degrees.
     """
-    state = run.state
     at = strapdown.Q_NB
     C = strapdown.matrix((state[at], state[at + 1], state[at + 2], state[at + 3]))
     forward = C[0][0], C[1][0], C[2][0]
@@ -292,62 +294,63 @@ def bent_speed(run: Filter) -> float:
     own = own_attitude(state, forward)
     across = 0.0
     for i in range(3):
-        across += run.P[6 + i, 6 + i]
+        across += P[6 + i, 6 + i]
         for j in range(3):
-            across -= own[i] * own[j] * run.P[6 + i, 6 + j]
+            across -= own[i] * own[j] * P[6 + i, 6 + j]
     return 0.5 * speed * across
 
 
 @kernel
-def position_variance(run: Filter) -> float:
+def position_variance(T: FloatArray, P: FloatArray) -> float:
     """Return the mean variance of the position along the horizontal axes [m²]; T must be that of now."""
     total = 0.0
     for row in range(2):
         for i in range(NAV):
             for j in range(NAV):
-                total += run.T[row, i] * run.T[row, j] * run.P[i, j]
+                total += T[row, i] * T[row, j] * P[i, j]
     return 0.5 * total
 
 
 @kernel
 def observe_aid(run: Filter, a: int, age: float, dt: float, schedule: Schedule, out: Solution) -> bool:
     """Update [P | x] with measurement a of the aids, `age` seconds old; return whether it was used."""
+    state, w, T, aids = run.state, run.w, run.T, run.aids
     done = run.aid_scalars[min(a, run.aid_scalars.shape[0] - 1), 0]
-    aids = run.aids
-    axes = north_axes(run.state, age)
+    seen, gains = out.aid_H[a], out.aid_gain[a]
+    axes = north_axes(state, age)
     kind, value, field = aids.kind[a], aids.value[a], aids.field[a]
-    z = see_aid(run.state, axes, kind, value, field, aids.place, age, dt, done[:STATES])
-    as_biases(run.state, done)
+    z = see_aid(state, axes, kind, value, field, aids.place, age, dt, done[:STATES])
+    as_biases(state, done)
     for i in range(STATES):
-        out.aid_H[a, i] = done[i]
-    own_row(run.state, run.T, done)
+        seen[i] = done[i]
+    own_row(state, T, done)
     variance = aids.variance[a]
-    if aids.kind[a] == FORWARD:
-        excess = bent_speed(run)
+    if kind == FORWARD:
+        excess = bent_speed(state, run.P)
         z -= excess
         variance += 2 * excess * excess
     if kind >= HEADING:  # also a magnetic one
-        variance += north_variance(run.state, position_variance(run))
+        variance += north_variance(state, position_variance(T, run.P))
     per_sigma = 1 / math.sqrt(variance)
     residual, s = z, variance
     for i in range(STATES):
-        residual -= done[i] * run.w[WIDTH * i + X]
+        residual -= done[i] * w[WIDTH * i + X]
         if done[i] != 0:
             for j in range(STATES):
-                s += done[i] * done[j] * run.w[WIDTH * i + j]
+                s += done[i] * done[j] * w[WIDTH * i + j]
     out.aid_innovation[a], out.aid_variance[a] = residual, s
     if residual * residual > schedule.aid_gate * s:
         return False
     for i in range(STATES):
         done[i] *= per_sigma
-    scalar_update(run.w, z * per_sigma, done)
+    scalar_update(w, z * per_sigma, done)
     for i in range(STATES):
         gain = done[STATES + i]
         if i < NAV:  # from the model's own errors to those in north, east, down
             gain = 0.0
             for j in range(NAV):
-                gain += run.T[i, j] * done[STATES + j]
-        out.aid_gain[a, i] = gain * per_sigma
+                gain += T[i, j] * done[STATES + j]
+        gains[i] = gain * per_sigma
     return True
 
 

@@ -25,7 +25,7 @@ from numpy.typing import NDArray
 
 from lab.navigation import blocks, own_room
 from lab.navigation.blocks import Block
-from lab.navigation.compilation import inline_kernel
+from lab.navigation.compilation import ALLOCATING, inline_kernel
 from lab.navigation.generation import Slot, Written
 from lab.navigation.propagation import NAV, OWN, OWN_SIZE, PLACES
 from lab.navigation.strapdown import Vector, get, plus, without_own_errors
@@ -177,7 +177,7 @@ def _each(name: str, what: str, value: float | Sequence[float], k: int) -> Float
 
 def _compiled(effect: Effect) -> Effect:
     """Return an effect compiled, for kernels."""
-    return cast(Effect, numba.njit(effect))
+    return cast(Effect, numba.njit(**ALLOCATING)(effect))
 
 
 def _check_effect(own: OwnStates) -> None:

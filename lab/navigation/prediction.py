@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lab.navigation import strapdown
-from lab.navigation.compilation import embedded_kernel, inline_kernel, kernel
+from lab.navigation.compilation import allocating_kernel, embedded_kernel, inline_kernel
 from lab.navigation.error_models import ErrorModel
 from lab.navigation.filter import Filter
 from lab.navigation.generation import Slot, Written
@@ -66,7 +66,7 @@ def faded(rate: float, elapsed: float) -> float:
     return 1 - x * (1 - x / 2 * (1 - x / 3))
 
 
-@kernel
+@allocating_kernel
 def second_order(A: FloatArray, elapsed: float, decay: FloatArray, E: FloatArray) -> None:
     """Write E = A + A²/2 + A³/6, so that exp(A) ≈ I + E, for the sum A of F dt over many samples.
 
@@ -114,12 +114,12 @@ def kept_part_of(model: ErrorModel) -> Written:
 @embedded_kernel
 def predict(run: Filter, dt: float, fix_due: bool, stride: int) -> None:
     """Propagate [P | x] over the sample with F to first order, then add the noise."""
-    kept = kept_part(run.decay, dt)
-    propagate(run.F, dt, kept, run.w)
+    state, w, noise, kept = run.state, run.w, run.noise, kept_part(run.decay, dt)
+    propagate(run.F, dt, kept, w)
     # Corrections already fed back decay like those still in x.
     for b in range(DRIVEN):
-        run.state[PLACES[b]] *= kept[b]
-    add_noise(run.w, run.state, run.noise, dt)
+        state[PLACES[b]] *= kept[b]
+    add_noise(w, state, noise, dt)
 
 
 @embedded_kernel
@@ -128,20 +128,22 @@ def predict_over_sums(run: Filter, dt: float, fix_due: bool, stride: int) -> Non
 
     Half of the noise is added before and half after, which is accurate to second order in time.
     """
-    due = fix_due or run.counts[1] + 1 >= stride
-    run.counts[1] += 1
-    run.clock[1] += dt
+    state, w, F, F_sum, F_step = run.state, run.w, run.F, run.F_sum, run.F_step
+    counts, clock, noise, decay = run.counts, run.clock, run.noise, run.decay
+    due = fix_due or counts[1] + 1 >= stride
+    counts[1] += 1
+    clock[1] += dt
     for i in range(NAV):
         for j in range(STATES):
-            run.F_sum[i, j] += dt * run.F[i, j]
+            F_sum[i, j] += dt * F[i, j]
     if due:
-        elapsed = run.clock[1]
-        second_order(run.F_sum, elapsed, run.decay, run.F_step)
-        add_noise(run.w, run.state, run.noise, 0.5 * elapsed)
-        propagate_over(run.F_step, run.w)
-        add_noise(run.w, run.state, run.noise, 0.5 * elapsed)
+        elapsed = clock[1]
+        second_order(F_sum, elapsed, decay, F_step)
+        add_noise(w, state, noise, 0.5 * elapsed)
+        propagate_over(F_step, w)
+        add_noise(w, state, noise, 0.5 * elapsed)
         for b in range(DRIVEN):
-            run.state[PLACES[b]] *= 1 + run.F_step[NAV + b, NAV + b]
-        run.F_sum[:] = 0.0
-        run.counts[1] = 0
-        run.clock[1] = 0.0
+            state[PLACES[b]] *= 1 + F_step[NAV + b, NAV + b]
+        F_sum[:] = 0.0
+        counts[1] = 0
+        clock[1] = 0.0

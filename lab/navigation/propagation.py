@@ -21,6 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lab.navigation import blocks
+from lab.navigation.access import number, put_number
 from lab.navigation.compilation import kernel
 from lab.navigation.error_models import ErrorModel
 from lab.navigation.generation import Slot, Written
@@ -115,6 +116,9 @@ def layout_constants(names: Sequence[str]) -> dict[str, tuple[object, object]]:
     return {name: (old[name], new[name]) for name in old}
 
 
+ACCESS = {"number": number, "put_number": put_number}
+"""What the code written here uses."""
+
 propagate = Slot("propagate")
 """``propagate(F, dt, decay, w)``: see `propagation_of`."""
 project = Slot("project")
@@ -131,11 +135,15 @@ def propagation_of(model: ErrorModel) -> Written:
     terms = {row: [int(c) for c in np.flatnonzero(columns)] for row, columns in enumerate(pattern[:NAV])}
     space = layout(model.blocks)
     lines = ["@inline_kernel", "def propagate(F, dt, decay, w):"]
-    lines += [f"    f_{row}_{c} = dt * F[{row}, {c}]" for row, columns in terms.items() for c in columns]
+    lines += [
+        f"    f_{row}_{c} = dt * number(F, {space.STATES * row + c})"
+        for row, columns in terms.items()
+        for c in columns
+    ]
     lines += _navigation_rows(terms, space)
     lines += _navigation_block(terms, space)
     lines += _sensor_columns(space)
-    return Written("propagate", "\n".join(lines))
+    return Written("propagate", "\n".join(lines), ACCESS)
 
 
 def _navigation_rows(terms: dict[int, list[int]], space: Layout) -> list[str]:
@@ -145,12 +153,12 @@ def _navigation_rows(terms: dict[int, list[int]], space: Layout) -> list[str]:
         rows = range(first, first + 3)
         lines += [f"    for j in range({width}):"]
         lines += [
-            f"        w_{c} = w[{width * c} + j]"
+            f"        w_{c} = number(w, {width * c} + j)"
             for c in sorted({*rows, *(c for r in rows for c in terms[r])})
         ]
         for row in rows:
             total = " + ".join([f"w_{row}", *(f"f_{row}_{c} * w_{c}" for c in terms[row])])
-            lines += [f"        w[{space.product + width * row} + j] = {total}"]
+            lines += [f"        put_number(w, {space.product + width * row} + j, {total})"]
     return lines
 
 
@@ -165,12 +173,12 @@ def _navigation_block(terms: dict[int, list[int]], space: Layout) -> list[str]:
     for i in range(NAV):
         partners = order[: order.index(i) + 1]
         needed = sorted({*partners, *(c for j in partners for c in terms[j])})
-        lines += [f"    p_{c} = w[{space.product + width * i + c}]" for c in needed]
+        lines += [f"    p_{c} = number(w, {space.product + width * i + c})" for c in needed]
         for j in partners:
             total = " + ".join([f"p_{j}", *(f"f_{j}_{c} * p_{c}" for c in terms[j])])
-            lines += [f"    p = {total}", f"    w[{width * i + j}] = p"]
+            lines += [f"    p = {total}", f"    put_number(w, {width * i + j}, p)"]
             if i != j:
-                lines += [f"    w[{width * j + i}] = p"]
+                lines += [f"    put_number(w, {width * j + i}, p)"]
     return lines
 
 
@@ -257,15 +265,15 @@ def projection_of(model: ErrorModel) -> Written:
     terms = {row: [int(c) for c in np.flatnonzero(columns)] for row, columns in enumerate(pattern)}
     lines = ["@inline_kernel", "def project(T, w, k, variance, covariance):"]
     for row, columns in terms.items():
-        lines += [f"    t_{row}_{c} = T[{row}, {c}]" for c in columns]
-        products = " + ".join(f"t_{row}_{c} * w[{width * c} + j]" for c in columns)
+        lines += [f"    t_{row}_{c} = number(T, {NAV * row + c})" for c in columns]
+        products = " + ".join(f"t_{row}_{c} * number(w, {width * c} + j)" for c in columns)
         # The blocks of three columns that are needed, in whole vectors of four numbers.
         needed = 4 * (3 * (max(columns) // 3 + 1) // 4 + 1)
         lines += [f"    for j in range({needed}):"]
-        lines += [f"        w[{space.product + width * row} + j] = {products}"]
+        lines += [f"        put_number(w, {space.product + width * row} + j, {products})"]
 
     def element(i: int, j: int) -> str:
-        return " + ".join(f"t_{j}_{c} * w[{space.product + width * i + c}]" for c in terms[j])
+        return " + ".join(f"t_{j}_{c} * number(w, {space.product + width * i + c})" for c in terms[j])
 
     lines += [f"    variance[k, {i}] = {element(i, i)}" for i in range(NAV)]
     lines += [
@@ -276,4 +284,4 @@ def projection_of(model: ErrorModel) -> Written:
         at = 6 * block
         for e, (i, j) in enumerate(((0, 1), (0, 2), (1, 2))):
             lines += [f"    covariance[k, {block}, {e}] = {element(at + i, at + j)}"]
-    return Written("project", "\n".join(lines))
+    return Written("project", "\n".join(lines), ACCESS)

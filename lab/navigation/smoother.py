@@ -27,13 +27,12 @@ from numpy.typing import NDArray
 from lab.histories import SINGLE
 from lab.navigation.aids import NO_AIDS, Aids
 from lab.navigation.blocks import LEVER_ARM
-from lab.navigation.compilation import entry_kernel, inline_kernel, kernel
+from lab.navigation.compilation import inline_kernel, kernel, loop_kernel
 from lab.navigation.correction import corrected, has_estimate
 from lab.navigation.driver import PENDING, SETTLED, aid_due, loop, take_measurements
 from lab.navigation.error_models import PHI, ErrorModel, write_f
 from lab.navigation.filter import Filter
 from lab.navigation.frames import change, model_at
-from lab.navigation.kalman import MEASUREMENTS
 from lab.navigation.lever_arm import turns
 from lab.navigation.navigator import go_through, within_frame, within_frame_in_piece
 from lab.navigation.piece import Piece
@@ -68,12 +67,15 @@ class _Copy(NamedTuple):
 class _Kept(NamedTuple):
     """The data of a block of samples for the backward pass."""
 
-    state: FloatArray  # (samples, length), navigators at the ends of the samples
-    w: FloatArray  # (samples, n · width), [P | x]
+    state: FloatArray  # (samples + 1, length), navigators at the ends of the samples, then the one before
+    w: FloatArray  # (samples + 1, n · width), [P | x], likewise
     Phi: FloatArray  # (samples, 9, n), rows of the transitions that differ from the unit matrix
     rest: FloatArray  # (samples, 1, 2 n + 2), updates at rest
     fixes: NDArray[np.int64]  # (samples + 1,), next fix before each sample, and after the last
     aids: NDArray[np.int64]  # (samples + 1,), likewise
+    half: FloatArray  # (n, n), a product of matrices
+    P: FloatArray  # (n, n), covariance of the filter at a sample
+    decay: FloatArray  # of the driven states in a sample, as a factor
 
 
 def navigate(
@@ -135,12 +137,15 @@ def navigate(
         first, own, there, changed = copies.pop()
         back = backward_pass(model_at(own.state, model), aided=bool(aids.time.size))
         kept = _Kept(
-            np.zeros((end - first, run.state.size)),
-            np.zeros((end - first, n * run.P.shape[1])),
+            np.zeros((end - first + 1, run.state.size)),
+            np.zeros((end - first + 1, n * run.P.shape[1])),
             np.zeros((end - first, NAV, n)),
             np.zeros((end - first if imu.rest.any() else 1, 1, 2 * n + 2)),
             np.zeros(end - first + 1, dtype=np.int64),
             np.zeros(end - first + 1, dtype=np.int64),
+            np.zeros((n, n)),
+            np.zeros((n, n)),
+            np.zeros(run.decay.size),
         )
         if is_long:
             piece = Piece.of(imu.until(end), out, first)
@@ -293,7 +298,7 @@ def _smooth(w: FloatArray, later: FloatArray, Later: FloatArray, half: FloatArra
             w[WIDTH * j + i] = total
 
 
-@entry_kernel
+@loop_kernel
 def backwards(
     run: Filter,
     imu: Imu,
@@ -309,12 +314,12 @@ def backwards(
 
     The filter's covariances at the fixes are written first, and replaced afterwards.
     """
-    z, x, spare = np.empty(MEASUREMENTS), np.empty(STATES), np.empty(run.state.size)
-    half, P, decay = np.empty((STATES, STATES)), np.empty((STATES, STATES)), np.empty(DRIVEN)
-    start_state, start_w = run.state.copy(), run.w.copy()
+    x, spare, last = run.x, run.spare, imu.dtheta.shape[0]
+    half, P, decay = kept.half, kept.P, kept.decay
+    _copy(run.state, kept.state[last - first])
+    _copy(run.w, kept.w[last - first])
     left = PENDING if has_estimate(run.w) else SETTLED
     kept.fixes[0], kept.aids[0] = run.counts[0], run.counts[2]
-    last = imu.dtheta.shape[0]
     for k in range(first, last):
         at, dt = k - first, imu.time[k + 1] - imu.time[k]
         step(run.state, get(imu.dtheta[k], 0), get(imu.dvelocity[k], 0), dt)
@@ -326,7 +331,7 @@ def backwards(
         write_f(run.state, run.F)
         predict(run, dt, due, schedule.stride)
         if due or (imu.rest.size > 0 and imu.rest[k]):
-            left = take_measurements(run, imu, fixes, out, k, schedule, z, x, spare, left == PENDING)
+            left = take_measurements(run, imu, fixes, out, k, schedule, left == PENDING)
         kept.fixes[at + 1], kept.aids[at + 1] = run.counts[0], run.counts[2]
         _copy(run.state, kept.state[at])
         _copy(run.w, kept.w[at])
@@ -344,7 +349,7 @@ def backwards(
         _before_aids(run, out, kept.aids[at], kept.aids[at + 1], k + 1, later, Later, x)
         for m in range(kept.fixes[at + 1] - 1, kept.fixes[at] - 1, -1):
             if out.fix_sample[m] == k + 1:
-                store_fix(out, m, state, run.w, run.T)
+                store_fix(out.fix_covariance[m], state, run.w, run.T)
                 _before_update(run.scalars[m], later, Later, x)
         if out.rest[k + 1]:
             _before_update(kept.rest[at], later, Later, x)
@@ -352,9 +357,9 @@ def backwards(
             decay[b] = 1 - dt * run.decay[b]
         _before_step(kept.Phi[at], decay, later, Later, half)
     if first == 0:
-        _copy(start_w, run.w)
+        _copy(kept.w[last], run.w)
         _smooth(run.w, later, Later, half, P)
-        store(out, 0, corrected(start_state, run.w, run.T, x, spare), run.w, run.T)
+        store(out, 0, corrected(kept.state[last], run.w, run.T, x, spare), run.w, run.T)
 
 
 @functools.cache

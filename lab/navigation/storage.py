@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lab.navigation import strapdown, wander
-from lab.navigation.compilation import inline_kernel, kernel
+from lab.navigation.compilation import allocating_kernel, embedded_kernel, inline_kernel, kernel
 from lab.navigation.error_models import WANDER_AZIMUTH, ErrorModel, write_map
 from lab.navigation.generation import Kernel
 from lab.navigation.propagation import (
@@ -28,7 +28,7 @@ from lab.navigation.strapdown import GYRO_BIAS, GYRO_SCALE, LATITUDE, VELOCITY
 FloatArray = NDArray[np.float64]
 
 
-@inline_kernel
+@embedded_kernel
 def _store_state(out: Solution, k: int, state: FloatArray) -> None:
     """Write position, velocity and attitude of sample k."""
     for i in range(3):
@@ -38,7 +38,7 @@ def _store_state(out: Solution, k: int, state: FloatArray) -> None:
         out.q_nb[k, i] = state[strapdown.Q_NB + i]
 
 
-@inline_kernel
+@embedded_kernel
 def _store_sensor_errors(out: Solution, k: int, state: FloatArray) -> None:
     """Write biases, scale factors and further estimates of sample k."""
     for i in range(BIASES):
@@ -64,11 +64,11 @@ def store(out: Solution, k: int, state: FloatArray, w: FloatArray, T: FloatArray
 
 
 @kernel
-def store_fix(out: Solution, m: int, state: FloatArray, w: FloatArray, T: FloatArray) -> None:
-    """Write the covariance after fix m."""
+def store_fix(P: FloatArray, state: FloatArray, w: FloatArray, T: FloatArray) -> None:
+    """Write the covariance after a fix into P (n, n) of the solution."""
     for i in range(STATES):
         for j in range(STATES):
-            out.fix_covariance[m, i, j] = w[WIDTH * i + j]
+            P[i, j] = w[WIDTH * i + j]
 
 
 @inline_kernel
@@ -80,11 +80,10 @@ def store_mapped(out: Solution, k: int, state: FloatArray, w: FloatArray, T: Flo
     project(T, w, k, out.variance, out.covariance)
 
 
-@kernel
-def store_fix_mapped(out: Solution, m: int, state: FloatArray, w: FloatArray, T: FloatArray) -> None:
-    """Write the covariance after fix m of a model with its own coordinates, T P Tᵀ."""
+@allocating_kernel
+def store_fix_mapped(P: FloatArray, state: FloatArray, w: FloatArray, T: FloatArray) -> None:
+    """Write the covariance after a fix of a model with its own coordinates, T P Tᵀ."""
     write_map(state, T)
-    P = out.fix_covariance[m]
     half = np.zeros((STATES, STATES))
     for i in range(STATES):
         for j in range(STATES):

@@ -32,7 +32,7 @@ from numpy.typing import NDArray
 
 from lab import earth
 from lab.navigation import strapdown
-from lab.navigation.compilation import inline_kernel, kernel
+from lab.navigation.compilation import allocating_kernel, embedded_kernel, inline_kernel, kernel
 from lab.navigation.strapdown import (
     HEIGHT,
     MERIDIAN,
@@ -225,7 +225,7 @@ def north_variance(state: FloatArray, variance: float) -> float:
     return float(bend * bend)
 
 
-@inline_kernel
+@embedded_kernel
 def store_state(out: Solution, k: int, state: FloatArray) -> None:
     """Write position, velocity and attitude of sample k, in north, east, down."""
     C_ew = matrix(quaternion(state, Q_EW))
@@ -314,7 +314,7 @@ def difference(
             z[3 + i] += axis[j] * (v[j] - fraction * (v[j] - before[j]))
 
 
-@kernel
+@allocating_kernel
 def move_to(state: FloatArray, position: FloatArray) -> None:
     """Move the frame to a latitude, longitude and height nearby; velocity and attitude turn with it."""
     s, c = math.sin(position[0]), math.cos(position[0])
