@@ -528,7 +528,7 @@ def driver(*, aided: bool) -> Callable[[Filter, Imu, Fixes, Solution, int, Sched
     own: dict[Kernel, Kernel] = {**wander_models.PSI.variant.kernels, **wander.STEP}
     name = "nonlinear"
     if aided:
-        own |= {aid_due: _aid_due, take_aids: _take_aids}
+        own[aid_due], own[take_aids] = _aid_due, _take_aids
         own[north_axes], own[north_variance] = wander.north_axes_before, wander.north_variance
         name = "nonlinear aids"
     made: Callable[[Filter, Imu, Fixes, Solution, int, Schedule], None] = generated(
