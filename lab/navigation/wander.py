@@ -25,7 +25,8 @@ Benson, *A comparison of two approaches to pure-inertial and Doppler-inertial er
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -153,7 +154,11 @@ def move(state: FloatArray, velocity: Vector, dt: float) -> None:
     _keep_axis(state)
 
 
-STEP = {strapdown.environment: environment, strapdown.transport_rate: transport_rate, strapdown.move: move}
+STEP: dict[Callable[..., Any], Callable[..., Any]] = {
+    strapdown.environment: environment,
+    strapdown.transport_rate: transport_rate,
+    strapdown.move: move,
+}
 """The kernels above in place of those of `strapdown.step`."""
 
 
