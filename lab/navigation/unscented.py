@@ -18,6 +18,7 @@ from __future__ import annotations
 import functools
 import math
 from collections.abc import Callable, Sequence
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,7 +28,7 @@ from lab.navigation import blocks, strapdown, wander, wander_models
 from lab.navigation.aids import NO_AIDS, Aids, north_axes, north_variance
 from lab.navigation.compilation import embedded_kernel, entry_kernel, inline_kernel, is_ready, kernel
 from lab.navigation.error_models import ATT, write_map
-from lab.navigation.generation import Kernel, Variant, generated
+from lab.navigation.generation import Variant, generated
 from lab.navigation.kalman import (
     MEASUREMENTS,
     RECOVERED,
@@ -460,7 +461,7 @@ def filter_all(run: Filter, imu: Imu, fixes: Fixes, out: Solution, first: int, s
 @functools.cache
 def driver(*, aided: bool) -> Callable[[Filter, Imu, Fixes, Solution, int, Schedule], None]:
     """Return the loop over samples, which is compiled, or loaded from the disk, when first called."""
-    own: dict[Kernel, Kernel] = {**wander_models.PSI.variant.kernels, **wander.STEP}
+    own: dict[Any, Any] = {**wander_models.PSI.variant.kernels, **wander.STEP}
     name = "nonlinear"
     if aided:
         own[aid_due], own[take_aids] = _aid_due, _take_aids
