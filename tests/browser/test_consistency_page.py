@@ -30,7 +30,7 @@ def test_the_verdict_is_in_words_and_names_what_is_wrong(open_page: Callable[...
     page = open_page("?mission=los_angeles&sensors.gps.latency=0.2&navigator.latency=0")
     page.get_by_role("tab", name="Consistency", exact=True).click()
     expect(page.get_by_role("heading", name="The fixes are 0.20 s late")).to_be_visible()
-    advice = page.get_by_text("Set navigator.latency to 0.20")
+    advice = page.get_by_text("Set “Navigator and filter: Latency the filter assumes” to 0.20")
     expect(advice).to_be_visible()
     expect(advice).to_contain_text("Tried: NIS per degree of freedom")
     assert page.get_by_role("cell", name="position north").count() == 2
