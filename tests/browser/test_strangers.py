@@ -120,9 +120,15 @@ def opened(strange: Strange, address: str) -> Page:
 
 
 def test_what_an_address_says_is_text_and_its_scripts_do_not_run(strange: Strange, server: str) -> None:
-    names = ("mission", "seed", "sensors.gyro.noise_density", "navigator.model", mark("name"))
-    page = opened(strange, f"{server}/?{urlencode({name: mark(name) for name in names})}")
-    for name in ("mission", "seed", "noise_density", "model", "name"):
+    names = {
+        "mission": "mission",
+        "seed": "seed",
+        "sensors.gyro.noise_density": "noise_density",
+        "navigator.model": "model",
+        mark("name"): "name",
+    }
+    page = opened(strange, f"{server}/?{urlencode({key: mark(name) for key, name in names.items()})}")
+    for name in names.values():
         expect(page.get_by_role("alert")).to_contain_text(f'{name}"> ![')
     assert strange[1] == []
     # Were a text ever taken for markup again, its script would not run.
