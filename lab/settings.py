@@ -324,9 +324,9 @@ def _show(value: Any) -> str:
 
 
 def _reason(error: Exception) -> str:
-    """Return what a kind of setting says; nothing if it is only param's sentence for programmers."""
+    """Return what a kind of setting says; nothing if it is a sentence of param or Python for programmers."""
     first = str(error).partition("\n")[0].rstrip(".")
-    return "" if " parameter '" in first else first
+    return "" if " parameter '" in first or "not supported between" in first else first
 
 
 def _unknown(path: str, key: str, walked: str, owner: Settings) -> str:

@@ -36,7 +36,7 @@ def of_a_flight() -> Experiment:
     """Return settings with an outage, a part of a log, and sensors that a stream does not have."""
     experiment = Experiment()
     experiment.sensors.gps.outages = [(5.0, 55.0)]
-    experiment.sensors.barometer.fitted = True
+    experiment.sensors.odometer.fitted = True
     experiment.navigator.update({"log_from": 1000.0, "smoother": True, "estimate_gps_drift": True})
     return experiment
 
@@ -79,4 +79,4 @@ def test_the_settings_themselves_are_not_changed() -> None:
     assert experiment.to_dict() == before
     assert list(sensors.gps.outages) == []
     assert navigator.log_from is None
-    assert not np.any([sensors.barometer.fitted, navigator.smoother, navigator.estimate_gps_drift])
+    assert not np.any([sensors.odometer.fitted, navigator.smoother, navigator.estimate_gps_drift])
