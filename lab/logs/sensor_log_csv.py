@@ -190,7 +190,7 @@ class LogFiles:
     @property
     def duration(self) -> float:
         """Time from the first sample of the IMU to the last [s], as stamped; only these are read."""
-        return read_duration(self.imu, _IMU, MIN_IMU_SAMPLES)
+        return read_duration(self.imu, _IMU, MIN_IMU_SAMPLES, may_be_cut=True)
 
     def read(self) -> SensorLog:
         """Read the log.
@@ -202,36 +202,38 @@ class LogFiles:
             there in two units, a cell is not a finite number within its limits, time runs backwards, the
             files do not overlap in time, or the numbers contradict the units, axes or clock they claim.
         """
-        time, samples, increments = self._read_imu()
-        gnss, headings = self._read_gnss()
+        repairs: list[str] = []
+        time, samples, increments = self._read_imu(repairs)
+        gnss, headings = self._read_gnss(repairs)
         if self.heading is not None:
             if headings is not None:
                 raise MissionError(
                     f"{self.heading}: {self.gnss.name} has headings too (heading_deg); accepted are those of "
                     "one file"
                 )
-            headings = _read_headings(self.heading)
+            headings = _read_headings(self.heading, repairs)
         auxiliary = AuxiliaryData(
             vehicle=self.vehicle,
-            magnetometer=None if self.magnetometer is None else self._read_field(self.magnetometer),
+            magnetometer=None if self.magnetometer is None else self._read_field(self.magnetometer, repairs),
             headings=headings,
-            barometer=None if self.barometer is None else _read_series(self.barometer, _HEIGHT),
-            odometer=None if self.odometer is None else _read_series(self.odometer, _SPEED),
+            barometer=None if self.barometer is None else _read_series(self.barometer, _HEIGHT, repairs),
+            odometer=None if self.odometer is None else _read_series(self.odometer, _SPEED, repairs),
             comparisons=tuple(
-                Comparison(*_read_solution(path), name=name) for name, path in self.comparisons
+                Comparison(*_read_solution(path, repairs), name=name) for name, path in self.comparisons
             ),
         )
-        reference = None if self.reference is None else Reference(*_read_solution(self.reference))
+        reference = None if self.reference is None else Reference(*_read_solution(self.reference, repairs))
         log = repaired(
             str(self.path), time, samples, gnss, reference, increments=increments, auxiliary=auxiliary
         )
+        log = replace(log, repairs=(*repairs, *log.repairs))
         from lab.logs.log_check import check_log  # noqa: PLC0415 - imports scipy, which takes a while
 
         check_log(log)
         return log
 
-    def _read_imu(self) -> tuple[FloatArray, FloatArray, bool]:
-        table, _ = _read(self.imu, _IMU)
+    def _read_imu(self, repairs: list[str]) -> tuple[FloatArray, FloatArray, bool]:
+        table, _ = _read(self.imu, _IMU, repairs)
         if len(table["t_s"]) < MIN_IMU_SAMPLES:
             raise MissionError(
                 f"{self.imu}: {len(table['t_s'])} rows; accepted are at least {MIN_IMU_SAMPLES}"
@@ -253,8 +255,8 @@ class LogFiles:
         C = self._axes()
         return table["t_s"], np.concatenate((gyro @ C.T, force @ C.T), axis=1), bool(present)
 
-    def _read_gnss(self) -> tuple[GnssLog, Headings | None]:
-        table, rows = _read(self.gnss, (_TIME, *_POSITION, *_VELOCITY, *_SIGMA, *_HEADING))
+    def _read_gnss(self, repairs: list[str]) -> tuple[GnssLog, Headings | None]:
+        table, rows = _read(self.gnss, (_TIME, *_POSITION, *_VELOCITY, *_SIGMA, *_HEADING), repairs)
         gnss = GnssLog(
             time=table["t_s"],
             position=_geodetic(table, rows),
@@ -271,8 +273,8 @@ class LogFiles:
         # Of the same clock as the fixes, and late by as much.
         return gnss, Headings(table["t_s"][known] - self.latency, heading[known], sigma[known])
 
-    def _read_field(self, path: Path) -> Magnetometer:
-        table, _ = _read(path, (_TIME, *_FIELD))
+    def _read_field(self, path: Path, repairs: list[str]) -> Magnetometer:
+        table, _ = _read(path, (_TIME, *_FIELD), repairs)
         field = np.stack([table[column.name] for column in _FIELD], axis=-1)
         known = np.isfinite(field).all(axis=1)
         time = table["t_s"][known]
@@ -350,8 +352,10 @@ def read_sensor_log(path: str | os.PathLike[str]) -> SensorLog:
     return log_files(path).read()
 
 
-def _read(path: Path, accepted: tuple[Column, ...]) -> tuple[dict[str, FloatArray], int]:
-    columns, table, first_line = read_columns(path, accepted)
+def _read(path: Path, accepted: tuple[Column, ...], repairs: list[str]) -> tuple[dict[str, FloatArray], int]:
+    columns, table, first_line, cut_line = read_columns(path, accepted, may_be_cut=True)
+    if cut_line:
+        repairs.append(f"The last line of {path.name}, row {cut_line}, is cut and was dropped.")
     if len(table) and table[:, 0].max() - table[:, 0].min() > MAX_DURATION:
         raise MissionError(
             f"{path}, from row {first_line}, column t_s: more than {MAX_DURATION:g} s from the first to the "
@@ -386,9 +390,9 @@ def _geodetic(table: dict[str, FloatArray], rows: int) -> FloatArray:
     return np.column_stack((np.radians(place[:, :2]), place[:, 2]))
 
 
-def _read_solution(path: Path) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+def _read_solution(path: Path, repairs: list[str]) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
     """Return time, position, velocity and attitude of a solution; NaN where it has none."""
-    table, rows = _read(path, (_TIME, *_PLACE_IF_KNOWN, *_VELOCITY, *_ATTITUDE))
+    table, rows = _read(path, (_TIME, *_PLACE_IF_KNOWN, *_VELOCITY, *_ATTITUDE), repairs)
     time = table["t_s"]
     if rows < 2 or (np.diff(time) <= 0).any():
         raise MissionError(f"{path}, column t_s: accepted are at least two rows and time that increases")
@@ -406,9 +410,9 @@ def _read_solution(path: Path) -> tuple[FloatArray, FloatArray, FloatArray, Floa
     return (time, *parts)
 
 
-def _read_headings(path: Path) -> Headings:
+def _read_headings(path: Path, repairs: list[str]) -> Headings:
     """Return headings with their σ; empty cells are left out."""
-    table, rows = _read(path, (_TIME, replace(_HEADING[0], required=True), _HEADING[1]))
+    table, rows = _read(path, (_TIME, replace(_HEADING[0], required=True), _HEADING[1]), repairs)
     heading, sigma = np.radians(_columns(table, _HEADING, rows)).T
     known = np.isfinite(heading)
     time = table["t_s"][known]
@@ -417,9 +421,9 @@ def _read_headings(path: Path) -> Headings:
     return Headings(time, heading[known], sigma[known])
 
 
-def _read_series(path: Path, column: Column) -> Series:
+def _read_series(path: Path, column: Column, repairs: list[str]) -> Series:
     """Return the readings of a sensor with one number; empty cells are left out."""
-    table, _ = _read(path, (_TIME, column))
+    table, _ = _read(path, (_TIME, column), repairs)
     known = np.isfinite(table[column.name])
     time = table["t_s"][known]
     if (np.diff(time) < 0).any():

@@ -8,7 +8,7 @@ from scipy.spatial.transform import Rotation
 from sensor_logs import EPOCH, INCREMENTS, POSITION, RATE, described, tables, write, write_csv
 
 from lab.earth import STANDARD_GRAVITY
-from lab.logs.sensor_log_csv import read_sensor_log
+from lab.logs.sensor_log_csv import log_files, read_sensor_log
 from lab.missions import MissionError
 
 
@@ -217,6 +217,31 @@ def test_files_that_are_refused(tmp_path, log):
     refused(folder, r"imu\.csv: the file is empty")
     (folder / "imu.csv").unlink()
     refused(folder, r"imu\.csv: there is no such file; a log is a folder")
+
+
+@pytest.mark.parametrize("name", ["imu.csv", "gnss.csv", "ref.csv"])
+@pytest.mark.parametrize("left", [4, -1], ids=["lacks cells", "ends with a sign"])
+def test_a_last_line_that_is_cut_is_dropped(tmp_path, log, name, left):
+    """A logger that loses its power stops in the middle of a row."""
+    folder = write(tmp_path, log)
+    *rows, last = (folder / name).read_text().splitlines()
+    end = last[:left] if left > 0 else last.rpartition(",")[0] + ",-"
+    (folder / name).write_text("\n".join((*rows, end)))
+    read = read_sensor_log(folder)
+    assert read.repairs == (f"The last line of {name}, row {len(rows) + 1}, is cut and was dropped.",)
+    counts = {"imu.csv": len(read.time), "gnss.csv": len(read.gnss.time), "ref.csv": len(read.reference.time)}
+    assert counts[name] == len(rows) - 1
+    assert log_files(folder).duration == pytest.approx(read.duration)
+
+
+def test_a_row_of_too_many_or_few_cells_elsewhere_is_a_wrong_file(tmp_path, log):
+    folder = write(tmp_path, log)
+    text = (folder / "imu.csv").read_text()
+    (folder / "imu.csv").write_text(text.removesuffix("\n") + ",7\n")
+    refused(folder, rf"imu\.csv, row {len(log.imu) + 1}: 8 cells; accepted are 7")
+    row = text.splitlines()[2]
+    (folder / "imu.csv").write_text(text.replace(row, row.rpartition(",")[0]))
+    refused(folder, r"imu\.csv, row 3: 6 cells; accepted are 7")
 
 
 def test_empty_cells_of_what_need_not_be_there_are_not_known(tmp_path, log):
