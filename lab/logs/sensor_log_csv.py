@@ -10,9 +10,10 @@ sd_e_m, sd_d_m, sd_vn_m_s, sd_ve_m_s, sd_vd_m_s``; with two antennas also ``head
 mz_uT``, in the axes of the IMU. ``baro.csv``, where there is one: ``t_s, height_m``, by pressure;
 ``odo.csv``: ``t_s, speed_m_s``, forward; ``heading.csv``: ``t_s, heading_deg``, true, and
 ``sd_heading_deg`` where it is known, in place of the headings in ``gnss.csv``. An empty cell of an optional
-column is unknown. All files are stamped by one clock, which ``--from``, ``--to`` and outages refer to as
-well. Heights are above the ellipsoid, or all above the same other surface. The TOML, ``log.toml`` in the
-folder, may leave out every key; the defaults are as here, unless noted::
+column is unknown; one of a sample of the IMU or of a position drops the sample or the fix. All files are
+stamped by one clock, which ``--from``, ``--to`` and outages refer to as well. Heights are above the
+ellipsoid, or all above the same other surface. The TOML, ``log.toml`` in the folder, may leave out every
+key; the defaults are as here, unless noted::
 
     title = "Drive to work"
     description = "..."
@@ -86,11 +87,19 @@ _IMU = (
         for name in names
     ),
 )
+_MAX_EMPTY_IMU = 0.1
+"""Largest share of rows of the IMU with empty cells: loggers lose less than a percent; in files in which rows
+of gyros and accelerometers alternate, all rows have some."""
+_MAX_EMPTY_FIXES = 0.5
+"""Largest share of rows without a position in ``gnss.csv``: a receiver may need half of a short log for its
+first fix."""
 _POSITION = (
     Column("lat_deg", *LATITUDES),
     Column("lon_deg", *LONGITUDES),
     Column("alt_m", *HEIGHTS),
 )
+_ESSENTIAL = {column.name for column in (*_IMU[1:], *_POSITION)}
+"""Columns in which an empty cell drops the sample or the fix."""
 _VELOCITY = tuple(
     Column(name, -MAX_SPEED, MAX_SPEED, required=False, may_be_empty=True)
     for name in ("vn_m_s", "ve_m_s", "vd_m_s")
@@ -233,7 +242,8 @@ class LogFiles:
         return log
 
     def _read_imu(self, repairs: list[str]) -> tuple[FloatArray, FloatArray, bool]:
-        table, _ = _read(self.imu, _IMU, repairs)
+        cells = (_TIME, *(replace(column, may_be_empty=True) for column in _IMU[1:]))
+        table, _ = _read(self.imu, cells, repairs, _MAX_EMPTY_IMU)
         if len(table["t_s"]) < MIN_IMU_SAMPLES:
             raise MissionError(
                 f"{self.imu}: {len(table['t_s'])} rows; accepted are at least {MIN_IMU_SAMPLES}"
@@ -256,7 +266,9 @@ class LogFiles:
         return table["t_s"], np.concatenate((gyro @ C.T, force @ C.T), axis=1), bool(present)
 
     def _read_gnss(self, repairs: list[str]) -> tuple[GnssLog, Headings | None]:
-        table, rows = _read(self.gnss, (_TIME, *_POSITION, *_VELOCITY, *_SIGMA, *_HEADING), repairs)
+        place = tuple(replace(column, may_be_empty=True) for column in _POSITION)
+        cells = (_TIME, *place, *_VELOCITY, *_SIGMA, *_HEADING)
+        table, rows = _read(self.gnss, cells, repairs, _MAX_EMPTY_FIXES)
         gnss = GnssLog(
             time=table["t_s"],
             position=_geodetic(table, rows),
@@ -352,7 +364,13 @@ def read_sensor_log(path: str | os.PathLike[str]) -> SensorLog:
     return log_files(path).read()
 
 
-def _read(path: Path, accepted: tuple[Column, ...], repairs: list[str]) -> tuple[dict[str, FloatArray], int]:
+def _read(
+    path: Path, accepted: tuple[Column, ...], repairs: list[str], max_empty: float | None = None
+) -> tuple[dict[str, FloatArray], int]:
+    """Return columns by their names, and the number of rows.
+
+    `max_empty` is the largest share of rows in which cells may be empty that a sample or fix needs.
+    """
     columns, table, first_line, cut_line = read_columns(path, accepted, may_be_cut=True)
     if cut_line:
         repairs.append(f"The last line of {path.name}, row {cut_line}, is cut and was dropped.")
@@ -361,7 +379,24 @@ def _read(path: Path, accepted: tuple[Column, ...], repairs: list[str]) -> tuple
             f"{path}, from row {first_line}, column t_s: more than {MAX_DURATION:g} s from the first to the "
             "last row; accepted are shorter logs, with time in seconds"
         )
+    if max_empty is not None:
+        _check_empty(path, columns, table, first_line, max_empty)
     return {column.name: table[:, i] for i, column in enumerate(columns)}, len(table)
+
+
+def _check_empty(
+    path: Path, columns: list[Column], table: FloatArray, first_line: int, accepted: float
+) -> None:
+    """Refuse empty cells, in columns of samples and positions, in more rows than accepted."""
+    needed = [i for i, column in enumerate(columns) if column.name in _ESSENTIAL]
+    empty = np.isnan(table[:, needed])
+    share = float(empty.any(axis=1).mean()) if len(table) else 0.0
+    if share > accepted:
+        row, place = np.argwhere(empty)[0]
+        raise MissionError(
+            f"{path}: {share:.0%} of the rows have empty cells, the first in row {first_line + row}, column "
+            f"{columns[needed[place]].name}; accepted are up to {accepted:.0%}, which are dropped"
+        )
 
 
 def _one_of(path: Path, table: dict[str, FloatArray], groups: tuple[tuple[str, str, str], ...]) -> FloatArray:

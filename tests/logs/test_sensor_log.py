@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
-from sensor_logs import EPOCH, INCREMENTS, POSITION, RATE, described, tables, write, write_csv
+from sensor_logs import EPOCH, IMU, INCREMENTS, POSITION, RATE, described, tables, write, write_csv
 
 from lab.earth import STANDARD_GRAVITY
 from lab.logs.sensor_log_csv import log_files, read_sensor_log
@@ -206,13 +206,8 @@ def test_files_that_are_refused(tmp_path, log):
     imu("gx_rad_s,", "gx_deg_s,", r"imu\.csv: gx_rad_s and gx_deg_s are the same in two units")
     imu("gx_rad_s,", "dtheta_x_rad,", r"imu\.csv: has both increments")
     second = text.splitlines()[2]
-    imu(second, second.replace(second.split(",")[3], "nan"), r"imu\.csv, row 3, column gz_rad_s: 'nan'")
     imu(second, second.replace(second.split(",")[3], "text"), r"imu\.csv, row 3, column gz_rad_s: 'text'")
-    imu(
-        second,
-        second.replace(second.split(",")[3], ""),
-        r"imu\.csv, row 3, column gz_rad_s: the cell is empty",
-    )
+    imu(second, second.replace(second.split(",")[0], ""), r"imu\.csv, row 3, column t_s: the cell is empty")
     (folder / "imu.csv").write_text("")
     refused(folder, r"imu\.csv: the file is empty")
     (folder / "imu.csv").unlink()
@@ -259,13 +254,42 @@ def test_empty_cells_of_what_need_not_be_there_are_not_known(tmp_path, log):
     assert "1 of" in read.repairs[1]
     assert "has no σ of the position" in read.repairs[1]
     assert "has no σ of the velocity" in read.repairs[2]
-    rows[3][1] = ""
-    (folder / "gnss.csv").write_text("\n".join(map(",".join, rows)))
-    refused(folder, r"gnss\.csv, row 4, column lat_deg: the cell is empty")
-    rows[3][1] = rows[2][1]
     rows[3][7] = "text"
     (folder / "gnss.csv").write_text("\n".join(map(",".join, rows)))
     refused(folder, r"gnss\.csv, row 4, column sd_n_m: 'text' is not accepted")
+
+
+@pytest.mark.parametrize("names", [IMU, INCREMENTS])
+def test_samples_with_empty_cells_leave_a_gap(tmp_path, log, names):
+    """Between them the motion is linear, as the fill of a gap is: the log is as if nothing were lost."""
+    imu = log.imu.copy()
+    imu[:, 1:] = np.linspace(0, 1, len(imu))[:, None] * (0.1, -0.2, 0.3, 1, 2, 1) - (0, 0, 0, 0, 0, 10)
+    if names is INCREMENTS:
+        imu[:, 1:] /= RATE
+    whole = read_sensor_log(write(tmp_path, log._replace(imu=imu), imu_names=names))
+    imu[[300, 500, 501], [4, 2, 6]] = np.nan
+    read = read_sensor_log(write(tmp_path, log._replace(imu=imu), imu_names=names))
+    np.testing.assert_allclose(read.dtheta, whole.dtheta, atol=1e-11)
+    np.testing.assert_allclose(read.dvelocity, whole.dvelocity, atol=1e-9)
+    np.testing.assert_allclose(read.gaps, [[2.99, 3.01], [4.99, 5.02]], atol=1e-9)
+    assert "3 IMU samples with an unknown value were dropped." in read.repairs
+    imu[100:260, 3] = np.nan
+    refused(
+        write(tmp_path, log._replace(imu=imu), imu_names=names),
+        r"imu\.csv: 14% of the rows have empty cells, the first in row 102, column .*_?z_rad.*up to 10%",
+    )
+
+
+def test_fixes_without_a_position_are_dropped(tmp_path, log):
+    gnss = log.gnss.copy()
+    gnss[[3, 7], [1, 3]] = np.nan
+    read = read_sensor_log(write(tmp_path, log._replace(gnss=gnss)))
+    kept = np.delete(log.gnss, [3, 7], axis=0)
+    np.testing.assert_allclose(read.gnss.time, kept[:, 0] - read.epoch, atol=1e-9)
+    np.testing.assert_allclose(np.degrees(read.gnss.position[:, 0]), kept[:, 1], rtol=1e-11)
+    assert read.repairs == ("2 GPS fixes without a position were dropped.",)
+    gnss[:13, 2] = np.nan
+    refused(write(tmp_path, log._replace(gnss=gnss)), r"gnss\.csv: 54% .* column lon_deg.*up to 50%")
 
 
 def test_a_file_too_large_is_refused_unread(tmp_path, log):
