@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lab.logs.auxiliary_data import AuxiliaryData, Reference
+from lab.logs.constant_axes import constant_axes_remarks
 from lab.logs.usual_interval import UsualInterval
 from lab.recordings.mission_error import MissionError
 
@@ -196,6 +197,7 @@ def repaired(
     values[np.searchsorted(time, breaks[:, 1]) - 1] = 0.0
     epoch = float(time[0])
     fixes = _picked(gnss, gnss_rows, epoch)
+    repairs += constant_axes_remarks(name, samples, fixes.position)
     _report_missing(fixes, repairs)
     return SensorLog(
         name=name,

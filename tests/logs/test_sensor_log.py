@@ -85,8 +85,30 @@ def test_up_to_four_equal_values_are_polling_and_more_are_a_sensor_at_rest(tmp_p
 def test_a_resting_sensor_of_coarse_steps_is_not_polled(tmp_path, log):
     still = log.imu.copy()
     still[:, 1:] = (0, 0, 0, 0, 0, -9.8)
-    read = read_sensor_log(write(tmp_path, log._replace(imu=still)))
+    gnss = log.gnss.copy()
+    gnss[:, 1:7] = (*gnss[0, 1:4], 0, 0, 0)
+    read = read_sensor_log(write(tmp_path, log._replace(imu=still, gnss=gnss)))
+    assert read.repairs == ()
     assert len(read.dtheta) == len(still) - 1
+
+
+@pytest.mark.parametrize(("first", "triad"), [(1, "gyros"), (4, "accelerometers")])
+def test_axes_that_are_constant_in_motion(tmp_path, log, first, triad):
+    """Two axes may be missing in a sensor for cars; without a whole triad there is nothing to navigate."""
+    imu = log.imu.copy()
+    imu[:, first] = 0.0
+    said = read_sensor_log(write(tmp_path, log._replace(imu=imu))).repairs
+    assert len(said) == 1
+    assert said[0].startswith(f"Of the {triad}, forward is constant in all samples")
+    imu[:, first + 1] = 0.125
+    said = read_sensor_log(write(tmp_path, log._replace(imu=imu))).repairs
+    assert said[0].startswith(f"Of the {triad}, forward and right are constant in all samples")
+    imu[:, first + 2] = -9.8
+    refused(
+        write(tmp_path, log._replace(imu=imu)), rf"all three {triad} are constant in all 1201 samples, but"
+    )
+    imu[:, first : first + 3] = 0.0
+    refused(write(tmp_path, log._replace(imu=imu)), rf"all three {triad} are constant zero")
 
 
 def test_repeated_times_are_dropped(tmp_path, log):
