@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from lab.logs.auxiliary_data import AuxiliaryData, Reference
 from lab.logs.constant_axes import constant_axes_remarks
+from lab.logs.spikes import spikes
 from lab.logs.usual_interval import UsualInterval
 from lab.recordings.mission_error import MissionError
 
@@ -176,6 +177,9 @@ def repaired(
     _say(repairs, int((~known).sum()), "IMU sample with an unknown value was dropped")
     lost, time, samples = time[~known], time[known], samples[known]
     time, samples = _without_repeats(time, samples, increments, repairs)
+    spiky = spikes(_rates(time, samples) if increments else samples)
+    _say(repairs, int(spiky.sum()), "IMU sample with a spike, far beyond the others near, was dropped")
+    lost, time, samples = np.sort(np.append(lost, time[spiky])), time[~spiky], samples[~spiky]
     gnss_rows = np.append(True, np.diff(gnss.time) > 0)[: gnss.time.size]
     _say(repairs, int((~gnss_rows).sum()), "GPS fix with the time of the one before was dropped")
     gnss_rows &= _real_fixes(gnss, gnss_rows, repairs)
@@ -241,6 +245,13 @@ def _without_repeats(
     kept = ~(same & (runs <= MAX_REPEAT))
     _say(repairs, int((~kept).sum()), "IMU sample that repeats the values of the one before was dropped")
     return time[kept], samples[kept]
+
+
+def _rates(time: FloatArray, increments: FloatArray) -> FloatArray:
+    """Return increments as rates; those over very short intervals as if these were usual."""
+    dt = np.diff(time)
+    usual = float(np.median(dt)) if dt.size else 1.0
+    return increments / np.append(usual, np.maximum(dt, usual))[: time.size, None]
 
 
 def _real_fixes(gnss: GnssLog, rows: NDArray[np.bool_], repairs: list[str]) -> NDArray[np.bool_]:

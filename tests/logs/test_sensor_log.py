@@ -9,6 +9,7 @@ from sensor_logs import EPOCH, IMU, INCREMENTS, POSITION, RATE, described, table
 
 from lab.earth import STANDARD_GRAVITY
 from lab.logs.sensor_log_csv import log_files, read_sensor_log
+from lab.logs.spikes import spikes
 from lab.missions import MissionError
 
 
@@ -90,6 +91,50 @@ def test_a_resting_sensor_of_coarse_steps_is_not_polled(tmp_path, log):
     read = read_sensor_log(write(tmp_path, log._replace(imu=still, gnss=gnss)))
     assert read.repairs == ()
     assert len(read.dtheta) == len(still) - 1
+
+
+@pytest.mark.parametrize("names", [IMU, INCREMENTS])
+def test_spikes_leave_a_gap(tmp_path, log, names):
+    scale = 1 / RATE if names is INCREMENTS else 1.0
+    imu = log.imu * (1, *(6 * (scale,)))
+    at = [40, 300, 301, 302, 700]
+    imu[at[:-1], 4] = 157 * scale
+    imu[at[-1], 3] = -34.9 * scale
+    read = read_sensor_log(write(tmp_path, log._replace(imu=imu), imu_names=names))
+    assert "5 IMU samples with a spike, far beyond the others near, were dropped." in read.repairs
+    np.testing.assert_allclose(read.gaps, [[0.39, 0.41], [2.99, 3.03], [6.99, 7.01]], atol=1e-9)
+    rates, forces = read.rates
+    np.testing.assert_allclose(rates, log.imu[1:, 1:4], atol=0.02)
+    np.testing.assert_allclose(forces, log.imu[1:, 4:], atol=0.5)
+
+
+def ringing(imu):
+    """Hit the IMU with 30 g, which decays in a tenth of a second."""
+    after = np.arange(60)
+    imu[500:560, 6] += 300 * np.exp(-after / 10) * np.cos(2.5 * after)
+
+
+def bursts(imu):
+    """Write 16 g in four samples together."""
+    imu[500:504, 4] = 157
+
+
+def shaking(imu):
+    """Vibrate by 10 g everywhere, once by 25 g."""
+    imu[:, 4:] += 100 * np.random.default_rng(1).standard_normal((len(imu), 3)).clip(-1, 1)
+    imu[500, 4] = 250
+
+
+def rolling(imu):
+    """Roll at 1500 °/s for a tenth of a second."""
+    imu[500:510, 1] += 26
+
+
+@pytest.mark.parametrize("motion", [ringing, bursts, shaking, rolling])
+def test_violent_motion_is_no_spike(log, motion):
+    imu = log.imu.copy()
+    motion(imu)
+    assert not spikes(imu[:, 1:]).any()
 
 
 @pytest.mark.parametrize(("first", "triad"), [(1, "gyros"), (4, "accelerometers")])
