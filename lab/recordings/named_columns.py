@@ -122,7 +122,9 @@ def read_columns(path: Path, accepted: tuple[Column, ...], *, may_be_cut: bool =
                         values = _parse(begun, cells, columns, indices) if begun else parsed[0]
                 if values is None:
                     lines = text.decode(rows, text.next_line).split("\n")
-                    raise MissionError(_first_fault(path, lines, text.next_line, cells, columns, indices))
+                    raise MissionError(
+                        _first_fault(path, lines, text.next_line, first_line, cells, columns, indices)
+                    )
                 parsed.append(values)
             if block.count(b"\n", len(rows)) or not rows:
                 blank_line = blank_line or text.next_line + (rows.count(b"\n") + 1 if rows else 0)
@@ -192,7 +194,7 @@ def _find_columns(
 ) -> tuple[list[Column], list[int]]:
     missing = [column.name for column in accepted if column.required and column.name not in header]
     if missing:
-        hint = " Cells are separated by commas, not semicolons." if ";" in "".join(header) else ""
+        hint = _layout_hint(",".join(header))
         noun = "column" if len(missing) == 1 else "columns"
         raise MissionError(
             f"{path}, row {line}: {noun} {', '.join(missing)} missing in the header.{hint} "
@@ -203,6 +205,14 @@ def _find_columns(
         if header.count(column.name) > 1:
             raise MissionError(f"{path}, row {line}: column {column.name} occurs twice; accepted once")
     return columns, [header.index(column.name) for column in columns]
+
+
+def _layout_hint(header: str) -> str:
+    """Return what is wrong with the layout of a header; empty if nothing is known."""
+    for mark, word in ((";", "semicolons"), ("\t", "tabs")):
+        if mark in header:
+            return f" Cells are separated by commas, not {word}."
+    return " Names and cells stand without quotation marks." if '"' in header else ""
 
 
 def _parse(rows: bytes, cells: int, columns: list[Column], indices: list[int]) -> FloatArray | None:
@@ -244,13 +254,27 @@ def _have_cells(rows: bytes, cells: int) -> bool:
 
 
 def _first_fault(
-    path: Path, rows: list[str], line: int, cells: int, columns: list[Column], indices: list[int]
+    path: Path,
+    rows: list[str],
+    line: int,
+    first_line: int,
+    cells: int,
+    columns: list[Column],
+    indices: list[int],
 ) -> str:
     """Return the message for the first row with something wrong; slow, and only called when there is one."""
     for number, row in enumerate(rows, line):
         if fault := _fault(path, row, number, cells, columns, indices):
-            return fault
+            return fault + (_units_hint(row, cells) if number == first_line else "")
     return f"{path}, from row {line}: the rows cannot be read as numbers"
+
+
+def _units_hint(row: str, cells: int) -> str:
+    """Return advice about the row below the header if it has no number, as one with units has none."""
+    texts = [text.strip() for text in row.split(",")]
+    if len(texts) != cells or not any(texts) or any(_NUMBER.fullmatch(text) for text in texts):
+        return ""
+    return ". This row seems to contain units: delete it, for the names of the columns state the units"
 
 
 def _fault(path: Path, row: str, number: int, cells: int, columns: list[Column], indices: list[int]) -> str:

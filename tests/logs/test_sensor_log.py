@@ -119,10 +119,9 @@ def bursts(imu):
     imu[500:504, 4] = 157
 
 
-def shaking(imu):
-    """Vibrate by 10 g everywhere, once by 25 g."""
-    imu[:, 4:] += 100 * np.random.default_rng(1).standard_normal((len(imu), 3)).clip(-1, 1)
-    imu[500, 4] = 250
+def knocking(imu):
+    """Knock by 12 g for one sample, twice in a second."""
+    imu[::50, 6] += 120
 
 
 def rolling(imu):
@@ -130,7 +129,7 @@ def rolling(imu):
     imu[500:510, 1] += 26
 
 
-@pytest.mark.parametrize("motion", [ringing, bursts, shaking, rolling])
+@pytest.mark.parametrize("motion", [ringing, bursts, knocking, rolling])
 def test_violent_motion_is_no_spike(log, motion):
     imu = log.imu.copy()
     motion(imu)
@@ -324,6 +323,25 @@ def test_empty_cells_of_what_need_not_be_there_are_not_known(tmp_path, log):
     rows[3][7] = "text"
     (folder / "gnss.csv").write_text("\n".join(map(",".join, rows)))
     refused(folder, r"gnss\.csv, row 4, column sd_n_m: 'text' is not accepted")
+
+
+@pytest.mark.parametrize(
+    ("change", "pattern"),
+    [
+        (lambda text: text.replace(",", ";"), r"row 1.*separated by commas, not semicolons"),
+        (lambda text: text.replace(",", "\t"), r"row 1.*separated by commas, not tabs"),
+        (lambda text: '"t_s","' + text[4:].replace(",", '","'), r"row 1.*without quotation marks"),
+        (
+            lambda text: text.replace("\n", "\n[s],[rad/s],[rad/s],[rad/s],[m/s2],[m/s2],[m/s2]\n", 1),
+            r"row 2, column t_s: '\[s\]' is not accepted.*This row seems to contain units: delete it",
+        ),
+    ],
+    ids=["semicolons", "tabs", "quotes", "units"],
+)
+def test_another_layout_of_cells_is_named(tmp_path, log, change, pattern):
+    path = write(tmp_path, log) / "imu.csv"
+    path.write_text(change(path.read_text()))
+    refused(tmp_path, rf"imu\.csv, {pattern}")
 
 
 @pytest.mark.parametrize("names", [IMU, INCREMENTS])
