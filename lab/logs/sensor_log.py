@@ -251,7 +251,7 @@ def _rates(time: FloatArray, increments: FloatArray) -> FloatArray:
     """Return increments as rates; those over very short intervals as if these were usual."""
     dt = np.diff(time)
     usual = float(np.median(dt)) if dt.size else 1.0
-    return increments / np.append(usual, np.maximum(dt, usual))[: time.size, None]
+    return np.asarray(increments / np.append(usual, np.maximum(dt, usual))[: time.size, None])
 
 
 def _real_fixes(gnss: GnssLog, rows: NDArray[np.bool_], repairs: list[str]) -> NDArray[np.bool_]:

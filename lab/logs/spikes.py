@@ -39,7 +39,7 @@ def spikes(rates: FloatArray) -> NDArray[np.bool_]:
     """
     found = np.zeros(len(rates), np.bool_)
     # A spike is a jump there and back; hardly any log has one, and only those are looked at closely.
-    jumps = (np.abs(np.diff(rates, axis=0)) > 0.5 * _LEAST).any(axis=0)
+    jumps = (np.abs(np.diff(rates, axis=0)) > _LEAST / 2).any(axis=0)
     if len(rates) < _AROUND or not jumps.any():
         return found
     from scipy.ndimage import median_filter, rank_filter  # noqa: PLC0415 - takes a while, and is rarely needed
