@@ -20,6 +20,7 @@ from lab.navigation.aids import NO_AIDS
 from lab.navigation.algorithm import Algorithm, run_algorithm
 from lab.navigation.belief import assumed_latency, assumed_lever_arm, chosen_blocks
 from lab.navigation.choice import is_ready
+from lab.navigation.error_models import POS
 from lab.navigation.recorded import RecordedRun, navigate_log, readings_of
 from lab.navigation.solution import Solution
 from lab.result import Runnable
@@ -66,6 +67,9 @@ WITHOUT_EFFECT = frozenset(
 )
 """Settings of the navigator that the log itself provides: the start and its uncertainty."""
 
+_LONG_COASTING = 10.0
+"""Time without a fix from which it is reported [s]: consumer IMUs are off by metres after it. Outages of the
+settings are the user's own and are not."""
 _SAME_CLOCK = 1e-3  # largest offset at which the clock of the file counts as the time of the log [s]
 
 
@@ -175,6 +179,7 @@ def _result(
     # The filter got substitutes for components that the receiver does not measure.
     seen = np.where(np.isnan(log.gnss.velocity_n[rows]), np.nan, made.fixes.velocity_n)
     notes = [*made.remarks, *clock_remarks(log, experiment.sensors.gps.outages)]
+    notes += coasting_remarks(log, made.imu.time, log.gnss.time - latency, solution)
     unnamed = experiment.navigator.vehicle == "auto" and not vehicle_of(log.auxiliary.vehicle).name
     if unnamed and made.alignment.heading.is_course:
         notes.append(
@@ -238,6 +243,34 @@ def clock_remarks(log: SensorLog, outages: Sequence[tuple[float, float]]) -> lis
             f"the log lasts from {log.epoch:.10g} to {log.epoch + log.duration:.10g} s."
         )
     return remarks
+
+
+def coasting_remarks(log: SensorLog, time: FloatArray, fixes: FloatArray, solution: Solution) -> list[str]:
+    """Return a remark about the longest time in which a log has no fix, if that is long.
+
+    Parameters
+    ----------
+    log
+        The log.
+    time : (n,) array
+        Times of the solution [s].
+    fixes : (m,) array
+        Times of validity of the fixes [s].
+    solution
+        What was navigated.
+    """
+    ends = np.concatenate((time[:1], fixes[(fixes > time[0]) & (fixes < time[-1])], time[-1:]))
+    longest = int(np.argmax(np.diff(ends)))
+    start, end = ends[longest : longest + 2]
+    if end - start < _LONG_COASTING:
+        return []
+    rows = (time >= start) & (time <= end)
+    sigma = float(np.sqrt(solution.variance[rows, POS][:, :2].max()))
+    grew = "" if np.isnan(sigma) else f" The σ of its horizontal position reaches {sigma:.2g} m there."
+    return [
+        f"The log has no fix for up to {end - start:.3g} s, from {log.epoch + start:.6g} s to "
+        f"{log.epoch + end:.6g} s in the clock of the file: the navigator coasts.{grew}"
+    ]
 
 
 def timed(navigate: Callable[[], T]) -> tuple[T, float]:

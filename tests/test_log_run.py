@@ -45,6 +45,20 @@ def blind(tmp_path_factory):
     return folder
 
 
+def test_a_long_time_without_fixes_is_reported_with_its_sigma(folder, tmp_path):
+    log = tables(60, 120)
+    few = write(
+        tmp_path / "few", log._replace(gnss=log.gnss[(log.gnss[:, 0] < 1070) | (log.gnss[:, 0] > 1100)])
+    )
+    result = experiment(few).run()
+    said = next(remark for remark in result.remarks if "coasts" in remark)
+    assert "no fix for up to 31 s, from 1069.5 s to 1100.5 s in the clock of the file" in said
+    sigma = result.sigma.position.sel(time=slice(9.5, 40.5))
+    level = float(sigma.sel(axis=["north", "east"]).max())
+    assert f"{level:.2g} m" in said
+    assert not any("coasts" in remark for remark in experiment(folder).run().remarks)
+
+
 def test_errors_against_the_reference(folder, tmp_path):
     result = experiment(folder).run()
     late = result.errors.sel(time=slice(30, None))

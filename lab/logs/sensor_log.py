@@ -14,6 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lab.logs.auxiliary_data import AuxiliaryData, Reference
+from lab.logs.constant_axes import constant_axes_remarks
+from lab.logs.spikes import spikes
 from lab.logs.usual_interval import UsualInterval
 from lab.recordings.mission_error import MissionError
 
@@ -154,9 +156,10 @@ def repaired(
         Time stamps of the IMU; each row is of the interval that ends with it [s].
     samples : (n, 6) array
         Angular rate [rad/s] and specific force [m/s²], in b; or with `increments` their integrals over the
-        interval [rad], [m/s].
+        interval [rad], [m/s]. A row with NaN is dropped, and leaves a gap.
     gnss, reference
-        The fixes and, if there is one, a better solution, with time stamps of the same clock.
+        The fixes and, if there is one, a better solution, with time stamps of the same clock. A fix with NaN
+        in its position is dropped.
     increments
         Whether the samples are increments.
     auxiliary
@@ -170,24 +173,35 @@ def repaired(
     repairs: list[str] = []
     _check_order(name, "IMU", time)
     _check_order(name, "GPS", gnss.time)
+    known = np.isfinite(samples).all(axis=1)
+    _say(repairs, int((~known).sum()), "IMU sample with an unknown value was dropped")
+    lost, time, samples = time[~known], time[known], samples[known]
     time, samples = _without_repeats(time, samples, increments, repairs)
+    spiky = spikes(_rates(time, samples) if increments else samples)
+    _say(repairs, int(spiky.sum()), "IMU sample with a spike, far beyond the others near, was dropped")
+    lost, time, samples = np.sort(np.append(lost, time[spiky])), time[~spiky], samples[~spiky]
     gnss_rows = np.append(True, np.diff(gnss.time) > 0)[: gnss.time.size]
     _say(repairs, int((~gnss_rows).sum()), "GPS fix with the time of the one before was dropped")
     gnss_rows &= _real_fixes(gnss, gnss_rows, repairs)
     _check_overlap(name, time, gnss.time[gnss_rows] - gnss.latency)
     dt = np.diff(time)
-    rates = samples[1:] / dt[:, None] if increments else samples[1:]
+    latest = np.append(-np.inf, lost)[np.searchsorted(lost, time[1:])]  # lost stamp before each sample
+    # Increments after a lost sample are of the time since that sample.
+    since = time[1:] - np.maximum(time[:-1], latest)
+    rates = samples[1:] / since[:, None] if increments else samples[1:]
     rates = np.concatenate((samples[:1] / np.median(dt) if increments else samples[:1], rates))
     stamps, usual = time, UsualInterval().take(dt)
-    time, rates, gaps, breaks = _without_gaps(name, time, rates, usual, repairs)
+    wide = (dt > GAP_STEPS * usual) | (since < dt)
+    time, rates, gaps, breaks = _without_gaps(name, time, rates, usual, wide, repairs)
     values = rates[1:] * np.diff(time)[:, None]
     if increments:
         # Increments of a gap are unknown; the others keep every bit.
-        whole = dt <= GAP_STEPS * usual
+        whole = ~wide
         values[np.searchsorted(time, stamps[1:][whole]) - 1] = samples[1:][whole]
     values[np.searchsorted(time, breaks[:, 1]) - 1] = 0.0
     epoch = float(time[0])
     fixes = _picked(gnss, gnss_rows, epoch)
+    repairs += constant_axes_remarks(name, samples, fixes.position)
     _report_missing(fixes, repairs)
     return SensorLog(
         name=name,
@@ -233,8 +247,18 @@ def _without_repeats(
     return time[kept], samples[kept]
 
 
+def _rates(time: FloatArray, increments: FloatArray) -> FloatArray:
+    """Return increments as rates; those over very short intervals as if these were usual."""
+    dt = np.diff(time)
+    usual = float(np.median(dt)) if dt.size else 1.0
+    return np.asarray(increments / np.append(usual, np.maximum(dt, usual))[: time.size, None])
+
+
 def _real_fixes(gnss: GnssLog, rows: NDArray[np.bool_], repairs: list[str]) -> NDArray[np.bool_]:
     """Return which fixes (m,) are measurements: neither zeros of a receiver without a fix, nor repeated."""
+    unknown = ~np.isfinite(gnss.position).all(axis=1)
+    _say(repairs, int((rows & unknown).sum()), "GPS fix without a position was dropped")
+    rows = rows & ~unknown
     empty = np.asarray(rows & (gnss.position[:, :2] == 0).all(axis=1))
     _say(repairs, int(empty.sum()), "GPS fix at latitude 0, longitude 0 was dropped")
     at = np.flatnonzero(rows & ~empty)
@@ -243,7 +267,7 @@ def _real_fixes(gnss: GnssLog, rows: NDArray[np.bool_], repairs: list[str]) -> N
     same = ((values[1:] == values[:-1]) | (np.isnan(values[1:]) & np.isnan(values[:-1]))).all(axis=1)
     repeated = at[1:][same & moving[1:]]
     _say(repairs, repeated.size, "GPS fix in motion that repeats the values of the one before was dropped")
-    real: NDArray[np.bool_] = ~empty
+    real: NDArray[np.bool_] = ~(empty | unknown)
     real[repeated] = False
     return real
 
@@ -262,11 +286,15 @@ def _span(time: FloatArray) -> str:
 
 
 def _without_gaps(
-    name: str, time: FloatArray, rates: FloatArray, usual: FloatArray, repairs: list[str]
+    name: str,
+    time: FloatArray,
+    rates: FloatArray,
+    usual: FloatArray,
+    wide: NDArray[np.bool_],
+    repairs: list[str],
 ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
     """Fill short gaps with samples at the usual spacing; return gaps filled and breaks left, too."""
     dt = np.diff(time)
-    wide = dt > GAP_STEPS * usual
     at = np.flatnonzero(wide & (dt <= MAX_GAP))
     broken = np.flatnonzero(wide & (dt > MAX_GAP))
     breaks = np.stack((time[broken], time[broken + 1]), axis=-1)

@@ -10,9 +10,10 @@ sd_e_m, sd_d_m, sd_vn_m_s, sd_ve_m_s, sd_vd_m_s``; with two antennas also ``head
 mz_uT``, in the axes of the IMU. ``baro.csv``, where there is one: ``t_s, height_m``, by pressure;
 ``odo.csv``: ``t_s, speed_m_s``, forward; ``heading.csv``: ``t_s, heading_deg``, true, and
 ``sd_heading_deg`` where it is known, in place of the headings in ``gnss.csv``. An empty cell of an optional
-column is unknown. All files are stamped by one clock, which ``--from``, ``--to`` and outages refer to as
-well. Heights are above the ellipsoid, or all above the same other surface. The TOML, ``log.toml`` in the
-folder, may leave out every key; the defaults are as here, unless noted::
+column is unknown; one of a sample of the IMU or of a position drops the sample or the fix. All files are
+stamped by one clock, which ``--from``, ``--to`` and outages refer to as well. Heights are above the
+ellipsoid, or all above the same other surface. The TOML, ``log.toml`` in the folder, may leave out every
+key; the defaults are as here, unless noted::
 
     title = "Drive to work"
     description = "..."
@@ -86,11 +87,19 @@ _IMU = (
         for name in names
     ),
 )
+_MAX_EMPTY_IMU = 0.1
+"""Largest share of rows of the IMU with empty cells: loggers lose less than a percent; in files in which rows
+of gyros and accelerometers alternate, all rows have some."""
+_MAX_EMPTY_FIXES = 0.5
+"""Largest share of rows without a position in ``gnss.csv``: a receiver may need half of a short log for its
+first fix."""
 _POSITION = (
     Column("lat_deg", *LATITUDES),
     Column("lon_deg", *LONGITUDES),
     Column("alt_m", *HEIGHTS),
 )
+_ESSENTIAL = {column.name for column in (*_IMU[1:], *_POSITION)}
+"""Columns in which an empty cell drops the sample or the fix."""
 _VELOCITY = tuple(
     Column(name, -MAX_SPEED, MAX_SPEED, required=False, may_be_empty=True)
     for name in ("vn_m_s", "ve_m_s", "vd_m_s")
@@ -190,7 +199,7 @@ class LogFiles:
     @property
     def duration(self) -> float:
         """Time from the first sample of the IMU to the last [s], as stamped; only these are read."""
-        return read_duration(self.imu, _IMU, MIN_IMU_SAMPLES)
+        return read_duration(self.imu, _IMU, MIN_IMU_SAMPLES, may_be_cut=True)
 
     def read(self) -> SensorLog:
         """Read the log.
@@ -202,36 +211,39 @@ class LogFiles:
             there in two units, a cell is not a finite number within its limits, time runs backwards, the
             files do not overlap in time, or the numbers contradict the units, axes or clock they claim.
         """
-        time, samples, increments = self._read_imu()
-        gnss, headings = self._read_gnss()
+        repairs: list[str] = []
+        time, samples, increments = self._read_imu(repairs)
+        gnss, headings = self._read_gnss(repairs)
         if self.heading is not None:
             if headings is not None:
                 raise MissionError(
                     f"{self.heading}: {self.gnss.name} has headings too (heading_deg); accepted are those of "
                     "one file"
                 )
-            headings = _read_headings(self.heading)
+            headings = _read_headings(self.heading, repairs)
         auxiliary = AuxiliaryData(
             vehicle=self.vehicle,
-            magnetometer=None if self.magnetometer is None else self._read_field(self.magnetometer),
+            magnetometer=None if self.magnetometer is None else self._read_field(self.magnetometer, repairs),
             headings=headings,
-            barometer=None if self.barometer is None else _read_series(self.barometer, _HEIGHT),
-            odometer=None if self.odometer is None else _read_series(self.odometer, _SPEED),
+            barometer=None if self.barometer is None else _read_series(self.barometer, _HEIGHT, repairs),
+            odometer=None if self.odometer is None else _read_series(self.odometer, _SPEED, repairs),
             comparisons=tuple(
-                Comparison(*_read_solution(path), name=name) for name, path in self.comparisons
+                Comparison(*_read_solution(path, repairs), name=name) for name, path in self.comparisons
             ),
         )
-        reference = None if self.reference is None else Reference(*_read_solution(self.reference))
+        reference = None if self.reference is None else Reference(*_read_solution(self.reference, repairs))
         log = repaired(
             str(self.path), time, samples, gnss, reference, increments=increments, auxiliary=auxiliary
         )
+        log = replace(log, repairs=(*repairs, *log.repairs))
         from lab.logs.log_check import check_log  # noqa: PLC0415 - imports scipy, which takes a while
 
         check_log(log)
         return log
 
-    def _read_imu(self) -> tuple[FloatArray, FloatArray, bool]:
-        table, _ = _read(self.imu, _IMU)
+    def _read_imu(self, repairs: list[str]) -> tuple[FloatArray, FloatArray, bool]:
+        cells = (_TIME, *(replace(column, may_be_empty=True) for column in _IMU[1:]))
+        table, _ = _read(self.imu, cells, repairs, _MAX_EMPTY_IMU)
         if len(table["t_s"]) < MIN_IMU_SAMPLES:
             raise MissionError(
                 f"{self.imu}: {len(table['t_s'])} rows; accepted are at least {MIN_IMU_SAMPLES}"
@@ -253,8 +265,10 @@ class LogFiles:
         C = self._axes()
         return table["t_s"], np.concatenate((gyro @ C.T, force @ C.T), axis=1), bool(present)
 
-    def _read_gnss(self) -> tuple[GnssLog, Headings | None]:
-        table, rows = _read(self.gnss, (_TIME, *_POSITION, *_VELOCITY, *_SIGMA, *_HEADING))
+    def _read_gnss(self, repairs: list[str]) -> tuple[GnssLog, Headings | None]:
+        place = tuple(replace(column, may_be_empty=True) for column in _POSITION)
+        cells = (_TIME, *place, *_VELOCITY, *_SIGMA, *_HEADING)
+        table, rows = _read(self.gnss, cells, repairs, _MAX_EMPTY_FIXES)
         gnss = GnssLog(
             time=table["t_s"],
             position=_geodetic(table, rows),
@@ -271,8 +285,8 @@ class LogFiles:
         # Of the same clock as the fixes, and late by as much.
         return gnss, Headings(table["t_s"][known] - self.latency, heading[known], sigma[known])
 
-    def _read_field(self, path: Path) -> Magnetometer:
-        table, _ = _read(path, (_TIME, *_FIELD))
+    def _read_field(self, path: Path, repairs: list[str]) -> Magnetometer:
+        table, _ = _read(path, (_TIME, *_FIELD), repairs)
         field = np.stack([table[column.name] for column in _FIELD], axis=-1)
         known = np.isfinite(field).all(axis=1)
         time = table["t_s"][known]
@@ -350,14 +364,39 @@ def read_sensor_log(path: str | os.PathLike[str]) -> SensorLog:
     return log_files(path).read()
 
 
-def _read(path: Path, accepted: tuple[Column, ...]) -> tuple[dict[str, FloatArray], int]:
-    columns, table, first_line = read_columns(path, accepted)
+def _read(
+    path: Path, accepted: tuple[Column, ...], repairs: list[str], max_empty: float | None = None
+) -> tuple[dict[str, FloatArray], int]:
+    """Return columns by their names, and the number of rows.
+
+    `max_empty` is the largest share of rows in which cells may be empty that a sample or fix needs.
+    """
+    columns, table, first_line, cut_line = read_columns(path, accepted, may_be_cut=True)
+    if cut_line:
+        repairs.append(f"The last line of {path.name}, row {cut_line}, is cut and was dropped.")
     if len(table) and table[:, 0].max() - table[:, 0].min() > MAX_DURATION:
         raise MissionError(
             f"{path}, from row {first_line}, column t_s: more than {MAX_DURATION:g} s from the first to the "
             "last row; accepted are shorter logs, with time in seconds"
         )
+    if max_empty is not None:
+        _check_empty(path, columns, table, first_line, max_empty)
     return {column.name: table[:, i] for i, column in enumerate(columns)}, len(table)
+
+
+def _check_empty(
+    path: Path, columns: list[Column], table: FloatArray, first_line: int, accepted: float
+) -> None:
+    """Refuse empty cells, in columns of samples and positions, in more rows than accepted."""
+    needed = [i for i, column in enumerate(columns) if column.name in _ESSENTIAL]
+    empty = np.isnan(table[:, needed])
+    share = float(empty.any(axis=1).mean()) if len(table) else 0.0
+    if share > accepted:
+        row, place = np.argwhere(empty)[0]
+        raise MissionError(
+            f"{path}: {share:.0%} of the rows have empty cells, the first in row {first_line + row}, column "
+            f"{columns[needed[place]].name}; accepted are up to {accepted:.0%}, which are dropped"
+        )
 
 
 def _one_of(path: Path, table: dict[str, FloatArray], groups: tuple[tuple[str, str, str], ...]) -> FloatArray:
@@ -386,9 +425,9 @@ def _geodetic(table: dict[str, FloatArray], rows: int) -> FloatArray:
     return np.column_stack((np.radians(place[:, :2]), place[:, 2]))
 
 
-def _read_solution(path: Path) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+def _read_solution(path: Path, repairs: list[str]) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
     """Return time, position, velocity and attitude of a solution; NaN where it has none."""
-    table, rows = _read(path, (_TIME, *_PLACE_IF_KNOWN, *_VELOCITY, *_ATTITUDE))
+    table, rows = _read(path, (_TIME, *_PLACE_IF_KNOWN, *_VELOCITY, *_ATTITUDE), repairs)
     time = table["t_s"]
     if rows < 2 or (np.diff(time) <= 0).any():
         raise MissionError(f"{path}, column t_s: accepted are at least two rows and time that increases")
@@ -406,9 +445,9 @@ def _read_solution(path: Path) -> tuple[FloatArray, FloatArray, FloatArray, Floa
     return (time, *parts)
 
 
-def _read_headings(path: Path) -> Headings:
+def _read_headings(path: Path, repairs: list[str]) -> Headings:
     """Return headings with their σ; empty cells are left out."""
-    table, rows = _read(path, (_TIME, replace(_HEADING[0], required=True), _HEADING[1]))
+    table, rows = _read(path, (_TIME, replace(_HEADING[0], required=True), _HEADING[1]), repairs)
     heading, sigma = np.radians(_columns(table, _HEADING, rows)).T
     known = np.isfinite(heading)
     time = table["t_s"][known]
@@ -417,9 +456,9 @@ def _read_headings(path: Path) -> Headings:
     return Headings(time, heading[known], sigma[known])
 
 
-def _read_series(path: Path, column: Column) -> Series:
+def _read_series(path: Path, column: Column, repairs: list[str]) -> Series:
     """Return the readings of a sensor with one number; empty cells are left out."""
-    table, _ = _read(path, (_TIME, column))
+    table, _ = _read(path, (_TIME, column), repairs)
     known = np.isfinite(table[column.name])
     time = table["t_s"][known]
     if (np.diff(time) < 0).any():

@@ -72,7 +72,7 @@ def read_flight_csv(path: str | os.PathLike[str]) -> Recording:
         or numbers look like another unit (radians, knots).
     """
     path = Path(path)
-    columns, table, first_line = read_columns(path, COLUMNS)
+    columns, table, first_line, _ = read_columns(path, COLUMNS)
     _check_time(path, table[:, 0], first_line)
     check_units(str(path), table)
     return _recording(columns, table)

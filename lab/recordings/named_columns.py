@@ -13,6 +13,7 @@ import itertools
 import re
 from dataclasses import dataclass
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -63,7 +64,28 @@ class Column:
         return f"a number from {self.low:.12g} to {self.high:.12g}"
 
 
-def read_columns(path: Path, accepted: tuple[Column, ...]) -> tuple[list[Column], FloatArray, int]:
+class NamedTable(NamedTuple):
+    """The columns of a csv file that were asked for.
+
+    Attributes
+    ----------
+    columns : list of Column
+        Those of them the file has, in the order in which they were asked for.
+    values : (n, columns) array
+        Their values, in the units of the file; NaN for empty cells where these are accepted.
+    first_line : int
+        Number of the line of the first row, as an editor shows it.
+    cut_line : int
+        Number of the last line if it is cut and was dropped; 0 if it is whole.
+    """
+
+    columns: list[Column]
+    values: FloatArray
+    first_line: int
+    cut_line: int
+
+
+def read_columns(path: Path, accepted: tuple[Column, ...], *, may_be_cut: bool = False) -> NamedTable:
     """Read the columns of a csv file that are asked for.
 
     Parameters
@@ -72,15 +94,9 @@ def read_columns(path: Path, accepted: tuple[Column, ...]) -> tuple[list[Column]
         A ``.csv`` file, or a gzip-compressed ``.csv.gz``.
     accepted
         The columns to look for.
-
-    Returns
-    -------
-    columns
-        Those of them the file has, in the order of `accepted`.
-    table : (n, columns) array
-        Their values, in the units of the file; NaN for empty cells where these are accepted.
-    first_line
-        Number of the line of the first row, as an editor shows it.
+    may_be_cut
+        Whether the last line may be cut, as by a logger that lost its power: it then has fewer cells than the
+        header, or its last cell is no number. It is dropped.
 
     Raises
     ------
@@ -92,24 +108,33 @@ def read_columns(path: Path, accepted: tuple[Column, ...]) -> tuple[list[Column]
         columns, indices, cells = _header(path, text, accepted)
         first_line = text.next_line
         parsed = [np.empty((0, len(columns)))]
-        blank_line = 0
+        blank_line = cut_line = 0
         for block in text.blocks():
             rows = block.rstrip()
             if rows:
                 if blank_line:
                     raise MissionError(_blank(path, blank_line))
                 values = _parse(rows, cells, columns, indices)
+                if values is None and may_be_cut and text.at_end():
+                    begun, _, last = rows.rpartition(b"\n")
+                    if _is_cut(last, cells, columns, indices):
+                        cut_line = text.next_line + rows.count(b"\n")
+                        values = _parse(begun, cells, columns, indices) if begun else parsed[0]
                 if values is None:
                     lines = text.decode(rows, text.next_line).split("\n")
-                    raise MissionError(_first_fault(path, lines, text.next_line, cells, columns, indices))
+                    raise MissionError(
+                        _first_fault(path, lines, text.next_line, first_line, cells, columns, indices)
+                    )
                 parsed.append(values)
             if block.count(b"\n", len(rows)) or not rows:
                 blank_line = blank_line or text.next_line + (rows.count(b"\n") + 1 if rows else 0)
             text.next_line += block.count(b"\n") + 1
-    return columns, np.concatenate(parsed), first_line
+    return NamedTable(columns, np.concatenate(parsed), first_line, cut_line)
 
 
-def read_duration(path: Path, accepted: tuple[Column, ...], fewest: int) -> float:
+def read_duration(
+    path: Path, accepted: tuple[Column, ...], fewest: int, *, may_be_cut: bool = False
+) -> float:
     """Return the time from the first row to the last of a csv file [s]; the rows between are not checked.
 
     Parameters
@@ -120,6 +145,8 @@ def read_duration(path: Path, accepted: tuple[Column, ...], fewest: int) -> floa
         The columns to look for; the first is the time, and increases.
     fewest
         Fewest accepted rows.
+    may_be_cut
+        Whether the last line may be cut, as for `read_columns`.
 
     Raises
     ------
@@ -133,8 +160,10 @@ def read_duration(path: Path, accepted: tuple[Column, ...], fewest: int) -> floa
         for block in text.blocks():
             rows = block.rstrip()
             if rows:
-                first, last = first or rows.partition(b"\n")[0], rows.rpartition(b"\n")[2]
+                first, before, last = first or rows.partition(b"\n")[0], last, rows.rpartition(b"\n")[2]
                 count += rows.count(b"\n") + 1
+                if may_be_cut and text.at_end() and _is_cut(last, cells, columns, indices):
+                    last, count = rows.rpartition(b"\n")[0].rpartition(b"\n")[2] or before, count - 1
         ends = {begin: text.decode(first, begin), begin + count - 1: text.decode(last, begin + count - 1)}
     if count < fewest:
         raise MissionError(f"{path}: the file ends after {count} rows; accepted are at least {fewest}")
@@ -165,7 +194,7 @@ def _find_columns(
 ) -> tuple[list[Column], list[int]]:
     missing = [column.name for column in accepted if column.required and column.name not in header]
     if missing:
-        hint = " Cells are separated by commas, not semicolons." if ";" in "".join(header) else ""
+        hint = _layout_hint(",".join(header))
         noun = "column" if len(missing) == 1 else "columns"
         raise MissionError(
             f"{path}, row {line}: {noun} {', '.join(missing)} missing in the header.{hint} "
@@ -176,6 +205,14 @@ def _find_columns(
         if header.count(column.name) > 1:
             raise MissionError(f"{path}, row {line}: column {column.name} occurs twice; accepted once")
     return columns, [header.index(column.name) for column in columns]
+
+
+def _layout_hint(header: str) -> str:
+    """Return what is wrong with the layout of a header; empty if nothing is known."""
+    for mark, word in ((";", "semicolons"), ("\t", "tabs")):
+        if mark in header:
+            return f" Cells are separated by commas, not {word}."
+    return " Names and cells stand without quotation marks." if '"' in header else ""
 
 
 def _parse(rows: bytes, cells: int, columns: list[Column], indices: list[int]) -> FloatArray | None:
@@ -198,6 +235,16 @@ def _parse(rows: bytes, cells: int, columns: list[Column], indices: list[int]) -
     return values if (((values >= low) & (values <= high)) | unknown).all() else None
 
 
+def _is_cut(row: bytes, cells: int, columns: list[Column], indices: list[int]) -> bool:
+    """Return whether the last row of a file ends early: it lacks cells, or its last cell is no number."""
+    text = row.decode("utf-8", "replace")
+    given = text.count(",") + 1
+    if given != cells:
+        return given < cells
+    at_end = [column for column, index in zip(columns, indices, strict=True) if index == cells - 1]
+    return bool(at_end and _cell_fault(at_end[0], text.rpartition(",")[2].strip()))
+
+
 def _have_cells(rows: bytes, cells: int) -> bool:
     characters = np.frombuffer(rows, dtype=np.uint8)
     ends = np.append(np.flatnonzero(characters == ord("\n")), len(characters))
@@ -207,13 +254,27 @@ def _have_cells(rows: bytes, cells: int) -> bool:
 
 
 def _first_fault(
-    path: Path, rows: list[str], line: int, cells: int, columns: list[Column], indices: list[int]
+    path: Path,
+    rows: list[str],
+    line: int,
+    first_line: int,
+    cells: int,
+    columns: list[Column],
+    indices: list[int],
 ) -> str:
     """Return the message for the first row with something wrong; slow, and only called when there is one."""
     for number, row in enumerate(rows, line):
         if fault := _fault(path, row, number, cells, columns, indices):
-            return fault
+            return fault + (_units_hint(row, cells) if number == first_line else "")
     return f"{path}, from row {line}: the rows cannot be read as numbers"
+
+
+def _units_hint(row: str, cells: int) -> str:
+    """Return advice about the row below the header if it has no number, as one with units has none."""
+    texts = [text.strip() for text in row.split(",")]
+    if len(texts) != cells or not any(texts) or any(_NUMBER.fullmatch(text) for text in texts):
+        return ""
+    return ". This row seems to contain units: delete it, for the names of the columns state the units"
 
 
 def _fault(path: Path, row: str, number: int, cells: int, columns: list[Column], indices: list[int]) -> str:
@@ -224,14 +285,19 @@ def _fault(path: Path, row: str, number: int, cells: int, columns: list[Column],
     if len(texts) != cells:
         return f"{path}, row {number}: {len(texts)} cells; accepted are {cells}, as many as in the header"
     for column, index in zip(columns, indices, strict=True):
-        text = texts[index].strip()
-        if column.may_be_empty and text in {"", "nan", "NaN"}:
-            continue
-        if not (_NUMBER.fullmatch(text) and column.low <= float(text) <= column.high):
-            shown = text if len(text) <= _MAX_SHOWN else text[: _MAX_SHOWN - 3] + "..."
-            what = f"{shown!r} is not accepted" if shown else "the cell is empty"
+        if what := _cell_fault(column, texts[index].strip()):
             return f"{path}, row {number}, column {column.name}: {what}; accepted is {column.accepted}"
     return ""
+
+
+def _cell_fault(column: Column, text: str) -> str:
+    """Return what is wrong with a cell; empty if nothing is."""
+    if column.may_be_empty and text in {"", "nan", "NaN"}:
+        return ""
+    if _NUMBER.fullmatch(text) and column.low <= float(text) <= column.high:
+        return ""
+    shown = text if len(text) <= _MAX_SHOWN else text[: _MAX_SHOWN - 3] + "..."
+    return f"{shown!r} is not accepted" if shown else "the cell is empty"
 
 
 def _blank(path: Path, line: int) -> str:

@@ -134,6 +134,10 @@ class TextBlocks:
             self._text, self._start = b"", 0
             yield block.removesuffix(b"\n")
 
+    def at_end(self) -> bool:
+        """Return whether no block follows the latest one."""
+        return not (self._start < len(self._text) or self._fill())
+
     def decode(self, block: bytes, first_line: int) -> str:
         """Return bytes as text.
 

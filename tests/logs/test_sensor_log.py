@@ -5,10 +5,11 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
-from sensor_logs import EPOCH, INCREMENTS, POSITION, RATE, described, tables, write, write_csv
+from sensor_logs import EPOCH, IMU, INCREMENTS, POSITION, RATE, described, tables, write, write_csv
 
 from lab.earth import STANDARD_GRAVITY
-from lab.logs.sensor_log_csv import read_sensor_log
+from lab.logs.sensor_log_csv import log_files, read_sensor_log
+from lab.logs.spikes import spikes
 from lab.missions import MissionError
 
 
@@ -85,8 +86,73 @@ def test_up_to_four_equal_values_are_polling_and_more_are_a_sensor_at_rest(tmp_p
 def test_a_resting_sensor_of_coarse_steps_is_not_polled(tmp_path, log):
     still = log.imu.copy()
     still[:, 1:] = (0, 0, 0, 0, 0, -9.8)
-    read = read_sensor_log(write(tmp_path, log._replace(imu=still)))
+    gnss = log.gnss.copy()
+    gnss[:, 1:7] = (*gnss[0, 1:4], 0, 0, 0)
+    read = read_sensor_log(write(tmp_path, log._replace(imu=still, gnss=gnss)))
+    assert read.repairs == ()
     assert len(read.dtheta) == len(still) - 1
+
+
+@pytest.mark.parametrize("names", [IMU, INCREMENTS])
+def test_spikes_leave_a_gap(tmp_path, log, names):
+    scale = 1 / RATE if names is INCREMENTS else 1.0
+    imu = log.imu * (1, *(6 * (scale,)))
+    at = [40, 300, 301, 302, 700]
+    imu[at[:-1], 4] = 157 * scale
+    imu[at[-1], 3] = -34.9 * scale
+    read = read_sensor_log(write(tmp_path, log._replace(imu=imu), imu_names=names))
+    assert "5 IMU samples with a spike, far beyond the others near, were dropped." in read.repairs
+    np.testing.assert_allclose(read.gaps, [[0.39, 0.41], [2.99, 3.03], [6.99, 7.01]], atol=1e-9)
+    rates, forces = read.rates
+    np.testing.assert_allclose(rates, log.imu[1:, 1:4], atol=0.02)
+    np.testing.assert_allclose(forces, log.imu[1:, 4:], atol=0.5)
+
+
+def ringing(imu):
+    """Hit the IMU with 30 g, which decays in a tenth of a second."""
+    after = np.arange(60)
+    imu[500:560, 6] += 300 * np.exp(-after / 10) * np.cos(2.5 * after)
+
+
+def bursts(imu):
+    """Write 16 g in four samples together."""
+    imu[500:504, 4] = 157
+
+
+def knocking(imu):
+    """Knock by 12 g for one sample, twice in a second."""
+    imu[::50, 6] += 120
+
+
+def rolling(imu):
+    """Roll at 1500 °/s for a tenth of a second."""
+    imu[500:510, 1] += 26
+
+
+@pytest.mark.parametrize("motion", [ringing, bursts, knocking, rolling])
+def test_violent_motion_is_no_spike(log, motion):
+    imu = log.imu.copy()
+    motion(imu)
+    assert not spikes(imu[:, 1:]).any()
+
+
+@pytest.mark.parametrize(("first", "triad"), [(1, "gyros"), (4, "accelerometers")])
+def test_axes_that_are_constant_in_motion(tmp_path, log, first, triad):
+    """Two axes may be missing in a sensor for cars; without a whole triad there is nothing to navigate."""
+    imu = log.imu.copy()
+    imu[:, first] = 0.0
+    said = read_sensor_log(write(tmp_path, log._replace(imu=imu))).repairs
+    assert len(said) == 1
+    assert said[0].startswith(f"Of the {triad}, forward is constant in all samples")
+    imu[:, first + 1] = 0.125
+    said = read_sensor_log(write(tmp_path, log._replace(imu=imu))).repairs
+    assert said[0].startswith(f"Of the {triad}, forward and right are constant in all samples")
+    imu[:, first + 2] = -9.8
+    refused(
+        write(tmp_path, log._replace(imu=imu)), rf"all three {triad} are constant in all 1201 samples, but"
+    )
+    imu[:, first : first + 3] = 0.0
+    refused(write(tmp_path, log._replace(imu=imu)), rf"all three {triad} are constant zero")
 
 
 def test_repeated_times_are_dropped(tmp_path, log):
@@ -206,17 +272,37 @@ def test_files_that_are_refused(tmp_path, log):
     imu("gx_rad_s,", "gx_deg_s,", r"imu\.csv: gx_rad_s and gx_deg_s are the same in two units")
     imu("gx_rad_s,", "dtheta_x_rad,", r"imu\.csv: has both increments")
     second = text.splitlines()[2]
-    imu(second, second.replace(second.split(",")[3], "nan"), r"imu\.csv, row 3, column gz_rad_s: 'nan'")
     imu(second, second.replace(second.split(",")[3], "text"), r"imu\.csv, row 3, column gz_rad_s: 'text'")
-    imu(
-        second,
-        second.replace(second.split(",")[3], ""),
-        r"imu\.csv, row 3, column gz_rad_s: the cell is empty",
-    )
+    imu(second, second.replace(second.split(",")[0], ""), r"imu\.csv, row 3, column t_s: the cell is empty")
     (folder / "imu.csv").write_text("")
     refused(folder, r"imu\.csv: the file is empty")
     (folder / "imu.csv").unlink()
     refused(folder, r"imu\.csv: there is no such file; a log is a folder")
+
+
+@pytest.mark.parametrize("name", ["imu.csv", "gnss.csv", "ref.csv"])
+@pytest.mark.parametrize("left", [4, -1], ids=["lacks cells", "ends with a sign"])
+def test_a_last_line_that_is_cut_is_dropped(tmp_path, log, name, left):
+    """A logger that loses its power stops in the middle of a row."""
+    folder = write(tmp_path, log)
+    *rows, last = (folder / name).read_text().splitlines()
+    end = last[:left] if left > 0 else last.rpartition(",")[0] + ",-"
+    (folder / name).write_text("\n".join((*rows, end)))
+    read = read_sensor_log(folder)
+    assert read.repairs == (f"The last line of {name}, row {len(rows) + 1}, is cut and was dropped.",)
+    counts = {"imu.csv": len(read.time), "gnss.csv": len(read.gnss.time), "ref.csv": len(read.reference.time)}
+    assert counts[name] == len(rows) - 1
+    assert log_files(folder).duration == pytest.approx(read.duration)
+
+
+def test_a_row_of_too_many_or_few_cells_elsewhere_is_a_wrong_file(tmp_path, log):
+    folder = write(tmp_path, log)
+    text = (folder / "imu.csv").read_text()
+    (folder / "imu.csv").write_text(text.removesuffix("\n") + ",7\n")
+    refused(folder, rf"imu\.csv, row {len(log.imu) + 1}: 8 cells; accepted are 7")
+    row = text.splitlines()[2]
+    (folder / "imu.csv").write_text(text.replace(row, row.rpartition(",")[0]))
+    refused(folder, r"imu\.csv, row 3: 6 cells; accepted are 7")
 
 
 def test_empty_cells_of_what_need_not_be_there_are_not_known(tmp_path, log):
@@ -234,13 +320,61 @@ def test_empty_cells_of_what_need_not_be_there_are_not_known(tmp_path, log):
     assert "1 of" in read.repairs[1]
     assert "has no σ of the position" in read.repairs[1]
     assert "has no σ of the velocity" in read.repairs[2]
-    rows[3][1] = ""
-    (folder / "gnss.csv").write_text("\n".join(map(",".join, rows)))
-    refused(folder, r"gnss\.csv, row 4, column lat_deg: the cell is empty")
-    rows[3][1] = rows[2][1]
     rows[3][7] = "text"
     (folder / "gnss.csv").write_text("\n".join(map(",".join, rows)))
     refused(folder, r"gnss\.csv, row 4, column sd_n_m: 'text' is not accepted")
+
+
+@pytest.mark.parametrize(
+    ("change", "pattern"),
+    [
+        (lambda text: text.replace(",", ";"), r"row 1.*separated by commas, not semicolons"),
+        (lambda text: text.replace(",", "\t"), r"row 1.*separated by commas, not tabs"),
+        (lambda text: '"t_s","' + text[4:].replace(",", '","'), r"row 1.*without quotation marks"),
+        (
+            lambda text: text.replace("\n", "\n[s],[rad/s],[rad/s],[rad/s],[m/s2],[m/s2],[m/s2]\n", 1),
+            r"row 2, column t_s: '\[s\]' is not accepted.*This row seems to contain units: delete it",
+        ),
+    ],
+    ids=["semicolons", "tabs", "quotes", "units"],
+)
+def test_another_layout_of_cells_is_named(tmp_path, log, change, pattern):
+    path = write(tmp_path, log) / "imu.csv"
+    path.write_text(change(path.read_text()))
+    refused(tmp_path, rf"imu\.csv, {pattern}")
+
+
+@pytest.mark.parametrize("names", [IMU, INCREMENTS])
+def test_samples_with_empty_cells_leave_a_gap(tmp_path, log, names):
+    """Between them the motion is linear, as the fill of a gap is: the log is as if nothing were lost."""
+    imu = log.imu.copy()
+    imu[:, 1:] = np.linspace(0, 1, len(imu))[:, None] * (0.1, -0.2, 0.3, 1, 2, 1) - (0, 0, 0, 0, 0, 10)
+    if names is INCREMENTS:
+        imu[:, 1:] /= RATE
+    whole = read_sensor_log(write(tmp_path, log._replace(imu=imu), imu_names=names))
+    imu[[300, 500, 501], [4, 2, 6]] = np.nan
+    read = read_sensor_log(write(tmp_path, log._replace(imu=imu), imu_names=names))
+    np.testing.assert_allclose(read.dtheta, whole.dtheta, atol=1e-11)
+    np.testing.assert_allclose(read.dvelocity, whole.dvelocity, atol=1e-9)
+    np.testing.assert_allclose(read.gaps, [[2.99, 3.01], [4.99, 5.02]], atol=1e-9)
+    assert "3 IMU samples with an unknown value were dropped." in read.repairs
+    imu[100:260, 3] = np.nan
+    refused(
+        write(tmp_path, log._replace(imu=imu), imu_names=names),
+        r"imu\.csv: 14% of the rows have empty cells, the first in row 102, column .*_?z_rad.*up to 10%",
+    )
+
+
+def test_fixes_without_a_position_are_dropped(tmp_path, log):
+    gnss = log.gnss.copy()
+    gnss[[3, 7], [1, 3]] = np.nan
+    read = read_sensor_log(write(tmp_path, log._replace(gnss=gnss)))
+    kept = np.delete(log.gnss, [3, 7], axis=0)
+    np.testing.assert_allclose(read.gnss.time, kept[:, 0] - read.epoch, atol=1e-9)
+    np.testing.assert_allclose(np.degrees(read.gnss.position[:, 0]), kept[:, 1], rtol=1e-11)
+    assert read.repairs == ("2 GPS fixes without a position were dropped.",)
+    gnss[:13, 2] = np.nan
+    refused(write(tmp_path, log._replace(gnss=gnss)), r"gnss\.csv: 54% .* column lon_deg.*up to 50%")
 
 
 def test_a_file_too_large_is_refused_unread(tmp_path, log):
