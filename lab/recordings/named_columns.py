@@ -241,8 +241,10 @@ def _is_cut(row: bytes, cells: int, columns: list[Column], indices: list[int]) -
     given = text.count(",") + 1
     if given != cells:
         return given < cells
+    last = text.rpartition(",")[2].strip()
     at_end = [column for column, index in zip(columns, indices, strict=True) if index == cells - 1]
-    return bool(at_end and _cell_fault(at_end[0], text.rpartition(",")[2].strip()))
+    # A whole number beyond its limits is a wrong number, and no part of one.
+    return bool(at_end and not _NUMBER.fullmatch(last) and _cell_fault(at_end[0], last))
 
 
 def _have_cells(rows: bytes, cells: int) -> bool:
