@@ -7,7 +7,6 @@ from functools import cache
 
 from dashboards.settings_panel import SECTIONS
 from lab.experiment import Experiment
-from lab.settings import SettingError
 
 _PATH = re.compile(r"\b(?:sensors|navigator|trajectory)(?:\.[a-z][a-z0-9_]*)+")
 
@@ -18,15 +17,16 @@ def as_seen(text: str) -> str:
     >>> as_seen("The heading is unknown; navigator.initial_heading sets it.")
     'The heading is unknown; “Navigator and filter: Initial heading of a log or stream” sets it.'
     """
-    return _PATH.sub(lambda found: _field(found[0]), text)
+    fields = _fields()
+    return _PATH.sub(lambda found: fields.get(found[0], found[0]), text)
 
 
 @cache
-def _field(path: str) -> str:
-    """Return group and label of the field of a path; the path itself if it has none."""
-    group, _, _ = path.rpartition(".")
-    try:
-        label = Experiment().declaration(path).label
-    except SettingError:
-        return path
-    return f"“{SECTIONS[group][0]}: {label}”" if group in SECTIONS else path
+def _fields() -> dict[str, str]:
+    """Return group and label of each field, by the path of its setting."""
+    experiment, found = Experiment(), {}
+    for path, *_ in experiment.leaves():
+        group = path.rpartition(".")[0]
+        if group in SECTIONS:
+            found[path] = f"“{SECTIONS[group][0]}: {experiment.declaration(path).label}”"
+    return found

@@ -280,12 +280,13 @@ class _Writer:
         self, tree: ast.AST, scope: Mapping[str, Any], home: str, *, replace: bool
     ) -> dict[ast.expr, str]:
         """Return the names and attributes in a function that have other names in this module."""
-        local = {node.arg for node in ast.walk(tree) if isinstance(node, ast.arg)}
-        local |= {n.id for n in ast.walk(tree) if isinstance(n, ast.Name) and isinstance(n.ctx, ast.Store)}
+        nodes = list(ast.walk(tree))
+        local = {node.arg for node in nodes if isinstance(node, ast.arg)}
+        local |= {n.id for n in nodes if isinstance(n, ast.Name) and isinstance(n.ctx, ast.Store)}
         dropped = getattr(tree, "decorator_list", []) if self._plain else []
         found: dict[ast.expr, str] = {}
         done = set(dropped)
-        for node in ast.walk(tree):
+        for node in nodes:
             if node in done:
                 continue
             if isinstance(node, ast.Attribute) and isinstance(node.value, ast.Name):

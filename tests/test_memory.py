@@ -1,0 +1,76 @@
+"""Memory: rows that were used and freed blocks are given back, and a container has less."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from lab import memory
+
+
+def taken() -> int:
+    """Return the memory of this process [bytes]."""
+    return 1024 * int(Path("/proc/self/status").read_text().split("VmRSS:")[1].split()[0])
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="only Linux takes back a part of an array")
+def test_rows_that_were_used_take_half_of_their_memory() -> None:
+    exact = np.linspace(0.0, 1.0, 6_000_000).reshape(-1, 3)
+    wanted, before = exact.astype(np.float32), taken()
+    retiring = memory.Retiring(exact)
+    for first in range(1_999_000, -1, -1000):
+        retiring.retire(first)
+    assert before - taken() > 0.4 * exact.nbytes
+    np.testing.assert_array_equal(retiring.kept, wanted)
+    assert retiring.left == 0
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="only the C library of GNU keeps freed memory")
+def test_freed_memory_is_given_back() -> None:
+    blocks = [np.ones(8000) for _ in range(2000)]  # 128 MB, in blocks that are not mapped alone
+    last = blocks.pop()  # keeps the end of the heap
+    blocks.clear()
+    before = taken()
+    memory.give_back()
+    assert last.size
+    assert before - taken() > 100e6
+
+
+@pytest.mark.parametrize(
+    ("groups", "files"),
+    [
+        (
+            "0::/lab/run\n",
+            {
+                "lab/memory.max": "3000",
+                "lab/memory.current": "2500",
+                "lab/memory.stat": "anon 1\ninactive_file 400\n",
+                "lab/run/memory.max": "max",
+                "lab/run/memory.current": "2000",
+            },
+        ),
+        (
+            "5:cpu,memory:/of/the/host\n",
+            {
+                "memory/memory.limit_in_bytes": "1000",
+                "memory/memory.usage_in_bytes": "200",
+                "memory/memory.stat": "total_inactive_file 100\n",
+            },
+        ),
+    ],
+)
+def test_a_container_has_less(
+    groups: str, files: dict[str, str], monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    for name, text in files.items():
+        (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)
+        (tmp_path / name).write_text(text)
+    read = memory._read
+    monkeypatch.setattr(
+        memory, "_read", lambda path: groups if path == Path("/proc/self/cgroup") else read(path)
+    )
+    monkeypatch.setattr(memory, "_CONTROL_GROUPS", tmp_path)
+    assert memory.available() == 900
