@@ -141,8 +141,9 @@ def test_the_errors_against_the_truth_are_drawn_and_told(one: Opened) -> None:
     page = one.page
     page._choice.value = ERRORS
     part = page._errors
-    assert "has no attitude. The IMU must stand still for" in part._words.object
-    assert not part._of_attitude.visible  # plots without curves
+    waits = not part._recent  # on a busy computer, the navigator may have an attitude already
+    assert ("has no attitude. " in part._words.object) is waits
+    assert part._of_attitude.visible is (not waits)  # no plots without curves
     carrier = part._figures._parcel.carrier
     drawn: list[float] = []
 
