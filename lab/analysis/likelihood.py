@@ -33,8 +33,6 @@ ROUNDS = 12
 """Most steps of the search; from parameters wrong by a factor of ten, 8 to 12 are needed."""
 SETTLED = 0.1
 """A step shorter than this fraction of each σ ends the search."""
-LARGEST_STEP = 2.0
-"""Longest step of a logarithm: a factor of e²."""
 NORMAL = 1.959964
 """Half-width of a 95 % interval in σ."""
 BRACKETS = 4

@@ -35,7 +35,6 @@ PAGES = (
 )
 """Titles of the pages that a step may show."""
 NOT_YET = "The check does not accept your result yet."
-RIGHT = "Right."
 NO_ANSWER = "Give an answer first."
 NO_RESULT = "There is no result yet. Wait until it is computed."
 

@@ -101,11 +101,6 @@ class Alignment(NamedTuple):
     heading: Found
 
     @property
-    def course_time(self) -> float:
-        """Time at which the heading was observed [s]; NaN if it was not."""
-        return self.heading.time
-
-    @property
     def remark(self) -> str:
         """Description of how the start was found."""
         levelled = (
