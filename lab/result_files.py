@@ -56,12 +56,13 @@ def write_netcdf(
         whole = folder / path.name
         try:
             tree.to_netcdf(whole, engine="netcdf4")
-        except RuntimeError as error:  # the library reports only its own error for any refusal by the system
+        # The library reports any refusal by the system as its own error, or as a lack of permission.
+        except (RuntimeError, PermissionError) as error:
             raise _refused(path, sum(leaf.nbytes for leaf in tree.leaves), error) from error
         whole.replace(path)
 
 
-def _refused(path: Path, size: int, error: RuntimeError) -> OSError:
+def _refused(path: Path, size: int, error: Exception) -> OSError:
     """Return why a file of about a size [bytes] could not be written."""
     if shutil.disk_usage(path.parent).free < size:
         return OSError(errno.ENOSPC, os.strerror(errno.ENOSPC), str(path))

@@ -11,7 +11,7 @@ from typing import Annotated, Any
 
 import typer
 
-from lab.cli.terminal import Progress, spell_what_cannot_be_encoded, visible_output
+from lab.cli.terminal import Progress, drop_output, spell_what_cannot_be_encoded, visible_output
 from lab.missions import MissionError
 from lab.settings import SettingError
 
@@ -35,15 +35,21 @@ class Commands(typer.core.TyperGroup):
     def invoke(self, ctx: Any) -> Any:
         """Carry out the command."""
         try:
-            return super().invoke(ctx)
+            answer = super().invoke(ctx)
+            sys.stdout.flush()  # what cannot be written is reported here, not when Python ends
         except (CommandError, MissionError, SettingError) as error:
             print(f"ins-lab: {error}", file=sys.stderr)
             raise typer.Exit(2) from error
         except OSError as error:
-            if error.filename is None:  # for example a closed pipe
+            if isinstance(error, BrokenPipeError):  # whoever reads has enough
                 raise
-            print(f"ins-lab: {error.filename}: {error.strerror}", file=sys.stderr)
+            if error.filename is None:  # the system names no file when the disk is full
+                drop_output()
+            print(
+                f"ins-lab: {error.filename or 'standard output'}: {error.strerror or error}", file=sys.stderr
+            )
             raise typer.Exit(2) from error
+        return answer
 
 
 app = typer.Typer(

@@ -76,8 +76,12 @@ def make(
             f"--key {kept}: exists already, and a key is never replaced: it grades what was handed in; name "
             "another one with --key"
         ) from error
-    with atomic_file(out) as file:
-        file.write(homework_text(made).encode())
+    try:
+        with atomic_file(out) as file:
+            file.write(homework_text(made).encode())
+    except BaseException:
+        kept.unlink()  # it grades nothing, and would refuse the next attempt
+        raise
     print(f"{out}: for the students: {made.homework.title} ({made.homework.name})")
     print(f"{kept}: for you alone: it contains the solutions, and `ins-lab grade` needs it")
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import codecs
 import contextlib
+import os
 import re
 import shutil
 import sys
@@ -77,6 +78,12 @@ def visible_output() -> Iterator[None]:
     out, error = (cast(TextIO, VisibleText(stream)) for stream in (sys.stdout, sys.stderr))
     with contextlib.redirect_stdout(out), contextlib.redirect_stderr(error):
         yield
+
+
+def drop_output() -> None:
+    """Drop what still waits to be written to standard output: Python would try again when it ends."""
+    with contextlib.suppress(OSError, ValueError, AttributeError):
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
 
 
 def _spell(error: UnicodeError) -> tuple[str, int]:

@@ -188,14 +188,18 @@ def write_key(path: Path, made: Keyed) -> None:
     ------
     FileExistsError
         If there is a file of this name.
+    OSError
+        If it cannot be written; then there is no file.
     """
     content = key_text(made).encode()
     descriptor = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL | getattr(os, "O_BINARY", 0), 0o600)
     try:
         with os.fdopen(descriptor, "wb") as file:
             file.write(content)
-    except BaseException:
+    except BaseException as error:
         path.unlink(missing_ok=True)  # a part of a key opens nothing, and would keep the name
+        if isinstance(error, OSError) and error.filename is None:
+            error.filename = str(path)  # the system does not name the file when the disk is full
         raise
 
 

@@ -4,40 +4,20 @@ from __future__ import annotations
 
 import difflib
 import os
-import time
 import warnings
-from collections.abc import Callable, Collection
-from dataclasses import replace
+from collections.abc import Collection
 from pathlib import Path
-from typing import NamedTuple
 
-from lab.missions.log_mission import LogMission, is_log_folder, is_log_toml
+from lab.missions.folder_listing import described, list_folder
+from lab.missions.log_mission import LogMission, is_log_folder
 from lab.missions.mission import Mission
 from lab.recordings.mission_error import MissionError
 
 OWN_FOLDER_VARIABLE = "INS_LAB_MISSIONS"
 """Environment variable that names the folder of the user's own missions."""
 
-
-_SETTLED = 2.0
-"""Age above which a change of a file shows in its time stamp [s]: some file systems have a resolution of 2
-s."""
-
-
 _NAMED = 20
 """Most missions that a message names, some two lines."""
-
-
-class _Read(NamedTuple):
-    """A mission as read, with the time stamps, size and number of its file at that time."""
-
-    stamp: tuple[int, ...]
-    mission: Mission
-
-
-_READ: dict[Path, dict[str, _Read]] = {}
-"""Cache of the files in the folders, by file name, so that thousands of files are not read again at every
-change."""
 
 
 def shipped_folder() -> Path:
@@ -105,7 +85,7 @@ def mission(name_or_path: str | os.PathLike[str]) -> Mission:
         listed = [
             one for one in found.values() if one.path is not None and one.path.absolute() == path.absolute()
         ]
-        return listed[0] if listed else _from_toml(path, str(path))
+        return listed[0] if listed else described(path, str(path))
     if text.lower().endswith((".csv", ".csv.gz")):
         return _from_csv(_expanded(text))
     if text in found:
@@ -147,10 +127,6 @@ def _from_csv(path: Path) -> Mission:
     return Mission.from_csv(path)
 
 
-def _from_toml(path: Path, name: str) -> Mission:
-    return LogMission.at(path, name) if is_log_toml(path) else Mission.from_toml(path, name)
-
-
 def _is_folder(path: Path) -> bool:
     try:
         return path.is_dir()
@@ -174,66 +150,23 @@ def _find() -> tuple[dict[str, Mission], dict[str, str], dict[str, Path]]:
     found: dict[str, Mission] = {}
     broken: dict[str, str] = {}
     places: dict[str, Path] = {}
-    now: dict[Path, dict[str, _Read]] = {}
     folders = [shipped_folder()]
     if own_folder().absolute() != folders[0].absolute():
         folders.append(own_folder())
     for folder in folders:
         try:
-            with os.scandir(folder) as entries:
-                inside = {entry.name: entry for entry in entries}
-            logs = [folder / name for name in sorted(inside) if _holds(inside[name].is_dir)]
-            logs = [path for path in logs if is_log_folder(path)]
-            tomls = [folder / name for name in sorted(inside) if name.endswith(".toml")]
-            paths = [path for path in tomls if path not in logs] if logs else tomls
+            listed = list_folder(folder)
         except FileNotFoundError:
             continue
         except OSError as error:
             broken[str(folder)] = f"{folder}: cannot be listed: {error.strerror or error}"
             continue
-        read: dict[str, _Read] = {}
-        for path, is_log in (*((path, False) for path in paths), *((path, True) for path in logs)):
-            plain = path.name if is_log else path.stem
+        for plain, path, mission, problem in listed:
             name = f"user:{plain}" if plain in places else plain
             places[name] = path
-            try:
-                listed = LogMission.at(path, name) if is_log else _listed(path, name, read)
-            except MissionError as error:
-                broken[name] = str(error)
-                continue
-            recording = listed.recording_path
-            there = inside.get(recording.name) if recording.parent == folder else None
-            if _holds(recording.is_file if there is None else there.is_file):
-                found[name] = listed
+            if mission is None:
+                broken[name] = problem
             else:
-                hint = "; fly it: ins-lab fly " + str(path) if listed.flight else ""
-                broken[name] = f"{path}: its recording {recording.name} does not exist{hint}"
-        now[folder] = read
-    _READ.clear()
-    _READ.update(now)
+                # Each listing has its own missions, so that recordings read through them are freed.
+                found[name] = mission.named(name)
     return found, broken, places
-
-
-def _holds(check: Callable[[], bool]) -> bool:
-    """Return the answer of a check of a file; False if there is none, as for a link to itself."""
-    try:
-        return check()
-    except OSError:
-        return False
-
-
-def _listed(path: Path, name: str, read: dict[str, _Read]) -> Mission:
-    """Return the mission or log of a TOML file, which is read only if it changed since the last listing."""
-    try:
-        facts = path.stat()
-    except OSError:
-        return _from_toml(path, name)
-    stamp = (facts.st_mtime_ns, facts.st_ctime_ns, facts.st_size, facts.st_ino)
-    known = _READ.get(path.parent, {}).get(path.name)
-    if known is None or known.stamp != stamp:
-        known = _Read(stamp, _from_toml(path, name))
-    # A file written just now may be written again within the same tick of the clock.
-    if time.time() - max(facts.st_mtime, facts.st_ctime) > _SETTLED:
-        read[path.name] = known
-    # Each listing has its own missions, so that recordings read through them are freed.
-    return replace(known.mission, name=name)

@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Self
 
 from lab.flying.plan_kinds import read_plan
 from lab.notebook_card import NotebookCard
@@ -94,6 +94,13 @@ class Mission(NotebookCard):
     def from_csv(cls, path: Path) -> Mission:
         """Return the mission that is just a flight csv; the recording is not read yet."""
         return cls(name=str(path), recording_path=path, title=path.name, origin="flight csv")
+
+    def named(self, name: str) -> Self:
+        """Return the same mission by another name, without what was read from its files."""
+        made = object.__new__(type(self))
+        own = {field: value for field, value in vars(self).items() if field in self.__dataclass_fields__}
+        vars(made).update(own, name=name)
+        return made
 
     @cached_property
     def recording(self) -> Recording:

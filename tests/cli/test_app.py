@@ -151,3 +151,18 @@ def test_numbers_json_does_not_know_are_null() -> None:
     assert plain(math.nan) is None
     assert plain(1.5) == 1.5
     assert plain("m") == "m"
+
+
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="this system has no device that is always full")
+@pytest.mark.parametrize("command", [["missions"], ["--version"]])
+def test_output_to_a_full_disk_is_reported(command: list[str]) -> None:
+    with Path("/dev/full").open("w") as full:
+        answer = subprocess.run(
+            [sys.executable, "-m", "dashboards", *command],
+            stdout=full,
+            stderr=subprocess.PIPE,
+            text=True,
+            check=False,
+        )
+    assert answer.returncode == 2
+    assert answer.stderr == "ins-lab: standard output: No space left on device\n"

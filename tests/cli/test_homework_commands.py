@@ -8,6 +8,7 @@ import json
 import re
 import stat
 import sys
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
@@ -90,3 +91,25 @@ def test_a_missing_package_is_named(folder: Path, monkeypatch: pytest.MonkeyPatc
         ("grade", ".", "--key", "receiver.key"),
     ):
         refused(ask(*command), "cryptography", "pip install 'ins-lab[homework]'")
+
+
+@pytest.fixture
+def full_at() -> Iterator[Callable[[int], None]]:
+    """Return a function after which no file gets larger than some bytes, as on a disk that is almost full."""
+    resource = pytest.importorskip("resource", reason="this system has no limit of a file's size")
+    before = resource.getrlimit(resource.RLIMIT_FSIZE)
+    yield lambda size: resource.setrlimit(resource.RLIMIT_FSIZE, (size, before[1]))
+    resource.setrlimit(resource.RLIMIT_FSIZE, before)
+
+
+def test_a_full_disk_is_reported_and_keeps_no_part_of_a_key(folder: Path, full_at) -> None:
+    full_at(100)
+    refused(ask("homework", "make", "receiver.toml", "--out", "new.homework"), "new.key", "File too large")
+    assert not list(folder.glob("*new*"))
+
+
+def test_a_homework_that_cannot_be_written_leaves_no_key(folder: Path) -> None:
+    """The key is never replaced, so it would refuse the next attempt."""
+    name = "n" * 241 + ".homework"  # of 255 letters, but the temporary file has ten more
+    refused(ask("homework", "make", "receiver.toml", "--out", name), "File name too long")
+    assert not list(folder.glob("*nnn*"))

@@ -19,7 +19,6 @@ from typing import Any
 from urllib.parse import urlencode
 
 import numpy as np
-import psutil
 from mutations import WORDS, mutated
 from websockets.exceptions import WebSocketException
 
@@ -29,11 +28,8 @@ from dashboards.pages.time_plots import Errors
 from dashboards.pages.view_3d import View3D
 from lab.experiment import Experiment
 from tests.security.conftest import Served, Visitor
+from tests.security.watch import WAIT, as_map, say, watched
 
-WAIT = 1.0
-"""How long anybody else may wait for an answer [s]."""
-STANDSTILL = 30.0
-"""Wait beyond which it does not matter whether the server worked [s]."""
 ANSWER = 60.0
 """Time in which an attack itself is answered [s]: a page that opens compiles nothing, but computes."""
 MEMORY = 900 * 2**20
@@ -153,7 +149,7 @@ class Attacker:
         return self.one_of(
             (
                 inner,
-                _map(**{self.one_of(TEXTS[:4]): inner}),
+                as_map(**{self.one_of(TEXTS[:4]): inner}),
                 {"id": self.model()["id"]},
                 {"type": "number", "value": self.one_of(("nan", "-inf", "1"))},
                 {"type": "object", "name": "Div", "id": "made", "attributes": {}},
@@ -169,15 +165,6 @@ class Attacker:
         found = [one for one in self._visitor.models() if "id" in one]
         moved = [one for one in found if MOVED & one["attributes"].keys()]
         return dict(self.one_of(moved if moved and self.chance(0.5) else found))
-
-
-async def say(visitor: Visitor, name: str, *parts: bytes, **values: Any) -> None:
-    """Tell the server of an event, as a browser does."""
-    entries = {"type": "map", "entries": [list(item) for item in values.items()]}
-    event = {"type": "event", "name": name, "values": entries}
-    told = {"kind": "MessageSent", "msg_type": "bokeh_event", "msg_data": event}
-    await visitor.send("PATCH-DOC", {"events": [told]}, *parts)
-    await visitor.reply("OK", "ERROR")
 
 
 async def request(attacker: Attacker) -> None:
@@ -275,8 +262,8 @@ async def settings_file(attacker: Attacker) -> None:
             "mime_type": "",
         }
         content = {"type": "bytes", "data": {"id": "0"}}
-        await say(visitor, "data_event", piece, model={"id": button}, data=_map(**told, data=content))
-    await say(visitor, "data_event", model={"id": button}, data=_map(status="finished"))
+        await say(visitor, "data_event", piece, model={"id": button}, data=as_map(**told, data=content))
+    await say(visitor, "data_event", model={"id": button}, data=as_map(status="finished"))
 
 
 DOORS: dict[str, Attack] = {
@@ -285,58 +272,6 @@ DOORS: dict[str, Attack] = {
     "messages": message,
     "handshakes": handshake,
 }
-
-
-class Watch:
-    """Somebody else, who has a session too, and asks again and again.
-
-    A wait counts as long as the event loop of the server worked meanwhile: a machine that does other work
-    makes all of them longer. One of more than `STANDSTILL` counts whole.
-    """
-
-    def __init__(self, served: Served, visitor: Visitor) -> None:
-        self._served, self._visitor = served, visitor
-        self._longest = 0.0
-        self._asked: tuple[float, float] | None = None
-
-    @property
-    def longest(self) -> float:
-        """The longest time an answer took, or has taken so far [s]."""
-        return max(self._longest, self._waiting())
-
-    def _waiting(self) -> float:
-        """Return how long the answer to the last question has taken so far [s]."""
-        if self._asked is None:
-            return 0.0
-        waited, worked = (now - then for now, then in zip(self._clocks(), self._asked, strict=True))
-        return waited if waited > STANDSTILL else min(waited, worked)
-
-    def _clocks(self) -> tuple[float, float]:
-        """Return the time, and how long the event loop has worked [s]."""
-        process = self._served.process
-        with contextlib.suppress(psutil.NoSuchProcess):
-            for thread in process.threads():
-                if thread.id == process.pid:
-                    return time.monotonic(), thread.user_time + thread.system_time
-        return time.monotonic(), 0.0
-
-    def forget(self) -> None:
-        """Forget the longest time."""
-        self._longest = 0.0
-
-    async def settle(self) -> None:
-        """Wait until the first result of the session is there."""
-        waits = [WAIT]
-        while max(waits[-20:]) > WAIT / 10:
-            waits.append(await self._visitor.wait())
-
-    async def go_on(self) -> None:
-        """Ask until cancelled."""
-        while True:
-            self._asked = self._clocks()
-            await self._visitor.wait()
-            self._longest, self._asked = self.longest, None
-            await asyncio.sleep(WAIT / 50)
 
 
 async def besiege(
@@ -355,7 +290,7 @@ async def besiege(
     broken
         Told what did not hold, and the last attacks, each with its door.
     """
-    async with _watched(served) as watch, _attacking(served, rng) as attacker:
+    async with watched(served) as watch, _attacking(served, rng) as attacker:
         before, logged, began = _taken(served), served.log.stat().st_size, time.monotonic()
         count, longest, taken = Counter[str](), 0.0, list[int]()
         while not enough(count.total()):
@@ -392,18 +327,6 @@ async def besiege(
         if (left := await _more_than(before, served)) is not None:
             broken(left, attacker.sent)
         return count
-
-
-@asynccontextmanager
-async def _watched(served: Served) -> AsyncIterator[Watch]:
-    async with served.visitor() as visitor:
-        await say(visitor, "document_ready")
-        watch = Watch(served, visitor)
-        await watch.settle()
-        asking = asyncio.create_task(watch.go_on())
-        yield watch
-        assert not asking.done() or served.popen.poll() is not None, asking
-        asking.cancel()
 
 
 @asynccontextmanager
@@ -452,10 +375,6 @@ async def _by_socket(attacker: Attacker, data: bytes) -> None:
                 patience = SILENCE
     finally:
         writer.close()
-
-
-def _map(**values: Any) -> dict[str, Any]:
-    return {"type": "map", "entries": [list(item) for item in values.items()]}
 
 
 def _accepts(model: dict[str, Any]) -> Any:

@@ -9,8 +9,9 @@ from pathlib import Path
 
 import pytest
 
-from lab.missions import MissionError, broken_missions, catalogue, delete_mission, mission, missions
+from lab.missions import MissionError, broken_missions, delete_mission, folder_listing, mission, missions
 from lab.missions.catalogue import OWN_FOLDER_VARIABLE
+from lab.missions.log_mission import LogMission
 from lab.missions.mission import Mission
 
 
@@ -18,7 +19,7 @@ from lab.missions.mission import Mission
 def own(tmp_path, monkeypatch) -> Path:
     """Return a folder with three missions that were written a while ago."""
     monkeypatch.setenv(OWN_FOLDER_VARIABLE, str(tmp_path))
-    monkeypatch.setattr(catalogue, "_SETTLED", -1.0)
+    monkeypatch.setattr(folder_listing, "_SETTLED", -1.0)
     for name in ("one", "two", "three"):
         write(tmp_path / f"{name}.toml", name)
         (tmp_path / f"{name}.csv").write_text("never read here")
@@ -43,6 +44,12 @@ def write(path: Path, title: str) -> None:
     path.write_text(f'title = "{title}"\nrecording = "{path.stem}.csv"\n')
 
 
+def write_log(folder: Path) -> None:
+    folder.mkdir(exist_ok=True)
+    for name in ("imu.csv", "gnss.csv"):
+        (folder / name).write_text("never read here")
+
+
 def test_only_what_changed_is_read_again(own, read):
     assert {"one", "two", "three"} <= set(missions())
     read.clear()
@@ -53,6 +60,34 @@ def test_only_what_changed_is_read_again(own, read):
     os.utime(own / "two.toml", (time.time() + 5,) * 2)
     assert missions()["two"].title == "TWO"
     assert read == ["two.toml"]
+
+
+@pytest.mark.filterwarnings("ignore:mission left out")
+def test_what_is_broken_or_a_log_is_not_read_again_either(own, monkeypatch):
+    (own / "broken.toml").write_text("wrong = 3\n")
+    write_log(own / "drive")
+    assert "drive" in missions()
+    monkeypatch.setattr(Mission, "from_toml", None)
+    monkeypatch.setattr(LogMission, "at", None)
+    monkeypatch.setattr(folder_listing, "is_log_folder", None)
+    assert {"one", "drive"} <= set(missions())
+    assert "there is no key 'wrong'" in broken_missions()["broken"]
+
+
+@pytest.mark.filterwarnings("ignore:mission left out")
+def test_a_log_whose_file_comes_later_is_listed_then(own):
+    (own / "walk.toml").write_text('imu = "walk_imu.csv"\ngnss = "walk_gnss.csv"\n')
+    (own / "walk_imu.csv").write_text("")
+    (own / "drive").mkdir()
+    assert "walk_gnss.csv: there is no such file" in broken_missions()["walk"]
+    assert "drive" not in missions()
+    (own / "walk_gnss.csv").write_text("")
+    write_log(own / "drive")
+    assert {"walk", "drive"} <= set(missions())
+    (own / "drive" / "log.toml").write_text('title = "Drive to work"\n')
+    assert missions()["drive"].title == "Drive to work"
+    (own / "drive" / "gnss.csv").unlink()
+    assert "gnss.csv: there is no such file" in broken_missions()["drive"]
 
 
 @pytest.mark.filterwarnings("ignore:mission left out")
@@ -69,7 +104,7 @@ def test_what_is_new_or_gone_shows_at_once(own):
 
 
 def test_what_was_just_written_is_read_again(own, read, monkeypatch):
-    monkeypatch.setattr(catalogue, "_SETTLED", 2.0)
+    monkeypatch.setattr(folder_listing, "_SETTLED", 2.0)
     missions()
     read.clear()
     missions()

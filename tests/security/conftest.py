@@ -74,6 +74,7 @@ class Served:
             origin=None if origin is None else Origin(origin),
             subprotocols=[Subprotocol("bokeh"), Subprotocol(token)],
             max_size=2**26,
+            ping_interval=None,  # how long an answer takes is for the test to say
             proxy=None,
         )
 
