@@ -282,8 +282,8 @@ def simulate(
         )
         while not sender.finished and not pressed.wait(_WAKE):
             pass
-    lost = f"; {counted(sender.refused, 'byte')} found nobody, or no room" if sender.refused else ""
-    print(f"{counted(sender.sent, 'sample')} sent{lost}")
+    lost = f"; nobody read {counted(sender.refused, 'byte')}" if sender.refused else ""
+    print(f"{counted(sender.sent, 'sample')} sent, at most {sender.latest:.3f} s late{lost}")
 
 
 @contextmanager
