@@ -360,7 +360,7 @@ def _state(source: Source, status: Status) -> dict[str, Any]:
         name: getattr(status, name)
         for name in (
             "state", "sentence", "protocol", "timing", "samples", "fixes", "rate", "fix_rate", "jitter",
-            "latency", "drift", "silence",
+            "latency", "drift", "drift_sigma", "silence",
         )
     }  # fmt: skip
     state["axes"] = str(status.axes)
