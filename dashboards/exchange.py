@@ -5,8 +5,10 @@ from __future__ import annotations
 import asyncio
 import io
 import json
+import math
 import re
 import tempfile
+import time
 import zipfile
 from collections.abc import Callable
 from functools import partial
@@ -44,8 +46,9 @@ HOMEWORK = "homework"
 THEME = "theme"
 """What names the theme in an address, ``dark`` or ``default``; Panel itself takes it."""
 
-QUIET = 1500
-"""Quiet time before the address is updated [ms]."""
+SOON, PERIOD = 50, 500
+"""Time until a change is in the address, so that a reload keeps it, and between two updates [ms]: a person who
+moves a slider leaves two entries a second in the history of the browser."""
 
 
 class Download(pmui.FileDownload):
@@ -185,10 +188,11 @@ class Address:
         self._session = session
         self._document = document
         self._location = pn.state.location
-        self._timer: Any = None
+        self._waits = False  # for the next update
+        self._updated = -math.inf
         self._code, self._keeps_settings = "", True
         self._theme = ""
-        session.param.watch(lambda _event: self._later(), "result")
+        session.param.watch(lambda _event: self.update(), "result")
 
     @property
     def query(self) -> str:
@@ -204,7 +208,7 @@ class Address:
         """Keep the code of a class in the address, none if it is empty, and the settings beside it or not."""
         if (code, keeps_settings) != (self._code, self._keeps_settings):
             self._code, self._keeps_settings = code, keeps_settings
-            self._later()
+            self.update()
 
     def read(self) -> None:
         """Apply the settings in the address; report those that are not accepted."""
@@ -226,13 +230,15 @@ class Address:
             self._session.compute()
         self._session.problem = "\n\n".join(problems)
 
-    def _later(self) -> None:
-        if self._timer is not None:
-            self._document.remove_timeout_callback(self._timer)
-        self._timer = self._document.add_timeout_callback(self._write, QUIET)
+    def update(self) -> None:
+        """Write the settings into the address, soon."""
+        if not self._waits:
+            self._waits = True
+            since = round(1000 * min(time.monotonic() - self._updated, 1.0))
+            self._document.add_timeout_callback(self._write, max(SOON, PERIOD - since))
 
     def _write(self) -> None:
-        self._timer = None
+        self._waits, self._updated = False, time.monotonic()
         settings = query(self._session.experiment) if self._keeps_settings else ""
         homework = self._session.homework
         is_on = homework is not None and self._session.experiment.hidden == homework.scenario.key

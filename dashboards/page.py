@@ -291,6 +291,7 @@ class SimulatorPage:
     def _acted(self) -> None:
         """Note that settings or the step of a lesson were changed, by a person or for a class."""
         self._taken = None
+        self._address.update()
         self._class.acted()
 
     def _turn(self) -> None:

@@ -282,8 +282,8 @@ def simulate(
         )
         while not sender.finished and not pressed.wait(_WAKE):
             pass
-    lost = f"; {counted(sender.refused, 'byte')} found nobody, or no room" if sender.refused else ""
-    print(f"{counted(sender.sent, 'sample')} sent{lost}")
+    lost = f"; nobody read {counted(sender.refused, 'byte')}" if sender.refused else ""
+    print(f"{counted(sender.sent, 'sample')} sent, at most {sender.latest:.3f} s late{lost}")
 
 
 @contextmanager
@@ -360,7 +360,7 @@ def _state(source: Source, status: Status) -> dict[str, Any]:
         name: getattr(status, name)
         for name in (
             "state", "sentence", "protocol", "timing", "samples", "fixes", "rate", "fix_rate", "jitter",
-            "latency", "drift", "silence",
+            "latency", "drift", "drift_sigma", "silence",
         )
     }  # fmt: skip
     state["axes"] = str(status.axes)

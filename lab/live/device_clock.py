@@ -26,6 +26,11 @@ MAX_DRIFT = 5e-3
 """Largest drift that is followed: a NEO-M8U ran 0.3 % slow, crystals 0.01 %."""
 MAX_SLEW = 5e-3
 """Largest change of the pace beside the drift, which a gyro shows as a scale factor of 0.5 %."""
+FEWEST = 5
+"""Fewest least delays with a σ of the drift: fewer are mostly those with which the mapping began."""
+NARROWED = 3.0
+"""σ of the drift in that of a loop with a constant band: this one's narrows. Measured on simulated delays of a
+quiet and a busy host and of a network: 95 % of the errors were within 1.7 σ."""
 STEP = 0.25
 """Jump of the device's clock against the host's that says that it was set [s]; and least delay from which
 samples of a counted stream are missing: a busy host is not late by so much for all of `LOOK`."""
@@ -45,6 +50,8 @@ class DeviceClock:
     ----------
     drift : float
         How much faster the device's clock runs than the host's, as a part of 1.
+    drift_sigma : float
+        σ of the drift, from how the least delays scatter; infinite before there are `FEWEST`.
     delay : float
         Least delay in the last second that ended, against the mapping [s].
     steps : int
@@ -54,8 +61,11 @@ class DeviceClock:
     def __init__(self, *, counted: bool = False) -> None:
         self.counted = counted
         self.drift = 0.0
+        self.drift_sigma = math.inf
         self.delay = 0.0
         self.steps = 0
+        self._looks = 0  # least delays since the mapping began
+        self._scatter = 0.0  # mean square of them [s²]
         self._device = math.nan  # of the last sample
         self._host = math.nan
         self._begun = math.nan
@@ -136,6 +146,7 @@ class DeviceClock:
         self._device, self._host, self._begun = last, arrival, arrival
         self._pace = 1 + self._slope
         self._least, self._look_ends = math.inf, arrival + LOOK
+        self._looks, self._scatter, self.drift_sigma = 0, 0.0, math.inf
         return times
 
     def _follow(self, arrival: float) -> None:
@@ -150,4 +161,16 @@ class DeviceClock:
         self._pace = 1 + self._slope + slew
         self.drift = 1 / (1 + self._slope) - 1
         self.delay = least
+        self._judge(least, band)
         self._least, self._look_ends = math.inf, arrival + LOOK
+
+    def _judge(self, least: float, band: float) -> None:
+        """Take the σ of the drift from the scatter of the least delays, over the time that the loop remembers.
+
+        White delays of variance s² make a variance of the slope of LOOK·band³·s²/(2√2) in a loop with a
+        damping of 1/√2: Gardner, Phaselock Techniques, on the noise of the integrator.
+        """
+        self._looks += 1
+        self._scatter += max(1 / self._looks, band * LOOK) * (least**2 - self._scatter)
+        if self._looks >= FEWEST:
+            self.drift_sigma = NARROWED * math.sqrt(LOOK * band**3 * self._scatter / (2 * math.sqrt(2)))

@@ -1,9 +1,9 @@
 """Intake: rows of an IMU as they arrive, repaired as a sensor log is, but without knowledge of the future.
 
 The same rules as in `lab.logs.sensor_log` apply: a row that repeats the six values of the row before is
-dropped and the next interval reaches back, short gaps are filled linearly, longer ones break the stream. A
-row with the values of the row before waits until the repetition ends or is too long for a polled sensor, at
-most four rows.
+dropped and the next interval reaches back, a row with a spike is dropped as if it were lost, short gaps are
+filled linearly, longer ones break the stream. A row with the values of the row before waits until the
+repetition ends or is too long for a polled sensor, at most four rows; one with a jump waits for at most eight.
 """
 
 from __future__ import annotations
@@ -14,9 +14,11 @@ from typing import Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from lab.counted import counted, were
 from lab.live.live_log import usable_imu
 from lab.live.timed import TIMED_IMU
 from lab.logs.sensor_log import GAP_STEPS, MAX_GAP, MAX_REPEAT
+from lab.logs.stream_spikes import StreamSpikes
 from lab.logs.usual_interval import FIRST_INTERVALS, UsualInterval
 
 FloatArray = NDArray[np.float64]
@@ -56,8 +58,9 @@ class Counts(NamedTuple):
 
     Attributes
     ----------
-    used, unusable, late, repeated : int
-        Rows used; without finite time, rate or force; not later than the row before; repeating its values.
+    used, unusable, late, repeated, spikes : int
+        Rows used; without finite time, rate or force; not later than the row before; repeating its values;
+        with a spike.
     marked : int
         Rows that the source marked as following missing ones.
     gaps, filled, breaks : int
@@ -68,10 +71,27 @@ class Counts(NamedTuple):
     unusable: int = 0
     late: int = 0
     repeated: int = 0
+    spikes: int = 0
     marked: int = 0
     gaps: int = 0
     filled: int = 0
     breaks: int = 0
+
+    @property
+    def remarks(self) -> tuple[str, ...]:
+        """What a user should know about the rows."""
+        found = []
+        if self.spikes:
+            found.append(
+                f"{counted(self.spikes, 'sample')} of the IMU with a spike, far beyond the others near, "
+                f"{were(self.spikes)} dropped."
+            )
+        if self.gaps:
+            found.append(
+                f"{counted(self.gaps, 'gap')} of the IMU {were(self.gaps)} filled linearly with "
+                f"{counted(self.filled, 'sample')}; the filter got large variances there."
+            )
+        return tuple(found)
 
 
 class Intake:
@@ -83,6 +103,9 @@ class Intake:
         self._last = np.empty(0, TIMED_IMU)  # the last row used
         self._tail = np.empty(0, TIMED_IMU)  # rows of equal values at the end; the first was passed on
         self._long = False  # whether these are too many for a polled sensor
+        self._spikes = StreamSpikes()
+        self._jumping = np.empty(0, TIMED_IMU)  # rows that may have a spike
+        self._dropped = np.empty(0)  # times of spikes after the last row used
         self._waiting = np.empty(0, TIMED_IMU)  # rows before the usual interval is known
         self._back = 0  # rows refused since the last good one
 
@@ -98,6 +121,10 @@ class Intake:
         if self._back >= BACK_ROWS:
             self.restart()
         rows = self._without_repeats(self._increasing(rows))
+        yield from self._timely(self._without_spikes(rows, self._spikes.take(_values(rows))))
+
+    def _timely(self, rows: NDArray[np.void]) -> Iterator[Increments]:
+        """Yield increments from the row before on, once the usual interval is known."""
         if np.isnan(self._usual.now):
             rows = self._waiting = np.concatenate((self._waiting, rows))
             if rows.size <= FIRST_INTERVALS:
@@ -109,8 +136,9 @@ class Intake:
         """Yield what still waits, after the last row of the stream: nothing more will decide about it."""
         self._count(repeated=max(0, self._tail.size - 1))
         self._tail = self._tail[:1]
-        rows, self._waiting = self._waiting, self._waiting[:0]
-        if rows.size > 1:
+        rows = self._without_spikes(self._tail[:0], self._spikes.finish())
+        rows, self._waiting = np.concatenate((self._waiting, rows)), self._waiting[:0]
+        if rows.size > 1 or self._last.size:
             yield from self._joined(rows)
 
     def _usable(self, rows: NDArray[np.void]) -> NDArray[np.void]:
@@ -120,7 +148,7 @@ class Intake:
 
     def _newest(self) -> float:
         """Return the time of the last row accepted [s]."""
-        for part in (self._waiting, self._tail, self._last):
+        for part in (self._tail, self._jumping, self._waiting, self._last):
             if part.size:
                 return float(part["time"][-1])
         return -np.inf
@@ -142,7 +170,8 @@ class Intake:
 
     def restart(self) -> None:
         """Forget what came: the next rows begin a new stream."""
-        self._last = self._tail = self._waiting = self._last[:0]
+        self._last = self._tail = self._jumping = self._waiting = self._last[:0]
+        self._spikes, self._dropped = StreamSpikes(), np.empty(0)
         self._long, self._back = False, 0
 
     def _without_repeats(self, rows: NDArray[np.void]) -> NDArray[np.void]:
@@ -150,7 +179,7 @@ class Intake:
         if not rows.size:
             return rows
         before, rows = self._tail.size, np.concatenate((self._tail, rows))
-        values = np.concatenate((rows["rate"], rows["force"]), axis=1)
+        values = _values(rows)
         same = np.append(False, (values[1:] == values[:-1]).all(axis=1))
         start = np.maximum.accumulate(np.where(same, 0, np.arange(same.size)))
         runs = np.bincount(start, minlength=same.size)[start]
@@ -169,6 +198,18 @@ class Intake:
             passed[last + 1 :] = False  # undecided
         return rows[passed]
 
+    def _without_spikes(self, rows: NDArray[np.void], spiky: NDArray[np.bool_]) -> NDArray[np.void]:
+        """Drop spikes among the rows that are decided, the first ones of those that wait and of new ones."""
+        if self._jumping.size:
+            rows = np.concatenate((self._jumping, rows))
+        self._jumping = rows[spiky.size :]
+        rows = rows[: spiky.size]
+        if not spiky.any():
+            return rows
+        self._count(spikes=int(spiky.sum()))
+        self._dropped = np.append(self._dropped, rows["time"][spiky])
+        return np.asarray(rows[~spiky])
+
     def _joined(self, rows: NDArray[np.void]) -> Iterator[Increments]:
         """Yield increments from the row before on, split where samples are missing for too long."""
         if not rows.size:
@@ -179,8 +220,11 @@ class Intake:
         begins = not self._last.size
         self._last = rows[-1:]
         usual = self._usual.take(dt)
-        longest = np.minimum(np.maximum(MAX_GAP, GAP_STEPS * usual), MOST_FILLED * usual)
-        broken = np.flatnonzero(dt > longest)
+        wide = dt > GAP_STEPS * usual
+        if self._dropped.size:
+            wide |= np.diff(np.searchsorted(self._dropped, time)) > 0
+            self._dropped = self._dropped[self._dropped > time[-1]]
+        broken = np.flatnonzero(wide & ((dt > MAX_GAP) | (dt > MOST_FILLED * usual)))
         self._count(
             used=rows.size - (not begins),
             marked=int(rows["gap"][0 if begins else 1 :].sum()),
@@ -189,24 +233,27 @@ class Intake:
         first = 0
         for end in (*(broken + 1).tolist(), rows.size):
             if end - first > 1 or begins:
-                yield self._pieces(rows[first:end], usual[first : end - 1], begins=begins)
+                inner = slice(first, end - 1)
+                yield self._pieces(rows[first:end], usual[inner], wide[inner], begins=begins)
             first, begins = end, True
 
-    def _pieces(self, rows: NDArray[np.void], usual: FloatArray, *, begins: bool) -> Increments:
+    def _pieces(
+        self, rows: NDArray[np.void], usual: FloatArray, wide: NDArray[np.bool_], *, begins: bool
+    ) -> Increments:
         """Return the increments between rows without a break."""
         time = rows["time"]
-        values = np.concatenate((rows["rate"], rows["force"]), axis=1)
+        values = _values(rows)
         magnetic = rows["magnetic"]
         dt = np.diff(time)
-        wide = np.flatnonzero(dt > GAP_STEPS * usual)
-        gaps = tuple((float(time[i]), float(time[i + 1])) for i in wide)
-        if wide.size:
-            inner = [np.linspace(time[i], time[i + 1], round(dt[i] / usual[i]) + 1)[1:-1] for i in wide]
+        at = np.flatnonzero(wide)
+        gaps = tuple((float(time[i]), float(time[i + 1])) for i in at)
+        if at.size:
+            inner = [np.linspace(time[i], time[i + 1], round(dt[i] / usual[i]) + 1)[1:-1] for i in at]
             times = np.sort(np.concatenate((time, *inner)))
             values = np.stack([np.interp(times, time, column) for column in values.T], axis=-1)
             field = np.full((times.size, 3), np.nan)
             field[np.searchsorted(times, time)] = magnetic
-            self._count(gaps=wide.size, filled=times.size - time.size)
+            self._count(gaps=at.size, filled=times.size - time.size)
             time, magnetic = times, field
         increments = np.zeros_like(values)
         increments[1:] = values[1:] * np.diff(time)[:, None]
@@ -218,3 +265,8 @@ class Intake:
             self.counts = self.counts._replace(
                 **{name: getattr(self.counts, name) + int(value) for name, value in more.items()}
             )
+
+
+def _values(rows: NDArray[np.void]) -> FloatArray:
+    """Return angular rates and specific forces (n, 6) of rows."""
+    return np.concatenate((rows["rate"], rows["force"]), axis=1)

@@ -9,6 +9,7 @@ from lab.live.pressure import Heights
 from lab.live.samples import FIX_3D
 from lab.logs.auxiliary_data import AuxiliaryData, Magnetometer, Series
 from lab.logs.sensor_log import GnssLog, SensorLog, believed_sigma, repaired
+from lab.logs.stream_spikes import stream_spikes
 
 FloatArray = NDArray[np.float64]
 
@@ -27,7 +28,7 @@ def log_of(
     """Return timed samples as a sensor log, repaired.
 
     Rows of the IMU without time, rate or force, rows that are not later than all before, and fixes without a
-    position in three dimensions are left out, as by the live navigator.
+    position in three dimensions are left out, and spikes are found, as by the live navigator.
 
     Parameters
     ----------
@@ -60,6 +61,7 @@ def log_of(
         np.concatenate((imu["rate"], imu["force"]), axis=1),
         gnss_of(fixes, lever_arm, latency),
         auxiliary=AuxiliaryData(vehicle, magnetometer=magnetometer, barometer=barometer_of(imu, fixes)),
+        find_spikes=stream_spikes,
     )
 
 

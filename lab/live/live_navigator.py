@@ -23,7 +23,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from lab.counted import counted, were
+from lab.counted import counted
 from lab.live.anchor import Anchor
 from lab.live.attitude_only import AttitudeOnly
 from lab.live.fix_intake import FixIntake
@@ -227,7 +227,7 @@ class LiveNavigator:
                 "fixes_rejected": self._rejected,
                 "fixes_refused": self._fix_intake.refused,
                 "rows": self._intake.counts,
-                "remarks": (*self._notes.values(), *self._fix_intake.remarks),
+                "remarks": (*self._notes.values(), *self._intake.counts.remarks, *self._fix_intake.remarks),
             }
             return state_of(self._stream, counted)
 
@@ -367,11 +367,6 @@ class LiveNavigator:
         for run in (stream.filter, stream.attitude):
             if run is not None:
                 run.add_gaps([(start, end)])
-        counts = self._intake.counts
-        self._notes["gap"] = (
-            f"{counted(counts.gaps, 'gap')} of the IMU {were(counts.gaps)} filled linearly with "
-            f"{counted(counts.filled, 'sample')}; the filter got large variances there."
-        )
 
     def _advance(self) -> None:
         """Advance to the last sample, or look for a start."""

@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import threading
 import time
+from collections import deque
 from dataclasses import dataclass
 from typing import Self
 
@@ -18,6 +19,8 @@ from lab.live.transport import TransportError
 
 TICK = 1e-3
 """Shortest time between two sendings [s]: one sample of a device with 1 kHz."""
+PATIENCE = 10.0
+"""Time without room on the line after which nobody reads it [s]: a busy computer holds up a reader for less."""
 FIX_DELAY = 0.1
 """Time from the validity of a fix to its sending [s], as of receivers that send 10 fixes a second."""
 
@@ -44,6 +47,8 @@ class Misbehaviour:
 class SimulatedDevice:
     """Sends a flight once, in real time; as a context manager, it ends its thread and its line.
 
+    What finds no room on the line waits, and is sent late and in order: only a misbehaviour loses samples.
+
     Attributes
     ----------
     misbehaviour : Misbehaviour
@@ -51,7 +56,9 @@ class SimulatedDevice:
     sent : int
         Samples that were due so far, whoever read them.
     refused : int
-        Bytes that found no room on the line.
+        Bytes that nobody read, or that were on a line that broke.
+    latest : float
+        Longest time by which bytes came late, without its being told to [s].
 
     Parameters
     ----------
@@ -88,11 +95,14 @@ class SimulatedDevice:
         self.misbehaviour = misbehaviour or Misbehaviour()
         self.sent = 0
         self.refused = 0
+        self.latest = 0.0
+        self._waiting: deque[tuple[float, bytes]] = deque()  # due times of the flight [s], and what was due
+        self._moved = 0.0  # time of the flight when the line last took bytes, or none waited [s]
         self._encoder = encoder
         self._link = link
         self._plugged = False
         self._back = np.inf  # when it is plugged in again, by the host's clock [s]
-        self._lock = threading.Lock()  # of the line
+        self._lock = threading.Lock()  # of the line, and of what waits
         self._ending = threading.Event()
         self._rng = np.random.default_rng(seed)
         self._imu = flight.imu.copy()
@@ -122,8 +132,17 @@ class SimulatedDevice:
 
     @property
     def finished(self) -> bool:
-        """Whether the flight is over."""
-        return self.sent >= len(self._imu)
+        """Whether the flight is over, and all that can be delivered is."""
+        return self.sent >= len(self._imu) and not self._waiting
+
+    @property
+    def late(self) -> float:
+        """How long the oldest bytes that found no room have waited [s]; 0 if none wait."""
+        waiting = self._waiting
+        try:
+            return max(0.0, self.time - waiting[0][0])
+        except IndexError:  # also if they were sent just now
+            return 0.0
 
     @property
     def time(self) -> float:
@@ -153,6 +172,7 @@ class SimulatedDevice:
             if self._plugged:
                 self._link.unplug()
                 self._plugged, self._back = False, time.monotonic() + seconds
+                self._forget()
 
     def close(self) -> None:
         """End; may be repeated."""
@@ -171,18 +191,24 @@ class SimulatedDevice:
                 with contextlib.suppress(OSError):  # the port may be taken: it is tried again
                     self.plug()
             now = time.monotonic() - self._begin
-            if now >= held:
-                due = min(int(now * self.flight.rate + 1e-9), len(self._imu))
-                fixes = int(np.searchsorted(self._due_fix, now))
-                if due > self.sent or fixes > sent_fixes:
-                    self._send(self._imu[self.sent : due], self._fix[sent_fixes:fixes])
-                    self.sent, sent_fixes = due, fixes
-                    jitter = self.misbehaviour.jitter
-                    held = now + self._rng.exponential(jitter) if jitter else 0.0
+            with self._lock:
+                if now >= held:
+                    due = min(int(now * self.flight.rate + 1e-9), len(self._imu))
+                    fixes = int(np.searchsorted(self._due_fix, now))
+                    if due > self.sent or fixes > sent_fixes:
+                        first = max((self.sent + 1) / self.flight.rate, held) if due > self.sent else now
+                        self._queue(first, self._imu[self.sent : due], self._fix[sent_fixes:fixes])
+                        self.sent, sent_fixes = due, fixes
+                        jitter = self.misbehaviour.jitter
+                        held = now + self._rng.exponential(jitter) if jitter else 0.0
+                self._deliver(now)
             ahead = max((self.sent + 1) / self.flight.rate, held, now + step / 4) - now
+            if self._waiting:
+                ahead = min(ahead, TICK)
             self._ending.wait(min(max(ahead, 0.0), 0.1))
 
-    def _send(self, imu: np.ndarray, fix: np.ndarray) -> None:
+    def _queue(self, due: float, imu: np.ndarray, fix: np.ndarray) -> None:
+        """Put what is due at a time of the flight [s] behind what waits for room."""
         data = self._encoder.encode(imu, fix[:0]) + (self._encoder.encode(imu[:0], fix) if len(fix) else b"")
         part = self.misbehaviour.corruption
         if part:
@@ -190,6 +216,28 @@ class SimulatedDevice:
             places = np.flatnonzero(self._rng.random(len(stream)) < part)
             stream[places] ^= self._rng.integers(1, 256, len(places), dtype=np.uint8)
             data = stream.tobytes()
-        with self._lock:
-            if self._plugged:
-                self.refused += len(data) - self._link.write(data)
+        if self._plugged:
+            self._waiting.append((due, data))
+
+    def _deliver(self, now: float) -> None:
+        """Write what waits as far as there is room, at a time of the flight [s]; the lock is held."""
+        if not self._plugged:
+            return
+        while self._waiting:
+            due, data = self._waiting.popleft()
+            written = self._link.write(data)
+            if written:
+                self._moved = now
+                self.latest = max(self.latest, now - due)
+            if written < len(data):
+                self._waiting.appendleft((due, data[written:]))
+                break
+        if not self._waiting:
+            self._moved = now
+        elif not self._link.has_reader or now - self._moved > PATIENCE:
+            self._forget()
+
+    def _forget(self) -> None:
+        """Count what waits as refused."""
+        self.refused += sum(len(data) for _, data in self._waiting)
+        self._waiting.clear()

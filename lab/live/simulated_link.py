@@ -24,6 +24,11 @@ class Link(Protocol):
         """The address that opens the other end."""
         ...
 
+    @property
+    def has_reader(self) -> bool:
+        """Whether somebody may read what is written, as far as is known."""
+        ...
+
     def plug(self) -> None:
         """Make the line, again after `unplug`; raises `OSError`."""
         ...
@@ -51,6 +56,11 @@ class PseudoTerminal:
     def address(self) -> str:
         """The address that opens the other end."""
         return f"serial:{self._name}"
+
+    @property
+    def has_reader(self) -> bool:
+        """Whether somebody may read: always, since nobody knows who opened its other side."""
+        return True
 
     def plug(self) -> None:
         """Make the port."""
@@ -96,6 +106,11 @@ class TcpServer:
     def address(self) -> str:
         """The address that opens the other end."""
         return f"tcp:{self._host}:{self._port}"
+
+    @property
+    def has_reader(self) -> bool:
+        """Whether somebody may read: whether a client is connected."""
+        return self._client is not None
 
     def plug(self) -> None:
         """Listen."""
@@ -152,6 +167,11 @@ class UdpSender:
         """The address that opens the other end."""
         return f"udp:{self._place[1]}"
 
+    @property
+    def has_reader(self) -> bool:
+        """Whether somebody may read: always."""
+        return True
+
     def plug(self) -> None:
         """Begin."""
         family = socket.getaddrinfo(*self._place, type=socket.SOCK_DGRAM)[0][0]
@@ -161,11 +181,14 @@ class UdpSender:
     def write(self, data: bytes) -> int:
         """Send in pieces that datagrams hold; nobody need listen."""
         assert self._socket is not None
-        sent = 0
-        with contextlib.suppress(OSError):
-            for begin in range(0, len(data), _LARGEST_DATAGRAM):
-                sent += self._socket.sendto(data[begin : begin + _LARGEST_DATAGRAM], self._place)
-        return sent
+        for begin in range(0, len(data), _LARGEST_DATAGRAM):
+            try:
+                self._socket.sendto(data[begin : begin + _LARGEST_DATAGRAM], self._place)
+            except BlockingIOError:
+                return begin
+            except OSError:  # nobody listened to an earlier one, or the network is gone
+                continue
+        return len(data)
 
     def unplug(self) -> None:
         """End."""

@@ -11,6 +11,9 @@ from lab.live.tcp_connection import TcpConnection
 from lab.live.transport import Chunk, Transport
 from lab.live.true_motion import TrueFlight
 
+LATE = 0.1
+"""Delay from which it is said that the device delivers late [s]: the time between two pictures."""
+
 
 class SimulatedTransport:
     """Reads a simulated device through its line; a `Transport`.
@@ -37,6 +40,12 @@ class SimulatedTransport:
         truth = self.device.flight.result.truth_arrays
         assert truth is not None  # of a simulation
         return TrueFlight(truth, lambda: self.device.begun)
+
+    @property
+    def remark(self) -> str:
+        """How late the device delivers; empty if it is in time."""
+        late = self.device.late
+        return f"The device delivers {late:.1f} s late: this computer is too busy." if late > LATE else ""
 
     def open(self) -> None:
         """Open the line of the device.

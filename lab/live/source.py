@@ -201,6 +201,7 @@ class Source:
             statistics=reception.statistics,
             loss=Loss(**vars(reception.loss)),
             drift=reception.clock.drift if end.imu else float("nan"),
+            drift_sigma=reception.clock.drift_sigma if end.imu else float("nan"),
             offset=reception.clock.offset,
             recording=path,
             recorded=size,

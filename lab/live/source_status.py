@@ -56,8 +56,8 @@ class Status:
         What the decoder has seen.
     loss : Loss
         Losses between the device and the filter.
-    drift : float
-        How much faster the device's clock runs than the host's, as a part of 1; NaN without samples.
+    drift, drift_sigma : float
+        How much faster the device's clock runs than the host's, as a part of 1, and its σ; NaN without samples.
     offset : float
         Host's clock minus the device's [s].
     recording : str
@@ -86,6 +86,7 @@ class Status:
     statistics: Statistics = field(default_factory=Statistics)
     loss: Loss = field(default_factory=Loss)
     drift: float = float("nan")
+    drift_sigma: float = float("nan")
     offset: float = float("nan")
     recording: str = ""
     recorded: int = 0

@@ -8,6 +8,7 @@ pieces (`lab.logs.log_section`).
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -145,6 +146,7 @@ def repaired(
     *,
     increments: bool = False,
     auxiliary: AuxiliaryData | None = None,
+    find_spikes: Callable[[FloatArray], NDArray[np.bool_]] = spikes,
 ) -> SensorLog:
     """Return the log of raw rows, repaired.
 
@@ -164,6 +166,8 @@ def repaired(
         Whether the samples are increments.
     auxiliary
         Auxiliary data, stamped by the same clock.
+    find_spikes
+        Which samples are spikes, as `lab.logs.spikes.spikes`.
 
     Raises
     ------
@@ -177,7 +181,7 @@ def repaired(
     _say(repairs, int((~known).sum()), "IMU sample with an unknown value was dropped")
     lost, time, samples = time[~known], time[known], samples[known]
     time, samples = _without_repeats(time, samples, increments, repairs)
-    spiky = spikes(_rates(time, samples) if increments else samples)
+    spiky = find_spikes(_rates(time, samples) if increments else samples)
     _say(repairs, int(spiky.sum()), "IMU sample with a spike, far beyond the others near, was dropped")
     lost, time, samples = np.sort(np.append(lost, time[spiky])), time[~spiky], samples[~spiky]
     gnss_rows = np.append(True, np.diff(gnss.time) > 0)[: gnss.time.size]

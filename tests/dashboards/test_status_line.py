@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dashboards.pages.live.status_line import StatusLine
+from lab.live.intake import Counts
 from lab.live.live_state import LiveState
 from lab.live.source_status import LOST, STREAMING, Status
 
@@ -28,3 +29,20 @@ def test_the_state_stands_once_and_settings_have_the_names_of_their_fields() -> 
     assert ">No such file; it is tried again." in line.view.object
     assert "(“Navigator and filter: Initial heading of a log or stream”)" in line.view.object
     assert "navigator.nonsense" in line.view.object  # no setting
+
+
+def test_a_drift_is_shown_with_its_sigma_once_that_is_small() -> None:
+    line, state = StatusLine(), LiveState(phase="navigating", reason="With fixes.")
+    for sigma in (float("nan"), float("inf"), 4e-3):
+        line.show(Status(STREAMING, "Streaming.", drift=-4e-3, drift_sigma=sigma), state, "", "")
+        assert "ppm" not in line.view.object
+    line.show(Status(STREAMING, "Streaming.", drift=1.23e-5, drift_sigma=2.5e-6), state, "", "")
+    assert "+12.3 ± 2.5 ppm" in line.view.object
+
+
+def test_spikes_are_counted() -> None:
+    line = StatusLine()
+    for spikes in (0, 7):
+        state = LiveState(phase="navigating", reason="With fixes.", rows=Counts(spikes=spikes))
+        line.show(Status(STREAMING, "Streaming."), state, "", "")
+        assert ("Spikes</span> <b class=bad>7<" in line.view.object) == (spikes == 7)

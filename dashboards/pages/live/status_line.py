@@ -20,6 +20,8 @@ COLOURS = {
     ENDED: "#808895",
 }
 """Colour of the dot before each state; the word stands behind it."""
+LARGEST_SIGMA = 1e-4
+"""Largest σ with which a drift is shown: crystals drift by less."""
 _STYLE = """
 .state { font-weight: 600; text-transform: capitalize; }
 .numbers { display: flex; flex-wrap: wrap; gap: 2px 18px; font-variant-numeric: tabular-nums; }
@@ -55,7 +57,7 @@ class StatusLine:
         words = escape(f"{_without(status.state, status.sentence)} {status.warning}".strip())
         lines = [
             f'<p>{dot} <span class="state">{status.state}</span> <span class="dim">{words}</span></p>',
-            f'<div class="numbers">{"".join(f"<span>{one}</span>" for one in _numbers(status))}</div>',
+            f'<div class="numbers">{"".join(f"<span>{one}</span>" for one in _numbers(status, state))}</div>',
             f"<p><b>{escape(state.phase.capitalize())}</b> {escape(as_seen(state.reason))}</p>",
         ]
         if failure:
@@ -75,7 +77,7 @@ def _without(state: str, sentence: str) -> str:
     return more[:1].upper() + more[1:]
 
 
-def _numbers(status: Status) -> list[str]:
+def _numbers(status: Status, state: LiveState) -> list[str]:
     """Return the numbers of a source with their names and units, as HTML."""
     seen, loss = status.statistics, status.loss
     corrupt = seen.failed + seen.refused
@@ -87,9 +89,11 @@ def _numbers(status: Status) -> list[str]:
         _named("Latency", _milliseconds(status.latency)),
         _named("Missing", str(loss.missing), bad=loss.missing > 0),
         _named("Corrupt", str(corrupt), bad=corrupt > 0),
-        _named("Clock drift", f"{1e6 * status.drift:+.1f} ppm" if np.isfinite(status.drift) else "—"),
+        _named("Clock drift", _drift(status)),
         _named("Samples", f"{status.samples:,}".replace(",", "\u2009")),
     ]
+    if state.rows.spikes:
+        found.append(_named("Spikes", str(state.rows.spikes), bad=True))
     if loss.jumps:
         found.append(_named("Clock jumps", str(loss.jumps), bad=True))
     if status.timing:
@@ -99,6 +103,13 @@ def _numbers(status: Status) -> list[str]:
     if status.recording:
         found.append(_named("Recorded", f"{status.recorded / 1e6:.2f} MB"))
     return found
+
+
+def _drift(status: Status) -> str:
+    """Return the drift of the device's clock with its σ, once it says something."""
+    if not status.drift_sigma <= LARGEST_SIGMA:
+        return "—"
+    return f"{1e6 * status.drift:+.1f} ± {1e6 * status.drift_sigma:.1f} ppm"
 
 
 def _named(name: str, value: str, *, bad: bool = False) -> str:

@@ -1,0 +1,44 @@
+"""The address of the page follows changes of settings so soon that a reload keeps them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import pytest
+from walking import walking
+
+from dashboards.exchange import PERIOD, SOON
+
+
+class Document:
+    """Notes when callbacks are due [ms]."""
+
+    def __init__(self) -> None:
+        self.due: list[int] = []
+
+    def add_timeout_callback(self, _callback: Callable[[], None], due: int) -> None:
+        self.due.append(due)
+
+
+def test_a_change_is_in_the_address_before_its_result_and_many_changes_are_few_updates() -> None:
+    with pytest.MonkeyPatch.context() as patch, walking(patch) as walk:
+        address, session = walk.page._address, walk.page.session
+
+        class Location:
+            search = ""
+
+        address._location, address._document = Location(), Document()
+        address._write()
+        address._updated = -float("inf")
+        session.change("sensors.gyro.noise_density", 0.2)
+        assert address._document.due == [SOON]
+        session.change("sensors.gyro.noise_density", 0.3)
+        assert address._document.due == [SOON]
+        address._write()
+        assert "sensors.gyro.noise_density=0.3" in address._location.search
+        session.change("sensors.gyro.noise_density", 0.4)
+        session.change("sensors.gyro.noise_density", 0.5)
+        assert len(address._document.due) == 2
+        assert SOON <= address._document.due[1] <= PERIOD
+        address._write()
+        assert "sensors.gyro.noise_density=0.5" in address._location.search
